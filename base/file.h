@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <iosfwd>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace slalom::base {
+
+/// The whole of a file. Throws `Error` that names it where it cannot be read.
+std::string ReadFile(const std::filesystem::path& path);
+
+/// Replaces `path` by `content` so that after a crash at any moment either the old or the new file is
+/// there whole: written beside it, synced, renamed. Throws `Error` where that fails (no space, no
+/// permission); the old file is then untouched and no temporary is left.
+void WriteFileAtomically(const std::filesystem::path& path, std::string_view content);
+
+/// As above for content in several pieces that need not lie in memory at once: `write` is called once
+/// with a function that appends bytes.
+using AppendBytes = std::function<void(std::span<const std::byte>)>;
+void WriteFileAtomically(const std::filesystem::path& path,
+                         const std::function<void(const AppendBytes&)>& write);
+
+/// Makes the directory and its parents. Throws `Error` where that fails.
+void MakeDirectories(const std::filesystem::path& path);
+
+/// XXH3, 64 bits, of the bytes: the checksum of every binary file and message of this project.
+std::uint64_t Checksum(std::span<const std::byte> bytes, std::uint64_t seed = 0);
+std::uint64_t Checksum(std::string_view bytes, std::uint64_t seed = 0);
+
+}  // namespace slalom::base

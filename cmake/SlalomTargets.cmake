@@ -1,0 +1,54 @@
+# The ways to declare a target in this project: slalom_add_library, slalom_add_test, slalom_add_benchmark.
+
+add_library(slalom_build_flags INTERFACE)
+# -ffp-contract=off: the same arithmetic in debug and release, so that an episode is a value of (course, seed, actions).
+target_compile_options(slalom_build_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wundef -Werror=return-type -ffp-contract=off)
+if(SLALOM_NATIVE)
+  target_compile_options(slalom_build_flags INTERFACE -march=native)
+endif()
+if(SLALOM_SANITIZE)
+  target_compile_options(slalom_build_flags INTERFACE -fsanitize=${SLALOM_SANITIZE} -fno-omit-frame-pointer)
+  target_link_options(slalom_build_flags INTERFACE -fsanitize=${SLALOM_SANITIZE})
+endif()
+target_include_directories(slalom_build_flags INTERFACE ${PROJECT_SOURCE_DIR})
+
+# slalom_add_library(NAME HEADERS ... SOURCES ... DEPS ...)
+# One folder is one library: target slalom_NAME, alias slalom::NAME. Every header is compiled on its own
+# (CMAKE_VERIFY_INTERFACE_HEADER_SETS) so that it is proved self-contained.
+function(slalom_add_library NAME)
+  cmake_parse_arguments(ARG "" "" "HEADERS;SOURCES;DEPS" ${ARGN})
+  if(ARG_SOURCES)
+    add_library(slalom_${NAME} STATIC ${ARG_SOURCES})
+    set(scope PUBLIC)
+  else()
+    add_library(slalom_${NAME} INTERFACE)
+    set(scope INTERFACE)
+  endif()
+  add_library(slalom::${NAME} ALIAS slalom_${NAME})
+  target_sources(slalom_${NAME} ${scope} FILE_SET HEADERS
+    BASE_DIRS ${CMAKE_CURRENT_SOURCE_DIR} FILES ${ARG_HEADERS})
+  target_link_libraries(slalom_${NAME} ${scope} slalom_build_flags ${ARG_DEPS})
+endfunction()
+
+# slalom_add_test(NAME SOURCES ... DEPS ... [LABELS ...] [TIMEOUT seconds])
+# One GoogleTest program, one ctest entry per test case.
+function(slalom_add_test NAME)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPS;LABELS" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${NAME} ${ARG_SOURCES})
+  target_link_libraries(${NAME} PRIVATE ${ARG_DEPS} slalom_build_flags GTest::gmock GTest::gtest_main)
+  target_compile_definitions(${NAME} PRIVATE SLALOM_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  gtest_discover_tests(${NAME} DISCOVERY_TIMEOUT 60
+    PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+endfunction()
+
+# slalom_add_benchmark(NAME SOURCES ... DEPS ...)
+function(slalom_add_benchmark NAME)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  add_executable(${NAME} ${ARG_SOURCES})
+  target_link_libraries(${NAME} PRIVATE ${ARG_DEPS} slalom_build_flags benchmark::benchmark benchmark::benchmark_main)
+  set_target_properties(${NAME} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/benchmarks)
+endfunction()

@@ -1,0 +1,314 @@
+#include "config/config.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <toml++/toml.h>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::config {
+namespace {
+
+using base::Error;
+
+constexpr int kMaxBases = 8;
+
+const Field* Find(const FieldList& list, std::string_view key) {
+  const auto it = std::find_if(list.fields.begin(), list.fields.end(),
+                               [key](const Field& field) { return field.key == key; });
+  return it == list.fields.end() ? nullptr : &*it;
+}
+
+bool IsSection(const FieldList& list, std::string_view key) {
+  return std::any_of(list.sections.begin(), list.sections.end(),
+                     [key](const Section& section) { return section.key == key; });
+}
+
+/// Levenshtein distance, to suggest the key that was meant.
+std::size_t EditDistance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t substitution = diagonal + (a[i - 1] != b[j - 1]);
+      diagonal = row[j];
+      row[j] = std::min({substitution, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row[b.size()];
+}
+
+std::string Suggest(const FieldList& list, std::string_view key) {
+  std::string_view best;
+  std::size_t best_distance = key.size() / 2 + 1;
+  const auto consider = [&](std::string_view candidate) {
+    const std::size_t distance = EditDistance(key, candidate);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  };
+  for (const Field& field : list.fields) consider(field.key);
+  for (const Section& section : list.sections) consider(section.key);
+  // A right name in the wrong section, too.
+  const auto last = key.substr(key.rfind('.') + 1);
+  for (const Field& field : list.fields) {
+    if (std::string_view(field.key).substr(field.key.rfind('.') + 1) == last) best = field.key;
+  }
+  return best.empty() ? "see docs/config.md for all keys" : fmt::format("did you mean '{}'?", best);
+}
+
+std::string Expected(const Field& field) {
+  const std::string range =
+      field.range ? fmt::format(" in [{}, {}]", field.range->min, field.range->max) : "";
+  const std::string unit = field.unit.empty() ? "" : fmt::format(" {}", field.unit);
+  struct Name {
+    std::string operator()(bool*) { return "true or false"; }
+    std::string operator()(int*) { return "an integer"; }
+    std::string operator()(std::int64_t*) { return "an integer"; }
+    std::string operator()(double*) { return "a number"; }
+    std::string operator()(std::string*) { return "a text"; }
+    std::string operator()(std::vector<int>*) { return "a list of integers"; }
+    std::string operator()(std::vector<double>*) { return "a list of numbers"; }
+  };
+  if (!field.choices.empty()) return fmt::format("one of '{}'", fmt::join(field.choices, "', '"));
+  return std::visit(Name{}, field.value) + range + unit;
+}
+
+/// Puts a TOML node into a field. Throws `Error` with `where` and what was expected.
+class Assign {
+ public:
+  Assign(const Field& field, const toml::node& node, std::string_view where)
+      : field_(field), node_(node), where_(where) {}
+
+  void operator()(bool* target) { *target = Value<bool>(node_); }
+  void operator()(int* target) { *target = static_cast<int>(Integer(node_, INT32_MIN, INT32_MAX)); }
+  void operator()(std::int64_t* target) { *target = Integer(node_, INT64_MIN, INT64_MAX); }
+  void operator()(double* target) { *target = Number(node_); }
+  void operator()(std::string* target) {
+    std::string text = Value<std::string>(node_);
+    if (!field_.choices.empty() && std::find(field_.choices.begin(), field_.choices.end(),
+                                             text) == field_.choices.end()) {
+      Fail();
+    }
+    *target = std::move(text);
+  }
+  void operator()(std::vector<int>* target) {
+    std::vector<int> list;
+    for (const toml::node& node : Array()) {
+      list.push_back(static_cast<int>(Integer(node, INT32_MIN, INT32_MAX)));
+    }
+    *target = std::move(list);
+  }
+  void operator()(std::vector<double>* target) {
+    std::vector<double> list;
+    for (const toml::node& node : Array()) list.push_back(Number(node));
+    *target = std::move(list);
+  }
+
+ private:
+  [[noreturn]] void Fail() const {
+    std::ostringstream found;
+    node_.visit([&found](const auto& n) { found << n; });
+    throw Error(fmt::format("{}: {} is {}, expected {}", where_, field_.key, found.str(),
+                            Expected(field_)));
+  }
+  template <class T>
+  T Value(const toml::node& node) const {
+    const auto value = node.value_exact<T>();
+    if (!value) Fail();
+    return *value;
+  }
+  void CheckRange(double value) const {
+    if (field_.range && !(value >= field_.range->min && value <= field_.range->max)) Fail();
+  }
+  std::int64_t Integer(const toml::node& node, std::int64_t min, std::int64_t max) const {
+    const auto value = Value<std::int64_t>(node);
+    if (value < min || value > max) Fail();
+    CheckRange(static_cast<double>(value));
+    return value;
+  }
+  double Number(const toml::node& node) const {
+    const auto value = node.is_integer() ? static_cast<double>(Value<std::int64_t>(node))
+                                         : Value<double>(node);
+    if (!std::isfinite(value)) Fail();
+    CheckRange(value);
+    return value;
+  }
+  const toml::array& Array() const {
+    if (!node_.is_array()) Fail();
+    return *node_.as_array();
+  }
+
+  const Field& field_;
+  const toml::node& node_;
+  const std::string_view where_;
+};
+
+std::string Where(std::string_view source, const toml::node& node) {
+  return fmt::format("{}:{}", source, node.source().begin.line);
+}
+
+void ReadTable(const toml::table& table, const std::string& prefix, std::string_view source,
+               const FieldList& list) {
+  for (const auto& [name, node] : table) {
+    const std::string key = prefix + std::string(name.str());
+    if (key == "base") continue;
+    const std::string where =
+        fmt::format("{}:{}", source, name.source().begin ? name.source().begin.line
+                                                          : node.source().begin.line);
+    if (node.is_table() && IsSection(list, key)) {
+      ReadTable(*node.as_table(), key + ".", source, list);
+    } else if (const Field* field = Find(list, key)) {
+      std::visit(Assign(*field, node, where), field->value);
+    } else if (IsSection(list, key)) {
+      throw Error(fmt::format("{}: '{}' is a section, expected a table [{}]", where, key, key));
+    } else {
+      throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Suggest(list, key)));
+    }
+  }
+}
+
+toml::table Parse(std::string_view text, std::string_view source) {
+  try {
+    return toml::parse(text, source);
+  } catch (const toml::parse_error& error) {
+    throw Error(fmt::format("{}:{}: not valid TOML: {}", source, error.source().begin.line,
+                            error.description()));
+  }
+}
+
+void ReadFileWithBases(const std::filesystem::path& path, const FieldList& list, int depth) {
+  const std::string source = path.string();
+  const toml::table table = Parse(base::ReadFile(path), source);
+  if (const toml::node* base = table.get("base")) {
+    const auto name = base->value_exact<std::string>();
+    if (!name) {
+      throw Error(fmt::format("{}: base must be the path of a TOML file", Where(source, *base)));
+    }
+    if (depth >= kMaxBases) {
+      throw Error(fmt::format("{}: more than {} bases in a row; is there a circle?",
+                              Where(source, *base), kMaxBases));
+    }
+    ReadFileWithBases(path.parent_path() / *name, list, depth + 1);
+  }
+  ReadTable(table, "", source, list);
+}
+
+std::string PrintNumber(double value) {
+  std::string text = fmt::format("{}", value);
+  return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
+}
+
+std::string PrintValue(const Field& field) {
+  struct Printer {
+    std::string operator()(const bool* v) { return *v ? "true" : "false"; }
+    std::string operator()(const int* v) { return fmt::format("{}", *v); }
+    std::string operator()(const std::int64_t* v) { return fmt::format("{}", *v); }
+    std::string operator()(const double* v) { return PrintNumber(*v); }
+    std::string operator()(const std::string* v) {
+      std::ostringstream out;
+      out << toml::value<std::string>(*v);
+      return out.str();
+    }
+    std::string operator()(const std::vector<int>* v) {
+      return fmt::format("[{}]", fmt::join(*v, ", "));
+    }
+    std::string operator()(const std::vector<double>* v) {
+      std::vector<std::string> texts;
+      for (const double number : *v) texts.push_back(PrintNumber(number));
+      return fmt::format("[{}]", fmt::join(texts, ", "));
+    }
+  };
+  return std::visit(Printer{}, field.value);
+}
+
+/// The section that a field belongs to: its key less the last part.
+std::string SectionOf(std::string_view key) {
+  const auto dot = key.rfind('.');
+  return dot == std::string_view::npos ? "" : std::string(key.substr(0, dot));
+}
+
+std::string NameOf(std::string_view key) { return std::string(key.substr(key.rfind('.') + 1)); }
+
+}  // namespace
+
+void ReadTomlFile(const std::filesystem::path& path, const FieldList& list) {
+  ReadFileWithBases(path, list, 0);
+}
+
+void ReadToml(std::string_view text, std::string_view source, const FieldList& list) {
+  ReadTable(Parse(text, source), "", source, list);
+}
+
+void ApplyOverride(std::string_view assignment, const FieldList& list) {
+  const auto equals = assignment.find('=');
+  if (equals == std::string_view::npos || equals == 0) {
+    throw Error(fmt::format("--set {}: expected KEY=VALUE, for example run.seed=2", assignment));
+  }
+  const std::string key(assignment.substr(0, equals));
+  const std::string value(assignment.substr(equals + 1));
+  const std::string where = fmt::format("--set {}", assignment);
+  const Field* field = Find(list, key);
+  if (field == nullptr) {
+    throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Suggest(list, key)));
+  }
+  toml::table table;
+  try {
+    table = toml::parse("value = " + value);
+  } catch (const toml::parse_error&) {
+    table.insert("value", value);
+  }
+  const toml::node* node = table.get("value");
+  // A string field takes digits and the like as they stand.
+  if (std::holds_alternative<std::string*>(field->value) && !node->is_string()) {
+    table.insert_or_assign("value", value);
+    node = table.get("value");
+  }
+  std::visit(Assign(*field, *node, where), field->value);
+}
+
+std::string PrintToml(const FieldList& list) {
+  std::string text;
+  const auto print_fields = [&](const std::string& section) {
+    for (const Field& field : list.fields) {
+      if (SectionOf(field.key) != section) continue;
+      text += fmt::format("{} = {}\n", NameOf(field.key), PrintValue(field));
+    }
+  };
+  print_fields("");
+  for (const Section& section : list.sections) {
+    text += fmt::format("\n[{}]\n", section.key);
+    print_fields(section.key);
+  }
+  return text;
+}
+
+std::string PrintMarkdown(const FieldList& list) {
+  std::string text;
+  const auto print_section = [&](const std::string& key, std::string_view meaning) {
+    const bool any = std::any_of(list.fields.begin(), list.fields.end(),
+                                 [&](const Field& f) { return SectionOf(f.key) == key; });
+    text += fmt::format("\n## `[{}]`\n\n{}\n", key, meaning);
+    if (!any) return;
+    text += "\n| key | default | range | unit | meaning |\n|---|---|---|---|---|\n";
+    for (const Field& field : list.fields) {
+      if (SectionOf(field.key) != key) continue;
+      std::string range;
+      if (field.range) range = fmt::format("{} to {}", field.range->min, field.range->max);
+      if (!field.choices.empty()) range = fmt::format("`{}`", fmt::join(field.choices, "`, `"));
+      text += fmt::format("| `{}` | `{}` | {} | {} | {} |\n", NameOf(field.key), PrintValue(field),
+                          range, field.unit, field.meaning);
+    }
+  };
+  for (const Section& section : list.sections) print_section(section.key, section.meaning);
+  return text;
+}
+
+}  // namespace slalom::config

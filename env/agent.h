@@ -1,0 +1,23 @@
+#pragma once
+
+#include <span>
+
+#include "env/action.h"
+#include "env/observation.h"
+
+namespace slalom::env {
+
+/// Something that drives: a network, a planner, a person's script.
+///
+/// Batched: environment i of every call is the same environment, and `observations.first[i]` says when a
+/// new episode began in it. Confined to one thread at a time.
+class Agent {
+ public:
+  virtual ~Agent() = default;
+
+  /// Chooses the next action of every environment.
+  /// Requires: actions.size() == observations.batch_size.
+  virtual void Act(const ObservationBatch& observations, std::span<Action> actions) = 0;
+};
+
+}  // namespace slalom::env

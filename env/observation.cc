@@ -1,0 +1,26 @@
+#include "env/observation.h"
+
+#include <algorithm>
+
+#include "base/check.h"
+
+namespace slalom::env {
+
+void WriteObservation(const ObservationSpec& spec, const FrameView& frame,
+                      std::span<float> observation) {
+  SLALOM_CHECK_EQ(frame.ranges_cm.size(), static_cast<std::size_t>(spec.num_beams));
+  SLALOM_CHECK_EQ(observation.size(), static_cast<std::size_t>(spec.size()));
+  const float clip_cm = static_cast<float>(100.0 * spec.range_clip);
+  for (int i = 0; i < spec.num_beams; ++i) {
+    const float range = std::min(static_cast<float>(frame.ranges_cm[i]), clip_cm);
+    observation[i] = range * (2.0f / clip_cm) - 1.0f;
+  }
+  const float goal_scale = static_cast<float>(spec.goal_scale);
+  const auto rest = observation.subspan(spec.num_beams);
+  rest[0] = frame.state[0] / goal_scale - 1.0f;
+  rest[1] = frame.state[1] / goal_scale - 1.0f;
+  rest[2] = frame.state[2];
+  rest[3] = frame.state[3];
+}
+
+}  // namespace slalom::env

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/geometry.h"
+
+/// Frames: `W` the course's own frame, `B` a box, `R` the robot.
+
+namespace slalom::sim {
+
+/// A vertical cylinder.
+struct Circle {
+  base::Vec2 p_W;       ///< Centre, [m].
+  double radius = 0.0;  ///< [m]
+
+  friend bool operator==(const Circle&, const Circle&) = default;
+};
+
+/// An upright box.
+struct Box {
+  base::Pose2 X_WB;      ///< Pose of the centre.
+  base::Vec2 half_size;  ///< Along B's x and y, [m].
+
+  friend bool operator==(const Box&, const Box&) = default;
+};
+
+/// Smallest and largest corner of what a course covers, [m].
+struct Bounds {
+  base::Vec2 min_W;
+  base::Vec2 max_W;
+
+  friend bool operator==(const Bounds&, const Bounds&) = default;
+};
+
+/// Mean over the reference path of the five measures of Perille et al. 2020 (original-system.md §7.1),
+/// in cells of 0.15 m, not normalised.
+struct Difficulty {
+  double distance_to_obstacle = 0.0;
+  double visibility = 0.0;
+  double dispersion = 0.0;
+  double characteristic_dimension = 0.0;
+  double tortuosity = 0.0;
+
+  friend bool operator==(const Difficulty&, const Difficulty&) = default;
+};
+
+/// An obstacle course: data only, immutable once made, so any number of threads may share it.
+struct Course {
+  std::string name;  ///< Unique in its set; letters, digits, '-', '_', '.'.
+  base::Pose2 start;
+  base::Vec2 goal_W;
+  Bounds bounds;
+  std::vector<Circle> circles;
+  std::vector<Box> boxes;
+  std::vector<base::Vec2> reference_path_W;  ///< Through the field, without start and goal; may be empty.
+  std::optional<Difficulty> difficulty;
+
+  friend bool operator==(const Course&, const Course&) = default;
+};
+
+/// Length of start, reference path, goal, [m]; the straight line where the course has no path. The optimal
+/// time of the BARN score is this over 2 m/s.
+double ReferenceLength(const Course& course);
+
+/// A named list of courses.
+struct CourseSet {
+  std::string name;
+  std::vector<std::shared_ptr<const Course>> courses;
+};
+
+}  // namespace slalom::sim

@@ -1,0 +1,2 @@
+list(APPEND course_headers)
+list(APPEND course_sources)

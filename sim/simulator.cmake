@@ -1,0 +1,2 @@
+list(APPEND simulator_headers)
+list(APPEND simulator_sources)
