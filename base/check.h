@@ -15,22 +15,21 @@ namespace slalom::base {
 }  // namespace slalom::base
 
 /// Aborts with the text of the condition where it does not hold.
-#define SLALOM_CHECK(condition)                                                      \
-  do {                                                                               \
-    if (!(condition)) [[unlikely]]                                                   \
+#define SLALOM_CHECK(condition)                                                     \
+  do {                                                                              \
+    if (!(condition)) [[unlikely]]                                                  \
       ::slalom::base::CheckFailed(__FILE__, __LINE__, "check failed: " #condition); \
   } while (false)
 
 /// Aborts with both values where the comparison does not hold.
-#define SLALOM_CHECK_OP(op, a, b)                                                          \
-  do {                                                                                     \
-    const auto& slalom_check_a = (a);                                                      \
-    const auto& slalom_check_b = (b);                                                      \
-    if (!(slalom_check_a op slalom_check_b)) [[unlikely]]                                  \
-      ::slalom::base::CheckFailed(                                                         \
-          __FILE__, __LINE__,                                                              \
-          fmt::format("check failed: " #a " " #op " " #b " ({} and {})", slalom_check_a,   \
-                      slalom_check_b));                                                    \
+#define SLALOM_CHECK_OP(op, a, b)                                                                \
+  do {                                                                                           \
+    const auto& slalom_check_a = (a);                                                            \
+    const auto& slalom_check_b = (b);                                                            \
+    if (!(slalom_check_a op slalom_check_b)) [[unlikely]]                                        \
+      ::slalom::base::CheckFailed(__FILE__, __LINE__,                                            \
+                                  fmt::format("check failed: " #a " " #op " " #b " ({} and {})", \
+                                              slalom_check_a, slalom_check_b));                  \
   } while (false)
 
 #define SLALOM_CHECK_EQ(a, b) SLALOM_CHECK_OP(==, a, b)

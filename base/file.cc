@@ -80,9 +80,8 @@ std::string ReadFile(const std::filesystem::path& path) {
 }
 
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view content) {
-  WriteFileAtomically(path, [content](const AppendBytes& append) {
-    append(std::as_bytes(std::span(content)));
-  });
+  WriteFileAtomically(
+      path, [content](const AppendBytes& append) { append(std::as_bytes(std::span(content))); });
 }
 
 void WriteFileAtomically(const std::filesystem::path& path,
@@ -95,7 +94,8 @@ void WriteFileAtomically(const std::filesystem::path& path,
 void MakeDirectories(const std::filesystem::path& path) {
   std::error_code ec;
   std::filesystem::create_directories(path, ec);
-  if (ec) throw Error(fmt::format("{}: cannot make the directory ({})", path.string(), ec.message()));
+  if (ec)
+    throw Error(fmt::format("{}: cannot make the directory ({})", path.string(), ec.message()));
 }
 
 std::uint64_t Checksum(std::span<const std::byte> bytes, std::uint64_t seed) {

@@ -13,13 +13,13 @@ namespace slalom::base {
 /// The whole of a file. Throws `Error` that names it where it cannot be read.
 std::string ReadFile(const std::filesystem::path& path);
 
-/// Replaces `path` by `content` so that after a crash at any moment either the old or the new file is
-/// there whole: written beside it, synced, renamed. Throws `Error` where that fails (no space, no
-/// permission); the old file is then untouched and no temporary is left.
+/// Replaces `path` by `content` so that after a crash at any moment either the old or the new file
+/// is there whole: written beside it, synced, renamed. Throws `Error` where that fails (no space,
+/// no permission); the old file is then untouched and no temporary is left.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view content);
 
-/// As above for content in several pieces that need not lie in memory at once: `write` is called once
-/// with a function that appends bytes.
+/// As above for content in several pieces that need not lie in memory at once: `write` is called
+/// once with a function that appends bytes.
 using AppendBytes = std::function<void(std::span<const std::byte>)>;
 void WriteFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const AppendBytes&)>& write);

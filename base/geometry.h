@@ -26,8 +26,8 @@ struct SinCosResult {
   double cos = 1.0;
 };
 
-/// Sine and cosine of `angle` [rad], within 1e-15, from additions and multiplications alone: the same
-/// bits on every machine, which the C library does not promise.
+/// Sine and cosine of `angle` [rad], within 1e-15, from additions and multiplications alone: the
+/// same bits on every machine, which the C library does not promise.
 ///
 /// Requires: |angle| < 1e5.
 SinCosResult SinCos(double angle);

@@ -7,13 +7,14 @@
 
 namespace slalom::base {
 
-/// A seed derived from a root seed, the purpose it serves and indices (actor, episode, ...). Seeds of
-/// different purposes or indices are unrelated, so a stream is never shared by accident.
+/// A seed derived from a root seed, the purpose it serves and indices (actor, episode, ...). Seeds
+/// of different purposes or indices are unrelated, so a stream is never shared by accident.
 std::uint64_t DeriveSeed(std::uint64_t root, std::string_view purpose,
                          std::initializer_list<std::uint64_t> indices = {});
 
-/// xoshiro256++ (Blackman and Vigna 2019) with this project's own samplers, as the standard library's
-/// differ between implementations. Thread-compatible; a value: a copy continues the same stream.
+/// xoshiro256++ (Blackman and Vigna 2019) with this project's own samplers, as the standard
+/// library's differ between implementations. Thread-compatible; a value: a copy continues the same
+/// stream.
 class Random {
  public:
   using State = std::array<std::uint64_t, 4>;
@@ -41,7 +42,8 @@ class Random {
   /// Uniform in {0, ..., n - 1}, without bias. Requires: n >= 1.
   std::uint64_t UniformInt(std::uint64_t n);
 
-  /// Normal with mean 0 and standard deviation 1 (inverse of the distribution function, Wichura's AS 241).
+  /// Normal with mean 0 and standard deviation 1 (inverse of the distribution function, Wichura's
+  /// AS 241).
   double Normal();
 
   const State& state() const { return s_; }

@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <toml++/toml.h>
 
 #include <algorithm>
 #include <cmath>
-#include <toml++/toml.h>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -93,8 +93,8 @@ class Assign {
   void operator()(double* target) { *target = Number(node_); }
   void operator()(std::string* target) {
     std::string text = Value<std::string>(node_);
-    if (!field_.choices.empty() && std::find(field_.choices.begin(), field_.choices.end(),
-                                             text) == field_.choices.end()) {
+    if (!field_.choices.empty() &&
+        std::find(field_.choices.begin(), field_.choices.end(), text) == field_.choices.end()) {
       Fail();
     }
     *target = std::move(text);
@@ -135,8 +135,8 @@ class Assign {
     return value;
   }
   double Number(const toml::node& node) const {
-    const auto value = node.is_integer() ? static_cast<double>(Value<std::int64_t>(node))
-                                         : Value<double>(node);
+    const auto value =
+        node.is_integer() ? static_cast<double>(Value<std::int64_t>(node)) : Value<double>(node);
     if (!std::isfinite(value)) Fail();
     CheckRange(value);
     return value;
@@ -160,9 +160,8 @@ void ReadTable(const toml::table& table, const std::string& prefix, std::string_
   for (const auto& [name, node] : table) {
     const std::string key = prefix + std::string(name.str());
     if (key == "base") continue;
-    const std::string where =
-        fmt::format("{}:{}", source, name.source().begin ? name.source().begin.line
-                                                          : node.source().begin.line);
+    const std::string where = fmt::format(
+        "{}:{}", source, name.source().begin ? name.source().begin.line : node.source().begin.line);
     if (node.is_table() && IsSection(list, key)) {
       ReadTable(*node.as_table(), key + ".", source, list);
     } else if (const Field* field = Find(list, key)) {

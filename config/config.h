@@ -14,16 +14,16 @@
 
 /// Typed configuration: structs with one field list each (`base/config_field.h`), read from TOML.
 ///
-/// A TOML file may name another as `base = "other.toml"` (relative to itself), whose values it overrides.
-/// Unknown keys, wrong types and values out of range are `base::Error`s that name file, line, key and what
-/// was expected.
+/// A TOML file may name another as `base = "other.toml"` (relative to itself), whose values it
+/// overrides. Unknown keys, wrong types and values out of range are `base::Error`s that name file,
+/// line, key and what was expected.
 
 namespace slalom::config {
 
 /// One field of a config struct, found by walking its `Visit`.
 struct Field {
-  using Pointer = std::variant<bool*, int*, std::int64_t*, double*, std::string*,
-                               std::vector<int>*, std::vector<double>*>;
+  using Pointer = std::variant<bool*, int*, std::int64_t*, double*, std::string*, std::vector<int>*,
+                               std::vector<double>*>;
   std::string key;  ///< Dotted from the root, "lidar.num_beams".
   Pointer value;
   std::optional<base::Range> range;
@@ -61,8 +61,7 @@ class FieldCollector {
   }
   template <class T>
   void operator()(std::string_view key, T& value, std::string_view meaning) {
-    list_.fields.push_back(
-        {prefix_ + std::string(key), &value, std::nullopt, {}, "", meaning});
+    list_.fields.push_back({prefix_ + std::string(key), &value, std::nullopt, {}, "", meaning});
   }
   template <class Config>
   void Section(std::string_view key, Config& config, std::string_view meaning) {
@@ -86,7 +85,8 @@ FieldList ListFields(Config& config) {
   return list;
 }
 
-/// Reads `path` (and its bases) into the listed fields; keys that it does not hold keep their values.
+/// Reads `path` (and its bases) into the listed fields; keys that it does not hold keep their
+/// values.
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list);
 
 /// As above from text; `source` names it in errors.
@@ -98,7 +98,8 @@ void ApplyOverride(std::string_view assignment, const FieldList& list);
 /// The listed fields as TOML, complete, that reads back to the same values.
 std::string PrintToml(const FieldList& list);
 
-/// The listed fields as a Markdown page: a table per section with key, default, range, unit, meaning.
+/// The listed fields as a Markdown page: a table per section with key, default, range, unit,
+/// meaning.
 std::string PrintMarkdown(const FieldList& list);
 
 /// A config struct from an optional file and `--set` overrides, in this order.

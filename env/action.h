@@ -22,16 +22,21 @@ struct ActionBounds {
   double linear_mps(const Action& a) const {
     return linear_min + 0.5 * (static_cast<double>(a.linear) + 1.0) * (linear_max - linear_min);
   }
-  double angular_radps(const Action& a) const { return static_cast<double>(a.angular) * angular_max; }
+  double angular_radps(const Action& a) const {
+    return static_cast<double>(a.angular) * angular_max;
+  }
 
   /// The action that commands these speeds, clipped to [-1, 1].
   Action Normalise(double linear_mps, double angular_radps) const;
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("linear_min", linear_min, base::Range{-5.0, 0.0}, "m/s", "Speed commanded by a linear action of -1.");
-    v("linear_max", linear_max, base::Range{0.1, 5.0}, "m/s", "Speed commanded by a linear action of +1.");
-    v("angular_max", angular_max, base::Range{0.1, 10.0}, "rad/s", "Turn rate commanded by an angular action of +1; -1 turns right.");
+    v("linear_min", linear_min, base::Range{-5.0, 0.0}, "m/s",
+      "Speed commanded by a linear action of -1.");
+    v("linear_max", linear_max, base::Range{0.1, 5.0}, "m/s",
+      "Speed commanded by a linear action of +1.");
+    v("angular_max", angular_max, base::Range{0.1, 10.0}, "rad/s",
+      "Turn rate commanded by an angular action of +1; -1 turns right.");
   }
 };
 

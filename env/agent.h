@@ -9,8 +9,8 @@ namespace slalom::env {
 
 /// Something that drives: a network, a planner, a person's script.
 ///
-/// Batched: environment i of every call is the same environment, and `observations.first[i]` says when a
-/// new episode began in it. Confined to one thread at a time.
+/// Batched: environment i of every call is the same environment, and `observations.first[i]` says
+/// when a new episode began in it. Confined to one thread at a time.
 class Agent {
  public:
   virtual ~Agent() = default;

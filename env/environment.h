@@ -9,11 +9,11 @@
 
 namespace slalom::env {
 
-/// B environments stepped together. Confined to one thread at a time (an implementation may use more
-/// inside).
+/// B environments stepped together. Confined to one thread at a time (an implementation may use
+/// more inside).
 ///
-/// An environment whose step ended its episode stands still, with its last frame in `observations()`,
-/// until `Reset` starts another: whoever drives decides which episode comes next.
+/// An environment whose step ended its episode stands still, with its last frame in
+/// `observations()`, until `Reset` starts another: whoever drives decides which episode comes next.
 class BatchEnvironment {
  public:
   virtual ~BatchEnvironment() = default;

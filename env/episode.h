@@ -18,9 +18,7 @@ struct StepResult {
 
   bool ended() const { return outcome != Outcome::kRunning; }
   /// The state itself is final: no value beyond it. A time limit is not (truncation: bootstrap).
-  bool terminated() const {
-    return outcome == Outcome::kSuccess || outcome == Outcome::kCollision;
-  }
+  bool terminated() const { return outcome == Outcome::kSuccess || outcome == Outcome::kCollision; }
 };
 
 /// What makes an episode: with the same spec, config and actions it is the same, bit for bit.

@@ -8,23 +8,24 @@
 
 namespace slalom::env {
 
-/// The numbers of a frame beside the scan: goal x, goal y in the robot's frame (x forward, y left) [m],
-/// then the last action (linear, angular), normalised to [-1, 1] with the action bounds.
+/// The numbers of a frame beside the scan: goal x, goal y in the robot's frame (x forward, y left)
+/// [m], then the last action (linear, angular), normalised to [-1, 1] with the action bounds.
 inline constexpr int kStateSize = 4;
 
 /// What one environment senses at one time step, as it is sensed, sent and stored. Views only.
 struct FrameView {
-  std::span<const std::uint16_t> ranges_cm;    ///< [N], beams counter-clockwise, clipped, [cm].
-  std::span<const float, kStateSize> state;    ///< See kStateSize.
+  std::span<const std::uint16_t> ranges_cm;  ///< [N], beams counter-clockwise, clipped, [cm].
+  std::span<const float, kStateSize> state;  ///< See kStateSize.
 };
 
-/// The current frames of B environments. A value; reused from step to step, so nothing is allocated.
+/// The current frames of B environments. A value; reused from step to step, so nothing is
+/// allocated.
 struct ObservationBatch {
   int batch_size = 0;
   int num_beams = 0;
   std::vector<std::uint16_t> ranges_cm;  ///< [B, N] [cm]
   std::vector<float> state;              ///< [B, S], see kStateSize.
-  std::vector<std::uint8_t> first;       ///< [B], 1: first frame of an episode; forget what was before.
+  std::vector<std::uint8_t> first;  ///< [B], 1: first frame of an episode; forget what was before.
 
   void Resize(int new_batch_size, int new_num_beams) {
     batch_size = new_batch_size;
@@ -48,8 +49,8 @@ struct ObservationBatch {
   }
 };
 
-/// How a frame becomes the numbers that the paper's networks see (original-system.md §1.3). Part of what
-/// a policy is trained for: a policy refuses observations of another spec.
+/// How a frame becomes the numbers that the paper's networks see (original-system.md §1.3). Part of
+/// what a policy is trained for: a policy refuses observations of another spec.
 struct ObservationSpec {
   int num_beams = 720;
   double range_clip = 5.0;  ///< [m]; ranges map 0 -> -1, range_clip -> +1.
@@ -59,8 +60,8 @@ struct ObservationSpec {
   friend bool operator==(const ObservationSpec&, const ObservationSpec&) = default;
 };
 
-/// Writes the observation of the POMDP: [N + 4] float, ranges, goal, last action, mapped as `spec` says.
-/// Requires: frame.ranges_cm.size() == spec.num_beams, observation.size() == spec.size().
+/// Writes the observation of the POMDP: [N + 4] float, ranges, goal, last action, mapped as `spec`
+/// says. Requires: frame.ranges_cm.size() == spec.num_beams, observation.size() == spec.size().
 void WriteObservation(const ObservationSpec& spec, const FrameView& frame,
                       std::span<float> observation);
 

@@ -1,0 +1,50 @@
+#include "base/progress.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+
+namespace slalom::base {
+namespace {
+
+constexpr double kTerminalInterval = 0.2;  // [s]
+constexpr double kPlainInterval = 10.0;    // [s]
+
+}  // namespace
+
+std::string FormatCount(double count) {
+  if (count >= 999'950.0) return fmt::format("{:.2f}M", count / 1e6);
+  if (count >= 9'999.5) return fmt::format("{:.0f}k", count / 1e3);
+  return fmt::format("{:.0f}", count);
+}
+
+std::string FormatDuration(double seconds) {
+  const auto s = static_cast<long long>(std::llround(seconds));
+  if (s >= 3600) return fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60);
+  return fmt::format("{}:{:02}", s / 60, s % 60);
+}
+
+ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) == 1) {}
+
+ProgressLine::~ProgressLine() { End(); }
+
+void ProgressLine::Show(const std::string& text, double now_s) {
+  if (now_s - last_shown_s_ < (terminal_ ? kTerminalInterval : kPlainInterval)) return;
+  last_shown_s_ = now_s;
+  if (terminal_) {
+    fmt::print(stderr, "\r\x1b[K{}", text);
+    std::fflush(stderr);
+    line_open_ = true;
+  } else {
+    fmt::print(stderr, "{}\n", text);
+  }
+}
+
+void ProgressLine::End() {
+  if (line_open_) fmt::print(stderr, "\n");
+  line_open_ = false;
+}
+
+}  // namespace slalom::base

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+namespace slalom::train {
+
+/// One row of `metrics.csv`, and what the progress line shows. Rates are over the time since the
+/// last row; episode figures are over the actor's last episodes. NaN: not known yet (an empty
+/// cell).
+struct MetricsRow {
+  double training_s = 0.0;  ///< Wall-clock spent training, over all resumes, [s].
+  std::int64_t steps = 0;
+  std::int64_t updates = 0;
+  std::int64_t episodes = 0;
+  double steps_per_s = 0.0;
+  double updates_per_s = 0.0;
+  double success_rate = 0.0;
+  double collision_rate = 0.0;
+  double timeout_rate = 0.0;
+  double mean_return = 0.0;
+  double mean_episode_steps = 0.0;
+  double critic_loss = 0.0;
+  double actor_loss = 0.0;
+  double mean_q = 0.0;
+  double learning_rate = 0.0;
+  std::int64_t replay_steps = 0;
+};
+
+/// The row as a progress line. `remaining_s`: time left, [s]; negative: not known.
+std::string FormatProgress(const MetricsRow& row, double remaining_s);
+
+/// Appends rows to `metrics.csv`, each flushed, so that a killed run keeps what it had. Confined to
+/// one thread.
+class MetricsLog {
+ public:
+  /// Opens or makes the file. Rows after `keep_until_step` are dropped first: a resumed run writes
+  /// them anew. Throws `base::Error` where the file cannot be written.
+  MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step);
+
+  /// Throws `base::Error` where the row cannot be written.
+  void Append(const MetricsRow& row);
+
+ private:
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  const std::filesystem::path path_;
+  std::unique_ptr<std::FILE, Close> file_;
+};
+
+}  // namespace slalom::train
