@@ -1,0 +1,24 @@
+# Writes OUTPUT (a C++ source) with the commit of SOURCE_DIR, only where it changed. Run at every build.
+execute_process(COMMAND git -C ${SOURCE_DIR} rev-parse --short=12 HEAD
+  OUTPUT_VARIABLE commit OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE failed)
+if(failed)
+  set(commit unknown)
+else()
+  execute_process(COMMAND git -C ${SOURCE_DIR} status --porcelain --untracked-files=no
+    OUTPUT_VARIABLE changes ERROR_QUIET)
+  if(changes)
+    string(APPEND commit "+")
+  endif()
+endif()
+set(content "#include \"cli/version.h\"\n
+namespace slalom::cli {\n
+std::string_view Version() { return \"${VERSION} (${commit}, ${BUILD_TYPE})\"; }\n
+std::string_view Commit() { return \"${commit}\"; }\n
+}  // namespace slalom::cli\n")
+set(old "")
+if(EXISTS ${OUTPUT})
+  file(READ ${OUTPUT} old)
+endif()
+if(NOT content STREQUAL old)
+  file(WRITE ${OUTPUT} "${content}")
+endif()
