@@ -1,0 +1,30 @@
+#include "replay/memory.h"
+
+#include <fmt/format.h>
+#include <sys/mman.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "base/error.h"
+
+namespace slalom::replay {
+
+LazyMemory::LazyMemory(std::size_t bytes) : bytes_(bytes) {
+  void* const memory = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
+                              MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (memory == MAP_FAILED) {
+    throw base::Error(fmt::format(
+        "cannot reserve {} MiB for the replay buffer: {}; a smaller replay.capacity needs less",
+        bytes >> 20, std::strerror(errno)));
+  }
+  data_ = static_cast<std::byte*>(memory);
+  // Advice only: where the system has no huge pages the array works all the same.
+  (void)::madvise(memory, bytes, MADV_HUGEPAGE);
+}
+
+LazyMemory::~LazyMemory() {
+  if (data_ != nullptr) ::munmap(data_, bytes_);
+}
+
+}  // namespace slalom::replay

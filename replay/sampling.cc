@@ -1,0 +1,205 @@
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <span>
+
+#include "base/check.h"
+#include "replay/table.h"
+
+namespace slalom::replay {
+namespace {
+
+// Samples whose links are followed side by side, so that their cache misses overlap.
+constexpr int kBlock = 64;
+// After so many rounds of rejected draws the steps that may be drawn are listed instead.
+constexpr int kMaxRounds = 32;
+constexpr int kCacheLine = 64;
+// Scans asked for ahead of the one being copied.
+constexpr int kScansAhead = 3;
+
+void PrefetchScan(const std::uint16_t* scan, int num_beams) {
+  const char* const bytes = reinterpret_cast<const char*>(scan);
+  for (std::size_t i = 0; i < num_beams * sizeof(std::uint16_t); i += kCacheLine) {
+    __builtin_prefetch(bytes + i);
+  }
+}
+
+void CopyScans(std::span<const std::uint16_t* const> scans, int num_beams, std::uint16_t* out) {
+  const std::size_t n = scans.size();
+  for (std::size_t i = 0; i < std::min<std::size_t>(kScansAhead, n); ++i) {
+    PrefetchScan(scans[i], num_beams);
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    if (i + kScansAhead < n) PrefetchScan(scans[i + kScansAhead], num_beams);
+    std::memcpy(out + i * num_beams, scans[i], num_beams * sizeof(std::uint16_t));
+  }
+}
+
+}  // namespace
+
+/// The return of n steps from one step on, while its links are followed.
+struct Table::Window {
+  enum class State : std::uint8_t { kOpen, kWhole, kRejected };
+
+  std::int64_t begin = 0;
+  std::int64_t cursor = 0;  ///< The step to be added next; when whole, the frame after the window.
+  double reward = 0.0;
+  double cost = 0.0;
+  double discount = 1.0;
+  State state = State::kOpen;
+};
+
+void Table::FollowWindows(const SampleSpec& spec, std::span<Window> windows) const {
+  // Round k looks at the row after k steps. One round for all windows before the next, as each row
+  // is a cache miss which only the row before it could have announced.
+  for (int k = 0; k <= spec.n_step; ++k) {
+    for (Window& window : windows) {
+      if (window.state != Window::State::kOpen) continue;
+      const Slot& here = slot(window.cursor);
+      if (k > 0 && (k == spec.n_step || (here.flags & kRowFinal))) {
+        window.state = Window::State::kWhole;
+        continue;
+      }
+      if ((here.flags & kRowFinal) || here.to_next == 0) {
+        window.state = Window::State::kRejected;
+        continue;
+      }
+      window.reward += window.discount * here.reward;
+      window.cost += window.discount * here.cost;
+      window.discount *= spec.gamma;
+      window.cursor += here.to_next;
+      if (here.flags & kRowTerminated) {
+        window.discount = 0.0;
+        window.state = Window::State::kWhole;
+      }
+      __builtin_prefetch(&slot(window.cursor));
+    }
+  }
+}
+
+bool Table::HasHistory(std::int64_t sequence, int history) const {
+  for (int h = 1; h < history; ++h) {
+    const Slot& here = slot(sequence);
+    if (here.flags & kRowFirst) return true;
+    if (here.to_previous == 0 || sequence - here.to_previous < first_sequence()) return false;
+    sequence -= here.to_previous;
+  }
+  return true;
+}
+
+bool Table::IsEligible(std::int64_t sequence, const SampleSpec& spec) const {
+  Window window{.begin = sequence, .cursor = sequence};
+  FollowWindows(spec, std::span(&window, 1));
+  return window.state == Window::State::kWhole && HasHistory(sequence, spec.history);
+}
+
+std::vector<std::int64_t> Table::ListEligible(const SampleSpec& spec) const {
+  std::vector<std::int64_t> eligible;
+  for (std::int64_t s = first_sequence(); s < total_; ++s) {
+    if (IsEligible(s, spec)) eligible.push_back(s);
+  }
+  return eligible;
+}
+
+std::int64_t Table::CountEligible(int history, int n_step) const {
+  return static_cast<std::int64_t>(
+      ListEligible({.batch = 1, .history = history, .n_step = n_step}).size());
+}
+
+void Table::DrawBlock(const SampleSpec& spec, base::Random& random, std::span<Window> windows,
+                      int* num_drawn) const {
+  const auto rows = static_cast<std::uint64_t>(num_rows());
+  int whole = 0;
+  for (int round = 0; round < kMaxRounds && whole < static_cast<int>(windows.size()); ++round) {
+    const std::span<Window> open = windows.subspan(whole);
+    for (Window& window : open) {
+      const auto draw = first_sequence() + static_cast<std::int64_t>(random.UniformInt(rows));
+      window = {.begin = draw, .cursor = draw};
+      __builtin_prefetch(&slot(draw));
+    }
+    FollowWindows(spec, open);
+    for (const Window& window : open) {
+      if (window.state == Window::State::kWhole && HasHistory(window.begin, spec.history)) {
+        windows[whole++] = window;
+      }
+    }
+  }
+  *num_drawn = whole;
+}
+
+void Table::WriteHistory(std::int64_t sequence, int history, const std::uint16_t** ranges_cm,
+                         float* state) const {
+  for (int h = history - 1; h >= 0; --h) {
+    const Slot& here = slot(sequence);
+    ranges_cm[h] = scan(sequence);
+    std::copy_n(here.state, env::kStateSize, state + h * env::kStateSize);
+    // Before the first frame of an episode stand copies of it.
+    if (!(here.flags & kRowFirst)) sequence -= here.to_previous;
+  }
+}
+
+bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows* rows) const {
+  SLALOM_CHECK(spec.batch >= 1 && spec.history >= 1 && spec.n_step >= 1);
+  const auto batch = static_cast<std::size_t>(spec.batch);
+  const std::size_t frames = batch * spec.history;
+  rows->batch = spec.batch;
+  rows->history = spec.history;
+  rows->num_beams = num_beams_;
+  rows->ranges_cm.resize(frames);
+  rows->next_ranges_cm.resize(frames);
+  rows->state.Resize(frames * env::kStateSize);
+  rows->next_state.Resize(frames * env::kStateSize);
+  rows->action.Resize(batch);
+  rows->n_step_return.Resize(batch);
+  rows->cost_return.Resize(batch);
+  rows->discount.Resize(batch);
+  rows->sequence.resize(batch);
+  rows->next_sequence.resize(batch);
+  if (num_rows() == 0) return false;
+
+  std::vector<std::int64_t> eligible;  // Listed only where draws keep being rejected.
+  std::array<Window, kBlock> block;
+  for (int begin = 0; begin < spec.batch; begin += kBlock) {
+    const std::span<Window> windows(block.data(), std::min(kBlock, spec.batch - begin));
+    int num_drawn = 0;
+    if (eligible.empty()) DrawBlock(spec, random, windows, &num_drawn);
+    if (num_drawn < static_cast<int>(windows.size())) {
+      if (eligible.empty()) eligible = ListEligible(spec);
+      if (eligible.empty()) return false;
+      const std::span<Window> rest = windows.subspan(num_drawn);
+      for (Window& window : rest) {
+        const std::int64_t draw = eligible[random.UniformInt(eligible.size())];
+        window = {.begin = draw, .cursor = draw};
+      }
+      FollowWindows(spec, rest);
+    }
+    for (std::size_t i = 0; i < windows.size(); ++i) {
+      const Window& window = windows[i];
+      const std::size_t b = begin + i;
+      const std::size_t frame = b * spec.history;
+      rows->sequence[b] = window.begin;
+      rows->next_sequence[b] = window.cursor;
+      rows->action[b] = slot(window.begin).action;
+      rows->n_step_return[b] = static_cast<float>(window.reward);
+      rows->cost_return[b] = static_cast<float>(window.cost);
+      rows->discount[b] = static_cast<float>(window.discount);
+      WriteHistory(window.begin, spec.history, &rows->ranges_cm[frame],
+                   &rows->state[frame * env::kStateSize]);
+      WriteHistory(window.cursor, spec.history, &rows->next_ranges_cm[frame],
+                   &rows->next_state[frame * env::kStateSize]);
+    }
+  }
+  return true;
+}
+
+bool Table::Sample(const SampleSpec& spec, base::Random& random, Batch* batch) const {
+  if (!SampleRows(spec, random, &batch->rows)) return false;
+  const std::size_t scans = batch->rows.ranges_cm.size();
+  batch->ranges_cm.Resize(scans * num_beams_);
+  batch->next_ranges_cm.Resize(scans * num_beams_);
+  CopyScans(batch->rows.ranges_cm, num_beams_, batch->ranges_cm.data());
+  CopyScans(batch->rows.next_ranges_cm, num_beams_, batch->next_ranges_cm.data());
+  return true;
+}
+
+}  // namespace slalom::replay
