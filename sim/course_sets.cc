@@ -1,0 +1,161 @@
+#include "sim/course_sets.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "base/error.h"
+#include "base/random.h"
+#include "sim/course_check.h"
+#include "sim/course_file.h"
+#include "sim/course_generator.h"
+#include "sim/course_splits.h"
+
+namespace slalom::sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kGeneratedPrefix = "generated:";
+constexpr std::string_view kValidation = "static-validation";
+constexpr int kNumValidation = 40;
+constexpr int kMaxGenerated = 100000;
+
+void CheckSolvable(const CourseSet& set, const fs::path& source) {
+  if (set.courses.empty()) {
+    throw base::Error(fmt::format("{}: the course set is empty", source.string()));
+  }
+  for (const auto& course : set.courses) {
+    if (const auto reason = WhyUnsolvable(*course)) {
+      throw base::Error(fmt::format("{}: course {} cannot be driven: {}", source.string(),
+                                    course->name, *reason));
+    }
+  }
+}
+
+/// Files of `directory` with this extension, by name.
+std::vector<fs::path> ListFiles(const fs::path& directory, std::string_view extension) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  fs::directory_iterator entries(directory, error);
+  if (error) {
+    throw base::Error(fmt::format("{}: cannot be listed: {}", directory.string(), error.message()));
+  }
+  for (const fs::directory_entry& entry : entries) {
+    if (entry.path().extension() == extension) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+CourseSet ReadDirectory(const fs::path& directory) {
+  CourseSet set{fs::absolute(directory).lexically_normal().filename().string(), {}};
+  const std::vector<fs::path> files = ListFiles(directory, kCourseExtension);
+  if (files.empty()) {
+    throw base::Error(fmt::format("{}: the directory holds no *{} file, so the course set is empty",
+                                  directory.string(), kCourseExtension));
+  }
+  for (const fs::path& file : files) {
+    const CourseSet part = ReadCourseSet(file);
+    CheckSolvable(part, file);
+    for (const auto& course : part.courses) {
+      const bool is_known = std::any_of(set.courses.begin(), set.courses.end(),
+                                        [&](const auto& c) { return c->name == course->name; });
+      if (is_known) {
+        throw base::Error(fmt::format("{}: another file of the directory holds a course {} already",
+                                      file.string(), course->name));
+      }
+      set.courses.push_back(course);
+    }
+  }
+  return set;
+}
+
+/// Whether the whole of `text` is a number of this type, which `number` then holds.
+template <class Number>
+[[nodiscard]] bool ParseWhole(std::string_view text, Number& number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+CourseSet ResolveGenerated(const std::string& spec) {
+  const std::string_view rest = std::string_view(spec).substr(kGeneratedPrefix.size());
+  const std::size_t colon = rest.find(':');
+  std::uint64_t seed = 0;
+  int count = 0;
+  const bool is_parsed = colon != std::string_view::npos &&
+                         ParseWhole(rest.substr(0, colon), seed) &&
+                         ParseWhole(rest.substr(colon + 1), count);
+  if (!is_parsed || count < 1 || count > kMaxGenerated) {
+    throw base::Error(fmt::format(
+        "\"{}\": expected generated:SEED:COUNT with a seed of 0 or above and a count from 1 to {}",
+        spec, kMaxGenerated));
+  }
+  CourseSet set = GenerateFreshCourses(seed, count);
+  set.name = spec;
+  return set;
+}
+
+CourseSet BuiltInSet(const std::string& name, const std::vector<int>& indices, std::uint64_t seed) {
+  CourseSet set{name, {}};
+  if (name == kValidation) {
+    set.courses =
+        GenerateFreshCourses(base::DeriveSeed(seed, "static-validation"), kNumValidation).courses;
+    return set;
+  }
+  for (const int index : indices) {
+    set.courses.push_back(GenerateStaticCourses(seed, index, 1).courses.front());
+  }
+  return set;
+}
+
+}  // namespace
+
+CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>& collection,
+                         std::uint64_t generator_seed) {
+  if (spec.starts_with(kGeneratedPrefix)) return ResolveGenerated(spec);
+  if (collection && !collection->empty()) {
+    const fs::path file = *collection / (spec + std::string(kCourseSetExtension));
+    if (IsCourseName(spec) && fs::exists(file)) {
+      CourseSet set = ReadCourseSet(file);
+      CheckSolvable(set, file);
+      return set;
+    }
+  } else if (const auto indices = StaticSplit(spec)) {
+    return BuiltInSet(spec, *indices, generator_seed);
+  }
+  const fs::path path(spec);
+  std::error_code error;
+  if (fs::is_directory(path, error)) return ReadDirectory(path);
+  if (!spec.empty() && fs::exists(path, error)) {
+    CourseSet set = ReadCourseSet(path);
+    CheckSolvable(set, path);
+    return set;
+  }
+  throw base::Error(fmt::format(
+      "\"{}\" is neither a course set nor a file{}; there are: {}, generated:SEED:COUNT, or the path "
+      "of a course file, a course-set file or a directory of course files",
+      spec,
+      collection && !collection->empty() ? fmt::format(" (in collection {})", collection->string())
+                                         : "",
+      fmt::join(ListCourseSets(collection), ", ")));
+}
+
+std::vector<std::string> ListCourseSets(const std::optional<fs::path>& collection) {
+  std::vector<std::string> names;
+  if (collection && !collection->empty()) {
+    for (const fs::path& file : ListFiles(*collection, kCourseSetExtension)) {
+      names.push_back(file.stem().string());
+    }
+  } else {
+    for (const std::string_view name : StaticSplitNames()) names.emplace_back(name);
+  }
+  return names;
+}
+
+}  // namespace slalom::sim
