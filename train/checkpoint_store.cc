@@ -1,0 +1,75 @@
+#include "train/checkpoint_store.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kPrefix = "step-";
+constexpr std::string_view kUnfinished = ".unfinished";
+constexpr std::size_t kNumKept = 2;
+
+std::optional<std::int64_t> StepsOf(const fs::path& path) {
+  const std::string name = path.filename().string();
+  if (!name.starts_with(kPrefix)) return std::nullopt;
+  std::int64_t steps = 0;
+  const auto [end, error] =
+      std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), steps);
+  if (error != std::errc() || end != name.data() + name.size()) return std::nullopt;
+  return steps;
+}
+
+}  // namespace
+
+CheckpointStore::CheckpointStore(const fs::path& directory) : directory_(directory) {
+  base::MakeDirectories(directory);
+  std::error_code ec;
+  for (const auto& entry : fs::directory_iterator(directory, ec)) {
+    if (entry.path().filename().string().ends_with(kUnfinished)) fs::remove_all(entry.path(), ec);
+  }
+  if (ec) throw base::Error(fmt::format("{}: cannot read ({})", directory.string(), ec.message()));
+}
+
+void CheckpointStore::Write(std::int64_t steps, const std::function<void(const fs::path&)>& write) {
+  const fs::path target = directory_ / fmt::format("{}{}", kPrefix, steps);
+  const fs::path unfinished = target.string() + std::string(kUnfinished);
+  std::error_code ec;
+  try {
+    base::MakeDirectories(unfinished);
+    write(unfinished);
+    fs::remove_all(target, ec);  // The same step again, as a stop right after a resume makes.
+    fs::rename(unfinished, target, ec);
+    if (ec) throw base::Error(fmt::format("{}: cannot rename ({})", target.string(), ec.message()));
+  } catch (...) {
+    fs::remove_all(unfinished, ec);
+    throw;
+  }
+  const auto all = List();
+  for (std::size_t i = kNumKept; i < all.size(); ++i) fs::remove_all(all[i], ec);
+}
+
+std::vector<fs::path> CheckpointStore::List() const {
+  std::vector<std::pair<std::int64_t, fs::path>> found;
+  std::error_code ec;
+  for (const auto& entry : fs::directory_iterator(directory_, ec)) {
+    if (const auto steps = StepsOf(entry.path())) found.emplace_back(*steps, entry.path());
+  }
+  std::sort(found.begin(), found.end(), std::greater<>());
+  std::vector<fs::path> paths;
+  for (auto& [steps, path] : found) paths.push_back(std::move(path));
+  return paths;
+}
+
+}  // namespace slalom::train

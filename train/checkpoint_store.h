@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <vector>
+
+namespace slalom::train {
+
+/// The checkpoints of a run: directories `step-N`, each complete or not there, the newest two kept.
+/// Confined to one thread.
+class CheckpointStore {
+ public:
+  /// Makes the directory and removes what a crash left half written. Throws `base::Error` where it cannot.
+  explicit CheckpointStore(const std::filesystem::path& directory);
+
+  /// Lets `write` fill a fresh directory, which takes its name `step-N` only once all of it is on disk.
+  /// An exception from `write` leaves the earlier checkpoints as they were, and nothing else. Checkpoints
+  /// older than the newest two are removed last.
+  void Write(std::int64_t steps, const std::function<void(const std::filesystem::path&)>& write);
+
+  /// Directories of the checkpoints, newest first.
+  std::vector<std::filesystem::path> List() const;
+
+  const std::filesystem::path& directory() const { return directory_; }
+
+ private:
+  const std::filesystem::path directory_;
+};
+
+}  // namespace slalom::train
