@@ -1,0 +1,219 @@
+#include "actor/actor.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::actor {
+namespace {
+
+float Clip(double value) { return static_cast<float>(std::clamp(value, -1.0, 1.0)); }
+
+}  // namespace
+
+std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments) {
+  if (config.noise_min > config.noise_max) {
+    throw base::Error(fmt::format("noise_min is {} but noise_max is {}; expected noise_min <= noise_max",
+                                  config.noise_min, config.noise_max));
+  }
+  const bool geometric = config.noise_spread == "geometric" && config.noise_min < config.noise_max;
+  if (geometric && config.noise_min == 0.0) {
+    throw base::Error(
+        "noise_min is 0; expected more than 0 with noise_spread = \"geometric\" (or choose \"linear\")");
+  }
+  std::vector<double> noise(num_environments, config.noise_min);
+  for (int i = 1; i < num_environments; ++i) {
+    const double share = static_cast<double>(i) / (num_environments - 1);
+    noise[i] = geometric ? config.noise_min * std::pow(config.noise_max / config.noise_min, share)
+                         : config.noise_min + share * (config.noise_max - config.noise_min);
+  }
+  return noise;
+}
+
+Actor::Actor(const ActorConfig& config, env::BatchEnvironment& environments, env::Agent& agent,
+             std::uint64_t seed)
+    : config_(config),
+      seed_(seed),
+      environments_(environments),
+      agent_(agent),
+      noise_(SpreadNoise(config, environments.batch_size())),
+      running_(environments.batch_size()),
+      actions_(environments.batch_size()),
+      results_(environments.batch_size()),
+      rows_(environments.batch_size()) {
+  SLALOM_CHECK_GE(environments.num_courses(), 1);
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    running_[i].noise =
+        base::Random(base::DeriveSeed(seed_, "exploration", {static_cast<std::uint64_t>(i)}));
+    BeginEpisode(i);
+  }
+}
+
+void Actor::Step(replay::Chunk* out) {
+  const env::ObservationBatch& observations = environments_.observations();
+  agent_.Act(observations, actions_);
+  AddNoise();
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    rows_[i] = out->BeginStep(i, observations.first[i] != 0, observations.frame(i), actions_[i]);
+  }
+  environments_.Step(actions_, results_);
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    out->SetResult(rows_[i], results_[i]);
+    running_[i].actions.push_back(actions_[i]);
+    running_[i].episode_return += results_[i].reward;
+    if (results_[i].ended()) {
+      out->AddFinal(i, observations.frame(i));
+      EndEpisode(i);
+      BeginEpisode(i);
+    }
+  }
+  base::MutexLock lock(mutex_);
+  num_steps_ += environments_.batch_size();
+}
+
+void Actor::BeginEpisode(int i) {
+  Environment& environment = running_[i];
+  base::Random draw(base::DeriveSeed(
+      seed_, "training episode", {static_cast<std::uint64_t>(i), environment.episode_number}));
+  const auto num_courses = static_cast<std::uint64_t>(environments_.num_courses());
+  environment.spec.course = static_cast<int>(draw.UniformInt(num_courses));
+  environment.spec.seed = draw.NextU64();
+  environment.episode_return = 0.0f;
+  environment.actions.clear();
+  environments_.Reset(i, environment.spec);
+}
+
+void Actor::EndEpisode(int i) {
+  Environment& environment = running_[i];
+  ++environment.episode_number;
+  base::MutexLock lock(mutex_);
+  ++num_episodes_;
+  recent_.push_back({results_[i].outcome, static_cast<std::int32_t>(environment.actions.size()),
+                     environment.episode_return});
+  while (std::ssize(recent_) > config_.stats_episodes) recent_.pop_front();
+}
+
+void Actor::AddNoise() {
+  bool warming_up;
+  {
+    base::MutexLock lock(mutex_);
+    warming_up = num_steps_ < config_.warmup_steps;
+  }
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    base::Random& random = running_[i].noise;
+    env::Action& action = actions_[i];
+    if (warming_up) {
+      action.linear = static_cast<float>(random.Uniform(-1.0, 1.0));
+      action.angular = static_cast<float>(random.Uniform(-1.0, 1.0));
+    } else {
+      action.linear = Clip(static_cast<double>(action.linear) + noise_[i] * random.Normal());
+      action.angular = Clip(static_cast<double>(action.angular) + noise_[i] * random.Normal());
+    }
+  }
+}
+
+ActorStats Actor::stats() const {
+  base::MutexLock lock(mutex_);
+  ActorStats stats;
+  stats.num_steps = num_steps_;
+  stats.num_episodes = num_episodes_;
+  stats.num_recent = static_cast<int>(recent_.size());
+  if (recent_.empty()) return stats;
+  const double share = 1.0 / static_cast<double>(recent_.size());
+  int num_outcomes[4] = {};
+  for (const EpisodeSummary& episode : recent_) {
+    ++num_outcomes[static_cast<int>(episode.outcome)];
+    stats.mean_return += share * static_cast<double>(episode.episode_return);
+    stats.mean_length += share * episode.num_steps;
+  }
+  stats.success_rate = share * num_outcomes[static_cast<int>(env::Outcome::kSuccess)];
+  stats.collision_rate = share * num_outcomes[static_cast<int>(env::Outcome::kCollision)];
+  stats.timeout_rate = share * num_outcomes[static_cast<int>(env::Outcome::kTimeout)];
+  return stats;
+}
+
+std::uint64_t Actor::FrameChecksum(int i) const {
+  const env::FrameView frame = environments_.observations().frame(i);
+  return base::Checksum(std::as_bytes(frame.state), base::Checksum(std::as_bytes(frame.ranges_cm)));
+}
+
+ActorState Actor::Save() const {
+  ActorState state;
+  state.seed = seed_;
+  {
+    base::MutexLock lock(mutex_);
+    state.num_steps = num_steps_;
+    state.num_episodes = num_episodes_;
+    state.recent.assign(recent_.begin(), recent_.end());
+  }
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    const Environment& environment = running_[i];
+    state.open.push_back({environment.episode_number, environment.spec, environment.noise.state(),
+                          environment.episode_return, FrameChecksum(i), environment.actions});
+  }
+  return state;
+}
+
+void Actor::Restore(const ActorState& state) {
+  if (state.seed != seed_) {
+    throw base::Error(
+        fmt::format("actor state is of seed {}, expected {}", state.seed, seed_));
+  }
+  if (std::ssize(state.open) != environments_.batch_size()) {
+    throw base::Error(fmt::format("actor state is of {} environments, expected {}",
+                                  state.open.size(), environments_.batch_size()));
+  }
+  ReplayOpenEpisodes(state.open);
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    const OpenEpisode& open = state.open[i];
+    if (FrameChecksum(i) != open.frame_checksum) {
+      throw base::Error(fmt::format(
+          "the open episode of environment {} does not lead where it did when it was saved; expected the "
+          "same courses and environment config",
+          i));
+    }
+    Environment& environment = running_[i];
+    environment.episode_number = open.number;
+    environment.spec = open.spec;
+    environment.noise.set_state(open.noise);
+    environment.episode_return = open.episode_return;
+    environment.actions = open.actions;
+  }
+  base::MutexLock lock(mutex_);
+  num_steps_ = state.num_steps;
+  num_episodes_ = state.num_episodes;
+  recent_.assign(state.recent.begin(), state.recent.end());
+}
+
+/// All open episodes end now, so the shorter ones begin later: each step is driven beside the same steps of
+/// the other environments as the first time. Until its episode begins, an environment runs the one that the
+/// constructor began, from a fresh start, with its results unused.
+void Actor::ReplayOpenEpisodes(const std::vector<OpenEpisode>& open) {
+  std::size_t longest = 0;
+  for (const OpenEpisode& episode : open) {
+    if (episode.spec.course < 0 || episode.spec.course >= environments_.num_courses()) {
+      throw base::Error(fmt::format("actor state is on course {}, expected one of {}",
+                                    episode.spec.course, environments_.num_courses()));
+    }
+    longest = std::max(longest, episode.actions.size());
+  }
+  for (std::size_t left = longest;; --left) {
+    for (int i = 0; i < environments_.batch_size(); ++i) {
+      if (open[i].actions.size() == left) environments_.Reset(i, open[i].spec);
+    }
+    if (left == 0) return;
+    agent_.Act(environments_.observations(), actions_);
+    for (int i = 0; i < environments_.batch_size(); ++i) {
+      const auto& recorded = open[i].actions;
+      actions_[i] = recorded.size() >= left ? recorded[recorded.size() - left] : env::Action{};
+    }
+    environments_.Step(actions_, results_);
+  }
+}
+
+}  // namespace slalom::actor

@@ -1,0 +1,147 @@
+#include "actor/actor_state.h"
+
+#include <fmt/format.h>
+
+#include <bit>
+#include <cstring>
+#include <type_traits>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::actor {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "the format is little-endian");
+
+constexpr std::string_view kMagic = "SLACTOR1";
+
+class Writer {
+ public:
+  template <class T>
+  void operator()(const T& value) {
+    static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
+    bytes_.append(reinterpret_cast<const char*>(&value), sizeof(value));
+  }
+  void Raw(std::string_view text) { bytes_.append(text); }
+  template <class T, class Field>
+  void List(const std::vector<T>& list, Field field) {
+    (*this)(static_cast<std::uint64_t>(list.size()));
+    for (const T& item : list) field(*this, item);
+  }
+  std::string Take() {
+    (*this)(base::Checksum(std::string_view(bytes_)));
+    return std::move(bytes_);
+  }
+
+ private:
+  std::string bytes_;
+};
+
+class Reader {
+ public:
+  Reader(std::string_view bytes, std::string_view source) : bytes_(bytes), source_(source) {}
+
+  template <class T>
+  void operator()(T& value) {
+    static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
+    std::memcpy(&value, Raw(sizeof(value)).data(), sizeof(value));
+  }
+  std::string_view Raw(std::size_t size) {
+    if (size > bytes_.size()) {
+      throw base::Error(fmt::format("{}: actor state ends in the middle of a field", source_));
+    }
+    const std::string_view text = bytes_.substr(0, size);
+    bytes_.remove_prefix(size);
+    return text;
+  }
+  /// Every item takes at least one byte, so a length beyond the bytes left is refused before memory is
+  /// taken for it.
+  template <class T, class Field>
+  void List(std::vector<T>& list, Field field) {
+    std::uint64_t size = 0;
+    (*this)(size);
+    if (size > bytes_.size()) {
+      throw base::Error(fmt::format("{}: actor state has a list of {} items in {} bytes", source_,
+                                    size, bytes_.size()));
+    }
+    list.resize(size);
+    for (T& item : list) field(*this, item);
+  }
+  bool at_end() const { return bytes_.empty(); }
+
+ private:
+  std::string_view bytes_;
+  std::string_view source_;
+};
+
+/// The fields in the order of the file, for writing (const) and for reading.
+template <class Stream, class Summary>
+void VisitSummary(Stream& s, Summary& summary) {
+  s(summary.outcome);
+  s(summary.num_steps);
+  s(summary.episode_return);
+}
+
+template <class Stream, class Open>
+void VisitOpen(Stream& s, Open& open) {
+  s(open.number);
+  s(open.spec.course);
+  s(open.spec.seed);
+  for (auto& word : open.noise) s(word);
+  s(open.episode_return);
+  s(open.frame_checksum);
+  s.List(open.actions, [](Stream& inner, auto& action) {
+    inner(action.linear);
+    inner(action.angular);
+  });
+}
+
+template <class Stream, class State>
+void VisitState(Stream& s, State& state) {
+  s(state.seed);
+  s(state.num_steps);
+  s(state.num_episodes);
+  s.List(state.recent, [](Stream& inner, auto& summary) { VisitSummary(inner, summary); });
+  s.List(state.open, [](Stream& inner, auto& open) { VisitOpen(inner, open); });
+}
+
+}  // namespace
+
+std::string ActorState::Serialize() const {
+  Writer writer;
+  writer.Raw(kMagic);
+  VisitState(writer, *this);
+  return writer.Take();
+}
+
+ActorState ActorState::Parse(std::string_view bytes, std::string_view source) {
+  if (bytes.size() < kMagic.size() + sizeof(std::uint64_t) || !bytes.starts_with(kMagic)) {
+    throw base::Error(fmt::format("{}: not an actor state (expected it to start with {})", source,
+                                  kMagic));
+  }
+  const std::string_view content = bytes.substr(0, bytes.size() - sizeof(std::uint64_t));
+  std::uint64_t expected = 0;
+  std::memcpy(&expected, bytes.data() + content.size(), sizeof(expected));
+  const std::uint64_t found = base::Checksum(content);
+  if (found != expected) {
+    throw base::Error(fmt::format("{}: actor state is damaged (checksum {:016x}, expected {:016x})",
+                                  source, found, expected));
+  }
+  Reader reader(content, source);
+  reader.Raw(kMagic.size());
+  ActorState state;
+  VisitState(reader, state);
+  if (!reader.at_end()) {
+    throw base::Error(fmt::format("{}: actor state has bytes after its end", source));
+  }
+  for (const EpisodeSummary& summary : state.recent) {
+    if (summary.outcome == env::Outcome::kRunning || summary.outcome > env::Outcome::kTimeout) {
+      throw base::Error(fmt::format("{}: actor state has an episode with outcome {}", source,
+                                    static_cast<int>(summary.outcome)));
+    }
+  }
+  return state;
+}
+
+}  // namespace slalom::actor

@@ -1,0 +1,367 @@
+#include "actor/actor.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <thread>
+
+#include "base/error.h"
+#include "tests/support/fake_environment.h"
+
+namespace slalom::actor {
+namespace {
+
+using testing::FakeEnvironment;
+using testing::SummingAgent;
+
+constexpr int kBatch = 6;
+const std::vector<double> kSuccess{0.1, 0.5, 0.9};
+
+/// Commands the same action always.
+class ConstantAgent : public env::Agent {
+ public:
+  explicit ConstantAgent(env::Action action) : action_(action) {}
+  void Act(const env::ObservationBatch&, std::span<env::Action> actions) override {
+    std::fill(actions.begin(), actions.end(), action_);
+  }
+
+ private:
+  const env::Action action_;
+};
+
+/// An actor with all that it stands on.
+struct Fixture {
+  explicit Fixture(const ActorConfig& config, std::uint64_t seed = 5, int batch_size = kBatch)
+      : environments(batch_size, kSuccess),
+        agent(batch_size),
+        actor(config, environments, agent, seed) {}
+
+  FakeEnvironment environments;
+  SummingAgent agent;
+  Actor actor;
+};
+
+void ExpectEqualChunks(const replay::Chunk& a, const replay::Chunk& b) {
+  EXPECT_EQ(a.stream, b.stream);
+  EXPECT_EQ(a.flags, b.flags);
+  EXPECT_EQ(a.ranges_cm, b.ranges_cm);
+  EXPECT_EQ(a.state, b.state);
+  EXPECT_EQ(a.action, b.action);
+  EXPECT_EQ(a.reward, b.reward);
+  EXPECT_EQ(a.cost, b.cost);
+}
+
+TEST(Actor, WritesTheEpisodesThatAPlainLoopSees) {
+  Fixture fixture({});
+  replay::Chunk chunk(8);
+  for (int step = 0; step < 200; ++step) fixture.actor.Step(&chunk);
+
+  // Drive each stream's rows again, one environment alone, episode after episode.
+  for (int i = 0; i < kBatch; ++i) {
+    FakeEnvironment environment(1, kSuccess);
+    std::vector<env::StepResult> result(1);
+    bool ended = true;
+    for (int r = 0; r < chunk.num_rows(); ++r) {
+      const replay::RowView row = chunk.row(r);
+      if (row.stream != i) continue;
+      if (ended) {
+        EXPECT_TRUE(row.flags & replay::kRowFirst);
+        // The specs in order: the first kBatch belong to the environments in order; later ones are found
+        // by their first frame.
+        bool found = false;
+        for (const env::EpisodeSpec& spec : fixture.environments.specs()) {
+          environment.Reset(0, spec);
+          if (std::ranges::equal(environment.observations().ranges_cm, row.frame.ranges_cm)) {
+            found = true;
+            break;
+          }
+        }
+        ASSERT_TRUE(found);
+      } else if (!(row.flags & replay::kRowFinal)) {
+        EXPECT_FALSE(row.flags & replay::kRowFirst);
+      }
+      EXPECT_TRUE(std::ranges::equal(environment.observations().ranges_cm, row.frame.ranges_cm));
+      EXPECT_TRUE(std::ranges::equal(environment.observations().state, row.frame.state));
+      if (row.flags & replay::kRowFinal) {
+        EXPECT_TRUE(result[0].ended());
+        ended = true;
+        result[0] = {};
+        continue;
+      }
+      EXPECT_FALSE(result[0].ended()) << "a final row is missing";
+      ended = false;
+      environment.Step(std::vector<env::Action>{row.action}, result);
+      EXPECT_EQ(row.reward, result[0].reward);
+      EXPECT_EQ(row.cost, result[0].cost);
+      EXPECT_EQ((row.flags & replay::kRowTerminated) != 0, result[0].terminated());
+    }
+  }
+  const ActorStats stats = fixture.actor.stats();
+  EXPECT_EQ(stats.num_steps, 200 * kBatch);
+  EXPECT_EQ(chunk.num_rows(), 200 * kBatch + stats.num_episodes);
+}
+
+TEST(Actor, AveragesTheLastEpisodes) {
+  ActorConfig config;
+  config.stats_episodes = 25;
+  Fixture fixture(config);
+  replay::Chunk chunk(8);
+  for (int step = 0; step < 300; ++step) fixture.actor.Step(&chunk);
+
+  std::vector<EpisodeSummary> episodes;
+  std::vector<EpisodeSummary> running(kBatch);
+  for (int r = 0; r < chunk.num_rows(); ++r) {
+    const replay::RowView row = chunk.row(r);
+    EpisodeSummary& episode = running[row.stream];
+    if (row.flags & replay::kRowFinal) {
+      episodes.push_back(std::exchange(episode, {}));
+      continue;
+    }
+    ++episode.num_steps;
+    episode.episode_return += row.reward;
+    episode.outcome = row.cost > 0.0f                         ? env::Outcome::kCollision
+                      : (row.flags & replay::kRowTerminated) ? env::Outcome::kSuccess
+                                                              : env::Outcome::kTimeout;
+  }
+  ASSERT_GT(episodes.size(), 50u);
+  const ActorStats stats = fixture.actor.stats();
+  EXPECT_EQ(stats.num_episodes, static_cast<std::int64_t>(episodes.size()));
+  EXPECT_EQ(stats.num_recent, 25);
+  ActorStats expected;
+  for (auto it = episodes.end() - 25; it != episodes.end(); ++it) {
+    expected.success_rate += it->outcome == env::Outcome::kSuccess ? 0.04 : 0.0;
+    expected.collision_rate += it->outcome == env::Outcome::kCollision ? 0.04 : 0.0;
+    expected.timeout_rate += it->outcome == env::Outcome::kTimeout ? 0.04 : 0.0;
+    expected.mean_return += 0.04 * static_cast<double>(it->episode_return);
+    expected.mean_length += 0.04 * it->num_steps;
+  }
+  EXPECT_NEAR(stats.success_rate, expected.success_rate, 1e-12);
+  EXPECT_NEAR(stats.collision_rate, expected.collision_rate, 1e-12);
+  EXPECT_NEAR(stats.timeout_rate, expected.timeout_rate, 1e-12);
+  EXPECT_NEAR(stats.mean_return, expected.mean_return, 1e-12);
+  EXPECT_NEAR(stats.mean_length, expected.mean_length, 1e-12);
+}
+
+TEST(Actor, RestoredGoesOnBitForBit) {
+  ActorConfig config;
+  config.warmup_steps = 30;  // The first save falls into the warm-up.
+  config.stats_episodes = 10;
+  for (const int steps_before : {0, 3, 50, 137}) {
+    Fixture whole(config);
+    replay::Chunk ignored(8);
+    for (int step = 0; step < steps_before; ++step) whole.actor.Step(&ignored);
+    const std::string bytes = whole.actor.Save().Serialize();
+
+    Fixture restored(config);
+    for (int step = 0; step < 7; ++step) restored.actor.Step(&ignored);  // Whatever went before.
+    restored.actor.Restore(ActorState::Parse(bytes, "state"));
+    EXPECT_EQ(restored.actor.Save().Serialize(), bytes);
+
+    replay::Chunk expected(8);
+    replay::Chunk found(8);
+    for (int step = 0; step < 100; ++step) {
+      whole.actor.Step(&expected);
+      restored.actor.Step(&found);
+    }
+    ExpectEqualChunks(found, expected);
+    EXPECT_EQ(restored.actor.Save().Serialize(), whole.actor.Save().Serialize());
+    EXPECT_EQ(restored.actor.stats().mean_return, whole.actor.stats().mean_return);
+  }
+}
+
+TEST(Actor, RefusesAStateThatDoesNotFit) {
+  Fixture saved({});
+  replay::Chunk chunk(8);
+  for (int step = 0; step < 20; ++step) saved.actor.Step(&chunk);
+  const ActorState state = saved.actor.Save();
+
+  EXPECT_THROW(Fixture({}, 6).actor.Restore(state), base::Error);
+  EXPECT_THROW(Fixture({}, 5, kBatch + 1).actor.Restore(state), base::Error);
+
+  FakeEnvironment fewer_courses(kBatch, {0.5});
+  SummingAgent agent(kBatch);
+  EXPECT_THROW(Actor({}, fewer_courses, agent, 5).Restore(state), base::Error);
+
+  ActorState altered = state;
+  for (OpenEpisode& open : altered.open) {
+    for (env::Action& action : open.actions) action.linear += 0.01f;
+  }
+  EXPECT_THROW(Fixture({}).actor.Restore(altered), base::Error);
+}
+
+TEST(Actor, DrawsOneEnvironmentWithoutRegardToTheOthers) {
+  // Environment 0 of a batch of 1 and of a batch of 6 with the same noise lives the same life.
+  Fixture alone({}, 5, 1);
+  Fixture among({});
+  replay::Chunk a(8);
+  replay::Chunk b(8);
+  for (int step = 0; step < 100; ++step) {
+    alone.actor.Step(&a);
+    among.actor.Step(&b);
+  }
+  int r = 0;
+  for (int s = 0; s < b.num_rows(); ++s) {
+    if (b.stream[s] != 0) continue;
+    ASSERT_LT(r, a.num_rows());
+    EXPECT_EQ(a.action[r], b.action[s]);
+    EXPECT_EQ(a.flags[r], b.flags[s]);
+    ++r;
+  }
+  EXPECT_EQ(r, a.num_rows());
+}
+
+/// Pearson's statistic of counts against equal shares.
+double ChiSquare(const std::vector<int>& counts) {
+  double total = 0.0;
+  for (const int count : counts) total += count;
+  const double expected = total / static_cast<double>(counts.size());
+  double sum = 0.0;
+  for (const int count : counts) sum += (count - expected) * (count - expected) / expected;
+  return sum;
+}
+
+// Chi-square with 19 degrees of freedom exceeds 19 + 2 sqrt(19 x) + 2 x with a probability below exp(-x)
+// (Laurent and Massart 2000); here x = 12.7, so 3e-6.
+constexpr int kNumCourses = 20;
+constexpr double kChiSquareBound = 19.0 + 31.1 + 25.4;
+
+TEST(Actor, DrawsCoursesUniformly) {
+  FakeEnvironment environments(kBatch, std::vector<double>(kNumCourses, 0.5), 3);
+  SummingAgent agent(kBatch);
+  Actor actor({}, environments, agent, 99);
+  replay::Chunk chunk(8);
+  for (int step = 0; step < 10000; ++step) {
+    chunk.Clear();
+    actor.Step(&chunk);
+  }
+  std::vector<int> counts(kNumCourses);
+  for (const env::EpisodeSpec& spec : environments.specs()) ++counts[spec.course];
+  ASSERT_GT(environments.specs().size(), 20000u);
+  EXPECT_LT(ChiSquare(counts), kChiSquareBound);
+}
+
+TEST(ChiSquare, FindsAPlantedBias) {
+  // The same test on a sampler that draws course 0 in 13 of 213 cases, the others in 10.
+  base::Random random(3);
+  std::vector<int> counts(kNumCourses);
+  for (int k = 0; k < 30000; ++k) {
+    const auto drawn = random.UniformInt(10 * kNumCourses + 3);
+    ++counts[drawn < 10 * kNumCourses ? drawn % kNumCourses : 0];
+  }
+  EXPECT_GT(ChiSquare(counts), kChiSquareBound);
+}
+
+struct Moments {
+  double mean = 0.0;
+  double deviation = 0.0;
+};
+
+Moments MomentsOf(const std::vector<double>& values) {
+  Moments moments;
+  for (const double value : values) moments.mean += value / static_cast<double>(values.size());
+  for (const double value : values) {
+    moments.deviation +=
+        (value - moments.mean) * (value - moments.mean) / static_cast<double>(values.size());
+  }
+  moments.deviation = std::sqrt(moments.deviation);
+  return moments;
+}
+
+/// Actions of each environment, linear and angular parts together, around what the agent commands.
+std::vector<std::vector<double>> Noise(const ActorConfig& config, env::Action command, int num_steps) {
+  FakeEnvironment environments(3, kSuccess);
+  ConstantAgent agent(command);
+  Actor actor(config, environments, agent, 17);
+  std::vector<std::vector<double>> noise(3);
+  replay::Chunk chunk(8);
+  for (int step = 0; step < num_steps; ++step) {
+    chunk.Clear();
+    actor.Step(&chunk);
+    for (int r = 0; r < chunk.num_rows(); ++r) {
+      if (chunk.flags[r] & replay::kRowFinal) continue;
+      noise[chunk.stream[r]].push_back(chunk.action[r].linear - command.linear);
+      noise[chunk.stream[r]].push_back(chunk.action[r].angular - command.angular);
+    }
+  }
+  return noise;
+}
+
+TEST(Actor, AddsNoiseOfTheConfiguredSpread) {
+  ActorConfig config;
+  config.noise_min = 0.05;
+  config.noise_max = 0.2;
+  const auto noise = Noise(config, {}, 20000);
+  const double expected[] = {0.05, 0.1, 0.2};  // Geometric. 0.2 is clipped at 5 sigma: no matter.
+  for (int i = 0; i < 3; ++i) {
+    const Moments moments = MomentsOf(noise[i]);
+    // 40000 draws: standard errors sigma / 200 and sigma / 283; five of each.
+    EXPECT_NEAR(moments.mean, 0.0, 5.0 * expected[i] / 200.0);
+    EXPECT_NEAR(moments.deviation, expected[i], 5.0 * expected[i] / 283.0);
+  }
+}
+
+TEST(Actor, ClipsActions) {
+  ActorConfig config;
+  config.noise_min = config.noise_max = 0.5;
+  int num_at_bound = 0;
+  for (const auto& environment : Noise(config, {0.9f, -0.9f}, 200)) {
+    for (std::size_t k = 0; k < environment.size(); ++k) {
+      const double action = environment[k] + (k % 2 == 0 ? 0.9 : -0.9);
+      EXPECT_LE(std::abs(action), 1.0 + 1e-6);
+      num_at_bound += std::abs(action) > 1.0 - 1e-6;
+    }
+  }
+  EXPECT_GT(num_at_bound, 300);  // About 0.42 of 1200.
+}
+
+TEST(Actor, WarmsUpWithUniformActions) {
+  ActorConfig config;
+  config.noise_min = config.noise_max = 0.0;
+  config.warmup_steps = 3 * 5000;
+  const auto noise = Noise(config, {0.25f, 0.25f}, 5001);
+  for (const auto& environment : noise) {
+    std::vector<double> warmup(environment.begin(), environment.end() - 2);
+    for (double& value : warmup) value += 0.25;
+    const Moments moments = MomentsOf(warmup);
+    // Uniform on [-1, 1]: deviation 1 / sqrt(3); 10000 draws: standard errors 0.0058 and 0.0026.
+    EXPECT_NEAR(moments.mean, 0.0, 5 * 0.0058);
+    EXPECT_NEAR(moments.deviation, 1.0 / std::sqrt(3.0), 5 * 0.0026);
+    EXPECT_EQ(environment.back(), 0.0);  // Then the policy drives.
+  }
+}
+
+TEST(SpreadNoise, SpreadsAndRefuses) {
+  ActorConfig config;
+  EXPECT_EQ(SpreadNoise(config, 3), (std::vector<double>{0.1, 0.1, 0.1}));
+  config.noise_spread = "linear";
+  config.noise_min = 0.0;
+  config.noise_max = 0.5;
+  EXPECT_EQ(SpreadNoise(config, 3), (std::vector<double>{0.0, 0.25, 0.5}));
+  EXPECT_EQ(SpreadNoise(config, 1), (std::vector<double>{0.0}));
+  config.noise_spread = "geometric";
+  EXPECT_THROW((void)SpreadNoise(config, 3), base::Error);
+  config.noise_min = 0.6;
+  EXPECT_THROW((void)SpreadNoise(config, 3), base::Error);
+}
+
+TEST(Actor, StatsMayBeReadByAnotherThread) {
+  Fixture fixture({});
+  std::jthread reader([&](std::stop_token stop) {
+    std::int64_t last = 0;
+    while (!stop.stop_requested()) {
+      const ActorStats stats = fixture.actor.stats();
+      EXPECT_GE(stats.num_steps, last);
+      EXPECT_LE(stats.success_rate + stats.collision_rate + stats.timeout_rate, 1.0 + 1e-9);
+      last = stats.num_steps;
+    }
+  });
+  replay::Chunk chunk(8);
+  for (int step = 0; step < 500; ++step) {
+    chunk.Clear();
+    fixture.actor.Step(&chunk);
+  }
+}
+
+}  // namespace
+}  // namespace slalom::actor
