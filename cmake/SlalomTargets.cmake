@@ -27,7 +27,7 @@ function(slalom_add_library NAME)
   endif()
   add_library(slalom::${NAME} ALIAS slalom_${NAME})
   target_sources(slalom_${NAME} ${scope} FILE_SET HEADERS
-    BASE_DIRS ${CMAKE_CURRENT_SOURCE_DIR} FILES ${ARG_HEADERS})
+    BASE_DIRS ${PROJECT_SOURCE_DIR} FILES ${ARG_HEADERS})
   target_link_libraries(slalom_${NAME} ${scope} slalom_build_flags ${ARG_DEPS})
 endfunction()
 
