@@ -1,0 +1,39 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+/// OpenBLAS as packaged knows no processor that came after it, takes such ones for a Prescott and
+/// is then 3 to 10 times too slow. Its kernel can only be chosen before it is loaded, by
+/// OPENBLAS_CORETYPE.
+
+namespace slalom::policy {
+
+/// What the processor can do, as far as a kernel asks for it.
+struct CpuFeatures {
+  bool avx2_fma = false;
+  bool avx512 = false;  ///< F, BW, DQ, VL.
+};
+
+CpuFeatures DetectCpuFeatures();
+
+/// The kernel that OpenBLAS chose ("Haswell", "Prescott", ...); empty where the BLAS is another
+/// one.
+std::string BlasKernel();
+
+/// The kernel to ask for instead of `kernel`: empty where that one uses what the processor can do,
+/// or `user_choice` (the value of OPENBLAS_CORETYPE, if set) has been made.
+std::optional<std::string> BetterBlasKernel(std::string_view kernel, const CpuFeatures& cpu,
+                                            std::optional<std::string_view> user_choice);
+
+/// Where OpenBLAS chose an old kernel, sets OPENBLAS_CORETYPE and starts this program anew in its
+/// place, with the same arguments; returns otherwise. Call first in `main`, before any thread
+/// starts. Happens at most once; if the restart fails, the program goes on with the slow kernel.
+void RestartWithBetterBlasKernel(char** argv);
+
+/// Threads that one matrix product may use. Products small as ours are fastest on one. For
+/// OpenBLAS, whose threads `at::set_num_threads` does not reach. Requires: n >= 1.
+void SetBlasThreads(int n);
+
+}  // namespace slalom::policy

@@ -1,0 +1,78 @@
+#include "policy/network_agent.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "base/check.h"
+#include "policy/feature_map.h"
+#include "policy/layer_ops.h"
+#include "policy/mlp.h"
+
+namespace slalom::policy {
+namespace {
+
+/// A tensor on the weights of a snapshot, which nothing here writes to.
+at::Tensor ViewWeights(const std::vector<float>& weights) {
+  return at::from_blob(const_cast<float*>(weights.data()),
+                       {static_cast<std::int64_t>(weights.size())}, at::kFloat);
+}
+
+}  // namespace
+
+struct NetworkAgent::Network {
+  explicit Network(const PolicySnapshot& snapshot)
+      : features(snapshot.spec.observation, snapshot.spec.network),
+        shape(snapshot.spec.actor_shape()),
+        mlp(shape, ViewWeights(*snapshot.weights)) {}
+
+  FeatureMap features;
+  MlpShape shape;
+  Mlp mlp;
+  at::Tensor input;  // [B, H * F]
+  std::optional<MlpPass> pass;
+};
+
+NetworkAgent::NetworkAgent(PolicySnapshot snapshot)
+    : snapshot_(std::move(snapshot)), network_(std::make_unique<Network>(snapshot_)) {}
+
+NetworkAgent::~NetworkAgent() = default;
+
+void NetworkAgent::SetSnapshot(PolicySnapshot snapshot) {
+  SLALOM_CHECK(snapshot.spec.network == snapshot_.spec.network);
+  SLALOM_CHECK(snapshot.spec.observation == snapshot_.spec.observation);
+  network_->mlp = Mlp(network_->shape, ViewWeights(*snapshot.weights));
+  snapshot_ = std::move(snapshot);
+}
+
+void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env::Action> actions) {
+  Network& net = *network_;
+  const int batch = observations.batch_size;
+  SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(batch));
+  SLALOM_CHECK_EQ(observations.num_beams, net.features.num_beams());
+  if (batch == 0) return;
+  if (!net.pass || net.input.size(0) != batch) {
+    net.input = at::zeros({batch, net.shape.num_inputs}, at::kFloat);
+    net.pass.emplace(net.shape, net.input);
+  }
+  const int frame = net.features.frame_size();
+  const int size = net.shape.num_inputs;
+  float* const input = net.input.data_ptr<float>();
+  for (int i = 0; i < batch; ++i) {
+    float* const row = input + static_cast<std::ptrdiff_t>(i) * size;
+    float* const newest = row + size - frame;
+    std::copy(row + frame, row + size, row);
+    const env::FrameView view = observations.frame(i);
+    net.features.Write(view.ranges_cm.data(), view.state.data(), /*mirrored=*/false, newest);
+    if (observations.first[i]) {
+      for (float* older = row; older != newest; older += frame) {
+        std::copy(newest, newest + frame, older);
+      }
+    }
+  }
+  net.mlp.Forward(*net.pass);
+  Tanh(net.pass->output());
+  const float* const output = net.pass->output().data_ptr<float>();
+  for (int i = 0; i < batch; ++i) actions[i] = {output[2 * i], output[2 * i + 1]};
+}
+
+}  // namespace slalom::policy

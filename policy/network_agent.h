@@ -1,0 +1,36 @@
+#pragma once
+
+#include <memory>
+
+#include "env/agent.h"
+#include "policy/policy.h"
+
+namespace slalom::policy {
+
+/// Drives with a policy network, without exploration noise, on the calling thread.
+///
+/// Keeps each environment's last H frames; before the first frame of an episode stand copies of it.
+/// Confined to one thread at a time. Allocates when the batch size changes.
+class NetworkAgent : public env::Agent {
+ public:
+  /// Throws `base::Error` where the policy's sectors do not divide its beams.
+  explicit NetworkAgent(PolicySnapshot snapshot);
+  ~NetworkAgent() override;
+
+  /// Goes on with other weights of the same spec; what was seen stays.
+  /// Requires: the network and the observation spec are those it was made with.
+  void SetSnapshot(PolicySnapshot snapshot);
+
+  /// Requires: observations of the policy's number of beams.
+  void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;
+
+  const PolicySnapshot& snapshot() const { return snapshot_; }
+
+ private:
+  struct Network;
+
+  PolicySnapshot snapshot_;
+  std::unique_ptr<Network> network_;
+};
+
+}  // namespace slalom::policy

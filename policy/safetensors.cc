@@ -1,0 +1,156 @@
+#include "policy/safetensors.h"
+
+#include <fmt/format.h>
+
+#include <bit>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::policy {
+namespace {
+
+using nlohmann::json;
+
+static_assert(std::endian::native == std::endian::little, "files are little-endian");
+
+constexpr const char* kChecksumKey = "checksum_xxh3";
+constexpr std::size_t kMaxHeaderBytes = 100'000'000;  // the format's own limit
+
+std::optional<std::size_t> ElementBytes(std::string_view type) {
+  if (type == "F64" || type == "I64" || type == "U64") return 8;
+  if (type == "F32" || type == "I32" || type == "U32") return 4;
+  if (type == "F16" || type == "BF16" || type == "I16" || type == "U16") return 2;
+  if (type == "I8" || type == "U8" || type == "BOOL") return 1;
+  return std::nullopt;
+}
+
+[[noreturn]] void Fail(std::string_view source, std::string_view reason) {
+  throw base::Error(fmt::format("{}: {}", source, reason));
+}
+
+/// The tensor that one entry of the header describes.
+StoredTensor ReadEntry(std::string_view source, const std::string& name, const json& entry,
+                       std::string_view data) {
+  StoredTensor tensor;
+  std::uint64_t begin = 0;
+  std::uint64_t end = 0;
+  try {
+    tensor.type = entry.at("dtype").get<std::string>();
+    tensor.shape = entry.at("shape").get<std::vector<std::int64_t>>();
+    begin = entry.at("data_offsets").at(0).get<std::uint64_t>();
+    end = entry.at("data_offsets").at(1).get<std::uint64_t>();
+  } catch (const json::exception& error) {
+    Fail(source, fmt::format("tensor '{}' is not described as safetensors expects ({})", name,
+                             error.what()));
+  }
+  const std::optional<std::size_t> element = ElementBytes(tensor.type);
+  if (!element) Fail(source, fmt::format("tensor '{}' has unknown type '{}'", name, tensor.type));
+  std::uint64_t bytes = *element;
+  for (const std::int64_t size : tensor.shape) {
+    if (size < 0 || __builtin_mul_overflow(bytes, static_cast<std::uint64_t>(size), &bytes)) {
+      Fail(source, fmt::format("tensor '{}' has an impossible shape", name));
+    }
+  }
+  if (begin > end || end > data.size() || end - begin != bytes) {
+    Fail(source, fmt::format("tensor '{}' claims bytes {} to {}, expected {} bytes within the {} "
+                             "that follow the header; the file is cut short or damaged",
+                             name, begin, end, bytes, data.size()));
+  }
+  tensor.bytes = data.substr(begin, bytes);
+  return tensor;
+}
+
+}  // namespace
+
+const StoredTensor& TensorFile::Find(const std::string& name, std::string_view type,
+                                     std::size_t size) const {
+  const auto found = tensors.find(name);
+  if (found == tensors.end()) Fail(source, fmt::format("tensor '{}' is missing", name));
+  const StoredTensor& tensor = found->second;
+  const std::size_t expected_bytes = size * *ElementBytes(type);
+  if (tensor.type != type || tensor.bytes.size() != expected_bytes) {
+    Fail(source, fmt::format("tensor '{}' is [{}] {}, expected {} elements of {}", name,
+                             fmt::join(tensor.shape, ", "), tensor.type, size, type));
+  }
+  return tensor;
+}
+
+void SaveTensors(const std::filesystem::path& path, const TensorMap& tensors,
+                 const Metadata& metadata) {
+  json header = json::object();
+  std::uint64_t offset = 0;
+  std::string data;
+  for (const auto& [name, tensor] : tensors) {
+    SLALOM_CHECK(ElementBytes(tensor.type).has_value());
+    header[name] = {{"dtype", tensor.type},
+                    {"shape", tensor.shape},
+                    {"data_offsets", {offset, offset + tensor.bytes.size()}}};
+    offset += tensor.bytes.size();
+    data += tensor.bytes;
+  }
+  json texts = metadata;
+  texts[kChecksumKey] = fmt::format("{:016x}", base::Checksum(data));
+  header["__metadata__"] = texts;
+  std::string text = header.dump(-1, ' ', false, json::error_handler_t::replace);
+  text.resize((text.size() + 7) / 8 * 8, ' ');  // so that the tensors begin aligned
+  const std::uint64_t length = text.size();
+  base::WriteFileAtomically(path, [&](const base::AppendBytes& append) {
+    append(std::as_bytes(std::span(&length, 1)));
+    append(std::as_bytes(std::span(text)));
+    append(std::as_bytes(std::span(data)));
+  });
+}
+
+TensorFile LoadTensors(const std::filesystem::path& path) {
+  const std::string file = base::ReadFile(path);
+  TensorFile result;
+  result.source = path.string();
+  std::uint64_t length = 0;
+  if (file.size() < sizeof(length)) {
+    Fail(result.source, fmt::format("found {} bytes, expected a safetensors file", file.size()));
+  }
+  std::memcpy(&length, file.data(), sizeof(length));
+  if (length > kMaxHeaderBytes || length > file.size() - sizeof(length)) {
+    Fail(result.source, fmt::format("the header should be {} bytes long but {} follow; the file is "
+                                    "cut short or no safetensors file",
+                                    length, file.size() - sizeof(length)));
+  }
+  const std::string_view content(file);
+  const json header = json::parse(content.substr(sizeof(length), length), nullptr,
+                                  /*allow_exceptions=*/false);
+  if (!header.is_object())
+    Fail(result.source, "the header is not JSON; no safetensors file, or damaged");
+  const std::string_view data = content.substr(sizeof(length) + length);
+  std::size_t described = 0;
+  for (const auto& [name, entry] : header.items()) {
+    if (name == "__metadata__") continue;
+    const auto added = result.tensors.emplace(name, ReadEntry(result.source, name, entry, data));
+    described += added.first->second.bytes.size();
+  }
+  if (described != data.size()) {
+    Fail(result.source, fmt::format("the header describes {} bytes of tensors, {} follow; the file "
+                                    "is damaged",
+                                    described, data.size()));
+  }
+  if (const auto texts = header.find("__metadata__"); texts != header.end()) {
+    for (const auto& [key, value] : texts->items()) {
+      if (!value.is_string()) Fail(result.source, fmt::format("metadata '{}' is no text", key));
+      result.metadata.emplace(key, value.get<std::string>());
+    }
+  }
+  if (const auto node = result.metadata.extract(kChecksumKey); !node.empty()) {
+    const std::string found = fmt::format("{:016x}", base::Checksum(data));
+    if (node.mapped() != found) {
+      Fail(result.source, fmt::format("the checksum of the tensors is {}, expected {}; the file is "
+                                      "damaged",
+                                      found, node.mapped()));
+    }
+  }
+  return result;
+}
+
+}  // namespace slalom::policy
