@@ -66,7 +66,7 @@ struct Chunk {
   /// Adds the frame in which the episode of a stream ended.
   void AddFinal(int stream_index, const env::FrameView& frame);
 
- private:
+  /// Adds a row as another chunk or a table gave it.
   void AddRow(const RowView& row);
 };
 

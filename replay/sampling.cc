@@ -133,8 +133,8 @@ void Table::WriteHistory(std::int64_t sequence, int history, const std::uint16_t
     const Slot& here = slot(sequence);
     ranges_cm[h] = scan(sequence);
     std::copy_n(here.state, env::kStateSize, state + h * env::kStateSize);
-    // Before the first frame of an episode stand copies of it.
-    if (!(here.flags & kRowFirst)) sequence -= here.to_previous;
+    // Before the first frame of an episode stand copies of it: it links to itself.
+    sequence -= here.to_previous;
   }
 }
 

@@ -103,7 +103,7 @@ class Table {
     env::Action action;
     float reward;
     float cost;
-    std::uint32_t to_previous;  ///< Rows back to the one before in the stream; 0: none or lost.
+    std::uint32_t to_previous;  ///< Rows back to the one before in the episode; 0: none or lost.
     std::uint32_t to_next;      ///< Rows on to the one after; 0: not there.
     std::int32_t stream;
     std::uint8_t flags;

@@ -7,7 +7,7 @@
 #include <map>
 #include <set>
 
-#include "model.h"
+#include "tests/replay/model.h"
 
 namespace slalom::replay {
 namespace {

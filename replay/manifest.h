@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "replay/storage.h"
+
+namespace slalom::replay {
+
+/// What a manifest says, see docs/replay.md.
+struct Manifest {
+  int num_beams = 0;
+  std::int64_t capacity = 0;
+  std::int64_t begin = 0;  ///< The table holds rows [begin, end).
+  std::int64_t end = 0;
+  std::vector<std::uint8_t> open;  ///< Per stream, 1: an episode is running.
+  std::vector<Storage::Segment> segments;
+};
+
+std::string PrintManifest(const Manifest& manifest);
+
+/// Throws `base::Error` where the text is not one that `PrintManifest` made.
+Manifest ParseManifest(std::string_view text);
+
+}  // namespace slalom::replay

@@ -1,0 +1,243 @@
+#include "replay/storage.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <cstring>
+#include <fstream>
+#include <set>
+#include <type_traits>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "replay/manifest.h"
+
+namespace slalom::replay {
+namespace {
+
+namespace fs = std::filesystem;
+
+static_assert(std::endian::native == std::endian::little, "segment files are little-endian");
+static_assert(sizeof(env::Action) == 2 * sizeof(float));
+
+constexpr char kMagic[8] = {'S', 'L', 'R', 'P', 'L', 'S', 'E', 'G'};
+constexpr std::uint32_t kVersion = 1;
+constexpr std::int64_t kBlockRows = 1024;
+constexpr std::string_view kPrefix = "replay-";
+constexpr std::string_view kSuffix = ".rows";
+
+struct Header {
+  char magic[8];
+  std::uint32_t version;
+  std::uint32_t num_beams;
+  std::int64_t begin;
+  std::int64_t num_rows;
+  std::uint64_t checksum;  // Of the bytes before.
+};
+static_assert(sizeof(Header) == 40 && std::is_trivially_copyable_v<Header>);
+
+std::uint64_t ChecksumOf(const Header& header) {
+  return base::Checksum(std::as_bytes(std::span(&header, 1)).first(offsetof(Header, checksum)));
+}
+
+template <class T>
+std::span<const std::byte> BytesOf(const std::vector<T>& column) {
+  return std::as_bytes(std::span(column));
+}
+
+/// The columns of a block in the order of the file.
+template <class ChunkType, class Visit>
+void ForEachColumn(ChunkType& chunk, Visit visit) {
+  visit(chunk.stream, 1);
+  visit(chunk.flags, 1);
+  visit(chunk.ranges_cm, chunk.num_beams);
+  visit(chunk.state, env::kStateSize);
+  visit(chunk.action, 1);
+  visit(chunk.reward, 1);
+  visit(chunk.cost, 1);
+}
+
+std::uint64_t ChecksumOf(const Chunk& block, std::int64_t begin) {
+  auto checksum = static_cast<std::uint64_t>(begin);
+  ForEachColumn(block, [&](const auto& column, int) {
+    checksum = base::Checksum(BytesOf(column), checksum);
+  });
+  return checksum;
+}
+
+std::uint64_t Digest(const std::vector<std::uint64_t>& checksums) {
+  return base::Checksum(BytesOf(checksums));
+}
+
+void CopyRows(const Table& table, std::int64_t begin, std::int64_t end, Chunk* block) {
+  block->Clear();
+  for (std::int64_t s = begin; s < end; ++s) block->AddRow(table.row(s));
+}
+
+/// Bytes of a segment file.
+std::int64_t FileSize(int num_beams, std::int64_t num_rows) {
+  const std::int64_t row = 4 + 1 + 2 * num_beams + 4 * env::kStateSize + 8 + 4 + 4;
+  const std::int64_t num_blocks = (num_rows + kBlockRows - 1) / kBlockRows;
+  return static_cast<std::int64_t>(sizeof(Header)) + num_rows * row + num_blocks * 8;
+}
+
+bool IsSegmentName(std::string_view name) {
+  return name.starts_with(kPrefix) &&
+         (name.ends_with(kSuffix) || name.ends_with(std::string(kSuffix) + ".tmp"));
+}
+
+std::vector<fs::path> ListSegments(const fs::path& directory) {
+  std::vector<fs::path> paths;
+  std::error_code error;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    if (IsSegmentName(it->path().filename().string())) paths.push_back(it->path());
+  }
+  if (error) {
+    throw base::Error(fmt::format("{}: cannot list: {}", directory.string(), error.message()));
+  }
+  return paths;
+}
+
+[[noreturn]] void FailDamaged(const fs::path& path, std::string_view why) {
+  throw base::Error(fmt::format("{}: damaged replay segment: {}; resume from another checkpoint",
+                                path.string(), why));
+}
+
+}  // namespace
+
+Storage::Storage(const fs::path& directory) : directory_(directory) {
+  base::MakeDirectories(directory);
+  for (const fs::path& path : ListSegments(directory)) {
+    const std::string name = path.filename().string();
+    std::int64_t index = 0;
+    std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), index);
+    next_index_ = std::max(next_index_, index + 1);
+  }
+}
+
+std::string Storage::Save(const Table& table) {
+  std::vector<Segment> segments = segments_;
+  const std::int64_t written = segments.empty() ? 0 : segments.back().end;
+  SLALOM_CHECK_LE(written, table.total_inserted());
+  const std::int64_t begin = std::max(written, table.first_sequence());
+  if (begin > written) segments.clear();  // All that was written has been overwritten in the table.
+  if (begin < table.total_inserted()) segments.push_back(WriteSegment(table, begin));
+  std::erase_if(segments, [&](const Segment& s) { return s.end <= table.first_sequence(); });
+  segments_ = segments;
+
+  Manifest manifest{.num_beams = table.num_beams(),
+                    .capacity = table.config().capacity,
+                    .begin = table.first_sequence(),
+                    .end = table.total_inserted(),
+                    .open = {},
+                    .segments = segments_};
+  for (int s = 0; s < table.num_streams(); ++s) manifest.open.push_back(table.is_open(s));
+  return PrintManifest(manifest);
+}
+
+Storage::Segment Storage::WriteSegment(const Table& table, std::int64_t begin) {
+  Segment segment{.name = fmt::format("{}{:06}{}", kPrefix, next_index_, kSuffix),
+                  .begin = begin,
+                  .end = table.total_inserted(),
+                  .digest = 0};
+  Header header{.magic = {},
+                .version = kVersion,
+                .num_beams = static_cast<std::uint32_t>(table.num_beams()),
+                .begin = begin,
+                .num_rows = segment.end - begin,
+                .checksum = 0};
+  std::copy(std::begin(kMagic), std::end(kMagic), header.magic);
+  header.checksum = ChecksumOf(header);
+  std::vector<std::uint64_t> checksums;
+  base::WriteFileAtomically(directory_ / segment.name, [&](const base::AppendBytes& append) {
+    append(std::as_bytes(std::span(&header, 1)));
+    Chunk block(table.num_beams());
+    for (std::int64_t s = begin; s < segment.end; s += kBlockRows) {
+      CopyRows(table, s, std::min(s + kBlockRows, segment.end), &block);
+      ForEachColumn(block, [&](const auto& column, int) { append(BytesOf(column)); });
+      checksums.push_back(ChecksumOf(block, s));
+      append(std::as_bytes(std::span(checksums).last(1)));
+    }
+  });
+  segment.digest = Digest(checksums);
+  ++next_index_;
+  return segment;
+}
+
+void Storage::Commit(std::span<const std::string> manifests) {
+  std::set<std::string> used;
+  for (const std::string& manifest : manifests) {
+    for (const Segment& segment : ParseManifest(manifest).segments) used.insert(segment.name);
+  }
+  for (const fs::path& path : ListSegments(directory_)) {
+    std::error_code ignored;
+    if (!used.contains(path.filename().string())) fs::remove(path, ignored);
+  }
+}
+
+void Storage::ReadSegment(const Segment& segment, Table* table) const {
+  const fs::path path = directory_ / segment.name;
+  std::ifstream in(path, std::ios::binary);
+  if (!in) {
+    throw base::Error(fmt::format(
+        "{}: cannot open this part of the replay buffer; resume from another checkpoint",
+        path.string()));
+  }
+  const std::int64_t size = FileSize(table->num_beams(), segment.end - segment.begin);
+  in.seekg(0, std::ios::end);
+  if (in.tellg() != size) {
+    FailDamaged(path,
+                fmt::format("{} bytes long, expected {}", static_cast<long>(in.tellg()), size));
+  }
+  in.seekg(0);
+  Header header;
+  in.read(reinterpret_cast<char*>(&header), sizeof(header));
+  if (!in || std::memcmp(header.magic, kMagic, sizeof(kMagic)) != 0 || header.version != kVersion ||
+      header.checksum != ChecksumOf(header) ||
+      header.num_beams != static_cast<std::uint32_t>(table->num_beams()) ||
+      header.begin != segment.begin || header.num_rows != segment.end - segment.begin) {
+    FailDamaged(path, "its header is not the one that the checkpoint expects");
+  }
+  std::vector<std::uint64_t> checksums;
+  Chunk block(table->num_beams());
+  Chunk kept(table->num_beams());
+  for (std::int64_t s = segment.begin; s < segment.end; s += kBlockRows) {
+    const auto rows = static_cast<std::size_t>(std::min(kBlockRows, segment.end - s));
+    ForEachColumn(block, [&](auto& column, int width) {
+      column.resize(rows * width);
+      in.read(reinterpret_cast<char*>(column.data()),
+              static_cast<std::streamsize>(std::as_bytes(std::span(column)).size()));
+    });
+    in.read(reinterpret_cast<char*>(&checksums.emplace_back()), sizeof(std::uint64_t));
+    if (!in || checksums.back() != ChecksumOf(block, s)) {
+      FailDamaged(path, fmt::format("the checksum of rows {} to {} does not match", s, s + rows));
+    }
+    // A segment may begin with rows that the table had already overwritten.
+    kept.Clear();
+    for (std::size_t r = 0; r < rows; ++r) {
+      if (s + static_cast<std::int64_t>(r) >= table->total_inserted()) {
+        kept.AddRow(block.row(static_cast<int>(r)));
+      }
+    }
+    table->Insert(kept);
+  }
+  if (Digest(checksums) != segment.digest) {
+    FailDamaged(path, "it is not the file that the checkpoint was made with");
+  }
+}
+
+Table Storage::Load(std::string_view text) {
+  const Manifest manifest = ParseManifest(text);
+  Table table =
+      Table::BeginRestore({.capacity = manifest.capacity}, manifest.num_beams, manifest.begin);
+  for (const Segment& segment : manifest.segments) ReadSegment(segment, &table);
+  table.FinishRestore(manifest.open);
+  SLALOM_CHECK_EQ(table.total_inserted(), manifest.end);
+  segments_ = manifest.segments;
+  return table;
+}
+
+}  // namespace slalom::replay

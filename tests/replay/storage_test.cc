@@ -1,0 +1,246 @@
+#include "replay/storage.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "replay/manifest.h"
+#include "tests/replay/model.h"
+
+namespace slalom::replay {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr int kBeams = 3;
+
+class StorageTest : public testing::Test {
+ protected:
+  StorageTest() {
+    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    directory_ = fs::path(testing::TempDir()) / (std::string("slalom_storage_") + info->name());
+    fs::remove_all(directory_);
+  }
+  ~StorageTest() override { fs::remove_all(directory_); }
+
+  std::vector<fs::path> Files() const {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(directory_)) files.push_back(entry.path());
+    std::sort(files.begin(), files.end());
+    return files;
+  }
+
+  /// What `Load` throws; empty: nothing.
+  std::string LoadError(std::string_view manifest) const {
+    try {
+      (void)Storage(directory_).Load(manifest);
+      return "";
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+  }
+
+  fs::path directory_;
+};
+
+void ExpectSameDraws(const Table& a, const Table& b, const SampleSpec& spec) {
+  ASSERT_EQ(a.total_inserted(), b.total_inserted());
+  ASSERT_EQ(a.first_sequence(), b.first_sequence());
+  ASSERT_EQ(a.num_steps(), b.num_steps());
+  base::Random random_a(1);
+  base::Random random_b(1);
+  Batch batch_a;
+  Batch batch_b;
+  for (int i = 0; i < 3; ++i) {
+    const bool any = a.Sample(spec, random_a, &batch_a);
+    ASSERT_EQ(any, b.Sample(spec, random_b, &batch_b));
+    ASSERT_EQ(random_a.state(), random_b.state());
+    if (!any) return;
+    ASSERT_EQ(batch_a.rows.sequence, batch_b.rows.sequence);
+    ASSERT_EQ(batch_a.rows.next_sequence, batch_b.rows.next_sequence);
+    const auto same = [](const auto& x, const auto& y) {
+      return x.size() == y.size() &&
+             std::memcmp(x.data(), y.data(), x.size() * sizeof(*x.data())) == 0;
+    };
+    EXPECT_TRUE(same(batch_a.ranges_cm, batch_b.ranges_cm));
+    EXPECT_TRUE(same(batch_a.next_ranges_cm, batch_b.next_ranges_cm));
+    EXPECT_TRUE(same(batch_a.rows.state, batch_b.rows.state));
+    EXPECT_TRUE(same(batch_a.rows.next_state, batch_b.rows.next_state));
+    EXPECT_TRUE(same(batch_a.rows.action, batch_b.rows.action));
+    EXPECT_TRUE(same(batch_a.rows.n_step_return, batch_b.rows.n_step_return));
+    EXPECT_TRUE(same(batch_a.rows.cost_return, batch_b.rows.cost_return));
+    EXPECT_TRUE(same(batch_a.rows.discount, batch_b.rows.discount));
+  }
+}
+
+// Saved, loaded and carried on with at random moments, a table is the one that was never saved.
+TEST_F(StorageTest, ARestoredTableDrawsAndGoesOnAsTheOriginal) {
+  constexpr std::int64_t kCapacity = 400;
+  const SampleSpec spec{.batch = 70, .history = 4, .n_step = 4, .gamma = 0.9};
+  ReplayModel model(kCapacity, kBeams, 6, 21);
+  ReplayModel twin(kCapacity, kBeams, 6, 21);
+  Table table({.capacity = kCapacity}, kBeams);
+  Table restored({.capacity = kCapacity}, kBeams);
+  auto storage = std::make_unique<Storage>(directory_);
+  base::Random random(4);
+  std::vector<std::string> manifests;
+  for (int i = 0; i < 500; ++i) {
+    model.Advance(&table);
+    twin.Advance(&restored);
+    // Rarely for a while, so that whole saves are overwritten in the table between two of them.
+    if (random.Uniform() < (i < 250 ? 0.1 : 0.01)) {
+      manifests.push_back(storage->Save(restored));
+      if (random.Uniform() < 0.5) storage->Commit(std::span(manifests).last(1));
+      storage = std::make_unique<Storage>(directory_);
+      restored = storage->Load(manifests.back());
+      ExpectSameDraws(table, restored, spec);
+    }
+    if (i % 10 == 0) ExpectSameDraws(table, restored, spec);
+    ASSERT_FALSE(HasFailure()) << "after " << i << " batch steps";
+  }
+  EXPECT_GT(manifests.size(), 10u);
+}
+
+TEST_F(StorageTest, ASaveWritesOnlyWhatIsNewAndCommitDeletesWhatIsOld) {
+  ReplayModel model(200, kBeams, 4, 1);
+  Table table({.capacity = 200}, kBeams);
+  Storage storage(directory_);
+  for (int i = 0; i < 20; ++i) model.Advance(&table);
+  const std::string first = storage.Save(table);
+  model.Advance(&table);
+  const std::string second = storage.Save(table);
+  ASSERT_EQ(Files().size(), 2u);
+  EXPECT_LT(fs::file_size(Files()[1]), fs::file_size(Files()[0]) / 5);
+  for (int i = 0; i < 60; ++i) model.Advance(&table);
+  const std::string third = storage.Save(table);
+
+  // Uncommitted, all three can be loaded.
+  for (const std::string& manifest : {first, second, third}) EXPECT_EQ(LoadError(manifest), "");
+  storage.Commit(std::vector{second, third});
+  EXPECT_EQ(LoadError(second), "");
+  storage.Commit(std::vector{third});
+  EXPECT_EQ(LoadError(third), "");
+  EXPECT_THAT(LoadError(first), HasSubstr("replay-000000.rows"));
+  ASSERT_EQ(Files().size(), 1u);
+}
+
+TEST_F(StorageTest, AnEmptyTableCanBeSaved) {
+  Storage storage(directory_);
+  const Table table({.capacity = 200}, kBeams);
+  EXPECT_EQ(storage.Load(storage.Save(table)).total_inserted(), 0);
+}
+
+TEST_F(StorageTest, EveryTruncationAndEveryChangedByteIsNoticed) {
+  ReplayModel model(200, kBeams, 2, 1);
+  Table table({.capacity = 200}, kBeams);
+  for (int i = 0; i < 8; ++i) model.Advance(&table);
+  const std::string manifest = Storage(directory_).Save(table);
+  const fs::path file = Files().at(0);
+  const std::string content = base::ReadFile(file);
+  const auto expect_noticed = [&](const std::string& damaged) {
+    std::ofstream(file, std::ios::binary) << damaged;
+    EXPECT_THAT(LoadError(manifest), HasSubstr(file.string()));
+  };
+  for (std::size_t size = 0; size < content.size(); ++size) {
+    expect_noticed(content.substr(0, size));
+  }
+  for (std::size_t i = 0; i < content.size(); ++i) {
+    std::string damaged = content;
+    damaged[i] ^= 1;
+    expect_noticed(damaged);
+  }
+  expect_noticed(content + '\0');
+  fs::remove(file);
+  EXPECT_THAT(LoadError(manifest), HasSubstr(file.string()));
+}
+
+TEST_F(StorageTest, EveryTruncationAndEveryChangedByteOfAManifestIsNoticed) {
+  ReplayModel model(200, kBeams, 2, 1);
+  Table table({.capacity = 200}, kBeams);
+  for (int i = 0; i < 8; ++i) model.Advance(&table);
+  const std::string manifest = Storage(directory_).Save(table);
+  EXPECT_EQ(PrintManifest(ParseManifest(manifest)), manifest);
+  for (std::size_t i = 0; i < manifest.size(); ++i) {
+    EXPECT_THROW(ParseManifest(manifest.substr(0, i)), base::Error);
+    std::string damaged = manifest;
+    damaged[i] ^= 1;
+    EXPECT_THROW(ParseManifest(damaged), base::Error);
+  }
+}
+
+TEST_F(StorageTest, AnotherSegmentUnderTheSameNameIsNoticed) {
+  std::vector<std::string> manifests;
+  for (const std::uint64_t seed : {1, 2}) {
+    fs::remove_all(directory_);
+    Table table({.capacity = 200}, kBeams);
+    Chunk chunk(kBeams);
+    const std::vector<std::uint16_t> scan(kBeams, static_cast<std::uint16_t>(seed));
+    const std::vector<float> state(env::kStateSize, 0.0f);
+    chunk.AddStep(0, true, {scan, std::span(state).first<env::kStateSize>()}, {}, {});
+    table.Insert(chunk);
+    manifests.push_back(Storage(directory_).Save(table));
+  }
+  EXPECT_EQ(LoadError(manifests[1]), "");
+  EXPECT_THAT(LoadError(manifests[0]), HasSubstr("not the file that the checkpoint was made with"));
+}
+
+/// Keeps files of this process below a size, as a full disk would.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) {
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit limit{bytes, before_.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    handler_ = std::signal(SIGXFSZ, SIG_IGN);
+  }
+  ~FileSizeLimit() {
+    ::setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+
+ private:
+  rlimit before_{};
+  void (*handler_)(int) = nullptr;
+};
+
+TEST_F(StorageTest, AFullDiskLeavesTheEarlierSaveWhole) {
+  ReplayModel model(2000, kBeams, 4, 1);
+  Table table({.capacity = 2000}, kBeams);
+  Storage storage(directory_);
+  for (int i = 0; i < 20; ++i) model.Advance(&table);
+  const std::string first = storage.Save(table);
+  for (int i = 0; i < 200; ++i) model.Advance(&table);
+  {
+    const FileSizeLimit limit(4096);
+    EXPECT_THROW((void)storage.Save(table), base::Error);
+  }
+  EXPECT_EQ(Files().size(), 1u) << "a half-written file was left";
+  EXPECT_EQ(LoadError(first), "");
+  // With room again, the same storage goes on.
+  Table restored = Storage(directory_).Load(storage.Save(table));
+  ExpectSameDraws(table, restored, {.batch = 64, .history = 4, .n_step = 4});
+}
+
+TEST_F(StorageTest, ADirectoryThatCannotBeMadeIsNamed) {
+  base::MakeDirectories(directory_);
+  const fs::path file = directory_ / "file";
+  std::ofstream(file) << "x";
+  try {
+    Storage storage(file / "replay");
+    FAIL() << "expected an error";
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr(file.string()));
+  }
+}
+
+}  // namespace
+}  // namespace slalom::replay
