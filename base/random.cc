@@ -7,6 +7,8 @@
 namespace slalom::base {
 namespace {
 
+__extension__ using Uint128 = unsigned __int128;
+
 std::uint64_t SplitMix64(std::uint64_t& state) {
   std::uint64_t z = (state += 0x9E3779B97F4A7C15ull);
   z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
@@ -46,7 +48,7 @@ std::uint64_t Random::UniformInt(std::uint64_t n) {
   // Lemire's multiplication, rejecting the few products that would favour small results.
   const std::uint64_t threshold = (0 - n) % n;
   while (true) {
-    const unsigned __int128 product = static_cast<unsigned __int128>(NextU64()) * n;
+    const Uint128 product = static_cast<Uint128>(NextU64()) * n;
     if (static_cast<std::uint64_t>(product) >= threshold) {
       return static_cast<std::uint64_t>(product >> 64);
     }
