@@ -5,7 +5,7 @@
 
 #include "env/action.h"
 #include "env/observation.h"
-#include "replay/memory.h"
+#include "replay/lazy_memory.h"
 
 /// Shapes: `B` samples, `H` frames of history (the newest last), `N` beams, `S` = env::kStateSize.
 

@@ -8,7 +8,7 @@
 #include "base/random.h"
 #include "replay/batch.h"
 #include "replay/chunk.h"
-#include "replay/memory.h"
+#include "replay/lazy_memory.h"
 
 namespace slalom::replay {
 

@@ -1,4 +1,4 @@
-#include "replay/memory.h"
+#include "replay/lazy_memory.h"
 
 #include <fmt/format.h>
 #include <sys/mman.h>
