@@ -133,6 +133,33 @@ TEST_F(StorageTest, ASaveWritesOnlyWhatIsNewAndCommitDeletesWhatIsOld) {
   ASSERT_EQ(Files().size(), 1u);
 }
 
+TEST_F(StorageTest, CutAndLongSilentStreamsComeBackAsTheyWere) {
+  const std::vector<std::uint16_t> scan(kBeams, 1);
+  const std::vector<float> state(env::kStateSize, 0.0f);
+  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  Table table({.capacity = 20}, kBeams);
+  Chunk chunk(kBeams);
+  chunk.AddStep(0, true, frame, {}, {});  // Open and silent until it is overwritten.
+  for (int i = 0; i < 30; ++i) chunk.AddStep(1, i == 0, frame, {}, {});
+  table.Insert(chunk);
+  table.Cut(1);
+  Storage storage(directory_);
+  Table restored = storage.Load(storage.Save(table));
+  EXPECT_TRUE(restored.is_open(0));
+  EXPECT_FALSE(restored.is_open(1));
+  chunk.Clear();
+  chunk.AddStep(1, true, frame, {}, {});
+  chunk.AddStep(0, false, frame, {}, {});
+  chunk.AddStep(0, false, frame, {}, {});
+  table.Insert(chunk);
+  restored.Insert(chunk);
+  ExpectSameDraws(table, restored, {.batch = 64, .history = 2, .n_step = 1});
+  // 16 of the 17 rows left of stream 1 have a next one, and all but the oldest one before; stream 0
+  // has one step with a next, but what was before it is lost.
+  EXPECT_EQ(restored.CountEligible(2, 1), 15);
+  EXPECT_EQ(restored.CountEligible(1, 1), 17);
+}
+
 TEST_F(StorageTest, AnEmptyTableCanBeSaved) {
   Storage storage(directory_);
   const Table table({.capacity = 200}, kBeams);
