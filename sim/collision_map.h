@@ -1,0 +1,95 @@
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "base/geometry.h"
+#include "sim/course.h"
+
+/// Frames: `W` the course's own frame, `R` the robot, `B` a box.
+
+namespace slalom::sim {
+
+/// The robot's rectangle, centred on its origin.
+struct Footprint {
+  float half_length = 0.0f;  ///< Along R's x, [m].
+  float half_width = 0.0f;   ///< Along R's y, [m].
+
+  /// From the centre to a corner, [m].
+  float Circumradius() const { return std::sqrt(half_length * half_length + half_width * half_width); }
+};
+
+/// A box with its heading as cosine and sine.
+struct PlacedBox {
+  float x = 0.0f;  ///< Centre in W, [m].
+  float y = 0.0f;
+  float cos_yaw = 1.0f;
+  float sin_yaw = 0.0f;
+  float half_x = 0.0f;  ///< Along B's axes, [m].
+  float half_y = 0.0f;
+  float yaw = 0.0f;  ///< [rad]
+
+  float Circumradius() const { return std::sqrt(half_x * half_x + half_y * half_y); }
+};
+
+/// The obstacles of a course, laid out for the LiDAR and the collision test: circles as arrays sorted by
+/// cell (row by row), so that a neighbourhood is a few contiguous runs; boxes, which are few, as a list.
+///
+/// Single precision: coordinates are exact to 1e-6 m within 16 m of the course's origin.
+/// Immutable after construction. Allocates nothing afterwards.
+class CollisionMap {
+ public:
+  static constexpr int kMaxRows = 128;
+
+  /// The circles [begin, end) of the arrays.
+  struct Run {
+    int begin = 0;
+    int end = 0;
+  };
+  /// A neighbourhood: runs in ascending order.
+  struct Runs {
+    std::array<Run, kMaxRows> runs;
+    int size = 0;
+
+    std::span<const Run> span() const { return std::span(runs).first(size); }
+  };
+
+  explicit CollisionMap(const Course& course);
+
+  /// All circles that come within `reach` [m] of the point (x, y), and perhaps some others.
+  void FindCircles(float x, float y, float reach, Runs& found) const;
+
+  /// Distance from the footprint at the pose (x, y [m], yaw [rad]) to the nearest obstacle, [m], never
+  /// more than it really is and at most `limit`; above 0 exactly where nothing is touched. Exact for
+  /// circles; for boxes that are not beside an edge it may be less than the real distance.
+  ///
+  /// Requires: limit > 0.
+  float Clearance(const Footprint& footprint, float x, float y, float yaw, float limit) const;
+
+  int num_circles() const { return num_circles_; }
+  /// Arrays of the circles' centres and radii, [num_circles], then kLanes far-away ones, so that a run
+  /// may be read in whole vectors. [m]
+  const float* x() const { return x_.data(); }
+  const float* y() const { return y_.data(); }
+  const float* radius() const { return radius_.data(); }
+
+  const std::vector<PlacedBox>& boxes() const { return boxes_; }
+
+ private:
+  int Row(float y) const;
+  int Column(float x) const;
+
+  int num_circles_ = 0;
+  std::vector<float> x_, y_, radius_;
+  std::vector<PlacedBox> boxes_;
+  float max_radius_ = 0.0f;
+  float min_x_ = 0.0f;
+  float min_y_ = 0.0f;
+  float inverse_cell_ = 1.0f;  // [1/m]
+  int rows_ = 1;
+  int columns_ = 1;
+  std::vector<int> cell_begin_;  // [rows_ * columns_ + 1]
+};
+
+}  // namespace slalom::sim

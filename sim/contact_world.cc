@@ -1,0 +1,110 @@
+#include "sim/contact_world.h"
+
+#include <box2d/box2d.h>
+
+namespace slalom::sim {
+namespace {
+
+constexpr int kVelocityIterations = 8;
+constexpr int kPositionIterations = 3;
+constexpr float kFriction = 0.5f;   // The wheels' in the original (original-system.md §1.1).
+constexpr float kMargin = 0.01f;    // Obstacles this near are given to Box2D, [m].
+
+}  // namespace
+
+Footprint MakeFootprint(const RobotConfig& config) {
+  return {.half_length = static_cast<float>(0.5 * config.length),
+          .half_width = static_cast<float>(0.5 * config.width)};
+}
+
+ContactWorld::ContactWorld(const RobotConfig& config)
+    : footprint_(MakeFootprint(config)), world_(std::make_unique<b2World>(b2Vec2(0.0f, 0.0f))) {
+  world_->SetAllowSleeping(false);
+  // What a step leaves behind must not matter to the next, and in one step (at most 0.1 m) the robot
+  // cannot pass through anything, being wider than that itself.
+  world_->SetWarmStarting(false);
+  world_->SetContinuousPhysics(false);
+
+  b2BodyDef obstacles;
+  obstacles_ = world_->CreateBody(&obstacles);
+
+  b2BodyDef robot;
+  robot.type = b2_dynamicBody;
+  robot_ = world_->CreateBody(&robot);
+  b2PolygonShape outline;
+  outline.SetAsBox(footprint_.half_length, footprint_.half_width);
+  outline.m_radius = 0.0f;  // No skin: contact begins where the outlines meet.
+  b2FixtureDef fixture;
+  fixture.shape = &outline;
+  fixture.friction = kFriction;
+  fixture.density = 1.0f;
+  robot_->CreateFixture(&fixture);
+  b2MassData mass;
+  mass.mass = static_cast<float>(config.mass);
+  mass.center.SetZero();
+  mass.I = static_cast<float>(
+      config.mass * (config.length * config.length + config.width * config.width) / 12.0);
+  robot_->SetMassData(&mass);
+}
+
+ContactWorld::~ContactWorld() = default;
+
+bool ContactWorld::Step(const CollisionMap& map, float dt, BodyState& state) {
+  robot_->SetTransform({state.x, state.y}, state.yaw);
+  robot_->SetLinearVelocity({state.vx, state.vy});
+  robot_->SetAngularVelocity(state.yaw_rate);
+  // A step of no length lets the broad phase forget that the robot moved; then contacts are made in the
+  // order in which obstacles are placed, and not in one that depends on steps before.
+  world_->Step(0.0f, 1, 1);
+  PlaceObstacles(map, state);
+  world_->Step(dt, kVelocityIterations, kPositionIterations);
+  const bool touching = Touching();
+  const b2Vec2 p = robot_->GetPosition();
+  const b2Vec2 v = robot_->GetLinearVelocity();
+  state = {p.x, p.y, robot_->GetAngle(), v.x, v.y, robot_->GetAngularVelocity()};
+  RemoveObstacles();
+  return touching;
+}
+
+void ContactWorld::PlaceObstacles(const CollisionMap& map, const BodyState& state) {
+  const float reach = footprint_.Circumradius() + kMargin;
+  const auto near = [&](float x, float y, float radius) {
+    const float dx = x - state.x, dy = y - state.y, far = reach + radius;
+    return dx * dx + dy * dy < far * far;
+  };
+  b2FixtureDef fixture;
+  fixture.friction = kFriction;
+  CollisionMap::Runs runs;
+  map.FindCircles(state.x, state.y, reach, runs);
+  b2CircleShape circle;
+  fixture.shape = &circle;
+  for (const CollisionMap::Run& run : runs.span()) {
+    for (int i = run.begin; i < run.end; ++i) {
+      if (!near(map.x()[i], map.y()[i], map.radius()[i])) continue;
+      circle.m_p.Set(map.x()[i], map.y()[i]);
+      circle.m_radius = map.radius()[i];
+      obstacles_->CreateFixture(&fixture);
+    }
+  }
+  b2PolygonShape polygon;
+  fixture.shape = &polygon;
+  for (const PlacedBox& box : map.boxes()) {
+    if (!near(box.x, box.y, box.Circumradius())) continue;
+    polygon.SetAsBox(box.half_x, box.half_y, {box.x, box.y}, box.yaw);
+    polygon.m_radius = 0.0f;
+    obstacles_->CreateFixture(&fixture);
+  }
+}
+
+void ContactWorld::RemoveObstacles() {
+  while (b2Fixture* fixture = obstacles_->GetFixtureList()) obstacles_->DestroyFixture(fixture);
+}
+
+bool ContactWorld::Touching() const {
+  for (const b2ContactEdge* edge = robot_->GetContactList(); edge != nullptr; edge = edge->next) {
+    if (edge->contact->IsTouching()) return true;
+  }
+  return false;
+}
+
+}  // namespace slalom::sim

@@ -1,0 +1,165 @@
+#include "sim/environments.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "base/check.h"
+#include "base/error.h"
+
+namespace slalom::sim {
+namespace {
+
+constexpr int kMaxStartDraws = 1000;
+
+const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
+  CheckConsistent(config);
+  return config;
+}
+
+}  // namespace
+
+CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
+                                       std::vector<std::shared_ptr<const Scene>> scenes,
+                                       int batch_size, base::ParallelFor* parallel,
+                                       Robot::Stepping stepping)
+    : config_(Checked(config)),
+      scenes_(std::move(scenes)),
+      footprint_(MakeFootprint(config.robot)),
+      lidar_(config.lidar, config.observation.range_clip),
+      parallel_(parallel) {
+  SLALOM_CHECK_GE(batch_size, 1);
+  SLALOM_CHECK_GE(scenes_.size(), 1u);
+  for (const auto& scene : scenes_) {
+    SLALOM_CHECK(scene != nullptr);
+    const base::Pose2& start = scene->course().start;
+    if (Touches(*scene, start)) {
+      throw base::Error(fmt::format(
+          "course '{}': a robot of {} x {} m touches an obstacle at the start pose ({} m, {} m, {} rad)",
+          scene->course().name, config.robot.length, config.robot.width, start.p.x, start.p.y,
+          start.yaw));
+    }
+  }
+  const Robot at_rest(config.robot, NumSubsteps(config), stepping);
+  environments_.reserve(batch_size);
+  for (int i = 0; i < batch_size; ++i) environments_.emplace_back(at_rest);
+  const int num_shares = parallel == nullptr ? 1 : parallel->num_threads();
+  for (int share = 0; share < num_shares; ++share) {
+    contact_worlds_.push_back(std::make_unique<ContactWorld>(config.robot));
+  }
+  observations_.Resize(batch_size, config.lidar.num_beams);
+}
+
+void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
+  SLALOM_CHECK_GE(i, 0);
+  SLALOM_CHECK_LT(i, batch_size());
+  SLALOM_CHECK_GE(spec.course, 0);
+  SLALOM_CHECK_LT(spec.course, num_courses());
+  const Scene& scene = *scenes_[spec.course];
+  Environment& environment = environments_[i];
+  environment.scene = &scene;
+  environment.robot.Reset(DrawStart(scene, spec.seed));
+  environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
+  environment.last_action = config_.action.Normalise(0.0, 0.0);
+  environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
+  environment.num_steps = 0;
+  environment.running = true;
+  observations_.first[i] = 1;
+  Observe(i);
+}
+
+base::Pose2 CourseEnvironments::DrawStart(const Scene& scene, std::uint64_t seed) const {
+  const EpisodeConfig& episode = config_.episode;
+  const base::Pose2& start = scene.course().start;
+  base::Random random(base::DeriveSeed(seed, "start pose"));
+  for (int draw = 0; draw < kMaxStartDraws; ++draw) {
+    const double x = random.Uniform(-episode.start_position_jitter, episode.start_position_jitter);
+    const double y = random.Uniform(-episode.start_position_jitter, episode.start_position_jitter);
+    const double yaw = random.Uniform(-episode.start_yaw_jitter, episode.start_yaw_jitter);
+    const base::Pose2 drawn{start.p + base::Vec2{x, y}, start.yaw + yaw};
+    if (!Touches(scene, drawn)) return drawn;
+  }
+  return start;
+}
+
+bool CourseEnvironments::Touches(const Scene& scene, const base::Pose2& X_WR) const {
+  constexpr float kLimit = 0.1f;  // [m]
+  return scene.collision_map().Clearance(footprint_, static_cast<float>(X_WR.p.x),
+                                         static_cast<float>(X_WR.p.y),
+                                         static_cast<float>(X_WR.yaw), kLimit) <= 0.0f;
+}
+
+void CourseEnvironments::Step(std::span<const env::Action> actions,
+                              std::span<env::StepResult> results) {
+  SLALOM_CHECK_EQ(actions.size(), environments_.size());
+  SLALOM_CHECK_EQ(results.size(), environments_.size());
+  actions_ = actions;
+  results_ = results;
+  if (parallel_ == nullptr) {
+    StepShare(0);
+  } else {
+    parallel_->For(parallel_->num_threads(), [this](int share) { StepShare(share); });
+  }
+}
+
+void CourseEnvironments::StepShare(int share) {
+  const auto num_shares = contact_worlds_.size();
+  const auto begin = environments_.size() * share / num_shares;
+  const auto end = environments_.size() * (share + 1) / num_shares;
+  for (auto i = begin; i < end; ++i) {
+    if (!environments_[i].running) continue;
+    results_[i] = StepOne(environments_[i], actions_[i], *contact_worlds_[share]);
+    observations_.first[i] = 0;
+    Observe(static_cast<int>(i));
+  }
+}
+
+env::StepResult CourseEnvironments::StepOne(Environment& environment, const env::Action& action,
+                                            ContactWorld& contacts) const {
+  SLALOM_CHECK(std::isfinite(action.linear) && std::isfinite(action.angular));
+  const env::Action clipped{std::clamp(action.linear, -1.0f, 1.0f),
+                            std::clamp(action.angular, -1.0f, 1.0f)};
+  environment.last_action = clipped;
+  const Scene& scene = *environment.scene;
+  const bool collided =
+      environment.robot.Drive(config_.action.linear_mps(clipped),
+                              config_.action.angular_radps(clipped), scene.collision_map(), contacts);
+  ++environment.num_steps;
+
+  const double distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
+  double reward =
+      config_.reward.progress * (environment.goal_distance - distance) - config_.reward.slack;
+  environment.goal_distance = distance;
+  env::StepResult result;
+  if (collided) {
+    result.outcome = env::Outcome::kCollision;
+    result.cost = 1.0f;
+    reward -= config_.reward.collision;
+  } else if (distance < config_.episode.goal_tolerance) {
+    result.outcome = env::Outcome::kSuccess;
+    reward += config_.reward.success;
+  } else if (environment.num_steps >= config_.episode.max_steps) {
+    result.outcome = env::Outcome::kTimeout;
+    reward -= config_.reward.timeout;
+  }
+  result.reward = static_cast<float>(reward);
+  environment.running = !result.ended();
+  return result;
+}
+
+void CourseEnvironments::Observe(int i) {
+  Environment& environment = environments_[i];
+  const Scene& scene = *environment.scene;
+  const base::Pose2 X_WR = environment.robot.pose();
+  lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i));
+  const base::Vec2 goal_R = base::InverseTransform(X_WR, scene.course().goal_W);
+  const auto state = observations_.mutable_state(i);
+  state[0] = static_cast<float>(goal_R.x);
+  state[1] = static_cast<float>(goal_R.y);
+  state[2] = environment.last_action.linear;
+  state[3] = environment.last_action.angular;
+}
+
+}  // namespace slalom::sim

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/parallel.h"
+#include "base/random.h"
+#include "env/environment.h"
+#include "sim/contact_world.h"
+#include "sim/environment_config.h"
+#include "sim/lidar.h"
+#include "sim/robot.h"
+#include "sim/scene.h"
+
+namespace slalom::sim {
+
+/// The paper's task on a list of courses: B simulated robots stepped as a batch.
+///
+/// A step holds the command for `episode.step`, then looks: contact at any of the rigid-body steps is a
+/// collision (from the first step on); else nearer to the goal than the tolerance at the end of the step
+/// is success; else the step limit is a timeout. Frames are taken at the end of the step.
+///
+/// An episode is a value of (config, course, seed, actions), bit for bit, whatever the batch, its order or
+/// the number of threads. `Reset` and `Step` allocate nothing, save that the first contacts grow Box2D's
+/// own pools. Confined to one thread at a time.
+class CourseEnvironments : public env::BatchEnvironment {
+ public:
+  /// `parallel`: runs the batch on its threads; null: on the caller's. It must outlive this object.
+  ///
+  /// Throws `base::Error` where the config contradicts itself or where the robot would touch an obstacle
+  /// at the start of a course. Requires: batch_size >= 1, at least one scene, none null.
+  CourseEnvironments(const EnvironmentConfig& config,
+                     std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
+                     base::ParallelFor* parallel,
+                     Robot::Stepping stepping = Robot::Stepping::kBox2dInContact);
+
+  int batch_size() const override { return static_cast<int>(environments_.size()); }
+  int num_courses() const override { return static_cast<int>(scenes_.size()); }
+
+  /// The start pose is jittered as configured; a draw that touches an obstacle is drawn again.
+  /// Requires: 0 <= i < batch_size(), 0 <= spec.course < num_courses().
+  void Reset(int i, const env::EpisodeSpec& spec) override;
+
+  /// Actions are clipped to [-1, 1]. Requires: they are finite where an episode is running.
+  void Step(std::span<const env::Action> actions, std::span<env::StepResult> results) override;
+
+  const env::ObservationBatch& observations() const override { return observations_; }
+  base::Pose2 robot_pose(int i) const override { return environments_[i].robot.pose(); }
+
+  const EnvironmentConfig& config() const { return config_; }
+  const Course& course(int index) const { return scenes_[index]->course(); }
+
+ private:
+  struct Environment {
+    explicit Environment(const Robot& at_rest) : robot(at_rest), lidar_noise(0) {}
+
+    const Scene* scene = nullptr;  // Null: never reset.
+    Robot robot;
+    base::Random lidar_noise;
+    env::Action last_action;
+    double goal_distance = 0.0;  // [m]
+    int num_steps = 0;
+    bool running = false;
+  };
+
+  base::Pose2 DrawStart(const Scene& scene, std::uint64_t seed) const;
+  bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
+  void StepShare(int share);
+  env::StepResult StepOne(Environment& environment, const env::Action& action,
+                          ContactWorld& contacts) const;
+  void Observe(int i);
+
+  const EnvironmentConfig config_;
+  const std::vector<std::shared_ptr<const Scene>> scenes_;
+  const Footprint footprint_;
+  const Lidar lidar_;
+  base::ParallelFor* const parallel_;
+  std::vector<Environment> environments_;                       // [B]
+  std::vector<std::unique_ptr<ContactWorld>> contact_worlds_;   // One per thread.
+  env::ObservationBatch observations_;
+  // Arguments of the `Step` that is running.
+  std::span<const env::Action> actions_;
+  std::span<env::StepResult> results_;
+};
+
+}  // namespace slalom::sim

@@ -1,0 +1,98 @@
+#include "sim/robot.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+
+namespace slalom::sim {
+namespace {
+
+constexpr float kClearanceLimit = 0.3f;    // How far ahead clearance is looked for, [m].
+constexpr float kClearanceMargin = 1e-3f;  // Far above all rounding, [m].
+
+}  // namespace
+
+Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
+    : footprint_(MakeFootprint(config)),
+      dt_(1.0 / config.control_rate),
+      max_speed_step_(config.linear_acceleration * dt_),
+      max_yaw_rate_step_(config.angular_acceleration * dt_),
+      linear_limit_(config.linear_speed_limit),
+      angular_limit_(config.angular_speed_limit),
+      yaw_gain_(config.yaw_gain),
+      num_substeps_(num_substeps),
+      delay_(static_cast<int>(std::lround(config.command_delay * config.control_rate))),
+      stepping_(stepping) {
+  SLALOM_CHECK_GE(num_substeps, 1);
+  commands_.resize(1 + (delay_ + num_substeps - 1) / num_substeps);
+}
+
+void Robot::Reset(const base::Pose2& X_WR) {
+  body_ = {.x = static_cast<float>(X_WR.p.x),
+           .y = static_cast<float>(X_WR.p.y),
+           .yaw = static_cast<float>(X_WR.yaw)};
+  speed_ = 0.0;
+  clearance_ = 0.0f;
+  std::fill(commands_.begin(), commands_.end(), Command{});
+}
+
+bool Robot::Drive(double linear, double angular, const CollisionMap& map, ContactWorld& contacts) {
+  Push({std::clamp(linear, -linear_limit_, linear_limit_),
+        std::clamp(angular, -angular_limit_, angular_limit_)});
+  body_.yaw = static_cast<float>(base::WrapAngle(body_.yaw));
+  const float dt = static_cast<float>(dt_);
+  const auto look_around = [&] {
+    clearance_ = map.Clearance(footprint_, body_.x, body_.y, body_.yaw, kClearanceLimit);
+  };
+  if (clearance_ < kClearanceMargin) look_around();
+  bool touched = clearance_ <= 0.0f;
+  for (int substep = 0; substep < num_substeps_; ++substep) {
+    TurnWheels(CommandAt(substep));
+    const bool in_contact = clearance_ < kClearanceMargin;
+    if (in_contact || stepping_ == Stepping::kBox2dAlways) {
+      if (contacts.Step(map, dt, body_)) {
+        const auto [s, c] = base::SinCos(body_.yaw);
+        speed_ = c * body_.vx + s * body_.vy;
+        clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
+      }
+    } else {
+      body_.x += dt * body_.vx;
+      body_.y += dt * body_.vy;
+      body_.yaw += dt * body_.yaw_rate;
+    }
+    // No point of the outline moved by more than this.
+    clearance_ -= dt * (static_cast<float>(std::abs(speed_)) +
+                        std::abs(body_.yaw_rate) * footprint_.Circumradius());
+    if (clearance_ < 2.0f * kClearanceMargin) look_around();
+    touched = touched || clearance_ <= 0.0f;
+  }
+  return touched;
+}
+
+base::Pose2 Robot::pose() const { return {{body_.x, body_.y}, base::WrapAngle(body_.yaw)}; }
+
+void Robot::Push(const Command& command) {
+  std::move_backward(commands_.begin(), commands_.end() - 1, commands_.end());
+  commands_.front() = command;
+}
+
+const Robot::Command& Robot::CommandAt(int substep) const {
+  if (substep >= delay_) return commands_.front();
+  return commands_[(delay_ - substep + num_substeps_ - 1) / num_substeps_];
+}
+
+// One tick of the velocity controller. The body then moves along the chord of its arc: in the
+// direction that it has half-way through the step.
+void Robot::TurnWheels(const Command& command) {
+  speed_ += std::clamp(command.linear - speed_, -max_speed_step_, max_speed_step_);
+  const double yaw_rate = body_.yaw_rate;
+  body_.yaw_rate = static_cast<float>(
+      yaw_rate + std::clamp(yaw_gain_ * command.angular - yaw_rate, -max_yaw_rate_step_,
+                            max_yaw_rate_step_));
+  const auto [s, c] = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
+  body_.vx = static_cast<float>(speed_ * c);
+  body_.vy = static_cast<float>(speed_ * s);
+}
+
+}  // namespace slalom::sim

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <vector>
+
+#include "base/geometry.h"
+#include "sim/collision_map.h"
+#include "sim/contact_world.h"
+#include "sim/environment_config.h"
+
+namespace slalom::sim {
+
+/// The Jackal: a rigid body whose wheels follow commanded speeds, without sliding sideways, through a
+/// velocity controller that runs at `control_rate`, with the configured limits, yaw gain and delay.
+///
+/// Between contacts a body moves in the closed form that Box2D itself computes then, so Box2D is only
+/// called while something is touched; the result is the same to the bit. Thread-compatible; a value.
+class Robot {
+ public:
+  /// Which rigid-body steps are Box2D's.
+  enum class Stepping {
+    kBox2dInContact,  ///< Those that begin in contact.
+    kBox2dAlways,     ///< All of them. The same results, slower: the reference for tests.
+  };
+
+  /// `num_substeps`: rigid-body steps in a control step. Requires: num_substeps >= 1.
+  Robot(const RobotConfig& config, int num_substeps, Stepping stepping = Stepping::kBox2dInContact);
+
+  /// Puts the robot at rest, with no command under way.
+  void Reset(const base::Pose2& X_WR);
+
+  /// Drives for one control step towards the commanded speeds (`linear` [m/s], `angular` [rad/s]).
+  /// Returns whether it touched anything: at the start, or after any of the rigid-body steps.
+  bool Drive(double linear, double angular, const CollisionMap& map, ContactWorld& contacts);
+
+  /// Pose in W, heading in [-pi, pi).
+  base::Pose2 pose() const;
+  const BodyState& body() const { return body_; }
+  /// Forward speed of the wheels, [m/s].
+  double speed() const { return speed_; }
+
+ private:
+  struct Command {
+    double linear = 0.0;   // [m/s]
+    double angular = 0.0;  // [rad/s]
+  };
+
+  void Push(const Command& command);
+  const Command& CommandAt(int substep) const;
+  void TurnWheels(const Command& command);
+
+  const Footprint footprint_;
+  const double dt_;               // Of a rigid-body step, [s].
+  const double max_speed_step_;   // Largest change of speed in a rigid-body step, [m/s].
+  const double max_yaw_rate_step_;  // [rad/s]
+  const double linear_limit_;     // [m/s]
+  const double angular_limit_;    // [rad/s]
+  const double yaw_gain_;
+  const int num_substeps_;
+  const int delay_;  // [rigid-body steps]
+  const Stepping stepping_;
+
+  BodyState body_;
+  double speed_ = 0.0;      // [m/s]
+  float clearance_ = 0.0f;  // No obstacle is nearer, [m]; 0: not known.
+  std::vector<Command> commands_;  // Of this control step and those before, newest first.
+};
+
+}  // namespace slalom::sim
