@@ -89,7 +89,7 @@ double BarnScore(env::Outcome outcome, double time, double optimal_time) {
 }
 
 Summary Summarise(std::span<const EpisodeRecord> records, const sim::CourseSet& courses,
-                  const EpisodeClock& clock) {
+                  const sim::EpisodeConfig& clock) {
   const double time_limit = clock.max_steps * clock.step;
   std::vector<Totals> totals(courses.courses.size());
   for (const EpisodeRecord& record : records) {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -9,14 +8,9 @@
 #include "eval/episodes.h"
 #include "eval/statistics.h"
 #include "sim/course.h"
+#include "sim/environment_config.h"
 
 namespace slalom::eval {
-
-/// What a control step lasts and when an episode is cut, from the environment's config.
-struct EpisodeClock {
-  double step = 0.2;    ///< [s]
-  int max_steps = 400;  ///< Steps after which an episode times out.
-};
 
 /// The figures of a group of episodes.
 struct Figures {
@@ -55,8 +49,9 @@ double OptimalTime(const sim::Course& course);
 /// a success, else 0; so at most 0.5. Times in [s].
 double BarnScore(env::Outcome outcome, double time, double optimal_time);
 
-/// Requires: records ordered by course, with at least one of every course.
+/// `clock` says what a step lasts and when an episode times out.
+/// Requires: every course has at least one record; all episodes have ended.
 Summary Summarise(std::span<const EpisodeRecord> records, const sim::CourseSet& courses,
-                  const EpisodeClock& clock);
+                  const sim::EpisodeConfig& clock);
 
 }  // namespace slalom::eval

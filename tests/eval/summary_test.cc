@@ -51,7 +51,7 @@ TEST(Summarise, MatchesAHandComputedCase) {
       MakeRecord(1, 0, Outcome::kSuccess, 200),    // 40 s, optimal 10 s: 0.25
       MakeRecord(1, 1, Outcome::kTimeout, 400),    // 80 s
   };
-  const Summary summary = Summarise(records, courses, {0.2, 400});
+  const Summary summary = Summarise(records, courses, sim::EpisodeConfig{});
   const Figures& set = summary.set;
   EXPECT_EQ(set.num_episodes, 4);
   EXPECT_EQ(set.num_successes, 2);

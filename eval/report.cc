@@ -1,0 +1,204 @@
+#include "eval/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+
+namespace slalom::eval {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// ---- Terminal -------------------------------------------------------------------------------------
+
+std::string IntervalText(const std::optional<Interval>& interval, double factor, int digits,
+                         std::string_view unit) {
+  if (!interval) return "";
+  return fmt::format("{:.{}f} ... {:.{}f}{}", factor * interval->low, digits,
+                     factor * interval->high, digits, unit);
+}
+
+/// "  success          98.6 %     96.9 ... 99.4 %      493 of 500 episodes"
+std::string Line(std::string_view name, const std::optional<Estimate>& estimate, double factor,
+                 int digits, std::string_view unit, const std::string& remark) {
+  if (!estimate) return fmt::format("  {:<16}{:>10}   {:<22}{}\n", name, "-", "", remark);
+  const std::string value = fmt::format("{:.{}f}{}", factor * estimate->value, digits, unit);
+  return fmt::format("  {:<16}{:>10}   {:<22}{}\n", name, value,
+                     IntervalText(estimate->interval, factor, digits, unit), remark);
+}
+
+std::string SetLines(const Figures& set) {
+  const int num_failures = set.num_episodes - set.num_successes;
+  return Line("success", set.success_rate, 100, 1, " %",
+              fmt::format("{} of {} episodes", set.num_successes, set.num_episodes)) +
+         Line("collision", set.collision_rate, 100, 1, " %", fmt::format("{}", set.num_collisions)) +
+         Line("timeout", set.timeout_rate, 100, 1, " %", fmt::format("{}", set.num_timeouts)) +
+         Line("traversal time", set.traversal_time, 1, 2, " s",
+              fmt::format("of the {} successful", set.num_successes)) +
+         Line("survival time", set.survival_time, 1, 2, " s",
+              fmt::format("of the {} failed", num_failures)) +
+         Line("BARN score", set.barn_score, 1, 4, "", "at most 0.5");
+}
+
+/// The courses with failures, those with most of them first, in the set's order among equals.
+std::vector<const CourseFigures*> CoursesWithFailures(const Summary& summary) {
+  std::vector<const CourseFigures*> courses;
+  for (const CourseFigures& course : summary.courses) {
+    if (course.figures.num_successes < course.figures.num_episodes) courses.push_back(&course);
+  }
+  std::ranges::stable_sort(courses, {}, [](const CourseFigures* course) {
+    return course->figures.success_rate.value;
+  });
+  return courses;
+}
+
+std::string CourseLines(const Summary& summary, int max_courses) {
+  const auto courses = CoursesWithFailures(summary);
+  if (courses.empty()) return "  every episode on every course succeeded\n";
+  const auto num_shown = std::min<std::size_t>(courses.size(), std::max(0, max_courses));
+  std::string text = fmt::format("  {} of {} courses with failures{}\n", courses.size(),
+                                 summary.courses.size(),
+                                 num_shown < courses.size() ? "; the worst:" : ":");
+  for (std::size_t k = 0; k < num_shown; ++k) {
+    const Figures& figures = courses[k]->figures;
+    fmt::format_to(std::back_inserter(text),
+                   "    {:<28} {:>3} of {} succeeded, {} collided, {} timed out\n", courses[k]->name,
+                   figures.num_successes, figures.num_episodes, figures.num_collisions,
+                   figures.num_timeouts);
+  }
+  return text;
+}
+
+// ---- JSON -----------------------------------------------------------------------------------------
+
+Json ToJson(const std::optional<Interval>& interval) {
+  if (!interval) return nullptr;
+  return {interval->low, interval->high};
+}
+
+void Put(Json& object, const std::string& name, const std::optional<Estimate>& estimate) {
+  object[name] = estimate ? Json(estimate->value) : Json(nullptr);
+  object[name + "_interval"] = estimate ? ToJson(estimate->interval) : Json(nullptr);
+}
+
+void PutFigures(Json& object, const Figures& figures) {
+  object["episodes"] = figures.num_episodes;
+  object["successes"] = figures.num_successes;
+  object["collisions"] = figures.num_collisions;
+  object["timeouts"] = figures.num_timeouts;
+  Put(object, "success_rate", figures.success_rate);
+  Put(object, "collision_rate", figures.collision_rate);
+  Put(object, "timeout_rate", figures.timeout_rate);
+  Put(object, "survival_time_s", figures.survival_time);
+  Put(object, "traversal_time_s", figures.traversal_time);
+  Put(object, "barn_score", figures.barn_score);
+  object["mean_return"] = figures.mean_return;
+  object["mean_path_length_m"] = figures.mean_path_length;
+}
+
+Json ProtocolJson(const Evaluation& evaluation) {
+  const EvaluationConfig& protocol = evaluation.protocol;
+  return {{"episodes_per_course", protocol.episodes_per_course},
+          {"seed", protocol.seed},
+          {"start_position_jitter_m", protocol.start_position_jitter},
+          {"start_yaw_jitter_rad", protocol.start_yaw_jitter},
+          {"step_s", evaluation.clock.step},
+          {"max_steps", evaluation.clock.max_steps},
+          {"goal_tolerance_m", evaluation.clock.goal_tolerance},
+          {"confidence", 0.95}};
+}
+
+// ---- CSV ------------------------------------------------------------------------------------------
+
+std::string TimeField(const std::optional<Estimate>& time) {
+  return time ? fmt::format("{:.4f}", time->value) : "";
+}
+
+void Append(std::string& text, const Estimate& rate) {
+  fmt::format_to(std::back_inserter(text), "{:.6f},{:.6f},{:.6f},", rate.value, rate.interval->low,
+                 rate.interval->high);
+}
+
+}  // namespace
+
+std::string TextReport(const Evaluation& evaluation, int max_courses) {
+  const Summary& summary = evaluation.summary;
+  const EvaluationConfig& protocol = evaluation.protocol;
+  return fmt::format("{}: {} courses x {} episodes, seed {}, start within {} m and {} rad\n"
+                     "  {:<16}{:>10}   {:<22}\n",
+                     evaluation.course_set, summary.courses.size(), protocol.episodes_per_course,
+                     protocol.seed, protocol.start_position_jitter, protocol.start_yaw_jitter, "",
+                     "", "95 % interval") +
+         SetLines(summary.set) + CourseLines(summary, max_courses);
+}
+
+std::string JsonReport(const Evaluation& evaluation, const Provenance& provenance) {
+  Json report;
+  report["course_set"] = evaluation.course_set;
+  PutFigures(report, evaluation.summary.set);
+  report["protocol"] = ProtocolJson(evaluation);
+  report["provenance"] = {{"policy", provenance.policy},
+                          {"course_set", provenance.course_set},
+                          {"collection", provenance.collection},
+                          {"commit", provenance.commit}};
+  Json courses = Json::array();
+  for (const CourseFigures& course : evaluation.summary.courses) {
+    Json object;
+    object["course"] = course.name;
+    object["optimal_time_s"] = course.optimal_time;
+    PutFigures(object, course.figures);
+    courses.push_back(std::move(object));
+  }
+  report["courses"] = std::move(courses);
+  // A path need not be UTF-8; what is not is replaced, not refused.
+  return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string CourseCsv(const Evaluation& evaluation) {
+  std::string text =
+      "course,episodes,successes,collisions,timeouts,success_rate,success_rate_low,success_rate_high,"
+      "collision_rate,collision_rate_low,collision_rate_high,timeout_rate,timeout_rate_low,"
+      "timeout_rate_high,survival_time_s,traversal_time_s,optimal_time_s,barn_score,mean_return,"
+      "mean_path_length_m\n";
+  for (const CourseFigures& course : evaluation.summary.courses) {
+    const Figures& figures = course.figures;
+    fmt::format_to(std::back_inserter(text), "{},{},{},{},{},", course.name, figures.num_episodes,
+                   figures.num_successes, figures.num_collisions, figures.num_timeouts);
+    Append(text, figures.success_rate);
+    Append(text, figures.collision_rate);
+    Append(text, figures.timeout_rate);
+    fmt::format_to(std::back_inserter(text), "{},{},{:.4f},{:.6f},{:.6f},{:.4f}\n",
+                   TimeField(figures.survival_time), TimeField(figures.traversal_time),
+                   course.optimal_time, figures.barn_score.value, figures.mean_return,
+                   figures.mean_path_length);
+  }
+  return text;
+}
+
+std::string EpisodeCsv(const Evaluation& evaluation) {
+  std::string text =
+      "course,episode,seed,outcome,steps,time_s,path_length_m,min_range_m,return,barn_score\n";
+  for (const EpisodeRecord& record : evaluation.episodes.records) {
+    const CourseFigures& course = evaluation.summary.courses[record.course];
+    const double time = record.num_steps * evaluation.clock.step;
+    fmt::format_to(std::back_inserter(text), "{},{},{},{},{},{:.4f},{:.4f},{:.2f},{:.6f},{:.6f}\n",
+                   course.name, record.episode, record.seed, env::ToString(record.outcome),
+                   record.num_steps, time, record.path_length, record.min_range,
+                   record.episode_return, BarnScore(record.outcome, time, course.optimal_time));
+  }
+  return text;
+}
+
+void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
+                  const std::filesystem::path& directory) {
+  base::MakeDirectories(directory);
+  base::WriteFileAtomically(directory / "evaluation.json", JsonReport(evaluation, provenance));
+  base::WriteFileAtomically(directory / "evaluation-courses.csv", CourseCsv(evaluation));
+  base::WriteFileAtomically(directory / "evaluation-episodes.csv", EpisodeCsv(evaluation));
+}
+
+}  // namespace slalom::eval

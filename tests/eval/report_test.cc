@@ -1,0 +1,135 @@
+#include "eval/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "tests/support/fake_environment.h"
+
+namespace slalom::eval {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+Evaluation MakeEvaluation(std::vector<double> success_probability) {
+  sim::CourseSet courses{"made", {}};
+  for (std::size_t c = 0; c < success_probability.size(); ++c) {
+    auto course = std::make_shared<sim::Course>();
+    course->name = "course-" + std::to_string(c);
+    course->goal_W = {10.0, 0.0};
+    courses.courses.push_back(std::move(course));
+  }
+  EvaluationConfig protocol;
+  protocol.episodes_per_course = 5;
+  protocol.num_environments = 4;
+  const int batch_size = NumEnvironments(protocol, courses);
+  testing::FakeEnvironment environments(batch_size, std::move(success_probability));
+  testing::SummingAgent agent(batch_size);
+  return Evaluate(protocol, WithProtocol({}, protocol), courses, environments, agent).value();
+}
+
+const Provenance kProvenance{"runs/x/policy.safetensors", "static-test", "", "abc123"};
+
+std::vector<std::string> Split(const std::string& text, char separator) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, separator);) parts.push_back(part);
+  return parts;
+}
+
+TEST(JsonReport, HoldsTheSetsFigures) {
+  const Evaluation evaluation = MakeEvaluation({0.2, 0.5, 0.8});
+  const Figures& set = evaluation.summary.set;
+  const json report = json::parse(JsonReport(evaluation, kProvenance));
+  EXPECT_EQ(report["episodes"], 15);
+  EXPECT_EQ(report["success_rate"], set.success_rate.value);
+  EXPECT_EQ(report["success_rate_interval"][0], set.success_rate.interval->low);
+  EXPECT_EQ(report["success_rate_interval"][1], set.success_rate.interval->high);
+  EXPECT_EQ(report["collision_rate"], set.collision_rate.value);
+  EXPECT_EQ(report["collision_rate_interval"][1], set.collision_rate.interval->high);
+  EXPECT_EQ(report["timeout_rate"], set.timeout_rate.value);
+  EXPECT_EQ(report["timeout_rate_interval"][0], set.timeout_rate.interval->low);
+  EXPECT_EQ(report["survival_time_s"], set.survival_time->value);
+  EXPECT_EQ(report["traversal_time_s"], set.traversal_time->value);
+  EXPECT_EQ(report["barn_score"], set.barn_score.value);
+  EXPECT_EQ(report["barn_score_interval"].size(), 2u);
+  EXPECT_EQ(report["protocol"]["seed"], 1);
+  EXPECT_EQ(report["provenance"]["policy"], "runs/x/policy.safetensors");
+  EXPECT_EQ(report["provenance"]["commit"], "abc123");
+  ASSERT_EQ(report["courses"].size(), 3u);
+  EXPECT_EQ(report["courses"][2]["course"], "course-2");
+  EXPECT_EQ(report["courses"][2]["episodes"], 5);
+}
+
+TEST(JsonReport, HasNullWhereThereIsNoFigure) {
+  const json won = json::parse(JsonReport(MakeEvaluation({1.0, 1.0}), kProvenance));
+  EXPECT_TRUE(won["survival_time_s"].is_null());
+  EXPECT_TRUE(won["survival_time_s_interval"].is_null());
+  EXPECT_TRUE(won["traversal_time_s"].is_number());
+  const json lost = json::parse(JsonReport(MakeEvaluation({0.0}), kProvenance));
+  EXPECT_TRUE(lost["traversal_time_s"].is_null());
+  EXPECT_TRUE(lost["survival_time_s"].is_number());
+  EXPECT_TRUE(lost["survival_time_s_interval"].is_null());  // One course has no spread.
+}
+
+TEST(JsonReport, SurvivesAPathThatIsNotUtf8) {
+  const std::string text = JsonReport(MakeEvaluation({1.0}), {"\xff\xfe", "", "", ""});
+  EXPECT_TRUE(json::accept(text));
+}
+
+TEST(CourseCsv, HasOneFullLinePerCourse) {
+  const auto lines = Split(CourseCsv(MakeEvaluation({0.0, 0.5, 1.0})), '\n');
+  ASSERT_EQ(lines.size(), 4u);
+  for (const std::string& line : lines) EXPECT_EQ(Split(line, ',').size(), 20u) << line;
+  EXPECT_THAT(lines[3], ::testing::StartsWith("course-2,5,5,0,0,1.000000,"));
+}
+
+TEST(EpisodeCsv, HasOneFullLinePerEpisode) {
+  const Evaluation evaluation = MakeEvaluation({0.0, 0.5, 1.0});
+  const auto lines = Split(EpisodeCsv(evaluation), '\n');
+  ASSERT_EQ(lines.size(), 16u);
+  for (const std::string& line : lines) EXPECT_EQ(Split(line, ',').size(), 10u) << line;
+  const EpisodeRecord& last = evaluation.episodes.records.back();
+  EXPECT_THAT(lines.back(), ::testing::StartsWith("course-2,4," + std::to_string(last.seed) +
+                                                  ",success," + std::to_string(last.num_steps)));
+}
+
+TEST(TextReport, NamesTheWorstCoursesFirst) {
+  const std::string text = TextReport(MakeEvaluation({1.0, 0.5, 0.0, 1.0}), 1);
+  EXPECT_THAT(text, HasSubstr("made: 4 courses x 5 episodes, seed 1"));
+  EXPECT_THAT(text, HasSubstr("of 20 episodes"));
+  EXPECT_THAT(text, HasSubstr("the worst:\n    course-2 "));
+  EXPECT_THAT(text, ::testing::Not(HasSubstr("course-1")));
+  EXPECT_THAT(TextReport(MakeEvaluation({1.0, 1.0})), HasSubstr("every course succeeded"));
+}
+
+TEST(WriteReports, WritesThreeFiles) {
+  const std::filesystem::path directory =
+      std::filesystem::path(::testing::TempDir()) / "slalom-write-reports";
+  const Evaluation evaluation = MakeEvaluation({0.5});
+  WriteReports(evaluation, kProvenance, directory);
+  EXPECT_EQ(base::ReadFile(directory / "evaluation.json"), JsonReport(evaluation, kProvenance));
+  EXPECT_EQ(base::ReadFile(directory / "evaluation-courses.csv"), CourseCsv(evaluation));
+  EXPECT_EQ(base::ReadFile(directory / "evaluation-episodes.csv"), EpisodeCsv(evaluation));
+  EXPECT_THROW(WriteReports(evaluation, kProvenance, directory / "evaluation.json"), base::Error);
+  std::filesystem::remove_all(directory);
+}
+
+TEST(WithProtocol, JittersTheStart) {
+  EvaluationConfig protocol;
+  protocol.start_position_jitter = 0.25;
+  protocol.start_yaw_jitter = 0.5;
+  const sim::EnvironmentConfig environment = WithProtocol({}, protocol);
+  EXPECT_EQ(environment.episode.start_position_jitter, 0.25);
+  EXPECT_EQ(environment.episode.start_yaw_jitter, 0.5);
+}
+
+}  // namespace
+}  // namespace slalom::eval
