@@ -1,0 +1,48 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "sim/course.h"
+#include "sim/npy_file.h"
+#include "sim/world_file.h"
+
+/// Reads the original data set: world_N.world (SDF) and path_N.npy, as published by Xu et al.
+
+namespace slalom::sim {
+
+/// What a directory of the original data set gave. A value.
+struct BarnImport {
+  std::map<int, std::shared_ptr<const Course>> courses;  ///< By the N of world_N.world.
+  std::vector<std::string> warnings;  ///< One sentence each: mended files, worlds without a path.
+  std::vector<std::string> skipped;   ///< One sentence each: worlds that are no static course, and why.
+};
+
+/// The course of one world. `path`: (row, col) cells of the field, null: none.
+///
+/// Start, goal and bounds are those of the static courses. A world whose obstacles all lie on the lattice
+/// gets its difficulty measured along the path. Throws `Error` that names `source` where the path is not one
+/// or the course cannot be driven (`WhyUnsolvable`). Requires: world.num_moving_models == 0.
+Course MakeImportedCourse(std::string name, const World& world, const IntegerTable* path,
+                          const std::string& source);
+
+/// Imports every world_N.world of `directory` as course "barn-NNN"; its path is sought in path_files/ and
+/// beside it. Worlds with moving obstacles are skipped. Throws `Error` that names file and reason at the first
+/// file that cannot be read or made a course, or where the directory holds no world.
+BarnImport ImportBarn(const std::filesystem::path& directory);
+
+/// What `WriteCollection` wrote. A value.
+struct WrittenCollection {
+  std::vector<std::string> sets;        ///< Names of the set files.
+  std::vector<std::string> incomplete;  ///< Sets left out, because a course of theirs is missing.
+};
+
+/// Writes a collection for `ResolveCourses`: courses/NAME.course for each course, and a set file for
+/// "static" (all there are) and for each of `StaticSplitNames()` whose courses are all there.
+/// Throws `Error` where that fails.
+WrittenCollection WriteCollection(const BarnImport& import, const std::filesystem::path& output);
+
+}  // namespace slalom::sim
