@@ -18,13 +18,15 @@ float Clip(double value) { return static_cast<float>(std::clamp(value, -1.0, 1.0
 
 std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments) {
   if (config.noise_min > config.noise_max) {
-    throw base::Error(fmt::format("noise_min is {} but noise_max is {}; expected noise_min <= noise_max",
-                                  config.noise_min, config.noise_max));
+    throw base::Error(
+        fmt::format("noise_min is {} but noise_max is {}; expected noise_min <= noise_max",
+                    config.noise_min, config.noise_max));
   }
   const bool geometric = config.noise_spread == "geometric" && config.noise_min < config.noise_max;
   if (geometric && config.noise_min == 0.0) {
     throw base::Error(
-        "noise_min is 0; expected more than 0 with noise_spread = \"geometric\" (or choose \"linear\")");
+        "noise_min is 0; expected more than 0 with noise_spread = \"geometric\" (or choose "
+        "\"linear\")");
   }
   std::vector<double> noise(num_environments, config.noise_min);
   for (int i = 1; i < num_environments; ++i) {
@@ -78,8 +80,8 @@ void Actor::Step(replay::Chunk* out) {
 
 void Actor::BeginEpisode(int i) {
   Environment& environment = running_[i];
-  base::Random draw(base::DeriveSeed(
-      seed_, "training episode", {static_cast<std::uint64_t>(i), environment.episode_number}));
+  base::Random draw(base::DeriveSeed(seed_, "training episode",
+                                     {static_cast<std::uint64_t>(i), environment.episode_number}));
   const auto num_courses = static_cast<std::uint64_t>(environments_.num_courses());
   environment.spec.course = static_cast<int>(draw.UniformInt(num_courses));
   environment.spec.seed = draw.NextU64();
@@ -161,8 +163,7 @@ ActorState Actor::Save() const {
 
 void Actor::Restore(const ActorState& state) {
   if (state.seed != seed_) {
-    throw base::Error(
-        fmt::format("actor state is of seed {}, expected {}", state.seed, seed_));
+    throw base::Error(fmt::format("actor state is of seed {}, expected {}", state.seed, seed_));
   }
   if (std::ssize(state.open) != environments_.batch_size()) {
     throw base::Error(fmt::format("actor state is of {} environments, expected {}",
@@ -172,10 +173,11 @@ void Actor::Restore(const ActorState& state) {
   for (int i = 0; i < environments_.batch_size(); ++i) {
     const OpenEpisode& open = state.open[i];
     if (FrameChecksum(i) != open.frame_checksum) {
-      throw base::Error(fmt::format(
-          "the open episode of environment {} does not lead where it did when it was saved; expected the "
-          "same courses and environment config",
-          i));
+      throw base::Error(
+          fmt::format("the open episode of environment {} does not lead where it did when it was "
+                      "saved; expected the "
+                      "same courses and environment config",
+                      i));
     }
     Environment& environment = running_[i];
     environment.episode_number = open.number;
@@ -190,9 +192,9 @@ void Actor::Restore(const ActorState& state) {
   recent_.assign(state.recent.begin(), state.recent.end());
 }
 
-/// All open episodes end now, so the shorter ones begin later: each step is driven beside the same steps of
-/// the other environments as the first time. Until its episode begins, an environment runs the one that the
-/// constructor began, from a fresh start, with its results unused.
+/// All open episodes end now, so the shorter ones begin later: each step is driven beside the same
+/// steps of the other environments as the first time. Until its episode begins, an environment runs
+/// the one that the constructor began, from a fresh start, with its results unused.
 void Actor::ReplayOpenEpisodes(const std::vector<OpenEpisode>& open) {
   std::size_t longest = 0;
   for (const OpenEpisode& episode : open) {

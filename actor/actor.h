@@ -30,24 +30,25 @@ struct ActorStats {
 };
 
 /// Standard deviation of the exploration noise in each of the environments, [B].
-/// Throws `base::Error` where noise_min exceeds noise_max, or is 0 in a geometric spread that is not even.
+/// Throws `base::Error` where noise_min exceeds noise_max, or is 0 in a geometric spread that is
+/// not even.
 std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments);
 
 /// Drives a batch of environments with an agent and exploration noise, and hands on what happens.
 ///
-/// Each episode's course is drawn uniformly. Every environment has random streams of its own, so what is
-/// drawn for one does not depend on when the episodes of others end.
+/// Each episode's course is drawn uniformly. Every environment has random streams of its own, so
+/// what is drawn for one does not depend on when the episodes of others end.
 ///
 /// `Step`, `Save` and `Restore` are confined to one thread at a time; `stats` may be called by any.
 class Actor {
  public:
-  /// Begins the first episode of every environment. `environments` and `agent` must outlive the actor.
-  /// Throws `base::Error` where `config` contradicts itself.
+  /// Begins the first episode of every environment. `environments` and `agent` must outlive the
+  /// actor. Throws `base::Error` where `config` contradicts itself.
   Actor(const ActorConfig& config, env::BatchEnvironment& environments, env::Agent& agent,
         std::uint64_t seed);
 
-  /// One control step of every environment: B rows are added to `out`, and one more for each episode that
-  /// ends; in its place the next one begins. Stream i of the chunk is environment i.
+  /// One control step of every environment: B rows are added to `out`, and one more for each
+  /// episode that ends; in its place the next one begins. Stream i of the chunk is environment i.
   /// Requires: out->num_beams is that of the observations.
   void Step(replay::Chunk* out);
 
@@ -56,13 +57,12 @@ class Actor {
   /// The state between two steps.
   ActorState Save() const;
 
-  /// Goes on from `state`: the open episodes are driven again with their recorded actions. The agent sees
-  /// the same frames on the way (its choices are ignored), so that whatever it remembers of an episode is
-  /// there again. The following steps are, bit for bit, those of the actor that was saved, provided that
-  /// the agent chooses the same.
-  /// Throws `base::Error` where the state is of another seed, another number of environments, or does not
-  /// lead to the frames it was saved with (other courses or another environment config); the actor is
-  /// then not to be used further.
+  /// Goes on from `state`: the open episodes are driven again with their recorded actions. The
+  /// agent sees the same frames on the way (its choices are ignored), so that whatever it remembers
+  /// of an episode is there again. The following steps are, bit for bit, those of the actor that
+  /// was saved, provided that the agent chooses the same. Throws `base::Error` where the state is
+  /// of another seed, another number of environments, or does not lead to the frames it was saved
+  /// with (other courses or another environment config); the actor is then not to be used further.
   void Restore(const ActorState& state);
 
  private:
@@ -84,11 +84,11 @@ class Actor {
   const std::uint64_t seed_;
   env::BatchEnvironment& environments_;
   env::Agent& agent_;
-  const std::vector<double> noise_;         // [B]
-  std::vector<Environment> running_;        // [B]
-  std::vector<env::Action> actions_;        // [B]
-  std::vector<env::StepResult> results_;    // [B]
-  std::vector<int> rows_;                   // [B] in the chunk being filled.
+  const std::vector<double> noise_;       // [B]
+  std::vector<Environment> running_;      // [B]
+  std::vector<env::Action> actions_;      // [B]
+  std::vector<env::StepResult> results_;  // [B]
+  std::vector<int> rows_;                 // [B] in the chunk being filled.
 
   mutable base::Mutex mutex_;
   std::int64_t num_steps_ GUARDED_BY(mutex_) = 0;

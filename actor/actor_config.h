@@ -18,15 +18,18 @@ struct ActorConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("num_environments", num_environments, base::Range{1, 4096}, "", "Environments stepped as one batch.");
+    v("num_environments", num_environments, base::Range{1, 4096}, "",
+      "Environments stepped as one batch.");
     v("noise_min", noise_min, base::Range{0.0, 5.0}, "",
-      "Standard deviation of the Gaussian noise on the normalised action in the first environment.");
+      "Standard deviation of the Gaussian noise on the normalised action in the first "
+      "environment.");
     v("noise_max", noise_max, base::Range{0.0, 5.0}, "",
       "The same in the last environment; those between lie evenly between.");
     v("noise_spread", noise_spread, base::OneOf{"geometric", "linear"}, "",
       "Whether even means equal ratios or equal differences.");
     v("warmup_steps", warmup_steps, base::Range{0, 1.0e12}, "",
-      "Environment steps with uniformly random actions before the policy drives; 0: it drives from the start.");
+      "Environment steps with uniformly random actions before the policy drives; 0: it drives from "
+      "the start.");
     v("stats_episodes", stats_episodes, base::Range{1, 100000}, "",
       "Last episodes over which training success and return are averaged.");
   }

@@ -55,8 +55,8 @@ class Reader {
     bytes_.remove_prefix(size);
     return text;
   }
-  /// Every item takes at least one byte, so a length beyond the bytes left is refused before memory is
-  /// taken for it.
+  /// Every item takes at least one byte, so a length beyond the bytes left is refused before memory
+  /// is taken for it.
   template <class T, class Field>
   void List(std::vector<T>& list, Field field) {
     std::uint64_t size = 0;
@@ -117,8 +117,8 @@ std::string ActorState::Serialize() const {
 
 ActorState ActorState::Parse(std::string_view bytes, std::string_view source) {
   if (bytes.size() < kMagic.size() + sizeof(std::uint64_t) || !bytes.starts_with(kMagic)) {
-    throw base::Error(fmt::format("{}: not an actor state (expected it to start with {})", source,
-                                  kMagic));
+    throw base::Error(
+        fmt::format("{}: not an actor state (expected it to start with {})", source, kMagic));
   }
   const std::string_view content = bytes.substr(0, bytes.size() - sizeof(std::uint64_t));
   std::uint64_t expected = 0;

@@ -22,7 +22,7 @@ struct EpisodeSummary {
 
 /// What one environment is in the middle of.
 struct OpenEpisode {
-  std::uint64_t number = 0;          ///< How many episodes this environment began before.
+  std::uint64_t number = 0;  ///< How many episodes this environment began before.
   env::EpisodeSpec spec;
   base::Random::State noise{};       ///< Stream of the exploration noise, before the next step.
   float episode_return = 0.0f;       ///< So far.
@@ -30,20 +30,21 @@ struct OpenEpisode {
   std::vector<env::Action> actions;  ///< Taken so far, as given to the environment.
 };
 
-/// All that an `Actor` needs to go on as if it had never stopped: environments are deterministic, so the
-/// actions of the open episodes stand for their state.
+/// All that an `Actor` needs to go on as if it had never stopped: environments are deterministic,
+/// so the actions of the open episodes stand for their state.
 struct ActorState {
   std::uint64_t seed = 0;
-  std::int64_t num_steps = 0;     ///< Environment steps in all.
-  std::int64_t num_episodes = 0;  ///< Finished in all.
+  std::int64_t num_steps = 0;          ///< Environment steps in all.
+  std::int64_t num_episodes = 0;       ///< Finished in all.
   std::vector<EpisodeSummary> recent;  ///< Last finished episodes, oldest first.
   std::vector<OpenEpisode> open;       ///< One per environment.
 
-  /// The state as bytes, little-endian: "SLACTOR1", the fields in the order above (each list preceded by
-  /// its length as u64), then the XXH3 of all bytes before.
+  /// The state as bytes, little-endian: "SLACTOR1", the fields in the order above (each list
+  /// preceded by its length as u64), then the XXH3 of all bytes before.
   std::string Serialize() const;
 
-  /// Throws `base::Error` that starts with `source` where the bytes are cut, damaged or not a state.
+  /// Throws `base::Error` that starts with `source` where the bytes are cut, damaged or not a
+  /// state.
   static ActorState Parse(std::string_view bytes, std::string_view source);
 };
 

@@ -15,7 +15,8 @@ double SmallestRange(const env::FrameView& frame) {
   return 0.01 * *std::min_element(frame.ranges_cm.begin(), frame.ranges_cm.end());
 }
 
-/// Hands the episodes out in order to whichever environment is free, and writes each into its own place.
+/// Hands the episodes out in order to whichever environment is free, and writes each into its own
+/// place.
 class Driver {
  public:
   Driver(const EvaluationConfig& config, const sim::CourseSet& courses,
@@ -81,7 +82,8 @@ class Driver {
   void Finish(int i) {
     EpisodeRecord& r = record(i);
     r.outcome = results_[i].outcome;
-    const int recorded = std::min(config_.recorded_episodes_per_course, config_.episodes_per_course);
+    const int recorded =
+        std::min(config_.recorded_episodes_per_course, config_.episodes_per_course);
     if (r.episode < recorded) {
       episodes_.trajectories[static_cast<std::size_t>(r.course) * recorded + r.episode] = {
           r.course, r.episode, r.outcome, poses_[i]};
@@ -92,10 +94,10 @@ class Driver {
   const EvaluationConfig& config_;
   const sim::CourseSet& courses_;
   env::BatchEnvironment& environments_;
-  std::vector<env::StepResult> results_;           // [B]
-  std::vector<env::Action> actions_;               // [B]
-  std::vector<int> episode_of_;                    // [B] index of the record, or kIdle.
-  std::vector<std::vector<base::Pose2>> poses_;    // [B] of the running episode.
+  std::vector<env::StepResult> results_;         // [B]
+  std::vector<env::Action> actions_;             // [B]
+  std::vector<int> episode_of_;                  // [B] index of the record, or kIdle.
+  std::vector<std::vector<base::Pose2>> poses_;  // [B] of the running episode.
   Episodes episodes_;
   int num_started_ = 0;
   int num_ended_ = 0;

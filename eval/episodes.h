@@ -21,10 +21,10 @@ struct EpisodeRecord {
   int episode = 0;         ///< 0 ... episodes_per_course - 1.
   std::uint64_t seed = 0;  ///< Of the `EpisodeSpec`.
   env::Outcome outcome = env::Outcome::kRunning;
-  int num_steps = 0;           ///< Control steps until it ended.
-  double path_length = 0.0;    ///< Driven, along the poses at the control steps, [m].
-  double min_range = 0.0;      ///< Smallest range that the LiDAR reported, [m].
-  double episode_return = 0.0; ///< Sum of rewards, not discounted.
+  int num_steps = 0;            ///< Control steps until it ended.
+  double path_length = 0.0;     ///< Driven, along the poses at the control steps, [m].
+  double min_range = 0.0;       ///< Smallest range that the LiDAR reported, [m].
+  double episode_return = 0.0;  ///< Sum of rewards, not discounted.
 
   friend bool operator==(const EpisodeRecord&, const EpisodeRecord&) = default;
 };
@@ -40,23 +40,25 @@ struct Trajectory {
 /// All episodes of an evaluation, ordered by course, then episode.
 struct Episodes {
   std::vector<EpisodeRecord> records;
-  std::vector<Trajectory> trajectories;  ///< Of the first recorded_episodes_per_course of each course.
+  std::vector<Trajectory>
+      trajectories;  ///< Of the first recorded_episodes_per_course of each course.
 };
 
 /// Told after each control step how many of all episodes have ended.
 using Progress = std::function<void(int num_ended, int num_episodes)>;
 
-/// Seed of one evaluation episode. It depends on the course's name, not on its place, so a course meets the
-/// same starts and the same noise in whatever set it appears, and two policies are compared on the same.
-/// The purpose "evaluation" keeps it apart from every training stream of the same root seed.
+/// Seed of one evaluation episode. It depends on the course's name, not on its place, so a course
+/// meets the same starts and the same noise in whatever set it appears, and two policies are
+/// compared on the same. The purpose "evaluation" keeps it apart from every training stream of the
+/// same root seed.
 std::uint64_t EvaluationSeed(std::int64_t root_seed, const sim::Course& course, int episode);
 
-/// Drives `episodes_per_course` episodes on each course and records them. None: `stop` was requested first
-/// (the episodes that end early are the short ones, so a part would mislead).
+/// Drives `episodes_per_course` episodes on each course and records them. None: `stop` was
+/// requested first (the episodes that end early are the short ones, so a part would mislead).
 ///
-/// The records do not depend on the batch size or the threads of `environments`, as far as the agent
-/// chooses the action of one environment without regard to the others.
-/// Requires: environments.num_courses() == courses.courses.size(), at least one course.
+/// The records do not depend on the batch size or the threads of `environments`, as far as the
+/// agent chooses the action of one environment without regard to the others. Requires:
+/// environments.num_courses() == courses.courses.size(), at least one course.
 [[nodiscard]] std::optional<Episodes> RunEpisodes(const EvaluationConfig& config,
                                                   const sim::CourseSet& courses,
                                                   env::BatchEnvironment& environments,

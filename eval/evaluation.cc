@@ -26,8 +26,7 @@ std::optional<Evaluation> Evaluate(const EvaluationConfig& protocol,
                                    const sim::CourseSet& courses,
                                    env::BatchEnvironment& environments, env::Agent& agent,
                                    const Progress& progress, std::stop_token stop) {
-  auto episodes =
-      RunEpisodes(protocol, courses, environments, agent, progress, std::move(stop));
+  auto episodes = RunEpisodes(protocol, courses, environments, agent, progress, std::move(stop));
   if (!episodes) return std::nullopt;
   Summary summary = Summarise(episodes->records, courses, environment.episode);
   return Evaluation{protocol, environment.episode, courses.name, *std::move(episodes),

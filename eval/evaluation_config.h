@@ -17,7 +17,8 @@ struct EvaluationConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("episodes_per_course", episodes_per_course, base::Range{1, 100000}, "", "Episodes on each course.");
+    v("episodes_per_course", episodes_per_course, base::Range{1, 100000}, "",
+      "Episodes on each course.");
     v("seed", seed, base::Range{0, 9.0e15}, "", "Root of the evaluation's own random streams.");
     v("start_position_jitter", start_position_jitter, base::Range{0.0, 1.0}, "m",
       "Half width of the uniform error of the start position, along x and y.");

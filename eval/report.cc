@@ -13,7 +13,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// ---- Terminal -------------------------------------------------------------------------------------
+// ---- Terminal
+// -------------------------------------------------------------------------------------
 
 std::string IntervalText(const std::optional<Interval>& interval, double factor, int digits,
                          std::string_view unit) {
@@ -35,7 +36,8 @@ std::string SetLines(const Figures& set) {
   const int num_failures = set.num_episodes - set.num_successes;
   return Line("success", set.success_rate, 100, 1, " %",
               fmt::format("{} of {} episodes", set.num_successes, set.num_episodes)) +
-         Line("collision", set.collision_rate, 100, 1, " %", fmt::format("{}", set.num_collisions)) +
+         Line("collision", set.collision_rate, 100, 1, " %",
+              fmt::format("{}", set.num_collisions)) +
          Line("timeout", set.timeout_rate, 100, 1, " %", fmt::format("{}", set.num_timeouts)) +
          Line("traversal time", set.traversal_time, 1, 2, " s",
               fmt::format("of the {} successful", set.num_successes)) +
@@ -50,9 +52,8 @@ std::vector<const CourseFigures*> CoursesWithFailures(const Summary& summary) {
   for (const CourseFigures& course : summary.courses) {
     if (course.figures.num_successes < course.figures.num_episodes) courses.push_back(&course);
   }
-  std::ranges::stable_sort(courses, {}, [](const CourseFigures* course) {
-    return course->figures.success_rate.value;
-  });
+  std::ranges::stable_sort(
+      courses, {}, [](const CourseFigures* course) { return course->figures.success_rate.value; });
   return courses;
 }
 
@@ -60,20 +61,21 @@ std::string CourseLines(const Summary& summary, int max_courses) {
   const auto courses = CoursesWithFailures(summary);
   if (courses.empty()) return "  every episode on every course succeeded\n";
   const auto num_shown = std::min<std::size_t>(courses.size(), std::max(0, max_courses));
-  std::string text = fmt::format("  {} of {} courses with failures{}\n", courses.size(),
-                                 summary.courses.size(),
-                                 num_shown < courses.size() ? "; the worst:" : ":");
+  std::string text =
+      fmt::format("  {} of {} courses with failures{}\n", courses.size(), summary.courses.size(),
+                  num_shown < courses.size() ? "; the worst:" : ":");
   for (std::size_t k = 0; k < num_shown; ++k) {
     const Figures& figures = courses[k]->figures;
     fmt::format_to(std::back_inserter(text),
-                   "    {:<28} {:>3} of {} succeeded, {} collided, {} timed out\n", courses[k]->name,
-                   figures.num_successes, figures.num_episodes, figures.num_collisions,
-                   figures.num_timeouts);
+                   "    {:<28} {:>3} of {} succeeded, {} collided, {} timed out\n",
+                   courses[k]->name, figures.num_successes, figures.num_episodes,
+                   figures.num_collisions, figures.num_timeouts);
   }
   return text;
 }
 
-// ---- JSON -----------------------------------------------------------------------------------------
+// ---- JSON
+// -----------------------------------------------------------------------------------------
 
 Json ToJson(const std::optional<Interval>& interval) {
   if (!interval) return nullptr;
@@ -112,7 +114,8 @@ Json ProtocolJson(const Evaluation& evaluation) {
           {"confidence", 0.95}};
 }
 
-// ---- CSV ------------------------------------------------------------------------------------------
+// ---- CSV
+// ------------------------------------------------------------------------------------------
 
 std::string TimeField(const std::optional<Estimate>& time) {
   return time ? fmt::format("{:.4f}", time->value) : "";
@@ -128,11 +131,12 @@ void Append(std::string& text, const Estimate& rate) {
 std::string TextReport(const Evaluation& evaluation, int max_courses) {
   const Summary& summary = evaluation.summary;
   const EvaluationConfig& protocol = evaluation.protocol;
-  return fmt::format("{}: {} courses x {} episodes, seed {}, start within {} m and {} rad\n"
-                     "  {:<16}{:>10}   {:<22}\n",
-                     evaluation.course_set, summary.courses.size(), protocol.episodes_per_course,
-                     protocol.seed, protocol.start_position_jitter, protocol.start_yaw_jitter, "",
-                     "", "95 % interval") +
+  return fmt::format(
+             "{}: {} courses x {} episodes, seed {}, start within {} m and {} rad\n"
+             "  {:<16}{:>10}   {:<22}\n",
+             evaluation.course_set, summary.courses.size(), protocol.episodes_per_course,
+             protocol.seed, protocol.start_position_jitter, protocol.start_yaw_jitter, "", "",
+             "95 % interval") +
          SetLines(summary.set) + CourseLines(summary, max_courses);
 }
 
@@ -160,7 +164,8 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
 
 std::string CourseCsv(const Evaluation& evaluation) {
   std::string text =
-      "course,episodes,successes,collisions,timeouts,success_rate,success_rate_low,success_rate_high,"
+      "course,episodes,successes,collisions,timeouts,success_rate,success_rate_low,success_rate_"
+      "high,"
       "collision_rate,collision_rate_low,collision_rate_high,timeout_rate,timeout_rate_low,"
       "timeout_rate_high,survival_time_s,traversal_time_s,optimal_time_s,barn_score,mean_return,"
       "mean_path_length_m\n";

@@ -5,7 +5,8 @@
 
 #include "eval/evaluation.h"
 
-/// The forms in which an evaluation leaves the program. docs/evaluation.md lists every key and column.
+/// The forms in which an evaluation leaves the program. docs/evaluation.md lists every key and
+/// column.
 
 namespace slalom::eval {
 
@@ -17,8 +18,8 @@ struct Provenance {
   std::string commit;      ///< Of the program.
 };
 
-/// A table for the terminal: the set's figures with their intervals, then the courses that were most often
-/// not mastered, at most `max_courses`.
+/// A table for the terminal: the set's figures with their intervals, then the courses that were
+/// most often not mastered, at most `max_courses`.
 std::string TextReport(const Evaluation& evaluation, int max_courses = 5);
 
 /// One JSON object, indented, ending in a newline.
@@ -30,8 +31,8 @@ std::string CourseCsv(const Evaluation& evaluation);
 /// One line per episode.
 std::string EpisodeCsv(const Evaluation& evaluation);
 
-/// Writes evaluation.json, evaluation-courses.csv and evaluation-episodes.csv into `directory`, each
-/// atomically. Throws `base::Error` where that fails.
+/// Writes evaluation.json, evaluation-courses.csv and evaluation-episodes.csv into `directory`,
+/// each atomically. Throws `base::Error` where that fails.
 void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
                   const std::filesystem::path& directory);
 

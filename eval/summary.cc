@@ -70,7 +70,8 @@ Figures MakeFigures(std::span<const Totals> courses, double time_limit) {
   figures.collision_rate = EstimateRate(collision);
   figures.timeout_rate = EstimateRate(timeout);
   figures.survival_time = EstimateMean(Column(courses, &Totals::survival_time), {0.0, time_limit});
-  figures.traversal_time = EstimateMean(Column(courses, &Totals::traversal_time), {0.0, time_limit});
+  figures.traversal_time =
+      EstimateMean(Column(courses, &Totals::traversal_time), {0.0, time_limit});
   figures.barn_score = MeanOfAll(Column(courses, &Totals::barn_score), {0.0, kBestBarnScore});
   figures.mean_return = MeanOfAll(Column(courses, &Totals::episode_return), any).value;
   figures.mean_path_length = MeanOfAll(Column(courses, &Totals::path_length), any).value;
@@ -94,8 +95,8 @@ Summary Summarise(std::span<const EpisodeRecord> records, const sim::CourseSet& 
   std::vector<Totals> totals(courses.courses.size());
   for (const EpisodeRecord& record : records) {
     SLALOM_CHECK(record.outcome != env::Outcome::kRunning);
-    AddEpisode(record, record.num_steps * clock.step,
-               OptimalTime(*courses.courses[record.course]), totals[record.course]);
+    AddEpisode(record, record.num_steps * clock.step, OptimalTime(*courses.courses[record.course]),
+               totals[record.course]);
   }
   Summary summary;
   summary.set = MakeFigures(totals, time_limit);

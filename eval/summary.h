@@ -45,8 +45,8 @@ struct Summary {
 /// Time of the reference path at 2 m/s, [s].
 double OptimalTime(const sim::Course& course);
 
-/// The BARN Challenge's score of one episode: optimal_time / clip(time, 2 optimal_time, 8 optimal_time) for
-/// a success, else 0; so at most 0.5. Times in [s].
+/// The BARN Challenge's score of one episode: optimal_time / clip(time, 2 optimal_time, 8
+/// optimal_time) for a success, else 0; so at most 0.5. Times in [s].
 double BarnScore(env::Outcome outcome, double time, double optimal_time);
 
 /// `clock` says what a step lasts and when an episode times out.

@@ -52,7 +52,8 @@ TEST(ActorState, RefusesEveryCutAndEveryFlippedBit) {
   const std::string bytes = MakeState().Serialize();
   for (std::size_t size = 0; size < bytes.size(); ++size) {
     EXPECT_THAT(ErrorOf(std::string_view(bytes).substr(0, size)),
-                ::testing::StartsWith("actor.bin: ")) << size;
+                ::testing::StartsWith("actor.bin: "))
+        << size;
   }
   for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     std::string damaged = bytes;

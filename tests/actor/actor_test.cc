@@ -67,8 +67,8 @@ TEST(Actor, WritesTheEpisodesThatAPlainLoopSees) {
       if (row.stream != i) continue;
       if (ended) {
         EXPECT_TRUE(row.flags & replay::kRowFirst);
-        // The specs in order: the first kBatch belong to the environments in order; later ones are found
-        // by their first frame.
+        // The specs in order: the first kBatch belong to the environments in order; later ones are
+        // found by their first frame.
         bool found = false;
         for (const env::EpisodeSpec& spec : fixture.environments.specs()) {
           environment.Reset(0, spec);
@@ -120,9 +120,9 @@ TEST(Actor, AveragesTheLastEpisodes) {
     }
     ++episode.num_steps;
     episode.episode_return += row.reward;
-    episode.outcome = row.cost > 0.0f                         ? env::Outcome::kCollision
+    episode.outcome = row.cost > 0.0f                        ? env::Outcome::kCollision
                       : (row.flags & replay::kRowTerminated) ? env::Outcome::kSuccess
-                                                              : env::Outcome::kTimeout;
+                                                             : env::Outcome::kTimeout;
   }
   ASSERT_GT(episodes.size(), 50u);
   const ActorStats stats = fixture.actor.stats();
@@ -221,8 +221,8 @@ double ChiSquare(const std::vector<int>& counts) {
   return sum;
 }
 
-// Chi-square with 19 degrees of freedom exceeds 19 + 2 sqrt(19 x) + 2 x with a probability below exp(-x)
-// (Laurent and Massart 2000); here x = 12.7, so 3e-6.
+// Chi-square with 19 degrees of freedom exceeds 19 + 2 sqrt(19 x) + 2 x with a probability below
+// exp(-x) (Laurent and Massart 2000); here x = 12.7, so 3e-6.
 constexpr int kNumCourses = 20;
 constexpr double kChiSquareBound = 19.0 + 31.1 + 25.4;
 
@@ -269,7 +269,8 @@ Moments MomentsOf(const std::vector<double>& values) {
 }
 
 /// Actions of each environment, linear and angular parts together, around what the agent commands.
-std::vector<std::vector<double>> Noise(const ActorConfig& config, env::Action command, int num_steps) {
+std::vector<std::vector<double>> Noise(const ActorConfig& config, env::Action command,
+                                       int num_steps) {
   FakeEnvironment environments(3, kSuccess);
   ConstantAgent agent(command);
   Actor actor(config, environments, agent, 17);

@@ -108,9 +108,9 @@ TEST(RunEpisodes, GivesNothingWhenStopped) {
   const auto progress = [&](int num_ended, int) {
     if (num_ended >= 3) source.request_stop();
   };
-  EXPECT_FALSE(RunEpisodes(MakeConfig(), MakeCourses(2), environments, agent, progress,
-                           source.get_token())
-                   .has_value());
+  EXPECT_FALSE(
+      RunEpisodes(MakeConfig(), MakeCourses(2), environments, agent, progress, source.get_token())
+          .has_value());
   EXPECT_LT(environments.specs().size(), 12u);
 }
 

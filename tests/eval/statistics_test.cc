@@ -84,8 +84,8 @@ TEST(EstimateMean, SaysWhereThereIsNothingToSay) {
   EXPECT_FALSE(one->interval.has_value());
 }
 
-/// A set of courses whose success probabilities are drawn uniformly from [low, high], 10 episodes each, as
-/// hits. With low = high episodes are independent.
+/// A set of courses whose success probabilities are drawn uniformly from [low, high], 10 episodes
+/// each, as hits. With low = high episodes are independent.
 std::vector<CourseTotal> DrawHits(base::Random& random, int num_courses, double low, double high) {
   std::vector<CourseTotal> courses;
   for (int c = 0; c < num_courses; ++c) {
@@ -97,8 +97,8 @@ std::vector<CourseTotal> DrawHits(base::Random& random, int num_courses, double 
   return courses;
 }
 
-/// The cluster bootstrap, an oracle that needs no formula: standard deviation of the ratio over sets of
-/// courses drawn again with replacement.
+/// The cluster bootstrap, an oracle that needs no formula: standard deviation of the ratio over
+/// sets of courses drawn again with replacement.
 double BootstrapDeviation(std::span<const CourseTotal> courses, base::Random& random) {
   constexpr int kReplicates = 4000;
   double sum = 0.0;
@@ -131,8 +131,8 @@ TEST(EstimateMean, HasTheWidthOfAClusterBootstrap) {
     const Estimate estimate = *EstimateMean(courses, {0.0, 80.0});
     const double deviation =
         0.5 * (estimate.interval->high - estimate.interval->low) / StudentCritical(59);
-    // The bootstrap's own error is 1 / sqrt(2 * 4000) = 1.1 % (4 sigma: 4.5 %), its bias by K against
-    // K - 1 is 0.8 %, second-order terms of the ratio are of order 1 / K = 1.7 %.
+    // The bootstrap's own error is 1 / sqrt(2 * 4000) = 1.1 % (4 sigma: 4.5 %), its bias by K
+    // against K - 1 is 0.8 %, second-order terms of the ratio are of order 1 / K = 1.7 %.
     EXPECT_NEAR(deviation / BootstrapDeviation(courses, random), 1.0, 0.07);
   }
 }
@@ -165,8 +165,8 @@ Interval NaiveInterval(const std::vector<CourseTotal>& courses) {
 }
 
 constexpr int kNumSets = 4000;
-// Four standard errors of a coverage of 0.95 seen in 4000 sets: 4 * sqrt(0.95 * 0.05 / 4000) = 0.0138;
-// one more point is granted to the approximation itself.
+// Four standard errors of a coverage of 0.95 seen in 4000 sets: 4 * sqrt(0.95 * 0.05 / 4000) =
+// 0.0138; one more point is granted to the approximation itself.
 constexpr double kLowestCoverage = 0.95 - 0.0138 - 0.01;
 
 TEST(EstimateRate, CoversTheTruth) {
@@ -184,7 +184,8 @@ TEST(EstimateRate, IsNotNeedlesslyWide) {
 }
 
 TEST(EstimateRate, BeatsTheIntervalThatTakesEpisodesAsIndependent) {
-  // The planted wrong interval: with courses as unlike as these it must fall through the same bound.
+  // The planted wrong interval: with courses as unlike as these it must fall through the same
+  // bound.
   EXPECT_LT(Coverage(kNumSets, 50, 0.0, 1.0, NaiveInterval), kLowestCoverage - 0.2);
 }
 

@@ -46,10 +46,10 @@ TEST(BarnScore, IsTheTwoTimesFormula) {
 TEST(Summarise, MatchesAHandComputedCase) {
   const sim::CourseSet courses = MakeCourses({10.0, 20.0});
   const std::vector<EpisodeRecord> records{
-      MakeRecord(0, 0, Outcome::kSuccess, 50),     // 10 s, optimal 5 s: 0.5
-      MakeRecord(0, 1, Outcome::kCollision, 20),   // 4 s
-      MakeRecord(1, 0, Outcome::kSuccess, 200),    // 40 s, optimal 10 s: 0.25
-      MakeRecord(1, 1, Outcome::kTimeout, 400),    // 80 s
+      MakeRecord(0, 0, Outcome::kSuccess, 50),    // 10 s, optimal 5 s: 0.5
+      MakeRecord(0, 1, Outcome::kCollision, 20),  // 4 s
+      MakeRecord(1, 0, Outcome::kSuccess, 200),   // 40 s, optimal 10 s: 0.25
+      MakeRecord(1, 1, Outcome::kTimeout, 400),   // 80 s
   };
   const Summary summary = Summarise(records, courses, sim::EpisodeConfig{});
   const Figures& set = summary.set;

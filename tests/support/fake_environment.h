@@ -11,13 +11,14 @@
 
 namespace slalom::testing {
 
-/// An environment whose every number is a plain function of (spec, actions so far), for tests of what
-/// drives environments.
+/// An environment whose every number is a plain function of (spec, actions so far), for tests of
+/// what drives environments.
 ///
-/// An episode lasts `1 + seed % max_length` steps. Its outcome is drawn from the seed: success with the
-/// probability `success_probability[course]`, else a collision or a timeout with equal chance. A step of
-/// the robot goes linear x 1 m along x and angular x 1 m along y and is rewarded with linear + angular.
-/// Ranges are random numbers of (seed, step, position), so a frame betrays everything that led to it.
+/// An episode lasts `1 + seed % max_length` steps. Its outcome is drawn from the seed: success with
+/// the probability `success_probability[course]`, else a collision or a timeout with equal chance.
+/// A step of the robot goes linear x 1 m along x and angular x 1 m along y and is rewarded with
+/// linear + angular. Ranges are random numbers of (seed, step, position), so a frame betrays
+/// everything that led to it.
 class FakeEnvironment : public env::BatchEnvironment {
  public:
   FakeEnvironment(int batch_size, std::vector<double> success_probability, int max_length = 30,
@@ -101,8 +102,8 @@ class FakeEnvironment : public env::BatchEnvironment {
   std::vector<env::EpisodeSpec> specs_;
 };
 
-/// An agent with a memory: it acts on the sum of all ranges that it saw in the running episode, so it errs
-/// at once where frames are lost, doubled or mixed up, or where `first` is wrong.
+/// An agent with a memory: it acts on the sum of all ranges that it saw in the running episode, so
+/// it errs at once where frames are lost, doubled or mixed up, or where `first` is wrong.
 class SummingAgent : public env::Agent {
  public:
   explicit SummingAgent(int batch_size) : sums_(batch_size) {}
