@@ -178,6 +178,28 @@ TEST(EstimateRate, CoversTheTruth) {
   EXPECT_GE(Coverage(kNumSets, 10, 0.3, 1.0, OurInterval), kLowestCoverage);
 }
 
+TEST(EstimateMean, CoversTheTruth) {
+  // Survival times: course means uniform in [5, 9], so 7; few episodes fail, on some courses none.
+  base::Random random(7);
+  int num_covering = 0;
+  for (int s = 0; s < kNumSets; ++s) {
+    std::vector<CourseTotal> courses(50);
+    for (CourseTotal& course : courses) {
+      const double failure_probability = random.Uniform(0.0, 0.5);
+      const double course_mean = random.Uniform(5.0, 9.0);
+      for (int k = 0; k < 10; ++k) {
+        if (random.Uniform() >= failure_probability) continue;
+        course.sum += course_mean + random.Normal();
+        course.count += 1.0;
+      }
+    }
+    const Interval interval = *EstimateMean(courses, {0.0, 80.0})->interval;
+    num_covering += interval.low <= 7.0 && 7.0 <= interval.high;
+  }
+  EXPECT_GE(static_cast<double>(num_covering) / kNumSets, kLowestCoverage);
+  EXPECT_LE(static_cast<double>(num_covering) / kNumSets, 0.95 + 0.0138 + 0.015);
+}
+
 TEST(EstimateRate, IsNotNeedlesslyWide) {
   // Where episodes are independent, it must not cover much more than 95 % either.
   EXPECT_LE(Coverage(kNumSets, 50, 0.65, 0.65, OurInterval), 0.95 + 0.0138 + 0.015);
