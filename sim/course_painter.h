@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cairo.h>
+
+#include <span>
+#include <string_view>
+
+#include "sim/course.h"
+#include "sim/course_render.h"
+
+namespace slalom::sim {
+
+/// A colour, each part from 0 to 1.
+struct Colour {
+  double red;
+  double green;
+  double blue;
+};
+
+inline constexpr Colour kInk{0.15, 0.17, 0.20};
+inline constexpr Colour kMuted{0.45, 0.48, 0.52};
+
+/// The colour that a track of this outcome has in all pictures.
+Colour OutcomeColour(env::Outcome outcome);
+
+void SetColour(cairo_t* cairo, Colour colour, double alpha = 1.0);
+
+/// Draws in the course's frame W: the caller has set up a transformation from metres, y up, to the page.
+/// Confined to the thread that owns the context.
+class CoursePainter {
+ public:
+  explicit CoursePainter(cairo_t* cairo) : cairo_(cairo) {}
+
+  /// Floor, obstacles, goal and reference path.
+  void PaintCourse(const Course& course);
+  /// The robot at the start, with an arrow ahead.
+  void PaintStart(const base::Pose2& X_WR);
+  /// Line, outline every metre, outline and mark at the end.
+  void PaintTrack(const EpisodeTrack& track);
+
+  // Symbols, also used by the legend. `radius` in the unit of the context.
+  void PaintEndMark(base::Vec2 p, double radius, env::Outcome outcome);
+  void PaintGoal(base::Vec2 p, double radius);
+  void PaintDashes(base::Vec2 from, base::Vec2 to, double width);
+
+ private:
+  void TraceOutline(const base::Pose2& X_WR);
+
+  cairo_t* const cairo_;
+};
+
+}  // namespace slalom::sim
