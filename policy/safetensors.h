@@ -62,8 +62,8 @@ struct TensorFile {
 
   /// Copies a tensor's numbers into `values`.
   /// Throws `base::Error` where it is missing or has another type or number of elements.
-  template <class T>
-  void Read(const std::string& name, std::span<T> values) const {
+  template <class T, std::size_t kExtent>
+  void Read(const std::string& name, std::span<T, kExtent> values) const {
     std::memcpy(values.data(), Find(name, kTensorType<T>, values.size()).bytes.data(),
                 values.size_bytes());
   }

@@ -1,0 +1,207 @@
+#include <ATen/ATen.h>
+#include <ATen/Parallel.h>
+#include <ATen/native/CPUBlas.h>
+#include <benchmark/benchmark.h>
+
+#include <chrono>
+#include <vector>
+
+#include "base/random.h"
+#include "learner/td3.h"
+#include "policy/blas.h"
+#include "policy/network_agent.h"
+#include "replay/table.h"
+
+/// TD3 updates beside the matrix products that they cannot do without, measured in the same run on
+/// the same shapes, and the inference of a policy. One thread.
+
+namespace slalom {
+namespace {
+
+using Seconds = std::chrono::duration<double>;
+
+policy::PolicySpec FastSpec() {
+  policy::PolicySpec spec;
+  spec.network.encoder_layers = {};
+  spec.network.head_layers = {128, 128};
+  spec.network.sectors = 72;
+  spec.network.range_transform = "inverse";
+  return spec;
+}
+
+/// A table of many random frames, so that sampling meets cold memory as in training.
+replay::Table MakeTable(std::int64_t num_frames) {
+  constexpr int kBeams = 720;
+  constexpr int kEpisodeSteps = 50;
+  replay::Table table({.capacity = num_frames}, kBeams);
+  base::Random random(1);
+  replay::Chunk chunk(kBeams);
+  std::vector<std::uint16_t> ranges(kBeams);
+  std::vector<float> state(env::kStateSize);
+  const auto frame = [&] {
+    for (auto& range : ranges) range = static_cast<std::uint16_t>(random.NextU64() % 501);
+    for (float& value : state) value = static_cast<float>(random.Uniform(-1.0, 1.0));
+    return env::FrameView{ranges, std::span(state).first<env::kStateSize>()};
+  };
+  for (std::int64_t i = 0; i + kEpisodeSteps < num_frames; i += kEpisodeSteps + 1) {
+    chunk.Clear();
+    for (int step = 0; step < kEpisodeSteps; ++step) {
+      const bool last = step + 1 == kEpisodeSteps;
+      const env::StepResult result{
+          .reward = 1.0f, .outcome = last ? env::Outcome::kSuccess : env::Outcome::kRunning};
+      chunk.AddStep(0, step == 0, frame(), {0.5f, -0.5f}, result);
+    }
+    chunk.AddFinal(0, frame());
+    table.Insert(chunk);
+  }
+  return table;
+}
+
+/// One matrix product of an update, m x k by k x n.
+struct Product {
+  std::int64_t m, n, k;
+  double per_update;
+};
+
+/// The products of a TD3 update with delay 2: what the FLOPs "really needed" are counted from.
+std::vector<Product> ListProducts(const policy::PolicySpec& spec, std::int64_t batch) {
+  const policy::MlpShape actor = spec.actor_shape();
+  const policy::MlpShape critic =
+      policy::CriticShape(spec.network, actor.num_inputs / spec.network.history);
+  std::vector<Product> products;
+  for (int i = 0; i < critic.num_layers(); ++i) {
+    const std::int64_t in = critic.layer_inputs(i);
+    const std::int64_t before = i == 0 ? 0 : critic.hidden[i - 1];
+    const std::int64_t out = critic.layer_outputs(i);
+    products.push_back({batch, out, in, 2 + 2 + 0.5});  // Q' and Q of both, Q_1 of pi(s)
+    products.push_back({out, in, batch, 2});            // by the weights
+    if (i > 0) products.push_back({batch, before, out, i > critic.extra_layer ? 2.5 : 2.0});
+    if (i == critic.extra_layer) products.push_back({batch, critic.num_extra, out, 0.5});
+  }
+  for (int i = 0; i < actor.num_layers(); ++i) {
+    const std::int64_t in = actor.layer_inputs(i);
+    const std::int64_t out = actor.layer_outputs(i);
+    products.push_back({batch, out, in, 1 + 0.5});
+    products.push_back({out, in, batch, 0.5});
+    if (i > 0) products.push_back({batch, in, out, 0.5});
+  }
+  return products;
+}
+
+double CountFlops(const std::vector<Product>& products) {
+  double flops = 0.0;
+  for (const Product& p : products)
+    flops += p.per_update * 2.0 * static_cast<double>(p.m * p.n * p.k);
+  return flops;
+}
+
+/// Seconds that the products of one update take by themselves.
+double MeasureProducts(const std::vector<Product>& products, double seconds_each) {
+  using at::native::TransposeType;
+  double total = 0.0;
+  for (const Product& p : products) {
+    std::vector<float> a(p.m * p.k, 0.5f), b(p.k * p.n, 0.5f), c(p.m * p.n);
+    const auto multiply = [&] {
+      at::native::cpublas::gemm(TransposeType::NoTranspose, TransposeType::NoTranspose, p.n, p.m,
+                                p.k, 1.0f, b.data(), p.n, a.data(), p.k, 0.0f, c.data(), p.n);
+    };
+    multiply();
+    int count = 0;
+    const auto begin = std::chrono::steady_clock::now();
+    Seconds elapsed{};
+    while (elapsed.count() < seconds_each) {
+      for (int i = 0; i < 8; ++i) multiply();
+      count += 8;
+      elapsed = std::chrono::steady_clock::now() - begin;
+    }
+    total += p.per_update * elapsed.count() / count;
+  }
+  return total;
+}
+
+void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool layer_norm) {
+  at::set_num_threads(1);
+  policy::SetBlasThreads(1);
+  policy::PolicySpec used = spec;
+  used.network.layer_norm = layer_norm;
+  const replay::Table table = MakeTable(300'000);
+  learner::Td3Config config;
+  config.device = "cpu";
+  config.average_rate = 0.001;
+  config.mirror = true;
+  learner::Td3 td3(config, used, 1);
+  base::Random random(2);
+  replay::SampledRows rows;
+  const std::vector<Product> products = ListProducts(used, config.batch_size);
+  double updates_seconds = 0.0;
+  double products_seconds = 0.0;
+  std::int64_t rounds = 0;
+  std::int64_t updates = 0;
+  for (auto _ : state) {
+    // The products are measured between the updates, so both meet the same processor.
+    state.PauseTiming();
+    products_seconds += MeasureProducts(products, 0.002);
+    state.ResumeTiming();
+    const auto begin = std::chrono::steady_clock::now();
+    for (int i = 0; i < 40; ++i) {
+      if (!table.SampleRows(td3.sample_spec(), random, &rows)) state.SkipWithError("empty table");
+      td3.Update(rows, 0.0);
+    }
+    updates_seconds += Seconds(std::chrono::steady_clock::now() - begin).count();
+    updates += 40;
+    ++rounds;
+  }
+  const double products_each = products_seconds / static_cast<double>(rounds);
+  const double update_each = updates_seconds / static_cast<double>(updates);
+  state.counters["updates/s"] = 1.0 / update_each;
+  state.counters["sgemm_alone/s"] = 1.0 / products_each;
+  state.counters["of_sgemm"] = products_each / update_each;
+  state.counters["MFLOP"] = CountFlops(products) * 1e-6;
+  state.counters["sgemm_GFLOP/s"] = CountFlops(products) / products_each * 1e-9;
+}
+
+void Td3UpdateFast(benchmark::State& state) { RunUpdates(state, FastSpec(), false); }
+void Td3UpdateFastLayerNorm(benchmark::State& state) { RunUpdates(state, FastSpec(), true); }
+void Td3UpdatePaper(benchmark::State& state) { RunUpdates(state, {}, false); }
+BENCHMARK(Td3UpdateFast)->Unit(benchmark::kMillisecond);
+BENCHMARK(Td3UpdateFastLayerNorm)->Unit(benchmark::kMillisecond);
+BENCHMARK(Td3UpdatePaper)->Unit(benchmark::kMillisecond);
+
+/// Sampling and pooling without learning.
+void ReadMinibatch(benchmark::State& state) {
+  const replay::Table table = MakeTable(300'000);
+  learner::Td3Config config;
+  config.device = "cpu";
+  learner::Td3 td3(config, FastSpec(), 1);
+  base::Random random(2);
+  replay::SampledRows rows;
+  for (auto _ : state) {
+    if (!table.SampleRows(td3.sample_spec(), random, &rows)) state.SkipWithError("empty table");
+    td3.Load(rows);
+  }
+}
+BENCHMARK(ReadMinibatch)->Unit(benchmark::kMicrosecond);
+
+void NetworkAgentAct(benchmark::State& state) {
+  at::set_num_threads(1);
+  policy::SetBlasThreads(1);
+  const policy::PolicySpec spec = FastSpec();
+  base::Random random(1);
+  std::vector<float> weights(spec.actor_shape().num_parameters());
+  policy::InitialiseParameters(spec.actor_shape(), random, weights);
+  policy::NetworkAgent agent(
+      {0, spec, std::make_shared<const std::vector<float>>(std::move(weights))});
+  env::ObservationBatch observations;
+  observations.Resize(64, 720);
+  for (auto& range : observations.ranges_cm)
+    range = static_cast<std::uint16_t>(random.NextU64() % 501);
+  std::vector<env::Action> actions(64);
+  for (auto _ : state) {
+    agent.Act(observations, actions);
+    benchmark::DoNotOptimize(actions.data());
+  }
+}
+BENCHMARK(NetworkAgentAct)->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace slalom

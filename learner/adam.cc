@@ -1,0 +1,127 @@
+#include "learner/adam.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "base/check.h"
+#include "policy/layer_ops.h"
+#include "policy/simd.h"
+
+namespace slalom::learner {
+namespace {
+
+constexpr double kBeta1 = 0.9;
+constexpr double kBeta2 = 0.999;
+constexpr double kEpsilon = 1e-8;
+
+/// Numbers that are handled at a time, few enough to stay in the nearest cache from the step until
+/// its followers have moved.
+constexpr std::int64_t kBlock = 1024;
+
+struct StepFactors {
+  float step_size;     // learning rate / (1 - beta1^t)
+  float moment_scale;  // 1 / sqrt(1 - beta2^t)
+};
+
+/// Returns the sum of the squared gradient.
+SLALOM_SIMD double StepBlock(const StepFactors factors, std::int64_t n, const float* __restrict g,
+                             float* __restrict p, float* __restrict m, float* __restrict v) {
+  constexpr float kB1 = static_cast<float>(kBeta1);
+  constexpr float kB2 = static_cast<float>(kBeta2);
+  constexpr float kC1 = static_cast<float>(1.0 - kBeta1);
+  constexpr float kC2 = static_cast<float>(1.0 - kBeta2);
+  constexpr float kEps = static_cast<float>(kEpsilon);
+  for (std::int64_t i = 0; i < n; ++i) {
+    m[i] = kB1 * m[i] + kC1 * g[i];
+    v[i] = kB2 * v[i] + kC2 * (g[i] * g[i]);
+    p[i] -= factors.step_size * (m[i] / (std::sqrt(v[i]) * factors.moment_scale + kEps));
+  }
+  float lanes[16] = {};
+  std::int64_t i = 0;
+  for (; i + 16 <= n; i += 16) {
+    for (int j = 0; j < 16; ++j) lanes[j] += g[i + j] * g[i + j];
+  }
+  for (; i < n; ++i) lanes[0] += g[i] * g[i];
+  double sum = 0.0;
+  for (const float lane : lanes) sum += lane;
+  return sum;
+}
+
+SLALOM_SIMD void FollowBlock(float rate, std::int64_t n, const float* __restrict p,
+                             float* __restrict follower) {
+  for (std::int64_t i = 0; i < n; ++i) follower[i] += rate * (p[i] - follower[i]);
+}
+
+}  // namespace
+
+Adam::Adam(at::Tensor parameters, at::Tensor gradient)
+    : parameters_(std::move(parameters)),
+      gradient_(std::move(gradient)),
+      first_moment_(at::zeros_like(parameters_)),
+      second_moment_(at::zeros_like(parameters_)) {
+  SLALOM_CHECK_EQ(parameters_.numel(), gradient_.numel());
+}
+
+void Adam::Step(double learning_rate, std::span<const Follower> followers, at::Tensor& norm_total) {
+  ++num_steps_;
+  const double t = static_cast<double>(num_steps_);
+  const double step_size = learning_rate / (1.0 - std::pow(kBeta1, t));
+  const double moment_scale = 1.0 / std::sqrt(1.0 - std::pow(kBeta2, t));
+  if (!policy::IsHostFloat(parameters_)) {
+    norm_total.add_(gradient_.norm());
+    first_moment_.mul_(kBeta1).add_(gradient_, 1.0 - kBeta1);
+    second_moment_.mul_(kBeta2).addcmul_(gradient_, gradient_, 1.0 - kBeta2);
+    const at::Tensor denominator = second_moment_.sqrt().mul_(moment_scale).add_(kEpsilon);
+    parameters_.addcdiv_(first_moment_, denominator, -step_size);
+    for (const Follower& follower : followers) {
+      at::Tensor values = follower.values;
+      values.lerp_(parameters_, follower.rate);
+    }
+    return;
+  }
+  const StepFactors factors{static_cast<float>(step_size), static_cast<float>(moment_scale)};
+  const float* const g = gradient_.data_ptr<float>();
+  float* const p = parameters_.data_ptr<float>();
+  float* const m = first_moment_.data_ptr<float>();
+  float* const v = second_moment_.data_ptr<float>();
+  const std::int64_t size = parameters_.numel();
+  double squared_norm = 0.0;
+  for (std::int64_t begin = 0; begin < size; begin += kBlock) {
+    const std::int64_t n = std::min(kBlock, size - begin);
+    squared_norm += StepBlock(factors, n, g + begin, p + begin, m + begin, v + begin);
+    for (const Follower& follower : followers) {
+      FollowBlock(static_cast<float>(follower.rate), n, p + begin,
+                  follower.values.data_ptr<float>() + begin);
+    }
+  }
+  *norm_total.data_ptr<double>() += std::sqrt(squared_norm);
+}
+
+void Adam::SaveState(const std::string& prefix, policy::TensorMap& tensors) const {
+  tensors[prefix + ".first_moment"] = StoreTensor(first_moment_);
+  tensors[prefix + ".second_moment"] = StoreTensor(second_moment_);
+  tensors[prefix + ".num_steps"] =
+      policy::StoredTensor::Of(std::span<const std::int64_t>(&num_steps_, 1));
+}
+
+void Adam::LoadState(const std::string& prefix, const policy::TensorFile& file) {
+  ReadTensor(file, prefix + ".first_moment", first_moment_);
+  ReadTensor(file, prefix + ".second_moment", second_moment_);
+  file.Read(prefix + ".num_steps", std::span(&num_steps_, 1));
+}
+
+policy::StoredTensor StoreTensor(const at::Tensor& values) {
+  const at::Tensor host = values.to(at::kCPU).contiguous();
+  return policy::StoredTensor::Of(
+      std::span<const float>(host.data_ptr<float>(), static_cast<std::size_t>(host.numel())),
+      host.sizes().vec());
+}
+
+void ReadTensor(const policy::TensorFile& file, const std::string& name, at::Tensor& values) {
+  std::vector<float> host(static_cast<std::size_t>(values.numel()));
+  file.Read(name, std::span(host));
+  values.copy_(at::from_blob(host.data(), values.sizes(), at::kFloat));
+}
+
+}  // namespace slalom::learner

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <ATen/ATen.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/random.h"
+#include "learner/adam.h"
+#include "learner/minibatch.h"
+#include "policy/mlp.h"
+
+/// Shapes: `B` batch, `A` = 2 numbers of an action, `K` critics, `P` parameters of one.
+
+namespace slalom::learner {
+
+/// K action-value networks Q_k with nothing shared, and a target network for each.
+/// Thread-compatible.
+///
+/// All parameters lie in one tensor [K * P], those of the targets in another.
+class Critics {
+ public:
+  /// Targets start as copies. The passes are bound to `minibatch`, which must outlive this.
+  Critics(const policy::MlpShape& shape, int num_critics, base::Random& random,
+          const Minibatch& minibatch);
+
+  /// y = r + discount * min_k Q'_k(s', a'), with a' from minibatch.next_input. y: [B].
+  void ComputeTarget(const Minibatch& minibatch, at::Tensor& y);
+
+  /// One step of Adam on sum_k mean (Q_k(s, a) - y)^2, with the targets following at `polyak_rate`
+  /// (0: not). Adds loss, mean Q and gradient norm to their totals (float64 tensors with one
+  /// element).
+  void Regress(const at::Tensor& y, double learning_rate, double polyak_rate,
+               at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total);
+
+  /// Gradient by the action of -mean Q_1(s, a), with a from minibatch.input. Returns [B, A],
+  /// overwritten by the next call. Adds mean Q_1 to `value_total`.
+  const at::Tensor& ActionGradient(at::Tensor& value_total);
+
+  const at::Tensor& parameters() const { return parameters_; }                ///< [K * P]
+  const at::Tensor& target_parameters() const { return target_parameters_; }  ///< [K * P]
+
+  void SaveState(policy::TensorMap& tensors) const;
+  void LoadState(const policy::TensorFile& file);
+
+ private:
+  struct Critic {
+    policy::Mlp network;
+    policy::Mlp target;
+    policy::Mlp gradient;
+    policy::MlpPass pass;
+    policy::MlpPass target_pass;
+  };
+
+  at::Tensor parameters_;
+  at::Tensor target_parameters_;
+  at::Tensor gradient_;
+  Adam adam_;
+  std::vector<Critic> critics_;
+  std::vector<at::Tensor> target_values_;  // [B, 1] each, the outputs of the target passes
+};
+
+}  // namespace slalom::learner

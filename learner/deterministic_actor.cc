@@ -1,0 +1,69 @@
+#include "learner/deterministic_actor.h"
+
+#include <array>
+
+#include "learner/value_ops.h"
+#include "policy/layer_ops.h"
+
+namespace slalom::learner {
+namespace {
+
+at::Tensor InitialParameters(const policy::MlpShape& shape, base::Random& random,
+                             at::Device device) {
+  std::vector<float> host(static_cast<std::size_t>(shape.num_parameters()));
+  policy::InitialiseParameters(shape, random, host);
+  return at::from_blob(host.data(), {shape.num_parameters()}, at::kFloat).clone().to(device);
+}
+
+}  // namespace
+
+DeterministicActor::DeterministicActor(const policy::MlpShape& shape, base::Random& random,
+                                       const Minibatch& minibatch)
+    : parameters_(InitialParameters(shape, random, minibatch.input.device())),
+      target_parameters_(parameters_.clone()),
+      average_parameters_(parameters_.clone()),
+      gradient_(at::zeros_like(parameters_)),
+      adam_(parameters_, gradient_),
+      network_(shape, parameters_),
+      target_(shape, target_parameters_),
+      network_gradient_(shape, gradient_),
+      pass_(shape, minibatch.features),
+      target_pass_(shape, minibatch.next_features) {}
+
+const at::Tensor& DeterministicActor::Act() {
+  network_.Forward(pass_);
+  policy::Tanh(pass_.output());
+  return pass_.output();
+}
+
+const at::Tensor& DeterministicActor::ActTarget() {
+  target_.Forward(target_pass_);
+  policy::Tanh(target_pass_.output());
+  return target_pass_.output();
+}
+
+void DeterministicActor::Improve(const at::Tensor& action_gradient, double learning_rate,
+                                 double polyak_rate, double average_rate, at::Tensor& norm_total) {
+  CopyActions(action_gradient, pass_.output_gradient());
+  policy::TanhGradient(pass_.output(), pass_.output_gradient());
+  network_.ParameterGradient(pass_, network_gradient_);
+  const std::array followers = {Follower{target_parameters_, polyak_rate},
+                                Follower{average_parameters_, average_rate}};
+  adam_.Step(learning_rate, std::span(followers).first(average_rate > 0.0 ? 2 : 1), norm_total);
+}
+
+void DeterministicActor::SaveState(policy::TensorMap& tensors) const {
+  tensors["actor.parameters"] = StoreTensor(parameters_);
+  tensors["actor.target_parameters"] = StoreTensor(target_parameters_);
+  tensors["actor.average_parameters"] = StoreTensor(average_parameters_);
+  adam_.SaveState("actor.adam", tensors);
+}
+
+void DeterministicActor::LoadState(const policy::TensorFile& file) {
+  ReadTensor(file, "actor.parameters", parameters_);
+  ReadTensor(file, "actor.target_parameters", target_parameters_);
+  ReadTensor(file, "actor.average_parameters", average_parameters_);
+  adam_.LoadState("actor.adam", file);
+}
+
+}  // namespace slalom::learner

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <ATen/ATen.h>
+
+#include <vector>
+
+#include "base/random.h"
+#include "learner/adam.h"
+#include "learner/minibatch.h"
+#include "policy/mlp.h"
+
+/// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
+
+namespace slalom::learner {
+
+/// The policy a = pi(s) of TD3 and DDPG, its target network and the average of its weights, which
+/// is steadier than any of them (feasibility.md). Thread-compatible.
+class DeterministicActor {
+ public:
+  /// Target and average start as copies. The passes are bound to `minibatch`, which must outlive
+  /// this.
+  DeterministicActor(const policy::MlpShape& shape, base::Random& random,
+                     const Minibatch& minibatch);
+
+  /// pi(s) and pi'(s'). Returns [B, A], overwritten by the next call.
+  const at::Tensor& Act();
+  const at::Tensor& ActTarget();
+
+  /// One step of Adam, after `Act`, on a loss whose gradient by the actions is `action_gradient`,
+  /// [B, A]. The target follows at `polyak_rate`, the average at `average_rate` (0: not). Adds the gradient
+  /// norm to `norm_total`.
+  void Improve(const at::Tensor& action_gradient, double learning_rate, double polyak_rate,
+               double average_rate, at::Tensor& norm_total);
+
+  const at::Tensor& parameters() const { return parameters_; }                  ///< [P]
+  const at::Tensor& target_parameters() const { return target_parameters_; }    ///< [P]
+  const at::Tensor& average_parameters() const { return average_parameters_; }  ///< [P]
+
+  void SaveState(policy::TensorMap& tensors) const;
+  void LoadState(const policy::TensorFile& file);
+
+ private:
+  at::Tensor parameters_;
+  at::Tensor target_parameters_;
+  at::Tensor average_parameters_;
+  at::Tensor gradient_;
+  Adam adam_;
+  policy::Mlp network_;
+  policy::Mlp target_;
+  policy::Mlp network_gradient_;
+  policy::MlpPass pass_;
+  policy::MlpPass target_pass_;
+};
+
+}  // namespace slalom::learner

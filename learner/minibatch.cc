@@ -1,0 +1,85 @@
+#include "learner/minibatch.h"
+
+#include <algorithm>
+
+#include "base/check.h"
+
+namespace slalom::learner {
+namespace {
+
+constexpr int kActionSize = 2;
+
+/// How many scans ahead of the one being read the next are fetched.
+constexpr std::size_t kPrefetchDistance = 6;
+
+}  // namespace
+
+Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device) {
+  const auto options = at::TensorOptions(at::kFloat).device(device);
+  const std::int64_t width = static_cast<std::int64_t>(history) * frame_size;
+  input = at::zeros({batch, width + kActionSize}, options);
+  next_input = at::zeros({batch, width + kActionSize}, options);
+  features = input.narrow(1, 0, width);
+  next_features = next_input.narrow(1, 0, width);
+  actions = input.narrow(1, width, kActionSize);
+  next_actions = next_input.narrow(1, width, kActionSize);
+  reward = at::zeros({batch}, options);
+  discount = at::zeros({batch}, options);
+}
+
+MinibatchReader::MinibatchReader(policy::FeatureMap features, int history, double reward_scale,
+                                 bool mirror)
+    : features_(std::move(features)),
+      history_(history),
+      reward_scale_(static_cast<float>(reward_scale)),
+      mirror_(mirror) {}
+
+void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random,
+                           Minibatch& minibatch) {
+  const bool on_host = minibatch.input.device().is_cpu();
+  if (!on_host && !host_) {
+    host_ = std::make_unique<Minibatch>(rows.batch, history_, features_.frame_size(), at::kCPU);
+  }
+  Minibatch& host = on_host ? minibatch : *host_;
+  SLALOM_CHECK_EQ(static_cast<std::int64_t>(rows.batch), host.input.size(0));
+  SLALOM_CHECK_EQ(rows.history, history_);
+  SLALOM_CHECK_EQ(rows.num_beams, features_.num_beams());
+  const std::size_t frame = static_cast<std::size_t>(features_.frame_size());
+  const std::size_t stride = static_cast<std::size_t>(host.input.stride(0));
+  float* const input = host.input.data_ptr<float>();
+  float* const next_input = host.next_input.data_ptr<float>();
+  float* const reward = host.reward.data_ptr<float>();
+  float* const discount = host.discount.data_ptr<float>();
+  const std::size_t history = static_cast<std::size_t>(history_);
+  const std::size_t num_frames = static_cast<std::size_t>(rows.batch) * history;
+  bool mirrored = false;
+  for (std::size_t i = 0; i < num_frames; ++i) {
+    if (i + kPrefetchDistance < num_frames) {
+      features_.Prefetch(rows.ranges_cm[i + kPrefetchDistance]);
+      features_.Prefetch(rows.next_ranges_cm[i + kPrefetchDistance]);
+    }
+    const std::size_t sample = i / history;
+    const std::size_t age = i % history;
+    float* const row = input + sample * stride;
+    if (age == 0) {
+      mirrored = mirror_ && (random.NextU64() >> 63) != 0;
+      const env::Action action = rows.action[sample];
+      row[history * frame] = action.linear;
+      row[history * frame + 1] = mirrored ? -action.angular : action.angular;
+      reward[sample] = reward_scale_ * rows.n_step_return[sample];
+      discount[sample] = rows.discount[sample];
+    }
+    features_.Write(rows.ranges_cm[i], rows.state.data() + i * env::kStateSize, mirrored,
+                    row + age * frame);
+    features_.Write(rows.next_ranges_cm[i], rows.next_state.data() + i * env::kStateSize, mirrored,
+                    next_input + sample * stride + age * frame);
+  }
+  if (!on_host) {
+    minibatch.input.copy_(host.input);
+    minibatch.next_input.copy_(host.next_input);
+    minibatch.reward.copy_(host.reward);
+    minibatch.discount.copy_(host.discount);
+  }
+}
+
+}  // namespace slalom::learner

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <ATen/ATen.h>
+
+#include <span>
+
+/// The arithmetic between networks: actions into inputs, targets and errors of values. As in
+/// policy/layer_ops.h, fused on the CPU in float32 and LibTorch's operations elsewhere.
+///
+/// Shapes: `B` batch, `A` = 2 numbers of an action.
+
+namespace slalom::learner {
+
+/// to = from, both [B, A]; `to` may be columns of a wider matrix.
+void CopyActions(const at::Tensor& from, at::Tensor& to);
+
+/// to = clip(from + noise, -1, 1), all [B, A]; `to` may be columns of a wider matrix.
+void AddClippedNoise(const at::Tensor& from, const at::Tensor& noise, at::Tensor& to);
+
+/// y = reward + discount * the least of the critics' values. values: [B, 1] each; others [B].
+void MinimumTarget(std::span<const at::Tensor> values, const at::Tensor& reward,
+                   const at::Tensor& discount, at::Tensor& y);
+
+/// The loss mean_i (q_i - y_i)^2 and its gradient by q. q, dq: [B, 1]; y: [B].
+/// Adds the loss to `loss_total` and the mean of q to `value_total`, float64 tensors with one
+/// element.
+void SquaredError(const at::Tensor& q, const at::Tensor& y, at::Tensor& dq, at::Tensor& loss_total,
+                  at::Tensor& value_total);
+
+/// Adds the mean of q to `value_total`, a float64 tensor with one element.
+void AddMean(const at::Tensor& q, at::Tensor& value_total);
+
+}  // namespace slalom::learner
