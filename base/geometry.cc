@@ -4,7 +4,7 @@ namespace slalom::base {
 
 SinCosResult SinCos(double angle) {
   // Cody-Waite: angle - n*pi/2 in three parts, then Taylor polynomials on [-pi/4, pi/4], whose
-  // truncation there is below 1e-17.
+  // truncation there is below 1e-16.
   constexpr double kPio2High = 1.57079632673412561417e+00;
   constexpr double kPio2Mid = 6.07710050630396597660e-11;
   constexpr double kPio2Low = 2.02226624879595063154e-21;
@@ -20,10 +20,12 @@ SinCosResult SinCos(double angle) {
                                                                   z * (1.0 / 1307674368000.0)))))));
   const double cos_r =
       1.0 +
-      z * (-0.5 + z * (1.0 / 24 + z * (-1.0 / 720 +
-                                       z * (1.0 / 40320 + z * (-1.0 / 3628800 +
-                                                               z * (1.0 / 479001600.0 -
-                                                                    z * (1.0 / 87178291200.0)))))));
+      z * (-0.5 + z * (1.0 / 24 +
+                       z * (-1.0 / 720 +
+                            z * (1.0 / 40320 + z * (-1.0 / 3628800 +
+                                                    z * (1.0 / 479001600.0 -
+                                                         z * (1.0 / 87178291200.0 -
+                                                              z * (1.0 / 20922789888000.0))))))));
   switch (static_cast<long long>(n) & 3) {
     case 0:
       return {sin_r, cos_r};
