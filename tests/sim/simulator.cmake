@@ -1,0 +1,6 @@
+slalom_add_test(lidar_test SOURCES lidar_test.cc DEPS slalom::sim)
+slalom_add_test(collision_map_test SOURCES collision_map_test.cc DEPS slalom::sim)
+slalom_add_test(robot_test SOURCES robot_test.cc DEPS slalom::sim)
+slalom_add_test(environments_test SOURCES environments_test.cc environments_determinism_test.cc
+    ${PROJECT_SOURCE_DIR}/tests/support/allocation_count.cc
+  DEPS slalom::sim slalom::config)

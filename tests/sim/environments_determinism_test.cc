@@ -1,0 +1,204 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+#include <vector>
+
+#include "base/file.h"
+#include "sim/environments.h"
+#include "tests/support/allocation_count.h"
+#include "tests/support/random_courses.h"
+
+namespace slalom::sim {
+namespace {
+
+constexpr int kNumEpisodes = 24;
+constexpr int kNumCourses = 8;
+
+std::vector<std::shared_ptr<const Scene>> Scenes() {
+  base::Random random(11);
+  CourseSet set;
+  for (int i = 0; i < kNumCourses; ++i) {
+    set.courses.push_back(test::RandomCourse(random, {.num_circles = 50, .num_boxes = i}));
+  }
+  return MakeScenes(set);
+}
+
+EnvironmentConfig TestConfig() {
+  EnvironmentConfig config;
+  config.robot.linear_acceleration = 4.0;
+  config.robot.angular_acceleration = 10.0;
+  config.robot.yaw_gain = 0.8;
+  config.robot.command_delay = 0.04;
+  config.lidar.noise_std = 0.02;
+  config.episode.start_position_jitter = 0.05;
+  config.episode.start_yaw_jitter = 3.0;
+  config.episode.max_steps = 60;
+  return config;
+}
+
+/// Drives where the wider half of the scan is: actions depend on every number observed so far.
+env::Action Steer(const env::FrameView& frame) {
+  const std::size_t half = frame.ranges_cm.size() / 2;
+  const auto begin = frame.ranges_cm.begin();
+  const int right = std::accumulate(begin, begin + half, 0);
+  const int left = std::accumulate(begin + half, frame.ranges_cm.end(), 0);
+  return {0.3f, static_cast<float>(left - right) / static_cast<float>(std::max(left + right, 1)) +
+                    0.05f * frame.state[1]};
+}
+
+/// All that an episode gives.
+struct Record {
+  std::vector<env::Action> actions;
+  std::vector<float> numbers;  // Per step: reward, cost, outcome, state, pose.
+  std::vector<std::uint16_t> ranges;
+
+  friend bool operator==(const Record&, const Record&) = default;
+
+  void Add(const CourseEnvironments& environments, int i, const env::StepResult& result) {
+    const env::FrameView frame = environments.observations().frame(i);
+    ranges.insert(ranges.end(), frame.ranges_cm.begin(), frame.ranges_cm.end());
+    numbers.insert(numbers.end(), {result.reward, result.cost, static_cast<float>(result.outcome)});
+    numbers.insert(numbers.end(), frame.state.begin(), frame.state.end());
+    const base::Pose2 X_WR = environments.robot_pose(i);
+    numbers.insert(numbers.end(), {static_cast<float>(X_WR.p.x), static_cast<float>(X_WR.p.y),
+                                   static_cast<float>(X_WR.yaw)});
+  }
+};
+
+env::EpisodeSpec SpecOf(int episode) {
+  return {episode % kNumCourses, 1000u + static_cast<std::uint64_t>(episode)};
+}
+
+/// Plays all episodes in the given order, `batch_size` at a time, refilling places as they fall free.
+std::vector<Record> Play(int batch_size, int num_threads, bool backwards,
+                         Robot::Stepping stepping = Robot::Stepping::kBox2dInContact) {
+  base::ParallelFor parallel(num_threads);
+  CourseEnvironments environments(TestConfig(), Scenes(), batch_size, &parallel, stepping);
+  std::vector<Record> records(kNumEpisodes);
+  std::vector<int> episode_of(batch_size, -1);
+  int num_started = 0;
+  const auto start = [&](int i) {
+    episode_of[i] = -1;
+    if (num_started == kNumEpisodes) return;
+    episode_of[i] = backwards ? kNumEpisodes - 1 - num_started : num_started;
+    ++num_started;
+    environments.Reset(i, SpecOf(episode_of[i]));
+    records[episode_of[i]].Add(environments, i, {});
+  };
+  for (int i = 0; i < batch_size; ++i) start(i);
+  std::vector<env::Action> actions(batch_size);
+  std::vector<env::StepResult> results(batch_size);
+  while (std::any_of(episode_of.begin(), episode_of.end(), [](int e) { return e >= 0; })) {
+    for (int i = 0; i < batch_size; ++i) actions[i] = Steer(environments.observations().frame(i));
+    environments.Step(actions, results);
+    for (int i = 0; i < batch_size; ++i) {
+      if (episode_of[i] < 0) continue;
+      records[episode_of[i]].actions.push_back(actions[i]);
+      records[episode_of[i]].Add(environments, i, results[i]);
+      if (results[i].ended()) start(i);
+    }
+  }
+  return records;
+}
+
+template <class T>
+std::uint64_t HashOf(const std::vector<T>& values, std::uint64_t seed) {
+  return base::Checksum(std::as_bytes(std::span(values)), seed);
+}
+
+std::uint64_t HashOf(const std::vector<Record>& records) {
+  std::uint64_t hash = 0;
+  for (const Record& record : records) {
+    hash = HashOf(record.ranges, HashOf(record.numbers, HashOf(record.actions, hash)));
+  }
+  return hash;
+}
+
+// Debug, release and sanitizer builds must all give this. It changes only with a change of the
+// simulation, which CHANGELOG.md then names.
+constexpr std::uint64_t kGoldenHash = 5230636696101459414u;
+
+TEST(EnvironmentsDeterminismTest, GoldenHash) {
+  const std::vector<Record> records = Play(kNumEpisodes, 1, false);
+  EXPECT_EQ(HashOf(records), kGoldenHash);
+  int collisions = 0, longest = 0;
+  for (const Record& record : records) {
+    const auto outcome = static_cast<env::Outcome>(record.numbers[record.numbers.size() - 8]);
+    collisions += outcome == env::Outcome::kCollision;
+    longest = std::max(longest, static_cast<int>(record.actions.size()));
+  }
+  EXPECT_GE(collisions, 6) << "contacts are part of it";
+  EXPECT_EQ(longest, 60) << "and long drives";
+}
+
+TEST(EnvironmentsDeterminismTest, DoesNotDependOnBatchOrderOrThreads) {
+  const std::vector<Record> records = Play(kNumEpisodes, 1, false);
+  EXPECT_EQ(Play(1, 1, false), records);
+  EXPECT_EQ(Play(1, 1, true), records);
+  EXPECT_EQ(Play(7, 2, true), records);
+  EXPECT_EQ(Play(10, 3, false), records);
+  EXPECT_EQ(Play(kNumEpisodes, 4, true), records);
+}
+
+TEST(EnvironmentsDeterminismTest, Box2dAlwaysGivesTheSameBits) {
+  EXPECT_EQ(Play(8, 1, false, Robot::Stepping::kBox2dAlways), Play(8, 1, false));
+}
+
+TEST(EnvironmentsDeterminismTest, RecordedActionsReplayTheEpisode) {
+  const std::vector<Record> records = Play(5, 1, false);
+  CourseEnvironments environments(TestConfig(), Scenes(), 1, nullptr);
+  for (int episode = 0; episode < kNumEpisodes; ++episode) {
+    Record again;
+    environments.Reset(0, SpecOf(episode));
+    again.Add(environments, 0, {});
+    for (const env::Action& action : records[episode].actions) {
+      std::vector<env::StepResult> results(1);
+      environments.Step(std::vector{action}, results);
+      again.actions.push_back(action);
+      again.Add(environments, 0, results[0]);
+    }
+    ASSERT_EQ(again, records[episode]);
+  }
+}
+
+TEST(EnvironmentsDeterminismTest, SeedsDiffer) {
+  CourseEnvironments environments(TestConfig(), Scenes(), 3, nullptr);
+  environments.Reset(0, {2, 1});
+  environments.Reset(1, {2, 2});
+  environments.Reset(2, {2, 1});
+  const auto scan = [&](int i) {
+    const auto ranges = environments.observations().frame(i).ranges_cm;
+    return std::vector<std::uint16_t>(ranges.begin(), ranges.end());
+  };
+  EXPECT_NE(scan(0), scan(1));
+  EXPECT_EQ(scan(0), scan(2));
+  EXPECT_FALSE(environments.robot_pose(0) == environments.robot_pose(1));
+}
+
+TEST(EnvironmentsDeterminismTest, StepsAllocateNothing) {
+  base::ParallelFor parallel(2);
+  CourseEnvironments environments(TestConfig(), Scenes(), 16, &parallel);
+  std::vector<env::Action> actions(16);
+  std::vector<env::StepResult> results(16);
+  for (int i = 0; i < 16; ++i) environments.Reset(i, SpecOf(i));
+  int num_ended = 0;
+  const auto step = [&] {
+    for (int i = 0; i < 16; ++i) actions[i] = Steer(environments.observations().frame(i));
+    environments.Step(actions, results);
+    for (int i = 0; i < 16; ++i) {
+      if (!results[i].ended()) continue;
+      ++num_ended;
+      environments.Reset(i, SpecOf(i + num_ended));
+    }
+  };
+  for (int k = 0; k < 50; ++k) step();
+  num_ended = 0;
+  const long before = test::NumAllocations();
+  for (int k = 0; k < 200; ++k) step();
+  EXPECT_EQ(test::NumAllocations() - before, 0);
+  EXPECT_GT(num_ended, 50);
+}
+
+}  // namespace
+}  // namespace slalom::sim

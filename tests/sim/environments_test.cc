@@ -1,0 +1,261 @@
+#include "sim/environments.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "base/error.h"
+#include "config/config.h"
+#include "tests/support/random_courses.h"
+
+namespace slalom::sim {
+namespace {
+
+using env::Outcome;
+
+/// Start at the origin heading along +x, goal `goal_x` ahead, a wall across `wall_x`.
+std::shared_ptr<const Scene> Corridor(double goal_x, double wall_x) {
+  Course course;
+  course.name = "corridor";
+  course.goal_W = {goal_x, 0.0};
+  course.boxes = {{{{wall_x + 0.05, 0.0}, 0.0}, {0.05, 5.0}}};
+  return MakeScene(std::make_shared<const Course>(course));
+}
+
+/// One environment with instant drive, whose agent speaks in [m/s] and [rad/s].
+class One {
+ public:
+  One(EnvironmentConfig config, std::shared_ptr<const Scene> scene)
+      : environments_(config, {std::move(scene)}, 1, nullptr) {
+    environments_.Reset(0, {});
+  }
+  env::StepResult Step(double linear, double angular = 0.0) {
+    const std::vector<env::Action> actions{environments_.config().action.Normalise(linear, angular)};
+    environments_.Step(actions, results_);
+    return results_[0];
+  }
+  CourseEnvironments& environments() { return environments_; }
+  env::FrameView frame() const { return environments_.observations().frame(0); }
+  double x() const { return environments_.robot_pose(0).p.x; }
+
+ private:
+  CourseEnvironments environments_;
+  std::vector<env::StepResult> results_{1};
+};
+
+EnvironmentConfig InstantDrive() {
+  EnvironmentConfig config;
+  config.robot.linear_acceleration = 1000.0;
+  config.robot.angular_acceleration = 1000.0;
+  return config;
+}
+
+TEST(EnvironmentConfigTest, DefaultsAreTheOriginalsNumbers) {
+  const EnvironmentConfig config;
+  CheckConsistent(config);
+  EXPECT_EQ(NumSubsteps(config), 10);
+  EXPECT_EQ(MakeObservationSpec(config), env::ObservationSpec{});
+  EXPECT_EQ(MakeObservationSpec(config).size(), 724);
+  EXPECT_NEAR(config.robot.mass, 18.431, 1e-9);
+  EXPECT_NEAR(Lidar(config.lidar, 5.0).beam_angle(0), -2.35619, 1e-5);
+  EXPECT_NEAR(Lidar(config.lidar, 5.0).beam_angle(719), 2.35619, 1e-5);
+}
+
+TEST(EnvironmentConfigTest, IsReadAndPrintedByConfig) {
+  const std::string text = config::ToToml(EnvironmentConfig{});
+  EXPECT_EQ(config::ToToml(config::FromToml<EnvironmentConfig>(text, "test")), text);
+  EXPECT_EQ(config::FromToml<EnvironmentConfig>("robot.yaw_gain = 0.8", "test").robot.yaw_gain, 0.8);
+  EXPECT_THROW(config::FromToml<EnvironmentConfig>("robot.yaw_gain = -1", "test"), base::Error);
+}
+
+TEST(EnvironmentConfigTest, RefusesWhatContradictsItself) {
+  EnvironmentConfig odd_step;
+  odd_step.episode.step = 0.21;
+  EnvironmentConfig short_sight;
+  short_sight.lidar.max_range = 0.1;
+  EnvironmentConfig short_clip;
+  short_clip.observation.range_clip = 0.5;
+  short_clip.lidar.min_range = 0.6;
+  for (const EnvironmentConfig& config : {odd_step, short_sight, short_clip}) {
+    EXPECT_THROW(CheckConsistent(config), base::Error);
+    EXPECT_THROW(CourseEnvironments(config, {Corridor(3.0, 9.0)}, 1, nullptr), base::Error);
+  }
+}
+
+TEST(EnvironmentsTest, FirstFrameIsTakenAtRest) {
+  One one(InstantDrive(), Corridor(4.0, 2.12));
+  EXPECT_EQ(one.environments().observations().first[0], 1);
+  EXPECT_THAT(std::vector<float>(one.frame().state.begin(), one.frame().state.end()),
+              testing::Pointwise(testing::FloatEq(), {4.0f, 0.0f, -1.0f / 3.0f, 0.0f}));
+  EXPECT_NEAR(one.frame().ranges_cm[359], 200, 1);
+  EXPECT_NEAR(one.frame().ranges_cm[360], 200, 1);
+  EXPECT_EQ(one.frame().ranges_cm[0], 500);
+}
+
+TEST(EnvironmentsTest, FrameFollowsTheRobot) {
+  One one(InstantDrive(), Corridor(4.0, 9.0));
+  one.Step(0.5, 1.0);
+  const base::Pose2 X_WR = one.environments().robot_pose(0);
+  EXPECT_NEAR(X_WR.yaw, 0.2, 1e-6);
+  const base::Vec2 goal_R = base::InverseTransform(X_WR, {4.0, 0.0});
+  EXPECT_FLOAT_EQ(one.frame().state[0], static_cast<float>(goal_R.x));
+  EXPECT_FLOAT_EQ(one.frame().state[1], static_cast<float>(goal_R.y));
+  EXPECT_FLOAT_EQ(one.frame().state[2], 0.0f);
+  EXPECT_FLOAT_EQ(one.frame().state[3], static_cast<float>(1.0 / 3.14));
+  EXPECT_EQ(one.environments().observations().first[0], 0);
+}
+
+TEST(EnvironmentsTest, RewardsProgressAndSuccess) {
+  EnvironmentConfig config = InstantDrive();
+  config.reward.slack = 0.25;
+  One one(config, Corridor(1.0, 9.0));
+  const env::StepResult first = one.Step(1.0);
+  EXPECT_NEAR(first.reward, 0.2 - 0.25, 1e-5);
+  EXPECT_EQ(first.outcome, Outcome::kRunning);
+  EXPECT_NEAR(one.Step(-1.0).reward, -0.2 - 0.25, 1e-5);
+  one.Step(1.0);
+  one.Step(1.0);
+  EXPECT_EQ(one.Step(0.95).outcome, Outcome::kRunning) << "0.41 m away";
+  const env::StepResult last = one.Step(0.1);
+  EXPECT_EQ(last.outcome, Outcome::kSuccess) << "0.39 m away";
+  EXPECT_NEAR(last.reward, 20.0 + 0.02 - 0.25, 1e-5);
+  EXPECT_EQ(last.cost, 0.0f);
+}
+
+TEST(EnvironmentsTest, GoalCountsAtTheEndOfAStepOnly) {
+  EnvironmentConfig config = InstantDrive();
+  config.episode.goal_tolerance = 0.05;
+  One one(config, Corridor(0.2, 9.0));
+  EXPECT_EQ(one.Step(2.0).outcome, Outcome::kRunning) << "passed the goal at 0.1 s, 0.2 m beyond at 0.2 s";
+}
+
+TEST(EnvironmentsTest, CollisionCostsAndEndsTheEpisode) {
+  // The front is at 0.229 m, the wall at 0.6 m: after 0.2 m a gap of 0.171 m.
+  One one(InstantDrive(), Corridor(3.0, 0.6));
+  EXPECT_EQ(one.Step(1.0).outcome, Outcome::kRunning);
+  const double before = one.x();
+  const env::StepResult result = one.Step(1.0);
+  EXPECT_EQ(result.outcome, Outcome::kCollision);
+  EXPECT_EQ(result.cost, 1.0f);
+  EXPECT_NEAR(result.reward, (one.x() - before) - 4.0, 1e-5);
+  const double after = one.x();
+  const std::vector<std::uint16_t> scan(one.frame().ranges_cm.begin(), one.frame().ranges_cm.end());
+  one.Step(-1.0);
+  EXPECT_EQ(one.x(), after) << "stands still until reset";
+  EXPECT_TRUE(std::equal(scan.begin(), scan.end(), one.frame().ranges_cm.begin()));
+}
+
+TEST(EnvironmentsTest, CollisionComesBeforeSuccess) {
+  One one(InstantDrive(), Corridor(0.6, 0.6));
+  EXPECT_EQ(one.Step(2.0).outcome, Outcome::kCollision);
+}
+
+TEST(EnvironmentsTest, StoppingShortOfAWallIsNoCollision) {
+  One one(InstantDrive(), Corridor(3.0, 0.6));
+  EXPECT_EQ(one.Step(1.85).outcome, Outcome::kRunning) << "0.37 of 0.371 m";
+  EXPECT_EQ(one.Step(0.1).outcome, Outcome::kCollision);
+}
+
+TEST(EnvironmentsTest, StepLimitIsATimeoutAndNotTerminal) {
+  EnvironmentConfig config = InstantDrive();
+  config.reward.timeout = 3.0;
+  One one(config, Corridor(3.0, 9.0));
+  for (int i = 0; i < 399; ++i) ASSERT_EQ(one.Step(0.0).outcome, Outcome::kRunning);
+  const env::StepResult last = one.Step(0.0);
+  EXPECT_EQ(last.outcome, Outcome::kTimeout);
+  EXPECT_FALSE(last.terminated());
+  EXPECT_EQ(last.reward, -3.0f);
+}
+
+TEST(EnvironmentsTest, ActionsAreClipped) {
+  One one(InstantDrive(), Corridor(5.0, 9.0));
+  std::vector<env::Action> actions{{7.0f, -7.0f}};
+  std::vector<env::StepResult> results(1);
+  one.environments().Step(actions, results);
+  EXPECT_EQ(one.frame().state[2], 1.0f);
+  EXPECT_EQ(one.frame().state[3], -1.0f);
+}
+
+TEST(EnvironmentsTest, RefusesACourseThatStartsInContact) {
+  try {
+    CourseEnvironments({}, {Corridor(3.0, 9.0), Corridor(3.0, 0.1)}, 1, nullptr);
+    FAIL();
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("course 'corridor'"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("start pose"));
+  }
+}
+
+TEST(EnvironmentsTest, JitteredStartsAreSpreadAndFree) {
+  EnvironmentConfig config;
+  config.episode.start_position_jitter = 0.3;
+  config.episode.start_yaw_jitter = 0.4;
+  // The wall leaves 0.071 m ahead at the start.
+  CourseEnvironments environments(config, {Corridor(3.0, 0.3)}, 1, nullptr);
+  std::vector<env::Action> stand{config.action.Normalise(0.0, 0.0)};
+  std::vector<env::StepResult> results(1);
+  double min_x = 9.0, max_x = -9.0, min_yaw = 9.0, max_yaw = -9.0;
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    environments.Reset(0, {0, seed});
+    const base::Pose2 start = environments.robot_pose(0);
+    min_x = std::min(min_x, start.p.x);
+    max_x = std::max(max_x, start.p.x);
+    min_yaw = std::min(min_yaw, start.yaw);
+    max_yaw = std::max(max_yaw, start.yaw);
+    EXPECT_LE(std::abs(start.p.y), 0.3);
+    environments.Step(stand, results);
+    EXPECT_EQ(results[0].outcome, Outcome::kRunning);
+  }
+  EXPECT_GE(min_x, -0.3 - 1e-6);
+  EXPECT_LT(min_x, -0.28);
+  EXPECT_LE(max_x, 0.0711);
+  EXPECT_GT(max_x, 0.02);
+  EXPECT_LT(min_yaw, -0.38);
+  EXPECT_GT(max_yaw, 0.38);
+}
+
+TEST(EnvironmentsTest, ATurnedAndMovedCourseGivesTheSameEpisode) {
+  base::Random random(9);
+  for (int round = 0; round < 10; ++round) {
+    const auto course = test::RandomCourse(random, {.num_circles = 40, .num_boxes = 3});
+    const base::Pose2 X_VW{{random.Uniform(-3.0, 3.0), random.Uniform(-3.0, 3.0)},
+                           random.Uniform(-3.0, 3.0)};
+    Course moved = *course;
+    for (Circle& circle : moved.circles) circle.p_W = base::Transform(X_VW, circle.p_W);
+    for (Box& box : moved.boxes) {
+      box.X_WB = {base::Transform(X_VW, box.X_WB.p), box.X_WB.yaw + X_VW.yaw};
+    }
+    moved.start = {base::Transform(X_VW, course->start.p), course->start.yaw + X_VW.yaw};
+    moved.goal_W = base::Transform(X_VW, course->goal_W);
+    const std::shared_ptr<const Scene> scenes[] = {
+        MakeScene(course), MakeScene(std::make_shared<const Course>(moved))};
+    EnvironmentConfig config;
+    config.lidar.noise_std = 0.0;
+    CourseEnvironments environments(config, {scenes[0], scenes[1]}, 2, nullptr);
+    environments.Reset(0, {0, 1});
+    environments.Reset(1, {1, 1});
+    std::vector<env::StepResult> results(2);
+    while (!results[0].ended()) {
+      const env::Action action{static_cast<float>(random.Uniform(-1.0, 1.0)),
+                               static_cast<float>(random.Uniform(-1.0, 1.0))};
+      environments.Step(std::vector{action, action}, results);
+      ASSERT_EQ(results[0].outcome, results[1].outcome);
+      if (results[0].ended()) break;
+      // Up to 400 steps of 10 roundings of some 1e-6 m; a beam that grazes an obstacle may go either way.
+      const base::Vec2 p = base::Transform(X_VW, environments.robot_pose(0).p);
+      ASSERT_LT(base::Norm(p - environments.robot_pose(1).p), 4e-3);
+      const auto& observations = environments.observations();
+      int different = 0;
+      for (int i = 0; i < observations.num_beams; ++i) {
+        different += std::abs(observations.frame(0).ranges_cm[i] - observations.frame(1).ranges_cm[i]) > 2;
+      }
+      ASSERT_LT(different, 15);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace slalom::sim

@@ -1,0 +1,203 @@
+#include "sim/lidar.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "tests/support/random_courses.h"
+
+namespace slalom::sim {
+namespace {
+
+using base::Vec2;
+
+constexpr double kNoHit = std::numeric_limits<double>::infinity();
+
+// The oracle: every beam against every shape, in double precision, with obstacles grown by `grow` [m].
+double CastOne(const Course& course, Vec2 from, Vec2 along, double grow) {
+  double nearest = kNoHit;
+  for (const Circle& circle : course.circles) {
+    const Vec2 d = circle.p_W - from;
+    const double b = base::Dot(d, along);
+    const double radius = circle.radius + grow;
+    const double discriminant = b * b - base::Dot(d, d) + radius * radius;
+    if (discriminant < 0.0) continue;
+    const double root = std::sqrt(discriminant);
+    if (b + root < 0.0) continue;
+    nearest = std::min(nearest, std::max(0.0, b - root));
+  }
+  for (const Box& box : course.boxes) {
+    const Vec2 p_B = base::InverseTransform(box.X_WB, from);
+    const Vec2 half{box.half_size.x + grow, box.half_size.y + grow};
+    if (std::abs(p_B.x) < half.x && std::abs(p_B.y) < half.y) nearest = 0.0;
+    const Vec2 corners_B[] = {{-half.x, -half.y}, {half.x, -half.y}, {half.x, half.y}, {-half.x, half.y}};
+    for (int k = 0; k < 4; ++k) {
+      const Vec2 a = base::Transform(box.X_WB, corners_B[k]);
+      const Vec2 edge = base::Transform(box.X_WB, corners_B[(k + 1) % 4]) - a;
+      const double turn = base::Cross(along, edge);
+      if (turn == 0.0) continue;
+      const double range = base::Cross(a - from, edge) / turn;
+      const double place = base::Cross(a - from, along) / turn;
+      if (range >= 0.0 && place >= 0.0 && place <= 1.0) nearest = std::min(nearest, range);
+    }
+  }
+  return nearest;
+}
+
+// Coordinates below 8 m and a beam's direction are rounded to single precision, 2^-24 relative: together
+// below 8 m * 2^-24 * 8 operations = 4e-6 m sideways. A grazing beam may then see the obstacle or not, so
+// the truth is bracketed by slightly larger and slightly smaller obstacles.
+constexpr double kSideways = 1e-5;
+constexpr double kAlong = 1e-4;
+
+void CheckAgainstOracle(const LidarConfig& config, double clip, const Course& course,
+                        const base::Pose2& X_WR) {
+  const Lidar lidar(config, clip);
+  const CollisionMap map(course);
+  std::vector<float> ranges(config.num_beams);
+  lidar.Cast(map, X_WR, ranges);
+  const Vec2 from = base::Transform(X_WR, {config.offset_x, 0.0});
+  const double reach = std::min(clip, config.max_range);
+  for (int beam = 0; beam < config.num_beams; ++beam) {
+    const auto [s, c] = base::SinCos(X_WR.yaw + lidar.beam_angle(beam));
+    const double low = std::min(reach, CastOne(course, from, {c, s}, kSideways));
+    const double high = std::min(reach, CastOne(course, from, {c, s}, -kSideways));
+    const double found = std::min<double>(reach, ranges[beam]);
+    ASSERT_GE(found, low - kAlong) << "beam " << beam << " at " << X_WR.p.x << " " << X_WR.p.y << " " << X_WR.yaw;
+    ASSERT_LE(found, high + kAlong) << "beam " << beam << " at " << X_WR.p.x << " " << X_WR.p.y << " " << X_WR.yaw;
+  }
+}
+
+base::Pose2 RandomPose(base::Random& random) {
+  return {{random.Uniform(-5.0, 5.0), random.Uniform(-5.0, 5.0)}, random.Uniform(-10.0, 10.0)};
+}
+
+TEST(LidarTest, AgreesWithBruteForceAmongCircles) {
+  base::Random random(1);
+  for (int round = 0; round < 30; ++round) {
+    const auto course = test::RandomCourse(random);
+    for (int k = 0; k < 4; ++k) CheckAgainstOracle({}, 5.0, *course, RandomPose(random));
+  }
+}
+
+TEST(LidarTest, AgreesWithBruteForceAmongCirclesAndBoxes) {
+  base::Random random(2);
+  for (int round = 0; round < 30; ++round) {
+    const auto course = test::RandomCourse(random, {.num_circles = 10, .num_boxes = 12});
+    for (int k = 0; k < 4; ++k) CheckAgainstOracle({}, 5.0, *course, RandomPose(random));
+  }
+}
+
+TEST(LidarTest, AgreesWithBruteForceForOtherSensors) {
+  base::Random random(3);
+  const LidarConfig sensors[] = {{.num_beams = 2, .field_of_view = 0.5},
+                                 {.num_beams = 9, .field_of_view = 6.2831},
+                                 {.num_beams = 1081, .field_of_view = 6.2831, .offset_x = -0.3},
+                                 {.num_beams = 4096, .field_of_view = 3.0, .max_range = 2.0}};
+  for (const LidarConfig& sensor : sensors) {
+    for (int round = 0; round < 8; ++round) {
+      const auto course = test::RandomCourse(random, {.num_circles = 20, .num_boxes = 6});
+      for (int k = 0; k < 3; ++k) CheckAgainstOracle(sensor, 12.0, *course, RandomPose(random));
+    }
+  }
+}
+
+TEST(LidarTest, SeesFewLargeCirclesFromInsideAndNear) {
+  base::Random random(4);
+  for (int round = 0; round < 60; ++round) {
+    const auto course =
+        test::RandomCourse(random, {.num_circles = 3, .max_radius = 3.0, .clear_start = 0.0});
+    for (int k = 0; k < 4; ++k) CheckAgainstOracle({}, 5.0, *course, RandomPose(random));
+  }
+}
+
+TEST(LidarTest, ReportsNearestWithinLimits) {
+  Course course;
+  course.circles = {{{1.12, 0.0}, 0.5}, {{-1.0, 0.0}, 0.2}};
+  LidarConfig config{.num_beams = 3, .field_of_view = 3.14159265358979, .noise_std = 0.0};
+  base::Random noise(5);
+  std::vector<std::uint16_t> ranges(3);
+  Lidar(config, 5.0).Scan(CollisionMap(course), {}, noise, ranges);
+  EXPECT_EQ(ranges, (std::vector<std::uint16_t>{500, 50, 500}));
+
+  config.resolution = 0.2;
+  config.min_range = 0.7;
+  Lidar(config, 5.0).Scan(CollisionMap(course), {}, noise, ranges);
+  EXPECT_EQ(ranges, (std::vector<std::uint16_t>{500, 80, 500})) << "0.7 m is 3.5 steps of 0.2 m";
+
+  config.max_range = 3.0;
+  Lidar(config, 5.0).Scan(CollisionMap(course), {}, noise, ranges);
+  EXPECT_EQ(ranges, (std::vector<std::uint16_t>{300, 80, 300}));
+}
+
+TEST(LidarTest, WithoutNoiseDrawsNothing) {
+  const CollisionMap map{Course{}};
+  base::Random noise(6);
+  const auto before = noise.state();
+  std::vector<std::uint16_t> ranges(720);
+  Lidar({.noise_std = 0.0}, 5.0).Scan(map, {}, noise, ranges);
+  EXPECT_EQ(noise.state(), before);
+  Lidar({}, 5.0).Scan(map, {}, noise, ranges);
+  EXPECT_NE(noise.state(), before);
+}
+
+// Whether samples could be of the standard normal distribution: mean, variance, kurtosis and the share
+// beyond 2, each within 5 standard errors, so a right sampler fails for one seed in a million.
+bool LooksStandardNormal(const std::vector<double>& samples) {
+  const double n = static_cast<double>(samples.size());
+  double sum = 0.0, squares = 0.0, fourths = 0.0, beyond = 0.0;
+  for (const double z : samples) {
+    sum += z;
+    squares += z * z;
+    fourths += z * z * z * z;
+    beyond += std::abs(z) > 2.0;
+  }
+  const double share = 0.0455003;
+  return std::abs(sum / n) < 5.0 / std::sqrt(n) &&
+         std::abs(squares / n - 1.0) < 5.0 * std::sqrt(2.0 / n) &&
+         std::abs(fourths / n - 3.0) < 5.0 * std::sqrt(96.0 / n) &&
+         std::abs(beyond / n - share) < 5.0 * std::sqrt(share * (1.0 - share) / n);
+}
+
+TEST(LidarTest, NoiseIsNormalAndIndependent) {
+  // A wall far ahead and noise much wider than the resolution: rounding to 1 cm adds (1 cm)^2 / 12 to a
+  // variance of (50 cm)^2, 3e-5 of it, far below the bounds for 2e5 samples (5 * sqrt(2 / n) = 1.6e-2).
+  Course course;
+  course.boxes = {{{{30.0, 0.0}, 0.0}, {10.0, 10.0}}};
+  const CollisionMap map(course);
+  const LidarConfig config{.num_beams = 200, .field_of_view = 0.2, .offset_x = 0.0, .max_range = 100.0, .noise_std = 0.5};
+  const Lidar lidar(config, 100.0);
+  base::Random noise(7);
+  std::vector<float> exact(config.num_beams);
+  lidar.Cast(map, {}, exact);
+  std::vector<std::uint16_t> ranges(config.num_beams);
+  std::vector<double> samples;
+  for (int scan = 0; scan < 1000; ++scan) {
+    lidar.Scan(map, {}, noise, ranges);
+    for (int i = 0; i < config.num_beams; ++i) samples.push_back((0.01 * ranges[i] - exact[i]) / 0.5);
+  }
+  EXPECT_TRUE(LooksStandardNormal(samples));
+  // Sums of neighbours are normal of variance 2 only if neighbours are independent.
+  std::vector<double> sums;
+  for (std::size_t i = 0; i + 1 < samples.size(); i += 2) {
+    sums.push_back((samples[i] + samples[i + 1]) / std::sqrt(2.0));
+  }
+  EXPECT_TRUE(LooksStandardNormal(sums));
+
+  std::vector<double> too_wide = samples, uniform, repeated;
+  for (double& z : too_wide) z *= 1.03;
+  base::Random random(8);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    uniform.push_back(std::sqrt(3.0) * random.Uniform(-1.0, 1.0));
+    repeated.push_back(std::sqrt(2.0) * samples[i & ~std::size_t{1}]);
+  }
+  EXPECT_FALSE(LooksStandardNormal(too_wide));
+  EXPECT_FALSE(LooksStandardNormal(uniform));
+  EXPECT_FALSE(LooksStandardNormal(repeated));
+}
+
+}  // namespace
+}  // namespace slalom::sim

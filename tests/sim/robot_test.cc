@@ -1,0 +1,185 @@
+#include "sim/robot.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/random_courses.h"
+
+namespace slalom::sim {
+namespace {
+
+constexpr int kSubsteps = 10;  // Of 0.02 s: control steps of 0.2 s.
+constexpr double kDt = 0.02;
+
+RobotConfig Instant() {
+  RobotConfig config;
+  config.linear_acceleration = 1000.0;
+  config.angular_acceleration = 1000.0;
+  return config;
+}
+
+/// A robot on an open field.
+class OpenField {
+ public:
+  explicit OpenField(const RobotConfig& config) : contacts_(config), robot_(config, kSubsteps) {
+    robot_.Reset({});
+  }
+  void Drive(double linear, double angular, int num_steps) {
+    for (int i = 0; i < num_steps; ++i) EXPECT_FALSE(robot_.Drive(linear, angular, map_, contacts_));
+  }
+  base::Pose2 pose() const { return robot_.pose(); }
+  const Robot& robot() const { return robot_; }
+
+ private:
+  const CollisionMap map_{Course{}};
+  ContactWorld contacts_;
+  Robot robot_;
+};
+
+TEST(RobotTest, SpeedsUpEvenlyAndThenHoldsItsSpeed) {
+  RobotConfig config;
+  config.linear_acceleration = 4.0;
+  OpenField field(config);
+  field.Drive(1.0, 0.0, 5);
+  // Speeds 0.08, 0.16, ... 0.96 m/s in twelve rigid-body steps, then 1 m/s in 38.
+  EXPECT_NEAR(field.pose().p.x, kDt * (0.08 * 12 * 13 / 2 + 38 * 1.0), 1e-5);
+  EXPECT_EQ(field.pose().p.y, 0.0);
+  EXPECT_EQ(field.pose().yaw, 0.0);
+}
+
+TEST(RobotTest, BrakesWithinItsBrakingDistance) {
+  RobotConfig config;
+  config.linear_acceleration = 4.0;
+  OpenField field(config);
+  field.Drive(2.0, 0.0, 10);
+  const double start = field.pose().p.x;
+  field.Drive(0.0, 0.0, 10);
+  // v^2 / 2a = 0.5 m, less half a rigid-body step of 2 m/s, as a step moves at the speed of its end.
+  EXPECT_NEAR(field.pose().p.x - start, 0.5 - 0.5 * kDt * 2.0, 1e-5);
+  EXPECT_EQ(field.robot().speed(), 0.0);
+}
+
+TEST(RobotTest, TurnsOnTheSpot) {
+  OpenField field(Instant());
+  field.Drive(0.0, 1.0, 5);
+  EXPECT_NEAR(field.pose().yaw, 1.0, 1e-5);
+  EXPECT_EQ(field.pose().p, base::Vec2{});
+  field.Drive(0.0, 1.0, 20);
+  EXPECT_NEAR(field.pose().yaw, 5.0 - 2.0 * base::kPi, 1e-5) << "in [-pi, pi)";
+}
+
+TEST(RobotTest, DrivesAnArc) {
+  OpenField field(Instant());
+  const double v = 1.5, w = 2.0;
+  field.Drive(v, w, 6);
+  const double angle = 1.2 * w;
+  // A chord is shorter than its arc by (w dt)^2 / 24 = 7e-5 of it, for any part of the circle.
+  EXPECT_NEAR(field.pose().p.x, v / w * std::sin(angle), v / w * 1e-4);
+  EXPECT_NEAR(field.pose().p.y, v / w * (1.0 - std::cos(angle)), 2 * v / w * 1e-4);
+  EXPECT_NEAR(field.pose().yaw, angle, 1e-5);
+}
+
+TEST(RobotTest, KeepsToItsSpeedLimitsAndYawGain) {
+  RobotConfig config = Instant();
+  config.yaw_gain = 0.8;
+  OpenField field(config);
+  field.Drive(9.0, 9.0, 1);
+  EXPECT_EQ(field.robot().speed(), 2.0);
+  EXPECT_FLOAT_EQ(field.robot().body().yaw_rate, 0.8 * 4.0);
+  field.Drive(-9.0, -9.0, 1);
+  EXPECT_EQ(field.robot().speed(), -2.0);
+  EXPECT_FLOAT_EQ(field.robot().body().yaw_rate, -0.8 * 4.0);
+}
+
+TEST(RobotTest, ActsOnCommandsAfterTheirDelay) {
+  for (const double delay : {0.0, 0.04, 0.2, 0.26, 0.5, 1.0}) {
+    RobotConfig config = Instant();
+    config.command_delay = delay;
+    OpenField field(config);
+    // One step of 1 m/s between standing: 0.2 m in all, whenever it comes.
+    field.Drive(0.0, 0.0, 1);
+    field.Drive(1.0, 0.0, 1);
+    EXPECT_NEAR(field.pose().p.x, std::max(0.0, 0.2 - delay), 1e-6) << delay;
+    field.Drive(0.0, 0.0, 6);
+    EXPECT_NEAR(field.pose().p.x, 0.2, 1e-6) << delay;
+  }
+}
+
+TEST(RobotTest, PushesAgainstAWallWithoutPassingOrGainingEnergy) {
+  for (const double yaw : {0.0, 0.3, -0.7}) {
+    Course course;
+    course.boxes = {{{{1.5, 0.0}, 0.0}, {0.05, 20.0}}};
+    const CollisionMap map(course);
+    const RobotConfig config;
+    ContactWorld contacts(config);
+    Robot robot(config, kSubsteps);
+    robot.Reset({{0.0, 0.0}, yaw});
+    bool touched = false;
+    for (int i = 0; i < 50; ++i) {
+      touched = robot.Drive(2.0, 0.0, map, contacts) || touched;
+      const BodyState& body = robot.body();
+      EXPECT_LE(std::hypot(body.vx, body.vy), 2.0 + 1e-5);
+      EXPECT_LT(body.x, 1.45 - 0.208 + 0.08) << "its nearest side is not 0.08 m into the wall";
+    }
+    EXPECT_TRUE(touched);
+  }
+}
+
+TEST(ContactWorldTest, ContactTakesKineticEnergy) {
+  base::Random random(5);
+  const RobotConfig config;
+  const double inertia =
+      config.mass * (config.length * config.length + config.width * config.width) / 12.0;
+  const auto energy = [&](const BodyState& s) {
+    return 0.5 * config.mass * (s.vx * s.vx + s.vy * s.vy) + 0.5 * inertia * s.yaw_rate * s.yaw_rate;
+  };
+  ContactWorld contacts(config);
+  int touched = 0;
+  for (int round = 0; round < 500; ++round) {
+    const auto course = test::RandomCourse(random, {.num_circles = 40, .num_boxes = 5});
+    const CollisionMap map(*course);
+    BodyState state{.x = static_cast<float>(random.Uniform(-4.0, 4.0)),
+                    .y = static_cast<float>(random.Uniform(-4.0, 4.0)),
+                    .yaw = static_cast<float>(random.Uniform(-3.0, 3.0)),
+                    .vx = static_cast<float>(random.Uniform(-2.0, 2.0)),
+                    .vy = static_cast<float>(random.Uniform(-2.0, 2.0)),
+                    .yaw_rate = static_cast<float>(random.Uniform(-4.0, 4.0))};
+    const float clearance = map.Clearance(MakeFootprint(config), state.x, state.y, state.yaw, 0.1f);
+    const double before = energy(state);
+    const bool touching = contacts.Step(map, 0.02f, state);
+    // Box2D's rounding near 4 m: some 1e-6 m.
+    if (std::abs(clearance) > 1e-5f) {
+      EXPECT_EQ(touching, clearance < 0.0f) << clearance;
+    }
+    EXPECT_LE(energy(state), before * (1.0 + 1e-5));
+    touched += touching;
+  }
+  EXPECT_GT(touched, 100);
+}
+
+TEST(ContactWorldTest, RemembersNothing) {
+  base::Random random(6);
+  const RobotConfig config;
+  ContactWorld used(config);
+  int touched = 0;
+  for (int round = 0; round < 300; ++round) {
+    const auto course = test::RandomCourse(random, {.num_circles = 60, .num_boxes = 10});
+    const CollisionMap map(*course);
+    BodyState state{.x = static_cast<float>(random.Uniform(-4.0, 4.0)),
+                    .y = static_cast<float>(random.Uniform(-4.0, 4.0)),
+                    .vx = 1.0f,
+                    .yaw_rate = static_cast<float>(random.Uniform(-4.0, 4.0))};
+    for (int step = 0; step < 3; ++step) {
+      BodyState again = state;
+      ContactWorld fresh(config);
+      touched += used.Step(map, 0.02f, state);
+      fresh.Step(map, 0.02f, again);
+      ASSERT_EQ(state, again) << "round " << round;
+    }
+  }
+  EXPECT_GT(touched, 300);
+}
+
+}  // namespace
+}  // namespace slalom::sim

@@ -1,0 +1,9 @@
+#pragma once
+
+namespace slalom::test {
+
+/// Calls of operator new since the program started, by any thread. A test that links
+/// allocation_count.cc can thus show that a hot loop allocates nothing.
+long NumAllocations();
+
+}  // namespace slalom::test
