@@ -205,27 +205,20 @@ std::string PrintNumber(double value) {
   return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
 }
 
-std::string PrintValue(const Field& field) {
-  struct Printer {
-    std::string operator()(const bool* v) { return *v ? "true" : "false"; }
-    std::string operator()(const int* v) { return fmt::format("{}", *v); }
-    std::string operator()(const std::int64_t* v) { return fmt::format("{}", *v); }
-    std::string operator()(const double* v) { return PrintNumber(*v); }
-    std::string operator()(const std::string* v) {
-      std::ostringstream out;
-      out << toml::value<std::string>(*v);
-      return out.str();
+/// As a TOML basic string on one line.
+std::string Quote(std::string_view text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (c == '"' || c == '\\') {
+      quoted += {'\\', c};
+    } else if (code < 0x20 || code == 0x7f) {
+      quoted += fmt::format("\\u{:04X}", code);
+    } else {
+      quoted += c;
     }
-    std::string operator()(const std::vector<int>* v) {
-      return fmt::format("[{}]", fmt::join(*v, ", "));
-    }
-    std::string operator()(const std::vector<double>* v) {
-      std::vector<std::string> texts;
-      for (const double number : *v) texts.push_back(PrintNumber(number));
-      return fmt::format("[{}]", fmt::join(texts, ", "));
-    }
-  };
-  return std::visit(Printer{}, field.value);
+  }
+  return quoted + '"';
 }
 
 /// The section that a field belongs to: its key less the last part.
@@ -262,8 +255,9 @@ void ApplyOverride(std::string_view assignment, const FieldList& list) {
   try {
     table = toml::parse("value = " + value);
   } catch (const toml::parse_error&) {
-    table.insert("value", value);
+    table.clear();
   }
+  if (table.size() != 1) table = toml::table{{"value", value}};  // No TOML, or more than one value.
   const toml::node* node = table.get("value");
   // A string field takes digits and the like as they stand.
   if (std::holds_alternative<std::string*>(field->value) && !node->is_string()) {
@@ -271,6 +265,25 @@ void ApplyOverride(std::string_view assignment, const FieldList& list) {
     node = table.get("value");
   }
   std::visit(Assign(*field, *node, where), field->value);
+}
+
+std::string PrintValue(const Field& field) {
+  struct Printer {
+    std::string operator()(const bool* v) { return *v ? "true" : "false"; }
+    std::string operator()(const int* v) { return fmt::format("{}", *v); }
+    std::string operator()(const std::int64_t* v) { return fmt::format("{}", *v); }
+    std::string operator()(const double* v) { return PrintNumber(*v); }
+    std::string operator()(const std::string* v) { return Quote(*v); }
+    std::string operator()(const std::vector<int>* v) {
+      return fmt::format("[{}]", fmt::join(*v, ", "));
+    }
+    std::string operator()(const std::vector<double>* v) {
+      std::vector<std::string> texts;
+      for (const double number : *v) texts.push_back(PrintNumber(number));
+      return fmt::format("[{}]", fmt::join(texts, ", "));
+    }
+  };
+  return std::visit(Printer{}, field.value);
 }
 
 std::string PrintToml(const FieldList& list) {

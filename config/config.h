@@ -95,6 +95,9 @@ void ReadToml(std::string_view text, std::string_view source, const FieldList& l
 /// Applies one command-line override "a.b=value". The value is TOML; a bare word is a string.
 void ApplyOverride(std::string_view assignment, const FieldList& list);
 
+/// The value of a field as TOML.
+std::string PrintValue(const Field& field);
+
 /// The listed fields as TOML, complete, that reads back to the same values.
 std::string PrintToml(const FieldList& list);
 
