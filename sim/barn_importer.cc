@@ -167,19 +167,19 @@ BarnImport ImportBarn(const fs::path& directory) {
   }
   if (!mended.empty()) {
     import.warnings.push_back(fmt::format(
-        "{} world files do not end in </sdf> as they should and were read as if they did: {}",
-        mended.size(), ListNumbers(mended)));
+        "world files that do not end in </sdf>, as they should, were read as if they did: {} ({} in all)",
+        ListNumbers(mended), mended.size()));
   }
   if (!without_path.empty()) {
     import.warnings.push_back(
-        fmt::format("{} worlds have no path_N.npy, so no reference path: {}", without_path.size(),
-                    ListNumbers(without_path)));
+        fmt::format("worlds without a path_N.npy have no reference path: {} ({} in all)",
+                    ListNumbers(without_path), without_path.size()));
   }
   if (!moving.empty()) {
     import.skipped.push_back(fmt::format(
-        "{} worlds have moving obstacles, whose motion is not in the world files but in compiled "
-        "plugins: {}",
-        moving.size(), ListNumbers(moving)));
+        "worlds with moving obstacles, whose motion is not in the world files but in compiled plugins: "
+        "{} ({} in all)",
+        ListNumbers(moving), moving.size()));
   }
   return import;
 }

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 #include "base/check.h"
 #include "sim/course_check.h"
@@ -44,12 +45,10 @@ void CoursePainter::PaintCourse(const Course& course) {
   cairo_fill(cairo_);
 
   PaintGoal(course.goal_W, kGoalTolerance);
-  base::Vec2 last = course.start.p;
-  for (const base::Vec2& p : course.reference_path_W) {
-    if (!(p == last)) PaintDashes(last, p, 0.035);
-    last = p;
-  }
-  PaintDashes(last, course.goal_W, 0.035);
+  std::vector<base::Vec2> way = {course.start.p};
+  way.insert(way.end(), course.reference_path_W.begin(), course.reference_path_W.end());
+  way.push_back(course.goal_W);
+  PaintDashes(way, 0.035);
 
   SetColour(cairo_, kObstacle);
   for (const Circle& circle : course.circles) {
@@ -170,13 +169,13 @@ void CoursePainter::PaintGoal(base::Vec2 p, double radius) {
   cairo_fill(cairo_);
 }
 
-void CoursePainter::PaintDashes(base::Vec2 from, base::Vec2 to, double width) {
+void CoursePainter::PaintDashes(std::span<const base::Vec2> points, double width) {
   const std::array<double, 2> dashes = {2.2 * width, 2.0 * width};
   cairo_save(cairo_);
   cairo_set_dash(cairo_, dashes.data(), 2, 0.0);
   cairo_set_line_width(cairo_, width);
-  cairo_move_to(cairo_, from.x, from.y);
-  cairo_line_to(cairo_, to.x, to.y);
+  cairo_set_line_join(cairo_, CAIRO_LINE_JOIN_ROUND);
+  for (const base::Vec2& p : points) cairo_line_to(cairo_, p.x, p.y);
   SetColour(cairo_, kMuted, 0.7);
   cairo_stroke(cairo_);
   cairo_restore(cairo_);

@@ -41,7 +41,7 @@ class CoursePainter {
   // Symbols, also used by the legend. `radius` in the unit of the context.
   void PaintEndMark(base::Vec2 p, double radius, env::Outcome outcome);
   void PaintGoal(base::Vec2 p, double radius);
-  void PaintDashes(base::Vec2 from, base::Vec2 to, double width);
+  void PaintDashes(std::span<const base::Vec2> points, double width);
 
  private:
   void TraceOutline(const base::Pose2& X_WR);

@@ -143,7 +143,7 @@ std::vector<LegendEntry> LegendOf(std::span<const CourseScene> scenes) {
   std::vector<LegendEntry> entries = {
       {"goal, reached within 0.4 m", [](CoursePainter& painter, base::Vec2 p) { painter.PaintGoal(p, 7.0); }},
       {"reference path", [](CoursePainter& painter, base::Vec2 p) {
-         painter.PaintDashes({p.x - 9.0, p.y}, {p.x + 9.0, p.y}, 2.2);
+         painter.PaintDashes(std::array<base::Vec2, 2>{{{p.x - 9.0, p.y}, {p.x + 9.0, p.y}}}, 2.2);
        }}};
   for (const env::Outcome outcome : {env::Outcome::kSuccess, env::Outcome::kCollision,
                                      env::Outcome::kTimeout, env::Outcome::kRunning}) {

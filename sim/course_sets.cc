@@ -148,13 +148,15 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
 
 std::vector<std::string> ListCourseSets(const std::optional<fs::path>& collection) {
   std::vector<std::string> names;
-  if (collection && !collection->empty()) {
-    for (const fs::path& file : ListFiles(*collection, kCourseSetExtension)) {
-      names.push_back(file.stem().string());
-    }
-  } else {
-    for (const std::string_view name : StaticSplitNames()) names.emplace_back(name);
+  for (const std::string_view name : StaticSplitNames()) names.emplace_back(name);
+  if (!collection || collection->empty()) return names;
+  std::vector<std::string> others;
+  for (const fs::path& file : ListFiles(*collection, kCourseSetExtension)) {
+    others.push_back(file.stem().string());
   }
+  // The paper's sets first, in their own order, as far as the collection has them.
+  std::erase_if(names, [&](const std::string& name) { return std::erase(others, name) == 0; });
+  names.insert(names.end(), others.begin(), others.end());
   return names;
 }
 

@@ -1,0 +1,255 @@
+#include "cli/courses_command.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "sim/barn_importer.h"
+#include "sim/course_file.h"
+#include "sim/course_render.h"
+#include "sim/course_sets.h"
+#include "sim/course_text.h"
+#include "sim/episode_file.h"
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kSpecHelp[] =
+    "Set name (see `slalom courses list`), generated:SEED:COUNT, or the path of a course file, a "
+    "set "
+    "file or a directory of course files";
+
+/// What a command works on: the words that choose a course set.
+struct Selection {
+  std::string spec;
+  std::optional<std::string> collection;
+  std::uint64_t seed = 1;
+  std::vector<std::string> names;  ///< Of courses in the set; empty: all.
+
+  void AddSource(CLI::App& command) {
+    command.add_option(
+        "--collection", collection,
+        "Directory written by `slalom courses import`; without it, the built-in courses");
+    command.add_option("--seed", seed, "Seed of the built-in courses")->capture_default_str();
+  }
+
+  std::optional<fs::path> collection_path() const {
+    return collection ? std::optional<fs::path>(*collection) : std::nullopt;
+  }
+
+  /// The chosen courses, in the order of the set.
+  sim::CourseSet Resolve() const {
+    sim::CourseSet set = sim::ResolveCourses(spec, collection_path(), seed);
+    if (names.empty()) return set;
+    for (const std::string& name : names) {
+      const bool is_there = std::any_of(set.courses.begin(), set.courses.end(),
+                                        [&](const auto& c) { return c->name == name; });
+      if (!is_there) {
+        throw base::Error(fmt::format("{}: holds no course {}; it has {} courses, the first is {}",
+                                      spec, name, set.courses.size(), set.courses.front()->name));
+      }
+    }
+    std::erase_if(set.courses, [&](const auto& course) {
+      return std::find(names.begin(), names.end(), course->name) == names.end();
+    });
+    return set;
+  }
+};
+
+void PrintTable(const sim::CourseSet& set) {
+  fmt::print("{:<24} {:>9} {:>9} {:>10} {:>10} {:>10} {:>10} {:>10}\n", "course", "obstacles",
+             "path [m]", "obstacle", "visibility", "dispersion", "width", "tortuosity");
+  for (const auto& course : set.courses) {
+    fmt::print("{:<24} {:>9} {:>9.2f}", course->name, course->circles.size() + course->boxes.size(),
+               sim::ReferenceLength(*course));
+    if (course->difficulty) {
+      const sim::Difficulty& d = *course->difficulty;
+      fmt::print(" {:>10.2f} {:>10.2f} {:>10.2f} {:>10.2f} {:>10.3f}", d.distance_to_obstacle,
+                 d.visibility, d.dispersion, d.characteristic_dimension, d.tortuosity);
+    }
+    fmt::print("\n");
+  }
+}
+
+void AddList(CLI::App& courses) {
+  CLI::App* command = courses.add_subcommand("list", "List the course sets that can be named");
+  auto selection = std::make_shared<Selection>();
+  selection->AddSource(*command);
+  command->callback([selection] {
+    fmt::print("{:<20} {:>8}\n", "set", "courses");
+    for (const std::string& name : sim::ListCourseSets(selection->collection_path())) {
+      const auto set = sim::ResolveCourses(name, selection->collection_path(), selection->seed);
+      fmt::print("{:<20} {:>8}\n", name, set.courses.size());
+    }
+    fmt::print("generated:SEED:COUNT    COUNT  fresh courses, in no other set\n");
+  });
+}
+
+void AddShow(CLI::App& courses) {
+  CLI::App* command =
+      courses.add_subcommand("show", "Print the courses of a set, or a picture and facts of one");
+  auto selection = std::make_shared<Selection>();
+  command->add_option("SET", selection->spec, kSpecHelp)->required();
+  command->add_option("COURSE", selection->names, "Courses to show; without, a table of the set");
+  selection->AddSource(*command);
+  command->callback([selection] {
+    const sim::CourseSet set = selection->Resolve();
+    if (selection->names.empty() && set.courses.size() > 1) {
+      PrintTable(set);
+      return;
+    }
+    for (const auto& course : set.courses) {
+      fmt::print("{}\n{}\n", sim::DrawText(*course), sim::DescribeText(*course));
+    }
+  });
+}
+
+/// The options of `render`.
+struct RenderOptions {
+  Selection selection;
+  std::string output;
+  std::optional<std::string> format;
+  std::optional<std::string> episodes;
+  int num_columns = 10;
+};
+
+sim::PictureFormat FormatOf(const RenderOptions& options) {
+  const std::string extension = fs::path(options.output).extension().string();
+  const std::string format = options.format ? "." + *options.format : extension;
+  if (format == ".svg") return sim::PictureFormat::kSvg;
+  if (format == ".png") return sim::PictureFormat::kPng;
+  throw base::Error(fmt::format(
+      "{}: the picture's format is not clear; end the name in .svg or .png or give --format",
+      options.output));
+}
+
+std::map<std::string, std::vector<sim::EpisodeTrack>> ReadTracks(const std::string& file,
+                                                                 const sim::CourseSet& set) {
+  std::map<std::string, std::vector<sim::EpisodeTrack>> tracks;
+  bool is_any_used = false;
+  for (sim::EpisodeTrack& track : sim::ReadEpisodes(file)) {
+    is_any_used =
+        is_any_used || std::any_of(set.courses.begin(), set.courses.end(),
+                                   [&](const auto& c) { return c->name == track.course; });
+    tracks[track.course].push_back(std::move(track));
+  }
+  if (!is_any_used) {
+    throw base::Error(fmt::format("{}: holds no episode on a course of {}", file, set.name));
+  }
+  return tracks;
+}
+
+void Render(const RenderOptions& options) {
+  const sim::PictureFormat format = FormatOf(options);
+  const sim::CourseSet set = options.selection.Resolve();
+  std::map<std::string, std::vector<sim::EpisodeTrack>> tracks;
+  if (options.episodes) tracks = ReadTracks(*options.episodes, set);
+  std::vector<sim::CourseScene> scenes;
+  for (const auto& course : set.courses) scenes.push_back({course.get(), tracks[course->name]});
+  base::WriteFileAtomically(options.output,
+                            scenes.size() == 1
+                                ? sim::RenderCourse(scenes.front(), format)
+                                : sim::RenderContactSheet(scenes, options.num_columns, format));
+  fmt::print(stderr, "{}: {} course{} drawn\n", options.output, scenes.size(),
+             scenes.size() == 1 ? "" : "s");
+}
+
+void AddRender(CLI::App& courses) {
+  CLI::App* command =
+      courses.add_subcommand("render", "Draw one course, or several in a grid, as SVG or PNG");
+  auto options = std::make_shared<RenderOptions>();
+  command->add_option("--courses", options->selection.spec, kSpecHelp)->required();
+  command->add_option("--course", options->selection.names,
+                      "Draw only this course of it (repeatable)");
+  command->add_option("--output", options->output, "File to write")->required();
+  command->add_option("--format", options->format, "svg or png; without, as the output's name ends")
+      ->check(CLI::IsMember({"svg", "png"}));
+  command
+      ->add_option("--episodes", options->episodes,
+                   "JSON lines of episodes (an evaluation's trajectories) to draw on the courses")
+      ->check(CLI::ExistingFile);
+  command->add_option("--columns", options->num_columns, "Courses side by side")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  options->selection.AddSource(*command);
+  command->callback([options] { Render(*options); });
+}
+
+void AddGenerate(CLI::App& courses) {
+  CLI::App* command =
+      courses.add_subcommand("generate", "Write a set of courses to one course file");
+  struct Options {
+    Selection selection;
+    std::string output;
+  };
+  auto options = std::make_shared<Options>();
+  options->selection.spec = "static";
+  command->add_option("--courses", options->selection.spec, kSpecHelp)->capture_default_str();
+  command->add_option("--output", options->output, "Course file to write, best named *.courses")
+      ->required();
+  options->selection.AddSource(*command);
+  command->callback([options] {
+    sim::CourseSet set = options->selection.Resolve();
+    std::replace(set.name.begin(), set.name.end(), ':', '-');
+    sim::WriteCourseSet(options->output, set);
+    fmt::print(stderr, "{}: {} courses written\n", options->output, set.courses.size());
+  });
+}
+
+void AddImport(CLI::App& courses) {
+  CLI::App* command = courses.add_subcommand(
+      "import", "Read the original BARN worlds (world_N.world, path_files/path_N.npy)");
+  struct Options {
+    std::string directory;
+    std::string output;
+  };
+  auto options = std::make_shared<Options>();
+  command->add_option("DIR", options->directory, "Directory of the original worlds")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_option("--output", options->output, "Directory to write the collection to")
+      ->required();
+  command->callback([options] {
+    const sim::BarnImport import = sim::ImportBarn(options->directory);
+    for (const std::string& warning : import.warnings) fmt::print(stderr, "warning: {}\n", warning);
+    for (const std::string& reason : import.skipped) fmt::print(stderr, "skipped: {}\n", reason);
+    const sim::WrittenCollection written = sim::WriteCollection(import, options->output);
+    fmt::print("{}: {} courses; sets {}\n", options->output, import.courses.size(),
+               fmt::join(written.sets, ", "));
+    if (!written.incomplete.empty()) {
+      fmt::print(stderr, "not written, as worlds of theirs are not there: {}\n",
+                 fmt::join(written.incomplete, ", "));
+    }
+    fmt::print("Use them: --set courses.collection={} when training, --collection {} here\n",
+               options->output, options->output);
+  });
+}
+
+}  // namespace
+
+void AddCoursesCommand(CLI::App& app) {
+  CLI::App* courses =
+      app.add_subcommand("courses", "List, show, draw, write and import obstacle courses");
+  courses->require_subcommand(1);
+  AddList(*courses);
+  AddShow(*courses);
+  AddRender(*courses);
+  AddGenerate(*courses);
+  AddImport(*courses);
+}
+
+}  // namespace slalom::cli
