@@ -1,6 +1,4 @@
-#include <ATen/ATen.h>
 #include <ATen/Parallel.h>
-#include <ATen/native/CPUBlas.h>
 #include <benchmark/benchmark.h>
 
 #include <chrono>
@@ -97,13 +95,11 @@ double CountFlops(const std::vector<Product>& products) {
 
 /// Seconds that the products of one update take by themselves.
 double MeasureProducts(const std::vector<Product>& products, double seconds_each) {
-  using at::native::TransposeType;
   double total = 0.0;
   for (const Product& p : products) {
     std::vector<float> a(p.m * p.k, 0.5f), b(p.k * p.n, 0.5f), c(p.m * p.n);
     const auto multiply = [&] {
-      at::native::cpublas::gemm(TransposeType::NoTranspose, TransposeType::NoTranspose, p.n, p.m,
-                                p.k, 1.0f, b.data(), p.n, a.data(), p.k, 0.0f, c.data(), p.n);
+      policy::Sgemm(false, false, p.m, p.n, p.k, a.data(), p.k, b.data(), p.n, c.data(), p.n);
     };
     multiply();
     int count = 0;

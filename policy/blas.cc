@@ -1,5 +1,6 @@
 #include "policy/blas.h"
 
+#include <ATen/ATen.h>
 #include <dlfcn.h>
 #include <unistd.h>
 
@@ -23,6 +24,20 @@ constexpr std::array<std::string_view, 18> kOldKernels = {
 template <class Function>
 Function Find(const char* name) {
   return reinterpret_cast<Function>(dlsym(RTLD_DEFAULT, name));
+}
+
+/// The Fortran interface, column-major, that every BLAS has.
+using FortranSgemm = void (*)(const char* transa, const char* transb, const int* m, const int* n,
+                              const int* k, const float* alpha, const float* a, const int* lda,
+                              const float* b, const int* ldb, const float* beta, float* c,
+                              const int* ldc);
+
+/// A row-major matrix as LibTorch sees it.
+at::Tensor View(const float* data, std::int64_t rows, std::int64_t columns, std::int64_t stride,
+                bool transpose) {
+  float* const values = const_cast<float*>(data);
+  return transpose ? at::from_blob(values, {columns, rows}, {stride, 1}, at::kFloat).t()
+                   : at::from_blob(values, {rows, columns}, {stride, 1}, at::kFloat);
 }
 
 }  // namespace
@@ -65,6 +80,24 @@ void RestartWithBetterBlasKernel(char** argv) {
   // The variable set here is the user's choice to the restarted program: it will not restart again.
   setenv(kChoiceVariable, better->c_str(), /*overwrite=*/1);
   execv("/proc/self/exe", argv);
+}
+
+void Sgemm(bool transpose_a, bool transpose_b, std::int64_t m, std::int64_t n, std::int64_t k,
+           const float* a, std::int64_t lda, const float* b, std::int64_t ldb, float* c,
+           std::int64_t ldc) {
+  static const auto sgemm = Find<FortranSgemm>("sgemm_");
+  if (sgemm == nullptr) {
+    at::Tensor result = View(c, m, n, ldc, false);
+    at::mm_out(result, View(a, m, k, lda, transpose_a), View(b, k, n, ldb, transpose_b));
+    return;
+  }
+  // A row-major C = A B is the column-major C^T = B^T A^T.
+  const int rows = static_cast<int>(n), columns = static_cast<int>(m), depth = static_cast<int>(k);
+  const int b_stride = static_cast<int>(ldb), a_stride = static_cast<int>(lda);
+  const int c_stride = static_cast<int>(ldc);
+  const float one = 1.0f, zero = 0.0f;
+  sgemm(transpose_b ? "T" : "N", transpose_a ? "T" : "N", &rows, &columns, &depth, &one, b,
+        &b_stride, a, &a_stride, &zero, c, &c_stride);
 }
 
 void SetBlasThreads(int n) {

@@ -1,18 +1,14 @@
 #include "policy/layer_ops.h"
 
-#include <ATen/native/CPUBlas.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "base/check.h"
+#include "policy/blas.h"
 #include "policy/simd.h"
 
 namespace slalom::policy {
 namespace {
-
-using at::native::TransposeType;
-using at::native::cpublas::gemm;
 
 constexpr float kLayerNormEpsilon = 1e-5f;
 
@@ -118,8 +114,6 @@ SLALOM_SIMD void NormaliseRowGradient(const float* gain, const float* y, const f
 
 }  // namespace
 
-// A row-major product C = A B is the column-major C^T = B^T A^T, which is what `gemm` computes.
-
 void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool relu,
             at::Tensor& y) {
   if (!IsHostFloat(x)) {
@@ -129,8 +123,8 @@ void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool 
   }
   const Matrix mx(x), mw(w), my(y);
   SLALOM_CHECK(mx.columns == mw.columns && mx.rows == my.rows && mw.rows == my.columns);
-  gemm(TransposeType::Transpose, TransposeType::NoTranspose, mw.rows, mx.rows, mx.columns, 1.0f,
-       mw.data, mw.stride, mx.data, mx.stride, 0.0f, my.data, my.stride);
+  Sgemm(false, true, mx.rows, mw.rows, mx.columns, mx.data, mx.stride, mw.data, mw.stride, my.data,
+        my.stride);
   AddBias(b.data_ptr<float>(), relu, my.data, my.rows, my.columns, my.stride);
 }
 
@@ -142,8 +136,8 @@ void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor&
     return;
   }
   const Matrix mx(x), mdy(dy), mdw(dw);
-  gemm(TransposeType::NoTranspose, TransposeType::Transpose, mx.columns, mdy.columns, mx.rows, 1.0f,
-       mx.data, mx.stride, mdy.data, mdy.stride, 0.0f, mdw.data, mdw.stride);
+  Sgemm(true, false, mdy.columns, mx.columns, mx.rows, mdy.data, mdy.stride, mx.data, mx.stride,
+        mdw.data, mdw.stride);
   SumRows(mdy.data, mdy.rows, mdy.columns, mdy.stride, db.data_ptr<float>());
 }
 
@@ -153,8 +147,8 @@ void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, at::Tensor& 
     return;
   }
   const Matrix mdy(dy), mw(w), mdx(dx);
-  gemm(TransposeType::NoTranspose, TransposeType::NoTranspose, mw.columns, mdy.rows, mw.rows, 1.0f,
-       mw.data, mw.stride, mdy.data, mdy.stride, 0.0f, mdx.data, mdx.stride);
+  Sgemm(false, false, mdy.rows, mw.columns, mw.rows, mdy.data, mdy.stride, mw.data, mw.stride,
+        mdx.data, mdx.stride);
 }
 
 void ReluGradient(const at::Tensor& y, at::Tensor& dy) {
