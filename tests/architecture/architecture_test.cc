@@ -1,0 +1,265 @@
+// Design rules as lint rules: what ARCHITECTURE.md and CONTRIBUTING.md say of the tree, read off
+// the tree.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <sstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Contains;
+using testing::IsEmpty;
+using testing::Not;
+
+using Names = std::set<std::string>;
+
+/// The folders that each folder may include, beside itself: the table of ARCHITECTURE.md.
+const std::map<std::string, Names>& AllowedEdges() {
+  static const std::map<std::string, Names> edges = {
+      {"base", {}},
+      {"env", {"base"}},
+      {"config", {"base"}},
+      {"sim", {"base", "env"}},
+      {"replay", {"base", "env"}},
+      {"policy", {"base", "env"}},
+      {"learner", {"base", "env", "policy", "replay"}},
+      {"actor", {"base", "env", "sim", "replay"}},
+      {"eval", {"base", "env", "sim", "replay"}},
+      {"train", {"base", "env", "config", "sim", "replay", "policy", "learner", "actor", "eval"}},
+      {"cli",
+       {"base", "env", "config", "sim", "replay", "policy", "learner", "actor", "eval", "train"}},
+  };
+  return edges;
+}
+
+/// Each heavy library, by how its headers begin, and the folders that may know it.
+const std::map<std::string, Names>& Homes() {
+  static const Names torch = {"policy", "learner", "train", "cli"};
+  static const std::map<std::string, Names> homes = {
+      {"torch/", torch},       {"ATen/", torch},       {"c10/", torch},         {"box2d/", {"sim"}},
+      {"tinyxml2.h", {"sim"}}, {"cairo", {"sim"}},     {"toml++/", {"config"}}, {"CLI/", {"cli"}},
+      {"spdlog/", {"base"}},   {"xxhash.h", {"base"}},
+  };
+  return homes;
+}
+
+/// Files longer than 400 lines, and why.
+const std::map<std::string, std::string>& LongFiles() {
+  static const std::map<std::string, std::string> files = {};
+  return files;
+}
+
+constexpr int kMaxLines = 400;
+
+struct SourceFile {
+  fs::path path;  ///< From the root.
+  std::vector<std::string> lines;
+
+  std::string folder() const { return path.begin()->string(); }
+  /// The folder whose rules it follows: tests and benchmarks of a folder may include what it may.
+  bool is_program_code() const { return folder() != "tests" && folder() != "benchmarks"; }
+};
+
+std::vector<SourceFile> ReadTree() {
+  static constexpr std::string_view kSkipped[] = {"build", "runs", "results", ".git", "shared"};
+  const fs::path root = SLALOM_SOURCE_DIR;
+  std::vector<SourceFile> files;
+  for (auto it = fs::recursive_directory_iterator(root); it != fs::recursive_directory_iterator();
+       ++it) {
+    const std::string name = it->path().filename().string();
+    if (it->is_directory() && it.depth() == 0 &&
+        (name.starts_with(".") ||
+         std::find(std::begin(kSkipped), std::end(kSkipped), name) != std::end(kSkipped))) {
+      it.disable_recursion_pending();
+      continue;
+    }
+    const std::string extension = it->path().extension().string();
+    if (extension != ".h" && extension != ".cc") continue;
+    SourceFile file{fs::relative(it->path(), root), {}};
+    std::ifstream in(it->path());
+    for (std::string line; std::getline(in, line);) file.lines.push_back(line);
+    files.push_back(std::move(file));
+  }
+  return files;
+}
+
+struct Include {
+  std::string target;
+  bool quoted = false;
+};
+
+/// What a line includes; an empty target: nothing.
+Include ParseInclude(std::string_view line) {
+  const auto skip_spaces = [&line] {
+    line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
+  };
+  skip_spaces();
+  if (!line.starts_with('#')) return {};
+  line.remove_prefix(1);
+  skip_spaces();
+  if (!line.starts_with("include")) return {};
+  line.remove_prefix(7);
+  skip_spaces();
+  if (line.empty() || (line[0] != '"' && line[0] != '<')) return {};
+  const bool quoted = line[0] == '"';
+  line.remove_prefix(1);
+  return {std::string(line.substr(0, line.find(quoted ? '"' : '>'))), quoted};
+}
+
+std::string Place(const SourceFile& file, std::size_t line) {
+  return file.path.string() + ":" + std::to_string(line + 1);
+}
+
+/// The rules on #include lines that a file breaks, one sentence each.
+std::vector<std::string> IncludeFaults(const SourceFile& file) {
+  std::vector<std::string> faults;
+  for (std::size_t i = 0; i < file.lines.size(); ++i) {
+    const auto [target, quoted] = ParseInclude(file.lines[i]);
+    if (target.empty()) continue;
+    if (file.is_program_code()) {
+      for (const auto& [prefix, homes] : Homes()) {
+        if (target.starts_with(prefix) && !homes.contains(file.folder())) {
+          faults.push_back(Place(file, i) + ": <" + target + "> is at home elsewhere");
+        }
+      }
+    }
+    if (!quoted) continue;
+    const auto slash = target.find('/');
+    const std::string folder = target.substr(0, slash);
+    const bool is_ours = AllowedEdges().contains(folder) || folder == "tests";
+    if (slash == std::string::npos || target.starts_with(".") || !is_ours) {
+      faults.push_back(Place(file, i) + ": \"" + target + "\" is not a path from the root");
+      continue;
+    }
+    if (!file.is_program_code()) continue;
+    const auto allowed = AllowedEdges().find(file.folder());
+    if (allowed == AllowedEdges().end()) {
+      faults.push_back(Place(file, i) + ": folder " + file.folder() + " is not on the map");
+    } else if (folder != file.folder() && !allowed->second.contains(folder)) {
+      faults.push_back(Place(file, i) + ": " + file.folder() + "/ may not include " + target);
+    }
+  }
+  return faults;
+}
+
+/// The rules on names and text that a file breaks.
+std::vector<std::string> TextFaults(const SourceFile& file) {
+  std::vector<std::string> faults;
+  const std::string stem = file.path.stem().string();
+  for (const std::string_view word : {"util", "helper", "common", "manager", "misc"}) {
+    if (stem.find(word) != std::string::npos) {
+      faults.push_back(file.path.string() + ": the name '" + std::string(word) + "' says nothing");
+    }
+  }
+  if (file.lines.size() > kMaxLines && !LongFiles().contains(file.path.string())) {
+    faults.push_back(file.path.string() + ": " + std::to_string(file.lines.size()) +
+                     " lines, expected at most 400");
+  }
+  // Put together from parts, as this file is read, too.
+  const std::vector<std::string> forbidden = {std::string("#if") + " 0",
+                                              std::string("DISABLED") + "_",
+                                              std::string("TO") + "DO", std::string("FIX") + "ME"};
+  const std::vector<std::string> forbidden_in_tests = {
+      std::string("sleep") + "_for", std::string("sleep") + "_until", std::string("usleep") + "("};
+  for (std::size_t i = 0; i < file.lines.size(); ++i) {
+    const auto look_for = [&](const std::vector<std::string>& words) {
+      for (const std::string& word : words) {
+        if (file.lines[i].find(word) != std::string::npos) {
+          faults.push_back(Place(file, i) + ": " + word);
+        }
+      }
+    };
+    look_for(forbidden);
+    if (file.folder() == "tests") look_for(forbidden_in_tests);
+  }
+  if (file.path.extension() == ".h" &&
+      std::find(file.lines.begin(), file.lines.end(), "#pragma once") == file.lines.end()) {
+    faults.push_back(file.path.string() + ": no #pragma once");
+  }
+  return faults;
+}
+
+template <class Rule>
+std::string FaultsOfTree(Rule rule) {
+  std::ostringstream out;
+  for (const SourceFile& file : ReadTree()) {
+    for (const std::string& fault : rule(file)) out << fault << "\n";
+  }
+  return out.str();
+}
+
+TEST(ArchitectureTest, TheTreeIsRead) {
+  Names folders;
+  for (const SourceFile& file : ReadTree()) folders.insert(file.folder());
+  for (const auto& [folder, allowed] : AllowedEdges()) EXPECT_THAT(folders, Contains(folder));
+}
+
+TEST(ArchitectureTest, IncludesFollowTheMap) { EXPECT_EQ(FaultsOfTree(IncludeFaults), ""); }
+
+TEST(ArchitectureTest, NamesLengthsAndTextFollowTheStyle) {
+  EXPECT_EQ(FaultsOfTree(TextFaults), "");
+}
+
+// The map itself has no circle: whoever may include a folder may not be included by it.
+TEST(ArchitectureTest, TheMapHasNoCircle) {
+  Names done;
+  for (bool any = true; any;) {
+    any = false;
+    for (const auto& [folder, allowed] : AllowedEdges()) {
+      if (done.contains(folder)) continue;
+      if (std::includes(done.begin(), done.end(), allowed.begin(), allowed.end())) {
+        any = done.insert(folder).second;
+      }
+    }
+  }
+  EXPECT_EQ(done.size(), AllowedEdges().size());
+}
+
+TEST(ArchitectureTest, EveryFolderOfTheMapIsInArchitectureMd) {
+  std::ifstream in(fs::path(SLALOM_SOURCE_DIR) / "ARCHITECTURE.md");
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  for (const auto& [folder, allowed] : AllowedEdges()) {
+    EXPECT_THAT(text, testing::HasSubstr("`" + folder + "/`"));
+  }
+}
+
+// The rules see what they are there to see.
+TEST(ArchitectureTest, EveryRuleRefusesWhatItForbids) {
+  const auto include = [](const std::string& path, const std::string& line) {
+    return IncludeFaults({path, {line}});
+  };
+  EXPECT_THAT(include("sim/a.cc", "#include \"replay/table.h\""), Not(IsEmpty()));
+  EXPECT_THAT(include("base/a.cc", "#include \"env/action.h\""), Not(IsEmpty()));
+  EXPECT_THAT(include("policy/a.cc", "  #  include \"replay/table.h\""), Not(IsEmpty()));
+  EXPECT_THAT(include("replay/a.cc", "#include <torch/torch.h>"), Not(IsEmpty()));
+  EXPECT_THAT(include("replay/a.cc", "#include \"table.h\""), Not(IsEmpty()));
+  EXPECT_THAT(include("replay/a.cc", "#include \"../replay/table.h\""), Not(IsEmpty()));
+  EXPECT_THAT(include("attic/a.cc", "#include \"base/check.h\""), Not(IsEmpty()));
+  EXPECT_THAT(include("sim/a.cc", "#include <box2d/box2d.h>"), IsEmpty());
+  EXPECT_THAT(include("learner/a.cc", "#include \"replay/table.h\""), IsEmpty());
+  EXPECT_THAT(include("tests/sim/a.cc", "#include \"replay/table.h\""), IsEmpty());
+
+  const auto text = [](const std::string& path, const std::string& line) {
+    return TextFaults({path, {"#pragma once", line}});
+  };
+  EXPECT_THAT(text("sim/string_utils.h", ""), Not(IsEmpty()));
+  EXPECT_THAT(text("sim/a.h", std::string("#if") + " 0"), Not(IsEmpty()));
+  EXPECT_THAT(text("tests/a.cc", std::string("std::this_thread::sleep") + "_for(1s);"),
+              Not(IsEmpty()));
+  EXPECT_THAT(text("tests/a.cc", std::string("TEST(A, DISABLED") + "_B)"), Not(IsEmpty()));
+  EXPECT_THAT(TextFaults({"sim/a.cc", std::vector<std::string>(kMaxLines + 1)}), Not(IsEmpty()));
+  EXPECT_THAT(TextFaults({"sim/a.h", {}}), Not(IsEmpty()));
+  EXPECT_THAT(text("sim/a.h", ""), IsEmpty());
+}
+
+}  // namespace
