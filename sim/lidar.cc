@@ -199,24 +199,30 @@ void CastBoxes(const CollisionMap& map, const Sensor& sensor, float* ranges) {
   }
 }
 
-// Ranges [m] to whole steps of the resolution, in centimetres.
+/// How a range is reported.
+struct Reporting {
+  float low, high;             // [m]
+  float steps_per_metre;       // Steps of the resolution.
+  float centimetres_per_step;
+};
+
+SLALOM_ALWAYS_INLINE Ints Quantised(const Reporting& reporting, Floats ranges) {
+  const Floats limited = Min(Max(ranges, Fill(reporting.low)), Fill(reporting.high));
+  const Floats steps = ToFloats(ToInts(limited * reporting.steps_per_metre + 0.5f));
+  return ToInts(steps * reporting.centimetres_per_step + 0.5f);
+}
+
+// `ranges`: [num_beams + kLanes] [m]; `ranges_cm`: [num_beams] [cm].
 SLALOM_VECTOR_CLONES
-void Quantise(const float* ranges, int num_beams, float low, float high, float steps_per_metre,
-              float centimetres_per_step, std::uint16_t* ranges_cm) {
+void Quantise(const Reporting& reporting, const float* ranges, int num_beams,
+              std::uint16_t* ranges_cm) {
   int i = 0;
-  const auto quantised = [&](const float* from) {
-    const Floats range = Min(Max(Load(from), Fill(low)), Fill(high));
-    const Floats steps = ToFloats(ToInts(range * steps_per_metre + 0.5f));
-    return ToInts(steps * centimetres_per_step + 0.5f);
-  };
   for (; i + kLanes <= num_beams; i += kLanes) {
-    const Ints cm = quantised(ranges + i);
+    const Ints cm = Quantised(reporting, Load(ranges + i));
     for (int k = 0; k < kLanes; ++k) ranges_cm[i + k] = static_cast<std::uint16_t>(cm[k]);
   }
-  if (i < num_beams) {
-    const Ints cm = quantised(ranges + i);
-    for (int k = 0; i + k < num_beams; ++k) ranges_cm[i + k] = static_cast<std::uint16_t>(cm[k]);
-  }
+  const Ints cm = Quantised(reporting, Load(ranges + i));
+  for (int k = 0; i + k < num_beams; ++k) ranges_cm[i + k] = static_cast<std::uint16_t>(cm[k]);
 }
 
 }  // namespace
@@ -250,9 +256,11 @@ void Lidar::Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random&
   std::array<float, kPaddedBeams> ranges;
   CastPadded(map, X_WR, ranges.data());
   if (config_.noise_std > 0.0) AddNoise(noise, ranges.data());
-  Quantise(ranges.data(), config_.num_beams, static_cast<float>(config_.min_range),
-           static_cast<float>(clip_), static_cast<float>(1.0 / config_.resolution),
-           static_cast<float>(100.0 * config_.resolution), ranges_cm.data());
+  const Reporting reporting{.low = static_cast<float>(config_.min_range),
+                            .high = static_cast<float>(clip_),
+                            .steps_per_metre = static_cast<float>(1.0 / config_.resolution),
+                            .centimetres_per_step = static_cast<float>(100.0 * config_.resolution)};
+  Quantise(reporting, ranges.data(), config_.num_beams, ranges_cm.data());
 }
 
 void Lidar::Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<float> ranges) const {

@@ -7,6 +7,8 @@
 /// For use inside `.cc` files compiled with -fno-math-errno (see simulator.cmake).
 
 /// In front of a hot function: compiled twice, the better one for the processor chosen at start.
+/// Such a function may call nothing with a `Floats` or `Ints` argument or result that is not
+/// SLALOM_ALWAYS_INLINE (lambdas included): caller and callee would pass it in different registers.
 /// Left out under sanitizers, whose run time is not up yet when that choice is made.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__AVX2__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)

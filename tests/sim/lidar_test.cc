@@ -85,7 +85,7 @@ TEST(LidarTest, AgreesWithBruteForceAmongCircles) {
 
 TEST(LidarTest, AgreesWithBruteForceAmongCirclesAndBoxes) {
   base::Random random(2);
-  for (int round = 0; round < 30; ++round) {
+  for (int round = 0; round < 15; ++round) {
     const auto course = test::RandomCourse(random, {.num_circles = 10, .num_boxes = 12});
     for (int k = 0; k < 4; ++k) CheckAgainstOracle({}, 5.0, *course, RandomPose(random));
   }
@@ -98,7 +98,7 @@ TEST(LidarTest, AgreesWithBruteForceForOtherSensors) {
                                  {.num_beams = 1081, .field_of_view = 6.2831, .offset_x = -0.3},
                                  {.num_beams = 4096, .field_of_view = 3.0, .max_range = 2.0}};
   for (const LidarConfig& sensor : sensors) {
-    for (int round = 0; round < 8; ++round) {
+    for (int round = 0; round < 5; ++round) {
       const auto course = test::RandomCourse(random, {.num_circles = 20, .num_boxes = 6});
       for (int k = 0; k < 3; ++k) CheckAgainstOracle(sensor, 12.0, *course, RandomPose(random));
     }
