@@ -31,6 +31,9 @@ ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) == 1) {}
 ProgressLine::~ProgressLine() { End(); }
 
 void ProgressLine::Show(const std::string& text, double now_s) {
+  // In a log, work that is over within the interval leaves no line.
+  if (!terminal_ && !shown_before_) last_shown_s_ = now_s;
+  shown_before_ = true;
   if (now_s - last_shown_s_ < (terminal_ ? kTerminalInterval : kPlainInterval)) return;
   last_shown_s_ = now_s;
   if (terminal_) {

@@ -11,7 +11,7 @@ std::string FormatCount(double count);
 std::string FormatDuration(double seconds);
 
 /// Shows how long work goes on standard error: one line rewritten in place on a terminal, a plain
-/// line every ten seconds elsewhere. Confined to one thread.
+/// line every ten seconds elsewhere, so none for short work. Confined to one thread.
 class ProgressLine {
  public:
   ProgressLine();
@@ -28,6 +28,7 @@ class ProgressLine {
  private:
   const bool terminal_;
   bool line_open_ = false;
+  bool shown_before_ = false;
   double last_shown_s_ = -1e9;
 };
 

@@ -11,12 +11,13 @@ namespace slalom::train {
 /// Confined to one thread.
 class CheckpointStore {
  public:
-  /// Makes the directory and removes what a crash left half written. Throws `base::Error` where it cannot.
+  /// Makes the directory and removes what a crash left half written. Throws `base::Error` where it
+  /// cannot.
   explicit CheckpointStore(const std::filesystem::path& directory);
 
-  /// Lets `write` fill a fresh directory, which takes its name `step-N` only once all of it is on disk.
-  /// An exception from `write` leaves the earlier checkpoints as they were, and nothing else. Checkpoints
-  /// older than the newest two are removed last.
+  /// Lets `write` fill a fresh directory, which takes its name `step-N` only once all of it is on
+  /// disk. An exception from `write` leaves the earlier checkpoints as they were, and nothing else.
+  /// Checkpoints older than the newest two are removed last.
   void Write(std::int64_t steps, const std::function<void(const std::filesystem::path&)>& write);
 
   /// Directories of the checkpoints, newest first.

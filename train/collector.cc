@@ -4,12 +4,11 @@
 
 namespace slalom::train {
 
-InlineCollector::InlineCollector(actor::Actor& actor, int num_beams, Refresh refresh)
-    : actor_(actor),
-      refresh_(std::move(refresh)),
-      free_(std::make_unique<replay::Chunk>(num_beams)) {}
+InlineCollector::InlineCollector(actor::Actor& actor, policy::NetworkAgent& agent, int num_beams)
+    : actor_(actor), agent_(agent), free_(std::make_unique<replay::Chunk>(num_beams)) {}
 
 std::unique_ptr<replay::Chunk> InlineCollector::Next() {
+  if (stopped_) return nullptr;
   free_->Clear();
   actor_.Step(free_.get());
   return std::move(free_);
@@ -17,12 +16,14 @@ std::unique_ptr<replay::Chunk> InlineCollector::Next() {
 
 void InlineCollector::Recycle(std::unique_ptr<replay::Chunk> chunk) { free_ = std::move(chunk); }
 
-void InlineCollector::Publish(Weights weights) { refresh_(weights); }
+void InlineCollector::Publish(policy::PolicySnapshot snapshot) {
+  agent_.SetSnapshot(std::move(snapshot));
+}
 
-ThreadedCollector::ThreadedCollector(actor::Actor& actor, int num_beams, int queue_length,
-                                     Refresh refresh)
+ThreadedCollector::ThreadedCollector(actor::Actor& actor, policy::NetworkAgent& agent,
+                                     int num_beams, int queue_length)
     : actor_(actor),
-      refresh_(std::move(refresh)),
+      agent_(agent),
       full_(static_cast<std::size_t>(queue_length)),
       free_(static_cast<std::size_t>(queue_length) + 2) {
   // One chunk with the actor, one with the learner, the rest in the queue.
@@ -32,51 +33,51 @@ ThreadedCollector::ThreadedCollector(actor::Actor& actor, int num_beams, int que
   thread_ = std::jthread([this] { Run(); });
 }
 
-ThreadedCollector::~ThreadedCollector() { Stop(); }
+ThreadedCollector::~ThreadedCollector() {
+  free_.Close();
+  full_.Close();
+}
 
 void ThreadedCollector::Stop() {
-  full_.Close();
+  // The actor still fills the chunks that are free, no others, and closes `full_` after the last.
   free_.Close();
 }
 
 void ThreadedCollector::Run() {
   try {
     while (auto chunk = free_.Pop()) {
-      if (const Weights weights = TakeWeights()) refresh_(weights);
+      std::optional<policy::PolicySnapshot> snapshot;
+      {
+        base::MutexLock lock(mutex_);
+        snapshot.swap(published_);
+      }
+      if (snapshot) agent_.SetSnapshot(std::move(*snapshot));
       (*chunk)->Clear();
       actor_.Step(chunk->get());
-      if (!full_.Push(std::move(*chunk))) return;
+      if (!full_.Push(std::move(*chunk))) break;
     }
   } catch (...) {
-    {
-      base::MutexLock lock(mutex_);
-      error_ = std::current_exception();
-    }
-    Stop();
+    base::MutexLock lock(mutex_);
+    error_ = std::current_exception();
   }
+  full_.Close();
 }
 
 std::unique_ptr<replay::Chunk> ThreadedCollector::Next() {
-  auto chunk = full_.Pop();
-  if (chunk) return std::move(*chunk);
+  if (auto chunk = full_.Pop()) return std::move(*chunk);
   base::MutexLock lock(mutex_);
   if (error_) std::rethrow_exception(error_);
   return nullptr;
 }
 
 void ThreadedCollector::Recycle(std::unique_ptr<replay::Chunk> chunk) {
-  // A closed queue means that the collector is being stopped: the chunk is not needed any more.
+  // A closed queue means that the actor is ending: the chunk is not needed any more.
   static_cast<void>(free_.Push(std::move(chunk)));
 }
 
-void ThreadedCollector::Publish(Weights weights) {
+void ThreadedCollector::Publish(policy::PolicySnapshot snapshot) {
   base::MutexLock lock(mutex_);
-  weights_ = std::move(weights);
-}
-
-ThreadedCollector::Weights ThreadedCollector::TakeWeights() {
-  base::MutexLock lock(mutex_);
-  return std::exchange(weights_, nullptr);
+  published_ = std::move(snapshot);
 }
 
 }  // namespace slalom::train

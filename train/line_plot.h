@@ -13,7 +13,8 @@ struct PlotSeries {
   std::vector<double> y;  ///< Same length as x; NaN leaves a gap.
 };
 
-/// A plot of lines over a common x axis, y from 0 to 1 shown as percent, as a self-contained SVG document.
+/// A plot of lines over a common x axis, y from 0 to 1 shown as percent, as a self-contained SVG
+/// document.
 std::string DrawRatePlot(const std::string& title, const std::string& x_label,
                          const std::vector<PlotSeries>& series);
 

@@ -17,8 +17,8 @@ namespace {
 
 constexpr char kHeader[] =
     "training_s,steps,updates,episodes,steps_per_s,updates_per_s,success_rate,collision_rate,"
-    "timeout_rate,mean_return,mean_episode_steps,critic_loss,actor_loss,mean_q,learning_rate,"
-    "replay_steps\n";
+    "timeout_rate,mean_return,mean_episode_steps,critic_loss,mean_q,actor_q,"
+    "critic_gradient_norm,actor_gradient_norm,replay_steps\n";
 
 std::string Cell(double value) { return std::isnan(value) ? "" : fmt::format("{:.6g}", value); }
 
@@ -64,12 +64,12 @@ MetricsLog::MetricsLog(const std::filesystem::path& path, std::int64_t keep_unti
 }
 
 void MetricsLog::Append(const MetricsRow& row) {
-  fmt::print(file_.get(), "{:.2f},{},{},{},{:.0f},{:.1f},{},{},{},{},{},{},{},{},{},{}\n",
+  fmt::print(file_.get(), "{:.2f},{},{},{},{:.0f},{:.1f},{},{},{},{},{},{},{},{},{},{},{}\n",
              row.training_s, row.steps, row.updates, row.episodes, row.steps_per_s,
              row.updates_per_s, Cell(row.success_rate), Cell(row.collision_rate),
              Cell(row.timeout_rate), Cell(row.mean_return), Cell(row.mean_episode_steps),
-             Cell(row.critic_loss), Cell(row.actor_loss), Cell(row.mean_q), Cell(row.learning_rate),
-             row.replay_steps);
+             Cell(row.critic_loss), Cell(row.mean_q), Cell(row.actor_q),
+             Cell(row.critic_gradient_norm), Cell(row.actor_gradient_norm), row.replay_steps);
   if (std::fflush(file_.get()) != 0) {
     throw base::Error(fmt::format("{}: cannot write ({})", path_.string(), std::strerror(errno)));
   }

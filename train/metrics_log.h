@@ -24,9 +24,10 @@ struct MetricsRow {
   double mean_return = 0.0;
   double mean_episode_steps = 0.0;
   double critic_loss = 0.0;
-  double actor_loss = 0.0;
-  double mean_q = 0.0;
-  double learning_rate = 0.0;
+  double mean_q = 0.0;   ///< Of the critics on what was done, scaled as the rewards.
+  double actor_q = 0.0;  ///< Of the first critic on what the actor would do.
+  double critic_gradient_norm = 0.0;
+  double actor_gradient_norm = 0.0;
   std::int64_t replay_steps = 0;
 };
 

@@ -7,7 +7,7 @@
 #include "actor/actor_config.h"
 #include "base/config_field.h"
 #include "eval/evaluation_config.h"
-#include "learner/td3_config.h"
+#include "learner/td3.h"
 #include "policy/network_config.h"
 #include "replay/table.h"
 #include "sim/environment_config.h"
@@ -23,11 +23,13 @@ struct CoursesConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("train", train, "Courses to train on: a set's name, generated:SEED:COUNT, or a file (docs/courses.md).");
+    v("train", train,
+      "Courses to train on: a set's name, generated:SEED:COUNT, or a file (docs/courses.md).");
     v("test", test, "Courses to score the trained policy on, never trained on. Empty: none.");
     v("collection", collection,
       "Directory of imported courses that set names refer to. Empty: the built-in generator.");
-    v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "", "Seed of the built-in generator.");
+    v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
+      "Seed of the built-in generator.");
   }
 };
 
@@ -54,26 +56,35 @@ struct RunSettings {
     v("name", name, "The run's directory below runs/.");
     v("seed", seed, base::Range{0, 9.0e15}, "", "Root of all random streams of the run.");
     v("deterministic", deterministic,
-      "One thread in lockstep: the same seed gives the same policy, bit for bit, however often resumed.");
-    v("max_steps", max_steps, base::Range{1, 1.0e12}, "", "Environment steps after which training ends.");
+      "One thread in lockstep: the same seed gives the same policy, bit for bit, however often "
+      "resumed.");
+    v("max_steps", max_steps, base::Range{1, 1.0e12}, "",
+      "Environment steps after which training ends.");
     v("max_seconds", max_seconds, base::Range{0.0, 1.0e7}, "s",
-      "Training time after which training ends, over all resumes, evaluations not counted; 0: no limit.");
+      "Training time after which training ends, over all resumes, evaluations not counted; 0: no "
+      "limit.");
     v("updates_per_step", updates_per_step, base::Range{1e-6, 100.0}, "",
       "Learner updates per environment step, held by the rate limiter.");
-    v("learning_starts", learning_starts, base::Range{0, 1.0e9}, "", "Environment steps before the first update.");
+    v("learning_starts", learning_starts, base::Range{0, 1.0e9}, "",
+      "Environment steps before the first update.");
     v("publish_interval", publish_interval, base::Range{1, 1000000}, "updates",
       "How often the actor gets new weights.");
     v("queue_length", queue_length, base::Range{1, 1024}, "",
       "Batch steps that simulation may run ahead of the learner.");
-    v("simulation_threads", simulation_threads, base::Range{1, 256}, "", "Threads that step environments.");
-    v("log_interval", log_interval, base::Range{0.05, 3600.0}, "s", "Time between rows of metrics.csv.");
+    v("simulation_threads", simulation_threads, base::Range{1, 256}, "",
+      "Threads that step environments.");
+    v("log_interval", log_interval, base::Range{0.05, 3600.0}, "s",
+      "Time between rows of metrics.csv.");
     v("checkpoint_seconds", checkpoint_seconds, base::Range{0.0, 1.0e6}, "s",
-      "Training time between checkpoints; 0: only at the end. Deterministic runs use checkpoint_steps.");
+      "Training time between checkpoints; 0: only at the end. Deterministic runs use "
+      "checkpoint_steps.");
     v("checkpoint_steps", checkpoint_steps, base::Range{0, 1.0e12}, "",
       "Environment steps between checkpoints; 0: by time alone.");
     v("snapshot_seconds", snapshot_seconds, base::Range{0.0, 1.0e7}, "s",
-      "Training times at which the policy is kept and, after training, scored on the test courses (curve.csv).");
-    v("snapshot_steps", snapshot_steps, base::Range{0.0, 2.0e9}, "", "The same at numbers of environment steps.");
+      "Training times at which the policy is kept and, after training, scored on the test courses "
+      "(curve.csv).");
+    v("snapshot_steps", snapshot_steps, base::Range{0.0, 2.0e9}, "",
+      "The same at numbers of environment steps.");
   }
 };
 

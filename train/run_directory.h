@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+
+#include "train/run_config.h"
+
+namespace slalom::train {
+
+/// The files of a run (docs/operations.md). A value; makes nothing.
+struct RunDirectory {
+  std::filesystem::path root;
+
+  std::filesystem::path config() const { return root / "config.toml"; }
+  std::filesystem::path policy() const { return root / "policy.safetensors"; }
+  std::filesystem::path metrics() const { return root / "metrics.csv"; }
+  std::filesystem::path checkpoints() const { return root / "checkpoints"; }
+  std::filesystem::path snapshots() const { return root / "snapshots"; }
+  std::filesystem::path curve() const { return root / "curve.csv"; }
+  std::filesystem::path training_picture() const { return root / "training.svg"; }
+};
+
+/// Prepares the directory of a new run; an earlier run there is moved to `NAME.1`, `NAME.2`, ...
+/// first. Throws `base::Error` where it cannot be made or written.
+void BeginRun(const RunDirectory& directory, const RunConfig& config);
+
+/// Checks that the run there can go on with `config`, whose limits, logging and evaluation may
+/// differ, and writes the new config. Throws `base::Error` where there is no run or another key
+/// differs.
+void ResumeRun(const RunDirectory& directory, const RunConfig& config);
+
+}  // namespace slalom::train

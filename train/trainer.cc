@@ -1,0 +1,334 @@
+#include "train/trainer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/progress.h"
+#include "config/config.h"
+#include "sim/course_sets.h"
+#include "sim/scene.h"
+
+namespace slalom::train {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::steady_clock;
+
+constexpr char kStateFile[] = "state.json";
+constexpr char kActorFile[] = "actor.bin";
+constexpr char kLearnerFile[] = "learner.safetensors";
+constexpr char kActingFile[] = "acting.safetensors";
+constexpr char kReplayFile[] = "replay.manifest";
+constexpr char kReplayDirectory[] = "replay";
+
+std::vector<std::shared_ptr<const sim::Scene>> TrainingScenes(const CoursesConfig& courses) {
+  const std::optional<fs::path> collection =
+      courses.collection.empty() ? std::nullopt : std::optional<fs::path>(courses.collection);
+  return sim::MakeScenes(sim::ResolveCourses(courses.train, collection,
+                                             static_cast<std::uint64_t>(courses.generator_seed)));
+}
+
+policy::PolicySpec MakeSpec(const RunConfig& config) {
+  return {sim::MakeObservationSpec(config.environment), config.network, config.environment.action};
+}
+
+std::uint64_t Seed(const RunConfig& config, std::string_view purpose) {
+  return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
+}
+
+std::int64_t CountSteps(const replay::Chunk& chunk) {
+  return std::count_if(chunk.flags.begin(), chunk.flags.end(),
+                       [](std::uint8_t flags) { return (flags & replay::kRowFinal) == 0; });
+}
+
+}  // namespace
+
+Trainer::Trainer(const RunConfig& config, const RunDirectory& directory, std::string commit,
+                 bool resume, steady_clock::time_point begin)
+    : config_(config),
+      directory_(directory),
+      commit_(std::move(commit)),
+      begin_(begin),
+      parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
+      environments_(config.environment, TrainingScenes(config.courses),
+                    config.actor.num_environments, &parallel_),
+      td3_(config.td3, MakeSpec(config), Seed(config, "learner")),
+      agent_(td3_.Snapshot()),
+      actor_(config.actor, environments_, agent_, Seed(config, "actor")),
+      table_(config.replay, config.environment.lidar.num_beams),
+      sampling_(Seed(config, "sampling")),
+      limiter_(config.run.updates_per_step, config.run.learning_starts),
+      store_(directory.checkpoints()),
+      storage_(directory.checkpoints() / kReplayDirectory) {
+  if (resume) Restore();
+  metrics_ = std::make_unique<MetricsLog>(directory.metrics(), limiter_.steps());
+  last_row_.training_s = training_s();
+  last_row_.steps = limiter_.steps();
+  last_row_.updates = limiter_.updates();
+}
+
+Trainer::~Trainer() = default;
+
+double Trainer::training_s() const {
+  return earlier_s_ + std::chrono::duration<double>(steady_clock::now() - begin_).count();
+}
+
+TrainingEnd Trainer::Run(std::stop_token stop) {
+  StartCollector();
+  base::ProgressLine progress;
+  while (!AtLimit() && !stop.stop_requested()) {
+    if (limiter_.update_due()) {
+      Update();
+    } else {
+      // No update is due here, so a checkpoint by steps falls on the same place in every run.
+      if (CheckpointDue()) TryCheckpoint();
+      Collect();
+    }
+    const double now = training_s();
+    if (now - last_row_.training_s < config_.run.log_interval) continue;
+    if (!Log()) return TrainingEnd::kDiverged;
+    progress.Show(FormatProgress(last_row_, RemainingSeconds()), now);
+    KeepSnapshots();
+  }
+  StopCollector();
+  if (!Log()) return TrainingEnd::kDiverged;
+  KeepSnapshots();
+  progress.End();
+  Checkpoint();
+  policy::SavePolicy(directory_.policy(), BestPolicy(), Provenance());
+  return AtLimit() ? TrainingEnd::kFinished : TrainingEnd::kStopped;
+}
+
+void Trainer::StartCollector() {
+  const int num_beams = table_.num_beams();
+  if (config_.run.deterministic) {
+    collector_ = std::make_unique<InlineCollector>(actor_, agent_, num_beams);
+  } else {
+    collector_ =
+        std::make_unique<ThreadedCollector>(actor_, agent_, num_beams, config_.run.queue_length);
+  }
+}
+
+void Trainer::StopCollector() {
+  collector_->Stop();
+  while (auto chunk = collector_->Next()) InsertChunk(std::move(chunk));
+  collector_.reset();
+}
+
+void Trainer::Collect() {
+  if (auto chunk = collector_->Next()) InsertChunk(std::move(chunk));
+}
+
+void Trainer::InsertChunk(std::unique_ptr<replay::Chunk> chunk) {
+  table_.Insert(*chunk);
+  limiter_.AddSteps(CountSteps(*chunk));
+  collector_->Recycle(std::move(chunk));
+}
+
+void Trainer::Update() {
+  limiter_.AddUpdate();
+  if (!table_.SampleRows(td3_.sample_spec(), sampling_, &rows_)) return;
+  td3_.Update(rows_, Fraction());
+  if (limiter_.updates() % config_.run.publish_interval == 0) collector_->Publish(td3_.Snapshot());
+}
+
+bool Trainer::AtLimit() const {
+  return limiter_.steps() >= config_.run.max_steps ||
+         (config_.run.max_seconds > 0.0 && training_s() >= config_.run.max_seconds);
+}
+
+double Trainer::Fraction() const {
+  const double by_steps =
+      static_cast<double>(limiter_.steps()) / static_cast<double>(config_.run.max_steps);
+  // Time would make a deterministic run depend on the machine.
+  const bool timed = config_.run.max_seconds > 0.0 && !config_.run.deterministic;
+  const double by_time = timed ? training_s() / config_.run.max_seconds : 0.0;
+  return std::min(1.0, std::max(by_steps, by_time));
+}
+
+double Trainer::RemainingSeconds() const {
+  const double done =
+      std::max(static_cast<double>(limiter_.steps()) / static_cast<double>(config_.run.max_steps),
+               config_.run.max_seconds > 0.0 ? training_s() / config_.run.max_seconds : 0.0);
+  return done > 0.0 ? training_s() * (1.0 / done - 1.0) : -1.0;
+}
+
+bool Trainer::Log() {
+  const learner::Td3Stats learning = td3_.ReadStats();
+  const actor::ActorStats acting = actor_.stats();
+  MetricsRow row;
+  row.training_s = training_s();
+  row.steps = limiter_.steps();
+  row.updates = limiter_.updates();
+  row.episodes = acting.num_episodes;
+  const double elapsed = std::max(1e-9, row.training_s - last_row_.training_s);
+  row.steps_per_s = static_cast<double>(row.steps - last_row_.steps) / elapsed;
+  row.updates_per_s = static_cast<double>(row.updates - last_row_.updates) / elapsed;
+  const auto known = [&acting](double value) {
+    return acting.num_recent > 0 ? value : std::numeric_limits<double>::quiet_NaN();
+  };
+  row.success_rate = known(acting.success_rate);
+  row.collision_rate = known(acting.collision_rate);
+  row.timeout_rate = known(acting.timeout_rate);
+  row.mean_return = known(acting.mean_return);
+  row.mean_episode_steps = known(acting.mean_length);
+  row.critic_loss = learning.critic_loss;
+  row.mean_q = learning.q_mean;
+  row.actor_q = learning.actor_q_mean;
+  row.critic_gradient_norm = learning.critic_gradient_norm;
+  row.actor_gradient_norm = learning.actor_gradient_norm;
+  row.replay_steps = table_.num_steps();
+  metrics_->Append(row);
+  last_row_ = row;
+  const auto fault = td3_.FindFault();
+  if (!fault) return true;
+  spdlog::error(
+      "training diverged at {} steps, {} updates: {}; the last good checkpoint is kept in {}",
+      row.steps, row.updates, *fault, directory_.checkpoints().string());
+  return false;
+}
+
+void Trainer::KeepSnapshots() {
+  const auto due = [this](auto times, double now) {
+    // Thresholds passed since the last snapshot of their kind; several at once give one file.
+    return std::any_of(times.begin(), times.end(), [&](double at) {
+      const double last = std::is_same_v<typename decltype(times)::value_type, int>
+                              ? static_cast<double>(last_snapshot_steps_)
+                              : last_snapshot_s_;
+      return at > last && at <= now;
+    });
+  };
+  const double now = training_s();
+  const bool by_time = due(config_.run.snapshot_seconds, now);
+  const bool by_steps = due(config_.run.snapshot_steps, static_cast<double>(limiter_.steps()));
+  last_snapshot_s_ = now;
+  last_snapshot_steps_ = limiter_.steps();
+  if (!by_time && !by_steps) return;
+  base::MakeDirectories(directory_.snapshots());
+  const fs::path path =
+      directory_.snapshots() / fmt::format("step-{:012}.safetensors", limiter_.steps());
+  policy::SavePolicy(path, BestPolicy(), Provenance());
+}
+
+policy::Metadata Trainer::Provenance() const {
+  return {{"config", config::ToToml(config_)},
+          {"commit", commit_},
+          {"seed", fmt::format("{}", config_.run.seed)},
+          {"steps", fmt::format("{}", limiter_.steps())},
+          {"updates", fmt::format("{}", limiter_.updates())},
+          {"training_s", fmt::format("{:.2f}", training_s())}};
+}
+
+policy::PolicySnapshot Trainer::BestPolicy() const {
+  return config_.td3.average_rate > 0.0 ? td3_.AveragedSnapshot() : td3_.Snapshot();
+}
+
+bool Trainer::CheckpointDue() const {
+  const std::int64_t every_steps = config_.run.checkpoint_steps;
+  if (every_steps > 0 && limiter_.steps() / every_steps != last_checkpoint_steps_ / every_steps) {
+    return true;
+  }
+  const double every_s = config_.run.checkpoint_seconds;
+  return every_s > 0.0 && !config_.run.deterministic &&
+         training_s() - last_checkpoint_s_ >= every_s;
+}
+
+void Trainer::TryCheckpoint() {
+  StopCollector();
+  try {
+    if (td3_.healthy()) Checkpoint();
+  } catch (const base::Error& error) {
+    spdlog::error("checkpoint not saved: {}; training goes on, the earlier one is kept",
+                  error.what());
+  }
+  last_checkpoint_s_ = training_s();
+  last_checkpoint_steps_ = limiter_.steps();
+  StartCollector();
+}
+
+void Trainer::Checkpoint() {
+  const std::string manifest = storage_.Save(table_);
+  store_.Write(limiter_.steps(), [&](const fs::path& directory) {
+    policy::TensorMap tensors;
+    td3_.SaveState(tensors);
+    policy::SaveTensors(directory / kLearnerFile, tensors, {});
+    policy::SavePolicy(directory / kActingFile, agent_.snapshot(), {});
+    base::WriteFileAtomically(directory / kActorFile, actor_.Save().Serialize());
+    base::WriteFileAtomically(directory / kReplayFile, manifest);
+    const nlohmann::json state = {{"steps", limiter_.steps()},
+                                  {"updates", limiter_.updates()},
+                                  {"training_s", training_s()},
+                                  {"acting_version", agent_.snapshot().version},
+                                  {"sampling", sampling_.state()}};
+    base::WriteFileAtomically(directory / kStateFile, state.dump(1) + "\n");
+  });
+  std::vector<std::string> manifests;
+  for (const fs::path& checkpoint : store_.List()) {
+    manifests.push_back(base::ReadFile(checkpoint / kReplayFile));
+  }
+  storage_.Commit(manifests);
+}
+
+void Trainer::Restore() {
+  const auto checkpoints = store_.List();
+  if (checkpoints.empty()) {
+    spdlog::warn("{}: no checkpoint yet, the run begins anew", store_.directory().string());
+    return;
+  }
+  for (const fs::path& checkpoint : checkpoints) {
+    try {
+      RestoreFrom(checkpoint);
+      spdlog::info("resumed from {} ({} steps, {})", checkpoint.string(),
+                   base::FormatCount(static_cast<double>(limiter_.steps())),
+                   base::FormatDuration(earlier_s_));
+      return;
+    } catch (const base::Error& error) {
+      if (checkpoint == checkpoints.back()) throw;
+      spdlog::error("{}; trying the checkpoint before it", error.what());
+    }
+  }
+}
+
+void Trainer::RestoreFrom(const fs::path& checkpoint) {
+  const fs::path state_path = checkpoint / kStateFile;
+  double earlier_s = 0.0;
+  std::int64_t steps = 0;
+  std::int64_t updates = 0;
+  base::Random::State sampling{};
+  try {
+    const auto state = nlohmann::json::parse(base::ReadFile(state_path));
+    steps = state.at("steps").get<std::int64_t>();
+    updates = state.at("updates").get<std::int64_t>();
+    earlier_s = state.at("training_s").get<double>();
+    sampling = state.at("sampling").get<base::Random::State>();
+  } catch (const nlohmann::json::exception& error) {
+    throw base::Error(
+        fmt::format("{}: not a checkpoint's state ({})", state_path.string(), error.what()));
+  }
+  const auto learner_state = policy::LoadTensors(checkpoint / kLearnerFile);
+  const auto acting = policy::LoadPolicy(checkpoint / kActingFile);
+  const fs::path actor_path = checkpoint / kActorFile;
+  const auto actor_state =
+      actor::ActorState::Parse(base::ReadFile(actor_path), actor_path.string());
+  table_ = storage_.Load(base::ReadFile(checkpoint / kReplayFile));
+  td3_.LoadState(learner_state);
+  agent_.SetSnapshot(acting.snapshot);
+  actor_.Restore(actor_state);
+  limiter_.Restore(steps, updates);
+  sampling_.set_state(sampling);
+  earlier_s_ = earlier_s;
+  last_checkpoint_s_ = earlier_s;
+  last_checkpoint_steps_ = steps;
+  last_snapshot_s_ = earlier_s;
+  last_snapshot_steps_ = steps;
+}
+
+}  // namespace slalom::train

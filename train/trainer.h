@@ -1,0 +1,104 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+#include <string>
+
+#include "actor/actor.h"
+#include "base/parallel.h"
+#include "learner/td3.h"
+#include "policy/network_agent.h"
+#include "policy/policy.h"
+#include "replay/storage.h"
+#include "replay/table.h"
+#include "sim/environments.h"
+#include "train/checkpoint_store.h"
+#include "train/collector.h"
+#include "train/metrics_log.h"
+#include "train/rate_limiter.h"
+#include "train/run_config.h"
+#include "train/run_directory.h"
+
+namespace slalom::train {
+
+/// How a training ended.
+enum class TrainingEnd {
+  kFinished,  ///< At its limit of steps or seconds.
+  kStopped,   ///< On request; saved.
+  kDiverged,  ///< At NaN or values beyond bounds; the last good checkpoint is kept, nothing newer
+              ///< saved.
+};
+
+/// One training run in one process: actor, replay table and learner, with checkpoints and figures.
+///
+/// Confined to the thread that made it (it starts others inside). A deterministic run is a value of
+/// its config: the same policy, bit for bit, however often it was killed and resumed.
+class Trainer {
+ public:
+  /// Builds everything, and continues from the newest checkpoint that is whole where `resume`.
+  /// `commit`: of the program, for provenance. `begin`: when the process began, as training time
+  /// counts from there. Throws `base::Error` where courses, config or checkpoint are unusable.
+  Trainer(const RunConfig& config, const RunDirectory& directory, std::string commit, bool resume,
+          std::chrono::steady_clock::time_point begin);
+  ~Trainer();
+
+  /// Trains to the end of the run, or until `stop`. Writes metrics.csv, checkpoints, snapshots and
+  /// policy.safetensors. Throws `base::Error` where what must be kept cannot be written.
+  TrainingEnd Run(std::stop_token stop);
+
+  /// Wall-clock spent on the run, over all its sessions, [s].
+  double training_s() const;
+  std::int64_t steps() const { return limiter_.steps(); }
+  std::int64_t updates() const { return limiter_.updates(); }
+
+ private:
+  void StartCollector();
+  void StopCollector();
+  void Collect();
+  void InsertChunk(std::unique_ptr<replay::Chunk> chunk);
+  void Update();
+  bool AtLimit() const;
+  double Fraction() const;
+  double RemainingSeconds() const;
+  /// Writes a row of metrics. False: the learner diverged.
+  [[nodiscard]] bool Log();
+  void KeepSnapshots();
+  bool CheckpointDue() const;
+  void TryCheckpoint();
+  void Checkpoint();
+  void Restore();
+  void RestoreFrom(const std::filesystem::path& checkpoint);
+  policy::Metadata Provenance() const;
+  /// What is shipped: the weight-averaged actor where one is kept.
+  policy::PolicySnapshot BestPolicy() const;
+
+  const RunConfig config_;
+  const RunDirectory directory_;
+  const std::string commit_;
+  const std::chrono::steady_clock::time_point begin_;
+
+  base::ParallelFor parallel_;
+  sim::CourseEnvironments environments_;
+  learner::Td3 td3_;
+  policy::NetworkAgent agent_;
+  actor::Actor actor_;
+  replay::Table table_;
+  replay::SampledRows rows_;
+  base::Random sampling_;
+  RateLimiter limiter_;
+  CheckpointStore store_;
+  replay::Storage storage_;
+  std::unique_ptr<MetricsLog> metrics_;
+  std::unique_ptr<Collector> collector_;
+
+  double earlier_s_ = 0.0;  ///< Training time of earlier sessions of the run, [s].
+  double last_checkpoint_s_ = 0.0;
+  std::int64_t last_checkpoint_steps_ = 0;
+  double last_snapshot_s_ = 0.0;
+  std::int64_t last_snapshot_steps_ = 0;
+  MetricsRow last_row_;
+};
+
+}  // namespace slalom::train
