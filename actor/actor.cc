@@ -59,6 +59,7 @@ Actor::Actor(const ActorConfig& config, env::BatchEnvironment& environments, env
 void Actor::Step(replay::Chunk* out) {
   const env::ObservationBatch& observations = environments_.observations();
   agent_.Act(observations, actions_);
+  RequireFiniteActions();
   AddNoise();
   for (int i = 0; i < environments_.batch_size(); ++i) {
     rows_[i] = out->BeginStep(i, observations.first[i] != 0, observations.frame(i), actions_[i]);
@@ -98,6 +99,16 @@ void Actor::EndEpisode(int i) {
   recent_.push_back({results_[i].outcome, static_cast<std::int32_t>(environment.actions.size()),
                      environment.episode_return});
   while (std::ssize(recent_) > config_.stats_episodes) recent_.pop_front();
+}
+
+void Actor::RequireFiniteActions() const {
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    if (!std::isfinite(actions_[i].linear) || !std::isfinite(actions_[i].angular)) {
+      throw base::Error(fmt::format(
+          "the policy chose the action ({}, {}) in environment {}; expected finite numbers",
+          actions_[i].linear, actions_[i].angular, i));
+    }
+  }
 }
 
 void Actor::AddNoise() {

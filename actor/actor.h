@@ -42,13 +42,15 @@ std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments)
 /// `Step`, `Save` and `Restore` are confined to one thread at a time; `stats` may be called by any.
 class Actor {
  public:
-  /// Begins the first episode of every environment. `environments` and `agent` must outlive the
-  /// actor. Throws `base::Error` where `config` contradicts itself.
+  /// Begins the first episode of every environment. Both references must outlive the actor.
+  /// Throws `base::Error` where `config` contradicts itself.
   Actor(const ActorConfig& config, env::BatchEnvironment& environments, env::Agent& agent,
         std::uint64_t seed);
 
   /// One control step of every environment: B rows are added to `out`, and one more for each
   /// episode that ends; in its place the next one begins. Stream i of the chunk is environment i.
+  /// Throws `base::Error` where the agent chooses an action that is not finite (a network that
+  /// diverged); the actor is then as before.
   /// Requires: out->num_beams is that of the observations.
   void Step(replay::Chunk* out);
 
@@ -60,9 +62,10 @@ class Actor {
   /// Goes on from `state`: the open episodes are driven again with their recorded actions. The
   /// agent sees the same frames on the way (its choices are ignored), so that whatever it remembers
   /// of an episode is there again. The following steps are, bit for bit, those of the actor that
-  /// was saved, provided that the agent chooses the same. Throws `base::Error` where the state is
-  /// of another seed, another number of environments, or does not lead to the frames it was saved
-  /// with (other courses or another environment config); the actor is then not to be used further.
+  /// was saved, provided that the agent chooses the same.
+  /// Throws `base::Error` where the state is of another seed, another number of environments, or
+  /// does not lead to the frames it was saved with (other courses or another environment config);
+  /// the actor is then not to be used further.
   void Restore(const ActorState& state);
 
  private:
@@ -76,6 +79,7 @@ class Actor {
 
   void BeginEpisode(int i);
   void EndEpisode(int i);
+  void RequireFiniteActions() const;
   void AddNoise();
   std::uint64_t FrameChecksum(int i) const;
   void ReplayOpenEpisodes(const std::vector<OpenEpisode>& open);

@@ -1,8 +1,12 @@
 #include "eval/episodes.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 
 #include "base/check.h"
+#include "base/error.h"
 #include "base/file.h"
 #include "base/random.h"
 
@@ -31,7 +35,7 @@ class Driver {
     episodes_.records.resize(courses.courses.size() *
                              static_cast<std::size_t>(config.episodes_per_course));
     const int recorded = std::min(config.recorded_episodes_per_course, config.episodes_per_course);
-    episodes_.trajectories.resize(courses.courses.size() * static_cast<std::size_t>(recorded));
+    episodes_.tracks.resize(courses.courses.size() * static_cast<std::size_t>(recorded));
     for (int i = 0; i < environments_.batch_size(); ++i) StartNext(i);
   }
 
@@ -40,6 +44,7 @@ class Driver {
 
   void Step(env::Agent& agent) {
     agent.Act(environments_.observations(), actions_);
+    RequireFiniteActions();
     environments_.Step(actions_, results_);
     for (int i = 0; i < environments_.batch_size(); ++i) {
       if (episode_of_[i] == kIdle) continue;
@@ -54,6 +59,18 @@ class Driver {
   Episodes TakeEpisodes() { return std::move(episodes_); }
 
  private:
+  void RequireFiniteActions() {
+    for (int i = 0; i < environments_.batch_size(); ++i) {
+      const env::Action& action = actions_[i];
+      const bool finite = std::isfinite(action.linear) && std::isfinite(action.angular);
+      if (episode_of_[i] == kIdle || finite) continue;
+      throw base::Error(fmt::format(
+          "the policy chose the action ({}, {}) on course {}, episode {}; expected finite numbers",
+          action.linear, action.angular, courses_.courses[record(i).course]->name,
+          record(i).episode));
+    }
+  }
+
   EpisodeRecord& record(int i) { return episodes_.records[episode_of_[i]]; }
 
   void StartNext(int i) {
@@ -85,8 +102,8 @@ class Driver {
     const int recorded =
         std::min(config_.recorded_episodes_per_course, config_.episodes_per_course);
     if (r.episode < recorded) {
-      episodes_.trajectories[static_cast<std::size_t>(r.course) * recorded + r.episode] = {
-          r.course, r.episode, r.outcome, poses_[i]};
+      episodes_.tracks[static_cast<std::size_t>(r.course) * recorded + r.episode] = {
+          courses_.courses[r.course]->name, r.outcome, poses_[i]};
     }
     ++num_ended_;
   }

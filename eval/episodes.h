@@ -6,12 +6,12 @@
 #include <stop_token>
 #include <vector>
 
-#include "base/geometry.h"
 #include "env/agent.h"
 #include "env/environment.h"
 #include "env/episode.h"
 #include "eval/evaluation_config.h"
 #include "sim/course.h"
+#include "sim/episode_file.h"
 
 namespace slalom::eval {
 
@@ -29,19 +29,11 @@ struct EpisodeRecord {
   friend bool operator==(const EpisodeRecord&, const EpisodeRecord&) = default;
 };
 
-/// Where the robot went in one episode.
-struct Trajectory {
-  int course = 0;
-  int episode = 0;
-  env::Outcome outcome = env::Outcome::kRunning;
-  std::vector<base::Pose2> X_WR;  ///< [num_steps + 1], from the start.
-};
-
 /// All episodes of an evaluation, ordered by course, then episode.
 struct Episodes {
   std::vector<EpisodeRecord> records;
-  std::vector<Trajectory>
-      trajectories;  ///< Of the first recorded_episodes_per_course of each course.
+  /// Of the first `recorded_episodes_per_course` of each course, in the same order.
+  std::vector<sim::EpisodeTrack> tracks;
 };
 
 /// Told after each control step how many of all episodes have ended.
@@ -57,8 +49,9 @@ std::uint64_t EvaluationSeed(std::int64_t root_seed, const sim::Course& course, 
 /// requested first (the episodes that end early are the short ones, so a part would mislead).
 ///
 /// The records do not depend on the batch size or the threads of `environments`, as far as the
-/// agent chooses the action of one environment without regard to the others. Requires:
-/// environments.num_courses() == courses.courses.size(), at least one course.
+/// agent chooses the action of one environment without regard to the others.
+/// Throws `base::Error` where the agent chooses an action that is not finite.
+/// Requires: environments.num_courses() == courses.courses.size(), at least one course.
 [[nodiscard]] std::optional<Episodes> RunEpisodes(const EvaluationConfig& config,
                                                   const sim::CourseSet& courses,
                                                   env::BatchEnvironment& environments,

@@ -33,8 +33,8 @@ sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment,
 /// How many environments to make: `num_environments`, but no more than there are episodes.
 int NumEnvironments(const EvaluationConfig& protocol, const sim::CourseSet& courses);
 
-/// Drives the protocol's episodes (`RunEpisodes`, with its requirements) and sums them up. None:
-/// `stop` was requested first. `environment` is the config of `environments`, `WithProtocol`.
+/// Drives the protocol's episodes (`RunEpisodes`, with its requirements) and sums them up.
+/// `environment` is the config of `environments`, `WithProtocol`. None: `stop` was requested first.
 [[nodiscard]] std::optional<Evaluation> Evaluate(const EvaluationConfig& protocol,
                                                  const sim::EnvironmentConfig& environment,
                                                  const sim::CourseSet& courses,
@@ -47,8 +47,8 @@ using MakeAgent = std::function<std::unique_ptr<env::Agent>(int batch_size)>;
 
 /// The whole of an evaluation in environments of its own: `environment` is the task's config, to
 /// which the protocol is applied here. `parallel` may be null (see `sim::CourseEnvironments`); it
-/// changes the speed, not the result. None: `stop` was requested first. Throws `base::Error` where
-/// a course cannot be started.
+/// changes the speed, not the result. None: `stop` was requested first.
+/// Throws `base::Error` where a course cannot be started.
 [[nodiscard]] std::optional<Evaluation> EvaluateOnCourses(
     const EvaluationConfig& protocol, const sim::EnvironmentConfig& environment,
     const sim::CourseSet& courses, const MakeAgent& make_agent, base::ParallelFor* parallel,

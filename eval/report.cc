@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "sim/episode_file.h"
 
 namespace slalom::eval {
 namespace {
@@ -133,7 +134,7 @@ std::string TextReport(const Evaluation& evaluation, int max_courses) {
   const EvaluationConfig& protocol = evaluation.protocol;
   return fmt::format(
              "{}: {} courses x {} episodes, seed {}, start within {} m and {} rad\n"
-             "  {:<16}{:>10}   {:<22}\n",
+             "  {:<16}{:>10}   {}\n",
              evaluation.course_set, summary.courses.size(), protocol.episodes_per_course,
              protocol.seed, protocol.start_position_jitter, protocol.start_yaw_jitter, "", "",
              "95 % interval") +
@@ -204,6 +205,7 @@ void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
   base::WriteFileAtomically(directory / "evaluation.json", JsonReport(evaluation, provenance));
   base::WriteFileAtomically(directory / "evaluation-courses.csv", CourseCsv(evaluation));
   base::WriteFileAtomically(directory / "evaluation-episodes.csv", EpisodeCsv(evaluation));
+  sim::WriteEpisodes(directory / "evaluation-tracks.jsonl", evaluation.episodes.tracks);
 }
 
 }  // namespace slalom::eval

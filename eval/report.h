@@ -31,8 +31,10 @@ std::string CourseCsv(const Evaluation& evaluation);
 /// One line per episode.
 std::string EpisodeCsv(const Evaluation& evaluation);
 
-/// Writes evaluation.json, evaluation-courses.csv and evaluation-episodes.csv into `directory`,
-/// each atomically. Throws `base::Error` where that fails.
+/// Writes evaluation.json, evaluation-courses.csv, evaluation-episodes.csv and
+/// evaluation-tracks.jsonl
+/// (`sim::WriteEpisodes`, for pictures) into `directory`, each atomically.
+/// Throws `base::Error` where that fails.
 void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
                   const std::filesystem::path& directory);
 

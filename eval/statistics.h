@@ -34,11 +34,13 @@ struct CourseTotal {
 /// The 0.975 quantile of the standard normal distribution.
 inline constexpr double kNormalCritical = 1.959963984540054;
 
-/// The 0.975 quantile of Student's t distribution, within 1e-9. Requires: degrees_of_freedom >= 1.
+/// The 0.975 quantile of Student's t distribution, within 1e-9.
+/// Requires: degrees_of_freedom >= 1.
 double StudentCritical(int degrees_of_freedom);
 
 /// Wilson's score interval of a proportion seen in `num_trials` independent trials; `num_trials`
-/// may be an effective number. Requires: 0 <= proportion <= 1, num_trials > 0.
+/// may be an effective number.
+/// Requires: 0 <= proportion <= 1, num_trials > 0.
 Interval WilsonInterval(double proportion, double num_trials, double critical = kNormalCritical);
 
 /// A rate over a set of courses: Wilson's interval with the effective number of episodes that the
@@ -46,8 +48,8 @@ Interval WilsonInterval(double proportion, double num_trials, double critical = 
 /// degrees of freedom. With one course, or where every episode went the same way, episodes count as
 /// independent.
 ///
-/// `sum` holds the number of hits. Requires: at least one episode, 0 <= sum <= count for each
-/// course.
+/// `sum` holds the number of hits.
+/// Requires: at least one episode, 0 <= sum <= count for each course.
 Estimate EstimateRate(std::span<const CourseTotal> courses);
 
 /// A mean over the episodes of a set of courses: ratio estimator with its linearised variance

@@ -12,23 +12,12 @@
 namespace slalom::actor {
 namespace {
 
+using testing::ConstantAgent;
 using testing::FakeEnvironment;
 using testing::SummingAgent;
 
 constexpr int kBatch = 6;
 const std::vector<double> kSuccess{0.1, 0.5, 0.9};
-
-/// Commands the same action always.
-class ConstantAgent : public env::Agent {
- public:
-  explicit ConstantAgent(env::Action action) : action_(action) {}
-  void Act(const env::ObservationBatch&, std::span<env::Action> actions) override {
-    std::fill(actions.begin(), actions.end(), action_);
-  }
-
- private:
-  const env::Action action_;
-};
 
 /// An actor with all that it stands on.
 struct Fixture {
@@ -314,6 +303,17 @@ TEST(Actor, ClipsActions) {
     }
   }
   EXPECT_GT(num_at_bound, 300);  // About 0.42 of 1200.
+}
+
+TEST(Actor, RefusesActionsThatAreNotFinite) {
+  FakeEnvironment environments(kBatch, kSuccess);
+  ConstantAgent agent({std::nanf(""), 0.0f});
+  Actor actor({}, environments, agent, 1);
+  const std::string before = actor.Save().Serialize();
+  replay::Chunk chunk(8);
+  EXPECT_THROW(actor.Step(&chunk), base::Error);
+  EXPECT_EQ(chunk.num_rows(), 0);
+  EXPECT_EQ(actor.Save().Serialize(), before);
 }
 
 TEST(Actor, WarmsUpWithUniformActions) {

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <set>
 
+#include "base/error.h"
 #include "tests/support/fake_environment.h"
 
 namespace slalom::eval {
@@ -40,10 +42,7 @@ TEST(RunEpisodes, DoesNotDependOnTheBatchSize) {
   for (const int batch_size : {2, 5, 18, 40}) {
     const Episodes other = RunFake(batch_size, MakeConfig());
     EXPECT_EQ(other.records, one.records) << batch_size;
-    ASSERT_EQ(other.trajectories.size(), one.trajectories.size());
-    for (std::size_t t = 0; t < one.trajectories.size(); ++t) {
-      EXPECT_EQ(other.trajectories[t].X_WR, one.trajectories[t].X_WR);
-    }
+    EXPECT_EQ(other.tracks, one.tracks);
   }
 }
 
@@ -79,11 +78,8 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
     expected.outcome = result[0].outcome;
     EXPECT_EQ(episodes.records[k], expected) << k;
     if (expected.episode < 2) {
-      const Trajectory& trajectory = episodes.trajectories[expected.course * 2 + expected.episode];
-      EXPECT_EQ(trajectory.course, expected.course);
-      EXPECT_EQ(trajectory.episode, expected.episode);
-      EXPECT_EQ(trajectory.outcome, expected.outcome);
-      EXPECT_EQ(trajectory.X_WR, X_WR);
+      const sim::EpisodeTrack track{courses.courses[expected.course]->name, expected.outcome, X_WR};
+      EXPECT_EQ(episodes.tracks[expected.course * 2 + expected.episode], track);
     }
   }
 }
@@ -112,6 +108,12 @@ TEST(RunEpisodes, GivesNothingWhenStopped) {
       RunEpisodes(MakeConfig(), MakeCourses(2), environments, agent, progress, source.get_token())
           .has_value());
   EXPECT_LT(environments.specs().size(), 12u);
+}
+
+TEST(RunEpisodes, RefusesActionsThatAreNotFinite) {
+  testing::FakeEnvironment environments(2, {0.5});
+  testing::ConstantAgent agent({0.0f, std::nanf("")});
+  EXPECT_THROW((void)RunEpisodes(MakeConfig(), MakeCourses(1), environments, agent), base::Error);
 }
 
 TEST(EvaluationSeed, IsTheSameForACourseInAnySet) {

@@ -34,9 +34,7 @@ TEST(EvaluateOnCourses, DoesNotDependOnBatchSizeOrThreads) {
   for (const int num_environments : {5, 64}) {
     const Evaluation other = RunOnCourses(num_environments, &parallel);
     EXPECT_EQ(other.episodes.records, alone.episodes.records) << num_environments;
-    for (std::size_t t = 0; t < alone.episodes.trajectories.size(); ++t) {
-      EXPECT_EQ(other.episodes.trajectories[t].X_WR, alone.episodes.trajectories[t].X_WR);
-    }
+    EXPECT_EQ(other.episodes.tracks, alone.episodes.tracks);
   }
 }
 
@@ -44,9 +42,10 @@ TEST(EvaluateOnCourses, StartsWithinTheProtocolsJitter) {
   const Evaluation evaluation = RunOnCourses(64, nullptr);
   const sim::CourseSet courses = sim::ResolveCourses("generated:7:6", std::nullopt, 0);
   bool any_apart = false;
-  for (const Trajectory& trajectory : evaluation.episodes.trajectories) {
-    const base::Pose2& start = courses.courses[trajectory.course]->start;
-    const base::Pose2& X_WR = trajectory.X_WR.front();
+  ASSERT_EQ(evaluation.episodes.tracks.size(), 18u);
+  for (std::size_t t = 0; t < 18; ++t) {
+    const base::Pose2& start = courses.courses[t / 3]->start;
+    const base::Pose2& X_WR = evaluation.episodes.tracks[t].poses.front();
     EXPECT_LE(std::abs(X_WR.p.x - start.p.x), 0.05);
     EXPECT_LE(std::abs(X_WR.p.y - start.p.y), 0.05);
     EXPECT_LE(std::abs(base::WrapAngle(X_WR.yaw - start.yaw)), 0.05 + 1e-12);

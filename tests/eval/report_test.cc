@@ -110,7 +110,7 @@ TEST(TextReport, NamesTheWorstCoursesFirst) {
   EXPECT_THAT(TextReport(MakeEvaluation({1.0, 1.0})), HasSubstr("every course succeeded"));
 }
 
-TEST(WriteReports, WritesThreeFiles) {
+TEST(WriteReports, WritesEveryFile) {
   const std::filesystem::path directory =
       std::filesystem::path(::testing::TempDir()) / "slalom-write-reports";
   const Evaluation evaluation = MakeEvaluation({0.5});
@@ -118,6 +118,7 @@ TEST(WriteReports, WritesThreeFiles) {
   EXPECT_EQ(base::ReadFile(directory / "evaluation.json"), JsonReport(evaluation, kProvenance));
   EXPECT_EQ(base::ReadFile(directory / "evaluation-courses.csv"), CourseCsv(evaluation));
   EXPECT_EQ(base::ReadFile(directory / "evaluation-episodes.csv"), EpisodeCsv(evaluation));
+  EXPECT_EQ(sim::ReadEpisodes(directory / "evaluation-tracks.jsonl"), evaluation.episodes.tracks);
   EXPECT_THROW(WriteReports(evaluation, kProvenance, directory / "evaluation.json"), base::Error);
   std::filesystem::remove_all(directory);
 }

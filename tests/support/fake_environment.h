@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <span>
 #include <vector>
@@ -119,6 +120,18 @@ class SummingAgent : public env::Agent {
 
  private:
   std::vector<std::uint64_t> sums_;
+};
+
+/// Commands the same action always.
+class ConstantAgent : public env::Agent {
+ public:
+  explicit ConstantAgent(env::Action action) : action_(action) {}
+  void Act(const env::ObservationBatch&, std::span<env::Action> actions) override {
+    std::fill(actions.begin(), actions.end(), action_);
+  }
+
+ private:
+  const env::Action action_;
 };
 
 }  // namespace slalom::testing
