@@ -107,7 +107,7 @@ struct RunConfig {
     v.Section("actor", actor, "How training episodes are driven.");
     v.Section("replay", replay, "The replay buffer.");
     v.Section("network", network, "Networks of actor and critics.");
-    v.Section("td3", td3, "The learner.");
+    v.Section("learner", td3, "The algorithm, TD3.");
     v.Section("evaluation", evaluation, "The protocol of evaluations.");
   }
 };
