@@ -1,0 +1,44 @@
+#include "tests/sim/barn_data.h"
+
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+
+namespace slalom::sim {
+
+std::filesystem::path BarnDirectory() {
+  return std::filesystem::path(SLALOM_SOURCE_DIR) / ".." / "shared" / "barn";
+}
+
+bool HasBarnData() { return std::filesystem::exists(BarnDirectory() / "static_grids.txt"); }
+
+std::vector<BarnWorld> ReadBarnWorlds() {
+  std::vector<BarnWorld> worlds;
+  std::ifstream grids(BarnDirectory() / "static_grids.txt");
+  int row_from_goal = 0;
+  for (std::string line; std::getline(grids, line);) {
+    if (line.starts_with(";") || line.empty()) continue;
+    if (line.starts_with("world ")) {
+      worlds.push_back({std::stoi(line.substr(6)), {}, {}});
+      row_from_goal = 0;
+      continue;
+    }
+    const int y = 63 - row_from_goal++;
+    for (int x = 0; x < static_cast<int>(line.size()); ++x) {
+      if (line[static_cast<std::size_t>(x)] != '#') continue;
+      worlds.back().circles.push_back(
+          {{(-4425 + 150 * x) / 1000.0, (75 + 150 * y) / 1000.0}, 0.075});
+    }
+  }
+  std::ifstream paths(BarnDirectory() / "static_paths.csv");
+  std::string line;
+  std::getline(paths, line);
+  while (std::getline(paths, line)) {
+    int world = 0, i = 0, row = 0, col = 0;
+    if (std::sscanf(line.c_str(), "%d,%d,%d,%d", &world, &i, &row, &col) != 4) continue;
+    worlds.at(static_cast<std::size_t>(world)).path.push_back({row, col});
+  }
+  return worlds;
+}
+
+}  // namespace slalom::sim

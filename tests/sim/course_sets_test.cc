@@ -1,0 +1,210 @@
+#include "sim/course_sets.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "sim/course_check.h"
+#include "sim/course_file.h"
+#include "sim/course_generator.h"
+#include "sim/course_splits.h"
+#include "tests/sim/barn_data.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::sim {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+std::set<int> Indices(std::string_view name) {
+  const std::vector<int> list = StaticSplit(name).value();
+  const std::set<int> set(list.begin(), list.end());
+  EXPECT_EQ(set.size(), list.size()) << name << " lists a course twice";
+  return set;
+}
+
+bool Contains(const std::set<int>& outer, const std::set<int>& inner) {
+  return std::includes(outer.begin(), outer.end(), inner.begin(), inner.end());
+}
+
+bool AreDisjoint(const std::set<int>& a, const std::set<int>& b) {
+  return std::none_of(a.begin(), a.end(), [&b](int i) { return b.contains(i); });
+}
+
+std::set<std::string> Names(const CourseSet& set) {
+  std::set<std::string> names;
+  for (const auto& course : set.courses) names.insert(course->name);
+  return names;
+}
+
+std::string ErrorOf(const std::string& spec,
+                    const std::optional<std::filesystem::path>& collection = std::nullopt) {
+  try {
+    ResolveCourses(spec, collection, 1);
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(CourseSplits, AreThePapers) {
+  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
+  const auto json = nlohmann::json::parse(base::ReadFile(BarnDirectory() / "splits.json"));
+  for (const std::string name : {"static-train-5", "static-train-10", "static-train-50",
+                                 "static-train-100", "static-train-250", "static-test"}) {
+    EXPECT_EQ(StaticSplit(name).value(), json.at(name).get<std::vector<int>>()) << name;
+  }
+}
+
+TEST(CourseSplits, AreNestedAndKeepTestAndValidationApart) {
+  const char* nested[] = {"static-train-5", "static-train-10", "static-train-50",
+                          "static-train-100", "static-train-250"};
+  const std::size_t sizes[] = {5, 10, 50, 100, 250};
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(Indices(nested[i]).size(), sizes[i]);
+    EXPECT_TRUE(AreDisjoint(Indices(nested[i]), Indices("static-test")));
+    if (i > 0) {
+      EXPECT_TRUE(Contains(Indices(nested[i]), Indices(nested[i - 1])));
+    }
+  }
+  EXPECT_EQ(Indices("static").size(), 300u);
+  const std::set<int> validation = Indices("static-validation");
+  EXPECT_EQ(validation.size(), 40u);
+  EXPECT_TRUE(Contains(Indices("static-train-250"), validation));
+  EXPECT_TRUE(AreDisjoint(validation, Indices("static-train-100")));
+  EXPECT_EQ(Indices("static-train-210").size(), 210u);
+  EXPECT_TRUE(Contains(Indices("static-train-250"), Indices("static-train-210")));
+  EXPECT_TRUE(AreDisjoint(validation, Indices("static-train-210")));
+}
+
+TEST(CourseSets, BuiltInSetsAreSlicesOfTheGeneratedCollection) {
+  const CourseSet all = GenerateStaticCourses(4, 0, kNumStaticCourses);
+  for (const std::string name : {"static-train-10", "static-test"}) {
+    const CourseSet set = ResolveCourses(name, std::nullopt, 4);
+    const std::vector<int> indices = StaticSplit(name).value();
+    ASSERT_EQ(set.courses.size(), indices.size());
+    EXPECT_EQ(set.name, name);
+    for (std::size_t i = 0; i < indices.size(); ++i) {
+      EXPECT_EQ(*set.courses[i], *all.courses[static_cast<std::size_t>(indices[i])]);
+    }
+  }
+}
+
+TEST(CourseSets, BuiltInValidationIsInNoOtherSet) {
+  const CourseSet validation = ResolveCourses("static-validation", std::nullopt, 1);
+  EXPECT_EQ(validation.courses.size(), 40u);
+  const CourseSet all = GenerateStaticCourses(1, 0, kNumStaticCourses);
+  for (const auto& course : validation.courses) {
+    for (const auto& other : all.courses) EXPECT_NE(course->circles, other->circles);
+  }
+}
+
+TEST(CourseSets, GeneratedHasAsManyAsAsked) {
+  const CourseSet set = ResolveCourses("generated:9:30", std::nullopt, 1);
+  EXPECT_EQ(set.courses.size(), 30u);
+  EXPECT_EQ(Names(set).size(), 30u);
+  EXPECT_EQ(*set.courses[7], *GenerateFreshCourses(9, 8).courses[7]);
+  for (const std::string spec : {"generated:", "generated:1", "generated:1:0", "generated:-1:5",
+                                 "generated:1:5x", "generated:1:999999999"}) {
+    EXPECT_THAT(ErrorOf(spec), AllOf(HasSubstr(spec), HasSubstr("generated:SEED:COUNT"))) << spec;
+  }
+}
+
+TEST(CourseSets, UnknownNameListsWhatThereIs) {
+  EXPECT_THAT(ErrorOf("static-tset"),
+              AllOf(HasSubstr("static-tset"), HasSubstr("static-test"), HasSubstr("generated:SEED:COUNT")));
+  EXPECT_THAT(ErrorOf(""), HasSubstr("static-test"));
+}
+
+TEST(CourseSets, CollectionFilesAndDirectoriesAreRead) {
+  const test::ScratchDirectory scratch;
+  const CourseSet made = GenerateFreshCourses(2, 3);
+  WriteCourseSet(scratch.path() / "static-test.courses", {"static-test", made.courses});
+  WriteCourseSet(scratch.path() / "mine.courses", {"mine", {made.courses[0]}});
+  EXPECT_EQ(Names(ResolveCourses("static-test", scratch.path(), 1)), Names(made));
+  EXPECT_EQ(Names(ResolveCourses("mine", scratch.path(), 1)).size(), 1u);
+  EXPECT_EQ(ListCourseSets(scratch.path()), (std::vector<std::string>{"static-test", "mine"}));
+  EXPECT_THAT(ErrorOf("static-train-5", scratch.path()),
+              AllOf(HasSubstr(scratch.path().string()), HasSubstr("static-test, mine")));
+  EXPECT_THAT(ErrorOf("static", "/no/such/place"), HasSubstr("/no/such/place"));
+  // A path to the same file, without the collection; an empty collection is none.
+  EXPECT_EQ(Names(ResolveCourses(scratch.path() / "static-test.courses", "", 1)), Names(made));
+
+  const std::filesystem::path directory = scratch.path() / "single";
+  base::MakeDirectories(directory);
+  EXPECT_THAT(ErrorOf(directory), HasSubstr("empty"));
+  WriteCourseSet(directory / "b.course", {"", {made.courses[1]}});
+  WriteCourseSet(directory / "a.course", {"", {made.courses[2]}});
+  const CourseSet set = ResolveCourses(directory, std::nullopt, 1);
+  EXPECT_EQ(set.name, "single");
+  ASSERT_EQ(set.courses.size(), 2u);
+  EXPECT_EQ(*set.courses[0], *made.courses[2]);
+  WriteCourseSet(directory / "c.course", {"", {made.courses[1]}});
+  EXPECT_THAT(ErrorOf(directory), AllOf(HasSubstr("c.course"), HasSubstr(made.courses[1]->name)));
+}
+
+/// A corridor along y, `gap` [m] wide, from start (0, 0) to goal (0, 6).
+Course Corridor(double gap) {
+  Course course;
+  course.name = "corridor";
+  course.start = {{0.0, 0.0}, 1.5708};
+  course.goal_W = {0.0, 6.0};
+  course.bounds = {{-2.0, -1.0}, {2.0, 7.0}};
+  for (const double side : {-1.0, 1.0}) {
+    course.boxes.push_back({{{side * (0.5 * gap + 1.0), 3.0}, 0.0}, {1.0, 0.5}});
+  }
+  return course;
+}
+
+TEST(CourseSets, ACourseThatCannotBeDrivenIsRefusedWithTheReason) {
+  const test::ScratchDirectory scratch;
+  const std::filesystem::path file = scratch.path() / "x.course";
+  const auto refusal = [&](const Course& course) {
+    WriteCourseSet(file, {"x", {std::make_shared<const Course>(course)}});
+    return ErrorOf(file);
+  };
+  EXPECT_EQ(refusal(Corridor(0.5)), "");
+  EXPECT_THAT(refusal(Corridor(0.38)), AllOf(HasSubstr("x.course: course corridor"), HasSubstr("no corridor")));
+  // A corridor that is wide enough, but turned by cylinders into one that is not.
+  Course course = Corridor(0.6);
+  course.circles.push_back({{0.0, 3.0}, 0.1});
+  EXPECT_THAT(refusal(course), HasSubstr("no corridor"));
+  course = Corridor(1.0);
+  course.circles.push_back({{0.15, 0.2}, 0.05});
+  EXPECT_THAT(refusal(course), HasSubstr("at the start"));
+  // Beside the robot's outline, though within its length.
+  course.circles.back().p_W = {0.27, 0.0};
+  EXPECT_EQ(refusal(course), "");
+  // Aslant past a corner of the outline: only the axes of the slanted box keep them apart.
+  course.boxes.push_back({{{0.4, 0.4}, -0.785}, {0.3, 0.05}});
+  EXPECT_EQ(refusal(course), "");
+  course.boxes.back().X_WB.p = {0.2, 0.25};
+  EXPECT_THAT(refusal(course), HasSubstr("at the start"));
+  course = Corridor(1.0);
+  course.circles.push_back({{0.1, 6.1}, 0.1});
+  EXPECT_THAT(refusal(course), HasSubstr("at the goal"));
+  course = Corridor(1.0);
+  course.goal_W = {0.0, 60.0};
+  EXPECT_THAT(refusal(course), HasSubstr("outside the bounds"));
+  course.bounds = {{-1e5, -1e5}, {1e5, 1e5}};
+  EXPECT_THAT(refusal(course), HasSubstr("bounds cover more than"));
+  WriteCourseSet(file, {"x", {}});
+  EXPECT_THAT(ErrorOf(file), HasSubstr("x.course: the course set is empty"));
+}
+
+TEST(CourseSets, EveryGeneratedCourseCanBeDriven) {
+  for (const auto& course : GenerateFreshCourses(17, 48).courses) {
+    EXPECT_EQ(WhyUnsolvable(*course), std::nullopt) << course->name;
+  }
+}
+
+}  // namespace
+}  // namespace slalom::sim
