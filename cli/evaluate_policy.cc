@@ -15,7 +15,6 @@
 #include "policy/network_agent.h"
 #include "sim/course_render.h"
 #include "sim/course_sets.h"
-#include "sim/episode_file.h"
 
 namespace slalom::cli {
 namespace {
@@ -76,19 +75,14 @@ void WriteEvaluation(const PolicyEvaluation& result, const std::filesystem::path
   eval::WriteReports(result.evaluation, result.provenance, directory);
 
   const auto& courses = result.courses.courses;
-  std::vector<sim::EpisodeTrack> tracks;
-  for (const eval::Trajectory& trajectory : result.evaluation.episodes.trajectories) {
-    tracks.push_back({courses[trajectory.course]->name, trajectory.outcome, trajectory.X_WR});
-  }
-  sim::WriteEpisodes(directory / "episodes.jsonl", tracks);
-
-  // Trajectories are ordered by course, so those of one course stand together.
+  const std::span<const sim::EpisodeTrack> tracks = result.evaluation.episodes.tracks;
+  // Tracks are ordered by course, so those of one course stand together.
   std::vector<sim::CourseScene> scenes;
   std::size_t begin = 0;
   for (std::size_t course = 0; course < courses.size() && scenes.size() < kMaxPictures; ++course) {
     std::size_t end = begin;
     while (end < tracks.size() && tracks[end].course == courses[course]->name) ++end;
-    scenes.push_back({courses[course].get(), std::span(tracks).subspan(begin, end - begin)});
+    scenes.push_back({courses[course].get(), tracks.subspan(begin, end - begin)});
     begin = end;
   }
   for (const auto format : {sim::PictureFormat::kPng, sim::PictureFormat::kSvg}) {

@@ -30,7 +30,7 @@ std::optional<PolicyEvaluation> EvaluatePolicy(const policy::PolicySnapshot& pol
                                                const std::string& courses_spec,
                                                base::ParallelFor& parallel, std::stop_token stop);
 
-/// Writes the reports, the trajectories (episodes.jsonl) and a picture of the courses with them
+/// Writes the reports, the trajectories (evaluation-tracks.jsonl) and a picture of the courses with them
 /// (courses.png, courses.svg) into `directory`. Throws `base::Error` where that fails.
 void WriteEvaluation(const PolicyEvaluation& result, const std::filesystem::path& directory);
 
