@@ -1,0 +1,73 @@
+#include "learner/minibatch.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/learner/random_rows.h"
+
+namespace slalom::learner {
+namespace {
+
+constexpr int kBatch = 9;
+constexpr int kHistory = 3;
+constexpr int kBeams = 24;
+
+const policy::FeatureMap& Features() {
+  static const policy::FeatureMap features({.num_beams = kBeams}, {.sectors = 12});
+  return features;
+}
+
+/// One row of an input as the feature map writes its frames.
+std::vector<float> Expected(const replay::SampledRows& rows, int sample, bool mirrored) {
+  const int size = Features().frame_size();
+  std::vector<float> expected(kHistory * size);
+  for (int age = 0; age < kHistory; ++age) {
+    const int i = sample * kHistory + age;
+    Features().Write(rows.ranges_cm[i], rows.state.data() + i * env::kStateSize, mirrored,
+                     expected.data() + age * size);
+  }
+  expected.push_back(rows.action[sample].linear);
+  expected.push_back(mirrored ? -rows.action[sample].angular : rows.action[sample].angular);
+  return expected;
+}
+
+std::vector<float> Row(const at::Tensor& input, int sample) {
+  const float* const begin = input.data_ptr<float>() + sample * input.stride(0);
+  return std::vector<float>(begin, begin + input.size(1));
+}
+
+TEST(MinibatchReader, LaysOutHistoryThenAction) {
+  const RandomRows random_rows(kBatch, kHistory, kBeams, 1);
+  Minibatch minibatch(kBatch, kHistory, Features().frame_size(), at::kCPU);
+  MinibatchReader reader(Features(), kHistory, /*reward_scale=*/0.5, /*mirror=*/false);
+  base::Random random(1);
+  reader.Read(random_rows.rows, random, minibatch);
+  for (int i = 0; i < kBatch; ++i) {
+    EXPECT_EQ(Row(minibatch.input, i), Expected(random_rows.rows, i, false));
+    EXPECT_EQ(minibatch.reward.data_ptr<float>()[i], 0.5f * random_rows.rows.n_step_return[i]);
+    EXPECT_EQ(minibatch.discount.data_ptr<float>()[i], random_rows.rows.discount[i]);
+  }
+  EXPECT_EQ(random.state(), base::Random(1).state()) << "drew without need";
+}
+
+TEST(MinibatchReader, MirrorsWholeSamplesHalfTheTime) {
+  const RandomRows random_rows(kBatch, kHistory, kBeams, 2);
+  Minibatch minibatch(kBatch, kHistory, Features().frame_size(), at::kCPU);
+  MinibatchReader reader(Features(), kHistory, 1.0, /*mirror=*/true);
+  base::Random random(1);
+  int num_mirrored = 0;
+  constexpr int kRounds = 100;
+  for (int round = 0; round < kRounds; ++round) {
+    reader.Read(random_rows.rows, random, minibatch);
+    for (int i = 0; i < kBatch; ++i) {
+      const std::vector<float> row = Row(minibatch.input, i);
+      const bool mirrored = row == Expected(random_rows.rows, i, true);
+      if (!mirrored) EXPECT_EQ(row, Expected(random_rows.rows, i, false));
+      num_mirrored += mirrored;
+    }
+  }
+  // 900 fair coins: standard deviation 15; five of them.
+  EXPECT_NEAR(num_mirrored, kRounds * kBatch / 2, 75);
+}
+
+}  // namespace
+}  // namespace slalom::learner

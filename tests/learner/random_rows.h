@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/random.h"
+#include "replay/batch.h"
+
+namespace slalom::learner {
+
+/// Sampled rows of random numbers that own their scans.
+struct RandomRows {
+  RandomRows(int batch, int history, int num_beams, std::uint64_t seed) {
+    base::Random random(seed);
+    const std::size_t frames = static_cast<std::size_t>(batch) * history;
+    for (auto* scan : {&scans, &next_scans}) {
+      scan->resize(frames * num_beams);
+      for (auto& range : *scan) range = static_cast<std::uint16_t>(random.UniformInt(501));
+    }
+    rows.batch = batch;
+    rows.history = history;
+    rows.num_beams = num_beams;
+    rows.state.Resize(frames * env::kStateSize);
+    rows.next_state.Resize(frames * env::kStateSize);
+    rows.action.Resize(batch);
+    rows.n_step_return.Resize(batch);
+    rows.cost_return.Resize(batch);
+    rows.discount.Resize(batch);
+    const auto draw = [&] { return static_cast<float>(random.Uniform(-1.0, 1.0)); };
+    for (std::size_t i = 0; i < frames; ++i) {
+      rows.ranges_cm.push_back(scans.data() + i * num_beams);
+      rows.next_ranges_cm.push_back(next_scans.data() + i * num_beams);
+      for (std::size_t j = 0; j < env::kStateSize; ++j) {
+        rows.state[i * env::kStateSize + j] = draw();
+        rows.next_state[i * env::kStateSize + j] = draw();
+      }
+    }
+    for (int i = 0; i < batch; ++i) {
+      rows.action[i] = {draw(), draw()};
+      rows.n_step_return[i] = draw();
+      rows.cost_return[i] = 0.0f;
+      rows.discount[i] = i % 4 == 0 ? 0.0f : 0.96f;
+    }
+  }
+  RandomRows(const RandomRows&) = delete;
+  RandomRows& operator=(const RandomRows&) = delete;
+
+  std::vector<std::uint16_t> scans;
+  std::vector<std::uint16_t> next_scans;
+  replay::SampledRows rows;
+};
+
+}  // namespace slalom::learner

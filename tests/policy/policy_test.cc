@@ -1,0 +1,94 @@
+#include "policy/policy.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace slalom::policy {
+namespace {
+
+PolicySnapshot SmallPolicy() {
+  PolicySnapshot snapshot;
+  snapshot.version = 7;
+  snapshot.spec.observation = {.num_beams = 12, .range_clip = 4.0, .goal_scale = 3.0};
+  snapshot.spec.network.encoder_layers = {5};
+  snapshot.spec.network.head_layers = {4};
+  snapshot.spec.network.history = 2;
+  snapshot.spec.network.sectors = 3;
+  snapshot.spec.network.range_transform = "inverse";
+  snapshot.spec.actions.linear_max = 1.5;
+  std::vector<float> weights(snapshot.spec.actor_shape().num_parameters());
+  base::Random random(1);
+  InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
+  snapshot.weights = std::make_shared<const std::vector<float>>(std::move(weights));
+  return snapshot;
+}
+
+class PolicyFileTest : public testing::Test {
+ protected:
+  ~PolicyFileTest() override { std::filesystem::remove(path_); }
+  const std::filesystem::path path_ =
+      std::filesystem::path(testing::TempDir()) /
+      ("policy_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+};
+
+TEST_F(PolicyFileTest, RoundTrips) {
+  const PolicySnapshot saved = SmallPolicy();
+  SavePolicy(path_, saved, {{"commit", "abc"}});
+  const LoadedPolicy loaded = LoadPolicy(path_);
+  EXPECT_EQ(loaded.metadata, (Metadata{{"commit", "abc"}}));
+  EXPECT_EQ(loaded.snapshot.version, 7);
+  EXPECT_EQ(loaded.snapshot.spec.observation, saved.spec.observation);
+  EXPECT_EQ(loaded.snapshot.spec.network, saved.spec.network);
+  EXPECT_EQ(loaded.snapshot.spec.actions.linear_max, 1.5);
+  EXPECT_EQ(*loaded.snapshot.weights, *saved.weights);
+}
+
+TEST_F(PolicyFileTest, NamesTensorsForReaders) {
+  SavePolicy(path_, SmallPolicy(), {});
+  const TensorFile file = LoadTensors(path_);
+  std::vector<std::string> names;
+  for (const auto& [name, tensor] : file.tensors) names.push_back(name);
+  EXPECT_THAT(names, testing::ElementsAre("actor.encoder.0.bias", "actor.encoder.0.weight",
+                                          "actor.head.0.bias", "actor.head.0.weight",
+                                          "actor.head.1.bias", "actor.head.1.weight"));
+  // Two frames of three sectors and four numbers.
+  EXPECT_THAT(file.tensors.at("actor.encoder.0.weight").shape, testing::ElementsAre(5, 14));
+}
+
+TEST_F(PolicyFileTest, RefusesTensorFilesThatAreNoPolicy) {
+  SaveTensors(path_, {}, {});
+  EXPECT_THROW(LoadPolicy(path_), base::Error);
+}
+
+TEST_F(PolicyFileTest, RefusesSpecsThatDoNotFitTheTensors) {
+  SavePolicy(path_, SmallPolicy(), {});
+  const TensorFile file = LoadTensors(path_);
+  const auto load_with = [&](const std::string& from, const std::string& to) {
+    Metadata metadata = file.metadata;
+    std::string& spec = metadata["slalom_policy"];
+    const std::size_t at = spec.find(from);
+    ASSERT_NE(at, std::string::npos) << spec;
+    spec.replace(at, from.size(), to);
+    SaveTensors(path_, file.tensors, metadata);
+    EXPECT_THROW(LoadPolicy(path_), base::Error) << to;
+  };
+  load_with("\"sectors\":3", "\"sectors\":4");
+  load_with("\"sectors\":3", "\"sectors\":5");
+  load_with("\"history\":2", "\"history\":2000000000");
+  load_with("\"num_beams\":12", "\"num_beams\":0");
+  load_with("\"num_beams\":12", "\"num_beams\":\"many\"");
+  load_with("\"head_layers\":[4]", "\"head_layers\":[4,4]");
+  load_with("\"version\"", "\"revision\"");
+}
+
+TEST(RequireSameInterface, NamesWhatDiffers) {
+  const PolicySpec spec;
+  EXPECT_NO_THROW(RequireSameInterface("p", spec, {}, {}));
+  EXPECT_THROW(RequireSameInterface("p", spec, {.num_beams = 360}, {}), base::Error);
+  EXPECT_THROW(RequireSameInterface("p", spec, {}, {.linear_max = 1.0}), base::Error);
+}
+
+}  // namespace
+}  // namespace slalom::policy
