@@ -188,33 +188,25 @@ WrittenCollection WriteCollection(const BarnImport& import, const fs::path& outp
   if (import.courses.empty()) {
     throw base::Error(fmt::format("{}: there is no static course to write", output.string()));
   }
-  base::MakeDirectories(output / "courses");
-  const auto file_of = [](const Course& course) {
-    return fmt::format("courses/{}{}", course.name, kCourseExtension);
-  };
-  for (const auto& [number, course] : import.courses) {
-    WriteCourseSet(output / file_of(*course), {"", {course}});
-  }
+  base::MakeDirectories(output);
   WrittenCollection written;
   for (const std::string_view name : StaticSplitNames()) {
-    std::vector<int> numbers;
+    CourseSet set{std::string(name), {}};
+    bool is_complete = true;
     if (name == "static") {
-      for (const auto& [number, course] : import.courses) numbers.push_back(number);
+      for (const auto& [number, course] : import.courses) set.courses.push_back(course);
     } else {
-      numbers = *StaticSplit(name);
+      for (const std::vector<int> numbers = *StaticSplit(name); const int number : numbers) {
+        const auto found = import.courses.find(number);
+        is_complete = is_complete && found != import.courses.end();
+        if (is_complete) set.courses.push_back(found->second);
+      }
     }
-    std::vector<std::string> files;
-    for (const int number : numbers) {
-      const auto found = import.courses.find(number);
-      if (found != import.courses.end()) files.push_back(file_of(*found->second));
-    }
-    const bool is_complete = files.size() == numbers.size();
     if (!is_complete) {
       written.incomplete.emplace_back(name);
       continue;
     }
-    const fs::path path = output / fmt::format("{}{}", name, kCourseSetExtension);
-    base::WriteFileAtomically(path, PrintCourseSetOfFiles(name, files));
+    WriteCourseSet(output / fmt::format("{}{}", name, kCourseSetExtension), set);
     written.sets.emplace_back(name);
   }
   return written;

@@ -40,9 +40,8 @@ struct WrittenCollection {
   std::vector<std::string> incomplete;  ///< Sets left out, because a course of theirs is missing.
 };
 
-/// Writes a collection for `ResolveCourses`: courses/NAME.course for each course, and a set file for
-/// "static" (all there are) and for each of `StaticSplitNames()` whose courses are all there.
-/// Throws `Error` where that fails.
+/// Writes a collection for `ResolveCourses`: a set file, its courses in it, for "static" (all there are) and
+/// for each of `StaticSplitNames()` whose courses are all there. Throws `Error` where that fails.
 WrittenCollection WriteCollection(const BarnImport& import, const std::filesystem::path& output);
 
 }  // namespace slalom::sim

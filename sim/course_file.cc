@@ -12,6 +12,7 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -23,13 +24,6 @@ namespace {
 
 constexpr std::string_view kMagic = "slalom-courses";
 constexpr std::string_view kHeader = "slalom-courses 1\n";
-constexpr std::string_view kChecksumKey = "checksum ";
-
-std::string WithChecksum(std::string text) {
-  const std::uint64_t checksum = base::Checksum(text);
-  text += fmt::format("{}{:016x}\n", kChecksumKey, checksum);
-  return text;
-}
 
 void PrintCourse(const Course& course, std::string& text) {
   auto out = std::back_inserter(text);
@@ -276,14 +270,9 @@ std::string PrintCourseSet(const CourseSet& set) {
   std::string text(kHeader);
   if (!set.name.empty()) text += fmt::format("set {}\n", set.name);
   for (const auto& course : set.courses) PrintCourse(*course, text);
-  return WithChecksum(std::move(text));
-}
-
-std::string PrintCourseSetOfFiles(std::string_view set_name, std::span<const std::string> paths) {
-  std::string text(kHeader);
-  text += fmt::format("set {}\n", set_name);
-  for (const std::string& path : paths) text += fmt::format("file {}\n", path);
-  return WithChecksum(std::move(text));
+  const std::uint64_t checksum = base::Checksum(text);
+  text += fmt::format("checksum {:016x}\n", checksum);
+  return text;
 }
 
 CourseSet ParseCourseSet(std::string_view text, std::string_view source,

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <span>
 #include <string>
 #include <string_view>
 
@@ -20,9 +19,6 @@ inline constexpr std::string_view kCourseSetExtension = ".courses";
 
 /// The set as text, every course in it.
 std::string PrintCourseSet(const CourseSet& set);
-
-/// A set that names files, as text. `paths` are relative to the directory of the file to be written.
-std::string PrintCourseSetOfFiles(std::string_view set_name, std::span<const std::string> paths);
 
 /// The set that `text` holds. `source` names it in errors; files that it names are sought in `directory`.
 ///

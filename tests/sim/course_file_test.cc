@@ -156,8 +156,9 @@ TEST(CourseFile, SetsMayNameFiles) {
   WriteCourseSet(scratch.path() / "courses" / "a.course", {"", {courses.courses[0]}});
   WriteCourseSet(scratch.path() / "courses" / "b.course", {"", {courses.courses[1]}});
   const std::filesystem::path path = scratch.path() / "both.courses";
-  const std::vector<std::string> files = {"courses/a.course", "courses/b.course"};
-  base::WriteFileAtomically(path, PrintCourseSetOfFiles("both", files));
+  base::WriteFileAtomically(path,
+                            "slalom-courses 1\nset both\nfile courses/a.course\n"
+                            "file courses/b.course\nchecksum none\n");
   const CourseSet set = ReadCourseSet(path);
   EXPECT_EQ(set.name, "both");
   ASSERT_EQ(set.courses.size(), 2u);
@@ -166,8 +167,8 @@ TEST(CourseFile, SetsMayNameFiles) {
   std::filesystem::remove(scratch.path() / "courses" / "b.course");
   EXPECT_THROW(ReadCourseSet(path), base::Error);
   // A file that names itself would be read for ever.
-  const std::vector<std::string> itself = {"loop.courses"};
-  base::WriteFileAtomically(scratch.path() / "loop.courses", PrintCourseSetOfFiles("loop", itself));
+  base::WriteFileAtomically(scratch.path() / "loop.courses",
+                            "slalom-courses 1\nfile loop.courses\nchecksum none\n");
   EXPECT_THROW(ReadCourseSet(scratch.path() / "loop.courses"), base::Error);
 }
 
