@@ -1,0 +1,66 @@
+#include "train/checkpoint_store.h"
+
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+void WriteOne(CheckpointStore& store, std::int64_t steps, const std::string& content = "x") {
+  store.Write(steps, [&](const fs::path& directory) {
+    base::WriteFileAtomically(directory / "a", content);
+  });
+}
+
+TEST(CheckpointStoreTest, KeepsTheNewestTwoByStepsNotByName) {
+  const test::ScratchDirectory scratch;
+  CheckpointStore store(scratch.path() / "checkpoints");
+  for (const int steps : {9, 80, 700}) WriteOne(store, steps);
+  const auto list = store.List();
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_EQ(list[0].filename(), "step-700");
+  EXPECT_EQ(list[1].filename(), "step-80");
+}
+
+TEST(CheckpointStoreTest, AFailedWriteLeavesTheEarlierOnesAndNoTrace) {
+  const test::ScratchDirectory scratch;
+  CheckpointStore store(scratch.path() / "checkpoints");
+  WriteOne(store, 10);
+  EXPECT_THROW(store.Write(20,
+                           [](const fs::path& directory) {
+                             base::WriteFileAtomically(directory / "a", "half");
+                             throw base::Error("no space");
+                           }),
+               base::Error);
+  ASSERT_EQ(store.List().size(), 1u);
+  EXPECT_EQ(std::distance(fs::directory_iterator(store.directory()), {}), 1);
+  EXPECT_EQ(base::ReadFile(store.List()[0] / "a"), "x");
+}
+
+TEST(CheckpointStoreTest, WhatACrashLeftHalfWrittenIsNoCheckpoint) {
+  const test::ScratchDirectory scratch;
+  const fs::path directory = scratch.path() / "checkpoints";
+  fs::create_directories(directory / "step-99.unfinished");
+  fs::create_directories(directory / "replay");
+  CheckpointStore store(directory);
+  EXPECT_TRUE(store.List().empty());
+  EXPECT_FALSE(fs::exists(directory / "step-99.unfinished"));
+  EXPECT_TRUE(fs::exists(directory / "replay"));
+}
+
+TEST(CheckpointStoreTest, TheSameStepAgainReplacesTheOld) {
+  const test::ScratchDirectory scratch;
+  CheckpointStore store(scratch.path() / "checkpoints");
+  WriteOne(store, 10, "old");
+  WriteOne(store, 10, "new");
+  ASSERT_EQ(store.List().size(), 1u);
+  EXPECT_EQ(base::ReadFile(store.List()[0] / "a"), "new");
+}
+
+}  // namespace
+}  // namespace slalom::train

@@ -1,0 +1,154 @@
+#include "train/trainer.h"
+
+#include <gmock/gmock.h>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A run of some seconds: few courses, a small net, everything else as in the fast preset.
+RunConfig SmallRun() {
+  RunConfig config;
+  config.run.deterministic = true;
+  config.run.max_steps = 6000;
+  config.run.updates_per_step = 1.0 / 32;
+  config.run.learning_starts = 500;
+  config.run.publish_interval = 7;
+  config.run.log_interval = 0.05;
+  config.courses.train = "static-train-5";
+  config.actor.num_environments = 8;
+  config.actor.warmup_steps = 300;
+  config.replay.capacity = 2000;
+  config.network.encoder_layers = {};
+  config.network.head_layers = {16, 16};
+  config.network.sectors = 72;
+  config.td3.batch_size = 32;
+  config.td3.mirror = true;
+  config.td3.average_rate = 0.01;
+  config.td3.actor_learning_rate = 1e-3;
+  config.td3.critic_learning_rate = 1e-3;
+  return config;
+}
+
+policy::PolicySnapshot Policy(const RunDirectory& directory) {
+  return policy::LoadPolicy(directory.policy()).snapshot;
+}
+
+TrainingEnd RunOnce(const RunConfig& config, const RunDirectory& directory, bool resume = false,
+                    std::stop_token stop = {}) {
+  Trainer trainer(config, directory, "test", resume, std::chrono::steady_clock::now());
+  return trainer.Run(stop);
+}
+
+TEST(TrainerTest, TheSameSeedGivesTheSamePolicyAndAnotherSeedAnother) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  const RunDirectory a{scratch.path() / "a"};
+  const RunDirectory b{scratch.path() / "b"};
+  const RunDirectory c{scratch.path() / "c"};
+  EXPECT_EQ(RunOnce(config, a), TrainingEnd::kFinished);
+  EXPECT_EQ(RunOnce(config, b), TrainingEnd::kFinished);
+  EXPECT_EQ(*Policy(a).weights, *Policy(b).weights);
+  config.run.seed = 2;
+  EXPECT_EQ(RunOnce(config, c), TrainingEnd::kFinished);
+  EXPECT_NE(*Policy(a).weights, *Policy(c).weights);
+}
+
+TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  config.run.checkpoint_steps = 1000;
+  const RunDirectory whole{scratch.path() / "whole"};
+  EXPECT_EQ(RunOnce(config, whole), TrainingEnd::kFinished);
+
+  // What a kill leaves: the checkpoints of a run that went on past them. The replay ring wraps before the
+  // first of these, and each resume is from the older of two as well as from the newer.
+  const RunDirectory killed{scratch.path() / "killed"};
+  for (const std::int64_t at : {2500, 4500}) {
+    RunConfig part = config;
+    part.run.max_steps = at;
+    EXPECT_EQ(RunOnce(part, killed, /*resume=*/at != 2500), TrainingEnd::kFinished);
+    const auto checkpoints = CheckpointStore(killed.checkpoints()).List();
+    ASSERT_EQ(checkpoints.size(), 2u);
+    fs::remove_all(checkpoints[0]);  // The one that only the end of the part wrote.
+  }
+  EXPECT_EQ(RunOnce(config, killed, /*resume=*/true), TrainingEnd::kFinished);
+  EXPECT_EQ(*Policy(whole).weights, *Policy(killed).weights);
+}
+
+TEST(TrainerTest, AStoppedRunIsSavedAndGoesOn) {
+  const test::ScratchDirectory scratch;
+  const RunConfig config = SmallRun();
+  const RunDirectory directory{scratch.path() / "run"};
+  std::stop_source stopped;
+  stopped.request_stop();
+  EXPECT_EQ(RunOnce(config, directory, false, stopped.get_token()), TrainingEnd::kStopped);
+  EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kFinished);
+}
+
+TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  config.run.deterministic = false;
+  config.run.simulation_threads = 2;
+  config.run.checkpoint_steps = 2000;
+  const RunDirectory directory{scratch.path() / "run"};
+  Trainer trainer(config, directory, "test", false, std::chrono::steady_clock::now());
+  EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
+  // The actor may end up to its queue, the chunk in hand and the one free ahead of the learner.
+  const double ahead = 8.0 * (config.run.queue_length + 3);
+  const double earned = config.run.updates_per_step *
+                        static_cast<double>(trainer.steps() - config.run.learning_starts);
+  EXPECT_LE(static_cast<double>(trainer.updates()), earned);
+  EXPECT_GE(static_cast<double>(trainer.updates()),
+            earned - 1.0 - config.run.updates_per_step * ahead);
+}
+
+TEST(TrainerTest, DivergingTrainingStopsAndKeepsTheLastGoodCheckpoint) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  const RunDirectory directory{scratch.path() / "run"};
+  config.run.max_steps = 2000;
+  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
+  const std::string good = base::ReadFile(directory.policy());
+
+  config.run.max_steps = 20000;
+  config.run.log_interval = 0.0;
+  config.td3.critic_learning_rate = 1.0;
+  config.td3.actor_learning_rate = 1.0;
+  config.td3.divergence_limit = 1.0;
+  EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kDiverged);
+  EXPECT_EQ(base::ReadFile(directory.policy()), good);
+  EXPECT_EQ(CheckpointStore(directory.checkpoints()).List()[0].filename().string().substr(0, 6), "step-2");
+}
+
+TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  config.run.checkpoint_steps = 2000;
+  const RunDirectory directory{scratch.path() / "run"};
+  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
+  const std::vector<float> weights = *Policy(directory).weights;
+  for (const char* name : {"state.json", "actor.bin", "learner.safetensors", "replay.manifest"}) {
+    const auto checkpoints = CheckpointStore(directory.checkpoints()).List();
+    ASSERT_EQ(checkpoints.size(), 2u) << name;
+    const fs::path damaged = checkpoints[0] / name;
+    fs::resize_file(damaged, fs::file_size(damaged) / 2);
+    EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kFinished) << name;
+    EXPECT_EQ(*Policy(directory).weights, weights) << name;
+  }
+  // None left that is whole.
+  for (const auto& checkpoint : CheckpointStore(directory.checkpoints()).List()) {
+    fs::resize_file(checkpoint / "learner.safetensors", 10);
+  }
+  EXPECT_THAT([&] { RunOnce(config, directory, true); },
+              testing::ThrowsMessage<base::Error>(testing::HasSubstr("learner.safetensors")));
+}
+
+}  // namespace
+}  // namespace slalom::train
