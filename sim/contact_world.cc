@@ -53,9 +53,8 @@ bool ContactWorld::Step(const CollisionMap& map, float dt, BodyState& state) {
   robot_->SetTransform({state.x, state.y}, state.yaw);
   robot_->SetLinearVelocity({state.vx, state.vy});
   robot_->SetAngularVelocity(state.yaw_rate);
-  // A step of no length lets the broad phase forget that the robot moved; then contacts are made in the
-  // order in which obstacles are placed, and not in one that depends on steps before.
-  world_->Step(0.0f, 1, 1);
+  // The robot's place in the broad phase is older than any obstacle's, so contacts are made, and solved,
+  // in the order in which obstacles are placed, whatever was there before.
   PlaceObstacles(map, state);
   world_->Step(dt, kVelocityIterations, kPositionIterations);
   const bool touching = Touching();
