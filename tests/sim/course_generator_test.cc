@@ -114,28 +114,26 @@ TEST(CourseGenerator, RecipesAreInPublishedOrder) {
 }
 
 TEST(CourseGenerator, EveryCourseCanBeCrossedAlongItsPath) {
-  for (const std::uint64_t seed : {1u, 2u}) {
-    for (const auto& course : GenerateStaticCourses(seed, 0, kNumStaticCourses).courses) {
-      SCOPED_TRACE(course->name);
-      const NaiveGrid blocked = BlockedCells(*course);
-      std::vector<Cell> path;
-      for (const base::Vec2& p : course->reference_path_W) path.push_back(CellAt(p).value());
-      ASSERT_GE(path.size(), 30u);
-      EXPECT_EQ(path.front().col, 0);
-      EXPECT_EQ(path.back().col, kFieldSize - 1);
-      EXPECT_TRUE(LeadsThrough(blocked, path.front().row));
-      Cell last_step{0, 0};
-      for (std::size_t i = 0; i < path.size(); ++i) {
-        EXPECT_EQ(blocked[path[i].row][path[i].col], 0);
-        if (i == 0) continue;
-        const Cell step{path[i].row - path[i - 1].row, path[i].col - path[i - 1].col};
-        EXPECT_EQ(std::max(std::abs(step.row), std::abs(step.col)), 1);
-        // Turns of at most 45 degrees: steps a right angle or more apart have a product of 0 or less.
-        if (i > 1) {
-          EXPECT_GT(step.row * last_step.row + step.col * last_step.col, 0);
-        }
-        last_step = step;
+  for (const auto& course : GenerateStaticCourses(1, 0, kNumStaticCourses).courses) {
+    SCOPED_TRACE(course->name);
+    const NaiveGrid blocked = BlockedCells(*course);
+    std::vector<Cell> path;
+    for (const base::Vec2& p : course->reference_path_W) path.push_back(CellAt(p).value());
+    ASSERT_GE(path.size(), 30u);
+    EXPECT_EQ(path.front().col, 0);
+    EXPECT_EQ(path.back().col, kFieldSize - 1);
+    EXPECT_TRUE(LeadsThrough(blocked, path.front().row));
+    Cell last_step{0, 0};
+    for (std::size_t i = 0; i < path.size(); ++i) {
+      EXPECT_EQ(blocked[path[i].row][path[i].col], 0);
+      if (i == 0) continue;
+      const Cell step{path[i].row - path[i - 1].row, path[i].col - path[i - 1].col};
+      EXPECT_EQ(std::max(std::abs(step.row), std::abs(step.col)), 1);
+      // Turns of at most 45 degrees: steps a right angle or more apart have a product of 0 or less.
+      if (i > 1) {
+        EXPECT_GT(step.row * last_step.row + step.col * last_step.col, 0);
       }
+      last_step = step;
     }
   }
 }
@@ -254,16 +252,14 @@ TEST(CourseGenerator, CollectionResemblesTheOriginal) {
   if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
   const Sample original = Original();
   ASSERT_EQ(original.lengths.size(), 300u);
-  for (const std::uint64_t seed : {1u, 2u}) {
-    const Sample generated = Generated(seed);
-    // Mean number of cylinders: within 4 standard errors of a difference of two means of 300.
-    const double bound = 4.0 * std::sqrt((Variance(original.num_cylinders) +
-                                          Variance(generated.num_cylinders)) / 300.0);
-    EXPECT_NEAR(Mean(generated.num_cylinders), Mean(original.num_cylinders), bound);
-    // The whole distributions: Kolmogorov-Smirnov at level 1e-3, 1.95 * sqrt(2 / 300).
-    EXPECT_LT(Distance(generated.num_cylinders, original.num_cylinders), 0.159);
-    EXPECT_LT(Distance(generated.lengths, original.lengths), 0.159);
-  }
+  const Sample generated = Generated(1);
+  // Mean number of cylinders: within 4 standard errors of a difference of two means of 300.
+  const double bound = 4.0 * std::sqrt(
+      (Variance(original.num_cylinders) + Variance(generated.num_cylinders)) / 300.0);
+  EXPECT_NEAR(Mean(generated.num_cylinders), Mean(original.num_cylinders), bound);
+  // The whole distributions: Kolmogorov-Smirnov at level 1e-3, 1.95 * sqrt(2 / 300).
+  EXPECT_LT(Distance(generated.num_cylinders, original.num_cylinders), 0.159);
+  EXPECT_LT(Distance(generated.lengths, original.lengths), 0.159);
 }
 
 }  // namespace
