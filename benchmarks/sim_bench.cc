@@ -10,8 +10,8 @@
 #include "sim/course_generator.h"
 #include "sim/environments.h"
 
-/// Simulator speed: whole environment steps, and its parts beside what a stock Box2D program would do.
-/// `items_per_second` is environment steps/s, scans/s or control steps/s as the name says.
+/// Simulator speed: whole environment steps, and its parts beside what a stock Box2D program would
+/// do. `items_per_second` is environment steps/s, scans/s or control steps/s as the name says.
 
 namespace slalom::sim {
 namespace {
@@ -32,7 +32,8 @@ EnvironmentConfig BenchConfig() {
   return config;
 }
 
-/// Steers towards the goal and away from the nearer side, so that episodes reach all parts of the field.
+/// Steers towards the goal and away from the nearer side, so that episodes reach all parts of the
+/// field.
 env::Action Steer(const env::FrameView& frame, base::Random& random) {
   const int num_beams = static_cast<int>(frame.ranges_cm.size());
   int left = 500, right = 500;
@@ -44,8 +45,8 @@ env::Action Steer(const env::FrameView& frame, base::Random& random) {
   const float away = static_cast<float>(left - right) / static_cast<float>(left + right + 1);
   const float nearest = static_cast<float>(std::min(left, right));
   return {std::clamp(nearest / 100.0f - 0.4f, -0.2f, 0.8f),
-          std::clamp(0.3f * goal + 0.8f * away + static_cast<float>(random.Uniform(-0.2, 0.2)), -1.0f,
-                     1.0f)};
+          std::clamp(0.3f * goal + 0.8f * away + static_cast<float>(random.Uniform(-0.2, 0.2)),
+                     -1.0f, 1.0f)};
 }
 
 /// Poses met in driving with `Steer`, for the benchmarks of single parts.
@@ -87,7 +88,8 @@ void StepEnvironments(benchmark::State& state, const EnvironmentConfig& config,
   for (int i = 0; i < kBatch; ++i) reset(i);
   std::int64_t collisions = 0;
   for (auto _ : state) {
-    for (int i = 0; i < kBatch; ++i) actions[i] = Steer(environments.observations().frame(i), random);
+    for (int i = 0; i < kBatch; ++i)
+      actions[i] = Steer(environments.observations().frame(i), random);
     environments.Step(actions, results);
     for (int i = 0; i < kBatch; ++i) {
       if (!results[i].ended()) continue;
@@ -187,7 +189,8 @@ void BM_StockBox2dScans(benchmark::State& state) {
     const b2Vec2 start(static_cast<float>(from.x), static_cast<float>(from.y));
     for (int beam = 0; beam < config.lidar.num_beams; ++beam) {
       const auto [s, c] = base::SinCos(X_WR.yaw + lidar.beam_angle(beam));
-      const b2Vec2 end(static_cast<float>(from.x + reach * c), static_cast<float>(from.y + reach * s));
+      const b2Vec2 end(static_cast<float>(from.x + reach * c),
+                       static_cast<float>(from.y + reach * s));
       ranges[beam] = worlds[index % kNumCourses]->Cast(start, end);
     }
     benchmark::DoNotOptimize(ranges.data());
@@ -214,7 +217,9 @@ void DriveOnly(benchmark::State& state, Robot::Stepping stepping) {
 }
 void BM_Drive(benchmark::State& state) { DriveOnly(state, Robot::Stepping::kBox2dInContact); }
 BENCHMARK(BM_Drive);
-void BM_DriveBox2dAlways(benchmark::State& state) { DriveOnly(state, Robot::Stepping::kBox2dAlways); }
+void BM_DriveBox2dAlways(benchmark::State& state) {
+  DriveOnly(state, Robot::Stepping::kBox2dAlways);
+}
 BENCHMARK(BM_DriveBox2dAlways);
 
 }  // namespace

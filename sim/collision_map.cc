@@ -11,8 +11,8 @@
 namespace slalom::sim {
 namespace {
 
-constexpr float kCell = 0.5f;          // [m]
-constexpr float kFarAway = 1.0e6f;     // [m]
+constexpr float kCell = 0.5f;       // [m]
+constexpr float kFarAway = 1.0e6f;  // [m]
 
 struct FootprintPose {
   float x, y, cos_yaw, sin_yaw;
@@ -94,7 +94,8 @@ CollisionMap::CollisionMap(const Course& course)
   }
   std::vector<int> order(num_circles_);
   std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return cell_of[a] < cell_of[b]; });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return cell_of[a] < cell_of[b]; });
   cell_begin_.assign(static_cast<std::size_t>(rows_) * columns_ + 1, 0);
   for (const int cell_index : cell_of) ++cell_begin_[cell_index + 1];
   std::partial_sum(cell_begin_.begin(), cell_begin_.end(), cell_begin_.begin());

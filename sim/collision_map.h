@@ -17,7 +17,9 @@ struct Footprint {
   float half_width = 0.0f;   ///< Along R's y, [m].
 
   /// From the centre to a corner, [m].
-  float Circumradius() const { return std::sqrt(half_length * half_length + half_width * half_width); }
+  float Circumradius() const {
+    return std::sqrt(half_length * half_length + half_width * half_width);
+  }
 };
 
 /// A box with its heading as cosine and sine.
@@ -33,8 +35,9 @@ struct PlacedBox {
   float Circumradius() const { return std::sqrt(half_x * half_x + half_y * half_y); }
 };
 
-/// The obstacles of a course, laid out for the LiDAR and the collision test: circles as arrays sorted by
-/// cell (row by row), so that a neighbourhood is a few contiguous runs; boxes, which are few, as a list.
+/// The obstacles of a course, laid out for the LiDAR and the collision test: circles as arrays
+/// sorted by cell (row by row), so that a neighbourhood is a few contiguous runs; boxes, which are
+/// few, as a list.
 ///
 /// Single precision: coordinates are exact to 1e-6 m within 16 m of the course's origin.
 /// Immutable after construction. Allocates nothing afterwards.
@@ -60,16 +63,17 @@ class CollisionMap {
   /// All circles that come within `reach` [m] of the point (x, y), and perhaps some others.
   void FindCircles(float x, float y, float reach, Runs& found) const;
 
-  /// Distance from the footprint at the pose (x, y [m], yaw [rad]) to the nearest obstacle, [m], never
-  /// more than it really is and at most `limit`; above 0 exactly where nothing is touched. Exact for
-  /// circles; for boxes that are not beside an edge it may be less than the real distance.
+  /// Distance from the footprint at the pose (x, y [m], yaw [rad]) to the nearest obstacle, [m],
+  /// never more than it really is and at most `limit`; above 0 exactly where nothing is touched.
+  /// Exact for circles; for boxes that are not beside an edge it may be less than the real
+  /// distance.
   ///
   /// Requires: limit > 0.
   float Clearance(const Footprint& footprint, float x, float y, float yaw, float limit) const;
 
   int num_circles() const { return num_circles_; }
-  /// Arrays of the circles' centres and radii, [num_circles], then kLanes far-away ones, so that a run
-  /// may be read in whole vectors. [m]
+  /// Arrays of the circles' centres and radii, [num_circles], then kLanes far-away ones, so that a
+  /// run may be read in whole vectors. [m]
   const float* x() const { return x_.data(); }
   const float* y() const { return y_.data(); }
   const float* radius() const { return radius_.data(); }

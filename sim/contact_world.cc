@@ -7,8 +7,8 @@ namespace {
 
 constexpr int kVelocityIterations = 8;
 constexpr int kPositionIterations = 3;
-constexpr float kFriction = 0.5f;   // The wheels' in the original (original-system.md §1.1).
-constexpr float kMargin = 0.01f;    // Obstacles this near are given to Box2D, [m].
+constexpr float kFriction = 0.5f;  // The wheels' in the original (original-system.md §1.1).
+constexpr float kMargin = 0.01f;   // Obstacles this near are given to Box2D, [m].
 
 }  // namespace
 
@@ -20,8 +20,8 @@ Footprint MakeFootprint(const RobotConfig& config) {
 ContactWorld::ContactWorld(const RobotConfig& config)
     : footprint_(MakeFootprint(config)), world_(std::make_unique<b2World>(b2Vec2(0.0f, 0.0f))) {
   world_->SetAllowSleeping(false);
-  // What a step leaves behind must not matter to the next, and in one step (at most 0.1 m) the robot
-  // cannot pass through anything, being wider than that itself.
+  // What a step leaves behind must not matter to the next, and in one step (at most 0.1 m) the
+  // robot cannot pass through anything, being wider than that itself.
   world_->SetWarmStarting(false);
   world_->SetContinuousPhysics(false);
 
@@ -42,8 +42,8 @@ ContactWorld::ContactWorld(const RobotConfig& config)
   b2MassData mass;
   mass.mass = static_cast<float>(config.mass);
   mass.center.SetZero();
-  mass.I = static_cast<float>(
-      config.mass * (config.length * config.length + config.width * config.width) / 12.0);
+  mass.I = static_cast<float>(config.mass *
+                              (config.length * config.length + config.width * config.width) / 12.0);
   robot_->SetMassData(&mass);
 }
 
@@ -53,8 +53,8 @@ bool ContactWorld::Step(const CollisionMap& map, float dt, BodyState& state) {
   robot_->SetTransform({state.x, state.y}, state.yaw);
   robot_->SetLinearVelocity({state.vx, state.vy});
   robot_->SetAngularVelocity(state.yaw_rate);
-  // The robot's place in the broad phase is older than any obstacle's, so contacts are made, and solved,
-  // in the order in which obstacles are placed, whatever was there before.
+  // The robot's place in the broad phase is older than any obstacle's, so contacts are made, and
+  // solved, in the order in which obstacles are placed, whatever was there before.
   PlaceObstacles(map, state);
   world_->Step(dt, kVelocityIterations, kPositionIterations);
   const bool touching = Touching();

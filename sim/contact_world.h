@@ -25,8 +25,8 @@ struct BodyState {
 /// A Box2D world with the robot's body and, during a step, the obstacles that it may touch.
 ///
 /// Memoryless: a step is a function of the body's state and the map alone, to the bit, whatever was
-/// stepped before; so one instance serves any number of environments. Confined to one thread at a time.
-/// Allocates nothing once warm.
+/// stepped before; so one instance serves any number of environments. Confined to one thread at a
+/// time. Allocates nothing once warm.
 class ContactWorld {
  public:
   explicit ContactWorld(const RobotConfig& config);
@@ -34,9 +34,9 @@ class ContactWorld {
   ContactWorld(const ContactWorld&) = delete;
   ContactWorld& operator=(const ContactWorld&) = delete;
 
-  /// Moves the body on by `dt` [s]: contacts present at the start push back, without bounce and with
-  /// friction; otherwise it keeps its velocity. Returns whether anything was touched at the start.
-  /// Cost: about 2 us.
+  /// Moves the body on by `dt` [s]: contacts present at the start push back, without bounce and
+  /// with friction; otherwise it keeps its velocity. Returns whether anything was touched at the
+  /// start. Cost: about 2 us.
   bool Step(const CollisionMap& map, float dt, BodyState& state);
 
  private:

@@ -23,16 +23,27 @@ struct RobotConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("length", length, base::Range{0.05, 2.0}, "m", "Outline along the driving direction, wheels included.");
-    v("width", width, base::Range{0.05, 2.0}, "m", "Outline across the driving direction, wheels included.");
+    v("length", length, base::Range{0.05, 2.0}, "m",
+      "Outline along the driving direction, wheels included.");
+    v("width", width, base::Range{0.05, 2.0}, "m",
+      "Outline across the driving direction, wheels included.");
     v("mass", mass, base::Range{0.1, 1000.0}, "kg", "Mass of chassis and wheels.");
-    v("control_rate", control_rate, base::Range{10.0, 1000.0}, "Hz", "Rate of the drive's velocity controller and of the rigid-body steps; times episode.step it must be a whole number.");
-    v("linear_speed_limit", linear_speed_limit, base::Range{0.0, 5.0}, "m/s", "The drive clips commands to this, forwards and backwards.");
-    v("angular_speed_limit", angular_speed_limit, base::Range{0.0, 10.0}, "rad/s", "The drive clips commands to this, left and right.");
-    v("linear_acceleration", linear_acceleration, base::Range{0.1, 1000.0}, "m/s^2", "Largest change of forward speed, speeding up and braking.");
-    v("angular_acceleration", angular_acceleration, base::Range{0.1, 1000.0}, "rad/s^2", "Largest change of turn rate.");
-    v("yaw_gain", yaw_gain, base::Range{0.1, 2.0}, "", "Turn rate reached per turn rate commanded; below 1 where the wheels slip.");
-    v("command_delay", command_delay, base::Range{0.0, 1.0}, "s", "From choosing an action to the drive acting on it; rounded to a multiple of 1 / control_rate.");
+    v("control_rate", control_rate, base::Range{10.0, 1000.0}, "Hz",
+      "Rate of the drive's velocity controller and of the rigid-body steps; times episode.step it "
+      "must be a whole number.");
+    v("linear_speed_limit", linear_speed_limit, base::Range{0.0, 5.0}, "m/s",
+      "The drive clips commands to this, forwards and backwards.");
+    v("angular_speed_limit", angular_speed_limit, base::Range{0.0, 10.0}, "rad/s",
+      "The drive clips commands to this, left and right.");
+    v("linear_acceleration", linear_acceleration, base::Range{0.1, 1000.0}, "m/s^2",
+      "Largest change of forward speed, speeding up and braking.");
+    v("angular_acceleration", angular_acceleration, base::Range{0.1, 1000.0}, "rad/s^2",
+      "Largest change of turn rate.");
+    v("yaw_gain", yaw_gain, base::Range{0.1, 2.0}, "",
+      "Turn rate reached per turn rate commanded; below 1 where the wheels slip.");
+    v("command_delay", command_delay, base::Range{0.0, 1.0}, "s",
+      "From choosing an action to the drive acting on it; rounded to a multiple of 1 / "
+      "control_rate.");
   }
 };
 
@@ -51,12 +62,17 @@ struct LidarConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("num_beams", num_beams, base::Range{2, kMaxBeams}, "", "Beams of a scan.");
-    v("field_of_view", field_of_view, base::Range{0.01, 6.2831}, "rad", "Arc from the first beam to the last, both included, centred on the driving direction.");
-    v("offset_x", offset_x, base::Range{-2.0, 2.0}, "m", "Place of the sensor ahead of the robot's centre.");
+    v("field_of_view", field_of_view, base::Range{0.01, 6.2831}, "rad",
+      "Arc from the first beam to the last, both included, centred on the driving direction.");
+    v("offset_x", offset_x, base::Range{-2.0, 2.0}, "m",
+      "Place of the sensor ahead of the robot's centre.");
     v("min_range", min_range, base::Range{0.0, 10.0}, "m", "Shorter ranges are reported as this.");
-    v("max_range", max_range, base::Range{0.1, 600.0}, "m", "Reported where nothing is hit; the observation clips it further.");
-    v("resolution", resolution, base::Range{0.01, 1.0}, "m", "Ranges are rounded to a multiple of this, and stored in centimetres.");
-    v("noise_std", noise_std, base::Range{0.0, 1.0}, "m", "Standard deviation of the Gaussian noise of each range.");
+    v("max_range", max_range, base::Range{0.1, 600.0}, "m",
+      "Reported where nothing is hit; the observation clips it further.");
+    v("resolution", resolution, base::Range{0.01, 1.0}, "m",
+      "Ranges are rounded to a multiple of this, and stored in centimetres.");
+    v("noise_std", noise_std, base::Range{0.0, 1.0}, "m",
+      "Standard deviation of the Gaussian noise of each range.");
   }
 };
 
@@ -67,8 +83,10 @@ struct ObservationConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("range_clip", range_clip, base::Range{0.5, 600.0}, "m", "Longer ranges are observed as this.");
-    v("goal_scale", goal_scale, base::Range{0.1, 1000.0}, "m", "A goal coordinate g is observed as g / goal_scale - 1.");
+    v("range_clip", range_clip, base::Range{0.5, 600.0}, "m",
+      "Longer ranges are observed as this.");
+    v("goal_scale", goal_scale, base::Range{0.1, 1000.0}, "m",
+      "A goal coordinate g is observed as g / goal_scale - 1.");
   }
 };
 
@@ -83,10 +101,13 @@ struct RewardConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("success", success, base::Range{0.0, 1000.0}, "", "Added when the goal is reached.");
-    v("progress", progress, base::Range{0.0, 1000.0}, "1/m", "Added per metre by which the straight line to the goal became shorter.");
-    v("collision", collision, base::Range{0.0, 1000.0}, "", "Subtracted at a collision (the paper: 4; its published code: 1).");
+    v("progress", progress, base::Range{0.0, 1000.0}, "1/m",
+      "Added per metre by which the straight line to the goal became shorter.");
+    v("collision", collision, base::Range{0.0, 1000.0}, "",
+      "Subtracted at a collision (the paper: 4; its published code: 1).");
     v("slack", slack, base::Range{0.0, 1000.0}, "", "Subtracted every step.");
-    v("timeout", timeout, base::Range{0.0, 1000.0}, "", "Subtracted when the step limit ends the episode.");
+    v("timeout", timeout, base::Range{0.0, 1000.0}, "",
+      "Subtracted when the step limit ends the episode.");
   }
 };
 
@@ -100,11 +121,16 @@ struct EpisodeConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("step", step, base::Range{0.005, 2.0}, "s", "Control step: simulated time for which an action is held.");
-    v("max_steps", max_steps, base::Range{1, 1000000}, "", "Step limit (a truncation: the value beyond it counts).");
-    v("goal_tolerance", goal_tolerance, base::Range{0.01, 10.0}, "m", "The goal is reached nearer than this.");
-    v("start_position_jitter", start_position_jitter, base::Range{0.0, 1.0}, "m", "Start x and y are moved by up to this, uniformly.");
-    v("start_yaw_jitter", start_yaw_jitter, base::Range{0.0, 3.1416}, "rad", "The start heading is turned by up to this, uniformly.");
+    v("step", step, base::Range{0.005, 2.0}, "s",
+      "Control step: simulated time for which an action is held.");
+    v("max_steps", max_steps, base::Range{1, 1000000}, "",
+      "Step limit (a truncation: the value beyond it counts).");
+    v("goal_tolerance", goal_tolerance, base::Range{0.01, 10.0}, "m",
+      "The goal is reached nearer than this.");
+    v("start_position_jitter", start_position_jitter, base::Range{0.0, 1.0}, "m",
+      "Start x and y are moved by up to this, uniformly.");
+    v("start_yaw_jitter", start_yaw_jitter, base::Range{0.0, 3.1416}, "rad",
+      "The start heading is turned by up to this, uniformly.");
   }
 };
 
@@ -128,7 +154,8 @@ struct EnvironmentConfig {
   }
 };
 
-/// Throws `base::Error` where fields contradict each other (single fields are checked by `config/`).
+/// Throws `base::Error` where fields contradict each other (single fields are checked by
+/// `config/`).
 void CheckConsistent(const EnvironmentConfig& config);
 
 /// How frames of this task become observations.

@@ -36,10 +36,11 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
     SLALOM_CHECK(scene != nullptr);
     const base::Pose2& start = scene->course().start;
     if (Touches(*scene, start)) {
-      throw base::Error(fmt::format(
-          "course '{}': a robot of {} x {} m touches an obstacle at the start pose ({} m, {} m, {} rad)",
-          scene->course().name, config.robot.length, config.robot.width, start.p.x, start.p.y,
-          start.yaw));
+      throw base::Error(
+          fmt::format("course '{}': a robot of {} x {} m touches an obstacle at the start pose ({} "
+                      "m, {} m, {} rad)",
+                      scene->course().name, config.robot.length, config.robot.width, start.p.x,
+                      start.p.y, start.yaw));
     }
   }
   const Robot at_rest(config.robot, NumSubsteps(config), stepping);
@@ -87,8 +88,8 @@ base::Pose2 CourseEnvironments::DrawStart(const Scene& scene, std::uint64_t seed
 bool CourseEnvironments::Touches(const Scene& scene, const base::Pose2& X_WR) const {
   constexpr float kLimit = 0.1f;  // [m]
   return scene.collision_map().Clearance(footprint_, static_cast<float>(X_WR.p.x),
-                                         static_cast<float>(X_WR.p.y),
-                                         static_cast<float>(X_WR.yaw), kLimit) <= 0.0f;
+                                         static_cast<float>(X_WR.p.y), static_cast<float>(X_WR.yaw),
+                                         kLimit) <= 0.0f;
 }
 
 void CourseEnvironments::Step(std::span<const env::Action> actions,
@@ -123,9 +124,9 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
                             std::clamp(action.angular, -1.0f, 1.0f)};
   environment.last_action = clipped;
   const Scene& scene = *environment.scene;
-  const bool collided =
-      environment.robot.Drive(config_.action.linear_mps(clipped),
-                              config_.action.angular_radps(clipped), scene.collision_map(), contacts);
+  const bool collided = environment.robot.Drive(config_.action.linear_mps(clipped),
+                                                config_.action.angular_radps(clipped),
+                                                scene.collision_map(), contacts);
   ++environment.num_steps;
 
   const double distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
@@ -153,7 +154,8 @@ void CourseEnvironments::Observe(int i) {
   Environment& environment = environments_[i];
   const Scene& scene = *environment.scene;
   const base::Pose2 X_WR = environment.robot.pose();
-  lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i));
+  lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise,
+              observations_.mutable_ranges(i));
   const base::Vec2 goal_R = base::InverseTransform(X_WR, scene.course().goal_W);
   const auto state = observations_.mutable_state(i);
   state[0] = static_cast<float>(goal_R.x);

@@ -17,19 +17,20 @@ namespace slalom::sim {
 
 /// The paper's task on a list of courses: B simulated robots stepped as a batch.
 ///
-/// A step holds the command for `episode.step`, then looks: contact at any of the rigid-body steps is a
-/// collision (from the first step on); else nearer to the goal than the tolerance at the end of the step
-/// is success; else the step limit is a timeout. Frames are taken at the end of the step.
+/// A step holds the command for `episode.step`, then looks: contact at any of the rigid-body steps
+/// is a collision (from the first step on); else nearer to the goal than the tolerance at the end
+/// of the step is success; else the step limit is a timeout. Frames are taken at the end of the
+/// step.
 ///
-/// An episode is a value of (config, course, seed, actions), bit for bit, whatever the batch, its order or
-/// the number of threads. `Reset` and `Step` allocate nothing, save that the first contacts grow Box2D's
-/// own pools. Confined to one thread at a time.
+/// An episode is a value of (config, course, seed, actions), bit for bit, whatever the batch, its
+/// order or the number of threads. `Reset` and `Step` allocate nothing, save that the first
+/// contacts grow Box2D's own pools. Confined to one thread at a time.
 class CourseEnvironments : public env::BatchEnvironment {
  public:
   /// `parallel`: runs the batch on its threads; null: on the caller's. It must outlive this object.
   ///
-  /// Throws `base::Error` where the config contradicts itself or where the robot would touch an obstacle
-  /// at the start of a course. Requires: batch_size >= 1, at least one scene, none null.
+  /// Throws `base::Error` where the config contradicts itself or where the robot would touch an
+  /// obstacle at the start of a course. Requires: batch_size >= 1, at least one scene, none null.
   CourseEnvironments(const EnvironmentConfig& config,
                      std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
                      base::ParallelFor* parallel,
@@ -76,8 +77,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   const Footprint footprint_;
   const Lidar lidar_;
   base::ParallelFor* const parallel_;
-  std::vector<Environment> environments_;                       // [B]
-  std::vector<std::unique_ptr<ContactWorld>> contact_worlds_;   // One per thread.
+  std::vector<Environment> environments_;                      // [B]
+  std::vector<std::unique_ptr<ContactWorld>> contact_worlds_;  // One per thread.
   env::ObservationBatch observations_;
   // Arguments of the `Step` that is running.
   std::span<const env::Action> actions_;

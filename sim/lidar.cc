@@ -38,10 +38,10 @@ SLALOM_ALWAYS_INLINE Floats Atan2(Floats y, Floats x) {
   return y < zero ? -angle : angle;
 }
 
-// Shortens the ranges of beams [first, last] (and perhaps of a few after them) to the circle at (x, y)
-// in S. Every beam is tested in full, so beams that miss are left alone.
-SLALOM_ALWAYS_INLINE void CastCircle(const Sensor& sensor, float x, float y, float radius, int first,
-                                     int last, float* ranges) {
+// Shortens the ranges of beams [first, last] (and perhaps of a few after them) to the circle at (x,
+// y) in S. Every beam is tested in full, so beams that miss are left alone.
+SLALOM_ALWAYS_INLINE void CastCircle(const Sensor& sensor, float x, float y, float radius,
+                                     int first, int last, float* ranges) {
   const Floats zero{};
   const float radius_squared = radius * radius;
   for (int i = first; i <= last; i += kLanes) {
@@ -78,8 +78,10 @@ void CastCircles(const CollisionMap& map, std::span<const CollisionMap::Run> run
       const Floats far = radius + sensor.reach;
       // Half the angle it fills, asin(sine), from above.
       const Floats sine = radius / Sqrt(Max(squared, Fill(1e-12f)));
-      const Floats wide = sine < Fill(0.5f) ? sine * (1.0f + 0.19f * (sine * sine)) : Fill(1.5707964f);
-      const Floats half = (sine < Fill(1.0f) ? wide : Fill(3.1415927f)) * sensor.beams_per_radian + pad;
+      const Floats wide =
+          sine < Fill(0.5f) ? sine * (1.0f + 0.19f * (sine * sine)) : Fill(1.5707964f);
+      const Floats half =
+          (sine < Fill(1.0f) ? wide : Fill(3.1415927f)) * sensor.beams_per_radian + pad;
       const Floats middle = (Atan2(y, x) - sensor.first_angle) * sensor.beams_per_radian;
       const Floats low = middle - half, high = middle + half;
       const Ints in_reach = squared < far * far;
@@ -145,7 +147,8 @@ void CastBox(const Sensor& sensor, const SensedBox& box, int first, int last, fl
   }
 }
 
-// Angles of the outermost corners of a box seen from outside, in S, around its nearest point, [rad].
+// Angles of the outermost corners of a box seen from outside, in S, around its nearest point,
+// [rad].
 struct AngularSpan {
   double low, high;
 };
@@ -171,13 +174,12 @@ AngularSpan SpanOfBox(const SensedBox& box) {
 void CastBoxes(const CollisionMap& map, const Sensor& sensor, float* ranges) {
   for (const PlacedBox& box : map.boxes()) {
     const float dx = sensor.x - box.x, dy = sensor.y - box.y;
-    const SensedBox sensed{
-        .x = box.cos_yaw * dx + box.sin_yaw * dy,
-        .y = box.cos_yaw * dy - box.sin_yaw * dx,
-        .cos_yaw = box.cos_yaw * sensor.cos_yaw + box.sin_yaw * sensor.sin_yaw,
-        .sin_yaw = box.cos_yaw * sensor.sin_yaw - box.sin_yaw * sensor.cos_yaw,
-        .half_x = box.half_x,
-        .half_y = box.half_y};
+    const SensedBox sensed{.x = box.cos_yaw * dx + box.sin_yaw * dy,
+                           .y = box.cos_yaw * dy - box.sin_yaw * dx,
+                           .cos_yaw = box.cos_yaw * sensor.cos_yaw + box.sin_yaw * sensor.sin_yaw,
+                           .sin_yaw = box.cos_yaw * sensor.sin_yaw - box.sin_yaw * sensor.cos_yaw,
+                           .half_x = box.half_x,
+                           .half_y = box.half_y};
     const float beyond_x = std::max(std::abs(sensed.x) - box.half_x, 0.0f);
     const float beyond_y = std::max(std::abs(sensed.y) - box.half_y, 0.0f);
     if (beyond_x * beyond_x + beyond_y * beyond_y > sensor.reach * sensor.reach) continue;
@@ -201,8 +203,8 @@ void CastBoxes(const CollisionMap& map, const Sensor& sensor, float* ranges) {
 
 /// How a range is reported.
 struct Reporting {
-  float low, high;             // [m]
-  float steps_per_metre;       // Steps of the resolution.
+  float low, high;        // [m]
+  float steps_per_metre;  // Steps of the resolution.
   float centimetres_per_step;
 };
 

@@ -15,8 +15,8 @@ namespace slalom::sim {
 
 /// The range finder: casts planar scans against a `CollisionMap`.
 ///
-/// For each obstacle only the beams inside its angular span are tested. Immutable after construction, so
-/// one instance may serve many threads. Allocates nothing afterwards.
+/// For each obstacle only the beams inside its angular span are tested. Immutable after
+/// construction, so one instance may serve many threads. Allocates nothing afterwards.
 class Lidar {
  public:
   /// `clip`: ranges beyond this are reported as this, [m].
@@ -24,18 +24,19 @@ class Lidar {
 
   /// Writes one scan, as the sensor reports it, taken with the robot at `X_WR`.
   ///
-  /// `ranges_cm`: [num_beams] [cm], counter-clockwise, with noise from `noise`, not below min_range,
-  /// rounded to the resolution, clipped. Nothing hit: max_range (then noise and clip).
+  /// `ranges_cm`: [num_beams] [cm], counter-clockwise, with noise from `noise`, not below
+  /// min_range, rounded to the resolution, clipped. Nothing hit: max_range (then noise and clip).
   /// Requires: ranges_cm.size() == num_beams().
-  /// Cost: about 3 us on the courses of the paper; O(num_beams + obstacles in reach * beams they span).
+  /// Cost: about 3 us on the courses of the paper; O(num_beams + obstacles in reach * beams they
+  /// span).
   void Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
             std::span<std::uint16_t> ranges_cm) const;
 
   /// Writes the distances from the sensor to the nearest obstacle, before noise, rounding and clip.
   ///
-  /// `ranges`: [num_beams] [m], counter-clockwise; within 1e-4 m save where a beam grazes an obstacle.
-  /// 0: the sensor is inside an obstacle. max_range: nothing nearer than clip and noise can matter to.
-  /// Requires: ranges.size() == num_beams().
+  /// `ranges`: [num_beams] [m], counter-clockwise; within 1e-4 m save where a beam grazes an
+  /// obstacle. 0: the sensor is inside an obstacle. max_range: nothing nearer than clip and noise
+  /// can matter to. Requires: ranges.size() == num_beams().
   void Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<float> ranges) const;
 
   int num_beams() const { return config_.num_beams; }
@@ -48,10 +49,10 @@ class Lidar {
   void AddNoise(base::Random& noise, float* ranges) const;
 
   const LidarConfig config_;
-  const double clip_;         // [m]
-  const double first_angle_;  // [rad]
-  const double angle_step_;   // [rad]
-  const double reach_;        // Obstacles beyond this cannot change a report, [m].
+  const double clip_;                       // [m]
+  const double first_angle_;                // [rad]
+  const double angle_step_;                 // [rad]
+  const double reach_;                      // Obstacles beyond this cannot change a report, [m].
   std::vector<float> beam_cos_, beam_sin_;  // [num_beams + kLanes]
   std::vector<float> noise_quantiles_;      // [kNoiseLevels] [m]
 };

@@ -87,9 +87,9 @@ const Robot::Command& Robot::CommandAt(int substep) const {
 void Robot::TurnWheels(const Command& command) {
   speed_ += std::clamp(command.linear - speed_, -max_speed_step_, max_speed_step_);
   const double yaw_rate = body_.yaw_rate;
-  body_.yaw_rate = static_cast<float>(
-      yaw_rate + std::clamp(yaw_gain_ * command.angular - yaw_rate, -max_yaw_rate_step_,
-                            max_yaw_rate_step_));
+  body_.yaw_rate =
+      static_cast<float>(yaw_rate + std::clamp(yaw_gain_ * command.angular - yaw_rate,
+                                               -max_yaw_rate_step_, max_yaw_rate_step_));
   const auto [s, c] = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
   body_.vx = static_cast<float>(speed_ * c);
   body_.vy = static_cast<float>(speed_ * s);

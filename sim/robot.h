@@ -9,11 +9,13 @@
 
 namespace slalom::sim {
 
-/// The Jackal: a rigid body whose wheels follow commanded speeds, without sliding sideways, through a
-/// velocity controller that runs at `control_rate`, with the configured limits, yaw gain and delay.
+/// The Jackal: a rigid body whose wheels follow commanded speeds, without sliding sideways, through
+/// a velocity controller that runs at `control_rate`, with the configured limits, yaw gain and
+/// delay.
 ///
-/// Between contacts a body moves in the closed form that Box2D itself computes then, so Box2D is only
-/// called while something is touched; the result is the same to the bit. Thread-compatible; a value.
+/// Between contacts a body moves in the closed form that Box2D itself computes then, so Box2D is
+/// only called while something is touched; the result is the same to the bit. Thread-compatible; a
+/// value.
 class Robot {
  public:
   /// Which rigid-body steps are Box2D's.
@@ -49,19 +51,19 @@ class Robot {
   void TurnWheels(const Command& command);
 
   const Footprint footprint_;
-  const double dt_;               // Of a rigid-body step, [s].
-  const double max_speed_step_;   // Largest change of speed in a rigid-body step, [m/s].
+  const double dt_;                 // Of a rigid-body step, [s].
+  const double max_speed_step_;     // Largest change of speed in a rigid-body step, [m/s].
   const double max_yaw_rate_step_;  // [rad/s]
-  const double linear_limit_;     // [m/s]
-  const double angular_limit_;    // [rad/s]
+  const double linear_limit_;       // [m/s]
+  const double angular_limit_;      // [rad/s]
   const double yaw_gain_;
   const int num_substeps_;
   const int delay_;  // [rigid-body steps]
   const Stepping stepping_;
 
   BodyState body_;
-  double speed_ = 0.0;      // [m/s]
-  float clearance_ = 0.0f;  // No obstacle is nearer, [m]; 0: not known.
+  double speed_ = 0.0;             // [m/s]
+  float clearance_ = 0.0f;         // No obstacle is nearer, [m]; 0: not known.
   std::vector<Command> commands_;  // Of this control step and those before, newest first.
 };
 

@@ -8,7 +8,8 @@
 
 namespace slalom::sim {
 
-/// A course made ready for driving: its data and its obstacles laid out for LiDAR and collision test.
+/// A course made ready for driving: its data and its obstacles laid out for LiDAR and collision
+/// test.
 ///
 /// Immutable, so all environments and threads share one.
 class Scene {

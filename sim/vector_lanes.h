@@ -2,9 +2,9 @@
 
 #include <cstring>
 
-/// Eight numbers worked on together, written with the compiler's vector type, so that debug, release,
-/// SSE2 and AVX2 builds do the same IEEE operations on the same elements and give the same bits.
-/// For use inside `.cc` files compiled with -fno-math-errno (see simulator.cmake).
+/// Eight numbers worked on together, written with the compiler's vector type, so that debug,
+/// release, SSE2 and AVX2 builds do the same IEEE operations on the same elements and give the same
+/// bits. For use inside `.cc` files compiled with -fno-math-errno (see simulator.cmake).
 
 /// In front of a hot function: compiled twice, the better one for the processor chosen at start.
 /// Such a function may call nothing with a `Floats` or `Ints` argument or result that is not

@@ -41,8 +41,8 @@ bool SegmentsCross(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
   return side(a, b, c) != side(a, b, d) && side(c, d, a) != side(c, d, b);
 }
 
-// Exact distances in double precision by corners and edges, which `CollisionMap` does not use; 0 where
-// they overlap.
+// Exact distances in double precision by corners and edges, which `CollisionMap` does not use; 0
+// where they overlap.
 double DistanceToCircle(const Corners& robot, const Circle& circle) {
   if (Inside(robot, circle.p_W)) return 0.0;
   double nearest = std::numeric_limits<double>::infinity();

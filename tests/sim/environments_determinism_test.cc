@@ -70,7 +70,8 @@ env::EpisodeSpec SpecOf(int episode) {
   return {episode % kNumCourses, 1000u + static_cast<std::uint64_t>(episode)};
 }
 
-/// Plays all episodes in the given order, `batch_size` at a time, refilling places as they fall free.
+/// Plays all episodes in the given order, `batch_size` at a time, refilling places as they fall
+/// free.
 std::vector<Record> Play(int batch_size, int num_threads, bool backwards,
                          Robot::Stepping stepping = Robot::Stepping::kBox2dInContact) {
   base::ParallelFor parallel(num_threads);

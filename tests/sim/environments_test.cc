@@ -33,7 +33,8 @@ class One {
     environments_.Reset(0, {});
   }
   env::StepResult Step(double linear, double angular = 0.0) {
-    const std::vector<env::Action> actions{environments_.config().action.Normalise(linear, angular)};
+    const std::vector<env::Action> actions{
+        environments_.config().action.Normalise(linear, angular)};
     environments_.Step(actions, results_);
     return results_[0];
   }
@@ -67,7 +68,8 @@ TEST(EnvironmentConfigTest, DefaultsAreTheOriginalsNumbers) {
 TEST(EnvironmentConfigTest, IsReadAndPrintedByConfig) {
   const std::string text = config::ToToml(EnvironmentConfig{});
   EXPECT_EQ(config::ToToml(config::FromToml<EnvironmentConfig>(text, "test")), text);
-  EXPECT_EQ(config::FromToml<EnvironmentConfig>("robot.yaw_gain = 0.8", "test").robot.yaw_gain, 0.8);
+  EXPECT_EQ(config::FromToml<EnvironmentConfig>("robot.yaw_gain = 0.8", "test").robot.yaw_gain,
+            0.8);
   EXPECT_THROW(config::FromToml<EnvironmentConfig>("robot.yaw_gain = -1", "test"), base::Error);
 }
 
@@ -129,7 +131,8 @@ TEST(EnvironmentsTest, GoalCountsAtTheEndOfAStepOnly) {
   EnvironmentConfig config = InstantDrive();
   config.episode.goal_tolerance = 0.05;
   One one(config, Corridor(0.2, 9.0));
-  EXPECT_EQ(one.Step(2.0).outcome, Outcome::kRunning) << "passed the goal at 0.1 s, 0.2 m beyond at 0.2 s";
+  EXPECT_EQ(one.Step(2.0).outcome, Outcome::kRunning)
+      << "passed the goal at 0.1 s, 0.2 m beyond at 0.2 s";
 }
 
 TEST(EnvironmentsTest, CollisionCostsAndEndsTheEpisode) {
@@ -244,13 +247,15 @@ TEST(EnvironmentsTest, ATurnedAndMovedCourseGivesTheSameEpisode) {
       environments.Step(std::vector{action, action}, results);
       ASSERT_EQ(results[0].outcome, results[1].outcome);
       if (results[0].ended()) break;
-      // Up to 400 steps of 10 roundings of some 1e-6 m; a beam that grazes an obstacle may go either way.
+      // Up to 400 steps of 10 roundings of some 1e-6 m; a beam that grazes an obstacle may go
+      // either way.
       const base::Vec2 p = base::Transform(X_VW, environments.robot_pose(0).p);
       ASSERT_LT(base::Norm(p - environments.robot_pose(1).p), 4e-3);
       const auto& observations = environments.observations();
       int different = 0;
       for (int i = 0; i < observations.num_beams; ++i) {
-        different += std::abs(observations.frame(0).ranges_cm[i] - observations.frame(1).ranges_cm[i]) > 2;
+        different +=
+            std::abs(observations.frame(0).ranges_cm[i] - observations.frame(1).ranges_cm[i]) > 2;
       }
       ASSERT_LT(different, 15);
     }

@@ -16,7 +16,8 @@ using base::Vec2;
 
 constexpr double kNoHit = std::numeric_limits<double>::infinity();
 
-// The oracle: every beam against every shape, in double precision, with obstacles grown by `grow` [m].
+// The oracle: every beam against every shape, in double precision, with obstacles grown by `grow`
+// [m].
 double CastOne(const Course& course, Vec2 from, Vec2 along, double grow) {
   double nearest = kNoHit;
   for (const Circle& circle : course.circles) {
@@ -33,7 +34,8 @@ double CastOne(const Course& course, Vec2 from, Vec2 along, double grow) {
     const Vec2 p_B = base::InverseTransform(box.X_WB, from);
     const Vec2 half{box.half_size.x + grow, box.half_size.y + grow};
     if (std::abs(p_B.x) < half.x && std::abs(p_B.y) < half.y) nearest = 0.0;
-    const Vec2 corners_B[] = {{-half.x, -half.y}, {half.x, -half.y}, {half.x, half.y}, {-half.x, half.y}};
+    const Vec2 corners_B[] = {
+        {-half.x, -half.y}, {half.x, -half.y}, {half.x, half.y}, {-half.x, half.y}};
     for (int k = 0; k < 4; ++k) {
       const Vec2 a = base::Transform(box.X_WB, corners_B[k]);
       const Vec2 edge = base::Transform(box.X_WB, corners_B[(k + 1) % 4]) - a;
@@ -47,9 +49,9 @@ double CastOne(const Course& course, Vec2 from, Vec2 along, double grow) {
   return nearest;
 }
 
-// Coordinates below 8 m and a beam's direction are rounded to single precision, 2^-24 relative: together
-// below 8 m * 2^-24 * 8 operations = 4e-6 m sideways. A grazing beam may then see the obstacle or not, so
-// the truth is bracketed by slightly larger and slightly smaller obstacles.
+// Coordinates below 8 m and a beam's direction are rounded to single precision, 2^-24 relative:
+// together below 8 m * 2^-24 * 8 operations = 4e-6 m sideways. A grazing beam may then see the
+// obstacle or not, so the truth is bracketed by slightly larger and slightly smaller obstacles.
 constexpr double kSideways = 1e-5;
 constexpr double kAlong = 1e-4;
 
@@ -66,8 +68,10 @@ void CheckAgainstOracle(const LidarConfig& config, double clip, const Course& co
     const double low = std::min(reach, CastOne(course, from, {c, s}, kSideways));
     const double high = std::min(reach, CastOne(course, from, {c, s}, -kSideways));
     const double found = std::min<double>(reach, ranges[beam]);
-    ASSERT_GE(found, low - kAlong) << "beam " << beam << " at " << X_WR.p.x << " " << X_WR.p.y << " " << X_WR.yaw;
-    ASSERT_LE(found, high + kAlong) << "beam " << beam << " at " << X_WR.p.x << " " << X_WR.p.y << " " << X_WR.yaw;
+    ASSERT_GE(found, low - kAlong)
+        << "beam " << beam << " at " << X_WR.p.x << " " << X_WR.p.y << " " << X_WR.yaw;
+    ASSERT_LE(found, high + kAlong)
+        << "beam " << beam << " at " << X_WR.p.x << " " << X_WR.p.y << " " << X_WR.yaw;
   }
 }
 
@@ -144,8 +148,9 @@ TEST(LidarTest, WithoutNoiseDrawsNothing) {
   EXPECT_NE(noise.state(), before);
 }
 
-// Whether samples could be of the standard normal distribution: mean, variance, kurtosis and the share
-// beyond 2, each within 5 standard errors, so a right sampler fails for one seed in a million.
+// Whether samples could be of the standard normal distribution: mean, variance, kurtosis and the
+// share beyond 2, each within 5 standard errors, so a right sampler fails for one seed in a
+// million.
 bool LooksStandardNormal(const std::vector<double>& samples) {
   const double n = static_cast<double>(samples.size());
   double sum = 0.0, squares = 0.0, fourths = 0.0, beyond = 0.0;
@@ -163,12 +168,17 @@ bool LooksStandardNormal(const std::vector<double>& samples) {
 }
 
 TEST(LidarTest, NoiseIsNormalAndIndependent) {
-  // A wall far ahead and noise much wider than the resolution: rounding to 1 cm adds (1 cm)^2 / 12 to a
-  // variance of (50 cm)^2, 3e-5 of it, far below the bounds for 2e5 samples (5 * sqrt(2 / n) = 1.6e-2).
+  // A wall far ahead and noise much wider than the resolution: rounding to 1 cm adds (1 cm)^2 / 12
+  // to a variance of (50 cm)^2, 3e-5 of it, far below the bounds for 2e5 samples (5 * sqrt(2 / n)
+  // = 1.6e-2).
   Course course;
   course.boxes = {{{{30.0, 0.0}, 0.0}, {10.0, 10.0}}};
   const CollisionMap map(course);
-  const LidarConfig config{.num_beams = 200, .field_of_view = 0.2, .offset_x = 0.0, .max_range = 100.0, .noise_std = 0.5};
+  const LidarConfig config{.num_beams = 200,
+                           .field_of_view = 0.2,
+                           .offset_x = 0.0,
+                           .max_range = 100.0,
+                           .noise_std = 0.5};
   const Lidar lidar(config, 100.0);
   base::Random noise(7);
   std::vector<float> exact(config.num_beams);
@@ -177,7 +187,8 @@ TEST(LidarTest, NoiseIsNormalAndIndependent) {
   std::vector<double> samples;
   for (int scan = 0; scan < 1000; ++scan) {
     lidar.Scan(map, {}, noise, ranges);
-    for (int i = 0; i < config.num_beams; ++i) samples.push_back((0.01 * ranges[i] - exact[i]) / 0.5);
+    for (int i = 0; i < config.num_beams; ++i)
+      samples.push_back((0.01 * ranges[i] - exact[i]) / 0.5);
   }
   EXPECT_TRUE(LooksStandardNormal(samples));
   // Sums of neighbours are normal of variance 2 only if neighbours are independent.

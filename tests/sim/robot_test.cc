@@ -26,7 +26,8 @@ class OpenField {
     robot_.Reset({});
   }
   void Drive(double linear, double angular, int num_steps) {
-    for (int i = 0; i < num_steps; ++i) EXPECT_FALSE(robot_.Drive(linear, angular, map_, contacts_));
+    for (int i = 0; i < num_steps; ++i)
+      EXPECT_FALSE(robot_.Drive(linear, angular, map_, contacts_));
   }
   base::Pose2 pose() const { return robot_.pose(); }
   const Robot& robot() const { return robot_; }
@@ -55,7 +56,8 @@ TEST(RobotTest, BrakesWithinItsBrakingDistance) {
   field.Drive(2.0, 0.0, 10);
   const double start = field.pose().p.x;
   field.Drive(0.0, 0.0, 10);
-  // v^2 / 2a = 0.5 m, less half a rigid-body step of 2 m/s, as a step moves at the speed of its end.
+  // v^2 / 2a = 0.5 m, less half a rigid-body step of 2 m/s, as a step moves at the speed of its
+  // end.
   EXPECT_NEAR(field.pose().p.x - start, 0.5 - 0.5 * kDt * 2.0, 1e-5);
   EXPECT_EQ(field.robot().speed(), 0.0);
 }
@@ -132,7 +134,8 @@ TEST(ContactWorldTest, ContactTakesKineticEnergy) {
   const double inertia =
       config.mass * (config.length * config.length + config.width * config.width) / 12.0;
   const auto energy = [&](const BodyState& s) {
-    return 0.5 * config.mass * (s.vx * s.vx + s.vy * s.vy) + 0.5 * inertia * s.yaw_rate * s.yaw_rate;
+    return 0.5 * config.mass * (s.vx * s.vx + s.vy * s.vy) +
+           0.5 * inertia * s.yaw_rate * s.yaw_rate;
   };
   ContactWorld contacts(config);
   int touched = 0;

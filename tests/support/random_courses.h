@@ -12,11 +12,12 @@ namespace slalom::test {
 struct RandomCourseOptions {
   int num_circles = 60;
   int num_boxes = 0;
-  double max_radius = 0.3;  ///< Radii are uniform from 0.05 m to this.
-  double clear_start = 0.5; ///< No obstacle comes nearer to the start than this, [m].
+  double max_radius = 0.3;   ///< Radii are uniform from 0.05 m to this.
+  double clear_start = 0.5;  ///< No obstacle comes nearer to the start than this, [m].
 };
 
-/// Obstacles scattered over 8 x 8 m around the origin; start at the origin heading along +x, goal at (6, 0).
+/// Obstacles scattered over 8 x 8 m around the origin; start at the origin heading along +x, goal
+/// at (6, 0).
 inline std::shared_ptr<const sim::Course> RandomCourse(base::Random& random,
                                                        const RandomCourseOptions& options = {}) {
   sim::Course course;
@@ -28,7 +29,8 @@ inline std::shared_ptr<const sim::Course> RandomCourse(base::Random& random,
   };
   while (static_cast<int>(course.circles.size()) < options.num_circles) {
     const sim::Circle circle{draw_center(), random.Uniform(0.05, options.max_radius)};
-    if (base::Norm(circle.p_W) > circle.radius + options.clear_start) course.circles.push_back(circle);
+    if (base::Norm(circle.p_W) > circle.radius + options.clear_start)
+      course.circles.push_back(circle);
   }
   while (static_cast<int>(course.boxes.size()) < options.num_boxes) {
     const sim::Box box{{draw_center(), random.Uniform(-4.0, 4.0)},
