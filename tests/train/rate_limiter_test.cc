@@ -25,7 +25,8 @@ TEST(RateLimiterTest, GreedyUpdatesHoldTheRatioWhateverTheChunks) {
     for (int chunk = 0; chunk < 300; ++chunk) {
       limiter.AddSteps(static_cast<std::int64_t>(random.UniformInt(100)));
       while (limiter.update_due()) limiter.AddUpdate();
-      const double earned = ratio * static_cast<double>(std::max<std::int64_t>(0, limiter.steps() - 500));
+      const double earned =
+          ratio * static_cast<double>(std::max<std::int64_t>(0, limiter.steps() - 500));
       EXPECT_LE(static_cast<double>(limiter.updates()), earned);
       EXPECT_GT(static_cast<double>(limiter.updates()), earned - 1.0);
     }

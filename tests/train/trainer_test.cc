@@ -66,8 +66,8 @@ TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) {
   const RunDirectory whole{scratch.path() / "whole"};
   EXPECT_EQ(RunOnce(config, whole), TrainingEnd::kFinished);
 
-  // What a kill leaves: the checkpoints of a run that went on past them. The replay ring wraps before the
-  // first of these, and each resume is from the older of two as well as from the newer.
+  // What a kill leaves: the checkpoints of a run that went on past them. The replay ring wraps
+  // before the first of these, and each resume is from the older of two as well as from the newer.
   const RunDirectory killed{scratch.path() / "killed"};
   for (const std::int64_t at : {2500, 4500}) {
     RunConfig part = config;
@@ -124,7 +124,8 @@ TEST(TrainerTest, DivergingTrainingStopsAndKeepsTheLastGoodCheckpoint) {
   config.td3.divergence_limit = 1.0;
   EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kDiverged);
   EXPECT_EQ(base::ReadFile(directory.policy()), good);
-  EXPECT_EQ(CheckpointStore(directory.checkpoints()).List()[0].filename().string().substr(0, 6), "step-2");
+  EXPECT_EQ(CheckpointStore(directory.checkpoints()).List()[0].filename().string().substr(0, 6),
+            "step-2");
 }
 
 TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {

@@ -1,0 +1,153 @@
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include "base/file.h"
+#include "tests/cli/program.h"
+#include "tests/support/scratch_directory.h"
+
+/// Bad input gets one clear line that names the file, the key or line and what was expected, and a
+/// non-zero exit code.
+
+namespace slalom::test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class BadInputTest : public ::testing::Test {
+ protected:
+  BadInputTest() { WriteTinyConfig(scratch_.path(), 1500); }
+
+  void ExpectError(const std::vector<std::string>& arguments,
+                   const ::testing::Matcher<std::string>& message, int exit_code = 1) {
+    const ProgramResult result = RunProgram(arguments, scratch_.path());
+    EXPECT_EQ(result.exit_code, exit_code) << result.err;
+    EXPECT_THAT(result.err, message);
+    EXPECT_THAT(result.err, ::testing::Not(HasSubstr("terminate called")));
+  }
+
+  void Write(const std::string& name, const std::string& content) {
+    base::WriteFileAtomically(scratch_.path() / name, content);
+  }
+
+  /// A trained policy, policy.safetensors below runs/tiny.
+  void Train() {
+    const ProgramResult result = RunProgram({"train", "tiny.toml"}, scratch_.path());
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+  }
+
+  ScratchDirectory scratch_;
+};
+
+TEST_F(BadInputTest, AMistypedKeyIsNamedWithItsLineAndTheLikelyRightOne) {
+  Write("c.toml", "[run]\nseed = 1\n[learner]\ngama = 0.9\n");
+  ExpectError({"train", "c.toml"}, AllOf(HasSubstr("c.toml:4"), HasSubstr("'learner.gama'"),
+                                         HasSubstr("did you mean 'learner.gamma'?")));
+}
+
+TEST_F(BadInputTest, AValueOutOfRangeSaysTheRange) {
+  Write("c.toml", "[learner]\ngamma = 1.5\n");
+  ExpectError({"train", "c.toml"}, AllOf(HasSubstr("c.toml:2: learner.gamma is 1.5"),
+                                         HasSubstr("expected a number in [0, 1]")));
+  ExpectError({"train", "tiny.toml", "--set", "learner.batch_size=many"},
+              HasSubstr("expected an integer"));
+}
+
+TEST_F(BadInputTest, BrokenTomlIsNamedWithItsLine) {
+  Write("c.toml", "[run]\nseed = = 1\n");
+  ExpectError({"train", "c.toml"}, AllOf(HasSubstr("c.toml:2"), HasSubstr("not valid TOML")));
+}
+
+TEST_F(BadInputTest, SettingsThatContradictEachOtherAreRefused) {
+  ExpectError({"train", "tiny.toml", "--set", "network.sectors=7"}, HasSubstr("sectors"));
+  ExpectError({"train", "tiny.toml", "--set", "actor.noise_min=0.5"}, HasSubstr("noise_min"));
+  ExpectError({"train", "tiny.toml", "--set", "environment.robot.control_rate=33"},
+              HasSubstr("control_rate"));
+}
+
+TEST_F(BadInputTest, MissingFilesAreNamed) {
+  ExpectError({"train", "none.toml"}, HasSubstr("none.toml"));
+  ExpectError({"evaluate", "--policy", "none.safetensors", "--courses", "static-test"},
+              HasSubstr("none.safetensors"));
+  ExpectError({"train", "tiny.toml", "--set", "courses.train=no-such-set"},
+              AllOf(HasSubstr("no-such-set"), HasSubstr("static-train-50")));
+  ExpectError({"train", "tiny.toml", "--resume"}, HasSubstr("no run to resume"));
+}
+
+TEST_F(BadInputTest, CourseFilesCutOrChangedAreRefused) {
+  ASSERT_EQ(RunProgram({"courses", "generate", "--count", "1", "--output", "made"}, scratch_.path())
+                .exit_code,
+            0);
+  std::filesystem::path file;
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(scratch_.path() / "made")) {
+    if (entry.path().extension() == ".course") file = entry.path();
+  }
+  ASSERT_FALSE(file.empty());
+  const std::string content = base::ReadFile(file);
+  const std::string name = file.filename().string();
+  base::WriteFileAtomically(file, content.substr(0, content.size() / 2));
+  ExpectError({"courses", "show", "--courses", file.string()}, HasSubstr(name));
+  std::string changed = content;
+  const auto digit = changed.find_first_of("123456789", changed.size() / 2);
+  changed[digit] = changed[digit] == '9' ? '1' : static_cast<char>(changed[digit] + 1);
+  base::WriteFileAtomically(file, changed);
+  ExpectError({"courses", "show", "--courses", file.string()}, HasSubstr(name));
+}
+
+TEST_F(BadInputTest, PoliciesCutChangedOrOfAnotherKindAreRefused) {
+  Train();
+  const auto path = scratch_.path() / "runs/tiny/policy.safetensors";
+  const std::string content = base::ReadFile(path);
+  Write("cut.safetensors", content.substr(0, content.size() - 100));
+  ExpectError({"evaluate", "--policy", "cut.safetensors", "--courses", "generated:1:1"},
+              HasSubstr("cut.safetensors"));
+  std::string changed = content;
+  changed[changed.size() - 50] ^= 1;
+  Write("changed.safetensors", changed);
+  ExpectError({"evaluate", "--policy", "changed.safetensors", "--courses", "generated:1:1"},
+              AllOf(HasSubstr("changed.safetensors"), HasSubstr("checksum")));
+  Write("text.safetensors", "this is no policy at all");
+  ExpectError({"evaluate", "--policy", "text.safetensors", "--courses", "generated:1:1"},
+              HasSubstr("text.safetensors"));
+  ExpectError({"evaluate", "--policy", path.string(), "--courses", "generated:1:1", "--set",
+               "environment.lidar.num_beams=360"},
+              AllOf(HasSubstr("policy.safetensors"), HasSubstr("360")));
+}
+
+TEST_F(BadInputTest, AResumedRunRefusesOtherSettings) {
+  Train();
+  ExpectError({"train", "tiny.toml", "--resume", "--set", "learner.gamma=0.9"},
+              HasSubstr("learner.gamma was 0.99 in the run, is 0.9 now"));
+}
+
+TEST_F(BadInputTest, NoPermissionIsSaid) {
+  // Root may write anywhere but into what is no directory.
+  Write("runs", "a file");
+  ExpectError({"train", "tiny.toml"}, HasSubstr("runs"));
+}
+
+TEST_F(BadInputTest, TheCommandLineIsChecked) {
+  ExpectError({}, HasSubstr("subcommand"), 2);
+  ExpectError({"fly"}, HasSubstr("fly"), 2);
+  ExpectError({"evaluate", "--policy", "p"}, HasSubstr("--courses"), 2);
+  ExpectError({"evaluate", "--policy", "p", "--courses", "c", "--episodes", "-3"},
+              HasSubstr("--episodes"), 2);
+}
+
+TEST_F(BadInputTest, AFullDiskKeepsTheLastGoodCheckpoint) {
+  // A file-size limit stands for the full disk: the replay segments of the longer run do not fit.
+  Train();
+  const std::string policy = base::ReadFile(scratch_.path() / "runs/tiny/policy.safetensors");
+  WriteTinyConfig(scratch_.path(), 4000);
+  const ProgramResult full = RunShell(
+      "trap '' XFSZ; ulimit -f 1000; exec $SLALOM train tiny.toml --resume", scratch_.path());
+  EXPECT_EQ(full.exit_code, 1) << full.err;
+  EXPECT_THAT(full.err, AllOf(HasSubstr("checkpoints/replay"), HasSubstr("File too large")));
+  EXPECT_EQ(base::ReadFile(scratch_.path() / "runs/tiny/policy.safetensors"), policy);
+  const ProgramResult again = RunProgram({"train", "tiny.toml", "--resume"}, scratch_.path());
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+}
+
+}  // namespace
+}  // namespace slalom::test

@@ -1,0 +1,90 @@
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+#include "tests/cli/program.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+const std::filesystem::path kSource = SLALOM_SOURCE_DIR;
+
+TEST(CommandsTest, EveryCommandHasHelp) {
+  const std::vector<std::vector<std::string>> commands = {{},
+                                                          {"train"},
+                                                          {"evaluate"},
+                                                          {"courses"},
+                                                          {"courses", "list"},
+                                                          {"courses", "show"},
+                                                          {"courses", "render"},
+                                                          {"courses", "generate"},
+                                                          {"courses", "import"},
+                                                          {"config"},
+                                                          {"config", "print"},
+                                                          {"config", "docs"}};
+  for (auto command : commands) {
+    command.push_back("--help");
+    const ProgramResult result = RunProgram(command, "/tmp");
+    EXPECT_EQ(result.exit_code, 0);
+    EXPECT_THAT(result.out, HasSubstr("Usage"));
+  }
+}
+
+TEST(CommandsTest, TheConfigPageIsFresh) {
+  const ProgramResult page = RunProgram({"config", "docs"}, "/tmp");
+  EXPECT_EQ(page.out, base::ReadFile(kSource / "docs/config.md"))
+      << "docs/config.md is stale: ./slalom config docs > docs/config.md";
+}
+
+TEST(CommandsTest, EveryPresetLoadsAndPrintsToItself) {
+  const ScratchDirectory scratch;
+  int count = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(kSource / "configs")) {
+    if (entry.path().extension() != ".toml") continue;
+    ++count;
+    const ProgramResult first =
+        RunProgram({"config", "print", entry.path().string()}, scratch.path());
+    ASSERT_EQ(first.exit_code, 0) << first.err;
+    base::WriteFileAtomically(scratch.path() / "printed.toml", first.out);
+    EXPECT_EQ(RunProgram({"config", "print", "printed.toml"}, scratch.path()).out, first.out);
+  }
+  EXPECT_GE(count, 4);
+}
+
+TEST(CommandsTest, ATrainingLeavesWhatTheManualSaysAndItsPolicyScoresTheSameAgain) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 3000, "snapshot_steps = [1000, 2000]\n");
+  const ProgramResult trained = RunProgram({"train", "tiny.toml"}, scratch.path());
+  ASSERT_EQ(trained.exit_code, 0) << trained.err;
+  const auto run = scratch.path() / "runs/tiny";
+  for (const char* name :
+       {"config.toml", "policy.safetensors", "metrics.csv", "evaluation.json",
+        "evaluation-courses.csv", "evaluation-episodes.csv", "evaluation-tracks.jsonl",
+        "courses.png", "courses.svg", "training.svg", "curve.csv", "checkpoints", "snapshots"}) {
+    EXPECT_TRUE(std::filesystem::exists(run / name)) << name;
+  }
+  const ProgramResult scored =
+      RunProgram({"evaluate", "--policy", "runs/tiny/policy.safetensors", "--courses",
+                  "generated:3:4", "--json", "--threads", "1"},
+                 scratch.path());
+  ASSERT_EQ(scored.exit_code, 0) << scored.err;
+  const auto first = nlohmann::json::parse(base::ReadFile(run / "evaluation.json"));
+  const auto again = nlohmann::json::parse(scored.out);
+  for (const char* key : {"episodes", "success_rate", "success_rate_interval", "collision_rate",
+                          "timeout_rate", "survival_time_s", "traversal_time_s", "barn_score"}) {
+    ASSERT_TRUE(again.contains(key)) << key;
+    EXPECT_EQ(again.at(key), first.at(key)) << key;
+  }
+  EXPECT_EQ(again.at("episodes"), 8);
+}
+
+TEST(CommandsTest, VersionNamesTheCommit) {
+  EXPECT_THAT(RunProgram({"--version"}, "/tmp").out, HasSubstr("0.1.0 ("));
+}
+
+}  // namespace
+}  // namespace slalom::test
