@@ -18,14 +18,16 @@ namespace {
 
 using at::Tensor;
 
-TEST(Adam, IsLibTorchsAdam) {
+/// `type` chooses the fused kernel (float32) or the operations for other devices (float64).
+void CompareAdam(at::ScalarType type, double tolerance) {
   torch::manual_seed(1);
-  const Tensor start = torch::randn({2500});
-  Tensor expected = start.to(torch::kDouble).requires_grad_();
+  const Tensor start = torch::randn({2500}, torch::kDouble);
+  Tensor expected = start.clone().requires_grad_();
   torch::optim::Adam optimiser({expected}, torch::optim::AdamOptions(0.01));
-  Tensor parameters = start.clone(), gradient = torch::zeros({2500});
-  Tensor follower = start.clone();
-  Tensor expected_follower = start.to(torch::kDouble);
+  Tensor parameters = start.to(type, /*non_blocking=*/false, /*copy=*/true);
+  Tensor gradient = torch::zeros_like(parameters);
+  Tensor follower = parameters.clone();
+  Tensor expected_follower = start.clone();
   Tensor norm = torch::zeros({1}, torch::kDouble);
   double expected_norm = 0.0;
   Adam adam(parameters, gradient);
@@ -39,11 +41,14 @@ TEST(Adam, IsLibTorchsAdam) {
     const Follower followers[] = {{follower, 0.1}};
     adam.Step(0.01, followers, norm);
   }
-  // Each step rounds numbers below 4 some four times: 20 * 4 * 4 * 2^-24.
-  EXPECT_LE((parameters - expected).abs().max().item<double>(), 2e-5);
-  EXPECT_LE((follower - expected_follower).abs().max().item<double>(), 2e-5);
-  EXPECT_NEAR(norm.item<double>(), expected_norm, 1e-5 * expected_norm);
+  EXPECT_LE((parameters - expected).abs().max().item<double>(), tolerance);
+  EXPECT_LE((follower - expected_follower).abs().max().item<double>(), tolerance);
+  EXPECT_NEAR(norm.item<double>(), expected_norm, tolerance * expected_norm);
 }
+
+// Each of 20 steps rounds numbers below 4 some four times: 20 * 4 * 4 roundings of 2^-24 and 2^-53.
+TEST(Adam, KernelIsLibTorchsAdam) { CompareAdam(torch::kFloat, 2e-5); }
+TEST(Adam, OperationsAreLibTorchsAdam) { CompareAdam(torch::kDouble, 1e-13); }
 
 /// A network of LibTorch operations on one flat parameter tensor.
 Tensor Forward(const policy::MlpShape& shape, const Tensor& parameters, Tensor x,
@@ -155,6 +160,8 @@ struct Case {
   std::vector<int> head;
   bool layer_norm;
 };
+
+void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
 class Td3ReferenceTest : public testing::TestWithParam<Case> {};
 

@@ -16,6 +16,8 @@ struct Case {
   bool layer_norm;
 };
 
+void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
+
 const Case kCases[] = {
     {"ActionAtTheInput", {}, {33, 20}, false},
     {"ActionAfterTheEncoder", {19, 33}, {20, 17}, false},
