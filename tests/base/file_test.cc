@@ -21,7 +21,8 @@ class FileTest : public testing::Test {
  protected:
   FileTest() {
     const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    directory_ = fs::path(testing::TempDir()) / (std::string("slalom_file_") + info->name());
+    directory_ = fs::path(testing::TempDir()) /
+                 (std::string("slalom_file_") + info->name() + "_" + std::to_string(::getpid()));
     fs::remove_all(directory_);
     MakeDirectories(directory_);
   }

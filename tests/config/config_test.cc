@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -196,7 +197,8 @@ class ConfigFileTest : public testing::Test {
  protected:
   ConfigFileTest() {
     const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    directory_ = fs::path(testing::TempDir()) / (std::string("slalom_config_") + info->name());
+    directory_ = fs::path(testing::TempDir()) /
+                 (std::string("slalom_config_") + info->name() + "_" + std::to_string(::getpid()));
     fs::remove_all(directory_);
     fs::create_directories(directory_ / "sub");
   }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
@@ -27,7 +28,8 @@ class StorageTest : public testing::Test {
  protected:
   StorageTest() {
     const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    directory_ = fs::path(testing::TempDir()) / (std::string("slalom_storage_") + info->name());
+    directory_ = fs::path(testing::TempDir()) /
+                 (std::string("slalom_storage_") + info->name() + "_" + std::to_string(::getpid()));
     fs::remove_all(directory_);
   }
   ~StorageTest() override { fs::remove_all(directory_); }
