@@ -1,5 +1,6 @@
 #include "sim/barn_field.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -22,16 +23,22 @@ bool IsEnclosed(const FieldGrid& obstacles, Cell cell) {
 }  // namespace
 
 FieldGrid InflateByRobot(const FieldGrid& obstacles) {
+  std::array<std::uint32_t, kFieldSize> widened{};
+  for (int row = 0; row < kFieldSize; ++row) {
+    std::uint32_t bits = 0;
+    for (int shift = 0; shift <= kRobotRadius; ++shift) {
+      bits |= obstacles.row(row) << shift | obstacles.row(row) >> shift;
+    }
+    widened[static_cast<std::size_t>(row)] = bits;
+  }
   FieldGrid blocked;
   for (int row = 0; row < kFieldSize; ++row) {
-    for (int col = 0; col < kFieldSize; ++col) {
-      if (!obstacles.filled({row, col})) continue;
-      for (int r = row - kRobotRadius; r <= row + kRobotRadius; ++r) {
-        for (int c = col - kRobotRadius; c <= col + kRobotRadius; ++c) {
-          if (IsInField({r, c})) blocked.set_filled({r, c}, true);
-        }
-      }
+    std::uint32_t bits = 0;
+    const int last = std::min(row + kRobotRadius, kFieldSize - 1);
+    for (int r = std::max(row - kRobotRadius, 0); r <= last; ++r) {
+      bits |= widened[static_cast<std::size_t>(r)];
     }
+    blocked.set_row(row, bits);
   }
   return blocked;
 }

@@ -37,17 +37,24 @@ constexpr bool IsInField(Cell cell) {
 class FieldGrid {
  public:
   /// Requires: IsInField(cell).
-  bool filled(Cell cell) const { return cells_[Index(cell)] != 0; }
-  void set_filled(Cell cell, bool filled) { cells_[Index(cell)] = filled ? 1 : 0; }
+  bool filled(Cell cell) const { return (rows_[Index(cell.row)] >> cell.col & 1u) != 0; }
+  void set_filled(Cell cell, bool filled) {
+    const std::uint32_t bit = 1u << cell.col;
+    rows_[Index(cell.row)] = filled ? rows_[Index(cell.row)] | bit : rows_[Index(cell.row)] & ~bit;
+  }
+
+  /// A whole row: bit c is column c. Bits from kFieldSize on are 0.
+  std::uint32_t row(int row) const { return rows_[Index(row)]; }
+  void set_row(int row, std::uint32_t bits) { rows_[Index(row)] = bits & kFullRow; }
+
+  static constexpr std::uint32_t kFullRow = (1u << kFieldSize) - 1;
 
   friend bool operator==(const FieldGrid&, const FieldGrid&) = default;
 
  private:
-  static constexpr std::size_t Index(Cell cell) {
-    return static_cast<std::size_t>(cell.row * kFieldSize + cell.col);
-  }
+  static constexpr std::size_t Index(int row) { return static_cast<std::size_t>(row); }
 
-  std::array<std::uint8_t, kFieldSize * kFieldSize> cells_{};
+  std::array<std::uint32_t, kFieldSize> rows_{};
 };
 
 /// Where the centre of the robot may not be, so that the 5 x 5 cells round it are free of `obstacles`.

@@ -14,29 +14,44 @@
 namespace slalom::sim {
 namespace {
 
-// Off the field counts as filled beyond the side walls, as free at the two open ends.
-int CountFilledNeighbours(const FieldGrid& field, Cell cell) {
-  int count = 0;
-  for (int row = cell.row - 1; row <= cell.row + 1; ++row) {
-    for (int col = cell.col - 1; col <= cell.col + 1; ++col) {
-      if (row < 0 || row >= kFieldSize) {
-        ++count;
-      } else if (col >= 0 && col < kFieldSize && !(Cell{row, col} == cell)) {
-        count += field.filled({row, col});
-      }
+/// For each of 32 columns, a count from 0 to 15 in four bit planes.
+class ColumnCounts {
+ public:
+  /// Adds 1 in the columns whose bit is set.
+  void Add(std::uint32_t bits) {
+    for (std::uint32_t& plane : planes_) {
+      const std::uint32_t carry = plane & bits;
+      plane ^= bits;
+      bits = carry;
     }
   }
-  return count;
-}
 
+  std::uint32_t AtLeastFive() const {
+    return planes_[3] | (planes_[2] & (planes_[1] | planes_[0]));
+  }
+  std::uint32_t AtMostOne() const { return ~(planes_[3] | planes_[2] | planes_[1]); }
+
+ private:
+  std::array<std::uint32_t, 4> planes_{};
+};
+
+/// One pass of the automaton: 5 or more of 8 neighbours filled -> filled, 1 or none -> free, else as it was.
 FieldGrid Smooth(const FieldGrid& field) {
-  FieldGrid smoothed = field;
+  FieldGrid smoothed;
   for (int row = 0; row < kFieldSize; ++row) {
-    for (int col = 0; col < kFieldSize; ++col) {
-      const int num_filled = CountFilledNeighbours(field, {row, col});
-      if (num_filled >= 5) smoothed.set_filled({row, col}, true);
-      if (num_filled <= 1) smoothed.set_filled({row, col}, false);
+    ColumnCounts counts;
+    for (const int other : {row - 1, row, row + 1}) {
+      if (other < 0 || other >= kFieldSize) {
+        // Beyond the side walls all counts as filled, at the corners of the field too.
+        for (int i = 0; i < 3; ++i) counts.Add(FieldGrid::kFullRow);
+        continue;
+      }
+      // Beyond the two open ends, where zeros are shifted in, all counts as free.
+      counts.Add(field.row(other) << 1);
+      counts.Add(field.row(other) >> 1);
+      if (other != row) counts.Add(field.row(other));
     }
+    smoothed.set_row(row, (field.row(row) & ~counts.AtMostOne()) | counts.AtLeastFive());
   }
   return smoothed;
 }
@@ -90,9 +105,15 @@ FieldGrid DrawField(const FieldRecipe& recipe, base::Random& random) {
   FieldGrid field;
   for (int row = 0; row < kFieldSize; ++row) {
     const bool is_wall = row == 0 || row == kFieldSize - 1;
-    for (int col = 0; col < kFieldSize; ++col) {
-      field.set_filled({row, col}, is_wall || random.Uniform() < recipe.fill_probability);
+    if (is_wall) {
+      field.set_row(row, FieldGrid::kFullRow);
+      continue;
     }
+    std::uint32_t bits = 0;
+    for (int col = 0; col < kFieldSize; ++col) {
+      bits |= (random.Uniform() < recipe.fill_probability ? 1u : 0u) << col;
+    }
+    field.set_row(row, bits);
   }
   for (int i = 0; i < recipe.num_smoothings; ++i) field = Smooth(field);
   return field;
