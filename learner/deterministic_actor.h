@@ -27,8 +27,8 @@ class DeterministicActor {
   const at::Tensor& ActTarget();
 
   /// One step of Adam, after `Act`, on a loss whose gradient by the actions is `action_gradient`,
-  /// [B, A]. The target follows at `polyak_rate`, the average at `average_rate` (0: not). Adds the gradient
-  /// norm to `norm_total`.
+  /// [B, A]. The target follows at `polyak_rate`, the average at `average_rate` (0: not). Adds the
+  /// gradient norm to `norm_total`.
   void Improve(const at::Tensor& action_gradient, double learning_rate, double polyak_rate,
                double average_rate, at::Tensor& norm_total);
 

@@ -7,11 +7,11 @@
 
 namespace slalom::policy {
 
-/// What an actor or a critic is made of. The defaults are the paper's (original-system.md §3.3). Part of
-/// every saved policy.
+/// What an actor or a critic is made of. The defaults are the paper's (original-system.md §3.3).
+/// Part of every saved policy.
 ///
-/// Actor: encoder -> head -> 2 outputs, tanh. Critic: encoder, then the action beside its features ->
-/// head -> 1; without encoder layers the action stands beside the input itself.
+/// Actor: encoder -> head -> 2 outputs, tanh. Critic: encoder, then the action beside its features
+/// -> head -> 1; without encoder layers the action stands beside the input itself.
 struct NetworkConfig {
   std::string encoder = "mlp";
   std::vector<int> encoder_layers = {512, 512};
@@ -25,12 +25,19 @@ struct NetworkConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("encoder", encoder, base::OneOf{"mlp"}, "", "How the frames are read.");
-    v("encoder_layers", encoder_layers, base::Range{1, 8192}, "", "Widths of the encoder's ReLU layers; [] for none.");
-    v("head_layers", head_layers, base::Range{1, 8192}, "", "Widths of the head's ReLU layers; [] for none.");
+    v("encoder_layers", encoder_layers, base::Range{1, 8192}, "",
+      "Widths of the encoder's ReLU layers; [] for none.");
+    v("head_layers", head_layers, base::Range{1, 8192}, "",
+      "Widths of the head's ReLU layers; [] for none.");
     v("history", history, base::Range{1, 64}, "frames", "Frames seen at once, the newest last.");
-    v("sectors", sectors, base::Range{0, 4096}, "", "Sectors whose nearest range is seen, a divisor of the number of beams; 0: every beam.");
-    v("range_transform", range_transform, base::OneOf{"linear", "inverse"}, "", "linear: 0 -> -1, clip -> +1, as the interface. inverse: 0.6 / (r + 0.2) - 0.8, finer near by.");
-    v("goal_transform", goal_transform, base::OneOf{"linear", "centred"}, "", "linear: g / scale - 1 for x and y, as the interface. centred: the same for x, y / scale, so that left and right mirror.");
+    v("sectors", sectors, base::Range{0, 4096}, "",
+      "Sectors whose nearest range is seen, a divisor of the number of beams; 0: every beam.");
+    v("range_transform", range_transform, base::OneOf{"linear", "inverse"}, "",
+      "linear: 0 -> -1, clip -> +1, as the interface. inverse: 0.6 / (r + 0.2) - 0.8, finer near "
+      "by.");
+    v("goal_transform", goal_transform, base::OneOf{"linear", "centred"}, "",
+      "linear: g / scale - 1 for x and y, as the interface. centred: the same for x, y / scale, so "
+      "that left and right mirror.");
     v("layer_norm", layer_norm, "LayerNorm before each ReLU of the critics.");
   }
 

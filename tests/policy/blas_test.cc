@@ -51,7 +51,8 @@ TEST(BlasKernel, FollowsTheVariableAndTheRestart) {
   EXPECT_EQ(RunCommand("OPENBLAS_CORETYPE=Prescott " + program), "Prescott");
   EXPECT_EQ(RunCommand("OPENBLAS_CORETYPE=Prescott " + program + " restart"), "Prescott");
   const auto better = BetterBlasKernel(chosen, DetectCpuFeatures(), std::nullopt);
-  EXPECT_EQ(RunCommand("env -u OPENBLAS_CORETYPE " + program + " restart"), better.value_or(chosen));
+  EXPECT_EQ(RunCommand("env -u OPENBLAS_CORETYPE " + program + " restart"),
+            better.value_or(chosen));
 }
 
 TEST(Sgemm, MultipliesTransposedAndStridedMatrices) {
