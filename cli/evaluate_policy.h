@@ -30,8 +30,8 @@ std::optional<PolicyEvaluation> EvaluatePolicy(const policy::PolicySnapshot& pol
                                                const std::string& courses_spec,
                                                base::ParallelFor& parallel, std::stop_token stop);
 
-/// Writes the reports, the trajectories (evaluation-tracks.jsonl) and a picture of the courses with them
-/// (courses.png, courses.svg) into `directory`. Throws `base::Error` where that fails.
+/// Writes the reports, the trajectories (evaluation-tracks.jsonl) and a picture of the courses with
+/// them (courses.png, courses.svg) into `directory`. Throws `base::Error` where that fails.
 void WriteEvaluation(const PolicyEvaluation& result, const std::filesystem::path& directory);
 
 }  // namespace slalom::cli

@@ -119,7 +119,8 @@ bool ScoreTraining(const train::RunDirectory& directory, const train::RunConfig&
       "pictures  {1}/courses.png (what it drove), {1}/training.svg\n"
       "\nnext\n"
       "  on fresh courses   ./slalom evaluate --policy {0} --courses generated:7:100\n"
-      "  one course         ./slalom courses render --courses {2} --episodes {1}/evaluation-tracks.jsonl "
+      "  one course         ./slalom courses render --courses {2} --episodes "
+      "{1}/evaluation-tracks.jsonl "
       "--output sheet.svg\n"
       "  train longer       ./slalom train configs/fast.toml\n",
       policy_path, root, config.courses.test);

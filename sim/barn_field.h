@@ -10,15 +10,15 @@
 
 #include "sim/course.h"
 
-/// The lattice that all static BARN courses lie on (original-system.md §1.5): a field of 30 x 30 cells of
-/// 0.15 m behind a start pen of 34 cells. Rows run across the course (x), columns along it (y, the way of
-/// travel); column 0 of the field touches the pen, column 29 opens towards the goal.
+/// The lattice that all static BARN courses lie on (original-system.md §1.5): a field of 30 x 30
+/// cells of 0.15 m behind a start pen of 34 cells. Rows run across the course (x), columns along it
+/// (y, the way of travel); column 0 of the field touches the pen, column 29 opens towards the goal.
 
 namespace slalom::sim {
 
-inline constexpr int kFieldSize = 30;         ///< Rows, and columns, of the field.
-inline constexpr int kPenColumns = 34;        ///< Columns of the start pen, in front of the field.
-inline constexpr double kCellSize = 0.15;     ///< [m]
+inline constexpr int kFieldSize = 30;      ///< Rows, and columns, of the field.
+inline constexpr int kPenColumns = 34;     ///< Columns of the start pen, in front of the field.
+inline constexpr double kCellSize = 0.15;  ///< [m]
 inline constexpr double kCylinderRadius = 0.075;  ///< [m]
 
 /// A cell of the field. A value.
@@ -57,19 +57,21 @@ class FieldGrid {
   std::array<std::uint32_t, kFieldSize> rows_{};
 };
 
-/// Where the centre of the robot may not be, so that the 5 x 5 cells round it are free of `obstacles`.
-/// Cells beyond the field count as free.
+/// Where the centre of the robot may not be, so that the 5 x 5 cells round it are free of
+/// `obstacles`. Cells beyond the field count as free.
 FieldGrid InflateByRobot(const FieldGrid& obstacles);
 
-/// The centre of a cell. Coordinates are the doubles nearest to their decimals, as read from the world files.
-/// Columns below 0 are those of the pen: -1 the last, -kPenColumns the first.
+/// The centre of a cell. Coordinates are the doubles nearest to their decimals, as read from the
+/// world files. Columns below 0 are those of the pen: -1 the last, -kPenColumns the first.
 base::Vec2 CellCentre(Cell cell);
 
-/// The cell of the field or pen whose centre is within 1e-4 m of `p_W`. None: `p_W` is off the lattice.
+/// The cell of the field or pen whose centre is within 1e-4 m of `p_W`. None: `p_W` is off the
+/// lattice.
 std::optional<Cell> CellAt(base::Vec2 p_W);
 
-/// The static course with these obstacles: pen, field, start, goal, and difficulty along the path. Cells
-/// whose 8 neighbours are all filled are left out, as in the world files; they can be neither seen nor hit.
+/// The static course with these obstacles: pen, field, start, goal, and difficulty along the path.
+/// Cells whose 8 neighbours are all filled are left out, as in the world files; they can be neither
+/// seen nor hit.
 Course MakeBarnCourse(std::string name, const FieldGrid& obstacles, std::span<const Cell> path);
 
 /// What all static courses share.

@@ -109,8 +109,10 @@ std::optional<FieldGrid> ReadField(const World& world) {
 Bounds BoundsWith(const World& world) {
   Bounds bounds = BarnBounds();
   const auto add = [&bounds](base::Vec2 p_W, double reach) {
-    bounds.min_W = {std::min(bounds.min_W.x, p_W.x - reach), std::min(bounds.min_W.y, p_W.y - reach)};
-    bounds.max_W = {std::max(bounds.max_W.x, p_W.x + reach), std::max(bounds.max_W.y, p_W.y + reach)};
+    bounds.min_W = {std::min(bounds.min_W.x, p_W.x - reach),
+                    std::min(bounds.min_W.y, p_W.y - reach)};
+    bounds.max_W = {std::max(bounds.max_W.x, p_W.x + reach),
+                    std::max(bounds.max_W.y, p_W.y + reach)};
   };
   for (const Circle& circle : world.circles) {
     if (!CellAt(circle.p_W)) add(circle.p_W, circle.radius);
@@ -161,14 +163,14 @@ BarnImport ImportBarn(const fs::path& directory) {
     } else {
       without_path.push_back(number);
     }
-    import.courses[number] = std::make_shared<const Course>(
-        MakeImportedCourse(fmt::format("barn-{:03}", number), world, path ? &*path : nullptr,
-                           world_path.string()));
+    import.courses[number] = std::make_shared<const Course>(MakeImportedCourse(
+        fmt::format("barn-{:03}", number), world, path ? &*path : nullptr, world_path.string()));
   }
   if (!mended.empty()) {
-    import.warnings.push_back(fmt::format(
-        "world files that do not end in </sdf>, as they should, were read as if they did: {} ({} in all)",
-        ListNumbers(mended), mended.size()));
+    import.warnings.push_back(
+        fmt::format("world files that do not end in </sdf>, as they should, were read as if they "
+                    "did: {} ({} in all)",
+                    ListNumbers(mended), mended.size()));
   }
   if (!without_path.empty()) {
     import.warnings.push_back(
@@ -176,10 +178,11 @@ BarnImport ImportBarn(const fs::path& directory) {
                     ListNumbers(without_path), without_path.size()));
   }
   if (!moving.empty()) {
-    import.skipped.push_back(fmt::format(
-        "worlds with moving obstacles, whose motion is not in the world files but in compiled plugins: "
-        "{} ({} in all)",
-        ListNumbers(moving), moving.size()));
+    import.skipped.push_back(
+        fmt::format("worlds with moving obstacles, whose motion is not in the world files but in "
+                    "compiled plugins: "
+                    "{} ({} in all)",
+                    ListNumbers(moving), moving.size()));
   }
   return import;
 }

@@ -18,20 +18,23 @@ namespace slalom::sim {
 struct BarnImport {
   std::map<int, std::shared_ptr<const Course>> courses;  ///< By the N of world_N.world.
   std::vector<std::string> warnings;  ///< One sentence each: mended files, worlds without a path.
-  std::vector<std::string> skipped;   ///< One sentence each: worlds that are no static course, and why.
+  std::vector<std::string>
+      skipped;  ///< One sentence each: worlds that are no static course, and why.
 };
 
 /// The course of one world. `path`: (row, col) cells of the field, null: none.
 ///
-/// Start, goal and bounds are those of the static courses. A world whose obstacles all lie on the lattice
-/// gets its difficulty measured along the path. Throws `Error` that names `source` where the path is not one
-/// or the course cannot be driven (`WhyUnsolvable`). Requires: world.num_moving_models == 0.
+/// Start, goal and bounds are those of the static courses. A world whose obstacles all lie on the
+/// lattice gets its difficulty measured along the path. Throws `Error` that names `source` where
+/// the path is not one or the course cannot be driven (`WhyUnsolvable`). Requires:
+/// world.num_moving_models == 0.
 Course MakeImportedCourse(std::string name, const World& world, const IntegerTable* path,
                           const std::string& source);
 
-/// Imports every world_N.world of `directory` as course "barn-NNN"; its path is sought in path_files/ and
-/// beside it. Worlds with moving obstacles are skipped. Throws `Error` that names file and reason at the first
-/// file that cannot be read or made a course, or where the directory holds no world.
+/// Imports every world_N.world of `directory` as course "barn-NNN"; its path is sought in
+/// path_files/ and beside it. Worlds with moving obstacles are skipped. Throws `Error` that names
+/// file and reason at the first file that cannot be read or made a course, or where the directory
+/// holds no world.
 BarnImport ImportBarn(const std::filesystem::path& directory);
 
 /// What `WriteCollection` wrote. A value.
@@ -40,8 +43,9 @@ struct WrittenCollection {
   std::vector<std::string> incomplete;  ///< Sets left out, because a course of theirs is missing.
 };
 
-/// Writes a collection for `ResolveCourses`: a set file, its courses in it, for "static" (all there are) and
-/// for each of `StaticSplitNames()` whose courses are all there. Throws `Error` where that fails.
+/// Writes a collection for `ResolveCourses`: a set file, its courses in it, for "static" (all there
+/// are) and for each of `StaticSplitNames()` whose courses are all there. Throws `Error` where that
+/// fails.
 WrittenCollection WriteCollection(const BarnImport& import, const std::filesystem::path& output);
 
 }  // namespace slalom::sim

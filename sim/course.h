@@ -35,8 +35,8 @@ struct Bounds {
   friend bool operator==(const Bounds&, const Bounds&) = default;
 };
 
-/// Mean over the reference path of the five measures of Perille et al. 2020 (original-system.md §7.1),
-/// in cells of 0.15 m, not normalised.
+/// Mean over the reference path of the five measures of Perille et al. 2020 (original-system.md
+/// §7.1), in cells of 0.15 m, not normalised.
 struct Difficulty {
   double distance_to_obstacle = 0.0;
   double visibility = 0.0;
@@ -55,14 +55,15 @@ struct Course {
   Bounds bounds;
   std::vector<Circle> circles;
   std::vector<Box> boxes;
-  std::vector<base::Vec2> reference_path_W;  ///< Through the field, without start and goal; may be empty.
+  std::vector<base::Vec2>
+      reference_path_W;  ///< Through the field, without start and goal; may be empty.
   std::optional<Difficulty> difficulty;
 
   friend bool operator==(const Course&, const Course&) = default;
 };
 
-/// Length of start, reference path, goal, [m]; the straight line where the course has no path. The optimal
-/// time of the BARN score is this over 2 m/s.
+/// Length of start, reference path, goal, [m]; the straight line where the course has no path. The
+/// optimal time of the BARN score is this over 2 m/s.
 double ReferenceLength(const Course& course);
 
 /// A named list of courses.

@@ -37,8 +37,7 @@ bool AxesSeparate(const Box& a, const Box& b) {
   double min_x = 1e9, max_x = -1e9, min_y = 1e9, max_y = -1e9;
   for (const double sx : {-1.0, 1.0}) {
     for (const double sy : {-1.0, 1.0}) {
-      const base::Vec2 corner_W =
-          base::Transform(b.X_WB, {sx * b.half_size.x, sy * b.half_size.y});
+      const base::Vec2 corner_W = base::Transform(b.X_WB, {sx * b.half_size.x, sy * b.half_size.y});
       const base::Vec2 corner = base::InverseTransform(a.X_WB, corner_W);
       min_x = std::min(min_x, corner.x);
       max_x = std::max(max_x, corner.x);
@@ -96,11 +95,14 @@ class ClearanceGrid {
   }
 
   static double NumCellsFor(const Bounds& bounds) {
-    return (bounds.max_W.x - bounds.min_W.x) / kGridCell * ((bounds.max_W.y - bounds.min_W.y) / kGridCell);
+    return (bounds.max_W.x - bounds.min_W.x) / kGridCell *
+           ((bounds.max_W.y - bounds.min_W.y) / kGridCell);
   }
 
  private:
-  static int NumCells(double extent) { return std::max(1, static_cast<int>(extent / kGridCell) + 1); }
+  static int NumCells(double extent) {
+    return std::max(1, static_cast<int>(extent / kGridCell) + 1);
+  }
 
   int IndexX(double x) const {
     return std::clamp(static_cast<int>((x - origin_W_.x) / kGridCell), 0, num_x_ - 1);

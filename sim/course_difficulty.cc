@@ -15,9 +15,22 @@ constexpr std::array<Cell, 8> kRays = {
     {{-1, -1}, {-1, 0}, {-1, 1}, {0, -1}, {0, 1}, {1, -1}, {1, 0}, {1, 1}}};
 constexpr std::array<Cell, 4> kAxes = {{{0, 1}, {1, 1}, {1, 0}, {1, -1}}};
 // The 8 rays and one between each two, in angular order.
-constexpr std::array<Cell, 16> kFan = {{{0, 1},  {1, 2},   {1, 1},   {2, 1},  {1, 0},  {2, -1},
-                                        {1, -1}, {1, -2},  {0, -1},  {-1, -2}, {-1, -1}, {-2, -1},
-                                        {-1, 0}, {-2, 1},  {-1, 1},  {-1, 2}}};
+constexpr std::array<Cell, 16> kFan = {{{0, 1},
+                                        {1, 2},
+                                        {1, 1},
+                                        {2, 1},
+                                        {1, 0},
+                                        {2, -1},
+                                        {1, -1},
+                                        {1, -2},
+                                        {0, -1},
+                                        {-1, -2},
+                                        {-1, -1},
+                                        {-2, -1},
+                                        {-1, 0},
+                                        {-2, 1},
+                                        {-1, 1},
+                                        {-1, 2}}};
 constexpr int kDispersionRadius = 3;
 
 Cell Step(Cell cell, Cell move) { return {cell.row + move.row, cell.col + move.col}; }

@@ -127,8 +127,8 @@ class Parser {
       course_->name = ReadName(values);
       seen_.clear();
     } else {
-      Fail(fmt::format("found \"{}\" where \"set\", \"course\", \"file\" or \"checksum\" is expected",
-                       key));
+      Fail(fmt::format(
+          "found \"{}\" where \"set\", \"course\", \"file\" or \"checksum\" is expected", key));
     }
   }
 
@@ -170,9 +170,10 @@ class Parser {
       const auto v = ReadNumbers<2>(key, values, "x y");
       course.reference_path_W.push_back({v[0], v[1]});
     } else {
-      Fail(fmt::format("unknown line \"{}\" in course {}; expected start, goal, bounds, difficulty, "
-                       "circle, box, path or end",
-                       key, course.name));
+      Fail(
+          fmt::format("unknown line \"{}\" in course {}; expected start, goal, bounds, difficulty, "
+                      "circle, box, path or end",
+                      key, course.name));
     }
   }
 
@@ -242,9 +243,10 @@ class Parser {
         fmt::format("{:016x}", base::Checksum(text_.substr(0, line_start_)));
     if (values.size() != 1) Fail("\"checksum\" takes 16 hexadecimal digits or \"none\"");
     if (values[0] != expected && values[0] != "none") {
-      Fail(fmt::format("the checksum is {}, but the text above it has {}: the file was damaged or "
-                       "edited (after an edit by hand, write \"checksum none\")",
-                       values[0], expected));
+      Fail(
+          fmt::format("the checksum is {}, but the text above it has {}: the file was damaged or "
+                      "edited (after an edit by hand, write \"checksum none\")",
+                      values[0], expected));
     }
     if (position_ != text_.size()) Fail("there is text after the \"checksum\" line");
     ended_ = true;
@@ -258,9 +260,9 @@ class Parser {
   std::size_t line_start_ = 0;
   int line_number_ = 0;
   bool ended_ = false;
-  std::optional<Course> course_;               // Between "course" and "end".
-  std::set<std::string, std::less<>> seen_;    // Lines of `course_` that may stand once.
-  std::set<std::string, std::less<>> names_;   // Of the courses in `set_`.
+  std::optional<Course> course_;              // Between "course" and "end".
+  std::set<std::string, std::less<>> seen_;   // Lines of `course_` that may stand once.
+  std::set<std::string, std::less<>> names_;  // Of the courses in `set_`.
   CourseSet set_;
 };
 

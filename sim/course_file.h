@@ -8,8 +8,9 @@
 
 /// Slalom's own text format for courses and course sets; docs/courses.md gives it byte by byte.
 ///
-/// A file is a set: its courses stand in it, or it names other files that hold one course each. Numbers are
-/// written so that reading gives back the same doubles. The last line is a checksum of all before it.
+/// A file is a set: its courses stand in it, or it names other files that hold one course each.
+/// Numbers are written so that reading gives back the same doubles. The last line is a checksum of
+/// all before it.
 
 namespace slalom::sim {
 
@@ -20,18 +21,20 @@ inline constexpr std::string_view kCourseSetExtension = ".courses";
 /// The set as text, every course in it.
 std::string PrintCourseSet(const CourseSet& set);
 
-/// The set that `text` holds. `source` names it in errors; files that it names are sought in `directory`.
+/// The set that `text` holds. `source` names it in errors; files that it names are sought in
+/// `directory`.
 ///
-/// Throws `Error` that names source and line where the text is not a whole, unchanged course file: another
-/// format or version, an unknown or misplaced or malformed line, a missing part, a name that is not one or
-/// stands twice, a wrong or missing checksum.
+/// Throws `Error` that names source and line where the text is not a whole, unchanged course file:
+/// another format or version, an unknown or misplaced or malformed line, a missing part, a name
+/// that is not one or stands twice, a wrong or missing checksum.
 CourseSet ParseCourseSet(std::string_view text, std::string_view source,
                          const std::filesystem::path& directory);
 
 /// Reads the file `path`. Throws `Error` as `ParseCourseSet` does, or where it cannot be read.
 CourseSet ReadCourseSet(const std::filesystem::path& path);
 
-/// Writes `set`, every course in it, to the file `path` atomically. Throws `Error` where that fails.
+/// Writes `set`, every course in it, to the file `path` atomically. Throws `Error` where that
+/// fails.
 void WriteCourseSet(const std::filesystem::path& path, const CourseSet& set);
 
 /// Whether `name` may name a course: 1 to 100 letters, digits, '-', '_', '.'; first not '.'.

@@ -35,7 +35,8 @@ class ColumnCounts {
   std::array<std::uint32_t, 4> planes_{};
 };
 
-/// One pass of the automaton: 5 or more of 8 neighbours filled -> filled, 1 or none -> free, else as it was.
+/// One pass of the automaton: 5 or more of 8 neighbours filled -> filled, 1 or none -> free, else
+/// as it was.
 FieldGrid Smooth(const FieldGrid& field) {
   FieldGrid smoothed;
   for (int row = 0; row < kFieldSize; ++row) {
@@ -145,10 +146,10 @@ CourseSet GenerateStaticCourses(std::uint64_t seed, int first, int count) {
   SLALOM_CHECK_GE(count, 0);
   CourseSet set{fmt::format("static-{}", seed), {}};
   for (int i = first; i < first + count; ++i) {
-    set.courses.push_back(std::make_shared<const Course>(GenerateCourse(
-        fmt::format("static-{}-{:03}", seed, i),
-        PublishedRecipe(i / kCoursesPerRecipe % kNumRecipes),
-        base::DeriveSeed(seed, "static-course", {static_cast<std::uint64_t>(i)}))));
+    set.courses.push_back(std::make_shared<const Course>(
+        GenerateCourse(fmt::format("static-{}-{:03}", seed, i),
+                       PublishedRecipe(i / kCoursesPerRecipe % kNumRecipes),
+                       base::DeriveSeed(seed, "static-course", {static_cast<std::uint64_t>(i)}))));
   }
   return set;
 }

@@ -25,8 +25,8 @@ Colour OutcomeColour(env::Outcome outcome);
 
 void SetColour(cairo_t* cairo, Colour colour, double alpha = 1.0);
 
-/// Draws in the course's frame W: the caller has set up a transformation from metres, y up, to the page.
-/// Confined to the thread that owns the context.
+/// Draws in the course's frame W: the caller has set up a transformation from metres, y up, to the
+/// page. Confined to the thread that owns the context.
 class CoursePainter {
  public:
   explicit CoursePainter(cairo_t* cairo) : cairo_(cairo) {}

@@ -17,8 +17,8 @@ constexpr std::array<Cell, 8> kMoves = {
     {{0, 1}, {1, 1}, {1, 0}, {1, -1}, {0, -1}, {-1, -1}, {-1, 0}, {-1, 1}}};
 constexpr int kNumMoves = static_cast<int>(kMoves.size());
 constexpr int kNumStates = kFieldSize * kFieldSize * kNumMoves;
-constexpr double kNearness = 2.0;       // [cells]
-constexpr double kNearnessCost = 5.0;   // [cells^2]
+constexpr double kNearness = 2.0;      // [cells]
+constexpr double kNearnessCost = 5.0;  // [cells^2]
 
 /// A cell and the move that led there.
 struct State {
@@ -43,14 +43,17 @@ struct Candidate {
   }
 };
 
-double Length(int rows, int cols) { return std::sqrt(static_cast<double>(rows * rows + cols * cols)); }
+double Length(int rows, int cols) {
+  return std::sqrt(static_cast<double>(rows * rows + cols * cols));
+}
 
 double NearnessCost(const FieldGrid& blocked, Cell cell) {
   double nearest = std::numeric_limits<double>::infinity();
   for (int rows = -2; rows <= 2; ++rows) {
     for (int cols = -2; cols <= 2; ++cols) {
       const Cell other{cell.row + rows, cell.col + cols};
-      if (IsInField(other) && blocked.filled(other)) nearest = std::min(nearest, Length(rows, cols));
+      if (IsInField(other) && blocked.filled(other))
+        nearest = std::min(nearest, Length(rows, cols));
     }
   }
   return nearest <= kNearness ? kNearnessCost / nearest : 0.0;

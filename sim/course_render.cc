@@ -38,19 +38,21 @@ class Page {
  public:
   Page(Size size, PictureFormat format) : format_(format) {
     if (!(size.width <= kMaxSide && size.height <= kMaxSide)) {
-      throw base::Error(fmt::format("the picture would be {:.0f} x {:.0f} pixels large; at most {:.0f} "
-                                    "each way can be drawn",
-                                    size.width, size.height, kMaxSide));
+      throw base::Error(
+          fmt::format("the picture would be {:.0f} x {:.0f} pixels large; at most {:.0f} "
+                      "each way can be drawn",
+                      size.width, size.height, kMaxSide));
     }
-    surface_.reset(format == PictureFormat::kSvg
-                       ? cairo_svg_surface_create_for_stream(Append, &bytes_, size.width, size.height)
-                       : cairo_image_surface_create(CAIRO_FORMAT_RGB24,
-                                                    static_cast<int>(size.width + 0.5),
-                                                    static_cast<int>(size.height + 0.5)));
+    surface_.reset(
+        format == PictureFormat::kSvg
+            ? cairo_svg_surface_create_for_stream(Append, &bytes_, size.width, size.height)
+            : cairo_image_surface_create(CAIRO_FORMAT_RGB24, static_cast<int>(size.width + 0.5),
+                                         static_cast<int>(size.height + 0.5)));
     context_.reset(cairo_create(surface_.get()));
     cairo_set_source_rgb(cairo(), 1.0, 1.0, 1.0);
     cairo_paint(cairo());
-    cairo_select_font_face(cairo(), "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+    cairo_select_font_face(cairo(), "sans-serif", CAIRO_FONT_SLANT_NORMAL,
+                           CAIRO_FONT_WEIGHT_NORMAL);
     cairo_set_font_size(cairo(), kFontSize);
   }
 
@@ -74,7 +76,8 @@ class Page {
     const cairo_status_t written = cairo_surface_status(surface_.get());
     const cairo_status_t status = drawn != CAIRO_STATUS_SUCCESS ? drawn : written;
     if (status != CAIRO_STATUS_SUCCESS) {
-      throw base::Error(fmt::format("the picture cannot be drawn: {}", cairo_status_to_string(status)));
+      throw base::Error(
+          fmt::format("the picture cannot be drawn: {}", cairo_status_to_string(status)));
     }
     return std::move(bytes_);
   }
@@ -136,12 +139,14 @@ void PaintScene(Page& page, const CourseScene& scene, const Bounds& view, double
 /// What the legend of these scenes says, entry by entry.
 struct LegendEntry {
   std::string text;
-  std::function<void(CoursePainter&, base::Vec2)> paint;  // The symbol, centred on a point of the page.
+  std::function<void(CoursePainter&, base::Vec2)>
+      paint;  // The symbol, centred on a point of the page.
 };
 
 std::vector<LegendEntry> LegendOf(std::span<const CourseScene> scenes) {
   std::vector<LegendEntry> entries = {
-      {"goal, reached within 0.4 m", [](CoursePainter& painter, base::Vec2 p) { painter.PaintGoal(p, 7.0); }},
+      {"goal, reached within 0.4 m",
+       [](CoursePainter& painter, base::Vec2 p) { painter.PaintGoal(p, 7.0); }},
       {"reference path", [](CoursePainter& painter, base::Vec2 p) {
          painter.PaintDashes(std::array<base::Vec2, 2>{{{p.x - 9.0, p.y}, {p.x + 9.0, p.y}}}, 2.2);
        }}};
@@ -205,7 +210,8 @@ std::string RenderCourse(const CourseScene& scene, PictureFormat format) {
   const Bounds view = ViewOf(scene);
   const Size size = SizeOf(view, kPageScale);
   const double height = std::max(size.height, 18.0 * kLegendRow);
-  Page page({size.width + kPanelWidth + 3.0 * kMargin, height + kTitleHeight + 2.0 * kMargin}, format);
+  Page page({size.width + kPanelWidth + 3.0 * kMargin, height + kTitleHeight + 2.0 * kMargin},
+            format);
   cairo_set_font_size(page.cairo(), 1.25 * kFontSize);
   page.Text(kMargin, kMargin + 0.5 * kTitleHeight, scene.course->name);
   cairo_set_font_size(page.cairo(), kFontSize);
@@ -242,8 +248,8 @@ std::string RenderContactSheet(std::span<const CourseScene> scenes, int num_colu
   const double row_pitch = cell.height + kTitleHeight + 0.5 * kMargin;
   const std::vector<LegendEntry> legend = LegendOf(scenes);
   constexpr double kEntryWidth = 210.0;
-  const double width = std::max(static_cast<double>(columns) * cell_pitch + kMargin,
-                                kEntryWidth + 2.0 * kMargin);
+  const double width =
+      std::max(static_cast<double>(columns) * cell_pitch + kMargin, kEntryWidth + 2.0 * kMargin);
   const auto per_row =
       std::max<std::size_t>(1, static_cast<std::size_t>((width - 2.0 * kMargin) / kEntryWidth));
   const std::size_t num_entries = legend.size() + 1;  // And the scale bar.

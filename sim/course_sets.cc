@@ -138,7 +138,8 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
     return set;
   }
   throw base::Error(fmt::format(
-      "\"{}\" is neither a course set nor a file{}; there are: {}, generated:SEED:COUNT, or the path "
+      "\"{}\" is neither a course set nor a file{}; there are: {}, generated:SEED:COUNT, or the "
+      "path "
       "of a course file, a course-set file or a directory of course files",
       spec,
       collection && !collection->empty() ? fmt::format(" (in collection {})", collection->string())

@@ -42,7 +42,8 @@ std::variant<EpisodeTrack, std::string> ParseLine(std::string_view line) {
   const auto course = object.find("course");
   if (course == object.end() || !course->is_string()) return "no \"course\" with a name";
   const auto outcome_text = object.find("outcome");
-  if (outcome_text == object.end() || !outcome_text->is_string()) return "no \"outcome\" with a text";
+  if (outcome_text == object.end() || !outcome_text->is_string())
+    return "no \"outcome\" with a text";
   const auto outcome = ParseOutcome(outcome_text->get<std::string>());
   if (!outcome) return "an \"outcome\" that is not success, collision, timeout or running";
   const auto poses = object.find("poses");

@@ -27,8 +27,8 @@ struct EpisodeTrack {
 /// outcome: success, collision, timeout or running; pose: x [m], y [m], yaw [rad].
 std::string PrintEpisodes(std::span<const EpisodeTrack> tracks);
 
-/// The tracks in `text`. Other keys of an object are passed over, blank lines too. Throws `Error` that names
-/// `source` and line where a line is not such an object.
+/// The tracks in `text`. Other keys of an object are passed over, blank lines too. Throws `Error`
+/// that names `source` and line where a line is not such an object.
 std::vector<EpisodeTrack> ParseEpisodes(std::string_view text, std::string_view source);
 
 /// Reads or atomically writes a file of them. Throw `Error` where that fails.

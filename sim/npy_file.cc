@@ -80,13 +80,13 @@ IntegerTable ParseNpy(std::string_view bytes, std::string_view source) {
   const std::size_t size = table.num_rows * table.num_cols;
   if (size > kMaxValues) Fail(source, "it is larger than a table of this program can be");
   if (data.size() != 8 * size) {
-    Fail(source, fmt::format("it holds {} bytes of data, its shape needs {}", data.size(), 8 * size));
+    Fail(source,
+         fmt::format("it holds {} bytes of data, its shape needs {}", data.size(), 8 * size));
   }
   table.values.resize(size);
   for (std::size_t row = 0; row < table.num_rows; ++row) {
     for (std::size_t col = 0; col < table.num_cols; ++col) {
-      const std::size_t from =
-          is_fortran ? col * table.num_rows + row : row * table.num_cols + col;
+      const std::size_t from = is_fortran ? col * table.num_rows + row : row * table.num_cols + col;
       table.values[row * table.num_cols + col] =
           static_cast<std::int64_t>(LittleEndian(data, 8 * from, 8));
     }

@@ -17,8 +17,9 @@ struct IntegerTable {
   std::int64_t at(std::size_t row, std::size_t col) const { return values[row * num_cols + col]; }
 };
 
-/// The table in the bytes of a .npy file: format version 1 or 2, type int64 little-endian ('<i8'), two
-/// dimensions, C or Fortran order. Throws `Error` that names `source` where it is anything else, or cut short.
+/// The table in the bytes of a .npy file: format version 1 or 2, type int64 little-endian ('<i8'),
+/// two dimensions, C or Fortran order. Throws `Error` that names `source` where it is anything
+/// else, or cut short.
 IntegerTable ParseNpy(std::string_view bytes, std::string_view source);
 
 /// Reads a .npy file. Throws `Error` as `ParseNpy` does, or where it cannot be read.

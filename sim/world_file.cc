@@ -51,7 +51,8 @@ class WorldReader {
       ++world_.num_moving_models;
       return;
     }
-    if (model.FirstChildElement("include") != nullptr) Fail(model, "a model is included from elsewhere");
+    if (model.FirstChildElement("include") != nullptr)
+      Fail(model, "a model is included from elsewhere");
     const base::Pose2 X_WM = ReadPose(model);
     for (const XMLElement* link = model.FirstChildElement("link"); link != nullptr;
          link = link->NextSiblingElement("link")) {
@@ -63,7 +64,8 @@ class WorldReader {
     }
   }
 
-  void ReadCollision(const XMLElement& model, const XMLElement& collision, const base::Pose2& X_WC) {
+  void ReadCollision(const XMLElement& model, const XMLElement& collision,
+                     const base::Pose2& X_WC) {
     const XMLElement* geometry = collision.FirstChildElement("geometry");
     const XMLElement* shape = geometry != nullptr ? geometry->FirstChildElement() : nullptr;
     if (shape == nullptr) Fail(collision, "a collision has no geometry");

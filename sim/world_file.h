@@ -10,18 +10,18 @@ namespace slalom::sim {
 
 /// What stands in a Gazebo world. A value.
 struct World {
-  std::vector<Circle> circles;    ///< Fixed vertical cylinders, in the order of the file.
-  std::vector<Box> boxes;         ///< Fixed upright boxes, likewise.
-  int num_moving_models = 0;      ///< Models that a plugin drives; the file does not say how they move.
-  bool has_damaged_end = false;   ///< The end of the file was mended, see `ParseWorld`.
+  std::vector<Circle> circles;  ///< Fixed vertical cylinders, in the order of the file.
+  std::vector<Box> boxes;       ///< Fixed upright boxes, likewise.
+  int num_moving_models = 0;  ///< Models that a plugin drives; the file does not say how they move.
+  bool has_damaged_end = false;  ///< The end of the file was mended, see `ParseWorld`.
 };
 
 /// The world in `text`, SDF (XML). Planes are ground and left out; heights are not looked at.
 ///
-/// A lost last '>' or stray text after "</sdf>" (worlds 300 to 399 of the original end in `</sdf>"`, which
-/// strict parsers refuse) is mended and reported in `has_damaged_end`. Throws `Error` that names `source`
-/// where the text is damaged elsewhere or holds what a course cannot: another shape, a tilted one, a model
-/// that is neither static nor driven by a plugin.
+/// A lost last '>' or stray text after "</sdf>" (worlds 300 to 399 of the original end in
+/// `</sdf>"`, which strict parsers refuse) is mended and reported in `has_damaged_end`. Throws
+/// `Error` that names `source` where the text is damaged elsewhere or holds what a course cannot:
+/// another shape, a tilted one, a model that is neither static nor driven by a plugin.
 World ParseWorld(std::string_view text, std::string_view source);
 
 /// Reads a .world file. Throws `Error` as `ParseWorld` does, or where it cannot be read.

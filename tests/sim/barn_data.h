@@ -7,8 +7,8 @@
 #include "sim/barn_field.h"
 #include "sim/course.h"
 
-/// The original data set as plain text beside this repository (../shared/barn), for tests that compare with
-/// it. Tests skip themselves, saying so, where it is absent.
+/// The original data set as plain text beside this repository (../shared/barn), for tests that
+/// compare with it. Tests skip themselves, saying so, where it is absent.
 
 namespace slalom::sim {
 

@@ -76,7 +76,8 @@ TEST(BarnImporter, WholeDataSetIsTheOneInTheTextGrids) {
   EXPECT_EQ(fewest, 181u);
   EXPECT_EQ(most, 365u);
   EXPECT_THAT(import.warnings, ElementsAre(HasSubstr("300 to 399 (100 in all)")));
-  EXPECT_THAT(import.skipped, ElementsAre(AllOf(HasSubstr("300 to 499"), HasSubstr("moving obstacles"))));
+  EXPECT_THAT(import.skipped,
+              ElementsAre(AllOf(HasSubstr("300 to 499"), HasSubstr("moving obstacles"))));
 
   const std::filesystem::path output = scratch.path() / "collection";
   const WrittenCollection written = WriteCollection(import, output);
@@ -105,7 +106,8 @@ std::string Model(const std::string& pose, const std::string& geometry,
                   const std::string& rest = "<static>1</static>") {
   return "<model name='m'>" + rest + "<pose frame=''>" + pose +
          "</pose><link name='link'><collision name='c'><geometry>" + geometry +
-         "</geometry></collision><visual><geometry>" + geometry + "</geometry></visual></link></model>\n";
+         "</geometry></collision><visual><geometry>" + geometry +
+         "</geometry></visual></link></model>\n";
 }
 
 std::string Sdf(const std::string& models) {
@@ -132,7 +134,8 @@ TEST(WorldFile, CylindersAndBoxesAreRead) {
 TEST(WorldFile, PosesOfModelLinkAndCollisionAddUp) {
   const std::string model =
       "<model><static>true</static><pose>1 0 0 0 0 1.5707963267948966</pose><link><pose>2 0 0 0 0 "
-      "0.25</pose><collision><geometry>" + kBox + "</geometry></collision></link></model>";
+      "0.25</pose><collision><geometry>" +
+      kBox + "</geometry></collision></link></model>";
   const World world = ParseWorld(Sdf(model), "x.world");
   ASSERT_EQ(world.boxes.size(), 1u);
   EXPECT_NEAR(world.boxes[0].X_WB.p.x, 1.0, 1e-12);
@@ -142,8 +145,8 @@ TEST(WorldFile, PosesOfModelLinkAndCollisionAddUp) {
 
 TEST(WorldFile, DamagedEndsAreMendedAndNoOthers) {
   const std::string whole = Sdf(Model("1 2 0 0 0 0", kCylinder));
-  for (const std::string& damaged :
-       {whole.substr(0, whole.size() - 1), whole + "\"", whole.substr(0, whole.size() - 1) + "\n"}) {
+  for (const std::string& damaged : {whole.substr(0, whole.size() - 1), whole + "\"",
+                                     whole.substr(0, whole.size() - 1) + "\n"}) {
     const World world = ParseWorld(damaged, "x.world");
     EXPECT_TRUE(world.has_damaged_end);
     EXPECT_EQ(world.circles.size(), 1u);
@@ -151,7 +154,8 @@ TEST(WorldFile, DamagedEndsAreMendedAndNoOthers) {
   EXPECT_FALSE(ParseWorld(whole + "\r\n", "x.world").has_damaged_end);
   // Cut anywhere before that, or in the middle of the file.
   for (std::size_t size = 0; size + 1 < whole.size(); ++size) {
-    EXPECT_THAT(ErrorOf([&] { ParseWorld(whole.substr(0, size), "x.world"); }), HasSubstr("x.world"))
+    EXPECT_THAT(ErrorOf([&] { ParseWorld(whole.substr(0, size), "x.world"); }),
+                HasSubstr("x.world"))
         << "cut to " << size << " bytes";
   }
 }
@@ -164,8 +168,10 @@ TEST(WorldFile, WhatACourseCannotHoldIsRefusedWithFileLineAndReason) {
               AllOf(HasSubstr("x.world:3"), HasSubstr("<sphere>")));
   EXPECT_THAT(refusal(Model("0 0 0 0.5 0 0", kCylinder)), HasSubstr("tilted"));
   EXPECT_THAT(refusal(Model("0 0 0 0 0", kCylinder)), HasSubstr("<pose> does not hold 6 numbers"));
-  EXPECT_THAT(refusal(Model("0 0 0 0 0 x", kCylinder)), HasSubstr("<pose> does not hold 6 numbers"));
-  EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder><radius>-1</radius></cylinder>")), HasSubstr("radius"));
+  EXPECT_THAT(refusal(Model("0 0 0 0 0 x", kCylinder)),
+              HasSubstr("<pose> does not hold 6 numbers"));
+  EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder><radius>-1</radius></cylinder>")),
+              HasSubstr("radius"));
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder/>")), HasSubstr("has no <radius>"));
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", kBox, "")), HasSubstr("not static"));
   EXPECT_THAT(ErrorOf([] { ParseWorld("<html></html>", "x.world"); }), HasSubstr("no <sdf>"));
@@ -193,11 +199,13 @@ constexpr char kColumnOrder[] = "{'descr': '<i8', 'fortran_order': True, 'shape'
 
 TEST(NpyFile, BothOrdersAndVersionsAreRead) {
   for (const int version : {1, 2}) {
-    const IntegerTable rows = ParseNpy(Npy(version, kRowOrder, {1, -2, 3, 4, 5, 1L << 40}), "x.npy");
+    const IntegerTable rows =
+        ParseNpy(Npy(version, kRowOrder, {1, -2, 3, 4, 5, 1L << 40}), "x.npy");
     EXPECT_EQ(rows.num_rows, 3u);
     EXPECT_EQ(rows.num_cols, 2u);
     EXPECT_THAT(rows.values, ElementsAre(1, -2, 3, 4, 5, 1L << 40));
-    const IntegerTable columns = ParseNpy(Npy(version, kColumnOrder, {1, 3, 5, -2, 4, 1L << 40}), "x.npy");
+    const IntegerTable columns =
+        ParseNpy(Npy(version, kColumnOrder, {1, 3, 5, -2, 4, 1L << 40}), "x.npy");
     EXPECT_EQ(columns.values, rows.values);
   }
 }
@@ -205,20 +213,28 @@ TEST(NpyFile, BothOrdersAndVersionsAreRead) {
 TEST(NpyFile, AnythingElseIsRefused) {
   const std::string whole = Npy(1, kRowOrder, {1, 2, 3, 4, 5, 6});
   for (std::size_t size = 0; size < whole.size(); ++size) {
-    EXPECT_THAT(ErrorOf([&] { ParseNpy(whole.substr(0, size), "x.npy"); }), HasSubstr("x.npy")) << size;
+    EXPECT_THAT(ErrorOf([&] { ParseNpy(whole.substr(0, size), "x.npy"); }), HasSubstr("x.npy"))
+        << size;
   }
   const auto refusal = [](const std::string& header) {
     return ErrorOf([&] { ParseNpy(Npy(1, header, {1, 2, 3, 4, 5, 6}), "x.npy"); });
   };
-  EXPECT_THAT(refusal("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 2), }"), HasSubstr("'<i8'"));
-  EXPECT_THAT(refusal("{'descr': '<i8', 'fortran_order': False, 'shape': (6,), }"), HasSubstr("shape"));
-  EXPECT_THAT(refusal("{'descr': '<i8', 'fortran_order': False, 'shape': (3, 3), }"), HasSubstr("48 bytes"));
+  EXPECT_THAT(refusal("{'descr': '<f8', 'fortran_order': False, 'shape': (3, 2), }"),
+              HasSubstr("'<i8'"));
+  EXPECT_THAT(refusal("{'descr': '<i8', 'fortran_order': False, 'shape': (6,), }"),
+              HasSubstr("shape"));
+  EXPECT_THAT(refusal("{'descr': '<i8', 'fortran_order': False, 'shape': (3, 3), }"),
+              HasSubstr("48 bytes"));
   EXPECT_THAT(refusal("{'descr': '<i8', 'shape': (3, 2), }"), HasSubstr("fortran_order"));
-  EXPECT_THAT(ErrorOf([&] { ParseNpy(Npy(3, kRowOrder, {1, 2, 3, 4, 5, 6}), "x.npy"); }), HasSubstr("version is 3"));
+  EXPECT_THAT(ErrorOf([&] {
+                ParseNpy(Npy(3, kRowOrder, {1, 2, 3, 4, 5, 6}), "x.npy");
+              }),
+              HasSubstr("version is 3"));
 }
 
 TEST(BarnImporter, WorldsOfOnesOwnNeedNotLieOnTheLattice) {
-  const World world = ParseWorld(Sdf(Model("-1.03 6.2 0 0 0 0", kCylinder) + Model("0.5 8 0 0 0 0", kBox)), "x");
+  const World world =
+      ParseWorld(Sdf(Model("-1.03 6.2 0 0 0 0", kCylinder) + Model("0.5 8 0 0 0 0", kBox)), "x");
   const Course course = MakeImportedCourse("mine", world, nullptr, "x");
   EXPECT_EQ(course.circles.size(), 1u);
   EXPECT_EQ(course.boxes.size(), 1u);
@@ -239,7 +255,8 @@ TEST(BarnImporter, BadDirectoriesPathsAndWorldsAreNamed) {
   base::MakeDirectories(scratch.path() / "path_files");
   const std::filesystem::path path = scratch.path() / "path_files" / "path_7.npy";
   base::WriteFileAtomically(path, Npy(1, kRowOrder, {3, 0, 3, 1, 99, 2}));
-  EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path()); }), HasSubstr("leaves the field at cell 2 (99, 2)"));
+  EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path()); }),
+              HasSubstr("leaves the field at cell 2 (99, 2)"));
   base::WriteFileAtomically(path, "nothing");
   EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path()); }), HasSubstr("path_7.npy"));
 }

@@ -23,8 +23,8 @@ TEST(CourseDifficulty, OfACorridorIsWhatPenAndPaperSay) {
   const std::vector<Cell> path = {{15, 14}, {15, 15}};
   const Difficulty d = MeasureDifficulty(Corridor(), path);
   EXPECT_DOUBLE_EQ(d.distance_to_obstacle, 6.0);
-  // The two rays along the corridor leave the field and do not count; the other six see 6 free cells each,
-  // the cell itself included.
+  // The two rays along the corridor leave the field and do not count; the other six see 6 free
+  // cells each, the cell itself included.
   EXPECT_DOUBLE_EQ(d.visibility, 6.0);
   EXPECT_DOUBLE_EQ(d.dispersion, 0.0);
   // Across: 5 free cells on each side.
@@ -39,11 +39,14 @@ TEST(CourseDifficulty, NearAnObstacleIsWhatPenAndPaperSay) {
   const Difficulty d = MeasureDifficulty(blocked, path);
   // From (15, 15) 2 cells, from (14, 15) sqrt(1 + 4).
   EXPECT_DOUBLE_EQ(d.distance_to_obstacle, 0.5 * (2.0 + std::sqrt(5.0)));
-  // (15, 15): six rays of 6 and one of 2. (14, 15): up 5 x 3 (rows 14 to 10), down 7 x 3 (rows 14 to 20).
+  // (15, 15): six rays of 6 and one of 2. (14, 15): up 5 x 3 (rows 14 to 10), down 7 x 3 (rows 14
+  // to 20).
   EXPECT_DOUBLE_EQ(d.visibility, 0.5 * ((6.0 * 6 + 2) / 7.0 + (5.0 * 3 + 7 * 3) / 6.0));
-  // (15, 15): one ray of the fan ends at the obstacle within 3 cells. (14, 15): the ray (1, 2) hits it.
+  // (15, 15): one ray of the fan ends at the obstacle within 3 cells. (14, 15): the ray (1, 2) hits
+  // it.
   EXPECT_DOUBLE_EQ(d.dispersion, 2.0);
-  // (15, 15): the axis along the corridor has 1 free cell on one side and 15 on the other; across 10 in all.
+  // (15, 15): the axis along the corridor has 1 free cell on one side and 15 on the other; across
+  // 10 in all.
   EXPECT_DOUBLE_EQ(d.characteristic_dimension, 10.0);
 }
 

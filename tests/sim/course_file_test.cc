@@ -41,7 +41,8 @@ std::shared_ptr<const Course> DrawCourse(int index, base::Random& random) {
     course.circles.push_back({DrawPoint(random), std::abs(DrawNumber(random)) + 1e-3});
   }
   for (std::uint64_t n = random.UniformInt(4); n > 0; --n) {
-    course.boxes.push_back({{DrawPoint(random), DrawNumber(random)}, {random.Uniform() + 0.1, 0.1}});
+    course.boxes.push_back(
+        {{DrawPoint(random), DrawNumber(random)}, {random.Uniform() + 0.1, 0.1}});
   }
   for (std::uint64_t n = random.UniformInt(4); n > 0; --n) {
     course.reference_path_W.push_back(DrawPoint(random));
@@ -131,16 +132,21 @@ TEST(CourseFile, ErrorsNameFileLineAndWhatWasExpected) {
   EXPECT_THAT(ErrorOf(Edited("start 0 0 0", "start 0 0 1m")), HasSubstr("x.courses:5: \"1m\""));
   EXPECT_THAT(ErrorOf(Edited("start 0 0 0", "start 0 0 nan")), HasSubstr("x.courses:5: \"nan\""));
   EXPECT_THAT(ErrorOf(Edited("start 0 0 0", "start 0 0 1e6")), HasSubstr("between -1e5 and 1e5"));
-  EXPECT_THAT(ErrorOf(Edited("goal\t5 1e0\r\n", "\n")), HasSubstr("x.courses:9: course corner has no \"goal\""));
-  EXPECT_THAT(ErrorOf(Edited("goal\t5", "start 0 0 0\ngoal 5")), HasSubstr("a second \"start\" line"));
+  EXPECT_THAT(ErrorOf(Edited("goal\t5 1e0\r\n", "\n")),
+              HasSubstr("x.courses:9: course corner has no \"goal\""));
+  EXPECT_THAT(ErrorOf(Edited("goal\t5", "start 0 0 0\ngoal 5")),
+              HasSubstr("a second \"start\" line"));
   EXPECT_THAT(ErrorOf(Edited("box 2 3 0.5 1", "box 2 3 0.5 0")), HasSubstr("x.courses:8:"));
   EXPECT_THAT(ErrorOf(Edited("box", "boxx")), HasSubstr("x.courses:8: unknown line \"boxx\""));
   EXPECT_THAT(ErrorOf(Edited("-1 -1 6 6", "6 6 -1 -1")), HasSubstr("smaller corner"));
   EXPECT_THAT(ErrorOf(Edited("corner ", "co/rner ")), HasSubstr("x.courses:4: expected one name"));
-  EXPECT_THAT(ErrorOf(Edited("end\n", "")), HasSubstr("x.courses:9: course corner has no \"end\" line"));
-  EXPECT_THAT(ErrorOf(Edited("checksum none", "checksum 0123456789abcdef")), HasSubstr("was damaged or edited"));
+  EXPECT_THAT(ErrorOf(Edited("end\n", "")),
+              HasSubstr("x.courses:9: course corner has no \"end\" line"));
+  EXPECT_THAT(ErrorOf(Edited("checksum none", "checksum 0123456789abcdef")),
+              HasSubstr("was damaged or edited"));
   EXPECT_THAT(ErrorOf(Edited("checksum none\n", "")), HasSubstr("cut short"));
-  EXPECT_THAT(ErrorOf(Edited("end\n", "end\ncircle 1 1 1\n")), HasSubstr("x.courses:10: found \"circle\""));
+  EXPECT_THAT(ErrorOf(Edited("end\n", "end\ncircle 1 1 1\n")),
+              HasSubstr("x.courses:10: found \"circle\""));
 }
 
 TEST(CourseFile, NamesAreUnique) {

@@ -67,7 +67,8 @@ NaiveGrid BlockedCells(const Course& course) {
   return blocked;
 }
 
-/// Whether free cells lead from `entry` in column 0 to column 29, by spreading until nothing changes.
+/// Whether free cells lead from `entry` in column 0 to column 29, by spreading until nothing
+/// changes.
 bool LeadsThrough(const NaiveGrid& blocked, int entry) {
   NaiveGrid reached{};
   reached[entry][0] = 1;
@@ -254,8 +255,9 @@ TEST(CourseGenerator, CollectionResemblesTheOriginal) {
   ASSERT_EQ(original.lengths.size(), 300u);
   const Sample generated = Generated(1);
   // Mean number of cylinders: within 4 standard errors of a difference of two means of 300.
-  const double bound = 4.0 * std::sqrt(
-      (Variance(original.num_cylinders) + Variance(generated.num_cylinders)) / 300.0);
+  const double bound =
+      4.0 *
+      std::sqrt((Variance(original.num_cylinders) + Variance(generated.num_cylinders)) / 300.0);
   EXPECT_NEAR(Mean(generated.num_cylinders), Mean(original.num_cylinders), bound);
   // The whole distributions: Kolmogorov-Smirnov at level 1e-3, 1.95 * sqrt(2 / 300).
   EXPECT_LT(Distance(generated.num_cylinders, original.num_cylinders), 0.159);

@@ -21,13 +21,15 @@ double NearnessCost(const FieldGrid& blocked, Cell cell) {
   double best = 3.0;
   for (int row = 0; row < kFieldSize; ++row) {
     for (int col = 0; col < kFieldSize; ++col) {
-      if (blocked.filled({row, col})) best = std::min(best, std::hypot(row - cell.row, col - cell.col));
+      if (blocked.filled({row, col}))
+        best = std::min(best, std::hypot(row - cell.row, col - cell.col));
     }
   }
   return best <= 2.0 ? 5.0 / best : 0.0;
 }
 
-/// Cost of the cheapest way, kNever where there is none, by relaxing all moves until nothing changes.
+/// Cost of the cheapest way, kNever where there is none, by relaxing all moves until nothing
+/// changes.
 double CheapestCost(const FieldGrid& blocked, Cell entry, Cell exit) {
   std::map<std::tuple<int, int, int, int>, double> costs;  // (row, col, last move's row and col)
   costs[{entry.row, entry.col, 0, 0}] = 0.0;
@@ -42,9 +44,11 @@ double CheapestCost(const FieldGrid& blocked, Cell entry, Cell exit) {
           if ((r == 0 && c == 0) || !IsInField(to) || blocked.filled(to)) continue;
           // 45 degrees: the cosine of the turn is at least cos 45 - a rounding.
           const bool is_first = last_row == 0 && last_col == 0;
-          const double cosine = (r * last_row + c * last_col) / (std::hypot(r, c) * std::hypot(last_row, last_col));
+          const double cosine =
+              (r * last_row + c * last_col) / (std::hypot(r, c) * std::hypot(last_row, last_col));
           if (!is_first && cosine < 0.7) continue;
-          if (r != 0 && c != 0 && blocked.filled({row + r, col}) && blocked.filled({row, col + c})) continue;
+          if (r != 0 && c != 0 && blocked.filled({row + r, col}) && blocked.filled({row, col + c}))
+            continue;
           const double next = cost + std::hypot(r, c) + NearnessCost(blocked, to);
           const auto [found, is_new] = costs.try_emplace({to.row, to.col, r, c}, kNever);
           if (next < found->second - 1e-12) {
@@ -57,7 +61,8 @@ double CheapestCost(const FieldGrid& blocked, Cell entry, Cell exit) {
   }
   double best = kNever;
   for (const auto& [state, cost] : costs) {
-    if (std::get<0>(state) == exit.row && std::get<1>(state) == exit.col) best = std::min(best, cost);
+    if (std::get<0>(state) == exit.row && std::get<1>(state) == exit.col)
+      best = std::min(best, cost);
   }
   return best;
 }

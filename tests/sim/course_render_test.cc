@@ -24,7 +24,8 @@ using ::testing::HasSubstr;
 /// A PNG read back.
 class Picture {
  public:
-  explicit Picture(const std::string& png) : rest_(png), surface_(cairo_image_surface_create_from_png_stream(Read, this)) {
+  explicit Picture(const std::string& png)
+      : rest_(png), surface_(cairo_image_surface_create_from_png_stream(Read, this)) {
     EXPECT_EQ(cairo_surface_status(surface_), CAIRO_STATUS_SUCCESS);
   }
   ~Picture() { cairo_surface_destroy(surface_); }
@@ -41,9 +42,11 @@ class Picture {
       const auto* row = reinterpret_cast<const std::uint32_t*>(
           cairo_image_surface_get_data(surface_) + y * cairo_image_surface_get_stride(surface_));
       for (int x = 0; x < width(); ++x) {
-        const auto part = [&](int shift) { return static_cast<double>(row[x] >> shift & 0xff) / 255.0; };
-        count += std::abs(part(16) - colour.red) < 0.02 && std::abs(part(8) - colour.green) < 0.02 &&
-                 std::abs(part(0) - colour.blue) < 0.02;
+        const auto part = [&](int shift) {
+          return static_cast<double>(row[x] >> shift & 0xff) / 255.0;
+        };
+        count += std::abs(part(16) - colour.red) < 0.02 &&
+                 std::abs(part(8) - colour.green) < 0.02 && std::abs(part(0) - colour.blue) < 0.02;
       }
     }
     return count;

@@ -99,7 +99,8 @@ TEST(CourseSets, BuiltInValidationIsInNoOtherSet) {
   const CourseSet validation = ResolveCourses("static-validation", std::nullopt, 1);
   EXPECT_EQ(validation.courses.size(), 40u);
   EXPECT_EQ(Names(validation).size(), 40u);
-  // The thinner half of the collection, which takes little time to make; streams of the rest differ alike.
+  // The thinner half of the collection, which takes little time to make; streams of the rest differ
+  // alike.
   for (const auto& other : GenerateStaticCourses(1, 0, 150).courses) {
     for (const auto& course : validation.courses) EXPECT_NE(course->circles, other->circles);
   }
@@ -117,8 +118,8 @@ TEST(CourseSets, GeneratedHasAsManyAsAsked) {
 }
 
 TEST(CourseSets, UnknownNameListsWhatThereIs) {
-  EXPECT_THAT(ErrorOf("static-tset"),
-              AllOf(HasSubstr("static-tset"), HasSubstr("static-test"), HasSubstr("generated:SEED:COUNT")));
+  EXPECT_THAT(ErrorOf("static-tset"), AllOf(HasSubstr("static-tset"), HasSubstr("static-test"),
+                                            HasSubstr("generated:SEED:COUNT")));
   EXPECT_THAT(ErrorOf(""), HasSubstr("static-test"));
 }
 
@@ -170,7 +171,8 @@ TEST(CourseSets, ACourseThatCannotBeDrivenIsRefusedWithTheReason) {
     return ErrorOf(file);
   };
   EXPECT_EQ(refusal(Corridor(0.5)), "");
-  EXPECT_THAT(refusal(Corridor(0.38)), AllOf(HasSubstr("x.course: course corridor"), HasSubstr("no corridor")));
+  EXPECT_THAT(refusal(Corridor(0.38)),
+              AllOf(HasSubstr("x.course: course corridor"), HasSubstr("no corridor")));
   // A corridor that is wide enough, but turned by cylinders into one that is not.
   Course course = Corridor(0.6);
   course.circles.push_back({{0.0, 3.0}, 0.1});

@@ -35,7 +35,8 @@ TEST(EpisodeFile, GivesBackWhatWasWritten) {
 
 TEST(EpisodeFile, OtherKeysAndBlankLinesArePassedOver) {
   const auto tracks = ParseEpisodes(
-      "\n{\"seed\": 3, \"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]]}\r\n\n", "x");
+      "\n{\"seed\": 3, \"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]]}\r\n\n",
+      "x");
   ASSERT_EQ(tracks.size(), 1u);
   EXPECT_EQ(tracks[0], (EpisodeTrack{"c", env::Outcome::kSuccess, {{{1.0, 2.0}, 3.0}}}));
 }
@@ -44,9 +45,10 @@ TEST(EpisodeFile, BadLinesAreNamed) {
   const std::string good = "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": []}\n";
   for (const std::string bad :
        {"{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3", "[]", "7",
-        "{\"outcome\": \"success\", \"poses\": []}", "{\"course\": 7, \"outcome\": \"success\", \"poses\": []}",
-        "{\"course\": \"c\", \"outcome\": \"won\", \"poses\": []}", "{\"course\": \"c\", \"poses\": []}",
-        "{\"course\": \"c\", \"outcome\": \"success\"}",
+        "{\"outcome\": \"success\", \"poses\": []}",
+        "{\"course\": 7, \"outcome\": \"success\", \"poses\": []}",
+        "{\"course\": \"c\", \"outcome\": \"won\", \"poses\": []}",
+        "{\"course\": \"c\", \"poses\": []}", "{\"course\": \"c\", \"outcome\": \"success\"}",
         "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2]]}",
         "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, null]]}"}) {
     try {
