@@ -4,10 +4,9 @@
 
 namespace slalom::base {
 
-void InitLog(bool verbose) {
+void InitLog() {
   auto logger = spdlog::stderr_color_mt("slalom");
   logger->set_pattern("%H:%M:%S %^%l%$ %v");
-  logger->set_level(verbose ? spdlog::level::debug : spdlog::level::info);
   spdlog::set_default_logger(logger);
 }
 

@@ -121,8 +121,7 @@ double MeasureProducts(const std::vector<Product>& products, double seconds_each
 }
 
 void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool layer_norm) {
-  at::set_num_threads(1);
-  policy::SetBlasThreads(1);
+  policy::SetMathThreads(1);
   policy::PolicySpec used = spec;
   used.network.layer_norm = layer_norm;
   const replay::Table table = MakeTable(300'000);
@@ -186,8 +185,7 @@ void ReadMinibatch(benchmark::State& state) {
 BENCHMARK(ReadMinibatch)->Unit(benchmark::kMicrosecond);
 
 void NetworkAgentAct(benchmark::State& state) {
-  at::set_num_threads(1);
-  policy::SetBlasThreads(1);
+  policy::SetMathThreads(1);
   const policy::PolicySpec spec = FastSpec();
   base::Random random(1);
   std::vector<float> weights(spec.actor_shape().num_parameters());

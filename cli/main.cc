@@ -22,7 +22,7 @@ constexpr char kFooter[] =
 
 int main(int argc, char** argv) {
   slalom::policy::RestartWithBetterBlasKernel(argv);
-  slalom::policy::SetBlasThreads(1);
+  slalom::policy::SetMathThreads(1);
 
   CLI::App app{"Slalom trains robots to drive through obstacle courses, and measures them.",
                "slalom"};
@@ -37,7 +37,12 @@ int main(int argc, char** argv) {
   slalom::cli::AddCoursesCommand(app);
   slalom::cli::AddConfigCommand(app);
 
-  slalom::base::InitLog(/*verbose=*/false);
+  slalom::base::InitLog();
+  const auto is_named = [&](const CLI::App* command) { return command->check_name(argv[1]); };
+  if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_named).empty()) {
+    fmt::print(stderr, "slalom: no command '{}'; slalom --help lists them\n", argv[1]);
+    return slalom::cli::kExitUsage;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& help) {

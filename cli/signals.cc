@@ -1,11 +1,12 @@
 #include "cli/signals.h"
 
-#include <pthread.h>
+#include <semaphore.h>
 #include <signal.h>
 
 #include <atomic>
 #include <thread>
 
+#include "base/check.h"
 #include "base/log.h"
 
 namespace slalom::cli {
@@ -13,40 +14,51 @@ namespace slalom::cli {
 struct StopSignals::Impl {
   std::stop_source source;
   std::atomic<int> received = 0;
-  sigset_t watched{};
+  sem_t arrived;
   std::thread waiter;
 };
 
 namespace {
 
-constexpr int kWakeUp = SIGUSR1;  // Ends the waiting thread.
+// What the handler reaches: libraries start threads with any signal mask before `main`, so signals
+// are taken by a handler and not waited for.
+std::atomic<int>* received_signal = nullptr;
+sem_t* signal_arrived = nullptr;
+
+extern "C" void OnStopSignal(int signal) {
+  *received_signal = signal;
+  sem_post(signal_arrived);
+}
 
 }  // namespace
 
 StopSignals::StopSignals() : impl_(new Impl) {
-  sigemptyset(&impl_->watched);
-  for (const int signal : {SIGINT, SIGTERM, kWakeUp}) sigaddset(&impl_->watched, signal);
-  pthread_sigmask(SIG_BLOCK, &impl_->watched, nullptr);
+  SLALOM_CHECK(received_signal == nullptr);
+  sem_init(&impl_->arrived, 0, 0);
+  received_signal = &impl_->received;
+  signal_arrived = &impl_->arrived;
+  struct sigaction action = {};
+  action.sa_handler = OnStopSignal;
+  action.sa_flags = SA_RESETHAND | SA_RESTART;  // The second one does what it does by default.
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
   impl_->waiter = std::thread([impl = impl_] {
-    int signal = 0;
-    if (sigwait(&impl->watched, &signal) != 0 || signal == kWakeUp) return;
-    impl->received = signal;
+    while (sem_wait(&impl->arrived) != 0) {
+    }
+    if (impl->received == 0) return;
     impl->source.request_stop();
     spdlog::info("stopping and saving; the same signal again ends at once");
-    // From here on the signals do what they do by default.
-    pthread_sigmask(SIG_UNBLOCK, &impl->watched, nullptr);
-    sigset_t wake_up;
-    sigemptyset(&wake_up);
-    sigaddset(&wake_up, kWakeUp);
-    pthread_sigmask(SIG_BLOCK, &wake_up, nullptr);
-    sigwait(&wake_up, &signal);
   });
 }
 
 StopSignals::~StopSignals() {
-  pthread_kill(impl_->waiter.native_handle(), kWakeUp);
+  signal(SIGINT, SIG_DFL);
+  signal(SIGTERM, SIG_DFL);
+  sem_post(&impl_->arrived);
   impl_->waiter.join();
-  pthread_sigmask(SIG_UNBLOCK, &impl_->watched, nullptr);
+  received_signal = nullptr;
+  signal_arrived = nullptr;
+  sem_destroy(&impl_->arrived);
   delete impl_;
 }
 

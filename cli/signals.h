@@ -8,8 +8,6 @@ namespace slalom::cli {
 /// program at once, as it would without this. One at a time.
 class StopSignals {
  public:
-  /// Blocks the signals in this thread and in those it starts later, and starts the thread that
-  /// waits for them: make it before other threads.
   StopSignals();
   ~StopSignals();
   StopSignals(const StopSignals&) = delete;

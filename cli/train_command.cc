@@ -55,11 +55,6 @@ int Train(const TrainOptions& options, std::chrono::steady_clock::time_point beg
   StopSignals signals;
   const train::RunConfig config = LoadConfig(options);
   const train::RunDirectory directory{fs::path(options.output) / config.run.name};
-  if (options.resume) {
-    train::ResumeRun(directory, config);
-  } else {
-    train::BeginRun(directory, config);
-  }
   train::Trainer trainer(config, directory, std::string(Commit()), options.resume, begin);
   spdlog::info("training on {}, test on {}, run directory {}", config.courses.train,
                config.courses.test.empty() ? "nothing" : config.courses.test,

@@ -1,6 +1,7 @@
 #include "policy/blas.h"
 
 #include <ATen/ATen.h>
+#include <ATen/Parallel.h>
 #include <dlfcn.h>
 #include <unistd.h>
 
@@ -100,8 +101,9 @@ void Sgemm(bool transpose_a, bool transpose_b, std::int64_t m, std::int64_t n, s
         &b_stride, a, &a_stride, &zero, c, &c_stride);
 }
 
-void SetBlasThreads(int n) {
+void SetMathThreads(int n) {
   SLALOM_CHECK_GE(n, 1);
+  at::set_num_threads(n);
   const auto set_num_threads = Find<void (*)(int)>("openblas_set_num_threads");
   if (set_num_threads != nullptr) set_num_threads(n);
 }

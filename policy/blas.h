@@ -41,8 +41,8 @@ void Sgemm(bool transpose_a, bool transpose_b, std::int64_t m, std::int64_t n, s
            const float* a, std::int64_t lda, const float* b, std::int64_t ldb, float* c,
            std::int64_t ldc);
 
-/// Threads that one matrix product may use. Products small as ours are fastest on one. For
-/// OpenBLAS, whose threads `at::set_num_threads` does not reach. Requires: n >= 1.
-void SetBlasThreads(int n);
+/// Threads that one operation of LibTorch or OpenBLAS may use (each keeps its own count).
+/// Operations as small as ours are fastest on one. Requires: n >= 1.
+void SetMathThreads(int n);
 
 }  // namespace slalom::policy

@@ -44,6 +44,15 @@ std::uint64_t Seed(const RunConfig& config, std::string_view purpose) {
   return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
 }
 
+const RunDirectory& Begin(const RunDirectory& directory, const RunConfig& config, bool resume) {
+  if (resume) {
+    ResumeRun(directory, config);
+  } else {
+    BeginRun(directory, config);
+  }
+  return directory;
+}
+
 std::int64_t CountSteps(const replay::Chunk& chunk) {
   return std::count_if(chunk.flags.begin(), chunk.flags.end(),
                        [](std::uint8_t flags) { return (flags & replay::kRowFinal) == 0; });
@@ -54,7 +63,6 @@ std::int64_t CountSteps(const replay::Chunk& chunk) {
 Trainer::Trainer(const RunConfig& config, const RunDirectory& directory, std::string commit,
                  bool resume, steady_clock::time_point begin)
     : config_(config),
-      directory_(directory),
       commit_(std::move(commit)),
       begin_(begin),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
@@ -66,6 +74,7 @@ Trainer::Trainer(const RunConfig& config, const RunDirectory& directory, std::st
       table_(config.replay, config.environment.lidar.num_beams),
       sampling_(Seed(config, "sampling")),
       limiter_(config.run.updates_per_step, config.run.learning_starts),
+      directory_(Begin(directory, config, resume)),
       store_(directory.checkpoints()),
       storage_(directory.checkpoints() / kReplayDirectory) {
   if (resume) Restore();

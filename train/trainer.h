@@ -37,9 +37,10 @@ enum class TrainingEnd {
 /// its config: the same policy, bit for bit, however often it was killed and resumed.
 class Trainer {
  public:
-  /// Builds everything, and continues from the newest checkpoint that is whole where `resume`.
-  /// `commit`: of the program, for provenance. `begin`: when the process began, as training time
-  /// counts from there. Throws `base::Error` where courses, config or checkpoint are unusable.
+  /// Builds everything, then begins the run's directory (`BeginRun`), or where `resume` checks it
+  /// (`ResumeRun`) and continues from its newest checkpoint that is whole. `commit`: of the
+  /// program, for provenance. `begin`: when the process began, as training time counts from there.
+  /// Throws `base::Error` where courses, config or checkpoint are unusable.
   Trainer(const RunConfig& config, const RunDirectory& directory, std::string commit, bool resume,
           std::chrono::steady_clock::time_point begin);
   ~Trainer();
@@ -75,7 +76,6 @@ class Trainer {
   policy::PolicySnapshot BestPolicy() const;
 
   const RunConfig config_;
-  const RunDirectory directory_;
   const std::string commit_;
   const std::chrono::steady_clock::time_point begin_;
 
@@ -88,6 +88,8 @@ class Trainer {
   replay::SampledRows rows_;
   base::Random sampling_;
   RateLimiter limiter_;
+  // Nothing on disk is touched before all that a bad config can break has been built.
+  const RunDirectory directory_;
   CheckpointStore store_;
   replay::Storage storage_;
   std::unique_ptr<MetricsLog> metrics_;
