@@ -88,7 +88,7 @@ TEST_F(BadInputTest, CourseFilesCutOrChangedAreRefused) {
   const auto digit = changed.find_first_of("123456789", changed.size() / 2);
   changed[digit] = changed[digit] == '9' ? '1' : static_cast<char>(changed[digit] + 1);
   Write("changed.courses", changed);
-  ExpectError({"courses", "show", "--courses", "changed.courses"}, HasSubstr("changed.courses"));
+  ExpectError({"courses", "show", "changed.courses"}, HasSubstr("changed.courses"));
 }
 
 TEST_F(BadInputTest, PoliciesCutChangedOrOfAnotherKindAreRefused) {
