@@ -35,40 +35,46 @@ std::string Provenance(const policy::LoadedPolicy& policy, const std::string& ke
   return it == policy.metadata.end() ? "" : it->second;
 }
 
-/// Scores every snapshot of the run; false: stopped first.
-bool ScoreSnapshots(const train::RunDirectory& directory, const train::RunConfig& config,
-                    base::ParallelFor& parallel, std::stop_token stop) {
-  if (!fs::exists(directory.snapshots())) return true;
+/// The lines of curve.csv and of the table on the terminal: how well policies did, by training
+/// time.
+class Curve {
+ public:
+  Curve() {
+    fmt::print("\n{:>10} {:>12} {:>10} {:>9} {:>17} {:>11}\n", "seconds", "steps", "updates",
+               "success", "95 % interval", "traversal");
+  }
+
+  void Add(const policy::LoadedPolicy& policy, const eval::Figures& set) {
+    const eval::Interval interval = set.success_rate.interval.value_or(eval::Interval{0.0, 1.0});
+    const std::string traversal =
+        set.traversal_time ? fmt::format("{:.2f}", set.traversal_time->value) : "";
+    const std::string seconds = Provenance(policy, "training_s");
+    const std::string steps = Provenance(policy, "steps");
+    const std::string updates = Provenance(policy, "updates");
+    csv_ += fmt::format("{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{}\n", seconds, steps, updates,
+                        set.success_rate.value, interval.low, interval.high,
+                        set.collision_rate.value, set.timeout_rate.value, traversal);
+    fmt::print("{:>10} {:>12} {:>10} {:>8.1f}% {:>8.1f}-{:>5.1f} % {:>9} s\n", seconds, steps,
+               updates, 100.0 * set.success_rate.value, 100.0 * interval.low, 100.0 * interval.high,
+               traversal);
+  }
+
+  const std::string& csv() const { return csv_; }
+
+ private:
+  std::string csv_ =
+      "training_s,steps,updates,success_rate,success_low,success_high,collision_rate,timeout_rate,"
+      "traversal_time_s\n";
+};
+
+std::vector<fs::path> ListSnapshots(const train::RunDirectory& directory) {
   std::vector<fs::path> paths;
+  if (!fs::exists(directory.snapshots())) return paths;
   for (const auto& entry : fs::directory_iterator(directory.snapshots())) {
     if (entry.path().extension() == ".safetensors") paths.push_back(entry.path());
   }
   std::sort(paths.begin(), paths.end());
-  std::string csv =
-      "training_s,steps,updates,success_rate,success_low,success_high,collision_rate,timeout_rate,"
-      "traversal_time_s\n";
-  fmt::print("\n{:>10} {:>12} {:>10} {:>9} {:>17} {:>11}\n", "seconds", "steps", "updates",
-             "success", "95 % interval", "traversal");
-  for (const fs::path& path : paths) {
-    const policy::LoadedPolicy policy = policy::LoadPolicy(path);
-    const auto result =
-        EvaluatePolicy(policy.snapshot, path.string(), config, config.courses.test, parallel, stop);
-    if (!result) return false;
-    const eval::Figures& set = result->evaluation.summary.set;
-    const eval::Interval interval = set.success_rate.interval.value_or(eval::Interval{0.0, 1.0});
-    const std::string traversal =
-        set.traversal_time ? fmt::format("{:.2f}", set.traversal_time->value) : "";
-    csv += fmt::format("{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{}\n",
-                       Provenance(policy, "training_s"), Provenance(policy, "steps"),
-                       Provenance(policy, "updates"), set.success_rate.value, interval.low,
-                       interval.high, set.collision_rate.value, set.timeout_rate.value, traversal);
-    fmt::print("{:>10} {:>12} {:>10} {:>8.1f}% {:>8.1f}-{:>5.1f} % {:>9} s\n",
-               Provenance(policy, "training_s"), Provenance(policy, "steps"),
-               Provenance(policy, "updates"), 100.0 * set.success_rate.value, 100.0 * interval.low,
-               100.0 * interval.high, traversal);
-  }
-  base::WriteFileAtomically(directory.curve(), csv);
-  return true;
+  return paths;
 }
 
 }  // namespace
@@ -111,7 +117,18 @@ bool ScoreTraining(const train::RunDirectory& directory, const train::RunConfig&
   if (!result) return false;
   WriteEvaluation(*result, directory.root);
   fmt::print("{}", eval::TextReport(result->evaluation));
-  if (!ScoreSnapshots(directory, config, parallel, stop)) return false;
+  if (const auto snapshots = ListSnapshots(directory); !snapshots.empty()) {
+    Curve curve;
+    for (const fs::path& path : snapshots) {
+      const policy::LoadedPolicy kept = policy::LoadPolicy(path);
+      const auto scored =
+          EvaluatePolicy(kept.snapshot, path.string(), config, config.courses.test, parallel, stop);
+      if (!scored) return false;
+      curve.Add(kept, scored->evaluation.summary.set);
+    }
+    curve.Add(policy, result->evaluation.summary.set);
+    base::WriteFileAtomically(directory.curve(), curve.csv());
+  }
   const std::string root = directory.root.string();
   fmt::print(
       "\npolicy    {0}\n"
@@ -122,7 +139,8 @@ bool ScoreTraining(const train::RunDirectory& directory, const train::RunConfig&
       "  one course         ./slalom courses render --courses {2} --episodes "
       "{1}/evaluation-tracks.jsonl "
       "--output sheet.svg\n"
-      "  train longer       ./slalom train configs/fast.toml\n",
+      "  train longer       ./slalom train configs/fast.toml\n"
+      "  a lifelike drive   ./slalom train configs/lifelike.toml\n",
       policy_path, root, config.courses.test);
   return true;
 }
