@@ -32,12 +32,14 @@ function(slalom_add_library NAME)
 endfunction()
 
 # slalom_add_test(NAME SOURCES ... DEPS ... [LABELS ...] [TIMEOUT seconds])
-# One GoogleTest program, one ctest entry per test case.
+# One GoogleTest program, one ctest entry per test case. Labels: the folder, and those given.
 function(slalom_add_test NAME)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPS;LABELS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
+  get_filename_component(folder ${CMAKE_CURRENT_SOURCE_DIR} NAME)
+  set_property(DIRECTORY PROPERTY LABELS ${folder})
   add_executable(${NAME} ${ARG_SOURCES})
   target_link_libraries(${NAME} PRIVATE ${ARG_DEPS} slalom_build_flags GTest::gmock GTest::gtest_main)
   target_compile_definitions(${NAME} PRIVATE SLALOM_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
