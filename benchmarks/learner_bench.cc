@@ -8,6 +8,7 @@
 #include "learner/td3.h"
 #include "policy/blas.h"
 #include "policy/network_agent.h"
+#include "policy/small_gemm.h"
 #include "replay/table.h"
 
 /// TD3 updates beside the matrix products that they cannot do without, measured in the same run on
@@ -98,12 +99,23 @@ double CountFlops(const std::vector<Product>& products) {
   return flops;
 }
 
-/// Seconds that the products of one update take by themselves.
-double MeasureProducts(const std::vector<Product>& products, double seconds_each) {
+/// Seconds that the products of one update take by themselves, by our kernel or the BLAS.
+double MeasureProducts(const std::vector<Product>& products, bool small_gemm, double seconds_each) {
+  const policy::CpuFeatures cpu = policy::DetectCpuFeatures();
   double total = 0.0;
   for (const Product& p : products) {
     std::vector<float> a(p.m * p.k, 0.5f), b(p.k * p.n, 0.5f), c(p.m * p.n);
+    const policy::GemmTask task{.m = p.m,
+                                .n = p.n,
+                                .k = p.k,
+                                .a = a.data(),
+                                .lda = p.k,
+                                .b = b.data(),
+                                .ldb = p.n,
+                                .c = c.data(),
+                                .ldc = p.n};
     const auto multiply = [&] {
+      if (small_gemm && policy::SmallGemm(task, cpu)) return;
       policy::Sgemm(false, false, p.m, p.n, p.k, a.data(), p.k, b.data(), p.n, c.data(), p.n);
     };
     multiply();
@@ -140,12 +152,14 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
   for (int i = 0; i < 20; ++i) update();
   double updates_seconds = 0.0;
   double products_seconds = 0.0;
+  double small_gemm_seconds = 0.0;
   std::int64_t rounds = 0;
   std::int64_t updates = 0;
   for (auto _ : state) {
     // The products are measured between the updates, so both meet the same processor.
     state.PauseTiming();
-    products_seconds += MeasureProducts(products, 0.002);
+    products_seconds += MeasureProducts(products, /*small_gemm=*/false, 0.002);
+    small_gemm_seconds += MeasureProducts(products, /*small_gemm=*/true, 0.002);
     state.ResumeTiming();
     const double begin = ThreadSeconds();
     for (int i = 0; i < 40; ++i) update();
@@ -160,6 +174,8 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
   state.counters["of_sgemm"] = products_each / update_each;
   state.counters["MFLOP"] = CountFlops(products) * 1e-6;
   state.counters["sgemm_GFLOP/s"] = CountFlops(products) / products_each * 1e-9;
+  state.counters["small_gemm_GFLOP/s"] =
+      CountFlops(products) * static_cast<double>(rounds) / small_gemm_seconds * 1e-9;
 }
 
 void Td3UpdateFast(benchmark::State& state) { RunUpdates(state, FastSpec(), false); }

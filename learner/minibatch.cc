@@ -10,7 +10,7 @@ namespace {
 constexpr int kActionSize = 2;
 
 /// How many scans ahead of the one being read the next are fetched.
-constexpr std::size_t kPrefetchDistance = 6;
+constexpr std::size_t kPrefetchDistance = 3;
 
 }  // namespace
 

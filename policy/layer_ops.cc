@@ -6,6 +6,7 @@
 #include "base/check.h"
 #include "policy/blas.h"
 #include "policy/simd.h"
+#include "policy/small_gemm.h"
 
 namespace slalom::policy {
 namespace {
@@ -56,60 +57,149 @@ SLALOM_SIMD void MaskByPositive(const float* y, std::int64_t y_stride, float* dy
   }
 }
 
-/// Sums in a fixed order that a compiler may vectorise: sixteen partial sums, then those in turn.
-inline float LaneSum(const float (&lanes)[16]) {
-  float sum = 0.0f;
-  for (const float lane : lanes) sum += lane;
-  return sum;
+/// Numbers that are summed side by side, so that sums vectorise in an order that is always the
+/// same.
+constexpr int kLanes = 16;
+
+/// Rows whose sums are taken together, so that no row waits for those of another.
+constexpr std::int64_t kRowBlock = 8;
+
+/// By halves: 16 numbers to 8, 4, 2, 1.
+inline float LaneSum(const float (&lanes)[kLanes]) {
+  float eight[8], four[4];
+  for (int j = 0; j < 8; ++j) eight[j] = lanes[j] + lanes[j + 8];
+  for (int j = 0; j < 4; ++j) four[j] = eight[j] + eight[j + 4];
+  return (four[0] + four[2]) + (four[1] + four[3]);
 }
 
-inline float Sum(const float* x, std::int64_t n) {
-  float lanes[16] = {};
+inline float Sum(const float* __restrict x, std::int64_t n) {
+  float lanes[kLanes] = {};
   std::int64_t i = 0;
-  for (; i + 16 <= n; i += 16) {
-    for (int j = 0; j < 16; ++j) lanes[j] += x[i + j];
+  for (; i + kLanes <= n; i += kLanes) {
+    for (int j = 0; j < kLanes; ++j) lanes[j] += x[i + j];
   }
   for (; i < n; ++i) lanes[0] += x[i];
   return LaneSum(lanes);
 }
 
-inline float Dot(const float* x, const float* y, std::int64_t n) {
-  float lanes[16] = {};
+/// centred = x - mean. Returns the sum of its squares.
+inline float Centre(const float* __restrict x, float mean, std::int64_t n,
+                    float* __restrict centred) {
+  float lanes[kLanes] = {};
   std::int64_t i = 0;
-  for (; i + 16 <= n; i += 16) {
-    for (int j = 0; j < 16; ++j) lanes[j] += x[i + j] * y[i + j];
+  for (; i + kLanes <= n; i += kLanes) {
+    for (int j = 0; j < kLanes; ++j) {
+      const float value = x[i + j] - mean;
+      centred[i + j] = value;
+      lanes[j] += value * value;
+    }
   }
-  for (; i < n; ++i) lanes[0] += x[i] * y[i];
+  for (; i < n; ++i) {
+    centred[i] = x[i] - mean;
+    lanes[0] += centred[i] * centred[i];
+  }
   return LaneSum(lanes);
 }
 
-SLALOM_SIMD void NormaliseRow(const float* gain, const float* bias, std::int64_t n, float* y,
-                              float* normal, float* rstd) {
-  const float mean = Sum(y, n) / static_cast<float>(n);
-  for (std::int64_t j = 0; j < n; ++j) normal[j] = y[j] - mean;
-  const float variance = Dot(normal, normal, n) / static_cast<float>(n);
-  const float scale = 1.0f / std::sqrt(variance + kLayerNormEpsilon);
-  for (std::int64_t j = 0; j < n; ++j) {
-    normal[j] *= scale;
-    const float value = gain[j] * normal[j] + bias[j];
-    y[j] = value > 0.0f ? value : 0.0f;
+/// `rows` <= kRowBlock.
+SLALOM_SIMD void NormaliseRows(const float* __restrict gain, const float* __restrict bias,
+                               std::int64_t rows, std::int64_t n, float* __restrict y,
+                               std::int64_t y_stride, float* __restrict normal,
+                               std::int64_t normal_stride, float* __restrict rstd) {
+  const float count = static_cast<float>(n);
+  float mean[kRowBlock], squares[kRowBlock];
+  for (std::int64_t i = 0; i < rows; ++i) mean[i] = Sum(y + i * y_stride, n) / count;
+  for (std::int64_t i = 0; i < rows; ++i) {
+    squares[i] = Centre(y + i * y_stride, mean[i], n, normal + i * normal_stride);
   }
-  *rstd = scale;
+  for (std::int64_t i = 0; i < rows; ++i) {
+    rstd[i] = 1.0f / std::sqrt(squares[i] / count + kLayerNormEpsilon);
+  }
+  for (std::int64_t i = 0; i < rows; ++i) {
+    float* __restrict const to = y + i * y_stride;
+    float* __restrict const unit = normal + i * normal_stride;
+    const float scale = rstd[i];
+    for (std::int64_t j = 0; j < n; ++j) {
+      unit[j] *= scale;
+      const float value = gain[j] * unit[j] + bias[j];
+      to[j] = value > 0.0f ? value : 0.0f;
+    }
+  }
 }
 
-/// `dgain` and `dbias` are added to, where they are not null.
-SLALOM_SIMD void NormaliseRowGradient(const float* gain, const float* y, const float* normal,
-                                      float rstd, std::int64_t n, float* dy, float* dgain,
-                                      float* dbias) {
-  for (std::int64_t j = 0; j < n; ++j) dy[j] = y[j] > 0.0f ? dy[j] : 0.0f;
-  if (dgain != nullptr) {
-    for (std::int64_t j = 0; j < n; ++j) dgain[j] += dy[j] * normal[j];
-    for (std::int64_t j = 0; j < n; ++j) dbias[j] += dy[j];
+struct GradientSums {
+  float gradient;         // sum of dy
+  float gradient_normal;  // sum of dy * normal
+};
+
+/// dy = (y > 0 ? dy : 0) * gain. Returns its sums.
+inline GradientSums ScaleGradient(const float* __restrict gain, const float* __restrict y,
+                                  const float* __restrict normal, std::int64_t n,
+                                  float* __restrict dy) {
+  float sum[kLanes] = {}, dot[kLanes] = {};
+  std::int64_t i = 0;
+  for (; i + kLanes <= n; i += kLanes) {
+    for (int j = 0; j < kLanes; ++j) {
+      const float value = y[i + j] > 0.0f ? dy[i + j] * gain[i + j] : 0.0f;
+      dy[i + j] = value;
+      sum[j] += value;
+      dot[j] += value * normal[i + j];
+    }
   }
-  for (std::int64_t j = 0; j < n; ++j) dy[j] *= gain[j];
-  const float mean = Sum(dy, n) / static_cast<float>(n);
-  const float slope = Dot(dy, normal, n) / static_cast<float>(n);
-  for (std::int64_t j = 0; j < n; ++j) dy[j] = rstd * (dy[j] - mean - normal[j] * slope);
+  for (; i < n; ++i) {
+    dy[i] = y[i] > 0.0f ? dy[i] * gain[i] : 0.0f;
+    sum[0] += dy[i];
+    dot[0] += dy[i] * normal[i];
+  }
+  return {LaneSum(sum), LaneSum(dot)};
+}
+
+/// `rows` <= kRowBlock. `dgain` and `dbias` are added to, where they are not null.
+SLALOM_SIMD void NormaliseRowsGradient(const float* __restrict gain, std::int64_t rows,
+                                       std::int64_t n, const float* __restrict y,
+                                       std::int64_t y_stride, const float* __restrict normal,
+                                       std::int64_t normal_stride, const float* __restrict rstd,
+                                       float* __restrict dy, std::int64_t stride,
+                                       float* __restrict dgain, float* __restrict dbias) {
+  const float count = static_cast<float>(n);
+  GradientSums sums[kRowBlock];
+  for (std::int64_t i = 0; dgain != nullptr && i < rows; ++i) {
+    const float* __restrict const output = y + i * y_stride;
+    const float* __restrict const unit = normal + i * normal_stride;
+    const float* __restrict const gradient = dy + i * stride;
+    for (std::int64_t j = 0; j < n; ++j) {
+      const float value = output[j] > 0.0f ? gradient[j] : 0.0f;
+      dgain[j] += value * unit[j];
+      dbias[j] += value;
+    }
+  }
+  for (std::int64_t i = 0; i < rows; ++i) {
+    sums[i] = ScaleGradient(gain, y + i * y_stride, normal + i * normal_stride, n, dy + i * stride);
+  }
+  for (std::int64_t i = 0; i < rows; ++i) {
+    const float* __restrict const unit = normal + i * normal_stride;
+    float* __restrict const gradient = dy + i * stride;
+    const float mean = sums[i].gradient / count;
+    const float slope = sums[i].gradient_normal / count;
+    const float scale = rstd[i];
+    for (std::int64_t j = 0; j < n; ++j) {
+      gradient[j] = scale * (gradient[j] - mean - unit[j] * slope);
+    }
+  }
+}
+
+/// Computes a product by the kernel that suits it.
+void Multiply(const GemmTask& task) {
+  static const CpuFeatures cpu = DetectCpuFeatures();
+  if (SmallGemm(task, cpu)) return;
+  Sgemm(task.transpose_a, task.transpose_b, task.m, task.n, task.k, task.a, task.lda, task.b,
+        task.ldb, task.c, task.ldc);
+  if (task.bias != nullptr) {
+    AddBias(task.bias, task.relu, task.c, task.m, task.n, task.ldc);
+  }
+  if (task.mask != nullptr) {
+    MaskByPositive(task.mask, task.ld_mask, task.c, task.m, task.n, task.ldc);
+  }
 }
 
 }  // namespace
@@ -123,9 +213,18 @@ void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool 
   }
   const Matrix mx(x), mw(w), my(y);
   SLALOM_CHECK(mx.columns == mw.columns && mx.rows == my.rows && mw.rows == my.columns);
-  Sgemm(false, true, mx.rows, mw.rows, mx.columns, mx.data, mx.stride, mw.data, mw.stride, my.data,
-        my.stride);
-  AddBias(b.data_ptr<float>(), relu, my.data, my.rows, my.columns, my.stride);
+  Multiply({.transpose_b = true,
+            .m = mx.rows,
+            .n = mw.rows,
+            .k = mx.columns,
+            .a = mx.data,
+            .lda = mx.stride,
+            .b = mw.data,
+            .ldb = mw.stride,
+            .c = my.data,
+            .ldc = my.stride,
+            .bias = b.data_ptr<float>(),
+            .relu = relu});
 }
 
 void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor& dw,
@@ -136,28 +235,41 @@ void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor&
     return;
   }
   const Matrix mx(x), mdy(dy), mdw(dw);
-  Sgemm(true, false, mdy.columns, mx.columns, mx.rows, mdy.data, mdy.stride, mx.data, mx.stride,
-        mdw.data, mdw.stride);
+  Multiply({.transpose_a = true,
+            .m = mdy.columns,
+            .n = mx.columns,
+            .k = mx.rows,
+            .a = mdy.data,
+            .lda = mdy.stride,
+            .b = mx.data,
+            .ldb = mx.stride,
+            .c = mdw.data,
+            .ldc = mdw.stride});
   SumRows(mdy.data, mdy.rows, mdy.columns, mdy.stride, db.data_ptr<float>());
 }
 
-void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, at::Tensor& dx) {
+void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Tensor& relu_output,
+                         at::Tensor& dx) {
   if (!IsHostFloat(dy)) {
     at::mm_out(dx, dy, w);
+    if (relu_output.defined()) dx.mul_(relu_output > 0);
     return;
   }
   const Matrix mdy(dy), mw(w), mdx(dx);
-  Sgemm(false, false, mdy.rows, mw.columns, mw.rows, mdy.data, mdy.stride, mw.data, mw.stride,
-        mdx.data, mdx.stride);
-}
-
-void ReluGradient(const at::Tensor& y, at::Tensor& dy) {
-  if (!IsHostFloat(dy)) {
-    dy.mul_(y > 0);
-    return;
+  GemmTask task{.m = mdy.rows,
+                .n = mw.columns,
+                .k = mw.rows,
+                .a = mdy.data,
+                .lda = mdy.stride,
+                .b = mw.data,
+                .ldb = mw.stride,
+                .c = mdx.data,
+                .ldc = mdx.stride};
+  if (relu_output.defined()) {
+    task.mask = relu_output.data_ptr<float>();
+    task.ld_mask = relu_output.stride(0);
   }
-  const Matrix my(y), mdy(dy);
-  MaskByPositive(my.data, my.stride, mdy.data, mdy.rows, mdy.columns, mdy.stride);
+  Multiply(task);
 }
 
 void Tanh(at::Tensor& y) {
@@ -189,9 +301,10 @@ void LayerNormRelu(const at::Tensor& gain, const at::Tensor& bias, at::Tensor& y
     return;
   }
   const Matrix my(y), mn(normal);
-  for (std::int64_t i = 0; i < my.rows; ++i) {
-    NormaliseRow(gain.data_ptr<float>(), bias.data_ptr<float>(), my.columns,
-                 my.data + i * my.stride, mn.data + i * mn.stride, rstd.data_ptr<float>() + i);
+  for (std::int64_t i = 0; i < my.rows; i += kRowBlock) {
+    NormaliseRows(gain.data_ptr<float>(), bias.data_ptr<float>(), std::min(kRowBlock, my.rows - i),
+                  my.columns, my.data + i * my.stride, my.stride, mn.data + i * mn.stride,
+                  mn.stride, rstd.data_ptr<float>() + i);
   }
 }
 
@@ -217,10 +330,11 @@ void LayerNormReluGradient(const at::Tensor& gain, const at::Tensor& y, const at
     std::fill(gain_gradient, gain_gradient + mdy.columns, 0.0f);
     std::fill(bias_gradient, bias_gradient + mdy.columns, 0.0f);
   }
-  for (std::int64_t i = 0; i < mdy.rows; ++i) {
-    NormaliseRowGradient(gain.data_ptr<float>(), my.data + i * my.stride, mn.data + i * mn.stride,
-                         rstd.data_ptr<float>()[i], mdy.columns, mdy.data + i * mdy.stride,
-                         gain_gradient, bias_gradient);
+  for (std::int64_t i = 0; i < mdy.rows; i += kRowBlock) {
+    NormaliseRowsGradient(gain.data_ptr<float>(), std::min(kRowBlock, mdy.rows - i), mdy.columns,
+                          my.data + i * my.stride, my.stride, mn.data + i * mn.stride, mn.stride,
+                          rstd.data_ptr<float>() + i, mdy.data + i * mdy.stride, mdy.stride,
+                          gain_gradient, bias_gradient);
   }
 }
 

@@ -7,7 +7,7 @@
 ///
 /// Shapes: `B` batch, `I` inputs, `O` outputs of a layer. Matrices may be column ranges of wider
 /// ones (their rows must be dense). On the CPU and float32 these are fused kernels without
-/// allocation or dispatch, around LibTorch's matrix product; on other devices and types they are
+/// allocation or dispatch, around `SmallGemm` or else the BLAS; on other devices and types they are
 /// LibTorch's own operations. Thread-safe.
 
 namespace slalom::policy {
@@ -20,11 +20,10 @@ void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool 
 void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor& dw,
                           at::Tensor& db);
 
-/// dx = dy w, the gradient by x. dx: [B, I].
-void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, at::Tensor& dx);
-
-/// Passes a gradient back through y = max(0, x), in place: dy = dy where y > 0, else 0.
-void ReluGradient(const at::Tensor& y, at::Tensor& dy);
+/// dx = dy w, the gradient by x; where x = max(0, ...) came out of a ReLU, `relu_output` is that x
+/// and dx is passed back through it: 0 where x <= 0. Else it is an undefined tensor. dx: [B, I].
+void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Tensor& relu_output,
+                         at::Tensor& dx);
 
 /// LayerNorm over each row and ReLU, in place: y = max(0, gain * normal + bias), normal = (y -
 /// mean) * rstd. y, normal: [B, O]; rstd: [B]; gain, bias: [O].

@@ -84,12 +84,9 @@ void Mlp::ParameterGradient(MlpPass& pass, Mlp& gradient) const {
   for (int i = last; i >= 0; --i) {
     MlpPass::Layer& state = pass.layers_[i];
     Layer& result = gradient.layers_[i];
-    if (i < last) ActivationGradient(state, i, &result);
+    if (i < last) NormGradient(state, i, &result);
     LinearWeightGradient(state.input, state.output_gradient, result.weight, result.bias);
-    if (i > 0) {
-      LinearInputGradient(state.output_gradient, layers_[i].weight_before,
-                          pass.layers_[i - 1].output_gradient);
-    }
+    if (i > 0) InputGradient(pass, i);
   }
 }
 
@@ -97,21 +94,22 @@ void Mlp::ExtraGradient(MlpPass& pass) const {
   const int last = shape_.num_layers() - 1;
   for (int i = last; i >= shape_.extra_layer; --i) {
     MlpPass::Layer& state = pass.layers_[i];
-    if (i < last) ActivationGradient(state, i, nullptr);
-    if (i > shape_.extra_layer) {
-      LinearInputGradient(state.output_gradient, layers_[i].weight_before,
-                          pass.layers_[i - 1].output_gradient);
-    }
+    if (i < last) NormGradient(state, i, nullptr);
+    if (i > shape_.extra_layer) InputGradient(pass, i);
   }
-  LinearInputGradient(pass.layers_[shape_.extra_layer].output_gradient, extra_weight_,
+  LinearInputGradient(pass.layers_[shape_.extra_layer].output_gradient, extra_weight_, {},
                       pass.extra_gradient_);
 }
 
-void Mlp::ActivationGradient(MlpPass::Layer& pass, int layer, Layer* gradient) const {
-  if (!layers_[layer].gain.defined()) {
-    ReluGradient(pass.output, pass.output_gradient);
-    return;
-  }
+void Mlp::InputGradient(MlpPass& pass, int layer) const {
+  MlpPass::Layer& before = pass.layers_[layer - 1];
+  const bool is_relu = !layers_[layer - 1].gain.defined();
+  LinearInputGradient(pass.layers_[layer].output_gradient, layers_[layer].weight_before,
+                      is_relu ? before.output : at::Tensor(), before.output_gradient);
+}
+
+void Mlp::NormGradient(MlpPass::Layer& pass, int layer, Layer* gradient) const {
+  if (!layers_[layer].gain.defined()) return;
   at::Tensor unwanted;
   LayerNormReluGradient(layers_[layer].gain, pass.output, pass.normal, pass.rstd,
                         pass.output_gradient, gradient ? gradient->gain : unwanted,

@@ -74,9 +74,12 @@ class Mlp {
     at::Tensor weight_before;  // [outputs, inputs from the layer before]
   };
 
-  /// Passes the output gradient of a hidden layer back through its ReLU and LayerNorm; `gradient`
-  /// may be null.
-  void ActivationGradient(MlpPass::Layer& pass, int layer, Layer* gradient) const;
+  /// From the gradient by the output of `layer` > 0 to that of the layer before it, through its
+  /// ReLU where it has no LayerNorm.
+  void InputGradient(MlpPass& pass, int layer) const;
+  /// Passes the output gradient of a hidden layer back through its LayerNorm and ReLU, where it has
+  /// that; `gradient` may be null.
+  void NormGradient(MlpPass::Layer& pass, int layer, Layer* gradient) const;
 
   MlpShape shape_;
   std::vector<Layer> layers_;
