@@ -46,11 +46,7 @@ class TemporaryFile {
     if (closed != 0) Fail("cannot write");
     if (::rename(path_.c_str(), target_.c_str()) != 0) Fail("cannot rename to");
     committed_ = true;
-    const auto parent = target_.has_parent_path() ? target_.parent_path() : ".";
-    if (const int dir = ::open(parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); dir >= 0) {
-      ::fsync(dir);
-      ::close(dir);
-    }
+    SyncDirectory(target_.has_parent_path() ? target_.parent_path() : ".");
   }
 
  private:
@@ -89,6 +85,13 @@ void WriteFileAtomically(const std::filesystem::path& path,
   TemporaryFile file(path);
   write([&file](std::span<const std::byte> bytes) { file.Append(bytes); });
   file.Commit();
+}
+
+void SyncDirectory(const std::filesystem::path& path) {
+  if (const int fd = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); fd >= 0) {
+    ::fsync(fd);
+    ::close(fd);
+  }
 }
 
 void MakeDirectories(const std::filesystem::path& path) {

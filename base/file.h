@@ -24,6 +24,9 @@ using AppendBytes = std::function<void(std::span<const std::byte>)>;
 void WriteFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const AppendBytes&)>& write);
 
+/// Makes the names in a directory outlast a loss of power, as far as its file system can.
+void SyncDirectory(const std::filesystem::path& path);
+
 /// Makes the directory and its parents. Throws `Error` where that fails.
 void MakeDirectories(const std::filesystem::path& path);
 

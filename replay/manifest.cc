@@ -12,17 +12,16 @@ namespace {
 
 constexpr std::string_view kTitle = "slalom-replay 1\n";
 
-[[noreturn]] void Fail(std::string_view why) {
-  throw base::Error(
-      fmt::format("replay manifest in the checkpoint: {}; the checkpoint is damaged", why));
+[[noreturn]] void Fail(std::string_view source, std::string_view why) {
+  throw base::Error(fmt::format("{}: {}; the checkpoint is damaged", source, why));
 }
 
 template <class T>
-T Number(std::istream& in, std::string_view key, T min, T max) {
+T Number(std::istream& in, std::string_view source, std::string_view key, T min, T max) {
   std::string found_key;
   T value{};
   if (!(in >> found_key >> value) || found_key != key || value < min || value > max) {
-    Fail(fmt::format("expected '{}' and a number from {} to {}", key, min, max));
+    Fail(source, fmt::format("expected '{}' and a number from {} to {}", key, min, max));
   }
   return value;
 }
@@ -45,37 +44,38 @@ std::string PrintManifest(const Manifest& manifest) {
   return text + fmt::format("checksum {:016x}\n", base::Checksum(text));
 }
 
-Manifest ParseManifest(std::string_view text) {
-  if (!text.starts_with(kTitle)) Fail("expected it to begin with 'slalom-replay 1'");
+Manifest ParseManifest(std::string_view text, std::string_view source) {
+  if (!text.starts_with(kTitle)) Fail(source, "expected it to begin with 'slalom-replay 1'");
   const auto last_line = text.rfind("checksum ");
   if (last_line == std::string_view::npos ||
       text.substr(last_line) !=
           fmt::format("checksum {:016x}\n", base::Checksum(text.substr(0, last_line)))) {
-    Fail("its checksum does not match");
+    Fail(source, "its checksum does not match");
   }
   std::istringstream in(std::string(text.substr(kTitle.size())));
   constexpr std::int64_t kMaxRows = std::int64_t{1} << 60;
   Manifest manifest;
-  manifest.num_beams = Number(in, "beams", 1, 65536);
-  manifest.capacity = Number<std::int64_t>(in, "capacity", 2, 1000000000);
-  manifest.begin = Number<std::int64_t>(in, "begin", 0, kMaxRows);
+  manifest.num_beams = Number(in, source, "beams", 1, 65536);
+  manifest.capacity = Number<std::int64_t>(in, source, "capacity", 2, 1000000000);
+  manifest.begin = Number<std::int64_t>(in, source, "begin", 0, kMaxRows);
   manifest.end =
-      Number<std::int64_t>(in, "end", manifest.begin, manifest.begin + manifest.capacity);
-  const auto streams = Number<std::int64_t>(in, "streams", 0, 1 << 24);
+      Number<std::int64_t>(in, source, "end", manifest.begin, manifest.begin + manifest.capacity);
+  const auto streams = Number<std::int64_t>(in, source, "streams", 0, 1 << 24);
   if (streams > 0) {
     std::string bits;
     in >> bits;
-    if (static_cast<std::int64_t>(bits.size()) != streams) Fail("expected a digit per stream");
+    if (static_cast<std::int64_t>(bits.size()) != streams)
+      Fail(source, "expected a digit per stream");
     for (const char bit : bits) manifest.open.push_back(bit == '1');
   }
-  const auto num_segments = Number<std::int64_t>(in, "segments", 0, 1 << 24);
+  const auto num_segments = Number<std::int64_t>(in, source, "segments", 0, 1 << 24);
   for (std::int64_t i = 0; i < num_segments; ++i) {
     Storage::Segment segment;
     const bool is_read = static_cast<bool>(in >> segment.name >> segment.begin >> segment.end >>
                                            std::hex >> segment.digest >> std::dec);
     if (!is_read || segment.begin >= segment.end || segment.name.find('/') != std::string::npos ||
         (i > 0 && segment.begin != manifest.segments.back().end)) {
-      Fail("expected segments that follow each other");
+      Fail(source, "expected segments that follow each other");
     }
     manifest.segments.push_back(segment);
   }
@@ -83,7 +83,7 @@ Manifest ParseManifest(std::string_view text) {
       manifest.begin == manifest.end ||
       (!manifest.segments.empty() && manifest.segments.front().begin <= manifest.begin &&
        manifest.segments.back().end == manifest.end);
-  if (!is_covered) Fail("expected segments that hold all rows");
+  if (!is_covered) Fail(source, "expected segments that hold all rows");
   return manifest;
 }
 

@@ -21,7 +21,8 @@ struct Manifest {
 
 std::string PrintManifest(const Manifest& manifest);
 
-/// Throws `base::Error` where the text is not one that `PrintManifest` made.
-Manifest ParseManifest(std::string_view text);
+/// Throws `base::Error` that starts with `source` where the text is not one that `PrintManifest`
+/// made.
+Manifest ParseManifest(std::string_view text, std::string_view source = "replay manifest");
 
 }  // namespace slalom::replay

@@ -229,8 +229,8 @@ void Storage::ReadSegment(const Segment& segment, Table* table) const {
   }
 }
 
-Table Storage::Load(std::string_view text) {
-  const Manifest manifest = ParseManifest(text);
+Table Storage::Load(std::string_view text, std::string_view source) {
+  const Manifest manifest = ParseManifest(text, source);
   Table table =
       Table::BeginRestore({.capacity = manifest.capacity}, manifest.num_beams, manifest.begin);
   for (const Segment& segment : manifest.segments) ReadSegment(segment, &table);

@@ -36,9 +36,9 @@ class Storage {
   void Commit(std::span<const std::string> manifests);
 
   /// The table as it was at the `Save` that returned `manifest`: the same draws from the same
-  /// `Random`. Throws `base::Error` naming the file where the manifest or a segment is missing, cut
-  /// short or damaged.
-  [[nodiscard]] Table Load(std::string_view manifest);
+  /// `Random`. Throws `base::Error` naming the file, `source` for the manifest's, where it or a
+  /// segment is missing, cut short or damaged.
+  [[nodiscard]] Table Load(std::string_view manifest, std::string_view source = "replay manifest");
 
   /// A file of rows [begin, end).
   struct Segment {

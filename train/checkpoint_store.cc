@@ -19,6 +19,8 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kPrefix = "step-";
 constexpr std::string_view kUnfinished = ".unfinished";
+constexpr std::string_view kReplaced = ".replaced";
+constexpr std::string_view kDamaged = ".damaged";
 constexpr std::size_t kNumKept = 2;
 
 std::optional<std::int64_t> StepsOf(const fs::path& path) {
@@ -31,13 +33,31 @@ std::optional<std::int64_t> StepsOf(const fs::path& path) {
   return steps;
 }
 
+void Rename(const fs::path& from, const fs::path& to) {
+  std::error_code ec;
+  fs::rename(from, to, ec);
+  if (ec) {
+    throw base::Error(
+        fmt::format("{}: cannot rename to {} ({})", from.string(), to.string(), ec.message()));
+  }
+}
+
 }  // namespace
 
 CheckpointStore::CheckpointStore(const fs::path& directory) : directory_(directory) {
   base::MakeDirectories(directory);
   std::error_code ec;
   for (const auto& entry : fs::directory_iterator(directory, ec)) {
-    if (entry.path().filename().string().ends_with(kUnfinished)) fs::remove_all(entry.path(), ec);
+    const std::string path = entry.path().string();
+    if (path.ends_with(kUnfinished)) fs::remove_all(path, ec);
+    if (!path.ends_with(kReplaced)) continue;
+    // A crash came between the two renames of `Write`, or before the removal.
+    const fs::path target = path.substr(0, path.size() - kReplaced.size());
+    if (fs::exists(target)) {
+      fs::remove_all(path, ec);
+    } else {
+      fs::rename(path, target, ec);
+    }
   }
   if (ec) throw base::Error(fmt::format("{}: cannot read ({})", directory.string(), ec.message()));
 }
@@ -45,19 +65,30 @@ CheckpointStore::CheckpointStore(const fs::path& directory) : directory_(directo
 void CheckpointStore::Write(std::int64_t steps, const std::function<void(const fs::path&)>& write) {
   const fs::path target = directory_ / fmt::format("{}{}", kPrefix, steps);
   const fs::path unfinished = target.string() + std::string(kUnfinished);
+  const fs::path replaced = target.string() + std::string(kReplaced);
   std::error_code ec;
   try {
     base::MakeDirectories(unfinished);
     write(unfinished);
-    fs::remove_all(target, ec);  // The same step again, as a stop right after a resume makes.
-    fs::rename(unfinished, target, ec);
-    if (ec) throw base::Error(fmt::format("{}: cannot rename ({})", target.string(), ec.message()));
+    base::SyncDirectory(unfinished);
+    // The same step again, as a stop right after a resume makes.
+    if (fs::exists(target)) Rename(target, replaced);
+    Rename(unfinished, target);
+    base::SyncDirectory(directory_);
+    fs::remove_all(replaced, ec);
   } catch (...) {
     fs::remove_all(unfinished, ec);
     throw;
   }
   const auto all = List();
   for (std::size_t i = kNumKept; i < all.size(); ++i) fs::remove_all(all[i], ec);
+}
+
+void CheckpointStore::SetAside(const fs::path& checkpoint) {
+  const fs::path aside = checkpoint.string() + std::string(kDamaged);
+  std::error_code ec;
+  fs::remove_all(aside, ec);
+  Rename(checkpoint, aside);
 }
 
 std::vector<fs::path> CheckpointStore::List() const {

@@ -20,6 +20,10 @@ class CheckpointStore {
   /// Checkpoints older than the newest two are removed last.
   void Write(std::int64_t steps, const std::function<void(const std::filesystem::path&)>& write);
 
+  /// Renames a checkpoint that turned out damaged to `step-N.damaged`, so that it counts no more.
+  /// Throws `base::Error` where that fails.
+  void SetAside(const std::filesystem::path& checkpoint);
+
   /// Directories of the checkpoints, newest first.
   std::vector<std::filesystem::path> List() const;
 

@@ -1,9 +1,13 @@
 #include "train/run_directory.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <string_view>
 #include <utility>
 
@@ -34,8 +38,24 @@ void WriteConfig(const RunDirectory& directory, const RunConfig& config) {
 
 }  // namespace
 
-void BeginRun(const RunDirectory& directory, const RunConfig& config) {
+RunLock::RunLock(const fs::path& root)
+    : fd_(::open(root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+  if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  ::close(fd_);
+  throw base::Error(fmt::format(
+      "{}: another process is training in this directory; stop it, or choose another --name",
+      root.string()));
+}
+
+RunLock::~RunLock() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+RunLock::RunLock(RunLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+
+RunLock BeginRun(const RunDirectory& directory, const RunConfig& config) {
   if (fs::exists(directory.config())) {
+    const RunLock earlier(directory.root);
     fs::path aside;
     for (int i = 1; aside.empty() || fs::exists(aside); ++i) {
       aside = fmt::format("{}.{}", directory.root.string(), i);
@@ -49,13 +69,16 @@ void BeginRun(const RunDirectory& directory, const RunConfig& config) {
     spdlog::info("the earlier run is now {}", aside.string());
   }
   base::MakeDirectories(directory.root);
+  RunLock lock(directory.root);
   WriteConfig(directory, config);
+  return lock;
 }
 
-void ResumeRun(const RunDirectory& directory, const RunConfig& config) {
+RunLock ResumeRun(const RunDirectory& directory, const RunConfig& config) {
   if (!fs::exists(directory.config())) {
     throw base::Error(fmt::format("{}: no run to resume here", directory.root.string()));
   }
+  RunLock lock(directory.root);
   auto earlier =
       config::FromToml<RunConfig>(base::ReadFile(directory.config()), directory.config().string());
   RunConfig given = config;
@@ -70,6 +93,7 @@ void ResumeRun(const RunDirectory& directory, const RunConfig& config) {
     }
   }
   WriteConfig(directory, given);
+  return lock;
 }
 
 }  // namespace slalom::train

@@ -19,13 +19,29 @@ struct RunDirectory {
   std::filesystem::path training_picture() const { return root / "training.svg"; }
 };
 
+/// Holds a run's directory against other processes for as long as it lives, however it ends. The
+/// directory keeps it when renamed. Movable.
+class RunLock {
+ public:
+  /// Throws `base::Error` where another process holds it. Where the file system knows no locks
+  /// nothing is held.
+  explicit RunLock(const std::filesystem::path& root);
+  ~RunLock();
+  RunLock(RunLock&& other) noexcept;
+  RunLock& operator=(RunLock&&) = delete;
+
+ private:
+  int fd_;
+};
+
 /// Prepares the directory of a new run; an earlier run there is moved to `NAME.1`, `NAME.2`, ...
-/// first. Throws `base::Error` where it cannot be made or written.
-void BeginRun(const RunDirectory& directory, const RunConfig& config);
+/// first. Throws `base::Error` where it cannot be made or written, or another process
+/// trains there.
+RunLock BeginRun(const RunDirectory& directory, const RunConfig& config);
 
 /// Checks that the run there can go on with `config`, whose limits, logging and evaluation may
-/// differ, and writes the new config. Throws `base::Error` where there is no run or another key
-/// differs.
-void ResumeRun(const RunDirectory& directory, const RunConfig& config);
+/// differ, and writes the new config. Throws `base::Error` where there is no run, another key
+/// differs, or another process trains there.
+RunLock ResumeRun(const RunDirectory& directory, const RunConfig& config);
 
 }  // namespace slalom::train

@@ -44,13 +44,23 @@ std::uint64_t Seed(const RunConfig& config, std::string_view purpose) {
   return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
 }
 
-const RunDirectory& Begin(const RunDirectory& directory, const RunConfig& config, bool resume) {
-  if (resume) {
-    ResumeRun(directory, config);
-  } else {
-    BeginRun(directory, config);
+RunLock Begin(const RunDirectory& directory, const RunConfig& config, bool resume) {
+  return resume ? ResumeRun(directory, config) : BeginRun(directory, config);
+}
+
+const RunConfig& Checked(const RunConfig& config) {
+  if (config.run.deterministic && config.run.max_seconds > 0.0) {
+    throw base::Error(fmt::format(
+        "run.max_seconds is {}, expected 0 in a deterministic run: what it learns in that time "
+        "depends on the machine; end it by run.max_steps",
+        config.run.max_seconds));
   }
-  return directory;
+  return config;
+}
+
+/// Of the state in `state.json`, as 16 hexadecimal digits.
+std::string StateChecksum(const nlohmann::json& state) {
+  return fmt::format("{:016x}", base::Checksum(std::string_view(state.dump())));
 }
 
 std::int64_t CountSteps(const replay::Chunk& chunk) {
@@ -62,7 +72,7 @@ std::int64_t CountSteps(const replay::Chunk& chunk) {
 
 Trainer::Trainer(const RunConfig& config, const RunDirectory& directory, std::string commit,
                  bool resume, steady_clock::time_point begin)
-    : config_(config),
+    : config_(Checked(config)),
       commit_(std::move(commit)),
       begin_(begin),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
@@ -74,7 +84,8 @@ Trainer::Trainer(const RunConfig& config, const RunDirectory& directory, std::st
       table_(config.replay, config.environment.lidar.num_beams),
       sampling_(Seed(config, "sampling")),
       limiter_(config.run.updates_per_step, config.run.learning_starts),
-      directory_(Begin(directory, config, resume)),
+      directory_(directory),
+      lock_(Begin(directory, config, resume)),
       store_(directory.checkpoints()),
       storage_(directory.checkpoints() / kReplayDirectory) {
   if (resume) Restore();
@@ -91,6 +102,16 @@ double Trainer::training_s() const {
 }
 
 TrainingEnd Trainer::Run(std::stop_token stop) {
+  try {
+    return Train(stop);
+  } catch (const base::Error&) {
+    // The actor refuses what a network chooses that diverged since the last look at it.
+    if (IsWell()) throw;
+    return TrainingEnd::kDiverged;
+  }
+}
+
+TrainingEnd Trainer::Train(std::stop_token stop) {
   StartCollector();
   base::ProgressLine progress;
   while (!AtLimit() && !stop.stop_requested()) {
@@ -99,13 +120,13 @@ TrainingEnd Trainer::Run(std::stop_token stop) {
     } else {
       // No update is due here, so a checkpoint by steps falls on the same place in every run.
       if (CheckpointDue()) TryCheckpoint();
+      KeepSnapshots();
       Collect();
     }
     const double now = training_s();
     if (now - last_row_.training_s < config_.run.log_interval) continue;
     if (!Log()) return TrainingEnd::kDiverged;
     progress.Show(FormatProgress(last_row_, RemainingSeconds()), now);
-    KeepSnapshots();
   }
   StopCollector();
   if (!Log()) return TrainingEnd::kDiverged;
@@ -197,11 +218,15 @@ bool Trainer::Log() {
   row.replay_steps = table_.num_steps();
   metrics_->Append(row);
   last_row_ = row;
+  return IsWell();
+}
+
+bool Trainer::IsWell() const {
   const auto fault = td3_.FindFault();
   if (!fault) return true;
   spdlog::error(
       "training diverged at {} steps, {} updates: {}; the last good checkpoint is kept in {}",
-      row.steps, row.updates, *fault, directory_.checkpoints().string());
+      limiter_.steps(), limiter_.updates(), *fault, directory_.checkpoints().string());
   return false;
 }
 
@@ -277,7 +302,8 @@ void Trainer::Checkpoint() {
                                   {"training_s", training_s()},
                                   {"acting_version", agent_.snapshot().version},
                                   {"sampling", sampling_.state()}};
-    base::WriteFileAtomically(directory / kStateFile, state.dump(1) + "\n");
+    const nlohmann::json file = {{"state", state}, {"checksum", StateChecksum(state)}};
+    base::WriteFileAtomically(directory / kStateFile, file.dump(1) + "\n");
   });
   std::vector<std::string> manifests;
   for (const fs::path& checkpoint : store_.List()) {
@@ -292,9 +318,11 @@ void Trainer::Restore() {
     spdlog::warn("{}: no checkpoint yet, the run begins anew", store_.directory().string());
     return;
   }
+  std::vector<fs::path> damaged;
   for (const fs::path& checkpoint : checkpoints) {
     try {
       RestoreFrom(checkpoint);
+      for (const fs::path& newer : damaged) store_.SetAside(newer);
       spdlog::info("resumed from {} ({} steps, {})", checkpoint.string(),
                    base::FormatCount(static_cast<double>(limiter_.steps())),
                    base::FormatDuration(earlier_s_));
@@ -302,6 +330,7 @@ void Trainer::Restore() {
     } catch (const base::Error& error) {
       if (checkpoint == checkpoints.back()) throw;
       spdlog::error("{}; trying the checkpoint before it", error.what());
+      damaged.push_back(checkpoint);
     }
   }
 }
@@ -313,7 +342,12 @@ void Trainer::RestoreFrom(const fs::path& checkpoint) {
   std::int64_t updates = 0;
   base::Random::State sampling{};
   try {
-    const auto state = nlohmann::json::parse(base::ReadFile(state_path));
+    const auto file = nlohmann::json::parse(base::ReadFile(state_path));
+    const auto& state = file.at("state");
+    if (file.at("checksum").get<std::string>() != StateChecksum(state)) {
+      throw base::Error(fmt::format("{}: its checksum does not match; the checkpoint is damaged",
+                                    state_path.string()));
+    }
     steps = state.at("steps").get<std::int64_t>();
     updates = state.at("updates").get<std::int64_t>();
     earlier_s = state.at("training_s").get<double>();
@@ -327,7 +361,8 @@ void Trainer::RestoreFrom(const fs::path& checkpoint) {
   const fs::path actor_path = checkpoint / kActorFile;
   const auto actor_state =
       actor::ActorState::Parse(base::ReadFile(actor_path), actor_path.string());
-  table_ = storage_.Load(base::ReadFile(checkpoint / kReplayFile));
+  const fs::path replay_path = checkpoint / kReplayFile;
+  table_ = storage_.Load(base::ReadFile(replay_path), replay_path.string());
   td3_.LoadState(learner_state);
   agent_.SetSnapshot(acting.snapshot);
   actor_.Restore(actor_state);

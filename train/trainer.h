@@ -40,7 +40,8 @@ class Trainer {
   /// Builds everything, then begins the run's directory (`BeginRun`), or where `resume` checks it
   /// (`ResumeRun`) and continues from its newest checkpoint that is whole. `commit`: of the
   /// program, for provenance. `begin`: when the process began, as training time counts from there.
-  /// Throws `base::Error` where courses, config or checkpoint are unusable.
+  /// Throws `base::Error` where courses, config or checkpoint are unusable, or another process
+  /// trains there.
   Trainer(const RunConfig& config, const RunDirectory& directory, std::string commit, bool resume,
           std::chrono::steady_clock::time_point begin);
   ~Trainer();
@@ -63,8 +64,11 @@ class Trainer {
   bool AtLimit() const;
   double Fraction() const;
   double RemainingSeconds() const;
+  TrainingEnd Train(std::stop_token stop);
   /// Writes a row of metrics. False: the learner diverged.
   [[nodiscard]] bool Log();
+  /// False: the learner diverged, which is then said.
+  [[nodiscard]] bool IsWell() const;
   void KeepSnapshots();
   bool CheckpointDue() const;
   void TryCheckpoint();
@@ -90,6 +94,7 @@ class Trainer {
   RateLimiter limiter_;
   // Nothing on disk is touched before all that a bad config can break has been built.
   const RunDirectory directory_;
+  const RunLock lock_;
   CheckpointStore store_;
   replay::Storage storage_;
   std::unique_ptr<MetricsLog> metrics_;

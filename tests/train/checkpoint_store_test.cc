@@ -53,6 +53,34 @@ TEST(CheckpointStoreTest, WhatACrashLeftHalfWrittenIsNoCheckpoint) {
   EXPECT_TRUE(fs::exists(directory / "replay"));
 }
 
+TEST(CheckpointStoreTest, ACrashWhileAStepIsReplacedLosesNothing) {
+  const test::ScratchDirectory scratch;
+  const fs::path directory = scratch.path() / "checkpoints";
+  {
+    CheckpointStore store(directory);
+    WriteOne(store, 10, "old");
+    WriteOne(store, 20, "new");
+  }
+  // Between the two renames, and after both.
+  fs::rename(directory / "step-10", directory / "step-10.replaced");
+  fs::copy(directory / "step-20", directory / "step-20.replaced");
+  const CheckpointStore store(directory);
+  ASSERT_EQ(store.List().size(), 2u);
+  EXPECT_EQ(base::ReadFile(store.List()[1] / "a"), "old");
+  EXPECT_EQ(std::distance(fs::directory_iterator(directory), {}), 2);
+}
+
+TEST(CheckpointStoreTest, OneSetAsideCountsNoMoreButIsKept) {
+  const test::ScratchDirectory scratch;
+  CheckpointStore store(scratch.path() / "checkpoints");
+  WriteOne(store, 10);
+  WriteOne(store, 20);
+  store.SetAside(store.List()[0]);
+  ASSERT_EQ(store.List().size(), 1u);
+  EXPECT_EQ(store.List()[0].filename(), "step-10");
+  EXPECT_TRUE(fs::exists(store.directory() / "step-20.damaged"));
+}
+
 TEST(CheckpointStoreTest, TheSameStepAgainReplacesTheOld) {
   const test::ScratchDirectory scratch;
   CheckpointStore store(scratch.path() / "checkpoints");

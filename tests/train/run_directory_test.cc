@@ -39,6 +39,19 @@ TEST(RunDirectoryTest, AResumedRunMayGoOnLongerButNotOtherwise) {
   }
 }
 
+TEST(RunDirectoryTest, TwoProcessesDoNotTrainInOneDirectory) {
+  const test::ScratchDirectory scratch;
+  const RunDirectory directory{scratch.path() / "run"};
+  {
+    const RunLock lock = BeginRun(directory, RunConfig{});
+    EXPECT_THROW(BeginRun(directory, RunConfig{}), base::Error);
+    EXPECT_THROW(ResumeRun(directory, RunConfig{}), base::Error);
+    EXPECT_TRUE(std::filesystem::exists(directory.config()));
+  }
+  const RunLock lock = ResumeRun(directory, RunConfig{});
+  EXPECT_THROW(BeginRun(directory, RunConfig{}), base::Error);
+}
+
 TEST(RunDirectoryTest, NothingToResumeIsAnError) {
   const test::ScratchDirectory scratch;
   EXPECT_THROW(ResumeRun({scratch.path() / "none"}, RunConfig{}), base::Error);

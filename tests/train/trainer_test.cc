@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include <limits>
+
 #include "base/error.h"
 #include "base/file.h"
 #include "tests/support/scratch_directory.h"
@@ -126,6 +128,37 @@ TEST(TrainerTest, DivergingTrainingStopsAndKeepsTheLastGoodCheckpoint) {
   EXPECT_EQ(checkpoints[0].filename(), "step-1000");
 }
 
+TEST(TrainerTest, ANetworkThatDivergesBetweenTwoLooksIsFoundOut) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  config.run.log_interval = 3600.0;
+  config.td3.actor_learning_rate = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(RunOnce(config, {scratch.path() / "run"}), TrainingEnd::kDiverged);
+}
+
+TEST(TrainerTest, ADeterministicRunMustNotEndByTheClock) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  config.run.max_seconds = 1.0;
+  EXPECT_THROW(RunOnce(config, {scratch.path() / "run"}), base::Error);
+}
+
+TEST(TrainerTest, AChangedDigitInTheStateIsNoticed) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  config.run.max_steps = 1000;
+  const RunDirectory directory{scratch.path() / "run"};
+  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
+  const fs::path state = CheckpointStore(directory.checkpoints()).List()[0] / "state.json";
+  std::string text = base::ReadFile(state);
+  const auto digit = text.find("\"steps\": 1");
+  ASSERT_NE(digit, std::string::npos);
+  text[digit + 9] = '2';
+  base::WriteFileAtomically(state, text);
+  EXPECT_THAT([&] { RunOnce(config, directory, true); },
+              testing::ThrowsMessage<base::Error>(testing::HasSubstr("state.json")));
+}
+
 TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
@@ -141,6 +174,12 @@ TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
     EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kFinished) << name;
     EXPECT_EQ(*Policy(directory).weights, weights) << name;
   }
+  // One that is passed over must not stand in the way of those written after it.
+  fs::remove(CheckpointStore(directory.checkpoints()).List()[0] / "replay.manifest");
+  RunConfig shorter = config;
+  shorter.run.max_steps = 5000;
+  EXPECT_EQ(RunOnce(shorter, directory, true), TrainingEnd::kFinished);
+  EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kFinished);
   // None left that is whole.
   for (const auto& checkpoint : CheckpointStore(directory.checkpoints()).List()) {
     fs::resize_file(checkpoint / "learner.safetensors", 10);
