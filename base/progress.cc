@@ -1,6 +1,7 @@
 #include "base/progress.h"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -11,6 +12,13 @@ namespace {
 
 constexpr double kTerminalInterval = 0.2;  // [s]
 constexpr double kPlainInterval = 10.0;    // [s]
+
+/// A line that were longer would wrap, and could not be rewritten in place.
+std::size_t TerminalWidth() {
+  winsize size{};
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col < 2) return 79;
+  return size.ws_col - 1u;
+}
 
 }  // namespace
 
@@ -37,17 +45,18 @@ void ProgressLine::Show(const std::string& text, double now_s) {
   if (now_s - last_shown_s_ < (terminal_ ? kTerminalInterval : kPlainInterval)) return;
   last_shown_s_ = now_s;
   if (terminal_) {
-    fmt::print(stderr, "\r\x1b[K{}", text);
+    open_line_ = text.substr(0, TerminalWidth());
+    fmt::print(stderr, "\r\x1b[K{}", open_line_);
     std::fflush(stderr);
-    line_open_ = true;
   } else {
     fmt::print(stderr, "{}\n", text);
   }
 }
 
 void ProgressLine::End() {
-  if (line_open_) fmt::print(stderr, "\n");
-  line_open_ = false;
+  // Once more, as a message may have taken its place.
+  if (!open_line_.empty()) fmt::print(stderr, "\r\x1b[K{}\n", open_line_);
+  open_line_.clear();
 }
 
 }  // namespace slalom::base

@@ -19,7 +19,8 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  /// Shows `text` if it is time to; `now_s` [s] is any clock that goes forward.
+  /// Shows `text` if it is time to, cut to the terminal's width; `now_s` [s] is any clock that goes
+  /// forward.
   void Show(const std::string& text, double now_s);
 
   /// Ends the rewritten line so that other output starts on a fresh one.
@@ -27,7 +28,7 @@ class ProgressLine {
 
  private:
   const bool terminal_;
-  bool line_open_ = false;
+  std::string open_line_;  ///< Empty where the cursor stands on a fresh line.
   bool shown_before_ = false;
   double last_shown_s_ = -1e9;
 };

@@ -45,13 +45,11 @@ std::string Percent(double rate) {
 }  // namespace
 
 std::string FormatProgress(const MetricsRow& row, double remaining_s) {
-  return fmt::format(
-      "{} steps ({}/s)  {} updates ({}/s)  success {}  collision {}  return {}  left {}",
-      base::FormatCount(static_cast<double>(row.steps)), base::FormatCount(row.steps_per_s),
-      base::FormatCount(static_cast<double>(row.updates)), base::FormatCount(row.updates_per_s),
-      Percent(row.success_rate), Percent(row.collision_rate),
-      std::isnan(row.mean_return) ? "-" : fmt::format("{:.1f}", row.mean_return),
-      remaining_s < 0 ? "?" : base::FormatDuration(remaining_s));
+  return fmt::format("{} steps ({}/s)  {} updates/s  success {}  collision {}  left {}",
+                     base::FormatCount(static_cast<double>(row.steps)),
+                     base::FormatCount(row.steps_per_s), base::FormatCount(row.updates_per_s),
+                     Percent(row.success_rate), Percent(row.collision_rate),
+                     remaining_s < 0 ? "?" : base::FormatDuration(remaining_s));
 }
 
 MetricsLog::MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step)

@@ -75,6 +75,7 @@ TEST(FormatProgressTest, ShowsWhatMatters) {
   EXPECT_THAT(text, testing::HasSubstr("1.25M steps (43k/s)"));
   EXPECT_THAT(text, testing::HasSubstr("success  95%"));
   EXPECT_THAT(text, testing::HasSubstr("left 1:05"));
+  EXPECT_LE(FormatProgress(row, 36'000.0).size(), 79u) << "wraps on a narrow terminal";
 }
 
 }  // namespace
