@@ -19,13 +19,14 @@ float Clip(double value) { return static_cast<float>(std::clamp(value, -1.0, 1.0
 std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments) {
   if (config.noise_min > config.noise_max) {
     throw base::Error(
-        fmt::format("noise_min is {} but noise_max is {}; expected noise_min <= noise_max",
+        fmt::format("actor.noise_min is {} but actor.noise_max is {}; expected at most that",
                     config.noise_min, config.noise_max));
   }
   const bool geometric = config.noise_spread == "geometric" && config.noise_min < config.noise_max;
   if (geometric && config.noise_min == 0.0) {
     throw base::Error(
-        "noise_min is 0; expected more than 0 with noise_spread = \"geometric\" (or choose "
+        "actor.noise_min is 0; expected more than 0 with actor.noise_spread = \"geometric\" (or "
+        "choose "
         "\"linear\")");
   }
   std::vector<double> noise(num_environments, config.noise_min);

@@ -51,6 +51,10 @@ void AddConfigCommand(CLI::App& app) {
     train::RunConfig defaults;
     fmt::print("{}{}", kPageHead, config::PrintMarkdown(config::ListFields(defaults)));
   });
+  // Last, as the commands above would inherit it.
+  config->footer(
+      "Every key with its meaning is in docs/config.md. Example:\n\n"
+      "  slalom config print configs/fast.toml --set learner.gamma=0.98");
 }
 
 }  // namespace slalom::cli

@@ -250,6 +250,13 @@ void AddCoursesCommand(CLI::App& app) {
   AddRender(*courses);
   AddGenerate(*courses);
   AddImport(*courses);
+  // Last, as the commands above would inherit it.
+  courses->footer(
+      "A course is data: obstacles, start, goal and, if there is one, a reference path "
+      "(docs/courses.md). Examples:\n\n"
+      "  slalom courses show static-test static-1-250        a picture in characters, and facts\n"
+      "  slalom courses render --courses generated:7:20 --output courses.png\n"
+      "  slalom courses import DIR --output barn             the paper's own courses");
 }
 
 }  // namespace slalom::cli

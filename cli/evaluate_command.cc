@@ -56,6 +56,7 @@ int Evaluate(const EvaluateOptions& options) {
   const int threads = options.threads > 0
                           ? options.threads
                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  if (options.output) base::MakeDirectories(*options.output);
   base::ParallelFor parallel(threads);
   const auto result = EvaluatePolicy(loaded.snapshot, options.policy, config, options.courses,
                                      parallel, signals.token());
@@ -95,9 +96,9 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
   command->add_option("--collection", options->collection,
                       "Directory of imported courses that set names refer to");
   command->add_option("--episodes", options->episodes, "Episodes per course [10]")
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(1, 100000));
   command->add_option("--seed", options->seed, "Root of the evaluation's random streams [1]")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
   command->add_option("--output", options->output,
                       "Directory for JSON, CSV, trajectories and pictures");
   command->add_flag("--json", options->json, "Print one JSON object instead of the table");
@@ -106,7 +107,7 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
   command->add_option("--threads", options->threads, "Threads; changes the speed only [all]")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(0, 256));
   command->callback([options, exit_code] { *exit_code = Evaluate(*options); });
 }
 

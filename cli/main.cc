@@ -1,6 +1,8 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <new>
+#include <string>
 
 #include "base/error.h"
 #include "base/log.h"
@@ -18,6 +20,22 @@ constexpr char kFooter[] =
     "             slalom courses render --courses static-test --output courses.png\n"
     "Settings:    slalom config print configs/fast.toml, docs/config.md";
 
+/// CLI11 would say of a mistyped command that a command is missing. Empty: none is mistyped.
+std::string UnknownCommand(const CLI::App& app, int argc, char** argv) {
+  const CLI::App* parent = &app;
+  std::string path = "slalom";
+  for (int i = 1; i < argc && argv[i][0] != '-'; ++i) {
+    const auto is_named = [&](const CLI::App* command) { return command->check_name(argv[i]); };
+    const auto named = parent->get_subcommands(is_named);
+    if (named.empty())
+      return fmt::format("no command '{} {}'; {} --help lists them", path, argv[i], path);
+    parent = named.front();
+    path += fmt::format(" {}", argv[i]);
+    if (parent->get_subcommands([](const CLI::App*) { return true; }).empty()) break;
+  }
+  return "";
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -26,7 +44,6 @@ int main(int argc, char** argv) {
 
   CLI::App app{"Slalom trains robots to drive through obstacle courses, and measures them.",
                "slalom"};
-  app.footer(kFooter);
   app.set_version_flag("--version", std::string(slalom::cli::Version()));
   app.set_help_all_flag("--help-all", "Help of every command");
   app.require_subcommand(1);
@@ -36,11 +53,11 @@ int main(int argc, char** argv) {
   slalom::cli::AddEvaluateCommand(app, &exit_code);
   slalom::cli::AddCoursesCommand(app);
   slalom::cli::AddConfigCommand(app);
+  app.footer(kFooter);  // Last, as commands would inherit it.
 
   slalom::base::InitLog();
-  const auto is_named = [&](const CLI::App* command) { return command->check_name(argv[1]); };
-  if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_named).empty()) {
-    fmt::print(stderr, "slalom: no command '{}'; slalom --help lists them\n", argv[1]);
+  if (const std::string unknown = UnknownCommand(app, argc, argv); !unknown.empty()) {
+    fmt::print(stderr, "slalom: {}\n", unknown);
     return slalom::cli::kExitUsage;
   }
   try {
@@ -56,6 +73,9 @@ int main(int argc, char** argv) {
     return slalom::cli::kExitUsage;
   } catch (const slalom::base::Error& error) {
     fmt::print(stderr, "slalom: {}\n", error.what());
+    return slalom::cli::kExitError;
+  } catch (const std::bad_alloc&) {
+    fmt::print(stderr, "slalom: not enough memory\n");
     return slalom::cli::kExitError;
   } catch (const std::exception& error) {
     fmt::print(stderr, "slalom: {}\n", error.what());

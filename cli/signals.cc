@@ -47,7 +47,7 @@ StopSignals::StopSignals() : impl_(new Impl) {
     }
     if (impl->received == 0) return;
     impl->source.request_stop();
-    spdlog::info("stopping and saving; the same signal again ends at once");
+    spdlog::info("stopping; the same signal again ends at once");
   });
 }
 

@@ -4,8 +4,8 @@
 
 namespace slalom::cli {
 
-/// Turns SIGINT and SIGTERM into a stop request for as long as it lives; a second signal ends the
-/// program at once, as it would without this. One at a time.
+/// Turns SIGINT and SIGTERM into a stop request for as long as it lives; the same signal again ends
+/// the program at once, as it would without this. One at a time.
 class StopSignals {
  public:
   StopSignals();

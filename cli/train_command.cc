@@ -20,6 +20,7 @@
 #include "cli/training_results.h"
 #include "cli/version.h"
 #include "config/config.h"
+#include "sim/course_sets.h"
 #include "train/trainer.h"
 
 namespace slalom::cli {
@@ -51,10 +52,28 @@ train::RunConfig LoadConfig(const TrainOptions& options) {
   return config;
 }
 
+/// Says before the training, and not after, that it could not be scored.
+void CheckTestCourses(const train::CoursesConfig& courses) {
+  const auto built_in = sim::ListCourseSets(std::nullopt);
+  const bool is_built_in = courses.collection.empty() && std::find(built_in.begin(), built_in.end(),
+                                                                   courses.test) != built_in.end();
+  if (courses.test.empty() || is_built_in) return;
+  const auto collection =
+      courses.collection.empty() ? std::nullopt : std::optional<fs::path>(courses.collection);
+  sim::ResolveCourses(courses.test, collection, static_cast<std::uint64_t>(courses.generator_seed));
+}
+
+/// The run's own config holds every --set, --name and --seed that it was begun with.
+std::string ResumeCommand(const TrainOptions& options, const train::RunDirectory& directory) {
+  const std::string output = options.output == "runs" ? "" : " --output " + options.output;
+  return fmt::format("./slalom train {}{} --resume", directory.config().string(), output);
+}
+
 int Train(const TrainOptions& options, std::chrono::steady_clock::time_point begin) {
   StopSignals signals;
   const train::RunConfig config = LoadConfig(options);
   const train::RunDirectory directory{fs::path(options.output) / config.run.name};
+  if (!options.no_evaluation) CheckTestCourses(config.courses);
   train::Trainer trainer(config, directory, std::string(Commit()), options.resume, begin);
   spdlog::info("training on {}, test on {}, run directory {}", config.courses.train,
                config.courses.test.empty() ? "nothing" : config.courses.test,
@@ -65,7 +84,7 @@ int Train(const TrainOptions& options, std::chrono::steady_clock::time_point beg
                base::FormatCount(static_cast<double>(trainer.steps())),
                base::FormatCount(static_cast<double>(trainer.updates())));
   if (end == train::TrainingEnd::kStopped) {
-    fmt::print("stopped and saved; to go on: slalom train {} --resume\n", options.config);
+    fmt::print("stopped and saved; to go on: {}\n", ResumeCommand(options, directory));
     return kExitSignalBase + signals.received();
   }
   DrawTraining(directory);
@@ -75,6 +94,8 @@ int Train(const TrainOptions& options, std::chrono::steady_clock::time_point beg
   }
   base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
   if (!ScoreTraining(directory, config, parallel, signals.token())) {
+    fmt::print("the policy is trained but not scored: {}\nto score it: {}\n",
+               directory.policy().string(), ResumeCommand(options, directory));
     return kExitSignalBase + signals.received();
   }
   return kExitOk;
@@ -99,7 +120,7 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
   command->add_option("--name", options->name, "Name of the run [run.name of the config]");
   command
       ->add_option("--seed", options->seed, "Root of all random streams [run.seed of the config]")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
   command->add_option("--output", options->output, "Directory that holds runs [runs]");
   command->add_flag("--resume", options->resume, "Go on from the run's newest checkpoint");
   command->add_flag("--deterministic", options->deterministic,

@@ -12,16 +12,19 @@ void CheckConsistent(const EnvironmentConfig& config) {
   const double substeps = config.episode.step * config.robot.control_rate;
   if (substeps < 0.5 || std::abs(substeps - std::round(substeps)) > 1e-6) {
     throw base::Error(fmt::format(
-        "episode.step ({} s) times robot.control_rate ({} Hz) is {}, but must be a whole number",
+        "environment.episode.step ({} s) times environment.robot.control_rate ({} Hz) is {:.6g}, "
+        "expected a whole number",
         config.episode.step, config.robot.control_rate, substeps));
   }
   if (config.lidar.min_range >= config.lidar.max_range) {
-    throw base::Error(fmt::format("lidar.min_range ({} m) must be below lidar.max_range ({} m)",
-                                  config.lidar.min_range, config.lidar.max_range));
+    throw base::Error(fmt::format(
+        "environment.lidar.min_range ({} m) must be below environment.lidar.max_range ({} m)",
+        config.lidar.min_range, config.lidar.max_range));
   }
   if (config.lidar.min_range >= config.observation.range_clip) {
     throw base::Error(
-        fmt::format("lidar.min_range ({} m) must be below observation.range_clip ({} m)",
+        fmt::format("environment.lidar.min_range ({} m) must be below "
+                    "environment.observation.range_clip ({} m)",
                     config.lidar.min_range, config.observation.range_clip));
   }
 }
