@@ -130,18 +130,19 @@ bool ScoreTraining(const train::RunDirectory& directory, const train::RunConfig&
     base::WriteFileAtomically(directory.curve(), curve.csv());
   }
   const std::string root = directory.root.string();
+  const std::string collection =
+      config.courses.collection.empty() ? "" : " --collection " + config.courses.collection;
   fmt::print(
       "\npolicy    {0}\n"
       "figures   {1}/evaluation.json, evaluation-courses.csv, metrics.csv\n"
       "pictures  {1}/courses.png (what it drove), {1}/training.svg\n"
       "\nnext\n"
       "  on fresh courses   ./slalom evaluate --policy {0} --courses generated:7:100\n"
-      "  one course         ./slalom courses render --courses {2} --episodes "
-      "{1}/evaluation-tracks.jsonl "
-      "--output sheet.svg\n"
+      "  one course         ./slalom courses render --courses {2}{3} --course {4} --episodes "
+      "{1}/evaluation-tracks.jsonl --output one.svg\n"
       "  train longer       ./slalom train configs/fast.toml\n"
       "  a lifelike drive   ./slalom train configs/lifelike.toml\n",
-      policy_path, root, config.courses.test);
+      policy_path, root, config.courses.test, collection, result->courses.courses.front()->name);
   return true;
 }
 
