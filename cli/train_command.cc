@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -16,6 +15,7 @@
 #include "base/progress.h"
 #include "cli/commands.h"
 #include "cli/evaluate_policy.h"
+#include "cli/process_start.h"
 #include "cli/signals.h"
 #include "cli/training_results.h"
 #include "cli/version.h"
@@ -69,12 +69,12 @@ std::string ResumeCommand(const TrainOptions& options, const train::RunDirectory
   return fmt::format("./slalom train {}{} --resume", directory.config().string(), output);
 }
 
-int Train(const TrainOptions& options, std::chrono::steady_clock::time_point begin) {
+int Train(const TrainOptions& options) {
   StopSignals signals;
   const train::RunConfig config = LoadConfig(options);
   const train::RunDirectory directory{fs::path(options.output) / config.run.name};
   if (!options.no_evaluation) CheckTestCourses(config.courses);
-  train::Trainer trainer(config, directory, std::string(Commit()), options.resume, begin);
+  train::Trainer trainer(config, directory, std::string(Commit()), options.resume, ProcessStart());
   spdlog::info("training on {}, test on {}, run directory {}", config.courses.train,
                config.courses.test.empty() ? "nothing" : config.courses.test,
                directory.root.string());
@@ -104,7 +104,6 @@ int Train(const TrainOptions& options, std::chrono::steady_clock::time_point beg
 }  // namespace
 
 void AddTrainCommand(CLI::App& app, int* exit_code) {
-  const auto begin = std::chrono::steady_clock::now();
   CLI::App* command = app.add_subcommand("train", "Train a policy in this process, then score it");
   command->footer(
       "Writes runs/NAME/: config, policy, metrics, checkpoints, scores and pictures "
@@ -127,7 +126,7 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
                     "One thread in lockstep: the same seed gives the same policy, bit for bit");
   command->add_flag("--no-evaluation", options->no_evaluation,
                     "Do not score the policy at the end");
-  command->callback([options, begin, exit_code] { *exit_code = Train(*options, begin); });
+  command->callback([options, exit_code] { *exit_code = Train(*options); });
 }
 
 }  // namespace slalom::cli
