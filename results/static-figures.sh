@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
 # The figures of results/static.md: trains every seed of every setting and scores it, about 3.5 minutes each.
 #
-#   results/static-figures.sh COLLECTION [OUTPUT] [SEEDS]
+#   results/static-figures.sh COLLECTION [OUTPUT] [SEEDS] [SETTINGS]
 #
 # COLLECTION: the original courses, as `./slalom courses import DIR --output COLLECTION` wrote them.
-# OUTPUT: directory of the runs [runs/static-figures]. SEEDS: [1 2 3]. A run that is there already is not repeated.
+# OUTPUT: directory of the runs [runs/static-figures]. SEEDS: [1 2 3]. SETTINGS:
+# [static-train-250 static-train-50 lifelike]. A run that is there already is not repeated.
 set -euo pipefail
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
-collection=$(readlink -f -- "${1:?usage: static-figures.sh COLLECTION [OUTPUT] [SEEDS]}")
+collection=$(readlink -f -- "${1:?usage: static-figures.sh COLLECTION [OUTPUT] [SEEDS] [SETTINGS]}")
 output=${2:-runs/static-figures}
 seeds=${3:-1 2 3}
+settings=${4:-static-train-250 static-train-50 lifelike}
 slalom=$root/slalom
 times='run.snapshot_seconds=[3,4,5,6,7,8,10,12,15,20,30,45,60,90,120]'
 
@@ -20,7 +22,7 @@ time_to() { awk -F, -v rate="$2" 'NR > 1 && $4 >= rate { print $1; found = 1; ex
 
 echo "| setting | seed | to 65 % [s] | to 95 % [s] | static-test | collision | timeout | traversal [s] | 300 fresh courses | steps |"
 echo "|---|---|---|---|---|---|---|---|---|---|"
-for setting in static-train-250 static-train-50 lifelike; do
+for setting in $settings; do
   for seed in $seeds; do
     name=$setting-seed$seed
     run=$output/$name
