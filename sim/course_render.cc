@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <array>
 #include <cstddef>
 #include <functional>
@@ -46,8 +47,9 @@ class Page {
     surface_.reset(
         format == PictureFormat::kSvg
             ? cairo_svg_surface_create_for_stream(Append, &bytes_, size.width, size.height)
-            : cairo_image_surface_create(CAIRO_FORMAT_RGB24, static_cast<int>(size.width + 0.5),
-                                         static_cast<int>(size.height + 0.5)));
+            : cairo_image_surface_create(CAIRO_FORMAT_RGB24,
+                                         static_cast<int>(std::lround(size.width)),
+                                         static_cast<int>(std::lround(size.height))));
     context_.reset(cairo_create(surface_.get()));
     cairo_set_source_rgb(cairo(), 1.0, 1.0, 1.0);
     cairo_paint(cairo());
@@ -259,13 +261,15 @@ std::string RenderContactSheet(std::span<const CourseScene> scenes, int num_colu
 
   for (std::size_t i = 0; i < scenes.size(); ++i) {
     const double left = kMargin + static_cast<double>(i % columns) * cell_pitch;
-    const double top = kMargin + static_cast<double>(i / columns) * row_pitch;
+    const std::size_t row = i / columns;
+    const double top = kMargin + static_cast<double>(row) * row_pitch;
     page.Text(left, top + 0.5 * kTitleHeight, scenes[i].course->name);
     PaintScene(page, scenes[i], ViewOf(scenes[i]), left, top + 0.75 * kTitleHeight, kSheetScale);
   }
   for (std::size_t i = 0; i < num_entries; ++i) {
     const double left = kMargin + static_cast<double>(i % per_row) * kEntryWidth;
-    const double middle = legend_top + (static_cast<double>(i / per_row) + 0.5) * kLegendRow;
+    const std::size_t row = i / per_row;
+    const double middle = legend_top + (static_cast<double>(row) + 0.5) * kLegendRow;
     if (i < legend.size()) {
       PaintEntry(page, legend[i], left, middle);
     } else {
