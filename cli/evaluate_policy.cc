@@ -14,18 +14,12 @@
 #include "cli/version.h"
 #include "policy/network_agent.h"
 #include "sim/course_render.h"
-#include "sim/course_sets.h"
 
 namespace slalom::cli {
 namespace {
 
 constexpr std::size_t kMaxPictures = 60;
 constexpr int kPictureColumns = 10;
-
-std::optional<std::filesystem::path> Collection(const train::RunConfig& config) {
-  if (config.courses.collection.empty()) return std::nullopt;
-  return config.courses.collection;
-}
 
 /// Shows how many episodes have ended, at what rate, and the time left.
 class EpisodeProgress {
@@ -58,8 +52,7 @@ std::optional<PolicyEvaluation> EvaluatePolicy(const policy::PolicySnapshot& pol
   policy::RequireSameInterface(policy_source, policy.spec,
                                sim::MakeObservationSpec(config.environment),
                                config.environment.action);
-  sim::CourseSet courses = sim::ResolveCourses(
-      courses_spec, Collection(config), static_cast<std::uint64_t>(config.courses.generator_seed));
+  sim::CourseSet courses = config.courses.Resolve(courses_spec);
   EpisodeProgress progress(courses_spec);
   auto evaluation = eval::EvaluateOnCourses(
       config.evaluation, config.environment, courses,

@@ -58,9 +58,7 @@ void CheckTestCourses(const train::CoursesConfig& courses) {
   const bool is_built_in = courses.collection.empty() && std::find(built_in.begin(), built_in.end(),
                                                                    courses.test) != built_in.end();
   if (courses.test.empty() || is_built_in) return;
-  const auto collection =
-      courses.collection.empty() ? std::nullopt : std::optional<fs::path>(courses.collection);
-  sim::ResolveCourses(courses.test, collection, static_cast<std::uint64_t>(courses.generator_seed));
+  courses.Resolve(courses.test);
 }
 
 /// The run's own config holds every --set, --name and --seed that it was begun with.

@@ -10,6 +10,7 @@
 #include "learner/td3.h"
 #include "policy/network_config.h"
 #include "replay/table.h"
+#include "sim/course.h"
 #include "sim/environment_config.h"
 
 namespace slalom::train {
@@ -20,6 +21,10 @@ struct CoursesConfig {
   std::string test = "static-test";
   std::string collection = "";
   std::int64_t generator_seed = 1;
+
+  /// The set that `spec` names (`sim::ResolveCourses`, with its errors) under this collection and
+  /// seed.
+  sim::CourseSet Resolve(const std::string& spec) const;
 
   template <class Visitor>
   void Visit(Visitor& v) {

@@ -13,7 +13,6 @@
 #include "base/log.h"
 #include "base/progress.h"
 #include "config/config.h"
-#include "sim/course_sets.h"
 #include "sim/scene.h"
 
 namespace slalom::train {
@@ -28,13 +27,6 @@ constexpr char kLearnerFile[] = "learner.safetensors";
 constexpr char kActingFile[] = "acting.safetensors";
 constexpr char kReplayFile[] = "replay.manifest";
 constexpr char kReplayDirectory[] = "replay";
-
-std::vector<std::shared_ptr<const sim::Scene>> TrainingScenes(const CoursesConfig& courses) {
-  const std::optional<fs::path> collection =
-      courses.collection.empty() ? std::nullopt : std::optional<fs::path>(courses.collection);
-  return sim::MakeScenes(sim::ResolveCourses(courses.train, collection,
-                                             static_cast<std::uint64_t>(courses.generator_seed)));
-}
 
 policy::PolicySpec MakeSpec(const RunConfig& config) {
   return {sim::MakeObservationSpec(config.environment), config.network, config.environment.action};
@@ -76,7 +68,8 @@ Trainer::Trainer(const RunConfig& config, const RunDirectory& directory, std::st
       commit_(std::move(commit)),
       begin_(begin),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
-      environments_(config.environment, TrainingScenes(config.courses),
+      environments_(config.environment,
+                    sim::MakeScenes(config.courses.Resolve(config.courses.train)),
                     config.actor.num_environments, &parallel_),
       td3_(config.td3, MakeSpec(config), Seed(config, "learner")),
       agent_(td3_.Snapshot()),
@@ -178,16 +171,13 @@ bool Trainer::AtLimit() const {
 double Trainer::Fraction() const {
   const double by_steps =
       static_cast<double>(limiter_.steps()) / static_cast<double>(config_.run.max_steps);
-  // Time would make a deterministic run depend on the machine.
-  const bool timed = config_.run.max_seconds > 0.0 && !config_.run.deterministic;
-  const double by_time = timed ? training_s() / config_.run.max_seconds : 0.0;
+  const double by_time =
+      config_.run.max_seconds > 0.0 ? training_s() / config_.run.max_seconds : 0.0;
   return std::min(1.0, std::max(by_steps, by_time));
 }
 
 double Trainer::RemainingSeconds() const {
-  const double done =
-      std::max(static_cast<double>(limiter_.steps()) / static_cast<double>(config_.run.max_steps),
-               config_.run.max_seconds > 0.0 ? training_s() / config_.run.max_seconds : 0.0);
+  const double done = Fraction();
   return done > 0.0 ? training_s() * (1.0 / done - 1.0) : -1.0;
 }
 
