@@ -34,6 +34,10 @@ class BatchEnvironment {
 
   /// Ground truth of environment `i`, for records and pictures, not for agents.
   virtual base::Pose2 robot_pose(int i) const = 0;
+
+  /// Time on the clock that the moving obstacles of environment `i` follow, [s], which does not
+  /// start at 0; likewise for records only.
+  virtual double motion_time(int i) const = 0;
 };
 
 }  // namespace slalom::env

@@ -4,6 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "base/geometry.h"
+
 /// Shapes: `B` environments in a batch, `N` beams in a scan, `S` = kStateSize.
 
 namespace slalom::env {
@@ -18,6 +20,16 @@ struct FrameView {
   std::span<const float, kStateSize> state;  ///< See kStateSize.
 };
 
+/// Where the robot believes to be and how it moves, as its wheels and its gyroscope tell. For
+/// planners; not part of a stored frame. A value.
+struct Odometry {
+  base::Pose2 X_OR;      ///< In O, the frame that was the robot's own when the episode began.
+  double linear = 0.0;   ///< Forward speed, [m/s].
+  double angular = 0.0;  ///< Turn rate, [rad/s].
+
+  friend bool operator==(const Odometry&, const Odometry&) = default;
+};
+
 /// The current frames of B environments. A value; reused from step to step, so nothing is
 /// allocated.
 struct ObservationBatch {
@@ -25,6 +37,7 @@ struct ObservationBatch {
   int num_beams = 0;
   std::vector<std::uint16_t> ranges_cm;  ///< [B, N] [cm]
   std::vector<float> state;              ///< [B, S], see kStateSize.
+  std::vector<Odometry> odometry;        ///< [B]
   std::vector<std::uint8_t> first;  ///< [B], 1: first frame of an episode; forget what was before.
 
   void Resize(int new_batch_size, int new_num_beams) {
@@ -32,6 +45,7 @@ struct ObservationBatch {
     num_beams = new_num_beams;
     ranges_cm.assign(static_cast<std::size_t>(batch_size) * num_beams, 0);
     state.assign(static_cast<std::size_t>(batch_size) * kStateSize, 0.0f);
+    odometry.assign(static_cast<std::size_t>(batch_size), Odometry{});
     first.assign(static_cast<std::size_t>(batch_size), 1);
   }
 

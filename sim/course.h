@@ -27,6 +27,28 @@ struct Box {
   friend bool operator==(const Box&, const Box&) = default;
 };
 
+/// A pose at a time, [s] since the motion began.
+struct KeyFrame {
+  double time = 0.0;
+  base::Pose2 X_WB;
+
+  friend bool operator==(const KeyFrame&, const KeyFrame&) = default;
+};
+
+/// What follows the last key frame: a jump back to the first, or the way back.
+enum class Playback { kLoop, kPingPong };
+
+/// A cylinder or an upright box that follows key frames for ever and is stopped by nothing
+/// (original-system.md §7.4).
+struct MovingObstacle {
+  double radius = 0.0;               ///< Of a cylinder, [m]; 0: a box.
+  base::Vec2 half_size;              ///< Of a box, along B's x and y, [m].
+  std::vector<KeyFrame> key_frames;  ///< Two or more, times strictly ascending from 0.
+  Playback playback = Playback::kLoop;
+
+  friend bool operator==(const MovingObstacle&, const MovingObstacle&) = default;
+};
+
 /// Smallest and largest corner of what a course covers, [m].
 struct Bounds {
   base::Vec2 min_W;
@@ -55,6 +77,7 @@ struct Course {
   Bounds bounds;
   std::vector<Circle> circles;
   std::vector<Box> boxes;
+  std::vector<MovingObstacle> moving;
   std::vector<base::Vec2>
       reference_path_W;  ///< Through the field, without start and goal; may be empty.
   std::optional<Difficulty> difficulty;

@@ -62,6 +62,7 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   Environment& environment = environments_[i];
   environment.scene = &scene;
   environment.robot.Reset(DrawStart(scene, spec.seed));
+  environment.X_WO = environment.robot.pose();
   environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
   environment.last_action = config_.action.Normalise(0.0, 0.0);
   environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
@@ -162,6 +163,13 @@ void CourseEnvironments::Observe(int i) {
   state[1] = static_cast<float>(goal_R.y);
   state[2] = environment.last_action.linear;
   state[3] = environment.last_action.angular;
+  const base::Pose2& X_WO = environment.X_WO;
+  const BodyState& body = environment.robot.body();
+  const auto [s, c] = base::SinCos(X_WR.yaw);
+  observations_.odometry[i] = {
+      .X_OR = {base::InverseTransform(X_WO, X_WR.p), base::WrapAngle(X_WR.yaw - X_WO.yaw)},
+      .linear = c * body.vx + s * body.vy,
+      .angular = body.yaw_rate};
 }
 
 }  // namespace slalom::sim

@@ -48,6 +48,7 @@ class CourseEnvironments : public env::BatchEnvironment {
 
   const env::ObservationBatch& observations() const override { return observations_; }
   base::Pose2 robot_pose(int i) const override { return environments_[i].robot.pose(); }
+  double motion_time(int i) const override { return environments_[i].motion_time; }
 
   const EnvironmentConfig& config() const { return config_; }
   const Course& course(int index) const { return scenes_[index]->course(); }
@@ -60,6 +61,8 @@ class CourseEnvironments : public env::BatchEnvironment {
     Robot robot;
     base::Random lidar_noise;
     env::Action last_action;
+    base::Pose2 X_WO;            // Where the episode began.
+    double motion_time = 0.0;    // [s]
     double goal_distance = 0.0;  // [m]
     int num_steps = 0;
     bool running = false;

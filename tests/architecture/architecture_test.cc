@@ -31,13 +31,15 @@ const std::map<std::string, Names>& AllowedEdges() {
       {"config", {"base"}},
       {"sim", {"base", "env"}},
       {"replay", {"base", "env"}},
+      {"planners", {"base", "env"}},
       {"policy", {"base", "env"}},
       {"learner", {"base", "env", "policy", "replay"}},
       {"actor", {"base", "env", "sim", "replay"}},
       {"eval", {"base", "env", "sim", "replay"}},
       {"train", {"base", "env", "config", "sim", "replay", "policy", "learner", "actor", "eval"}},
       {"cli",
-       {"base", "env", "config", "sim", "replay", "policy", "learner", "actor", "eval", "train"}},
+       {"base", "env", "config", "sim", "replay", "planners", "policy", "learner", "actor", "eval",
+        "train"}},
   };
   return edges;
 }

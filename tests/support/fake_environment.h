@@ -57,6 +57,7 @@ class FakeEnvironment : public env::BatchEnvironment {
   }
 
   const env::ObservationBatch& observations() const override { return observations_; }
+  double motion_time(int) const override { return 0.0; }
   base::Pose2 robot_pose(int i) const override { return {episodes_[i].p_W, 0.0}; }
 
   int Length(const env::EpisodeSpec& spec) const {

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/geometry.h"
+
+/// Frames: `O` odometry (fixed to the ground), `R` the robot.
+
+namespace slalom::planners {
+
+/// Values of a cell, as in ROS's costmap_2d.
+inline constexpr std::uint8_t kFreeCost = 0;
+inline constexpr std::uint8_t kInscribedCost =
+    253;                                          ///< The robot's centre here: surely a collision.
+inline constexpr std::uint8_t kLethalCost = 254;  ///< An obstacle.
+inline constexpr std::uint8_t kUnknownCost = 255;
+
+struct CellIndex {
+  int x = 0;
+  int y = 0;
+
+  friend bool operator==(const CellIndex&, const CellIndex&) = default;
+};
+
+/// A grid of costs over a part of O. A value.
+///
+/// Cell (x, y) covers [origin + resolution * (x, y), origin + resolution * (x + 1, y + 1)).
+class Costmap {
+ public:
+  /// All cells free. Requires: size_x, size_y >= 1, resolution > 0.
+  Costmap(int size_x, int size_y, double resolution, base::Vec2 origin_O);
+
+  int size_x() const { return size_x_; }
+  int size_y() const { return size_y_; }
+  double resolution() const { return resolution_; }  ///< [m]
+  base::Vec2 origin() const { return origin_O_; }    ///< Corner of cell (0, 0), [m].
+
+  bool Contains(CellIndex c) const {
+    return c.x >= 0 && c.y >= 0 && c.x < size_x_ && c.y < size_y_;
+  }
+  /// The cell that holds the point, inside the grid or not.
+  CellIndex CellAt(base::Vec2 p_O) const;
+  /// Centre of a cell, [m].
+  base::Vec2 CentreOf(CellIndex c) const;
+
+  /// Requires: Contains(c).
+  std::uint8_t cost(CellIndex c) const { return costs_[Index(c)]; }
+  void set_cost(CellIndex c, std::uint8_t cost) { costs_[Index(c)] = cost; }
+
+  /// [size_y, size_x], row by row.
+  std::span<const std::uint8_t> costs() const { return costs_; }
+  std::span<std::uint8_t> mutable_costs() { return costs_; }
+
+  std::size_t Index(CellIndex c) const {
+    return static_cast<std::size_t>(c.y) * static_cast<std::size_t>(size_x_) +
+           static_cast<std::size_t>(c.x);
+  }
+
+ private:
+  int size_x_, size_y_;
+  double resolution_;
+  base::Vec2 origin_O_;
+  std::vector<std::uint8_t> costs_;
+};
+
+}  // namespace slalom::planners

@@ -1,0 +1,1 @@
+# Costmaps, navigation, DWA, E-band.

@@ -1,0 +1,1 @@
+# TEB and MPPI.
