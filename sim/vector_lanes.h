@@ -2,22 +2,11 @@
 
 #include <cstring>
 
+#include "base/vector_clones.h"
+
 /// Eight numbers worked on together, written with the compiler's vector type, so that debug,
 /// release, SSE2 and AVX2 builds do the same IEEE operations on the same elements and give the same
 /// bits. For use inside `.cc` files compiled with -fno-math-errno (see simulator.cmake).
-
-/// In front of a hot function: compiled twice, the better one for the processor chosen at start.
-/// Such a function may call nothing with a `Floats` or `Ints` argument or result that is not
-/// SLALOM_ALWAYS_INLINE (lambdas included): caller and callee would pass it in different registers.
-/// Left out under sanitizers, whose run time is not up yet when that choice is made.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__AVX2__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define SLALOM_VECTOR_CLONES __attribute__((target_clones("arch=x86-64-v3", "default")))
-#else
-#define SLALOM_VECTOR_CLONES
-#endif
-
-#define SLALOM_ALWAYS_INLINE __attribute__((always_inline)) inline
 
 namespace slalom::sim {
 

@@ -1,1 +1,4 @@
 # TEB and MPPI.
+slalom_add_test(mppi_parts_test SOURCES clearance_map_test.cc control_sequence_test.cc local_path_test.cc
+  mppi_critics_test.cc rollouts_test.cc DEPS slalom::planners)
+slalom_add_test(mppi_test SOURCES mppi_test.cc DEPS slalom::planners)

@@ -1,0 +1,94 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "base/geometry.h"
+#include "planners/costmap.h"
+
+/// How near to obstacles a robot's outline is, fast enough to ask for thousands of poses a cycle.
+/// Frames: `O` odometry, `L` a frame with the axes of O at a point of the caller's choice.
+
+namespace slalom::planners {
+
+/// Distances to the nearest lethal cell, cell centre to cell centre, up to a largest one.
+///
+/// Thread-compatible. `Update` allocates only where the costmap is larger than any before.
+class ClearanceMap {
+ public:
+  /// Requires: max_distance > 0 [m].
+  explicit ClearanceMap(double max_distance);
+
+  /// Takes over the lethal cells of `costmap`; points are asked for in L, at `p_OL` in O.
+  /// Cost: 0.2 ms for 200 x 200 cells and 0.6 m.
+  void Update(const Costmap& costmap, base::Vec2 p_OL);
+
+  /// Distance [m] of the cell that holds (x, y) in L, exact below `max_distance()`; there, and off
+  /// the map, `max_distance()`.
+  float At(float x, float y) const {
+    const float column = (x - origin_x_) * cells_per_metre_;
+    const float row = (y - origin_y_) * cells_per_metre_;
+    // Written so that NaN is off the map.
+    if (!(column >= 0.0f && row >= 0.0f && column < width_ && row < height_)) return max_distance_;
+    return distances_[static_cast<std::size_t>(static_cast<int>(row) * size_x_ +
+                                               static_cast<int>(column))];
+  }
+
+  float max_distance() const { return max_distance_; }
+  float resolution() const { return resolution_; }  ///< Of the last costmap, [m].
+
+ private:
+  void MeasureRows(const Costmap& costmap);
+  void CombineColumns();
+
+  const float max_distance_;
+  float origin_x_ = 0.0f, origin_y_ = 0.0f;  // Corner of cell (0, 0) in L, [m].
+  float resolution_ = 1.0f;                  // [m]
+  float cells_per_metre_ = 1.0f;
+  float width_ = 0.0f, height_ = 0.0f;  // [cells]
+  int size_x_ = 0;
+  int size_y_ = 0;
+  int reach_ = 0;                     // Of max_distance, rounded up, [cells].
+  std::vector<float> row_distances_;  // [size_y, size_x] along the row, squared, [cells^2].
+  std::vector<float> distances_;      // [size_y, size_x], [m].
+};
+
+/// A rectangle centred on the robot, covered by equal discs: a grid of 3 x 3, of which the middle
+/// one is left to the inscribed circle.
+///
+/// The discs stand out over the edges by half a disc's share of the diagonal less half its side: 3
+/// cm on a Jackal. So an obstacle point inside the rectangle is always inside the cover. Immutable.
+class DiscOutline {
+ public:
+  static constexpr int kNumDiscs = 8;
+
+  /// Requires: length > 0 (along x), width > 0, [m].
+  DiscOutline(double length, double width);
+
+  float inscribed_radius() const { return inscribed_radius_; }          ///< [m]
+  float circumscribed_radius() const { return circumscribed_radius_; }  ///< Discs included, [m].
+
+  /// Distance [m] from the outline's discs, placed at (x, y) with heading (cosine, sine), to the
+  /// nearest obstacle of `map`: below zero where they overlap. At most `map.max_distance()`.
+  float Clearance(const ClearanceMap& map, float x, float y, float cosine, float sine) const {
+    float nearest = map.At(x, y) - inscribed_radius_;
+    for (const Disc& disc : discs_) {
+      nearest = std::min(nearest, map.At(x + cosine * disc.x - sine * disc.y,
+                                         y + sine * disc.x + cosine * disc.y) -
+                                      disc_radius_);
+    }
+    return nearest;
+  }
+
+ private:
+  struct Disc {
+    float x, y;  // Centre, [m].
+  };
+
+  float inscribed_radius_, circumscribed_radius_, disc_radius_;
+  std::array<Disc, kNumDiscs> discs_;
+};
+
+}  // namespace slalom::planners

@@ -1,0 +1,229 @@
+#pragma once
+
+#include "base/config_field.h"
+
+/// Defaults are those of Nav2's nav2_mppi_controller (its README and sources) save where a comment
+/// says otherwise.
+
+namespace slalom::planners {
+
+/// A critic's cost enters as (weight * measure) ^ power.
+struct CriticWeight {
+  double weight = 1.0;
+  int power = 1;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("weight", weight, base::Range{0.0, 1e6}, "", "Factor of what the critic measures.");
+    v("power", power, base::Range{1, 4}, "", "Exponent of weight times measure.");
+  }
+};
+
+/// Speeds beyond the limits.
+struct MppiConstraintConfig {
+  CriticWeight cost{4.0, 1};
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("cost", cost, "Integral of the speed beyond the limits, [m].");
+  }
+};
+
+/// Nearness to obstacles.
+struct MppiObstacleConfig {
+  double collision_cost = 1e5;
+  double critical_weight = 20.0;
+  double repulsion_weight = 1.5;
+  int power = 1;
+  double collision_margin = 0.1;
+  double inflation_radius = 0.55;
+  double near_goal_distance = 0.5;
+  int point_step = 2;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("collision_cost", collision_cost, base::Range{0.0, 1e9}, "",
+      "Cost of a rollout whose outline meets an obstacle.");
+    v("critical_weight", critical_weight, base::Range{0.0, 1e6}, "1/m",
+      "Per metre, summed over the points, by which the outline is nearer than collision_margin.");
+    v("repulsion_weight", repulsion_weight, base::Range{0.0, 1e6}, "1/m",
+      "Per metre, averaged over the points, by which the inscribed circle is nearer than "
+      "inflation_radius.");
+    v("power", power, base::Range{1, 4}, "", "Exponent of the two terms' sum.");
+    v("collision_margin", collision_margin, base::Range{0.0, 1.0}, "m",
+      "Clearance of the outline below which a point is critical.");
+    v("inflation_radius", inflation_radius, base::Range{0.01, 2.0}, "m",
+      "Clearance of the inscribed circle below which obstacles repel.");
+    v("near_goal_distance", near_goal_distance, base::Range{0.0, 100.0}, "m",
+      "With the goal nearer than this, only critical points and collisions count.");
+    v("point_step", point_step, base::Range{1, 50}, "",
+      "Every so many points of a rollout are looked at.");
+  }
+};
+
+/// Distance to the goal.
+struct MppiGoalConfig {
+  CriticWeight cost{5.0, 1};
+  double threshold = 1.4;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("cost", cost, "Mean distance of the rollout's points to the goal, [m].");
+    v("threshold", threshold, base::Range{0.0, 100.0}, "m",
+      "Counts with the goal nearer than this.");
+  }
+};
+
+/// Distance between a rollout and the path, at equal lengths along both.
+struct MppiPathAlignConfig {
+  CriticWeight cost{10.0, 1};
+  double threshold = 0.5;
+  int offset_from_furthest = 20;
+  int point_step = 4;
+  double max_occupancy_ratio = 0.07;
+  double occupancy_check_distance = 2.0;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("cost", cost, "Mean distance of the rollout's points to the path's, [m].");
+    v("threshold", threshold, base::Range{0.0, 100.0}, "m",
+      "Counts with more than this of the path left.");
+    v("offset_from_furthest", offset_from_furthest, base::Range{0, 1000}, "",
+      "Counts once a rollout ends as many path points ahead.");
+    v("point_step", point_step, base::Range{1, 50}, "",
+      "Every so many points of a rollout are looked at.");
+    v("max_occupancy_ratio", max_occupancy_ratio, base::Range{0.0, 1.0}, "",
+      "Does not count where more of the path than this share is blocked.");
+    v("occupancy_check_distance", occupancy_check_distance, base::Range{0.0, 100.0}, "m",
+      "Part of the path that is looked at for that, at least.");
+  }
+};
+
+/// Progress along the path.
+struct MppiPathFollowConfig {
+  CriticWeight cost{5.0, 1};
+  double threshold = 1.4;
+  int offset_from_furthest = 6;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("cost", cost,
+              "Distance from the rollout's end to a path point ahead of the furthest one that any "
+              "rollout reaches, [m].");
+    v("threshold", threshold, base::Range{0.0, 100.0}, "m",
+      "Counts with more than this of the path left.");
+    v("offset_from_furthest", offset_from_furthest, base::Range{0, 1000}, "",
+      "By how many path points that point is ahead.");
+  }
+};
+
+/// Heading towards the path.
+struct MppiPathAngleConfig {
+  CriticWeight cost{2.2, 1};
+  double threshold = 0.5;
+  int offset_from_furthest = 4;
+  double max_angle = 0.785398;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("cost", cost,
+              "Angle at the rollout's end between heading and a path point ahead, [rad].");
+    v("threshold", threshold, base::Range{0.0, 100.0}, "m",
+      "Counts with the goal farther than this.");
+    v("offset_from_furthest", offset_from_furthest, base::Range{0, 1000}, "",
+      "By how many path points that point is ahead of the furthest one reached.");
+    v("max_angle", max_angle, base::Range{0.0, 3.1416}, "rad",
+      "Counts where the robot's own heading is off that point by more than this.");
+  }
+};
+
+/// Backward driving.
+struct MppiPreferForwardConfig {
+  CriticWeight cost{5.0, 1};
+  double threshold = 0.5;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("cost", cost, "Way driven backwards, [m].");
+    v("threshold", threshold, base::Range{0.0, 100.0}, "m",
+      "Counts with the goal farther than this.");
+  }
+};
+
+/// The whole controller.
+struct MppiConfig {
+  // The robot: its outline and speeds, not Nav2's TurtleBot.
+  double outline_length = 0.458;
+  double outline_width = 0.416;
+  double max_linear = 2.0;
+  double min_linear = -1.0;
+  double max_angular = 3.14;
+  double max_acceleration = 20.0;
+  double max_angular_acceleration = 25.0;
+  // Sampling and optimisation.
+  int batch_size = 1000;
+  int num_steps = 56;
+  double model_dt = 0.05;
+  int num_iterations = 1;
+  int num_retries = 1;
+  double linear_std = 0.2;
+  double angular_std = 0.4;
+  double temperature = 0.3;
+  double gamma = 0.015;
+  double validation_time = 1.0;
+  // Path.
+  double prune_distance = 1.5;
+  double path_spacing = 0.05;
+  MppiConstraintConfig constraint;
+  MppiObstacleConfig obstacle;
+  MppiGoalConfig goal;
+  MppiPathAlignConfig path_align;
+  MppiPathFollowConfig path_follow;
+  MppiPathAngleConfig path_angle;
+  MppiPreferForwardConfig prefer_forward;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("outline_length", outline_length, base::Range{0.05, 3.0}, "m",
+      "Rectangle that must stay clear, along the driving direction.");
+    v("outline_width", outline_width, base::Range{0.05, 3.0}, "m", "And across.");
+    v("max_linear", max_linear, base::Range{0.01, 5.0}, "m/s", "Forward speed limit.");
+    v("min_linear", min_linear, base::Range{-5.0, 0.0}, "m/s", "Backward speed limit.");
+    v("max_angular", max_angular, base::Range{0.01, 10.0}, "rad/s", "Turn rate limit.");
+    v("max_acceleration", max_acceleration, base::Range{0.01, 1000.0}, "m/s^2",
+      "Largest change of forward speed.");
+    v("max_angular_acceleration", max_angular_acceleration, base::Range{0.01, 1000.0}, "rad/s^2",
+      "Largest change of turn rate.");
+    v("batch_size", batch_size, base::Range{1, 100000}, "", "Rollouts per iteration.");
+    v("num_steps", num_steps, base::Range{10, 1000}, "", "Points of a rollout.");
+    v("model_dt", model_dt, base::Range{0.001, 1.0}, "s",
+      "Time between two points; should be the control period, as the sequence is shifted by one "
+      "each cycle.");
+    v("num_iterations", num_iterations, base::Range{1, 100}, "",
+      "Updates of the sequence a cycle.");
+    v("num_retries", num_retries, base::Range{0, 100}, "",
+      "Fresh starts where all rollouts collide.");
+    v("linear_std", linear_std, base::Range{1e-3, 10.0}, "m/s",
+      "Standard deviation of the sampled speeds.");
+    v("angular_std", angular_std, base::Range{1e-3, 10.0}, "rad/s",
+      "Standard deviation of the sampled turn rates.");
+    v("temperature", temperature, base::Range{1e-6, 1e6}, "",
+      "Of the softmax: low takes the best rollout, high the mean of all.");
+    v("gamma", gamma, base::Range{0.0, 1e3}, "",
+      "Weight of smooth against low-energy control in the information-theoretic term.");
+    v("validation_time", validation_time, base::Range{0.0, 100.0}, "s",
+      "Part of the averaged rollout that must be free of collisions; else the best one is driven.");
+    v("prune_distance", prune_distance, base::Range{0.1, 100.0}, "m",
+      "Length of the path ahead that the critics see.");
+    v("path_spacing", path_spacing, base::Range{0.01, 1.0}, "m", "Between its points.");
+    v.Section("constraint", constraint, "Speeds beyond the limits.");
+    v.Section("obstacle", obstacle, "Nearness to obstacles.");
+    v.Section("goal", goal, "Distance to the goal.");
+    v.Section("path_align", path_align, "Distance between rollout and path.");
+    v.Section("path_follow", path_follow, "Progress along the path.");
+    v.Section("path_angle", path_angle, "Heading towards the path.");
+    v.Section("prefer_forward", prefer_forward, "Backward driving.");
+  }
+};
+
+}  // namespace slalom::planners

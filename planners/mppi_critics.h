@@ -1,0 +1,60 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "planners/clearance_map.h"
+#include "planners/mppi_config.h"
+#include "planners/rollouts.h"
+
+/// What makes a rollout good or bad: each function is one critic of Nav2's nav2_mppi_controller and
+/// adds its cost to every rollout's.
+///
+/// Shapes: `B` rollouts, `T` steps, `P` path points. Frames: `L` axes of O at the robot's place.
+
+namespace slalom::planners {
+
+/// The path as the critics see it, in L.
+struct CriticPath {
+  std::vector<float> x, y;      ///< [P] at equal spacing from the robot on, P >= 1, [m].
+  std::vector<char> is_free;    ///< [P] 0: the robot's inscribed circle meets an obstacle here.
+  float spacing = 0.0f;         ///< [m]
+  float length_to_goal = 0.0f;  ///< Of the whole plan from here to the goal, [m].
+  int furthest = 0;  ///< The point farthest along the path that a rollout ends nearest to.
+};
+
+/// What all critics look at.
+struct CriticView {
+  const Rollouts& rollouts;
+  const ClearanceMap& clearance;
+  const DiscOutline& outline;
+  const CriticPath& path;
+  float goal_x = 0.0f, goal_y = 0.0f;  ///< In L, [m].
+  float goal_distance = 0.0f;          ///< [m]
+  RolloutStart start;
+  float collision_clearance = 0.0f;  ///< A rollout collides where its clearance is no more, [m].
+  float dt = 0.05f;                  ///< [s]
+};
+
+/// Marks the path points whose inscribed circle is free and finds `furthest`. Cost: B x P.
+void SurveyPath(const Rollouts& rollouts, const ClearanceMap& clearance, const DiscOutline& outline,
+                CriticPath& path);
+
+void AddConstraintCost(const MppiConstraintConfig& config, const MppiConfig& limits,
+                       const CriticView& view, std::span<float> costs);
+
+/// Also writes which rollouts collide, [B], 1: yes. Returns how many do not.
+int AddObstacleCost(const MppiObstacleConfig& config, const CriticView& view,
+                    std::span<float> costs, std::span<char> collides);
+
+void AddGoalCost(const MppiGoalConfig& config, const CriticView& view, std::span<float> costs);
+void AddPathAlignCost(const MppiPathAlignConfig& config, const CriticView& view,
+                      std::span<float> costs);
+void AddPathFollowCost(const MppiPathFollowConfig& config, const CriticView& view,
+                       std::span<float> costs);
+void AddPathAngleCost(const MppiPathAngleConfig& config, const CriticView& view,
+                      std::span<float> costs);
+void AddPreferForwardCost(const MppiPreferForwardConfig& config, const CriticView& view,
+                          std::span<float> costs);
+
+}  // namespace slalom::planners
