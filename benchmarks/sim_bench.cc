@@ -25,6 +25,58 @@ const std::vector<std::shared_ptr<const Scene>>& StaticScenes() {
   return scenes;
 }
 
+/// Open field, 12 boxes that come towards the robot (original-system.md §7.2).
+std::shared_ptr<const Course> BoxCourse(base::Random& random) {
+  Course course;
+  course.name = "dynamic-box";
+  course.start = {{-2.0, 3.0}, 0.5 * base::kPi};
+  course.goal_W = {-2.0, 13.0};
+  course.boxes = {{{{-9.0, 7.25}, 0.0}, {0.05, 6.75}},
+                  {{{4.5, 7.25}, 0.0}, {0.05, 6.75}},
+                  {{{-2.25, 0.5}, 0.0}, {6.75, 0.05}}};
+  for (int i = 0; i < 12; ++i) {
+    MovingObstacle box;
+    box.half_size = {random.Uniform(0.05, 0.25), random.Uniform(0.05, 0.25)};
+    const double yaw = random.Uniform(-1.57, 1.57);
+    box.key_frames = {{0.0, {{random.Uniform(-9.0, 4.5), 14.0}, yaw}},
+                      {random.Uniform(9.0, 27.0), {{random.Uniform(-9.0, 4.5), 0.5}, yaw}}};
+    course.moving.push_back(box);
+  }
+  return std::make_shared<const Course>(course);
+}
+
+/// The pen and side walls of 156 cylinders, two walls that sweep (§7.3).
+std::shared_ptr<const Course> WallCourse(base::Random& random) {
+  Course course;
+  course.name = "dynamic-wall";
+  course.start = {{-2.0, 3.0}, 0.5 * base::kPi};
+  course.goal_W = {-2.0, 13.0};
+  for (int row = 0; row < 64; ++row) {
+    course.circles.push_back({{-4.425, 0.075 + 0.15 * row}, 0.075});
+    course.circles.push_back({{-0.075, 0.075 + 0.15 * row}, 0.075});
+  }
+  for (int column = 1; column < 29; ++column) {
+    course.circles.push_back({{-4.425 + 0.15 * column, 0.075}, 0.075});
+  }
+  for (const double from : {-4.5, 0.0}) {
+    MovingObstacle wall;
+    wall.half_size = {random.Uniform(1.75, 2.25), 0.05};
+    const double yaw = random.Uniform(-0.17, 0.17);
+    wall.key_frames = {{0.0, {{from, 7.25}, yaw}},
+                       {random.Uniform(3.0, 4.5), {{-4.5 - from, 7.25}, yaw}}};
+    course.moving.push_back(wall);
+  }
+  return std::make_shared<const Course>(course);
+}
+
+template <class MakeCourse>
+std::vector<std::shared_ptr<const Scene>> MakeMany(const MakeCourse& make) {
+  base::Random random(7);
+  std::vector<std::shared_ptr<const Scene>> scenes;
+  for (int i = 0; i < kNumCourses; ++i) scenes.push_back(MakeScene(make(random)));
+  return scenes;
+}
+
 EnvironmentConfig BenchConfig() {
   EnvironmentConfig config;
   config.episode.start_position_jitter = 0.05;
@@ -76,9 +128,10 @@ std::vector<MetPose> DrivenPoses() {
 }
 
 void StepEnvironments(benchmark::State& state, const EnvironmentConfig& config,
-                      Robot::Stepping stepping) {
+                      Robot::Stepping stepping,
+                      const std::vector<std::shared_ptr<const Scene>>& scenes = StaticScenes()) {
   base::ParallelFor parallel(static_cast<int>(state.range(0)));
-  CourseEnvironments environments(config, StaticScenes(), kBatch, &parallel, stepping);
+  CourseEnvironments environments(config, scenes, kBatch, &parallel, stepping);
   base::Random random(3);
   std::vector<env::Action> actions(kBatch);
   std::vector<env::StepResult> results(kBatch);
@@ -107,6 +160,16 @@ void BM_EnvironmentSteps(benchmark::State& state) {
   StepEnvironments(state, BenchConfig(), Robot::Stepping::kBox2dInContact);
 }
 BENCHMARK(BM_EnvironmentSteps)->Arg(1)->Arg(2)->UseRealTime();
+
+void BM_EnvironmentStepsDynamicBox(benchmark::State& state) {
+  StepEnvironments(state, BenchConfig(), Robot::Stepping::kBox2dInContact, MakeMany(BoxCourse));
+}
+BENCHMARK(BM_EnvironmentStepsDynamicBox)->Arg(1)->UseRealTime();
+
+void BM_EnvironmentStepsDynamicWall(benchmark::State& state) {
+  StepEnvironments(state, BenchConfig(), Robot::Stepping::kBox2dInContact, MakeMany(WallCourse));
+}
+BENCHMARK(BM_EnvironmentStepsDynamicWall)->Arg(1)->UseRealTime();
 
 /// With two beams, which is without LiDAR (the steering rule then steers by the goal alone).
 void BM_EnvironmentStepsWithoutLidar(benchmark::State& state) {
@@ -208,8 +271,7 @@ void DriveOnly(benchmark::State& state, Robot::Stepping stepping) {
   robot.Reset(scene.course().start);
   base::Random random(5);
   for (auto _ : state) {
-    if (robot.Drive(random.Uniform(-1.0, 2.0), random.Uniform(-3.0, 3.0), scene.collision_map(),
-                    contacts)) {
+    if (robot.Drive(random.Uniform(-1.0, 2.0), random.Uniform(-3.0, 3.0), scene, 0.0, contacts)) {
       robot.Reset(scene.course().start);
     }
   }

@@ -14,13 +14,9 @@ namespace {
 constexpr float kCell = 0.5f;       // [m]
 constexpr float kFarAway = 1.0e6f;  // [m]
 
-struct FootprintPose {
-  float x, y, cos_yaw, sin_yaw;
-};
-
 SLALOM_VECTOR_CLONES
-float CircleClearance(const CollisionMap& map, std::span<const CollisionMap::Run> runs,
-                      const Footprint& footprint, const FootprintPose& pose, float limit) {
+float NearestCircle(const CollisionMap& map, std::span<const CollisionMap::Run> runs,
+                    const Footprint& footprint, const FootprintPose& pose, float limit) {
   const Floats zero{};
   Floats nearest = Fill(limit);
   for (const CollisionMap::Run& run : runs) {
@@ -42,6 +38,22 @@ float CircleClearance(const CollisionMap& map, std::span<const CollisionMap::Run
   return result;
 }
 
+}  // namespace
+
+FootprintPose MakeFootprintPose(float x, float y, float yaw) {
+  const auto [sin_yaw, cos_yaw] = base::SinCos(yaw);
+  return {x, y, static_cast<float>(cos_yaw), static_cast<float>(sin_yaw)};
+}
+
+float CircleClearance(float x, float y, float radius, const Footprint& footprint,
+                      const FootprintPose& pose) {
+  const float dx = x - pose.x, dy = y - pose.y;
+  const float qx = std::abs(pose.cos_yaw * dx + pose.sin_yaw * dy) - footprint.half_length;
+  const float qy = std::abs(pose.cos_yaw * dy - pose.sin_yaw * dx) - footprint.half_width;
+  const float out_x = std::max(qx, 0.0f), out_y = std::max(qy, 0.0f);
+  return std::sqrt(out_x * out_x + out_y * out_y) + std::min(std::max(qx, qy), 0.0f) - radius;
+}
+
 // Largest gap between the rectangles' shadows on their four side directions (separating axes).
 float BoxClearance(const PlacedBox& box, const Footprint& footprint, const FootprintPose& pose) {
   const float dx = box.x - pose.x;
@@ -57,8 +69,6 @@ float BoxClearance(const PlacedBox& box, const Footprint& footprint, const Footp
                    along_bx - box.half_x - (c * footprint.half_length + s * footprint.half_width),
                    along_by - box.half_y - (s * footprint.half_length + c * footprint.half_width)});
 }
-
-}  // namespace
 
 CollisionMap::CollisionMap(const Course& course)
     : num_circles_(static_cast<int>(course.circles.size())) {
@@ -140,11 +150,10 @@ void CollisionMap::FindCircles(float x, float y, float reach, Runs& found) const
 float CollisionMap::Clearance(const Footprint& footprint, float x, float y, float yaw,
                               float limit) const {
   SLALOM_CHECK_GT(limit, 0.0f);
-  const auto [sin_yaw, cos_yaw] = base::SinCos(yaw);
-  const FootprintPose pose{x, y, static_cast<float>(cos_yaw), static_cast<float>(sin_yaw)};
+  const FootprintPose pose = MakeFootprintPose(x, y, yaw);
   Runs runs;
   FindCircles(x, y, footprint.Circumradius() + limit, runs);
-  float nearest = CircleClearance(*this, runs.span(), footprint, pose, limit);
+  float nearest = NearestCircle(*this, runs.span(), footprint, pose, limit);
   for (const PlacedBox& box : boxes_) {
     nearest = std::min(nearest, BoxClearance(box, footprint, pose));
   }

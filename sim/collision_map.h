@@ -35,9 +35,27 @@ struct PlacedBox {
   float Circumradius() const { return std::sqrt(half_x * half_x + half_y * half_y); }
 };
 
-/// The obstacles of a course, laid out for the LiDAR and the collision test: circles as arrays
-/// sorted by cell (row by row), so that a neighbourhood is a few contiguous runs; boxes, which are
-/// few, as a list.
+/// The robot's pose with its heading as cosine and sine.
+struct FootprintPose {
+  float x = 0.0f;  ///< In W, [m].
+  float y = 0.0f;
+  float cos_yaw = 1.0f;
+  float sin_yaw = 0.0f;
+};
+
+FootprintPose MakeFootprintPose(float x, float y, float yaw);
+
+/// Distance from the footprint to a circle at (x, y), [m]; below 0 where they overlap.
+float CircleClearance(float x, float y, float radius, const Footprint& footprint,
+                      const FootprintPose& X_WR);
+
+/// Distance from the footprint to a box along the axis that keeps them farthest apart, [m]: never
+/// more than the real distance, with its sign.
+float BoxClearance(const PlacedBox& box, const Footprint& footprint, const FootprintPose& X_WR);
+
+/// The fixed obstacles of a course, laid out for the LiDAR and the collision test: circles as
+/// arrays sorted by cell (row by row), so that a neighbourhood is a few contiguous runs; boxes,
+/// which are few, as a list.
 ///
 /// Single precision: coordinates are exact to 1e-6 m within 16 m of the course's origin.
 /// Immutable after construction. Allocates nothing afterwards.

@@ -49,13 +49,15 @@ ContactWorld::ContactWorld(const RobotConfig& config)
 
 ContactWorld::~ContactWorld() = default;
 
-bool ContactWorld::Step(const CollisionMap& map, float dt, BodyState& state) {
+bool ContactWorld::Step(const CollisionMap& map, std::span<const MovingShape> moving, float dt,
+                        BodyState& state) {
   robot_->SetTransform({state.x, state.y}, state.yaw);
   robot_->SetLinearVelocity({state.vx, state.vy});
   robot_->SetAngularVelocity(state.yaw_rate);
   // The robot's place in the broad phase is older than any obstacle's, so contacts are made, and
   // solved, in the order in which obstacles are placed, whatever was there before.
   PlaceObstacles(map, state);
+  PlaceMoving(moving);
   world_->Step(dt, kVelocityIterations, kPositionIterations);
   const bool touching = Touching();
   const b2Vec2 p = robot_->GetPosition();
@@ -95,7 +97,35 @@ void ContactWorld::PlaceObstacles(const CollisionMap& map, const BodyState& stat
   }
 }
 
+void ContactWorld::PlaceMoving(std::span<const MovingShape> moving) {
+  for (const MovingShape& shape : moving) {
+    b2BodyDef definition;
+    definition.type = b2_kinematicBody;
+    definition.position.Set(shape.box.x, shape.box.y);
+    definition.angle = shape.box.yaw;
+    definition.linearVelocity.Set(shape.vx, shape.vy);
+    definition.angularVelocity = shape.yaw_rate;
+    b2Body* const body = world_->CreateBody(&definition);
+    b2FixtureDef fixture;
+    fixture.friction = kFriction;
+    b2CircleShape circle;
+    circle.m_radius = shape.radius;
+    b2PolygonShape polygon;
+    if (shape.radius > 0.0f) {
+      fixture.shape = &circle;
+    } else {
+      polygon.SetAsBox(shape.box.half_x, shape.box.half_y);
+      polygon.m_radius = 0.0f;
+      fixture.shape = &polygon;
+    }
+    body->CreateFixture(&fixture);
+    moving_.push_back(body);
+  }
+}
+
 void ContactWorld::RemoveObstacles() {
+  for (b2Body* const body : moving_) world_->DestroyBody(body);
+  moving_.clear();
   while (b2Fixture* fixture = obstacles_->GetFixtureList()) obstacles_->DestroyFixture(fixture);
 }
 

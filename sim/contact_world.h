@@ -1,9 +1,12 @@
 #pragma once
 
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "sim/collision_map.h"
 #include "sim/environment_config.h"
+#include "sim/moving_obstacles.h"
 
 class b2Body;
 class b2World;
@@ -24,9 +27,9 @@ struct BodyState {
 
 /// A Box2D world with the robot's body and, during a step, the obstacles that it may touch.
 ///
-/// Memoryless: a step is a function of the body's state and the map alone, to the bit, whatever was
-/// stepped before; so one instance serves any number of environments. Confined to one thread at a
-/// time. Allocates nothing once warm.
+/// Memoryless: a step is a function of the body's state and the obstacles alone, to the bit,
+/// whatever was stepped before; so one instance serves any number of environments. Confined to one
+/// thread at a time. Allocates nothing once warm.
 class ContactWorld {
  public:
   explicit ContactWorld(const RobotConfig& config);
@@ -35,19 +38,23 @@ class ContactWorld {
   ContactWorld& operator=(const ContactWorld&) = delete;
 
   /// Moves the body on by `dt` [s]: contacts present at the start push back, without bounce and
-  /// with friction; otherwise it keeps its velocity. Returns whether anything was touched at the
+  /// with friction; otherwise it keeps its velocity. `moving`: those that it may touch, at the
+  /// start of the step; they give way to nothing. Returns whether anything was touched at the
   /// start. Cost: about 2 us.
-  bool Step(const CollisionMap& map, float dt, BodyState& state);
+  bool Step(const CollisionMap& map, std::span<const MovingShape> moving, float dt,
+            BodyState& state);
 
  private:
   void PlaceObstacles(const CollisionMap& map, const BodyState& state);
+  void PlaceMoving(std::span<const MovingShape> moving);
   void RemoveObstacles();
   bool Touching() const;
 
   const Footprint footprint_;
   std::unique_ptr<b2World> world_;
   b2Body* robot_ = nullptr;      // Owned by world_.
-  b2Body* obstacles_ = nullptr;  // Owned by world_.
+  b2Body* obstacles_ = nullptr;  // Those that do not move. Owned by world_.
+  std::vector<b2Body*> moving_;  // During a step. Owned by world_.
 };
 
 /// The footprint of the configured robot.

@@ -13,6 +13,7 @@ namespace slalom::sim {
 namespace {
 
 constexpr int kMaxStartDraws = 1000;
+constexpr double kMotionTimeSpan = 1000.0;  // Many rounds of any obstacle of the paper, [s].
 
 const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
   CheckConsistent(config);
@@ -32,6 +33,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
       parallel_(parallel) {
   SLALOM_CHECK_GE(batch_size, 1);
   SLALOM_CHECK_GE(scenes_.size(), 1u);
+  int max_moving = 0;
   for (const auto& scene : scenes_) {
     SLALOM_CHECK(scene != nullptr);
     const base::Pose2& start = scene->course().start;
@@ -42,10 +44,22 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
                       scene->course().name, config.robot.length, config.robot.width, start.p.x,
                       start.p.y, start.yaw));
     }
+    if (!DrawStart(*scene, 0)) {
+      throw base::Error(fmt::format(
+          "course '{}': moving obstacles touch a robot of {} x {} m at the start pose ({} m, {} m, "
+          "{} rad) at each of {} times",
+          scene->course().name, config.robot.length, config.robot.width, start.p.x, start.p.y,
+          start.yaw, kMaxStartDraws));
+    }
+    max_moving = std::max(max_moving, scene->moving_obstacles().size());
   }
   const Robot at_rest(config.robot, NumSubsteps(config), stepping);
   environments_.reserve(batch_size);
-  for (int i = 0; i < batch_size; ++i) environments_.emplace_back(at_rest);
+  for (int i = 0; i < batch_size; ++i) {
+    Environment& environment = environments_.emplace_back(at_rest);
+    environment.robot.Reserve(max_moving);
+    environment.moving.Reserve(max_moving);
+  }
   const int num_shares = parallel == nullptr ? 1 : parallel->num_threads();
   for (int share = 0; share < num_shares; ++share) {
     contact_worlds_.push_back(std::make_unique<ContactWorld>(config.robot));
@@ -61,7 +75,9 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   const Scene& scene = *scenes_[spec.course];
   Environment& environment = environments_[i];
   environment.scene = &scene;
-  environment.robot.Reset(DrawStart(scene, spec.seed));
+  const Start start = DrawStart(scene, spec.seed).value_or(Start{scene.course().start});
+  environment.robot.Reset(start.X_WR);
+  environment.motion_start = environment.motion_time = start.motion_time;
   environment.X_WO = environment.robot.pose();
   environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
   environment.last_action = config_.action.Normalise(0.0, 0.0);
@@ -72,18 +88,26 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   Observe(i);
 }
 
-base::Pose2 CourseEnvironments::DrawStart(const Scene& scene, std::uint64_t seed) const {
+std::optional<CourseEnvironments::Start> CourseEnvironments::DrawStart(const Scene& scene,
+                                                                       std::uint64_t seed) const {
   const EpisodeConfig& episode = config_.episode;
   const base::Pose2& start = scene.course().start;
+  const MovingObstacles& moving = scene.moving_obstacles();
   base::Random random(base::DeriveSeed(seed, "start pose"));
+  base::Random random_time(base::DeriveSeed(seed, "motion time"));
   for (int draw = 0; draw < kMaxStartDraws; ++draw) {
     const double x = random.Uniform(-episode.start_position_jitter, episode.start_position_jitter);
     const double y = random.Uniform(-episode.start_position_jitter, episode.start_position_jitter);
     const double yaw = random.Uniform(-episode.start_yaw_jitter, episode.start_yaw_jitter);
     const base::Pose2 drawn{start.p + base::Vec2{x, y}, start.yaw + yaw};
-    if (!Touches(scene, drawn)) return drawn;
+    const double time = moving.empty() ? 0.0 : random_time.Uniform(0.0, kMotionTimeSpan);
+    if (Touches(scene, drawn)) continue;
+    const FootprintPose X_WR =
+        MakeFootprintPose(static_cast<float>(drawn.p.x), static_cast<float>(drawn.p.y),
+                          static_cast<float>(drawn.yaw));
+    if (!moving.Touch(time, footprint_, X_WR)) return Start{drawn, time};
   }
-  return start;
+  return std::nullopt;
 }
 
 bool CourseEnvironments::Touches(const Scene& scene, const base::Pose2& X_WR) const {
@@ -126,9 +150,10 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
   environment.last_action = clipped;
   const Scene& scene = *environment.scene;
   const bool collided = environment.robot.Drive(config_.action.linear_mps(clipped),
-                                                config_.action.angular_radps(clipped),
-                                                scene.collision_map(), contacts);
+                                                config_.action.angular_radps(clipped), scene,
+                                                environment.motion_time, contacts);
   ++environment.num_steps;
+  environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;
 
   const double distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
   double reward =
@@ -155,8 +180,10 @@ void CourseEnvironments::Observe(int i) {
   Environment& environment = environments_[i];
   const Scene& scene = *environment.scene;
   const base::Pose2 X_WR = environment.robot.pose();
-  lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise,
-              observations_.mutable_ranges(i));
+  const MovingObstacles& moving = scene.moving_obstacles();
+  if (!moving.empty()) moving.PlaceAll(environment.motion_time, environment.moving);
+  lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i),
+              moving.empty() ? nullptr : &environment.moving);
   const base::Vec2 goal_R = base::InverseTransform(X_WR, scene.course().goal_W);
   const auto state = observations_.mutable_state(i);
   state[0] = static_cast<float>(goal_R.x);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -20,7 +21,11 @@ namespace slalom::sim {
 /// A step holds the command for `episode.step`, then looks: contact at any of the rigid-body steps
 /// is a collision (from the first step on); else nearer to the goal than the tolerance at the end
 /// of the step is success; else the step limit is a timeout. Frames are taken at the end of the
-/// step.
+/// step, and show moving obstacles where they are then.
+///
+/// In the original, moving obstacles keep running while the robot is put back, so every episode
+/// meets them in another phase: here an episode's seed draws the motion time at which it begins,
+/// uniformly from 1000 s (0 on a course where nothing moves).
 ///
 /// An episode is a value of (config, course, seed, actions), bit for bit, whatever the batch, its
 /// order or the number of threads. `Reset` and `Step` allocate nothing, save that the first
@@ -29,8 +34,9 @@ class CourseEnvironments : public env::BatchEnvironment {
  public:
   /// `parallel`: runs the batch on its threads; null: on the caller's. It must outlive this object.
   ///
-  /// Throws `base::Error` where the config contradicts itself or where the robot would touch an
-  /// obstacle at the start of a course. Requires: batch_size >= 1, at least one scene, none null.
+  /// Throws `base::Error` where the config contradicts itself or where the robot would touch a
+  /// fixed obstacle at the start of a course, or moving ones there at nearly any time. Requires:
+  /// batch_size >= 1, at least one scene, none null.
   CourseEnvironments(const EnvironmentConfig& config,
                      std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
                      base::ParallelFor* parallel,
@@ -39,7 +45,9 @@ class CourseEnvironments : public env::BatchEnvironment {
   int batch_size() const override { return static_cast<int>(environments_.size()); }
   int num_courses() const override { return static_cast<int>(scenes_.size()); }
 
-  /// The start pose is jittered as configured; a draw that touches an obstacle is drawn again.
+  /// The start pose is jittered as configured; a draw of pose and motion time in which the robot
+  /// touches an obstacle is drawn again; after
+  /// 1000 of them the course's own start pose and motion time 0 are taken.
   /// Requires: 0 <= i < batch_size(), 0 <= spec.course < num_courses().
   void Reset(int i, const env::EpisodeSpec& spec) override;
 
@@ -60,15 +68,23 @@ class CourseEnvironments : public env::BatchEnvironment {
     const Scene* scene = nullptr;  // Null: never reset.
     Robot robot;
     base::Random lidar_noise;
+    MovingShapes moving;  // Where the last scan saw them.
     env::Action last_action;
     base::Pose2 X_WO;            // Where the episode began.
+    double motion_start = 0.0;   // Motion time at which the episode began, [s].
     double motion_time = 0.0;    // [s]
     double goal_distance = 0.0;  // [m]
     int num_steps = 0;
     bool running = false;
   };
 
-  base::Pose2 DrawStart(const Scene& scene, std::uint64_t seed) const;
+  struct Start {
+    base::Pose2 X_WR;
+    double motion_time = 0.0;  // [s]
+  };
+
+  // Nothing where every draw touches an obstacle.
+  std::optional<Start> DrawStart(const Scene& scene, std::uint64_t seed) const;
   bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
   void StepShare(int share);
   env::StepResult StepOne(Environment& environment, const env::Action& action,

@@ -59,9 +59,14 @@ SLALOM_ALWAYS_INLINE void CastCircle(const Sensor& sensor, float x, float y, flo
   }
 }
 
+/// Circles as arrays that may be read in whole vectors, [m].
+struct Circles {
+  const float *x, *y, *radius;
+};
+
 // As above for all circles of the runs.
 SLALOM_VECTOR_CLONES
-void CastCircles(const CollisionMap& map, std::span<const CollisionMap::Run> runs,
+void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs,
                  const Sensor& sensor, float* ranges) {
   // Beyond rounding and the error of Atan2, in beams.
   const float pad = 1e-3f * sensor.beams_per_radian;
@@ -69,9 +74,9 @@ void CastCircles(const CollisionMap& map, std::span<const CollisionMap::Run> run
   const float last_beam = static_cast<float>(sensor.num_beams - 1);
   for (const CollisionMap::Run& run : runs) {
     for (int i = run.begin; i < run.end; i += kLanes) {
-      const Floats dx = Load(map.x() + i) - sensor.x;
-      const Floats dy = Load(map.y() + i) - sensor.y;
-      const Floats radius = Load(map.radius() + i);
+      const Floats dx = Load(circles.x + i) - sensor.x;
+      const Floats dy = Load(circles.y + i) - sensor.y;
+      const Floats radius = Load(circles.radius + i);
       const Floats x = sensor.cos_yaw * dx + sensor.sin_yaw * dy;
       const Floats y = sensor.cos_yaw * dy - sensor.sin_yaw * dx;
       const Floats squared = x * x + y * y;
@@ -100,14 +105,14 @@ void CastCircles(const CollisionMap& map, std::span<const CollisionMap::Run> run
       Store(wrap_flags, wraps);
       for (int k = 0; k < kLanes; ++k) {
         if (seen_flags[k]) {
-          CastCircle(sensor, xs[k], ys[k], map.radius()[i + k], firsts[k], lasts[k], ranges);
+          CastCircle(sensor, xs[k], ys[k], circles.radius[i + k], firsts[k], lasts[k], ranges);
         }
         if (wrap_flags[k]) [[unlikely]] {
           for (const float shift : {-turn, turn}) {
             const float first = std::max(lows[k] + shift, 0.0f);
             const float last = std::min(highs[k] + shift, last_beam);
             if (first > last) continue;
-            CastCircle(sensor, xs[k], ys[k], map.radius()[i + k], static_cast<int>(first),
+            CastCircle(sensor, xs[k], ys[k], circles.radius[i + k], static_cast<int>(first),
                        static_cast<int>(last), ranges);
           }
         }
@@ -171,8 +176,8 @@ AngularSpan SpanOfBox(const SensedBox& box) {
   return span;
 }
 
-void CastBoxes(const CollisionMap& map, const Sensor& sensor, float* ranges) {
-  for (const PlacedBox& box : map.boxes()) {
+void CastBoxes(std::span<const PlacedBox> boxes, const Sensor& sensor, float* ranges) {
+  for (const PlacedBox& box : boxes) {
     const float dx = sensor.x - box.x, dy = sensor.y - box.y;
     const SensedBox sensed{.x = box.cos_yaw * dx + box.sin_yaw * dy,
                            .y = box.cos_yaw * dy - box.sin_yaw * dx,
@@ -253,10 +258,10 @@ Lidar::Lidar(const LidarConfig& config, double clip)
 }
 
 void Lidar::Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
-                 std::span<std::uint16_t> ranges_cm) const {
+                 std::span<std::uint16_t> ranges_cm, const MovingShapes* moving) const {
   SLALOM_CHECK_EQ(ranges_cm.size(), static_cast<std::size_t>(config_.num_beams));
   std::array<float, kPaddedBeams> ranges;
-  CastPadded(map, X_WR, ranges.data());
+  CastPadded(map, moving, X_WR, ranges.data());
   if (config_.noise_std > 0.0) AddNoise(noise, ranges.data());
   const Reporting reporting{.low = static_cast<float>(config_.min_range),
                             .high = static_cast<float>(clip_),
@@ -265,15 +270,17 @@ void Lidar::Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random&
   Quantise(reporting, ranges.data(), config_.num_beams, ranges_cm.data());
 }
 
-void Lidar::Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<float> ranges) const {
+void Lidar::Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<float> ranges,
+                 const MovingShapes* moving) const {
   SLALOM_CHECK_EQ(ranges.size(), static_cast<std::size_t>(config_.num_beams));
   std::array<float, kPaddedBeams> padded;
-  CastPadded(map, X_WR, padded.data());
+  CastPadded(map, moving, X_WR, padded.data());
   std::copy_n(padded.begin(), config_.num_beams, ranges.begin());
 }
 
 // `ranges`: [num_beams + kLanes]; the last kLanes are scratch.
-void Lidar::CastPadded(const CollisionMap& map, const base::Pose2& X_WR, float* ranges) const {
+void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, const base::Pose2& X_WR,
+                       float* ranges) const {
   const base::Vec2 p_WS = base::Transform(X_WR, {config_.offset_x, 0.0});
   const auto [sin_yaw, cos_yaw] = base::SinCos(X_WR.yaw);
   const Sensor sensor{.x = static_cast<float>(p_WS.x),
@@ -289,8 +296,13 @@ void Lidar::CastPadded(const CollisionMap& map, const base::Pose2& X_WR, float* 
   std::fill_n(ranges, config_.num_beams + kLanes, static_cast<float>(config_.max_range));
   CollisionMap::Runs runs;
   map.FindCircles(sensor.x, sensor.y, sensor.reach, runs);
-  CastCircles(map, runs.span(), sensor, ranges);
-  CastBoxes(map, sensor, ranges);
+  CastCircles({map.x(), map.y(), map.radius()}, runs.span(), sensor, ranges);
+  CastBoxes(map.boxes(), sensor, ranges);
+  if (moving == nullptr) return;
+  const CollisionMap::Run all{0, moving->num_circles};
+  CastCircles({moving->x.data(), moving->y.data(), moving->radius.data()}, {&all, 1}, sensor,
+              ranges);
+  CastBoxes(moving->boxes, sensor, ranges);
 }
 
 // Five beams from each 64-bit word: the quantile of one of kNoiseLevels equal parts of probability.

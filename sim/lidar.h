@@ -8,12 +8,13 @@
 #include "base/random.h"
 #include "sim/collision_map.h"
 #include "sim/environment_config.h"
+#include "sim/moving_obstacles.h"
 
 /// Frames: `W` the course's own frame, `R` the robot, `S` the sensor (x ahead, y left).
 
 namespace slalom::sim {
 
-/// The range finder: casts planar scans against a `CollisionMap`.
+/// The range finder: casts planar scans against a `CollisionMap` and moving obstacles.
 ///
 /// For each obstacle only the beams inside its angular span are tested. Immutable after
 /// construction, so one instance may serve many threads. Allocates nothing afterwards.
@@ -26,18 +27,20 @@ class Lidar {
   ///
   /// `ranges_cm`: [num_beams] [cm], counter-clockwise, with noise from `noise`, not below
   /// min_range, rounded to the resolution, clipped. Nothing hit: max_range (then noise and clip).
+  /// `moving`: at the time of the scan; null: none.
   /// Requires: ranges_cm.size() == num_beams().
   /// Cost: about 3 us on the courses of the paper; O(num_beams + obstacles in reach * beams they
   /// span).
   void Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
-            std::span<std::uint16_t> ranges_cm) const;
+            std::span<std::uint16_t> ranges_cm, const MovingShapes* moving = nullptr) const;
 
   /// Writes the distances from the sensor to the nearest obstacle, before noise, rounding and clip.
   ///
   /// `ranges`: [num_beams] [m], counter-clockwise; within 1e-4 m save where a beam grazes an
   /// obstacle. 0: the sensor is inside an obstacle. max_range: nothing nearer than clip and noise
   /// can matter to. Requires: ranges.size() == num_beams().
-  void Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<float> ranges) const;
+  void Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<float> ranges,
+            const MovingShapes* moving = nullptr) const;
 
   int num_beams() const { return config_.num_beams; }
 
@@ -45,7 +48,8 @@ class Lidar {
   double beam_angle(int beam) const { return first_angle_ + beam * angle_step_; }
 
  private:
-  void CastPadded(const CollisionMap& map, const base::Pose2& X_WR, float* ranges) const;
+  void CastPadded(const CollisionMap& map, const MovingShapes* moving, const base::Pose2& X_WR,
+                  float* ranges) const;
   void AddNoise(base::Random& noise, float* ranges) const;
 
   const LidarConfig config_;

@@ -10,6 +10,7 @@ namespace {
 
 constexpr float kClearanceLimit = 0.3f;    // How far ahead clearance is looked for, [m].
 constexpr float kClearanceMargin = 1e-3f;  // Far above all rounding, [m].
+constexpr float kTravel = 0.5f;            // More than the robot drives in a control step, [m].
 
 }  // namespace
 
@@ -28,6 +29,11 @@ Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
   commands_.resize(1 + (delay_ + num_substeps - 1) / num_substeps);
 }
 
+void Robot::Reserve(int num_moving) {
+  moving_.reserve(num_moving);
+  moving_shapes_.reserve(num_moving);
+}
+
 void Robot::Reset(const base::Pose2& X_WR) {
   body_ = {.x = static_cast<float>(X_WR.p.x),
            .y = static_cast<float>(X_WR.p.y),
@@ -37,21 +43,26 @@ void Robot::Reset(const base::Pose2& X_WR) {
   std::fill(commands_.begin(), commands_.end(), Command{});
 }
 
-bool Robot::Drive(double linear, double angular, const CollisionMap& map, ContactWorld& contacts) {
+bool Robot::Drive(double linear, double angular, const Scene& scene, double motion_time,
+                  ContactWorld& contacts) {
   Push({std::clamp(linear, -linear_limit_, linear_limit_),
         std::clamp(angular, -angular_limit_, angular_limit_)});
   body_.yaw = static_cast<float>(base::WrapAngle(body_.yaw));
   const float dt = static_cast<float>(dt_);
+  const CollisionMap& map = scene.collision_map();
+  const MovingObstacles& moving = scene.moving_obstacles();
   const auto look_around = [&] {
     clearance_ = map.Clearance(footprint_, body_.x, body_.y, body_.yaw, kClearanceLimit);
   };
   if (clearance_ < kClearanceMargin) look_around();
-  bool touched = clearance_ <= 0.0f;
+  FindMoving(moving, motion_time, num_substeps_ * dt_);
+  PlaceMoving(moving, motion_time);
+  bool touched = std::min(clearance_, moving_clearance_) <= 0.0f;
   for (int substep = 0; substep < num_substeps_; ++substep) {
     TurnWheels(CommandAt(substep));
-    const bool in_contact = clearance_ < kClearanceMargin;
+    const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
     if (in_contact || stepping_ == Stepping::kBox2dAlways) {
-      if (contacts.Step(map, dt, body_)) {
+      if (contacts.Step(map, moving_shapes_, dt, body_)) {
         const auto [s, c] = base::SinCos(body_.yaw);
         speed_ = c * body_.vx + s * body_.vy;
         clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
@@ -65,9 +76,43 @@ bool Robot::Drive(double linear, double angular, const CollisionMap& map, Contac
     clearance_ -= dt * (static_cast<float>(std::abs(speed_)) +
                         std::abs(body_.yaw_rate) * footprint_.Circumradius());
     if (clearance_ < 2.0f * kClearanceMargin) look_around();
-    touched = touched || clearance_ <= 0.0f;
+    if (!moving.empty()) {
+      const double time = motion_time + (substep + 1) * dt_;
+      const float gone_x = body_.x - found_x_, gone_y = body_.y - found_y_;
+      if (gone_x * gone_x + gone_y * gone_y > kTravel * kTravel) {
+        FindMoving(moving, time, (num_substeps_ - substep - 1) * dt_);
+      }
+      PlaceMoving(moving, time);
+    }
+    touched = touched || std::min(clearance_, moving_clearance_) <= 0.0f;
   }
   return touched;
+}
+
+// Finds those that may come within kClearanceMargin from `time` on for `duration` [s].
+void Robot::FindMoving(const MovingObstacles& moving, double time, double duration) {
+  moving_.clear();
+  found_x_ = body_.x;
+  found_y_ = body_.y;
+  for (int i = 0; i < moving.size(); ++i) {
+    const PlacedBox& place = moving.At(i, time).box;
+    const float dx = place.x - body_.x, dy = place.y - body_.y;
+    const float far = moving.circumradius(i) + footprint_.Circumradius() + kTravel +
+                      static_cast<float>(duration) * moving.max_speed(i) + 2.0f * kClearanceMargin;
+    if (dx * dx + dy * dy < far * far || moving.Jumps(i, time, duration)) moving_.push_back(i);
+  }
+}
+
+void Robot::PlaceMoving(const MovingObstacles& moving, double time) {
+  moving_shapes_.clear();
+  moving_clearance_ = kClearanceLimit;
+  if (moving_.empty()) return;
+  const FootprintPose X_WR = MakeFootprintPose(body_.x, body_.y, body_.yaw);
+  for (const int i : moving_) {
+    moving_shapes_.push_back(moving.At(i, time));
+    moving_clearance_ =
+        std::min(moving_clearance_, Clearance(moving_shapes_.back(), footprint_, X_WR));
+  }
 }
 
 base::Pose2 Robot::pose() const { return {{body_.x, body_.y}, base::WrapAngle(body_.yaw)}; }

@@ -3,9 +3,9 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "sim/collision_map.h"
 #include "sim/contact_world.h"
 #include "sim/environment_config.h"
+#include "sim/scene.h"
 
 namespace slalom::sim {
 
@@ -27,12 +27,17 @@ class Robot {
   /// `num_substeps`: rigid-body steps in a control step. Requires: num_substeps >= 1.
   Robot(const RobotConfig& config, int num_substeps, Stepping stepping = Stepping::kBox2dInContact);
 
+  /// Makes room for that many moving obstacles, so that `Drive` allocates nothing.
+  void Reserve(int num_moving);
+
   /// Puts the robot at rest, with no command under way.
   void Reset(const base::Pose2& X_WR);
 
-  /// Drives for one control step towards the commanded speeds (`linear` [m/s], `angular` [rad/s]).
-  /// Returns whether it touched anything: at the start, or after any of the rigid-body steps.
-  bool Drive(double linear, double angular, const CollisionMap& map, ContactWorld& contacts);
+  /// Drives for one control step, which begins at `motion_time` [s], towards the commanded speeds
+  /// (`linear` [m/s], `angular` [rad/s]). Returns whether it touched anything: at the start, or
+  /// after any of the rigid-body steps, moving obstacles being where they are then.
+  bool Drive(double linear, double angular, const Scene& scene, double motion_time,
+             ContactWorld& contacts);
 
   /// Pose in W, heading in [-pi, pi).
   base::Pose2 pose() const;
@@ -49,6 +54,8 @@ class Robot {
   void Push(const Command& command);
   const Command& CommandAt(int substep) const;
   void TurnWheels(const Command& command);
+  void FindMoving(const MovingObstacles& moving, double time, double duration);
+  void PlaceMoving(const MovingObstacles& moving, double time);
 
   const Footprint footprint_;
   const double dt_;                 // Of a rigid-body step, [s].
@@ -63,8 +70,16 @@ class Robot {
 
   BodyState body_;
   double speed_ = 0.0;             // [m/s]
-  float clearance_ = 0.0f;         // No obstacle is nearer, [m]; 0: not known.
+  float clearance_ = 0.0f;         // No fixed obstacle is nearer, [m]; 0: not known.
   std::vector<Command> commands_;  // Of this control step and those before, newest first.
+
+  // Moving obstacles that can come near in this control step while the robot's centre stays within
+  // kTravel of (found_x_, found_y_); where they are now; and the distance to the nearest of them.
+  std::vector<int> moving_;
+  std::vector<MovingShape> moving_shapes_;
+  float moving_clearance_ = 0.0f;  // [m]
+  float found_x_ = 0.0f;           // [m]
+  float found_y_ = 0.0f;           // [m]
 };
 
 }  // namespace slalom::sim

@@ -7,7 +7,7 @@
 namespace slalom::sim {
 
 Scene::Scene(std::shared_ptr<const Course> course)
-    : course_(std::move(course)), collision_map_(*course_) {}
+    : course_(std::move(course)), collision_map_(*course_), moving_obstacles_(*course_) {}
 
 std::shared_ptr<const Scene> MakeScene(std::shared_ptr<const Course> course) {
   SLALOM_CHECK(course != nullptr);

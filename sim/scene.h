@@ -5,6 +5,7 @@
 
 #include "sim/collision_map.h"
 #include "sim/course.h"
+#include "sim/moving_obstacles.h"
 
 namespace slalom::sim {
 
@@ -19,10 +20,12 @@ class Scene {
 
   const Course& course() const { return *course_; }
   const CollisionMap& collision_map() const { return collision_map_; }
+  const MovingObstacles& moving_obstacles() const { return moving_obstacles_; }
 
  private:
   std::shared_ptr<const Course> course_;
   CollisionMap collision_map_;
+  MovingObstacles moving_obstacles_;
 };
 
 std::shared_ptr<const Scene> MakeScene(std::shared_ptr<const Course> course);

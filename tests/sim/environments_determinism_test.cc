@@ -7,19 +7,23 @@
 #include "base/file.h"
 #include "sim/environments.h"
 #include "tests/support/allocation_count.h"
+#include "tests/support/moving_courses.h"
 #include "tests/support/random_courses.h"
 
 namespace slalom::sim {
 namespace {
 
-constexpr int kNumEpisodes = 24;
-constexpr int kNumCourses = 8;
+constexpr int kNumEpisodes = 36;
+constexpr int kNumCourses = 12;
 
 std::vector<std::shared_ptr<const Scene>> Scenes() {
   base::Random random(11);
   CourseSet set;
   for (int i = 0; i < kNumCourses; ++i) {
-    set.courses.push_back(test::RandomCourse(random, {.num_circles = 50, .num_boxes = i}));
+    const bool dynamic = i % 3 == 2;
+    const auto fixed =
+        test::RandomCourse(random, {.num_circles = dynamic ? 8 : 50, .num_boxes = i / 2});
+    set.courses.push_back(dynamic ? test::WithMoving(*fixed, i, random) : fixed);
   }
   return MakeScenes(set);
 }
@@ -47,10 +51,12 @@ env::Action Steer(const env::FrameView& frame) {
                     0.05f * frame.state[1]};
 }
 
+constexpr int kNumbers = 11;  // Per step: reward, cost, outcome, state, pose, motion time.
+
 /// All that an episode gives.
 struct Record {
   std::vector<env::Action> actions;
-  std::vector<float> numbers;  // Per step: reward, cost, outcome, state, pose.
+  std::vector<float> numbers;  // [kNumbers] per step.
   std::vector<std::uint16_t> ranges;
 
   friend bool operator==(const Record&, const Record&) = default;
@@ -61,8 +67,9 @@ struct Record {
     numbers.insert(numbers.end(), {result.reward, result.cost, static_cast<float>(result.outcome)});
     numbers.insert(numbers.end(), frame.state.begin(), frame.state.end());
     const base::Pose2 X_WR = environments.robot_pose(i);
-    numbers.insert(numbers.end(), {static_cast<float>(X_WR.p.x), static_cast<float>(X_WR.p.y),
-                                   static_cast<float>(X_WR.yaw)});
+    numbers.insert(numbers.end(),
+                   {static_cast<float>(X_WR.p.x), static_cast<float>(X_WR.p.y),
+                    static_cast<float>(X_WR.yaw), static_cast<float>(environments.motion_time(i))});
   }
 };
 
@@ -118,14 +125,15 @@ std::uint64_t HashOf(const std::vector<Record>& records) {
 
 // Debug, release and sanitizer builds must all give this. It changes only with a change of the
 // simulation, which CHANGELOG.md then names.
-constexpr std::uint64_t kGoldenHash = 5230636696101459414u;
+constexpr std::uint64_t kGoldenHash = 18196913438721847318u;
 
 TEST(EnvironmentsDeterminismTest, GoldenHash) {
   const std::vector<Record> records = Play(kNumEpisodes, 1, false);
   EXPECT_EQ(HashOf(records), kGoldenHash);
   int collisions = 0, longest = 0;
   for (const Record& record : records) {
-    const auto outcome = static_cast<env::Outcome>(record.numbers[record.numbers.size() - 8]);
+    const auto outcome =
+        static_cast<env::Outcome>(record.numbers[record.numbers.size() - kNumbers + 2]);
     collisions += outcome == env::Outcome::kCollision;
     longest = std::max(longest, static_cast<int>(record.actions.size()));
   }
@@ -193,7 +201,7 @@ TEST(EnvironmentsDeterminismTest, StepsAllocateNothing) {
       environments.Reset(i, SpecOf(i + num_ended));
     }
   };
-  for (int k = 0; k < 50; ++k) step();
+  for (int k = 0; k < 200; ++k) step();
   num_ended = 0;
   const long before = test::NumAllocations();
   for (int k = 0; k < 200; ++k) step();

@@ -27,13 +27,13 @@ class OpenField {
   }
   void Drive(double linear, double angular, int num_steps) {
     for (int i = 0; i < num_steps; ++i)
-      EXPECT_FALSE(robot_.Drive(linear, angular, map_, contacts_));
+      EXPECT_FALSE(robot_.Drive(linear, angular, *scene_, 0.0, contacts_));
   }
   base::Pose2 pose() const { return robot_.pose(); }
   const Robot& robot() const { return robot_; }
 
  private:
-  const CollisionMap map_{Course{}};
+  const std::shared_ptr<const Scene> scene_ = MakeScene(std::make_shared<const Course>());
   ContactWorld contacts_;
   Robot robot_;
 };
@@ -112,14 +112,14 @@ TEST(RobotTest, PushesAgainstAWallWithoutPassingOrGainingEnergy) {
   for (const double yaw : {0.0, 0.3, -0.7}) {
     Course course;
     course.boxes = {{{{1.5, 0.0}, 0.0}, {0.05, 20.0}}};
-    const CollisionMap map(course);
+    const Scene scene(std::make_shared<const Course>(course));
     const RobotConfig config;
     ContactWorld contacts(config);
     Robot robot(config, kSubsteps);
     robot.Reset({{0.0, 0.0}, yaw});
     bool touched = false;
     for (int i = 0; i < 50; ++i) {
-      touched = robot.Drive(2.0, 0.0, map, contacts) || touched;
+      touched = robot.Drive(2.0, 0.0, scene, 0.0, contacts) || touched;
       const BodyState& body = robot.body();
       EXPECT_LE(std::hypot(body.vx, body.vy), 2.0 + 1e-5);
       EXPECT_LT(body.x, 1.45 - 0.208 + 0.08) << "its nearest side is not 0.08 m into the wall";
@@ -150,7 +150,7 @@ TEST(ContactWorldTest, ContactTakesKineticEnergy) {
                     .yaw_rate = static_cast<float>(random.Uniform(-4.0, 4.0))};
     const float clearance = map.Clearance(MakeFootprint(config), state.x, state.y, state.yaw, 0.1f);
     const double before = energy(state);
-    const bool touching = contacts.Step(map, 0.02f, state);
+    const bool touching = contacts.Step(map, {}, 0.02f, state);
     // Box2D's rounding near 4 m: some 1e-6 m.
     if (std::abs(clearance) > 1e-5f) {
       EXPECT_EQ(touching, clearance < 0.0f) << clearance;
@@ -176,8 +176,8 @@ TEST(ContactWorldTest, RemembersNothing) {
     for (int step = 0; step < 3; ++step) {
       BodyState again = state;
       ContactWorld fresh(config);
-      touched += used.Step(map, 0.02f, state);
-      fresh.Step(map, 0.02f, again);
+      touched += used.Step(map, {}, 0.02f, state);
+      fresh.Step(map, {}, 0.02f, again);
       ASSERT_EQ(state, again) << "round " << round;
     }
   }

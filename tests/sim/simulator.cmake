@@ -1,4 +1,5 @@
 slalom_add_test(motion_test SOURCES motion_test.cc DEPS slalom::sim)
+slalom_add_test(moving_obstacles_test SOURCES moving_obstacles_test.cc DEPS slalom::sim)
 slalom_add_test(lidar_test SOURCES lidar_test.cc DEPS slalom::sim)
 slalom_add_test(collision_map_test SOURCES collision_map_test.cc DEPS slalom::sim)
 slalom_add_test(robot_test SOURCES robot_test.cc DEPS slalom::sim)
