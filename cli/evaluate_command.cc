@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -22,7 +23,10 @@ struct EvaluateOptions {
   std::string policy;
   std::string courses;
   std::optional<std::string> config;
+  std::vector<std::string> profiles;
   std::vector<std::string> overrides;
+  std::optional<std::string> protocol;
+  std::optional<std::string> name;
   std::optional<std::string> collection;
   std::optional<int> episodes;
   std::optional<std::int64_t> seed;
@@ -31,7 +35,54 @@ struct EvaluateOptions {
   int threads = 0;
 };
 
-/// The config that the policy was trained with, or the file given in its place, with the overrides.
+/// What a profile may set: the keys of the task.
+struct Profile {
+  sim::EnvironmentConfig& environment;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("environment", environment, "The robot, its sensor and the task.");
+  }
+};
+
+/// An evaluation's rules come from its protocol, so a task's own would be set in vain.
+void RefuseRulesOfTheTask(const std::vector<std::string>& overrides) {
+  for (const std::string& assignment : overrides) {
+    const std::string key = assignment.substr(0, assignment.find('='));
+    for (const auto& [theirs, ours] :
+         {std::pair{"environment.episode.max_steps", "--set evaluation.time_limit=SECONDS"},
+          {"environment.episode.goal_tolerance", "--set evaluation.goal_tolerance=METRES"},
+          {"environment.episode.collision_ends", "--protocol"},
+          {"environment.episode.start_position_jitter", "--set evaluation.start_position_jitter"},
+          {"environment.episode.start_yaw_jitter", "--set evaluation.start_yaw_jitter"}}) {
+      if (key != theirs) continue;
+      throw base::Error(fmt::format(
+          "--set {}: the protocol of an evaluation says this, not the task; use {}", key, ours));
+    }
+  }
+}
+
+/// Lays profiles, overrides and options over `config`, in this order.
+template <class Config>
+void ApplyOptions(const EvaluateOptions& options, Config& config) {
+  Profile profile{config.environment};
+  for (const std::string& file : options.profiles) {
+    config::ReadTomlFile(file, config::ListFields(profile));
+  }
+  const auto fields = config::ListFields(config);
+  RefuseRulesOfTheTask(options.overrides);
+  for (const std::string& assignment : options.overrides) {
+    config::ApplyOverride(assignment, fields);
+  }
+  if (options.protocol) {
+    config::ApplyOverride("evaluation.protocol=" + *options.protocol, fields);
+  }
+  if (options.collection) config.courses.collection = *options.collection;
+  if (options.episodes) config.evaluation.episodes_per_course = *options.episodes;
+  if (options.seed) config.evaluation.seed = *options.seed;
+}
+
+/// The config that the policy was trained with, or the file given in its place, with the options.
 train::RunConfig TaskOf(const EvaluateOptions& options, const policy::LoadedPolicy& loaded) {
   train::RunConfig config;
   const auto fields = config::ListFields(config);
@@ -40,12 +91,7 @@ train::RunConfig TaskOf(const EvaluateOptions& options, const policy::LoadedPoli
   } else if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
     config::ReadToml(it->second, options.policy + " (its config)", fields);
   }
-  for (const std::string& assignment : options.overrides) {
-    config::ApplyOverride(assignment, fields);
-  }
-  if (options.collection) config.courses.collection = *options.collection;
-  if (options.episodes) config.evaluation.episodes_per_course = *options.episodes;
-  if (options.seed) config.evaluation.seed = *options.seed;
+  ApplyOptions(options, config);
   return config;
 }
 
@@ -58,16 +104,18 @@ int Evaluate(const EvaluateOptions& options) {
                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   if (options.output) base::MakeDirectories(*options.output);
   base::ParallelFor parallel(threads);
-  const auto result = EvaluatePolicy(loaded.snapshot, options.policy, config, options.courses,
-                                     parallel, signals.token());
+  auto result = EvaluatePolicy(loaded.snapshot, options.policy, config, options.courses, parallel,
+                               signals.token());
   if (!result) return kExitSignalBase + signals.received();
+  if (options.name) result->provenance.agent = *options.name;
+  result->provenance.profiles = options.profiles;
   if (options.json) {
     fmt::print("{}", eval::JsonReport(result->evaluation, result->provenance));
   } else {
     fmt::print("{}", eval::TextReport(result->evaluation));
   }
   if (options.output) {
-    WriteEvaluation(*result, *options.output);
+    WriteScoredRun(*result, *options.output);
     if (!options.json) fmt::print("\nreports and pictures: {}/\n", *options.output);
   }
   return kExitOk;
@@ -95,6 +143,14 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
       ->required();
   command->add_option("--collection", options->collection,
                       "Directory of imported courses that set names refer to");
+  command->add_option("--protocol", options->protocol,
+                      "Whose rules: paper, dwa-runs or barn-challenge [paper]");
+  command
+      ->add_option("--profile", options->profiles,
+                   "Lay the [environment] keys of this TOML file over the task (repeatable), for "
+                   "example configs/real-robot.toml")
+      ->type_name("FILE");
+  command->add_option("--name", options->name, "What to call the agent in reports");
   command->add_option("--episodes", options->episodes, "Episodes per course [10]")
       ->check(CLI::Range(1, 100000));
   command->add_option("--seed", options->seed, "Root of the evaluation's random streams [1]")

@@ -115,7 +115,7 @@ bool ScoreTraining(const train::RunDirectory& directory, const train::RunConfig&
   const auto result =
       EvaluatePolicy(policy.snapshot, policy_path, config, config.courses.test, parallel, stop);
   if (!result) return false;
-  WriteEvaluation(*result, directory.root);
+  WriteScoredRun(*result, directory.root);
   fmt::print("{}", eval::TextReport(result->evaluation));
   if (const auto snapshots = ListSnapshots(directory); !snapshots.empty()) {
     Curve curve;
@@ -142,7 +142,8 @@ bool ScoreTraining(const train::RunDirectory& directory, const train::RunConfig&
       "{1}/evaluation-tracks.jsonl --output one.svg\n"
       "  train longer       ./slalom train configs/fast.toml\n"
       "  a lifelike drive   ./slalom train configs/lifelike.toml\n",
-      policy_path, root, config.courses.test, collection, result->courses.courses.front()->name);
+      policy_path, root, config.courses.test, collection,
+      result->evaluation.courses.courses.front()->name);
   return true;
 }
 

@@ -9,47 +9,60 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/random.h"
+#include "eval/protocol.h"
 
 namespace slalom::eval {
 namespace {
 
 constexpr int kIdle = -1;
+constexpr int kNotStarted = -1;
 
 double SmallestRange(const env::FrameView& frame) {
   return 0.01 * *std::min_element(frame.ranges_cm.begin(), frame.ranges_cm.end());
+}
+
+/// Whether course `c` of `num_courses` is among `num_kept` evenly spread ones, the first of them
+/// course 0.
+bool KeepsScans(int c, int num_courses, int num_kept) {
+  const std::int64_t kept = std::min(num_kept, num_courses);
+  const auto rank = [&](std::int64_t k) { return (k * kept + num_courses - 1) / num_courses; };
+  return rank(c + 1) > rank(c);
 }
 
 /// Hands the episodes out in order to whichever environment is free, and writes each into its own
 /// place.
 class Driver {
  public:
-  Driver(const EvaluationConfig& config, const sim::CourseSet& courses,
-         env::BatchEnvironment& environments)
+  Driver(const EvaluationConfig& config, const sim::EnvironmentConfig& environment,
+         const sim::CourseSet& courses, env::BatchEnvironment& environments)
       : config_(config),
+        protocol_(ResolveProtocol(config)),
+        step_(environment.episode.step),
+        limit_steps_(static_cast<int>(std::lround(protocol_.time_limit / step_))),
         courses_(courses),
         environments_(environments),
+        beam_stride_(BeamStride()),
+        beams_(MakeBeams(environment.lidar)),
         results_(environments.batch_size()),
         actions_(environments.batch_size()),
-        episode_of_(environments.batch_size(), kIdle),
-        poses_(environments.batch_size()) {
-    episodes_.records.resize(courses.courses.size() *
-                             static_cast<std::size_t>(config.episodes_per_course));
-    const int recorded = std::min(config.recorded_episodes_per_course, config.episodes_per_course);
-    episodes_.tracks.resize(courses.courses.size() * static_cast<std::size_t>(recorded));
+        running_(environments.batch_size()) {
+    count_.all = static_cast<int>(courses.courses.size()) * config.episodes_per_course;
+    episodes_.records.resize(static_cast<std::size_t>(count_.all));
+    num_recorded_ = std::min(config.recorded_episodes_per_course, config.episodes_per_course);
+    episodes_.tracks.resize(courses.courses.size() * static_cast<std::size_t>(num_recorded_));
     for (int i = 0; i < environments_.batch_size(); ++i) StartNext(i);
   }
 
-  int num_episodes() const { return static_cast<int>(episodes_.records.size()); }
-  int num_ended() const { return num_ended_; }
+  const EpisodeCount& count() const { return count_; }
 
   void Step(env::Agent& agent) {
     agent.Act(environments_.observations(), actions_);
     RequireFiniteActions();
     environments_.Step(actions_, results_);
     for (int i = 0; i < environments_.batch_size(); ++i) {
-      if (episode_of_[i] == kIdle) continue;
+      if (running_[i].record == kIdle) continue;
       Record(i);
-      if (results_[i].ended()) {
+      if (record(i).outcome != env::Outcome::kRunning) {
         Finish(i);
         StartNext(i);
       }
@@ -59,65 +72,125 @@ class Driver {
   Episodes TakeEpisodes() { return std::move(episodes_); }
 
  private:
+  /// What is known of the episode that an environment drives.
+  struct Running {
+    int record = kIdle;  ///< Index of the record.
+    int clock_start = kNotStarted;
+    bool in_contact = false;
+    sim::EpisodeTrack track;
+  };
+
+  int BeamStride() const {
+    const double num_beams = environments_.observations().num_beams;
+    return std::max(1, static_cast<int>(std::lround(num_beams / config_.recorded_beams)));
+  }
+
+  sim::TrackBeams MakeBeams(const sim::LidarConfig& lidar) const {
+    const double spacing = lidar.field_of_view / (environments_.observations().num_beams - 1);
+    return {{lidar.offset_x, 0.0}, -0.5 * lidar.field_of_view, beam_stride_ * spacing};
+  }
+
   void RequireFiniteActions() {
     for (int i = 0; i < environments_.batch_size(); ++i) {
       const env::Action& action = actions_[i];
       const bool finite = std::isfinite(action.linear) && std::isfinite(action.angular);
-      if (episode_of_[i] == kIdle || finite) continue;
+      if (running_[i].record == kIdle || finite) continue;
       throw base::Error(fmt::format(
-          "the policy chose the action ({}, {}) on course {}, episode {}; expected finite numbers",
+          "the agent chose the action ({}, {}) on course {}, episode {}; expected finite numbers",
           action.linear, action.angular, courses_.courses[record(i).course]->name,
           record(i).episode));
     }
   }
 
-  EpisodeRecord& record(int i) { return episodes_.records[episode_of_[i]]; }
+  EpisodeRecord& record(int i) { return episodes_.records[running_[i].record]; }
 
   void StartNext(int i) {
-    episode_of_[i] = kIdle;
-    if (num_started_ == num_episodes()) return;
-    episode_of_[i] = num_started_++;
+    running_[i].record = kIdle;
+    if (num_started_ == count_.all) return;
+    Running& running = running_[i];
+    running = {num_started_++, protocol_.clock_start_distance > 0.0 ? kNotStarted : 0, false, {}};
     EpisodeRecord& r = record(i);
-    r.course = episode_of_[i] / config_.episodes_per_course;
-    r.episode = episode_of_[i] % config_.episodes_per_course;
+    r.course = running.record / config_.episodes_per_course;
+    r.episode = running.record % config_.episodes_per_course;
     r.seed = EvaluationSeed(config_.seed, *courses_.courses[r.course], r.episode);
     environments_.Reset(i, {r.course, r.seed});
     r.min_range = SmallestRange(environments_.observations().frame(i));
-    poses_[i].assign(1, environments_.robot_pose(i));
+    sim::EpisodeTrack& track = running.track;
+    track.course = courses_.courses[r.course]->name;
+    track.episode = r.episode;
+    track.step = step_;
+    track.motion_start = environments_.motion_time(i);
+    track.poses.assign(1, environments_.robot_pose(i));
+    if (r.episode == 0 && KeepsScans(r.course, static_cast<int>(courses_.courses.size()),
+                                     config_.recorded_scan_courses)) {
+      track.beams = beams_;
+    }
+    RecordScan(i);
+  }
+
+  void RecordScan(int i) {
+    sim::EpisodeTrack& track = running_[i].track;
+    if (!track.beams) return;
+    const auto ranges_cm = environments_.observations().frame(i).ranges_cm;
+    std::vector<std::uint16_t>& scan = track.scans_cm.emplace_back();
+    for (std::size_t k = 0; k < ranges_cm.size(); k += beam_stride_) scan.push_back(ranges_cm[k]);
   }
 
   void Record(int i) {
     EpisodeRecord& r = record(i);
+    Running& running = running_[i];
+    std::vector<base::Pose2>& poses = running.track.poses;
     ++r.num_steps;
+    r.outcome = results_[i].outcome;
     r.episode_return += static_cast<double>(results_[i].reward);
     r.min_range = std::min(r.min_range, SmallestRange(environments_.observations().frame(i)));
+    const bool in_contact = results_[i].cost > 0.0f;
+    if (in_contact && !running.in_contact) ++r.num_collisions;
+    running.in_contact = in_contact;
     const base::Pose2 X_WR = environments_.robot_pose(i);
-    r.path_length += base::Norm(X_WR.p - poses_[i].back().p);
-    poses_[i].push_back(X_WR);
+    r.path_length += base::Norm(X_WR.p - poses.back().p);
+    poses.push_back(X_WR);
+    RecordScan(i);
+    AdvanceClock(r, running);
+  }
+
+  void AdvanceClock(EpisodeRecord& r, Running& running) const {
+    const std::vector<base::Pose2>& poses = running.track.poses;
+    const bool far_enough =
+        base::Norm(poses.back().p - poses.front().p) >= protocol_.clock_start_distance;
+    if (running.clock_start == kNotStarted && far_enough) running.clock_start = r.num_steps;
+    r.clock_start_step = std::max(running.clock_start, 0);
+    const bool is_time_up = r.num_steps - r.clock_start_step >= limit_steps_;
+    if (r.outcome == env::Outcome::kRunning && is_time_up) r.outcome = env::Outcome::kTimeout;
   }
 
   void Finish(int i) {
-    EpisodeRecord& r = record(i);
-    r.outcome = results_[i].outcome;
-    const int recorded =
-        std::min(config_.recorded_episodes_per_course, config_.episodes_per_course);
-    if (r.episode < recorded) {
-      episodes_.tracks[static_cast<std::size_t>(r.course) * recorded + r.episode] = {
-          courses_.courses[r.course]->name, r.outcome, poses_[i]};
+    const EpisodeRecord& r = record(i);
+    if (r.episode < num_recorded_) {
+      running_[i].track.outcome = r.outcome;
+      episodes_.tracks[static_cast<std::size_t>(r.course) * num_recorded_ + r.episode] =
+          std::move(running_[i].track);
     }
-    ++num_ended_;
+    ++count_.ended;
+    if (r.outcome == env::Outcome::kSuccess) ++count_.successes;
+    if (r.num_collisions > 0) ++count_.collisions;
   }
 
   const EvaluationConfig& config_;
+  const Protocol protocol_;
+  const double step_;      // [s]
+  const int limit_steps_;  // Of the protocol's clock.
   const sim::CourseSet& courses_;
   env::BatchEnvironment& environments_;
-  std::vector<env::StepResult> results_;         // [B]
-  std::vector<env::Action> actions_;             // [B]
-  std::vector<int> episode_of_;                  // [B] index of the record, or kIdle.
-  std::vector<std::vector<base::Pose2>> poses_;  // [B] of the running episode.
+  const int beam_stride_;  // Every n-th beam is kept.
+  const sim::TrackBeams beams_;
+  std::vector<env::StepResult> results_;  // [B]
+  std::vector<env::Action> actions_;      // [B]
+  std::vector<Running> running_;          // [B]
   Episodes episodes_;
+  EpisodeCount count_;
+  int num_recorded_ = 0;  // Episodes of each course whose track is kept.
   int num_started_ = 0;
-  int num_ended_ = 0;
 };
 
 }  // namespace
@@ -128,16 +201,18 @@ std::uint64_t EvaluationSeed(std::int64_t root_seed, const sim::Course& course, 
       {base::Checksum(std::string_view(course.name)), static_cast<std::uint64_t>(episode)});
 }
 
-std::optional<Episodes> RunEpisodes(const EvaluationConfig& config, const sim::CourseSet& courses,
+std::optional<Episodes> RunEpisodes(const EvaluationConfig& config,
+                                    const sim::EnvironmentConfig& environment,
+                                    const sim::CourseSet& courses,
                                     env::BatchEnvironment& environments, env::Agent& agent,
                                     const Progress& progress, std::stop_token stop) {
   SLALOM_CHECK_GE(courses.courses.size(), 1u);
   SLALOM_CHECK_EQ(environments.num_courses(), static_cast<int>(courses.courses.size()));
-  Driver driver(config, courses, environments);
-  while (driver.num_ended() < driver.num_episodes()) {
+  Driver driver(config, environment, courses, environments);
+  while (driver.count().ended < driver.count().all) {
     if (stop.stop_requested()) return std::nullopt;
     driver.Step(agent);
-    if (progress) progress(driver.num_ended(), driver.num_episodes());
+    if (progress) progress(driver.count());
   }
   return driver.TakeEpisodes();
 }

@@ -11,6 +11,7 @@
 #include "env/episode.h"
 #include "eval/evaluation_config.h"
 #include "sim/course.h"
+#include "sim/environment_config.h"
 #include "sim/episode_file.h"
 
 namespace slalom::eval {
@@ -21,10 +22,16 @@ struct EpisodeRecord {
   int episode = 0;         ///< 0 ... episodes_per_course - 1.
   std::uint64_t seed = 0;  ///< Of the `EpisodeSpec`.
   env::Outcome outcome = env::Outcome::kRunning;
-  int num_steps = 0;            ///< Control steps until it ended.
+  int num_steps = 0;         ///< Control steps until it ended.
+  int clock_start_step = 0;  ///< Steps before the protocol's clock started.
+  /// Times that a contact began: as seen at control steps, so two within one step count once.
+  int num_collisions = 0;
   double path_length = 0.0;     ///< Driven, along the poses at the control steps, [m].
   double min_range = 0.0;       ///< Smallest range that the LiDAR reported, [m].
   double episode_return = 0.0;  ///< Sum of rewards, not discounted.
+
+  /// On the protocol's clock, [s]. `step`: control step, [s].
+  double time(double step) const { return (num_steps - clock_start_step) * step; }
 
   friend bool operator==(const EpisodeRecord&, const EpisodeRecord&) = default;
 };
@@ -36,8 +43,16 @@ struct Episodes {
   std::vector<sim::EpisodeTrack> tracks;
 };
 
-/// Told after each control step how many of all episodes have ended.
-using Progress = std::function<void(int num_ended, int num_episodes)>;
+/// How far an evaluation has come.
+struct EpisodeCount {
+  int all = 0;  ///< To be driven.
+  int ended = 0;
+  int successes = 0;
+  int collisions = 0;  ///< Episodes with one, whether it ended them or not.
+};
+
+/// Told after each control step.
+using Progress = std::function<void(const EpisodeCount&)>;
 
 /// Seed of one evaluation episode. It depends on the course's name, not on its place, so a course
 /// meets the same starts and the same noise in whatever set it appears, and two policies are
@@ -48,11 +63,16 @@ std::uint64_t EvaluationSeed(std::int64_t root_seed, const sim::Course& course, 
 /// Drives `episodes_per_course` episodes on each course and records them. None: `stop` was
 /// requested first (the episodes that end early are the short ones, so a part would mislead).
 ///
+/// `environment` is the config of `environments`, `WithProtocol`. Where the protocol's clock starts
+/// late, an episode times out at its time limit on that clock, or if the robot has not set off
+/// within the time limit.
+///
 /// The records do not depend on the batch size or the threads of `environments`, as far as the
 /// agent chooses the action of one environment without regard to the others.
 /// Throws `base::Error` where the agent chooses an action that is not finite.
 /// Requires: environments.num_courses() == courses.courses.size(), at least one course.
 [[nodiscard]] std::optional<Episodes> RunEpisodes(const EvaluationConfig& config,
+                                                  const sim::EnvironmentConfig& environment,
                                                   const sim::CourseSet& courses,
                                                   env::BatchEnvironment& environments,
                                                   env::Agent& agent, const Progress& progress = {},

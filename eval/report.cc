@@ -7,12 +7,17 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "eval/protocol.h"
+#include "sim/course_file.h"
 #include "sim/episode_file.h"
 
 namespace slalom::eval {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr char kCoursesFile[] = "evaluation.courses";
+constexpr char kTracksFile[] = "evaluation-tracks.jsonl";
 
 // ---- Terminal
 // -------------------------------------------------------------------------------------
@@ -45,6 +50,14 @@ std::string SetLines(const Figures& set) {
          Line("survival time", set.survival_time, 1, 2, " s",
               fmt::format("of the {} failed", num_failures)) +
          Line("BARN score", set.barn_score, 1, 4, "", "at most 0.5");
+}
+
+/// Collisions that did not end their episodes.
+std::string ContactLine(const Evaluation& evaluation) {
+  if (ResolveProtocol(evaluation.config).collision_ends) return "";
+  const Figures& set = evaluation.summary.set;
+  return Line("touched", set.contact_rate, 100, 1, " %",
+              fmt::format("{} contacts, which end nothing here", set.num_contacts));
 }
 
 /// The courses with failures, those with most of them first, in the set's order among equals.
@@ -96,23 +109,63 @@ void PutFigures(Json& object, const Figures& figures) {
   Put(object, "success_rate", figures.success_rate);
   Put(object, "collision_rate", figures.collision_rate);
   Put(object, "timeout_rate", figures.timeout_rate);
+  Put(object, "contact_rate", figures.contact_rate);
+  object["contacts"] = figures.num_contacts;
   Put(object, "survival_time_s", figures.survival_time);
   Put(object, "traversal_time_s", figures.traversal_time);
   Put(object, "barn_score", figures.barn_score);
+  Put(object, "barn_score_until_2024", figures.barn_score_until_2024);
   object["mean_return"] = figures.mean_return;
   object["mean_path_length_m"] = figures.mean_path_length;
 }
 
-Json ProtocolJson(const Evaluation& evaluation) {
-  const EvaluationConfig& protocol = evaluation.protocol;
-  return {{"episodes_per_course", protocol.episodes_per_course},
-          {"seed", protocol.seed},
-          {"start_position_jitter_m", protocol.start_position_jitter},
-          {"start_yaw_jitter_rad", protocol.start_yaw_jitter},
-          {"step_s", evaluation.clock.step},
-          {"max_steps", evaluation.clock.max_steps},
-          {"goal_tolerance_m", evaluation.clock.goal_tolerance},
+Json ProtocolJson(const EvaluationConfig& config) {
+  const Protocol protocol = ResolveProtocol(config);
+  return {{"name", protocol.name},
+          {"time_limit_s", protocol.time_limit},
+          {"goal_tolerance_m", protocol.goal_tolerance},
+          {"collision_ends", protocol.collision_ends},
+          {"clock_start_distance_m", protocol.clock_start_distance},
+          {"start_shift_m", {protocol.start_shift_W.x, protocol.start_shift_W.y}},
+          {"start_position_jitter_m", config.start_position_jitter},
+          {"start_yaw_jitter_rad", config.start_yaw_jitter}};
+}
+
+Json RunJson(const Evaluation& evaluation) {
+  return {{"episodes_per_course", evaluation.config.episodes_per_course},
+          {"seed", evaluation.config.seed},
+          {"step_s", evaluation.environment.episode.step},
+          {"robot_length_m", evaluation.environment.robot.length},
+          {"robot_width_m", evaluation.environment.robot.width},
           {"confidence", 0.95}};
+}
+
+Json ProvenanceJson(const Provenance& provenance) {
+  return {{"source", provenance.source},         {"profiles", provenance.profiles},
+          {"course_set", provenance.course_set}, {"collection", provenance.collection},
+          {"commit", provenance.commit},         {"config", provenance.config}};
+}
+
+/// How each episode of each course ended. [number of courses]
+std::vector<Json> EpisodeLists(const Evaluation& evaluation) {
+  std::vector<Json> lists(evaluation.summary.courses.size());
+  for (const EpisodeRecord& record : evaluation.episodes.records) {
+    Json& course = lists[record.course];
+    course["outcomes"].push_back(env::ToString(record.outcome));
+    course["times_s"].push_back(record.time(evaluation.environment.episode.step));
+    course["collisions"].push_back(record.num_collisions);
+  }
+  return lists;
+}
+
+/// A name that a course file may carry.
+std::string FileSetName(const std::string& name) {
+  std::string clean = name.substr(0, 100);
+  for (char& c : clean) {
+    if (!sim::IsCourseName(std::string("a") + c)) c = '-';
+  }
+  if (clean.empty() || clean.front() == '.') clean = "courses";
+  return clean;
 }
 
 // ---- CSV
@@ -131,31 +184,39 @@ void Append(std::string& text, const Estimate& rate) {
 
 std::string TextReport(const Evaluation& evaluation, int max_courses) {
   const Summary& summary = evaluation.summary;
-  const EvaluationConfig& protocol = evaluation.protocol;
+  const EvaluationConfig& config = evaluation.config;
+  const Protocol protocol = ResolveProtocol(config);
   return fmt::format(
              "{}: {} courses x {} episodes, seed {}, start within {} m and {} rad\n"
+             "  protocol {}: {} s, goal within {} m, {}\n"
              "  {:<16}{:>10}   {}\n",
-             evaluation.course_set, summary.courses.size(), protocol.episodes_per_course,
-             protocol.seed, protocol.start_position_jitter, protocol.start_yaw_jitter, "", "",
-             "95 % interval") +
-         SetLines(summary.set) + CourseLines(summary, max_courses);
+             evaluation.courses.name, summary.courses.size(), config.episodes_per_course,
+             config.seed, config.start_position_jitter, config.start_yaw_jitter, protocol.name,
+             protocol.time_limit, protocol.goal_tolerance,
+             protocol.collision_ends ? "a collision ends the episode" : "collisions end nothing",
+             "", "", "95 % interval") +
+         SetLines(summary.set) + ContactLine(evaluation) + CourseLines(summary, max_courses);
 }
 
 std::string JsonReport(const Evaluation& evaluation, const Provenance& provenance) {
   Json report;
-  report["course_set"] = evaluation.course_set;
+  report["format"] = "slalom-evaluation";
+  report["version"] = kResultVersion;
+  report["agent"] = {{"name", provenance.agent}, {"kind", provenance.kind}};
+  report["course_set"] = evaluation.courses.name;
   PutFigures(report, evaluation.summary.set);
-  report["protocol"] = ProtocolJson(evaluation);
-  report["provenance"] = {{"policy", provenance.policy},
-                          {"course_set", provenance.course_set},
-                          {"collection", provenance.collection},
-                          {"commit", provenance.commit}};
+  report["protocol"] = ProtocolJson(evaluation.config);
+  report["run"] = RunJson(evaluation);
+  report["provenance"] = ProvenanceJson(provenance);
+  report["files"] = {{"courses", kCoursesFile}, {"tracks", kTracksFile}};
   Json courses = Json::array();
+  std::vector<Json> lists = EpisodeLists(evaluation);
   for (const CourseFigures& course : evaluation.summary.courses) {
     Json object;
     object["course"] = course.name;
     object["optimal_time_s"] = course.optimal_time;
     PutFigures(object, course.figures);
+    object.update(lists[course.course]);
     courses.push_back(std::move(object));
   }
   report["courses"] = std::move(courses);
@@ -168,7 +229,8 @@ std::string CourseCsv(const Evaluation& evaluation) {
       "course,episodes,successes,collisions,timeouts,success_rate,success_rate_low,success_rate_"
       "high,"
       "collision_rate,collision_rate_low,collision_rate_high,timeout_rate,timeout_rate_low,"
-      "timeout_rate_high,survival_time_s,traversal_time_s,optimal_time_s,barn_score,mean_return,"
+      "timeout_rate_high,contacts,survival_time_s,traversal_time_s,optimal_time_s,barn_score,mean_"
+      "return,"
       "mean_path_length_m\n";
   for (const CourseFigures& course : evaluation.summary.courses) {
     const Figures& figures = course.figures;
@@ -177,24 +239,28 @@ std::string CourseCsv(const Evaluation& evaluation) {
     Append(text, figures.success_rate);
     Append(text, figures.collision_rate);
     Append(text, figures.timeout_rate);
-    fmt::format_to(std::back_inserter(text), "{},{},{:.4f},{:.6f},{:.6f},{:.4f}\n",
-                   TimeField(figures.survival_time), TimeField(figures.traversal_time),
-                   course.optimal_time, figures.barn_score.value, figures.mean_return,
-                   figures.mean_path_length);
+    fmt::format_to(std::back_inserter(text), "{},{},{},{:.4f},{:.6f},{:.6f},{:.4f}\n",
+                   figures.num_contacts, TimeField(figures.survival_time),
+                   TimeField(figures.traversal_time), course.optimal_time, figures.barn_score.value,
+                   figures.mean_return, figures.mean_path_length);
   }
   return text;
 }
 
 std::string EpisodeCsv(const Evaluation& evaluation) {
   std::string text =
-      "course,episode,seed,outcome,steps,time_s,path_length_m,min_range_m,return,barn_score\n";
+      "course,episode,seed,outcome,steps,time_s,clock_start_s,collisions,path_length_m,min_range_m,"
+      "return,barn_score\n";
+  const double step = evaluation.environment.episode.step;
   for (const EpisodeRecord& record : evaluation.episodes.records) {
     const CourseFigures& course = evaluation.summary.courses[record.course];
-    const double time = record.num_steps * evaluation.clock.step;
-    fmt::format_to(std::back_inserter(text), "{},{},{},{},{},{:.4f},{:.4f},{:.2f},{:.6f},{:.6f}\n",
-                   course.name, record.episode, record.seed, env::ToString(record.outcome),
-                   record.num_steps, time, record.path_length, record.min_range,
-                   record.episode_return, BarnScore(record.outcome, time, course.optimal_time));
+    const double time = record.time(step);
+    fmt::format_to(std::back_inserter(text),
+                   "{},{},{},{},{},{:.4f},{:.4f},{},{:.4f},{:.2f},{:.6f},{:.6f}\n", course.name,
+                   record.episode, record.seed, env::ToString(record.outcome), record.num_steps,
+                   time, record.clock_start_step * step, record.num_collisions, record.path_length,
+                   record.min_range, record.episode_return,
+                   BarnScore(record.outcome, time, course.optimal_time));
   }
   return text;
 }
@@ -202,10 +268,12 @@ std::string EpisodeCsv(const Evaluation& evaluation) {
 void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
                   const std::filesystem::path& directory) {
   base::MakeDirectories(directory);
-  base::WriteFileAtomically(directory / "evaluation.json", JsonReport(evaluation, provenance));
   base::WriteFileAtomically(directory / "evaluation-courses.csv", CourseCsv(evaluation));
   base::WriteFileAtomically(directory / "evaluation-episodes.csv", EpisodeCsv(evaluation));
-  sim::WriteEpisodes(directory / "evaluation-tracks.jsonl", evaluation.episodes.tracks);
+  sim::WriteEpisodes(directory / kTracksFile, evaluation.episodes.tracks);
+  sim::WriteCourseSet(directory / kCoursesFile,
+                      {FileSetName(evaluation.courses.name), evaluation.courses.courses});
+  base::WriteFileAtomically(directory / "evaluation.json", JsonReport(evaluation, provenance));
 }
 
 }  // namespace slalom::eval

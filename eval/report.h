@@ -2,20 +2,28 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "eval/evaluation.h"
 
-/// The forms in which an evaluation leaves the program. docs/evaluation.md lists every key and
+/// The forms in which one evaluation leaves the program. docs/evaluation.md lists every key and
 /// column.
 
 namespace slalom::eval {
 
-/// Where the figures come from, as texts for the JSON report; empty where not known.
+/// The version of evaluation.json and what lies beside it. 1 had neither format nor version.
+inline constexpr int kResultVersion = 2;
+
+/// What drove and where the figures come from, for the JSON report; empty where not known.
 struct Provenance {
-  std::string policy;      ///< Path of the policy file, or the name of what drove.
-  std::string course_set;  ///< The set as it was asked for.
-  std::string collection;  ///< The imported collection it is from; empty: built in.
-  std::string commit;      ///< Of the program.
+  std::string agent;                  ///< What to call it in tables.
+  std::string kind;                   ///< "policy" or "planner".
+  std::string source;                 ///< Path of the policy file, or the planner's name.
+  std::vector<std::string> profiles;  ///< Files laid over its task.
+  std::string course_set;             ///< The set as it was asked for.
+  std::string collection;             ///< The imported collection it is from; empty: built in.
+  std::string commit;                 ///< Of the program.
+  std::string config;                 ///< TOML, every key.
 };
 
 /// A table for the terminal: the set's figures with their intervals, then the courses that were
@@ -31,10 +39,10 @@ std::string CourseCsv(const Evaluation& evaluation);
 /// One line per episode.
 std::string EpisodeCsv(const Evaluation& evaluation);
 
-/// Writes evaluation.json, evaluation-courses.csv, evaluation-episodes.csv and
-/// evaluation-tracks.jsonl
-/// (`sim::WriteEpisodes`, for pictures) into `directory`, each atomically.
-/// Throws `base::Error` where that fails.
+/// Writes evaluation-courses.csv, evaluation-episodes.csv, evaluation-tracks.jsonl
+/// (`sim::WriteEpisodes`), evaluation.courses (`sim::WriteCourseSet`, the courses as they were
+/// driven) and, last, evaluation.json into `directory`, each atomically. `ReadResult` takes them
+/// back. Throws `base::Error` where that fails.
 void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
                   const std::filesystem::path& directory);
 

@@ -9,16 +9,19 @@ namespace slalom::eval {
 namespace {
 
 constexpr double kReferenceSpeed = 2.0;  // [m/s]
-constexpr double kBestBarnScore = 0.5;
+constexpr double kHighestBarnLimit = 8.0;
 
 /// What the episodes of one course add up to, for each figure.
 struct Totals {
   CourseTotal success;
   CourseTotal collision;
   CourseTotal timeout;
+  CourseTotal contact;
+  CourseTotal contacts;
   CourseTotal survival_time;
   CourseTotal traversal_time;
   CourseTotal barn_score;
+  CourseTotal barn_score_until_2024;
   CourseTotal episode_return;
   CourseTotal path_length;
 };
@@ -33,8 +36,12 @@ void AddEpisode(const EpisodeRecord& record, double time, double optimal_time, T
   Add(totals.success, success ? 1.0 : 0.0);
   Add(totals.collision, record.outcome == env::Outcome::kCollision ? 1.0 : 0.0);
   Add(totals.timeout, record.outcome == env::Outcome::kTimeout ? 1.0 : 0.0);
+  Add(totals.contact, record.num_collisions > 0 ? 1.0 : 0.0);
+  Add(totals.contacts, record.num_collisions);
   Add(success ? totals.traversal_time : totals.survival_time, time);
   Add(totals.barn_score, BarnScore(record.outcome, time, optimal_time));
+  Add(totals.barn_score_until_2024,
+      BarnScore(record.outcome, time, optimal_time, kBarnLimitUntil2024));
   Add(totals.episode_return, record.episode_return);
   Add(totals.path_length, record.path_length);
 }
@@ -69,10 +76,14 @@ Figures MakeFigures(std::span<const Totals> courses, double time_limit) {
   figures.success_rate = EstimateRate(success);
   figures.collision_rate = EstimateRate(collision);
   figures.timeout_rate = EstimateRate(timeout);
+  figures.contact_rate = EstimateRate(Column(courses, &Totals::contact));
+  figures.num_contacts = SumOf(Column(courses, &Totals::contacts));
   figures.survival_time = EstimateMean(Column(courses, &Totals::survival_time), {0.0, time_limit});
   figures.traversal_time =
       EstimateMean(Column(courses, &Totals::traversal_time), {0.0, time_limit});
-  figures.barn_score = MeanOfAll(Column(courses, &Totals::barn_score), {0.0, kBestBarnScore});
+  figures.barn_score = MeanOfAll(Column(courses, &Totals::barn_score), {0.0, 1.0 / kBarnLimit});
+  figures.barn_score_until_2024 =
+      MeanOfAll(Column(courses, &Totals::barn_score_until_2024), {0.0, 1.0 / kBarnLimitUntil2024});
   figures.mean_return = MeanOfAll(Column(courses, &Totals::episode_return), any).value;
   figures.mean_path_length = MeanOfAll(Column(courses, &Totals::path_length), any).value;
   return figures;
@@ -84,18 +95,18 @@ double OptimalTime(const sim::Course& course) {
   return sim::ReferenceLength(course) / kReferenceSpeed;
 }
 
-double BarnScore(env::Outcome outcome, double time, double optimal_time) {
+double BarnScore(env::Outcome outcome, double time, double optimal_time, double lower_limit) {
   if (outcome != env::Outcome::kSuccess) return 0.0;
-  return optimal_time / std::clamp(time, 2.0 * optimal_time, 8.0 * optimal_time);
+  return optimal_time /
+         std::clamp(time, lower_limit * optimal_time, kHighestBarnLimit * optimal_time);
 }
 
 Summary Summarise(std::span<const EpisodeRecord> records, const sim::CourseSet& courses,
-                  const sim::EpisodeConfig& clock) {
-  const double time_limit = clock.max_steps * clock.step;
+                  double step, double time_limit) {
   std::vector<Totals> totals(courses.courses.size());
   for (const EpisodeRecord& record : records) {
     SLALOM_CHECK(record.outcome != env::Outcome::kRunning);
-    AddEpisode(record, record.num_steps * clock.step, OptimalTime(*courses.courses[record.course]),
+    AddEpisode(record, record.time(step), OptimalTime(*courses.courses[record.course]),
                totals[record.course]);
   }
   Summary summary;

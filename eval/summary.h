@@ -8,7 +8,6 @@
 #include "eval/episodes.h"
 #include "eval/statistics.h"
 #include "sim/course.h"
-#include "sim/environment_config.h"
 
 namespace slalom::eval {
 
@@ -21,9 +20,12 @@ struct Figures {
   Estimate success_rate;
   Estimate collision_rate;
   Estimate timeout_rate;
+  Estimate contact_rate;  ///< Share of episodes with a collision, whether it ended them or not.
+  int num_contacts = 0;   ///< Sum of `EpisodeRecord::num_collisions`.
   std::optional<Estimate> survival_time;   ///< Of failed episodes (collision or time limit), [s].
   std::optional<Estimate> traversal_time;  ///< Of successful episodes, [s].
   Estimate barn_score;                     ///< Mean of `BarnScore`, 0 to 0.5.
+  Estimate barn_score_until_2024;          ///< The same with its older lower limit, 0 to 0.25.
   double mean_return = 0.0;
   double mean_path_length = 0.0;  ///< [m]
 };
@@ -45,13 +47,18 @@ struct Summary {
 /// Time of the reference path at 2 m/s, [s].
 double OptimalTime(const sim::Course& course);
 
-/// The BARN Challenge's score of one episode: optimal_time / clip(time, 2 optimal_time, 8
-/// optimal_time) for a success, else 0; so at most 0.5. Times in [s].
-double BarnScore(env::Outcome outcome, double time, double optimal_time);
+/// Lower limits of the time in `BarnScore`, in optimal times: today's, and that of 2022 to 2024.
+inline constexpr double kBarnLimit = 2.0;
+inline constexpr double kBarnLimitUntil2024 = 4.0;
 
-/// `clock` says what a step lasts and when an episode times out.
-/// Requires: every course has at least one record; all episodes have ended.
+/// The BARN Challenge's score of one episode: optimal_time / clip(time, lower_limit optimal_time, 8
+/// optimal_time) for a success, else 0; so at most 1 / lower_limit. Times in [s].
+double BarnScore(env::Outcome outcome, double time, double optimal_time,
+                 double lower_limit = kBarnLimit);
+
+/// The figures of `records`. `step`: control step, [s]. `time_limit`: when an episode times out,
+/// [s]. Requires: every course has at least one record; all episodes have ended.
 Summary Summarise(std::span<const EpisodeRecord> records, const sim::CourseSet& courses,
-                  const sim::EpisodeConfig& clock);
+                  double step, double time_limit);
 
 }  // namespace slalom::eval

@@ -24,7 +24,8 @@ constexpr int kNumValidation = 40;
 
 constexpr std::string_view kNames[] = {"static",           "static-test",      "static-train-5",
                                        "static-train-10",  "static-train-50",  "static-train-100",
-                                       "static-train-250", "static-train-210", "static-validation"};
+                                       "static-train-250", "static-train-210", "static-validation",
+                                       "static-challenge"};
 
 std::vector<int> First(int n) { return {kTrain100, kTrain100 + n}; }
 
@@ -37,6 +38,12 @@ std::vector<int> AllBut(std::span<const int> a, std::span<const int> b) {
     if (!listed) rest.push_back(i);
   }
   return rest;
+}
+
+std::vector<int> EverySixth() {
+  std::vector<int> chosen;
+  for (int i = 0; i < kNumCourses; i += 6) chosen.push_back(i);
+  return chosen;
 }
 
 std::vector<int> Validation() {
@@ -62,6 +69,7 @@ std::optional<std::vector<int>> StaticSplit(std::string_view name) {
   if (name == "static-train-250") return AllBut(kTest, {});
   if (name == "static-train-210") return AllBut(kTest, Validation());
   if (name == "static-validation") return Validation();
+  if (name == "static-challenge") return EverySixth();
   return std::nullopt;
 }
 

@@ -15,6 +15,10 @@ namespace slalom::sim {
 /// - `static-train-5`, `-10`, `-50`, `-100`, `-250`: nested; the last is all that are not in
 /// static-test;
 ///
+/// the 50 that the BARN Challenge is scored on (original-system.md §8.6):
+///
+/// - `static-challenge`: 0, 6, ..., 294;
+///
 /// and two of our own, for choosing settings without a look at static-test:
 ///
 /// - `static-validation`: 40 of static-train-250, every third or fourth that is not in

@@ -1,10 +1,12 @@
 #include "sim/episode_file.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -27,12 +29,62 @@ std::optional<env::Outcome> ParseOutcome(const std::string& text) {
   return std::nullopt;
 }
 
-bool IsPose(const json& value) {
-  if (!value.is_array() || value.size() != 3) return false;
-  for (const json& number : value) {
-    if (!number.is_number() || !(std::abs(number.get<double>()) <= 1e5)) return false;
-  }
+bool IsNumber(const json& value) {
+  return value.is_number() && std::abs(value.get<double>()) <= 1e5;
+}
+
+bool IsNumbers(const json& value, std::size_t count) {
+  return value.is_array() && value.size() == count &&
+         std::all_of(value.begin(), value.end(), IsNumber);
+}
+
+bool IsScan(const json& value) {
+  return value.is_array() && std::all_of(value.begin(), value.end(), [](const json& range) {
+           return range.is_number_unsigned() && range.get<std::uint64_t>() <= 65535;
+         });
+}
+
+/// Reads the number `key` into `value` where it is there. False: it is no such number.
+bool ReadNumber(const json& object, const char* key, double& value) {
+  const auto it = object.find(key);
+  if (it == object.end()) return true;
+  if (!IsNumber(*it)) return false;
+  value = it->get<double>();
   return true;
+}
+
+/// Reads the keys that a track may lack. What is wrong with them; empty: nothing.
+std::string ReadOptionalKeys(const json& object, EpisodeTrack& track) {
+  double episode = 0.0;
+  for (const auto& [key, value] : {std::pair{"episode", &episode},
+                                   {"step_s", &track.step},
+                                   {"motion_start_s", &track.motion_start}}) {
+    if (!ReadNumber(object, key, *value) || *value < 0.0) {
+      return fmt::format("a \"{}\" that is not a number from 0 to 100000", key);
+    }
+  }
+  track.episode = static_cast<int>(episode);
+  const auto scans = object.find("scans_cm");
+  if (scans == object.end()) return "";
+  if (!scans->is_array() || scans->size() != track.poses.size()) {
+    return "\"scans_cm\" that are not one list for each pose";
+  }
+  const auto sensor = object.find("sensor");
+  track.beams.emplace();
+  if (sensor == object.end() || !IsNumbers(*sensor, 2) || !object.contains("angle_min_rad") ||
+      !object.contains("angle_step_rad") ||
+      !ReadNumber(object, "angle_min_rad", track.beams->angle_min) ||
+      !ReadNumber(object, "angle_step_rad", track.beams->angle_step)) {
+    return "scans without a \"sensor\" of two numbers and the beams' angles";
+  }
+  track.beams->p_RS = {(*sensor)[0].get<double>(), (*sensor)[1].get<double>()};
+  for (const json& scan : *scans) {
+    if (!IsScan(scan) || scan.size() != scans->front().size()) {
+      return "a scan that is not a list of ranges in cm, as long as the first";
+    }
+    track.scans_cm.push_back(scan.get<std::vector<std::uint16_t>>());
+  }
+  return "";
 }
 
 /// The track of one line, or what is wrong with it.
@@ -48,12 +100,26 @@ std::variant<EpisodeTrack, std::string> ParseLine(std::string_view line) {
   if (!outcome) return "an \"outcome\" that is not success, collision, timeout or running";
   const auto poses = object.find("poses");
   if (poses == object.end() || !poses->is_array()) return "no \"poses\" with a list";
-  EpisodeTrack track{course->get<std::string>(), *outcome, {}};
+  EpisodeTrack track{course->get<std::string>(), *outcome};
   for (const json& pose : *poses) {
-    if (!IsPose(pose)) return "a pose that is not three numbers [x, y, yaw]";
+    if (!IsNumbers(pose, 3)) return "a pose that is not three numbers [x, y, yaw]";
     track.poses.push_back({{pose[0].get<double>(), pose[1].get<double>()}, pose[2].get<double>()});
   }
+  if (std::string fault = ReadOptionalKeys(object, track); !fault.empty()) return fault;
   return track;
+}
+
+void PrintScans(const EpisodeTrack& track, std::string& text) {
+  const TrackBeams& beams = *track.beams;
+  auto out = std::back_inserter(text);
+  fmt::format_to(out,
+                 ", \"sensor\": [{}, {}], \"angle_min_rad\": {}, \"angle_step_rad\": {}, "
+                 "\"scans_cm\": [",
+                 beams.p_RS.x, beams.p_RS.y, beams.angle_min, beams.angle_step);
+  for (std::size_t i = 0; i < track.scans_cm.size(); ++i) {
+    fmt::format_to(out, "{}[{}]", i == 0 ? "" : ", ", fmt::join(track.scans_cm[i], ","));
+  }
+  text += "]";
 }
 
 }  // namespace
@@ -62,13 +128,18 @@ std::string PrintEpisodes(std::span<const EpisodeTrack> tracks) {
   std::string text;
   auto out = std::back_inserter(text);
   for (const EpisodeTrack& track : tracks) {
-    fmt::format_to(out, "{{\"course\": {}, \"outcome\": \"{}\", \"poses\": [",
-                   json(track.course).dump(), ToString(track.outcome));
+    fmt::format_to(out,
+                   "{{\"course\": {}, \"outcome\": \"{}\", \"episode\": {}, \"step_s\": {}, "
+                   "\"motion_start_s\": {}, \"poses\": [",
+                   json(track.course).dump(), ToString(track.outcome), track.episode, track.step,
+                   track.motion_start);
     for (std::size_t i = 0; i < track.poses.size(); ++i) {
       const base::Pose2& pose = track.poses[i];
       fmt::format_to(out, "{}[{}, {}, {}]", i == 0 ? "" : ", ", pose.p.x, pose.p.y, pose.yaw);
     }
-    text += "]}\n";
+    text += "]";
+    if (track.beams) PrintScans(track, text);
+    text += "}\n";
   }
   return text;
 }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -11,23 +13,40 @@
 
 namespace slalom::sim {
 
-/// Where the robot was in one episode, for pictures and later study. A value.
+/// Where the beams of a track's scans point: beam k at angle_min + k angle_step, S at p_RS.
+struct TrackBeams {
+  base::Vec2 p_RS;          ///< The sensor in the robot's frame, [m].
+  double angle_min = 0.0;   ///< Of the first beam, counter-clockwise from ahead, [rad].
+  double angle_step = 0.0;  ///< [rad]
+
+  friend bool operator==(const TrackBeams&, const TrackBeams&) = default;
+};
+
+/// Where the robot was in one episode and what it saw, for pictures and later study. A value.
 struct EpisodeTrack {
   std::string course;  ///< Name of the course.
   env::Outcome outcome = env::Outcome::kRunning;
-  std::vector<base::Pose2> poses;  ///< X_WR at the start and after each control step.
+  std::vector<base::Pose2> poses{};   ///< X_WR at the start and after each control step.
+  int episode = 0;                    ///< Number of the episode on its course.
+  double step = 0.0;                  ///< Time between poses, [s]; 0: not known.
+  double motion_start = 0.0;          ///< Moving obstacles' clock at the first pose, [s].
+  std::optional<TrackBeams> beams{};  ///< None: the scans were not kept.
+  std::vector<std::vector<std::uint16_t>> scans_cm{};  ///< One per pose, alike in size, [cm].
 
   friend bool operator==(const EpisodeTrack&, const EpisodeTrack&) = default;
 };
 
 /// The tracks as JSON lines, one object each, numbers exact:
 ///
-///     {"course": "barn-007", "outcome": "success", "poses": [[-2.0, 3.0, 1.57], ...]}
+///     {"course": "barn-007", "outcome": "success", "episode": 0, "step_s": 0.2, "motion_start_s":
+///     0, "poses": [[-2.0, 3.0, 1.57], ...], "sensor": [0.12, 0], "angle_min_rad": -2.35619,
+///     "angle_step_rad": 0.05243, "scans_cm": [[120, 131, ...], ...]}
 ///
-/// outcome: success, collision, timeout or running; pose: x [m], y [m], yaw [rad].
+/// outcome: success, collision, timeout or running; pose: x [m], y [m], yaw [rad]; the last four
+/// keys only where scans were kept. Only course, outcome and poses must be there.
 std::string PrintEpisodes(std::span<const EpisodeTrack> tracks);
 
-/// The tracks in `text`. Other keys of an object are passed over, blank lines too. Throws `Error`
+/// The tracks in `text`. Unknown keys of an object are passed over, blank lines too. Throws `Error`
 /// that names `source` and line where a line is not such an object.
 std::vector<EpisodeTrack> ParseEpisodes(std::string_view text, std::string_view source);
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -26,6 +27,8 @@ EvaluationConfig MakeConfig() {
   EvaluationConfig config;
   config.episodes_per_course = 6;
   config.recorded_episodes_per_course = 2;
+  config.recorded_scan_courses = 2;
+  config.recorded_beams = 4;
   config.seed = 42;
   return config;
 }
@@ -33,7 +36,7 @@ EvaluationConfig MakeConfig() {
 Episodes RunFake(int batch_size, const EvaluationConfig& config) {
   testing::FakeEnvironment environments(batch_size, {0.1, 0.5, 0.9});
   testing::SummingAgent agent(batch_size);
-  return RunEpisodes(config, MakeCourses(3), environments, agent).value();
+  return RunEpisodes(config, {}, MakeCourses(3), environments, agent).value();
 }
 
 TEST(RunEpisodes, DoesNotDependOnTheBatchSize) {
@@ -57,15 +60,27 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
     testing::SummingAgent agent(1);
     std::vector<env::Action> action(1);
     std::vector<env::StepResult> result(1);
-    std::vector<base::Pose2> X_WR;
+    sim::EpisodeTrack track{courses.courses[expected.course]->name};
+    std::vector<base::Pose2>& X_WR = track.poses;
+    // Of the 8 beams of the fake every second is kept.
+    if (expected.course != 2 && expected.episode == 0) {
+      track.beams = sim::TrackBeams{{0.12, 0.0}, -0.5 * 4.71238, 4.71238 / 7 * 2};
+    }
     const auto look = [&] {
       X_WR.push_back(environment.robot_pose(0));
+      const auto& ranges_cm = environment.observations().ranges_cm;
+      if (track.beams) {
+        track.scans_cm.push_back({ranges_cm[0], ranges_cm[2], ranges_cm[4], ranges_cm[6]});
+      }
       for (const std::uint16_t range : environment.observations().ranges_cm) {
         expected.min_range = std::min(expected.min_range, 0.01 * range);
       }
     };
     environment.Reset(0, {expected.course, expected.seed});
     expected.min_range = 100.0;
+    track.episode = expected.episode;
+    track.step = 0.2;
+    track.motion_start = static_cast<double>(expected.seed % 1000);
     look();
     while (!result[0].ended()) {
       agent.Act(environment.observations(), action);
@@ -76,44 +91,138 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
       expected.path_length += base::Norm(X_WR.back().p - X_WR[X_WR.size() - 2].p);
     }
     expected.outcome = result[0].outcome;
+    track.outcome = result[0].outcome;
+    expected.num_collisions = result[0].outcome == env::Outcome::kCollision ? 1 : 0;
     EXPECT_EQ(episodes.records[k], expected) << k;
     if (expected.episode < 2) {
-      const sim::EpisodeTrack track{courses.courses[expected.course]->name, expected.outcome, X_WR};
       EXPECT_EQ(episodes.tracks[expected.course * 2 + expected.episode], track);
     }
   }
 }
 
 TEST(RunEpisodes, ReportsProgressUpToTheEnd) {
-  testing::FakeEnvironment environments(4, {0.5, 0.5});
+  testing::FakeEnvironment environments(4, {0.1, 0.1});
   testing::SummingAgent agent(4);
   int last = 0;
-  const auto progress = [&](int num_ended, int num_episodes) {
-    EXPECT_GE(num_ended, last);
-    EXPECT_EQ(num_episodes, 12);
-    last = num_ended;
+  EpisodeCount count;
+  const auto progress = [&](const EpisodeCount& now) {
+    EXPECT_GE(now.ended, last);
+    EXPECT_EQ(now.all, 12);
+    last = now.ended;
+    count = now;
   };
-  ASSERT_TRUE(RunEpisodes(MakeConfig(), MakeCourses(2), environments, agent, progress).has_value());
+  const auto episodes =
+      RunEpisodes(MakeConfig(), {}, MakeCourses(2), environments, agent, progress).value();
   EXPECT_EQ(last, 12);
+  const auto num = [&](env::Outcome outcome) {
+    return std::ranges::count(episodes.records, outcome, &EpisodeRecord::outcome);
+  };
+  EXPECT_EQ(count.successes, num(env::Outcome::kSuccess));
+  EXPECT_EQ(count.collisions, num(env::Outcome::kCollision));
+  EXPECT_GT(count.collisions, 0);
 }
 
 TEST(RunEpisodes, GivesNothingWhenStopped) {
   testing::FakeEnvironment environments(4, {0.5, 0.5});
   testing::SummingAgent agent(4);
   std::stop_source source;
-  const auto progress = [&](int num_ended, int) {
-    if (num_ended >= 3) source.request_stop();
+  const auto progress = [&](const EpisodeCount& now) {
+    if (now.ended >= 3) source.request_stop();
   };
-  EXPECT_FALSE(
-      RunEpisodes(MakeConfig(), MakeCourses(2), environments, agent, progress, source.get_token())
-          .has_value());
+  EXPECT_FALSE(RunEpisodes(MakeConfig(), {}, MakeCourses(2), environments, agent, progress,
+                           source.get_token())
+                   .has_value());
   EXPECT_LT(environments.specs().size(), 12u);
 }
 
 TEST(RunEpisodes, RefusesActionsThatAreNotFinite) {
   testing::FakeEnvironment environments(2, {0.5});
   testing::ConstantAgent agent({0.0f, std::nanf("")});
-  EXPECT_THROW((void)RunEpisodes(MakeConfig(), MakeCourses(1), environments, agent), base::Error);
+  EXPECT_THROW((void)RunEpisodes(MakeConfig(), {}, MakeCourses(1), environments, agent),
+               base::Error);
+}
+
+/// One course; the robot goes along x as the script says, which also holds contacts. Never ends by
+/// itself.
+class ScriptedEnvironment : public testing::FakeEnvironment {
+ public:
+  struct StepScript {
+    double x = 0.0;
+    bool contact = false;
+  };
+  explicit ScriptedEnvironment(std::vector<StepScript> script)
+      : FakeEnvironment(1, {1.0}, 1), script_(std::move(script)) {}
+
+  void Reset(int i, const env::EpisodeSpec& spec) override {
+    FakeEnvironment::Reset(i, spec);
+    num_steps_ = 0;
+  }
+  void Step(std::span<const env::Action>, std::span<env::StepResult> results) override {
+    ++num_steps_;
+    results[0] = {0.0f, now().contact ? 1.0f : 0.0f, env::Outcome::kRunning};
+  }
+  base::Pose2 robot_pose(int) const override { return {{now().x, 0.0}, 0.0}; }
+
+ private:
+  StepScript now() const {
+    return num_steps_ == 0 ? StepScript{} : script_[std::min(num_steps_, script_.size()) - 1];
+  }
+  const std::vector<StepScript> script_;
+  std::size_t num_steps_ = 0;
+};
+
+EpisodeRecord RunScript(const std::string& protocol,
+                        std::vector<ScriptedEnvironment::StepScript> script) {
+  ScriptedEnvironment environment(std::move(script));
+  testing::ConstantAgent agent({0.0f, 0.0f});
+  EvaluationConfig config;
+  config.protocol = protocol;
+  config.episodes_per_course = 1;
+  return RunEpisodes(config, {}, MakeCourses(1), environment, agent).value().records.front();
+}
+
+TEST(RunEpisodes, CountsEachContactOnce) {
+  const EpisodeRecord record = RunScript("dwa-runs", {{0.0, true},
+                                                      {0.0, true},
+                                                      {0.0, false},
+                                                      {0.0, true},
+                                                      {0.0, false},
+                                                      {0.0, true},
+                                                      {0.0, true}});
+  EXPECT_EQ(record.num_collisions, 3);
+  EXPECT_EQ(record.outcome, env::Outcome::kTimeout);
+  EXPECT_EQ(record.num_steps, 500);
+}
+
+TEST(RunEpisodes, StartsTheChallengesClockWhenTheRobotHasMoved) {
+  const EpisodeRecord late = RunScript("barn-challenge", {{0.0}, {0.05}, {0.099}, {0.11}});
+  EXPECT_EQ(late.clock_start_step, 4);
+  EXPECT_EQ(late.num_steps, 504);
+  EXPECT_NEAR(late.time(0.2), 100.0, 1e-9);
+  const EpisodeRecord never = RunScript("barn-challenge", {{0.0}});
+  EXPECT_EQ(never.num_steps, 500);
+  EXPECT_EQ(never.outcome, env::Outcome::kTimeout);
+  EXPECT_NEAR(never.time(0.2), 100.0, 1e-9);
+  EXPECT_EQ(RunScript("paper", {{0.0}, {0.3}}).clock_start_step, 0);
+}
+
+TEST(RunEpisodes, KeepsScansOfCoursesSpreadOverTheSet) {
+  testing::FakeEnvironment environments(3, std::vector(10, 0.5));
+  testing::SummingAgent agent(3);
+  EvaluationConfig config = MakeConfig();
+  for (const auto& [kept, courses] :
+       {std::pair{0, std::vector<int>{}}, {1, {0}}, {3, {0, 3, 6}}, {5, {0, 2, 4, 6, 8}}}) {
+    config.recorded_scan_courses = kept;
+    const Episodes episodes = RunEpisodes(config, {}, MakeCourses(10), environments, agent).value();
+    std::vector<int> with_scans;
+    for (std::size_t t = 0; t < episodes.tracks.size(); ++t) {
+      const sim::EpisodeTrack& track = episodes.tracks[t];
+      if (!track.beams) continue;
+      with_scans.push_back(static_cast<int>(t / 2));
+      EXPECT_EQ(track.scans_cm.size(), track.poses.size());
+    }
+    EXPECT_EQ(with_scans, courses);
+  }
 }
 
 TEST(EvaluationSeed, IsTheSameForACourseInAnySet) {

@@ -8,7 +8,9 @@
 namespace slalom::eval {
 namespace {
 
-std::unique_ptr<env::Agent> MakeReactive(int) { return std::make_unique<testing::ReactiveAgent>(); }
+std::unique_ptr<env::Agent> MakeReactive(int, const sim::EnvironmentConfig&) {
+  return std::make_unique<testing::ReactiveAgent>();
+}
 
 EvaluationConfig MakeProtocol(int num_environments) {
   EvaluationConfig protocol;

@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "sim/course_file.h"
 #include "tests/support/fake_environment.h"
 
 namespace slalom::eval {
@@ -24,6 +25,7 @@ Evaluation MakeEvaluation(std::vector<double> success_probability) {
     auto course = std::make_shared<sim::Course>();
     course->name = "course-" + std::to_string(c);
     course->goal_W = {10.0, 0.0};
+    course->bounds = {{-1.0, -5.0}, {11.0, 5.0}};
     courses.courses.push_back(std::move(course));
   }
   EvaluationConfig protocol;
@@ -32,10 +34,14 @@ Evaluation MakeEvaluation(std::vector<double> success_probability) {
   const int batch_size = NumEnvironments(protocol, courses);
   testing::FakeEnvironment environments(batch_size, std::move(success_probability));
   testing::SummingAgent agent(batch_size);
-  return Evaluate(protocol, WithProtocol({}, protocol), courses, environments, agent).value();
+  return Evaluate(protocol, WithProtocol(sim::EnvironmentConfig{}, protocol), courses, environments,
+                  agent)
+      .value();
 }
 
-const Provenance kProvenance{"runs/x/policy.safetensors", "static-test", "", "abc123"};
+const Provenance kProvenance{"x",           "policy",      "runs/x/policy.safetensors",
+                             {"real.toml"}, "static-test", "",
+                             "abc123",      "[a]\n"};
 
 std::vector<std::string> Split(const std::string& text, char separator) {
   std::vector<std::string> parts;
@@ -60,12 +66,26 @@ TEST(JsonReport, HoldsTheSetsFigures) {
   EXPECT_EQ(report["traversal_time_s"], set.traversal_time->value);
   EXPECT_EQ(report["barn_score"], set.barn_score.value);
   EXPECT_EQ(report["barn_score_interval"].size(), 2u);
-  EXPECT_EQ(report["protocol"]["seed"], 1);
-  EXPECT_EQ(report["provenance"]["policy"], "runs/x/policy.safetensors");
+  EXPECT_EQ(report["format"], "slalom-evaluation");
+  EXPECT_EQ(report["version"], kResultVersion);
+  EXPECT_EQ(report["contact_rate"], set.contact_rate.value);
+  EXPECT_EQ(report["agent"], json({{"name", "x"}, {"kind", "policy"}}));
+  EXPECT_EQ(report["protocol"]["name"], "paper");
+  EXPECT_EQ(report["protocol"]["time_limit_s"], 80.0);
+  EXPECT_EQ(report["run"]["seed"], 1);
+  EXPECT_EQ(report["run"]["step_s"], 0.2);
+  EXPECT_EQ(report["provenance"]["source"], "runs/x/policy.safetensors");
   EXPECT_EQ(report["provenance"]["commit"], "abc123");
   ASSERT_EQ(report["courses"].size(), 3u);
   EXPECT_EQ(report["courses"][2]["course"], "course-2");
   EXPECT_EQ(report["courses"][2]["episodes"], 5);
+  for (std::size_t k = 0; k < 15; ++k) {
+    const EpisodeRecord& record = evaluation.episodes.records[k];
+    const json& course = report["courses"][k / 5];
+    EXPECT_EQ(course["outcomes"][k % 5], env::ToString(record.outcome));
+    EXPECT_EQ(course["times_s"][k % 5], record.time(0.2));
+    EXPECT_EQ(course["collisions"][k % 5], record.num_collisions);
+  }
 }
 
 TEST(JsonReport, HasNullWhereThereIsNoFigure) {
@@ -80,14 +100,15 @@ TEST(JsonReport, HasNullWhereThereIsNoFigure) {
 }
 
 TEST(JsonReport, SurvivesAPathThatIsNotUtf8) {
-  const std::string text = JsonReport(MakeEvaluation({1.0}), {"\xff\xfe", "", "", ""});
+  const std::string text =
+      JsonReport(MakeEvaluation({1.0}), {"\xff\xfe", "", "\xff", {}, "", "", "", ""});
   EXPECT_TRUE(json::accept(text));
 }
 
 TEST(CourseCsv, HasOneFullLinePerCourse) {
   const auto lines = Split(CourseCsv(MakeEvaluation({0.0, 0.5, 1.0})), '\n');
   ASSERT_EQ(lines.size(), 4u);
-  for (const std::string& line : lines) EXPECT_EQ(Split(line, ',').size(), 20u) << line;
+  for (const std::string& line : lines) EXPECT_EQ(Split(line, ',').size(), 21u) << line;
   EXPECT_THAT(lines[3], ::testing::StartsWith("course-2,5,5,0,0,1.000000,"));
 }
 
@@ -95,7 +116,7 @@ TEST(EpisodeCsv, HasOneFullLinePerEpisode) {
   const Evaluation evaluation = MakeEvaluation({0.0, 0.5, 1.0});
   const auto lines = Split(EpisodeCsv(evaluation), '\n');
   ASSERT_EQ(lines.size(), 16u);
-  for (const std::string& line : lines) EXPECT_EQ(Split(line, ',').size(), 10u) << line;
+  for (const std::string& line : lines) EXPECT_EQ(Split(line, ',').size(), 12u) << line;
   const EpisodeRecord& last = evaluation.episodes.records.back();
   EXPECT_THAT(lines.back(), ::testing::StartsWith("course-2,4," + std::to_string(last.seed) +
                                                   ",success," + std::to_string(last.num_steps)));
@@ -119,17 +140,20 @@ TEST(WriteReports, WritesEveryFile) {
   EXPECT_EQ(base::ReadFile(directory / "evaluation-courses.csv"), CourseCsv(evaluation));
   EXPECT_EQ(base::ReadFile(directory / "evaluation-episodes.csv"), EpisodeCsv(evaluation));
   EXPECT_EQ(sim::ReadEpisodes(directory / "evaluation-tracks.jsonl"), evaluation.episodes.tracks);
+  const sim::CourseSet courses = sim::ReadCourseSet(directory / "evaluation.courses");
+  EXPECT_EQ(courses.name, "made");
+  ASSERT_EQ(courses.courses.size(), 1u);
+  EXPECT_EQ(*courses.courses.front(), *evaluation.courses.courses.front());
   EXPECT_THROW(WriteReports(evaluation, kProvenance, directory / "evaluation.json"), base::Error);
   std::filesystem::remove_all(directory);
 }
 
-TEST(WithProtocol, JittersTheStart) {
-  EvaluationConfig protocol;
-  protocol.start_position_jitter = 0.25;
-  protocol.start_yaw_jitter = 0.5;
-  const sim::EnvironmentConfig environment = WithProtocol({}, protocol);
-  EXPECT_EQ(environment.episode.start_position_jitter, 0.25);
-  EXPECT_EQ(environment.episode.start_yaw_jitter, 0.5);
+TEST(TextReport, CountsCollisionsThatEndNothing) {
+  Evaluation evaluation = MakeEvaluation({0.5});
+  EXPECT_THAT(TextReport(evaluation), ::testing::Not(HasSubstr("touched")));
+  evaluation.config.protocol = "dwa-runs";
+  EXPECT_THAT(TextReport(evaluation), HasSubstr("touched"));
+  EXPECT_THAT(TextReport(evaluation), HasSubstr("protocol dwa-runs: 100 s"));
 }
 
 }  // namespace

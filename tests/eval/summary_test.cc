@@ -43,6 +43,12 @@ TEST(BarnScore, IsTheTwoTimesFormula) {
   EXPECT_EQ(BarnScore(Outcome::kTimeout, 80.0, 5.0), 0.0);
 }
 
+TEST(BarnScore, HadAHigherLowerLimitUntil2024) {
+  EXPECT_DOUBLE_EQ(BarnScore(Outcome::kSuccess, 10.0, 5.0, kBarnLimitUntil2024), 0.25);
+  EXPECT_DOUBLE_EQ(BarnScore(Outcome::kSuccess, 25.0, 5.0, kBarnLimitUntil2024), 0.2);
+  EXPECT_DOUBLE_EQ(BarnScore(Outcome::kSuccess, 90.0, 5.0, kBarnLimitUntil2024), 0.125);
+}
+
 TEST(Summarise, MatchesAHandComputedCase) {
   const sim::CourseSet courses = MakeCourses({10.0, 20.0});
   const std::vector<EpisodeRecord> records{
@@ -51,7 +57,7 @@ TEST(Summarise, MatchesAHandComputedCase) {
       MakeRecord(1, 0, Outcome::kSuccess, 200),   // 40 s, optimal 10 s: 0.25
       MakeRecord(1, 1, Outcome::kTimeout, 400),   // 80 s
   };
-  const Summary summary = Summarise(records, courses, sim::EpisodeConfig{});
+  const Summary summary = Summarise(records, courses, 0.2, 80.0);
   const Figures& set = summary.set;
   EXPECT_EQ(set.num_episodes, 4);
   EXPECT_EQ(set.num_successes, 2);
@@ -72,14 +78,32 @@ TEST(Summarise, MatchesAHandComputedCase) {
   EXPECT_DOUBLE_EQ(summary.courses[1].figures.barn_score.value, 0.125);
 }
 
+TEST(Summarise, CountsContactsAndTimeOnTheProtocolsClock) {
+  const sim::CourseSet courses = MakeCourses({10.0});
+  std::vector<EpisodeRecord> records{
+      MakeRecord(0, 0, Outcome::kSuccess, 100), MakeRecord(0, 1, Outcome::kSuccess, 100),
+      MakeRecord(0, 2, Outcome::kTimeout, 500), MakeRecord(0, 3, Outcome::kSuccess, 100)};
+  records[0].num_collisions = 3;
+  records[2].num_collisions = 1;
+  records[3].clock_start_step = 40;
+  const Figures set = Summarise(records, courses, 0.2, 100.0).set;
+  EXPECT_DOUBLE_EQ(set.contact_rate.value, 0.5);
+  EXPECT_EQ(set.num_contacts, 4);
+  EXPECT_EQ(set.num_collisions, 0);
+  EXPECT_NEAR(set.traversal_time->value, (20.0 + 20.0 + 12.0) / 3.0, 1e-12);
+  // Optimal time 5 s: 5 / 20 twice and 5 / 12; with the older limit 5 / 20 for all three.
+  EXPECT_NEAR(set.barn_score.value, (0.25 + 0.25 + 5.0 / 12.0) / 4.0, 1e-12);
+  EXPECT_NEAR(set.barn_score_until_2024.value, 0.75 / 4.0, 1e-12);
+}
+
 TEST(Summarise, HasNoTimeWhereNoEpisodeGivesOne) {
   const sim::CourseSet courses = MakeCourses({10.0});
   const std::vector<EpisodeRecord> won{MakeRecord(0, 0, Outcome::kSuccess, 30)};
   const std::vector<EpisodeRecord> lost{MakeRecord(0, 0, Outcome::kCollision, 30)};
-  EXPECT_FALSE(Summarise(won, courses, {}).set.survival_time.has_value());
-  EXPECT_TRUE(Summarise(won, courses, {}).set.traversal_time.has_value());
-  EXPECT_TRUE(Summarise(lost, courses, {}).set.survival_time.has_value());
-  EXPECT_FALSE(Summarise(lost, courses, {}).set.traversal_time.has_value());
+  EXPECT_FALSE(Summarise(won, courses, 0.2, 80.0).set.survival_time.has_value());
+  EXPECT_TRUE(Summarise(won, courses, 0.2, 80.0).set.traversal_time.has_value());
+  EXPECT_TRUE(Summarise(lost, courses, 0.2, 80.0).set.survival_time.has_value());
+  EXPECT_FALSE(Summarise(lost, courses, 0.2, 80.0).set.traversal_time.has_value());
 }
 
 }  // namespace

@@ -80,6 +80,8 @@ TEST(CourseSplits, AreNestedAndKeepTestAndValidationApart) {
   EXPECT_EQ(validation.size(), 40u);
   EXPECT_TRUE(Contains(Indices("static-train-250"), validation));
   EXPECT_TRUE(AreDisjoint(validation, Indices("static-train-100")));
+  EXPECT_EQ(Indices("static-challenge").size(), 50u);
+  EXPECT_TRUE(Contains(Indices("static-challenge"), {0, 6, 12, 294}));
   EXPECT_EQ(Indices("static-train-210").size(), 210u);
   EXPECT_TRUE(Contains(Indices("static-train-250"), Indices("static-train-210")));
   EXPECT_TRUE(AreDisjoint(validation, Indices("static-train-210")));

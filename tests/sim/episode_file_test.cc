@@ -27,6 +27,13 @@ TEST(EpisodeFile, GivesBackWhatWasWritten) {
     tracks.push_back(track);
   }
   tracks.push_back({"empty", env::Outcome::kTimeout, {}});
+  tracks[1].episode = 7;
+  tracks[1].step = 0.05;
+  tracks[1].motion_start = 123.456;
+  tracks[2].beams = TrackBeams{{0.12, -0.01}, -2.35619, 0.1};
+  for (std::size_t i = 0; i < tracks[2].poses.size(); ++i) {
+    tracks[2].scans_cm.push_back({0, 65535, static_cast<std::uint16_t>(i)});
+  }
   EXPECT_EQ(ParseEpisodes(PrintEpisodes(tracks), "x"), tracks);
   const test::ScratchDirectory scratch;
   WriteEpisodes(scratch.path() / "e.jsonl", tracks);
@@ -50,7 +57,14 @@ TEST(EpisodeFile, BadLinesAreNamed) {
         "{\"course\": \"c\", \"outcome\": \"won\", \"poses\": []}",
         "{\"course\": \"c\", \"poses\": []}", "{\"course\": \"c\", \"outcome\": \"success\"}",
         "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2]]}",
-        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, null]]}"}) {
+        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, null]]}",
+        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [], \"step_s\": -1}",
+        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [], \"episode\": \"1\"}",
+        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]], \"scans_cm\": []}",
+        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]], \"scans_cm\": "
+        "[[1]]}",
+        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]], \"sensor\": [0, 0], "
+        "\"angle_min_rad\": 0, \"angle_step_rad\": 0, \"scans_cm\": [[65536]]}"}) {
     try {
       ParseEpisodes(good + bad, "e.jsonl");
       FAIL() << bad;

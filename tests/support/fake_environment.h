@@ -57,7 +57,9 @@ class FakeEnvironment : public env::BatchEnvironment {
   }
 
   const env::ObservationBatch& observations() const override { return observations_; }
-  double motion_time(int) const override { return 0.0; }
+  double motion_time(int i) const override {
+    return static_cast<double>(episodes_[i].spec.seed % 1000) + episodes_[i].num_steps;
+  }
   base::Pose2 robot_pose(int i) const override { return {episodes_[i].p_W, 0.0}; }
 
   int Length(const env::EpisodeSpec& spec) const {

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <stop_token>
+
+#include "base/parallel.h"
+#include "eval/evaluation.h"
+#include "eval/report.h"
+#include "sim/course.h"
+
+namespace slalom::cli {
+
+/// An evaluation and where it comes from.
+struct ScoredRun {
+  eval::Evaluation evaluation;
+  eval::Provenance provenance;
+};
+
+/// `eval::EvaluateOnCourses`, with its errors, and a line of progress on standard error: episodes,
+/// rate, time left, and how it goes so far. None: stopped first.
+std::optional<ScoredRun> RunScored(const eval::EvaluationConfig& config,
+                                   const sim::EnvironmentConfig& environment,
+                                   const sim::CourseSet& courses, const eval::MakeAgent& make_agent,
+                                   eval::Provenance provenance, base::ParallelFor& parallel,
+                                   std::stop_token stop);
+
+/// Writes the reports, the trajectories and a picture of the courses with them (courses.png,
+/// courses.svg) into `directory`. Throws `base::Error` where that fails.
+void WriteScoredRun(const ScoredRun& run, const std::filesystem::path& directory);
+
+}  // namespace slalom::cli
