@@ -36,6 +36,8 @@ class Costmap {
   int size_y() const { return size_y_; }
   double resolution() const { return resolution_; }  ///< [m]
   base::Vec2 origin() const { return origin_O_; }    ///< Corner of cell (0, 0), [m].
+  /// Moves the grid over the ground; the costs stay in their cells.
+  void set_origin(base::Vec2 origin_O) { origin_O_ = origin_O; }
 
   bool Contains(CellIndex c) const {
     return c.x >= 0 && c.y >= 0 && c.x < size_x_ && c.y < size_y_;

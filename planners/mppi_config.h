@@ -1,6 +1,7 @@
 #pragma once
 
 #include "base/config_field.h"
+#include "planners/navigation_config.h"
 
 /// Defaults are those of Nav2's nav2_mppi_controller (its README and sources) save where a comment
 /// says otherwise.
@@ -152,6 +153,7 @@ struct MppiPreferForwardConfig {
 
 /// The whole controller.
 struct MppiConfig {
+  PlannerNavigationConfig navigation;
   // The robot: its outline and speeds, not Nav2's TurtleBot.
   double outline_length = 0.458;
   double outline_width = 0.416;
@@ -184,6 +186,7 @@ struct MppiConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    v.Section("navigation", navigation, "Rate, inflation and goal tolerance with MPPI.");
     v("outline_length", outline_length, base::Range{0.05, 3.0}, "m",
       "Rectangle that must stay clear, along the driving direction.");
     v("outline_width", outline_width, base::Range{0.05, 3.0}, "m", "And across.");

@@ -1,0 +1,70 @@
+#include "planners/planner_agent.h"
+
+#include <bit>
+#include <utility>
+
+#include "base/check.h"
+
+namespace slalom::planners {
+namespace {
+
+/// FNV-1a over the numbers of a frame.
+std::uint64_t Checksum(const env::FrameView& frame) {
+  std::uint64_t hash = 0xcbf29ce484222325u;
+  const auto add = [&](std::uint64_t value) { hash = (hash ^ value) * 0x100000001b3u; };
+  for (const std::uint16_t range : frame.ranges_cm) add(range);
+  for (const float value : frame.state) add(std::bit_cast<std::uint32_t>(value));
+  return hash;
+}
+
+}  // namespace
+
+PlannerAgent::PlannerAgent(const std::string& name, const PlannersConfig& config,
+                           const ScanGeometry& geometry, const env::ActionBounds& bounds,
+                           double step, base::ParallelFor* parallel)
+    : name_(name),
+      config_(config),
+      geometry_(geometry),
+      bounds_(bounds),
+      step_(step),
+      parallel_(parallel) {
+  NavigationOf(name, config);  // Throws where there is none.
+}
+
+PlannerAgent::~PlannerAgent() = default;
+
+void PlannerAgent::Act(const env::ObservationBatch& observations, std::span<env::Action> actions) {
+  SLALOM_CHECK_EQ(observations.num_beams, geometry_.num_beams);
+  SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(observations.batch_size));
+  if (navigators_.size() != actions.size()) {
+    for (const std::uint8_t first : observations.first) SLALOM_CHECK(first != 0);
+    navigators_.resize(actions.size());
+    for (auto& navigator : navigators_) navigator = MakeNavigator();
+  }
+  const auto act = [&](int i) { ActOne(i, observations, actions[static_cast<std::size_t>(i)]); };
+  if (parallel_ == nullptr) {
+    for (int i = 0; i < observations.batch_size; ++i) act(i);
+  } else {
+    parallel_->For(observations.batch_size, act);
+  }
+}
+
+void PlannerAgent::ActOne(int i, const env::ObservationBatch& observations, env::Action& action) {
+  Navigator& navigator = *navigators_[i];
+  const env::FrameView frame = observations.frame(i);
+  const env::Odometry& odometry = observations.odometry[i];
+  if (observations.first[i] != 0) {
+    const base::Vec2 goal_R{frame.state[0], frame.state[1]};
+    navigator.Reset(odometry.X_OR, base::Transform(odometry.X_OR, goal_R), Checksum(frame));
+  }
+  const Twist command =
+      navigator.Step(frame.ranges_cm, odometry.X_OR, {odometry.linear, odometry.angular});
+  action = bounds_.Normalise(command.linear, command.angular);
+}
+
+std::unique_ptr<Navigator> PlannerAgent::MakeNavigator() const {
+  return std::make_unique<Navigator>(config_.navigation, NavigationOf(name_, config_), geometry_,
+                                     step_, MakeLocalPlanner(name_, config_));
+}
+
+}  // namespace slalom::planners

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "planners/dwa_config.h"
+#include "planners/local_planner.h"
+#include "planners/mppi_config.h"
+#include "planners/navigation_config.h"
+
+namespace slalom::planners {
+
+/// Settings of all classical systems: the navigation that they share, and each local planner with
+/// what it sets of navigation for itself.
+struct PlannersConfig {
+  NavigationConfig navigation;
+  DwaConfig dwa;
+  MppiConfig mppi;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("navigation", navigation, "Costmaps, global planner, recoveries.");
+    v.Section("dwa", dwa, "Dynamic window approach.");
+    v.Section("mppi", mppi, "Model predictive path integral control.");
+  }
+};
+
+/// The names that the functions below know, in a sensible order.
+std::vector<std::string> PlannerNames();
+
+/// Throws `base::Error` where there is no planner of this name; the error lists them.
+std::unique_ptr<LocalPlanner> MakeLocalPlanner(const std::string& name,
+                                               const PlannersConfig& config);
+
+/// What the planner of this name sets of navigation. Throws like `MakeLocalPlanner`.
+const PlannerNavigationConfig& NavigationOf(const std::string& name, const PlannersConfig& config);
+
+}  // namespace slalom::planners
