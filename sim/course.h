@@ -57,6 +57,10 @@ struct Bounds {
   friend bool operator==(const Bounds&, const Bounds&) = default;
 };
 
+/// The smallest bounds that hold `bounds` and the obstacle.
+Bounds Including(Bounds bounds, const Circle& circle);
+Bounds Including(Bounds bounds, const Box& box);
+
 /// Mean over the reference path of the five measures of Perille et al. 2020 (original-system.md
 /// §7.1), in cells of 0.15 m, not normalised.
 struct Difficulty {

@@ -1,12 +1,16 @@
 #include "sim/course_check.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <vector>
+
+#include "sim/motion.h"
 
 namespace slalom::sim {
 namespace {
@@ -49,13 +53,34 @@ bool AxesSeparate(const Box& a, const Box& b) {
          max_y < -a.half_size.y;
 }
 
+bool BoxesTouch(const Box& a, const Box& b) { return !AxesSeparate(a, b) && !AxesSeparate(b, a); }
+
+Box OutlineAt(const base::Pose2& X_WR) { return {X_WR, {0.5 * kRobotLength, 0.5 * kRobotWidth}}; }
+
 bool OutlineCollides(const Course& course, const base::Pose2& X_WR) {
-  const Box outline{X_WR, {0.5 * kRobotLength, 0.5 * kRobotWidth}};
+  const Box outline = OutlineAt(X_WR);
   return std::any_of(course.circles.begin(), course.circles.end(),
                      [&](const Circle& c) { return DistanceTo(outline, c.p_W) <= c.radius; }) ||
-         std::any_of(course.boxes.begin(), course.boxes.end(), [&](const Box& box) {
-           return !AxesSeparate(outline, box) && !AxesSeparate(box, outline);
-         });
+         std::any_of(course.boxes.begin(), course.boxes.end(),
+                     [&](const Box& box) { return BoxesTouch(outline, box); });
+}
+
+/// Whether the obstacle, on its way, ever touches the outline. It is looked at every 0.02 m, more
+/// than 3.6e5 times on no way.
+bool EverTouches(const MovingObstacle& obstacle, const Motion& motion, const Box& outline) {
+  constexpr double kStep = 0.02;  // [m]
+  constexpr double kMaxSteps = 3.6e5;
+  const double duration = obstacle.key_frames.back().time;
+  const double reach = obstacle.radius > 0.0 ? 0.0 : base::Norm(obstacle.half_size);
+  const double way = duration * (motion.max_speed() + motion.max_yaw_rate() * reach);
+  const double num_steps = std::ceil(std::clamp(way / kStep, 1.0, kMaxSteps));
+  for (double i = 0.0; i < num_steps; ++i) {
+    const base::Pose2 X_WB = motion.At(duration * (i / num_steps)).X_WB;
+    const bool touches = obstacle.radius > 0.0 ? DistanceTo(outline, X_WB.p) <= obstacle.radius
+                                               : BoxesTouch(outline, {X_WB, obstacle.half_size});
+    if (touches) return true;
+  }
+  return false;
 }
 
 /// Where the centre of a disc of the robot's width may be.
@@ -67,10 +92,11 @@ class ClearanceGrid {
         num_y_(NumCells(course.bounds.max_W.y - course.bounds.min_W.y)),
         blocked_(static_cast<std::size_t>(num_x_) * static_cast<std::size_t>(num_y_), 0) {
     for (const Circle& c : course.circles) {
-      Block(c.p_W, c.radius, [&](base::Vec2 p_W) { return base::Norm(c.p_W - p_W) - c.radius; });
+      Block(Including({c.p_W, c.p_W}, c),
+            [&](base::Vec2 p_W) { return base::Norm(c.p_W - p_W) - c.radius; });
     }
     for (const Box& box : course.boxes) {
-      Block(box.X_WB.p, base::Norm(box.half_size),
+      Block(Including({box.X_WB.p, box.X_WB.p}, box),
             [&](base::Vec2 p_W) { return DistanceTo(box, p_W); });
     }
   }
@@ -115,16 +141,18 @@ class ClearanceGrid {
            static_cast<std::size_t>(IndexX(p_W.x));
   }
 
+  /// Blocks the cells nearer than the disc's radius to an obstacle within `extent`.
   template <class DistanceFunction>
-  void Block(base::Vec2 centre_W, double radius, const DistanceFunction& distance) {
-    const double reach = radius + kDiscRadius;
-    if (centre_W.x + reach < origin_W_.x || centre_W.y + reach < origin_W_.y ||
-        centre_W.x - reach > origin_W_.x + num_x_ * kGridCell ||
-        centre_W.y - reach > origin_W_.y + num_y_ * kGridCell) {
+  void Block(const Bounds& extent, const DistanceFunction& distance) {
+    const base::Vec2 reach = {kDiscRadius, kDiscRadius};
+    const base::Vec2 low = extent.min_W - reach;
+    const base::Vec2 high = extent.max_W + reach;
+    if (high.x < origin_W_.x || high.y < origin_W_.y || low.x > origin_W_.x + num_x_ * kGridCell ||
+        low.y > origin_W_.y + num_y_ * kGridCell) {
       return;
     }
-    for (int y = IndexY(centre_W.y - reach); y <= IndexY(centre_W.y + reach); ++y) {
-      for (int x = IndexX(centre_W.x - reach); x <= IndexX(centre_W.x + reach); ++x) {
+    for (int y = IndexY(low.y); y <= IndexY(high.y); ++y) {
+      for (int x = IndexX(low.x); x <= IndexX(high.x); ++x) {
         const base::Vec2 p_W = {origin_W_.x + (x + 0.5) * kGridCell,
                                 origin_W_.y + (y + 0.5) * kGridCell};
         if (distance(p_W) < kDiscRadius) {
@@ -147,6 +175,55 @@ class ClearanceGrid {
   std::vector<std::uint8_t> blocked_;  // [num_y, num_x]
 };
 
+bool AreFinite(std::initializer_list<double> numbers) {
+  return std::all_of(numbers.begin(), numbers.end(), [](double v) { return std::isfinite(v); });
+}
+
+/// What makes `course` no course at all: numbers that are none, sizes that are not above 0.
+std::optional<std::string> WhyMalformed(const Course& course) {
+  const auto is_pose = [](const base::Pose2& X) { return AreFinite({X.p.x, X.p.y, X.yaw}); };
+  const auto is_size = [](double size) { return size > 0.0 && std::isfinite(size); };
+  const Bounds& bounds = course.bounds;
+  if (!is_pose(course.start)) return "its start holds something that is not a number";
+  if (!AreFinite({course.goal_W.x, course.goal_W.y})) return "its goal is not a number";
+  if (!AreFinite({bounds.min_W.x, bounds.min_W.y, bounds.max_W.x, bounds.max_W.y})) {
+    return "its bounds hold something that is not a number";
+  }
+  for (std::size_t i = 0; i < course.circles.size(); ++i) {
+    const Circle& circle = course.circles[i];
+    if (!AreFinite({circle.p_W.x, circle.p_W.y}) || !is_size(circle.radius)) {
+      return fmt::format("its cylinder {} is none: centre ({}, {}), radius {}", i, circle.p_W.x,
+                         circle.p_W.y, circle.radius);
+    }
+  }
+  for (std::size_t i = 0; i < course.boxes.size(); ++i) {
+    const Box& box = course.boxes[i];
+    if (!is_pose(box.X_WB) || !is_size(box.half_size.x) || !is_size(box.half_size.y)) {
+      return fmt::format("its box {} is none: centre ({}, {}), yaw {}, half sizes {} and {}", i,
+                         box.X_WB.p.x, box.X_WB.p.y, box.X_WB.yaw, box.half_size.x,
+                         box.half_size.y);
+    }
+  }
+  for (std::size_t i = 0; i < course.moving.size(); ++i) {
+    const MovingObstacle& obstacle = course.moving[i];
+    const bool is_box = is_size(obstacle.half_size.x) && is_size(obstacle.half_size.y);
+    if (obstacle.radius != 0.0 ? !is_size(obstacle.radius) : !is_box) {
+      return fmt::format("its moving obstacle {} has no size: radius {}, half sizes {} and {}", i,
+                         obstacle.radius, obstacle.half_size.x, obstacle.half_size.y);
+    }
+    if (obstacle.key_frames.size() < 2) {
+      return fmt::format("its moving obstacle {} has {} key frames, expected 2 or more", i,
+                         obstacle.key_frames.size());
+    }
+    for (std::size_t k = 0; k < obstacle.key_frames.size(); ++k) {
+      if (const auto why = WhyBadKeyFrame(obstacle, k)) {
+        return fmt::format("its moving obstacle {}: {}", i, *why);
+      }
+    }
+  }
+  return std::nullopt;
+}
+
 bool IsInside(const Bounds& bounds, base::Vec2 p_W) {
   return p_W.x >= bounds.min_W.x && p_W.x <= bounds.max_W.x && p_W.y >= bounds.min_W.y &&
          p_W.y <= bounds.max_W.y;
@@ -154,7 +231,33 @@ bool IsInside(const Bounds& bounds, base::Vec2 p_W) {
 
 }  // namespace
 
+std::optional<std::string> WhyBadKeyFrame(const MovingObstacle& obstacle, std::size_t i) {
+  const KeyFrame& frame = obstacle.key_frames.at(i);
+  const base::Pose2& X_WB = frame.X_WB;
+  if (!AreFinite({frame.time, X_WB.p.x, X_WB.p.y, X_WB.yaw})) {
+    return fmt::format("key frame {} holds something that is not a number", i);
+  }
+  if (i == 0) {
+    if (frame.time == 0.0) return std::nullopt;
+    return fmt::format("the first key frame is at {} s, expected 0", frame.time);
+  }
+  const KeyFrame& last = obstacle.key_frames[i - 1];
+  const double duration = frame.time - last.time;
+  if (!(duration > 0.0)) {
+    return fmt::format("key frame {} is at {} s, which is not after the one before it, at {} s", i,
+                       frame.time, last.time);
+  }
+  const double way = std::max(base::Norm(X_WB.p - last.X_WB.p),
+                              std::abs(base::WrapAngle(X_WB.yaw - last.X_WB.yaw)));
+  if (way > kMaxObstacleSpeed * duration) {
+    return fmt::format("key frame {} is reached at {:g} m/s or rad/s; at most {} is believed", i,
+                       way / duration, kMaxObstacleSpeed);
+  }
+  return std::nullopt;
+}
+
 std::optional<std::string> WhyUnsolvable(const Course& course) {
+  if (const auto reason = WhyMalformed(course)) return reason;
   const base::Vec2 start = course.start.p;
   const base::Vec2 goal = course.goal_W;
   if (!IsInside(course.bounds, start)) {
@@ -178,6 +281,29 @@ std::optional<std::string> WhyUnsolvable(const Course& course) {
                        kRobotWidth);
   }
   return std::nullopt;
+}
+
+std::vector<std::string> CourseWarnings(const Course& course) {
+  const Box start = OutlineAt(course.start);
+  std::vector<std::size_t> over_start, still;
+  for (std::size_t i = 0; i < course.moving.size(); ++i) {
+    const Motion motion(course.moving[i]);
+    if (motion.max_speed() == 0.0 && motion.max_yaw_rate() == 0.0) still.push_back(i);
+    if (EverTouches(course.moving[i], motion, start)) over_start.push_back(i);
+  }
+  std::vector<std::string> warnings;
+  if (!over_start.empty()) {
+    warnings.push_back(fmt::format(
+        "{} of {} moving obstacles drive over a robot that waits at the start: number {}",
+        over_start.size(), course.moving.size(), fmt::join(over_start, ", ")));
+  }
+  if (!still.empty()) {
+    warnings.push_back(
+        fmt::format("{} of {} moving obstacles stand still, but are not looked at when a way from "
+                    "start to goal is sought: number {}",
+                    still.size(), course.moving.size(), fmt::join(still, ", ")));
+  }
+  return warnings;
 }
 
 }  // namespace slalom::sim

@@ -18,12 +18,32 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "sim/course_check.h"
 
 namespace slalom::sim {
 namespace {
 
 constexpr std::string_view kMagic = "slalom-courses";
-constexpr std::string_view kHeader = "slalom-courses 1\n";
+constexpr int kFixedVersion = 1;   // Fixed obstacles only.
+constexpr int kMovingVersion = 2;  // And moving ones.
+
+std::string_view ToString(Playback playback) {
+  return playback == Playback::kLoop ? "loop" : "ping-pong";
+}
+
+void PrintMoving(const MovingObstacle& obstacle, std::string& text) {
+  auto out = std::back_inserter(text);
+  if (obstacle.radius > 0.0) {
+    fmt::format_to(out, "moving cylinder {} {}\n", obstacle.radius, ToString(obstacle.playback));
+  } else {
+    fmt::format_to(out, "moving box {} {} {}\n", obstacle.half_size.x, obstacle.half_size.y,
+                   ToString(obstacle.playback));
+  }
+  for (const KeyFrame& frame : obstacle.key_frames) {
+    fmt::format_to(out, "key {} {} {} {}\n", frame.time, frame.X_WB.p.x, frame.X_WB.p.y,
+                   frame.X_WB.yaw);
+  }
+}
 
 void PrintCourse(const Course& course, std::string& text) {
   auto out = std::back_inserter(text);
@@ -45,6 +65,7 @@ void PrintCourse(const Course& course, std::string& text) {
     fmt::format_to(out, "box {} {} {} {} {}\n", box.X_WB.p.x, box.X_WB.p.y, box.X_WB.yaw,
                    box.half_size.x, box.half_size.y);
   }
+  for (const MovingObstacle& obstacle : course.moving) PrintMoving(obstacle, text);
   for (const base::Vec2& p : course.reference_path_W) {
     fmt::format_to(out, "path {} {}\n", p.x, p.y);
   }
@@ -99,12 +120,15 @@ class Parser {
     if (text_.empty()) throw base::Error(fmt::format("{}: the file is empty", source_));
     if (!text_.starts_with(kMagic)) {
       line_number_ = 1;
-      Fail("not a Slalom course file; expected \"slalom-courses 1\"");
+      Fail("not a Slalom course file; expected \"slalom-courses 1\" or \"slalom-courses 2\"");
     }
     const auto words = SplitWords(TakeLine());
-    if (words.size() != 2 || words[0] != kMagic || words[1] != "1") {
-      Fail("unknown version of the course format; expected \"slalom-courses 1\"");
+    if (words.size() != 2 || words[0] != kMagic || (words[1] != "1" && words[1] != "2")) {
+      Fail(
+          "unknown version of the course format; expected \"slalom-courses 1\" or "
+          "\"slalom-courses 2\"");
     }
+    version_ = words[1] == "1" ? kFixedVersion : kMovingVersion;
   }
 
   void ReadLine() {
@@ -134,6 +158,7 @@ class Parser {
 
   void ReadCourseLine(std::string_view key, std::span<const std::string_view> values) {
     Course& course = *course_;
+    if (key != "key") FinishMoving();
     if (key == "end") {
       if (!values.empty()) Fail("\"end\" stands alone");
       for (const std::string_view part : {"start", "goal", "bounds"}) {
@@ -166,14 +191,65 @@ class Parser {
       const auto v = ReadNumbers<5>(key, values, "x y yaw half_x half_y");
       if (!(v[3] > 0.0 && v[4] > 0.0)) Fail("the half sizes of a box must be above 0");
       course.boxes.push_back({{{v[0], v[1]}, v[2]}, {v[3], v[4]}});
+    } else if (key == "moving") {
+      ReadMoving(values);
+    } else if (key == "key") {
+      if (!in_moving_) Fail("a \"key\" line must follow a \"moving\" line or another \"key\" line");
+      const auto v = ReadNumbers<4>(key, values, "time x y yaw");
+      MovingObstacle& obstacle = course.moving.back();
+      obstacle.key_frames.push_back({v[0], {{v[1], v[2]}, v[3]}});
+      if (const auto why = WhyBadKeyFrame(obstacle, obstacle.key_frames.size() - 1)) Fail(*why);
     } else if (key == "path") {
       const auto v = ReadNumbers<2>(key, values, "x y");
       course.reference_path_W.push_back({v[0], v[1]});
     } else {
       Fail(
           fmt::format("unknown line \"{}\" in course {}; expected start, goal, bounds, difficulty, "
-                      "circle, box, path or end",
+                      "circle, box, moving, key, path or end",
                       key, course.name));
+    }
+  }
+
+  void ReadMoving(std::span<const std::string_view> values) {
+    if (version_ < kMovingVersion) {
+      Fail("version 1 of the format has no moving obstacles; begin the file with slalom-courses 2");
+    }
+    MovingObstacle obstacle;
+    if (!values.empty() && values[0] == "cylinder") {
+      obstacle.playback = TakePlayback(values);
+      obstacle.radius = ReadNumbers<1>("moving cylinder", values.subspan(1), "radius")[0];
+      if (!(obstacle.radius > 0.0)) Fail("the radius of a moving cylinder must be above 0");
+    } else if (!values.empty() && values[0] == "box") {
+      obstacle.playback = TakePlayback(values);
+      const auto v = ReadNumbers<2>("moving box", values.subspan(1), "half_x half_y");
+      if (!(v[0] > 0.0 && v[1] > 0.0)) Fail("the half sizes of a moving box must be above 0");
+      obstacle.half_size = {v[0], v[1]};
+    } else {
+      Fail("\"moving\" is followed by \"cylinder\" or \"box\"");
+    }
+    course_->moving.push_back(std::move(obstacle));
+    in_moving_ = true;
+    moving_line_ = line_number_;
+  }
+
+  /// The last word of a "moving" line, which is taken off `values`.
+  Playback TakePlayback(std::span<const std::string_view>& values) const {
+    const std::string_view word = values.back();
+    values = values.first(values.size() - 1);
+    if (word == ToString(Playback::kLoop)) return Playback::kLoop;
+    if (word == ToString(Playback::kPingPong)) return Playback::kPingPong;
+    Fail(fmt::format("a \"moving\" line ends in \"loop\" or \"ping-pong\", found \"{}\"", word));
+  }
+
+  /// The key frames of the obstacle that was begun, if one was, are all there.
+  void FinishMoving() {
+    if (!in_moving_) return;
+    in_moving_ = false;
+    const std::size_t num_frames = course_->moving.back().key_frames.size();
+    if (num_frames < 2) {
+      line_number_ = moving_line_;
+      Fail(fmt::format("this moving obstacle has {} \"key\" line{}, expected 2 or more", num_frames,
+                       num_frames == 1 ? "" : "s"));
     }
   }
 
@@ -259,8 +335,11 @@ class Parser {
   std::size_t position_ = 0;
   std::size_t line_start_ = 0;
   int line_number_ = 0;
+  int version_ = kFixedVersion;
   bool ended_ = false;
   std::optional<Course> course_;              // Between "course" and "end".
+  bool in_moving_ = false;                    // Key lines may follow: for course_->moving.back().
+  int moving_line_ = 0;                       // Where that began.
   std::set<std::string, std::less<>> seen_;   // Lines of `course_` that may stand once.
   std::set<std::string, std::less<>> names_;  // Of the courses in `set_`.
   CourseSet set_;
@@ -269,7 +348,9 @@ class Parser {
 }  // namespace
 
 std::string PrintCourseSet(const CourseSet& set) {
-  std::string text(kHeader);
+  const bool has_moving = std::any_of(set.courses.begin(), set.courses.end(),
+                                      [](const auto& course) { return !course->moving.empty(); });
+  std::string text = fmt::format("{} {}\n", kMagic, has_moving ? kMovingVersion : kFixedVersion);
   if (!set.name.empty()) text += fmt::format("set {}\n", set.name);
   for (const auto& course : set.courses) PrintCourse(*course, text);
   const std::uint64_t checksum = base::Checksum(text);

@@ -10,7 +10,8 @@
 ///
 /// A file is a set: its courses stand in it, or it names other files that hold one course each.
 /// Numbers are written so that reading gives back the same doubles. The last line is a checksum of
-/// all before it.
+/// all before it. Version 2 has moving obstacles; a set without any is written as version 1, so the
+/// bytes of a static set never change.
 
 namespace slalom::sim {
 
@@ -25,8 +26,9 @@ std::string PrintCourseSet(const CourseSet& set);
 /// `directory`.
 ///
 /// Throws `Error` that names source and line where the text is not a whole, unchanged course file:
-/// another format or version, an unknown or misplaced or malformed line, a missing part, a name
-/// that is not one or stands twice, a wrong or missing checksum.
+/// another format or version, an unknown or misplaced or malformed line, a size that is not above
+/// 0, key frames that are not two or more from time 0 on, a missing part, a name that is not one or
+/// stands twice, a wrong or missing checksum.
 CourseSet ParseCourseSet(std::string_view text, std::string_view source,
                          const std::filesystem::path& directory);
 

@@ -31,6 +31,23 @@ double DrawNumber(base::Random& random) {
 
 base::Vec2 DrawPoint(base::Random& random) { return {DrawNumber(random), DrawNumber(random)}; }
 
+/// An obstacle whose key frames, though wild, could be driven.
+MovingObstacle DrawMoving(base::Random& random) {
+  MovingObstacle obstacle;
+  if (random.UniformInt(2) == 0) {
+    obstacle.radius = random.Uniform() + 0.1;
+  } else {
+    obstacle.half_size = {random.Uniform() + 0.1, random.Uniform() + 0.1};
+  }
+  double time = 0.0;
+  for (std::uint64_t n = 2 + random.UniformInt(15); n > 0; --n) {
+    obstacle.key_frames.push_back({time, {{random.Uniform(), random.Uniform()}, random.Uniform()}});
+    time += random.Uniform() + 0.1;
+  }
+  if (random.UniformInt(2) == 0) obstacle.playback = Playback::kPingPong;
+  return obstacle;
+}
+
 std::shared_ptr<const Course> DrawCourse(int index, base::Random& random) {
   Course course;
   course.name = "course-" + std::to_string(index);
@@ -46,6 +63,9 @@ std::shared_ptr<const Course> DrawCourse(int index, base::Random& random) {
   }
   for (std::uint64_t n = random.UniformInt(4); n > 0; --n) {
     course.reference_path_W.push_back(DrawPoint(random));
+  }
+  for (std::uint64_t n = random.UniformInt(4); n > 0; --n) {
+    course.moving.push_back(DrawMoving(random));
   }
   if (random.UniformInt(2) == 0) {
     course.difficulty = Difficulty{DrawNumber(random), DrawNumber(random), DrawNumber(random),
@@ -126,7 +146,7 @@ std::string Edited(const std::string& from, const std::string& to) {
 TEST(CourseFile, ErrorsNameFileLineAndWhatWasExpected) {
   EXPECT_THAT(ErrorOf(""), HasSubstr("x.courses: the file is empty"));
   EXPECT_THAT(ErrorOf("<sdf>\n"), AllOf(HasSubstr("x.courses:1:"), HasSubstr("slalom-courses 1")));
-  EXPECT_THAT(ErrorOf(Edited("courses 1", "courses 2")), HasSubstr("x.courses:1: unknown version"));
+  EXPECT_THAT(ErrorOf(Edited("courses 1", "courses 3")), HasSubstr("x.courses:1: unknown version"));
   EXPECT_THAT(ErrorOf(Edited("start 0 0 0", "start 0 0")),
               HasSubstr("x.courses:5: \"start\" takes 3 numbers (x y yaw), found 2"));
   EXPECT_THAT(ErrorOf(Edited("start 0 0 0", "start 0 0 1m")), HasSubstr("x.courses:5: \"1m\""));
@@ -147,6 +167,95 @@ TEST(CourseFile, ErrorsNameFileLineAndWhatWasExpected) {
   EXPECT_THAT(ErrorOf(Edited("checksum none\n", "")), HasSubstr("cut short"));
   EXPECT_THAT(ErrorOf(Edited("end\n", "end\ncircle 1 1 1\n")),
               HasSubstr("x.courses:10: found \"circle\""));
+}
+
+constexpr char kMoving[] =
+    "slalom-courses 2\n"
+    "course crossing\n"
+    "start 11 0 3.14159\n"
+    "goal -9 0\n"
+    "bounds -11 -11 12 11\n"
+    "moving cylinder 0.5 ping-pong\n"
+    "  key 0 -10 4 0\n"
+    "\n"
+    "  key 5.5 0 2.5 0 # half way\n"
+    "  key 9 10 4 0\n"
+    "moving box 0.2 0.3 loop\n"
+    "key 0 1 2 3\n"
+    "key 4 5 6 7\n"
+    "path 0 1\n"
+    "end\n"
+    "checksum none\n";
+
+std::string EditedMoving(const std::string& from, const std::string& to) {
+  std::string text = kMoving;
+  return text.replace(text.find(from), from.size(), to);
+}
+
+TEST(CourseFile, MovingObstaclesOfAnyKindAreRead) {
+  const CourseSet set = Parse(kMoving);
+  const Course& course = *set.courses.at(0);
+  ASSERT_EQ(course.moving.size(), 2u);
+  EXPECT_EQ(course.moving[0],
+            (MovingObstacle{
+                0.5,
+                {},
+                {{0.0, {{-10.0, 4.0}, 0.0}}, {5.5, {{0.0, 2.5}, 0.0}}, {9.0, {{10.0, 4.0}, 0.0}}},
+                Playback::kPingPong}));
+  EXPECT_EQ(
+      course.moving[1],
+      (MovingObstacle{
+          0.0, {0.2, 0.3}, {{0.0, {{1.0, 2.0}, 3.0}}, {4.0, {{5.0, 6.0}, 7.0}}}, Playback::kLoop}));
+  EXPECT_EQ(course.reference_path_W, (std::vector<base::Vec2>{{0.0, 1.0}}));
+}
+
+TEST(CourseFile, BadMotionsAreNamedWithTheirLine) {
+  const auto refusal = [](const std::string& from, const std::string& to) {
+    return ErrorOf(EditedMoving(from, to));
+  };
+  EXPECT_THAT(refusal("courses 2", "courses 1"),
+              AllOf(HasSubstr("x.courses:6:"), HasSubstr("slalom-courses 2")));
+  EXPECT_THAT(refusal("cylinder 0.5", "cylinder 0"), HasSubstr("x.courses:6: the radius"));
+  EXPECT_THAT(refusal("cylinder 0.5", "cylinder -1"), HasSubstr("must be above 0"));
+  EXPECT_THAT(refusal("cylinder 0.5", "cylinder nan"), HasSubstr("x.courses:6: \"nan\""));
+  EXPECT_THAT(refusal("cylinder 0.5", "cylinder"), HasSubstr("takes 1 numbers (radius), found 0"));
+  EXPECT_THAT(refusal("cylinder 0.5", "sphere 0.5"),
+              HasSubstr("x.courses:6: \"moving\" is followed by \"cylinder\" or \"box\""));
+  EXPECT_THAT(refusal("cylinder 0.5 ping-pong", ""), HasSubstr("x.courses:6:"));
+  EXPECT_THAT(refusal("box 0.2 0.3", "box 0.2 0"), HasSubstr("x.courses:11: the half sizes"));
+  EXPECT_THAT(refusal("box 0.2 0.3", "box 0.2"), HasSubstr("takes 2 numbers (half_x half_y)"));
+  EXPECT_THAT(refusal("ping-pong", "once"),
+              AllOf(HasSubstr("x.courses:6:"), HasSubstr("\"loop\" or \"ping-pong\""),
+                    HasSubstr("found \"once\"")));
+  EXPECT_THAT(refusal("0.3 loop", "0.3"), HasSubstr("found \"0.3\""));
+  EXPECT_THAT(refusal("key 0 -10", "key 1 -10"),
+              HasSubstr("x.courses:7: the first key frame is at 1 s, expected 0"));
+  EXPECT_THAT(refusal("key 9", "key 5.5"),
+              AllOf(HasSubstr("x.courses:10:"), HasSubstr("not after the one before it")));
+  EXPECT_THAT(refusal("key 9", "key 2"), HasSubstr("key frame 2 is at 2 s"));
+  EXPECT_THAT(refusal("key 9", "key 5.500001"), HasSubstr("m/s"));
+  EXPECT_THAT(refusal("key 9 10 4 0", "key 9 10 4"),
+              HasSubstr("\"key\" takes 4 numbers (time x y yaw), found 3"));
+  EXPECT_THAT(refusal("key 9 10 4 0", "key 9 10 inf 0"), HasSubstr("x.courses:10: \"inf\""));
+  EXPECT_THAT(
+      refusal("key 4 5 6 7\n", ""),
+      HasSubstr("x.courses:11: this moving obstacle has 1 \"key\" line, expected 2 or more"));
+  EXPECT_THAT(refusal("key 4 5 6 7\npath 0 1\nend\n", "end\n"), HasSubstr("x.courses:11:"));
+  EXPECT_THAT(refusal("moving box 0.2 0.3 loop\nkey 0 1 2 3", "moving box 0.2 0.3 loop"),
+              HasSubstr("the first key frame is at 4 s"));
+  EXPECT_THAT(refusal("path 0 1\n", "path 0 1\nkey 5 5 6 7\n"),
+              HasSubstr("x.courses:15: a \"key\" line must follow"));
+}
+
+// So that files of static courses, and their checksums, are what older programs read and wrote.
+TEST(CourseFile, VersionIsTheOldestThatHoldsTheSet) {
+  Course course = *Parse(kByHand).courses.at(0);
+  const auto print = [&] {
+    return PrintCourseSet({"s", {std::make_shared<const Course>(course)}});
+  };
+  EXPECT_TRUE(print().starts_with("slalom-courses 1\n"));
+  course.moving = Parse(kMoving).courses.at(0)->moving;
+  EXPECT_TRUE(print().starts_with("slalom-courses 2\n"));
 }
 
 TEST(CourseFile, NamesAreUnique) {

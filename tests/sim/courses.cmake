@@ -1,7 +1,8 @@
 slalom_add_test(course_generator_test SOURCES course_generator_test.cc course_path_test.cc
     course_difficulty_test.cc barn_data.cc
   DEPS slalom::sim)
-slalom_add_test(course_sets_test SOURCES course_sets_test.cc course_file_test.cc barn_data.cc
+slalom_add_test(course_sets_test SOURCES course_sets_test.cc course_file_test.cc course_check_test.cc
+    barn_data.cc
   DEPS slalom::sim)
 slalom_add_test(barn_importer_test SOURCES barn_importer_test.cc barn_data.cc DEPS slalom::sim)
 slalom_add_test(course_render_test SOURCES course_render_test.cc episode_file_test.cc DEPS slalom::sim)
