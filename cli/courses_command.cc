@@ -17,6 +17,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "sim/barn_importer.h"
+#include "sim/course_check.h"
 #include "sim/course_file.h"
 #include "sim/course_render.h"
 #include "sim/course_sets.h"
@@ -29,9 +30,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kSpecHelp[] =
-    "Set name (see `slalom courses list`), generated:SEED:COUNT, or the path of a course file, a "
-    "set "
-    "file or a directory of course files";
+    "Set name (see `slalom courses list`), generated:SEED:COUNT, generated-box:SEED:COUNT, "
+    "generated-wall:SEED:COUNT, or the path of a course file, a set file or a directory of course "
+    "files";
 
 /// What a command works on: the words that choose a course set.
 struct Selection {
@@ -71,10 +72,11 @@ struct Selection {
 };
 
 void PrintTable(const sim::CourseSet& set) {
-  fmt::print("{:<24} {:>9} {:>9} {:>10} {:>10} {:>10} {:>10} {:>10}\n", "course", "obstacles",
-             "path [m]", "obstacle", "visibility", "dispersion", "width", "tortuosity");
+  fmt::print("{:<24} {:>9} {:>6} {:>9} {:>10} {:>10} {:>10} {:>10} {:>10}\n", "course", "obstacles",
+             "moving", "path [m]", "obstacle", "visibility", "dispersion", "width", "tortuosity");
   for (const auto& course : set.courses) {
-    fmt::print("{:<24} {:>9} {:>9.2f}", course->name, course->circles.size() + course->boxes.size(),
+    fmt::print("{:<24} {:>9} {:>6} {:>9.2f}", course->name,
+               course->circles.size() + course->boxes.size(), course->moving.size(),
                sim::ReferenceLength(*course));
     if (course->difficulty) {
       const sim::Difficulty& d = *course->difficulty;
@@ -85,6 +87,31 @@ void PrintTable(const sim::CourseSet& set) {
   }
 }
 
+/// "12 courses have moving obstacles..." or nothing.
+std::string RemarkOn(const sim::CourseSet& set) {
+  const auto count = std::count_if(set.courses.begin(), set.courses.end(), [](const auto& course) {
+    return !sim::CourseWarnings(*course).empty();
+  });
+  return count == 0 ? "" : fmt::format("{} with a warning, see `slalom courses show`", count);
+}
+
+/// To stderr, what `CourseWarnings` says of each course; of more than ten, the first ten.
+void PrintWarnings(const std::vector<std::shared_ptr<const sim::Course>>& courses) {
+  constexpr int kMaxShown = 10;
+  int num_shown = 0;
+  int num_hidden = 0;
+  for (const auto& course : courses) {
+    for (const std::string& warning : sim::CourseWarnings(*course)) {
+      if (num_shown++ < kMaxShown) {
+        fmt::print(stderr, "warning: {}: {}\n", course->name, warning);
+      } else {
+        ++num_hidden;
+      }
+    }
+  }
+  if (num_hidden > 0) fmt::print(stderr, "warning: and {} more of this kind\n", num_hidden);
+}
+
 void AddList(CLI::App& courses) {
   CLI::App* command = courses.add_subcommand("list", "List the course sets that can be named");
   auto selection = std::make_shared<Selection>();
@@ -93,9 +120,11 @@ void AddList(CLI::App& courses) {
     fmt::print("{:<20} {:>8}\n", "set", "courses");
     for (const std::string& name : sim::ListCourseSets(selection->collection_path())) {
       const auto set = sim::ResolveCourses(name, selection->collection_path(), selection->seed);
-      fmt::print("{:<20} {:>8}\n", name, set.courses.size());
+      fmt::print("{:<20} {:>8}  {}\n", name, set.courses.size(), RemarkOn(set));
     }
-    fmt::print("generated:SEED:COUNT    COUNT  fresh courses, in no other set\n");
+    fmt::print(
+        "Fresh courses, in no other set: generated:SEED:COUNT, generated-box:SEED:COUNT, "
+        "generated-wall:SEED:COUNT\n");
   });
 }
 
@@ -110,10 +139,15 @@ void AddShow(CLI::App& courses) {
     const sim::CourseSet set = selection->Resolve();
     if (selection->names.empty() && set.courses.size() > 1) {
       PrintTable(set);
+      PrintWarnings(set.courses);
       return;
     }
     for (const auto& course : set.courses) {
-      fmt::print("{}\n{}\n", sim::DrawText(*course), sim::DescribeText(*course));
+      fmt::print("{}\n{}", sim::DrawText(*course), sim::DescribeText(*course));
+      for (const std::string& warning : sim::CourseWarnings(*course)) {
+        fmt::print("warning:         {}\n", warning);
+      }
+      fmt::print("\n");
     }
   });
 }
@@ -212,21 +246,32 @@ void AddGenerate(CLI::App& courses) {
 
 void AddImport(CLI::App& courses) {
   CLI::App* command = courses.add_subcommand(
-      "import", "Read the original BARN worlds (world_N.world, path_files/path_N.npy)");
+      "import",
+      "Read the original BARN worlds (world_N.world, path_files/path_N.npy) and the motions of "
+      "their obstacles (dynamic_box.csv, dynamic_wall.csv)");
   struct Options {
     std::string directory;
+    std::optional<std::string> motions;
     std::string output;
   };
   auto options = std::make_shared<Options>();
   command->add_option("DIR", options->directory, "Directory of the original worlds")
       ->required()
       ->check(CLI::ExistingDirectory);
+  command
+      ->add_option("--motions", options->motions,
+                   "Directory of dynamic_box.csv and dynamic_wall.csv; without, DIR if they are "
+                   "there")
+      ->check(CLI::ExistingDirectory);
   command->add_option("--output", options->output, "Directory to write the collection to")
       ->required();
   command->callback([options] {
-    const sim::BarnImport import = sim::ImportBarn(options->directory);
+    const sim::BarnImport import = sim::ImportBarn(options->directory, options->motions);
     for (const std::string& warning : import.warnings) fmt::print(stderr, "warning: {}\n", warning);
     for (const std::string& reason : import.skipped) fmt::print(stderr, "skipped: {}\n", reason);
+    std::vector<std::shared_ptr<const sim::Course>> imported;
+    for (const auto& [number, course] : import.courses) imported.push_back(course);
+    PrintWarnings(imported);
     const sim::WrittenCollection written = sim::WriteCollection(import, options->output);
     fmt::print("{}: {} courses; sets {}\n", options->output, import.courses.size(),
                fmt::join(written.sets, ", "));
@@ -256,7 +301,7 @@ void AddCoursesCommand(CLI::App& app) {
       "(docs/courses.md). Examples:\n\n"
       "  slalom courses show static-test static-1-250        a picture in characters, and facts\n"
       "  slalom courses render --courses generated:7:20 --output courses.png\n"
-      "  slalom courses import DIR --output barn             the paper's own courses");
+      "  slalom courses import DIR --motions DIR --output barn   the paper's own courses");
 }
 
 }  // namespace slalom::cli

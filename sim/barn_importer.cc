@@ -16,6 +16,7 @@
 #include "sim/course_difficulty.h"
 #include "sim/course_file.h"
 #include "sim/course_splits.h"
+#include "sim/dynamic_importer.h"
 
 namespace slalom::sim {
 namespace {
@@ -45,11 +46,6 @@ std::map<int, fs::path> ListWorlds(const fs::path& directory) {
   std::map<int, fs::path> worlds;
   for (const fs::directory_entry& entry : entries) {
     if (const auto number = WorldNumber(entry.path())) worlds[*number] = entry.path();
-  }
-  if (worlds.empty()) {
-    throw base::Error(fmt::format(
-        "{}: holds no world_N.world file; expected the directory of the original worlds",
-        directory.string()));
   }
   return worlds;
 }
@@ -108,17 +104,55 @@ std::optional<FieldGrid> ReadField(const World& world) {
 
 Bounds BoundsWith(const World& world) {
   Bounds bounds = BarnBounds();
-  const auto add = [&bounds](base::Vec2 p_W, double reach) {
-    bounds.min_W = {std::min(bounds.min_W.x, p_W.x - reach),
-                    std::min(bounds.min_W.y, p_W.y - reach)};
-    bounds.max_W = {std::max(bounds.max_W.x, p_W.x + reach),
-                    std::max(bounds.max_W.y, p_W.y + reach)};
-  };
   for (const Circle& circle : world.circles) {
-    if (!CellAt(circle.p_W)) add(circle.p_W, circle.radius);
+    if (!CellAt(circle.p_W)) bounds = Including(bounds, circle);
   }
-  for (const Box& box : world.boxes) add(box.X_WB.p, base::Norm(box.half_size));
+  for (const Box& box : world.boxes) bounds = Including(bounds, box);
   return bounds;
+}
+
+/// The course of world `number` with the motions of its kind; `world`: null, where it is not there.
+Course MakeMovingCourse(const DynamicMotions& motions, int number, const World* world,
+                        const fs::path& world_path) {
+  const std::vector<MovingObstacle>& moving = motions.worlds.at(number);
+  if (world != nullptr && static_cast<std::size_t>(world->num_moving_models) != moving.size()) {
+    throw base::Error(fmt::format("{}: has {} moving obstacles, but {} has {} for world {}",
+                                  world_path.string(), world->num_moving_models,
+                                  motions.file.string(), moving.size(), number));
+  }
+  const FixedObstacles fixed =
+      world != nullptr ? FixedObstacles{world->circles, world->boxes} : motions.fixed.value();
+  const char* kind = motions.kind == CourseKind::kDynamicBox ? "box" : "wall";
+  return MakeDynamicCourse(fmt::format("barn-{}-{:03}", kind, number), motions.kind, fixed, moving,
+                           world != nullptr ? world_path.string() : motions.file.string());
+}
+
+CourseKind KindOf(int number, const Course& course) {
+  if (course.moving.empty()) return CourseKind::kStatic;
+  return number < FirstWorld(CourseKind::kDynamicWall) ? CourseKind::kDynamicBox
+                                                       : CourseKind::kDynamicWall;
+}
+
+/// What the import says of worlds that are somehow remarkable.
+struct Remarks {
+  std::vector<int> mended, without_path, without_motion, without_fixed;
+};
+
+void Describe(const Remarks& remarks, BarnImport& import) {
+  const auto add = [](std::vector<std::string>& to, const std::vector<int>& numbers,
+                      std::string_view what) {
+    if (numbers.empty()) return;
+    to.push_back(fmt::format("{}: {} ({} in all)", what, ListNumbers(numbers), numbers.size()));
+  };
+  add(import.warnings, remarks.mended,
+      "world files that do not end in </sdf>, as they should, were read as if they did");
+  add(import.warnings, remarks.without_path, "worlds without a path_N.npy have no reference path");
+  add(import.skipped, remarks.without_motion,
+      "worlds with moving obstacles, whose motion is not in the world files but in compiled "
+      "plugins, and not in dynamic_box.csv or dynamic_wall.csv either");
+  add(import.skipped, remarks.without_fixed,
+      "motions without a world file or dynamic_box_fixed.csv or dynamic_wall_fixed.csv, which "
+      "would say what stands fixed");
 }
 
 }  // namespace
@@ -147,60 +181,80 @@ Course MakeImportedCourse(std::string name, const World& world, const IntegerTab
   return course;
 }
 
-BarnImport ImportBarn(const fs::path& directory) {
+BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& motions) {
+  const std::vector<DynamicMotions> all_motions = ReadMotions(motions.value_or(directory));
+  if (motions && all_motions.empty()) {
+    throw base::Error(
+        fmt::format("{}: holds neither dynamic_box.csv nor dynamic_wall.csv", motions->string()));
+  }
+  const std::map<int, fs::path> worlds = ListWorlds(directory);
+  if (worlds.empty() && all_motions.empty()) {
+    throw base::Error(fmt::format(
+        "{}: holds no world_N.world file; expected the directory of the original worlds",
+        directory.string()));
+  }
   BarnImport import;
-  std::vector<int> mended, moving, without_path;
-  for (const auto& [number, world_path] : ListWorlds(directory)) {
+  Remarks remarks;
+  const auto motions_of = [&](int number) -> const DynamicMotions* {
+    const auto found =
+        std::find_if(all_motions.begin(), all_motions.end(),
+                     [number](const DynamicMotions& m) { return m.worlds.contains(number); });
+    return found == all_motions.end() ? nullptr : &*found;
+  };
+  for (const auto& [number, world_path] : worlds) {
     const World world = ReadWorld(world_path);
-    if (world.has_damaged_end) mended.push_back(number);
+    if (world.has_damaged_end) remarks.mended.push_back(number);
     if (world.num_moving_models > 0) {
-      moving.push_back(number);
+      if (const DynamicMotions* found = motions_of(number)) {
+        import.courses[number] =
+            std::make_shared<const Course>(MakeMovingCourse(*found, number, &world, world_path));
+      } else {
+        remarks.without_motion.push_back(number);
+      }
       continue;
     }
     std::optional<IntegerTable> path;
     if (const auto path_file = FindPathFile(directory, number)) {
       path = ReadNpy(*path_file);
     } else {
-      without_path.push_back(number);
+      remarks.without_path.push_back(number);
     }
     import.courses[number] = std::make_shared<const Course>(MakeImportedCourse(
         fmt::format("barn-{:03}", number), world, path ? &*path : nullptr, world_path.string()));
   }
-  if (!mended.empty()) {
-    import.warnings.push_back(
-        fmt::format("world files that do not end in </sdf>, as they should, were read as if they "
-                    "did: {} ({} in all)",
-                    ListNumbers(mended), mended.size()));
+  for (const DynamicMotions& of_kind : all_motions) {
+    for (const auto& [number, moving] : of_kind.worlds) {
+      if (worlds.contains(number)) continue;
+      if (of_kind.fixed) {
+        import.courses[number] =
+            std::make_shared<const Course>(MakeMovingCourse(of_kind, number, nullptr, {}));
+      } else {
+        remarks.without_fixed.push_back(number);
+      }
+    }
   }
-  if (!without_path.empty()) {
-    import.warnings.push_back(
-        fmt::format("worlds without a path_N.npy have no reference path: {} ({} in all)",
-                    ListNumbers(without_path), without_path.size()));
-  }
-  if (!moving.empty()) {
-    import.skipped.push_back(
-        fmt::format("worlds with moving obstacles, whose motion is not in the world files but in "
-                    "compiled plugins: "
-                    "{} ({} in all)",
-                    ListNumbers(moving), moving.size()));
-  }
+  Describe(remarks, import);
   return import;
 }
 
 WrittenCollection WriteCollection(const BarnImport& import, const fs::path& output) {
   if (import.courses.empty()) {
-    throw base::Error(fmt::format("{}: there is no static course to write", output.string()));
+    throw base::Error(fmt::format("{}: there is no course to write", output.string()));
   }
   base::MakeDirectories(output);
   WrittenCollection written;
-  for (const std::string_view name : StaticSplitNames()) {
+  for (const std::string_view name : SplitNames()) {
+    const CourseSplit split = FindSplit(name).value();
     CourseSet set{std::string(name), {}};
     bool is_complete = true;
-    if (name == "static") {
-      for (const auto& [number, course] : import.courses) set.courses.push_back(course);
+    if (name == ToString(split.kind)) {
+      for (const auto& [number, course] : import.courses) {
+        if (KindOf(number, *course) == split.kind) set.courses.push_back(course);
+      }
+      is_complete = !set.courses.empty();
     } else {
-      for (const std::vector<int> numbers = *StaticSplit(name); const int number : numbers) {
-        const auto found = import.courses.find(number);
+      for (const int index : split.indices) {
+        const auto found = import.courses.find(FirstWorld(split.kind) + index);
         is_complete = is_complete && found != import.courses.end();
         if (is_complete) set.courses.push_back(found->second);
       }

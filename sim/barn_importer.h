@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,7 +11,8 @@
 #include "sim/npy_file.h"
 #include "sim/world_file.h"
 
-/// Reads the original data set: world_N.world (SDF) and path_N.npy, as published by Xu et al.
+/// Reads the original data set: world_N.world (SDF) and path_N.npy, as published by Xu et al., and
+/// the motions that its authors left in compiled plugins, as text (sim/dynamic_importer.h).
 
 namespace slalom::sim {
 
@@ -18,8 +20,7 @@ namespace slalom::sim {
 struct BarnImport {
   std::map<int, std::shared_ptr<const Course>> courses;  ///< By the N of world_N.world.
   std::vector<std::string> warnings;  ///< One sentence each: mended files, worlds without a path.
-  std::vector<std::string>
-      skipped;  ///< One sentence each: worlds that are no static course, and why.
+  std::vector<std::string> skipped;   ///< One sentence each: worlds that became no course, and why.
 };
 
 /// The course of one world. `path`: (row, col) cells of the field, null: none.
@@ -31,11 +32,19 @@ struct BarnImport {
 Course MakeImportedCourse(std::string name, const World& world, const IntegerTable* path,
                           const std::string& source);
 
-/// Imports every world_N.world of `directory` as course "barn-NNN"; its path is sought in
-/// path_files/ and beside it. Worlds with moving obstacles are skipped. Throws `Error` that names
-/// file and reason at the first file that cannot be read or made a course, or where the directory
-/// holds no world.
-BarnImport ImportBarn(const std::filesystem::path& directory);
+/// Imports every world_N.world of `directory`, as course "barn-NNN"; its path is sought in
+/// path_files/ and beside it.
+///
+/// Moving obstacles are played as the files of `motions` say (`ReadMotions`; none: those in
+/// `directory`, if there are any), as courses "barn-box-NNN" and "barn-wall-NNN" with the fixed
+/// obstacles of their world; where `directory` has no such world, with those of the motions' own
+/// files. A world whose motion is not known is skipped.
+///
+/// Throws `Error` that names file and reason at the first file that cannot be read or made a
+/// course, where world and motions differ in the number of moving obstacles, where `motions` holds
+/// none, or `directory` neither world nor motions.
+BarnImport ImportBarn(const std::filesystem::path& directory,
+                      const std::optional<std::filesystem::path>& motions);
 
 /// What `WriteCollection` wrote. A value.
 struct WrittenCollection {
@@ -43,9 +52,9 @@ struct WrittenCollection {
   std::vector<std::string> incomplete;  ///< Sets left out, because a course of theirs is missing.
 };
 
-/// Writes a collection for `ResolveCourses`: a set file, its courses in it, for "static" (all there
-/// are) and for each of `StaticSplitNames()` whose courses are all there. Throws `Error` where that
-/// fails.
+/// Writes a collection for `ResolveCourses`: a set file, its courses in it, for each kind of which
+/// there are any ("static", "dynamic-box", "dynamic-wall": all there are) and for each of
+/// `SplitNames()` whose courses are all there. Throws `Error` where that fails.
 WrittenCollection WriteCollection(const BarnImport& import, const std::filesystem::path& output);
 
 }  // namespace slalom::sim

@@ -15,13 +15,21 @@
 #include "sim/course_file.h"
 #include "sim/course_generator.h"
 #include "sim/course_splits.h"
+#include "sim/dynamic_generator.h"
 
 namespace slalom::sim {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kGeneratedPrefix = "generated:";
+/// "PREFIX:SEED:COUNT" and what makes these courses.
+struct FreshSource {
+  std::string_view prefix;
+  CourseSet (*generate)(std::uint64_t seed, int count);
+};
+constexpr FreshSource kFreshSources[] = {{"generated:", GenerateFreshCourses},
+                                         {"generated-box:", GenerateFreshBoxCourses},
+                                         {"generated-wall:", GenerateFreshWallCourses}};
 constexpr std::string_view kValidation = "static-validation";
 constexpr int kNumValidation = 40;
 constexpr int kMaxGenerated = 100000;
@@ -83,8 +91,8 @@ template <class Number>
   return error == std::errc() && end == text.data() + text.size();
 }
 
-CourseSet ResolveGenerated(const std::string& spec) {
-  const std::string_view rest = std::string_view(spec).substr(kGeneratedPrefix.size());
+CourseSet ResolveGenerated(const std::string& spec, const FreshSource& source) {
+  const std::string_view rest = std::string_view(spec).substr(source.prefix.size());
   const std::size_t colon = rest.find(':');
   std::uint64_t seed = 0;
   int count = 0;
@@ -93,23 +101,26 @@ CourseSet ResolveGenerated(const std::string& spec) {
                          ParseWhole(rest.substr(colon + 1), count);
   if (!is_parsed || count < 1 || count > kMaxGenerated) {
     throw base::Error(fmt::format(
-        "\"{}\": expected generated:SEED:COUNT with a seed of 0 or above and a count from 1 to {}",
-        spec, kMaxGenerated));
+        "\"{}\": expected {}SEED:COUNT with a seed of 0 or above and a count from 1 to {}", spec,
+        source.prefix, kMaxGenerated));
   }
-  CourseSet set = GenerateFreshCourses(seed, count);
+  CourseSet set = source.generate(seed, count);
   set.name = spec;
   return set;
 }
 
-CourseSet BuiltInSet(const std::string& name, const std::vector<int>& indices, std::uint64_t seed) {
+CourseSet BuiltInSet(const std::string& name, const CourseSplit& split, std::uint64_t seed) {
   CourseSet set{name, {}};
   if (name == kValidation) {
     set.courses =
         GenerateFreshCourses(base::DeriveSeed(seed, "static-validation"), kNumValidation).courses;
     return set;
   }
-  for (const int index : indices) {
-    set.courses.push_back(GenerateStaticCourses(seed, index, 1).courses.front());
+  const auto generate = split.kind == CourseKind::kStatic       ? GenerateStaticCourses
+                        : split.kind == CourseKind::kDynamicBox ? GenerateBoxCourses
+                                                                : GenerateWallCourses;
+  for (const int index : split.indices) {
+    set.courses.push_back(generate(seed, index, 1).courses.front());
   }
   return set;
 }
@@ -118,7 +129,9 @@ CourseSet BuiltInSet(const std::string& name, const std::vector<int>& indices, s
 
 CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>& collection,
                          std::uint64_t generator_seed) {
-  if (spec.starts_with(kGeneratedPrefix)) return ResolveGenerated(spec);
+  for (const FreshSource& source : kFreshSources) {
+    if (spec.starts_with(source.prefix)) return ResolveGenerated(spec, source);
+  }
   if (collection && !collection->empty()) {
     const fs::path file = *collection / (spec + std::string(kCourseSetExtension));
     if (IsCourseName(spec) && fs::exists(file)) {
@@ -126,8 +139,8 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
       CheckSolvable(set, file);
       return set;
     }
-  } else if (const auto indices = StaticSplit(spec)) {
-    return BuiltInSet(spec, *indices, generator_seed);
+  } else if (const auto split = FindSplit(spec)) {
+    return BuiltInSet(spec, *split, generator_seed);
   }
   const fs::path path(spec);
   std::error_code error;
@@ -138,9 +151,9 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
     return set;
   }
   throw base::Error(fmt::format(
-      "\"{}\" is neither a course set nor a file{}; there are: {}, generated:SEED:COUNT, or the "
-      "path "
-      "of a course file, a course-set file or a directory of course files",
+      "\"{}\" is neither a course set nor a file{}; there are: {}, generated:SEED:COUNT, "
+      "generated-box:SEED:COUNT, generated-wall:SEED:COUNT, or the path of a course file, a "
+      "course-set file or a directory of course files",
       spec,
       collection && !collection->empty() ? fmt::format(" (in collection {})", collection->string())
                                          : "",
@@ -149,7 +162,7 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
 
 std::vector<std::string> ListCourseSets(const std::optional<fs::path>& collection) {
   std::vector<std::string> names;
-  for (const std::string_view name : StaticSplitNames()) names.emplace_back(name);
+  for (const std::string_view name : SplitNames()) names.emplace_back(name);
   if (!collection || collection->empty()) return names;
   std::vector<std::string> others;
   for (const fs::path& file : ListFiles(*collection, kCourseSetExtension)) {

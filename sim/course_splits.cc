@@ -1,6 +1,11 @@
 #include "sim/course_splits.h"
 
 #include <algorithm>
+#include <array>
+#include <numeric>
+#include <utility>
+
+#include "base/check.h"
 
 namespace slalom::sim {
 namespace {
@@ -19,20 +24,23 @@ constexpr int kTest[] = {250, 292, 97,  162, 219, 125, 142, 289, 1,   106, 227, 
                          244, 208, 158, 214, 211, 37,  120, 271, 99,  21,  4,   5,  2,
                          32,  14,  96,  139, 212, 245, 84,  156, 128, 58,  48};
 
-constexpr int kNumCourses = 300;
+constexpr int kNumStatic = 300;
+constexpr int kNumDynamic = 100;  // Of each kind; the first half is for training.
 constexpr int kNumValidation = 40;
 
 constexpr std::string_view kNames[] = {"static",           "static-test",      "static-train-5",
                                        "static-train-10",  "static-train-50",  "static-train-100",
                                        "static-train-250", "static-train-210", "static-validation",
-                                       "static-challenge"};
+                                       "static-challenge", "dynamic-box",      "dynamic-box-train",
+                                       "dynamic-box-test", "dynamic-wall",     "dynamic-wall-train",
+                                       "dynamic-wall-test"};
 
 std::vector<int> First(int n) { return {kTrain100, kTrain100 + n}; }
 
-/// Indices below 300 that are in neither list, ascending.
+/// Indices of static courses that are in neither list, ascending.
 std::vector<int> AllBut(std::span<const int> a, std::span<const int> b) {
   std::vector<int> rest;
-  for (int i = 0; i < kNumCourses; ++i) {
+  for (int i = 0; i < kNumStatic; ++i) {
     const bool listed =
         std::find(a.begin(), a.end(), i) != a.end() || std::find(b.begin(), b.end(), i) != b.end();
     if (!listed) rest.push_back(i);
@@ -42,7 +50,7 @@ std::vector<int> AllBut(std::span<const int> a, std::span<const int> b) {
 
 std::vector<int> EverySixth() {
   std::vector<int> chosen;
-  for (int i = 0; i < kNumCourses; i += 6) chosen.push_back(i);
+  for (int i = 0; i < kNumStatic; i += 6) chosen.push_back(i);
   return chosen;
 }
 
@@ -55,12 +63,15 @@ std::vector<int> Validation() {
   return chosen;
 }
 
-}  // namespace
+std::vector<int> Range(int first, int last) {
+  std::vector<int> indices(static_cast<std::size_t>(last - first));
+  std::iota(indices.begin(), indices.end(), first);
+  return indices;
+}
 
-std::span<const std::string_view> StaticSplitNames() { return kNames; }
-
-std::optional<std::vector<int>> StaticSplit(std::string_view name) {
-  if (name == "static") return AllBut({}, {});
+/// The set of static courses of this name.
+std::optional<std::vector<int>> StaticIndices(std::string_view name) {
+  if (name == "static") return Range(0, kNumStatic);
   if (name == "static-test") return std::vector<int>(std::begin(kTest), std::end(kTest));
   if (name == "static-train-5") return First(5);
   if (name == "static-train-10") return First(10);
@@ -70,6 +81,50 @@ std::optional<std::vector<int>> StaticSplit(std::string_view name) {
   if (name == "static-train-210") return AllBut(kTest, Validation());
   if (name == "static-validation") return Validation();
   if (name == "static-challenge") return EverySixth();
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string_view ToString(CourseKind kind) {
+  switch (kind) {
+    case CourseKind::kStatic:
+      return "static";
+    case CourseKind::kDynamicBox:
+      return "dynamic-box";
+    case CourseKind::kDynamicWall:
+      return "dynamic-wall";
+  }
+  base::CheckFailed(__FILE__, __LINE__, "a kind of course that is none");
+}
+
+int NumCourses(CourseKind kind) { return kind == CourseKind::kStatic ? kNumStatic : kNumDynamic; }
+
+int FirstWorld(CourseKind kind) {
+  switch (kind) {
+    case CourseKind::kStatic:
+      return 0;
+    case CourseKind::kDynamicBox:
+      return kNumStatic;
+    case CourseKind::kDynamicWall:
+      return kNumStatic + kNumDynamic;
+  }
+  base::CheckFailed(__FILE__, __LINE__, "a kind of course that is none");
+}
+
+std::span<const std::string_view> SplitNames() { return kNames; }
+
+std::optional<CourseSplit> FindSplit(std::string_view name) {
+  if (auto indices = StaticIndices(name)) {
+    return CourseSplit{CourseKind::kStatic, std::move(*indices)};
+  }
+  for (const CourseKind kind : {CourseKind::kDynamicBox, CourseKind::kDynamicWall}) {
+    if (!name.starts_with(ToString(kind))) continue;
+    const std::string_view part = name.substr(ToString(kind).size());
+    if (part.empty()) return CourseSplit{kind, Range(0, kNumDynamic)};
+    if (part == "-train") return CourseSplit{kind, Range(0, kNumDynamic / 2)};
+    if (part == "-test") return CourseSplit{kind, Range(kNumDynamic / 2, kNumDynamic)};
+  }
   return std::nullopt;
 }
 

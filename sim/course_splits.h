@@ -7,13 +7,31 @@
 
 namespace slalom::sim {
 
-/// The paper's sets of static courses, by index in the 300 (original-system.md §7.5), the same for
-/// the imported original courses and for generated ones:
+/// The three kinds of courses that the original data set holds.
+enum class CourseKind { kStatic, kDynamicBox, kDynamicWall };
+
+/// "static", "dynamic-box" or "dynamic-wall": the name of the set of all courses of this kind.
+std::string_view ToString(CourseKind kind);
+
+/// How many courses of this kind there are in the original data set: 300, 100, 100.
+int NumCourses(CourseKind kind);
+
+/// The N of the first world_N.world of this kind: 0, 300, 400.
+int FirstWorld(CourseKind kind);
+
+/// A set by its courses. A value.
+struct CourseSplit {
+  CourseKind kind = CourseKind::kStatic;
+  std::vector<int> indices;  ///< Of 0 to NumCourses(kind) - 1, in the order of the paper's lists.
+};
+
+/// The paper's sets (original-system.md §7.5), the same for the imported original courses and for
+/// generated ones:
 ///
-/// - `static`: all 300;
-/// - `static-test`: 50, for final figures only;
-/// - `static-train-5`, `-10`, `-50`, `-100`, `-250`: nested; the last is all that are not in
-/// static-test;
+/// - `static`: all 300; `static-test`: 50, for final figures only; `static-train-5`, `-10`, `-50`,
+///   `-100`, `-250`: nested; the last is all that are not in static-test;
+/// - `dynamic-box`: all 100; `dynamic-box-train`: the first 50; `dynamic-box-test`: the others;
+/// - `dynamic-wall`, `dynamic-wall-train`, `dynamic-wall-test`: likewise;
 ///
 /// the 50 that the BARN Challenge is scored on (original-system.md §8.6):
 ///
@@ -22,12 +40,11 @@ namespace slalom::sim {
 /// and two of our own, for choosing settings without a look at static-test:
 ///
 /// - `static-validation`: 40 of static-train-250, every third or fourth that is not in
-/// static-train-100, so
-///   it is unseen by what trains on static-train-100 or less;
+///   static-train-100, so it is unseen by what trains on static-train-100 or less;
 /// - `static-train-210`: static-train-250 without static-validation.
-std::span<const std::string_view> StaticSplitNames();
+std::span<const std::string_view> SplitNames();
 
-/// The indices of a set in the order of the paper's lists. None: no set has this name.
-std::optional<std::vector<int>> StaticSplit(std::string_view name);
+/// The set of this name. None: no set of `SplitNames` has it.
+std::optional<CourseSplit> FindSplit(std::string_view name);
 
 }  // namespace slalom::sim

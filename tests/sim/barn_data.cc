@@ -41,4 +41,27 @@ std::vector<BarnWorld> ReadBarnWorlds() {
   return worlds;
 }
 
+std::vector<std::vector<MovingObstacle>> ReadBarnMotions(const std::string& file) {
+  std::vector<std::vector<MovingObstacle>> worlds;
+  std::ifstream lines(BarnDirectory() / file);
+  std::string line;
+  std::getline(lines, line);
+  int last_world = -1;
+  while (std::getline(lines, line)) {
+    int world = 0;
+    double size_x = 0, size_y = 0, x0 = 0, y0 = 0, x1 = 0, y1 = 0, yaw = 0, period = 0;
+    if (std::sscanf(line.c_str(), "%d,%*[^,],%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &world, &size_x,
+                    &size_y, &x0, &y0, &x1, &y1, &yaw, &period) != 9) {
+      continue;
+    }
+    if (world != last_world) worlds.emplace_back();
+    last_world = world;
+    worlds.back().push_back({.radius = 0.0,
+                             .half_size = {size_x / 2, size_y / 2},
+                             .key_frames = {{0.0, {{x0, y0}, yaw}}, {period, {{x1, y1}, yaw}}},
+                             .playback = Playback::kLoop});
+  }
+  return worlds;
+}
+
 }  // namespace slalom::sim

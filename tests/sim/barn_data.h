@@ -25,4 +25,8 @@ bool HasBarnData();
 /// All static worlds, by number. Requires: HasBarnData().
 std::vector<BarnWorld> ReadBarnWorlds();
 
+/// The moving obstacles of each world of dynamic_box.csv or dynamic_wall.csv, by world. Requires:
+/// HasBarnData().
+std::vector<std::vector<MovingObstacle>> ReadBarnMotions(const std::string& file);
+
 }  // namespace slalom::sim

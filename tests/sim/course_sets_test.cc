@@ -25,7 +25,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 std::set<int> Indices(std::string_view name) {
-  const std::vector<int> list = StaticSplit(name).value();
+  const std::vector<int> list = FindSplit(name).value().indices;
   const std::set<int> set(list.begin(), list.end());
   EXPECT_EQ(set.size(), list.size()) << name << " lists a course twice";
   return set;
@@ -60,7 +60,7 @@ TEST(CourseSplits, AreThePapers) {
   const auto json = nlohmann::json::parse(base::ReadFile(BarnDirectory() / "splits.json"));
   for (const std::string name : {"static-train-5", "static-train-10", "static-train-50",
                                  "static-train-100", "static-train-250", "static-test"}) {
-    EXPECT_EQ(StaticSplit(name).value(), json.at(name).get<std::vector<int>>()) << name;
+    EXPECT_EQ(FindSplit(name).value().indices, json.at(name).get<std::vector<int>>()) << name;
   }
 }
 
@@ -89,7 +89,7 @@ TEST(CourseSplits, AreNestedAndKeepTestAndValidationApart) {
 
 TEST(CourseSets, BuiltInSetsAreSlicesOfTheGeneratedCollection) {
   const CourseSet set = ResolveCourses("static-train-10", std::nullopt, 4);
-  const std::vector<int> indices = StaticSplit("static-train-10").value();
+  const std::vector<int> indices = FindSplit("static-train-10").value().indices;
   ASSERT_EQ(set.courses.size(), indices.size());
   EXPECT_EQ(set.name, "static-train-10");
   for (std::size_t i = 0; i < indices.size(); ++i) {
