@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "planners/mppi.h"
+#include "planners/teb.h"
 #include "sim/course_generator.h"
 
 /// Control cycles per second of the local planners that optimise trajectories, each in the middle
@@ -77,6 +78,15 @@ void BM_MppiCycles(benchmark::State& state) {
   RunCycles(state, planner);
 }
 BENCHMARK(BM_MppiCycles)->Arg(1000)->Arg(2000)->Unit(benchmark::kMillisecond);
+
+/// Argument: homotopy classes at most.
+void BM_TebCycles(benchmark::State& state) {
+  TebConfig config;
+  config.homotopy.max_classes = static_cast<int>(state.range(0));
+  TebPlanner planner(config);
+  RunCycles(state, planner);
+}
+BENCHMARK(BM_TebCycles)->Arg(1)->Arg(4)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace slalom::planners
