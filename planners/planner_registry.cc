@@ -5,6 +5,7 @@
 #include "base/error.h"
 #include "planners/dwa.h"
 #include "planners/mppi.h"
+#include "planners/teb.h"
 
 namespace slalom::planners {
 namespace {
@@ -21,6 +22,11 @@ constexpr Entry kEntries[] = {
        return std::make_unique<DwaPlanner>(c.dwa, c.navigation.footprint);
      },
      [](const PlannersConfig& c) -> const PlannerNavigationConfig& { return c.dwa.navigation; }},
+    {"teb",
+     [](const PlannersConfig& c) -> std::unique_ptr<LocalPlanner> {
+       return std::make_unique<TebPlanner>(c.teb);
+     },
+     [](const PlannersConfig& c) -> const PlannerNavigationConfig& { return c.teb.navigation; }},
     {"mppi",
      [](const PlannersConfig& c) -> std::unique_ptr<LocalPlanner> {
        return std::make_unique<MppiPlanner>(c.mppi);

@@ -8,6 +8,7 @@
 #include "planners/local_planner.h"
 #include "planners/mppi_config.h"
 #include "planners/navigation_config.h"
+#include "planners/teb_config.h"
 
 namespace slalom::planners {
 
@@ -17,11 +18,13 @@ struct PlannersConfig {
   NavigationConfig navigation;
   DwaConfig dwa;
   MppiConfig mppi;
+  TebConfig teb;
 
   template <class Visitor>
   void Visit(Visitor& v) {
     v.Section("navigation", navigation, "Costmaps, global planner, recoveries.");
     v.Section("dwa", dwa, "Dynamic window approach.");
+    v.Section("teb", teb, "Timed elastic bands.");
     v.Section("mppi", mppi, "Model predictive path integral control.");
   }
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "base/config_field.h"
+#include "planners/navigation_config.h"
 
 /// Defaults are the settings with which PRIEST's authors ran TEB on BARN (original-system.md §8.4;
 /// no TEB configuration is in the repositories of the benchmark's authors), and where §8.4 gives
@@ -196,6 +197,7 @@ struct TebConfig {
   TebObstacleConfig obstacle;
   TebOptimizerConfig optimizer;
   TebHomotopyConfig homotopy;
+  PlannerNavigationConfig navigation;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -204,6 +206,7 @@ struct TebConfig {
     v.Section("obstacle", obstacle, "Distances that the band keeps.");
     v.Section("optimizer", optimizer, "The least-squares problem and its solver.");
     v.Section("homotopy", homotopy, "Search for bands on other sides of obstacles.");
+    v.Section("navigation", navigation, "What this planner sets of navigation.");
   }
 };
 
