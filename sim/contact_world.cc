@@ -28,6 +28,9 @@ ContactWorld::ContactWorld(const RobotConfig& config)
   b2BodyDef obstacles;
   obstacles_ = world_->CreateBody(&obstacles);
 
+  constexpr int kMostTouched = 64;
+  moving_.reserve(kMostTouched);
+
   b2BodyDef robot;
   robot.type = b2_dynamicBody;
   robot_ = world_->CreateBody(&robot);
@@ -42,8 +45,7 @@ ContactWorld::ContactWorld(const RobotConfig& config)
   b2MassData mass;
   mass.mass = static_cast<float>(config.mass);
   mass.center.SetZero();
-  mass.I = static_cast<float>(config.mass *
-                              (config.length * config.length + config.width * config.width) / 12.0);
+  mass.I = static_cast<float>(config.yaw_inertia);
   robot_->SetMassData(&mass);
 }
 

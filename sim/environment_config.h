@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "base/config_field.h"
 #include "env/action.h"
 #include "env/observation.h"
@@ -13,6 +15,12 @@ struct RobotConfig {
   double length = 0.458;
   double width = 0.416;
   double mass = 16.523 + 4 * 0.477;
+  double yaw_inertia = 0.5537;
+  std::string drive = "skid-steer";
+  double wheel_base = 0.262;
+  double track = 0.37559;
+  double wheel_separation_multiplier = 1.5;
+  double wheel_friction = 0.5;
   double control_rate = 50.0;
   double linear_speed_limit = 2.0;
   double angular_speed_limit = 4.0;
@@ -28,6 +36,19 @@ struct RobotConfig {
     v("width", width, base::Range{0.05, 2.0}, "m",
       "Outline across the driving direction, wheels included.");
     v("mass", mass, base::Range{0.1, 1000.0}, "kg", "Mass of chassis and wheels.");
+    v("yaw_inertia", yaw_inertia, base::Range{0.001, 1000.0}, "kg m^2",
+      "Moment of inertia of chassis and wheels about the vertical.");
+    v("drive", drive, base::OneOf{"skid-steer", "ideal"}, "",
+      "How wheels move the body: four that slip, with dry friction, or without any slip.");
+    v("wheel_base", wheel_base, base::Range{0.01, 2.0}, "m",
+      "From the front to the back axle (skid-steer).");
+    v("track", track, base::Range{0.01, 2.0}, "m",
+      "From the middle of the left to that of the right wheels (skid-steer).");
+    v("wheel_separation_multiplier", wheel_separation_multiplier, base::Range{0.5, 4.0}, "",
+      "The drive's controller takes the track for this many times as wide, to make up for slip "
+      "(skid-steer).");
+    v("wheel_friction", wheel_friction, base::Range{0.01, 10.0}, "",
+      "Friction coefficient of wheels on the ground (skid-steer).");
     v("control_rate", control_rate, base::Range{10.0, 1000.0}, "Hz",
       "Rate of the drive's velocity controller and of the rigid-body steps; times episode.step it "
       "must be a whole number.");
@@ -36,11 +57,11 @@ struct RobotConfig {
     v("angular_speed_limit", angular_speed_limit, base::Range{0.0, 10.0}, "rad/s",
       "The drive clips commands to this, left and right.");
     v("linear_acceleration", linear_acceleration, base::Range{0.1, 1000.0}, "m/s^2",
-      "Largest change of forward speed, speeding up and braking.");
+      "Largest change of the wheels' forward speed, speeding up and braking.");
     v("angular_acceleration", angular_acceleration, base::Range{0.1, 1000.0}, "rad/s^2",
-      "Largest change of turn rate.");
+      "Largest change of the turn rate asked of the wheels.");
     v("yaw_gain", yaw_gain, base::Range{0.1, 2.0}, "",
-      "Turn rate reached per turn rate commanded; below 1 where the wheels slip.");
+      "Turn rate asked of the wheels per turn rate commanded.");
     v("command_delay", command_delay, base::Range{0.0, 1.0}, "s",
       "From choosing an action to the drive acting on it; rounded to a multiple of 1 / "
       "control_rate.");

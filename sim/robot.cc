@@ -17,6 +17,8 @@ constexpr float kTravel = 0.5f;            // More than the robot drives in a co
 Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
     : footprint_(MakeFootprint(config)),
       dt_(1.0 / config.control_rate),
+      skid_steering_(config.drive == "skid-steer" ? std::optional<SkidSteering>({config, dt_})
+                                                  : std::nullopt),
       max_speed_step_(config.linear_acceleration * dt_),
       max_yaw_rate_step_(config.angular_acceleration * dt_),
       linear_limit_(config.linear_speed_limit),
@@ -38,7 +40,7 @@ void Robot::Reset(const base::Pose2& X_WR) {
   body_ = {.x = static_cast<float>(X_WR.p.x),
            .y = static_cast<float>(X_WR.p.y),
            .yaw = static_cast<float>(X_WR.yaw)};
-  speed_ = 0.0;
+  wheels_ = {};
   clearance_ = 0.0f;
   std::fill(commands_.begin(), commands_.end(), Command{});
 }
@@ -63,8 +65,10 @@ bool Robot::Drive(double linear, double angular, const Scene& scene, double moti
     const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
     if (in_contact || stepping_ == Stepping::kBox2dAlways) {
       if (contacts.Step(map, moving_shapes_, dt, body_)) {
-        const auto [s, c] = base::SinCos(body_.yaw);
-        speed_ = c * body_.vx + s * body_.vy;
+        if (!skid_steering_) {  // Wheels that do not slip turn as the body goes.
+          const auto [s, c] = base::SinCos(body_.yaw);
+          wheels_ = {c * body_.vx + s * body_.vy, body_.yaw_rate};
+        }
         clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
       }
     } else {
@@ -73,7 +77,7 @@ bool Robot::Drive(double linear, double angular, const Scene& scene, double moti
       body_.yaw += dt * body_.yaw_rate;
     }
     // No point of the outline moved by more than this.
-    clearance_ -= dt * (static_cast<float>(std::abs(speed_)) +
+    clearance_ -= dt * (std::sqrt(body_.vx * body_.vx + body_.vy * body_.vy) +
                         std::abs(body_.yaw_rate) * footprint_.Circumradius());
     if (clearance_ < 2.0f * kClearanceMargin) look_around();
     if (!moving.empty()) {
@@ -127,17 +131,43 @@ const Robot::Command& Robot::CommandAt(int substep) const {
   return commands_[(delay_ - substep + num_substeps_ - 1) / num_substeps_];
 }
 
-// One tick of the velocity controller. The body then moves along the chord of its arc: in the
-// direction that it has half-way through the step.
+// One tick of the velocity controller.
 void Robot::TurnWheels(const Command& command) {
-  speed_ += std::clamp(command.linear - speed_, -max_speed_step_, max_speed_step_);
-  const double yaw_rate = body_.yaw_rate;
-  body_.yaw_rate =
-      static_cast<float>(yaw_rate + std::clamp(yaw_gain_ * command.angular - yaw_rate,
-                                               -max_yaw_rate_step_, max_yaw_rate_step_));
+  wheels_.linear += std::clamp(command.linear - wheels_.linear, -max_speed_step_, max_speed_step_);
+  wheels_.angular += std::clamp(yaw_gain_ * command.angular - wheels_.angular, -max_yaw_rate_step_,
+                                max_yaw_rate_step_);
+  if (skid_steering_) {
+    MoveWithSlip();
+  } else {
+    MoveIdeally();
+  }
+}
+
+// The body then moves along the chord of its arc: in the direction that it has half-way through the
+// step.
+void Robot::MoveIdeally() {
+  body_.yaw_rate = static_cast<float>(wheels_.angular);
+  wheels_.angular = body_.yaw_rate;
   const auto [s, c] = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
-  body_.vx = static_cast<float>(speed_ * c);
-  body_.vy = static_cast<float>(speed_ * s);
+  body_.vx = static_cast<float>(wheels_.linear * c);
+  body_.vy = static_cast<float>(wheels_.linear * s);
+}
+
+// Wheels point where they do half-way through the step. A body in a steady turn had the same
+// velocity in their frame a step ago, a turn of yaw_rate x dt back (to second order).
+void Robot::MoveWithSlip() {
+  const auto sin_cos = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
+  const float s = static_cast<float>(sin_cos.sin), c = static_cast<float>(sin_cos.cos);
+  const BodyVelocity now{c * body_.vx + s * body_.vy, c * body_.vy - s * body_.vx, body_.yaw_rate};
+  const float turn = static_cast<float>(dt_) * body_.yaw_rate;
+  const float cos_turn = 1.0f - 0.5f * turn * turn;
+  const BodyVelocity before{cos_turn * now.ahead - turn * now.left,
+                            cos_turn * now.left + turn * now.ahead, now.yaw_rate};
+  const BodyVelocity v =
+      skid_steering_->Step(now, before, skid_steering_->Wheels(wheels_.linear, wheels_.angular));
+  body_.vx = c * v.ahead - s * v.left;
+  body_.vy = s * v.ahead + c * v.left;
+  body_.yaw_rate = v.yaw_rate;
 }
 
 }  // namespace slalom::sim

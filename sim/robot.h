@@ -1,21 +1,24 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "base/geometry.h"
 #include "sim/contact_world.h"
 #include "sim/environment_config.h"
 #include "sim/scene.h"
+#include "sim/skid_steering.h"
 
 namespace slalom::sim {
 
-/// The Jackal: a rigid body whose wheels follow commanded speeds, without sliding sideways, through
-/// a velocity controller that runs at `control_rate`, with the configured limits, yaw gain and
-/// delay.
+/// The Jackal: a rigid body on wheels whose speeds follow commands exactly, through a velocity
+/// controller that runs at `control_rate`, with the configured limits, yaw gain and delay. How the
+/// wheels move the body is the drive: with slip (sim/skid_steering.h), or ideally, ahead and about
+/// its centre as commanded and never sideways.
 ///
-/// Between contacts a body moves in the closed form that Box2D itself computes then, so Box2D is
-/// only called while something is touched; the result is the same to the bit. Thread-compatible; a
-/// value.
+/// Wheels act on the body's velocity, then contacts do, then it moves. Without contact it moves as
+/// Box2D itself would then, so Box2D is only called while something is touched; the result is the
+/// same to the bit. Thread-compatible; a value.
 class Robot {
  public:
   /// Which rigid-body steps are Box2D's.
@@ -42,8 +45,6 @@ class Robot {
   /// Pose in W, heading in [-pi, pi).
   base::Pose2 pose() const;
   const BodyState& body() const { return body_; }
-  /// Forward speed of the wheels, [m/s].
-  double speed() const { return speed_; }
 
  private:
   struct Command {
@@ -54,11 +55,14 @@ class Robot {
   void Push(const Command& command);
   const Command& CommandAt(int substep) const;
   void TurnWheels(const Command& command);
+  void MoveIdeally();
+  void MoveWithSlip();
   void FindMoving(const MovingObstacles& moving, double time, double duration);
   void PlaceMoving(const MovingObstacles& moving, double time);
 
   const Footprint footprint_;
-  const double dt_;                 // Of a rigid-body step, [s].
+  const double dt_;                                  // Of a rigid-body step, [s].
+  const std::optional<SkidSteering> skid_steering_;  // None: ideal.
   const double max_speed_step_;     // Largest change of speed in a rigid-body step, [m/s].
   const double max_yaw_rate_step_;  // [rad/s]
   const double linear_limit_;       // [m/s]
@@ -69,7 +73,7 @@ class Robot {
   const Stepping stepping_;
 
   BodyState body_;
-  double speed_ = 0.0;             // [m/s]
+  Command wheels_;                 // What the controller asks of the wheels.
   float clearance_ = 0.0f;         // No fixed obstacle is nearer, [m]; 0: not known.
   std::vector<Command> commands_;  // Of this control step and those before, newest first.
 
