@@ -24,6 +24,21 @@ struct CellIndex {
   friend bool operator==(const CellIndex&, const CellIndex&) = default;
 };
 
+/// A rectangle of cells: [x0, x1) x [y0, y1). A value.
+struct CellWindow {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+
+  bool empty() const { return x0 >= x1 || y0 >= y1; }
+};
+
+/// The smallest window that holds both.
+inline CellWindow Union(const CellWindow& a, const CellWindow& b) {
+  if (a.empty()) return b;
+  if (b.empty()) return a;
+  return {a.x0 < b.x0 ? a.x0 : b.x0, a.y0 < b.y0 ? a.y0 : b.y0, a.x1 > b.x1 ? a.x1 : b.x1,
+          a.y1 > b.y1 ? a.y1 : b.y1};
+}
+
 /// A grid of costs over a part of O. A value.
 ///
 /// Cell (x, y) covers [origin + resolution * (x, y), origin + resolution * (x + 1, y + 1)).

@@ -32,10 +32,11 @@ void DistanceGrid::Compute(const Costmap& costmap, std::span<const CellIndex> un
   }
   std::uint16_t* const d = distances_.data();
   int* const wave = wave_.data();
+  const int stride = stride_;
   for (int i = 0; i < end; ++i) {
     const int n = wave[i];
     const auto next = static_cast<std::uint16_t>(d[n] + 1);
-    for (const int m : {n - 1, n + 1, n - stride_, n + stride_}) {
+    for (const int m : {n - 1, n + 1, n - stride, n + stride}) {
       if (d[m] != kNotReached) continue;
       d[m] = next;
       wave[end++] = m;

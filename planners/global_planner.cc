@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "base/check.h"
@@ -12,7 +13,9 @@ namespace {
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 constexpr float kNeutralCost = 50.0f;  // Of crossing a free cell.
 constexpr float kCostFactor = 0.8f;
-constexpr float kInverseSqrt2 = 0.70710678f;
+// Of its crossing cost, what a cell costs at least beyond its lowest neighbour. navfn looks at no
+// cell that would gain less than 1 / sqrt(2) of it, which makes its result depend on the order.
+constexpr float kLeastShare = 0.7040f;
 constexpr double kPathStep = 0.5;  // [cells]
 // Below what a free cell can cost per cell of straight line, the approximation's error included.
 constexpr float kHeuristicCost = 0.95f * kNeutralCost;
@@ -39,32 +42,31 @@ float PlaneWave(float a, float b, float crossing) {
   const float difference = std::max(a, b) - low;
   if (!(difference < crossing)) return low + crossing;
   const float d = difference / crossing;
-  return low + crossing * (-0.2301f * d * d + 0.5307f * d + 0.7040f);
+  return low + crossing * (-0.2301f * d * d + 0.5307f * d + kLeastShare);
 }
 
 }  // namespace
 
-const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap, bool map_changed,
-                                                   base::Vec2 start_O, base::Vec2 goal_O) {
+const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap,
+                                                   const CellWindow& changed, base::Vec2 start_O,
+                                                   base::Vec2 goal_O) {
   path_O_.clear();
   const CellIndex start = costmap.CellAt(start_O);
   const CellIndex goal = costmap.CellAt(goal_O);
-  const auto off_the_map = [&](CellIndex c) {  // The edge is a wall.
+  const auto at_edge = [&](CellIndex c) {
     return c.x < 1 || c.y < 1 || c.x > costmap.size_x() - 2 || c.y > costmap.size_y() - 2;
   };
-  if (off_the_map(start) || off_the_map(goal) || costmap.cost(goal) >= kInscribedCost) {
+  if (at_edge(start) || at_edge(goal) || costmap.cost(goal) >= kInscribedCost) {
     valid_ = false;
     return path_O_;
   }
-  const bool reusable = valid_ && !map_changed && goal == goal_;
-  start_ = start;
-  if (reusable && Descend(costmap)) {
-    path_O_.push_back(goal_O);
-    return path_O_;
+  if (valid_ && goal == goal_ && costmap.size_x() == size_x_ && costmap.size_y() == size_y_) {
+    TakeIn(costmap, changed, start);
+  } else {
+    Begin(costmap, start, goal);
   }
-  Begin(costmap, start, goal);
-  valid_ = Spread(costmap);
-  if (valid_ && Descend(costmap)) {
+  Spread();
+  if (potential_[Index(start_)] < kInfinite && Descend(costmap)) {
     path_O_.push_back(goal_O);
   } else {
     path_O_.clear();
@@ -73,48 +75,107 @@ const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap, bool 
 }
 
 void GlobalPlanner::Begin(const Costmap& costmap, CellIndex start, CellIndex goal) {
+  size_x_ = costmap.size_x();
+  size_y_ = costmap.size_y();
   start_ = start;
   goal_ = goal;
-  if (costmap.size_x() != size_x_ || costmap.size_y() != size_y_) {
-    size_x_ = costmap.size_x();
-    size_y_ = costmap.size_y();
-    potential_.assign(costmap.costs().size(), kInfinite);
-    pending_.assign(costmap.costs().size(), 0);
+  costs_.assign(costmap.costs().begin(), costmap.costs().end());
+  for (int x = 0; x < size_x_; ++x) {
+    costs_[Index({x, 0})] = costs_[Index({x, size_y_ - 1})] = kUnknownCost;
   }
-  for (const int n : touched_) potential_[n] = kInfinite;
-  touched_.clear();
+  for (int y = 0; y < size_y_; ++y) {
+    costs_[Index({0, y})] = costs_[Index({size_x_ - 1, y})] = kUnknownCost;
+  }
+  costs_[Index(start)] = kFreeCost;  // Wherever the robot is, it is.
+  potential_.assign(costs_.size(), kInfinite);
+  pending_.assign(costs_.size(), 0);
+  for (auto& bucket : buckets_) bucket.clear();
+  bucket_ = 0;
+  const int n = Index(goal);
+  potential_[n] = 0.0f;
+  touched_.assign(1, n);
+  const float dx = static_cast<float>(goal.x - start.x), dy = static_cast<float>(goal.y - start.y);
+  first_key_ = kHeuristicCost * std::sqrt(dx * dx + dy * dy);
+  for (const int m : {n + 1, n - 1, n - size_x_, n + size_x_}) Push(m, 0.0f);
+  valid_ = true;
+}
+
+void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex start) {
+  changed_.clear();
+  lowest_changed_ = kInfinite;
+  const CellIndex old_start = start_;
+  start_ = start;
+  SetCost(Index(old_start), costmap.cost(old_start));
+  for (int y = std::max(1, changed.y0); y < std::min(size_y_ - 1, changed.y1); ++y) {
+    const int x0 = std::max(1, changed.x0), x1 = std::min(size_x_ - 1, changed.x1);
+    if (x0 >= x1) break;
+    const std::uint8_t* const now = costmap.costs().data() + costmap.Index({0, y});
+    const std::uint8_t* const before = costs_.data() + costmap.Index({0, y});
+    if (std::memcmp(now + x0, before + x0, static_cast<std::size_t>(x1 - x0)) == 0) continue;
+    for (int x = x0; x < x1; ++x) {
+      if (now[x] != before[x]) SetCost(Index({x, y}), now[x]);
+    }
+  }
+  SetCost(Index(start), kFreeCost);
+  if (!changed_.empty() || !(start == old_start)) SpreadAnew();
+}
+
+void GlobalPlanner::SetCost(int n, std::uint8_t cost) {
+  if (costs_[n] == cost) return;
+  costs_[n] = cost;
+  changed_.push_back(n);
+  // The cell's potential, before and after, is above its lowest neighbour's.
+  lowest_changed_ = std::min({lowest_changed_, potential_[n], potential_[n - 1], potential_[n + 1],
+                              potential_[n - size_x_], potential_[n + size_x_]});
+}
+
+/// Forgets the potentials that the change can matter to and queues what can restore them, by what
+/// it means to the robot where it is now.
+void GlobalPlanner::SpreadAnew() {
+  to_push_.clear();
   for (auto& bucket : buckets_) {
     for (const int n : bucket) pending_[n] = 0;
+    to_push_.insert(to_push_.end(), bucket.begin(), bucket.end());
     bucket.clear();
   }
   bucket_ = 0;
-  const float dx = static_cast<float>(goal.x - start.x), dy = static_cast<float>(goal.y - start.y);
-  first_key_ = std::max(0.0f, kHeuristicCost * (std::sqrt(dx * dx + dy * dy) - 2.0f));
-
-  const int n = goal.y * size_x_ + goal.x;
-  potential_[n] = 0.0f;
-  touched_.push_back(n);
-  for (const int neighbour : {n + 1, n - 1, n - size_x_, n + size_x_}) Push(neighbour, 0.0f);
+  std::size_t num_kept = 0;
+  for (const int n : touched_) {
+    if (potential_[n] <= lowest_changed_) {
+      touched_[num_kept++] = n;
+    } else {
+      potential_[n] = kInfinite;
+      to_push_.push_back(n);
+    }
+  }
+  touched_.resize(num_kept);
+  to_push_.insert(to_push_.end(), changed_.begin(), changed_.end());
+  // Cells without a neighbour to restore them come up again when one has been.
+  std::erase_if(to_push_, [&](int n) {
+    return costs_[n] >= kInscribedCost || LowestNeighbour(n) == kInfinite;
+  });
+  first_key_ = kInfinite;
+  for (const int n : to_push_) first_key_ = std::min(first_key_, Key(n, LowestNeighbour(n)));
+  for (const int n : to_push_) Push(n, LowestNeighbour(n));
 }
 
-bool GlobalPlanner::Spread(const Costmap& costmap) {
-  const int start = start_.y * size_x_ + start_.x;
+void GlobalPlanner::Spread() {
+  const int start = Index(start_);
   for (; bucket_ < buckets_.size(); ++bucket_) {
+    const float key = first_key_ + kBucketWidth * static_cast<float>(bucket_);
+    if (extent_ == Extent::kPath && key > potential_[start] + kMargin) break;
     // The bucket grows while it is worked off.
     for (std::size_t i = 0; i < buckets_[bucket_].size(); ++i) {
       const int n = buckets_[bucket_][i];
       pending_[n] = 0;
-      UpdateCell(costmap, n);
+      UpdateCell(n);
     }
     buckets_[bucket_].clear();
-    const float key = first_key_ + kBucketWidth * static_cast<float>(bucket_ + 1);
-    if (extent_ == Extent::kPath && key > potential_[start] + kMargin) break;
   }
-  return potential_[start] < kInfinite;
 }
 
-void GlobalPlanner::UpdateCell(const Costmap& costmap, int n) {
-  const float crossing = Traversal(costmap, n);
+void GlobalPlanner::UpdateCell(int n) {
+  const float crossing = TraversalTable()[costs_[n]];
   if (!(crossing < kInfinite)) return;
   const float left = potential_[n - 1], right = potential_[n + 1];
   const float down = potential_[n - size_x_], up = potential_[n + size_x_];
@@ -124,7 +185,9 @@ void GlobalPlanner::UpdateCell(const Costmap& costmap, int n) {
   potential_[n] = potential;
   // A neighbour can gain from this cell at most what two such neighbours would give it.
   const auto offer = [&](int m, float its_potential) {
-    if (its_potential > potential + kInverseSqrt2 * Traversal(costmap, m)) Push(m, potential);
+    if (its_potential > potential + kLeastShare * TraversalTable()[costs_[m]]) {
+      Push(m, potential);
+    }
   };
   offer(n - 1, left);
   offer(n + 1, right);
@@ -132,23 +195,25 @@ void GlobalPlanner::UpdateCell(const Costmap& costmap, int n) {
   offer(n + size_x_, up);
 }
 
+float GlobalPlanner::Key(int n, float potential) const {
+  const int y = n / size_x_, x = n - y * size_x_;
+  const float dx = static_cast<float>(x - start_.x), dy = static_cast<float>(y - start_.y);
+  return potential + kHeuristicCost * std::sqrt(dx * dx + dy * dy);
+}
+
 void GlobalPlanner::Push(int n, float potential) {
   if (pending_[n] != 0) return;
-  const int y = n / size_x_, x = n - y * size_x_;
-  if (x < 1 || y < 1 || x > size_x_ - 2 || y > size_y_ - 2) return;
-  const float dx = static_cast<float>(x - start_.x), dy = static_cast<float>(y - start_.y);
-  const float key = potential + kHeuristicCost * std::sqrt(dx * dx + dy * dy);
-  const auto wanted =
-      static_cast<std::size_t>(std::max(0.0f, (key - first_key_) * (1.0f / kBucketWidth)));
+  const float excess = Key(n, potential) - first_key_;
+  const auto wanted = static_cast<std::size_t>(std::max(0.0f, excess * (1.0f / kBucketWidth)));
   const std::size_t bucket = std::max(bucket_, wanted);
   if (bucket >= buckets_.size()) buckets_.resize(bucket + 1);
   pending_[n] = 1;
   buckets_[bucket].push_back(n);
 }
 
-float GlobalPlanner::Traversal(const Costmap& costmap, int n) const {
-  if (n == start_.y * size_x_ + start_.x) return kNeutralCost;  // Wherever the robot is, it is.
-  return TraversalTable()[costmap.costs()[n]];
+float GlobalPlanner::LowestNeighbour(int n) const {
+  return std::min(
+      {potential_[n - 1], potential_[n + 1], potential_[n - size_x_], potential_[n + size_x_]});
 }
 
 bool GlobalPlanner::Descend(const Costmap& costmap) {

@@ -14,9 +14,10 @@ namespace slalom::planners {
 /// value, and a path descends the interpolated gradient in steps of half a cell. Cells of
 /// kInscribedCost and above are walls, save the robot's own; so is the map's edge.
 ///
-/// navfn spreads the potential from the robot over all that is nearer than the goal; here it
+/// navfn spreads the potential from the robot over all that is nearer than the goal. Here it
 /// spreads from the goal, in the order of an A* search, until the cells that the path can touch are
-/// settled, and stays while neither goal nor map change. Confined to one thread at a time.
+/// settled; and where the map changed, only what lies behind the change is spread anew. Neither
+/// changes the path. Confined to one thread at a time.
 class GlobalPlanner {
  public:
   /// How far the potential spreads: to what the path needs, or to all that can be reached (for
@@ -29,11 +30,12 @@ class GlobalPlanner {
   void Reset() { valid_ = false; }
 
   /// A path from `start_O` to `goal_O`, about two points per cell, from the middle of the robot's
-  /// cell to the goal; empty where there is none. `map_changed`: since the last call; must be true
-  /// if any cost or the map's place did. Cost: O(cells near the path), a few 0.1 ms over 10 m when
-  /// the map changed.
-  const std::vector<base::Vec2>& Plan(const Costmap& costmap, bool map_changed, base::Vec2 start_O,
-                                      base::Vec2 goal_O);
+  /// cell to the goal; empty where there is none. `changed`: holds all cells whose cost changed
+  /// since the last call, which must have been with the same map in the same place; does not matter
+  /// in the first call after `Reset`. Cost: O(cells near the path, behind the change), a few 0.1 ms
+  /// over 10 m.
+  const std::vector<base::Vec2>& Plan(const Costmap& costmap, const CellWindow& changed,
+                                      base::Vec2 start_O, base::Vec2 goal_O);
 
   /// The potential of a cell as far as it has been spread; infinite elsewhere.
   float potential(CellIndex c) const {
@@ -43,17 +45,23 @@ class GlobalPlanner {
 
  private:
   void Begin(const Costmap& costmap, CellIndex start, CellIndex goal);
-  bool Spread(const Costmap& costmap);
-  void UpdateCell(const Costmap& costmap, int n);
+  void TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex start);
+  void SetCost(int n, std::uint8_t cost);
+  void SpreadAnew();
+  void Spread();
+  void UpdateCell(int n);
   void Push(int n, float potential);
-  float Traversal(const Costmap& costmap, int n) const;
+  float Key(int n, float potential) const;
+  float LowestNeighbour(int n) const;
   bool Descend(const Costmap& costmap);
   base::Vec2 Gradient(int n) const;
+  int Index(CellIndex c) const { return c.y * size_x_ + c.x; }
 
   const Extent extent_;
-  bool valid_ = false;  // The potential is that of the costmap and goal_.
+  bool valid_ = false;  // The potential is that of costs_ and goal_.
   int size_x_ = 0, size_y_ = 0;
   CellIndex start_, goal_;
+  std::vector<std::uint8_t> costs_;    // [size_y, size_x], the edge unknown, the robot's cell free.
   std::vector<float> potential_;       // [size_y, size_x]
   std::vector<int> touched_;           // Cells that have a potential.
   std::vector<std::uint8_t> pending_;  // [size_y, size_x], whether in a bucket.
@@ -61,6 +69,9 @@ class GlobalPlanner {
   std::vector<std::vector<int>> buckets_;
   std::size_t bucket_ = 0;
   float first_key_ = 0.0f;
+  // Of the change that is taken in: its cells, and below which potential it matters to none.
+  std::vector<int> changed_, to_push_;
+  float lowest_changed_ = 0.0f;
   std::vector<base::Vec2> path_O_;
 };
 

@@ -8,11 +8,6 @@
 
 namespace slalom::planners {
 
-/// A rectangle of cells: [x0, x1) x [y0, y1).
-struct CellWindow {
-  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-};
-
 /// Spreads costs round obstacles, as costmap_2d's inflation layer does: at a distance of d from the
 /// nearest lethal cell, centre to centre, kInscribedCost where d <= inscribed radius, then
 /// floor(252 exp(-scaling (d - inscribed radius))) up to the inflation radius.

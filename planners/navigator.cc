@@ -72,7 +72,7 @@ void Navigator::Reset(const base::Pose2& X_OR, base::Vec2 goal_O, std::uint64_t 
   goal_O_ = goal_O;
   num_steps_ = 0;
   trigger_ = Trigger::kPlanning;
-  global_map_changed_ = true;
+  global_change_ = {};
   path_O_.clear();
   path_begin_ = 0;
   path_is_new_ = false;
@@ -88,7 +88,7 @@ Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose
   const bool update_global = Due(config_.global_map_rate);
   if (update_local || update_global) projector_.Project(ranges_cm, X_OR, rays_);
   if (update_local) local_map_.Update(rays_, X_OR);
-  if (update_global && global_map_.Update(rays_, X_OR)) global_map_changed_ = true;
+  if (update_global) global_change_ = Union(global_change_, global_map_.Update(rays_, X_OR));
 
   if (Due(planner_config_.control_rate)) Act(X_OR, velocity);
   if (Due(config_.planner_rate)) MakePlan(X_OR);
@@ -176,7 +176,7 @@ void Navigator::Recover(const base::Pose2& X_OR) {
       const double side = recovery_index_ == kConservativeReset ? config_.conservative_reset
                                                                 : config_.aggressive_reset;
       local_map_.ClearOutside(X_OR.p, side);
-      if (global_map_.ClearOutside(X_OR.p, side)) global_map_changed_ = true;
+      global_change_ = Union(global_change_, global_map_.ClearOutside(X_OR.p, side));
     }
   } else if (config_.recovery_rotates) {
     if (!turn_) turn_.emplace(X_OR.yaw);
@@ -199,8 +199,8 @@ void Navigator::FinishRecovery() {
 void Navigator::MakePlan(const base::Pose2& X_OR) {
   if (state_ != NavigatorState::kPlanning && state_ != NavigatorState::kControlling) return;
   const std::vector<base::Vec2>& plan =
-      global_planner_.Plan(global_map_.costmap(), global_map_changed_, X_OR.p, goal_O_);
-  global_map_changed_ = false;
+      global_planner_.Plan(global_map_.costmap(), global_change_, X_OR.p, goal_O_);
+  global_change_ = {};
   if (!plan.empty()) {
     path_O_ = plan;
     path_begin_ = 0;

@@ -99,7 +99,7 @@ class Navigator {
   int recovery_index_ = 0;
   std::optional<RotateRecovery> turn_;                     // Under way.
   double last_plan_time_ = 0.0, last_command_time_ = 0.0;  // Of the last success, [s].
-  bool global_map_changed_ = true;
+  CellWindow global_change_;                               // Since the last plan.
   std::vector<base::Vec2> path_O_;
   std::size_t path_begin_ = 0;  // What is before it was passed.
   bool path_is_new_ = false;

@@ -31,7 +31,7 @@ void ObstacleMap::Reset(base::Vec2 centre_O) {
   stale_ = false;
 }
 
-bool ObstacleMap::Update(const ScanRays& scan, const base::Pose2& X_OR) {
+CellWindow ObstacleMap::Update(const ScanRays& scan, const base::Pose2& X_OR) {
   if (config_.rolling) RollTo(X_OR.p);
   const double radius = config_.raytrace_range + footprint_.circumscribed_radius() +
                         base::Norm(scan.sensor_O - X_OR.p) + 2.0 * config_.resolution;
@@ -53,11 +53,11 @@ bool ObstacleMap::Update(const ScanRays& scan, const base::Pose2& X_OR) {
   for (int y = window.y0; y < window.y1 && !changed; ++y) {
     changed = std::memcmp(before_.data() + width * (y - window.y0), row(y), width) != 0;
   }
-  if (!changed) return false;
+  if (!changed) return {};
   return Write(stale_ ? WholeMap() : window);
 }
 
-bool ObstacleMap::ClearOutside(base::Vec2 p_O, double side) {
+CellWindow ObstacleMap::ClearOutside(base::Vec2 p_O, double side) {
   const CellIndex low = costmap_.CellAt(p_O - base::Vec2{0.5 * side, 0.5 * side});
   const CellIndex high = costmap_.CellAt(p_O + base::Vec2{0.5 * side, 0.5 * side});
   bool cleared = false;
@@ -70,8 +70,7 @@ bool ObstacleMap::ClearOutside(base::Vec2 p_O, double side) {
       cleared = true;
     }
   }
-  if (cleared) Write(WholeMap());
-  return cleared;
+  return cleared ? Write(WholeMap()) : CellWindow{};
 }
 
 void ObstacleMap::RollTo(base::Vec2 centre_O) {
@@ -143,14 +142,14 @@ CellWindow ObstacleMap::WindowAround(base::Vec2 p_O, double radius) const {
           std::clamp(high.y + 1, 0, costmap_.size_y())};
 }
 
-bool ObstacleMap::Write(CellWindow window) {
+CellWindow ObstacleMap::Write(CellWindow window) {
   const int reach = inflation_.reach();
   window = {std::max(0, window.x0 - reach), std::max(0, window.y0 - reach),
             std::min(costmap_.size_x(), window.x1 + reach),
             std::min(costmap_.size_y(), window.y1 + reach)};
   inflation_.Apply(obstacles_, window, costmap_);
   stale_ = false;
-  return true;
+  return window;
 }
 
 }  // namespace slalom::planners

@@ -39,12 +39,13 @@ class ObstacleMap {
   /// Forgets all obstacles; the map's centre comes to `centre_O`.
   void Reset(base::Vec2 centre_O);
 
-  /// Takes in a scan with the robot at X_OR. Returns whether any cost changed (or the map moved).
-  bool Update(const ScanRays& scan, const base::Pose2& X_OR);
+  /// Takes in a scan with the robot at X_OR. Returns a window that holds all costs that changed;
+  /// the whole map where it moved.
+  CellWindow Update(const ScanRays& scan, const base::Pose2& X_OR);
 
   /// Forgets the obstacles outside the axis-parallel square of this side [m] round `p_O`. Returns
-  /// whether there were any.
-  bool ClearOutside(base::Vec2 p_O, double side);
+  /// a window that holds all costs that changed.
+  CellWindow ClearOutside(base::Vec2 p_O, double side);
 
   const Costmap& costmap() const { return costmap_; }
   /// [size_y, size_x]: kLethalCost where an obstacle was seen, else kFreeCost.
@@ -55,7 +56,7 @@ class ObstacleMap {
   void Trace(const ScanRays& scan);
   CellWindow WindowAround(base::Vec2 p_O, double radius) const;
   CellWindow WholeMap() const { return {0, 0, costmap_.size_x(), costmap_.size_y()}; }
-  bool Write(CellWindow window);
+  CellWindow Write(CellWindow window);
 
   const ObstacleMapConfig config_;
   const Footprint footprint_;
