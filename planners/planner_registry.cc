@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "planners/dwa.h"
+#include "planners/elastic_band_planner.h"
 #include "planners/mppi.h"
 #include "planners/teb.h"
 
@@ -22,6 +23,11 @@ constexpr Entry kEntries[] = {
        return std::make_unique<DwaPlanner>(c.dwa, c.navigation.footprint);
      },
      [](const PlannersConfig& c) -> const PlannerNavigationConfig& { return c.dwa.navigation; }},
+    {"eband",
+     [](const PlannersConfig& c) -> std::unique_ptr<LocalPlanner> {
+       return std::make_unique<ElasticBandPlanner>(c.eband);
+     },
+     [](const PlannersConfig& c) -> const PlannerNavigationConfig& { return c.eband.navigation; }},
     {"teb",
      [](const PlannersConfig& c) -> std::unique_ptr<LocalPlanner> {
        return std::make_unique<TebPlanner>(c.teb);

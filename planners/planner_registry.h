@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "planners/dwa_config.h"
+#include "planners/elastic_band_config.h"
 #include "planners/local_planner.h"
 #include "planners/mppi_config.h"
 #include "planners/navigation_config.h"
@@ -17,13 +18,15 @@ namespace slalom::planners {
 struct PlannersConfig {
   NavigationConfig navigation;
   DwaConfig dwa;
-  MppiConfig mppi;
+  ElasticBandConfig eband;
   TebConfig teb;
+  MppiConfig mppi;
 
   template <class Visitor>
   void Visit(Visitor& v) {
     v.Section("navigation", navigation, "Costmaps, global planner, recoveries.");
     v.Section("dwa", dwa, "Dynamic window approach.");
+    v.Section("eband", eband, "Elastic band.");
     v.Section("teb", teb, "Timed elastic bands.");
     v.Section("mppi", mppi, "Model predictive path integral control.");
   }

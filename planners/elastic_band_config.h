@@ -1,0 +1,70 @@
+#pragma once
+
+#include "base/config_field.h"
+#include "planners/navigation_config.h"
+
+namespace slalom::planners {
+
+/// The elastic band of eband_local_planner for a differential drive, with the plug-in's defaults
+/// (original-system.md §8.3); of its settings, k_damp, virtual_mass, Ctrl_Rate and the
+/// accelerations have no part in that drive's controller. RJ-bench: max_speed 2,
+/// max_turn_rate 3.14.
+struct ElasticBandConfig {
+  PlannerNavigationConfig navigation{.goal_tolerance = 0.1};
+  double min_overlap = 0.7;
+  double tiny_bubble = 0.01;
+  double internal_force = 1.0;
+  double external_force = 2.0;
+  int num_iterations = 3;
+  int max_equilibrium_depth = 4;
+  double equilibrium_overshoot = 0.75;
+  double significant_force = 0.15;
+  double costmap_weight = 10.0;
+  double max_speed = 0.75;
+  double min_speed = 0.1;
+  double max_turn_rate = 1.0;
+  double min_turn_rate = 0.0;
+  double min_turn_rate_in_place = 0.0;
+  double turn_gain = 4.0;
+  double speed_per_radius = 2.0;
+  double turn_threshold_scale = 1.0;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("navigation", navigation, "Rate, inflation and goal tolerance with E-band.");
+    v("min_overlap", min_overlap, base::Range{0.01, 1.0}, "",
+      "Bubbles are connected where their distance is below this times the sum of their radii.");
+    v("tiny_bubble", tiny_bubble, base::Range{0.0, 1.0}, "m", "A smaller bubble is a collision.");
+    v("internal_force", internal_force, base::Range{0.0, 100.0}, "",
+      "Gain of the force that straightens the band.");
+    v("external_force", external_force, base::Range{0.0, 100.0}, "",
+      "Gain of the force away from obstacles.");
+    v("num_iterations", num_iterations, base::Range{0, 100}, "",
+      "Passes over the band per control cycle.");
+    v("max_equilibrium_depth", max_equilibrium_depth, base::Range{0, 20}, "",
+      "Halvings on the way to a bubble's place of rest.");
+    v("equilibrium_overshoot", equilibrium_overshoot, base::Range{0.0, 10.0}, "",
+      "A force that turned round and is above this share of what it was calls for halving.");
+    v("significant_force", significant_force, base::Range{0.0, 100.0}, "",
+      "Weaker forces are ignored.");
+    v("costmap_weight", costmap_weight, base::Range{0.1, 100.0}, "1/m",
+      "A cost c is read as a distance of ln(252 / c) / this, a cost of 0 as 1.");
+    v("max_speed", max_speed, base::Range{0.01, 5.0}, "m/s", "Fastest drive.");
+    v("min_speed", min_speed, base::Range{0.0, 5.0}, "m/s", "Slowest drive.");
+    v("max_turn_rate", max_turn_rate, base::Range{0.01, 10.0}, "rad/s", "Fastest turn.");
+    v("min_turn_rate", min_turn_rate, base::Range{0.0, 10.0}, "rad/s",
+      "Slowest turn while driving.");
+    v("min_turn_rate_in_place", min_turn_rate_in_place, base::Range{0.0, 10.0}, "rad/s",
+      "Slowest turn on the spot.");
+    v("turn_gain", turn_gain, base::Range{0.0, 100.0}, "1/s",
+      "Turn rate per angle to the next bubble (k_prop).");
+    v("speed_per_radius", speed_per_radius, base::Range{0.0, 100.0}, "1/m",
+      "Share of the fastest drive per metre of 0.7 bubble radii (bubble_velocity_multiplier).");
+    v("turn_threshold_scale", turn_threshold_scale, base::Range{0.0, 100.0}, "",
+      "Times the angle under which 0.7 of the next bubble's radius is seen: beyond, the robot "
+      "turns "
+      "on the spot.");
+  }
+};
+
+}  // namespace slalom::planners
