@@ -13,9 +13,6 @@ namespace {
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 constexpr float kNeutralCost = 50.0f;  // Of crossing a free cell.
 constexpr float kCostFactor = 0.8f;
-// Of its crossing cost, what a cell costs at least beyond its lowest neighbour. navfn looks at no
-// cell that would gain less than 1 / sqrt(2) of it, which makes its result depend on the order.
-constexpr float kLeastShare = 0.7040f;
 constexpr double kPathStep = 0.5;  // [cells]
 // Below what a free cell can cost per cell of straight line, the approximation's error included.
 constexpr float kHeuristicCost = 0.95f * kNeutralCost;
@@ -36,13 +33,15 @@ const std::array<float, 256>& TraversalTable() {
   return table;
 }
 
-/// navfn's update of a cell that costs `crossing` from its lower neighbour in each direction.
+/// navfn's update of a cell that costs `crossing` from its lower neighbour in each direction. Its
+/// quadratic exceeds 1 by 0.005 where only one neighbour counts in the end; cut off there, a cell's
+/// potential does not depend on the order of updates.
 float PlaneWave(float a, float b, float crossing) {
   const float low = std::min(a, b);
   const float difference = std::max(a, b) - low;
   if (!(difference < crossing)) return low + crossing;
   const float d = difference / crossing;
-  return low + crossing * (-0.2301f * d * d + 0.5307f * d + kLeastShare);
+  return low + crossing * std::min(1.0f, -0.2301f * d * d + 0.5307f * d + 0.7040f);
 }
 
 }  // namespace
@@ -183,11 +182,10 @@ void GlobalPlanner::UpdateCell(int n) {
   if (!(potential < potential_[n])) return;
   if (potential_[n] == kInfinite) touched_.push_back(n);
   potential_[n] = potential;
-  // A neighbour can gain from this cell at most what two such neighbours would give it.
+  // Any higher neighbour can gain. navfn looks only at those that gain from this cell as their
+  // lowest neighbour, which makes its result depend on the order of updates.
   const auto offer = [&](int m, float its_potential) {
-    if (its_potential > potential + kLeastShare * TraversalTable()[costs_[m]]) {
-      Push(m, potential);
-    }
+    if (its_potential > potential && costs_[m] < kInscribedCost) Push(m, potential);
   };
   offer(n - 1, left);
   offer(n + 1, right);
@@ -227,7 +225,7 @@ bool GlobalPlanner::Descend(const Costmap& costmap) {
         n + static_cast<int>(std::lround(dx)) + size_x_ * static_cast<int>(std::lround(dy));
     if (nearest == goal) return true;
     const int y = n / size_x_, x = n - y * size_x_;
-    if (x < 2 || y < 2 || x > size_x_ - 3 || y > size_y_ - 3) return false;
+    if (x < 1 || y < 1 || x > size_x_ - 2 || y > size_y_ - 2) return false;
     const base::Vec2 centre_O = costmap.CentreOf({x, y});
     path_O_.push_back(centre_O + costmap.resolution() * base::Vec2{dx, dy});
 
