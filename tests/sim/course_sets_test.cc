@@ -132,7 +132,9 @@ TEST(CourseSets, CollectionFilesAndDirectoriesAreRead) {
   WriteCourseSet(scratch.path() / "mine.courses", {"mine", {made.courses[0]}});
   EXPECT_EQ(Names(ResolveCourses("static-test", scratch.path(), 1)), Names(made));
   EXPECT_EQ(Names(ResolveCourses("mine", scratch.path(), 1)).size(), 1u);
-  EXPECT_EQ(ListCourseSets(scratch.path()), (std::vector<std::string>{"static-test", "mine"}));
+  EXPECT_EQ(ListCourseSets(scratch.path()),
+            (std::vector<std::string>{"static-test", "mine", "real-world-1", "real-world-2",
+                                      "real-world-3"}));
   EXPECT_THAT(ErrorOf("static-train-5", scratch.path()),
               AllOf(HasSubstr(scratch.path().string()), HasSubstr("static-test, mine")));
   EXPECT_THAT(ErrorOf("static", "/no/such/place"), HasSubstr("/no/such/place"));
