@@ -122,7 +122,7 @@ Costmap DrawBlobs(int size, int num_blobs, base::Random& random) {
 TEST(GlobalPlanner, NeverCrossesWalls) {
   base::Random random(7);
   int num_paths = 0;
-  for (int trial = 0; trial < 100; ++trial) {
+  for (int trial = 0; trial < 60; ++trial) {
     const Costmap map = DrawBlobs(120, 40, random);
     const base::Vec2 start{random.Uniform(0.2, 5.8), random.Uniform(0.2, 5.8)};
     const base::Vec2 goal{random.Uniform(0.2, 5.8), random.Uniform(0.2, 5.8)};
@@ -138,7 +138,7 @@ TEST(GlobalPlanner, NeverCrossesWalls) {
       EXPECT_TRUE(c == s || map.cost(c) < kInscribedCost) << trial;
     }
   }
-  EXPECT_GT(num_paths, 30);
+  EXPECT_GT(num_paths, 20);
 }
 
 // What is kept from plan to plan, and what is left unspread, must not show.
@@ -150,7 +150,7 @@ TEST(GlobalPlanner, PlansAsIfFromNothing) {
   const base::Vec2 goal{7.0, 7.1};
   Fill(map, {135, 135, 146, 146}, kFreeCost);
   int num_paths = 0;
-  for (int step = 0; step < 300; ++step) {
+  for (int step = 0; step < 120; ++step) {
     CellWindow changed;
     if (step % 2 == 0) {  // A few cells change, as under a flickering scan.
       const int x = static_cast<int>(random.UniformInt(125)),
@@ -167,7 +167,7 @@ TEST(GlobalPlanner, PlansAsIfFromNothing) {
     ASSERT_EQ(path, fresh.Plan(map, Whole(map), start, goal)) << "step " << step;
     num_paths += !path.empty();
   }
-  EXPECT_GT(num_paths, 100);
+  EXPECT_GT(num_paths, 60);
 }
 
 TEST(GlobalPlanner, FindsNoneWhereThereIsNone) {
