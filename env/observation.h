@@ -38,6 +38,7 @@ struct ObservationBatch {
   std::vector<std::uint16_t> ranges_cm;  ///< [B, N] [cm]
   std::vector<float> state;              ///< [B, S], see kStateSize.
   std::vector<Odometry> odometry;        ///< [B]
+  std::vector<std::uint8_t> ended;       ///< [B], 1: last frame of an episode; no action is needed.
   std::vector<std::uint8_t> first;  ///< [B], 1: first frame of an episode; forget what was before.
 
   void Resize(int new_batch_size, int new_num_beams) {
@@ -47,6 +48,7 @@ struct ObservationBatch {
     state.assign(static_cast<std::size_t>(batch_size) * kStateSize, 0.0f);
     odometry.assign(static_cast<std::size_t>(batch_size), Odometry{});
     first.assign(static_cast<std::size_t>(batch_size), 1);
+    ended.assign(static_cast<std::size_t>(batch_size), 0);
   }
 
   FrameView frame(int i) const {

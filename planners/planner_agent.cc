@@ -50,6 +50,7 @@ void PlannerAgent::Act(const env::ObservationBatch& observations, std::span<env:
 }
 
 void PlannerAgent::ActOne(int i, const env::ObservationBatch& observations, env::Action& action) {
+  if (observations.ended[i] != 0) return;
   Navigator& navigator = *navigators_[i];
   const env::FrameView frame = observations.frame(i);
   const env::Odometry& odometry = observations.odometry[i];

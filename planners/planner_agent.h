@@ -31,6 +31,7 @@ class PlannerAgent : public env::Agent {
                const env::ActionBounds& bounds, double step, base::ParallelFor* parallel);
   ~PlannerAgent() override;
 
+  /// Leaves the actions of ended episodes as they were.
   /// Requires: observations.num_beams == geometry.num_beams; the first call has first[i] set for
   /// all i, and so has one with another batch size.
   void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;

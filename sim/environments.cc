@@ -85,6 +85,7 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   environment.num_steps = 0;
   environment.running = true;
   observations_.first[i] = 1;
+  observations_.ended[i] = 0;
   Observe(i);
 }
 
@@ -138,6 +139,7 @@ void CourseEnvironments::StepShare(int share) {
     if (!environments_[i].running) continue;
     results_[i] = StepOne(environments_[i], actions_[i], *contact_worlds_[share]);
     observations_.first[i] = 0;
+    observations_.ended[i] = environments_[i].running ? 0 : 1;
     Observe(static_cast<int>(i));
   }
 }
