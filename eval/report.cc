@@ -153,7 +153,7 @@ std::vector<Json> EpisodeLists(const Evaluation& evaluation) {
     Json& course = lists[record.course];
     course["outcomes"].push_back(env::ToString(record.outcome));
     course["times_s"].push_back(record.time(evaluation.environment.episode.step));
-    course["collisions"].push_back(record.num_collisions);
+    course["collisions_per_episode"].push_back(record.num_collisions);
   }
   return lists;
 }

@@ -11,33 +11,14 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "sim/course_file.h"
-#include "tests/support/fake_environment.h"
+#include "tests/eval/made_evaluation.h"
 
 namespace slalom::eval {
 namespace {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
-
-Evaluation MakeEvaluation(std::vector<double> success_probability) {
-  sim::CourseSet courses{"made", {}};
-  for (std::size_t c = 0; c < success_probability.size(); ++c) {
-    auto course = std::make_shared<sim::Course>();
-    course->name = "course-" + std::to_string(c);
-    course->goal_W = {10.0, 0.0};
-    course->bounds = {{-1.0, -5.0}, {11.0, 5.0}};
-    courses.courses.push_back(std::move(course));
-  }
-  EvaluationConfig protocol;
-  protocol.episodes_per_course = 5;
-  protocol.num_environments = 4;
-  const int batch_size = NumEnvironments(protocol, courses);
-  testing::FakeEnvironment environments(batch_size, std::move(success_probability));
-  testing::SummingAgent agent(batch_size);
-  return Evaluate(protocol, WithProtocol(sim::EnvironmentConfig{}, protocol), courses, environments,
-                  agent)
-      .value();
-}
+using testing::MakeEvaluation;
 
 const Provenance kProvenance{"x",           "policy",      "runs/x/policy.safetensors",
                              {"real.toml"}, "static-test", "",
@@ -84,7 +65,7 @@ TEST(JsonReport, HoldsTheSetsFigures) {
     const json& course = report["courses"][k / 5];
     EXPECT_EQ(course["outcomes"][k % 5], env::ToString(record.outcome));
     EXPECT_EQ(course["times_s"][k % 5], record.time(0.2));
-    EXPECT_EQ(course["collisions"][k % 5], record.num_collisions);
+    EXPECT_EQ(course["collisions_per_episode"][k % 5], record.num_collisions);
   }
 }
 

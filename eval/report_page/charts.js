@@ -1,0 +1,223 @@
+// ---- Figures: a table whose cells hold number, interval and both drawn to the column's scale.
+
+const FIGURES = [
+  {key: 'success_rate', title: 'Success', unit: '%', factor: 100, digits: 1, full: 100},
+  {key: 'collision_rate', title: 'Collision', unit: '%', factor: 100, digits: 1, full: 100},
+  {key: 'timeout_rate', title: 'Timeout', unit: '%', factor: 100, digits: 1, full: 100},
+  {key: 'contact_rate', title: 'Touched', unit: '%', factor: 100, digits: 1, full: 100},
+  {key: 'traversal_time_s', title: 'Traversal', unit: 's', factor: 1, digits: 1},
+  {key: 'survival_time_s', title: 'Survival', unit: 's', factor: 1, digits: 1},
+  {key: 'barn_score', title: 'BARN score', unit: '', factor: 1, digits: 3, full: 0.5},
+];
+
+function drawWhisker(estimate, factor, full, colour) {
+  const width = 104;
+  const x = linear(0, full, 4, width - 4);
+  const drawing = svg('svg', {width, height: 12, viewBox: `0 0 ${width} 12`});
+  drawing.append(svg('line', {x1: x(0), x2: x(full), y1: 6, y2: 6, stroke: '#e6eaee', 'stroke-width': 2}));
+  const [value, low, high] = estimate.map((number) => (number === null ? null : factor * number));
+  if (low !== null) {
+    drawing.append(svg('line', {x1: x(low), x2: x(high), y1: 6, y2: 6, stroke: colour, 'stroke-width': 3, opacity: 0.45}));
+  }
+  drawing.append(svg('circle', {cx: x(value), cy: 6, r: 4, fill: colour}));
+  return drawing;
+}
+
+function drawFigures(data, group) {
+  const table = document.getElementById('figures-table');
+  const results = group.results.map((index) => data.results[index]);
+  const columns = FIGURES.filter((figure) => figure.key !== 'contact_rate' || !data.collision_ends);
+  const head = element('tr', {}, element('th', {}, 'Agent'), ...columns.map((figure) =>
+    element('th', {}, figure.unit ? `${figure.title} [${figure.unit}]` : figure.title)));
+  const rows = results.map((result, place) => {
+    const agent = element('td', {class: 'agent', title: result.label}, swatch(result.colour), result.label,
+      element('span', {class: 'sub'}, `${result.kind}, ${result.episodes} episodes`));
+    const cells = columns.map((figure) => {
+      const estimate = result.figures[figure.key];
+      const cell = element('td', {'data-result': group.results[place], 'data-figure': figure.key,
+        'data-value': estimate === null ? '' : estimate[0]});
+      if (estimate === null) {
+        cell.append(element('span', {class: 'sub'}, 'none'));
+        return cell;
+      }
+      const text = (number) => (figure.factor * number).toFixed(figure.digits);
+      cell.append(element('span', {class: 'value'}, text(estimate[0])));
+      if (estimate[1] !== null) {
+        cell.append(element('span', {class: 'interval'}, `${text(estimate[1])} – ${text(estimate[2])}`));
+      }
+      const highest = Math.max(...results.map((r) => r.figures[figure.key]).filter(Boolean)
+        .map((e) => figure.factor * (e[2] === null ? e[0] : e[2])));
+      cell.append(drawWhisker(estimate, figure.factor, figure.full || Math.max(highest, 1e-9), result.colour));
+      return cell;
+    });
+    return element('tr', {}, agent, ...cells);
+  });
+  table.replaceChildren(element('thead', {}, head), element('tbody', {}, ...rows));
+}
+
+// ---- Success by course.
+
+// From brown (no success) over a light grey to blue, as people who see few colours tell apart.
+function successColour(rate) {
+  const stops = [[166, 78, 8], [236, 224, 205], [28, 100, 168]];
+  const place = Math.min(Math.max(rate, 0), 1) * 2;
+  const i = Math.min(Math.floor(place), 1);
+  const mix = stops[i].map((from, k) => Math.round(from + (place - i) * (stops[i + 1][k] - from)));
+  return `rgb(${mix.join(',')})`;
+}
+
+function orderCourses(data, group, order) {
+  const courses = group.courses.map((_, index) => index);
+  if (order === 'set') return courses;
+  const mean = courses.map((course) =>
+    group.results.reduce((sum, index) => sum + successRate(data.results[index], course), 0));
+  return courses.sort((a, b) => mean[a] - mean[b] || a - b);
+}
+
+function courseTip(result, group, course) {
+  const letters = result.outcomes[course];
+  const count = countOutcomes(letters);
+  const times = result.times_cs[course].filter((_, k) => letters[k] === 'S');
+  const mean = times.reduce((sum, time) => sum + time, 0) / times.length / 100;
+  return `${result.label} on ${group.courses[course].name}\n${count.S} of ${letters.length} succeeded` +
+    (count.C ? `, ${count.C} collided` : '') + (count.T ? `, ${count.T} timed out` : '') +
+    (times.length ? `\nmean traversal ${mean.toFixed(1)} s` : '');
+}
+
+function drawCourseMap(data, group, onCourse) {
+  const box = document.getElementById('course-map');
+  const width = widthOf(box);
+  const results = group.results.map((index) => data.results[index]);
+  const order = orderCourses(data, group, document.getElementById('course-order').value);
+  const left = width < 560 ? 90 : 150;
+  const cell = Math.min(46, (width - left) / order.length);
+  const rowHeight = 26;
+  const named = cell >= 11;
+  const bottom = named ? 96 : 22;
+  const drawing = plotIn(box, results.length * rowHeight + bottom, width);
+  results.forEach((result, row) => {
+    drawing.append(svgText(left - 8, row * rowHeight + 17, shorten(result.label, left / 7), {'text-anchor': 'end'}));
+    order.forEach((course, column) => {
+      const rate = successRate(result, course);
+      const gap = cell > 6 ? 1 : 0.3;
+      const rect = svg('rect', {class: 'course', x: left + column * cell, y: row * rowHeight + 2,
+        width: Math.max(cell - gap, 0.5), height: rowHeight - 4, rx: cell > 8 ? 2 : 0, fill: successColour(rate)});
+      setTip(rect, courseTip(result, group, course));
+      rect.addEventListener('click', () => onCourse(course, result));
+      drawing.append(rect);
+      if (cell >= 17) {
+        drawing.append(svgText(left + (column + 0.5) * cell - 0.5, row * rowHeight + 17, countOutcomes(result.outcomes[course]).S,
+          {'text-anchor': 'middle', 'font-size': 10, 'pointer-events': 'none', style: `fill:${rate > 0.8 || rate < 0.12 ? '#fff' : '#1d2530'}`}));
+      }
+    });
+  });
+  const base = results.length * rowHeight;
+  if (named) {
+    order.forEach((course, column) => {
+      const x = left + (column + 0.5) * cell + 3;
+      drawing.append(svgText(x, base + 8, shorten(group.courses[course].name, 15),
+        {class: 'faint', 'font-size': 10, 'text-anchor': 'end', transform: `rotate(-90 ${x} ${base + 8})`}));
+    });
+  } else {
+    drawing.append(svgText(left, base + 16, `${order.length} courses; point at one for its name`, {class: 'faint'}));
+  }
+  const legend = document.getElementById('success-legend');
+  legend.replaceChildren(...[0, 0.25, 0.5, 0.75, 1].map((rate) =>
+    element('span', {}, swatch(successColour(rate)), percent(rate))));
+}
+
+// ---- Success by difficulty.
+
+function drawDifficulty(data, group) {
+  const box = document.getElementById('difficulty-plot');
+  const measure = group.measures.find((m) => m.key === document.getElementById('measure').value);
+  const results = group.results.map((index) => data.results[index]);
+  if (!measure) {
+    box.replaceChildren(element('p', {class: 'note'}, 'These courses are too few or too alike to be told apart by difficulty.'));
+    return;
+  }
+  fillAgentLegend(document.getElementById('difficulty-legend'), results);
+  const width = widthOf(box);
+  const height = 300;
+  const [left, right, top, bottom] = [46, 10, 10, 44];
+  const drawing = plotIn(box, height, width);
+  const y = linear(0, 1, height - bottom, top);
+  for (const tick of [0, 0.25, 0.5, 0.75, 1]) {
+    drawing.append(svg('line', {x1: left, x2: width - right, y1: y(tick), y2: y(tick), stroke: '#e6eaee'}));
+    drawing.append(svgText(left - 8, y(tick) + 4, percent(tick), {'text-anchor': 'end', class: 'faint'}));
+  }
+  const binWidth = (width - left - right) / measure.bins.length;
+  const dodge = Math.min(22, binWidth * 0.7 / results.length);
+  const place = (bin, agent) => left + (bin + 0.5) * binWidth + (agent - (results.length - 1) / 2) * dodge;
+  const number = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3));
+  measure.bins.forEach((bin, b) => {
+    drawing.append(svgText(left + (b + 0.5) * binWidth, height - bottom + 18, `${number(bin.low)} – ${number(bin.high)}`, {'text-anchor': 'middle'}));
+    drawing.append(svgText(left + (b + 0.5) * binWidth, height - bottom + 34, `${bin.courses} courses`, {'text-anchor': 'middle', class: 'faint', 'font-size': 11}));
+  });
+  results.forEach((result, agent) => {
+    const points = measure.bins.map((bin, b) => `${place(b, agent)},${y(bin.rates[agent][0])}`).join(' ');
+    drawing.append(svg('polyline', {points, fill: 'none', stroke: result.colour, 'stroke-width': 1.2, opacity: 0.45}));
+    measure.bins.forEach((bin, b) => {
+      const [rate, low, high] = bin.rates[agent];
+      const x = place(b, agent);
+      if (low !== null) {
+        drawing.append(svg('line', {x1: x, x2: x, y1: y(low), y2: y(high), stroke: result.colour, 'stroke-width': 2, opacity: 0.6}));
+      }
+      const dot = svg('circle', {cx: x, cy: y(rate), r: 4.5, fill: result.colour});
+      setTip(dot, `${result.label}\n${percent(rate, 1)}` + (low === null ? '' : ` (${percent(low, 1)} – ${percent(high, 1)})`));
+      drawing.append(dot);
+    });
+  });
+}
+
+// ---- Times.
+
+function timesOf(result, wanted) {
+  const times = [];
+  result.outcomes.forEach((letters, course) => {
+    [...letters].forEach((letter, k) => {
+      if (wanted.includes(letter)) times.push(result.times_cs[course][k] / 100);
+    });
+  });
+  return times.sort((a, b) => a - b);
+}
+
+function drawTimes(data, group, id, wanted) {
+  const box = document.getElementById(id);
+  const width = widthOf(box);
+  const results = group.results.map((index) => data.results[index]);
+  const all = results.map((result) => timesOf(result, wanted));
+  const ticks = niceTicks(Math.max(1, ...all.map((times) => (times.length ? times[times.length - 1] : 0))));
+  const full = ticks[ticks.length - 1];
+  const [left, right, rowHeight, bottom] = [width < 560 ? 90 : 130, 14, 46, 34];
+  const height = results.length * rowHeight + bottom;
+  const drawing = plotIn(box, height, width);
+  const x = linear(0, full, left, width - right);
+  for (const tick of ticks) {
+    drawing.append(svg('line', {x1: x(tick), x2: x(tick), y1: 4, y2: height - bottom, stroke: '#e6eaee'}));
+    drawing.append(svgText(x(tick), height - bottom + 16, tick, {'text-anchor': 'middle', class: 'faint'}));
+  }
+  drawing.append(svgText(width - right, height - 4, 'seconds', {'text-anchor': 'end', class: 'faint'}));
+  const numBins = 50;
+  results.forEach((result, row) => {
+    const times = all[row];
+    const base = (row + 1) * rowHeight - 4;
+    drawing.append(svgText(left - 8, base - 12, shorten(result.label, left / 7), {'text-anchor': 'end'}));
+    drawing.append(svgText(left - 8, base + 1, `${times.length} episodes`, {'text-anchor': 'end', class: 'faint', 'font-size': 11}));
+    drawing.append(svg('line', {x1: left, x2: width - right, y1: base, y2: base, stroke: '#c7ced6'}));
+    if (times.length === 0) return;
+    const counts = new Array(numBins).fill(0);
+    for (const time of times) ++counts[Math.min(numBins - 1, Math.floor(time / full * numBins))];
+    const tallest = Math.max(...counts);
+    counts.forEach((count, bin) => {
+      if (count === 0) return;
+      const bar = svg('rect', {x: x(bin * full / numBins) + 0.4, width: Math.max(1, (x(full) - x(0)) / numBins - 0.8),
+        y: base - count / tallest * (rowHeight - 12), height: count / tallest * (rowHeight - 12), fill: result.colour, opacity: 0.75});
+      setTip(bar, `${result.label}\n${count} episodes, ${(bin * full / numBins).toFixed(1)} to ${((bin + 1) * full / numBins).toFixed(1)} s`);
+      drawing.append(bar);
+    });
+    const median = (times[(times.length - 1) >> 1] + times[times.length >> 1]) / 2;
+    drawing.append(svg('line', {x1: x(median), x2: x(median), y1: base - rowHeight + 10, y2: base + 3, stroke: '#1d2530', 'stroke-width': 2}));
+    drawing.append(svgText(x(median) + 5, base - rowHeight + 18, median.toFixed(1), {'font-size': 11}));
+  });
+}

@@ -1,0 +1,163 @@
+// ---- The page: what is chosen, and who draws it.
+
+class Page {
+  constructor(data) {
+    this.data = data;
+    this.player = new Player(data);
+    this.hidden = new Set();  // Results whose trajectories are not shown.
+    this.group = data.groups[0];
+    this.course = 0;
+    this.listen();
+    this.fillGroups();
+    document.getElementById('protocol').textContent =
+      `${data.protocol} ${data.results.length} evaluation${data.results.length === 1 ? '' : 's'}.`;
+    this.showGroup(0);
+    this.drawProvenance();
+  }
+
+  listen() {
+    const on = (id, type, action) => document.getElementById(id).addEventListener(type, action);
+    on('group', 'change', (event) => this.showGroup(Number(event.target.value)));
+    on('course-order', 'change', () => this.drawPlots());
+    on('measure', 'change', () => drawDifficulty(this.data, this.group));
+    on('course', 'change', (event) => this.showCourse(Number(event.target.value)));
+    on('previous-course', 'click', () => this.stepCourse(-1));
+    on('next-course', 'click', () => this.stepCourse(1));
+    on('track', 'change', (event) => this.showTrack(Number(event.target.value)));
+    let width = window.innerWidth;
+    window.addEventListener('resize', () => {
+      if (window.innerWidth === width) return;
+      width = window.innerWidth;
+      this.drawPlots();
+      this.drawTrajectories();
+      this.player.layOut();
+    });
+  }
+
+  fillGroups() {
+    const select = document.getElementById('group');
+    select.replaceChildren(...this.data.groups.map((group, index) =>
+      element('option', {value: index}, group.title)));
+    document.getElementById('group-choice').hidden = this.data.groups.length < 2;
+  }
+
+  results() {
+    return this.group.results.map((index) => this.data.results[index]);
+  }
+
+  showGroup(index) {
+    this.group = this.data.groups[index];
+    const measure = document.getElementById('measure');
+    measure.replaceChildren(...this.group.measures.map((m) =>
+      element('option', {value: m.key}, m.unit ? `${m.name} [${m.unit}]` : m.name)));
+    measure.disabled = this.group.measures.length === 0;
+    document.getElementById('course').replaceChildren(...this.group.courses.map((course, c) =>
+      element('option', {value: c}, course.name)));
+    this.fillAgents();
+    this.drawPlots();
+    this.showCourse(this.firstCourse());
+  }
+
+  // The hardest of the courses on which a scan was kept, else the hardest.
+  firstCourse() {
+    const order = orderCourses(this.data, this.group, 'hardest');
+    const hasScan = (course) => this.results().some((result) =>
+      result.tracks.some((track) => track.course === course && track.scans));
+    const found = order.find(hasScan);
+    return found === undefined ? order[0] : found;
+  }
+
+  fillAgents() {
+    const box = document.getElementById('agent-choice');
+    box.replaceChildren(...this.results().map((result) => {
+      const button = element('button', {'aria-pressed': !this.hidden.has(result)}, swatch(result.colour), result.label);
+      button.addEventListener('click', () => {
+        if (!this.hidden.delete(result)) this.hidden.add(result);
+        button.setAttribute('aria-pressed', !this.hidden.has(result));
+        this.drawTrajectories();
+      });
+      return button;
+    }));
+  }
+
+  drawPlots() {
+    drawFigures(this.data, this.group);
+    drawCourseMap(this.data, this.group, (course, result) => {
+      this.showCourse(course, result);
+      document.getElementById('trajectories').scrollIntoView();
+    });
+    drawDifficulty(this.data, this.group);
+    drawTimes(this.data, this.group, 'traversal-plot', 'S');
+    drawTimes(this.data, this.group, 'survival-plot', 'CT');
+  }
+
+  stepCourse(step) {
+    const n = this.group.courses.length;
+    this.showCourse((this.course + step + n) % n);
+  }
+
+  // Episodes on the chosen course: those with scans first, then by agent.
+  tracksHere() {
+    const here = this.results().flatMap((result) => result.tracks
+      .filter((track) => track.course === this.course).map((track) => ({result, track})));
+    return here.sort((a, b) => Boolean(b.track.scans) - Boolean(a.track.scans));
+  }
+
+  showCourse(course, preferred = null) {
+    this.course = course;
+    document.getElementById('course').value = course;
+    this.drawTrajectories();
+    const here = this.tracksHere();
+    document.getElementById('track').replaceChildren(...here.map(({result, track}, index) =>
+      element('option', {value: index}, `${result.label}, episode ${track.episode}: ${OUTCOMES[track.outcome]}`)));
+    this.showTrack(Math.max(0, here.findIndex(({result}) => result === preferred)));
+  }
+
+  showTrack(index) {
+    const chosen = this.tracksHere()[index];
+    const select = document.getElementById('track');
+    select.disabled = !chosen;
+    if (chosen) select.value = index;
+    const course = this.group.courses[this.course];
+    this.player.load(course, chosen ? chosen.result : null, chosen ? chosen.track : null);
+    const note = document.getElementById('episode-note');
+    if (!chosen) {
+      note.textContent = `No episode on ${course.name} was recorded.`;
+    } else if (chosen.track.scans) {
+      note.textContent = `${course.name}: orange is what the range finder saw, ${chosen.track.scans.beams} of its beams.`;
+    } else {
+      note.textContent = `${course.name}: the scans of this episode were not kept.`;
+    }
+    if (course.moving.length > 0) note.textContent += ` ${course.moving.length} obstacles move (violet).`;
+  }
+
+  drawTrajectories() {
+    const canvas = document.getElementById('trajectory-canvas');
+    const course = this.group.courses[this.course];
+    const shown = this.tracksHere().filter(({result}) => !this.hidden.has(result));
+    const view = new CourseView(canvas, course, shown.map(({track}) => track));
+    view.begin();
+    view.drawCourse(this.data.goal_tolerance);
+    view.drawMoving(0);
+    view.drawReferencePath();
+    for (const {result, track} of shown) view.drawTrack(track, result.colour);
+    for (const {result, track} of shown) view.drawEnd(track, result.colour);
+    view.drawRobot({x: course.start[0], y: course.start[1], yaw: course.start[2]}, this.results()[0].robot, '#667180');
+    canvas.dataset.obstacles = courseShapes(course).circles.length + courseShapes(course).boxes.length;
+    canvas.dataset.tracks = shown.length;
+    document.getElementById('trajectory-note').textContent =
+      `${course.name}, reference path ${course.length.toFixed(2)} m (dotted). Ends: ● success, ✕ collision, ■ timeout.` +
+      (course.moving.length > 0 ? ' Moving obstacles stand where their motion begins.' : '');
+  }
+
+  drawProvenance() {
+    document.getElementById('provenance').replaceChildren(...this.data.results.map((result) =>
+      element('div', {}, `${result.label}: ${result.source}, made by commit `, element('code', {}, result.commit || 'unknown'))));
+  }
+}
+
+// Opened as report.html#play, the episode plays at once.
+const page = new Page(readData());
+for (const section of document.querySelectorAll('section')) section.dataset.drawn = 'true';
+document.body.dataset.ready = 'true';
+if (location.hash === '#play') page.player.play();

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "env/episode.h"
+#include "eval/summary.h"
+#include "sim/course.h"
+#include "sim/episode_file.h"
+
+/// Evaluations read back from the files that `WriteReports` made, to be compared.
+
+namespace slalom::eval {
+
+/// One episode. A value.
+struct ResultEpisode {
+  env::Outcome outcome = env::Outcome::kTimeout;
+  double time = 0.0;  ///< On the protocol's clock, [s].
+  int num_collisions = 0;
+};
+
+/// What was driven on one course.
+struct ResultCourse {
+  std::string name;
+  double optimal_time = 0.0;  ///< [s]
+  std::vector<ResultEpisode> episodes;
+};
+
+/// One evaluation, whole. A value.
+struct Result {
+  std::string file;   ///< Path of its evaluation.json.
+  std::string agent;  ///< What to call it in tables.
+  std::string kind;   ///< "policy" or "planner".
+  std::string source;
+  std::vector<std::string> profiles;
+  std::string course_set;
+  std::string collection;  ///< Empty: the built-in courses.
+  std::string commit;
+  std::map<std::string, std::string> protocol;  ///< As JSON texts, by key.
+  std::int64_t seed = 0;
+  double step = 0.0;          ///< Control step, [s].
+  double robot_length = 0.0;  ///< [m]
+  double robot_width = 0.0;   ///< [m]
+  Figures set;
+  std::vector<ResultCourse> courses;
+  sim::CourseSet course_set_data;         ///< As driven, in the order of `courses`.
+  std::vector<sim::EpisodeTrack> tracks;  ///< Each on one of the courses.
+
+  bool collision_ends() const { return protocol.at("collision_ends") == "true"; }
+};
+
+/// Reads `path`, a directory that `slalom evaluate --output` wrote or the evaluation.json in it,
+/// and the files that it names.
+///
+/// Throws `base::Error` that names the file and what is wrong with it: missing, no JSON (cut
+/// short), not an evaluation, of another version, a key missing or out of range, figures that
+/// contradict its episodes, courses or tracks of another evaluation.
+Result ReadResult(const std::filesystem::path& path);
+
+/// Throws `base::Error` that names two files and the first difference between their protocols.
+void RequireSameProtocol(std::span<const Result> results);
+
+}  // namespace slalom::eval
