@@ -19,6 +19,7 @@ inline constexpr int kExitSignalBase =
 
 void AddTrainCommand(CLI::App& app, int* exit_code);
 void AddEvaluateCommand(CLI::App& app, int* exit_code);
+void AddReportCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 
 }  // namespace slalom::cli

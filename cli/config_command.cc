@@ -1,11 +1,14 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "cli/agent_run_config.h"
 #include "cli/commands.h"
 #include "config/config.h"
 #include "train/run_config.h"
@@ -23,9 +26,34 @@ constexpr char kPageHead[] =
     "the command line\n"
     "`--set section.key=value` overrides both. Unknown keys and values out of range are errors.\n";
 
+constexpr char kAgentPageHead[] =
+    "\n# Classical planners\n\n"
+    "`slalom evaluate --agent NAME --config FILE` takes the sections `[environment]` and "
+    "`[evaluation]` above, of `[courses]`\n"
+    "`collection` and `generator_seed`, and those below. Where its defaults are others: ";
+
+/// "`environment.episode.step` 0.05 s, ...": the defaults of an agent's run that a training run's
+/// are not.
+std::string OtherDefaults() {
+  AgentRunConfig agent;
+  train::RunConfig run;
+  const config::FieldList run_fields = config::ListFields(run);
+  std::vector<std::string> texts;
+  for (const config::Field& field : config::ListFields(agent).fields) {
+    const auto same = std::ranges::find(run_fields.fields, field.key, &config::Field::key);
+    if (same == run_fields.fields.end()) continue;
+    const std::string value = config::PrintValue(field);
+    if (value == config::PrintValue(*same)) continue;
+    texts.push_back(
+        fmt::format("`{}` {}{}{}", field.key, value, field.unit.empty() ? "" : " ", field.unit));
+  }
+  return fmt::format("{}.\n", fmt::join(texts, ", "));
+}
+
 struct PrintOptions {
   std::optional<std::string> file;
   std::vector<std::string> overrides;
+  bool for_agent = false;
 };
 
 }  // namespace
@@ -41,15 +69,25 @@ void AddConfigCommand(CLI::App& app) {
   print->add_option("CONFIG", options->file, "TOML file; without one, the defaults");
   print->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
+  print->add_flag("--agent", options->for_agent,
+                  "As `slalom evaluate --agent` reads it; without, as `slalom train` does");
   print->callback([options] {
-    const auto loaded = config::Load<train::RunConfig>(options->file, options->overrides);
-    fmt::print("{}", config::ToToml(loaded));
+    if (options->for_agent) {
+      fmt::print("{}",
+                 config::ToToml(config::Load<AgentRunConfig>(options->file, options->overrides)));
+    } else {
+      fmt::print("{}",
+                 config::ToToml(config::Load<train::RunConfig>(options->file, options->overrides)));
+    }
   });
 
   CLI::App* docs = config->add_subcommand("docs", "Print docs/config.md");
   docs->callback([] {
     train::RunConfig defaults;
-    fmt::print("{}{}", kPageHead, config::PrintMarkdown(config::ListFields(defaults)));
+    planners::PlannersConfig planner_defaults;
+    fmt::print("{}{}{}{}{}", kPageHead, config::PrintMarkdown(config::ListFields(defaults)),
+               kAgentPageHead, OtherDefaults(),
+               config::PrintMarkdown(config::ListFields(planner_defaults)));
   });
   // Last, as the commands above would inherit it.
   config->footer(

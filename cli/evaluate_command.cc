@@ -1,9 +1,11 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <utility>
@@ -12,6 +14,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "cli/commands.h"
+#include "cli/evaluate_planner.h"
 #include "cli/evaluate_policy.h"
 #include "cli/signals.h"
 #include "config/config.h"
@@ -20,7 +23,8 @@ namespace slalom::cli {
 namespace {
 
 struct EvaluateOptions {
-  std::string policy;
+  std::optional<std::string> policy;
+  std::optional<std::string> agent;
   std::string courses;
   std::optional<std::string> config;
   std::vector<std::string> profiles;
@@ -89,23 +93,36 @@ train::RunConfig TaskOf(const EvaluateOptions& options, const policy::LoadedPoli
   if (options.config) {
     config::ReadTomlFile(*options.config, fields);
   } else if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
-    config::ReadToml(it->second, options.policy + " (its config)", fields);
+    config::ReadToml(it->second, *options.policy + " (its config)", fields);
   }
   ApplyOptions(options, config);
   return config;
 }
 
+std::optional<ScoredRun> DrivePolicy(const EvaluateOptions& options, base::ParallelFor& parallel,
+                                     std::stop_token stop) {
+  const policy::LoadedPolicy loaded = policy::LoadPolicy(*options.policy);
+  return EvaluatePolicy(loaded.snapshot, *options.policy, TaskOf(options, loaded), options.courses,
+                        parallel, std::move(stop));
+}
+
+std::optional<ScoredRun> DrivePlanner(const EvaluateOptions& options, base::ParallelFor& parallel,
+                                      std::stop_token stop) {
+  AgentRunConfig config;
+  if (options.config) config::ReadTomlFile(*options.config, config::ListFields(config));
+  ApplyOptions(options, config);
+  return EvaluatePlanner(*options.agent, config, options.courses, parallel, std::move(stop));
+}
+
 int Evaluate(const EvaluateOptions& options) {
   StopSignals signals;
-  const policy::LoadedPolicy loaded = policy::LoadPolicy(options.policy);
-  const train::RunConfig config = TaskOf(options, loaded);
   const int threads = options.threads > 0
                           ? options.threads
                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   if (options.output) base::MakeDirectories(*options.output);
   base::ParallelFor parallel(threads);
-  auto result = EvaluatePolicy(loaded.snapshot, options.policy, config, options.courses, parallel,
-                               signals.token());
+  auto result = options.policy ? DrivePolicy(options, parallel, signals.token())
+                               : DrivePlanner(options, parallel, signals.token());
   if (!result) return kExitSignalBase + signals.received();
   if (options.name) result->provenance.agent = *options.name;
   result->provenance.profiles = options.profiles;
@@ -124,18 +141,26 @@ int Evaluate(const EvaluateOptions& options) {
 }  // namespace
 
 void AddEvaluateCommand(CLI::App& app, int* exit_code) {
-  CLI::App* command = app.add_subcommand("evaluate", "Score a policy on courses");
+  CLI::App* command =
+      app.add_subcommand("evaluate", "Score a policy or a classical planner on courses");
   command->footer(
       "Each course is driven --episodes times, from jittered starts and with sensor noise on "
-      "random streams "
-      "that\ntraining never uses (docs/evaluation.md). The task is the one the policy was trained "
-      "for, unless "
-      "--config or\n--set changes it; for example a lifelike drive:\n\n"
-      "  slalom evaluate --policy runs/quickstart/policy.safetensors --courses static-test \\\n"
-      "    --set environment.robot.linear_acceleration=4 --set "
+      "random streams that\ntraining never uses (docs/evaluation.md). A policy's task is the one "
+      "it "
+      "was trained for, a planner's the default at\n20 Hz, unless --config, --profile or --set "
+      "changes it; the protocol says when an episode ends. Examples:\n\n"
+      "  slalom evaluate --policy runs/quickstart/policy.safetensors --courses static-test\n"
+      "  slalom evaluate --agent dwa --courses static-test --output out/dwa\n"
+      "  slalom evaluate --agent mppi --courses static-challenge --protocol barn-challenge\n"
+      "  slalom evaluate --agent dwa --courses static-test --set "
       "environment.robot.command_delay=0.04\n");
   auto options = std::make_shared<EvaluateOptions>();
-  command->add_option("--policy", options->policy, "Policy file (policy.safetensors)")->required();
+  CLI::Option_group* driver = command->add_option_group("driver", "Who drives, one of");
+  driver->add_option("--policy", options->policy, "Policy file (policy.safetensors)");
+  driver->add_option(
+      "--agent", options->agent,
+      fmt::format("Classical planner: {}", fmt::join(planners::PlannerNames(), ", ")));
+  driver->require_option(1);
   command
       ->add_option(
           "--courses", options->courses,
@@ -159,7 +184,7 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
                       "Directory for JSON, CSV, trajectories and pictures");
   command->add_flag("--json", options->json, "Print one JSON object instead of the table");
   command->add_option("--config", options->config,
-                      "Take the task from this TOML file, not from the policy");
+                      "Take the task from this TOML file, not from the policy or the defaults");
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
   command->add_option("--threads", options->threads, "Threads; changes the speed only [all]")

@@ -51,6 +51,7 @@ int main(int argc, char** argv) {
   int exit_code = slalom::cli::kExitOk;
   slalom::cli::AddTrainCommand(app, &exit_code);
   slalom::cli::AddEvaluateCommand(app, &exit_code);
+  slalom::cli::AddReportCommand(app);
   slalom::cli::AddCoursesCommand(app);
   slalom::cli::AddConfigCommand(app);
   app.footer(kFooter);  // Last, as commands would inherit it.

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "base/config_field.h"
+#include "eval/evaluation_config.h"
+#include "planners/planner_registry.h"
+#include "sim/environment_config.h"
+
+namespace slalom::cli {
+
+/// Where set names look.
+struct CollectionConfig {
+  std::string collection = "";
+  std::int64_t generator_seed = 1;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("collection", collection,
+      "Directory of imported courses that set names refer to. Empty: the built-in generator.");
+    v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
+      "Seed of the built-in generator.");
+  }
+};
+
+/// Everything that `slalom evaluate --agent` is made of. Defaults that are others than a training
+/// run's: classical systems are asked for a command 20 times a second, as move_base asks them
+/// (original-system.md §8.1), and the drive's controller runs at 100 Hz, as 50 Hz is no multiple.
+struct AgentRunConfig {
+  AgentRunConfig() {
+    environment.episode.step = 0.05;
+    environment.robot.control_rate = 100.0;
+    evaluation.num_environments = 16;
+  }
+
+  CollectionConfig courses;
+  sim::EnvironmentConfig environment;
+  eval::EvaluationConfig evaluation;
+  planners::PlannersConfig planners;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("courses", courses, "Where set names look.");
+    v.Section("environment", environment, "The robot, its sensor and the task.");
+    v.Section("evaluation", evaluation, "What an evaluation drives and keeps.");
+    planners.Visit(v);
+  }
+};
+
+}  // namespace slalom::cli

@@ -1,0 +1,41 @@
+#include "cli/evaluate_planner.h"
+
+#include <memory>
+#include <utility>
+
+#include "cli/version.h"
+#include "config/config.h"
+#include "planners/planner_agent.h"
+#include "sim/course_sets.h"
+
+namespace slalom::cli {
+
+std::optional<ScoredRun> EvaluatePlanner(const std::string& name, const AgentRunConfig& config,
+                                         const std::string& courses_spec,
+                                         base::ParallelFor& parallel, std::stop_token stop) {
+  (void)planners::NavigationOf(name, config.planners);  // Before any work, that there is one.
+  const sim::CourseSet courses =
+      sim::ResolveCourses(courses_spec, config.courses.collection,
+                          static_cast<std::uint64_t>(config.courses.generator_seed));
+  eval::Provenance provenance;
+  provenance.agent = name;
+  provenance.kind = "planner";
+  provenance.source = name;
+  provenance.course_set = courses_spec;
+  provenance.collection = config.courses.collection;
+  provenance.commit = Commit();
+  provenance.config = config::ToToml(config);
+  const auto make_agent = [&](int, const sim::EnvironmentConfig& environment) {
+    const sim::LidarConfig& lidar = environment.lidar;
+    const planners::ScanGeometry geometry{lidar.num_beams,
+                                          lidar.field_of_view,
+                                          {lidar.offset_x, 0.0},
+                                          environment.observation.range_clip};
+    return std::make_unique<planners::PlannerAgent>(
+        name, config.planners, geometry, environment.action, environment.episode.step, &parallel);
+  };
+  return RunScored(config.evaluation, config.environment, courses, make_agent,
+                   std::move(provenance), parallel, std::move(stop));
+}
+
+}  // namespace slalom::cli

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <optional>
+#include <stop_token>
+#include <string>
+
+#include "base/parallel.h"
+#include "cli/agent_run_config.h"
+#include "cli/scored_run.h"
+
+namespace slalom::cli {
+
+/// Drives the classical planner `name` over the courses of `courses_spec`, as `EvaluatePolicy` does
+/// a policy. None: stopped first. Throws `base::Error` where there is no such planner (the error
+/// lists them) or the courses cannot be had.
+std::optional<ScoredRun> EvaluatePlanner(const std::string& name, const AgentRunConfig& config,
+                                         const std::string& courses_spec,
+                                         base::ParallelFor& parallel, std::stop_token stop);
+
+}  // namespace slalom::cli
