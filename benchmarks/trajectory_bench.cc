@@ -70,14 +70,19 @@ void RunCycles(benchmark::State& state, LocalPlanner& planner) {
       static_cast<double>(num_commands) / static_cast<double>(state.iterations());
 }
 
-/// Argument: rollouts.
+/// Arguments: rollouts, steps of a rollout. Nav2's are 1000 of 56.
 void BM_MppiCycles(benchmark::State& state) {
   MppiConfig config;
   config.batch_size = static_cast<int>(state.range(0));
+  config.num_steps = static_cast<int>(state.range(1));
   MppiPlanner planner(config);
   RunCycles(state, planner);
 }
-BENCHMARK(BM_MppiCycles)->Arg(1000)->Arg(2000)->Unit(benchmark::kMillisecond);
+BENCHMARK(BM_MppiCycles)
+    ->Args({1000, 30})
+    ->Args({1000, 56})
+    ->Args({2000, 56})
+    ->Unit(benchmark::kMillisecond);
 
 /// Argument: homotopy classes at most.
 void BM_TebCycles(benchmark::State& state) {

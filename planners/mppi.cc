@@ -144,11 +144,11 @@ void MppiPlanner::SampleControls() {
 }
 
 int MppiPlanner::ScoreRollouts(const Cycle& cycle) {
-  SurveyPath(rollouts_, clearance_, outline_, path_);
   std::fill(costs_.begin(), costs_.end(), 0.0f);
   const CriticView& view = cycle.critics;
-  AddConstraintCost(config_.constraint, config_, view, costs_);
   const int num_free = AddObstacleCost(config_.obstacle, view, costs_, collides_);
+  SurveyPath(rollouts_, limits_.dt, collides_, clearance_, outline_, path_);
+  AddConstraintCost(config_.constraint, config_, view, costs_);
   AddGoalCost(config_.goal, view, costs_);
   AddPathAlignCost(config_.path_align, view, costs_);
   AddPathFollowCost(config_.path_follow, view, costs_);

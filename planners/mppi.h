@@ -21,10 +21,11 @@ namespace slalom::planners {
 /// What differs from Nav2: a command acts at once, so the sequence's first step is commanded (Nav2
 /// counts on a period of latency and commands the second); clearance comes from the lethal cells by
 /// an own distance field, whatever the costmap's inflation; where the softmax mean of rollouts on
-/// both sides of an obstacle meets it, the best single rollout is driven. Obstacles count as
-/// static.
+/// both sides of an obstacle meets it, the best single rollout is driven; how far along the path
+/// the rollouts get is judged by those that are free and by the way they drove (see `SurveyPath`).
+/// Obstacles count as static.
 ///
-/// Commands are a function of (config, seed of `Reset`, views since). Cost per cycle: under 2 ms
+/// Commands are a function of (config, seed of `Reset`, views since). Cost per cycle: 0.7 ms
 /// for 1000 rollouts of 56 steps on one core (benchmarks/trajectory_bench.cc).
 class MppiPlanner : public LocalPlanner {
  public:

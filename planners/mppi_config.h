@@ -4,7 +4,8 @@
 #include "planners/navigation_config.h"
 
 /// Defaults are those of Nav2's nav2_mppi_controller (its README and sources) save where a comment
-/// says otherwise.
+/// says otherwise; configs/planners/mppi-nav2.toml sets the others as Nav2 has them. Those were
+/// chosen on generated courses (docs/planners.md).
 
 namespace slalom::planners {
 
@@ -36,7 +37,7 @@ struct MppiObstacleConfig {
   double critical_weight = 20.0;
   double repulsion_weight = 1.5;
   int power = 1;
-  double collision_margin = 0.1;
+  double collision_margin = 0.05;  // Nav2: 0.1, which shuts gaps that the robot fits through.
   double inflation_radius = 0.55;
   double near_goal_distance = 0.5;
   int point_step = 2;
@@ -162,19 +163,20 @@ struct MppiConfig {
   double max_angular = 3.14;
   double max_acceleration = 20.0;
   double max_angular_acceleration = 25.0;
-  // Sampling and optimisation.
+  // Sampling and optimisation. The horizon and the deviations fit 2 m/s; Nav2's, for 0.5 m/s, are
+  // 56 steps, 0.2 m/s and 0.4 rad/s.
   int batch_size = 1000;
-  int num_steps = 56;
+  int num_steps = 30;
   double model_dt = 0.05;
   int num_iterations = 1;
   int num_retries = 1;
-  double linear_std = 0.2;
-  double angular_std = 0.4;
+  double linear_std = 0.4;
+  double angular_std = 0.8;
   double temperature = 0.3;
   double gamma = 0.015;
   double validation_time = 1.0;
-  // Path.
-  double prune_distance = 1.5;
+  // Path. It bounds the speed by prune_distance over the horizon's time; Nav2: 1.5 m.
+  double prune_distance = 3.0;
   double path_spacing = 0.05;
   MppiConstraintConfig constraint;
   MppiObstacleConfig obstacle;

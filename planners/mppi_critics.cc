@@ -8,6 +8,9 @@
 namespace slalom::planners {
 namespace {
 
+/// By how much a path point may be farther along the path than a rollout drove to it, [m].
+constexpr float kFurthestSlack = 0.2f;
+
 float Power(float base, int exponent) {
   float result = base;
   for (int i = 1; i < exponent; ++i) result *= base;
@@ -43,17 +46,24 @@ void AddExcess(const float* speeds, float low, float high, int size, float* sums
   }
 }
 
-/// Keeps, for each rollout, the nearest of the path points shown to it so far.
+/// Keeps, for each rollout, the nearest of the path points shown to it so far; a point at `length`
+/// along the path counts only where the rollout drove as far.
 SLALOM_VECTOR_CLONES
-void TakeNearer(const float* x, const float* y, float to_x, float to_y, int index, int size,
-                float* nearest, int* nearest_index) {
+void TakeNearer(const float* x, const float* y, const float* driven, float to_x, float to_y,
+                float length, int index, int size, float* nearest, int* nearest_index) {
   for (int b = 0; b < size; ++b) {
     const float dx = x[b] - to_x, dy = y[b] - to_y;
-    const float squared = dx * dx + dy * dy;
+    const float squared = driven[b] >= length ? dx * dx + dy * dy : 1e30f;
     const bool nearer = squared < nearest[b];
     nearest[b] = nearer ? squared : nearest[b];
     nearest_index[b] = nearer ? index : nearest_index[b];
   }
+}
+
+/// sums[b] += values[b] * factor.
+SLALOM_VECTOR_CLONES
+void AddScaled(const float* values, float factor, int size, float* sums) {
+  for (int b = 0; b < size; ++b) sums[b] += factor * values[b];
 }
 
 /// Adds the length from the last point to this one, and finds the path point at that length.
@@ -88,22 +98,30 @@ bool IsBlocked(const MppiPathAlignConfig& config, const CriticPath& path) {
 
 }  // namespace
 
-void SurveyPath(const Rollouts& rollouts, const ClearanceMap& clearance, const DiscOutline& outline,
-                CriticPath& path) {
+void SurveyPath(const Rollouts& rollouts, float dt, std::span<const char> collides,
+                const ClearanceMap& clearance, const DiscOutline& outline, CriticPath& path) {
   const int num_points = static_cast<int>(path.x.size());
   path.is_free.resize(path.x.size());
   for (int i = 0; i < num_points; ++i) {
     path.is_free[i] = clearance.At(path.x[i], path.y[i]) > outline.inscribed_radius();
   }
-  const std::size_t end = rollouts.Index(rollouts.num_steps - 1, 0);
   const auto batch_size = static_cast<std::size_t>(rollouts.batch_size);
-  std::vector<float> nearest(batch_size, 1e30f);
+  std::vector<float> driven(batch_size, 0.0f), nearest(batch_size, 1e30f);
   std::vector<int> nearest_index(batch_size, 0);
-  for (int i = 0; i < num_points; ++i) {
-    TakeNearer(&rollouts.x[end], &rollouts.y[end], path.x[i], path.y[i], i, rollouts.batch_size,
-               nearest.data(), nearest_index.data());
+  for (int t = 0; t < rollouts.num_steps; ++t) {
+    AddScaled(&rollouts.linear[rollouts.Index(t, 0)], dt, rollouts.batch_size, driven.data());
   }
-  path.furthest = *std::max_element(nearest_index.begin(), nearest_index.end());
+  for (float& way : driven) way = std::abs(way);
+  const std::size_t end = rollouts.Index(rollouts.num_steps - 1, 0);
+  for (int i = 0; i < num_points; ++i) {
+    const float length = path.spacing * static_cast<float>(i) - kFurthestSlack;
+    TakeNearer(&rollouts.x[end], &rollouts.y[end], driven.data(), path.x[i], path.y[i], length, i,
+               rollouts.batch_size, nearest.data(), nearest_index.data());
+  }
+  path.furthest = 0;
+  for (std::size_t b = 0; b < batch_size; ++b) {
+    if (!collides[b]) path.furthest = std::max(path.furthest, nearest_index[b]);
+  }
 }
 
 void AddConstraintCost(const MppiConstraintConfig& config, const MppiConfig& limits,

@@ -36,9 +36,12 @@ struct CriticView {
   float dt = 0.05f;                  ///< [s]
 };
 
-/// Marks the path points whose inscribed circle is free and finds `furthest`. Cost: B x P.
-void SurveyPath(const Rollouts& rollouts, const ClearanceMap& clearance, const DiscOutline& outline,
-                CriticPath& path);
+/// Marks the path points whose inscribed circle is free and finds `furthest`, among the rollouts
+/// that do not collide ([B], 1: it does); 0 where all do. A rollout is given no point farther along
+/// the path than it drove itself, and some cells: where the path turns back behind a wall, the
+/// nearest point would lead the robot to that wall (Nav2 takes it all the same). Cost: B x P.
+void SurveyPath(const Rollouts& rollouts, float dt, std::span<const char> collides,
+                const ClearanceMap& clearance, const DiscOutline& outline, CriticPath& path);
 
 void AddConstraintCost(const MppiConstraintConfig& config, const MppiConfig& limits,
                        const CriticView& view, std::span<float> costs);

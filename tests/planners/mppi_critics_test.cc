@@ -14,6 +14,7 @@ class CriticsTest : public testing::Test {
   void Make(int batch_size, int num_steps) {
     rollouts_ = std::make_unique<Rollouts>(batch_size, num_steps);
     costs_.assign(static_cast<std::size_t>(batch_size), 0.0f);
+    collides_.assign(static_cast<std::size_t>(batch_size), 0);
     for (float& c : rollouts_->cosine) c = 1.0f;
     clearance_.Update(costmap_, {0.0, 0.0});
   }
@@ -43,7 +44,7 @@ class CriticsTest : public testing::Test {
   void SetLethal(double x, double y) { costmap_.set_cost(costmap_.CellAt({x, y}), kLethalCost); }
 
   CriticView View() {
-    SurveyPath(*rollouts_, clearance_, outline_, path_);
+    SurveyPath(*rollouts_, 0.05f, collides_, clearance_, outline_, path_);
     return {*rollouts_, clearance_, outline_, path_, 10.0f, 0.0f, 10.0f, {}, 0.0f, 0.05f};
   }
 
@@ -53,6 +54,7 @@ class CriticsTest : public testing::Test {
   std::unique_ptr<Rollouts> rollouts_;
   CriticPath path_;
   std::vector<float> costs_;
+  std::vector<char> collides_;
 };
 
 TEST_F(CriticsTest, SurveyFindsTheFurthestPointAndWhatIsBlocked) {
@@ -68,6 +70,26 @@ TEST_F(CriticsTest, SurveyFindsTheFurthestPointAndWhatIsBlocked) {
   EXPECT_TRUE(path_.is_free[20]);
   EXPECT_FALSE(path_.is_free[40]);  // 0.1 m from the cell's centre, less than 0.208.
   EXPECT_TRUE(path_.is_free[48]);
+}
+
+TEST_F(CriticsTest, SurveyPassesOverRolloutsThatCollideAndPointsBehindAWall) {
+  // Out for 1 m and back 0.2 m beside it: the end of the path is nearest to the start of the way.
+  Make(2, 10);
+  for (int i = 0; i <= 40; ++i) {
+    path_.x.push_back(i <= 20 ? 0.05f * static_cast<float>(i) : 0.05f * static_cast<float>(40 - i));
+    path_.y.push_back(i <= 20 ? 0.0f : 0.2f);
+  }
+  path_.spacing = 0.05f;
+  GoStraight(0, 0.03, 0.5);  // Ends at (0.26, 0.14): nearest to point 35, but it drove 0.3 m.
+  GoStraight(1, 0.08, 0.0);  // Ends at point 16.
+  View();
+  EXPECT_EQ(path_.furthest, 16);
+  collides_[1] = 1;
+  View();
+  EXPECT_EQ(path_.furthest, 5);
+  collides_[0] = 1;
+  View();
+  EXPECT_EQ(path_.furthest, 0);
 }
 
 TEST_F(CriticsTest, ConstraintIsTheWayBeyondTheLimits) {
