@@ -114,6 +114,7 @@ TEST_F(CriticsTest, ObstacleChargesCollisionsMarginAndNearness) {
   GoStraight(3, 0.035, 0.0);        // To x = 0.7: in the margin, not touching.
   MppiObstacleConfig config;
   config.point_step = 1;
+  config.collision_margin = 0.1;
   std::vector<char> collides(4);
   EXPECT_EQ(AddObstacleCost(config, View(), costs_, collides), 3);
   EXPECT_EQ(collides, (std::vector<char>{1, 0, 0, 0}));
