@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -111,21 +112,45 @@ TEST(CourseCheck, WhatNeverMovesIsReported) {
   EXPECT_THAT(CourseWarnings(course), ElementsAre(HasSubstr("stand still")));
 }
 
+std::vector<base::Vec2> CornersOf(const Box& box) {
+  std::vector<base::Vec2> points;
+  for (const base::Vec2 c : {base::Vec2{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}) {
+    points.push_back(base::Transform(box.X_WB, {c.x * box.half_size.x, c.y * box.half_size.y}));
+  }
+  return points;
+}
+
+TEST(CourseBounds, IncludeWhatTheyAreToldToAndNoMore) {
+  base::Random random(32);
+  const Bounds nothing{{0.5, 0.5}, {0.5, 0.5}};
+  for (int i = 0; i < 200; ++i) {
+    const Box box{
+        {{random.Uniform(-2.0, 2.0), random.Uniform(-2.0, 2.0)}, random.Uniform(-7.0, 7.0)},
+        {random.Uniform(0.1, 2.0), random.Uniform(0.1, 2.0)}};
+    Bounds expected = nothing;
+    for (const base::Vec2& p : CornersOf(box)) {
+      expected = {{std::min(expected.min_W.x, p.x), std::min(expected.min_W.y, p.y)},
+                  {std::max(expected.max_W.x, p.x), std::max(expected.max_W.y, p.y)}};
+    }
+    const Bounds bounds = Including(nothing, box);
+    EXPECT_NEAR(bounds.min_W.x, expected.min_W.x, 1e-12);
+    EXPECT_NEAR(bounds.min_W.y, expected.min_W.y, 1e-12);
+    EXPECT_NEAR(bounds.max_W.x, expected.max_W.x, 1e-12);
+    EXPECT_NEAR(bounds.max_W.y, expected.max_W.y, 1e-12);
+  }
+  EXPECT_EQ(Including(nothing, Circle{{1.0, 0.5}, 0.25}), (Bounds{{0.5, 0.25}, {1.25, 0.75}}));
+  EXPECT_EQ(Including({{-9.0, -9.0}, {9.0, 9.0}}, Circle{{1.0, 0.5}, 0.25}),
+            (Bounds{{-9.0, -9.0}, {9.0, 9.0}}));
+}
+
 /// Whether two convex outlines of four corners share a point: one has a corner in the other, or two
 /// edges cross.
 bool Overlap(const Box& a, const Box& b) {
-  const auto corners = [](const Box& box) {
-    std::vector<base::Vec2> points;
-    for (const base::Vec2 c : {base::Vec2{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}) {
-      points.push_back(base::Transform(box.X_WB, {c.x * box.half_size.x, c.y * box.half_size.y}));
-    }
-    return points;
-  };
   const auto holds = [](const Box& box, base::Vec2 p_W) {
     const base::Vec2 p = base::InverseTransform(box.X_WB, p_W);
     return std::abs(p.x) <= box.half_size.x && std::abs(p.y) <= box.half_size.y;
   };
-  const auto pa = corners(a), pb = corners(b);
+  const auto pa = CornersOf(a), pb = CornersOf(b);
   for (std::size_t i = 0; i < 4; ++i) {
     if (holds(b, pa[i]) || holds(a, pb[i])) return true;
     for (std::size_t j = 0; j < 4; ++j) {

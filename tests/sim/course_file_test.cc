@@ -247,6 +247,16 @@ TEST(CourseFile, BadMotionsAreNamedWithTheirLine) {
               HasSubstr("x.courses:15: a \"key\" line must follow"));
 }
 
+TEST(CourseFile, ExampleOfTheManualIsOne) {
+  const std::string page =
+      base::ReadFile(std::filesystem::path(SLALOM_SOURCE_DIR) / "docs" / "courses.md");
+  const std::size_t begin = page.find("slalom-courses 2\nset corridors");
+  ASSERT_NE(begin, std::string::npos);
+  const CourseSet set = Parse(page.substr(begin, page.find("```", begin) - begin));
+  EXPECT_EQ(set.name, "corridors");
+  EXPECT_EQ(set.courses.at(0)->moving.size(), 2u);
+}
+
 // So that files of static courses, and their checksums, are what older programs read and wrote.
 TEST(CourseFile, VersionIsTheOldestThatHoldsTheSet) {
   Course course = *Parse(kByHand).courses.at(0);
