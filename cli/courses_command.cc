@@ -87,17 +87,17 @@ void PrintTable(const sim::CourseSet& set) {
   }
 }
 
-/// "12 courses have moving obstacles..." or nothing.
+/// "  12 with a warning", or nothing.
 std::string RemarkOn(const sim::CourseSet& set) {
   const auto count = std::count_if(set.courses.begin(), set.courses.end(), [](const auto& course) {
     return !sim::CourseWarnings(*course).empty();
   });
-  return count == 0 ? "" : fmt::format("{} with a warning, see `slalom courses show`", count);
+  return count == 0 ? "" : fmt::format("  {} with a warning, see `slalom courses show`", count);
 }
 
-/// To stderr, what `CourseWarnings` says of each course; of more than ten, the first ten.
+/// To stderr, what `CourseWarnings` says of each course; of more than five, the first five.
 void PrintWarnings(const std::vector<std::shared_ptr<const sim::Course>>& courses) {
-  constexpr int kMaxShown = 10;
+  constexpr int kMaxShown = 5;
   int num_shown = 0;
   int num_hidden = 0;
   for (const auto& course : courses) {
@@ -120,7 +120,7 @@ void AddList(CLI::App& courses) {
     fmt::print("{:<20} {:>8}\n", "set", "courses");
     for (const std::string& name : sim::ListCourseSets(selection->collection_path())) {
       const auto set = sim::ResolveCourses(name, selection->collection_path(), selection->seed);
-      fmt::print("{:<20} {:>8}  {}\n", name, set.courses.size(), RemarkOn(set));
+      fmt::print("{:<20} {:>8}{}\n", name, set.courses.size(), RemarkOn(set));
     }
     fmt::print(
         "Fresh courses, in no other set: generated:SEED:COUNT, generated-box:SEED:COUNT, "

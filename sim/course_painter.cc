@@ -1,5 +1,6 @@
 #include "sim/course_painter.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -7,6 +8,7 @@
 
 #include "base/check.h"
 #include "sim/course_check.h"
+#include "sim/motion.h"
 
 namespace slalom::sim {
 namespace {
@@ -16,8 +18,37 @@ constexpr Colour kObstacle{0.26, 0.30, 0.36};
 constexpr Colour kEnds{0.13, 0.39, 0.83};  // Start and goal.
 constexpr double kGoalTolerance = 0.4;     // [m], within which the goal counts as reached.
 constexpr double kOutlineSpacing = 1.0;    // [m] between outlines along a track.
+constexpr double kGhostInterval = 1.0;     // [s] between outlines of a moving obstacle.
+constexpr int kMaxGhosts = 200;
+
+/// Points along the way of the obstacle's centre, from the first key frame to the last.
+std::vector<base::Vec2> WayOf(const MovingObstacle& obstacle, const Motion& motion) {
+  const double duration = obstacle.key_frames.back().time;
+  const int num_steps = 24 * static_cast<int>(obstacle.key_frames.size() - 1);
+  std::vector<base::Vec2> way;
+  for (int i = 0; i < num_steps; ++i) way.push_back(motion.At(duration * i / num_steps).X_WB.p);
+  way.push_back(obstacle.key_frames.back().X_WB.p);
+  return way;
+}
 
 }  // namespace
+
+Bounds IncludingSweep(Bounds bounds, const MovingObstacle& obstacle) {
+  const Motion motion(obstacle);
+  if (obstacle.radius > 0.0) {
+    for (const base::Vec2& p : WayOf(obstacle, motion)) {
+      bounds = Including(bounds, Circle{p, obstacle.radius});
+    }
+    return bounds;
+  }
+  constexpr int kNumSteps = 200;
+  const double duration = obstacle.key_frames.back().time;
+  for (int i = 0; i < kNumSteps; ++i) {
+    const base::Pose2 X_WB = motion.At(duration * i / kNumSteps).X_WB;
+    bounds = Including(bounds, Box{X_WB, obstacle.half_size});
+  }
+  return Including(bounds, Box{obstacle.key_frames.back().X_WB, obstacle.half_size});
+}
 
 Colour OutcomeColour(env::Outcome outcome) {
   switch (outcome) {
@@ -51,35 +82,87 @@ void CoursePainter::PaintCourse(const Course& course) {
   PaintDashes(way, 0.035);
 
   SetColour(cairo_, kObstacle);
-  for (const Circle& circle : course.circles) {
-    cairo_new_sub_path(cairo_);
-    cairo_arc(cairo_, circle.p_W.x, circle.p_W.y, circle.radius, 0.0, 2.0 * base::kPi);
-  }
-  for (const Box& box : course.boxes) {
-    for (const base::Vec2 corner : {base::Vec2{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}) {
-      const base::Vec2 p =
-          base::Transform(box.X_WB, {corner.x * box.half_size.x, corner.y * box.half_size.y});
-      if (corner == base::Vec2{1, 1}) {
-        cairo_move_to(cairo_, p.x, p.y);
-      } else {
-        cairo_line_to(cairo_, p.x, p.y);
-      }
+  for (const Circle& circle : course.circles) TraceCircle(circle);
+  for (const Box& box : course.boxes) TraceBox(box);
+  cairo_fill(cairo_);
+  for (const MovingObstacle& obstacle : course.moving) PaintMoving(obstacle);
+}
+
+void CoursePainter::PaintMoving(const MovingObstacle& obstacle) {
+  const Motion motion(obstacle);
+  const auto trace = [&](const base::Pose2& X_WB) {
+    if (obstacle.radius > 0.0) {
+      TraceCircle({X_WB.p, obstacle.radius});
+    } else {
+      TraceBox({X_WB, obstacle.half_size});
     }
-    cairo_close_path(cairo_);
+  };
+  const double duration = obstacle.key_frames.back().time;
+  const double interval = std::max(kGhostInterval, duration / kMaxGhosts);
+  for (int i = 1; i * interval < duration; ++i) trace(motion.At(i * interval).X_WB);
+  trace(obstacle.key_frames.back().X_WB);
+  SetColour(cairo_, kMoving, 0.3);
+  cairo_set_line_width(cairo_, 0.015);
+  cairo_stroke(cairo_);
+
+  std::vector<base::Vec2> way = WayOf(obstacle, motion);
+  SetColour(cairo_, kMoving, 0.55);
+  PaintArrow(way, 0.2, 0.025);
+  if (obstacle.playback == Playback::kPingPong) {
+    std::reverse(way.begin(), way.end());
+    PaintArrow(way, 0.2, 0.025);
   }
+  trace(obstacle.key_frames.front().X_WB);
+  SetColour(cairo_, kMoving);
   cairo_fill(cairo_);
 }
 
-void CoursePainter::TraceOutline(const base::Pose2& X_WR) {
-  constexpr double kX = 0.5 * kRobotLength;
-  constexpr double kY = 0.5 * kRobotWidth;
-  constexpr std::array<base::Vec2, 4> kCorners = {{{kX, kY}, {-kX, kY}, {-kX, -kY}, {kX, -kY}}};
-  cairo_new_sub_path(cairo_);
-  for (const base::Vec2& corner : kCorners) {
-    const base::Vec2 p = base::Transform(X_WR, corner);
+void CoursePainter::PaintMovingSymbol(base::Vec2 p, double reach) {
+  SetColour(cairo_, kMoving);
+  PaintArrow(std::array<base::Vec2, 2>{{{p.x - reach, p.y}, {p.x + reach, p.y}}}, 0.6 * reach,
+             0.12 * reach);
+  TraceBox({{{p.x - 0.6 * reach, p.y}, 0.0}, {0.4 * reach, 0.4 * reach}});
+  cairo_fill(cairo_);
+}
+
+void CoursePainter::PaintArrow(std::span<const base::Vec2> points, double size, double width) {
+  // The head points away from the last point that is as far from the tip as the head is long.
+  const base::Vec2 tip = points.back();
+  base::Vec2 from = points.front();
+  for (const base::Vec2& p : points) {
+    if (base::Norm(tip - p) >= size) from = p;
+  }
+  for (const base::Vec2& p : points) cairo_line_to(cairo_, p.x, p.y);
+  cairo_set_line_width(cairo_, width);
+  cairo_stroke(cairo_);
+  const double length = base::Norm(tip - from);
+  if (!(length > 0.0)) return;
+  const base::Vec2 ahead = (size / length) * (tip - from);
+  const base::Vec2 left = {-0.35 * ahead.y, 0.35 * ahead.x};
+  for (const base::Vec2& p : {tip, tip - ahead + left, tip - ahead - left}) {
     cairo_line_to(cairo_, p.x, p.y);
   }
   cairo_close_path(cairo_);
+  cairo_fill(cairo_);
+}
+
+void CoursePainter::TraceCircle(const Circle& circle) {
+  cairo_new_sub_path(cairo_);
+  cairo_arc(cairo_, circle.p_W.x, circle.p_W.y, circle.radius, 0.0, 2.0 * base::kPi);
+}
+
+void CoursePainter::TraceBox(const Box& box) {
+  cairo_new_sub_path(cairo_);
+  for (const base::Vec2 corner : {base::Vec2{1, 1}, {-1, 1}, {-1, -1}, {1, -1}}) {
+    const base::Vec2 p =
+        base::Transform(box.X_WB, {corner.x * box.half_size.x, corner.y * box.half_size.y});
+    cairo_line_to(cairo_, p.x, p.y);
+  }
+  cairo_close_path(cairo_);
+}
+
+void CoursePainter::TraceOutline(const base::Pose2& X_WR) {
+  TraceBox({X_WR, {0.5 * kRobotLength, 0.5 * kRobotWidth}});
 }
 
 void CoursePainter::PaintStart(const base::Pose2& X_WR) {

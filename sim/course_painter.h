@@ -18,12 +18,16 @@ struct Colour {
 };
 
 inline constexpr Colour kInk{0.15, 0.17, 0.20};
+inline constexpr Colour kMoving{0.70, 0.36, 0.10};  ///< Obstacles that move.
 inline constexpr Colour kMuted{0.45, 0.48, 0.52};
 
 /// The colour that a track of this outcome has in all pictures.
 Colour OutcomeColour(env::Outcome outcome);
 
 void SetColour(cairo_t* cairo, Colour colour, double alpha = 1.0);
+
+/// `bounds`, and all that a moving obstacle covers on its way.
+Bounds IncludingSweep(Bounds bounds, const MovingObstacle& obstacle);
 
 /// Draws in the course's frame W: the caller has set up a transformation from metres, y up, to the
 /// page. Confined to the thread that owns the context.
@@ -33,6 +37,9 @@ class CoursePainter {
 
   /// Floor, obstacles, goal and reference path.
   void PaintCourse(const Course& course);
+  /// Filled where it begins, its outline each second, its centre's way with an arrow at the end (at
+  /// both ends with ping-pong).
+  void PaintMoving(const MovingObstacle& obstacle);
   /// The robot at the start, with an arrow ahead.
   void PaintStart(const base::Pose2& X_WR);
   /// Line, outline every metre, outline and mark at the end.
@@ -42,8 +49,14 @@ class CoursePainter {
   void PaintEndMark(base::Vec2 p, double radius, env::Outcome outcome);
   void PaintGoal(base::Vec2 p, double radius);
   void PaintDashes(std::span<const base::Vec2> points, double width);
+  /// A moving obstacle at the left, its way to the right, 2 * `reach` wide.
+  void PaintMovingSymbol(base::Vec2 p, double reach);
+  /// A line with an arrowhead `size` long at its end, in the colour that is set.
+  void PaintArrow(std::span<const base::Vec2> points, double size, double width);
 
  private:
+  void TraceBox(const Box& box);
+  void TraceCircle(const Circle& circle);
   void TraceOutline(const base::Pose2& X_WR);
 
   cairo_t* const cairo_;

@@ -26,8 +26,11 @@ constexpr double kTitleHeight = 24.0;
 constexpr double kLegendRow = 20.0;
 constexpr double kFontSize = 12.0;
 constexpr double kMaxSide = 20000.0;
-constexpr double kPageScale = 64.0;   // Per metre, one course.
-constexpr double kSheetScale = 22.0;  // Per metre, contact sheet.
+constexpr double kPageScale = 64.0;   // Per metre, one course,
+constexpr double kPageSide = 2000.0;  // or what fits the larger side into this.
+constexpr double kSheetScale = 22.0;  // The same, contact sheet.
+constexpr double kSheetSide = 480.0;
+constexpr double kMinScale = 4.0;  // Per metre; below, nothing can be made out.
 
 struct Size {
   double width = 0.0;
@@ -105,6 +108,9 @@ class Page {
 Bounds ViewOf(const CourseScene& scene) {
   constexpr double kReach = 0.35;  // [m] round each pose.
   Bounds view = scene.course->bounds;
+  for (const MovingObstacle& obstacle : scene.course->moving) {
+    view = IncludingSweep(view, obstacle);
+  }
   for (const EpisodeTrack& track : scene.tracks) {
     for (const base::Pose2& pose : track.poses) {
       view.min_W.x = std::min(view.min_W.x, pose.p.x - kReach);
@@ -118,6 +124,16 @@ Bounds ViewOf(const CourseScene& scene) {
 
 Size SizeOf(const Bounds& view, double scale) {
   return {scale * (view.max_W.x - view.min_W.x), scale * (view.max_W.y - view.min_W.y)};
+}
+
+/// The larger side of a view, [m].
+double SideOf(const Bounds& view) {
+  return std::max(view.max_W.x - view.min_W.x, view.max_W.y - view.min_W.y);
+}
+
+/// `scale`, or less where a view of this side would exceed `max_side` on the page.
+double ScaleFor(double side, double scale, double max_side) {
+  return std::max(kMinScale, std::min(scale, max_side / side));
 }
 
 /// Draws the scene with its top left corner at (left, top) of the page.
@@ -152,6 +168,14 @@ std::vector<LegendEntry> LegendOf(std::span<const CourseScene> scenes) {
       {"reference path", [](CoursePainter& painter, base::Vec2 p) {
          painter.PaintDashes(std::array<base::Vec2, 2>{{{p.x - 9.0, p.y}, {p.x + 9.0, p.y}}}, 2.2);
        }}};
+  const bool has_moving = std::any_of(scenes.begin(), scenes.end(), [](const CourseScene& scene) {
+    return !scene.course->moving.empty();
+  });
+  if (has_moving) {
+    entries.push_back({"moving, outline each second", [](CoursePainter& painter, base::Vec2 p) {
+                         painter.PaintMovingSymbol(p, 9.0);
+                       }});
+  }
   for (const env::Outcome outcome : {env::Outcome::kSuccess, env::Outcome::kCollision,
                                      env::Outcome::kTimeout, env::Outcome::kRunning}) {
     std::ptrdiff_t count = 0;
@@ -174,24 +198,36 @@ void PaintEntry(Page& page, const LegendEntry& entry, double left, double middle
   page.Text(left + 26.0, middle + 0.35 * kFontSize, entry.text);
 }
 
+/// A bar of 1, 2, 5, 10, ... metres, long enough to be seen.
 void PaintScaleBar(Page& page, double left, double y, double scale) {
+  constexpr double kMinLength = 20.0;
+  constexpr std::array kMetres = {1, 2, 5, 10, 20};
+  int metres = kMetres.front();
+  for (const int candidate : kMetres) {
+    if (scale * metres < kMinLength) metres = candidate;
+  }
+  const double length = scale * metres;
   cairo_t* cairo = page.cairo();
-  for (const double x : {left, left + scale}) {
+  for (const double x : {left, left + length}) {
     cairo_move_to(cairo, x, y - 4.0);
     cairo_line_to(cairo, x, y + 4.0);
   }
   cairo_move_to(cairo, left, y);
-  cairo_line_to(cairo, left + scale, y);
+  cairo_line_to(cairo, left + length, y);
   SetColour(cairo, kInk);
   cairo_set_line_width(cairo, 1.5);
   cairo_stroke(cairo);
-  page.Text(left + scale + 8.0, y + 0.35 * kFontSize, "1 m");
+  page.Text(left + length + 8.0, y + 0.35 * kFontSize, fmt::format("{} m", metres));
 }
 
 std::vector<std::string> FactsOf(const Course& course) {
   std::vector<std::string> facts = {
       fmt::format("{} obstacles", course.circles.size() + course.boxes.size()),
       fmt::format("path {:.2f} m", ReferenceLength(course))};
+  if (!course.moving.empty()) {
+    facts.front() = fmt::format("{} fixed obstacles, {} moving",
+                                course.circles.size() + course.boxes.size(), course.moving.size());
+  }
   if (course.difficulty) {
     const Difficulty& d = *course.difficulty;
     facts.push_back("difficulty [cells]");
@@ -210,7 +246,8 @@ std::string RenderCourse(const CourseScene& scene, PictureFormat format) {
   SLALOM_CHECK(scene.course != nullptr);
   constexpr double kPanelWidth = 220.0;
   const Bounds view = ViewOf(scene);
-  const Size size = SizeOf(view, kPageScale);
+  const double scale = ScaleFor(SideOf(view), kPageScale, kPageSide);
+  const Size size = SizeOf(view, scale);
   const double height = std::max(size.height, 18.0 * kLegendRow);
   Page page({size.width + kPanelWidth + 3.0 * kMargin, height + kTitleHeight + 2.0 * kMargin},
             format);
@@ -218,7 +255,7 @@ std::string RenderCourse(const CourseScene& scene, PictureFormat format) {
   page.Text(kMargin, kMargin + 0.5 * kTitleHeight, scene.course->name);
   cairo_set_font_size(page.cairo(), kFontSize);
   const double top = kMargin + kTitleHeight;
-  PaintScene(page, scene, view, kMargin, top, kPageScale);
+  PaintScene(page, scene, view, kMargin, top, scale);
 
   const double panel = size.width + 2.0 * kMargin;
   double middle = top + 0.5 * kLegendRow;
@@ -231,7 +268,7 @@ std::string RenderCourse(const CourseScene& scene, PictureFormat format) {
     page.Text(panel, middle + 0.35 * kFontSize, fact, kMuted);
     middle += 0.85 * kLegendRow;
   }
-  PaintScaleBar(page, panel, top + height - 8.0, kPageScale);
+  PaintScaleBar(page, panel, top + height - 8.0, scale);
   return page.Finish();
 }
 
@@ -239,9 +276,12 @@ std::string RenderContactSheet(std::span<const CourseScene> scenes, int num_colu
                                PictureFormat format) {
   SLALOM_CHECK(!scenes.empty());
   SLALOM_CHECK_GE(num_columns, 1);
+  double largest = 0.0;
+  for (const CourseScene& scene : scenes) largest = std::max(largest, SideOf(ViewOf(scene)));
+  const double scale = ScaleFor(largest, kSheetScale, kSheetSide);
   Size cell;
   for (const CourseScene& scene : scenes) {
-    const Size size = SizeOf(ViewOf(scene), kSheetScale);
+    const Size size = SizeOf(ViewOf(scene), scale);
     cell = {std::max(cell.width, size.width), std::max(cell.height, size.height)};
   }
   const auto columns = std::min(scenes.size(), static_cast<std::size_t>(num_columns));
@@ -264,7 +304,7 @@ std::string RenderContactSheet(std::span<const CourseScene> scenes, int num_colu
     const std::size_t row = i / columns;
     const double top = kMargin + static_cast<double>(row) * row_pitch;
     page.Text(left, top + 0.5 * kTitleHeight, scenes[i].course->name);
-    PaintScene(page, scenes[i], ViewOf(scenes[i]), left, top + 0.75 * kTitleHeight, kSheetScale);
+    PaintScene(page, scenes[i], ViewOf(scenes[i]), left, top + 0.75 * kTitleHeight, scale);
   }
   for (std::size_t i = 0; i < num_entries; ++i) {
     const double left = kMargin + static_cast<double>(i % per_row) * kEntryWidth;
@@ -273,7 +313,7 @@ std::string RenderContactSheet(std::span<const CourseScene> scenes, int num_colu
     if (i < legend.size()) {
       PaintEntry(page, legend[i], left, middle);
     } else {
-      PaintScaleBar(page, left, middle, kSheetScale);
+      PaintScaleBar(page, left, middle, scale);
     }
   }
   return page.Finish();

@@ -16,6 +16,7 @@
 #include "sim/course_generator.h"
 #include "sim/course_splits.h"
 #include "sim/dynamic_generator.h"
+#include "sim/real_world_courses.h"
 
 namespace slalom::sim {
 namespace {
@@ -30,6 +31,7 @@ struct FreshSource {
 constexpr FreshSource kFreshSources[] = {{"generated:", GenerateFreshCourses},
                                          {"generated-box:", GenerateFreshBoxCourses},
                                          {"generated-wall:", GenerateFreshWallCourses}};
+constexpr std::string_view kRealWorldPrefix = "real-world-";
 constexpr std::string_view kValidation = "static-validation";
 constexpr int kNumValidation = 40;
 constexpr int kMaxGenerated = 100000;
@@ -109,6 +111,15 @@ CourseSet ResolveGenerated(const std::string& spec, const FreshSource& source) {
   return set;
 }
 
+/// The number of "real-world-NUMBER", where there is such a course.
+std::optional<int> RealWorldNumber(std::string_view name) {
+  int number = 0;
+  if (!name.starts_with(kRealWorldPrefix)) return std::nullopt;
+  if (!ParseWhole(name.substr(kRealWorldPrefix.size()), number)) return std::nullopt;
+  if (number < 1 || number > kNumRealWorldCourses) return std::nullopt;
+  return number;
+}
+
 CourseSet BuiltInSet(const std::string& name, const CourseSplit& split, std::uint64_t seed) {
   CourseSet set{name, {}};
   if (name == kValidation) {
@@ -131,6 +142,9 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
                          std::uint64_t generator_seed) {
   for (const FreshSource& source : kFreshSources) {
     if (spec.starts_with(source.prefix)) return ResolveGenerated(spec, source);
+  }
+  if (const auto number = RealWorldNumber(spec)) {
+    return {spec, {std::make_shared<const Course>(RealWorldCourse(*number))}};
   }
   if (collection && !collection->empty()) {
     const fs::path file = *collection / (spec + std::string(kCourseSetExtension));
@@ -163,14 +177,18 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
 std::vector<std::string> ListCourseSets(const std::optional<fs::path>& collection) {
   std::vector<std::string> names;
   for (const std::string_view name : SplitNames()) names.emplace_back(name);
-  if (!collection || collection->empty()) return names;
-  std::vector<std::string> others;
-  for (const fs::path& file : ListFiles(*collection, kCourseSetExtension)) {
-    others.push_back(file.stem().string());
+  if (collection && !collection->empty()) {
+    std::vector<std::string> others;
+    for (const fs::path& file : ListFiles(*collection, kCourseSetExtension)) {
+      others.push_back(file.stem().string());
+    }
+    // The paper's sets first, in their own order, as far as the collection has them.
+    std::erase_if(names, [&](const std::string& name) { return std::erase(others, name) == 0; });
+    names.insert(names.end(), others.begin(), others.end());
   }
-  // The paper's sets first, in their own order, as far as the collection has them.
-  std::erase_if(names, [&](const std::string& name) { return std::erase(others, name) == 0; });
-  names.insert(names.end(), others.begin(), others.end());
+  for (int number = 1; number <= kNumRealWorldCourses; ++number) {
+    names.push_back(fmt::format("{}{}", kRealWorldPrefix, number));
+  }
   return names;
 }
 

@@ -23,6 +23,8 @@ int FirstWorld(CourseKind kind);
 struct CourseSplit {
   CourseKind kind = CourseKind::kStatic;
   std::vector<int> indices;  ///< Of 0 to NumCourses(kind) - 1, in the order of the paper's lists.
+
+  friend bool operator==(const CourseSplit&, const CourseSplit&) = default;
 };
 
 /// The paper's sets (original-system.md §7.5), the same for the imported original courses and for

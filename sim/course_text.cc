@@ -8,6 +8,8 @@
 #include <iterator>
 #include <vector>
 
+#include "sim/motion.h"
+
 namespace slalom::sim {
 namespace {
 
@@ -51,33 +53,67 @@ class TextCanvas {
   std::vector<std::string> lines_;  // From the smallest y up.
 };
 
+/// Points close enough to touch every character that the circle covers, and its centre.
+void PutCircle(TextCanvas& canvas, const Circle& circle, char c) {
+  canvas.Put(circle.p_W, c);
+  const int num_rings = static_cast<int>(circle.radius / kCharacterWidth) + 1;
+  for (int ring = 1; ring <= num_rings; ++ring) {
+    const double radius = 0.95 * circle.radius * ring / num_rings;
+    const int num_points = 8 * ring;
+    for (int i = 0; i < num_points; ++i) {
+      const auto direction = base::SinCos(2.0 * base::kPi * i / num_points);
+      canvas.Put(circle.p_W + radius * base::Vec2{direction.cos, direction.sin}, c);
+    }
+  }
+}
+
+void PutBox(TextCanvas& canvas, const Box& box, char c) {
+  const int num_x = static_cast<int>(2.0 * box.half_size.x / (0.5 * kCharacterWidth)) + 2;
+  const int num_y = static_cast<int>(2.0 * box.half_size.y / (0.5 * kCharacterWidth)) + 2;
+  for (int x = 0; x < num_x; ++x) {
+    for (int y = 0; y < num_y; ++y) {
+      canvas.Put(base::Transform(box.X_WB, {box.half_size.x * (2.0 * x / (num_x - 1) - 1.0),
+                                            box.half_size.y * (2.0 * y / (num_y - 1) - 1.0)}),
+                 c);
+    }
+  }
+}
+
+/// The way of the obstacle's centre, from the first key frame to the last.
+void PutWay(TextCanvas& canvas, const MovingObstacle& obstacle, char c) {
+  constexpr int kNumPoints = 1000;
+  const Motion motion(obstacle);
+  const double duration = obstacle.key_frames.back().time;
+  for (int i = 0; i < kNumPoints; ++i) canvas.Put(motion.At(duration * i / kNumPoints).X_WB.p, c);
+}
+
+/// "2 moving, rounds of 3.0 to 4.5 s, at most 1.9 m/s".
+std::string DescribeMoving(const std::vector<MovingObstacle>& moving) {
+  double shortest = 1e9, longest = 0.0, fastest = 0.0;
+  for (const MovingObstacle& obstacle : moving) {
+    const Motion motion(obstacle);
+    shortest = std::min(shortest, motion.period());
+    longest = std::max(longest, motion.period());
+    fastest = std::max(fastest, motion.max_speed());
+  }
+  return fmt::format("{} moving: rounds of {:.1f} to {:.1f} s, at most {:.2f} m/s", moving.size(),
+                     shortest, longest, fastest);
+}
+
 }  // namespace
 
 std::string DrawText(const Course& course) {
   TextCanvas canvas(course.bounds);
+  for (const MovingObstacle& obstacle : course.moving) PutWay(canvas, obstacle, ':');
   for (const base::Vec2& p : course.reference_path_W) canvas.Put(p, 'o');
-  for (const Circle& circle : course.circles) {
-    // Points close enough to touch every character that the circle covers, and its centre.
-    canvas.Put(circle.p_W, '#');
-    const int num_rings = static_cast<int>(circle.radius / kCharacterWidth) + 1;
-    for (int ring = 1; ring <= num_rings; ++ring) {
-      const double radius = 0.95 * circle.radius * ring / num_rings;
-      const int num_points = 8 * ring;
-      for (int i = 0; i < num_points; ++i) {
-        const auto [s, c] = base::SinCos(2.0 * base::kPi * i / num_points);
-        canvas.Put(circle.p_W + base::Vec2{radius * c, radius * s}, '#');
-      }
-    }
-  }
-  for (const Box& box : course.boxes) {
-    const int num_x = static_cast<int>(2.0 * box.half_size.x / (0.5 * kCharacterWidth)) + 2;
-    const int num_y = static_cast<int>(2.0 * box.half_size.y / (0.5 * kCharacterWidth)) + 2;
-    for (int x = 0; x < num_x; ++x) {
-      for (int y = 0; y < num_y; ++y) {
-        canvas.Put(base::Transform(box.X_WB, {box.half_size.x * (2.0 * x / (num_x - 1) - 1.0),
-                                              box.half_size.y * (2.0 * y / (num_y - 1) - 1.0)}),
-                   '#');
-      }
+  for (const Circle& circle : course.circles) PutCircle(canvas, circle, '#');
+  for (const Box& box : course.boxes) PutBox(canvas, box, '#');
+  for (const MovingObstacle& obstacle : course.moving) {
+    const base::Pose2& X_WB = obstacle.key_frames.front().X_WB;
+    if (obstacle.radius > 0.0) {
+      PutCircle(canvas, {X_WB.p, obstacle.radius}, 'm');
+    } else {
+      PutBox(canvas, {X_WB, obstacle.half_size}, 'm');
     }
   }
   canvas.Put(course.goal_W, 'G');
@@ -96,6 +132,9 @@ std::string DescribeText(const Course& course) {
                  course.bounds.max_W.x, course.bounds.min_W.y, course.bounds.max_W.y);
   fmt::format_to(out, "obstacles:       {} cylinders, {} boxes\n", course.circles.size(),
                  course.boxes.size());
+  if (!course.moving.empty()) {
+    fmt::format_to(out, "                 {}\n", DescribeMoving(course.moving));
+  }
   fmt::format_to(out, "reference path:  {:.3f} m from start to goal{}\n", ReferenceLength(course),
                  course.reference_path_W.empty() ? " (straight line: the course has no path)" : "");
   if (course.difficulty) {

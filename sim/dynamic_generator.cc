@@ -65,12 +65,12 @@ CourseSet WallCourses(const std::string& prefix, std::uint64_t seed, int first, 
 }  // namespace
 
 Course DynamicBoxArena(std::string name) {
-  constexpr double kReach = 0.4;  // More than a box of 0.5 m reaches from its centre.
   Course course;
   course.name = std::move(name);
   course.start = BarnStart();
   course.goal_W = BarnGoal();
-  course.bounds = {{kLeft - kReach, kBack - kReach}, {kRight + kReach, kFront + kReach}};
+  // 0.4 m beyond the ends, more than a box of 0.5 m reaches from its centre.
+  course.bounds = {{-9.4, 0.1}, {4.9, 14.4}};
   const base::Vec2 half_size = {0.5 * kWallThickness, 0.5 * (kFront - kBack)};
   const base::Vec2 middle = {0.5 * (kLeft + kRight), 0.5 * (kBack + kFront)};
   course.boxes = {{{{middle.x, kBack}, 0.5 * base::kPi}, half_size},

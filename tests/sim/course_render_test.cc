@@ -12,9 +12,11 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/random.h"
 #include "sim/course_generator.h"
 #include "sim/course_painter.h"
 #include "sim/course_text.h"
+#include "sim/motion.h"
 
 /// Fontconfig, below cairo, never frees what it has read; asked for by LeakSanitizer, unused
 /// elsewhere.
@@ -106,6 +108,76 @@ TEST(CourseRender, AreaOfObstaclesIsToScale) {
   EXPECT_NEAR(after - before, 0.5 * 64 * 64, 3.0 * 64);
 }
 
+/// A box of 1 m x 0.5 m that is driven from `from` to `to` in 4 s.
+MovingObstacle MovingBox(const base::Pose2& from, const base::Pose2& to) {
+  return {.radius = 0.0,
+          .half_size = {0.5, 0.25},
+          .key_frames = {{0.0, from}, {4.0, to}},
+          .playback = Playback::kLoop};
+}
+
+TEST(CourseRender, MovingObstaclesAreFilledWhereTheyBegin) {
+  Course course = OpenCourse();
+  const Picture without(RenderCourse({&course, {}}, PictureFormat::kPng));
+  EXPECT_EQ(without.Count(kMoving), 0);
+  course.moving.push_back(MovingBox({{-1.0, 7.0}, 0.3}, {{-3.0, 7.0}, 0.3}));
+  const Picture with(RenderCourse({&course, {}}, PictureFormat::kPng));
+  // 1 m x 0.5 m at 64 pixels a metre, less blended pixels of the edge (3 m), and the symbol of the
+  // legend, at most 18 x 18 pixels.
+  EXPECT_NEAR(with.Count(kMoving), 0.5 * 64 * 64, 3.0 * 64 + 18 * 18);
+  course.moving[0].radius = 0.4;
+  const Picture circle(RenderCourse({&course, {}}, PictureFormat::kPng));
+  EXPECT_NEAR(circle.Count(kMoving), base::kPi * 0.16 * 64 * 64, 2.6 * 64 + 18 * 18);
+}
+
+TEST(CourseRender, ViewHoldsWhatDrivesBeyondTheBounds) {
+  Course course = OpenCourse();  // To x = 0.
+  const Picture without(RenderCourse({&course, {}}, PictureFormat::kPng));
+  course.moving.push_back(MovingBox({{-2.0, 7.0}, 0.0}, {{2.0, 7.0}, 0.0}));
+  const Picture with(RenderCourse({&course, {}}, PictureFormat::kPng));
+  EXPECT_NEAR(with.width() - without.width(), 2.5 * 64, 1.0);
+}
+
+TEST(CourseRender, SweepHoldsEveryPlaceOnTheWay) {
+  base::Random random(5);
+  for (int i = 0; i < 20; ++i) {
+    MovingObstacle obstacle;
+    obstacle.playback = i % 2 == 0 ? Playback::kLoop : Playback::kPingPong;
+    obstacle.radius = i % 3 == 0 ? 0.3 : 0.0;
+    obstacle.half_size = {random.Uniform(0.1, 1.0), random.Uniform(0.1, 1.0)};
+    for (int k = 0; k < 5; ++k) {
+      obstacle.key_frames.push_back(
+          {1.5 * k,
+           {{random.Uniform(-5.0, 5.0), random.Uniform(-5.0, 5.0)}, random.Uniform(-3.0, 3.0)}});
+    }
+    const Bounds sweep = IncludingSweep({{0.0, 0.0}, {0.0, 0.0}}, obstacle);
+    const Motion motion(obstacle);
+    Bounds dense{{0.0, 0.0}, {0.0, 0.0}};
+    for (int n = 0; n < 5000; ++n) {
+      const base::Pose2 X_WB = motion.At(6.0 * n / 5000).X_WB;
+      dense = obstacle.radius > 0.0 ? Including(dense, Circle{X_WB.p, obstacle.radius})
+                                    : Including(dense, Box{X_WB, obstacle.half_size});
+    }
+    // Between two looks it drives less than 0.2 m, most of which is not at the outermost place.
+    EXPECT_NEAR(sweep.min_W.x, dense.min_W.x, 0.02) << i;
+    EXPECT_NEAR(sweep.min_W.y, dense.min_W.y, 0.02) << i;
+    EXPECT_NEAR(sweep.max_W.x, dense.max_W.x, 0.02) << i;
+    EXPECT_NEAR(sweep.max_W.y, dense.max_W.y, 0.02) << i;
+  }
+}
+
+TEST(CourseRender, LargeCoursesAreDrawnSmaller) {
+  Course course = OpenCourse();
+  course.bounds = {{-50.0, -20.0}, {50.0, 20.0}};
+  const Picture page(RenderCourse({&course, {}}, PictureFormat::kPng));
+  EXPECT_GT(page.width(), 2000);
+  EXPECT_LT(page.width(), 2000 + 300);
+  EXPECT_LT(page.height(), 800 + 100);
+  const CourseScene scene{&course, {}};
+  const Picture sheet(RenderContactSheet(std::vector(2, scene), 2, PictureFormat::kPng));
+  EXPECT_LT(sheet.width(), 2 * 500 + 50);
+}
+
 TEST(CourseRender, SvgIsOne) {
   const Course course = OpenCourse();
   const std::string svg = RenderCourse({&course, {}}, PictureFormat::kSvg);
@@ -152,6 +224,31 @@ TEST(CourseText, DrawsWhatIsThere) {
             "######\n"
             "S.....\n");
   EXPECT_THAT(DescribeText(course), HasSubstr("1 cylinders, 1 boxes"));
+}
+
+TEST(CourseText, DrawsWhatMovesAndItsWay) {
+  Course course;
+  course.name = "moving";
+  course.start = {{0.1, 0.1}, 0.0};
+  course.goal_W = {0.8, 1.0};
+  course.bounds = {{0.0, 0.0}, {0.9, 1.2}};
+  course.boxes.push_back({{{0.075, 0.75}, 0.0}, {0.05, 0.1}});
+  course.moving = {{.radius = 0.07,
+                    .half_size = {},
+                    .key_frames = {{0.0, {{0.825, 0.75}, 0.0}}, {2.0, {{0.075, 0.75}, 0.0}}},
+                    .playback = Playback::kPingPong},
+                   {.radius = 0.0,
+                    .half_size = {0.07, 0.1},
+                    .key_frames = {{0.0, {{0.375, 0.15}, 0.0}}, {1.0, {{0.375, 0.45}, 0.0}}},
+                    .playback = Playback::kLoop}};
+  EXPECT_EQ(DrawText(course),
+            ".....G\n"
+            "#::::m\n"
+            "..:...\n"
+            "S.m...\n");
+  // Rounds of 4 s there and back, and 1 s; 0.75 m in 2 s is at most 1.25 times as fast midway.
+  EXPECT_THAT(DescribeText(course),
+              HasSubstr("2 moving: rounds of 1.0 to 4.0 s, at most 0.47 m/s"));
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -14,7 +16,9 @@
 #include "sim/course_check.h"
 #include "sim/course_file.h"
 #include "sim/course_generator.h"
+#include "sim/course_render.h"
 #include "sim/course_splits.h"
+#include "sim/course_text.h"
 #include "tests/sim/barn_data.h"
 #include "tests/support/scratch_directory.h"
 
@@ -58,10 +62,13 @@ std::string ErrorOf(const std::string& spec,
 TEST(CourseSplits, AreThePapers) {
   if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
   const auto json = nlohmann::json::parse(base::ReadFile(BarnDirectory() / "splits.json"));
-  for (const std::string name : {"static-train-5", "static-train-10", "static-train-50",
-                                 "static-train-100", "static-train-250", "static-test"}) {
-    EXPECT_EQ(FindSplit(name).value().indices, json.at(name).get<std::vector<int>>()) << name;
+  for (const auto& [name, worlds] : json.items()) {
+    const CourseSplit split = FindSplit(name).value();
+    std::vector<int> numbers;
+    for (const int index : split.indices) numbers.push_back(FirstWorld(split.kind) + index);
+    EXPECT_EQ(numbers, worlds.get<std::vector<int>>()) << name;
   }
+  EXPECT_EQ(json.size(), 10u);
 }
 
 TEST(CourseSplits, AreNestedAndKeepTestAndValidationApart) {
@@ -108,6 +115,77 @@ TEST(CourseSets, BuiltInValidationIsInNoOtherSet) {
   }
 }
 
+TEST(CourseSplits, DynamicSetsAreHalves) {
+  for (const std::string kind : {"dynamic-box", "dynamic-wall"}) {
+    EXPECT_EQ(Indices(kind).size(), 100u);
+    EXPECT_EQ(Indices(kind + "-train").size(), 50u);
+    EXPECT_EQ(Indices(kind + "-test").size(), 50u);
+    EXPECT_TRUE(AreDisjoint(Indices(kind + "-train"), Indices(kind + "-test")));
+    EXPECT_TRUE(Contains(Indices(kind), Indices(kind + "-test")));
+  }
+  EXPECT_EQ(FindSplit("dynamic-box-tset"), std::nullopt);
+  EXPECT_EQ(FindSplit("dynamic"), std::nullopt);
+}
+
+TEST(CourseSets, EverySetOfThePaperIsThereAndCanBeDriven) {
+  const std::map<std::string, std::size_t> sizes = {
+      {"static", 300},       {"static-test", 50},        {"static-train-250", 250},
+      {"dynamic-box", 100},  {"dynamic-box-train", 50},  {"dynamic-box-test", 50},
+      {"dynamic-wall", 100}, {"dynamic-wall-train", 50}, {"dynamic-wall-test", 50},
+      {"real-world-1", 1},   {"real-world-2", 1},        {"real-world-3", 1}};
+  const std::vector<std::string> listed = ListCourseSets(std::nullopt);
+  for (const auto& [name, size] : sizes) {
+    EXPECT_THAT(listed, ::testing::Contains(name));
+    const CourseSet set = ResolveCourses(name, std::nullopt, 1);
+    EXPECT_EQ(set.name, name);
+    EXPECT_EQ(set.courses.size(), size) << name;
+    EXPECT_EQ(Names(set).size(), size) << name;
+    for (const auto& course : set.courses) {
+      EXPECT_EQ(WhyUnsolvable(*course), std::nullopt) << course->name;
+      EXPECT_EQ(course->moving.empty(), !name.starts_with("dynamic")) << course->name;
+    }
+  }
+  EXPECT_THAT(ErrorOf("real-world-4"), HasSubstr("real-world-3"));
+  EXPECT_THAT(ErrorOf("real-world-"), HasSubstr("real-world-3"));
+}
+
+// Test courses of one kind must not be among the train courses of another seed or stream either.
+TEST(CourseSets, DynamicTrainAndTestCoursesAreApart) {
+  for (const std::string kind : {"dynamic-box", "dynamic-wall"}) {
+    const CourseSet train = ResolveCourses(kind + "-train", std::nullopt, 1);
+    const CourseSet test = ResolveCourses(kind + "-test", std::nullopt, 1);
+    for (const auto& a : train.courses) {
+      for (const auto& b : test.courses) EXPECT_NE(a->moving, b->moving);
+    }
+  }
+}
+
+// A set in another frame, of another size and with other obstacles than those of the paper is data.
+TEST(CourseSets, ShippedExampleOfAnotherSetIsReadCheckedAndDrawn) {
+  const auto file = std::filesystem::path(SLALOM_SOURCE_DIR) / "courses" / "dynabarn-like.courses";
+  const CourseSet set = ResolveCourses(file, std::nullopt, 1);
+  EXPECT_EQ(set.name, "dynabarn-like");
+  ASSERT_EQ(set.courses.size(), 2u);
+  std::vector<CourseScene> scenes;
+  for (const auto& course : set.courses) {
+    EXPECT_EQ(course->start.p, (base::Vec2{11.0, 0.0}));
+    EXPECT_EQ(base::InverseTransform(course->start, course->goal_W).x, 20.0);
+    EXPECT_EQ(ReferenceLength(*course), 20.0);
+    EXPECT_EQ(CourseWarnings(*course), std::vector<std::string>());
+    for (const MovingObstacle& obstacle : course->moving) {
+      EXPECT_EQ(obstacle.radius, 0.5);
+      EXPECT_GE(obstacle.key_frames.size(), 3u);
+      EXPECT_LE(obstacle.key_frames.size(), 16u);
+    }
+    EXPECT_THAT(DrawText(*course), AllOf(HasSubstr("m"), HasSubstr("S"), HasSubstr("G")));
+    scenes.push_back({course.get(), {}});
+  }
+  EXPECT_EQ(set.courses[0]->moving.size(), 7u);
+  EXPECT_THAT(RenderContactSheet(scenes, 2, PictureFormat::kSvg), HasSubstr("</svg>"));
+  // What is read is what would be written.
+  EXPECT_EQ(*ParseCourseSet(PrintCourseSet(set), "x", ".").courses[1], *set.courses[1]);
+}
+
 TEST(CourseSets, GeneratedHasAsManyAsAsked) {
   const CourseSet set = ResolveCourses("generated:9:30", std::nullopt, 1);
   EXPECT_EQ(set.courses.size(), 30u);
@@ -116,6 +194,14 @@ TEST(CourseSets, GeneratedHasAsManyAsAsked) {
   for (const std::string spec : {"generated:", "generated:1", "generated:1:0", "generated:-1:5",
                                  "generated:1:5x", "generated:1:999999999"}) {
     EXPECT_THAT(ErrorOf(spec), AllOf(HasSubstr(spec), HasSubstr("generated:SEED:COUNT"))) << spec;
+  }
+  for (const std::string kind : {"box", "wall"}) {
+    const CourseSet moving = ResolveCourses("generated-" + kind + ":9:120", std::nullopt, 1);
+    EXPECT_EQ(Names(moving).size(), 120u);
+    EXPECT_EQ(moving.courses[119]->name, "fresh-" + kind + "-9-119");
+    EXPECT_FALSE(moving.courses[0]->moving.empty());
+    EXPECT_THAT(ErrorOf("generated-" + kind + ":9"),
+                HasSubstr("generated-" + kind + ":SEED:COUNT"));
   }
 }
 
@@ -132,7 +218,9 @@ TEST(CourseSets, CollectionFilesAndDirectoriesAreRead) {
   WriteCourseSet(scratch.path() / "mine.courses", {"mine", {made.courses[0]}});
   EXPECT_EQ(Names(ResolveCourses("static-test", scratch.path(), 1)), Names(made));
   EXPECT_EQ(Names(ResolveCourses("mine", scratch.path(), 1)).size(), 1u);
-  EXPECT_EQ(ListCourseSets(scratch.path()), (std::vector<std::string>{"static-test", "mine"}));
+  EXPECT_EQ(ListCourseSets(scratch.path()),
+            (std::vector<std::string>{"static-test", "mine", "real-world-1", "real-world-2",
+                                      "real-world-3"}));
   EXPECT_THAT(ErrorOf("static-train-5", scratch.path()),
               AllOf(HasSubstr(scratch.path().string()), HasSubstr("static-test, mine")));
   EXPECT_THAT(ErrorOf("static", "/no/such/place"), HasSubstr("/no/such/place"));
