@@ -71,7 +71,12 @@ template <class Config>
 void ApplyOptions(const EvaluateOptions& options, Config& config) {
   Profile profile{config.environment};
   for (const std::string& file : options.profiles) {
-    config::ReadTomlFile(file, config::ListFields(profile));
+    try {
+      config::ReadTomlFile(file, config::ListFields(profile));
+    } catch (const base::Error& error) {
+      throw base::Error(
+          fmt::format("{} (a profile holds keys of [environment] alone)", error.what()));
+    }
   }
   const auto fields = config::ListFields(config);
   RefuseRulesOfTheTask(options.overrides);

@@ -93,7 +93,8 @@ function drawCourseMap(data, group, onCourse) {
   const cell = Math.min(46, (width - left) / order.length);
   const rowHeight = 26;
   const named = cell >= 11;
-  const bottom = named ? 96 : 22;
+  const longest = Math.max(...group.courses.map((course) => Math.min(course.name.length, 15)));
+  const bottom = named ? 14 + 6 * longest : 22;
   const drawing = plotIn(box, results.length * rowHeight + bottom, width);
   results.forEach((result, row) => {
     drawing.append(svgText(left - 8, row * rowHeight + 17, shorten(result.label, left / 7), {'text-anchor': 'end'}));
@@ -121,6 +122,8 @@ function drawCourseMap(data, group, onCourse) {
   } else {
     drawing.append(svgText(left, base + 16, `${order.length} courses; point at one for its name`, {class: 'faint'}));
   }
+  document.getElementById('course-note').textContent =
+    `${cell >= 17 ? 'Numbers are successes; click' : 'Click'} a course to see it driven.`;
   const legend = document.getElementById('success-legend');
   legend.replaceChildren(...[0, 0.25, 0.5, 0.75, 1].map((rate) =>
     element('span', {}, swatch(successColour(rate)), percent(rate))));
@@ -149,7 +152,8 @@ function drawDifficulty(data, group) {
   const binWidth = (width - left - right) / measure.bins.length;
   const dodge = Math.min(22, binWidth * 0.7 / results.length);
   const place = (bin, agent) => left + (bin + 0.5) * binWidth + (agent - (results.length - 1) / 2) * dodge;
-  const number = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3));
+  const whole = measure.bins.every((bin) => Number.isInteger(bin.low) && Number.isInteger(bin.high));
+  const number = (value) => (whole || Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3));
   measure.bins.forEach((bin, b) => {
     drawing.append(svgText(left + (b + 0.5) * binWidth, height - bottom + 18, `${number(bin.low)} – ${number(bin.high)}`, {'text-anchor': 'middle'}));
     drawing.append(svgText(left + (b + 0.5) * binWidth, height - bottom + 34, `${bin.courses} courses`, {'text-anchor': 'middle', class: 'faint', 'font-size': 11}));
@@ -189,7 +193,7 @@ function drawTimes(data, group, id, wanted) {
   const all = results.map((result) => timesOf(result, wanted));
   const ticks = niceTicks(Math.max(1, ...all.map((times) => (times.length ? times[times.length - 1] : 0))));
   const full = ticks[ticks.length - 1];
-  const [left, right, rowHeight, bottom] = [width < 560 ? 90 : 130, 14, 46, 34];
+  const [left, right, rowHeight, bottom] = [width < 400 ? 100 : 150, 30, 46, 34];
   const height = results.length * rowHeight + bottom;
   const drawing = plotIn(box, height, width);
   const x = linear(0, full, left, width - right);
@@ -202,7 +206,7 @@ function drawTimes(data, group, id, wanted) {
   results.forEach((result, row) => {
     const times = all[row];
     const base = (row + 1) * rowHeight - 4;
-    drawing.append(svgText(left - 8, base - 12, shorten(result.label, left / 7), {'text-anchor': 'end'}));
+    drawing.append(svgText(left - 8, base - 12, shorten(result.label, left / 7.5), {'text-anchor': 'end'}));
     drawing.append(svgText(left - 8, base + 1, `${times.length} episodes`, {'text-anchor': 'end', class: 'faint', 'font-size': 11}));
     drawing.append(svg('line', {x1: left, x2: width - right, y1: base, y2: base, stroke: '#c7ced6'}));
     if (times.length === 0) return;

@@ -42,10 +42,10 @@ const OUTCOMES = {S: 'success', C: 'collision', T: 'timeout'};
 
 function readData() {
   const data = JSON.parse(document.getElementById('data').textContent);
-  for (const group of data.groups) {
-    group.results.forEach((index, place) => {
-      data.results[index].colour = AGENT_COLOURS[place % AGENT_COLOURS.length];
-    });
+  // An agent has one colour, whatever the courses.
+  const labels = [...new Set(data.results.map((result) => result.label))];
+  for (const result of data.results) {
+    result.colour = AGENT_COLOURS[labels.indexOf(result.label) % AGENT_COLOURS.length];
   }
   return data;
 }

@@ -111,6 +111,52 @@ TEST_F(BadInputTest, PoliciesCutChangedOrOfAnotherKindAreRefused) {
               AllOf(HasSubstr("policy.safetensors"), HasSubstr("360")));
 }
 
+TEST_F(BadInputTest, WhatAnEvaluationDoesNotKnowIsNamedWithWhatThereIs) {
+  const auto evaluate = [&](std::vector<std::string> more,
+                            const ::testing::Matcher<std::string>& message) {
+    std::vector<std::string> arguments{"evaluate", "--agent", "dwa", "--courses", "generated:1:1"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    ExpectError(arguments, message);
+  };
+  ExpectError({"evaluate", "--agent", "flying", "--courses", "generated:1:1"},
+              AllOf(HasSubstr("'flying'"), HasSubstr("dwa")));
+  ExpectError({"evaluate", "--agent", "dwa", "--courses", "no-such-set"},
+              AllOf(HasSubstr("no-such-set"), HasSubstr("static-test")));
+  evaluate({"--protocol", "none"},
+           AllOf(HasSubstr("'none'"), HasSubstr("'paper', 'dwa-runs', 'barn-challenge'")));
+  evaluate({"--set", "environment.episode.max_steps=5"}, HasSubstr("evaluation.time_limit"));
+  evaluate({"--set", "navigation.wings=2"}, HasSubstr("navigation.wings"));
+  evaluate({"--profile", "none.toml"}, HasSubstr("none.toml"));
+  Write("profile.toml", "[environment.robot]\nmass = 3.0\n[dwa]\nwings = 2\n");
+  evaluate({"--profile", "profile.toml"}, AllOf(HasSubstr("profile.toml:3"), HasSubstr("'dwa'"),
+                                                HasSubstr("[environment] alone")));
+}
+
+TEST_F(BadInputTest, ResultsThatCannotBeComparedAreRefused) {
+  const auto evaluate = [&](const std::string& output, const std::string& protocol) {
+    const ProgramResult result =
+        RunProgram({"evaluate", "--agent", "dwa", "--courses", "generated:1:1", "--episodes", "1",
+                    "--set", "evaluation.time_limit=1", "--protocol", protocol, "--output", output},
+                   scratch_.path());
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+  };
+  evaluate("a", "paper");
+  evaluate("b", "dwa-runs");
+  ExpectError({"report", "a", "b", "--output", "report"},
+              AllOf(HasSubstr("a/evaluation.json"), HasSubstr("b/evaluation.json"),
+                    HasSubstr("collision_ends of the protocol is true in the first and false")));
+  const std::string text = base::ReadFile(scratch_.path() / "b/evaluation.json");
+  Write("b/evaluation.json", text.substr(0, text.size() / 2));
+  ExpectError({"report", "a", "b", "--output", "report"},
+              AllOf(HasSubstr("b/evaluation.json"), HasSubstr("cut short")));
+  std::string newer = text;
+  newer.replace(newer.find("\"version\": 2"), 12, "\"version\": 7");
+  Write("b/evaluation.json", newer);
+  ExpectError({"report", "b", "a", "--output", "report"},
+              AllOf(HasSubstr("b/evaluation.json"), HasSubstr("version is 7, expected 2")));
+  EXPECT_FALSE(std::filesystem::exists(scratch_.path() / "report"));
+}
+
 TEST_F(BadInputTest, AResumedRunRefusesOtherSettings) {
   Train();
   ExpectError({"train", "tiny.toml", "--resume", "--set", "learner.gamma=0.9"},
@@ -129,6 +175,12 @@ TEST_F(BadInputTest, TheCommandLineIsChecked) {
   ExpectError({"evaluate", "--policy", "p"}, HasSubstr("--courses"), 2);
   ExpectError({"evaluate", "--policy", "p", "--courses", "c", "--episodes", "-3"},
               HasSubstr("--episodes"), 2);
+  ExpectError({"evaluate", "--courses", "c"}, AllOf(HasSubstr("--policy"), HasSubstr("--agent")),
+              2);
+  ExpectError({"evaluate", "--courses", "c", "--policy", "p", "--agent", "dwa"},
+              AllOf(HasSubstr("--policy"), HasSubstr("--agent")), 2);
+  ExpectError({"report", "a"}, HasSubstr("--output"), 2);
+  ExpectError({"report", "--output", "a"}, HasSubstr("RESULT"), 2);
 }
 
 TEST_F(BadInputTest, AFullDiskKeepsTheLastGoodCheckpoint) {

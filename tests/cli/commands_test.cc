@@ -88,6 +88,42 @@ TEST(CommandsTest, ATrainingLeavesWhatTheManualSaysAndItsPolicyScoresTheSameAgai
   EXPECT_EQ(again.at("episodes"), 8);
 }
 
+TEST(CommandsTest, APlannersEvaluationIsTheSameOnAnyThreadsAndMakesAReport) {
+  const ScratchDirectory scratch;
+  base::WriteFileAtomically(scratch.path() / "heavy.toml", "[environment.robot]\nmass = 40.0\n");
+  const auto evaluate = [&](const std::string& output, std::vector<std::string> more) {
+    std::vector<std::string> arguments{"evaluate",  "--agent",       "dwa",
+                                       "--courses", "generated:3:2", "--episodes",
+                                       "2",         "--set",         "evaluation.time_limit=4",
+                                       "--output",  output};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProgramResult result = RunProgram(arguments, scratch.path());
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+  };
+  evaluate("one", {"--threads", "1", "--set", "evaluation.num_environments=1"});
+  evaluate("many", {"--threads", "3", "--name", "also dwa"});
+  evaluate("heavy", {"--profile", "heavy.toml"});
+  const auto read = [&](const std::string& file) { return base::ReadFile(scratch.path() / file); };
+  for (const char* name :
+       {"evaluation-episodes.csv", "evaluation-courses.csv", "evaluation-tracks.jsonl"}) {
+    EXPECT_EQ(read(std::string("many/") + name), read(std::string("one/") + name)) << name;
+  }
+  const auto json = nlohmann::json::parse(read("heavy/evaluation.json"));
+  EXPECT_EQ(json.at("agent").at("name"), "dwa");
+  EXPECT_EQ(json.at("provenance").at("profiles"), nlohmann::json({"heavy.toml"}));
+  EXPECT_THAT(json.at("provenance").at("config").get<std::string>(), HasSubstr("mass = 40.0"));
+
+  const ProgramResult report = RunProgram(
+      {"report", "one", "many/evaluation.json", "heavy", "--output", "report"}, scratch.path());
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  EXPECT_THAT(report.out, HasSubstr("| dwa | 4 |"));
+  EXPECT_THAT(report.out, HasSubstr("| also dwa | 4 |"));
+  EXPECT_THAT(report.out, HasSubstr("| dwa (heavy) | 4 |"));
+  for (const char* name : {"report.md", "report.csv", "report.tex", "report.html"}) {
+    EXPECT_TRUE(std::filesystem::exists(scratch.path() / "report" / name)) << name;
+  }
+}
+
 TEST(CommandsTest, VersionNamesTheCommit) {
   EXPECT_THAT(RunProgram({"--version"}, "/tmp").out, HasSubstr("0.1.0 ("));
 }
