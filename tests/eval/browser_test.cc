@@ -137,7 +137,8 @@ TEST_F(BrowserTest, PlaysAnEpisodeWithScanAndMovingObstacles) {
   EXPECT_EQ(of_canvas(still, "data-moving"), "2");
   const std::string played = Render(page, "#play");
   EXPECT_THAT(played, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
-  EXPECT_GT(std::stod(of_canvas(played, "data-time")), 0.0);
+  // Three seconds of the browser's clock went by, which runs as fast as it can and is not exact.
+  EXPECT_GT(std::stod(of_canvas(played, "data-time")), 1.0);
 }
 
 TEST_F(BrowserTest, SaysOnThePageWhatWentWrong) {

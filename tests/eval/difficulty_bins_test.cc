@@ -12,7 +12,7 @@ sim::CourseSet MakeCourses(int n, bool with_difficulty) {
   sim::CourseSet set{"made", {}};
   for (int c = 0; c < n; ++c) {
     sim::Course course;
-    course.name = "c" + std::to_string(c);
+    course.name = std::to_string(c);
     course.goal_W = {10.0, 0.0};
     course.circles.resize(static_cast<std::size_t>(c));
     if (with_difficulty) course.difficulty = sim::Difficulty{7.0 - c, 1.0, 2.0, 3.0, 1.0 + c};
