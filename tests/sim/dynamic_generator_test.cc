@@ -13,6 +13,7 @@
 #include "base/file.h"
 #include "sim/course_check.h"
 #include "sim/course_file.h"
+#include "sim/motion.h"
 #include "tests/sim/barn_data.h"
 
 namespace slalom::sim {
@@ -236,6 +237,57 @@ TEST(DynamicGenerator, WallsSweepTheCorridorFromBothSides) {
     }
     EXPECT_NE(course->moving[0].key_frames[1].time, course->moving[1].key_frames[1].time);
   }
+}
+
+/// Whether a disc can get from the start to y = 10.5 past the moving walls when these are at
+/// `motion_time` [s] at first: reachable places on a grid of 0.1 m, spread by one cell along x or
+/// y, that is at 2 m/s, or not at all, every 0.05 s for 20 s.
+bool CanBePassed(const Course& course, double radius, double motion_time) {
+  constexpr int kNumX = 39, kNumY = 76;
+  const auto place = [](int x, int y) { return base::Vec2{-4.2 + 0.1 * x, 3.0 + 0.1 * y}; };
+  using Places = std::vector<char>;  // [kNumX, kNumY]
+  Places reached(kNumX * kNumY, 0);
+  reached[22 * kNumY] = 1;
+  for (int step = 1; step <= 400; ++step) {
+    Places next(kNumX * kNumY, 0);
+    std::vector<Box> walls;
+    for (const MovingObstacle& wall : course.moving) {
+      walls.push_back({Motion(wall).At(motion_time + 0.05 * step).X_WB, wall.half_size});
+    }
+    const auto is_free = [&](base::Vec2 p_W) {
+      return std::none_of(walls.begin(), walls.end(), [&](const Box& wall) {
+        const base::Vec2 p = base::InverseTransform(wall.X_WB, p_W);
+        return base::Norm({std::max(0.0, std::abs(p.x) - wall.half_size.x),
+                           std::max(0.0, std::abs(p.y) - wall.half_size.y)}) < radius;
+      });
+    };
+    for (int x = 0; x < kNumX; ++x) {
+      for (int y = 0; y < kNumY; ++y) {
+        const auto was = [&](int i, int j) {
+          return i >= 0 && i < kNumX && j >= 0 && j < kNumY && reached[i * kNumY + j];
+        };
+        const bool is_near =
+            was(x, y) || was(x - 1, y) || was(x + 1, y) || was(x, y - 1) || was(x, y + 1);
+        if (!is_near || !is_free(place(x, y))) continue;
+        if (y == kNumY - 1) return true;
+        next[x * kNumY + y] = 1;
+      }
+    }
+    reached = next;
+  }
+  return false;
+}
+
+TEST(DynamicGenerator, WallsCanBePassedWhateverTheirPhase) {
+  for (const auto& course : GenerateWallCourses(7, 0, 12).courses) {
+    for (const double time : {100.0, 101.3, 102.6, 103.9}) {
+      EXPECT_TRUE(CanBePassed(*course, 0.32, time)) << course->name << " from " << time << " s";
+    }
+  }
+  // As long as the corridor is wide they could not be.
+  DynamicWallRecipe closed;
+  closed.thickness = 4.0;
+  EXPECT_FALSE(CanBePassed(GenerateWallCourse("closed", closed, 1), 0.32, 100.0));
 }
 
 TEST(DynamicGenerator, CourseDependsOnSeedAndIndexAlone) {
