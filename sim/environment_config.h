@@ -26,8 +26,11 @@ struct RobotConfig {
   double angular_speed_limit = 4.0;
   double linear_acceleration = 20.0;
   double angular_acceleration = 25.0;
+  double speed_gain = 1.0;
   double yaw_gain = 1.0;
+  double wheel_imbalance = 0.0;
   double command_delay = 0.0;
+  double command_jitter = 0.0;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -60,11 +63,18 @@ struct RobotConfig {
       "Largest change of the wheels' forward speed, speeding up and braking.");
     v("angular_acceleration", angular_acceleration, base::Range{0.1, 1000.0}, "rad/s^2",
       "Largest change of the turn rate asked of the wheels.");
+    v("speed_gain", speed_gain, base::Range{0.1, 2.0}, "",
+      "Forward speed asked of the wheels per speed commanded: worn tyres, another limit.");
     v("yaw_gain", yaw_gain, base::Range{0.1, 2.0}, "",
       "Turn rate asked of the wheels per turn rate commanded.");
+    v("wheel_imbalance", wheel_imbalance, base::Range{-0.5, 0.5}, "",
+      "By which fraction right wheels run faster than left ones, as larger wheels do "
+      "(skid-steer).");
     v("command_delay", command_delay, base::Range{0.0, 1.0}, "s",
       "From choosing an action to the drive acting on it; rounded to a multiple of 1 / "
       "control_rate.");
+    v("command_jitter", command_jitter, base::Range{0.0, 1.0}, "s",
+      "Each command takes up to this much longer, uniformly, but overtakes none before it.");
   }
 };
 
@@ -75,10 +85,13 @@ struct LidarConfig {
   int num_beams = 720;
   double field_of_view = 4.71238;
   double offset_x = 0.12;
+  double offset_y = 0.0;
   double min_range = 0.1;
   double max_range = 30.0;
   double resolution = 0.01;
   double noise_std = 0.001;
+  double noise_per_metre = 0.0;
+  double dropout_probability = 0.0;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -87,6 +100,8 @@ struct LidarConfig {
       "Arc from the first beam to the last, both included, centred on the driving direction.");
     v("offset_x", offset_x, base::Range{-2.0, 2.0}, "m",
       "Place of the sensor ahead of the robot's centre.");
+    v("offset_y", offset_y, base::Range{-2.0, 2.0}, "m",
+      "Place of the sensor to the left of the robot's centre.");
     v("min_range", min_range, base::Range{0.0, 10.0}, "m", "Shorter ranges are reported as this.");
     v("max_range", max_range, base::Range{0.1, 600.0}, "m",
       "Reported where nothing is hit; the observation clips it further.");
@@ -94,6 +109,27 @@ struct LidarConfig {
       "Ranges are rounded to a multiple of this, and stored in centimetres.");
     v("noise_std", noise_std, base::Range{0.0, 1.0}, "m",
       "Standard deviation of the Gaussian noise of each range.");
+    v("noise_per_metre", noise_per_metre, base::Range{0.0, 0.1}, "",
+      "Grows that standard deviation per metre of range.");
+    v("dropout_probability", dropout_probability, base::Range{0.0, 1.0}, "",
+      "Of a beam that comes back without an echo: max_range is reported.");
+  }
+};
+
+/// How the robot's belief of where it is departs from the truth, step by step: random walks.
+struct LocalisationConfig {
+  double position_drift = 0.0;
+  double heading_drift = 0.0;
+  double turn_drift = 0.0;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("position_drift", position_drift, base::Range{0.0, 1.0}, "m/m^0.5",
+      "Standard deviation of the position error, along each axis, after a metre driven.");
+    v("heading_drift", heading_drift, base::Range{0.0, 1.0}, "rad/m^0.5",
+      "Standard deviation of the heading error after a metre driven.");
+    v("turn_drift", turn_drift, base::Range{0.0, 1.0}, "rad/rad^0.5",
+      "Standard deviation of the heading error after a radian turned.");
   }
 };
 
@@ -125,7 +161,7 @@ struct RewardConfig {
     v("progress", progress, base::Range{0.0, 1000.0}, "1/m",
       "Added per metre by which the straight line to the goal became shorter.");
     v("collision", collision, base::Range{0.0, 1000.0}, "",
-      "Subtracted at a collision (the paper: 4; its published code: 1).");
+      "Subtracted at each control step with a collision (the paper: 4; its published code: 1).");
     v("slack", slack, base::Range{0.0, 1000.0}, "", "Subtracted every step.");
     v("timeout", timeout, base::Range{0.0, 1000.0}, "",
       "Subtracted when the step limit ends the episode.");
@@ -137,6 +173,7 @@ struct EpisodeConfig {
   double step = 0.2;
   int max_steps = 400;
   double goal_tolerance = 0.4;
+  bool collision_ends = true;
   double start_position_jitter = 0.0;
   double start_yaw_jitter = 0.0;
 
@@ -148,6 +185,8 @@ struct EpisodeConfig {
       "Step limit (a truncation: the value beyond it counts).");
     v("goal_tolerance", goal_tolerance, base::Range{0.01, 10.0}, "m",
       "The goal is reached nearer than this.");
+    v("collision_ends", collision_ends,
+      "A contact ends the episode; else it costs at each control step that it lasts.");
     v("start_position_jitter", start_position_jitter, base::Range{0.0, 1.0}, "m",
       "Start x and y are moved by up to this, uniformly.");
     v("start_yaw_jitter", start_yaw_jitter, base::Range{0.0, 3.1416}, "rad",
@@ -159,6 +198,7 @@ struct EpisodeConfig {
 struct EnvironmentConfig {
   RobotConfig robot;
   LidarConfig lidar;
+  LocalisationConfig localisation;
   env::ActionBounds action;
   ObservationConfig observation;
   RewardConfig reward;
@@ -168,6 +208,8 @@ struct EnvironmentConfig {
   void Visit(Visitor& v) {
     v.Section("robot", robot, "The robot's body and drive.");
     v.Section("lidar", lidar, "The range finder.");
+    v.Section("localisation", localisation,
+              "Drift of the odometry and, with it, of the goal that is observed.");
     v.Section("action", action, "What an action means.");
     v.Section("observation", observation, "What of scan and goal the networks see.");
     v.Section("reward", reward, "Reward of a step.");

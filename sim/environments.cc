@@ -56,7 +56,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
   const Robot at_rest(config.robot, NumSubsteps(config), stepping);
   environments_.reserve(batch_size);
   for (int i = 0; i < batch_size; ++i) {
-    Environment& environment = environments_.emplace_back(at_rest);
+    Environment& environment = environments_.emplace_back(at_rest, config.localisation);
     environment.robot.Reserve(max_moving);
     environment.moving.Reserve(max_moving);
   }
@@ -76,9 +76,10 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   Environment& environment = environments_[i];
   environment.scene = &scene;
   const Start start = DrawStart(scene, spec.seed).value_or(Start{scene.course().start});
-  environment.robot.Reset(start.X_WR);
+  environment.robot.Reset(start.X_WR, base::DeriveSeed(spec.seed, "command jitter"));
   environment.motion_start = environment.motion_time = start.motion_time;
-  environment.X_WO = environment.robot.pose();
+  environment.localisation.Reset(environment.robot.pose(),
+                                 base::DeriveSeed(spec.seed, "localisation drift"));
   environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
   environment.last_action = config_.action.Normalise(0.0, 0.0);
   environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
@@ -154,6 +155,7 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
   const bool collided = environment.robot.Drive(config_.action.linear_mps(clipped),
                                                 config_.action.angular_radps(clipped), scene,
                                                 environment.motion_time, contacts);
+  environment.localisation.Advance(environment.robot.pose());
   ++environment.num_steps;
   environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;
 
@@ -163,9 +165,11 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
   environment.goal_distance = distance;
   env::StepResult result;
   if (collided) {
-    result.outcome = env::Outcome::kCollision;
     result.cost = 1.0f;
     reward -= config_.reward.collision;
+  }
+  if (collided && config_.episode.collision_ends) {
+    result.outcome = env::Outcome::kCollision;
   } else if (distance < config_.episode.goal_tolerance) {
     result.outcome = env::Outcome::kSuccess;
     reward += config_.reward.success;
@@ -186,19 +190,17 @@ void CourseEnvironments::Observe(int i) {
   if (!moving.empty()) moving.PlaceAll(environment.motion_time, environment.moving);
   lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i),
               moving.empty() ? nullptr : &environment.moving);
-  const base::Vec2 goal_R = base::InverseTransform(X_WR, scene.course().goal_W);
+  const base::Vec2 goal_R = environment.localisation.InRobotFrame(scene.course().goal_W);
   const auto state = observations_.mutable_state(i);
   state[0] = static_cast<float>(goal_R.x);
   state[1] = static_cast<float>(goal_R.y);
   state[2] = environment.last_action.linear;
   state[3] = environment.last_action.angular;
-  const base::Pose2& X_WO = environment.X_WO;
   const BodyState& body = environment.robot.body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
-  observations_.odometry[i] = {
-      .X_OR = {base::InverseTransform(X_WO, X_WR.p), base::WrapAngle(X_WR.yaw - X_WO.yaw)},
-      .linear = c * body.vx + s * body.vy,
-      .angular = body.yaw_rate};
+  observations_.odometry[i] = {.X_OR = environment.localisation.X_OR(),
+                               .linear = c * body.vx + s * body.vy,
+                               .angular = body.yaw_rate};
 }
 
 }  // namespace slalom::sim

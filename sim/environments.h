@@ -11,6 +11,7 @@
 #include "sim/contact_world.h"
 #include "sim/environment_config.h"
 #include "sim/lidar.h"
+#include "sim/localisation.h"
 #include "sim/robot.h"
 #include "sim/scene.h"
 
@@ -19,13 +20,17 @@ namespace slalom::sim {
 /// The paper's task on a list of courses: B simulated robots stepped as a batch.
 ///
 /// A step holds the command for `episode.step`, then looks: contact at any of the rigid-body steps
-/// is a collision (from the first step on); else nearer to the goal than the tolerance at the end
-/// of the step is success; else the step limit is a timeout. Frames are taken at the end of the
-/// step, and show moving obstacles where they are then.
+/// is a collision (from the first step on), which ends the episode if `episode.collision_ends`, and
+/// else costs at each control step in which a contact begins or lasts; else nearer to the goal than
+/// the tolerance at the end of the step is success; else the step limit is a timeout. Frames are
+/// taken at the end of the step, and show moving obstacles where they are then.
 ///
 /// In the original, moving obstacles keep running while the robot is put back, so every episode
 /// meets them in another phase: here an episode's seed draws the motion time at which it begins,
 /// uniformly from 1000 s (0 on a course where nothing moves).
+///
+/// Odometry and the goal that is observed come from where the robot believes to be
+/// (sim/localisation.h); rewards and success from where it is.
 ///
 /// An episode is a value of (config, course, seed, actions), bit for bit, whatever the batch, its
 /// order or the number of threads. `Reset` and `Step` allocate nothing, save that the first
@@ -63,14 +68,15 @@ class CourseEnvironments : public env::BatchEnvironment {
 
  private:
   struct Environment {
-    explicit Environment(const Robot& at_rest) : robot(at_rest), lidar_noise(0) {}
+    Environment(const Robot& at_rest, const LocalisationConfig& drift)
+        : robot(at_rest), localisation(drift), lidar_noise(0) {}
 
     const Scene* scene = nullptr;  // Null: never reset.
     Robot robot;
+    Localisation localisation;
     base::Random lidar_noise;
     MovingShapes moving;  // Where the last scan saw them.
     env::Action last_action;
-    base::Pose2 X_WO;            // Where the episode began.
     double motion_start = 0.0;   // Motion time at which the episode began, [s].
     double motion_time = 0.0;    // [s]
     double goal_distance = 0.0;  // [m]

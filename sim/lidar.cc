@@ -240,7 +240,8 @@ Lidar::Lidar(const LidarConfig& config, double clip)
       first_angle_(-0.5 * config.field_of_view),
       angle_step_(config.field_of_view / (config.num_beams - 1)),
       // No noise level is beyond 4 standard deviations.
-      reach_(std::min(config.max_range, clip + 4.0 * config.noise_std + config.resolution)) {
+      reach_(std::min(config.max_range, (clip + 4.0 * config.noise_std + config.resolution) /
+                                            (1.0 - 4.0 * config.noise_per_metre))) {
   SLALOM_CHECK_GE(config.num_beams, 2);
   SLALOM_CHECK_LE(config.num_beams, LidarConfig::kMaxBeams);
   beam_cos_.assign(config.num_beams + kLanes, 0.0f);
@@ -251,9 +252,11 @@ Lidar::Lidar(const LidarConfig& config, double clip)
     beam_sin_[i] = static_cast<float>(s);
   }
   noise_quantiles_.resize(kNoiseLevels);
+  relative_quantiles_.resize(kNoiseLevels);
   for (int level = 0; level < kNoiseLevels; ++level) {
-    noise_quantiles_[level] =
-        static_cast<float>(config.noise_std * base::NormalQuantile((level + 0.5) / kNoiseLevels));
+    const double quantile = base::NormalQuantile((level + 0.5) / kNoiseLevels);
+    noise_quantiles_[level] = static_cast<float>(config.noise_std * quantile);
+    relative_quantiles_[level] = static_cast<float>(config.noise_per_metre * quantile);
   }
 }
 
@@ -262,7 +265,8 @@ void Lidar::Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random&
   SLALOM_CHECK_EQ(ranges_cm.size(), static_cast<std::size_t>(config_.num_beams));
   std::array<float, kPaddedBeams> ranges;
   CastPadded(map, moving, X_WR, ranges.data());
-  if (config_.noise_std > 0.0) AddNoise(noise, ranges.data());
+  if (config_.noise_std > 0.0 || config_.noise_per_metre > 0.0) AddNoise(noise, ranges.data());
+  if (config_.dropout_probability > 0.0) DropBeams(noise, ranges.data());
   const Reporting reporting{.low = static_cast<float>(config_.min_range),
                             .high = static_cast<float>(clip_),
                             .steps_per_metre = static_cast<float>(1.0 / config_.resolution),
@@ -281,7 +285,7 @@ void Lidar::Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<flo
 // `ranges`: [num_beams + kLanes]; the last kLanes are scratch.
 void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, const base::Pose2& X_WR,
                        float* ranges) const {
-  const base::Vec2 p_WS = base::Transform(X_WR, {config_.offset_x, 0.0});
+  const base::Vec2 p_WS = base::Transform(X_WR, {config_.offset_x, config_.offset_y});
   const auto [sin_yaw, cos_yaw] = base::SinCos(X_WR.yaw);
   const Sensor sensor{.x = static_cast<float>(p_WS.x),
                       .y = static_cast<float>(p_WS.y),
@@ -308,12 +312,30 @@ void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, cons
 // Five beams from each 64-bit word: the quantile of one of kNoiseLevels equal parts of probability.
 void Lidar::AddNoise(base::Random& noise, float* ranges) const {
   constexpr int kBeamsPerWord = 64 / kNoiseBits;
+  const bool relative = config_.noise_per_metre > 0.0;
   for (int i = 0; i < config_.num_beams; i += kBeamsPerWord) {
     std::uint64_t word = noise.NextU64();
     const int end = std::min(i + kBeamsPerWord, config_.num_beams);
     for (int k = i; k < end; ++k) {
-      ranges[k] += noise_quantiles_[word & (kNoiseLevels - 1)];
+      const std::uint64_t level = word & (kNoiseLevels - 1);
+      const float growth = relative ? relative_quantiles_[level] * ranges[k] : 0.0f;
+      ranges[k] += noise_quantiles_[level] + growth;
       word >>= kNoiseBits;
+    }
+  }
+}
+
+// Four beams from each 64-bit word, each lost with a probability in 1 / 65536.
+void Lidar::DropBeams(base::Random& noise, float* ranges) const {
+  constexpr int kBits = 16, kBeamsPerWord = 64 / kBits;
+  const auto lost = static_cast<std::uint64_t>(
+      std::lround(config_.dropout_probability * static_cast<double>(1 << kBits)));
+  for (int i = 0; i < config_.num_beams; i += kBeamsPerWord) {
+    std::uint64_t word = noise.NextU64();
+    const int end = std::min(i + kBeamsPerWord, config_.num_beams);
+    for (int k = i; k < end; ++k) {
+      if ((word & ((1u << kBits) - 1)) < lost) ranges[k] = static_cast<float>(config_.max_range);
+      word >>= kBits;
     }
   }
 }

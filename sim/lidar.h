@@ -25,12 +25,11 @@ class Lidar {
 
   /// Writes one scan, as the sensor reports it, taken with the robot at `X_WR`.
   ///
-  /// `ranges_cm`: [num_beams] [cm], counter-clockwise, with noise from `noise`, not below
-  /// min_range, rounded to the resolution, clipped. Nothing hit: max_range (then noise and clip).
-  /// `moving`: at the time of the scan; null: none.
-  /// Requires: ranges_cm.size() == num_beams().
-  /// Cost: about 3 us on the courses of the paper; O(num_beams + obstacles in reach * beams they
-  /// span).
+  /// `ranges_cm`: [num_beams] [cm], counter-clockwise, with noise and lost beams drawn from
+  /// `noise`, not below min_range, rounded to the resolution, clipped. Nothing hit: max_range (then
+  /// noise and clip). `moving`: at the time of the scan; null: none. Requires: ranges_cm.size() ==
+  /// num_beams(). Cost: about 3 us on the courses of the paper; O(num_beams + obstacles in reach *
+  /// beams they span).
   void Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
             std::span<std::uint16_t> ranges_cm, const MovingShapes* moving = nullptr) const;
 
@@ -51,6 +50,7 @@ class Lidar {
   void CastPadded(const CollisionMap& map, const MovingShapes* moving, const base::Pose2& X_WR,
                   float* ranges) const;
   void AddNoise(base::Random& noise, float* ranges) const;
+  void DropBeams(base::Random& noise, float* ranges) const;
 
   const LidarConfig config_;
   const double clip_;                       // [m]
@@ -59,6 +59,7 @@ class Lidar {
   const double reach_;                      // Obstacles beyond this cannot change a report, [m].
   std::vector<float> beam_cos_, beam_sin_;  // [num_beams + kLanes]
   std::vector<float> noise_quantiles_;      // [kNoiseLevels] [m]
+  std::vector<float> relative_quantiles_;   // [kNoiseLevels], per metre of range.
 };
 
 }  // namespace slalom::sim

@@ -23,12 +23,16 @@ Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
       max_yaw_rate_step_(config.angular_acceleration * dt_),
       linear_limit_(config.linear_speed_limit),
       angular_limit_(config.angular_speed_limit),
+      speed_gain_(config.speed_gain),
       yaw_gain_(config.yaw_gain),
       num_substeps_(num_substeps),
-      delay_(static_cast<int>(std::lround(config.command_delay * config.control_rate))),
-      stepping_(stepping) {
+      delay_(config.command_delay * config.control_rate),
+      jitter_(config.command_jitter * config.control_rate),
+      stepping_(stepping),
+      random_jitter_(0) {
   SLALOM_CHECK_GE(num_substeps, 1);
-  commands_.resize(1 + (delay_ + num_substeps - 1) / num_substeps);
+  const int latest = static_cast<int>(std::lround(delay_ + jitter_));
+  commands_.resize(1 + (latest + num_substeps - 1) / num_substeps);
 }
 
 void Robot::Reserve(int num_moving) {
@@ -36,13 +40,14 @@ void Robot::Reserve(int num_moving) {
   moving_shapes_.reserve(num_moving);
 }
 
-void Robot::Reset(const base::Pose2& X_WR) {
+void Robot::Reset(const base::Pose2& X_WR, std::uint64_t seed) {
   body_ = {.x = static_cast<float>(X_WR.p.x),
            .y = static_cast<float>(X_WR.p.y),
            .yaw = static_cast<float>(X_WR.yaw)};
   wheels_ = {};
   clearance_ = 0.0f;
-  std::fill(commands_.begin(), commands_.end(), Command{});
+  std::fill(commands_.begin(), commands_.end(), PendingCommand{});
+  random_jitter_ = base::Random(seed);
 }
 
 bool Robot::Drive(double linear, double angular, const Scene& scene, double motion_time,
@@ -122,18 +127,25 @@ void Robot::PlaceMoving(const MovingObstacles& moving, double time) {
 base::Pose2 Robot::pose() const { return {{body_.x, body_.y}, base::WrapAngle(body_.yaw)}; }
 
 void Robot::Push(const Command& command) {
+  for (PendingCommand& pending : commands_) pending.due -= num_substeps_;
+  const double lateness = jitter_ > 0.0 ? random_jitter_.Uniform(0.0, jitter_) : 0.0;
+  const int due = static_cast<int>(std::lround(delay_ + lateness));
+  const int not_before = commands_.front().due;
   std::move_backward(commands_.begin(), commands_.end() - 1, commands_.end());
-  commands_.front() = command;
+  commands_.front() = {command, std::max(due, not_before)};
 }
 
+// The newest that has arrived. The oldest always has.
 const Robot::Command& Robot::CommandAt(int substep) const {
-  if (substep >= delay_) return commands_.front();
-  return commands_[(delay_ - substep + num_substeps_ - 1) / num_substeps_];
+  const auto arrived = std::find_if(commands_.begin(), commands_.end() - 1,
+                                    [&](const auto& pending) { return pending.due <= substep; });
+  return arrived->command;
 }
 
 // One tick of the velocity controller.
 void Robot::TurnWheels(const Command& command) {
-  wheels_.linear += std::clamp(command.linear - wheels_.linear, -max_speed_step_, max_speed_step_);
+  wheels_.linear +=
+      std::clamp(speed_gain_ * command.linear - wheels_.linear, -max_speed_step_, max_speed_step_);
   wheels_.angular += std::clamp(yaw_gain_ * command.angular - wheels_.angular, -max_yaw_rate_step_,
                                 max_yaw_rate_step_);
   if (skid_steering_) {

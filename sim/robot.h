@@ -1,9 +1,11 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <vector>
 
 #include "base/geometry.h"
+#include "base/random.h"
 #include "sim/contact_world.h"
 #include "sim/environment_config.h"
 #include "sim/scene.h"
@@ -33,8 +35,8 @@ class Robot {
   /// Makes room for that many moving obstacles, so that `Drive` allocates nothing.
   void Reserve(int num_moving);
 
-  /// Puts the robot at rest, with no command under way.
-  void Reset(const base::Pose2& X_WR);
+  /// Puts the robot at rest, with no command under way. `seed`: of the commands' jitter.
+  void Reset(const base::Pose2& X_WR, std::uint64_t seed = 0);
 
   /// Drives for one control step, which begins at `motion_time` [s], towards the commanded speeds
   /// (`linear` [m/s], `angular` [rad/s]). Returns whether it touched anything: at the start, or
@@ -50,6 +52,10 @@ class Robot {
   struct Command {
     double linear = 0.0;   // [m/s]
     double angular = 0.0;  // [rad/s]
+  };
+  struct PendingCommand {
+    Command command;
+    int due = 0;  // Rigid-body steps from the beginning of the control step until it counts.
   };
 
   void Push(const Command& command);
@@ -67,15 +73,18 @@ class Robot {
   const double max_yaw_rate_step_;  // [rad/s]
   const double linear_limit_;       // [m/s]
   const double angular_limit_;      // [rad/s]
+  const double speed_gain_;
   const double yaw_gain_;
   const int num_substeps_;
-  const int delay_;  // [rigid-body steps]
+  const double delay_;   // [rigid-body steps]
+  const double jitter_;  // [rigid-body steps]
   const Stepping stepping_;
 
   BodyState body_;
-  Command wheels_;                 // What the controller asks of the wheels.
-  float clearance_ = 0.0f;         // No fixed obstacle is nearer, [m]; 0: not known.
-  std::vector<Command> commands_;  // Of this control step and those before, newest first.
+  Command wheels_;                        // What the controller asks of the wheels.
+  float clearance_ = 0.0f;                // No fixed obstacle is nearer, [m]; 0: not known.
+  std::vector<PendingCommand> commands_;  // Of this control step and those before, newest first.
+  base::Random random_jitter_;
 
   // Moving obstacles that can come near in this control step while the robot's centre stays within
   // kTravel of (found_x_, found_y_); where they are now; and the distance to the nearest of them.

@@ -19,6 +19,7 @@ PerWheel Root(PerWheel a) {
 
 SkidSteering::SkidSteering(const RobotConfig& config, double dt)
     : half_separation_(0.5 * config.track * config.wheel_separation_multiplier),
+      half_imbalance_(0.5 * config.wheel_imbalance),
       half_base_(static_cast<float>(0.5 * config.wheel_base)),
       half_track_(static_cast<float>(0.5 * config.track)),
       mass_(static_cast<float>(config.mass)),

@@ -48,10 +48,12 @@ class SkidSteering {
   SkidSteering(const RobotConfig& config, double dt);
 
   /// Surface speeds that the drive's controller asks for to go at `linear` [m/s] and turn at
-  /// `angular` [rad/s]: as if the wheels stood track x multiplier apart and did not slip.
+  /// `angular` [rad/s], as if the wheels stood track x multiplier apart and did not slip; the right
+  /// ones faster by the configured imbalance.
   WheelSpeeds Wheels(double linear, double angular) const {
     const double side = half_separation_ * angular;
-    return {static_cast<float>(linear - side), static_cast<float>(linear + side)};
+    return {static_cast<float>((1.0 - half_imbalance_) * (linear - side)),
+            static_cast<float>((1.0 + half_imbalance_) * (linear + side))};
   }
 
   /// The velocity a step later, in the same directions. `near`: a velocity near it, where the
@@ -62,11 +64,12 @@ class SkidSteering {
 
  private:
   const double half_separation_;  // As the controller believes, [m].
-  const float half_base_;         // [m]
-  const float half_track_;        // [m]
-  const float mass_;              // [kg]
-  const float inertia_;           // [kg m^2]
-  const float grip_;              // Greatest impulse of a wheel in a step, [N s].
+  const double half_imbalance_;
+  const float half_base_;   // [m]
+  const float half_track_;  // [m]
+  const float mass_;        // [kg]
+  const float inertia_;     // [kg m^2]
+  const float grip_;        // Greatest impulse of a wheel in a step, [N s].
 };
 
 }  // namespace slalom::sim

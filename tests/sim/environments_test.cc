@@ -152,6 +152,28 @@ TEST(EnvironmentsTest, CollisionCostsAndEndsTheEpisode) {
   EXPECT_TRUE(std::equal(scan.begin(), scan.end(), one.frame().ranges_cm.begin()));
 }
 
+TEST(EnvironmentsTest, CollisionThatEndsNothingCostsAsLongAsItLasts) {
+  EnvironmentConfig config = InstantDrive();
+  config.episode.collision_ends = false;
+  One one(config, Corridor(1.0, 0.6));
+  EXPECT_EQ(one.Step(1.0).cost, 0.0f);
+  for (int i = 0; i < 5; ++i) {
+    const double before = one.x();
+    const env::StepResult touching = one.Step(1.0);
+    EXPECT_EQ(touching.outcome, Outcome::kRunning);
+    EXPECT_EQ(touching.cost, 1.0f);
+    EXPECT_NEAR(touching.reward, (one.x() - before) - 4.0, 1e-5);
+  }
+  EXPECT_EQ(one.Step(-1.0).cost, 1.0f) << "it began in contact";
+  EXPECT_EQ(one.Step(-1.0).cost, 0.0f);
+
+  One other(config, Corridor(0.7, 0.6));
+  env::StepResult result = other.Step(1.0);
+  while (!result.ended()) result = other.Step(1.0);
+  EXPECT_EQ(result.outcome, Outcome::kSuccess) << "0.39 m from a goal behind the wall it leans on";
+  EXPECT_NEAR(result.reward, 20.0 - 4.0, 0.2);
+}
+
 TEST(EnvironmentsTest, CollisionComesBeforeSuccess) {
   One one(InstantDrive(), Corridor(0.6, 0.6));
   EXPECT_EQ(one.Step(2.0).outcome, Outcome::kCollision);

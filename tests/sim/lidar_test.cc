@@ -61,7 +61,7 @@ void CheckAgainstOracle(const LidarConfig& config, double clip, const Course& co
   const CollisionMap map(course);
   std::vector<float> ranges(config.num_beams);
   lidar.Cast(map, X_WR, ranges);
-  const Vec2 from = base::Transform(X_WR, {config.offset_x, 0.0});
+  const Vec2 from = base::Transform(X_WR, {config.offset_x, config.offset_y});
   const double reach = std::min(clip, config.max_range);
   for (int beam = 0; beam < config.num_beams; ++beam) {
     const auto [s, c] = base::SinCos(X_WR.yaw + lidar.beam_angle(beam));
@@ -97,10 +97,11 @@ TEST(LidarTest, AgreesWithBruteForceAmongCirclesAndBoxes) {
 
 TEST(LidarTest, AgreesWithBruteForceForOtherSensors) {
   base::Random random(3);
-  const LidarConfig sensors[] = {{.num_beams = 2, .field_of_view = 0.5},
-                                 {.num_beams = 9, .field_of_view = 6.2831},
-                                 {.num_beams = 1081, .field_of_view = 6.2831, .offset_x = -0.3},
-                                 {.num_beams = 4096, .field_of_view = 3.0, .max_range = 2.0}};
+  const LidarConfig sensors[] = {
+      {.num_beams = 2, .field_of_view = 0.5},
+      {.num_beams = 9, .field_of_view = 6.2831},
+      {.num_beams = 1081, .field_of_view = 6.2831, .offset_x = -0.3, .offset_y = 0.2},
+      {.num_beams = 4096, .field_of_view = 3.0, .max_range = 2.0}};
   for (const LidarConfig& sensor : sensors) {
     for (int round = 0; round < 5; ++round) {
       const auto course = test::RandomCourse(random, {.num_circles = 20, .num_boxes = 6});
@@ -146,6 +147,57 @@ TEST(LidarTest, WithoutNoiseDrawsNothing) {
   EXPECT_EQ(noise.state(), before);
   Lidar({}, 5.0).Scan(map, {}, noise, ranges);
   EXPECT_NE(noise.state(), before);
+}
+
+TEST(LidarTest, SeesObstaclesThatOnlyNoiseBringsWithinTheClip) {
+  // At 6 m the noise is 0.05 m + 0.1 x 6 m. Rounding to 0.01 m reports those below 4.995 m as
+  // nearer than the clip at 5 m: beyond 1.546 standard deviations, 6.10 %.
+  Course course;
+  course.boxes = {{{{11.0, 0.0}, 0.0}, {5.0, 5.0}}};
+  const LidarConfig config{.num_beams = 200,
+                           .field_of_view = 0.01,
+                           .offset_x = 0.0,
+                           .noise_std = 0.05,
+                           .noise_per_metre = 0.1};
+  const Lidar lidar(config, 5.0);
+  const CollisionMap map(course);
+  base::Random noise(9);
+  std::vector<std::uint16_t> ranges(config.num_beams);
+  int nearer = 0;
+  for (int scan = 0; scan < 500; ++scan) {
+    lidar.Scan(map, {}, noise, ranges);
+    nearer += static_cast<int>(std::count_if(ranges.begin(), ranges.end(),
+                                             [](std::uint16_t range) { return range < 500; }));
+  }
+  const double n = 500.0 * config.num_beams, share = 0.0610;
+  EXPECT_NEAR(nearer / n, share, 5.0 * std::sqrt(share * (1.0 - share) / n));
+}
+
+TEST(LidarTest, LosesBeamsIndependentlyAtTheGivenRate) {
+  Course course;
+  course.boxes = {{{{10.0, 0.0}, 0.0}, {9.0, 9.0}}};
+  const LidarConfig config{.num_beams = 721,
+                           .field_of_view = 0.5,
+                           .max_range = 20.0,
+                           .noise_std = 0.0,
+                           .dropout_probability = 0.03};
+  const Lidar lidar(config, 30.0);
+  const CollisionMap map(course);
+  base::Random noise(10);
+  std::vector<std::uint16_t> ranges(config.num_beams);
+  int lost = 0, pairs = 0;
+  constexpr int kScans = 1000;
+  for (int scan = 0; scan < kScans; ++scan) {
+    lidar.Scan(map, {}, noise, ranges);
+    for (int i = 0; i < config.num_beams; ++i) {
+      ASSERT_TRUE(ranges[i] == 2000 || ranges[i] < 120);
+      lost += ranges[i] == 2000;
+      pairs += i > 0 && ranges[i] == 2000 && ranges[i - 1] == 2000;
+    }
+  }
+  const double n = 721.0 * kScans, p = 0.03;
+  EXPECT_NEAR(lost / n, p, 5.0 * std::sqrt(p * (1.0 - p) / n));
+  EXPECT_NEAR(pairs / n, p * p * 720.0 / 721.0, 5.0 * std::sqrt(p * p / n));
 }
 
 // Whether samples could be of the standard normal distribution: mean, variance, kurtosis and the

@@ -111,6 +111,65 @@ TEST(RobotTest, ActsOnCommandsAfterTheirDelay) {
   }
 }
 
+TEST(RobotTest, JitterDelaysEachCommandButLetsNoneOvertake) {
+  for (const double jitter : {0.1, 0.3, 0.9}) {
+    RobotConfig config = Instant();
+    config.command_delay = 0.06;
+    config.command_jitter = jitter;
+    constexpr int kSteps = 300;
+    constexpr std::uint64_t kSeed = 77;
+    const Scene scene(std::make_shared<const Course>());
+    ContactWorld contacts(config);
+    Robot robot(config, kSubsteps);
+    robot.Reset({}, kSeed);
+    // The oracle: when each command arrives, and which arrived last at every rigid-body step.
+    base::Random draws(kSeed), random(5);
+    std::vector<double> speeds;
+    std::vector<int> arrivals;
+    double x = 0.0;
+    int late = 0;
+    for (int step = 0; step < kSteps; ++step) {
+      speeds.push_back(random.Uniform(-1.0, 1.0));
+      const int lag = static_cast<int>(std::lround((0.06 + draws.Uniform(0.0, jitter)) / kDt));
+      const int arrival = step * kSubsteps + lag;
+      late += !arrivals.empty() && arrivals.back() > arrival;
+      arrivals.push_back(arrivals.empty() ? arrival : std::max(arrival, arrivals.back()));
+      for (int substep = 0; substep < kSubsteps; ++substep) {
+        double speed = 0.0;
+        for (int k = 0; k <= step; ++k) {
+          if (arrivals[k] <= step * kSubsteps + substep) speed = speeds[k];
+        }
+        x += kDt * speed;
+      }
+      robot.Drive(speeds.back(), 0.0, scene, 0.0, contacts);
+      ASSERT_NEAR(robot.pose().p.x, x, 1e-4) << "step " << step;
+    }
+    EXPECT_EQ(late > 0, jitter > 0.2) << "only then can commands queue up";
+  }
+}
+
+TEST(RobotTest, GainsAndImbalanceChangeWhatIsAskedOfTheWheels) {
+  RobotConfig config = Instant();
+  config.speed_gain = 0.9;
+  OpenField field(config);
+  field.Drive(1.0, 0.0, 5);
+  EXPECT_NEAR(field.pose().p.x, 0.9, 1e-5);
+
+  // Wheels 4 % apart at 1 m/s and 2 rad/s do what even wheels do at these speeds.
+  RobotConfig uneven;
+  uneven.wheel_imbalance = 0.04;
+  const double separation = uneven.track * uneven.wheel_separation_multiplier;
+  const WheelSpeeds asked = SkidSteering(uneven, kDt).Wheels(1.0, 2.0);
+  const WheelSpeeds same =
+      SkidSteering(RobotConfig{}, kDt)
+          .Wheels(1.0 + 0.02 * 0.5 * separation * 2.0, 2.0 + 0.04 * 1.0 / separation);
+  EXPECT_NEAR(asked.left, same.left, 1e-6);
+  EXPECT_NEAR(asked.right, same.right, 1e-6);
+  OpenField drifting(uneven);
+  drifting.Drive(1.0, 0.0, 10);
+  EXPECT_GT(drifting.pose().yaw, 0.05) << "to the side of the slower wheels";
+}
+
 TEST(RobotTest, PushesAgainstAWallWithoutPassingOrGainingEnergy) {
   for (const double yaw : {0.0, 0.3, -0.7}) {
     Course course;

@@ -7,3 +7,5 @@ slalom_add_test(skid_steering_test SOURCES skid_steering_test.cc DEPS slalom::si
 slalom_add_test(environments_test SOURCES environments_test.cc environments_determinism_test.cc
     ${PROJECT_SOURCE_DIR}/tests/support/allocation_count.cc
   DEPS slalom::sim slalom::config)
+slalom_add_test(contact_test SOURCES contact_test.cc DEPS slalom::sim)
+slalom_add_test(localisation_test SOURCES localisation_test.cc DEPS slalom::sim slalom::config)
