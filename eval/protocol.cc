@@ -37,6 +37,7 @@ sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment,
   const double longest = (protocol.clock_start_distance > 0.0 ? 2.0 : 1.0) * protocol.time_limit;
   episode.max_steps = std::max(1, static_cast<int>(std::lround(longest / episode.step)));
   episode.goal_tolerance = protocol.goal_tolerance;
+  episode.collision_ends = protocol.collision_ends;
   episode.start_position_jitter = config.start_position_jitter;
   episode.start_yaw_jitter = config.start_yaw_jitter;
   return environment;

@@ -67,6 +67,8 @@ TEST(Protocol, GivenValuesWin) {
   EXPECT_EQ(ResolveProtocol(config).time_limit, 30.0);
   EXPECT_EQ(ResolveProtocol(config).goal_tolerance, 0.9);
   EXPECT_FALSE(ResolveProtocol(config).collision_ends);
+  EXPECT_FALSE(WithProtocol(sim::EnvironmentConfig{}, config).episode.collision_ends);
+  EXPECT_TRUE(WithProtocol(sim::EnvironmentConfig{}, Named("paper")).episode.collision_ends);
 }
 
 TEST(Protocol, TheChallengeStartsFurtherLeftWithTheGoalTenMetresAhead) {
