@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 
 #include "env/action.h"
 #include "env/observation.h"
@@ -18,6 +19,10 @@ class Agent {
   /// Chooses the next action of every environment.
   /// Requires: actions.size() == observations.batch_size.
   virtual void Act(const ObservationBatch& observations, std::span<Action> actions) = 0;
+
+  /// What it was doing in environment `i` at the last `Act`, in a few words without commas, so that
+  /// records can tell why an episode failed; empty: nothing to say.
+  virtual std::string Status(int /*i*/) const { return {}; }
 };
 
 }  // namespace slalom::env

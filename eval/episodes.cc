@@ -63,7 +63,7 @@ class Driver {
       if (running_[i].record == kIdle) continue;
       Record(i);
       if (record(i).outcome != env::Outcome::kRunning) {
-        Finish(i);
+        Finish(i, agent);
         StartNext(i);
       }
     }
@@ -164,8 +164,9 @@ class Driver {
     if (r.outcome == env::Outcome::kRunning && is_time_up) r.outcome = env::Outcome::kTimeout;
   }
 
-  void Finish(int i) {
-    const EpisodeRecord& r = record(i);
+  void Finish(int i, const env::Agent& agent) {
+    EpisodeRecord& r = record(i);
+    r.agent_status = agent.Status(i);
     if (r.episode < num_recorded_) {
       running_[i].track.outcome = r.outcome;
       episodes_.tracks[static_cast<std::size_t>(r.course) * num_recorded_ + r.episode] =

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <stop_token>
+#include <string>
 #include <vector>
 
 #include "env/agent.h"
@@ -29,6 +30,7 @@ struct EpisodeRecord {
   double path_length = 0.0;     ///< Driven, along the poses at the control steps, [m].
   double min_range = 0.0;       ///< Smallest range that the LiDAR reported, [m].
   double episode_return = 0.0;  ///< Sum of rewards, not discounted.
+  std::string agent_status;     ///< `env::Agent::Status` when it ended.
 
   /// On the protocol's clock, [s]. `step`: control step, [s].
   double time(double step) const { return (num_steps - clock_start_step) * step; }

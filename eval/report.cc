@@ -250,17 +250,17 @@ std::string CourseCsv(const Evaluation& evaluation) {
 std::string EpisodeCsv(const Evaluation& evaluation) {
   std::string text =
       "course,episode,seed,outcome,steps,time_s,clock_start_s,collisions,path_length_m,min_range_m,"
-      "return,barn_score\n";
+      "return,barn_score,agent_status\n";
   const double step = evaluation.environment.episode.step;
   for (const EpisodeRecord& record : evaluation.episodes.records) {
     const CourseFigures& course = evaluation.summary.courses[record.course];
     const double time = record.time(step);
     fmt::format_to(std::back_inserter(text),
-                   "{},{},{},{},{},{:.4f},{:.4f},{},{:.4f},{:.2f},{:.6f},{:.6f}\n", course.name,
+                   "{},{},{},{},{},{:.4f},{:.4f},{},{:.4f},{:.2f},{:.6f},{:.6f},{}\n", course.name,
                    record.episode, record.seed, env::ToString(record.outcome), record.num_steps,
                    time, record.clock_start_step * step, record.num_collisions, record.path_length,
                    record.min_range, record.episode_return,
-                   BarnScore(record.outcome, time, course.optimal_time));
+                   BarnScore(record.outcome, time, course.optimal_time), record.agent_status);
   }
   return text;
 }

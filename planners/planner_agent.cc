@@ -1,5 +1,7 @@
 #include "planners/planner_agent.h"
 
+#include <fmt/format.h>
+
 #include <bit>
 #include <utility>
 
@@ -47,6 +49,16 @@ void PlannerAgent::Act(const env::ObservationBatch& observations, std::span<env:
   } else {
     parallel_->For(observations.batch_size, act);
   }
+}
+
+std::string PlannerAgent::Status(int i) const {
+  const Navigator& navigator = *navigators_[static_cast<std::size_t>(i)];
+  const NavigatorRecord& r = navigator.record();
+  return fmt::format(
+      "{} v={:.2f} w={:.2f} recoveries={} no_plan={} no_command={} backwards={} turns={} cycles={}",
+      ToString(navigator.state()), r.last_command.linear, r.last_command.angular, r.num_recoveries,
+      r.num_failed_plans, r.num_failed_commands, r.num_backwards, r.num_turns_in_place,
+      r.num_cycles);
 }
 
 void PlannerAgent::ActOne(int i, const env::ObservationBatch& observations, env::Action& action) {

@@ -36,7 +36,13 @@ class PlannerAgent : public env::Agent {
   /// all i, and so has one with another batch size.
   void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;
 
-  /// What environment i's navigation system is doing, for records.
+  /// State, last command and counts of the navigator:
+  ///
+  ///     controlling v=0.50 w=-0.31 recoveries=0 no_plan=3 no_command=0 backwards=0 turns=12
+  ///     cycles=640
+  std::string Status(int i) const override;
+
+  /// What environment i's navigation system is doing.
   /// Requires: 0 <= i < the batch size of the last `Act`.
   const Navigator& navigator(int i) const { return *navigators_[i]; }
 

@@ -90,6 +90,7 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
       expected.episode_return += static_cast<double>(result[0].reward);
       expected.path_length += base::Norm(X_WR.back().p - X_WR[X_WR.size() - 2].p);
     }
+    expected.agent_status = agent.Status(0);
     expected.outcome = result[0].outcome;
     track.outcome = result[0].outcome;
     expected.num_collisions = result[0].outcome == env::Outcome::kCollision ? 1 : 0;

@@ -121,6 +121,8 @@ class SummingAgent : public env::Agent {
     }
   }
 
+  std::string Status(int i) const override { return std::to_string(sums_[i]); }
+
  private:
   std::vector<std::uint64_t> sums_;
 };
