@@ -8,6 +8,7 @@
 #include "base/parallel.h"
 #include "base/random.h"
 #include "sim/course_generator.h"
+#include "sim/dynamic_generator.h"
 #include "sim/environments.h"
 
 /// Simulator speed: whole environment steps, and its parts beside what a stock Box2D program would
@@ -22,58 +23,6 @@ constexpr int kBatch = 64;
 const std::vector<std::shared_ptr<const Scene>>& StaticScenes() {
   static const std::vector<std::shared_ptr<const Scene>> scenes =
       MakeScenes(GenerateFreshCourses(1, kNumCourses));
-  return scenes;
-}
-
-/// Open field, 12 boxes that come towards the robot (original-system.md §7.2).
-std::shared_ptr<const Course> BoxCourse(base::Random& random) {
-  Course course;
-  course.name = "dynamic-box";
-  course.start = {{-2.0, 3.0}, 0.5 * base::kPi};
-  course.goal_W = {-2.0, 13.0};
-  course.boxes = {{{{-9.0, 7.25}, 0.0}, {0.05, 6.75}},
-                  {{{4.5, 7.25}, 0.0}, {0.05, 6.75}},
-                  {{{-2.25, 0.5}, 0.0}, {6.75, 0.05}}};
-  for (int i = 0; i < 12; ++i) {
-    MovingObstacle box;
-    box.half_size = {random.Uniform(0.05, 0.25), random.Uniform(0.05, 0.25)};
-    const double yaw = random.Uniform(-1.57, 1.57);
-    box.key_frames = {{0.0, {{random.Uniform(-9.0, 4.5), 14.0}, yaw}},
-                      {random.Uniform(9.0, 27.0), {{random.Uniform(-9.0, 4.5), 0.5}, yaw}}};
-    course.moving.push_back(box);
-  }
-  return std::make_shared<const Course>(course);
-}
-
-/// The pen and side walls of 156 cylinders, two walls that sweep (§7.3).
-std::shared_ptr<const Course> WallCourse(base::Random& random) {
-  Course course;
-  course.name = "dynamic-wall";
-  course.start = {{-2.0, 3.0}, 0.5 * base::kPi};
-  course.goal_W = {-2.0, 13.0};
-  for (int row = 0; row < 64; ++row) {
-    course.circles.push_back({{-4.425, 0.075 + 0.15 * row}, 0.075});
-    course.circles.push_back({{-0.075, 0.075 + 0.15 * row}, 0.075});
-  }
-  for (int column = 1; column < 29; ++column) {
-    course.circles.push_back({{-4.425 + 0.15 * column, 0.075}, 0.075});
-  }
-  for (const double from : {-4.5, 0.0}) {
-    MovingObstacle wall;
-    wall.half_size = {random.Uniform(1.75, 2.25), 0.05};
-    const double yaw = random.Uniform(-0.17, 0.17);
-    wall.key_frames = {{0.0, {{from, 7.25}, yaw}},
-                       {random.Uniform(3.0, 4.5), {{-4.5 - from, 7.25}, yaw}}};
-    course.moving.push_back(wall);
-  }
-  return std::make_shared<const Course>(course);
-}
-
-template <class MakeCourse>
-std::vector<std::shared_ptr<const Scene>> MakeMany(const MakeCourse& make) {
-  base::Random random(7);
-  std::vector<std::shared_ptr<const Scene>> scenes;
-  for (int i = 0; i < kNumCourses; ++i) scenes.push_back(MakeScene(make(random)));
   return scenes;
 }
 
@@ -161,13 +110,24 @@ void BM_EnvironmentSteps(benchmark::State& state) {
 }
 BENCHMARK(BM_EnvironmentSteps)->Arg(1)->Arg(2)->UseRealTime();
 
+/// With the ideal drive.
+void BM_EnvironmentStepsIdealDrive(benchmark::State& state) {
+  EnvironmentConfig config = BenchConfig();
+  config.robot.drive = "ideal";
+  StepEnvironments(state, config, Robot::Stepping::kBox2dInContact);
+}
+BENCHMARK(BM_EnvironmentStepsIdealDrive)->Arg(1)->UseRealTime();
+
+/// Among moving obstacles.
 void BM_EnvironmentStepsDynamicBox(benchmark::State& state) {
-  StepEnvironments(state, BenchConfig(), Robot::Stepping::kBox2dInContact, MakeMany(BoxCourse));
+  StepEnvironments(state, BenchConfig(), Robot::Stepping::kBox2dInContact,
+                   MakeScenes(GenerateFreshBoxCourses(1, kNumCourses)));
 }
 BENCHMARK(BM_EnvironmentStepsDynamicBox)->Arg(1)->UseRealTime();
 
 void BM_EnvironmentStepsDynamicWall(benchmark::State& state) {
-  StepEnvironments(state, BenchConfig(), Robot::Stepping::kBox2dInContact, MakeMany(WallCourse));
+  StepEnvironments(state, BenchConfig(), Robot::Stepping::kBox2dInContact,
+                   MakeScenes(GenerateFreshWallCourses(1, kNumCourses)));
 }
 BENCHMARK(BM_EnvironmentStepsDynamicWall)->Arg(1)->UseRealTime();
 

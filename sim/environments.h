@@ -51,8 +51,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   int num_courses() const override { return static_cast<int>(scenes_.size()); }
 
   /// The start pose is jittered as configured; a draw of pose and motion time in which the robot
-  /// touches an obstacle is drawn again; after
-  /// 1000 of them the course's own start pose and motion time 0 are taken.
+  /// touches an obstacle is drawn again; after 1000 of them the course's own start pose and motion
+  /// time 0 are taken.
   /// Requires: 0 <= i < batch_size(), 0 <= spec.course < num_courses().
   void Reset(int i, const env::EpisodeSpec& spec) override;
 

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "config/config.h"
+#include "tests/support/moving_courses.h"
 #include "tests/support/random_courses.h"
 
 namespace slalom::sim {
@@ -246,13 +247,19 @@ TEST(EnvironmentsTest, JitteredStartsAreSpreadAndFree) {
 TEST(EnvironmentsTest, ATurnedAndMovedCourseGivesTheSameEpisode) {
   base::Random random(9);
   for (int round = 0; round < 10; ++round) {
-    const auto course = test::RandomCourse(random, {.num_circles = 40, .num_boxes = 3});
+    const auto course = test::WithMoving(
+        *test::RandomCourse(random, {.num_circles = 40, .num_boxes = 3}), round % 3, random);
     const base::Pose2 X_VW{{random.Uniform(-3.0, 3.0), random.Uniform(-3.0, 3.0)},
                            random.Uniform(-3.0, 3.0)};
     Course moved = *course;
     for (Circle& circle : moved.circles) circle.p_W = base::Transform(X_VW, circle.p_W);
     for (Box& box : moved.boxes) {
       box.X_WB = {base::Transform(X_VW, box.X_WB.p), box.X_WB.yaw + X_VW.yaw};
+    }
+    for (MovingObstacle& obstacle : moved.moving) {
+      for (auto& [time, X_WB] : obstacle.key_frames) {
+        X_WB = {base::Transform(X_VW, X_WB.p), X_WB.yaw + X_VW.yaw};
+      }
     }
     moved.start = {base::Transform(X_VW, course->start.p), course->start.yaw + X_VW.yaw};
     moved.goal_W = base::Transform(X_VW, course->goal_W);

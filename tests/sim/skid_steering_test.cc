@@ -192,7 +192,7 @@ TEST(SkidSteeringTest, ConvergesToTheEquationsOfMotion) {
       }
     }
   }
-  EXPECT_LT(velocity_error[0], 0.05) << "[m/s], under commands that jump by up to 3 m/s";
+  EXPECT_LT(velocity_error[0], 0.03) << "[m/s], under commands that jump by up to 3 m/s";
   EXPECT_LT(position_error[0], 0.02) << "[m], over 2 s";
   for (int level = 0; level < 2; ++level) {
     EXPECT_NEAR(velocity_error[level] / velocity_error[level + 1], 2.0, 0.4);
