@@ -16,7 +16,11 @@ constexpr float kCostFactor = 0.8f;
 constexpr double kPathStep = 0.5;  // [cells]
 // Below what a free cell can cost per cell of straight line, the approximation's error included.
 constexpr float kHeuristicCost = 0.95f * kNeutralCost;
+// Less than a cell's potential is above its lowest neighbour's, so that cells are mostly updated
+// once.
 constexpr float kBucketWidth = 25.0f;
+// Where the robot has not been reached, so much dearer paths are looked for next.
+constexpr float kBoundGrowth = 1.2f;
 // Cells whose paths cost this much more than the best are settled too: the descent's gradients look
 // up to two cells beside the path, where a cell costs 251 at most.
 constexpr float kMargin = 1000.0f;
@@ -76,7 +80,6 @@ const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap,
 void GlobalPlanner::Begin(const Costmap& costmap, CellIndex start, CellIndex goal) {
   size_x_ = costmap.size_x();
   size_y_ = costmap.size_y();
-  start_ = start;
   goal_ = goal;
   costs_.assign(costmap.costs().begin(), costmap.costs().end());
   for (int x = 0; x < size_x_; ++x) {
@@ -88,14 +91,14 @@ void GlobalPlanner::Begin(const Costmap& costmap, CellIndex start, CellIndex goa
   costs_[Index(start)] = kFreeCost;  // Wherever the robot is, it is.
   potential_.assign(costs_.size(), kInfinite);
   pending_.assign(costs_.size(), 0);
-  for (auto& bucket : buckets_) bucket.clear();
-  bucket_ = 0;
+  deferred_.clear();
+  start_ = start;
   const int n = Index(goal);
   potential_[n] = 0.0f;
   touched_.assign(1, n);
   const float dx = static_cast<float>(goal.x - start.x), dy = static_cast<float>(goal.y - start.y);
-  first_key_ = kHeuristicCost * std::sqrt(dx * dx + dy * dy);
-  for (const int m : {n + 1, n - 1, n - size_x_, n + size_x_}) Push(m, 0.0f);
+  bound_ = kNeutralCost * std::sqrt(dx * dx + dy * dy) + kMargin;
+  Push(n);
   valid_ = true;
 }
 
@@ -103,7 +106,6 @@ void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, Ce
   changed_.clear();
   lowest_changed_ = kInfinite;
   const CellIndex old_start = start_;
-  start_ = start;
   SetCost(Index(old_start), costmap.cost(old_start));
   for (int y = std::max(1, changed.y0); y < std::min(size_y_ - 1, changed.y1); ++y) {
     const int x0 = std::max(1, changed.x0), x1 = std::min(size_x_ - 1, changed.x1);
@@ -116,7 +118,7 @@ void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, Ce
     }
   }
   SetCost(Index(start), kFreeCost);
-  if (!changed_.empty() || !(start == old_start)) SpreadAnew();
+  if (!changed_.empty() || !(start == old_start)) SpreadAnew(start);
 }
 
 void GlobalPlanner::SetCost(int n, std::uint8_t cost) {
@@ -128,90 +130,84 @@ void GlobalPlanner::SetCost(int n, std::uint8_t cost) {
                               potential_[n - size_x_], potential_[n + size_x_]});
 }
 
-/// Forgets the potentials that the change can matter to and queues what can restore them, by what
-/// it means to the robot where it is now.
-void GlobalPlanner::SpreadAnew() {
-  to_push_.clear();
-  for (auto& bucket : buckets_) {
-    for (const int n : bucket) pending_[n] = 0;
-    to_push_.insert(to_push_.end(), bucket.begin(), bucket.end());
-    bucket.clear();
-  }
-  bucket_ = 0;
+/// Forgets the potentials that the change can matter to, and queues what can restore them.
+void GlobalPlanner::SpreadAnew(CellIndex start) {
+  const float before = potential_[Index(start_)];
+  if (before < kInfinite) bound_ = before + kMargin;
+  start_ = start;
+  waiting_.swap(deferred_);
+  deferred_.clear();
   std::size_t num_kept = 0;
   for (const int n : touched_) {
     if (potential_[n] <= lowest_changed_) {
       touched_[num_kept++] = n;
     } else {
       potential_[n] = kInfinite;
-      to_push_.push_back(n);
+      changed_.push_back(n);
     }
   }
   touched_.resize(num_kept);
-  to_push_.insert(to_push_.end(), changed_.begin(), changed_.end());
-  // Cells without a neighbour to restore them come up again when one has been.
-  std::erase_if(to_push_, [&](int n) {
-    return costs_[n] >= kInscribedCost || LowestNeighbour(n) == kInfinite;
-  });
-  first_key_ = kInfinite;
-  for (const int n : to_push_) first_key_ = std::min(first_key_, Key(n, LowestNeighbour(n)));
-  for (const int n : to_push_) Push(n, LowestNeighbour(n));
+  for (const int n : waiting_) {
+    if (potential_[n] < kInfinite) Push(n);
+  }
+  for (const int n : changed_) Relax(n);
 }
 
 void GlobalPlanner::Spread() {
   const int start = Index(start_);
-  for (; bucket_ < buckets_.size(); ++bucket_) {
-    const float key = first_key_ + kBucketWidth * static_cast<float>(bucket_);
-    if (extent_ == Extent::kPath && key > potential_[start] + kMargin) break;
-    // The bucket grows while it is worked off.
-    for (std::size_t i = 0; i < buckets_[bucket_].size(); ++i) {
-      const int n = buckets_[bucket_][i];
-      pending_[n] = 0;
-      UpdateCell(n);
+  while (true) {
+    for (; bucket_ < buckets_.size(); ++bucket_) {
+      // The bucket grows while it is worked off.
+      for (std::size_t i = 0; i < buckets_[bucket_].size(); ++i) {
+        const int n = buckets_[bucket_][i];
+        if (pending_[n] == 0) continue;  // Was worked off with a lower potential.
+        pending_[n] = 0;
+        for (const int m : {n - 1, n + 1, n - size_x_, n + size_x_}) Relax(m);
+      }
+      buckets_[bucket_].clear();
     }
-    buckets_[bucket_].clear();
+    const float wanted =
+        potential_[start] < kInfinite ? potential_[start] + kMargin : kBoundGrowth * bound_;
+    if (deferred_.empty() || bound_ >= wanted) return;
+    bound_ = wanted;
+    waiting_.swap(deferred_);
+    deferred_.clear();
+    for (const int n : waiting_) Push(n);
   }
 }
 
-void GlobalPlanner::UpdateCell(int n) {
+/// Lowers the potential of a cell to what its neighbours give it, and queues it where it fell.
+void GlobalPlanner::Relax(int n) {
   const float crossing = TraversalTable()[costs_[n]];
   if (!(crossing < kInfinite)) return;
-  const float left = potential_[n - 1], right = potential_[n + 1];
-  const float down = potential_[n - size_x_], up = potential_[n + size_x_];
-  const float potential = PlaneWave(std::min(left, right), std::min(down, up), crossing);
+  const float potential =
+      PlaneWave(std::min(potential_[n - 1], potential_[n + 1]),
+                std::min(potential_[n - size_x_], potential_[n + size_x_]), crossing);
   if (!(potential < potential_[n])) return;
   if (potential_[n] == kInfinite) touched_.push_back(n);
   potential_[n] = potential;
-  // Any higher neighbour can gain. navfn looks only at those that gain from this cell as their
-  // lowest neighbour, which makes its result depend on the order of updates.
-  const auto offer = [&](int m, float its_potential) {
-    if (its_potential > potential && costs_[m] < kInscribedCost) Push(m, potential);
-  };
-  offer(n - 1, left);
-  offer(n + 1, right);
-  offer(n - size_x_, down);
-  offer(n + size_x_, up);
+  Push(n);
 }
 
-float GlobalPlanner::Key(int n, float potential) const {
+/// What a path from the robot over this cell costs at least.
+float GlobalPlanner::Key(int n) const {
   const int y = n / size_x_, x = n - y * size_x_;
   const float dx = static_cast<float>(x - start_.x), dy = static_cast<float>(y - start_.y);
-  return potential + kHeuristicCost * std::sqrt(dx * dx + dy * dy);
+  return potential_[n] + kHeuristicCost * std::sqrt(dx * dx + dy * dy);
 }
 
-void GlobalPlanner::Push(int n, float potential) {
-  if (pending_[n] != 0) return;
-  const float excess = Key(n, potential) - first_key_;
-  const auto wanted = static_cast<std::size_t>(std::max(0.0f, excess * (1.0f / kBucketWidth)));
-  const std::size_t bucket = std::max(bucket_, wanted);
+/// Queues a cell whose neighbours are to learn of its potential; for later, where no path that is
+/// wanted leads over it.
+void GlobalPlanner::Push(int n) {
+  if (extent_ == Extent::kPath && Key(n) > bound_) {
+    deferred_.push_back(n);
+    return;
+  }
+  const auto bucket = static_cast<std::size_t>(potential_[n] * (1.0f / kBucketWidth));
   if (bucket >= buckets_.size()) buckets_.resize(bucket + 1);
+  bucket_ = std::min(bucket_, bucket);
   pending_[n] = 1;
   buckets_[bucket].push_back(n);
-}
-
-float GlobalPlanner::LowestNeighbour(int n) const {
-  return std::min(
-      {potential_[n - 1], potential_[n + 1], potential_[n - size_x_], potential_[n + size_x_]});
 }
 
 bool GlobalPlanner::Descend(const Costmap& costmap) {

@@ -15,9 +15,9 @@ namespace slalom::planners {
 /// kInscribedCost and above are walls, save the robot's own; so is the map's edge.
 ///
 /// navfn spreads the potential from the robot over all that is nearer than the goal. Here it
-/// spreads from the goal, in the order of an A* search, until the cells that the path can touch are
-/// settled; and where the map changed, only what lies behind the change is spread anew. Neither
-/// changes the path. Confined to one thread at a time.
+/// spreads from the goal, as Dijkstra's algorithm does but only over cells that the path can touch,
+/// by the straight line left to the robot; and where the map changed, only what lies behind the
+/// change is spread anew. Neither changes the path. Confined to one thread at a time.
 class GlobalPlanner {
  public:
   /// How far the potential spreads: to what the path needs, or to all that can be reached (for
@@ -47,12 +47,11 @@ class GlobalPlanner {
   void Begin(const Costmap& costmap, CellIndex start, CellIndex goal);
   void TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex start);
   void SetCost(int n, std::uint8_t cost);
-  void SpreadAnew();
+  void SpreadAnew(CellIndex start);
   void Spread();
-  void UpdateCell(int n);
-  void Push(int n, float potential);
-  float Key(int n, float potential) const;
-  float LowestNeighbour(int n) const;
+  void Relax(int n);
+  void Push(int n);
+  float Key(int n) const;
   bool Descend(const Costmap& costmap);
   base::Vec2 Gradient(int n) const;
   int Index(CellIndex c) const { return c.y * size_x_ + c.x; }
@@ -61,16 +60,17 @@ class GlobalPlanner {
   bool valid_ = false;  // The potential is that of costs_ and goal_.
   int size_x_ = 0, size_y_ = 0;
   CellIndex start_, goal_;
-  std::vector<std::uint8_t> costs_;    // [size_y, size_x], the edge unknown, the robot's cell free.
-  std::vector<float> potential_;       // [size_y, size_x]
-  std::vector<int> touched_;           // Cells that have a potential.
-  std::vector<std::uint8_t> pending_;  // [size_y, size_x], whether in a bucket.
-  // Cells to update, by the least that a path over them can cost, in steps of kBucketWidth.
+  std::vector<std::uint8_t> costs_;  // [size_y, size_x], the edge unknown, the robot's cell free.
+  std::vector<float> potential_;     // [size_y, size_x]
+  std::vector<int> touched_;         // Cells that have a potential.
+  // Cells whose potential fell, by potential in steps of kBucketWidth; a cell may be in several.
   std::vector<std::vector<int>> buckets_;
-  std::size_t bucket_ = 0;
-  float first_key_ = 0.0f;
+  std::vector<std::uint8_t> pending_;  // [size_y, size_x], whether its neighbours do not know yet.
+  std::size_t bucket_ = 0;             // All before are empty.
+  std::vector<int> deferred_;          // Likewise fallen, with paths beyond bound_.
+  float bound_ = 0.0f;                 // Cost of the dearest paths that are looked at.
   // Of the change that is taken in: its cells, and below which potential it matters to none.
-  std::vector<int> changed_, to_push_;
+  std::vector<int> changed_, waiting_;
   float lowest_changed_ = 0.0f;
   std::vector<base::Vec2> path_O_;
 };
