@@ -155,23 +155,26 @@ void CastBox(const Sensor& sensor, const SensedBox& box, int first, int last, fl
 // Angles of the outermost corners of a box seen from outside, in S, around its nearest point,
 // [rad].
 struct AngularSpan {
-  double low, high;
+  float low, high;
 };
 
+SLALOM_VECTOR_CLONES
 AngularSpan SpanOfBox(const SensedBox& box) {
-  const double nearest_x = std::clamp<double>(box.x, -box.half_x, box.half_x);
-  const double nearest_y = std::clamp<double>(box.y, -box.half_y, box.half_y);
-  const auto angle_in_s = [&](double x, double y) {  // Of a direction given in B.
-    return std::atan2(box.cos_yaw * y - box.sin_yaw * x, box.cos_yaw * x + box.sin_yaw * y);
-  };
-  const double middle = angle_in_s(nearest_x - box.x, nearest_y - box.y);
-  AngularSpan span{middle, middle};
-  for (const double sign_x : {-1.0, 1.0}) {
-    for (const double sign_y : {-1.0, 1.0}) {
-      const double offset = base::WrapAngle(
-          angle_in_s(sign_x * box.half_x - box.x, sign_y * box.half_y - box.y) - middle);
-      span = {std::min(span.low, middle + offset), std::max(span.high, middle + offset)};
-    }
+  const float near_x = std::clamp(box.x, -box.half_x, box.half_x) - box.x;
+  const float near_y = std::clamp(box.y, -box.half_y, box.half_y) - box.y;
+  const float left = -box.half_x - box.x, right = box.half_x - box.x;
+  const float low = -box.half_y - box.y, high = box.half_y - box.y;
+  // From the sensor in B: the nearest point, four corners.
+  const Floats x{near_x, left, left, right, right, near_x, near_x, near_x};
+  const Floats y{near_y, low, high, low, high, near_y, near_y, near_y};
+  const Floats angles = Atan2(box.cos_yaw * y - box.sin_yaw * x, box.cos_yaw * x + box.sin_yaw * y);
+  constexpr float kHalfTurn = 3.1415927f;
+  AngularSpan span{angles[0], angles[0]};
+  for (int corner = 1; corner <= 4; ++corner) {
+    float angle = angles[corner];  // Within a quarter turn of the nearest point's.
+    if (angle > angles[0] + kHalfTurn) angle -= 2.0f * kHalfTurn;
+    if (angle < angles[0] - kHalfTurn) angle += 2.0f * kHalfTurn;
+    span = {std::min(span.low, angle), std::max(span.high, angle)};
   }
   return span;
 }
@@ -193,7 +196,7 @@ void CastBoxes(std::span<const PlacedBox> boxes, const Sensor& sensor, float* ra
       CastBox(sensor, sensed, 0, sensor.num_beams - 1, ranges);
       continue;
     }
-    constexpr double kPad = 1e-3;  // [rad]
+    constexpr double kPad = 1e-3;  // Beyond rounding and the error of Atan2, [rad].
     const AngularSpan span = SpanOfBox(sensed);
     for (const double shift : {-2.0 * base::kPi, 0.0, 2.0 * base::kPi}) {
       const double low = (span.low - kPad + shift - sensor.first_angle) * sensor.beams_per_radian;
