@@ -20,6 +20,7 @@ struct NavigationConfig {
   double planner_rate = 20.0;
   double planner_patience = 5.0;
   double controller_patience = 15.0;
+  double command_timeout = 0.25;
   double goal_resend_rate = 0.0;
   bool recovery = true;
   bool recovery_clears = false;
@@ -51,6 +52,8 @@ struct NavigationConfig {
       "Without a plan for longer than this, the robot recovers.");
     v("controller_patience", controller_patience, base::Range{0.0, 1000.0}, "s",
       "Without an admissible command for longer than this, the robot recovers.");
+    v("command_timeout", command_timeout, base::Range{0.0, 100.0}, "s",
+      "While it waits for a plan, the robot keeps its last command for this long, then stops.");
     v("goal_resend_rate", goal_resend_rate, base::Range{0.0, 100.0}, "Hz",
       "The goal is sent anew this often, which restarts patience and recoveries, as the BARN "
       "Challenge's launch files do at 10 Hz; 0: sent once, and a robot that gave up stays there.");

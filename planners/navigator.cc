@@ -77,6 +77,7 @@ void Navigator::Reset(const base::Pose2& X_OR, base::Vec2 goal_O, std::uint64_t 
   path_begin_ = 0;
   path_is_new_ = false;
   turn_.reset();
+  last_sent_time_ = 0.0;
   command_ = {};
   record_ = {};
   SendGoal();
@@ -114,7 +115,9 @@ void Navigator::Act(const base::Pose2& X_OR, Twist velocity) {
   }
   switch (state_) {
     case NavigatorState::kPlanning:
-      break;  // The last command holds until there is a plan, as in move_base.
+      // Nothing is sent; the drive goes on until it misses commands.
+      if (now() - last_sent_time_ > config_.command_timeout) command_ = {};
+      break;
     case NavigatorState::kControlling:
       Control(X_OR, velocity);
       break;
@@ -148,6 +151,7 @@ void Navigator::Control(const base::Pose2& X_OR, Twist velocity) {
   const std::optional<Twist> command = planner_->ComputeCommand(view);
   path_is_new_ = false;
   command_ = command.value_or(Twist{});
+  last_sent_time_ = now();
   if (command) {
     last_command_time_ = now();
     if (trigger_ == Trigger::kControlling) recovery_index_ = 0;

@@ -98,7 +98,8 @@ class Navigator {
   Trigger trigger_ = Trigger::kPlanning;  // Of the recoveries.
   int recovery_index_ = 0;
   std::optional<RotateRecovery> turn_;                     // Under way.
-  double last_plan_time_ = 0.0, last_command_time_ = 0.0;  // Of the last success, [s].
+  double last_plan_time_ = 0.0, last_command_time_ = 0.0;  // Patience counts from here, [s].
+  double last_sent_time_ = 0.0;                            // Of a command, [s].
   CellWindow global_change_;                               // Since the last plan.
   std::vector<base::Vec2> path_O_;
   std::size_t path_begin_ = 0;  // What is before it was passed.

@@ -167,6 +167,19 @@ TEST(Navigator, SendsTheGoalAnew) {
   EXPECT_NEAR(slow.time(), 40.0, 0.1);
 }
 
+TEST(Navigator, StopsWithoutCommands) {
+  NavigationConfig config;
+  config.goal_resend_rate = 10.0;
+  Robot robot(config);
+  robot.Step();
+  ASSERT_EQ(robot.Step(), (Twist{0.3, 0.1}));
+  robot.SeeWallAllRound(70);  // From now on there is no plan; each new goal asks for one.
+  int num_moving = 0;
+  while (robot.Step() != Twist{}) ASSERT_LT(++num_moving, 100);
+  EXPECT_NEAR(num_moving, 5, 1);  // 0.25 s on the last command.
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(robot.Step(), Twist{});
+}
+
 TEST(Navigator, ClearsItsMapsIfToldTo) {
   for (const bool clears : {false, true}) {
     NavigationConfig config;

@@ -93,6 +93,13 @@ TEST(ObstacleMap, MarksNearClearsFarther) {
   EXPECT_FALSE(Marked(map, near));
 }
 
+TEST(ObstacleMap, OneHitOfManyBeamsMarks) {
+  ObstacleMap map({}, kFootprint);
+  map.Reset({});
+  map.Update(RaysTo({0.12, 0.0}, {{{1.0, 1.01}, false}, {{1.01, 1.02}, true}}), {});
+  EXPECT_TRUE(Marked(map, {1.01, 1.02}));
+}
+
 TEST(ObstacleMap, KeepsWhatTheRobotStandsOnFree) {
   ObstacleMap map({}, kFootprint);
   map.Reset({});
