@@ -20,6 +20,8 @@ constexpr double kGoalTolerance = 0.4;     // [m], within which the goal counts 
 constexpr double kOutlineSpacing = 1.0;    // [m] between outlines along a track.
 constexpr double kGhostInterval = 1.0;     // [s] between outlines of a moving obstacle.
 constexpr int kMaxGhosts = 200;
+constexpr double kMinLineWidth = 0.6;  // [pixels]
+constexpr double kMinArrowSize = 6.0;  // [pixels]
 
 /// Points along the way of the obstacle's centre, from the first key frame to the last.
 std::vector<base::Vec2> WayOf(const MovingObstacle& obstacle, const Motion& motion) {
@@ -102,15 +104,16 @@ void CoursePainter::PaintMoving(const MovingObstacle& obstacle) {
   for (int i = 1; i * interval < duration; ++i) trace(motion.At(i * interval).X_WB);
   trace(obstacle.key_frames.back().X_WB);
   SetColour(cairo_, kMoving, 0.3);
-  cairo_set_line_width(cairo_, 0.015);
+  SetLineWidth(0.015);
   cairo_stroke(cairo_);
 
   std::vector<base::Vec2> way = WayOf(obstacle, motion);
   SetColour(cairo_, kMoving, 0.55);
-  PaintArrow(way, 0.2, 0.025);
+  const double arrow_size = std::max(0.2, kMinArrowSize * PixelSize());
+  PaintArrow(way, arrow_size, 0.025);
   if (obstacle.playback == Playback::kPingPong) {
     std::reverse(way.begin(), way.end());
-    PaintArrow(way, 0.2, 0.025);
+    PaintArrow(way, arrow_size, 0.025);
   }
   trace(obstacle.key_frames.front().X_WB);
   SetColour(cairo_, kMoving);
@@ -133,7 +136,7 @@ void CoursePainter::PaintArrow(std::span<const base::Vec2> points, double size, 
     if (base::Norm(tip - p) >= size) from = p;
   }
   for (const base::Vec2& p : points) cairo_line_to(cairo_, p.x, p.y);
-  cairo_set_line_width(cairo_, width);
+  SetLineWidth(width);
   cairo_stroke(cairo_);
   const double length = base::Norm(tip - from);
   if (!(length > 0.0)) return;
@@ -144,6 +147,16 @@ void CoursePainter::PaintArrow(std::span<const base::Vec2> points, double size, 
   }
   cairo_close_path(cairo_);
   cairo_fill(cairo_);
+}
+
+double CoursePainter::PixelSize() const {
+  double x = 1.0, y = 0.0;
+  cairo_device_to_user_distance(cairo_, &x, &y);
+  return std::sqrt(x * x + y * y);
+}
+
+void CoursePainter::SetLineWidth(double width) {
+  cairo_set_line_width(cairo_, std::max(width, kMinLineWidth * PixelSize()));
 }
 
 void CoursePainter::TraceCircle(const Circle& circle) {
@@ -170,7 +183,7 @@ void CoursePainter::PaintStart(const base::Pose2& X_WR) {
   SetColour(cairo_, kEnds, 0.18);
   cairo_fill_preserve(cairo_);
   SetColour(cairo_, kEnds);
-  cairo_set_line_width(cairo_, 0.03);
+  SetLineWidth(0.03);
   cairo_stroke(cairo_);
 
   constexpr std::array<base::Vec2, 7> kArrow = {{{-0.12, 0.03},
@@ -192,7 +205,7 @@ void CoursePainter::PaintTrack(const EpisodeTrack& track) {
   if (track.poses.empty()) return;
   const Colour colour = OutcomeColour(track.outcome);
   double since_outline = 0.0;
-  cairo_set_line_width(cairo_, 0.012);
+  SetLineWidth(0.012);
   for (std::size_t i = 1; i < track.poses.size(); ++i) {
     since_outline += base::Norm(track.poses[i].p - track.poses[i - 1].p);
     if (since_outline < kOutlineSpacing) continue;
@@ -204,7 +217,7 @@ void CoursePainter::PaintTrack(const EpisodeTrack& track) {
 
   for (const base::Pose2& pose : track.poses) cairo_line_to(cairo_, pose.p.x, pose.p.y);
   SetColour(cairo_, colour, 0.85);
-  cairo_set_line_width(cairo_, 0.04);
+  SetLineWidth(0.04);
   cairo_set_line_join(cairo_, CAIRO_LINE_JOIN_ROUND);
   cairo_stroke(cairo_);
 
@@ -213,14 +226,14 @@ void CoursePainter::PaintTrack(const EpisodeTrack& track) {
   SetColour(cairo_, colour, 0.15);
   cairo_fill_preserve(cairo_);
   SetColour(cairo_, colour, 0.9);
-  cairo_set_line_width(cairo_, 0.025);
+  SetLineWidth(0.025);
   cairo_stroke(cairo_);
   PaintEndMark(end.p, 0.09, track.outcome);
 }
 
 void CoursePainter::PaintEndMark(base::Vec2 p, double radius, env::Outcome outcome) {
   SetColour(cairo_, OutcomeColour(outcome));
-  cairo_set_line_width(cairo_, 0.5 * radius);
+  SetLineWidth(0.5 * radius);
   switch (outcome) {
     case env::Outcome::kSuccess:
       cairo_arc(cairo_, p.x, p.y, radius, 0.0, 2.0 * base::kPi);
@@ -246,17 +259,18 @@ void CoursePainter::PaintGoal(base::Vec2 p, double radius) {
   SetColour(cairo_, kEnds, 0.12);
   cairo_fill_preserve(cairo_);
   SetColour(cairo_, kEnds);
-  cairo_set_line_width(cairo_, 0.075 * radius);
+  SetLineWidth(0.075 * radius);
   cairo_stroke(cairo_);
   cairo_arc(cairo_, p.x, p.y, 0.16 * radius, 0.0, 2.0 * base::kPi);
   cairo_fill(cairo_);
 }
 
 void CoursePainter::PaintDashes(std::span<const base::Vec2> points, double width) {
+  width = std::max(width, kMinLineWidth * PixelSize());
   const std::array<double, 2> dashes = {2.2 * width, 2.0 * width};
   cairo_save(cairo_);
   cairo_set_dash(cairo_, dashes.data(), 2, 0.0);
-  cairo_set_line_width(cairo_, width);
+  SetLineWidth(width);
   cairo_set_line_join(cairo_, CAIRO_LINE_JOIN_ROUND);
   for (const base::Vec2& p : points) cairo_line_to(cairo_, p.x, p.y);
   SetColour(cairo_, kMuted, 0.7);

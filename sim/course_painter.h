@@ -55,6 +55,10 @@ class CoursePainter {
   void PaintArrow(std::span<const base::Vec2> points, double size, double width);
 
  private:
+  /// A pixel of a PNG, a point of an SVG, in the unit of the context.
+  double PixelSize() const;
+  /// `width`, but never so thin that it cannot be seen.
+  void SetLineWidth(double width);
   void TraceBox(const Box& box);
   void TraceCircle(const Circle& circle);
   void TraceOutline(const base::Pose2& X_WR);
