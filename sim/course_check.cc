@@ -73,9 +73,9 @@ bool EverTouches(const MovingObstacle& obstacle, const Motion& motion, const Box
   const double duration = obstacle.key_frames.back().time;
   const double reach = obstacle.radius > 0.0 ? 0.0 : base::Norm(obstacle.half_size);
   const double way = duration * (motion.max_speed() + motion.max_yaw_rate() * reach);
-  const double num_steps = std::ceil(std::clamp(way / kStep, 1.0, kMaxSteps));
-  for (double i = 0.0; i < num_steps; ++i) {
-    const base::Pose2 X_WB = motion.At(duration * (i / num_steps)).X_WB;
+  const int num_steps = static_cast<int>(std::clamp(way / kStep, 1.0, kMaxSteps)) + 1;
+  for (int i = 0; i < num_steps; ++i) {
+    const base::Pose2 X_WB = motion.At(duration * i / num_steps).X_WB;
     const bool touches = obstacle.radius > 0.0 ? DistanceTo(outline, X_WB.p) <= obstacle.radius
                                                : BoxesTouch(outline, {X_WB, obstacle.half_size});
     if (touches) return true;
@@ -257,7 +257,7 @@ std::optional<std::string> WhyBadKeyFrame(const MovingObstacle& obstacle, std::s
 }
 
 std::optional<std::string> WhyUnsolvable(const Course& course) {
-  if (const auto reason = WhyMalformed(course)) return reason;
+  if (auto reason = WhyMalformed(course)) return reason;
   const base::Vec2 start = course.start.p;
   const base::Vec2 goal = course.goal_W;
   if (!IsInside(course.bounds, start)) {

@@ -28,6 +28,7 @@ std::vector<base::Vec2> WayOf(const MovingObstacle& obstacle, const Motion& moti
   const double duration = obstacle.key_frames.back().time;
   const int num_steps = 24 * static_cast<int>(obstacle.key_frames.size() - 1);
   std::vector<base::Vec2> way;
+  way.reserve(static_cast<std::size_t>(num_steps) + 1);
   for (int i = 0; i < num_steps; ++i) way.push_back(motion.At(duration * i / num_steps).X_WB.p);
   way.push_back(obstacle.key_frames.back().X_WB.p);
   return way;

@@ -117,7 +117,7 @@ Course GenerateBoxCourse(std::string name, const DynamicBoxRecipe& recipe,
   SLALOM_CHECK_LE(static_cast<std::size_t>(recipe.max_boxes), trajectories.size());
   base::Random random(seed);
   Course course = DynamicBoxArena(std::move(name));
-  const auto choices = static_cast<std::uint64_t>(recipe.max_boxes - recipe.min_boxes + 1);
+  const auto choices = static_cast<std::uint64_t>(recipe.max_boxes - recipe.min_boxes) + 1;
   const auto num_boxes = static_cast<std::size_t>(recipe.min_boxes) + random.UniformInt(choices);
   // The first of a shuffle (Fisher and Yates), so that none comes twice.
   std::vector<std::size_t> order(trajectories.size());
