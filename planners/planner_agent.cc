@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <atomic>
 #include <bit>
 #include <utility>
 
@@ -43,11 +44,17 @@ void PlannerAgent::Act(const env::ObservationBatch& observations, std::span<env:
     navigators_.resize(actions.size());
     for (auto& navigator : navigators_) navigator = MakeNavigator();
   }
-  const auto act = [&](int i) { ActOne(i, observations, actions[static_cast<std::size_t>(i)]); };
+  // One after another, as each thread gets to it: a plan takes far longer than a command.
+  std::atomic<int> next{0};
+  const auto act_on_next = [&](int) {
+    for (int i; (i = next++) < observations.batch_size;) {
+      ActOne(i, observations, actions[static_cast<std::size_t>(i)]);
+    }
+  };
   if (parallel_ == nullptr) {
-    for (int i = 0; i < observations.batch_size; ++i) act(i);
+    act_on_next(0);
   } else {
-    parallel_->For(observations.batch_size, act);
+    parallel_->For(parallel_->num_threads(), act_on_next);
   }
 }
 
