@@ -29,7 +29,7 @@ std::optional<ScoredRun> EvaluatePlanner(const std::string& name, const AgentRun
     const sim::LidarConfig& lidar = environment.lidar;
     const planners::ScanGeometry geometry{lidar.num_beams,
                                           lidar.field_of_view,
-                                          {lidar.offset_x, 0.0},
+                                          {lidar.offset_x, lidar.offset_y},
                                           environment.observation.range_clip};
     return std::make_unique<planners::PlannerAgent>(
         name, config.planners, geometry, environment.action, environment.episode.step, &parallel);

@@ -87,7 +87,7 @@ class Driver {
 
   sim::TrackBeams MakeBeams(const sim::LidarConfig& lidar) const {
     const double spacing = lidar.field_of_view / (environments_.observations().num_beams - 1);
-    return {{lidar.offset_x, 0.0}, -0.5 * lidar.field_of_view, beam_stride_ * spacing};
+    return {{lidar.offset_x, lidar.offset_y}, -0.5 * lidar.field_of_view, beam_stride_ * spacing};
   }
 
   void RequireFiniteActions() {

@@ -20,7 +20,7 @@ Evaluation Drive(int num_environments, base::ParallelFor* parallel) {
   const auto make_agent = [&](int, const sim::EnvironmentConfig& environment) {
     const planners::ScanGeometry geometry{environment.lidar.num_beams,
                                           environment.lidar.field_of_view,
-                                          {environment.lidar.offset_x, 0.0},
+                                          {environment.lidar.offset_x, environment.lidar.offset_y},
                                           environment.observation.range_clip};
     return std::make_unique<planners::PlannerAgent>("dwa", planners::PlannersConfig{}, geometry,
                                                     environment.action, environment.episode.step,
