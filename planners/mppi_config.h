@@ -154,15 +154,16 @@ struct MppiPreferForwardConfig {
 
 /// The whole controller.
 struct MppiConfig {
-  PlannerNavigationConfig navigation;
+  // A wider slope of costs keeps the global plan off obstacles where there is room.
+  PlannerNavigationConfig navigation{.inflation_radius = 0.5, .cost_scaling = 5.0};
   // The robot: its outline and speeds, not Nav2's TurtleBot.
   double outline_length = 0.458;
   double outline_width = 0.416;
-  double max_linear = 2.0;
+  double max_linear = 1.5;
   double min_linear = -1.0;
   double max_angular = 3.14;
-  double max_acceleration = 20.0;
-  double max_angular_acceleration = 25.0;
+  double max_acceleration = 4.5;  // Grip of wheels with friction 0.5: 4.9 m/s^2.
+  double max_angular_acceleration = 20.0;
   // Sampling and optimisation. The horizon and the deviations fit 2 m/s; Nav2's, for 0.5 m/s, are
   // 56 steps, 0.2 m/s and 0.4 rad/s.
   int batch_size = 1000;

@@ -98,7 +98,10 @@ TEST_F(CriticsTest, ConstraintIsTheWayBeyondTheLimits) {
   GoStraight(0, 0.15, 0.0);   // 3 m/s, 1 beyond 2, for 10 * 0.05 s.
   GoStraight(1, -0.10, 0.0);  // -2 m/s, 1 beyond -1.
   GoStraight(2, 0.10, 0.0);
-  AddConstraintCost({}, {}, View(), costs_);
+  MppiConfig limits;
+  limits.max_linear = 2.0;
+  limits.min_linear = -1.0;
+  AddConstraintCost({}, limits, View(), costs_);
   EXPECT_NEAR(costs_[0], 4.0 * 0.5, 1e-5);
   EXPECT_NEAR(costs_[1], 4.0 * 0.5, 1e-5);
   EXPECT_NEAR(costs_[2], 0.0, 1e-5);
