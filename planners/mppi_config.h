@@ -27,7 +27,10 @@ struct MppiConstraintConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v.Section("cost", cost, "Integral of the speed beyond the limits, [m].");
+    v.Section(
+        "cost", cost,
+        "Integral of the speed beyond the limits, [m], and of the lateral acceleration beyond "
+        "its own, [m/s].");
   }
 };
 
@@ -164,6 +167,7 @@ struct MppiConfig {
   double max_angular = 3.14;
   double max_acceleration = 4.5;  // Grip of wheels with friction 0.5: 4.9 m/s^2.
   double max_angular_acceleration = 20.0;
+  double max_lateral_acceleration = 2.0;
   // Sampling and optimisation. The horizon and the deviations fit 2 m/s; Nav2's, for 0.5 m/s, are
   // 56 steps, 0.2 m/s and 0.4 rad/s.
   int batch_size = 1000;
@@ -200,6 +204,10 @@ struct MppiConfig {
       "Largest change of forward speed.");
     v("max_angular_acceleration", max_angular_acceleration, base::Range{0.01, 1000.0}, "rad/s^2",
       "Largest change of turn rate.");
+    v("max_lateral_acceleration", max_lateral_acceleration, base::Range{0.1, 1000.0}, "m/s^2",
+      "Speed times turn rate beyond which the constraint critic charges: a skid-steered robot "
+      "slides "
+      "then. Nav2 has no such limit.");
     v("batch_size", batch_size, base::Range{1, 100000}, "", "Rollouts per iteration.");
     v("num_steps", num_steps, base::Range{10, 1000}, "", "Points of a rollout.");
     v("model_dt", model_dt, base::Range{0.001, 1.0}, "s",

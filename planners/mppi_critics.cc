@@ -46,6 +46,16 @@ void AddExcess(const float* speeds, float low, float high, int size, float* sums
   }
 }
 
+/// sums[b] += how far linear[b] * angular[b] is beyond `limit`, either way.
+SLALOM_VECTOR_CLONES
+void AddLateralExcess(const float* linear, const float* angular, float limit, int size,
+                      float* sums) {
+  for (int b = 0; b < size; ++b) {
+    const float excess = std::abs(linear[b] * angular[b]) - limit;
+    sums[b] += excess > 0.0f ? excess : 0.0f;
+  }
+}
+
 /// Keeps, for each rollout, the nearest of the path points shown to it so far; a point at `length`
 /// along the path counts only where the rollout drove as far.
 SLALOM_VECTOR_CLONES
@@ -131,6 +141,9 @@ void AddConstraintCost(const MppiConstraintConfig& config, const MppiConfig& lim
   for (int t = 0; t < r.num_steps; ++t) {
     AddExcess(&r.linear[r.Index(t, 0)], static_cast<float>(limits.min_linear),
               static_cast<float>(limits.max_linear), r.batch_size, excess.data());
+    AddLateralExcess(&r.linear[r.Index(t, 0)], &r.angular[r.Index(t, 0)],
+                     static_cast<float>(limits.max_lateral_acceleration), r.batch_size,
+                     excess.data());
   }
   for (float& e : excess) e *= view.dt;
   AddWeighted(config.cost, excess.data(), r.batch_size, costs.data());

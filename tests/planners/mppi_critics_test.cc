@@ -93,11 +93,13 @@ TEST_F(CriticsTest, SurveyPassesOverRolloutsThatCollideAndPointsBehindAWall) {
 }
 
 TEST_F(CriticsTest, ConstraintIsTheWayBeyondTheLimits) {
-  Make(3, 10);
+  Make(4, 10);
   MakeStraightPath(5);
   GoStraight(0, 0.15, 0.0);   // 3 m/s, 1 beyond 2, for 10 * 0.05 s.
   GoStraight(1, -0.10, 0.0);  // -2 m/s, 1 beyond -1.
   GoStraight(2, 0.10, 0.0);
+  GoStraight(3, 0.05, 0.0);  // At 1 m/s and 3.5 rad/s: 1.5 m/s^2 beyond 2.
+  for (int t = 0; t < 10; ++t) rollouts_->angular[rollouts_->Index(t, 3)] = -3.5f;
   MppiConfig limits;
   limits.max_linear = 2.0;
   limits.min_linear = -1.0;
@@ -105,6 +107,7 @@ TEST_F(CriticsTest, ConstraintIsTheWayBeyondTheLimits) {
   EXPECT_NEAR(costs_[0], 4.0 * 0.5, 1e-5);
   EXPECT_NEAR(costs_[1], 4.0 * 0.5, 1e-5);
   EXPECT_NEAR(costs_[2], 0.0, 1e-5);
+  EXPECT_NEAR(costs_[3], 4.0 * 1.5 * 0.5, 1e-5);
 }
 
 TEST_F(CriticsTest, ObstacleChargesCollisionsMarginAndNearness) {
