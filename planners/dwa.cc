@@ -197,7 +197,7 @@ base::Pose2 DwaPlanner::Simulate(const LocalView& view, Twist command, Visit&& v
   const double poses =
       std::max(std::fabs(command.linear) * config_.sim_time / config_.sim_granularity,
                std::fabs(command.angular) / config_.angular_sim_granularity);
-  const int num_poses = std::max(1, static_cast<int>(poses + 0.5));
+  const int num_poses = std::max(1, static_cast<int>(std::lround(poses)));
   const double dt = config_.sim_time / num_poses;
   base::Pose2 X_OR = view.X_OR;
   Twist velocity = view.velocity;

@@ -60,8 +60,11 @@ void CoveredCells(const Costmap& costmap, const Footprint& footprint, const base
   cells.clear();
   const auto corners = CornerCells(costmap, footprint, X_OR);
   if (!corners) return;
-  const auto [left, right] =
-      std::minmax({(*corners)[0].x, (*corners)[1].x, (*corners)[2].x, (*corners)[3].x});
+  int left = (*corners)[0].x, right = left;
+  for (const CellIndex c : *corners) {
+    left = std::min(left, c.x);
+    right = std::max(right, c.x);
+  }
   struct Column {
     int bottom = std::numeric_limits<int>::max();
     int top = std::numeric_limits<int>::min();

@@ -215,7 +215,7 @@ bool GlobalPlanner::Descend(const Costmap& costmap) {
   int n = start_.y * size_x_ + start_.x;
   const int goal = goal_.y * size_x_ + goal_.x;
   double dx = 0.0, dy = 0.0;  // Of the path's point from the middle of cell n, [cells].
-  const auto max_points = static_cast<std::size_t>(4 * std::max(size_x_, size_y_));
+  const std::size_t max_points = 4 * static_cast<std::size_t>(std::max(size_x_, size_y_));
   while (path_O_.size() < max_points) {
     const int nearest =
         n + static_cast<int>(std::lround(dx)) + size_x_ * static_cast<int>(std::lround(dy));

@@ -21,8 +21,10 @@ std::optional<double> RotateRecovery::TurnRate(const NavigationConfig& config,
     left = base::kPi + to_half;
     half_done_ = to_half < config.recovery_yaw_tolerance;
   }
-  for (double turned = 0.0; turned < left; turned += kCheckStep) {
-    if (OutlineCost(costmap, footprint, {X_OR.p, X_OR.yaw + turned}) < 0) return std::nullopt;
+  const int num_checks = static_cast<int>(std::ceil(left / kCheckStep));
+  for (int i = 0; i < num_checks; ++i) {
+    const base::Pose2 X_OC{X_OR.p, X_OR.yaw + i * kCheckStep};
+    if (OutlineCost(costmap, footprint, X_OC) < 0) return std::nullopt;
   }
   return std::clamp(std::sqrt(2.0 * config.recovery_turn_acceleration * left),
                     config.recovery_min_turn_rate, config.recovery_max_turn_rate);
