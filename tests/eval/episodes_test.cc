@@ -55,7 +55,9 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
   const sim::CourseSet courses = MakeCourses(3);
   testing::FakeEnvironment environment(1, {0.1, 0.5, 0.9});
   for (int k = 0; k < 18; ++k) {
-    EpisodeRecord expected{k / 6, k % 6, 0};
+    EpisodeRecord expected;
+    expected.course = k / 6;
+    expected.episode = k % 6;
     expected.seed = EvaluationSeed(42, *courses.courses[expected.course], expected.episode);
     testing::SummingAgent agent(1);
     std::vector<env::Action> action(1);
