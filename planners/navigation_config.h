@@ -40,7 +40,8 @@ struct NavigationConfig {
       "Side of the costmap that follows the robot.");
     v("local_map_rate", local_map_rate, base::Range{0.5, 100.0}, "Hz", "Updates of the local map.");
     v("global_map_size", global_map_size, base::Range{2.0, 200.0}, "m",
-      "Side of the costmap that stays, centred on the start; the goal must be on it.");
+      "Side of the costmap that stays, centred on the start; larger where the goal is farther "
+      "away.");
     v("global_map_rate", global_map_rate, base::Range{0.5, 100.0}, "Hz",
       "Updates of the global map.");
     v("obstacle_range", obstacle_range, base::Range{0.1, 30.0}, "m",

@@ -13,6 +13,10 @@ namespace {
 // base_local_planner, [m].
 constexpr double kPruneDistance = 1.0;
 
+// What the global map shows beyond a goal that it is enlarged for, so that ways round are on it,
+// [m].
+constexpr double kGoalMargin = 5.0;
+
 // move_base's recovery behaviours, in this order.
 enum Recovery { kConservativeReset, kRotate, kAggressiveReset, kRotateAgain, kNumRecoveries };
 
@@ -58,8 +62,7 @@ Navigator::Navigator(const NavigationConfig& config, const PlannerNavigationConf
       footprint_(config.footprint),
       projector_(geometry),
       planner_(std::move(planner)),
-      local_map_(MapConfig(config, planner_config, config.local_map_size, true), footprint_),
-      global_map_(MapConfig(config, planner_config, config.global_map_size, false), footprint_) {
+      local_map_(MapConfig(config, planner_config, config.local_map_size, true), footprint_) {
   SLALOM_CHECK(planner_ != nullptr);
   SLALOM_CHECK(step > 0.0);
 }
@@ -68,7 +71,8 @@ void Navigator::Reset(const base::Pose2& X_OR, base::Vec2 goal_O, std::uint64_t 
   planner_->Reset(seed);
   global_planner_.Reset();
   local_map_.Reset(X_OR.p);
-  global_map_.Reset(X_OR.p);
+  SizeGlobalMap(goal_O - X_OR.p);
+  global_map_->Reset(X_OR.p);
   goal_O_ = goal_O;
   num_steps_ = 0;
   trigger_ = Trigger::kPlanning;
@@ -89,7 +93,7 @@ Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose
   const bool update_global = Due(config_.global_map_rate);
   if (update_local || update_global) projector_.Project(ranges_cm, X_OR, rays_);
   if (update_local) local_map_.Update(rays_, X_OR);
-  if (update_global) global_change_ = Union(global_change_, global_map_.Update(rays_, X_OR));
+  if (update_global) global_change_ = Union(global_change_, global_map_->Update(rays_, X_OR));
 
   if (Due(planner_config_.control_rate)) Act(X_OR, velocity);
   if (Due(config_.planner_rate)) MakePlan(X_OR);
@@ -100,6 +104,15 @@ Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose
 bool Navigator::Due(double rate) const {
   const auto every = std::max<std::int64_t>(1, std::llround(1.0 / (rate * step_)));
   return num_steps_ % every == 0;
+}
+
+// `way`: from the map's centre to the goal, which must be well on the map.
+void Navigator::SizeGlobalMap(base::Vec2 way) {
+  const double reach = std::max(std::fabs(way.x), std::fabs(way.y)) + kGoalMargin;
+  const ObstacleMapConfig config =
+      MapConfig(config_, planner_config_, std::max(config_.global_map_size, 2.0 * reach), false);
+  if (global_map_ && global_map_->costmap().size_x() == config.num_cells) return;
+  global_map_.emplace(config, footprint_);
 }
 
 void Navigator::SendGoal() {
@@ -180,7 +193,7 @@ void Navigator::Recover(const base::Pose2& X_OR) {
       const double side = recovery_index_ == kConservativeReset ? config_.conservative_reset
                                                                 : config_.aggressive_reset;
       local_map_.ClearOutside(X_OR.p, side);
-      global_change_ = Union(global_change_, global_map_.ClearOutside(X_OR.p, side));
+      global_change_ = Union(global_change_, global_map_->ClearOutside(X_OR.p, side));
     }
   } else if (config_.recovery_rotates) {
     if (!turn_) turn_.emplace(X_OR.yaw);
@@ -203,7 +216,7 @@ void Navigator::FinishRecovery() {
 void Navigator::MakePlan(const base::Pose2& X_OR) {
   if (state_ != NavigatorState::kPlanning && state_ != NavigatorState::kControlling) return;
   const std::vector<base::Vec2>& plan =
-      global_planner_.Plan(global_map_.costmap(), global_change_, X_OR.p, goal_O_);
+      global_planner_.Plan(global_map_->costmap(), global_change_, X_OR.p, goal_O_);
   global_change_ = {};
   if (!plan.empty()) {
     path_O_ = plan;

@@ -65,7 +65,8 @@ class Navigator {
   NavigatorState state() const { return state_; }
   const NavigatorRecord& record() const { return record_; }
   const Costmap& local_costmap() const { return local_map_.costmap(); }
-  const Costmap& global_costmap() const { return global_map_.costmap(); }
+  /// Requires: an episode was begun.
+  const Costmap& global_costmap() const { return global_map_->costmap(); }
   /// The plan that is being followed, from near the robot to the goal; empty without one.
   std::span<const base::Vec2> path() const;
 
@@ -74,6 +75,7 @@ class Navigator {
 
   double now() const { return num_steps_ * step_; }
   bool Due(double rate) const;
+  void SizeGlobalMap(base::Vec2 way);
   void SendGoal();
   void Act(const base::Pose2& X_OR, Twist velocity);
   void Control(const base::Pose2& X_OR, Twist velocity);
@@ -88,7 +90,8 @@ class Navigator {
   const Footprint footprint_;
   const ScanProjector projector_;
   const std::unique_ptr<LocalPlanner> planner_;
-  ObstacleMap local_map_, global_map_;
+  ObstacleMap local_map_;
+  std::optional<ObstacleMap> global_map_;  // From the first Reset on.
   GlobalPlanner global_planner_;
   ScanRays rays_;
 

@@ -90,6 +90,20 @@ TEST(Navigator, PlansThenDrivesThenArrives) {
   EXPECT_EQ(robot.navigator().record().num_cycles, 4);
 }
 
+// A goal 30 m away is beyond the edge of the configured 40 m, 20 m from the start.
+TEST(Navigator, EnlargesTheGlobalMapForAFarGoal) {
+  Robot robot;
+  EXPECT_EQ(robot.navigator().global_costmap().size_x(), 800);
+  robot.navigator().Reset({{1.0, 2.0}, 0.3}, {-29.0, 12.0}, 7);
+  EXPECT_EQ(robot.navigator().global_costmap().size_x(), 2 * (30 + 5) * 20);
+  robot.Step();
+  robot.Step();
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kControlling);
+  EXPECT_NEAR(base::Norm(robot.navigator().path().back() - base::Vec2{-29.0, 12.0}), 0.0, 0.05);
+  robot.navigator().Reset({}, {4.0, 0.0}, 7);
+  EXPECT_EQ(robot.navigator().global_costmap().size_x(), 800);
+}
+
 TEST(Navigator, GivesUpWithoutAPlan) {
   Robot robot;
   robot.SeeWallAllRound(70);  // Shut in, with room to turn.
