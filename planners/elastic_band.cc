@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/check.h"
+
 namespace slalom::planners {
 
 BandField::BandField(const Costmap& costmap, double costmap_weight, bool blind)
@@ -67,6 +69,7 @@ bool ElasticBand::Optimise(const BandField& field) {
 }
 
 base::Vec2 ElasticBand::Force(const BandField& field, std::size_t i, const Bubble& bubble) const {
+  SLALOM_CHECK(i > 0 && i + 1 < bubbles_.size());
   const base::Vec2 before_O = bubbles_[i - 1].p_O, after_O = bubbles_[i + 1].p_O;
   const auto pull = [&](base::Vec2 to_O) {
     const base::Vec2 d = to_O - bubble.p_O;

@@ -185,7 +185,7 @@ std::optional<Twist> SlowCommand(const DwaConfig& config, const Scene& scene) {
   CoveredCells(map, kFootprint, scene.X_OR, under_robot);
   base::Vec2 end_O;
   for (const base::Vec2 p : scene.path_O) {
-    if (base::Norm(p - scene.X_OR.p) >= 5.0) break;
+    if (base::Norm(p - scene.X_OR.p) >= 5.0 || !map.Contains(map.CellAt(p))) break;
     targets.push_back(map.CellAt(p));
     end_O = p;
   }

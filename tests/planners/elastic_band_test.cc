@@ -100,8 +100,8 @@ TEST(ElasticBand, ObstaclesPushByTheSlopeOfTheClearance) {
   Fill(map, {0, 101, 200, 200}, 50);  // y >= 0.05: clearance ln(252 / 50) / 10 = 0.1617.
   const BandField field(map, 10.0, false);
   ElasticBand band({});
-  const double d = 0.3;
-  ASSERT_TRUE(band.SetPath(field, std::vector<base::Vec2>{{-d, 0.0}, {0.0, 0.2}, {d, 0.0}}));
+  ASSERT_TRUE(band.SetPath(field, std::vector<base::Vec2>{{-0.5, 0.0}, {0.0, 0.0}, {0.5, 0.0}}));
+  ASSERT_EQ(band.bubbles().size(), 3u);
   const Bubble bubble{{0.0, 0.0}, 0.3};
   // Gain 2; from clearance 0.553 below to 0.1617 above over 0.6 m.
   const double expected = 2.0 * (std::log(252.0 / 50.0) / 10.0 - kLargest) / 0.6;
