@@ -222,10 +222,10 @@ std::optional<double> DwaPlanner::DistanceCost(const Costmap& costmap, base::Vec
 void DwaPlanner::NoteTurn(const LocalView& view, const Trajectory& best) {
   if (best.command.linear > 0.0) return;
   if (best.command.angular > 0.0) {
-    if (turned_right_) no_right_ = true;
+    if (turned_left_) no_right_ = true;
     turned_left_ = true;
   } else if (best.command.angular < 0.0) {
-    if (turned_left_) no_left_ = true;
+    if (turned_right_) no_left_ = true;
     turned_right_ = true;
   }
   last_turn_O_ = view.X_OR.p;

@@ -76,8 +76,8 @@ class DwaPlanner : public LocalPlanner {
   std::vector<Candidate> candidates_;
   std::vector<std::size_t> order_;  // Of the candidates, by least cost.
 
-  // Directions turned on the spot since the robot last moved on, and that given up when it turned
-  // back.
+  // Directions turned on the spot since the robot last moved on, and those given up: whoever turned
+  // twice to one side may not turn to the other.
   bool turned_left_ = false, turned_right_ = false;
   bool no_left_ = false, no_right_ = false;
   base::Vec2 last_turn_O_;  // Where the robot last turned on the spot.
