@@ -146,8 +146,8 @@ Course Indoor() {
   return room.Take();
 }
 
-/// A hall 5 m wide. Half walls from the right and from the left make two bends. No trap: the paper's
-/// policies without memory went through theirs at 1.4 m/s in the mean.
+/// A hall 5 m wide. Half walls from the right and from the left make two bends. No trap: the
+/// paper's policies without memory went through theirs at 1.4 m/s in the mean.
 Course LongHall() {
   Room room("real-world-3", {30.0, 0.0}, {{-1.1, -2.6}, {31.1, 2.6}});
   room.Wall({-1.0, -2.5}, {31.0, -2.5});
@@ -182,7 +182,7 @@ Course LongHall() {
   room.Cylinder(26.2, -1.9, 0.3);
   room.Block(28.0, -0.1, 0.6, 0.5, 0.5);
   room.Path({{2.0, -0.3},   {3.0, -0.5},  {4.1, 0.1},   {5.6, 0.2},   {6.4, -0.5},  {7.6, -0.6},
-             {9.0, 0.2},    {11.0, 1.05},  {12.2, 1.3},  {13.3, 0.9},  {14.0, 0.1},  {14.9, -0.35},
+             {9.0, 0.2},    {11.0, 1.05}, {12.2, 1.3},  {13.3, 0.9},  {14.0, 0.1},  {14.9, -0.35},
              {16.2, -0.55}, {17.4, -1.2}, {18.4, -1.3}, {20.4, -0.4}, {21.9, -0.4}, {23.2, -0.5},
              {23.65, 0.3},  {24.6, 0.5},  {25.5, 0.5},  {27.2, 0.65}, {28.2, 0.62}});
   return room.Take();

@@ -7,11 +7,9 @@
 /// themselves are not published. Laid out by hand, fixed for good, in a frame of their own: start
 /// at the origin facing +x.
 ///
-/// | course       | what                                          | straight line | reference path |
-/// |--------------|-----------------------------------------------|---------------|----------------|
-/// | real-world-1 | three rows of cardboard boxes, gaps in each   | 6.0 m         | 7.35 m         |
-/// | real-world-2 | three rooms, two doorways, tables, chairs     | 7.58 m        | 8.56 m         |
-/// | real-world-3 | a hall with pillars, boxes and two half walls | 30.0 m        | 32.40 m        |
+/// - real-world-1: three rows of cardboard boxes with gaps; 6.0 m straight, 7.35 m of path;
+/// - real-world-2: three rooms, two doorways, tables, chairs; 7.58 m straight, 8.56 m of path;
+/// - real-world-3: a hall with pillars, boxes and two half walls; 30.0 m straight, 32.40 m of path.
 ///
 /// The lengths suit the paper's times: its means of successful trials are 4.4 to 16.2 s, 6.1 to
 /// 35.2 s and 20.5 to 66.9 s, with at most 2 m/s. Everything stands still, as there. A LiDAR 0.2 m
