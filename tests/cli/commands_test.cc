@@ -27,16 +27,18 @@ TEST(CommandsTest, EveryCommandHasHelp) {
                                                           {"config"},
                                                           {"config", "print"},
                                                           {"config", "docs"}};
+  const ScratchDirectory scratch;
   for (auto command : commands) {
     command.push_back("--help");
-    const ProgramResult result = RunProgram(command, "/tmp");
+    const ProgramResult result = RunProgram(command, scratch.path());
     EXPECT_EQ(result.exit_code, 0);
     EXPECT_THAT(result.out, HasSubstr("Usage"));
   }
 }
 
 TEST(CommandsTest, TheConfigPageIsFresh) {
-  const ProgramResult page = RunProgram({"config", "docs"}, "/tmp");
+  const ScratchDirectory scratch;
+  const ProgramResult page = RunProgram({"config", "docs"}, scratch.path());
   EXPECT_EQ(page.out, base::ReadFile(kSource / "docs/config.md"))
       << "docs/config.md is stale: ./slalom config docs > docs/config.md";
 }
@@ -125,7 +127,8 @@ TEST(CommandsTest, APlannersEvaluationIsTheSameOnAnyThreadsAndMakesAReport) {
 }
 
 TEST(CommandsTest, VersionNamesTheCommit) {
-  EXPECT_THAT(RunProgram({"--version"}, "/tmp").out, HasSubstr("0.1.0 ("));
+  const ScratchDirectory scratch;
+  EXPECT_THAT(RunProgram({"--version"}, scratch.path()).out, HasSubstr("0.1.0 ("));
 }
 
 }  // namespace
