@@ -8,7 +8,7 @@
 # PART: static-test (the paper's table II), dwa-runs, challenge, dynamic, real-world [all].
 set -euo pipefail
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
-collection=$(readlink -f -- "${1:?usage: classical.sh COLLECTION [OUTPUT] [PART...]}")
+collection=${1:?usage: classical.sh COLLECTION [OUTPUT] [PART...]}
 output=${2:-runs/classical}
 parts=("${@:3}")
 ((${#parts[@]})) || parts=(static-test dwa-runs challenge dynamic real-world)
@@ -31,7 +31,7 @@ for part in "${parts[@]}"; do
     challenge) drive "$part" dwa dwa static-challenge --protocol barn-challenge ;;
     dynamic)
       for agent in dwa mppi; do
-        for courses in dynamic-box-test dynamic-wall-test; do drive "$part" "$agent-$courses" "$agent" "$courses" --episodes 5; done
+        for courses in dynamic-box-test dynamic-wall-test; do drive "$part" "$agent-$courses" "$agent" "$courses" --episodes 1; done
       done ;;
     real-world)
       for agent in dwa mppi; do
