@@ -18,10 +18,6 @@
 #include "sim/course_text.h"
 #include "sim/motion.h"
 
-/// Fontconfig, below cairo, never frees what it has read; asked for by LeakSanitizer, unused
-/// elsewhere.
-extern "C" const char* __lsan_default_suppressions() { return "leak:libfontconfig\n"; }
-
 namespace slalom::sim {
 namespace {
 
