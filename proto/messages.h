@@ -1,0 +1,171 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "base/result.h"
+
+/// The messages between roles, as plain structs: protobuf types never leave this folder.
+/// docs/protocol.md gives their bytes, and who sends which. A message is a header, which is encoded
+/// and decoded here, and a payload of raw bytes (rows, samples, a policy) that never is.
+
+namespace slalom::proto {
+
+/// A peer of another major version is refused. A newer minor version adds fields, which older
+/// peers pass over, and messages, which they refuse as `kUnknownMessage` and nothing else happens.
+inline constexpr int kMajorVersion = 1;
+inline constexpr int kMinorVersion = 0;
+
+/// Bounds on what a header may hold; more is refused as `kBadMessage`.
+inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;
+inline constexpr int kMaxNameBytes = 128;
+inline constexpr int kMaxBeams = 4096;
+inline constexpr int kMaxStreams = 4096;
+inline constexpr int kMaxRows = 1 << 16;
+inline constexpr int kMaxBatch = 1 << 16;
+inline constexpr int kMaxHistory = 256;
+inline constexpr int kMaxNStep = 1024;
+inline constexpr int kMaxFigures = 256;  ///< Of a report, and facts.
+inline constexpr int kMaxRoles = 4096;   ///< Of a status.
+
+/// Why a message was refused; also on the wire.
+enum class RefusalCode : std::uint32_t {
+  kBadMessage = 1,      ///< Cut short, damaged, or a value out of range.
+  kWrongVersion = 2,    ///< Another major version of the protocol.
+  kUnknownMessage = 3,  ///< Of a newer minor version.
+  kNotAllowed = 4,      ///< The sender's role may not send it.
+  kWrongSpec = 5,       ///< Observations or actions are not those of this service.
+  kNoSession = 6,       ///< Insert before hello, or of a session that was replaced: say hello.
+  kOutOfOrder = 7,      ///< A chunk is missing before this one: say hello.
+  kOverWindow = 8,      ///< More unacknowledged payload than the window.
+  kTooFast = 9,         ///< More messages than the rate bound.
+  kNotReady = 10,       ///< Not now, for example while loading.
+};
+std::string_view ToString(RefusalCode code);
+
+struct Hello {
+  std::string role;
+  std::string name;
+  std::uint64_t session = 0;
+  std::uint64_t spec_hash = 0;
+  int num_beams = 0;
+  int num_streams = 0;
+  std::string software;
+};
+
+struct Welcome {
+  std::uint64_t server = 0;
+  std::uint64_t session = 0;
+  std::uint64_t next_sequence = 0;
+  std::int64_t window_bytes = 0;
+  std::uint64_t previous_session = 0;
+  std::int64_t previous_accepted_steps = 0;
+  std::string software;
+};
+
+struct Insert {
+  std::uint64_t session = 0;
+  std::uint64_t sequence = 0;
+  int num_rows = 0;
+  int num_beams = 0;
+  int num_steps = 0;
+  std::int64_t oldest_version = 0;
+  std::int64_t newest_version = 0;
+};
+
+struct InsertAck {
+  std::uint64_t session = 0;
+  std::uint64_t next_sequence = 0;
+  std::int64_t window_bytes = 0;
+};
+
+struct Goodbye {
+  std::uint64_t session = 0;
+};
+
+struct SampleRequest {
+  std::uint64_t cursor = 0;
+  int batch = 0;
+  int history = 0;
+  int n_step = 0;
+  double gamma = 0.0;
+  bool prioritized = false;
+  double importance_exponent = 0.0;
+};
+
+struct SampleReply {
+  std::uint64_t cursor = 0;
+  int batch = 0;
+  int history = 0;
+  int num_beams = 0;
+  bool weighted = false;
+  std::int64_t inserted_steps = 0;
+  std::int64_t table_steps = 0;
+  double acting_version = 0.0;
+};
+
+struct PriorityUpdate {
+  int count = 0;
+};
+
+struct SnapshotRequest {
+  std::int64_t held_version = -1;
+  std::string name;
+};
+
+struct Snapshot {
+  std::int64_t version = 0;
+  std::uint64_t spec_hash = 0;
+  std::int64_t published_ns = 0;
+  std::int64_t learner_steps = 0;
+};
+
+struct Report {
+  std::string role;
+  std::string name;
+  std::map<std::string, double> figures;
+  std::map<std::string, std::string> facts;
+};
+
+struct StatusRequest {};
+
+struct RoleStatus {
+  Report report;
+  double age_s = 0.0;
+  bool connected = false;
+};
+
+struct StatusReply {
+  std::vector<RoleStatus> roles;
+};
+
+struct Refusal {
+  RefusalCode code = RefusalCode::kBadMessage;
+  std::string text;
+  std::uint64_t about = 0;
+};
+
+/// All headers; the place in the list, from 1, is the message's number on the wire.
+using Header = std::variant<Hello, Welcome, Insert, InsertAck, Goodbye, SampleRequest, SampleReply,
+                            PriorityUpdate, SnapshotRequest, Snapshot, Report, StatusRequest,
+                            StatusReply, Refusal>;
+
+/// "Hello", "Insert", ...: for logs and metrics.
+std::string_view NameOf(const Header& header);
+
+/// The header's frame: 16 bytes of prefix, which hold a checksum of header and payload, then
+/// protobuf. Requires: the values are within the bounds above.
+std::string Encode(const Header& header, std::span<const std::byte> payload);
+
+/// Reads a header's frame and compares its checksum with the payload. What `Refusal` it gives
+/// where the bytes are not a message of this protocol is the answer to send. Allocates no more than
+/// a few times the size of `frame`, whatever it holds.
+base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
+                                     std::span<const std::byte> payload);
+
+}  // namespace slalom::proto

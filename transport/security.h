@@ -1,0 +1,49 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "base/config_field.h"
+#include "transport/keys.h"
+
+namespace slalom::transport {
+
+/// How connections are protected.
+struct SecurityConfig {
+  std::string keys = "";
+  bool allow_plaintext = false;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("keys", keys,
+      "Directory of CURVE keys, from `slalom keys new DIR`: TCP connections are then authenticated "
+      "and encrypted. Empty: plaintext, on loopback only.");
+    v("allow_plaintext", allow_plaintext,
+      "Accept plaintext beyond loopback: whoever reaches the port can read and write everything.");
+  }
+};
+
+/// Keys of a listening role; none: plaintext.
+struct ServerSecurity {
+  std::optional<KeyPair> keys;
+  AllowList allowed;
+};
+
+/// Keys of a connecting role; none: plaintext.
+struct ClientSecurity {
+  std::optional<KeyPair> keys;
+  std::string server_key;  ///< Public.
+};
+
+/// Loads what `config` names for a role. Throw `base::Error` for unusable keys, and for plaintext
+/// on an endpoint beyond loopback that was not asked for; warn where it was.
+ServerSecurity MakeServerSecurity(const SecurityConfig& config, Role own,
+                                  const std::string& endpoint);
+ClientSecurity MakeClientSecurity(const SecurityConfig& config, Role own, Role server,
+                                  const std::string& endpoint);
+
+/// Whether an endpoint cannot be reached from another machine: inproc, ipc, 127.0.0.0/8, ::1,
+/// localhost.
+bool IsLocal(const std::string& endpoint);
+
+}  // namespace slalom::transport
