@@ -35,6 +35,7 @@ struct SampledRows {
   AlignedBuffer<float> n_step_return;  ///< [B], sum over i < k of gamma^i reward_i
   AlignedBuffer<float> cost_return;    ///< [B], the same of the costs
   AlignedBuffer<float> discount;       ///< [B], gamma^k, or 0 where the window terminated
+  AlignedBuffer<float> weight;         ///< [B], importance of the sample; 1 where draws are uniform
   std::vector<const std::uint16_t*> next_ranges_cm;  ///< [B, H] -> [N] [cm], after the window
   AlignedBuffer<float> next_state;                   ///< [B, H, S]
 

@@ -153,6 +153,8 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
   rows->n_step_return.Resize(batch);
   rows->cost_return.Resize(batch);
   rows->discount.Resize(batch);
+  rows->weight.Resize(batch);
+  std::fill_n(rows->weight.data(), batch, 1.0f);
   rows->sequence.resize(batch);
   rows->next_sequence.resize(batch);
   if (num_rows() == 0) return false;

@@ -1,16 +1,20 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "base/config_field.h"
 #include "base/random.h"
+#include "base/result.h"
 #include "replay/batch.h"
 #include "replay/chunk.h"
 #include "replay/lazy_memory.h"
 
 namespace slalom::replay {
+
+class RowBytes;
 
 /// The size of a replay buffer.
 struct ReplayConfig {
@@ -45,6 +49,16 @@ class Table {
   /// Appends the rows. Requires: chunk.num_beams == num_beams(); in each stream, episodes as
   /// `Chunk` says. Cost: a copy of the rows.
   void Insert(const Chunk& chunk);
+
+  /// Appends the rows, straight from the bytes in which they came, as streams stream_base,
+  /// stream_base + 1, ... Requires: `CheckEpisodes` finds nothing.
+  void InsertRows(const RowBytes& rows, int stream_base);
+
+  /// Why rows that anybody may have sent cannot be inserted: scans of another size, or episodes
+  /// that do not go on as these streams stand in the table or are not as `Chunk` says (in a table
+  /// after `FinishRestore`, too). Nothing: they can. Cost: looks at streams and flags.
+  [[nodiscard]] std::optional<base::Failure> CheckEpisodes(const RowBytes& rows,
+                                                           int stream_base) const;
 
   /// Ends the open episode of a stream without a final frame, as after a resume: its last steps,
   /// whose windows would need what never came, are not drawn. Nothing where no episode is open.

@@ -1,0 +1,141 @@
+#include "replay/rows.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <vector>
+
+#include "base/check.h"
+
+namespace slalom::replay {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "rows are sent little-endian");
+static_assert(sizeof(env::Action) == 2 * sizeof(float));
+
+// Floats of a row: state, action, reward, cost.
+constexpr std::size_t kFloats = env::kStateSize + 4;
+
+template <class T>
+std::byte* Append(std::byte* out, const std::vector<T>& column) {
+  if (!column.empty()) std::memcpy(out, column.data(), column.size() * sizeof(T));
+  return out + column.size() * sizeof(T);
+}
+
+/// The first of `values` that is not finite; their number where all are.
+std::size_t FirstNotFinite(std::span<const float> values) {
+  // By the bits of the exponent, all of them before looking for one: this vectorises.
+  constexpr std::uint32_t kExponent = 0x7f800000;
+  std::uint32_t any = 0;
+  for (const float value : values) {
+    any |=
+        static_cast<std::uint32_t>((std::bit_cast<std::uint32_t>(value) & kExponent) == kExponent);
+  }
+  if (any == 0) return values.size();
+  return static_cast<std::size_t>(
+      std::find_if(values.begin(), values.end(), [](float v) { return !std::isfinite(v); }) -
+      values.begin());
+}
+
+bool FlagsGoTogether(std::uint8_t flags) {
+  return flags == kRowFinal || (flags & ~(kRowFirst | kRowTerminated)) == 0;
+}
+
+bool IsNothing(const RowView& row) {
+  return row.action == env::Action{} && row.reward == 0.0f && row.cost == 0.0f;
+}
+
+}  // namespace
+
+std::size_t RowBytes::Size(int num_rows, int num_beams) {
+  SLALOM_CHECK(num_rows >= 0 && num_beams >= 0);
+  const std::size_t row = kFloats * sizeof(float) + sizeof(std::int32_t) +
+                          static_cast<std::size_t>(num_beams) * sizeof(std::uint16_t) + 1;
+  return static_cast<std::size_t>(num_rows) * row;
+}
+
+void RowBytes::Write(const Chunk& chunk, std::span<std::byte> out) {
+  SLALOM_CHECK_EQ(out.size(), Size(chunk.num_rows(), chunk.num_beams));
+  std::byte* next = out.data();
+  next = Append(next, chunk.state);
+  next = Append(next, chunk.action);
+  next = Append(next, chunk.reward);
+  next = Append(next, chunk.cost);
+  next = Append(next, chunk.stream);
+  next = Append(next, chunk.ranges_cm);
+  next = Append(next, chunk.flags);
+  SLALOM_CHECK(next == out.data() + out.size());
+}
+
+base::Result<RowBytes> RowBytes::Parse(std::span<const std::byte> bytes, int num_rows,
+                                       int num_beams, int num_streams) {
+  if (num_rows < 1 || num_beams < 1 || num_streams < 1) {
+    return base::Failure{
+        fmt::format("rows: found {} rows of {} beams in {} streams, expected 1 or more of each",
+                    num_rows, num_beams, num_streams)};
+  }
+  if (bytes.size() != Size(num_rows, num_beams)) {
+    return base::Failure{fmt::format("rows: found {} bytes, expected {} for {} rows of {} beams",
+                                     bytes.size(), Size(num_rows, num_beams), num_rows, num_beams)};
+  }
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % alignof(float) != 0) {
+    return base::Failure{"rows: they do not start on a multiple of 4 bytes"};
+  }
+  const RowBytes rows(bytes, num_rows, num_beams, num_streams);
+  const std::span<const float> numbers(rows.numbers(),
+                                       static_cast<std::size_t>(num_rows) * kFloats);
+  if (const std::size_t bad = FirstNotFinite(numbers); bad < numbers.size()) {
+    return base::Failure{fmt::format("rows: number {} of {} is not finite", bad, numbers.size())};
+  }
+  for (int r = 0; r < num_rows; ++r) {
+    if (!FlagsGoTogether(rows.flags(r))) {
+      return base::Failure{
+          fmt::format("rows: row {} has flags {:#x}, which do not go together", r, rows.flags(r))};
+    }
+    if (rows.stream(r) < 0 || rows.stream(r) >= num_streams) {
+      return base::Failure{fmt::format("rows: row {} is of stream {}, expected one of {}", r,
+                                       rows.stream(r), num_streams)};
+    }
+    if ((rows.flags(r) & kRowFinal) && !IsNothing(rows.row(r))) {
+      return base::Failure{
+          fmt::format("rows: row {} is final, but has an action, a reward or a cost", r)};
+    }
+  }
+  return rows;
+}
+
+int RowBytes::num_steps() const {
+  return num_rows_ - static_cast<int>(std::count(all_flags(), all_flags() + num_rows_, kRowFinal));
+}
+
+const std::int32_t* RowBytes::streams() const {
+  return reinterpret_cast<const std::int32_t*>(bytes_.data() + num_rows_ * kFloats * sizeof(float));
+}
+
+const std::uint8_t* RowBytes::all_flags() const {
+  return reinterpret_cast<const std::uint8_t*>(bytes_.data() + bytes_.size() - num_rows_);
+}
+
+RowView RowBytes::row(int r) const {
+  const auto i = static_cast<std::size_t>(r);
+  const auto rows = static_cast<std::size_t>(num_rows_);
+  const auto n = static_cast<std::size_t>(num_beams_);
+  const float* const state = numbers();
+  const float* const action = state + rows * env::kStateSize;
+  const float* const reward = action + rows * 2;
+  const float* const cost = reward + rows;
+  const auto* const ranges = reinterpret_cast<const std::uint16_t*>(streams() + rows);
+  return {streams()[i],
+          all_flags()[i],
+          {std::span(ranges + i * n, n),
+           std::span<const float, env::kStateSize>(state + i * env::kStateSize, env::kStateSize)},
+          {action[2 * i], action[2 * i + 1]},
+          reward[i],
+          cost[i]};
+}
+
+}  // namespace slalom::replay
