@@ -62,7 +62,7 @@ void CheckTestCourses(const train::CoursesConfig& courses) {
 }
 
 /// The run's own config holds every --set, --name and --seed that it was begun with.
-std::string ResumeCommand(const TrainOptions& options, const train::RunDirectory& directory) {
+std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& directory) {
   const std::string output = options.output == "runs" ? "" : " --output " + options.output;
   return fmt::format("./slalom train {}{} --resume", directory.config().string(), output);
 }
@@ -70,7 +70,7 @@ std::string ResumeCommand(const TrainOptions& options, const train::RunDirectory
 int Train(const TrainOptions& options) {
   StopSignals signals;
   const train::RunConfig config = LoadConfig(options);
-  const train::RunDirectory directory{fs::path(options.output) / config.run.name};
+  const run::RunDirectory directory{fs::path(options.output) / config.run.name};
   if (!options.no_evaluation) CheckTestCourses(config.courses);
   train::Trainer trainer(config, directory, std::string(Commit()), options.resume, ProcessStart());
   spdlog::info("training on {}, test on {}, run directory {}", config.courses.train,

@@ -67,7 +67,7 @@ class Curve {
       "traversal_time_s\n";
 };
 
-std::vector<fs::path> ListSnapshots(const train::RunDirectory& directory) {
+std::vector<fs::path> ListSnapshots(const run::RunDirectory& directory) {
   std::vector<fs::path> paths;
   if (!fs::exists(directory.snapshots())) return paths;
   for (const auto& entry : fs::directory_iterator(directory.snapshots())) {
@@ -79,7 +79,7 @@ std::vector<fs::path> ListSnapshots(const train::RunDirectory& directory) {
 
 }  // namespace
 
-void DrawTraining(const train::RunDirectory& directory) {
+void DrawTraining(const run::RunDirectory& directory) {
   std::istringstream lines(base::ReadFile(directory.metrics()));
   std::string line;
   std::getline(lines, line);
@@ -108,7 +108,7 @@ void DrawTraining(const train::RunDirectory& directory) {
                           {success, collision, timeout}));
 }
 
-bool ScoreTraining(const train::RunDirectory& directory, const train::RunConfig& config,
+bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,
                    base::ParallelFor& parallel, std::stop_token stop) {
   const std::string policy_path = directory.policy().string();
   const policy::LoadedPolicy policy = policy::LoadPolicy(directory.policy());

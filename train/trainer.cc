@@ -14,6 +14,7 @@
 #include "base/progress.h"
 #include "config/config.h"
 #include "sim/scene.h"
+#include "train/begin_run.h"
 
 namespace slalom::train {
 namespace {
@@ -36,7 +37,7 @@ std::uint64_t Seed(const RunConfig& config, std::string_view purpose) {
   return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
 }
 
-RunLock Begin(const RunDirectory& directory, const RunConfig& config, bool resume) {
+run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config, bool resume) {
   return resume ? ResumeRun(directory, config) : BeginRun(directory, config);
 }
 
@@ -62,7 +63,7 @@ std::int64_t CountSteps(const replay::Chunk& chunk) {
 
 }  // namespace
 
-Trainer::Trainer(const RunConfig& config, const RunDirectory& directory, std::string commit,
+Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
                  bool resume, steady_clock::time_point begin)
     : config_(Checked(config)),
       commit_(std::move(commit)),
@@ -82,7 +83,7 @@ Trainer::Trainer(const RunConfig& config, const RunDirectory& directory, std::st
       store_(directory.checkpoints()),
       storage_(directory.checkpoints() / kReplayDirectory) {
   if (resume) Restore();
-  metrics_ = std::make_unique<MetricsLog>(directory.metrics(), limiter_.steps());
+  metrics_ = std::make_unique<run::MetricsLog>(directory.metrics(), limiter_.steps());
   last_row_.training_s = training_s();
   last_row_.steps = limiter_.steps();
   last_row_.updates = limiter_.updates();
@@ -119,7 +120,7 @@ TrainingEnd Trainer::Train(std::stop_token stop) {
     const double now = training_s();
     if (now - last_row_.training_s < config_.run.log_interval) continue;
     if (!Log()) return TrainingEnd::kDiverged;
-    progress.Show(FormatProgress(last_row_, RemainingSeconds()), now);
+    progress.Show(run::FormatProgress(last_row_, RemainingSeconds()), now);
   }
   StopCollector();
   if (!Log()) return TrainingEnd::kDiverged;
@@ -184,7 +185,7 @@ double Trainer::RemainingSeconds() const {
 bool Trainer::Log() {
   const learner::Td3Stats learning = td3_.ReadStats();
   const actor::ActorStats acting = actor_.stats();
-  MetricsRow row;
+  run::MetricsRow row;
   row.training_s = training_s();
   row.steps = limiter_.steps();
   row.updates = limiter_.updates();

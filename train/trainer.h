@@ -13,13 +13,13 @@
 #include "policy/policy.h"
 #include "replay/storage.h"
 #include "replay/table.h"
+#include "run/checkpoint_store.h"
+#include "run/metrics_log.h"
+#include "run/run_directory.h"
 #include "sim/environments.h"
-#include "train/checkpoint_store.h"
 #include "train/collector.h"
-#include "train/metrics_log.h"
 #include "train/rate_limiter.h"
 #include "train/run_config.h"
-#include "train/run_directory.h"
 
 namespace slalom::train {
 
@@ -42,8 +42,8 @@ class Trainer {
   /// program, for provenance. `begin`: when the process began, as training time counts from there.
   /// Throws `base::Error` where courses, config or checkpoint are unusable, or another process
   /// trains there.
-  Trainer(const RunConfig& config, const RunDirectory& directory, std::string commit, bool resume,
-          std::chrono::steady_clock::time_point begin);
+  Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
+          bool resume, std::chrono::steady_clock::time_point begin);
   ~Trainer();
 
   /// Trains to the end of the run, or until `stop`. Writes metrics.csv, checkpoints, snapshots and
@@ -93,11 +93,11 @@ class Trainer {
   base::Random sampling_;
   RateLimiter limiter_;
   // Nothing on disk is touched before all that a bad config can break has been built.
-  const RunDirectory directory_;
-  const RunLock lock_;
-  CheckpointStore store_;
+  const run::RunDirectory directory_;
+  const run::RunLock lock_;
+  run::CheckpointStore store_;
   replay::Storage storage_;
-  std::unique_ptr<MetricsLog> metrics_;
+  std::unique_ptr<run::MetricsLog> metrics_;
   std::unique_ptr<Collector> collector_;
 
   double earlier_s_ = 0.0;  ///< Training time of earlier sessions of the run, [s].
@@ -105,7 +105,7 @@ class Trainer {
   std::int64_t last_checkpoint_steps_ = 0;
   double last_snapshot_s_ = 0.0;
   std::int64_t last_snapshot_steps_ = 0;
-  MetricsRow last_row_;
+  run::MetricsRow last_row_;
 };
 
 }  // namespace slalom::train

@@ -37,12 +37,12 @@ RunConfig SmallRun() {
   return config;
 }
 
-policy::PolicySnapshot Policy(const RunDirectory& directory) {
+policy::PolicySnapshot Policy(const run::RunDirectory& directory) {
   return policy::LoadPolicy(directory.policy()).snapshot;
 }
 
-TrainingEnd RunOnce(const RunConfig& config, const RunDirectory& directory, bool resume = false,
-                    std::stop_token stop = {}) {
+TrainingEnd RunOnce(const RunConfig& config, const run::RunDirectory& directory,
+                    bool resume = false, std::stop_token stop = {}) {
   Trainer trainer(config, directory, "test", resume, std::chrono::steady_clock::now());
   return trainer.Run(stop);
 }
@@ -50,9 +50,9 @@ TrainingEnd RunOnce(const RunConfig& config, const RunDirectory& directory, bool
 TEST(TrainerTest, TheSameSeedGivesTheSamePolicyAndAnotherSeedAnother) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
-  const RunDirectory a{scratch.path() / "a"};
-  const RunDirectory b{scratch.path() / "b"};
-  const RunDirectory c{scratch.path() / "c"};
+  const run::RunDirectory a{scratch.path() / "a"};
+  const run::RunDirectory b{scratch.path() / "b"};
+  const run::RunDirectory c{scratch.path() / "c"};
   EXPECT_EQ(RunOnce(config, a), TrainingEnd::kFinished);
   EXPECT_EQ(RunOnce(config, b), TrainingEnd::kFinished);
   EXPECT_EQ(*Policy(a).weights, *Policy(b).weights);
@@ -65,17 +65,17 @@ TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.checkpoint_steps = 1000;
-  const RunDirectory whole{scratch.path() / "whole"};
+  const run::RunDirectory whole{scratch.path() / "whole"};
   EXPECT_EQ(RunOnce(config, whole), TrainingEnd::kFinished);
 
   // What a kill leaves: the checkpoints of a run that went on past them. The replay ring wraps
   // before the first of these, and each resume is from the older of two as well as from the newer.
-  const RunDirectory killed{scratch.path() / "killed"};
+  const run::RunDirectory killed{scratch.path() / "killed"};
   for (const std::int64_t at : {2500, 4500}) {
     RunConfig part = config;
     part.run.max_steps = at;
     EXPECT_EQ(RunOnce(part, killed, /*resume=*/at != 2500), TrainingEnd::kFinished);
-    const auto checkpoints = CheckpointStore(killed.checkpoints()).List();
+    const auto checkpoints = run::CheckpointStore(killed.checkpoints()).List();
     ASSERT_EQ(checkpoints.size(), 2u);
     fs::remove_all(checkpoints[0]);  // The one that only the end of the part wrote.
   }
@@ -86,7 +86,7 @@ TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) {
 TEST(TrainerTest, AStoppedRunIsSavedAndGoesOn) {
   const test::ScratchDirectory scratch;
   const RunConfig config = SmallRun();
-  const RunDirectory directory{scratch.path() / "run"};
+  const run::RunDirectory directory{scratch.path() / "run"};
   std::stop_source stopped;
   stopped.request_stop();
   EXPECT_EQ(RunOnce(config, directory, false, stopped.get_token()), TrainingEnd::kStopped);
@@ -99,7 +99,7 @@ TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
   config.run.deterministic = false;
   config.run.simulation_threads = 2;
   config.run.checkpoint_steps = 2000;
-  const RunDirectory directory{scratch.path() / "run"};
+  const run::RunDirectory directory{scratch.path() / "run"};
   Trainer trainer(config, directory, "test", false, std::chrono::steady_clock::now());
   EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
   // The actor may end up to its queue, the chunk in hand and the one free ahead of the learner.
@@ -114,7 +114,7 @@ TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
 TEST(TrainerTest, DivergingTrainingStopsAndKeepsTheLastGoodCheckpoint) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
-  const RunDirectory directory{scratch.path() / "run"};
+  const run::RunDirectory directory{scratch.path() / "run"};
   config.run.checkpoint_steps = 1000;
   config.run.learning_starts = 1500;
   config.run.log_interval = 0.0;
@@ -123,7 +123,7 @@ TEST(TrainerTest, DivergingTrainingStopsAndKeepsTheLastGoodCheckpoint) {
   config.td3.divergence_limit = 1.0;
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kDiverged);
   EXPECT_FALSE(fs::exists(directory.policy()));
-  const auto checkpoints = CheckpointStore(directory.checkpoints()).List();
+  const auto checkpoints = run::CheckpointStore(directory.checkpoints()).List();
   ASSERT_EQ(checkpoints.size(), 1u);
   EXPECT_EQ(checkpoints[0].filename(), "step-1000");
 }
@@ -147,9 +147,9 @@ TEST(TrainerTest, AChangedDigitInTheStateIsNoticed) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.max_steps = 1000;
-  const RunDirectory directory{scratch.path() / "run"};
+  const run::RunDirectory directory{scratch.path() / "run"};
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
-  const fs::path state = CheckpointStore(directory.checkpoints()).List()[0] / "state.json";
+  const fs::path state = run::CheckpointStore(directory.checkpoints()).List()[0] / "state.json";
   std::string text = base::ReadFile(state);
   const auto digit = text.find("\"steps\": 1");
   ASSERT_NE(digit, std::string::npos);
@@ -163,11 +163,11 @@ TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.checkpoint_steps = 2000;
-  const RunDirectory directory{scratch.path() / "run"};
+  const run::RunDirectory directory{scratch.path() / "run"};
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
   const std::vector<float> weights = *Policy(directory).weights;
   for (const char* name : {"state.json", "actor.bin", "learner.safetensors", "replay.manifest"}) {
-    const auto checkpoints = CheckpointStore(directory.checkpoints()).List();
+    const auto checkpoints = run::CheckpointStore(directory.checkpoints()).List();
     ASSERT_EQ(checkpoints.size(), 2u) << name;
     const fs::path damaged = checkpoints[0] / name;
     fs::resize_file(damaged, fs::file_size(damaged) / 2);
@@ -175,13 +175,13 @@ TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
     EXPECT_EQ(*Policy(directory).weights, weights) << name;
   }
   // One that is passed over must not stand in the way of those written after it.
-  fs::remove(CheckpointStore(directory.checkpoints()).List()[0] / "replay.manifest");
+  fs::remove(run::CheckpointStore(directory.checkpoints()).List()[0] / "replay.manifest");
   RunConfig shorter = config;
   shorter.run.max_steps = 5000;
   EXPECT_EQ(RunOnce(shorter, directory, true), TrainingEnd::kFinished);
   EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kFinished);
   // None left that is whole.
-  for (const auto& checkpoint : CheckpointStore(directory.checkpoints()).List()) {
+  for (const auto& checkpoint : run::CheckpointStore(directory.checkpoints()).List()) {
     fs::resize_file(checkpoint / "learner.safetensors", 10);
   }
   EXPECT_THAT([&] { RunOnce(config, directory, true); },

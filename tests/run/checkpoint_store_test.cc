@@ -1,4 +1,4 @@
-#include "train/checkpoint_store.h"
+#include "run/checkpoint_store.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include "base/file.h"
 #include "tests/support/scratch_directory.h"
 
-namespace slalom::train {
+namespace slalom::run {
 namespace {
 
 namespace fs = std::filesystem;
@@ -91,4 +91,4 @@ TEST(CheckpointStoreTest, TheSameStepAgainReplacesTheOld) {
 }
 
 }  // namespace
-}  // namespace slalom::train
+}  // namespace slalom::run

@@ -1,4 +1,4 @@
-#include "train/checkpoint_store.h"
+#include "run/checkpoint_store.h"
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "base/file.h"
 
-namespace slalom::train {
+namespace slalom::run {
 namespace {
 
 namespace fs = std::filesystem;
@@ -103,4 +103,4 @@ std::vector<fs::path> CheckpointStore::List() const {
   return paths;
 }
 
-}  // namespace slalom::train
+}  // namespace slalom::run

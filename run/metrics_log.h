@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-namespace slalom::train {
+namespace slalom::run {
 
 /// One row of `metrics.csv`, and what the progress line shows. Rates are over the time since the
 /// last row; episode figures are over the actor's last episodes. NaN: not known yet (an empty
@@ -53,4 +53,4 @@ class MetricsLog {
   std::unique_ptr<std::FILE, Close> file_;
 };
 
-}  // namespace slalom::train
+}  // namespace slalom::run

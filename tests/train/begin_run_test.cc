@@ -1,4 +1,4 @@
-#include "train/run_directory.h"
+#include "train/begin_run.h"
 
 #include <gmock/gmock.h>
 
@@ -11,7 +11,7 @@ namespace {
 
 TEST(RunDirectoryTest, AnEarlierRunIsMovedAsideAndKept) {
   const test::ScratchDirectory scratch;
-  const RunDirectory directory{scratch.path() / "quickstart"};
+  const run::RunDirectory directory{scratch.path() / "quickstart"};
   for (int i = 0; i < 3; ++i) {
     BeginRun(directory, RunConfig{});
     EXPECT_FALSE(std::filesystem::exists(directory.policy()));
@@ -24,7 +24,7 @@ TEST(RunDirectoryTest, AnEarlierRunIsMovedAsideAndKept) {
 
 TEST(RunDirectoryTest, AResumedRunMayGoOnLongerButNotOtherwise) {
   const test::ScratchDirectory scratch;
-  const RunDirectory directory{scratch.path() / "run"};
+  const run::RunDirectory directory{scratch.path() / "run"};
   RunConfig config;
   BeginRun(directory, config);
   config.run.max_steps *= 2;
@@ -41,14 +41,14 @@ TEST(RunDirectoryTest, AResumedRunMayGoOnLongerButNotOtherwise) {
 
 TEST(RunDirectoryTest, TwoProcessesDoNotTrainInOneDirectory) {
   const test::ScratchDirectory scratch;
-  const RunDirectory directory{scratch.path() / "run"};
+  const run::RunDirectory directory{scratch.path() / "run"};
   {
-    const RunLock lock = BeginRun(directory, RunConfig{});
+    const run::RunLock lock = BeginRun(directory, RunConfig{});
     EXPECT_THROW(BeginRun(directory, RunConfig{}), base::Error);
     EXPECT_THROW(ResumeRun(directory, RunConfig{}), base::Error);
     EXPECT_TRUE(std::filesystem::exists(directory.config()));
   }
-  const RunLock lock = ResumeRun(directory, RunConfig{});
+  const run::RunLock lock = ResumeRun(directory, RunConfig{});
   EXPECT_THROW(BeginRun(directory, RunConfig{}), base::Error);
 }
 

@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-namespace slalom::train {
+namespace slalom::run {
 
 /// The checkpoints of a run: directories `step-N`, each complete or not there, the newest two kept.
 /// Confined to one thread.
@@ -33,4 +33,4 @@ class CheckpointStore {
   const std::filesystem::path directory_;
 };
 
-}  // namespace slalom::train
+}  // namespace slalom::run

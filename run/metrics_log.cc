@@ -1,4 +1,4 @@
-#include "train/metrics_log.h"
+#include "run/metrics_log.h"
 
 #include <fmt/format.h>
 
@@ -12,7 +12,7 @@
 #include "base/file.h"
 #include "base/progress.h"
 
-namespace slalom::train {
+namespace slalom::run {
 namespace {
 
 constexpr char kHeader[] =
@@ -73,4 +73,4 @@ void MetricsLog::Append(const MetricsRow& row) {
   }
 }
 
-}  // namespace slalom::train
+}  // namespace slalom::run

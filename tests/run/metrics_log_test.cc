@@ -1,4 +1,4 @@
-#include "train/metrics_log.h"
+#include "run/metrics_log.h"
 
 #include <gmock/gmock.h>
 
@@ -9,7 +9,7 @@
 #include "base/file.h"
 #include "tests/support/scratch_directory.h"
 
-namespace slalom::train {
+namespace slalom::run {
 namespace {
 
 std::vector<std::string> Lines(const std::filesystem::path& path) {
@@ -79,4 +79,4 @@ TEST(FormatProgressTest, ShowsWhatMatters) {
 }
 
 }  // namespace
-}  // namespace slalom::train
+}  // namespace slalom::run

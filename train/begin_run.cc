@@ -1,15 +1,10 @@
-#include "train/run_directory.h"
+#include "train/begin_run.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <string_view>
-#include <utility>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -32,30 +27,15 @@ bool MayChange(std::string_view key) {
   });
 }
 
-void WriteConfig(const RunDirectory& directory, const RunConfig& config) {
+void WriteConfig(const run::RunDirectory& directory, const RunConfig& config) {
   base::WriteFileAtomically(directory.config(), config::ToToml(config));
 }
 
 }  // namespace
 
-RunLock::RunLock(const fs::path& root)
-    : fd_(::open(root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-  if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
-  ::close(fd_);
-  throw base::Error(fmt::format(
-      "{}: another process is training in this directory; stop it, or choose another --name",
-      root.string()));
-}
-
-RunLock::~RunLock() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
-RunLock::RunLock(RunLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-
-RunLock BeginRun(const RunDirectory& directory, const RunConfig& config) {
+run::RunLock BeginRun(const run::RunDirectory& directory, const RunConfig& config) {
   if (fs::exists(directory.config())) {
-    const RunLock earlier(directory.root);
+    const run::RunLock earlier(directory.root);
     fs::path aside;
     for (int i = 1; aside.empty() || fs::exists(aside); ++i) {
       aside = fmt::format("{}.{}", directory.root.string(), i);
@@ -69,16 +49,16 @@ RunLock BeginRun(const RunDirectory& directory, const RunConfig& config) {
     spdlog::info("the earlier run is now {}", aside.string());
   }
   base::MakeDirectories(directory.root);
-  RunLock lock(directory.root);
+  run::RunLock lock(directory.root);
   WriteConfig(directory, config);
   return lock;
 }
 
-RunLock ResumeRun(const RunDirectory& directory, const RunConfig& config) {
+run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& config) {
   if (!fs::exists(directory.config())) {
     throw base::Error(fmt::format("{}: no run to resume here", directory.root.string()));
   }
-  RunLock lock(directory.root);
+  run::RunLock lock(directory.root);
   auto earlier =
       config::FromToml<RunConfig>(base::ReadFile(directory.config()), directory.config().string());
   RunConfig given = config;

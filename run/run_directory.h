@@ -2,9 +2,7 @@
 
 #include <filesystem>
 
-#include "train/run_config.h"
-
-namespace slalom::train {
+namespace slalom::run {
 
 /// The files of a run (docs/operations.md). A value; makes nothing.
 struct RunDirectory {
@@ -34,14 +32,4 @@ class RunLock {
   int fd_;
 };
 
-/// Prepares the directory of a new run; an earlier run there is moved to `NAME.1`, `NAME.2`, ...
-/// first. Throws `base::Error` where it cannot be made or written, or another process
-/// trains there.
-RunLock BeginRun(const RunDirectory& directory, const RunConfig& config);
-
-/// Checks that the run there can go on with `config`, whose limits, logging and evaluation may
-/// differ, and writes the new config. Throws `base::Error` where there is no run, another key
-/// differs, or another process trains there.
-RunLock ResumeRun(const RunDirectory& directory, const RunConfig& config);
-
-}  // namespace slalom::train
+}  // namespace slalom::run
