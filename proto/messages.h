@@ -5,6 +5,7 @@
 #include <map>
 #include <span>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -21,17 +22,26 @@ namespace slalom::proto {
 inline constexpr int kMajorVersion = 1;
 inline constexpr int kMinorVersion = 0;
 
+/// Bytes before the header's protobuf.
+inline constexpr std::size_t kPrefixBytes = 16;
+
 /// Bounds on what a header may hold; more is refused as `kBadMessage`.
-inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;
-inline constexpr int kMaxNameBytes = 128;
+inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;  ///< Of protobuf.
+inline constexpr std::size_t kMaxNameBytes = 128;
+inline constexpr std::size_t kMaxTextBytes = 1024;
 inline constexpr int kMaxBeams = 4096;
 inline constexpr int kMaxStreams = 4096;
 inline constexpr int kMaxRows = 1 << 16;
 inline constexpr int kMaxBatch = 1 << 16;
 inline constexpr int kMaxHistory = 256;
+inline constexpr int kMaxFrames = 1 << 17;  ///< Batch times history of a sample.
 inline constexpr int kMaxNStep = 1024;
-inline constexpr int kMaxFigures = 256;  ///< Of a report, and facts.
+inline constexpr int kMaxFigures = 256;  ///< Of a report, and as many facts.
 inline constexpr int kMaxRoles = 4096;   ///< Of a status.
+
+/// Whether a role or process may have this name, and a figure or fact this key: 1 to
+/// `kMaxNameBytes` letters, digits, '-', '_', '.', ':', '@'.
+bool IsName(std::string_view name);
 
 /// Why a message was refused; also on the wire.
 enum class RefusalCode : std::uint32_t {
@@ -46,8 +56,12 @@ enum class RefusalCode : std::uint32_t {
   kTooFast = 9,         ///< More messages than the rate bound.
   kNotReady = 10,       ///< Not now, for example while loading.
 };
+/// "bad_message", ...; "other" for one of a newer minor version.
 std::string_view ToString(RefusalCode code);
 
+/// What the fields mean stands in proto/slalom.proto. A `role`, a `name` and the keys of a report
+/// are names (`IsName`). `software`, `text` and the values of facts are texts: printable ASCII, at
+/// most `kMaxTextBytes`.
 struct Hello {
   std::string role;
   std::string name;
@@ -142,6 +156,7 @@ struct RoleStatus {
 
 struct StatusReply {
   std::vector<RoleStatus> roles;
+  int omitted = 0;  ///< Roles that did not fit.
 };
 
 struct Refusal {
@@ -158,13 +173,15 @@ using Header = std::variant<Hello, Welcome, Insert, InsertAck, Goodbye, SampleRe
 /// "Hello", "Insert", ...: for logs and metrics.
 std::string_view NameOf(const Header& header);
 
-/// The header's frame: 16 bytes of prefix, which hold a checksum of header and payload, then
-/// protobuf. Requires: the values are within the bounds above.
+/// The header's frame: `kPrefixBytes`, which hold a checksum of header and payload, then protobuf.
+/// The same header gives the same bytes. Texts are made to fit: cut, and '?' for what is not
+/// printable ASCII; so is a status, the roles that do not fit being counted in `omitted`. Requires:
+/// the rest is within the bounds above.
 std::string Encode(const Header& header, std::span<const std::byte> payload);
 
-/// Reads a header's frame and compares its checksum with the payload. What `Refusal` it gives
-/// where the bytes are not a message of this protocol is the answer to send. Allocates no more than
-/// a few times the size of `frame`, whatever it holds.
+/// Reads a header's frame and compares its checksum with the payload. The `Refusal` that it gives
+/// where the bytes are not a message of this protocol is the answer to send. Whatever `frame`
+/// holds, allocates at most 64 bytes for each of its bytes and 1 MiB.
 base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
                                      std::span<const std::byte> payload);
 

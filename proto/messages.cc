@@ -1,0 +1,130 @@
+#include "proto/messages.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <bit>
+#include <cstring>
+
+#include "base/check.h"
+#include "base/file.h"
+#include "proto/bounds.h"
+#include "proto/conversion.h"
+
+namespace slalom::proto {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "the prefix is little-endian");
+
+/// The first bytes of a header's frame, as they are sent.
+struct Prefix {
+  char magic[4] = {'S', 'L', 'L', 'M'};
+  std::uint8_t major = kMajorVersion;
+  std::uint8_t minor = kMinorVersion;
+  std::uint16_t number = 0;
+  std::uint64_t checksum = 0;
+};
+static_assert(sizeof(Prefix) == kPrefixBytes && std::is_trivially_copyable_v<Prefix>);
+
+constexpr std::array<std::string_view, std::variant_size_v<Header>> kNames = {
+    "Hello",         "Welcome",       "Insert",         "InsertAck",       "Goodbye",
+    "SampleRequest", "SampleReply",   "PriorityUpdate", "SnapshotRequest", "Snapshot",
+    "Report",        "StatusRequest", "StatusReply",    "Refusal"};
+
+/// Of the prefix up to the checksum, the protobuf and the payload, each seeded with the one before.
+std::uint64_t ChecksumOf(const Prefix& prefix, std::span<const std::byte> protobuf,
+                         std::span<const std::byte> payload) {
+  const auto start = std::as_bytes(std::span(&prefix, 1)).first(offsetof(Prefix, checksum));
+  return base::Checksum(payload, base::Checksum(protobuf, base::Checksum(start)));
+}
+
+Refusal Bad(std::string text) {
+  return {.code = RefusalCode::kBadMessage, .text = std::move(text)};
+}
+
+}  // namespace
+
+std::string_view ToString(RefusalCode code) {
+  switch (code) {
+    case RefusalCode::kBadMessage:
+      return "bad_message";
+    case RefusalCode::kWrongVersion:
+      return "wrong_version";
+    case RefusalCode::kUnknownMessage:
+      return "unknown_message";
+    case RefusalCode::kNotAllowed:
+      return "not_allowed";
+    case RefusalCode::kWrongSpec:
+      return "wrong_spec";
+    case RefusalCode::kNoSession:
+      return "no_session";
+    case RefusalCode::kOutOfOrder:
+      return "out_of_order";
+    case RefusalCode::kOverWindow:
+      return "over_window";
+    case RefusalCode::kTooFast:
+      return "too_fast";
+    case RefusalCode::kNotReady:
+      return "not_ready";
+  }
+  return "other";
+}
+
+std::string_view NameOf(const Header& header) { return kNames[header.index()]; }
+
+std::string Encode(const Header& header, std::span<const std::byte> payload) {
+  SLALOM_CHECK_EQ(FindFault(header, Way::kToBeSent), "");
+  Prefix prefix{.number = static_cast<std::uint16_t>(header.index() + 1)};
+  std::string frame(kPrefixBytes, '\0');
+  AppendProtobuf(header, &frame);
+  const auto protobuf = std::as_bytes(std::span(frame)).subspan(kPrefixBytes);
+  SLALOM_CHECK_LE(protobuf.size(), kMaxHeaderBytes);
+  prefix.checksum = ChecksumOf(prefix, protobuf, payload);
+  std::memcpy(frame.data(), &prefix, sizeof(prefix));
+  return frame;
+}
+
+base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
+                                     std::span<const std::byte> payload) {
+  Prefix prefix;
+  if (frame.size() < sizeof(prefix)) {
+    return Bad(fmt::format("the header is {} bytes long, expected {} or more", frame.size(),
+                           sizeof(prefix)));
+  }
+  std::memcpy(&prefix, frame.data(), sizeof(prefix));
+  if (std::memcmp(prefix.magic, Prefix{}.magic, sizeof(prefix.magic)) != 0) {
+    return Bad("the header does not begin with 'SLLM': not a message of Slalom");
+  }
+  if (prefix.major != kMajorVersion) {
+    return Refusal{.code = RefusalCode::kWrongVersion,
+                   .text = fmt::format("the message is of protocol {}.{}, expected {}.x",
+                                       prefix.major, prefix.minor, kMajorVersion)};
+  }
+  const auto protobuf = frame.subspan(sizeof(prefix));
+  if (protobuf.size() > kMaxHeaderBytes) {
+    return Bad(fmt::format("the header holds {} bytes of protobuf, expected {} at most",
+                           protobuf.size(), kMaxHeaderBytes));
+  }
+  if (const std::uint64_t found = ChecksumOf(prefix, protobuf, payload); found != prefix.checksum) {
+    return Bad(fmt::format("the checksum is {:016x}, expected {:016x}: the message was damaged",
+                           found, prefix.checksum));
+  }
+  if (prefix.number == 0 || prefix.number > kNames.size()) {
+    return Refusal{
+        .code = RefusalCode::kUnknownMessage,
+        .text = fmt::format("message {} of protocol {}.{} is not known to {}.{}", prefix.number,
+                            prefix.major, prefix.minor, kMajorVersion, kMinorVersion)};
+  }
+  const std::size_t index = prefix.number - 1u;
+  std::optional<Header> header = ParseProtobuf(index, protobuf);
+  if (!header) {
+    return Bad(fmt::format("{}: the header is no protobuf of it, or a list in it is too long",
+                           kNames[index]));
+  }
+  if (const std::string fault = FindFault(*header, Way::kReceived); !fault.empty()) {
+    return Bad(fmt::format("{}: {}", kNames[index], fault));
+  }
+  return *std::move(header);
+}
+
+}  // namespace slalom::proto
