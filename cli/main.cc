@@ -54,6 +54,7 @@ int main(int argc, char** argv) {
   slalom::cli::AddReportCommand(app);
   slalom::cli::AddCoursesCommand(app);
   slalom::cli::AddConfigCommand(app);
+  slalom::cli::AddMetricsCommand(app);
   app.footer(kFooter);  // Last, as commands would inherit it.
 
   slalom::base::InitLog();

@@ -26,7 +26,9 @@ TEST(CommandsTest, EveryCommandHasHelp) {
                                                           {"courses", "import"},
                                                           {"config"},
                                                           {"config", "print"},
-                                                          {"config", "docs"}};
+                                                          {"config", "docs"},
+                                                          {"metrics"},
+                                                          {"metrics", "docs"}};
   const ScratchDirectory scratch;
   for (auto command : commands) {
     command.push_back("--help");
@@ -41,6 +43,13 @@ TEST(CommandsTest, TheConfigPageIsFresh) {
   const ProgramResult page = RunProgram({"config", "docs"}, scratch.path());
   EXPECT_EQ(page.out, base::ReadFile(kSource / "docs/config.md"))
       << "docs/config.md is stale: ./slalom config docs > docs/config.md";
+}
+
+TEST(CommandsTest, TheMetricsPageIsFresh) {
+  const ScratchDirectory scratch;
+  const ProgramResult page = RunProgram({"metrics", "docs"}, scratch.path());
+  EXPECT_EQ(page.out, base::ReadFile(kSource / "docs/metrics.md"))
+      << "docs/metrics.md is stale: ./slalom metrics docs > docs/metrics.md";
 }
 
 TEST(CommandsTest, EveryPresetLoadsAndPrintsToItself) {

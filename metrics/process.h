@@ -1,0 +1,22 @@
+#pragma once
+
+#include <optional>
+
+namespace slalom::metrics {
+
+/// Figures of this process, as the kernel counts them. A value; none: could not be read, for
+/// example when no descriptor is left to read with.
+struct ProcessFigures {
+  std::optional<double> resident_bytes;
+  std::optional<double> virtual_bytes;
+  std::optional<double> cpu_seconds;  ///< User and system, all threads.
+  std::optional<double> start_time;   ///< [s] since 1970.
+  std::optional<double> threads;
+  std::optional<double> open_descriptors;
+  std::optional<double> max_descriptors;
+};
+
+/// Reads /proc/self. Thread-safe. Cost: some 50 us, and 1 us for each open descriptor.
+ProcessFigures ReadProcessFigures();
+
+}  // namespace slalom::metrics

@@ -1,0 +1,143 @@
+#include "metrics/exposer.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <atomic>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "base/error.h"
+#include "metrics/catalogue.h"
+#include "tests/metrics/http.h"
+
+namespace slalom::metrics {
+namespace {
+
+using test::Exchange;
+using testing::AllOf;
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+std::string Get(int port, const std::string& path) {
+  return Exchange(port, "GET " + path + " HTTP/1.1\r\nHost: test\r\n\r\n");
+}
+
+std::string ErrorOf(const std::string& address) {
+  const Registry registry("actor", "a1");
+  try {
+    const Exposer exposer(address, registry);
+    return "";
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+}
+
+TEST(ExposerTest, ShowsWhatTheRegistryHolds) {
+  Registry registry("actor", "a1");
+  Counter steps = registry.counter(kEnvironmentSteps);
+  const Exposer exposer("127.0.0.1:0", registry);
+  ASSERT_GT(exposer.port(), 0);
+  steps.Increment(41.0);
+  const std::string answer = Get(exposer.port(), "/metrics");
+  EXPECT_THAT(answer, StartsWith("HTTP/1.1 200 OK\r\n"));
+  EXPECT_THAT(answer, HasSubstr("Content-Type: text/plain; version=0.0.4; charset=utf-8\r\n"));
+  EXPECT_THAT(answer, HasSubstr("slalom_environment_steps_total{name=\"a1\",role=\"actor\","
+                                "run=\"run\"} 41\n"));
+  steps.Increment();
+  EXPECT_THAT(Get(exposer.port(), "/metrics"), HasSubstr("run=\"run\"} 42\n"));
+}
+
+TEST(ExposerTest, SaysWhetherTheRoleIsHealthy) {
+  const Registry registry("actor", "a1");
+  const Exposer plain("127.0.0.1:0", registry);
+  EXPECT_THAT(Get(plain.port(), "/healthy"),
+              AllOf(StartsWith("HTTP/1.1 200 OK\r\n"), EndsWith("\r\n\r\nok\n")));
+
+  std::atomic<bool> well = false;
+  const Exposer exposer("127.0.0.1:0", registry,
+                        [&well] { return std::string(well ? "" : "the disk is full"); });
+  EXPECT_THAT(Get(exposer.port(), "/healthy"),
+              AllOf(StartsWith("HTTP/1.1 503 "), EndsWith("\r\n\r\nthe disk is full\n")));
+  well = true;
+  EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
+}
+
+TEST(ExposerTest, OtherPathsAndMethodsAreRefused) {
+  const Registry registry("actor", "a1");
+  const Exposer exposer("127.0.0.1:0", registry);
+  for (const char* path :
+       {"/", "/metrics/", "/metrics/x", "/../etc/passwd", "/%2e%2e/etc/passwd"}) {
+    EXPECT_THAT(Get(exposer.port(), path), StartsWith("HTTP/1.1 404 ")) << path;
+  }
+  for (const std::string method : {"POST", "PUT", "DELETE", "OPTIONS"}) {
+    EXPECT_THAT(Exchange(exposer.port(),
+                         method + " /metrics HTTP/1.1\r\nHost: test\r\nContent-Length: 0\r\n\r\n"),
+                StartsWith("HTTP/1.1 405 "))
+        << method;
+  }
+  const std::string head = Exchange(exposer.port(), "HEAD /healthy HTTP/1.1\r\nHost: test\r\n\r\n");
+  EXPECT_THAT(head, AllOf(StartsWith("HTTP/1.1 200 OK\r\n"), EndsWith("\r\n\r\n")));
+}
+
+TEST(ExposerTest, NonsenseLeavesItStanding) {
+  const Registry registry("actor", "a1");
+  const Exposer exposer("127.0.0.1:0", registry);
+  std::string random(1000, '\0');
+  for (std::size_t i = 0; i < random.size(); ++i) random[i] = static_cast<char>(i * 131 + 7);
+  const std::string nonsense[] = {random + "\r\n\r\n", "GET\r\n\r\n",
+                                  "GET " + std::string(1 << 20, 'a') + " HTTP/1.1\r\n\r\n",
+                                  "GET / HTTP/1.1\r\nX: " + std::string(1 << 20, 'a') + "\r\n\r\n"};
+  for (const std::string& text : nonsense) {
+    EXPECT_THAT(Exchange(exposer.port(), text), testing::Not(HasSubstr("200 OK")));
+  }
+  EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
+}
+
+TEST(ExposerTest, AnswersSeveralAtOnceWhileTheMetricsChange) {
+  Registry registry("actor", "a1");
+  Counter steps = registry.counter(kEnvironmentSteps);
+  const Exposer exposer("localhost:0", registry);
+  std::jthread writer([&steps](std::stop_token stop) {
+    while (!stop.stop_requested()) steps.Increment();
+  });
+  std::vector<std::jthread> readers;
+  for (int i = 0; i < 4; ++i) {
+    readers.emplace_back([&exposer] {
+      for (int k = 0; k < 10; ++k) {
+        EXPECT_THAT(Get(exposer.port(), "/metrics"), HasSubstr("slalom_environment_steps_total{"));
+      }
+    });
+  }
+}
+
+TEST(ExposerTest, BadAddressesAreNamedWithTheReason) {
+  for (const char* address : {"", "9400", "localhost", "127.0.0.1:", ":9400", "127.0.0.1:x",
+                              "127.0.0.1:70000", "127.0.0.1:-1", "::1:9400", "127.0.0.1:94 00"}) {
+    EXPECT_THAT(ErrorOf(address),
+                AllOf(HasSubstr(fmt::format("'{}'", address)), HasSubstr("expected HOST:PORT")))
+        << address;
+  }
+  EXPECT_THAT(ErrorOf("no-such-host.invalid:9400"), HasSubstr("the host is not known"));
+  EXPECT_THAT(ErrorOf("192.0.2.1:9400"), HasSubstr("Cannot assign requested address"));
+  const Registry registry("actor", "a1");
+  const Exposer first("127.0.0.1:0", registry);
+  EXPECT_THAT(ErrorOf("127.0.0.1:" + std::to_string(first.port())),
+              HasSubstr("Address already in use"));
+}
+
+TEST(ExposerTest, TheSameAddressCanBeTakenAgain) {
+  const Registry registry("actor", "a1");
+  auto first = std::make_unique<Exposer>("127.0.0.1:0", registry);
+  const int port = first->port();
+  EXPECT_THAT(Get(port, "/healthy"), StartsWith("HTTP/1.1 200"));
+  first.reset();
+  EXPECT_EQ(Get(port, "/healthy"), "");
+  const Exposer second("127.0.0.1:" + std::to_string(port), registry);
+  EXPECT_THAT(Get(port, "/healthy"), StartsWith("HTTP/1.1 200"));
+}
+
+}  // namespace
+}  // namespace slalom::metrics
