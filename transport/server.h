@@ -2,38 +2,50 @@
 
 #include <chrono>
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 #include <zmq.hpp>
 
 #include "transport/context.h"
+#include "transport/event_fd.h"
 #include "transport/frame.h"
+#include "transport/monitor.h"
+#include "transport/peers.h"
 #include "transport/security.h"
 
 namespace slalom::transport {
 
 struct ServerOptions {
-  std::string endpoint;  ///< "tcp://127.0.0.1:5550", port 0 or * for any free one; "inproc://NAME".
-  ServerSecurity security;
+  /// "tcp://127.0.0.1:5550", "tcp://*:5550" for all addresses, port 0 or * for any free one;
+  /// "ipc://PATH"; "inproc://NAME".
+  std::string endpoint;
+  ServerSecurity security = {};               ///< Not for inproc.
   std::int64_t max_message_bytes = 64 << 20;  ///< Larger parts end their connection.
   double max_messages_per_second = 20000.0;   ///< Of one peer, over a second or so.
   int queue_messages = 256;                   ///< Per peer and direction.
+  std::int64_t max_pending_bytes = 256
+                                   << 20;  ///< Received of one peer, and not taken yet; more
+                                           ///< (or of all peers four times that) ends its
+                                           ///< connection. Beyond what a peer may have under way.
+  int max_connections = 512;               ///< More are ended at once.
   std::chrono::milliseconds heartbeat{2000};  ///< Of silent connections; gone after three.
 };
 
-/// A connection, for as long as it stands.
-using PeerId = std::string;
-
 /// The listening end: takes messages of many peers and answers any of them at any time (ROUTER).
 ///
-/// Never waits for a peer and never holds more for it than its queue. Confined to the thread that
-/// made it, but for `Wake`.
+/// Never waits for a peer and never holds more for it than its queue. A peer that connects again is
+/// another peer. Rates, pending bytes and the number of connections are bounded over tcp (rates and
+/// connections over ipc, too), not for peers in this process. The bounds are looked after in
+/// `Receive`, so call it several times a second. Confined to the thread that made it, but for
+/// `Wake`.
 class Server {
  public:
   /// Throws `base::Error` where the endpoint cannot be bound, with the reason.
   Server(Context& context, const ServerOptions& options);
+  /// Ends all connections. The port is free again afterwards.
   ~Server();
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
 
   struct Received {
     PeerId peer;
@@ -43,8 +55,8 @@ class Server {
     bool too_fast = false;  ///< The peer is over its rate: refuse, without a look at the message.
   };
 
-  /// The next message, after at most `timeout`. None: none came, or `Wake` was called. Messages
-  /// that have not two parts are counted (`malformed`) and passed over.
+  /// The next message, after at most `timeout`. None: none came, or `Wake` was called, or a signal
+  /// came. Messages that have not two parts are counted (`malformed`) and passed over.
   std::optional<Received> Receive(std::chrono::milliseconds timeout);
 
   enum class Sent {
@@ -52,33 +64,34 @@ class Server {
     kFull,  ///< The peer does not read; try later or give it up.
     kGone,  ///< The connection is no more.
   };
-  /// Takes the message only where it is sent.
+  /// Takes the message only where it is sent. Never waits.
   [[nodiscard]] Sent Send(const PeerId& peer, Message&& message);
 
-  /// Ends a `Receive` that waits, or the next one. Any thread.
-  void Wake();
+  /// Ends a `Receive` that waits, or the next one that would. Any thread, and in signal handlers.
+  void Wake() { wake_.Set(); }
 
   /// Where it listens, with the port that was chosen.
   const std::string& endpoint() const { return endpoint_; }
   std::int64_t malformed() const { return malformed_; }
-  /// Handshakes that failed: wrong keys, no keys, not ZeroMQ.
+  /// Connections whose handshake failed: wrong keys, no keys, not ZeroMQ.
   std::int64_t rejected_connections();
+  /// Connections that were ended for being over a bound of `ServerOptions`.
+  std::int64_t ended_connections();
 
  private:
-  struct Bucket {
-    double tokens = 0.0;
-    std::chrono::steady_clock::time_point filled;
-  };
+  enum class Taken { kMessage, kMalformed, kNone };
+  Taken Take(std::optional<Received>& received);
+  void WaitUntilFree();
 
+  Context& context_;
   const ServerOptions options_;
-  std::string endpoint_;
+  const std::string domain_;  // Of authentication; empty: inproc.
   zmq::socket_t socket_;
-  zmq::socket_t wake_;     // Read end.
-  zmq::socket_t monitor_;  // Of failed handshakes.
-  int wake_fd_ = -1;
-  std::map<PeerId, Bucket> buckets_;
+  Monitor monitor_;
+  Peers peers_;
+  EventFd wake_;
+  std::string endpoint_;
   std::int64_t malformed_ = 0;
-  std::int64_t rejected_ = 0;
 };
 
 }  // namespace slalom::transport
