@@ -4,12 +4,11 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <cstring>
-#include <optional>
 #include <vector>
 
 #include "base/check.h"
+#include "replay/finite.h"
 
 namespace slalom::replay {
 namespace {
@@ -24,21 +23,6 @@ template <class T>
 std::byte* Append(std::byte* out, const std::vector<T>& column) {
   if (!column.empty()) std::memcpy(out, column.data(), column.size() * sizeof(T));
   return out + column.size() * sizeof(T);
-}
-
-/// The first of `values` that is not finite; their number where all are.
-std::size_t FirstNotFinite(std::span<const float> values) {
-  // By the bits of the exponent, all of them before looking for one: this vectorises.
-  constexpr std::uint32_t kExponent = 0x7f800000;
-  std::uint32_t any = 0;
-  for (const float value : values) {
-    any |=
-        static_cast<std::uint32_t>((std::bit_cast<std::uint32_t>(value) & kExponent) == kExponent);
-  }
-  if (any == 0) return values.size();
-  return static_cast<std::size_t>(
-      std::find_if(values.begin(), values.end(), [](float v) { return !std::isfinite(v); }) -
-      values.begin());
 }
 
 bool FlagsGoTogether(std::uint8_t flags) {

@@ -1,0 +1,160 @@
+#include "replay/sample_bytes.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <string_view>
+
+#include "base/check.h"
+#include "replay/finite.h"
+#include "replay/gather.h"
+
+namespace slalom::replay {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "samples are sent little-endian");
+static_assert(sizeof(env::Action) == 2 * sizeof(float));
+
+/// Where the columns begin.
+struct Layout {
+  std::size_t frames = 0;   // B H
+  std::size_t numbers = 0;  // Where float32 begins, ...
+  std::size_t scans = 0;    // ... where uint16 begins ...
+  std::size_t size = 0;     // ... and ends.
+};
+
+std::optional<Layout> LayoutOf(const SampleShape& shape) {
+  SLALOM_CHECK(shape.batch >= 1 && shape.history >= 1 && shape.num_beams >= 1);
+  const auto batch = static_cast<std::uint64_t>(shape.batch);
+  Layout layout;
+  layout.frames = batch * static_cast<std::uint64_t>(shape.history);  // Below 2^62.
+  std::uint64_t scan_bytes = 0;
+  // A frame twice, before and after the window, and far more than what else there is of it.
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 62;
+  const std::uint64_t frame_bytes = 2u * 2u * static_cast<std::uint64_t>(shape.num_beams);
+  if (__builtin_mul_overflow(layout.frames, frame_bytes, &scan_bytes) || scan_bytes > kMost ||
+      layout.frames > kMost / 64) {
+    return std::nullopt;
+  }
+  layout.numbers = 2 * batch * sizeof(std::int64_t);
+  const std::uint64_t floats =
+      2 * layout.frames * env::kStateSize + batch * (shape.weighted ? 6 : 5);
+  layout.scans = layout.numbers + floats * sizeof(float);
+  layout.size = layout.scans + scan_bytes;
+  return layout;
+}
+
+/// Columns one after the other, for writing.
+class ColumnWriter {
+ public:
+  explicit ColumnWriter(std::byte* out) : out_(out) {}
+  template <class Column>
+  void operator()(const Column& column) {
+    const std::size_t bytes = column.size() * sizeof(column[0]);
+    std::memcpy(out_, column.data(), bytes);
+    out_ += bytes;
+  }
+
+ private:
+  std::byte* out_;
+};
+
+/// The same for reading, into columns that have their size.
+class ColumnReader {
+ public:
+  explicit ColumnReader(const std::byte* in) : in_(in) {}
+  template <class Column>
+  void operator()(Column& column) {
+    const std::size_t bytes = column.size() * sizeof(column[0]);
+    std::memcpy(column.data(), in_, bytes);
+    in_ += bytes;
+  }
+
+ private:
+  const std::byte* in_;
+};
+
+/// The columns before the scans, in their order.
+template <class Rows, class Visit>
+void ForEachColumn(Rows& rows, bool weighted, Visit visit) {
+  visit(rows.sequence);
+  visit(rows.next_sequence);
+  visit(rows.state);
+  visit(rows.next_state);
+  visit(rows.action);
+  visit(rows.n_step_return);
+  visit(rows.cost_return);
+  visit(rows.discount);
+  if (weighted) visit(rows.weight);
+}
+
+std::optional<base::Failure> CheckNumbers(const SampledRows& rows) {
+  for (int b = 0; b < rows.batch; ++b) {
+    if (rows.sequence[b] < 0 || rows.next_sequence[b] <= rows.sequence[b]) {
+      return base::Failure{fmt::format(
+          "sample {}: found rows {} and {}, expected the first and, after it, the last of a window",
+          b, rows.sequence[b], rows.next_sequence[b])};
+    }
+    if (rows.discount[b] < 0.0f || rows.discount[b] > 1.0f) {
+      return base::Failure{
+          fmt::format("sample {}: discount is {}, expected 0 to 1", b, rows.discount[b])};
+    }
+    if (rows.weight[b] < 0.0f) {
+      return base::Failure{
+          fmt::format("sample {}: weight is {}, expected 0 or more", b, rows.weight[b])};
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<std::size_t> SampleSize(const SampleShape& shape) {
+  const std::optional<Layout> layout = LayoutOf(shape);
+  if (!layout) return std::nullopt;
+  return layout->size;
+}
+
+void WriteSample(const SampledRows& rows, bool weighted, std::span<std::byte> out) {
+  const auto layout = LayoutOf({rows.batch, rows.history, rows.num_beams, weighted});
+  SLALOM_CHECK(layout.has_value());
+  SLALOM_CHECK_EQ(out.size(), layout->size);
+  ForEachColumn(rows, weighted, ColumnWriter(out.data()));
+  auto* const scans = reinterpret_cast<std::uint16_t*>(out.data() + layout->scans);
+  GatherScans(rows.ranges_cm, rows.num_beams, scans);
+  GatherScans(rows.next_ranges_cm, rows.num_beams, scans + layout->frames * rows.num_beams);
+}
+
+std::optional<base::Failure> ParseSample(std::span<const std::byte> bytes, const SampleShape& shape,
+                                         SampledRows* rows) {
+  const std::optional<Layout> layout = LayoutOf(shape);
+  if (!layout || bytes.size() != layout->size) {
+    return base::Failure{fmt::format(
+        "sample: found {} bytes, expected {} for a batch of {}, {} frames of {} beams each{}",
+        bytes.size(), layout ? layout->size : 0, shape.batch, shape.history, shape.num_beams,
+        shape.weighted ? ", with weights" : "")};
+  }
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % alignof(std::int64_t) != 0) {
+    return base::Failure{"sample: it does not start on a multiple of 8 bytes"};
+  }
+  const std::span<const float> numbers(
+      reinterpret_cast<const float*>(bytes.data() + layout->numbers),
+      (layout->scans - layout->numbers) / sizeof(float));
+  if (const std::size_t bad = FirstNotFinite(numbers); bad < numbers.size()) {
+    return base::Failure{fmt::format("sample: number {} of {} is not finite", bad, numbers.size())};
+  }
+  rows->Resize(shape.batch, shape.history, shape.num_beams);
+  ForEachColumn(*rows, shape.weighted, ColumnReader(bytes.data()));
+  if (!shape.weighted) std::fill_n(rows->weight.data(), rows->weight.size(), 1.0f);
+  const auto* const scans = reinterpret_cast<const std::uint16_t*>(bytes.data() + layout->scans);
+  const auto n = static_cast<std::size_t>(shape.num_beams);
+  for (std::size_t f = 0; f < layout->frames; ++f) {
+    rows->ranges_cm[f] = scans + f * n;
+    rows->next_ranges_cm[f] = scans + (layout->frames + f) * n;
+  }
+  return CheckNumbers(*rows);
+}
+
+}  // namespace slalom::replay
