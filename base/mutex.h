@@ -49,6 +49,13 @@ class CondVar {
     condition_.wait(lock);
     lock.release();
   }
+  /// As `Wait`, for at most `time`.
+  template <class Duration>
+  void WaitFor(Mutex& mutex, Duration time) REQUIRES(mutex) {
+    std::unique_lock lock(mutex.mutex_, std::adopt_lock);
+    condition_.wait_for(lock, time);
+    lock.release();
+  }
   void NotifyOne() { condition_.notify_one(); }
   void NotifyAll() { condition_.notify_all(); }
 

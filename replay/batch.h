@@ -13,10 +13,12 @@ namespace slalom::replay {
 
 /// What to sample.
 struct SampleSpec {
-  int batch = 128;      ///< B
-  int history = 1;      ///< H
-  int n_step = 1;       ///< Longest window of a return, in steps.
-  double gamma = 0.99;  ///< Discount per step.
+  int batch = 128;                   ///< B
+  int history = 1;                   ///< H
+  int n_step = 1;                    ///< Longest window of a return, in steps.
+  double gamma = 0.99;               ///< Discount per step.
+  bool prioritized = false;          ///< Draw in proportion to the rows' weights.
+  double importance_exponent = 0.0;  ///< beta of the importance weights, where prioritized.
 };
 
 /// B transitions drawn from a `Table`, with the scans left where they lie: a reader that pools or
@@ -43,9 +45,6 @@ struct SampledRows {
   /// window.
   std::vector<std::int64_t> sequence;
   std::vector<std::int64_t> next_sequence;
-
-  /// Gives every array its size.
-  void Resize(int new_batch, int new_history, int new_num_beams);
 };
 
 /// As `SampledRows`, with the scans gathered.

@@ -1,9 +1,10 @@
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstring>
 #include <span>
 
 #include "base/check.h"
-#include "replay/gather.h"
 #include "replay/table.h"
 
 namespace slalom::replay {
@@ -13,6 +14,27 @@ namespace {
 constexpr int kBlock = 64;
 // After so many rounds of rejected draws the steps that may be drawn are listed instead.
 constexpr int kMaxRounds = 32;
+constexpr int kCacheLine = 64;
+// Scans asked for ahead of the one being copied.
+constexpr int kScansAhead = 3;
+
+void PrefetchScan(const std::uint16_t* scan, int num_beams) {
+  const char* const bytes = reinterpret_cast<const char*>(scan);
+  for (std::size_t i = 0; i < num_beams * sizeof(std::uint16_t); i += kCacheLine) {
+    __builtin_prefetch(bytes + i);
+  }
+}
+
+void CopyScans(std::span<const std::uint16_t* const> scans, int num_beams, std::uint16_t* out) {
+  const std::size_t n = scans.size();
+  for (std::size_t i = 0; i < std::min<std::size_t>(kScansAhead, n); ++i) {
+    PrefetchScan(scans[i], num_beams);
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    if (i + kScansAhead < n) PrefetchScan(scans[i + kScansAhead], num_beams);
+    std::memcpy(out + i * num_beams, scans[i], num_beams * sizeof(std::uint16_t));
+  }
+}
 
 }  // namespace
 
@@ -85,16 +107,72 @@ std::int64_t Table::CountEligible(int history, int n_step) const {
       ListEligible({.batch = 1, .history = history, .n_step = n_step}).size());
 }
 
+void Table::UsePriorities(double alpha) {
+  if (priorities_) return;
+  priorities_.emplace(config_.capacity, alpha);
+  for (std::int64_t s = first_sequence(); s < total_; ++s) {
+    if (!(slot(s).flags & kRowFinal)) priorities_->SetNew(SlotIndex(s));
+  }
+}
+
+std::int64_t Table::SetPriorities(std::span<const std::int64_t> sequences,
+                                  std::span<const float> priorities) {
+  SLALOM_CHECK(priorities_.has_value());
+  SLALOM_CHECK_EQ(sequences.size(), priorities.size());
+  std::int64_t count = 0;
+  for (std::size_t i = 0; i < sequences.size(); ++i) {
+    const std::int64_t s = sequences[i];
+    if (s < first_sequence() || s >= total_ || (slot(s).flags & kRowFinal)) continue;
+    priorities_->Set(SlotIndex(s), priorities[i]);
+    ++count;
+  }
+  return count;
+}
+
+void Table::DrawSequences(bool prioritized, base::Random& random,
+                          std::span<std::int64_t> sequences) const {
+  const std::int64_t first = first_sequence();
+  if (!prioritized) {
+    const auto rows = static_cast<std::uint64_t>(num_rows());
+    for (std::int64_t& s : sequences)
+      s = first + static_cast<std::int64_t>(random.UniformInt(rows));
+    return;
+  }
+  priorities_->Draw(random, sequences);
+  const std::int64_t first_slot = SlotIndex(first);
+  for (std::int64_t& s : sequences) {
+    s += first - first_slot + (s < first_slot ? config_.capacity : 0);
+  }
+}
+
+void Table::DrawFrom(std::span<const std::int64_t> eligible, bool prioritized, base::Random& random,
+                     std::span<std::int64_t> sequences) const {
+  if (!prioritized) {
+    for (std::int64_t& s : sequences) s = eligible[random.UniformInt(eligible.size())];
+    return;
+  }
+  std::vector<double> sums;
+  double sum = 0.0;
+  for (const std::int64_t s : eligible) sums.push_back(sum += priorities_->weight(SlotIndex(s)));
+  for (std::int64_t& s : sequences) {
+    const auto it = std::upper_bound(sums.begin(), sums.end() - 1, random.Uniform() * sum);
+    s = eligible[static_cast<std::size_t>(it - sums.begin())];
+  }
+}
+
 void Table::DrawBlock(const SampleSpec& spec, base::Random& random, std::span<Window> windows,
                       int* num_drawn) const {
-  const auto rows = static_cast<std::uint64_t>(num_rows());
+  *num_drawn = 0;
+  if (spec.prioritized && !(priorities_->total() > 0.0)) return;
+  std::array<std::int64_t, kBlock> draws;
   int whole = 0;
   for (int round = 0; round < kMaxRounds && whole < static_cast<int>(windows.size()); ++round) {
     const std::span<Window> open = windows.subspan(whole);
-    for (Window& window : open) {
-      const auto draw = first_sequence() + static_cast<std::int64_t>(random.UniformInt(rows));
-      window = {.begin = draw, .cursor = draw};
-      __builtin_prefetch(&slot(draw));
+    const std::span<std::int64_t> drawn(draws.data(), open.size());
+    DrawSequences(spec.prioritized, random, drawn);
+    for (std::size_t i = 0; i < open.size(); ++i) {
+      open[i] = {.begin = drawn[i], .cursor = drawn[i]};
+      __builtin_prefetch(&slot(drawn[i]));
     }
     FollowWindows(spec, open);
     for (const Window& window : open) {
@@ -104,6 +182,18 @@ void Table::DrawBlock(const SampleSpec& spec, base::Random& random, std::span<Wi
     }
   }
   *num_drawn = whole;
+}
+
+void Table::WriteWeights(double importance_exponent, SampledRows* rows) const {
+  double smallest = 0.0;
+  for (const std::int64_t s : rows->sequence) {
+    const double weight = priorities_->weight(SlotIndex(s));
+    smallest = smallest == 0.0 ? weight : std::min(smallest, weight);
+  }
+  for (std::size_t b = 0; b < rows->sequence.size(); ++b) {
+    const double weight = priorities_->weight(SlotIndex(rows->sequence[b]));
+    rows->weight[b] = static_cast<float>(std::pow(smallest / weight, importance_exponent));
+  }
 }
 
 void Table::WriteHistory(std::int64_t sequence, int history, const std::uint16_t** ranges_cm,
@@ -136,6 +226,7 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
   std::fill_n(rows->weight.data(), batch, 1.0f);
   rows->sequence.resize(batch);
   rows->next_sequence.resize(batch);
+  SLALOM_CHECK(!spec.prioritized || priorities_.has_value());
   if (num_rows() == 0) return false;
 
   std::vector<std::int64_t> eligible;  // Listed only where draws keep being rejected.
@@ -148,9 +239,10 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
       if (eligible.empty()) eligible = ListEligible(spec);
       if (eligible.empty()) return false;
       const std::span<Window> rest = windows.subspan(num_drawn);
-      for (Window& window : rest) {
-        const std::int64_t draw = eligible[random.UniformInt(eligible.size())];
-        window = {.begin = draw, .cursor = draw};
+      std::array<std::int64_t, kBlock> draws;
+      DrawFrom(eligible, spec.prioritized, random, std::span(draws).first(rest.size()));
+      for (std::size_t i = 0; i < rest.size(); ++i) {
+        rest[i] = {.begin = draws[i], .cursor = draws[i]};
       }
       FollowWindows(spec, rest);
     }
@@ -170,6 +262,7 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
                    &rows->next_state[frame * env::kStateSize]);
     }
   }
+  if (spec.prioritized) WriteWeights(spec.importance_exponent, rows);
   return true;
 }
 
@@ -178,8 +271,8 @@ bool Table::Sample(const SampleSpec& spec, base::Random& random, Batch* batch) c
   const std::size_t scans = batch->rows.ranges_cm.size();
   batch->ranges_cm.Resize(scans * num_beams_);
   batch->next_ranges_cm.Resize(scans * num_beams_);
-  GatherScans(batch->rows.ranges_cm, num_beams_, batch->ranges_cm.data());
-  GatherScans(batch->rows.next_ranges_cm, num_beams_, batch->next_ranges_cm.data());
+  CopyScans(batch->rows.ranges_cm, num_beams_, batch->ranges_cm.data());
+  CopyScans(batch->rows.next_ranges_cm, num_beams_, batch->next_ranges_cm.data());
   return true;
 }
 

@@ -47,6 +47,9 @@ void Table::InsertRow(const RowView& row) {
   std::copy(row.frame.ranges_cm.begin(), row.frame.ranges_cm.end(),
             reinterpret_cast<std::uint16_t*>(scans_.data()) + SlotIndex(sequence) * num_beams_);
 
+  if (priorities_ && is_final) priorities_->Clear(SlotIndex(sequence));
+  if (priorities_ && !is_final) priorities_->SetNew(SlotIndex(sequence));
+
   const std::int64_t previous = last_[stream];
   if (!is_first && previous >= first_sequence()) {
     here.to_previous = static_cast<std::uint32_t>(sequence - previous);

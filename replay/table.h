@@ -11,6 +11,7 @@
 #include "replay/batch.h"
 #include "replay/chunk.h"
 #include "replay/lazy_memory.h"
+#include "replay/priorities.h"
 
 namespace slalom::replay {
 
@@ -64,10 +65,23 @@ class Table {
   /// whose windows would need what never came, are not drawn. Nothing where no episode is open.
   void Cut(int stream);
 
-  /// Draws `spec.batch` steps, each uniformly and independently from those that may be drawn. The
-  /// same rows, spec and state of `random` give the same result, however rows were inserted or
-  /// restored. False: there is no such step (yet); `rows` is then unspecified. Requires: batch,
-  /// history, n_step >= 1.
+  /// Lets steps be drawn by priority, in proportion to p^alpha; those held now, and all new ones,
+  /// begin with the largest priority ever set, at first 1. Nothing where it was called before.
+  /// Priorities are no part of what `Storage` keeps. Requires: 0 <= alpha <= 1. Cost: 9 bytes a
+  /// slot of the ring, and a path of the sum tree for each row held or inserted.
+  void UsePriorities(double alpha);
+  bool has_priorities() const { return priorities_.has_value(); }
+  /// Sets the priorities of steps, rows by number; those no longer held, and final ones, are passed
+  /// over. Returns how many were set. Requires: has_priorities(), one priority for each number.
+  std::int64_t SetPriorities(std::span<const std::int64_t> sequences,
+                             std::span<const float> priorities);
+
+  /// Draws `spec.batch` steps independently from those that may be drawn, each uniformly, or in
+  /// proportion to its weight where `spec.prioritized`: then `rows->weight` is
+  /// (smallest weight of the batch / weight)^beta. The same rows, weights, spec and state of
+  /// `random` give the same result, however rows were inserted or restored. False: there is no such
+  /// step (yet); `rows` is then unspecified. Requires: batch, history, n_step >= 1; prioritized
+  /// only where has_priorities().
   [[nodiscard]] bool SampleRows(const SampleSpec& spec, base::Random& random,
                                 SampledRows* rows) const;
 
@@ -136,6 +150,11 @@ class Table {
   bool HasHistory(std::int64_t sequence, int history) const;
   bool IsEligible(std::int64_t sequence, const SampleSpec& spec) const;
   std::vector<std::int64_t> ListEligible(const SampleSpec& spec) const;
+  void DrawSequences(bool prioritized, base::Random& random,
+                     std::span<std::int64_t> sequences) const;
+  void DrawFrom(std::span<const std::int64_t> eligible, bool prioritized, base::Random& random,
+                std::span<std::int64_t> sequences) const;
+  void WriteWeights(double importance_exponent, SampledRows* rows) const;
   void WriteHistory(std::int64_t sequence, int history, const std::uint16_t** ranges_cm,
                     float* state) const;
 
@@ -159,6 +178,7 @@ class Table {
   std::int64_t num_steps_ = 0;
   std::vector<std::int64_t> last_;  ///< [streams], last row of the open episode, kClosed or kLost.
   bool restoring_ = false;
+  std::optional<Priorities> priorities_;
 };
 
 }  // namespace slalom::replay

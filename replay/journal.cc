@@ -1,0 +1,294 @@
+#include "replay/journal.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "base/check.h"
+#include "base/file.h"
+#include "base/log.h"
+
+namespace slalom::replay {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kRetryInterval = std::chrono::milliseconds(200);
+constexpr auto kSayInterval = std::chrono::minutes(1);
+// Of one call to the kernel.
+constexpr std::size_t kMaxParts = 512;
+// Records that are written before `written` grows: the acknowledgements should not wait for long.
+constexpr std::size_t kMaxBatch = 64;
+
+constexpr std::array<std::byte, 8> kZeros{};
+
+}  // namespace
+
+/// A segment file that is being written or waits to be synced.
+class Journal::File {
+ public:
+  File(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
+  ~File() { ::close(fd_); }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+
+  int fd() const { return fd_; }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  const int fd_;
+  const std::filesystem::path path_;
+};
+
+Journal::Journal(const JournalOptions& options, JournalLock lock,
+                 std::vector<JournalSegment> segments, std::uint64_t next_index,
+                 const StateRecord& state, std::function<void()> on_written)
+    : options_(options),
+      lock_(std::move(lock)),
+      on_written_(std::move(on_written)),
+      next_index_(next_index),
+      said_(Clock::now() - kSayInterval),
+      segments_(std::move(segments)) {
+  status_.synced = Clock::now();
+  for (const JournalSegment& segment : segments_) status_.disk_bytes += segment.bytes;
+  status_.num_segments = static_cast<int>(segments_.size());
+  BeginSegment(state, 0);
+  writer_ = std::jthread([this] { WriteLoop(); });
+  syncer_ = std::jthread([this] { SyncLoop(); });
+}
+
+Journal::~Journal() { Close(); }
+
+void Journal::Close() {
+  if (closed_) return;
+  closed_ = true;
+  {
+    base::MutexLock lock(mutex_);
+    closing_ = true;
+    queue_changed_.NotifyAll();
+    closing_changed_.NotifyAll();
+  }
+  if (writer_.joinable()) writer_.join();
+  if (syncer_.joinable()) syncer_.join();
+}
+
+std::uint64_t Journal::Append(const SessionRecord& record) {
+  return Push({.bytes = PrintRecord(record), .owner = nullptr, .end_row = end_row_});
+}
+
+std::uint64_t Journal::Append(const ForgetRecord& record) {
+  return Push({.bytes = PrintRecord(record), .owner = nullptr, .end_row = end_row_});
+}
+
+std::uint64_t Journal::Append(const RowsRecord& record, std::shared_ptr<const void> owner) {
+  SLALOM_CHECK_EQ(record.first_row, end_row_);
+  end_row_ += record.num_rows;
+  return Push({.bytes = PrintRecord(record), .owner = std::move(owner), .end_row = end_row_});
+}
+
+void Journal::BeginSegment(const StateRecord& state, std::int64_t oldest_row) {
+  segment_bytes_ = SegmentHead::kBytes;
+  end_row_ = state.first_row;
+  Push({.bytes = PrintRecord(state),
+        .owner = nullptr,
+        .begins_segment = true,
+        .end_row = end_row_,
+        .oldest_row = oldest_row});
+}
+
+std::uint64_t Journal::Push(Entry entry) {
+  const auto size = static_cast<std::int64_t>(entry.bytes.size());
+  segment_bytes_ += size;
+  base::MutexLock lock(mutex_);
+  status_.waiting_bytes += size;
+  queue_.push_back(std::move(entry));
+  queue_changed_.NotifyOne();
+  return ++appended_;
+}
+
+Journal::Status Journal::status() const {
+  base::MutexLock lock(mutex_);
+  return status_;
+}
+
+void Journal::WriteLoop() {
+  std::vector<Entry> batch;
+  for (;;) {
+    batch.clear();
+    {
+      base::MutexLock lock(mutex_);
+      while (queue_.empty() && !closing_) queue_changed_.Wait(mutex_);
+      if (queue_.empty()) break;
+      // A segment's beginning starts a batch of its own.
+      do {
+        batch.push_back(std::move(queue_.front()));
+        queue_.pop_front();
+      } while (!queue_.empty() && batch.size() < kMaxBatch && !queue_.front().begins_segment);
+    }
+    if (!WriteBatch(batch)) break;
+    written_.fetch_add(batch.size(), std::memory_order_release);
+    on_written_();
+  }
+  base::MutexLock lock(mutex_);
+  writer_done_ = true;
+  closing_changed_.NotifyAll();
+}
+
+bool Journal::WriteBatch(const std::vector<Entry>& batch) {
+  if (batch.front().begins_segment && !OpenSegment(batch.front())) return false;
+  std::vector<std::array<std::byte, RecordBytes::kPrefixBytes>> prefixes(batch.size());
+  std::vector<std::span<const std::byte>> parts;
+  std::int64_t end = offset_;
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    const RecordBytes& record = batch[i].bytes;
+    prefixes[i] = record.Prefix({next_index_ - 1, static_cast<std::uint64_t>(end)});
+    const std::size_t padding =
+        record.size() - prefixes[i].size() - record.head.size() - record.rows.size();
+    parts.insert(parts.end(),
+                 {prefixes[i], record.head, record.rows, std::span(kZeros).first(padding)});
+    end += static_cast<std::int64_t>(record.size());
+  }
+  const std::int64_t size = end - offset_;
+  if (!WriteAt(end, std::move(parts))) return false;
+  base::MutexLock lock(mutex_);
+  status_.waiting_bytes -= size;
+  status_.written_bytes += size;
+  status_.disk_bytes += size;
+  status_.failing.clear();
+  segments_.back().end_row = batch.back().end_row;
+  segments_.back().bytes = offset_;
+  return true;
+}
+
+bool Journal::OpenSegment(const Entry& entry) {
+  const std::filesystem::path path =
+      options_.directory / fmt::format("journal-{:08}.log", next_index_);
+  int fd = -1;
+  while ((fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644)) < 0) {
+    if (!WaitAfterFailure(
+            fmt::format("{}: cannot create ({})", path.string(), std::strerror(errno)))) {
+      return false;
+    }
+  }
+  file_ = std::make_shared<File>(fd, path);
+  offset_ = 0;
+  const auto head = PrintSegmentHead({.num_beams = options_.num_beams,
+                                      .spec_hash = options_.spec_hash,
+                                      .index = next_index_,
+                                      .first_row = entry.end_row});
+  ++next_index_;
+  {
+    base::MutexLock lock(mutex_);
+    segments_.push_back({path, entry.end_row, 0});
+    unsynced_.push_back(file_);
+    oldest_row_ = std::max(oldest_row_, entry.oldest_row);
+    status_.num_segments = static_cast<int>(segments_.size());
+    status_.disk_bytes += static_cast<std::int64_t>(head.size());
+  }
+  return WriteAt(static_cast<std::int64_t>(head.size()), {head});
+}
+
+bool Journal::WriteAt(std::int64_t end, std::vector<std::span<const std::byte>> parts) {
+  std::size_t next = 0;
+  std::array<iovec, kMaxParts> vectors;
+  while (offset_ < end) {
+    int count = 0;
+    for (std::size_t i = next; i < parts.size() && count < static_cast<int>(kMaxParts); ++i) {
+      vectors[count++] = {const_cast<std::byte*>(parts[i].data()), parts[i].size()};
+    }
+    const ssize_t n = ::pwritev(file_->fd(), vectors.data(), count, offset_);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) {
+      if (!WaitAfterFailure(fmt::format("{}: cannot write ({})", file_->path().string(),
+                                        std::strerror(n < 0 ? errno : ENOSPC)))) {
+        return false;
+      }
+      continue;
+    }
+    offset_ += n;
+    // What was written in part goes on where it stopped.
+    auto rest = static_cast<std::size_t>(n);
+    while (next < parts.size() && rest >= parts[next].size()) rest -= parts[next++].size();
+    if (rest > 0) parts[next] = parts[next].subspan(rest);
+  }
+  return true;
+}
+
+bool Journal::WaitAfterFailure(const std::string& what) {
+  if (const auto now = Clock::now(); now - said_ >= kSayInterval) {
+    said_ = now;
+    spdlog::error("{}; nothing is acknowledged until this works again", what);
+  }
+  base::MutexLock lock(mutex_);
+  ++status_.failures;
+  status_.failing = what;
+  if (!closing_) closing_changed_.WaitFor(mutex_, kRetryInterval);
+  return !closing_;
+}
+
+void Journal::SyncLoop() {
+  for (bool last = false; !last;) {
+    {
+      base::MutexLock lock(mutex_);
+      const auto deadline = Clock::now() + options_.sync_interval;
+      while (!writer_done_ && Clock::now() < deadline) {
+        closing_changed_.WaitFor(mutex_, deadline - Clock::now());
+      }
+      last = writer_done_;
+    }
+    SyncOnce();
+  }
+}
+
+void Journal::SyncOnce() {
+  const auto begin = Clock::now();
+  std::vector<std::shared_ptr<File>> files;
+  std::vector<std::filesystem::path> unneeded;
+  {
+    base::MutexLock lock(mutex_);
+    files = unsynced_;
+    // The last segment is never among them: its successor is not there.
+    for (std::size_t i = 0; i + 1 < segments_.size(); ++i) {
+      if (segments_[i].end_row <= oldest_row_) unneeded.push_back(segments_[i].path);
+    }
+  }
+  std::string failure;
+  for (const auto& file : files) {
+    if (::fdatasync(file->fd()) != 0) {
+      failure = fmt::format("{}: cannot sync ({})", file->path().string(), std::strerror(errno));
+    }
+  }
+  base::SyncDirectory(options_.directory);
+  // What replaces them is safe by now, else they stay until it is.
+  std::error_code ignored;
+  if (failure.empty()) {
+    for (const auto& path : unneeded) std::filesystem::remove(path, ignored);
+  }
+
+  base::MutexLock lock(mutex_);
+  ++status_.syncs;
+  status_.sync_s += std::chrono::duration<double>(Clock::now() - begin).count();
+  if (!failure.empty()) {
+    ++status_.failures;
+    if (status_.failing.empty()) spdlog::error("{}", failure);
+    status_.failing = failure;
+    return;
+  }
+  status_.synced = begin;
+  // Sealed files are done with; the last goes on.
+  for (std::size_t i = 0; i + 1 < files.size(); ++i) std::erase(unsynced_, files[i]);
+  std::erase_if(segments_, [&](const JournalSegment& segment) {
+    const bool gone = std::find(unneeded.begin(), unneeded.end(), segment.path) != unneeded.end();
+    if (gone) status_.disk_bytes -= segment.bytes;
+    return gone;
+  });
+  status_.num_segments = static_cast<int>(segments_.size());
+}
+
+}  // namespace slalom::replay

@@ -1,0 +1,303 @@
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <fstream>
+#include <optional>
+#include <utility>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "replay/journal.h"
+#include "replay/lazy_memory.h"
+#include "replay/rows.h"
+
+namespace slalom::replay {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kPrefix = "journal-";
+constexpr std::string_view kSuffix = ".log";
+
+/// The number in a segment's name. None: no segment's.
+std::optional<std::uint64_t> IndexOf(const std::string& name) {
+  if (!name.starts_with(kPrefix) || !name.ends_with(kSuffix)) return std::nullopt;
+  const char* const begin = name.data() + kPrefix.size();
+  const char* const end = name.data() + name.size() - kSuffix.size();
+  std::uint64_t index = 0;
+  const auto [stop, error] = std::from_chars(begin, end, index);
+  if (error != std::errc() || stop != end) return std::nullopt;
+  return index;
+}
+
+std::vector<std::pair<std::uint64_t, fs::path>> ListSegments(const fs::path& directory) {
+  std::vector<std::pair<std::uint64_t, fs::path>> segments;
+  std::error_code error;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    if (const auto index = IndexOf(it->path().filename().string())) {
+      segments.emplace_back(*index, it->path());
+    }
+  }
+  if (error) {
+    throw base::Error(fmt::format("{}: cannot list: {}", directory.string(), error.message()));
+  }
+  std::sort(segments.begin(), segments.end());
+  return segments;
+}
+
+void ReadWhole(const fs::path& path, AlignedBuffer<std::byte>* content) {
+  std::ifstream in(path, std::ios::binary);
+  std::error_code error;
+  const auto size = fs::file_size(path, error);
+  if (in && !error) {
+    content->Resize(size);
+    in.read(reinterpret_cast<char*>(content->data()), static_cast<std::streamsize>(size));
+  }
+  if (!in || error) {
+    throw base::Error(
+        fmt::format("{}: cannot read this segment of the replay journal; move it "
+                    "away to start without it",
+                    path.string()));
+  }
+}
+
+/// Keeps the bytes of a segment from `offset` on beside it, and cuts them off.
+void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t offset,
+           bool keep) {
+  if (keep) {
+    std::ofstream out(path.string() + ".damaged", std::ios::binary);
+    out.write(reinterpret_cast<const char*>(content.data() + offset),
+              static_cast<std::streamsize>(content.size() - offset));
+  }
+  const int failed =
+      offset == 0 ? ::unlink(path.c_str()) : ::truncate(path.c_str(), static_cast<off_t>(offset));
+  if (failed) {
+    throw base::Error(fmt::format("{}: cannot cut the journal at byte {} ({})", path.string(),
+                                  offset, std::strerror(errno)));
+  }
+}
+
+/// Follows the records of one segment after the other.
+class Replayer {
+ public:
+  Replayer(const JournalOptions& options, const ReplayConfig& config)
+      : options_(options), config_(config), table_(Table::BeginRestore(config, beams(), 0)) {}
+
+  /// How far a segment could be followed.
+  struct End {
+    std::size_t offset = 0;  ///< Behind the last good record; 0: not even the first is good.
+    bool torn = false;
+    std::string damage;  ///< Empty: none.
+    bool gap = false;    ///< Rows are missing before it; nothing was followed.
+  };
+
+  End Follow(std::uint64_t index, const fs::path& path, std::span<const std::byte> content) {
+    End end;
+    end.torn = content.size() < SegmentHead::kBytes;
+    if (end.torn) return end;
+    const auto head = ParseSegmentHead(content);
+    if (!head) end.damage = head.failure().text;
+    if (head && head->version != SegmentHead::kVersion) {
+      throw base::Error(fmt::format("{}: this replay journal is of version {}, expected {}",
+                                    path.string(), head->version, SegmentHead::kVersion));
+    }
+    if (head && (head->num_beams != beams() || head->spec_hash != options_.spec_hash)) {
+      throw base::Error(fmt::format(
+          "{}: this replay journal holds {} beams and spec {:016x}, expected {} and {:016x}: it is "
+          "of another run; choose another directory",
+          path.string(), head->num_beams, head->spec_hash, beams(), options_.spec_hash));
+    }
+    if (head && head->index != index) end.damage = "its name is that of another segment";
+    if (!end.damage.empty()) return end;
+    end.gap = started_ && head->first_row != next_row();
+    if (end.gap) return end;
+    for (std::size_t offset = SegmentHead::kBytes; end.offset < content.size();
+         end.offset = offset) {
+      ParsedRecord parsed = ParseRecord(content.subspan(offset), {index, offset});
+      end.torn = parsed.status == ParsedRecord::Status::kTorn;
+      if (parsed.status == ParsedRecord::Status::kDamaged) end.damage = parsed.why;
+      if (parsed.status == ParsedRecord::Status::kWhole) {
+        if (auto why = Apply(std::move(*parsed.record), end.offset == 0)) {
+          end.damage = std::move(*why);
+        }
+      }
+      if (end.torn || !end.damage.empty()) return end;
+      offset += parsed.size;
+    }
+    return end;
+  }
+
+  /// Forgets all that was followed so far; returns the rows that this costs. The next segment
+  /// that is followed begins anew.
+  std::int64_t Drop() {
+    const std::int64_t rows = table_.num_rows();
+    table_ = Table::BeginRestore(config_, beams(), 0);
+    sessions_ = Sessions();
+    open_.clear();
+    started_ = false;
+    return rows;
+  }
+
+  std::int64_t next_row() const { return table_.total_inserted(); }
+
+  Table TakeTable() {
+    table_.FinishRestore(open_);
+    return std::move(table_);
+  }
+  Sessions TakeSessions() { return std::move(sessions_); }
+
+ private:
+  int beams() const { return options_.num_beams; }
+
+  std::optional<std::string> Apply(Record record, bool first) {
+    if (first != std::holds_alternative<StateRecord>(record)) {
+      return "a state where none belongs, or none where one belongs";
+    }
+    return std::visit([this](auto&& r) { return Do(std::move(r)); }, std::move(record));
+  }
+
+  std::optional<std::string> Do(StateRecord state) {
+    if (started_ && state.first_row != next_row()) {
+      return fmt::format("it begins with row {}, expected {}", state.first_row, next_row());
+    }
+    if (!started_) {
+      table_ = Table::BeginRestore(config_, beams(), state.first_row);
+      open_ = std::move(state.open);
+    }
+    sessions_ = std::move(state.sessions);
+    started_ = true;
+    return std::nullopt;
+  }
+
+  std::optional<std::string> Do(const SessionRecord& record) {
+    const auto freed = sessions_.Put(record.session);
+    if (!freed) return freed.failure().text;
+    for (int s = freed->base; s < freed->base + freed->count; ++s) {
+      table_.Cut(s);
+      if (static_cast<std::size_t>(s) < open_.size()) open_[s] = 0;
+    }
+    return std::nullopt;
+  }
+
+  std::optional<std::string> Do(const ForgetRecord& record) {
+    if (sessions_.Forget(record.id)) return std::nullopt;
+    return fmt::format("id {} has no ended session", record.id);
+  }
+
+  std::optional<std::string> Do(const RowsRecord& record) {
+    const Session* const session = sessions_.Find(record.id);
+    if (session == nullptr) return fmt::format("rows of id {}, which is unknown", record.id);
+    const auto rows = RowBytes::Parse(record.rows, record.num_rows, beams(), session->num_streams);
+    if (!rows) return rows.failure().text;
+    if (record.first_row != next_row()) {
+      return fmt::format("found row {}, expected {}", record.first_row, next_row());
+    }
+    const int base = session->stream_base;
+    if (const auto failure = sessions_.Accept(record.id, record.sequence, record.num_steps)) {
+      return failure->text;
+    }
+    const auto end = static_cast<std::size_t>(base + session->num_streams);
+    if (open_.size() < end) open_.resize(end, 0);
+    for (int r = 0; r < rows->num_rows(); ++r) {
+      const RowView row = rows->row(r);
+      open_[base + row.stream] = !(row.flags & kRowFinal);
+    }
+    table_.InsertRows(*rows, base);
+    return std::nullopt;
+  }
+
+  const JournalOptions& options_;
+  const ReplayConfig config_;
+  Table table_;
+  Sessions sessions_;
+  std::vector<std::uint8_t> open_;
+  bool started_ = false;
+};
+
+}  // namespace
+
+JournalLock::JournalLock(const fs::path& directory) {
+  base::MakeDirectories(directory);
+  const fs::path path = directory / "lock";
+  fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd_ < 0) {
+    throw base::Error(fmt::format("{}: cannot create ({})", path.string(), std::strerror(errno)));
+  }
+  // Where the file system knows no locks nothing is held.
+  if (::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  ::close(fd_);
+  throw base::Error(
+      fmt::format("{}: another replay server uses this directory", directory.string()));
+}
+
+JournalLock::~JournalLock() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+JournalLock::JournalLock(JournalLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+
+Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& config) {
+  const auto listed = ListSegments(options.directory);
+  Replayer replayer(options, config);
+  std::vector<JournalSegment> segments;
+  std::int64_t lost_rows = 0;
+  std::vector<std::string> notes;
+  const auto row_bytes = static_cast<std::int64_t>(RowBytes::Size(1, options.num_beams));
+  // What was followed so far is of no use: the segment that comes next does not follow on it.
+  const auto drop = [&] {
+    lost_rows += replayer.Drop();
+    std::error_code ignored;
+    for (const JournalSegment& segment : segments) fs::remove(segment.path, ignored);
+    segments.clear();
+  };
+  AlignedBuffer<std::byte> content;
+  for (std::size_t i = 0; i < listed.size(); ++i) {
+    const auto& [index, path] = listed[i];
+    ReadWhole(path, &content);
+    const std::span<const std::byte> bytes(content.data(), content.size());
+    Replayer::End end = replayer.Follow(index, path, bytes);
+    if (end.gap) {
+      notes.push_back(
+          fmt::format("{}: the segments before it do not reach it; the table begins "
+                      "with it",
+                      path.string()));
+      drop();
+      end = replayer.Follow(index, path, bytes);
+    }
+    const std::string why = end.torn ? "the last record is torn" : end.damage;
+    if (!why.empty() && i + 1 < listed.size()) {
+      notes.push_back(
+          fmt::format("{}: damaged at byte {}: {}; the table begins with the segment after it",
+                      path.string(), end.offset, why));
+      drop();
+      lost_rows += static_cast<std::int64_t>(content.size() - end.offset) / row_bytes;
+      std::error_code ignored;
+      fs::rename(path, path.string() + ".damaged", ignored);
+      continue;
+    }
+    if (!why.empty()) {
+      const auto behind = static_cast<std::int64_t>(content.size() - end.offset);
+      notes.push_back(fmt::format("{}: at byte {}: {}; the {} bytes from there on are cut off",
+                                  path.string(), end.offset, why, behind));
+      CutAt(path, bytes, end.offset, !end.torn);
+      if (!end.torn) lost_rows += behind / row_bytes;
+    }
+    if (end.offset == 0) continue;
+    segments.push_back({path, replayer.next_row(), static_cast<std::int64_t>(end.offset)});
+  }
+  return {replayer.TakeTable(),
+          replayer.TakeSessions(),
+          std::move(segments),
+          listed.empty() ? 1 : listed.back().first + 1,
+          lost_rows,
+          std::move(notes)};
+}
+
+}  // namespace slalom::replay
