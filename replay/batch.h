@@ -45,6 +45,9 @@ struct SampledRows {
   /// window.
   std::vector<std::int64_t> sequence;
   std::vector<std::int64_t> next_sequence;
+
+  /// Gives every array its size.
+  void Resize(int new_batch, int new_history, int new_num_beams);
 };
 
 /// As `SampledRows`, with the scans gathered.

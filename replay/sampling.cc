@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <span>
 
 #include "base/check.h"
+#include "replay/gather.h"
 #include "replay/table.h"
 
 namespace slalom::replay {
@@ -14,27 +14,6 @@ namespace {
 constexpr int kBlock = 64;
 // After so many rounds of rejected draws the steps that may be drawn are listed instead.
 constexpr int kMaxRounds = 32;
-constexpr int kCacheLine = 64;
-// Scans asked for ahead of the one being copied.
-constexpr int kScansAhead = 3;
-
-void PrefetchScan(const std::uint16_t* scan, int num_beams) {
-  const char* const bytes = reinterpret_cast<const char*>(scan);
-  for (std::size_t i = 0; i < num_beams * sizeof(std::uint16_t); i += kCacheLine) {
-    __builtin_prefetch(bytes + i);
-  }
-}
-
-void CopyScans(std::span<const std::uint16_t* const> scans, int num_beams, std::uint16_t* out) {
-  const std::size_t n = scans.size();
-  for (std::size_t i = 0; i < std::min<std::size_t>(kScansAhead, n); ++i) {
-    PrefetchScan(scans[i], num_beams);
-  }
-  for (std::size_t i = 0; i < n; ++i) {
-    if (i + kScansAhead < n) PrefetchScan(scans[i + kScansAhead], num_beams);
-    std::memcpy(out + i * num_beams, scans[i], num_beams * sizeof(std::uint16_t));
-  }
-}
 
 }  // namespace
 
@@ -271,8 +250,8 @@ bool Table::Sample(const SampleSpec& spec, base::Random& random, Batch* batch) c
   const std::size_t scans = batch->rows.ranges_cm.size();
   batch->ranges_cm.Resize(scans * num_beams_);
   batch->next_ranges_cm.Resize(scans * num_beams_);
-  CopyScans(batch->rows.ranges_cm, num_beams_, batch->ranges_cm.data());
-  CopyScans(batch->rows.next_ranges_cm, num_beams_, batch->next_ranges_cm.data());
+  GatherScans(batch->rows.ranges_cm, num_beams_, batch->ranges_cm.data());
+  GatherScans(batch->rows.next_ranges_cm, num_beams_, batch->next_ranges_cm.data());
   return true;
 }
 

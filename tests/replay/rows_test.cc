@@ -10,6 +10,7 @@
 
 #include "base/random.h"
 #include "replay/table.h"
+#include "tests/replay/aligned_bytes.h"
 
 namespace slalom::replay {
 namespace {
@@ -19,21 +20,8 @@ using testing::HasSubstr;
 constexpr int kBeams = 3;
 constexpr int kStreams = 4;
 
-/// Bytes that start on a multiple of 8.
-class Bytes {
- public:
-  explicit Bytes(std::size_t size) : words_(size / 8 + 2), size_(size) {}
-  std::span<std::byte> span(std::size_t offset = 0) {
-    return std::as_writable_bytes(std::span(words_)).subspan(offset, size_);
-  }
-
- private:
-  std::vector<std::uint64_t> words_;
-  std::size_t size_;
-};
-
-Bytes Written(const Chunk& chunk) {
-  Bytes bytes(RowBytes::Size(chunk.num_rows(), chunk.num_beams));
+AlignedBytes Written(const Chunk& chunk) {
+  AlignedBytes bytes(RowBytes::Size(chunk.num_rows(), chunk.num_beams));
   RowBytes::Write(chunk, bytes.span());
   return bytes;
 }
@@ -74,7 +62,7 @@ void ExpectSameRow(const RowView& a, const RowView& b) {
 
 TEST(RowBytesTest, GivesTheRowsThatWereWritten) {
   const Chunk chunk = SmallChunk();
-  Bytes bytes = Written(chunk);
+  AlignedBytes bytes = Written(chunk);
   const auto rows = RowBytes::Parse(bytes.span(), 4, kBeams, kStreams);
   ASSERT_TRUE(rows) << rows.failure().text;
   EXPECT_EQ(rows->num_rows(), 4);
@@ -90,7 +78,7 @@ TEST(RowBytesTest, ColumnsLieWhereTheProtocolSays) {
   const env::FrameView frame{ranges, std::span(state).first<env::kStateSize>()};
   chunk.AddRow({7, kRowFirst, frame, {0.5f, -0.5f}, 8.0f, 9.0f});
   chunk.AddRow({5, kRowFinal, frame, {}, 0.0f, 0.0f});
-  Bytes bytes = Written(chunk);
+  AlignedBytes bytes = Written(chunk);
   const std::span<const std::byte> all = bytes.span();
   ASSERT_EQ(all.size(), 2u * (16 + 8 + 4 + 4 + 4 + 6 + 1));
   const auto number = [&](std::size_t at) {
@@ -113,7 +101,7 @@ TEST(RowBytesTest, ColumnsLieWhereTheProtocolSays) {
 }
 
 TEST(RowBytesTest, RefusesAnotherNumberOfBytes) {
-  Bytes bytes = Written(SmallChunk());
+  AlignedBytes bytes = Written(SmallChunk());
   const std::span<std::byte> all = bytes.span();
   EXPECT_FALSE(RowBytes::Parse(all.first(all.size() - 1), 4, kBeams, kStreams));
   EXPECT_FALSE(RowBytes::Parse(all, 3, kBeams, kStreams));
@@ -126,7 +114,7 @@ TEST(RowBytesTest, RefusesAnotherNumberOfBytes) {
 
 TEST(RowBytesTest, RefusesAStartThatIsNotAligned) {
   const Chunk chunk = SmallChunk();
-  Bytes bytes = Written(chunk);
+  AlignedBytes bytes = Written(chunk);
   std::memmove(bytes.span(2).data(), bytes.span().data(), bytes.span().size());
   EXPECT_THAT(RowBytes::Parse(bytes.span(2), 4, kBeams, kStreams).failure().text,
               HasSubstr("multiple of 4"));
@@ -146,7 +134,7 @@ TEST(RowBytesTest, RefusesNumbersThatAreNotFinite) {
   for (const auto& fault : faults) {
     Chunk chunk = good;
     fault(chunk);
-    Bytes bytes = Written(chunk);
+    AlignedBytes bytes = Written(chunk);
     const auto rows = RowBytes::Parse(bytes.span(), 4, kBeams, kStreams);
     ASSERT_FALSE(rows);
     EXPECT_THAT(rows.failure().text, HasSubstr("not finite"));
@@ -159,7 +147,7 @@ TEST(RowBytesTest, RefusesFlagsThatDoNotGoTogether) {
     chunk.flags[2] = static_cast<std::uint8_t>(flags);
     chunk.action[2] = {};
     chunk.reward[2] = chunk.cost[2] = 0.0f;
-    Bytes bytes = Written(chunk);
+    AlignedBytes bytes = Written(chunk);
     // A step, perhaps the first, perhaps terminated; or a final frame and nothing else.
     const bool good = flags == 0 || flags == 1 || flags == 2 || flags == 4 || flags == 6;
     EXPECT_EQ(RowBytes::Parse(bytes.span(), 4, kBeams, kStreams).ok(), good) << flags;
@@ -175,7 +163,7 @@ TEST(RowBytesTest, RefusesAFinalRowWithAnActionARewardOrACost) {
   for (const auto& fault : faults) {
     Chunk chunk = SmallChunk();
     fault(chunk);
-    Bytes bytes = Written(chunk);
+    AlignedBytes bytes = Written(chunk);
     EXPECT_THAT(RowBytes::Parse(bytes.span(), 4, kBeams, kStreams).failure().text,
                 HasSubstr("row 3 is final"));
   }
@@ -185,20 +173,20 @@ TEST(RowBytesTest, RefusesStreamsThatTheSenderDoesNotHave) {
   for (const int stream : {-1, kStreams, std::numeric_limits<int>::min()}) {
     Chunk chunk = SmallChunk();
     chunk.stream[1] = stream;
-    Bytes bytes = Written(chunk);
+    AlignedBytes bytes = Written(chunk);
     EXPECT_THAT(RowBytes::Parse(bytes.span(), 4, kBeams, kStreams).failure().text,
                 HasSubstr("row 1 is of stream"));
   }
 }
 
 std::optional<base::Failure> Check(const Table& table, const Chunk& chunk, int stream_base = 0) {
-  Bytes bytes = Written(chunk);
+  AlignedBytes bytes = Written(chunk);
   return table.CheckEpisodes(
       *RowBytes::Parse(bytes.span(), chunk.num_rows(), chunk.num_beams, kStreams), stream_base);
 }
 
 void InsertRows(Table* table, const Chunk& chunk, int stream_base = 0) {
-  Bytes bytes = Written(chunk);
+  AlignedBytes bytes = Written(chunk);
   table->InsertRows(*RowBytes::Parse(bytes.span(), chunk.num_rows(), chunk.num_beams, kStreams),
                     stream_base);
 }

@@ -1,0 +1,198 @@
+#include "replay/sample_bytes.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <functional>
+#include <limits>
+
+#include "replay/priority_bytes.h"
+#include "tests/replay/aligned_bytes.h"
+#include "tests/replay/model.h"
+
+namespace slalom::replay {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr int kBeams = 7;
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+/// A sample of a table of random episodes, with weights that tell the samples apart.
+struct Drawn {
+  Drawn(int batch, int history) : model(300, kBeams, 5, 9), table({.capacity = 300}, kBeams) {
+    for (int i = 0; i < 150; ++i) model.Advance(&table);
+    base::Random random(1);
+    const SampleSpec spec{.batch = batch, .history = history, .n_step = 3, .gamma = 0.9};
+    EXPECT_TRUE(table.SampleRows(spec, random, &rows));
+    for (int b = 0; b < batch; ++b) rows.weight[b] = 1.0f / static_cast<float>(b + 1);
+  }
+  SampleShape shape(bool weighted) const {
+    return {rows.batch, rows.history, rows.num_beams, weighted};
+  }
+  AlignedBytes Bytes(bool weighted) const {
+    AlignedBytes bytes(SampleSize(shape(weighted)).value());
+    WriteSample(rows, weighted, bytes.span());
+    return bytes;
+  }
+
+  ReplayModel model;
+  Table table;
+  SampledRows rows;
+};
+
+template <class T>
+bool Same(const AlignedBuffer<T>& a, const AlignedBuffer<T>& b) {
+  return a.size() == b.size() && std::equal(a.data(), a.data() + a.size(), b.data());
+}
+
+TEST(SampleBytesTest, GivesWhatWasWritten) {
+  SampledRows read;  // The same for all, so that sizes change from call to call.
+  for (const auto& [batch, history] : {std::pair(64, 1), {3, 4}, {1, 8}, {130, 2}}) {
+    for (const bool weighted : {false, true}) {
+      const Drawn drawn(batch, history);
+      AlignedBytes bytes = drawn.Bytes(weighted);
+      const auto fault = ParseSample(bytes.span(), drawn.shape(weighted), &read);
+      ASSERT_FALSE(fault) << fault->text;
+      EXPECT_EQ(read.batch, batch);
+      EXPECT_EQ(read.history, history);
+      EXPECT_EQ(read.num_beams, kBeams);
+      EXPECT_EQ(read.sequence, drawn.rows.sequence);
+      EXPECT_EQ(read.next_sequence, drawn.rows.next_sequence);
+      EXPECT_TRUE(Same(read.state, drawn.rows.state));
+      EXPECT_TRUE(Same(read.next_state, drawn.rows.next_state));
+      EXPECT_TRUE(Same(read.action, drawn.rows.action));
+      EXPECT_TRUE(Same(read.n_step_return, drawn.rows.n_step_return));
+      EXPECT_TRUE(Same(read.cost_return, drawn.rows.cost_return));
+      EXPECT_TRUE(Same(read.discount, drawn.rows.discount));
+      ASSERT_EQ(read.weight.size(), static_cast<std::size_t>(batch));
+      for (int b = 0; b < batch; ++b) {
+        EXPECT_EQ(read.weight[b], weighted ? drawn.rows.weight[b] : 1.0f);
+      }
+      const auto frames = static_cast<std::size_t>(batch) * history;
+      ASSERT_EQ(read.ranges_cm.size(), frames);
+      ASSERT_EQ(read.next_ranges_cm.size(), frames);
+      for (std::size_t f = 0; f < frames; ++f) {
+        EXPECT_TRUE(
+            std::equal(read.ranges_cm[f], read.ranges_cm[f] + kBeams, drawn.rows.ranges_cm[f]));
+        EXPECT_TRUE(std::equal(read.next_ranges_cm[f], read.next_ranges_cm[f] + kBeams,
+                               drawn.rows.next_ranges_cm[f]));
+      }
+    }
+  }
+}
+
+// Places counted by hand from docs/protocol.md: B = 2, H = 3, N = 7, with weights.
+TEST(SampleBytesTest, ColumnsLieWhereTheProtocolSays) {
+  const Drawn drawn(2, 3);
+  AlignedBytes aligned = drawn.Bytes(true);
+  const std::span<const std::byte> bytes = aligned.span();
+  ASSERT_EQ(bytes.size(), 16u + 16u + 96u + 96u + 16u + 4u * 8u + 84u + 84u);
+  const auto at = [&]<class T>(std::size_t place, T like) {
+    std::memcpy(&like, bytes.data() + place, sizeof(T));
+    return like;
+  };
+  EXPECT_EQ(at(8, std::int64_t{}), drawn.rows.sequence[1]);
+  EXPECT_EQ(at(16, std::int64_t{}), drawn.rows.next_sequence[0]);
+  EXPECT_EQ(at(32 + 4 * 12, 0.0f), drawn.rows.state[12]);  // Sample 1, oldest frame, goal x.
+  EXPECT_EQ(at(128, 0.0f), drawn.rows.next_state[0]);
+  EXPECT_EQ(at(224 + 8 + 4, 0.0f), drawn.rows.action[1].angular);
+  EXPECT_EQ(at(240, 0.0f), drawn.rows.n_step_return[0]);
+  EXPECT_EQ(at(248, 0.0f), drawn.rows.cost_return[0]);
+  EXPECT_EQ(at(256, 0.0f), drawn.rows.discount[0]);
+  EXPECT_EQ(at(264 + 4, 0.0f), drawn.rows.weight[1]);
+  EXPECT_EQ(at(272, std::uint16_t{}), drawn.rows.ranges_cm[0][0]);
+  EXPECT_EQ(at(272 + 84 + 14, std::uint16_t{}), drawn.rows.next_ranges_cm[1][0]);
+}
+
+TEST(SampleBytesTest, RefusesAnotherNumberOfBytes) {
+  const Drawn drawn(2, 3);
+  AlignedBytes bytes = drawn.Bytes(true);
+  const std::span<std::byte> all = bytes.span();
+  SampledRows rows;
+  EXPECT_TRUE(ParseSample(all.first(all.size() - 1), {2, 3, kBeams, true}, &rows));
+  EXPECT_TRUE(ParseSample(all, {2, 3, kBeams, false}, &rows));
+  EXPECT_TRUE(ParseSample(all, {3, 3, kBeams, true}, &rows));
+  EXPECT_TRUE(ParseSample({}, {2, 3, kBeams, true}, &rows));
+  EXPECT_EQ(rows.state.size(), 0u);  // Nothing was allocated for it.
+}
+
+TEST(SampleBytesTest, RefusesSizesBeyondAllMemory) {
+  const int most = std::numeric_limits<int>::max();
+  EXPECT_FALSE(SampleSize({most, most, most, true}));
+  EXPECT_FALSE(SampleSize({most, most, 1, false}));
+  EXPECT_TRUE(SampleSize({1 << 16, 256, 4096, true}));
+  AlignedBytes bytes(64);
+  SampledRows rows;
+  EXPECT_TRUE(ParseSample(bytes.span(), {most, most, most, true}, &rows));
+}
+
+TEST(SampleBytesTest, RefusesAStartThatIsNotAligned) {
+  const Drawn drawn(2, 3);
+  AlignedBytes bytes = drawn.Bytes(false);
+  std::memmove(bytes.span(4).data(), bytes.span().data(), bytes.span().size());
+  SampledRows rows;
+  EXPECT_THAT(ParseSample(bytes.span(4), drawn.shape(false), &rows)->text,
+              HasSubstr("multiple of 8"));
+}
+
+TEST(SampleBytesTest, RefusesNumbersThatCannotBe) {
+  struct Fault {
+    std::function<void(SampledRows&)> make;
+    const char* text;
+  };
+  const Fault faults[] = {
+      {[](SampledRows& r) { r.state[23] = kNan; }, "not finite"},
+      {[](SampledRows& r) { r.next_state[0] = INFINITY; }, "not finite"},
+      {[](SampledRows& r) { r.action[1].linear = kNan; }, "not finite"},
+      {[](SampledRows& r) { r.n_step_return[1] = kNan; }, "not finite"},
+      {[](SampledRows& r) { r.cost_return[0] = -INFINITY; }, "not finite"},
+      {[](SampledRows& r) { r.discount[0] = kNan; }, "not finite"},
+      {[](SampledRows& r) { r.weight[1] = kNan; }, "not finite"},
+      {[](SampledRows& r) { r.discount[1] = 1.5f; }, "sample 1: discount is 1.5"},
+      {[](SampledRows& r) { r.discount[1] = -0.5f; }, "sample 1: discount"},
+      {[](SampledRows& r) { r.weight[0] = -0.5f; }, "sample 0: weight"},
+      {[](SampledRows& r) { r.sequence[1] = -1; }, "sample 1: found rows -1"},
+      {[](SampledRows& r) { r.next_sequence[0] = r.sequence[0]; }, "sample 0: found rows"},
+  };
+  for (const Fault& fault : faults) {
+    Drawn drawn(2, 3);
+    fault.make(drawn.rows);
+    AlignedBytes bytes = drawn.Bytes(true);
+    SampledRows rows;
+    const auto found = ParseSample(bytes.span(), drawn.shape(true), &rows);
+    ASSERT_TRUE(found) << fault.text;
+    EXPECT_THAT(found->text, HasSubstr(fault.text));
+  }
+}
+
+TEST(PriorityBytesTest, GivesWhatWasWritten) {
+  const std::vector<std::int64_t> sequence{5, 0, std::int64_t{1} << 60};
+  const std::vector<float> priority{0.5f, 0.0f, 1e30f};
+  AlignedBytes bytes(PrioritySize(3));
+  WritePriorities(sequence, priority, bytes.span());
+  const auto read = ParsePriorities(bytes.span(), 3);
+  ASSERT_TRUE(read) << read.failure().text;
+  EXPECT_TRUE(std::ranges::equal(read->sequence, sequence));
+  EXPECT_TRUE(std::ranges::equal(read->priority, priority));
+}
+
+TEST(PriorityBytesTest, RefusesWhatIsNoPriority) {
+  const auto failure = [](std::int64_t sequence, float priority, int count,
+                          std::size_t offset = 0) {
+    AlignedBytes bytes(PrioritySize(1));
+    WritePriorities(std::span(&sequence, 1), std::span(&priority, 1), bytes.span(offset));
+    return ParsePriorities(bytes.span(offset), count).failure().text;
+  };
+  EXPECT_THAT(failure(-1, 1.0f, 1), HasSubstr("row -1"));
+  EXPECT_THAT(failure(1, -1.0f, 1), HasSubstr("found -1"));
+  EXPECT_THAT(failure(1, kNan, 1), HasSubstr("found nan"));
+  EXPECT_THAT(failure(1, INFINITY, 1), HasSubstr("not finite"));
+  EXPECT_THAT(failure(1, 1.0f, 2), HasSubstr("found 12 bytes"));
+  EXPECT_THAT(failure(1, 1.0f, -1), HasSubstr("found 12 bytes"));
+  EXPECT_THAT(failure(1, 1.0f, 1, 4), HasSubstr("multiple of 8"));
+}
+
+}  // namespace
+}  // namespace slalom::replay
