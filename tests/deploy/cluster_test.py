@@ -1,0 +1,83 @@
+#!/usr/bin/env python3
+"""The service by compose, on a real engine: built, brought up, scaled, trained until its policy drives, killed and taken down.
+
+Needs root, or an engine that answers; else it is skipped. Everything it makes bears the project's name and is removed.
+"""
+
+import os
+import pathlib
+import sys
+import tempfile
+
+from cluster import ROLES, SERVICES, Cluster
+from engine import IMAGE, PROMETHEUS_IMAGE, ROOT, Failure, run, running_engine, say, wait_for
+
+PROJECT = "slalomtest"
+SUCCESS_RATE = 0.6  # An untrained policy has 0.
+
+
+def main():
+    with running_engine() as engine, tempfile.TemporaryDirectory() as scratch:
+        engine.build_images()
+        environment = dict(os.environ, SLALOM_IMAGE=IMAGE, SLALOM_PROMETHEUS_IMAGE=PROMETHEUS_IMAGE, SLALOM_PROMETHEUS_PORT="0",
+                           SLALOM_KEYS=str(pathlib.Path(scratch) / "keys"))
+        run(ROOT / "deploy/new-keys", env=dict(environment, PATH=f"{os.path.dirname(engine.docker)}:{os.environ['PATH']}"))
+
+        def compose(*arguments):
+            return run(*engine.compose, "-p", PROJECT, "-f", ROOT / "deploy/compose.yml", *arguments, env=environment)
+
+        def up(actors):
+            compose("up", "-d", "--no-build", "--scale", f"actor={actors}", *SERVICES)
+
+        cluster = Cluster(engine, f"com.docker.compose.project={PROJECT}", "com.docker.compose.service={}")
+        compose("down", "--volumes", "--remove-orphans")
+        try:
+            drill(cluster, compose, up)
+        except Failure:
+            for service in SERVICES:
+                print(cluster.logs(service), file=sys.stderr)
+            raise
+        finally:
+            compose("down", "--volumes", "--remove-orphans")
+        say("passed")
+
+
+def drill(cluster, compose, up):
+    up(actors=1)
+    for service in SERVICES:
+        cluster.wait_healthy(service)
+    cluster.wait_for_steps(20000)
+    say("one actor fills the table")
+
+    up(actors=4)
+    cluster.wait_healthy("actor", 4)
+    wait_for("Prometheus sees four actors that step",
+             lambda: cluster.queried('count(rate(slalom_environment_steps_total[1m]) > 0)') == [4.0], 120)
+    say("four actors")
+
+    wait_for(f"a success rate of {SUCCESS_RATE} at the evaluator",
+             lambda: cluster.value("evaluator", "slalom_evaluation_success_rate") >= SUCCESS_RATE, 360)
+    say(f"the policy reaches {100 * cluster.value('evaluator', 'slalom_evaluation_success_rate'):.0f} %")
+
+    for role in ROLES:
+        before = cluster.value("learner", "slalom_updates_total")
+        restarts = restarts_of(cluster, role)
+        cluster.crash(role)
+        wait_for(f"{role} started again", lambda: restarts_of(cluster, role) > restarts, 60)
+        cluster.wait_healthy(role, 4 if role == "actor" else 1)
+        cluster.wait_for_steps(20000)
+        if role != "learner":  # It goes back to its checkpoint.
+            wait_for("updates go on", lambda: cluster.value("learner", "slalom_updates_total") > before, 120)
+        say(f"{role} is back")
+
+
+def restarts_of(cluster, service):
+    return sum(int(cluster.engine.inspect(container, "{{.RestartCount}}")) for container in cluster.containers(service))
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except Failure as failure:
+        print(f"FAILED: {failure}", file=sys.stderr)
+        sys.exit(1)
