@@ -2,85 +2,21 @@
 
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
+#include <algorithm>
+#include <cmath>
 
 #include "base/check.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "policy/feature_map.h"
+#include "policy/policy_spec.h"
 
 namespace slalom::policy {
 namespace {
 
-using nlohmann::json;
-
 constexpr const char* kSpecKey = "slalom_policy";
 constexpr const char* kFormatKey = "slalom_format";
 constexpr const char* kFormat = "slalom-policy-1";
-
-/// Writes the fields of a config struct as JSON.
-class JsonWriter {
- public:
-  explicit JsonWriter(json& object) : object_(object) {}
-  template <class T, class... Rest>
-  void operator()(const char* key, T& value, const Rest&...) {
-    object_[key] = value;
-  }
-
- private:
-  json& object_;
-};
-
-/// Reads the fields of a config struct, all of which must be there; a JSON exception where not.
-class JsonReader {
- public:
-  explicit JsonReader(const json& object) : object_(object) {}
-  template <class T, class... Rest>
-  void operator()(const char* key, T& value, const Rest&...) {
-    value = object_.at(key).get<T>();
-  }
-
- private:
-  const json& object_;
-};
-
-std::string PrintSpec(PolicySpec spec, std::int64_t version) {
-  json object;
-  object["version"] = version;
-  object["observation"] = {{"num_beams", spec.observation.num_beams},
-                           {"range_clip", spec.observation.range_clip},
-                           {"goal_scale", spec.observation.goal_scale}};
-  JsonWriter network(object["network"]);
-  spec.network.Visit(network);
-  JsonWriter actions(object["actions"]);
-  spec.actions.Visit(actions);
-  return object.dump();
-}
-
-void ParseSpec(const std::string& text, PolicySnapshot& snapshot) {
-  const json object = json::parse(text);
-  snapshot.version = object.at("version").get<std::int64_t>();
-  const json& observation = object.at("observation");
-  PolicySpec& spec = snapshot.spec;
-  spec.observation.num_beams = observation.at("num_beams").get<int>();
-  spec.observation.range_clip = observation.at("range_clip").get<double>();
-  spec.observation.goal_scale = observation.at("goal_scale").get<double>();
-  JsonReader network(object.at("network"));
-  spec.network.Visit(network);
-  JsonReader actions(object.at("actions"));
-  spec.actions.Visit(actions);
-}
-
-/// Whether the numbers of a spec may size arrays: a file's word is not taken for it.
-bool IsSane(const PolicySpec& spec) {
-  constexpr int kMost = 1 << 16;
-  const auto within = [](int value, int low) { return value >= low && value <= kMost; };
-  bool sane = within(spec.observation.num_beams, 1) && within(spec.network.history, 1) &&
-              within(spec.network.sectors, 0) && spec.observation.range_clip > 0.0 &&
-              spec.observation.range_clip < 1000.0;
-  for (const int width : spec.network.encoder_layers) sane = sane && within(width, 1);
-  for (const int width : spec.network.head_layers) sane = sane && within(width, 1);
-  return sane;
-}
 
 }  // namespace
 
@@ -88,8 +24,7 @@ MlpShape PolicySpec::actor_shape() const {
   return ActorShape(network, FeatureMap(observation, network).frame_size());
 }
 
-void SavePolicy(const std::filesystem::path& path, const PolicySnapshot& snapshot,
-                const Metadata& metadata) {
+std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata) {
   TensorMap tensors;
   const MlpShape shape = snapshot.spec.actor_shape();
   SLALOM_CHECK_EQ(static_cast<std::int64_t>(snapshot.weights->size()), shape.num_parameters());
@@ -101,11 +36,11 @@ void SavePolicy(const std::filesystem::path& path, const PolicySnapshot& snapsho
   Metadata all = metadata;
   all[kFormatKey] = kFormat;
   all[kSpecKey] = PrintSpec(snapshot.spec, snapshot.version);
-  SaveTensors(path, tensors, all);
+  return PrintTensors(tensors, all);
 }
 
-LoadedPolicy LoadPolicy(const std::filesystem::path& path) {
-  TensorFile file = LoadTensors(path);
+LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view source) {
+  TensorFile file = ParseTensors(bytes, source);
   const auto format = file.metadata.extract(kFormatKey);
   const auto spec = file.metadata.extract(kSpecKey);
   if (format.empty() || format.mapped() != kFormat || spec.empty()) {
@@ -115,16 +50,7 @@ LoadedPolicy LoadPolicy(const std::filesystem::path& path) {
                     file.source, kFormatKey, kFormat));
   }
   LoadedPolicy loaded;
-  try {
-    ParseSpec(spec.mapped(), loaded.snapshot);
-  } catch (const json::exception& error) {
-    throw base::Error(fmt::format("{}: '{}' in its metadata cannot be read: {}", file.source,
-                                  kSpecKey, error.what()));
-  }
-  if (!IsSane(loaded.snapshot.spec)) {
-    throw base::Error(
-        fmt::format("{}: '{}' in its metadata holds impossible sizes", file.source, kSpecKey));
-  }
+  ParseSpec(spec.mapped(), source, &loaded.snapshot);
   const MlpShape shape = loaded.snapshot.spec.actor_shape();
   const std::vector<ParameterSlot> slots = shape.Slots();
   auto weights = std::make_shared<std::vector<float>>();
@@ -137,11 +63,26 @@ LoadedPolicy LoadPolicy(const std::filesystem::path& path) {
                       file.source, slot.name, fmt::join(slot.shape, ", ")));
     }
     weights->resize(slot.offset + slot.size());
-    file.Read("actor." + slot.name, std::span(*weights).subspan(slot.offset, slot.size()));
+    const auto values = std::span(*weights).subspan(slot.offset, slot.size());
+    file.Read("actor." + slot.name, values);
+    if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) {
+      throw base::Error(fmt::format("{}: tensor 'actor.{}' holds numbers that are not finite",
+                                    source, slot.name));
+    }
   }
   loaded.snapshot.weights = std::move(weights);
   loaded.metadata = std::move(file.metadata);
   return loaded;
+}
+
+void SavePolicy(const std::filesystem::path& path, const PolicySnapshot& snapshot,
+                const Metadata& metadata) {
+  base::WriteFileAtomically(path, PrintPolicy(snapshot, metadata));
+}
+
+LoadedPolicy LoadPolicy(const std::filesystem::path& path) {
+  const std::string bytes = base::ReadFile(path);
+  return ParsePolicy(std::as_bytes(std::span(bytes)), path.string());
 }
 
 void RequireSameInterface(const std::string& source, const PolicySpec& spec,

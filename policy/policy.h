@@ -1,8 +1,12 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "env/action.h"
@@ -33,16 +37,24 @@ struct PolicySnapshot {
 
 struct LoadedPolicy {
   PolicySnapshot snapshot;
-  Metadata metadata;  ///< As given to `SavePolicy`.
+  Metadata metadata;  ///< As given to `PrintPolicy`.
 };
 
-/// Saves a policy as safetensors: tensors "actor.encoder.0.weight" and so on, and `metadata`
-/// (config, commit, seed, steps, ...) beside the spec. Throws `base::Error` where the file cannot
-/// be written.
+/// A policy as the bytes of a safetensors file, which is also how it travels in messages: tensors
+/// "actor.encoder.0.weight" and so on, and `metadata` (config, commit, seed, steps, ...) beside the
+/// spec.
+std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata);
+
+/// Throws `base::Error` that begins with `source` where the bytes, which anybody may have sent, are
+/// cut short, damaged or no policy of this program, or a weight is not finite. Allocates a few
+/// times their size.
+LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view source);
+
+/// Saves a policy as a file. Throws `base::Error` where it cannot be written.
 void SavePolicy(const std::filesystem::path& path, const PolicySnapshot& snapshot,
                 const Metadata& metadata);
 
-/// Throws `base::Error` naming the file where it is missing, damaged or no policy of this program.
+/// Throws `base::Error` naming the file where it is missing, or as `ParsePolicy`.
 LoadedPolicy LoadPolicy(const std::filesystem::path& path);
 
 /// Throws `base::Error` naming `source`, the policy's file, where a policy of `spec` cannot drive

@@ -18,7 +18,8 @@ using nlohmann::json;
 static_assert(std::endian::native == std::endian::little, "files are little-endian");
 
 constexpr const char* kChecksumKey = "checksum_xxh3";
-constexpr std::size_t kMaxHeaderBytes = 100'000'000;  // the format's own limit
+// The format allows 100 MB; ours take a few kB, and as parsed JSON they take many times that.
+constexpr std::size_t kMaxHeaderBytes = 4 << 20;
 
 std::optional<std::size_t> ElementBytes(std::string_view type) {
   if (type == "F64" || type == "I64" || type == "U64") return 8;
@@ -32,9 +33,10 @@ std::optional<std::size_t> ElementBytes(std::string_view type) {
   throw base::Error(fmt::format("{}: {}", source, reason));
 }
 
-/// The tensor that one entry of the header describes.
+/// The tensor that one entry of the header describes, in bytes that no other entry has: `unread` of
+/// `data` at most, so that many entries cannot each claim all of it.
 StoredTensor ReadEntry(std::string_view source, const std::string& name, const json& entry,
-                       std::string_view data) {
+                       std::string_view data, std::size_t unread) {
   StoredTensor tensor;
   std::uint64_t begin = 0;
   std::uint64_t end = 0;
@@ -55,7 +57,7 @@ StoredTensor ReadEntry(std::string_view source, const std::string& name, const j
       Fail(source, fmt::format("tensor '{}' has an impossible shape", name));
     }
   }
-  if (begin > end || end > data.size() || end - begin != bytes) {
+  if (begin > end || end > data.size() || end - begin != bytes || bytes > unread) {
     Fail(source, fmt::format("tensor '{}' claims bytes {} to {}, expected {} bytes within the {} "
                              "that follow the header; the file is cut short or damaged",
                              name, begin, end, bytes, data.size()));
@@ -79,78 +81,88 @@ const StoredTensor& TensorFile::Find(const std::string& name, std::string_view t
   return tensor;
 }
 
-void SaveTensors(const std::filesystem::path& path, const TensorMap& tensors,
-                 const Metadata& metadata) {
+std::string PrintTensors(const TensorMap& tensors, const Metadata& metadata) {
   json header = json::object();
   std::uint64_t offset = 0;
-  std::string data;
   for (const auto& [name, tensor] : tensors) {
     SLALOM_CHECK(ElementBytes(tensor.type).has_value());
     header[name] = {{"dtype", tensor.type},
                     {"shape", tensor.shape},
                     {"data_offsets", {offset, offset + tensor.bytes.size()}}};
     offset += tensor.bytes.size();
-    data += tensor.bytes;
   }
+  std::string data;
+  data.reserve(offset);
+  for (const auto& [name, tensor] : tensors) data += tensor.bytes;
   json texts = metadata;
   texts[kChecksumKey] = fmt::format("{:016x}", base::Checksum(data));
   header["__metadata__"] = texts;
   std::string text = header.dump(-1, ' ', false, json::error_handler_t::replace);
   text.resize((text.size() + 7) / 8 * 8, ' ');  // so that the tensors begin aligned
+  SLALOM_CHECK_LE(text.size(), kMaxHeaderBytes);
   const std::uint64_t length = text.size();
-  base::WriteFileAtomically(path, [&](const base::AppendBytes& append) {
-    append(std::as_bytes(std::span(&length, 1)));
-    append(std::as_bytes(std::span(text)));
-    append(std::as_bytes(std::span(data)));
-  });
+  std::string bytes(sizeof(length), '\0');
+  std::memcpy(bytes.data(), &length, sizeof(length));
+  bytes.reserve(sizeof(length) + text.size() + data.size());
+  return bytes += text += data;
 }
 
-TensorFile LoadTensors(const std::filesystem::path& path) {
-  const std::string file = base::ReadFile(path);
+TensorFile ParseTensors(std::span<const std::byte> bytes, std::string_view source) {
+  const std::string_view file(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   TensorFile result;
-  result.source = path.string();
+  result.source = source;
   std::uint64_t length = 0;
   if (file.size() < sizeof(length)) {
-    Fail(result.source, fmt::format("found {} bytes, expected a safetensors file", file.size()));
+    Fail(source, fmt::format("found {} bytes, expected a safetensors file", file.size()));
   }
   std::memcpy(&length, file.data(), sizeof(length));
   if (length > kMaxHeaderBytes || length > file.size() - sizeof(length)) {
-    Fail(result.source, fmt::format("the header should be {} bytes long but {} follow; the file is "
-                                    "cut short or no safetensors file",
-                                    length, file.size() - sizeof(length)));
+    Fail(source, fmt::format("the header should be {} bytes long but {} follow; the file is cut "
+                             "short or no safetensors file",
+                             length, file.size() - sizeof(length)));
   }
-  const std::string_view content(file);
-  const json header = json::parse(content.substr(sizeof(length), length), nullptr,
+  const json header = json::parse(file.substr(sizeof(length), length), nullptr,
                                   /*allow_exceptions=*/false);
-  if (!header.is_object())
-    Fail(result.source, "the header is not JSON; no safetensors file, or damaged");
-  const std::string_view data = content.substr(sizeof(length) + length);
+  if (!header.is_object()) Fail(source, "the header is not JSON; no safetensors file, or damaged");
+  const std::string_view data = file.substr(sizeof(length) + length);
   std::size_t described = 0;
   for (const auto& [name, entry] : header.items()) {
     if (name == "__metadata__") continue;
-    const auto added = result.tensors.emplace(name, ReadEntry(result.source, name, entry, data));
-    described += added.first->second.bytes.size();
+    StoredTensor tensor = ReadEntry(source, name, entry, data, data.size() - described);
+    described += tensor.bytes.size();
+    result.tensors.emplace(name, std::move(tensor));
   }
   if (described != data.size()) {
-    Fail(result.source, fmt::format("the header describes {} bytes of tensors, {} follow; the file "
-                                    "is damaged",
-                                    described, data.size()));
+    Fail(source, fmt::format("the header describes {} bytes of tensors, {} follow; the file is "
+                             "damaged",
+                             described, data.size()));
   }
   if (const auto texts = header.find("__metadata__"); texts != header.end()) {
+    if (!texts->is_object()) Fail(source, "its metadata is no JSON object");
     for (const auto& [key, value] : texts->items()) {
-      if (!value.is_string()) Fail(result.source, fmt::format("metadata '{}' is no text", key));
+      if (!value.is_string()) Fail(source, fmt::format("metadata '{}' is no text", key));
       result.metadata.emplace(key, value.get<std::string>());
     }
   }
   if (const auto node = result.metadata.extract(kChecksumKey); !node.empty()) {
     const std::string found = fmt::format("{:016x}", base::Checksum(data));
     if (node.mapped() != found) {
-      Fail(result.source, fmt::format("the checksum of the tensors is {}, expected {}; the file is "
-                                      "damaged",
-                                      found, node.mapped()));
+      Fail(source,
+           fmt::format("the checksum of the tensors is {}, expected {}; the file is damaged", found,
+                       node.mapped()));
     }
   }
   return result;
+}
+
+void SaveTensors(const std::filesystem::path& path, const TensorMap& tensors,
+                 const Metadata& metadata) {
+  base::WriteFileAtomically(path, PrintTensors(tensors, metadata));
+}
+
+TensorFile LoadTensors(const std::filesystem::path& path) {
+  const std::string bytes = base::ReadFile(path);
+  return ParseTensors(std::as_bytes(std::span(bytes)), path.string());
 }
 
 }  // namespace slalom::policy

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
@@ -72,13 +73,20 @@ struct TensorFile {
   const StoredTensor& Find(const std::string& name, std::string_view type, std::size_t size) const;
 };
 
+/// The bytes of a file.
+std::string PrintTensors(const TensorMap& tensors, const Metadata& metadata);
+
+/// Reads the bytes of `PrintTensors`, or of any other safetensors file (then without a checksum to
+/// compare). Throws `base::Error` that begins with `source` where they are cut short, are no
+/// safetensors file or do not match their checksum. Allocates a few times their size, whatever they
+/// hold.
+TensorFile ParseTensors(std::span<const std::byte> bytes, std::string_view source);
+
 /// Writes the file whole or not at all. Throws `base::Error` where that fails.
 void SaveTensors(const std::filesystem::path& path, const TensorMap& tensors,
                  const Metadata& metadata);
 
-/// Reads a file of `SaveTensors`, or any other safetensors file (then without a checksum to
-/// compare). Throws `base::Error` naming the file where it cannot be read, is cut short, is no
-/// safetensors file or does not match its checksum.
+/// Throws `base::Error` naming the file where it cannot be read, or as `ParseTensors`.
 TensorFile LoadTensors(const std::filesystem::path& path);
 
 }  // namespace slalom::policy

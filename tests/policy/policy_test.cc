@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "base/error.h"
 
 namespace slalom::policy {
@@ -75,12 +77,48 @@ TEST_F(PolicyFileTest, RefusesSpecsThatDoNotFitTheTensors) {
     EXPECT_THROW(LoadPolicy(path_), base::Error) << to;
   };
   load_with("\"sectors\":3", "\"sectors\":4");
+  load_with("\"sectors\":3", "\"sectors\":3.5");
+  load_with("\"sectors\":3", "\"sectors\":1e300");
+  load_with("\"encoder\":\"mlp\"", "\"encoder\":\"cnn\"");
+  load_with("\"layer_norm\":false", "\"layer_norm\":0");
+  load_with("\"goal_scale\":3.0", "\"goal_scale\":0.0");
+  load_with("\"linear_max\":1.5", "\"linear_max\":1e9");
+  load_with("\"version\":7", "\"version\":-7");
+  load_with("\"version\":7", "\"version\":18446744073709551615");
   load_with("\"sectors\":3", "\"sectors\":5");
   load_with("\"history\":2", "\"history\":2000000000");
   load_with("\"num_beams\":12", "\"num_beams\":0");
   load_with("\"num_beams\":12", "\"num_beams\":\"many\"");
   load_with("\"head_layers\":[4]", "\"head_layers\":[4,4]");
   load_with("\"version\"", "\"revision\"");
+}
+
+TEST(PolicyBytesTest, AreThoseOfTheFile) {
+  const PolicySnapshot policy = SmallPolicy();
+  const std::string bytes = PrintPolicy(policy, {{"commit", "abc"}});
+  const LoadedPolicy parsed = ParsePolicy(std::as_bytes(std::span(bytes)), "a message");
+  EXPECT_EQ(*parsed.snapshot.weights, *policy.weights);
+  EXPECT_EQ(parsed.metadata, (Metadata{{"commit", "abc"}}));
+  // Also where they do not begin on a multiple of anything.
+  std::string shifted(1, 'x');
+  shifted += bytes;
+  EXPECT_NO_THROW(ParsePolicy(std::as_bytes(std::span(shifted)).subspan(1), "a message"));
+}
+
+TEST(PolicyBytesTest, NumbersThatAreNotFiniteAreRefused) {
+  for (const float bad : {std::nanf(""), INFINITY, -INFINITY}) {
+    PolicySnapshot policy = SmallPolicy();
+    std::vector<float> weights = *policy.weights;
+    weights.back() = bad;
+    policy.weights = std::make_shared<const std::vector<float>>(weights);
+    const std::string bytes = PrintPolicy(policy, {});
+    try {
+      ParsePolicy(std::as_bytes(std::span(bytes)), "snapshot 3");
+      ADD_FAILURE() << "was not refused";
+    } catch (const base::Error& error) {
+      EXPECT_THAT(error.what(), testing::StartsWith("snapshot 3: tensor 'actor.head.1.bias'"));
+    }
+  }
 }
 
 TEST(RequireSameInterface, NamesWhatDiffers) {

@@ -95,6 +95,20 @@ TEST_F(SafetensorsTest, SurvivesEveryChangedByteOfTheHeader) {
   }
 }
 
+// However many tensors claim the same bytes, they are not copied for each.
+TEST_F(SafetensorsTest, RefusesTensorsThatShareTheirBytes) {
+  std::string header = "{";
+  for (int i = 0; i < 10000; ++i) {
+    header += "\"" + std::to_string(i) +
+              "\":{\"dtype\":\"U8\",\"shape\":[1000000],\"data_offsets\":[0,1000000]},";
+  }
+  header.back() = '}';
+  const std::uint64_t length = header.size();
+  std::string content(reinterpret_cast<const char*>(&length), sizeof(length));
+  Overwrite(content + header + std::string(1000000, 'x'));
+  EXPECT_THAT(Refusal(), testing::HasSubstr("claims bytes 0 to 1000000"));
+}
+
 TEST_F(SafetensorsTest, RefusesWhatIsNoSuchFile) {
   Overwrite("not a tensor file at all, but long enough");
   EXPECT_THAT(Refusal(), testing::HasSubstr("header"));

@@ -1,0 +1,154 @@
+#include "policy/policy_spec.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+
+namespace slalom::policy {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::size_t kMaxLayers = 64;  // Of encoder and of head.
+
+/// Writes the fields of a config struct as JSON.
+class JsonWriter {
+ public:
+  explicit JsonWriter(json& object) : object_(object) {}
+  template <class T, class... Rest>
+  void operator()(const char* key, T& value, const Rest&...) {
+    object_[key] = value;
+  }
+
+ private:
+  json& object_;
+};
+
+/// Reads the fields of a config struct, all of which must be there and within their ranges.
+class JsonReader {
+ public:
+  JsonReader(const json& parent, const char* name, std::string_view source)
+      : object_(Find(parent, name, name, source)), name_(name), source_(source) {}
+
+  template <class... Rest>
+  void operator()(const char* key, bool& value, const Rest&...) {
+    const json& found = At(key);
+    if (!found.is_boolean()) Fail(key, found, "true or false");
+    value = found.get<bool>();
+  }
+  template <class... Rest>
+  void operator()(const char* key, int& value, base::Range range, const Rest&...) {
+    value = Whole(key, At(key), range);
+  }
+  template <class... Rest>
+  void operator()(const char* key, double& value, base::Range range, const Rest&...) {
+    const json& found = At(key);
+    if (!found.is_number() || !IsIn(found.get<double>(), range)) {
+      Fail(key, found, fmt::format("a number from {} to {}", range.min, range.max));
+    }
+    value = found.get<double>();
+  }
+  template <class... Rest>
+  void operator()(const char* key, std::string& value, const base::OneOf& texts, const Rest&...) {
+    const json& found = At(key);
+    if (!found.is_string() || std::ranges::count(texts.choices, found.get<std::string>()) == 0) {
+      Fail(key, found, fmt::format("{}", fmt::join(texts.choices, " or ")));
+    }
+    value = found.get<std::string>();
+  }
+  template <class... Rest>
+  void operator()(const char* key, std::vector<int>& value, base::Range range, const Rest&...) {
+    const json& found = At(key);
+    if (!found.is_array() || found.size() > kMaxLayers) {
+      Fail(key, found, fmt::format("a list of at most {} numbers", kMaxLayers));
+    }
+    value.clear();
+    for (const json& element : found) value.push_back(Whole(key, element, range));
+  }
+
+  static const json& Find(const json& object, const char* key, std::string_view path,
+                          std::string_view source) {
+    const auto found = object.is_object() ? object.find(key) : object.end();
+    if (found == object.end()) {
+      throw base::Error(fmt::format("{}: '{}' is missing in its spec", source, path));
+    }
+    return *found;
+  }
+
+ private:
+  const json& At(const char* key) const {
+    return Find(object_, key, fmt::format("{}.{}", name_, key), source_);
+  }
+  static bool IsIn(double value, base::Range range) {
+    return value >= range.min && value <= range.max;
+  }
+  int Whole(const char* key, const json& found, base::Range range) const {
+    if (!found.is_number_integer() || !IsIn(found.get<double>(), range)) {
+      Fail(key, found, fmt::format("whole numbers from {} to {}", range.min, range.max));
+    }
+    return found.get<int>();
+  }
+  [[noreturn]] void Fail(const char* key, const json& found, std::string_view expected) const {
+    std::string text = found.dump(-1, ' ', false, json::error_handler_t::replace);
+    if (text.size() > 60) text = text.substr(0, 57) + "...";
+    throw base::Error(fmt::format("{}: '{}.{}' in its spec is {}, expected {}", source_, name_, key,
+                                  text, expected));
+  }
+
+  const json& object_;
+  const std::string_view name_;
+  const std::string_view source_;
+};
+
+/// The fields of an observation spec, which is no config struct, in the ranges of
+/// sim/environment_config.h.
+template <class Visitor>
+void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
+  v("num_beams", spec.num_beams, base::Range{1, 65536});
+  v("range_clip", spec.range_clip, base::Range{0.5, 600.0});
+  v("goal_scale", spec.goal_scale, base::Range{0.1, 1000.0});
+}
+
+}  // namespace
+
+std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
+  PolicySpec printed = spec;
+  json object;
+  object["version"] = version;
+  JsonWriter observation(object["observation"]);
+  VisitObservation(printed.observation, observation);
+  JsonWriter network(object["network"]);
+  printed.network.Visit(network);
+  JsonWriter actions(object["actions"]);
+  printed.actions.Visit(actions);
+  return object.dump();
+}
+
+void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* snapshot) {
+  const json object = json::parse(text, nullptr, /*allow_exceptions=*/false);
+  if (!object.is_object()) {
+    throw base::Error(fmt::format("{}: its spec is no JSON object", source));
+  }
+  const json& version = JsonReader::Find(object, "version", "version", source);
+  const bool is_count = version.is_number_unsigned() &&
+                        version.get<std::uint64_t>() <= std::numeric_limits<std::int64_t>::max();
+  if (!is_count) {
+    throw base::Error(
+        fmt::format("{}: 'version' in its spec is no whole number from 0 on", source));
+  }
+  snapshot->version = version.get<std::int64_t>();
+  PolicySpec& spec = snapshot->spec;
+  JsonReader observation(object, "observation", source);
+  VisitObservation(spec.observation, observation);
+  JsonReader network(object, "network", source);
+  spec.network.Visit(network);
+  JsonReader actions(object, "actions", source);
+  spec.actions.Visit(actions);
+}
+
+}  // namespace slalom::policy
