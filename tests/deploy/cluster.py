@@ -4,7 +4,7 @@ import os
 import pathlib
 import signal
 
-from engine import Failure, metrics_of, prometheus_query, run, say, wait_for
+from engine import BASE, Failure, metrics_of, prometheus_query, run, say, wait_for
 
 ROLES = ("replay", "learner", "actor", "evaluator")
 SERVICES = ROLES + ("prometheus",)
@@ -56,6 +56,20 @@ class Cluster:
         """What the containers of the service, ended ones too, said last."""
         return "\n".join(f"--- {service} {container}\n" + run("sh", "-c", f"{self.engine.docker} logs --tail {lines} {container} 2>&1")
                          for container in self.containers(service, "--all"))
+
+    def ledgers(self, volume):
+        """Every actor's account in the volume that they share: {name: {"made": ..., "accepted": ..., "lost": ..., "pending": ...}}."""
+        script = 'for ledger in /state/*/actors/*/ledger; do echo "$ledger $(od -An -v -t d8 -w1000 "$ledger")"; done'
+        lines = self.engine("run", "--rm", "--volume", f"{volume}:/state:ro", BASE, "sh", "-c", script).splitlines()
+        accounts = {}
+        for line in lines:
+            path, _, which, *numbers = line.split()  # The magic; which of two copies counts; the copies.
+            size = len(numbers) // 2
+            entries = [int(number) for number in numbers[(int(which) & 1) * size:][:size]]
+            _, made, accepted, earlier_made, earlier_accepted, *lost = entries
+            accounts[path.split("/")[-2]] = {"made": made + earlier_made, "accepted": accepted + earlier_accepted,
+                                             "lost": sum(lost), "pending": made - accepted}
+        return accounts
 
     def crash(self, service):
         """Ends a container's process as a crash would: Docker itself has not asked for it, and so starts it again."""

@@ -70,6 +70,32 @@ def drill(cluster, compose, up):
             wait_for("updates go on", lambda: cluster.value("learner", "slalom_updates_total") > before, 120)
         say(f"{role} is back")
 
+    # The accounts of both sides, once the actors have ended cleanly.
+    ended = cluster.containers("actor")
+    compose("stop", "actor")
+    expect_clean_end(cluster, ended)
+    accounts = cluster.ledgers(f"{PROJECT}_actors")
+    made, accepted, lost, pending = (sum(account[entry] for account in accounts.values())
+                                     for entry in ("made", "accepted", "lost", "pending"))
+    in_table = cluster.value("replay", "slalom_steps_accepted_total")
+    say(f"{len(accounts)} actors made {made} steps: {accepted} accepted, {lost} lost with a killed actor, {pending} pending; "
+        f"the replay server accepted {in_table:.0f}")
+    if len(accounts) != 4 or made != accepted + lost + pending or pending != 0 or accepted != in_table:
+        raise Failure(f"the accounts do not balance: {accounts}")
+
+    ended = [container for service in SERVICES for container in cluster.containers(service)]
+    compose("stop")
+    expect_clean_end(cluster, ended)
+    say("all ended cleanly")
+
+
+def expect_clean_end(cluster, containers):
+    for container in containers:
+        code = cluster.engine.inspect(container, "{{.State.ExitCode}}")
+        if code != "0":
+            raise Failure(f"{cluster.engine.inspect(container, '{{.Name}}')} ended with {code} after SIGTERM\n"
+                          + cluster.engine("logs", "--tail", "20", container))
+
 
 def restarts_of(cluster, service):
     return sum(int(cluster.engine.inspect(container, "{{.RestartCount}}")) for container in cluster.containers(service))

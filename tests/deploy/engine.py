@@ -106,7 +106,8 @@ class Engine:
         suite = BASE.split(":")[1].split("-")[0]
         with tempfile.TemporaryDirectory() as scratch:
             archive = pathlib.Path(scratch) / "root.tar"
-            run("mmdebstrap", "--quiet", "--variant=minbase", suite, archive)
+            without = [f"--dpkgopt=path-exclude=/usr/share/{part}/*" for part in ("doc", "man", "locale")]  # As in Debian's own.
+            run("mmdebstrap", "--quiet", "--variant=minbase", *without, suite, archive)
             self("import", "--change", 'CMD ["bash"]', archive, BASE)
 
     def build_images(self):
