@@ -14,6 +14,7 @@
 
 #include "base/mutex.h"
 #include "replay/journal_record.h"
+#include "replay/record_log.h"
 #include "replay/table.h"
 
 namespace slalom::replay {
@@ -79,26 +80,25 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
 /// The calls belong to one thread, but for `written` and `status`. The rows are not copied: `owner`
 /// keeps them alive until they are written. One thread writes, another syncs, so neither holds up
 /// the caller.
-class Journal {
+class Journal final : public RecordLog {
  public:
   /// Begins a segment with this state. `on_written` is called by the writing thread when `written`
   /// has grown. Throws `base::Error` where no thread can be had.
   Journal(const JournalOptions& options, JournalLock lock, std::vector<JournalSegment> segments,
           std::uint64_t next_index, const StateRecord& state, std::function<void()> on_written);
   /// As `Close`.
-  ~Journal();
+  ~Journal() override;
 
-  /// Each returns the position of its record: it is written when `written` is not less.
-  std::uint64_t Append(const SessionRecord& record);
-  std::uint64_t Append(const ForgetRecord& record);
-  std::uint64_t Append(const RowsRecord& record, std::shared_ptr<const void> owner);
+  std::uint64_t Append(const SessionRecord& record) override;
+  std::uint64_t Append(const ForgetRecord& record) override;
+  std::uint64_t Append(const RowsRecord& record, std::shared_ptr<const void> owner) override;
 
   /// Whether the next records should go into a new segment.
   bool segment_full() const { return segment_bytes_ >= options_.segment_bytes; }
   /// Begins a segment. `oldest_row`: rows before it are no longer needed.
   void BeginSegment(const StateRecord& state, std::int64_t oldest_row);
 
-  std::uint64_t written() const { return written_.load(std::memory_order_acquire); }
+  std::uint64_t written() const override { return written_.load(std::memory_order_acquire); }
 
   struct Status {
     std::int64_t waiting_bytes = 0;  ///< Appended and not yet written.

@@ -1,0 +1,396 @@
+#include "replay/service/insert_desk.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+#include "base/check.h"
+
+namespace slalom::replay {
+namespace {
+
+using proto::RefusalCode;
+using transport::PeerId;
+
+constexpr std::size_t kNewestChunks = 64;
+constexpr std::int64_t kSmallestWindow = 64 << 10;
+// Of the times between two readings.
+constexpr std::size_t kMaxInsertSeconds = 1 << 16;
+
+}  // namespace
+
+InsertDesk::InsertDesk(const Options& options, Sessions sessions, Table* table,
+                       RateLimiter* limiter, RecordLog* log, Outbox* outbox)
+    : options_(options),
+      sessions_(std::move(sessions)),
+      table_(table),
+      limiter_(limiter),
+      log_(log),
+      outbox_(outbox) {
+  for (const auto& [id, session] : sessions_.all()) {
+    live_[id] = {.peer = {},
+                 .received = session.next_sequence,
+                 .safe = session.next_sequence,
+                 .held = {},
+                 .welcome_at = {},
+                 .heard = {}};
+  }
+}
+
+void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) {
+  if (hello.session == 0) {
+    return Refuse(peer, RefusalCode::kBadMessage, "an actor's session is 0, expected 1 or more", 0);
+  }
+  const Session* const known = sessions_.FindName(hello.name);
+  if (known != nullptr && hello.session < known->number) {
+    return Refuse(peer, RefusalCode::kNoSession,
+                  fmt::format("session {} of {} was replaced by session {}", hello.session,
+                              hello.name, known->number),
+                  hello.session);
+  }
+  if (known != nullptr && hello.session == known->number) {
+    if (!known->ended && hello.num_streams != known->num_streams) {
+      return Refuse(peer, RefusalCode::kBadMessage,
+                    fmt::format("session {} of {} has {} streams, expected {}", hello.session,
+                                hello.name, hello.num_streams, known->num_streams),
+                    hello.session);
+    }
+    ++counts_.reconnections;
+    Attach(known->id, peer, now);
+    Live& live = live_.at(known->id);
+    live.welcome_at = live.welcome_at.value_or(0);
+    return SendOwed(now);
+  }
+
+  if (known != nullptr) PlaceAll(known->id);
+  const std::optional<Session> session = BeginSession(hello, known);
+  if (!session) {
+    return Refuse(peer, RefusalCode::kNotReady, "too many actors or streams: none can be added",
+                  hello.session);
+  }
+  ++counts_.sessions_started;
+  const std::uint64_t position = Put(*session);
+  Attach(session->id, peer, now);
+  Live& live = live_.at(session->id);
+  live.received = live.safe = 0;
+  live.bytes = 0;
+  live.told_window = 0;
+  live.welcome_at = position;
+  acks_owed_.erase(session->id);
+  SendOwed(now);
+}
+
+std::optional<Session> InsertDesk::BeginSession(const proto::Hello& hello, const Session* known) {
+  Session session;
+  if (known != nullptr) {
+    session.id = known->id;
+    session.earlier_steps = known->earlier_steps + known->accepted_steps;
+    session.previous_number = known->number;
+    session.previous_accepted_steps = known->accepted_steps;
+  }
+  if (known == nullptr && !MakeRoom()) return std::nullopt;
+  if (known == nullptr) session.id = sessions_.next_id();
+  session.name = hello.name;
+  session.number = hello.session;
+  session.num_streams = hello.num_streams;
+  if (known != nullptr && !known->ended && known->num_streams == hello.num_streams) {
+    session.stream_base = known->stream_base;
+    return session;
+  }
+  const auto base = sessions_.FreeBase(hello.num_streams);
+  if (!base) return std::nullopt;
+  session.stream_base = *base;
+  return session;
+}
+
+// Names come and go where actors are containers: the one that was silent for longest is struck out,
+// but none that is there.
+bool InsertDesk::MakeRoom() {
+  if (sessions_.all().size() < static_cast<std::size_t>(Sessions::kMaxNames)) return true;
+  std::uint32_t oldest = 0;
+  for (const auto& [id, session] : sessions_.all()) {
+    if (live_.at(id).peer || live_.at(id).bytes > 0) continue;
+    if (oldest == 0 || live_.at(id).heard < live_.at(oldest).heard) oldest = id;
+  }
+  if (oldest == 0) return false;
+  End(oldest);
+  log_->Append(ForgetRecord{oldest});
+  SLALOM_CHECK(sessions_.Forget(oldest));
+  live_.erase(oldest);
+  acks_owed_.erase(oldest);
+  welcomes_owed_.erase(oldest);
+  return true;
+}
+
+void InsertDesk::Attach(std::uint32_t id, const PeerId& peer, Time now) {
+  Live& live = live_[id];
+  if (live.peer) ids_.erase(*live.peer);
+  if (const auto other = ids_.find(peer); other != ids_.end()) {
+    live_.at(other->second).peer.reset();
+  }
+  live.peer = peer;
+  live.heard = now;
+  ids_[peer] = id;
+  welcomes_owed_.insert(id);
+}
+
+std::uint64_t InsertDesk::Put(const Session& session) {
+  const auto freed = sessions_.Put(session);
+  SLALOM_CHECK(freed.ok());
+  for (int s = freed->base; s < freed->base + freed->count; ++s) {
+    counts_.episodes_cut += table_->is_open(s);
+    table_->Cut(s);
+  }
+  return log_->Append(SessionRecord{session});
+}
+
+void InsertDesk::End(std::uint32_t id) {
+  Session session = *sessions_.Find(id);
+  if (session.ended) return;
+  session.ended = true;
+  Put(session);
+}
+
+InsertDesk::Live* InsertDesk::Find(const PeerId& peer, std::uint32_t* id) {
+  const auto it = ids_.find(peer);
+  if (it == ids_.end()) return nullptr;
+  *id = it->second;
+  return &live_.at(it->second);
+}
+
+void InsertDesk::Insert(const PeerId& peer, const proto::Insert& insert, transport::Frame payload,
+                        Time now) {
+  std::uint32_t id = 0;
+  Live* const live = Find(peer, &id);
+  const Session* const session = live == nullptr ? nullptr : sessions_.Find(id);
+  if (session == nullptr || session->number != insert.session ||
+      (session->ended && insert.sequence >= live->received)) {
+    return RefuseChunk(peer, RefusalCode::kNoSession, "no such session is open: say hello", insert);
+  }
+  live->heard = now;
+  if (insert.sequence < live->received) {
+    ++counts_.chunks_duplicate;
+    counts_.steps_duplicate += insert.num_steps;
+    acks_owed_.insert(id);
+    return;
+  }
+  if (insert.sequence > live->received) {
+    return RefuseChunk(peer, RefusalCode::kOutOfOrder,
+                       fmt::format("found chunk {}, expected {}", insert.sequence, live->received),
+                       insert);
+  }
+  const auto size = static_cast<std::int64_t>(payload.size());
+  const std::int64_t limit = std::max(live->told_window, Window(now));
+  const std::int64_t total_limit = std::max(2 * options_.window_bytes, options_.max_message_bytes);
+  if ((live->bytes > 0 && live->bytes + size > limit) || total_bytes_ + size > total_limit) {
+    return RefuseChunk(peer, RefusalCode::kOverWindow,
+                       fmt::format("{} bytes beside {} that are not acknowledged, window {}", size,
+                                   live->bytes, limit),
+                       insert);
+  }
+  auto frame = std::make_shared<const transport::Frame>(std::move(payload));
+  const auto rows =
+      RowBytes::Parse(frame->bytes(), insert.num_rows, insert.num_beams, session->num_streams);
+  if (!rows) return RefuseChunk(peer, RefusalCode::kBadMessage, rows.failure().text, insert);
+  if (rows->num_beams() != table_->num_beams() || rows->num_steps() != insert.num_steps) {
+    return RefuseChunk(
+        peer, RefusalCode::kBadMessage,
+        fmt::format("found {} steps of {} beams, expected {} of {}", rows->num_steps(),
+                    rows->num_beams(), insert.num_steps, table_->num_beams()),
+        insert);
+  }
+  live->held.push_back({insert, std::move(frame), *rows, now});
+  ++live->received;
+  live->bytes += size;
+  total_bytes_ += size;
+  ++num_held_;
+  held_order_.push_back(id);
+  if (num_held_ == 1 && limiter_->MayInsert()) {
+    held_order_.clear();
+    PlaceFront(id);
+  }
+}
+
+void InsertDesk::PlaceAll(std::uint32_t id) {
+  while (!live_.at(id).held.empty()) PlaceFront(id);
+}
+
+void InsertDesk::PlaceFront(std::uint32_t id) {
+  Live& live = live_.at(id);
+  const Session& session = *sessions_.Find(id);
+  const proto::Insert& insert = live.held.front().insert;
+  if (const auto fault = table_->CheckEpisodes(live.held.front().rows, session.stream_base)) {
+    if (live.peer) RefuseChunk(*live.peer, RefusalCode::kBadMessage, fault->text, insert);
+    return DropHeld(id);
+  }
+  const Held held = std::move(live.held.front());
+  live.held.pop_front();
+  --num_held_;
+  const RowsRecord record{.id = id,
+                          .num_rows = held.rows.num_rows(),
+                          .num_steps = held.insert.num_steps,
+                          .sequence = held.insert.sequence,
+                          .first_row = table_->total_inserted(),
+                          .rows = held.rows.bytes()};
+  const auto fault = sessions_.Accept(id, held.insert.sequence, held.insert.num_steps);
+  SLALOM_CHECK(!fault.has_value());
+  table_->InsertRows(held.rows, session.stream_base);
+  limiter_->AddSteps(held.insert.num_steps);
+  const std::uint64_t position = log_->Append(record, held.payload);
+  unwritten_.push_back({position, id, session.number, held.insert.sequence,
+                        static_cast<std::int64_t>(held.payload->size()), held.arrived});
+  ++counts_.chunks_accepted;
+  versions_.push_back(0.5 * (static_cast<double>(held.insert.oldest_version) +
+                             static_cast<double>(held.insert.newest_version)));
+  if (versions_.size() > kNewestChunks) versions_.pop_front();
+}
+
+void InsertDesk::DropHeld(std::uint32_t id) {
+  Live& live = live_.at(id);
+  for (const Held& held : live.held) {
+    live.bytes -= static_cast<std::int64_t>(held.payload->size());
+    total_bytes_ -= static_cast<std::int64_t>(held.payload->size());
+  }
+  num_held_ -= static_cast<std::int64_t>(live.held.size());
+  live.held.clear();
+  live.received = sessions_.Find(id)->next_sequence;
+}
+
+void InsertDesk::Goodbye(const PeerId& peer, const proto::Goodbye& goodbye, Time now) {
+  std::uint32_t id = 0;
+  Live* const live = Find(peer, &id);
+  if (live == nullptr || sessions_.Find(id)->number != goodbye.session) {
+    return Refuse(peer, RefusalCode::kNoSession, "no such session is open", goodbye.session);
+  }
+  live->heard = now;
+  PlaceAll(id);
+  End(id);
+}
+
+void InsertDesk::Heard(const PeerId& peer, Time now) {
+  std::uint32_t id = 0;
+  if (Live* const live = Find(peer, &id)) live->heard = now;
+}
+
+void InsertDesk::Gone(const PeerId& peer) {
+  std::uint32_t id = 0;
+  Live* const live = Find(peer, &id);
+  if (live == nullptr) return;
+  live->peer.reset();
+  ids_.erase(peer);
+  acks_owed_.erase(id);
+  welcomes_owed_.erase(id);
+}
+
+bool InsertDesk::Advance(Time now, int max_chunks) {
+  Retire(now);
+  for (int i = 0; i < max_chunks && num_held_ > 0 && limiter_->MayInsert();) {
+    const std::uint32_t id = held_order_.front();
+    held_order_.pop_front();
+    const auto live = live_.find(id);
+    if (live == live_.end() || live->second.held.empty()) continue;
+    PlaceFront(id);
+    ++i;
+  }
+  if (num_held_ == 0) held_order_.clear();
+  SendOwed(now);
+  return num_held_ > 0 && limiter_->MayInsert();
+}
+
+void InsertDesk::Retire(Time now) {
+  const std::uint64_t written = log_->written();
+  while (!unwritten_.empty() && unwritten_.front().position <= written) {
+    const Unwritten& chunk = unwritten_.front();
+    total_bytes_ -= chunk.bytes;
+    const Session* const session = sessions_.Find(chunk.id);
+    if (session != nullptr && session->number == chunk.session) {
+      Live& live = live_.at(chunk.id);
+      live.bytes -= chunk.bytes;
+      live.safe = chunk.sequence + 1;
+      if (live.peer) acks_owed_.insert(chunk.id);
+    }
+    if (insert_seconds_.size() < kMaxInsertSeconds) {
+      insert_seconds_.push_back(std::chrono::duration<double>(now - chunk.arrived).count());
+    }
+    unwritten_.pop_front();
+  }
+}
+
+void InsertDesk::SendOwed(Time now) {
+  const std::uint64_t written = log_->written();
+  const std::int64_t window = Window(now);
+  // A copy: peers that are found gone leave the set.
+  for (const std::uint32_t id : std::vector(welcomes_owed_.begin(), welcomes_owed_.end())) {
+    Live& live = live_.at(id);
+    if (!live.peer || live.welcome_at.value_or(0) > written) continue;
+    const Session& session = *sessions_.Find(id);
+    const auto sent = Answer(
+        *live.peer, proto::Welcome{.server = options_.server,
+                                   .session = session.number,
+                                   .next_sequence = live.safe,
+                                   .window_bytes = window,
+                                   .previous_session = session.previous_number,
+                                   .previous_accepted_steps = session.previous_accepted_steps,
+                                   .software = options_.software});
+    if (sent != Outbox::Sent::kYes) continue;
+    live.welcome_at.reset();
+    live.told_window = std::max(live.told_window, window);
+    welcomes_owed_.erase(id);
+  }
+  for (const std::uint32_t id : std::vector(acks_owed_.begin(), acks_owed_.end())) {
+    Live& live = live_.at(id);
+    // Before its welcome an actor does not know of the session.
+    if (!live.peer || welcomes_owed_.contains(id)) continue;
+    const auto sent = Answer(*live.peer, proto::InsertAck{.session = sessions_.Find(id)->number,
+                                                          .next_sequence = live.safe,
+                                                          .window_bytes = window});
+    if (sent != Outbox::Sent::kYes) continue;
+    live.told_window = std::max(live.told_window, window);
+    acks_owed_.erase(id);
+  }
+}
+
+int InsertDesk::num_present(Time now) const {
+  int count = 0;
+  for (const auto& [peer, id] : ids_) {
+    const Live& live = live_.at(id);
+    count += now - live.heard < options_.silence && !sessions_.Find(id)->ended;
+  }
+  return count;
+}
+
+std::int64_t InsertDesk::Window(Time now) const {
+  return std::max(options_.window_bytes / std::max(1, num_present(now)), kSmallestWindow);
+}
+
+double InsertDesk::acting_version() const {
+  if (versions_.empty()) return 0.0;
+  return std::accumulate(versions_.begin(), versions_.end(), 0.0) /
+         static_cast<double>(versions_.size());
+}
+
+std::vector<double> InsertDesk::TakeInsertSeconds() { return std::exchange(insert_seconds_, {}); }
+
+Outbox::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& header) {
+  const PeerId to = peer;  // `Gone` takes away what `peer` refers to.
+  const auto sent = outbox_->Send(to, MakeMessage(header));
+  if (sent == Outbox::Sent::kGone) Gone(to);
+  return sent;
+}
+
+void InsertDesk::Refuse(const PeerId& peer, RefusalCode code, std::string_view text,
+                        std::uint64_t about) {
+  (void)Answer(peer, proto::Refusal{.code = code, .text = std::string(text), .about = about});
+}
+
+void InsertDesk::RefuseChunk(const PeerId& peer, RefusalCode code, std::string_view text,
+                             const proto::Insert& insert) {
+  const auto reason = static_cast<std::size_t>(code);
+  ++counts_.chunks_rejected[reason];
+  counts_.steps_rejected[reason] += insert.num_steps;
+  Refuse(peer, code, text, insert.sequence);
+}
+
+}  // namespace slalom::replay

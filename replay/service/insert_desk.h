@@ -1,0 +1,160 @@
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/messages.h"
+#include "replay/record_log.h"
+#include "replay/rows.h"
+#include "replay/service/outbox.h"
+#include "replay/service/rate_limiter.h"
+#include "replay/sessions.h"
+#include "replay/table.h"
+
+namespace slalom::replay {
+
+/// Serves the actors: their sessions, the chunks that they insert, and the acknowledgements.
+///
+/// A chunk is checked, held while the rate limiter says so, put into the table and the log, and
+/// acknowledged when the log has written it. A chunk whose sequence is below the one expected is a
+/// duplicate and only acknowledged again; one above it, or beyond the session's window, is refused
+/// and not kept. A chunk that is no sound continuation of its streams is refused as a whole, with
+/// those of its session that were held behind it.
+///
+/// Confined to the server's thread. Memory: the payload not yet written is at most twice
+/// `window_bytes`, or one message.
+class InsertDesk {
+ public:
+  using Time = std::chrono::steady_clock::time_point;
+
+  struct Options {
+    std::int64_t window_bytes = 256 << 20;  ///< For all sessions that are there.
+    std::int64_t max_message_bytes = 16 << 20;
+    std::chrono::duration<double> silence{10.0};  ///< After which an actor counts as gone.
+    std::uint64_t server = 0;                     ///< As `proto::Welcome`.
+    std::string software;
+  };
+
+  /// What was counted since the start. Plain data.
+  struct Counts {
+    static constexpr std::size_t kReasons = 16;  ///< By RefusalCode.
+    std::int64_t chunks_accepted = 0;
+    std::int64_t chunks_duplicate = 0;
+    std::int64_t steps_duplicate = 0;
+    std::array<std::int64_t, kReasons> chunks_rejected{};
+    std::array<std::int64_t, kReasons> steps_rejected{};
+    std::int64_t sessions_started = 0;
+    std::int64_t reconnections = 0;
+    std::int64_t episodes_cut = 0;
+  };
+
+  /// `sessions`: those that came back with the table. The pointers must outlive the desk.
+  InsertDesk(const Options& options, Sessions sessions, Table* table, RateLimiter* limiter,
+             RecordLog* log, Outbox* outbox);
+
+  /// An actor begins or takes up a session; the welcome goes out when all that it tells is written.
+  /// Requires: beams and spec are those of the table.
+  void Hello(const transport::PeerId& peer, const proto::Hello& hello, Time now);
+  void Insert(const transport::PeerId& peer, const proto::Insert& insert, transport::Frame payload,
+              Time now);
+  void Goodbye(const transport::PeerId& peer, const proto::Goodbye& goodbye, Time now);
+  /// Something else came of this peer.
+  void Heard(const transport::PeerId& peer, Time now);
+  /// Its connection is no more.
+  void Gone(const transport::PeerId& peer);
+
+  /// Sends what is owed for what has been written, and inserts at most `max_chunks` that were held
+  /// and no longer need to be. True: there is more that could be done at once.
+  bool Advance(Time now, int max_chunks);
+
+  const Sessions& sessions() const { return sessions_; }
+  const Counts& counts() const { return counts_; }
+  /// Sessions of actors that are there.
+  int num_present(Time now) const;
+  /// Chunks held by the rate limiter.
+  std::int64_t num_held() const { return num_held_; }
+  std::int64_t num_unwritten() const { return static_cast<std::int64_t>(unwritten_.size()); }
+  /// Payload received and not yet written.
+  std::int64_t unwritten_bytes() const { return total_bytes_; }
+  /// Mean version of the policies that made the newest chunks.
+  double acting_version() const;
+  /// Times from arrival to being written since the last call, [s].
+  std::vector<double> TakeInsertSeconds();
+
+ private:
+  struct Held {
+    proto::Insert insert;
+    std::shared_ptr<const transport::Frame> payload;
+    RowBytes rows;
+    Time arrived;
+  };
+  /// What need not outlive the server.
+  struct Live {
+    std::optional<transport::PeerId> peer;
+    std::uint64_t received = 0;    ///< Next sequence to come.
+    std::uint64_t safe = 0;        ///< All before it are written.
+    std::int64_t bytes = 0;        ///< Received and not written.
+    std::int64_t told_window = 0;  ///< The largest that this session was told.
+    std::deque<Held> held;
+    std::optional<std::uint64_t> welcome_at;  ///< Owed when the log has written this position.
+    Time heard;
+  };
+  /// A chunk in the log that is not written yet.
+  struct Unwritten {
+    std::uint64_t position = 0;
+    std::uint32_t id = 0;
+    std::uint64_t session = 0;
+    std::uint64_t sequence = 0;
+    std::int64_t bytes = 0;
+    Time arrived;
+  };
+
+  Live* Find(const transport::PeerId& peer, std::uint32_t* id);
+  /// The session that a new number of a name begins. None: refused.
+  std::optional<Session> BeginSession(const proto::Hello& hello, const Session* known);
+  bool MakeRoom();
+  void Attach(std::uint32_t id, const transport::PeerId& peer, Time now);
+  std::uint64_t Put(const Session& session);
+  void End(std::uint32_t id);
+  void PlaceAll(std::uint32_t id);
+  void PlaceFront(std::uint32_t id);
+  void DropHeld(std::uint32_t id);
+  void Retire(Time now);
+  void SendOwed(Time now);
+  std::int64_t Window(Time now) const;
+  Outbox::Sent Answer(const transport::PeerId& peer, const proto::Header& header);
+  void Refuse(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text,
+              std::uint64_t about);
+  void RefuseChunk(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text,
+                   const proto::Insert& insert);
+
+  const Options options_;
+  Sessions sessions_;
+  Table* const table_;
+  RateLimiter* const limiter_;
+  RecordLog* const log_;
+  Outbox* const outbox_;
+
+  std::map<std::uint32_t, Live> live_;  ///< By id; one for each session.
+  std::map<transport::PeerId, std::uint32_t> ids_;
+  std::deque<std::uint32_t> held_order_;  ///< Ids, in the order in which chunks came.
+  std::int64_t num_held_ = 0;
+  std::deque<Unwritten> unwritten_;
+  std::int64_t total_bytes_ = 0;
+  std::set<std::uint32_t> acks_owed_;
+  std::set<std::uint32_t> welcomes_owed_;
+  std::deque<double> versions_;  ///< Of the newest chunks.
+  Counts counts_;
+  std::vector<double> insert_seconds_;
+};
+
+}  // namespace slalom::replay

@@ -1,0 +1,65 @@
+#include "replay/service/rate_limiter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+
+namespace slalom::replay {
+
+RateLimiter::RateLimiter(const Options& options, std::int64_t steps)
+    : options_(options), steps_(steps) {
+  SLALOM_CHECK_GT(options.updates_per_step, 0.0);
+  SLALOM_CHECK_GE(options.learning_starts, 0);
+  SLALOM_CHECK_GE(options.max_ahead_steps, 0);
+  SLALOM_CHECK_GE(steps, 0);
+}
+
+double RateLimiter::granted() const {
+  double sum = 0.0;
+  for (const auto& [name, learner] : learners_) sum += static_cast<double>(learner.next);
+  return sum;
+}
+
+void RateLimiter::Ask(const std::string& learner, std::uint64_t cursor) {
+  if (!learners_.contains(learner)) MakeRoom();
+  learners_[learner] = {.next = cursor, .present = true, .used = ++calls_};
+}
+
+bool RateLimiter::MaySample(const std::string& learner) const {
+  SLALOM_CHECK(learners_.contains(learner));
+  return granted() + 1.0 <=
+         options_.updates_per_step * static_cast<double>(steps_ - options_.learning_starts);
+}
+
+void RateLimiter::Grant(const std::string& learner) {
+  SLALOM_CHECK(learners_.contains(learner));
+  ++learners_[learner].next;
+}
+
+void RateLimiter::Leave(const std::string& learner) {
+  if (const auto it = learners_.find(learner); it != learners_.end()) it->second.present = false;
+}
+
+bool RateLimiter::MayInsert() const {
+  if (options_.max_ahead_steps == 0 || starved_ || steps_ < options_.learning_starts) return true;
+  const bool any = std::any_of(learners_.begin(), learners_.end(),
+                               [](const auto& entry) { return entry.second.present; });
+  if (!any) return true;
+  const double ahead = std::max(static_cast<double>(options_.max_ahead_steps),
+                                std::ceil(1.0 / options_.updates_per_step));
+  return static_cast<double>(steps_ - options_.learning_starts) <=
+         granted() / options_.updates_per_step + ahead;
+}
+
+// Names are what peers say: the one that was silent for longest gives way.
+void RateLimiter::MakeRoom() {
+  if (learners_.size() < kMaxLearners) return;
+  learners_.erase(
+      std::min_element(learners_.begin(), learners_.end(), [](const auto& a, const auto& b) {
+        return std::pair(a.second.present, a.second.used) <
+               std::pair(b.second.present, b.second.used);
+      }));
+}
+
+}  // namespace slalom::replay

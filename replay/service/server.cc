@@ -1,0 +1,309 @@
+#include "replay/service/server.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <random>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "base/check.h"
+#include "base/log.h"
+
+namespace slalom::replay {
+namespace {
+
+using proto::RefusalCode;
+using transport::PeerId;
+using transport::Role;
+
+// How much of each kind is done before the others have their turn.
+constexpr int kMessagesPerTurn = 32;
+constexpr int kRepliesPerTurn = 4;
+constexpr int kChunksPerTurn = 32;
+constexpr auto kIdleWait = std::chrono::milliseconds(50);
+constexpr auto kTick = std::chrono::seconds(1);
+// Per connection and direction: of samples, 64 are 47 MB at 256 x 720 beams.
+constexpr int kQueueMessages = 64;
+// Connections that were silent for so many times `silence` are forgotten, and said no hello before
+// they send again.
+constexpr int kForgetAfter = 6;
+
+std::uint64_t NewId() {
+  std::random_device device;
+  return (static_cast<std::uint64_t>(device()) << 32) | device();
+}
+
+JournalOptions JournalOptionsOf(const ReplayServerConfig& config, const ReplayServerSpec& spec) {
+  return {.directory = config.directory,
+          .segment_bytes = config.segment_bytes,
+          .sync_interval = std::chrono::duration_cast<std::chrono::milliseconds>(
+              std::chrono::duration<double>(config.sync_interval)),
+          .num_beams = spec.num_beams,
+          .spec_hash = spec.spec_hash};
+}
+
+/// The roles that may send a message; none: it is not for this server.
+bool MaySend(std::string_view role, const proto::Header& header) {
+  const bool actor = role == "actor", learner = role == "learner";
+  const bool known = actor || learner || role == "evaluator" || role == "operator";
+  if (std::holds_alternative<proto::Hello>(header) ||
+      std::holds_alternative<proto::StatusRequest>(header)) {
+    return known;
+  }
+  if (std::holds_alternative<proto::Report>(header)) return known && role != "operator";
+  if (std::holds_alternative<proto::Insert>(header) ||
+      std::holds_alternative<proto::Goodbye>(header)) {
+    return actor;
+  }
+  if (std::holds_alternative<proto::SampleRequest>(header) ||
+      std::holds_alternative<proto::PriorityUpdate>(header)) {
+    return learner;
+  }
+  return false;
+}
+
+}  // namespace
+
+class ReplayServer::Answers : public Outbox {
+ public:
+  explicit Answers(ReplayServer* owner) : owner_(owner) {}
+  Sent Send(const PeerId& peer, transport::Message&& message) override {
+    return owner_->server_->Send(peer, std::move(message));
+  }
+
+ private:
+  ReplayServer* const owner_;
+};
+
+ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerSpec& spec,
+                           transport::Context& context, metrics::Registry& registry)
+    : config_(config),
+      spec_(spec),
+      answers_(std::make_unique<Answers>(this)),
+      board_(std::chrono::duration<double>(config.silence)),
+      id_(NewId()),
+      ticked_(Clock::now()) {
+  metrics_.emplace(registry, spec_);
+  Sessions sessions;
+  std::optional<JournalLock> lock;
+  std::vector<JournalSegment> segments;
+  std::uint64_t next_index = 1;
+  const JournalOptions options = JournalOptionsOf(config_, spec_);
+  if (config_.directory.empty()) {
+    table_.emplace(spec_.table, spec_.num_beams);
+  } else {
+    lock.emplace(options.directory);
+    Recovered recovered = RecoverJournal(options, spec_.table);
+    for (const std::string& note : recovered.notes) spdlog::warn("replay journal: {}", note);
+    spdlog::info("replay journal {}: {} steps in the table, {} ever accepted; lost to damage: {}",
+                 config_.directory, recovered.table.num_steps(),
+                 recovered.sessions.accepted_steps(), recovered.lost_rows);
+    metrics_->ShowRecovery(recovered);
+    table_.emplace(std::move(recovered.table));
+    sessions = std::move(recovered.sessions);
+    segments = std::move(recovered.segments);
+    next_index = recovered.next_index;
+  }
+  server_ = std::make_unique<transport::Server>(
+      context, transport::ServerOptions{.endpoint = spec_.endpoint,
+                                        .security = spec_.security,
+                                        .max_message_bytes = config_.max_message_bytes,
+                                        .max_messages_per_second = config_.max_messages_per_second,
+                                        .queue_messages = kQueueMessages});
+  if (lock) {
+    StateRecord state = State();
+    state.sessions = sessions;
+    journal_ = std::make_unique<Journal>(options, std::move(*lock), std::move(segments), next_index,
+                                         state, [this] { server_->Wake(); });
+  }
+  limiter_.emplace(RateLimiter::Options{.updates_per_step = spec_.updates_per_step,
+                                        .learning_starts = spec_.learning_starts,
+                                        .max_ahead_steps = config_.max_ahead_steps},
+                   sessions.accepted_steps());
+  RecordLog* const log = journal_ ? static_cast<RecordLog*>(journal_.get()) : &no_log_;
+  inserts_.emplace(InsertDesk::Options{.window_bytes = config_.window_bytes,
+                                       .max_message_bytes = config_.max_message_bytes,
+                                       .silence = std::chrono::duration<double>(config_.silence),
+                                       .server = id_,
+                                       .software = spec_.software},
+                   std::move(sessions), &*table_, &*limiter_, log, answers_.get());
+  samples_.emplace(SampleDesk::Options{.seed = spec_.seed,
+                                       .max_sample_bytes = config_.max_sample_bytes,
+                                       .priority_exponent = config_.priority_exponent},
+                   &*table_, &*limiter_, answers_.get());
+}
+
+// The journal's threads wake the socket: they end first.
+ReplayServer::~ReplayServer() { journal_.reset(); }
+
+StateRecord ReplayServer::State() const {
+  StateRecord state{.first_row = table_->total_inserted(), .open = {}, .sessions = {}};
+  for (int s = 0; s < table_->num_streams(); ++s) state.open.push_back(table_->is_open(s));
+  if (inserts_) state.sessions = inserts_->sessions();
+  return state;
+}
+
+void ReplayServer::Run(std::stop_token stop) {
+  const std::stop_callback wake(stop, [this] { server_->Wake(); });
+  while (!stop.stop_requested()) Turn();
+  if (journal_) journal_->Close();
+  inserts_->Advance(Clock::now(), 0);
+  spdlog::info("replay server: stopped with {} steps accepted",
+               inserts_->sessions().accepted_steps());
+}
+
+void ReplayServer::Turn() {
+  auto wait = busy_ ? std::chrono::milliseconds(0) : kIdleWait;
+  for (int i = 0; i < kMessagesPerTurn; ++i) {
+    auto received = server_->Receive(wait);
+    if (!received) break;
+    Take(std::move(*received), Clock::now());
+    wait = std::chrono::milliseconds(0);
+  }
+  const Time now = Clock::now();
+  const bool more_chunks = inserts_->Advance(now, kChunksPerTurn);
+  const bool more_samples = samples_->Advance(kRepliesPerTurn, inserts_->acting_version());
+  busy_ = more_chunks || more_samples;
+  if (journal_ && journal_->segment_full()) {
+    journal_->BeginSegment(State(), table_->first_sequence());
+  }
+  if (now - ticked_ >= kTick) Tick(now);
+}
+
+void ReplayServer::Tick(Time now) {
+  const double elapsed = std::chrono::duration<double>(now - ticked_).count();
+  ticked_ = now;
+  ForgetSilent(now);
+  ServerMetrics::Sources sources{.table = &*table_,
+                                 .limiter = &*limiter_,
+                                 .inserts = &*inserts_,
+                                 .samples = &*samples_,
+                                 .journal = journal_.get(),
+                                 .malformed = server_->malformed(),
+                                 .rejected_connections = server_->rejected_connections(),
+                                 .peers = {},
+                                 .held_inserts_s = inserts_->num_held() > 0 ? elapsed : 0.0,
+                                 .held_samples_s = samples_->num_held() > 0 ? elapsed : 0.0};
+  for (const auto& [id, peer] : peers_) {
+    if (now - peer.heard < std::chrono::duration<double>(config_.silence)) {
+      ++sources.peers[peer.role];
+    }
+  }
+  metrics_->Show(sources, now);
+  board_.Put(metrics_->report(), now);
+}
+
+void ReplayServer::Take(transport::Server::Received received, Time now) {
+  if (received.too_fast) {
+    return Refuse(received.peer, {.code = RefusalCode::kTooFast,
+                                  .text = "more messages a second than this server takes",
+                                  .about = 0});
+  }
+  const auto header =
+      proto::Decode(received.message.header.bytes(), received.message.payload.bytes());
+  if (!header) return Refuse(received.peer, header.failure());
+  metrics_->CountMessage(*header);
+  if (!IsAllowed(received, *header)) {
+    const bool stranger = !std::holds_alternative<proto::Hello>(*header) && !received.role &&
+                          !peers_.contains(received.peer);
+    return Refuse(received.peer,
+                  {.code = stranger ? RefusalCode::kNoSession : RefusalCode::kNotAllowed,
+                   .text = fmt::format("{} is not for this role to send here, or before hello",
+                                       proto::NameOf(*header)),
+                   .about = 0});
+  }
+  if (const auto it = peers_.find(received.peer); it != peers_.end()) {
+    it->second.heard = now;
+    inserts_->Heard(received.peer, now);
+  }
+  Handle(received.peer, *header, std::move(received.message.payload), now);
+}
+
+bool ReplayServer::IsAllowed(const transport::Server::Received& received,
+                             const proto::Header& header) const {
+  const auto* const hello = std::get_if<proto::Hello>(&header);
+  const auto known = peers_.find(received.peer);
+  if (received.role) {
+    const std::string_view role = ToString(*received.role);
+    if (hello != nullptr && hello->role != role) return false;
+    // Who sends what is counted to a name is known from the hello only.
+    const bool needs_hello = !std::holds_alternative<proto::StatusRequest>(header) &&
+                             !std::holds_alternative<proto::Report>(header) && hello == nullptr;
+    return MaySend(role, header) && (!needs_hello || known != peers_.end());
+  }
+  if (hello != nullptr) return MaySend(hello->role, header);
+  if (std::holds_alternative<proto::StatusRequest>(header)) return true;
+  return known != peers_.end() && MaySend(known->second.role, header);
+}
+
+void ReplayServer::Handle(const PeerId& peer, const proto::Header& header, transport::Frame payload,
+                          Time now) {
+  if (const auto* const insert = std::get_if<proto::Insert>(&header)) {
+    inserts_->Insert(peer, *insert, std::move(payload), now);
+  } else if (const auto* const request = std::get_if<proto::SampleRequest>(&header)) {
+    samples_->Ask(peer, peers_.at(peer).name, *request);
+  } else if (const auto* const update = std::get_if<proto::PriorityUpdate>(&header)) {
+    samples_->SetPriorities(peer, *update, payload.bytes());
+  } else if (const auto* const report = std::get_if<proto::Report>(&header)) {
+    board_.Put(*report, now);
+  } else if (const auto* const hello = std::get_if<proto::Hello>(&header)) {
+    Greet(peer, *hello, now);
+  } else if (const auto* const goodbye = std::get_if<proto::Goodbye>(&header)) {
+    inserts_->Goodbye(peer, *goodbye, now);
+  } else if (std::holds_alternative<proto::StatusRequest>(header)) {
+    Answer(peer, board_.Reply(now));
+  }
+}
+
+void ReplayServer::Greet(const PeerId& peer, const proto::Hello& hello, Time now) {
+  const bool moves_data = hello.role == "actor" || hello.role == "learner";
+  if (moves_data && (hello.num_beams != spec_.num_beams || hello.spec_hash != spec_.spec_hash)) {
+    spdlog::warn("replay server: {} {} has another spec of observations or actions: refused",
+                 hello.role, hello.name);
+    return Refuse(peer, {.code = RefusalCode::kWrongSpec,
+                         .text = fmt::format("found {} beams and spec {:016x}, expected {} and "
+                                             "{:016x}: the configs differ",
+                                             hello.num_beams, hello.spec_hash, spec_.num_beams,
+                                             spec_.spec_hash),
+                         .about = 0});
+  }
+  // The same process after a reconnection: what its old connection asked for is no longer wanted.
+  std::vector<PeerId> old;
+  for (const auto& [id, other] : peers_) {
+    if (id != peer && other.role == hello.role && other.name == hello.name) old.push_back(id);
+  }
+  for (const PeerId& id : old) Forget(id);
+  peers_[peer] = {hello.role, hello.name, now};
+  if (hello.role == "actor") return inserts_->Hello(peer, hello, now);
+  Answer(peer, proto::Welcome{.server = id_, .session = hello.session, .software = spec_.software});
+}
+
+void ReplayServer::Answer(const PeerId& peer, const proto::Header& header) {
+  if (server_->Send(peer, MakeMessage(header)) == transport::Server::Sent::kGone) Forget(peer);
+}
+
+void ReplayServer::Refuse(const PeerId& peer, const proto::Refusal& refusal) {
+  metrics_->CountRefusal(refusal.code);
+  Answer(peer, refusal);
+}
+
+void ReplayServer::Forget(const PeerId& peer) {
+  const PeerId id = peer;  // May lie in what is taken away.
+  inserts_->Gone(id);
+  samples_->Gone(id);
+  peers_.erase(id);
+}
+
+void ReplayServer::ForgetSilent(Time now) {
+  const std::chrono::duration<double> silence(config_.silence);
+  std::vector<PeerId> silent;
+  for (const auto& [id, peer] : peers_) {
+    if (now - peer.heard >= silence && peer.role == "learner") samples_->Silent(id);
+    if (now - peer.heard >= kForgetAfter * silence) silent.push_back(id);
+  }
+  for (const PeerId& id : silent) Forget(id);
+}
+
+}  // namespace slalom::replay

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string_view>
+#include <vector>
+
+#include "metrics/registry.h"
+#include "proto/messages.h"
+#include "replay/journal.h"
+#include "replay/service/config.h"
+#include "replay/service/insert_desk.h"
+#include "replay/service/rate_limiter.h"
+#include "replay/service/sample_desk.h"
+#include "replay/table.h"
+
+namespace slalom::replay {
+
+/// What a replay server shows of itself, to Prometheus and as its own report. Confined to the
+/// server's thread.
+class ServerMetrics {
+ public:
+  using Time = std::chrono::steady_clock::time_point;
+
+  ServerMetrics(metrics::Registry& registry, const ReplayServerSpec& spec);
+
+  /// What this start read from disk.
+  void ShowRecovery(const Recovered& recovered);
+  /// A message came, and was not refused before it was read.
+  void CountMessage(const proto::Header& header) { messages_[header.index()].Increment(); }
+  void CountRefusal(proto::RefusalCode code);
+
+  /// What to show. Pointers may not be null but for the journal's.
+  struct Sources {
+    const Table* table = nullptr;
+    const RateLimiter* limiter = nullptr;
+    InsertDesk* inserts = nullptr;
+    SampleDesk* samples = nullptr;
+    const Journal* journal = nullptr;
+    std::int64_t malformed = 0;
+    std::int64_t rejected_connections = 0;
+    std::map<std::string_view, int> peers;  ///< Heard of lately, by role.
+    double held_inserts_s = 0.0;            ///< Time since the last call that something was held.
+    double held_samples_s = 0.0;
+  };
+  /// Shows the state now. Called every second or so.
+  void Show(const Sources& sources, Time now);
+  /// What it last showed, as a report of this role.
+  const proto::Report& report() const { return report_; }
+
+ private:
+  void ShowJournal(const Journal::Status& status);
+
+  const ReplayServerSpec& spec_;
+  metrics::Counter steps_accepted_, chunks_accepted_, chunks_duplicate_, steps_duplicate_;
+  metrics::Counter sessions_started_, reconnections_, episodes_cut_;
+  metrics::Counter batches_, samples_, priorities_updated_, priorities_stale_;
+  metrics::Counter malformed_, rejected_connections_;
+  metrics::Counter blocked_inserts_, blocked_samples_, blocked_journal_;
+  metrics::Counter journal_written_, journal_errors_;
+  metrics::Gauge table_rows_, table_steps_, table_capacity_, table_bytes_;
+  metrics::Gauge samples_per_insert_, samples_per_insert_target_;
+  metrics::Gauge inserts_depth_, samples_depth_, journal_depth_, inserts_bytes_, journal_bytes_;
+  metrics::Gauge disk_bytes_, disk_segments_, sync_timestamp_, failing_;
+  metrics::Gauge recovered_steps_, damaged_steps_, sessions_;
+  metrics::Histogram insert_seconds_, sample_seconds_, sync_seconds_;
+  std::map<std::string_view, metrics::Gauge> peers_;
+  std::array<metrics::Counter, InsertDesk::Counts::kReasons> chunks_rejected_, steps_rejected_,
+      refusals_;
+  std::vector<metrics::Counter> messages_;
+
+  Time shown_;
+  std::int64_t shown_steps_ = 0;
+  std::int64_t shown_batches_ = 0;
+  std::int64_t shown_syncs_ = 0;
+  double shown_sync_s_ = 0.0;
+  proto::Report report_;
+};
+
+}  // namespace slalom::replay

@@ -1,0 +1,46 @@
+#include "replay/service/status_board.h"
+
+#include <algorithm>
+
+namespace slalom::replay {
+namespace {
+
+// Of a reply, well within what one message may hold.
+constexpr std::size_t kMaxReplyBytes = proto::kMaxHeaderBytes / 2;
+// Of a number, of the lengths and field numbers around a text.
+constexpr std::size_t kOverhead = 16;
+
+/// No less than a report takes in a message.
+std::size_t SizeOf(const proto::Report& report) {
+  std::size_t size = report.role.size() + report.name.size() + 4 * kOverhead;
+  for (const auto& [name, value] : report.figures) size += name.size() + 2 * kOverhead;
+  for (const auto& [name, text] : report.facts) size += name.size() + text.size() + 2 * kOverhead;
+  return size;
+}
+
+}  // namespace
+
+void StatusBoard::Put(proto::Report report, Time now) {
+  const std::pair key(report.role, report.name);
+  if (!entries_.contains(key) && entries_.size() >= static_cast<std::size_t>(proto::kMaxRoles)) {
+    entries_.erase(std::min_element(
+        entries_.begin(), entries_.end(),
+        [](const auto& a, const auto& b) { return a.second.came < b.second.came; }));
+  }
+  entries_[key] = {std::move(report), now};
+}
+
+proto::StatusReply StatusBoard::Reply(Time now) const {
+  proto::StatusReply reply;
+  std::size_t size = 0;
+  for (const auto& [key, entry] : entries_) {
+    size += SizeOf(entry.report);
+    if (size > kMaxReplyBytes) break;
+    const std::chrono::duration<double> age = now - entry.came;
+    reply.roles.push_back(
+        {.report = entry.report, .age_s = age.count(), .connected = age < silence_});
+  }
+  return reply;
+}
+
+}  // namespace slalom::replay

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "proto/messages.h"
+#include "replay/service/outbox.h"
+#include "transport/client.h"
+#include "transport/context.h"
+
+namespace slalom::replay {
+
+/// A message as it came.
+struct Reply {
+  proto::Header header;
+  transport::Frame payload;
+
+  template <class T>
+  const T* as() const {
+    return std::get_if<T>(&header);
+  }
+};
+
+/// The other end of a connection to a replay server.
+class TestPeer {
+ public:
+  static constexpr std::chrono::seconds kPatience{20};  // Only where the server is broken.
+
+  TestPeer(transport::Context& context, const std::string& endpoint)
+      : client_(context, {.endpoint = endpoint}) {}
+
+  void Send(const proto::Header& header, transport::Frame payload = {}) {
+    transport::Message message = MakeMessage(header, std::move(payload));
+    const auto deadline = std::chrono::steady_clock::now() + kPatience;
+    while (!client_.Send(std::move(message))) {
+      ASSERT_LT(std::chrono::steady_clock::now(), deadline) << "the server takes nothing";
+      transport::Client::WaitForAny({&client_}, std::chrono::milliseconds(5));
+    }
+  }
+
+  /// The next message, waited for.
+  std::optional<Reply> Receive() {
+    auto message = client_.Receive(kPatience);
+    if (!message) {
+      ADD_FAILURE() << "the server does not answer";
+      return std::nullopt;
+    }
+    auto header = proto::Decode(message->header.bytes(), message->payload.bytes());
+    EXPECT_TRUE(header.ok());
+    if (!header) return std::nullopt;
+    return Reply{std::move(*header), std::move(message->payload)};
+  }
+
+  /// The next message, which is of this kind.
+  template <class T>
+  std::optional<T> Expect(transport::Frame* payload = nullptr) {
+    auto reply = Receive();
+    if (!reply) return std::nullopt;
+    if (reply->as<T>() == nullptr) {
+      const auto* refusal = reply->as<proto::Refusal>();
+      ADD_FAILURE() << "found " << proto::NameOf(reply->header) << " "
+                    << (refusal ? refusal->text : "");
+      return std::nullopt;
+    }
+    if (payload != nullptr) *payload = std::move(reply->payload);
+    return *reply->as<T>();
+  }
+
+  transport::Client& client() { return client_; }
+
+ private:
+  transport::Client client_;
+};
+
+}  // namespace slalom::replay
