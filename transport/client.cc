@@ -10,6 +10,7 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "transport/endpoint.h"
 
 namespace slalom::transport {
 namespace {
@@ -37,6 +38,7 @@ constexpr char kRefused[] = "our key is not on the server's allow list";
 
 Client::Client(Context& context, const ClientOptions& options)
     : context_(context), options_(options) {
+  CheckEndpoint(options.endpoint);
   Open();
 }
 
@@ -44,7 +46,7 @@ void Client::Open() {
   monitor_.reset();
   socket_ = zmq::socket_t(context_.zmq(), zmq::socket_type::dealer);
   monitor_.emplace(context_, socket_, kEvents);
-  const bool is_inproc = options_.endpoint.starts_with("inproc://");
+  const bool is_inproc = IsInproc(options_.endpoint);
   const int heartbeat = static_cast<int>(options_.heartbeat.count());
   socket_.set(zmq::sockopt::linger, 0);
   socket_.set(zmq::sockopt::immediate, true);
@@ -58,7 +60,7 @@ void Client::Open() {
   socket_.set(zmq::sockopt::reconnect_ivl, static_cast<int>(kReconnect.count()));
   socket_.set(zmq::sockopt::reconnect_ivl_max, static_cast<int>(kReconnectMax.count()));
   socket_.set(zmq::sockopt::connect_timeout, static_cast<int>(kConnectTimeout.count()));
-  socket_.set(zmq::sockopt::ipv6, options_.endpoint.find('[') != std::string::npos);
+  socket_.set(zmq::sockopt::ipv6, IsIpv6(options_.endpoint));
   if (options_.security.keys && !is_inproc) {
     socket_.set(zmq::sockopt::curve_publickey, options_.security.keys->public_key);
     socket_.set(zmq::sockopt::curve_secretkey, options_.security.keys->secret_key);
@@ -114,6 +116,8 @@ void Client::Update() {
 
 bool Client::Send(Message&& message) {
   Update();
+  // ZeroMQ takes messages a moment before it says that it is connected.
+  if (!connected_) return false;
   // Only the first part can be refused. Where the connection breaks between the parts, ZeroMQ drops
   // both: they are lost on their way.
   const int flags = ZMQ_SNDMORE | ZMQ_DONTWAIT;

@@ -19,7 +19,8 @@ struct ClientOptions {
   ClientSecurity security = {};  ///< Not for inproc.
   std::int64_t max_message_bytes = 256 << 20;  ///< Larger parts end the connection.
   int queue_messages = 256;                    ///< In each direction.
-  std::chrono::milliseconds heartbeat{2000};   ///< Of a silent connection; gone after three.
+  std::chrono::milliseconds heartbeat{
+      2000};  ///< Of a silent connection; gone after three. At most half an hour.
 };
 
 /// The connecting end (DEALER). Connects in the background and again whenever the connection
@@ -30,7 +31,7 @@ struct ClientOptions {
 /// Confined to the thread that made it.
 class Client {
  public:
-  /// Throws `base::Error` where the endpoint is no address.
+  /// Throws `base::Error` where the endpoint is none.
   Client(Context& context, const ClientOptions& options);
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;

@@ -42,8 +42,4 @@ ServerSecurity MakeServerSecurity(const SecurityConfig& config, Role own,
 ClientSecurity MakeClientSecurity(const SecurityConfig& config, Role own, Role server,
                                   const std::string& endpoint);
 
-/// Whether an endpoint cannot be reached from another machine: inproc, ipc, 127.0.0.0/8, ::1,
-/// localhost.
-bool IsLocal(const std::string& endpoint);
-
 }  // namespace slalom::transport

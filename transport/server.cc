@@ -10,6 +10,7 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "transport/endpoint.h"
 
 namespace slalom::transport {
 namespace {
@@ -21,8 +22,6 @@ using Clock = Peers::Clock;
 constexpr milliseconds kUpdateInterval{100};
 constexpr milliseconds kCloseTimeout{1000};
 constexpr std::int64_t kTotalOverPeer = 4;
-
-bool IsInproc(const std::string& endpoint) { return endpoint.starts_with("inproc://"); }
 
 milliseconds HandshakeTime(milliseconds heartbeat) { return 5 * heartbeat; }
 
@@ -46,6 +45,7 @@ Server::Server(Context& context, const ServerOptions& options)
       socket_(context.zmq(), zmq::socket_type::router),
       monitor_(context, socket_, Peers::kEvents | ZMQ_EVENT_CLOSED),
       peers_(monitor_, LimitsOf(options)) {
+  CheckEndpoint(options.endpoint);
   const int heartbeat = static_cast<int>(options.heartbeat.count());
   socket_.set(zmq::sockopt::linger, 0);
   socket_.set(zmq::sockopt::router_mandatory, true);
@@ -57,7 +57,7 @@ Server::Server(Context& context, const ServerOptions& options)
   socket_.set(zmq::sockopt::heartbeat_ttl, 3 * heartbeat);
   socket_.set(zmq::sockopt::handshake_ivl,
               static_cast<int>(HandshakeTime(options.heartbeat).count()));
-  socket_.set(zmq::sockopt::ipv6, options.endpoint.find('[') != std::string::npos);
+  socket_.set(zmq::sockopt::ipv6, IsIpv6(options.endpoint));
   if (!domain_.empty()) {
     // In plaintext, too: ZeroMQ then does not take arbitrary bytes for its oldest protocol.
     socket_.set(zmq::sockopt::zap_domain, domain_);
@@ -81,7 +81,7 @@ Server::Server(Context& context, const ServerOptions& options)
 }
 
 Server::~Server() {
-  if (endpoint_.starts_with("tcp://")) WaitUntilFree();
+  if (IsTcp(endpoint_)) WaitUntilFree();
   if (!domain_.empty()) context_.Forget(domain_);
 }
 

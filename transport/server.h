@@ -28,7 +28,8 @@ struct ServerOptions {
                                            ///< (or of all peers four times that) ends its
                                            ///< connection. Beyond what a peer may have under way.
   int max_connections = 512;               ///< More are ended at once.
-  std::chrono::milliseconds heartbeat{2000};  ///< Of silent connections; gone after three.
+  std::chrono::milliseconds heartbeat{
+      2000};  ///< Of silent connections; gone after three. At most half an hour.
 };
 
 /// The listening end: takes messages of many peers and answers any of them at any time (ROUTER).
@@ -62,7 +63,7 @@ class Server {
   enum class Sent {
     kYes,
     kFull,  ///< The peer does not read; try later or give it up.
-    kGone,  ///< The connection is no more.
+    kGone,  ///< The connection is no more. A full one shows this only after a `Receive`.
   };
   /// Takes the message only where it is sent. Never waits.
   [[nodiscard]] Sent Send(const PeerId& peer, Message&& message);
