@@ -97,6 +97,7 @@ void Actor::EndEpisode(int i) {
   ++environment.episode_number;
   base::MutexLock lock(mutex_);
   ++num_episodes_;
+  ++num_outcomes_[static_cast<int>(results_[i].outcome)];
   recent_.push_back({results_[i].outcome, static_cast<std::int32_t>(environment.actions.size()),
                      environment.episode_return});
   while (std::ssize(recent_) > config_.stats_episodes) recent_.pop_front();
@@ -136,6 +137,7 @@ ActorStats Actor::stats() const {
   ActorStats stats;
   stats.num_steps = num_steps_;
   stats.num_episodes = num_episodes_;
+  stats.num_outcomes = num_outcomes_;
   stats.num_recent = static_cast<int>(recent_.size());
   if (recent_.empty()) return stats;
   const double share = 1.0 / static_cast<double>(recent_.size());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <span>
@@ -21,6 +22,8 @@ namespace slalom::actor {
 struct ActorStats {
   std::int64_t num_steps = 0;     ///< Environment steps in all.
   std::int64_t num_episodes = 0;  ///< Finished in all.
+  /// Of them, by `env::Outcome`, those that this actor drove itself (none from before a `Restore`).
+  std::array<std::int64_t, 4> num_outcomes{};
   int num_recent = 0;             ///< Finished episodes that the figures below stand on.
   double success_rate = 0.0;
   double collision_rate = 0.0;
@@ -97,6 +100,7 @@ class Actor {
   mutable base::Mutex mutex_;
   std::int64_t num_steps_ GUARDED_BY(mutex_) = 0;
   std::int64_t num_episodes_ GUARDED_BY(mutex_) = 0;
+  std::array<std::int64_t, 4> num_outcomes_ GUARDED_BY(mutex_){};
   std::deque<EpisodeSummary> recent_ GUARDED_BY(mutex_);
 };
 

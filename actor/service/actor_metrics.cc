@@ -1,0 +1,87 @@
+#include "actor/service/actor_metrics.h"
+
+#include <array>
+#include <limits>
+#include <utility>
+
+#include "metrics/catalogue.h"
+
+namespace slalom::actor {
+namespace {
+
+/// Counters only go up; what they follow is counted elsewhere.
+void RaiseTo(metrics::Counter counter, double value) {
+  if (const double by = value - counter.value(); by > 0.0) counter.Increment(by);
+}
+
+}  // namespace
+
+ActorMetrics::ActorMetrics(metrics::Registry& registry, std::string course_set,
+                           std::int64_t outbox_limit, int num_environments)
+    : registry_(registry), course_set_(std::move(course_set)) {
+  registry_.gauge(metrics::kQueueLimitBytes, {metrics::queue::kUnacknowledged})
+      .Set(static_cast<double>(outbox_limit));
+  registry_.gauge(metrics::kEnvironments).Set(num_environments);
+  registry_.counter(metrics::kBlockedSeconds, {metrics::queue::kUnacknowledged});
+  registry_.counter(metrics::kChunksSent);
+  registry_.counter(metrics::kChunksResent);
+  registry_.counter(metrics::kStepsSent);
+  registry_.counter(metrics::kStepsResent);
+  registry_.counter(metrics::kChunksAcknowledged);
+  registry_.histogram(metrics::kPublishToActing);
+}
+
+void ActorMetrics::Update(const StepAccount& account, const Outbox& outbox,
+                          const ActorStats& episodes, service::ReplayLink& replay,
+                          service::PolicyLink& policy) {
+  RaiseTo(registry_.counter(metrics::kEnvironmentSteps), static_cast<double>(account.made));
+  RaiseTo(registry_.counter(metrics::kStepsAcknowledged), static_cast<double>(account.accepted));
+  registry_.gauge(metrics::kStepsPending).Set(static_cast<double>(account.pending));
+  for (int i = 0; i < kNumLossReasons; ++i) {
+    RaiseTo(registry_.counter(metrics::kStepsLost, {ToString(static_cast<LossReason>(i))}),
+            static_cast<double>(account.lost[i]));
+  }
+  registry_.gauge(metrics::kQueueDepth, {metrics::queue::kUnacknowledged}).Set(outbox.num_chunks());
+  registry_.gauge(metrics::kQueueBytes, {metrics::queue::kUnacknowledged})
+      .Set(static_cast<double>(outbox.bytes()));
+  for (const auto outcome :
+       {env::Outcome::kSuccess, env::Outcome::kCollision, env::Outcome::kTimeout}) {
+    RaiseTo(registry_.counter(metrics::kEpisodes, {env::ToString(outcome), course_set_}),
+            static_cast<double>(episodes.num_outcomes[static_cast<int>(outcome)]));
+  }
+  const auto known = [&episodes](double value) {
+    return episodes.num_recent > 0 ? value : std::numeric_limits<double>::quiet_NaN();
+  };
+  registry_.gauge(metrics::kSuccessRate).Set(known(episodes.success_rate));
+  registry_.gauge(metrics::kCollisionRate).Set(known(episodes.collision_rate));
+  registry_.gauge(metrics::kEpisodeReturn).Set(known(episodes.mean_return));
+  registry_.gauge(metrics::kEpisodeSteps).Set(known(episodes.mean_length));
+  RaiseTo(registry_.counter(metrics::kConnections, {"replay"}), replay.connections());
+  RaiseTo(registry_.counter(metrics::kConnections, {"learner"}), policy.connections());
+  RaiseTo(registry_.counter(metrics::kPoliciesReceived), static_cast<double>(policy.received()));
+  registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(policy.version()));
+  registry_.gauge(metrics::kPolicyTimestamp).Set(policy.published_s());
+}
+
+void ActorMetrics::AddBlocked(std::string_view queue, double seconds) {
+  registry_.counter(metrics::kBlockedSeconds, {queue}).Increment(seconds);
+}
+
+void ActorMetrics::AddSent(int steps, bool again) {
+  registry_.counter(again ? metrics::kChunksResent : metrics::kChunksSent).Increment();
+  registry_.counter(again ? metrics::kStepsResent : metrics::kStepsSent).Increment(steps);
+}
+
+void ActorMetrics::AddAcknowledged(int chunks) {
+  registry_.counter(metrics::kChunksAcknowledged).Increment(chunks);
+}
+
+void ActorMetrics::AddRefused(std::string_view reason) {
+  registry_.counter(metrics::kChunksRejected, {reason}).Increment();
+}
+
+void ActorMetrics::AddPolicyInstalled(double latency_s) {
+  registry_.histogram(metrics::kPublishToActing).Observe(latency_s);
+}
+
+}  // namespace slalom::actor

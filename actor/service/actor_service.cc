@@ -1,0 +1,301 @@
+#include "actor/service/actor_service.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/random.h"
+#include "metrics/catalogue.h"
+#include "replay/rows.h"
+
+namespace slalom::actor {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr milliseconds kWait{50};
+// SIGTERM to exit within 5 s, the spool's writing included.
+constexpr std::chrono::seconds kFlush{3};
+// A chunk that the server calls bad so often is not damaged on its way but wrong.
+constexpr int kMaxRefusals = 5;
+
+const std::filesystem::path& Made(const std::filesystem::path& directory) {
+  base::MakeDirectories(directory);
+  return directory;
+}
+
+}  // namespace
+
+ActorService::ActorService(const ActorServiceConfig& config, const ActorConfig& actor_config,
+                           ActorIdentity identity, env::BatchEnvironment& environments,
+                           env::Agent& agent, service::InstallPolicy install,
+                           transport::Context& context, metrics::Registry& registry)
+    : config_(config),
+      actor_config_(actor_config),
+      identity_(std::move(identity)),
+      environments_(environments),
+      agent_(agent),
+      ledger_(Made(identity_.state_directory) / "ledger"),
+      outbox_(config.unacknowledged_bytes),
+      replay_(context, identity_.replay, {}),
+      policy_(context, identity_.learner, identity_.name, std::move(install)),
+      metrics_(registry, identity_.course_set, config.unacknowledged_bytes,
+               environments.batch_size()),
+      chunk_(environments.observations().num_beams),
+      reported_steps_(ledger_.account().made),
+      reported_at_(steady_clock::now()) {
+  SpreadNoise(actor_config_, environments_.batch_size());  // Throws now what it would throw later.
+  const auto spooled_streams = outbox_.LoadSpool(spool());
+  if (spooled_streams && outbox_.session() == ledger_.session()) {
+    spdlog::info("{} steps of the last session are still to be sent", outbox_.steps());
+    phase_ = Phase::kDraining;
+    replay_.SetHello(MakeHello(outbox_.session(), *spooled_streams));
+    return;
+  }
+  if (spooled_streams) {
+    spdlog::warn("{}: of session {}, but the ledger's is {}; not sent", spool().string(),
+                 outbox_.session(), ledger_.session());
+  }
+  StartSession(ledger_.session() + 1);
+}
+
+proto::Hello ActorService::MakeHello(std::uint64_t session, int num_streams) const {
+  proto::Hello hello;
+  hello.role = "actor";
+  hello.name = identity_.name;
+  hello.session = session;
+  hello.spec_hash = identity_.spec_hash;
+  hello.num_beams = chunk_.num_beams;
+  hello.num_streams = num_streams;
+  return hello;
+}
+
+void ActorService::StartSession(std::uint64_t session) {
+  phase_ = Phase::kStarting;
+  outbox_.Begin(session);
+  replay_.SetHello(MakeHello(session, environments_.batch_size()));
+}
+
+void ActorService::Replace(std::string_view why) {
+  spdlog::warn("session {} cannot go on: {}; {} steps are lost, a new one begins",
+               outbox_.session(), why, ledger_.account().pending);
+  reason_ = LossReason::kReplaced;
+  actor_.reset();
+  chunk_.Clear();
+  chunk_steps_ = 0;
+  StartSession(ledger_.session() + 1);
+}
+
+void ActorService::OnWelcome(const proto::Welcome& welcome) {
+  window_bytes_ = welcome.window_bytes;
+  if (phase_ == Phase::kStarting) {
+    const std::int64_t accepted =
+        welcome.previous_session == ledger_.session() ? welcome.previous_accepted_steps : 0;
+    ledger_.BeginSession(outbox_.session(), accepted, reason_);
+    outbox_.Begin(outbox_.session(), welcome.next_sequence);
+    outbox_.SaveSpool(spool(), 0);  // Nothing: removes what was sent.
+    const std::uint64_t seed =
+        base::DeriveSeed(identity_.seed, "actor",
+                         {base::Checksum(std::string_view(identity_.name)), outbox_.session()});
+    actor_ = std::make_unique<Actor>(actor_config_, environments_, agent_, seed);
+    phase_ = Phase::kRunning;
+    spdlog::info("session {} with the replay server at {}", outbox_.session(), replay_.endpoint());
+    return;
+  }
+  Acknowledge(welcome.next_sequence);
+  if (!outbox_.Resume(welcome.next_sequence)) {
+    Replace("the replay server no longer has what it acknowledged");
+  }
+}
+
+void ActorService::Acknowledge(std::uint64_t next_sequence) {
+  const int chunks = outbox_.num_chunks();
+  ledger_.AddAcknowledged(outbox_.Acknowledge(next_sequence));
+  metrics_.AddAcknowledged(chunks - outbox_.num_chunks());
+  refused_in_a_row_ = 0;
+}
+
+void ActorService::OnAck(const proto::InsertAck& ack) {
+  if (ack.session != outbox_.session() || phase_ == Phase::kStarting) return;
+  window_bytes_ = ack.window_bytes;
+  Acknowledge(ack.next_sequence);
+  if (phase_ == Phase::kDraining && outbox_.empty()) {
+    outbox_.SaveSpool(spool(), 0);
+    static_cast<void>(replay_.Send(proto::Goodbye{outbox_.session()}));
+    StartSession(ledger_.session() + 1);
+  }
+}
+
+void ActorService::OnRefusal(const proto::Refusal& refusal) {
+  metrics_.AddRefused(proto::ToString(refusal.code));
+  if (refusal.code == proto::RefusalCode::kNoSession) {
+    if (phase_ == Phase::kRunning && refusal.about > outbox_.session()) {
+      throw base::Error(fmt::format(
+          "another process took over as actor '{}' (session {}, this one's is {}); choose another "
+          "service.name",
+          identity_.name, refusal.about, outbox_.session()));
+    }
+    if (refusal.about >= outbox_.session()) {
+      // This actor's state directory is new, or older than what the server knows.
+      StartSession(refusal.about + 1);
+      return;
+    }
+  } else if (refusal.code == proto::RefusalCode::kBadMessage &&
+             ++refused_in_a_row_ > kMaxRefusals) {
+    throw base::Error(fmt::format("the replay server at {} refuses chunk {} again and again: {}",
+                                  replay_.endpoint(), refusal.about, refusal.text));
+  }
+  spdlog::warn("replay server at {}: {} ({})", replay_.endpoint(), refusal.text,
+               proto::ToString(refusal.code));
+  replay_.SayHello();
+}
+
+void ActorService::Listen(milliseconds timeout) {
+  if (timeout.count() > 0) {
+    transport::Client::WaitForAny({&replay_.client(), &policy_.client()}, timeout);
+  }
+  while (auto received = replay_.Receive(milliseconds(0))) {
+    if (const auto* ack = std::get_if<proto::InsertAck>(&received->header)) OnAck(*ack);
+    if (const auto* welcome = std::get_if<proto::Welcome>(&received->header)) OnWelcome(*welcome);
+    if (const auto* refusal = std::get_if<proto::Refusal>(&received->header)) OnRefusal(*refusal);
+  }
+  if (policy_.Poll()) metrics_.AddPolicyInstalled(policy_.latency_s());
+}
+
+void ActorService::SendChunks() {
+  if (!replay_.welcomed()) return;
+  while (const OutgoingChunk* chunk = outbox_.NextToSend(window_bytes_)) {
+    if (!replay_.Send(chunk->header, chunk->payload.Share())) return;
+    const std::int64_t resent = outbox_.resent();
+    const int steps = chunk->header.num_steps;
+    outbox_.MarkSent();
+    metrics_.AddSent(steps, outbox_.resent() > resent);
+  }
+}
+
+void ActorService::Step() {
+  if (chunk_.num_rows() == 0) {
+    chunk_began_ = steady_clock::now();
+    chunk_oldest_version_ = policy_.version();
+  }
+  actor_->Step(&chunk_);
+  // Counted before anything of it can be sent, so never less than what the server has.
+  ledger_.AddMade(environments_.batch_size());
+  chunk_steps_ += environments_.batch_size();
+}
+
+bool ActorService::ChunkIsDue() const {
+  return chunk_.num_rows() >= config_.chunk_rows ||
+         (chunk_.num_rows() > 0 && steady_clock::now() - chunk_began_ >=
+                                       std::chrono::duration<double>(config_.chunk_seconds));
+}
+
+void ActorService::CloseChunk() {
+  if (chunk_.num_rows() == 0) return;
+  proto::Insert header;
+  header.num_rows = chunk_.num_rows();
+  header.num_beams = chunk_.num_beams;
+  header.num_steps = chunk_steps_;
+  header.oldest_version = chunk_oldest_version_;
+  header.newest_version = policy_.version();
+  transport::Frame payload(replay::RowBytes::Size(header.num_rows, header.num_beams));
+  replay::RowBytes::Write(chunk_, payload.mutable_bytes());
+  outbox_.Add(header, std::move(payload));
+  chunk_.Clear();
+  chunk_steps_ = 0;
+}
+
+const char* ActorService::Obstacle() const {
+  if (phase_ != Phase::kRunning) return "the replay server";
+  if (!policy_.has_policy()) return "the learner's first policy";
+  if (outbox_.full()) return "the replay server to take what was made";
+  return nullptr;
+}
+
+void ActorService::SayObstacle(const char* obstacle) {
+  if (obstacle == said_obstacle_) return;
+  // That the server holds back inserts is how the rate limiter works, so only metrics tell.
+  if (obstacle != nullptr && !outbox_.full()) {
+    spdlog::info("waiting for {} (replay server {}, learner {})", obstacle,
+                 identity_.replay.endpoint, identity_.learner.endpoint);
+  }
+  said_obstacle_ = obstacle;
+}
+
+void ActorService::Run(std::stop_token stop) {
+  while (!stop.stop_requested()) {
+    const char* const obstacle = Obstacle();
+    SayObstacle(obstacle);
+    if (obstacle == nullptr) {
+      Step();
+      if (ChunkIsDue()) CloseChunk();
+      SendChunks();
+      Listen(milliseconds(0));
+    } else {
+      const auto began = steady_clock::now();
+      SendChunks();
+      Listen(kWait);
+      if (outbox_.full()) {
+        metrics_.AddBlocked(metrics::queue::kUnacknowledged,
+                            std::chrono::duration<double>(steady_clock::now() - began).count());
+      }
+    }
+    replay_.ReportEverySecond([this] { return MakeReport(); });
+  }
+  Finish();
+}
+
+void ActorService::Finish() {
+  const auto give_up = steady_clock::now() + kFlush;
+  if (phase_ == Phase::kRunning) CloseChunk();
+  while (phase_ != Phase::kStarting && !outbox_.empty() && steady_clock::now() < give_up) {
+    SendChunks();
+    Listen(kWait);
+  }
+  if (phase_ != Phase::kStarting) {
+    if (outbox_.empty()) {
+      static_cast<void>(replay_.Send(proto::Goodbye{outbox_.session()}));
+    }
+    outbox_.SaveSpool(spool(), replay_.hello().num_streams);
+  }
+  const StepAccount account = ledger_.account();
+  spdlog::info("stopped: {} steps made, {} accepted, {} kept for the next start, {} lost",
+               account.made, account.accepted, account.pending,
+               account.lost[0] + account.lost[1] + account.lost[2]);
+}
+
+proto::Report ActorService::MakeReport() {
+  const StepAccount account = ledger_.account();
+  const ActorStats episodes = actor_ ? actor_->stats() : ActorStats{};
+  metrics_.Update(account, outbox_, episodes, replay_, policy_);
+  const auto now = steady_clock::now();
+  const double elapsed = std::chrono::duration<double>(now - reported_at_).count();
+  const double steps_per_s = static_cast<double>(account.made - reported_steps_) / elapsed;
+  reported_at_ = now;
+  reported_steps_ = account.made;
+  proto::Report report;
+  report.role = "actor";
+  report.name = identity_.name;
+  report.figures = {
+      {"steps_made", static_cast<double>(account.made)},
+      {"steps_accepted", static_cast<double>(account.accepted)},
+      {"steps_pending", static_cast<double>(account.pending)},
+      {"steps_lost", static_cast<double>(account.lost[0] + account.lost[1] + account.lost[2])},
+      {"policy_version", static_cast<double>(policy_.version())},
+      {"episodes", static_cast<double>(episodes.num_episodes)}};
+  if (episodes.num_recent > 0) {
+    report.figures["success_rate"] = episodes.success_rate;
+    report.figures["collision_rate"] = episodes.collision_rate;
+    report.figures["timeout_rate"] = episodes.timeout_rate;
+    report.figures["mean_return"] = episodes.mean_return;
+    report.figures["mean_length"] = episodes.mean_length;
+  }
+  return report;
+}
+
+}  // namespace slalom::actor

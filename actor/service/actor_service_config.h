@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+
+#include "base/config_field.h"
+
+namespace slalom::actor {
+
+/// How an actor process sends what it makes.
+struct ActorServiceConfig {
+  int chunk_rows = 256;
+  double chunk_seconds = 0.2;
+  std::int64_t unacknowledged_bytes = 64 << 20;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("chunk_rows", chunk_rows, base::Range{1, 16384}, "rows",
+      "A message is sent when it holds so many rows (or a batch step's, if those are more) ...");
+    v("chunk_seconds", chunk_seconds, base::Range{0.0, 60.0}, "s",
+      "... or when its first row is so old.");
+    v("unacknowledged_bytes", unacknowledged_bytes, base::Range{1 << 20, 1e12}, "bytes",
+      "Rows kept until the replay server has them; when so many wait, the actor stops and waits.");
+  }
+};
+
+}  // namespace slalom::actor

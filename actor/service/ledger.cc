@@ -1,0 +1,134 @@
+#include "actor/service/ledger.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+
+#include "base/check.h"
+#include "base/error.h"
+
+namespace slalom::actor {
+namespace {
+
+constexpr char kMagic[8] = {'S', 'L', 'L', 'E', 'D', 'G', 'R', '1'};
+
+struct Entries {
+  std::uint64_t session;
+  std::int64_t made;      // In the session; the next two as well.
+  std::int64_t accepted;  // Acknowledged.
+  std::int64_t earlier_made;
+  std::int64_t earlier_accepted;
+  std::int64_t lost[kNumLossReasons];
+};
+
+}  // namespace
+
+std::string_view ToString(LossReason reason) {
+  switch (reason) {
+    case LossReason::kKilled:
+      return "killed";
+    case LossReason::kReplaced:
+      return "replaced";
+    case LossReason::kServer:
+      return "server";
+  }
+  return "";
+}
+
+/// Two copies, of which one counts: what takes more than one store is written into the other, which
+/// then takes its place by one.
+struct Ledger::File {
+  char magic[8];
+  std::atomic<std::uint64_t> current;
+  Entries entries[2];
+
+  Entries& now() { return entries[current.load(std::memory_order_relaxed) & 1]; }
+  const Entries& now() const { return entries[current.load(std::memory_order_relaxed) & 1]; }
+};
+
+Ledger::Ledger(const std::filesystem::path& path)
+    : fd_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
+  const auto fail = [&](std::string_view what) {
+    const std::string reason = std::strerror(errno);
+    if (fd_ >= 0) ::close(fd_);
+    return base::Error(fmt::format("{}: {} ({})", path.string(), what, reason));
+  };
+  if (fd_ < 0) throw fail("cannot open the actor's ledger");
+  if (::flock(fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    ::close(fd_);
+    throw base::Error(fmt::format(
+        "{}: an actor of this name is running; choose another service.name or state directory",
+        path.string()));
+  }
+  struct stat status {};
+  if (::fstat(fd_, &status) != 0) throw fail("cannot read");
+  const bool is_new = status.st_size == 0;
+  if (!is_new && status.st_size != static_cast<off_t>(sizeof(File))) {
+    ::close(fd_);
+    throw base::Error(fmt::format("{}: {} bytes, expected an actor's ledger of {}", path.string(),
+                                  status.st_size, sizeof(File)));
+  }
+  if (is_new && ::ftruncate(fd_, sizeof(File)) != 0) throw fail("cannot write");
+  void* const memory = ::mmap(nullptr, sizeof(File), PROT_READ | PROT_WRITE, MAP_SHARED, fd_, 0);
+  if (memory == MAP_FAILED) throw fail("cannot map");
+  file_ = static_cast<File*>(memory);
+  constexpr char kZeros[sizeof(kMagic)] = {};
+  if (std::memcmp(file_->magic, kZeros, sizeof(kMagic)) == 0) {
+    // New, or killed before it was written for the first time.
+    std::memcpy(file_->magic, kMagic, sizeof(kMagic));
+  }
+  if (std::memcmp(file_->magic, kMagic, sizeof(kMagic)) != 0) {
+    ::munmap(file_, sizeof(File));
+    ::close(fd_);
+    throw base::Error(fmt::format("{}: not an actor's ledger", path.string()));
+  }
+}
+
+Ledger::~Ledger() {
+  ::munmap(file_, sizeof(File));
+  ::close(fd_);
+}
+
+std::uint64_t Ledger::session() const { return file().now().session; }
+
+void Ledger::BeginSession(std::uint64_t session, std::int64_t accepted, LossReason reason) {
+  const Entries& last = file_->now();
+  Entries next = last;
+  SLALOM_CHECK_GT(session, last.session);
+  accepted = std::clamp<std::int64_t>(accepted, 0, last.made);
+  const std::int64_t by_server = std::max<std::int64_t>(0, last.accepted - accepted);
+  next.lost[static_cast<int>(LossReason::kServer)] += by_server;
+  next.lost[static_cast<int>(reason)] += last.made - accepted - by_server;
+  next.earlier_made += last.made;
+  next.earlier_accepted += accepted;
+  next.made = 0;
+  next.accepted = 0;
+  next.session = session;
+  const std::uint64_t current = file_->current.load(std::memory_order_relaxed);
+  file_->entries[(current + 1) & 1] = next;
+  file_->current.store(current + 1, std::memory_order_release);
+}
+
+void Ledger::AddMade(std::int64_t steps) { file_->now().made += steps; }
+
+void Ledger::AddAcknowledged(std::int64_t steps) { file_->now().accepted += steps; }
+
+StepAccount Ledger::account() const {
+  const Entries& now = file().now();
+  StepAccount account;
+  account.made = now.earlier_made + now.made;
+  account.accepted = now.earlier_accepted + now.accepted;
+  account.pending = now.made - now.accepted;
+  std::copy(std::begin(now.lost), std::end(now.lost), account.lost.begin());
+  return account;
+}
+
+}  // namespace slalom::actor
