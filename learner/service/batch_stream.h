@@ -1,0 +1,62 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
+#include "proto/messages.h"
+#include "replay/batch.h"
+#include "service/replay_link.h"
+#include "transport/client.h"
+#include "transport/context.h"
+#include "transport/frame.h"
+
+namespace slalom::learner {
+
+/// A batch as it came from the replay server. Its scans lie in the message.
+struct RemoteBatch {
+  proto::SampleReply header;
+  transport::Frame payload;
+  replay::SampledRows rows;  ///< Points into `payload`.
+};
+
+/// Fetches the batches of a run in order, several ahead, over whatever happens to the connection:
+/// batch k is asked for again until it came, and no other takes its place. Confined to one thread;
+/// ZeroMQ's thread receives meanwhile.
+class BatchStream {
+ public:
+  /// Begins at batch `cursor`.
+  BatchStream(transport::Context& context, const transport::ClientOptions& replay,
+              proto::Hello hello, const replay::SampleSpec& spec, int prefetch,
+              std::uint64_t cursor);
+
+  /// The next batch, valid until the next call; null: it did not come within `timeout`. Throws
+  /// `base::Error` where the server refuses this learner for good or sends what is no batch.
+  const RemoteBatch* Next(std::chrono::milliseconds timeout);
+
+  /// Number of the next batch: what a checkpoint keeps.
+  std::uint64_t cursor() const { return cursor_; }
+  /// Batches asked for that have not come.
+  int in_flight() const { return static_cast<int>(requested_ - cursor_); }
+
+  /// Asks for the roles' reports; what came last is `status()`.
+  void AskStatus();
+  const std::optional<proto::StatusReply>& status() const { return status_; }
+
+  service::ReplayLink& link() { return link_; }
+
+ private:
+  void Request();
+  bool Take(service::ReplayLink::Received received);
+
+  service::ReplayLink link_;
+  const replay::SampleSpec spec_;
+  const int prefetch_;
+  std::uint64_t cursor_;     // Next to be handed out.
+  std::uint64_t requested_;  // Next to be asked for.
+  bool was_welcomed_ = false;
+  RemoteBatch batch_;
+  std::optional<proto::StatusReply> status_;
+};
+
+}  // namespace slalom::learner

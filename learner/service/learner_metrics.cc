@@ -1,0 +1,86 @@
+#include "learner/service/learner_metrics.h"
+
+#include <chrono>
+#include <limits>
+
+#include "metrics/catalogue.h"
+
+namespace slalom::learner {
+namespace {
+
+double UnixSeconds() {
+  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+ActorFigures Summarise(const proto::StatusReply& status) {
+  ActorFigures sum;
+  int num_known = 0;
+  for (const proto::RoleStatus& role : status.roles) {
+    if (role.report.role != "actor" || !role.connected) continue;
+    const auto figure = [&role](const char* key) {
+      const auto it = role.report.figures.find(key);
+      return it == role.report.figures.end() ? 0.0 : it->second;
+    };
+    sum.num_episodes += static_cast<std::int64_t>(figure("episodes"));
+    if (!role.report.figures.contains("success_rate")) continue;
+    ++num_known;
+    sum.success_rate += figure("success_rate");
+    sum.collision_rate += figure("collision_rate");
+    sum.timeout_rate += figure("timeout_rate");
+    sum.mean_return += figure("mean_return");
+    sum.mean_length += figure("mean_length");
+  }
+  const double share = num_known > 0 ? 1.0 / num_known : std::numeric_limits<double>::quiet_NaN();
+  sum.success_rate *= share;
+  sum.collision_rate *= share;
+  sum.timeout_rate *= share;
+  sum.mean_return *= share;
+  sum.mean_length *= share;
+  return sum;
+}
+
+LearnerMetrics::LearnerMetrics(metrics::Registry& registry)
+    : registry_(registry),
+      batches_(registry.counter(metrics::kBatches)),
+      updates_(registry.counter(metrics::kUpdates)),
+      waited_(registry.counter(metrics::kBlockedSeconds, {metrics::queue::kBatches})),
+      update_seconds_(registry.histogram(metrics::kUpdateSeconds)) {
+  registry_.counter(metrics::kCheckpoints);
+  registry_.counter(metrics::kCheckpointFailures);
+  registry_.gauge(metrics::kCheckpointTimestamp).Set(UnixSeconds());
+}
+
+void LearnerMetrics::AddUpdate(double seconds) { update_seconds_.Observe(seconds); }
+
+void LearnerMetrics::SetLearning(std::int64_t updates, const Td3Stats& stats) {
+  updates_.Increment(std::max(0.0, static_cast<double>(updates) - updates_.value()));
+  if (stats.num_updates == 0) return;
+  registry_.gauge(metrics::kCriticLoss).Set(stats.critic_loss);
+  registry_.gauge(metrics::kQMean).Set(stats.q_mean);
+  registry_.gauge(metrics::kActorQMean).Set(stats.actor_q_mean);
+  registry_.gauge(metrics::kCriticGradientNorm).Set(stats.critic_gradient_norm);
+  registry_.gauge(metrics::kActorGradientNorm).Set(stats.actor_gradient_norm);
+}
+
+void LearnerMetrics::SetStream(int in_flight, double policy_lag, int connections) {
+  registry_.gauge(metrics::kQueueDepth, {metrics::queue::kBatches}).Set(in_flight);
+  registry_.gauge(metrics::kPolicyLag).Set(policy_lag);
+  auto counter = registry_.counter(metrics::kConnections, {"replay"});
+  counter.Increment(std::max(0.0, connections - counter.value()));
+}
+
+void LearnerMetrics::AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates) {
+  registry_.counter(metrics::kCheckpoints).Increment();
+  registry_.gauge(metrics::kCheckpointTimestamp).Set(UnixSeconds());
+  registry_.gauge(metrics::kCheckpointSeconds).Set(seconds);
+  registry_.gauge(metrics::kCheckpointBytes).Set(static_cast<double>(bytes));
+  registry_.gauge(metrics::kCheckpointUpdates).Set(static_cast<double>(updates));
+}
+
+void LearnerMetrics::AddFailedCheckpoint() {
+  registry_.counter(metrics::kCheckpointFailures).Increment();
+}
+
+}  // namespace slalom::learner

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "learner/td3.h"
+#include "metrics/registry.h"
+#include "proto/messages.h"
+
+namespace slalom::learner {
+
+/// What all actors that report did lately, together. NaN: none has finished an episode.
+struct ActorFigures {
+  std::int64_t num_episodes = 0;
+  double success_rate = 0.0;
+  double collision_rate = 0.0;
+  double timeout_rate = 0.0;
+  double mean_return = 0.0;
+  double mean_length = 0.0;
+};
+
+/// Means over the connected actors of a status.
+ActorFigures Summarise(const proto::StatusReply& status);
+
+/// The figures of a learner process. Confined to one thread.
+class LearnerMetrics {
+ public:
+  explicit LearnerMetrics(metrics::Registry& registry);
+
+  void AddBatch() { batches_.Increment(); }
+  void AddUpdate(double seconds);
+  void AddWait(double seconds) { waited_.Increment(seconds); }
+  void SetLearning(std::int64_t updates, const Td3Stats& stats);
+  void SetStream(int in_flight, double policy_lag, int connections);
+  void AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates);
+  void AddFailedCheckpoint();
+
+ private:
+  metrics::Registry& registry_;
+  metrics::Counter batches_;
+  metrics::Counter updates_;
+  metrics::Counter waited_;
+  metrics::Histogram update_seconds_;
+};
+
+}  // namespace slalom::learner

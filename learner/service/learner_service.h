@@ -1,0 +1,117 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "learner/service/batch_stream.h"
+#include "learner/service/learner_metrics.h"
+#include "learner/service/learner_service_config.h"
+#include "learner/service/policy_server.h"
+#include "learner/td3.h"
+#include "metrics/registry.h"
+#include "policy/policy.h"
+#include "run/checkpoint_store.h"
+#include "run/metrics_log.h"
+#include "run/run_directory.h"
+#include "transport/client.h"
+#include "transport/context.h"
+#include "transport/server.h"
+
+namespace slalom::learner {
+
+/// What a learner process is to do, beside the algorithm.
+struct LearnerJob {
+  std::string name = "learner";
+  run::RunDirectory directory;
+  std::string config;  ///< The run's, as TOML: goes with every policy.
+  std::string commit;
+  std::int64_t seed = 0;  ///< Of the run.
+  std::uint64_t spec_hash = 0;
+  std::int64_t max_steps = 0;
+  double max_seconds = 0.0;   ///< 0: no limit.
+  double log_interval = 1.0;  ///< [s]
+  double checkpoint_seconds = 60.0;
+  int publish_interval = 10;             ///< Updates.
+  std::vector<double> snapshot_seconds;  ///< As in the run's config.
+  std::vector<int> snapshot_steps;
+  transport::ClientOptions replay;
+  transport::ServerOptions policies;
+};
+
+/// How it ended.
+enum class LearnerEnd {
+  kStopped,   ///< On request, or finished and `exit_when_finished`; saved.
+  kDiverged,  ///< At NaN or values beyond bounds; the last good checkpoint is kept.
+};
+
+/// The learner as a process of its own: learns from the replay server's batches, publishes
+/// policies, and keeps checkpoints from which it goes on exactly where they stood. Confined to the
+/// thread that made it.
+class LearnerService {
+ public:
+  /// Goes on from the newest checkpoint in the directory that is whole; where there is none, begins
+  /// anew. Publishes the policy it starts with. Throws `base::Error` where config, checkpoints or
+  /// endpoint are unusable.
+  LearnerService(const LearnerServiceConfig& config, const Td3Config& td3,
+                 const policy::PolicySpec& spec, LearnerJob job, transport::Context& context,
+                 metrics::Registry& registry);
+
+  /// Learns to the end of the run, goes on serving its policy, and saves at `stop`. Throws
+  /// `base::Error` where the replay server refuses this process for good, or what must be kept
+  /// cannot be written at the end.
+  LearnerEnd Run(std::stop_token stop);
+
+  std::int64_t updates() const { return td3_.num_updates(); }
+  const std::string& endpoint() const { return policies_.endpoint(); }
+
+ private:
+  double training_s() const;
+  double Fraction() const;
+  bool AtLimit() const;
+  void LearnFrom(const RemoteBatch& batch);
+  void PublishIfDue();
+  void Publish();
+  /// The rows of metrics, logs and reports. False: the learner diverged.
+  [[nodiscard]] bool Log();
+  [[nodiscard]] bool IsWell() const;
+  void KeepSnapshots();
+  void TryCheckpoint();
+  void Checkpoint();
+  void Restore();
+  void RestoreFrom(const std::filesystem::path& checkpoint);
+  policy::PolicySnapshot BestPolicy() const;
+  policy::Metadata Provenance() const;
+  void Say(const std::string& what);
+
+  const LearnerServiceConfig config_;
+  const Td3Config td3_config_;
+  const LearnerJob job_;
+  Td3 td3_;
+  run::CheckpointStore store_;
+  PolicyServer policies_;
+  std::unique_ptr<BatchStream> batches_;  // Made with the cursor of the checkpoint.
+  std::unique_ptr<run::MetricsLog> log_;
+  LearnerMetrics metrics_;
+
+  const std::chrono::steady_clock::time_point begin_;
+  double earlier_s_ = 0.0;    ///< Training time of earlier starts, [s].
+  std::uint64_t cursor_ = 0;  ///< Restored.
+  std::int64_t steps_ = 0;    ///< Environment steps that the replay server knew of.
+  std::int64_t table_steps_ = 0;
+  double acting_version_ = 0.0;
+  bool finished_ = false;
+  double last_checkpoint_s_ = 0.0;
+  double last_snapshot_s_ = 0.0;
+  std::int64_t last_snapshot_steps_ = 0;
+  std::int64_t published_updates_ = 0;
+  std::chrono::steady_clock::time_point published_at_;
+  double waited_s_ = 0.0;  ///< For batches, since the last row.
+  run::MetricsRow last_row_;
+  std::string said_;
+};
+
+}  // namespace slalom::learner

@@ -1,0 +1,24 @@
+#pragma once
+
+#include "base/config_field.h"
+
+namespace slalom::learner {
+
+/// How a learner process fetches batches and publishes policies.
+struct LearnerServiceConfig {
+  int prefetch = 4;
+  double publish_seconds = 0.02;
+  bool exit_when_finished = false;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("prefetch", prefetch, base::Range{1, 256}, "batches",
+      "Batches asked for ahead of the one that is learned from.");
+    v("publish_seconds", publish_seconds, base::Range{0.0, 3600.0}, "s",
+      "Policies are published no more often than this, and than run.publish_interval.");
+    v("exit_when_finished", exit_when_finished,
+      "End the process at run.max_steps or run.max_seconds; else it goes on serving the policy.");
+  }
+};
+
+}  // namespace slalom::learner

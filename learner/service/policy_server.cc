@@ -1,0 +1,134 @@
+#include "learner/service/policy_server.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "metrics/catalogue.h"
+
+namespace slalom::learner {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+// Readers ask again within 5 s.
+constexpr std::chrono::seconds kSilence{20};
+// Peers beyond so many are refused: whoever opens connections for ever must not cost memory.
+constexpr std::size_t kMaxReaders = 65536;
+// Questions answered before the caller gets its turn.
+constexpr int kMaxAtOnce = 1024;
+
+bool MayRead(std::optional<transport::Role> role) {
+  return !role || *role == transport::Role::kActor || *role == transport::Role::kEvaluator ||
+         *role == transport::Role::kOperator;
+}
+
+}  // namespace
+
+PolicyServer::PolicyServer(transport::Context& context, const transport::ServerOptions& options,
+                           std::uint64_t spec_hash, metrics::Registry& registry)
+    : server_(context, options), spec_hash_(spec_hash), registry_(registry) {}
+
+void PolicyServer::Publish(std::int64_t version, transport::Frame policy,
+                           std::int64_t learner_steps) {
+  proto::Snapshot snapshot;
+  snapshot.version = version;
+  snapshot.spec_hash = spec_hash_;
+  snapshot.published_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(
+                              std::chrono::system_clock::now().time_since_epoch())
+                              .count();
+  snapshot.learner_steps = learner_steps;
+  header_ = transport::Frame::Copy(proto::Encode(snapshot, policy.bytes()));
+  payload_ = std::move(policy);
+  version_ = version;
+  registry_.counter(metrics::kPoliciesPublished).Increment();
+  registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(version));
+  registry_.gauge(metrics::kPolicyTimestamp).Set(1e-9 * static_cast<double>(snapshot.published_ns));
+  registry_.gauge(metrics::kPolicyBytes).Set(static_cast<double>(payload_.size()));
+  for (auto it = readers_.begin(); it != readers_.end();) {
+    const auto next = std::next(it);
+    if (it->second.waits) Send(it->first, it->second);
+    it = next;
+  }
+}
+
+void PolicyServer::Poll(milliseconds timeout) {
+  for (int i = 0; i < kMaxAtOnce; ++i) {
+    auto received = server_.Receive(i == 0 ? timeout : milliseconds(0));
+    if (!received) break;
+    Answer(*received);
+  }
+  ForgetSilentReaders();
+}
+
+void PolicyServer::Answer(transport::Server::Received& received) {
+  if (received.too_fast) {
+    return Refuse(received.peer, proto::RefusalCode::kTooFast, "too many messages a second");
+  }
+  const auto header =
+      proto::Decode(received.message.header.bytes(), received.message.payload.bytes());
+  if (!header) return Refuse(received.peer, header.failure().code, header.failure().text);
+  registry_.counter(metrics::kMessages, {proto::NameOf(*header)}).Increment();
+  const auto* request = std::get_if<proto::SnapshotRequest>(&*header);
+  if (request == nullptr || !MayRead(received.role)) {
+    return Refuse(received.peer, proto::RefusalCode::kNotAllowed,
+                  "the learner gives policies to actors and evaluators, nothing else");
+  }
+  const auto [it, is_new] = readers_.try_emplace(received.peer);
+  if (is_new && readers_.size() > kMaxReaders) {
+    readers_.erase(it);
+    return Refuse(received.peer, proto::RefusalCode::kNotReady, "too many readers");
+  }
+  Reader& reader = it->second;
+  reader.heard_at = steady_clock::now();
+  reader.held_version = request->held_version;
+  if (version_ && *version_ != request->held_version) return Send(received.peer, reader);
+  if (!reader.waits) {
+    reader.waits = true;
+    return;
+  }
+  // Asked again: there is nothing newer, but the learner is there.
+  proto::Snapshot nothing;
+  nothing.version = request->held_version;
+  nothing.spec_hash = spec_hash_;
+  reader.waits = false;
+  static_cast<void>(
+      server_.Send(received.peer, {transport::Frame::Copy(proto::Encode(nothing, {})), {}}));
+}
+
+void PolicyServer::Send(const transport::PeerId& peer, Reader& reader) {
+  reader.waits = false;
+  // One that does not read asks again when it does.
+  if (server_.Send(peer, {header_.Share(), payload_.Share()}) == transport::Server::Sent::kGone) {
+    readers_.erase(transport::PeerId(peer));
+  }
+}
+
+void PolicyServer::Refuse(const transport::PeerId& peer, proto::RefusalCode code,
+                          std::string text) {
+  registry_.counter(metrics::kMessagesRefused, {proto::ToString(code)}).Increment();
+  const proto::Refusal refusal{code, std::move(text), 0};
+  static_cast<void>(server_.Send(peer, {transport::Frame::Copy(proto::Encode(refusal, {})), {}}));
+}
+
+void PolicyServer::ForgetSilentReaders() {
+  const auto now = steady_clock::now();
+  if (now - looked_at_ < std::chrono::seconds(1)) return;
+  looked_at_ = now;
+  std::erase_if(readers_,
+                [&](const auto& reader) { return now - reader.second.heard_at > kSilence; });
+  registry_.gauge(metrics::kConnectedPeers, {"reader"}).Set(num_readers());
+  if (const auto oldest = oldest_held(); oldest && version_) {
+    registry_.gauge(metrics::kReaderLag).Set(static_cast<double>(*version_ - *oldest));
+  }
+}
+
+std::optional<std::int64_t> PolicyServer::oldest_held() const {
+  std::optional<std::int64_t> oldest;
+  for (const auto& [peer, reader] : readers_) {
+    oldest = std::min(oldest.value_or(reader.held_version), reader.held_version);
+  }
+  return oldest;
+}
+
+}  // namespace slalom::learner
