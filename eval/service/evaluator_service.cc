@@ -1,0 +1,161 @@
+#include "eval/service/evaluator_service.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <limits>
+#include <utility>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "metrics/catalogue.h"
+
+namespace slalom::eval {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr milliseconds kWait{100};
+constexpr char kHeader[] =
+    "unix_s,policy_version,courses,episodes,success_rate,success_low,success_high,collision_rate,"
+    "timeout_rate,traversal_time_s,barn_score,evaluation_s\n";
+
+proto::Hello MakeHello(const EvaluatorIdentity& identity, int num_beams) {
+  proto::Hello hello;
+  hello.role = "evaluator";
+  hello.name = identity.name;
+  hello.spec_hash = identity.spec_hash;
+  hello.num_beams = num_beams;
+  return hello;
+}
+
+double UnixSeconds() {
+  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config,
+                                   const EvaluationConfig& evaluation,
+                                   const sim::EnvironmentConfig& environment,
+                                   sim::CourseSet courses, EvaluatorIdentity identity,
+                                   AgentOf agent_of, base::ParallelFor& parallel,
+                                   transport::Context& context, metrics::Registry& registry)
+    : config_(config),
+      evaluation_(evaluation),
+      environment_(environment),
+      courses_(std::move(courses)),
+      identity_(std::move(identity)),
+      agent_of_(std::move(agent_of)),
+      parallel_(parallel),
+      registry_(registry),
+      replay_(context, identity_.replay, MakeHello(identity_, environment.lidar.num_beams)),
+      policy_(context, identity_.learner, identity_.name,
+              [this](std::span<const std::byte> policy) { return Install(policy); }) {
+  base::MakeDirectories(identity_.state_directory);
+  if (!fs::exists(scores())) base::WriteFileAtomically(scores(), kHeader);
+  registry_.counter(metrics::kEvaluations);
+}
+
+base::Result<std::int64_t> EvaluatorService::Install(std::span<const std::byte> policy) {
+  if (const auto agent = agent_of_(policy); !agent) return agent.failure();
+  newest_.assign(reinterpret_cast<const char*>(policy.data()), policy.size());
+  return std::int64_t{0};
+}
+
+void EvaluatorService::Listen() {
+  while (replay_.Receive(milliseconds(0))) {
+  }
+  if (policy_.Poll()) {
+    registry_.counter(metrics::kPoliciesReceived).Increment();
+    registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(policy_.version()));
+  }
+  replay_.ReportEverySecond([this] { return MakeReport(); });
+}
+
+void EvaluatorService::Run(std::stop_token stop) {
+  spdlog::info("waiting for the learner's first policy at {}", identity_.learner.endpoint);
+  auto next = steady_clock::now();
+  while (!stop.stop_requested()) {
+    Listen();
+    if (policy_.version() == scored_version_ || !policy_.has_policy() ||
+        steady_clock::now() < next) {
+      transport::Client::WaitForAny({&replay_.client(), &policy_.client()}, kWait);
+      continue;
+    }
+    next = steady_clock::now() + std::chrono::duration_cast<steady_clock::duration>(
+                                     std::chrono::duration<double>(config_.interval));
+    Score(stop);
+  }
+}
+
+void EvaluatorService::Score(std::stop_token stop) {
+  const std::int64_t version = policy_.version();
+  const std::string policy = newest_;
+  const auto began = steady_clock::now();
+  const auto evaluation = EvaluateOnCourses(
+      evaluation_, environment_, courses_,
+      [&](int, const sim::EnvironmentConfig&) {
+        return std::move(*agent_of_(std::as_bytes(std::span(policy))));
+      },
+      &parallel_, [this](const EpisodeCount&) { Listen(); }, std::move(stop));
+  if (!evaluation) return;
+  Record(*evaluation, version, std::chrono::duration<double>(steady_clock::now() - began).count());
+  const double success_rate = evaluation->summary.set.success_rate.value;
+  if (success_rate > best_success_rate_) {
+    best_success_rate_ = success_rate;
+    base::WriteFileAtomically(identity_.state_directory / "best.safetensors", policy);
+  }
+}
+
+void EvaluatorService::Record(const Evaluation& evaluation, std::int64_t version, double seconds) {
+  const Figures& set = evaluation.summary.set;
+  const Interval interval = set.success_rate.interval.value_or(Interval{0.0, 1.0});
+  const double time =
+      set.traversal_time ? set.traversal_time->value : std::numeric_limits<double>::quiet_NaN();
+  std::ofstream file(scores(), std::ios::app);
+  file << fmt::format("{:.0f},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{},{:.4f},{:.2f}\n",
+                      UnixSeconds(), version, identity_.course_set, set.num_episodes,
+                      set.success_rate.value, interval.low, interval.high, set.collision_rate.value,
+                      set.timeout_rate.value, set.traversal_time ? fmt::format("{:.2f}", time) : "",
+                      set.barn_score.value, seconds);
+  file.flush();
+  if (!file) throw base::Error(fmt::format("{}: cannot write", scores().string()));
+  const std::string_view courses = identity_.course_set;
+  registry_.counter(metrics::kEvaluations).Increment();
+  registry_.gauge(metrics::kEvaluationVersion).Set(static_cast<double>(version));
+  registry_.gauge(metrics::kEvaluationSuccessRate, {courses}).Set(set.success_rate.value);
+  registry_.gauge(metrics::kEvaluationCollisionRate, {courses}).Set(set.collision_rate.value);
+  registry_.gauge(metrics::kEvaluationTimeoutRate, {courses}).Set(set.timeout_rate.value);
+  registry_.gauge(metrics::kEvaluationTime, {courses}).Set(time);
+  registry_.gauge(metrics::kEvaluationScore, {courses}).Set(set.barn_score.value);
+  registry_.gauge(metrics::kEvaluationDuration).Set(seconds);
+  scored_version_ = version;
+  success_rate_ = set.success_rate.value;
+  ++num_scored_;
+  spdlog::info(
+      "policy {}: success {:.1f} % ({:.1f}-{:.1f}), collision {:.1f} %, time {:.2f} s on "
+      "{} ({} episodes, {:.1f} s)",
+      version, 100.0 * success_rate_, 100.0 * interval.low, 100.0 * interval.high,
+      100.0 * set.collision_rate.value, time, courses, set.num_episodes, seconds);
+}
+
+proto::Report EvaluatorService::MakeReport() const {
+  proto::Report report;
+  report.role = "evaluator";
+  report.name = identity_.name;
+  report.figures = {{"evaluations", static_cast<double>(num_scored_)},
+                    {"policy_version", static_cast<double>(policy_.version())}};
+  if (num_scored_ > 0) {
+    report.figures["scored_version"] = static_cast<double>(scored_version_);
+    report.figures["success_rate"] = success_rate_;
+  }
+  report.facts = {{"courses", identity_.course_set}};
+  return report;
+}
+
+}  // namespace slalom::eval

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <stop_token>
+#include <string>
+
+#include "base/parallel.h"
+#include "base/result.h"
+#include "env/agent.h"
+#include "eval/evaluation.h"
+#include "eval/service/evaluator_service_config.h"
+#include "metrics/registry.h"
+#include "service/policy_link.h"
+#include "service/replay_link.h"
+#include "sim/course.h"
+#include "sim/environment_config.h"
+#include "transport/client.h"
+#include "transport/context.h"
+
+namespace slalom::eval {
+
+/// Who an evaluator process is and where it connects to.
+struct EvaluatorIdentity {
+  std::string name;
+  std::filesystem::path state_directory;  ///< Of scores.csv and best.safetensors.
+  std::uint64_t spec_hash = 0;
+  std::string course_set;
+  transport::ClientOptions replay;
+  transport::ClientOptions learner;
+};
+
+/// Follows the learner's policies and scores them on courses, one after the other, always the
+/// newest. Writes a line of scores.csv for each, keeps the best one seen as best.safetensors, and
+/// shows both as metrics. Confined to the thread that made it.
+class EvaluatorService {
+ public:
+  /// Makes an agent of a policy file's bytes, or says why it cannot.
+  using AgentOf =
+      std::function<base::Result<std::unique_ptr<env::Agent>>(std::span<const std::byte> policy)>;
+
+  /// `parallel` must outlive it. Throws `base::Error` where the directory cannot be written.
+  EvaluatorService(const EvaluatorServiceConfig& config, const EvaluationConfig& evaluation,
+                   const sim::EnvironmentConfig& environment, sim::CourseSet courses,
+                   EvaluatorIdentity identity, AgentOf agent_of, base::ParallelFor& parallel,
+                   transport::Context& context, metrics::Registry& registry);
+
+  /// Works until `stop`. Throws `base::Error` where a server refuses this process for good, or a
+  /// score cannot be written.
+  void Run(std::stop_token stop);
+
+ private:
+  base::Result<std::int64_t> Install(std::span<const std::byte> policy);
+  /// Keeps the connections alive.
+  void Listen();
+  void Score(std::stop_token stop);
+  void Record(const Evaluation& evaluation, std::int64_t version, double seconds);
+  proto::Report MakeReport() const;
+
+  std::filesystem::path scores() const { return identity_.state_directory / "scores.csv"; }
+
+  const EvaluatorServiceConfig config_;
+  const EvaluationConfig evaluation_;
+  const sim::EnvironmentConfig environment_;
+  const sim::CourseSet courses_;
+  const EvaluatorIdentity identity_;
+  const AgentOf agent_of_;
+  base::ParallelFor& parallel_;
+  metrics::Registry& registry_;
+  service::ReplayLink replay_;
+  service::PolicyLink policy_;
+
+  std::string newest_;  ///< Policy file's bytes.
+  std::int64_t scored_version_ = -1;
+  std::int64_t num_scored_ = 0;
+  double success_rate_ = 0.0;
+  double best_success_rate_ = -1.0;
+};
+
+}  // namespace slalom::eval

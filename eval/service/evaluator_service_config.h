@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+
+#include "base/config_field.h"
+
+namespace slalom::eval {
+
+/// What an evaluator process scores, and how often.
+struct EvaluatorServiceConfig {
+  std::string courses = "";
+  double interval = 0.0;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("courses", courses, "Courses to score policies on. Empty: courses.test.");
+    v("interval", interval, base::Range{0.0, 1e6}, "s",
+      "Least time between the starts of two evaluations; 0: always the newest policy, at once.");
+  }
+};
+
+}  // namespace slalom::eval
