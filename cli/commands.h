@@ -21,6 +21,8 @@ void AddTrainCommand(CLI::App& app, int* exit_code);
 void AddEvaluateCommand(CLI::App& app, int* exit_code);
 void AddReportCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
+void AddServiceCommands(CLI::App& app, int* exit_code);
+void AddStatusCommand(CLI::App& app);
 void AddMetricsCommand(CLI::App& app);
 
 }  // namespace slalom::cli

@@ -53,6 +53,8 @@ int main(int argc, char** argv) {
   slalom::cli::AddEvaluateCommand(app, &exit_code);
   slalom::cli::AddReportCommand(app);
   slalom::cli::AddCoursesCommand(app);
+  slalom::cli::AddServiceCommands(app, &exit_code);
+  slalom::cli::AddStatusCommand(app);
   slalom::cli::AddConfigCommand(app);
   slalom::cli::AddMetricsCommand(app);
   app.footer(kFooter);  // Last, as commands would inherit it.

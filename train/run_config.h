@@ -5,13 +5,19 @@
 #include <vector>
 
 #include "actor/actor_config.h"
+#include "actor/service/actor_service_config.h"
 #include "base/config_field.h"
 #include "eval/evaluation_config.h"
+#include "eval/service/evaluator_service_config.h"
+#include "learner/service/learner_service_config.h"
 #include "learner/td3.h"
 #include "policy/network_config.h"
+#include "replay/service/config.h"
 #include "replay/table.h"
 #include "sim/course.h"
 #include "sim/environment_config.h"
+#include "train/service_config.h"
+#include "transport/security.h"
 
 namespace slalom::train {
 
@@ -103,6 +109,12 @@ struct RunConfig {
   policy::NetworkConfig network;
   learner::Td3Config td3;
   eval::EvaluationConfig evaluation;
+  ServiceConfig service;
+  transport::SecurityConfig security;
+  replay::ReplayServerConfig replay_server;
+  learner::LearnerServiceConfig learner_service;
+  actor::ActorServiceConfig actor_service;
+  eval::EvaluatorServiceConfig evaluator_service;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -114,7 +126,19 @@ struct RunConfig {
     v.Section("network", network, "Networks of actor and critics.");
     v.Section("learner", td3, "The algorithm, TD3.");
     v.Section("evaluation", evaluation, "The protocol of evaluations.");
+    v.Section("service", service,
+              "Addresses and state of the distributed service; `slalom train` needs none of this "
+              "and of the sections below.");
+    v.Section("security", security, "Keys of the distributed service.");
+    v.Section("replay_server", replay_server, "The replay server.");
+    v.Section("learner_service", learner_service, "The learner as a process of its own.");
+    v.Section("actor_service", actor_service, "The actor as a process of its own.");
+    v.Section("evaluator_service", evaluator_service, "The evaluator.");
   }
 };
+
+/// Of what is observed, commanded and learned: processes of two runs whose hashes differ refuse
+/// each other.
+std::uint64_t SpecHash(const RunConfig& config);
 
 }  // namespace slalom::train

@@ -1,0 +1,208 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "actor/service/actor_service.h"
+#include "base/error.h"
+#include "base/log.h"
+#include "base/parallel.h"
+#include "cli/commands.h"
+#include "cli/service_process.h"
+#include "cli/signals.h"
+#include "cli/version.h"
+#include "config/config.h"
+#include "eval/service/evaluator_service.h"
+#include "learner/service/learner_service.h"
+#include "policy/network_agent.h"
+#include "replay/service/server.h"
+#include "sim/environments.h"
+#include "sim/scene.h"
+#include "train/begin_run.h"
+
+/// The processes of the distributed service, each until a signal stops it.
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+policy::PolicySpec MakeSpec(const train::RunConfig& config) {
+  return {sim::MakeObservationSpec(config.environment), config.network, config.environment.action};
+}
+
+/// A policy that came as bytes, or why it cannot drive here.
+base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes,
+                                                const policy::PolicySpec& spec) {
+  try {
+    policy::PolicySnapshot snapshot = policy::ParsePolicy(bytes, "the policy received").snapshot;
+    policy::RequireSameInterface("the policy received", snapshot.spec, spec.observation,
+                                 spec.actions);
+    if (!(snapshot.spec.network == spec.network)) {
+      return base::Failure{"its network is not the one of this config's [network]"};
+    }
+    return snapshot;
+  } catch (const base::Error& error) {
+    return base::Failure{error.what()};
+  }
+}
+
+int RunReplay(const ServiceOptions& options) {
+  StopSignals signals;
+  ServiceProcess process(transport::Role::kReplay, options);
+  const train::RunConfig& config = process.config();
+  replay::ReplayServerConfig server_config = config.replay_server;
+  if (server_config.directory.empty()) server_config.directory = process.state() / "replay";
+  replay::ReplayServerSpec spec;
+  spec.endpoint = BindAddress(config.service.replay_bind, config.service.replay);
+  spec.security =
+      transport::MakeServerSecurity(config.security, transport::Role::kReplay, spec.endpoint);
+  spec.table = config.replay;
+  spec.num_beams = config.environment.lidar.num_beams;
+  spec.spec_hash = process.spec_hash();
+  spec.seed = static_cast<std::uint64_t>(config.run.seed);
+  spec.updates_per_step = config.run.updates_per_step;
+  spec.learning_starts = config.run.learning_starts;
+  spec.software = fmt::format("slalom {}", Version());
+  replay::ReplayServer server(server_config, spec, process.context(), process.registry());
+  spdlog::info("listening at {}, journal in {}", server.endpoint(), server_config.directory);
+  server.Run(signals.token());
+  return kExitOk;
+}
+
+int RunLearner(const ServiceOptions& options) {
+  StopSignals signals;
+  ServiceProcess process(transport::Role::kLearner, options);
+  const train::RunConfig& config = process.config();
+  learner::LearnerJob job;
+  job.name = process.name();
+  job.directory.root = process.state() / "learner";
+  const run::RunLock lock = fs::exists(job.directory.config())
+                                ? train::ResumeRun(job.directory, config)
+                                : train::BeginRun(job.directory, config);
+  job.config = config::ToToml(config);
+  job.commit = Commit();
+  job.seed = config.run.seed;
+  job.spec_hash = process.spec_hash();
+  job.max_steps = config.run.max_steps;
+  job.max_seconds = config.run.max_seconds;
+  job.log_interval = config.run.log_interval;
+  job.checkpoint_seconds = config.run.checkpoint_seconds;
+  job.publish_interval = config.run.publish_interval;
+  job.snapshot_seconds = config.run.snapshot_seconds;
+  job.snapshot_steps = config.run.snapshot_steps;
+  job.replay = process.replay();
+  job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
+  job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,
+                                                        job.policies.endpoint);
+  learner::LearnerService learner(config.learner_service, config.td3, MakeSpec(config),
+                                  std::move(job), process.context(), process.registry());
+  spdlog::info("policies at {}, run directory {}", learner.endpoint(),
+               (process.state() / "learner").string());
+  return learner.Run(signals.token()) == learner::LearnerEnd::kDiverged ? kExitDiverged : kExitOk;
+}
+
+int RunActor(const ServiceOptions& options) {
+  StopSignals signals;
+  ServiceProcess process(transport::Role::kActor, options);
+  const train::RunConfig& config = process.config();
+  base::ParallelFor parallel(config.run.simulation_threads);
+  sim::CourseEnvironments environments(
+      config.environment, sim::MakeScenes(config.courses.Resolve(config.courses.train)),
+      config.actor.num_environments, &parallel);
+  const policy::PolicySpec spec = MakeSpec(config);
+  // Drives nothing before the learner's first policy takes its place.
+  policy::NetworkAgent agent(
+      {-1, spec,
+       std::make_shared<const std::vector<float>>(
+           static_cast<std::size_t>(spec.actor_shape().num_parameters()), 0.0f)});
+  const auto install = [&](std::span<const std::byte> bytes) -> base::Result<std::int64_t> {
+    auto snapshot = ReadPolicy(bytes, spec);
+    if (!snapshot) return snapshot.failure();
+    const std::int64_t version = snapshot->version;
+    agent.SetSnapshot(std::move(*snapshot));
+    return version;
+  };
+  actor::ActorIdentity identity;
+  identity.name = process.name();
+  identity.state_directory = process.state() / "actors" / process.name();
+  identity.seed = static_cast<std::uint64_t>(config.run.seed);
+  identity.spec_hash = process.spec_hash();
+  identity.course_set = config.courses.train;
+  identity.replay = process.replay();
+  identity.learner = process.learner();
+  actor::ActorService actor(config.actor_service, config.actor, std::move(identity), environments,
+                            agent, install, process.context(), process.registry());
+  actor.Run(signals.token());
+  return kExitOk;
+}
+
+int RunEvaluator(const ServiceOptions& options) {
+  StopSignals signals;
+  ServiceProcess process(transport::Role::kEvaluator, options);
+  const train::RunConfig& config = process.config();
+  const std::string& courses = config.evaluator_service.courses.empty()
+                                   ? config.courses.test
+                                   : config.evaluator_service.courses;
+  if (courses.empty()) {
+    throw base::Error(
+        "courses.test and evaluator_service.courses are empty, expected courses to score policies "
+        "on");
+  }
+  base::ParallelFor parallel(config.run.simulation_threads);
+  const policy::PolicySpec spec = MakeSpec(config);
+  const auto agent_of =
+      [&](std::span<const std::byte> bytes) -> base::Result<std::unique_ptr<env::Agent>> {
+    auto snapshot = ReadPolicy(bytes, spec);
+    if (!snapshot) return snapshot.failure();
+    return std::unique_ptr<env::Agent>(
+        std::make_unique<policy::NetworkAgent>(std::move(*snapshot)));
+  };
+  eval::EvaluatorIdentity identity;
+  identity.name = process.name();
+  identity.state_directory = process.state() / "evaluators" / process.name();
+  identity.spec_hash = process.spec_hash();
+  identity.course_set = courses;
+  identity.replay = process.replay();
+  identity.learner = process.learner();
+  eval::EvaluatorService evaluator(config.evaluator_service, config.evaluation, config.environment,
+                                   config.courses.Resolve(courses), std::move(identity), agent_of,
+                                   parallel, process.context(), process.registry());
+  evaluator.Run(signals.token());
+  return kExitOk;
+}
+
+void AddRole(CLI::App& app, int* exit_code, const std::string& name, const std::string& meaning,
+             int (*run)(const ServiceOptions&)) {
+  CLI::App* command = app.add_subcommand(name, meaning);
+  auto options = std::make_shared<ServiceOptions>();
+  command->add_option("--config", options->config, "TOML file, the same for all processes of a run")
+      ->required();
+  command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
+      ->type_name("KEY=VALUE");
+  command->add_option("--name", options->name,
+                      "Of this process among those of its role [service.name of the config]");
+  command->footer(
+      "Runs until SIGINT or SIGTERM, then saves and ends within seconds; started again it goes "
+      "on.\n"
+      "docs/operations.md has a first cluster run.");
+  command->callback([options, exit_code, run] { *exit_code = run(*options); });
+}
+
+}  // namespace
+
+void AddServiceCommands(CLI::App& app, int* exit_code) {
+  AddRole(app, exit_code, "replay", "Serve replay: take what actors send, give batches to learners",
+          RunReplay);
+  AddRole(app, exit_code, "learner", "Learn from a replay server and publish policies", RunLearner);
+  AddRole(app, exit_code, "actor", "Drive training episodes and send them to a replay server",
+          RunActor);
+  AddRole(app, exit_code, "evaluator", "Score the learner's policies, one after the other",
+          RunEvaluator);
+}
+
+}  // namespace slalom::cli

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "metrics/exposer.h"
+#include "metrics/registry.h"
+#include "train/run_config.h"
+#include "transport/client.h"
+#include "transport/context.h"
+#include "transport/server.h"
+
+namespace slalom::cli {
+
+/// What every process of the service is given on its command line.
+struct ServiceOptions {
+  std::optional<std::string> config;
+  std::vector<std::string> overrides;
+  std::optional<std::string> name;
+};
+
+/// What the processes of the service have in common: config, name, sockets' context, metrics.
+/// Confined to the main thread.
+class ServiceProcess {
+ public:
+  /// Loads the config and shows metrics where it says. Throws `base::Error` where config or address
+  /// are unusable.
+  ServiceProcess(transport::Role role, const ServiceOptions& options);
+
+  const train::RunConfig& config() const { return config_; }
+  const std::string& name() const { return name_; }
+  std::filesystem::path state() const { return config_.service.state; }
+  std::uint64_t spec_hash() const { return train::SpecHash(config_); }
+  transport::Context& context() { return context_; }
+  metrics::Registry& registry() { return *registry_; }
+
+  /// How to reach the others, with this role's keys.
+  transport::ClientOptions replay() const;
+  transport::ClientOptions learner() const;
+
+ private:
+  const transport::Role role_;
+  const train::RunConfig config_;
+  const std::string name_;
+  transport::Context context_;
+  std::unique_ptr<metrics::Registry> registry_;
+  std::unique_ptr<metrics::Exposer> exposer_;
+};
+
+/// Where a server listens: `bind`, or where that is empty what the others connect to.
+const std::string& BindAddress(const std::string& bind, const std::string& reached);
+
+}  // namespace slalom::cli

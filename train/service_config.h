@@ -1,0 +1,41 @@
+#pragma once
+
+#include <string>
+
+#include "base/config_field.h"
+
+namespace slalom::train {
+
+/// Where the processes of the distributed service find each other, and where each keeps its state.
+struct ServiceConfig {
+  std::string name = "";
+  std::string replay = "tcp://127.0.0.1:5550";
+  std::string replay_bind = "";
+  std::string learner = "tcp://127.0.0.1:5551";
+  std::string learner_bind = "";
+  std::string metrics = "127.0.0.1:0";
+  std::string state = "state";
+  int io_threads = 1;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("name", name,
+      "Of this process among those of its role, the same after a restart. Empty: the machine's "
+      "name for an actor or evaluator, else the role.");
+    v("replay", replay, "Where the replay server is reached.");
+    v("replay_bind", replay_bind,
+      "Where the replay server listens, such as tcp://*:5550. Empty: as service.replay.");
+    v("learner", learner, "Where the learner's policies are fetched.");
+    v("learner_bind", learner_bind, "Where the learner listens. Empty: as service.learner.");
+    v("metrics", metrics,
+      "Address at which this process shows /metrics to Prometheus and answers /healthy; port 0: "
+      "any free one. Empty: none.");
+    v("state", state,
+      "Directory below which each process keeps its state: replay/, learner/, actors/NAME/, "
+      "evaluators/NAME/.");
+    v("io_threads", io_threads, base::Range{1, 16}, "",
+      "Threads that copy between sockets and the network, and encrypt.");
+  }
+};
+
+}  // namespace slalom::train
