@@ -1,0 +1,85 @@
+#!/usr/bin/env python3
+"""disk_drill.py PROGRAM: disks that are full or read-only while snapshots and checkpoints are due. Needs root (tmpfs mounts).
+
+Passes if the replay server and the learner live on and say what is wrong, nothing that was acknowledged is lost, and all goes on
+once there is space again.
+"""
+
+import os
+import subprocess
+import sys
+
+from service import Service, check, main, wait_for
+
+
+def mount(path, megabytes):
+    os.makedirs(path, exist_ok=True)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={megabytes}m", "tmpfs", path], check=True)
+
+
+def fill(path):
+    name = os.path.join(path, "filler")
+    with open(name, "wb", buffering=0) as file:
+        try:
+            while True:
+                file.write(b"x" * 65536)
+        except OSError:
+            pass
+    return name
+
+
+def drill(program):
+    if os.geteuid() != 0:
+        print("SKIPPED: mounting a small file system needs root")
+        sys.exit(77)
+    with Service(program, capacity=20000) as service:
+        disks = [os.path.join(service.state, "replay"), os.path.join(service.state, "learner")]
+        for disk in disks:
+            mount(disk, 200)
+        try:
+            roles = replay, learner, actor = [service.add("replay"), service.add("learner"), service.add("actor", "actor-0")]
+            for process in roles:
+                process.start()
+            wait_for("updates", lambda: service.figure("learner", "learner", "updates") > 200)
+            wait_for("a checkpoint", lambda: learner.metric("slalom_checkpoints_total") >= 1)
+
+            # Replay's disk full: nothing more is acknowledged, sampling and learning go on.
+            filler = fill(disks[0])
+            wait_for("the journal's failing to be seen", lambda: replay.metric("slalom_journal_failing") == 1, 60.0)
+            acknowledged = actor.metric("slalom_steps_acknowledged_total")
+            updates = service.figure("learner", "learner", "updates")
+            wait_for("learning that goes on", lambda: service.figure("learner", "learner", "updates") > updates)
+            os.remove(filler)
+            wait_for("the journal's recovery", lambda: replay.metric("slalom_journal_failing") == 0, 90.0)
+            wait_for("acknowledgements", lambda: actor.metric("slalom_steps_acknowledged_total") > acknowledged)
+            check("space" in replay.log_text().lower(), f"the log does not say it: {replay.log_text()[-1500:]}")
+
+            # The learner's disk full, then read-only: the earlier checkpoint stays, training goes on.
+            for name, begin, end in (
+                    ("full", lambda: fill(disks[1]), lambda f: os.remove(f)),
+                    ("read-only", lambda: subprocess.run(["mount", "-o", "remount,ro", disks[1]], check=True),
+                     lambda _: subprocess.run(["mount", "-o", "remount,rw", disks[1]], check=True))):
+                failures = learner.metric("slalom_checkpoint_failures_total")
+                thing = begin()
+                wait_for(f"a checkpoint that fails on a disk that is {name}",
+                         lambda: learner.metric("slalom_checkpoint_failures_total") > failures)
+                updates = service.figure("learner", "learner", "updates")
+                wait_for("learning that goes on", lambda: service.figure("learner", "learner", "updates") > updates)
+                good = learner.metric("slalom_checkpoints_total")
+                end(thing)
+                wait_for("the next checkpoint", lambda: learner.metric("slalom_checkpoints_total") > good)
+                print(f"learner: disk {name}, training went on, checkpoints came back", flush=True)
+            for process in roles:
+                process.check_alive()
+            for process in reversed(roles):
+                code, _ = process.stop(10.0)
+                check(code == 0, f"{process.name} ended with {code}")
+        finally:
+            for process in service.processes:
+                if process.process is not None:
+                    process.kill()
+            for disk in disks:
+                subprocess.run(["umount", "-l", disk], check=False)
+
+
+main(drill)
