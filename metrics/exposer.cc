@@ -1,24 +1,21 @@
 #include "metrics/exposer.h"
 
-#include <arpa/inet.h>
-#include <civetweb.h>
 #include <fmt/format.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <charconv>
-#include <chrono>
 #include <cstring>
-#include <future>
+#include <memory>
 #include <optional>
 #include <string_view>
 #include <utility>
 
 #include "base/error.h"
+#include "metrics/http_server.h"
 
 namespace slalom::metrics {
 namespace {
@@ -50,14 +47,8 @@ std::optional<Address> Parse(std::string_view text) {
   throw base::Error(fmt::format("cannot show metrics on '{}': {}", address, reason));
 }
 
-struct Resolved {
-  std::string text;  // As the web server takes it: the host as numbers.
-  sockaddr_storage address{};
-  socklen_t length = 0;
-};
-
-/// Binds the address once to find out why it might not work, as the web server does not say.
-Resolved Resolve(const std::string& text) {
+/// A socket that listens at the address.
+int Listen(const std::string& text) {
   const auto address = Parse(text);
   if (!address) {
     Refuse(text, "expected HOST:PORT, such as 127.0.0.1:9400, [::1]:9400 or 0.0.0.0:9400");
@@ -74,128 +65,52 @@ Resolved Resolve(const std::string& text) {
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> owner(found, freeaddrinfo);
   const int socket = ::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int yes = 1;
-  const bool bound = socket >= 0 &&
-                     setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
-                     bind(socket, found->ai_addr, found->ai_addrlen) == 0 && listen(socket, 1) == 0;
+  if (socket >= 0 && setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
+      bind(socket, found->ai_addr, found->ai_addrlen) == 0 && listen(socket, 16) == 0) {
+    return socket;
+  }
   const int error = errno;
   if (socket >= 0) close(socket);
-  if (!bound) Refuse(text, std::strerror(error));
-
-  std::array<char, NI_MAXHOST> host{};
-  getnameinfo(found->ai_addr, found->ai_addrlen, host.data(), host.size(), nullptr, 0,
-              NI_NUMERICHOST);
-  Resolved resolved;
-  resolved.text = found->ai_family == AF_INET6 ? fmt::format("[{}]:{}", host.data(), address->port)
-                                               : fmt::format("{}:{}", host.data(), address->port);
-  std::memcpy(&resolved.address, found->ai_addr, found->ai_addrlen);
-  resolved.length = found->ai_addrlen;
-  return resolved;
+  Refuse(text, std::strerror(error));
 }
 
-/// Connects, and closes.
-void Touch(const Resolved& resolved) {
-  const int socket = ::socket(resolved.address.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  if (socket < 0) return;
-  connect(socket, reinterpret_cast<const sockaddr*>(&resolved.address), resolved.length);
-  close(socket);
+/// Of a socket that is bound; the port is at the same place in addresses of IPv4 and IPv6.
+int PortOf(int socket) {
+  sockaddr_storage address{};
+  socklen_t length = sizeof address;
+  getsockname(socket, reinterpret_cast<sockaddr*>(&address), &length);
+  return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
 }
 
-int Answer(mg_connection* connection, int status, std::string_view reason, std::string_view type,
-           std::string_view body, std::string_view more = "") {
-  const mg_request_info* request = mg_get_request_info(connection);
-  const std::string head = fmt::format(
-      "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: close\r\n{}\r\n",
-      status, reason, type, body.size(), more);
-  mg_write(connection, head.data(), head.size());
-  if (std::string_view(request->request_method) != "HEAD") {
-    mg_write(connection, body.data(), body.size());
+HttpAnswer Answer(std::string_view path, const Registry& registry, const Exposer::Health& health) {
+  if (path == "/metrics") {
+    return {200, "OK", "text/plain; version=0.0.4; charset=utf-8", registry.Text()};
   }
-  return status;
+  if (path == "/healthy") {
+    const std::string fault = health ? health() : "";
+    if (fault.empty()) return {.body = "ok\n"};
+    return {.status = 503, .reason = "Service Unavailable", .body = fault + "\n"};
+  }
+  return {.status = 404, .reason = "Not Found", .body = "here are /metrics and /healthy\n"};
 }
-
-constexpr std::string_view kPlain = "text/plain; charset=utf-8";
 
 }  // namespace
 
 struct Exposer::Impl {
-  const Registry& registry;
-  const Health health;
-  mg_context* server = nullptr;
-  Resolved listening{};  // With the port that was chosen.
-
-  int Handle(mg_connection* connection) const {
-    const mg_request_info* request = mg_get_request_info(connection);
-    const std::string_view method = request->request_method;
-    const std::string_view path = request->local_uri;
-    if (method != "GET" && method != "HEAD") {
-      return Answer(connection, 405, "Method Not Allowed", kPlain, "expected GET\n",
-                    "Allow: GET, HEAD\r\n");
-    }
-    if (path == "/metrics") {
-      return Answer(connection, 200, "OK", "text/plain; version=0.0.4; charset=utf-8",
-                    registry.Text());
-    }
-    if (path == "/healthy") {
-      const std::string fault = health ? health() : "";
-      if (fault.empty()) return Answer(connection, 200, "OK", kPlain, "ok\n");
-      return Answer(connection, 503, "Service Unavailable", kPlain, fault + "\n");
-    }
-    return Answer(connection, 404, "Not Found", kPlain, "here are /metrics and /healthy\n");
-  }
+  int port;
+  HttpServer server;
 };
 
-Exposer::Exposer(const std::string& address, const Registry& registry, Health health)
-    : impl_(new Impl{registry, std::move(health)}) {
-  impl_->listening = Resolve(address);
-  // Requests have no bodies and end with their answer, so a few threads do.
-  const char* options[] = {"listening_ports",
-                           impl_->listening.text.c_str(),
-                           "num_threads",
-                           "4",
-                           "request_timeout_ms",
-                           "5000",
-                           "enable_keep_alive",
-                           "no",
-                           nullptr};
-  mg_callbacks callbacks{};
-  callbacks.log_message = [](const mg_connection*, const char*) { return 1; };  // Said below.
-  mg_init_data init{};
-  init.callbacks = &callbacks;
-  init.configuration_options = options;
-  std::array<char, 256> reason{};
-  mg_error_data error{};
-  error.text = reason.data();
-  error.text_buffer_size = reason.size();
-  mg_init_library(0);
-  impl_->server = mg_start2(&init, &error);
-  if (impl_->server == nullptr) {
-    mg_exit_library();
-    Refuse(address, reason.data());
-  }
-  mg_set_request_handler(
-      impl_->server, "**",
-      [](mg_connection* connection, void* impl) {
-        return static_cast<const Impl*>(impl)->Handle(connection);
-      },
-      impl_.get());
-  // The port is at the same place in addresses of IPv4 and IPv6.
-  reinterpret_cast<sockaddr_in&>(impl_->listening.address).sin_port =
-      htons(static_cast<std::uint16_t>(port()));
+Exposer::Exposer(const std::string& address, const Registry& registry, Health health) {
+  const int listener = Listen(address);
+  impl_.reset(new Impl{PortOf(listener),
+                       {listener, [&registry, health = std::move(health)](std::string_view path) {
+                          return Answer(path, registry, health);
+                        }}});
 }
 
-Exposer::~Exposer() {
-  // The web server looks only every two seconds whether it is to stop, or when somebody connects.
-  const auto stopped = std::async(std::launch::async, mg_stop, impl_->server);
-  do {
-    Touch(impl_->listening);
-  } while (stopped.wait_for(std::chrono::milliseconds(10)) != std::future_status::ready);
-  mg_exit_library();
-}
+Exposer::~Exposer() = default;
 
-int Exposer::port() const {
-  mg_server_port port{};
-  mg_get_server_ports(impl_->server, 1, &port);
-  return port.port;
-}
+int Exposer::port() const { return impl_->port; }
 
 }  // namespace slalom::metrics

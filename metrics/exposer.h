@@ -8,7 +8,7 @@
 
 namespace slalom::metrics {
 
-/// Answers HTTP GET (and HEAD) on an address of its own, in a few threads of its own:
+/// Answers HTTP GET (and HEAD) on an address of its own, in a thread of its own:
 ///
 /// - `/metrics`: the registry's `Text`;
 /// - `/healthy`: 200 and "ok", or 503 and what is wrong; for health checks of containers;
@@ -18,7 +18,7 @@ namespace slalom::metrics {
 /// seconds. There is no encryption and no password: listen on loopback or a network of one's own.
 class Exposer {
  public:
-  /// What is wrong with the role, in words; empty: nothing. Called by the exposer's threads.
+  /// What is wrong with the role, in words; empty: nothing. Called by the exposer's thread.
   using Health = std::function<std::string()>;
 
   /// `address`: HOST:PORT, as "127.0.0.1:9400", "[::1]:9400", "0.0.0.0:9400" (every interface of

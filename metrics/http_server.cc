@@ -1,0 +1,144 @@
+#include "metrics/http_server.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <utility>
+#include <vector>
+
+#include "base/check.h"
+
+namespace slalom::metrics {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr std::size_t kMaxConnections = 64;
+constexpr std::size_t kMaxRequestBytes = 8192;
+// From the connection to the end of its answer.
+constexpr std::chrono::seconds kMaxTime{5};
+
+HttpAnswer Answer(std::string_view request, const HttpServer::Handler& handler) {
+  const std::string_view line = request.substr(0, request.find("\r\n"));
+  const std::size_t method_end = line.find(' ');
+  const std::size_t path_end = line.rfind(" HTTP/1.");
+  if (method_end == std::string_view::npos || path_end == std::string_view::npos ||
+      path_end <= method_end) {
+    return {400, "Bad Request", "text/plain; charset=utf-8", "expected HTTP\n"};
+  }
+  const std::string_view method = line.substr(0, method_end);
+  if (method != "GET" && method != "HEAD") {
+    return {405, "Method Not Allowed", "text/plain; charset=utf-8", "expected GET\n"};
+  }
+  const std::string_view path = line.substr(method_end + 1, path_end - method_end - 1);
+  return handler(path.substr(0, path.find('?')));
+}
+
+std::string Print(const HttpAnswer& answer, bool with_body) {
+  return fmt::format(
+      "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{}Connection: close\r\n\r\n{}",
+      answer.status, answer.reason, answer.type, answer.body.size(),
+      answer.status == 405 ? "Allow: GET, HEAD\r\n" : "", with_body ? answer.body : "");
+}
+
+}  // namespace
+
+struct HttpServer::Connection {
+  int socket;
+  steady_clock::time_point end;
+  std::string request;
+  std::string answer;  // Empty: still reading.
+  std::size_t sent = 0;
+
+  bool reading() const { return answer.empty(); }
+
+  /// False: done with, or broken.
+  bool Read(const Handler& handler) {
+    std::array<char, 4096> bytes;
+    const ssize_t size = ::recv(socket, bytes.data(), bytes.size(), 0);
+    if (size < 0) return errno == EAGAIN || errno == EINTR;
+    request.append(bytes.data(), static_cast<std::size_t>(size));
+    const bool whole = request.find("\r\n\r\n") != std::string::npos;
+    if (!whole && size > 0 && request.size() <= kMaxRequestBytes) return true;
+    if (!whole && request.empty()) return false;
+    answer = Print(whole ? Answer(request, handler)
+                         : HttpAnswer{400, "Bad Request", "text/plain; charset=utf-8",
+                                      "expected a request of at most 8192 bytes\n"},
+                   !request.starts_with("HEAD "));
+    return Write();
+  }
+
+  bool Write() {
+    const ssize_t size = ::send(socket, answer.data() + sent, answer.size() - sent, MSG_NOSIGNAL);
+    if (size < 0) return errno == EAGAIN || errno == EINTR;
+    sent += static_cast<std::size_t>(size);
+    if (sent < answer.size()) return true;
+    // What the peer still sends must not turn the answer into a reset.
+    ::shutdown(socket, SHUT_WR);
+    std::array<char, 4096> rest;
+    while (::recv(socket, rest.data(), rest.size(), 0) > 0) {
+    }
+    return false;
+  }
+};
+
+HttpServer::HttpServer(int listener, Handler handler)
+    : listener_(listener),
+      wake_(::eventfd(0, EFD_CLOEXEC)),
+      handler_(std::move(handler)),
+      thread_([this] { Run(); }) {
+  SLALOM_CHECK_GE(wake_, 0);
+}
+
+HttpServer::~HttpServer() {
+  ::eventfd_write(wake_, 1);
+  thread_.join();
+  ::close(wake_);
+  ::close(listener_);
+}
+
+void HttpServer::Run() {
+  ::fcntl(listener_, F_SETFL, ::fcntl(listener_, F_GETFL) | O_NONBLOCK);
+  std::vector<Connection> connections;
+  std::vector<pollfd> polled;
+  while (true) {
+    polled = {{wake_, POLLIN, 0}, {listener_, POLLIN, 0}};
+    for (const Connection& connection : connections) {
+      polled.push_back(
+          {connection.socket, static_cast<short>(connection.reading() ? POLLIN : POLLOUT), 0});
+    }
+    ::poll(polled.data(), polled.size(), connections.empty() ? -1 : 1000);
+    if (polled[0].revents != 0) break;
+    const auto now = steady_clock::now();
+    for (std::size_t i = 0; i < connections.size(); ++i) {
+      Connection& connection = connections[i];
+      bool goes_on = now < connection.end;
+      if (goes_on && polled[i + 2].revents != 0) {
+        goes_on = connection.reading() ? connection.Read(handler_) : connection.Write();
+      }
+      if (goes_on) continue;
+      ::close(connection.socket);
+      connection.socket = -1;
+    }
+    std::erase_if(connections, [](const Connection& c) { return c.socket < 0; });
+    while (polled[1].revents != 0) {
+      const int socket = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+      if (socket < 0) break;
+      if (connections.size() >= kMaxConnections) {
+        ::close(socket);
+      } else {
+        connections.push_back({socket, now + kMaxTime, {}, {}, 0});
+      }
+    }
+  }
+  for (const Connection& connection : connections) ::close(connection.socket);
+}
+
+}  // namespace slalom::metrics
