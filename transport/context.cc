@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <chrono>
+#include <cstdint>
 #include <map>
 #include <string_view>
 #include <thread>
@@ -16,6 +18,7 @@
 namespace slalom::transport {
 namespace {
 
+constexpr std::chrono::seconds kWarningInterval{10};
 constexpr char kZapEndpoint[] = "inproc://zeromq.zap.01";
 
 /// A request for authentication, RFC 27: its parts in order.
@@ -97,14 +100,31 @@ class Context::Authenticator {
         if (found != allowed->end()) return std::string(ToString(found->second));
       }
     }
-    spdlog::warn("a connection from {} was refused: its key {} is not on the allow list",
-                 request[kAddress], key);
+    Warn(request[kAddress], key);
     return std::nullopt;
+  }
+
+  /// Says who was refused, but not more often than anybody reads it: peers try again and again.
+  void Warn(const std::string& address, const std::string& key) {
+    const auto now = std::chrono::steady_clock::now();
+    if (now < next_warning_) {
+      ++num_unsaid_;
+      return;
+    }
+    spdlog::warn(
+        "a connection from {} was refused: its key '{}' is not on the allow list ({} more were "
+        "since the last such line)",
+        address, key, num_unsaid_);
+    num_unsaid_ = 0;
+    next_warning_ = now + kWarningInterval;
   }
 
   base::Mutex mutex_;
   std::map<std::string, std::optional<AllowList>> domains_ GUARDED_BY(mutex_);
-  zmq::socket_t socket_;  // Of the thread, once it runs.
+  // Of the thread, once it runs:
+  zmq::socket_t socket_;
+  std::chrono::steady_clock::time_point next_warning_;
+  std::int64_t num_unsaid_ = 0;
   EventFd stop_;
   std::jthread thread_;
 };
