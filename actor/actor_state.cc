@@ -55,7 +55,8 @@ class Reader {
     bytes_.remove_prefix(size);
     return text;
   }
-  /// Items are made one by one as their bytes are found to be there, whatever the length says.
+  /// Every item takes at least one byte, so a length beyond the bytes left is refused before memory
+  /// is taken for it.
   template <class T, class Field>
   void List(std::vector<T>& list, Field field) {
     std::uint64_t size = 0;
@@ -64,8 +65,8 @@ class Reader {
       throw base::Error(fmt::format("{}: actor state has a list of {} items in {} bytes", source_,
                                     size, bytes_.size()));
     }
-    list.clear();
-    for (std::uint64_t i = 0; i < size; ++i) field(*this, list.emplace_back());
+    list.resize(size);
+    for (T& item : list) field(*this, item);
   }
   bool at_end() const { return bytes_.empty(); }
 

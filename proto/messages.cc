@@ -66,6 +66,8 @@ std::string_view ToString(RefusalCode code) {
       return "too_fast";
     case RefusalCode::kNotReady:
       return "not_ready";
+    case RefusalCode::kReplaced:
+      return "replaced";
   }
   return "other";
 }

@@ -50,11 +50,12 @@ enum class RefusalCode : std::uint32_t {
   kUnknownMessage = 3,  ///< Of a newer minor version.
   kNotAllowed = 4,      ///< The sender's role may not send it.
   kWrongSpec = 5,       ///< Observations or actions are not those of this service.
-  kNoSession = 6,       ///< Insert before hello, or of a session that was replaced: say hello.
+  kNoSession = 6,       ///< Insert before hello, or of a session that is not open: say hello.
   kOutOfOrder = 7,      ///< A chunk is missing before this one: say hello.
   kOverWindow = 8,      ///< More unacknowledged payload than the window.
   kTooFast = 9,         ///< More messages than the rate bound.
   kNotReady = 10,       ///< Not now, for example while loading.
+  kReplaced = 11,       ///< Hello of a session that a newer one replaced, whose number is `about`.
 };
 /// "bad_message", ...; "other" for one of a newer minor version.
 std::string_view ToString(RefusalCode code);

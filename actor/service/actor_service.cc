@@ -21,6 +21,8 @@ using std::chrono::steady_clock;
 constexpr milliseconds kWait{50};
 // SIGTERM to exit within 5 s, the spool's writing included.
 constexpr std::chrono::seconds kFlush{3};
+// Where the server went away, too, as when a machine is shut down.
+constexpr std::chrono::seconds kFlushAway{1};
 // A chunk that the server calls bad so often is not damaged on its way but wrong.
 constexpr int kMaxRefusals = 5;
 
@@ -93,11 +95,15 @@ void ActorService::Replace(std::string_view why) {
 
 void ActorService::OnWelcome(const proto::Welcome& welcome) {
   window_bytes_ = welcome.window_bytes;
+  if (phase_ == Phase::kStarting && welcome.next_sequence > 0) {
+    // Somebody else has used the number: this state directory is newer than the server's memory.
+    return StartSession(outbox_.session() + 1);
+  }
   if (phase_ == Phase::kStarting) {
     const std::int64_t accepted =
         welcome.previous_session == ledger_.session() ? welcome.previous_accepted_steps : 0;
     ledger_.BeginSession(outbox_.session(), accepted, reason_);
-    outbox_.Begin(outbox_.session(), welcome.next_sequence);
+    outbox_.Begin(outbox_.session());
     outbox_.SaveSpool(spool(), 0);  // Nothing: removes what was sent.
     const std::uint64_t seed =
         base::DeriveSeed(identity_.seed, "actor",
@@ -133,20 +139,20 @@ void ActorService::OnAck(const proto::InsertAck& ack) {
 
 void ActorService::OnRefusal(const proto::Refusal& refusal) {
   metrics_.AddRefused(proto::ToString(refusal.code));
-  if (refusal.code == proto::RefusalCode::kNoSession) {
-    if (phase_ == Phase::kRunning && refusal.about > outbox_.session()) {
+  if (refusal.code == proto::RefusalCode::kReplaced) {
+    if (phase_ == Phase::kRunning) {
       throw base::Error(fmt::format(
           "another process took over as actor '{}' (session {}, this one's is {}); choose another "
           "service.name",
           identity_.name, refusal.about, outbox_.session()));
     }
-    if (refusal.about >= outbox_.session()) {
-      // This actor's state directory is new, or older than what the server knows.
-      StartSession(refusal.about + 1);
-      return;
-    }
-  } else if (refusal.code == proto::RefusalCode::kBadMessage &&
-             ++refused_in_a_row_ > kMaxRefusals) {
+    // This actor's state directory is newer than the server's memory.
+    if (phase_ == Phase::kDraining) reason_ = LossReason::kReplaced;
+    return StartSession(std::max(refusal.about, outbox_.session()) + 1);
+  }
+  // What was sent before the server was asked where to go on: the answer is on its way.
+  if (!replay_.welcomed()) return;
+  if (refusal.code == proto::RefusalCode::kBadMessage && ++refused_in_a_row_ > kMaxRefusals) {
     throw base::Error(fmt::format("the replay server at {} refuses chunk {} again and again: {}",
                                   replay_.endpoint(), refusal.about, refusal.text));
   }
@@ -256,9 +262,10 @@ void ActorService::Run(std::stop_token stop) {
 }
 
 void ActorService::Finish() {
-  const auto give_up = steady_clock::now() + kFlush;
+  const auto began = steady_clock::now();
   if (phase_ == Phase::kRunning) CloseChunk();
-  while (phase_ != Phase::kStarting && !outbox_.empty() && steady_clock::now() < give_up) {
+  while (phase_ != Phase::kStarting && !outbox_.empty() &&
+         steady_clock::now() - began < (replay_.welcomed() ? kFlush : kFlushAway)) {
     SendChunks();
     Listen(kWait);
   }

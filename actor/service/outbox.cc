@@ -53,10 +53,9 @@ class Reader {
 
 }  // namespace
 
-void Outbox::Begin(std::uint64_t session, std::uint64_t next_sequence) {
+void Outbox::Begin(std::uint64_t session) {
   session_ = session;
-  next_sequence_ = next_sequence;
-  sent_before_ = next_sequence;
+  next_sequence_ = sent_before_ = 0;
   chunks_.clear();
   num_sent_ = 0;
   bytes_ = sent_bytes_ = steps_ = 0;

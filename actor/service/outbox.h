@@ -24,8 +24,8 @@ class Outbox {
   /// Is `full` from `max_bytes` of payload on.
   explicit Outbox(std::int64_t max_bytes) : max_bytes_(max_bytes) {}
 
-  /// Forgets everything and begins a session with chunk `next_sequence`.
-  void Begin(std::uint64_t session, std::uint64_t next_sequence = 0);
+  /// Forgets everything and begins a session.
+  void Begin(std::uint64_t session);
 
   bool full() const { return bytes_ >= max_bytes_; }
   bool empty() const { return chunks_.empty(); }

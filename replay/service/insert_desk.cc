@@ -45,10 +45,10 @@ void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) 
   }
   const Session* const known = sessions_.FindName(hello.name);
   if (known != nullptr && hello.session < known->number) {
-    return Refuse(peer, RefusalCode::kNoSession,
+    return Refuse(peer, RefusalCode::kReplaced,
                   fmt::format("session {} of {} was replaced by session {}", hello.session,
                               hello.name, known->number),
-                  hello.session);
+                  known->number);
   }
   if (known != nullptr && hello.session == known->number) {
     if (!known->ended && hello.num_streams != known->num_streams) {
@@ -87,12 +87,8 @@ std::optional<Session> InsertDesk::BeginSession(const proto::Hello& hello, const
   if (known != nullptr) {
     session.id = known->id;
     session.earlier_steps = known->earlier_steps + known->accepted_steps;
-    // A session of which nothing came may be one whose welcome the actor never saw: it then still
-    // has to learn of the session before.
-    const bool empty = known->next_sequence == 0;
-    session.previous_number = empty ? known->previous_number : known->number;
-    session.previous_accepted_steps =
-        empty ? known->previous_accepted_steps : known->accepted_steps;
+    session.previous_number = known->number;
+    session.previous_accepted_steps = known->accepted_steps;
   }
   if (known == nullptr && !MakeRoom()) return std::nullopt;
   if (known == nullptr) session.id = sessions_.next_id();

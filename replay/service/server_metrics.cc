@@ -15,7 +15,8 @@ constexpr proto::RefusalCode kReasons[] = {
     proto::RefusalCode::kUnknownMessage, proto::RefusalCode::kNotAllowed,
     proto::RefusalCode::kWrongSpec,      proto::RefusalCode::kNoSession,
     proto::RefusalCode::kOutOfOrder,     proto::RefusalCode::kOverWindow,
-    proto::RefusalCode::kTooFast,        proto::RefusalCode::kNotReady};
+    proto::RefusalCode::kTooFast,        proto::RefusalCode::kNotReady,
+    proto::RefusalCode::kReplaced};
 
 template <std::size_t... kIndices>
 std::vector<metrics::Counter> MessageCounters(metrics::Registry& registry,

@@ -1,0 +1,270 @@
+#include "actor/service/actor_service.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <exception>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "base/error.h"
+#include "metrics/catalogue.h"
+#include "replay/journal.h"
+#include "replay/service/server.h"
+#include "tests/support/fake_environment.h"
+#include "tests/support/scratch_directory.h"
+
+/// The actor as a process would be, against a real replay server and a learner of a few lines.
+
+namespace slalom::actor {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr int kBeams = 8;
+constexpr std::uint64_t kSpecHash = 11;
+constexpr int kEnvironments = 4;
+
+void WaitUntil(const std::function<bool()>& condition) {
+  const auto give_up = steady_clock::now() + std::chrono::seconds(60);
+  while (!condition()) {
+    ASSERT_LT(steady_clock::now(), give_up) << "what was waited for did not come";
+    std::this_thread::yield();
+  }
+}
+
+/// Gives every reader one policy, once.
+class OnePolicy {
+ public:
+  OnePolicy()
+      : server_(context_, {.endpoint = "tcp://127.0.0.1:*"}), thread_([this](auto stop) {
+          while (!stop.stop_requested()) {
+            auto received = server_.Receive(milliseconds(20));
+            if (!received) continue;
+            const auto header =
+                proto::Decode(received->message.header.bytes(), received->message.payload.bytes());
+            const auto* request = header ? std::get_if<proto::SnapshotRequest>(&*header) : nullptr;
+            if (request == nullptr || request->held_version == 7) continue;
+            const auto policy = transport::Frame::Copy(std::string_view("a policy"));
+            proto::Snapshot snapshot;
+            snapshot.version = 7;
+            const auto encoded = proto::Encode(snapshot, policy.bytes());
+            static_cast<void>(
+                server_.Send(received->peer, {transport::Frame::Copy(encoded), policy.Share()}));
+          }
+        }) {}
+
+  const std::string& endpoint() const { return server_.endpoint(); }
+
+ private:
+  transport::Context context_;
+  transport::Server server_;
+  std::jthread thread_;
+};
+
+/// A replay server, until it goes out of scope; then its journal can be looked into.
+class Replay {
+ public:
+  explicit Replay(const std::filesystem::path& directory,
+                  const std::string& endpoint = "tcp://127.0.0.1:*",
+                  std::uint64_t spec_hash = kSpecHash)
+      : registry_("replay", "replay"),
+        server_(ConfigOf(directory),
+                {.endpoint = endpoint,
+                 .table = {.capacity = 100000},
+                 .num_beams = kBeams,
+                 .spec_hash = spec_hash},
+                context_, registry_),
+        thread_([this](std::stop_token stop) { server_.Run(stop); }) {}
+
+  const std::string& endpoint() const { return server_.endpoint(); }
+  double steps() { return registry_.counter(metrics::kStepsAccepted).value(); }
+
+ private:
+  static replay::ReplayServerConfig ConfigOf(const std::filesystem::path& directory) {
+    replay::ReplayServerConfig config;
+    config.directory = directory;
+    return config;
+  }
+
+  transport::Context context_;
+  metrics::Registry registry_;
+  replay::ReplayServer server_;
+  std::jthread thread_;
+};
+
+std::int64_t AcceptedSteps(const std::filesystem::path& directory) {
+  replay::JournalOptions options;
+  options.directory = directory;
+  options.num_beams = kBeams;
+  options.spec_hash = kSpecHash;
+  const replay::JournalLock lock(directory);
+  return replay::RecoverJournal(options, {.capacity = 100000}).sessions.accepted_steps();
+}
+
+class ActorServiceTest : public ::testing::Test {
+ protected:
+  /// An actor that runs in a thread.
+  class Running {
+   public:
+    Running(ActorServiceTest& test, const std::string& replay, const std::string& state = "actor")
+        : environments_(kEnvironments, {0.5, 0.9}, 20, kBeams),
+          agent_(kEnvironments),
+          registry_("actor", "a"),
+          thread_([this, &test, replay, state](std::stop_token stop) {
+            try {
+              ActorIdentity identity;
+              identity.name = "a";
+              identity.state_directory = test.scratch_.path() / state;
+              identity.spec_hash = kSpecHash;
+              identity.course_set = "fake";
+              identity.replay.endpoint = replay;
+              identity.learner.endpoint = test.policy_.endpoint();
+              ActorConfig actor;
+              actor.num_environments = kEnvironments;
+              ActorService service(
+                  {}, actor, identity, environments_, agent_,
+                  [](std::span<const std::byte>) { return std::int64_t{7}; }, context_, registry_);
+              service.Run(stop);
+              account_ = service.account();
+            } catch (const base::Error& error) {
+              error_ = error.what();
+            }
+            ended_ = true;
+          }) {}
+
+    double made() { return registry_.counter(metrics::kEnvironmentSteps).value(); }
+    bool ended() const { return ended_; }
+    /// Ends it as SIGTERM would.
+    StepAccount Stop() {
+      thread_.request_stop();
+      thread_.join();
+      EXPECT_EQ(error_, "");
+      return account_;
+    }
+    std::string Error() {
+      thread_.join();
+      return error_;
+    }
+
+   private:
+    testing::FakeEnvironment environments_;
+    testing::SummingAgent agent_;
+    transport::Context context_;
+    metrics::Registry registry_;
+    StepAccount account_;
+    std::string error_;
+    std::atomic<bool> ended_ = false;
+    std::jthread thread_;
+  };
+
+  std::filesystem::path journal(const std::string& name = "replay") const {
+    return scratch_.path() / name;
+  }
+
+  const test::ScratchDirectory scratch_;
+  OnePolicy policy_;
+};
+
+TEST_F(ActorServiceTest, BothSidesCountTheSameSteps) {
+  StepAccount account;
+  {
+    Replay replay(journal());
+    Running actor(*this, replay.endpoint());
+    WaitUntil([&] { return actor.made() > 1000 && replay.steps() > 1000; });
+    account = actor.Stop();
+  }
+  EXPECT_GT(account.made, 1000);
+  EXPECT_EQ(account.accepted, account.made);
+  EXPECT_EQ(AcceptedSteps(journal()), account.made);
+}
+
+TEST_F(ActorServiceTest, NothingIsLostOverARestartOfTheServer) {
+  auto replay = std::make_unique<Replay>(journal());
+  const std::string endpoint = replay->endpoint();
+  Running actor(*this, endpoint);
+  for (int i = 0; i < 3; ++i) {
+    const double before = replay->steps();
+    WaitUntil([&] { return replay->steps() > before + 500; });
+    replay.reset();
+    replay = std::make_unique<Replay>(journal(), endpoint);
+  }
+  const double before = replay->steps();
+  WaitUntil([&] { return replay->steps() > before + 500; });
+  const StepAccount account = actor.Stop();
+  replay.reset();
+  EXPECT_EQ(account.accepted, account.made);
+  EXPECT_EQ(AcceptedSteps(journal()), account.made);
+}
+
+TEST_F(ActorServiceTest, WhatCannotBeDeliveredGoesByWayOfTheSpool) {
+  auto replay = std::make_unique<Replay>(journal());
+  const std::string endpoint = replay->endpoint();
+  StepAccount account;
+  {
+    Running actor(*this, endpoint);
+    WaitUntil([&] { return replay->steps() > 100; });
+    replay.reset();
+    const double before = actor.made();
+    WaitUntil([&] { return actor.made() > before + 100; });
+    account = actor.Stop();
+  }
+  EXPECT_GT(account.pending, 0);
+  EXPECT_EQ(account.made, account.accepted + account.pending);
+  replay = std::make_unique<Replay>(journal(), endpoint);
+  {
+    Running actor(*this, endpoint);
+    WaitUntil([&] { return actor.made() > static_cast<double>(account.made) + 100; });
+    account = actor.Stop();
+  }
+  replay.reset();
+  EXPECT_EQ(account.pending, 0);
+  EXPECT_EQ(account.accepted, account.made);
+  EXPECT_EQ(AcceptedSteps(journal()), account.made);
+}
+
+TEST_F(ActorServiceTest, StepsThatAServerForgotAreCountedAsLost) {
+  auto replay = std::make_unique<Replay>(journal());
+  const std::string endpoint = replay->endpoint();
+  Running actor(*this, endpoint);
+  WaitUntil([&] { return replay->steps() > 500; });
+  replay.reset();
+  const std::int64_t forgotten = AcceptedSteps(journal());
+  replay = std::make_unique<Replay>(journal("other"), endpoint);
+  WaitUntil([&] { return replay->steps() > 500; });
+  const StepAccount account = actor.Stop();
+  replay.reset();
+  EXPECT_EQ(account.lost[static_cast<int>(LossReason::kServer)], forgotten);
+  EXPECT_EQ(account.lost[static_cast<int>(LossReason::kKilled)], 0);
+  EXPECT_EQ(account.made, account.accepted + account.lost[0] + account.lost[1] + account.lost[2]);
+  EXPECT_EQ(AcceptedSteps(journal("other")), account.accepted);
+}
+
+TEST_F(ActorServiceTest, AnotherActorOfTheSameNameEndsTheFirst) {
+  Replay replay(journal());
+  Running first(*this, replay.endpoint());
+  WaitUntil([&] { return replay.steps() > 100; });
+  // With a state directory of its own it knows nothing of the first one's sessions.
+  Running second(*this, replay.endpoint(), "elsewhere");
+  EXPECT_THAT(first.Error(), ::testing::HasSubstr("another process took over as actor 'a'"));
+  const double before = second.made();
+  WaitUntil([&] { return second.made() > before; });
+  const StepAccount account = second.Stop();
+  EXPECT_EQ(account.accepted, account.made);
+}
+
+TEST_F(ActorServiceTest, AServerOfAnotherRunRefusesIt) {
+  Replay replay(journal(), "tcp://127.0.0.1:*", kSpecHash + 1);
+  Running actor(*this, replay.endpoint());
+  EXPECT_THAT(actor.Error(), ::testing::HasSubstr("refuses this process"));
+}
+
+}  // namespace
+}  // namespace slalom::actor
