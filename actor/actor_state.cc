@@ -55,8 +55,7 @@ class Reader {
     bytes_.remove_prefix(size);
     return text;
   }
-  /// Every item takes at least one byte, so a length beyond the bytes left is refused before memory
-  /// is taken for it.
+  /// Items are made one by one as their bytes are found to be there, whatever the length says.
   template <class T, class Field>
   void List(std::vector<T>& list, Field field) {
     std::uint64_t size = 0;
@@ -65,8 +64,8 @@ class Reader {
       throw base::Error(fmt::format("{}: actor state has a list of {} items in {} bytes", source_,
                                     size, bytes_.size()));
     }
-    list.resize(size);
-    for (T& item : list) field(*this, item);
+    list.clear();
+    for (std::uint64_t i = 0; i < size; ++i) field(*this, list.emplace_back());
   }
   bool at_end() const { return bytes_.empty(); }
 

@@ -193,8 +193,8 @@ void RequireConsistent(const Result& result, const ObjectReader& reader) {
   }
 }
 
-void ReadCoursesAndTracks(const ObjectReader& files, const fs::path& directory, Result& result) {
-  const fs::path courses_file = directory / fs::path(files.Text("courses")).filename();
+void ReadCoursesAndTracks(const fs::path& courses_file, const fs::path& tracks_file,
+                          Result& result) {
   result.course_set_data = sim::ReadCourseSet(courses_file);
   const auto& courses = result.course_set_data.courses;
   bool is_same = courses.size() == result.courses.size();
@@ -205,7 +205,6 @@ void ReadCoursesAndTracks(const ObjectReader& files, const fs::path& directory, 
     throw base::Error(fmt::format("{}: does not hold the {} courses of {}", courses_file.string(),
                                   result.courses.size(), result.file));
   }
-  const fs::path tracks_file = directory / fs::path(files.Text("tracks")).filename();
   result.tracks = sim::ReadEpisodes(tracks_file);
   std::set<std::string_view> names;
   for (const auto& course : courses) names.insert(course->name);
@@ -219,22 +218,19 @@ void ReadCoursesAndTracks(const ObjectReader& files, const fs::path& directory, 
 
 }  // namespace
 
-Result ReadResult(const fs::path& path) {
-  std::error_code error;
-  const fs::path file = fs::is_directory(path, error) ? path / "evaluation.json" : path;
-  const std::string text = base::ReadFile(file);
+ParsedResult ParseResult(std::string_view text, const std::string& source) {
   Json object;
   try {
     object = Json::parse(text);
   } catch (const Json::parse_error& parse_error) {
-    throw base::Error(fmt::format("{}: not valid JSON from byte {} of {}{}", file.string(),
+    throw base::Error(fmt::format("{}: not valid JSON from byte {} of {}{}", source,
                                   parse_error.byte, text.size(),
                                   parse_error.byte >= text.size() ? "; it was cut short" : ""));
   }
-  const ObjectReader reader(object, file.string(), "");
+  const ObjectReader reader(object, source, "");
   RequireFormat(reader, object);
   Result result;
-  result.file = file.string();
+  result.file = source;
   const ObjectReader agent = reader.Object("agent");
   result.agent = agent.Text("name");
   result.kind = agent.Text("kind");
@@ -262,8 +258,18 @@ Result ReadResult(const fs::path& path) {
     result.courses.push_back(ReadCourse(reader.Element("courses", c)));
   }
   RequireConsistent(result, reader);
-  ReadCoursesAndTracks(reader.Object("files"), file.parent_path(), result);
-  return result;
+  const ObjectReader files = reader.Object("files");
+  return {std::move(result), fs::path(files.Text("courses")).filename().string(),
+          fs::path(files.Text("tracks")).filename().string()};
+}
+
+Result ReadResult(const fs::path& path) {
+  std::error_code error;
+  const fs::path file = fs::is_directory(path, error) ? path / "evaluation.json" : path;
+  auto [result, courses_file, tracks_file] = ParseResult(base::ReadFile(file), file.string());
+  const fs::path directory = file.parent_path();
+  ReadCoursesAndTracks(directory / courses_file, directory / tracks_file, result);
+  return std::move(result);
 }
 
 void RequireSameProtocol(std::span<const Result> results) {

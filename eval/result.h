@@ -5,6 +5,7 @@
 #include <map>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "env/episode.h"
@@ -60,6 +61,16 @@ struct Result {
 /// short), not an evaluation, of another version, a key missing or out of range, figures that
 /// contradict its episodes, courses or tracks of another evaluation.
 Result ReadResult(const std::filesystem::path& path);
+
+/// An evaluation.json without the files that it names.
+struct ParsedResult {
+  Result result;             ///< Without courses' shapes and tracks.
+  std::string courses_file;  ///< Both without a directory.
+  std::string tracks_file;
+};
+
+/// The text of an evaluation.json. Throws as `ReadResult`; `source` names it.
+ParsedResult ParseResult(std::string_view text, const std::string& source);
 
 /// Throws `base::Error` that names two files and the first difference between their protocols.
 void RequireSameProtocol(std::span<const Result> results);

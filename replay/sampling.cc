@@ -188,23 +188,8 @@ void Table::WriteHistory(std::int64_t sequence, int history, const std::uint16_t
 
 bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows* rows) const {
   SLALOM_CHECK(spec.batch >= 1 && spec.history >= 1 && spec.n_step >= 1);
-  const auto batch = static_cast<std::size_t>(spec.batch);
-  const std::size_t frames = batch * spec.history;
-  rows->batch = spec.batch;
-  rows->history = spec.history;
-  rows->num_beams = num_beams_;
-  rows->ranges_cm.resize(frames);
-  rows->next_ranges_cm.resize(frames);
-  rows->state.Resize(frames * env::kStateSize);
-  rows->next_state.Resize(frames * env::kStateSize);
-  rows->action.Resize(batch);
-  rows->n_step_return.Resize(batch);
-  rows->cost_return.Resize(batch);
-  rows->discount.Resize(batch);
-  rows->weight.Resize(batch);
-  std::fill_n(rows->weight.data(), batch, 1.0f);
-  rows->sequence.resize(batch);
-  rows->next_sequence.resize(batch);
+  rows->Resize(spec.batch, spec.history, num_beams_);
+  std::fill_n(rows->weight.data(), rows->weight.size(), 1.0f);
   SLALOM_CHECK(!spec.prioritized || priorities_.has_value());
   if (num_rows() == 0) return false;
 

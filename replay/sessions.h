@@ -14,11 +14,12 @@ namespace slalom::replay {
 struct Session {
   std::uint32_t id = 0;  ///< Of the name; never used twice.
   std::string name;
-  std::uint64_t number = 0;           ///< Of the session; rises with each start of the actor.
-  std::uint64_t next_sequence = 0;    ///< Of the chunk that is expected.
-  std::int64_t accepted_steps = 0;    ///< In this session.
-  std::int64_t earlier_steps = 0;     ///< In all sessions of this name before.
-  std::uint64_t previous_number = 0;  ///< 0: no session before is known.
+  std::uint64_t number = 0;         ///< Of the session; rises with each start of the actor.
+  std::uint64_t next_sequence = 0;  ///< Of the chunk that is expected.
+  std::int64_t accepted_steps = 0;  ///< In this session.
+  std::int64_t earlier_steps = 0;   ///< In all sessions of this name before.
+  /// The last session before of which a chunk was accepted; 0: none is known.
+  std::uint64_t previous_number = 0;
   std::int64_t previous_accepted_steps = 0;
   std::int32_t stream_base = 0;  ///< Its streams are [stream_base, stream_base + num_streams).
   std::int32_t num_streams = 0;

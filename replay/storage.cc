@@ -178,7 +178,7 @@ void Storage::Commit(std::span<const std::string> manifests) {
   }
 }
 
-void Storage::ReadSegment(const Segment& segment, Table* table) const {
+void Storage::ReadSegment(const Segment& segment, std::size_t num_streams, Table* table) const {
   const fs::path path = directory_ / segment.name;
   std::ifstream in(path, std::ios::binary);
   if (!in) {
@@ -215,6 +215,13 @@ void Storage::ReadSegment(const Segment& segment, Table* table) const {
     if (!in || checksums.back() != ChecksumOf(block, s)) {
       FailDamaged(path, fmt::format("the checksum of rows {} to {} does not match", s, s + rows));
     }
+    for (const std::int32_t stream : block.stream) {
+      if (stream < 0 || static_cast<std::size_t>(stream) >= num_streams) {
+        FailDamaged(path,
+                    fmt::format("rows {} to {} have a stream {}, the checkpoint has {} streams", s,
+                                s + rows, stream, num_streams));
+      }
+    }
     // A segment may begin with rows that the table had already overwritten.
     kept.Clear();
     for (std::size_t r = 0; r < rows; ++r) {
@@ -233,7 +240,9 @@ Table Storage::Load(std::string_view text, std::string_view source) {
   const Manifest manifest = ParseManifest(text, source);
   Table table =
       Table::BeginRestore({.capacity = manifest.capacity}, manifest.num_beams, manifest.begin);
-  for (const Segment& segment : manifest.segments) ReadSegment(segment, &table);
+  for (const Segment& segment : manifest.segments) {
+    ReadSegment(segment, manifest.open.size(), &table);
+  }
   table.FinishRestore(manifest.open);
   SLALOM_CHECK_EQ(table.total_inserted(), manifest.end);
   segments_ = manifest.segments;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <span>
@@ -50,7 +51,7 @@ class Storage {
 
  private:
   Segment WriteSegment(const Table& table, std::int64_t begin);
-  void ReadSegment(const Segment& segment, Table* table) const;
+  void ReadSegment(const Segment& segment, std::size_t num_streams, Table* table) const;
 
   const std::filesystem::path directory_;
   std::vector<Segment> segments_;  ///< Of the last manifest saved or loaded.

@@ -87,8 +87,12 @@ std::optional<Session> InsertDesk::BeginSession(const proto::Hello& hello, const
   if (known != nullptr) {
     session.id = known->id;
     session.earlier_steps = known->earlier_steps + known->accepted_steps;
-    session.previous_number = known->number;
-    session.previous_accepted_steps = known->accepted_steps;
+    // A session of which nothing came may be one whose welcome the actor never saw: it then still
+    // has to learn of the session before.
+    const bool empty = known->next_sequence == 0;
+    session.previous_number = empty ? known->previous_number : known->number;
+    session.previous_accepted_steps =
+        empty ? known->previous_accepted_steps : known->accepted_steps;
   }
   if (known == nullptr && !MakeRoom()) return std::nullopt;
   if (known == nullptr) session.id = sessions_.next_id();

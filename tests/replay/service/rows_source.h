@@ -17,6 +17,8 @@ class RowsSource {
   RowsSource(int num_beams, int num_streams, std::uint64_t seed)
       : num_beams_(num_beams), random_(seed), open_(static_cast<std::size_t>(num_streams), 0) {}
 
+  int num_beams() const { return num_beams_; }
+
   /// One step in each environment, `steps` times.
   Chunk Next(int steps = 1) {
     Chunk chunk(num_beams_);

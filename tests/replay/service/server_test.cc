@@ -151,6 +151,78 @@ TEST(ReplayServerTest, TheTableAndTheSessionsComeBackFromTheJournal) {
   }
 }
 
+// Producers with reconnections, consumers with priorities, the journal's threads: for
+// ThreadSanitizer, and for the sum of it all.
+TEST(ReplayServerTest, TwoProducersAndTwoConsumersAtOnce) {
+  test::ScratchDirectory scratch;
+  ReplayServerConfig config;
+  config.directory = (scratch.path() / "replay").string();
+  config.segment_bytes = 65536;
+  config.sync_interval = 0.01;
+  constexpr std::uint64_t kChunks = 150;
+  std::int64_t steps = 0;
+  {
+    RunningServer server(config);
+    std::vector<std::jthread> threads;
+    std::vector<std::int64_t> made(2, 0);
+    for (std::size_t i = 0; i < 2; ++i) {
+      threads.emplace_back([&, i] {
+        transport::Context context;
+        RowsSource source(kBeams, kStreams, 10 + i);
+        const std::string name = "actor-" + std::to_string(i);
+        for (std::uint64_t start = 0; start < 3; ++start) {
+          // The same session over three connections.
+          TestPeer actor(context, server.endpoint());
+          actor.Send(HelloOf("actor", name, 1));
+          const auto welcome = actor.Expect<proto::Welcome>();
+          ASSERT_TRUE(welcome);
+          ASSERT_EQ(welcome->next_sequence, start * kChunks);
+          InsertAll(actor, source, nullptr, 1, start * kChunks, (start + 1) * kChunks);
+        }
+        made[i] = 3 * kChunks * 3 * kStreams;
+      });
+      threads.emplace_back([&, i] {
+        transport::Context context;
+        TestPeer learner(context, server.endpoint());
+        learner.Send(HelloOf("learner", "learner-" + std::to_string(i)));
+        ASSERT_TRUE(learner.Expect<proto::Welcome>());
+        for (std::uint64_t k = 0; k < 200; ++k) {
+          learner.Send(proto::SampleRequest{.cursor = k,
+                                            .batch = 16,
+                                            .history = 2,
+                                            .n_step = 2,
+                                            .gamma = 0.9,
+                                            .prioritized = i == 1,
+                                            .importance_exponent = 0.5});
+          transport::Frame payload;
+          const auto reply = learner.Expect<proto::SampleReply>(&payload);
+          ASSERT_TRUE(reply);
+          ASSERT_EQ(reply->cursor, k);
+          SampledRows rows;
+          const auto fault = ParseSample(payload.bytes(),
+                                         {.batch = reply->batch,
+                                          .history = reply->history,
+                                          .num_beams = kBeams,
+                                          .weighted = reply->weighted},
+                                         &rows);
+          ASSERT_FALSE(fault) << fault->text;
+          const std::vector<float> priorities(rows.sequence.size(), 0.5f);
+          transport::Frame update(PrioritySize(reply->batch));
+          WritePriorities(rows.sequence, priorities, update.mutable_bytes());
+          learner.Send(proto::PriorityUpdate{.count = reply->batch}, std::move(update));
+        }
+      });
+    }
+    threads.clear();
+    steps = made[0] + made[1];
+  }
+  const Recovered recovered =
+      RecoverJournal({.directory = config.directory, .num_beams = kBeams, .spec_hash = kSpecHash},
+                     {.capacity = 500});
+  EXPECT_EQ(recovered.sessions.accepted_steps(), steps);
+  EXPECT_THAT(recovered.notes, testing::IsEmpty());
+}
+
 TEST(ReplayServerTest, TwoServersInOneDirectoryAreRefused) {
   test::ScratchDirectory scratch;
   ReplayServerConfig config;

@@ -1,0 +1,287 @@
+#include "replay/journal.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <thread>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "tests/replay/journal_scene.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::replay {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+/// The segment files of a directory, in order.
+std::map<std::string, std::string> ReadSegments(const fs::path& directory) {
+  std::map<std::string, std::string> files;
+  for (const auto& entry : fs::directory_iterator(directory)) {
+    if (entry.path().extension() == ".log") {
+      files[entry.path().filename().string()] = base::ReadFile(entry.path());
+    }
+  }
+  return files;
+}
+
+void WriteSegments(const fs::path& directory, const std::map<std::string, std::string>& files) {
+  for (const auto& entry : fs::directory_iterator(directory)) fs::remove(entry.path());
+  for (const auto& [name, content] : files) {
+    std::ofstream(directory / name, std::ios::binary) << content;
+  }
+}
+
+/// A closed journal of a few segments, none of which has been deleted, and what it holds.
+struct Written {
+  test::ScratchDirectory scratch;
+  JournalScene scene{scratch.path(), 1000, 2500, 11};
+  std::map<std::string, std::string> files;
+  std::vector<std::string> names;
+
+  Written() {
+    scene.Open();
+    scene.Append(60);
+    scene.Close();
+    files = ReadSegments(scratch.path());
+    for (const auto& [name, content] : files) names.push_back(name);
+  }
+
+  Recovered Recover() { return RecoverJournal(scene.options(), scene.config()); }
+};
+
+TEST(JournalTest, WhatWasWrittenComesBack) {
+  Written written;
+  ASSERT_GE(written.names.size(), 3u);
+  ASSERT_EQ(written.names.size(), written.scene.segments().size());
+  const Recovered recovered = written.Recover();
+  EXPECT_THAT(recovered.notes, IsEmpty());
+  EXPECT_EQ(recovered.lost_rows, 0);
+  EXPECT_EQ(JournalScene::Describe(recovered.table, recovered.sessions),
+            written.scene.marks().back().state);
+}
+
+// Killed at any byte: what the last whole record led to, and nothing else, is there.
+TEST(JournalTest, CutAtEveryByteGivesAPrefix) {
+  Written written;
+  const std::string last = written.names.back();
+  const std::string whole = written.files[last];
+  const std::uint64_t segment = written.names.size() - 1;
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    auto files = written.files;
+    files[last] = whole.substr(0, size);
+    WriteSegments(written.scratch.path(), files);
+    const Recovered recovered = written.Recover();
+    const JournalScene::Mark* expected = nullptr;
+    bool at_end = false;
+    for (const auto& mark : written.scene.marks()) {
+      const bool there =
+          mark.segment < segment || (mark.segment == segment && mark.end <= std::int64_t(size));
+      if (there) expected = &mark;
+      at_end |= mark.segment == segment && mark.end == std::int64_t(size);
+    }
+    ASSERT_EQ(JournalScene::Describe(recovered.table, recovered.sessions), expected->state)
+        << "cut at " << size;
+    ASSERT_EQ(recovered.lost_rows, 0);
+    ASSERT_THAT(recovered.notes, SizeIs(at_end ? 0 : 1)) << "cut at " << size;
+    // The torn bytes are gone, so that the next start finds nothing to say.
+    ASSERT_THAT(written.Recover().notes, IsEmpty()) << "cut at " << size;
+  }
+}
+
+// Any changed byte is noticed: in the last segment it costs what comes after, in an older one what
+// comes before the next segment; never more.
+TEST(JournalTest, EveryChangedByteCostsOnlyWhatItMust) {
+  Written written;
+  base::Random random(7);
+  for (int i = 0; i < 1500; ++i) {
+    const std::uint64_t segment = random.UniformInt(written.names.size());
+    const std::string name = written.names[segment];
+    auto files = written.files;
+    const std::size_t at = random.UniformInt(files[name].size());
+    files[name][at] = static_cast<char>(files[name][at] ^ (1 << random.UniformInt(8)));
+    WriteSegments(written.scratch.path(), files);
+    SCOPED_TRACE("byte " + std::to_string(at) + " of " + name);
+    // A changed version or spec stops the start; the head's checksum makes that a damage, too.
+    const Recovered recovered = written.Recover();
+    ASSERT_THAT(recovered.notes, SizeIs(1));
+    ASSERT_THAT(recovered.notes[0], HasSubstr(name));
+    const bool is_last = segment + 1 == written.names.size();
+    if (is_last) {
+      std::string expected;
+      for (const auto& mark : written.scene.marks()) {
+        if (mark.segment < segment || mark.end <= std::int64_t(at)) expected = mark.state;
+      }
+      ASSERT_EQ(JournalScene::Describe(recovered.table, recovered.sessions), expected);
+    } else {
+      const std::int64_t from = written.scene.segments()[segment + 1].first_row;
+      ASSERT_EQ(recovered.table.first_sequence(), from);
+      ASSERT_EQ(JournalScene::Describe(recovered.table, recovered.sessions, from + 1),
+                JournalScene::Describe(written.scene.table(), written.scene.sessions(), from + 1));
+      // Rows with their fixed head, and no more than all before the next segment.
+      ASSERT_GT(recovered.lost_rows, 0);
+    }
+    ASSERT_TRUE(fs::exists(written.scratch.path() / (name + ".damaged")));
+    ASSERT_THAT(written.Recover().notes, IsEmpty());
+  }
+}
+
+TEST(JournalTest, AMissingSegmentIsNoticed) {
+  Written written;
+  auto files = written.files;
+  files.erase(written.names[1]);
+  WriteSegments(written.scratch.path(), files);
+  const Recovered recovered = written.Recover();
+  EXPECT_THAT(recovered.notes, SizeIs(1));
+  EXPECT_EQ(recovered.table.first_sequence(), written.scene.segments()[2].first_row);
+  EXPECT_EQ(recovered.lost_rows, written.scene.segments()[1].first_row);
+  EXPECT_THAT(written.Recover().notes, IsEmpty());
+}
+
+// Kill after kill: each start goes on where the last whole record stood, over many turns of the
+// ring, and segments that are no longer needed go.
+TEST(JournalTest, GoesOnAfterEveryKill) {
+  test::ScratchDirectory scratch;
+  JournalScene scene(scratch.path(), 100, 3000, 5);
+  base::Random random(6);
+  std::vector<std::string> states = {JournalScene::Describe(Table({.capacity = 100}, 2), {})};
+  std::size_t most_files = 0;
+  for (int start = 0; start < 40; ++start) {
+    scene.Open();
+    EXPECT_THAT(states, testing::Contains(JournalScene::Describe(scene.table(), scene.sessions())))
+        << "start " << start;
+    scene.Append(static_cast<int>(random.UniformInt(60)));
+    scene.WaitWritten();
+    scene.Close();
+    const auto files = ReadSegments(scratch.path());
+    most_files = std::max(most_files, files.size());
+    const fs::path last = scratch.path() / files.rbegin()->first;
+    const auto size = static_cast<std::int64_t>(files.rbegin()->second.size());
+    const auto cut = static_cast<std::int64_t>(random.UniformInt(200));
+    fs::resize_file(last, static_cast<std::uintmax_t>(std::max<std::int64_t>(0, size - cut)));
+    states.clear();
+    for (const auto& mark : scene.marks()) states.push_back(mark.state);
+    if (scene.marks().size() == 1) states.push_back(scene.marks()[0].state);
+  }
+  EXPECT_GT(scene.table().first_sequence(), 300);
+  // 100 rows are some 6 kB and a segment 3 kB; each start begins one more.
+  EXPECT_LT(most_files, 20u);
+}
+
+TEST(JournalTest, AnotherSpecIsRefusedAndAnotherCapacityIsNot) {
+  Written written;
+  JournalOptions options = written.scene.options();
+  const Recovered smaller = RecoverJournal(options, {.capacity = 30});
+  EXPECT_EQ(smaller.table.total_inserted(), written.scene.table().total_inserted());
+  EXPECT_EQ(smaller.table.num_rows(), 30);
+  options.spec_hash ^= 1;
+  EXPECT_THROW(RecoverJournal(options, written.scene.config()), base::Error);
+  options = written.scene.options();
+  options.num_beams = 3;
+  EXPECT_THROW(RecoverJournal(options, written.scene.config()), base::Error);
+}
+
+TEST(JournalTest, OnlyOneMayHaveADirectory) {
+  test::ScratchDirectory scratch;
+  {
+    JournalLock first(scratch.path());
+    EXPECT_THROW(JournalLock second(scratch.path()), base::Error);
+  }
+  EXPECT_NO_THROW(JournalLock third(scratch.path()));
+}
+
+// A limit on the size of files stands in for a full disk: the kernel then writes a part, and then
+// nothing.
+TEST(JournalTest, AFullDiskHoldsBackWhatIsWrittenAndLosesNothing) {
+  test::ScratchDirectory scratch;
+  JournalScene scene(scratch.path(), 1000, 1 << 20, 3);
+  scene.Open();
+  scene.Append(5);
+  scene.WaitWritten();
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit before;
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  rlimit limit = before;
+  limit.rlim_cur = 4001;  // In the middle of some record.
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  scene.Append(200);
+  while (scene.journal().status().failures == 0) std::this_thread::yield();
+  const std::uint64_t written = scene.journal().written();
+  EXPECT_LT(written, scene.appended());
+  EXPECT_THAT(scene.journal().status().failing, HasSubstr("cannot write"));
+  EXPECT_GT(scene.journal().status().waiting_bytes, 0);
+  // What is on disk now is a whole prefix and a torn record.
+  EXPECT_EQ(fs::file_size(scratch.path() / "journal-00000001.log"), 4001u);
+
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  scene.WaitWritten();
+  EXPECT_THAT(scene.journal().status().failing, IsEmpty());
+  EXPECT_EQ(scene.journal().status().waiting_bytes, 0);
+  scene.Close();
+  const Recovered recovered = RecoverJournal(scene.options(), scene.config());
+  EXPECT_THAT(recovered.notes, IsEmpty());
+  EXPECT_EQ(JournalScene::Describe(recovered.table, recovered.sessions),
+            scene.marks().back().state);
+}
+
+// Closing does not wait for a disk that stays full; what was written is whole.
+TEST(JournalTest, ClosesOnAFullDisk) {
+  test::ScratchDirectory scratch;
+  JournalScene scene(scratch.path(), 1000, 1 << 20, 3);
+  scene.Open();
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit before;
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  rlimit limit = before;
+  limit.rlim_cur = 4001;
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  scene.Append(200);
+  scene.Close();
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  std::string expected;
+  for (const auto& mark : scene.marks()) {
+    if (mark.end <= 4001) expected = mark.state;
+  }
+  const Recovered recovered = RecoverJournal(scene.options(), scene.config());
+  EXPECT_EQ(JournalScene::Describe(recovered.table, recovered.sessions), expected);
+}
+
+// Records that anybody may have written, with sound checksums: refused or followed, never more.
+TEST(JournalTest, NoRecordTakesMoreThanItIsWorth) {
+  base::Random random(9);
+  for (int i = 0; i < 20000; ++i) {
+    std::vector<std::uint64_t> words(1 + random.UniformInt(30));
+    for (auto& word : words) {
+      word = random.Uniform() < 0.5 ? random.UniformInt(4) : random.NextU64();
+    }
+    const auto body = std::as_bytes(std::span(words));
+    RecordBytes record{
+        static_cast<std::uint32_t>(1 + random.UniformInt(5)), {body.begin(), body.end()}, {}};
+    if (record.type == 4 && body.size() >= 32) {
+      record.rows = body.subspan(32);
+      record.head.resize(32);
+    }
+    const auto prefix = record.Prefix({1, 56});
+    std::vector<std::uint64_t> aligned(record.size() / 8);
+    const auto bytes = std::as_writable_bytes(std::span(aligned));
+    std::copy(prefix.begin(), prefix.end(), bytes.begin());
+    std::copy(body.begin(), body.end(), bytes.begin() + prefix.size());
+    const ParsedRecord parsed = ParseRecord(bytes, {1, 56});
+    ASSERT_NE(parsed.status, ParsedRecord::Status::kTorn);
+    // The same bytes at another place are no record.
+    ASSERT_EQ(ParseRecord(bytes, {1, 64}).status, ParsedRecord::Status::kDamaged);
+    ASSERT_EQ(ParseRecord(bytes, {2, 56}).status, ParsedRecord::Status::kDamaged);
+  }
+}
+
+}  // namespace
+}  // namespace slalom::replay

@@ -1,0 +1,281 @@
+#include "replay/service/insert_desk.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <memory>
+
+#include "tests/replay/service/fake_log.h"
+#include "tests/replay/service/model_actor.h"
+#include "tests/replay/service/rows_source.h"
+
+namespace slalom::replay {
+namespace {
+
+using proto::RefusalCode;
+using transport::PeerId;
+
+constexpr int kBeams = 1;
+constexpr std::int64_t kWindow = 1 << 17;
+
+/// The server's side, which can be killed.
+struct Server {
+  explicit Server(FakeLog* fake_log, FakeNetwork* network, std::int64_t ahead)
+      : log(fake_log), limiter({.updates_per_step = 0.5, .max_ahead_steps = ahead}, 0) {
+    Sessions sessions;
+    log->Replay(&table, &sessions);
+    limiter.AddSteps(sessions.accepted_steps());
+    desk = std::make_unique<InsertDesk>(
+        InsertDesk::Options{.window_bytes = kWindow, .server = 1, .software = "test"},
+        std::move(sessions), &table, &limiter, log, network);
+  }
+
+  FakeLog* log;
+  Table table{{.capacity = 2000}, kBeams};
+  RateLimiter limiter;
+  std::unique_ptr<InsertDesk> desk;
+};
+
+class InsertDeskModel : public testing::TestWithParam<std::uint64_t> {};
+
+// Random kills of either side, cut connections, resent, duplicate and early chunks, a log that lags
+// and a limiter that holds: every step is accounted for, once.
+TEST_P(InsertDeskModel, EveryStepIsAcceptedOnceOrLostAndKnownToBe) {
+  base::Random random(GetParam());
+  FakeLog log;
+  FakeNetwork network;
+  // Every other run the limiter holds most chunks.
+  const std::int64_t ahead = GetParam() % 2 == 0 ? 0 : 40;
+  auto server = std::make_unique<Server>(&log, &network, ahead);
+  InsertDesk::Time now{};
+  std::vector<ModelActor> actors;
+  for (int i = 0; i < 4; ++i) actors.emplace_back(fmt::format("actor-{}", i), 1 + i, 100 + i);
+  for (ModelActor& actor : actors) actor.Connect(&network);
+  std::uint64_t cursor = 0;
+  int kills = 0;
+  for (int i = 0; i < 6000; ++i) {
+    now += std::chrono::milliseconds(random.UniformInt(50));
+    ModelActor& actor = actors[random.UniformInt(actors.size())];
+    const double what = random.Uniform();
+    if (what < 0.25) {
+      actor.Make();
+    } else if (what < 0.55) {
+      actor.Send(server->desk.get(), now, random);
+    } else if (what < 0.80) {
+      actor.Receive(&network, log);
+    } else if (what < 0.88) {
+      log.Write(random.UniformInt(4));
+    } else if (what < 0.96) {
+      if (random.Uniform() < 0.5) {
+        server->limiter.Ask("learner", cursor);
+        if (server->limiter.MaySample("learner")) cursor += 5;
+        server->limiter.Ask("learner", cursor);
+      }
+      server->desk->Advance(now, 3);
+    } else if (what < 0.97) {
+      actor.Connect(&network);
+    } else if (what < 0.98) {
+      actor.Goodbye(server->desk.get(), now);
+    } else if (what < 0.993) {
+      actor.Restart(&network);
+      ++kills;
+    } else {
+      log.Crash(random.UniformInt(5));
+      server = std::make_unique<Server>(&log, &network, ahead);
+      for (ModelActor& other : actors) other.Connect(&network);
+      ++kills;
+    }
+    ASSERT_LE(server->desk->unwritten_bytes(), 2 * kWindow);
+    if (testing::Test::HasFatalFailure()) FAIL() << "event " << i;
+  }
+  EXPECT_GT(kills, 60);
+
+  // In the end all that is pending goes through.
+  for (int i = 0; i < 2000; ++i) {
+    for (ModelActor& actor : actors) {
+      actor.Send(server->desk.get(), now, random);
+      actor.Receive(&network, log);
+    }
+    cursor += 100;
+    server->limiter.Ask("learner", cursor);
+    log.WriteAll();
+    server->desk->Advance(now, 100);
+  }
+  std::int64_t accepted = 0;
+  for (ModelActor& actor : actors) {
+    EXPECT_TRUE(actor.idle());
+    EXPECT_TRUE(actor.settled());
+    EXPECT_EQ(actor.total_made(), actor.accepted() + actor.lost());
+    EXPECT_GT(actor.lost(), 0);
+    const Session* const session = server->desk->sessions().FindName(actor.name());
+    ASSERT_NE(session, nullptr);
+    EXPECT_EQ(session->accepted_steps + session->earlier_steps, actor.accepted());
+    accepted += actor.accepted();
+  }
+  EXPECT_EQ(server->desk->sessions().accepted_steps(), accepted);
+  EXPECT_EQ(server->desk->unwritten_bytes(), 0);
+  EXPECT_EQ(server->desk->num_held(), 0);
+  // The log holds each session's chunks from 0 on, without gap and without duplicate.
+  std::map<std::pair<std::string, std::uint64_t>, std::uint64_t> next;
+  for (const auto& [name, session, sequence] : log.Chunks()) {
+    EXPECT_EQ(sequence, (next[{name, session}]++));
+  }
+  int early = 0;
+  for (ModelActor& actor : actors) early += actor.refusals(RefusalCode::kOutOfOrder);
+  EXPECT_GT(early, 5);
+  EXPECT_GT(server->desk->counts().chunks_accepted, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, InsertDeskModel, testing::Range<std::uint64_t>(1, 13));
+
+/// A desk with one actor at hand.
+class InsertDeskTest : public testing::Test {
+ protected:
+  InsertDeskTest() : server_(&log_, &network_, 0) {}
+
+  PeerId Greet(const std::string& name, std::uint64_t session, int streams = 2) {
+    const PeerId peer = network_.Connect();
+    server_.desk->Hello(peer,
+                        {.role = "actor",
+                         .name = name,
+                         .session = session,
+                         .num_beams = kBeams,
+                         .num_streams = streams,
+                         .software = ""},
+                        now_);
+    return peer;
+  }
+  void Insert(const PeerId& peer, std::uint64_t session, std::uint64_t sequence,
+              const Chunk& chunk) {
+    server_.desk->Insert(peer,
+                         {.session = session,
+                          .sequence = sequence,
+                          .num_rows = chunk.num_rows(),
+                          .num_beams = kBeams,
+                          .num_steps = RowsSource::NumSteps(chunk)},
+                         RowsSource::Bytes(chunk), now_);
+  }
+  std::vector<proto::Header> TakeAll(const PeerId& peer) {
+    std::vector<proto::Header> all;
+    while (const auto header = network_.Take(peer)) all.push_back(*header);
+    return all;
+  }
+  template <class T>
+  T Only(const PeerId& peer) {
+    const auto all = TakeAll(peer);
+    EXPECT_EQ(all.size(), 1u);
+    const T* const found = all.empty() ? nullptr : std::get_if<T>(&all[0]);
+    EXPECT_NE(found, nullptr);
+    return found == nullptr ? T{} : *found;
+  }
+
+  FakeLog log_;
+  FakeNetwork network_;
+  Server server_;
+  InsertDesk::Time now_{};
+  RowsSource source_{kBeams, 2, 1};
+};
+
+TEST_F(InsertDeskTest, WelcomeAndAcknowledgementWaitForTheLog) {
+  const PeerId peer = Greet("a", 1);
+  server_.desk->Advance(now_, 10);
+  EXPECT_TRUE(TakeAll(peer).empty());
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  EXPECT_EQ(Only<proto::Welcome>(peer).next_sequence, 0u);
+  Insert(peer, 1, 0, source_.Next());
+  Insert(peer, 1, 1, source_.Next());
+  server_.desk->Advance(now_, 10);
+  EXPECT_TRUE(TakeAll(peer).empty());
+  log_.Write(1);
+  server_.desk->Advance(now_, 10);
+  EXPECT_EQ(Only<proto::InsertAck>(peer).next_sequence, 1u);
+  // A hello of the same session tells what is safe, not what has come.
+  const PeerId again = Greet("a", 1);
+  EXPECT_EQ(Only<proto::Welcome>(again).next_sequence, 1u);
+}
+
+TEST_F(InsertDeskTest, AChunkThatBreaksItsEpisodesIsRefusedAsAWhole) {
+  const PeerId peer = Greet("a", 1);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  Only<proto::Welcome>(peer);
+  Chunk bad(kBeams);
+  const std::vector<std::uint16_t> ranges(kBeams, 1);
+  const std::vector<float> state(env::kStateSize, 0.0f);
+  bad.AddStep(0, true, {ranges, std::span(state).first<env::kStateSize>()}, {}, {});
+  bad.AddStep(1, false, {ranges, std::span(state).first<env::kStateSize>()}, {}, {});
+  Insert(peer, 1, 0, bad);
+  EXPECT_EQ(Only<proto::Refusal>(peer).code, RefusalCode::kBadMessage);
+  EXPECT_EQ(server_.table.total_inserted(), 0);
+  EXPECT_EQ(server_.desk->unwritten_bytes(), 0);
+  Insert(peer, 1, 0, RowsSource(kBeams, 2, 4).Next());
+  EXPECT_GT(server_.table.total_inserted(), 0);
+}
+
+TEST_F(InsertDeskTest, NothingBeyondTheWindowIsKept) {
+  const PeerId peer = Greet("a", 1);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  const std::int64_t window = Only<proto::Welcome>(peer).window_bytes;
+  EXPECT_EQ(window, kWindow);
+  std::int64_t sent = 0;
+  std::uint64_t sequence = 0;
+  for (std::vector<proto::Header> answers; answers.empty(); answers = TakeAll(peer)) {
+    const Chunk chunk = source_.Next(50);
+    const auto size = static_cast<std::int64_t>(RowBytes::Size(chunk.num_rows(), kBeams));
+    Insert(peer, 1, sequence++, chunk);
+    if (sent + size > window) {
+      EXPECT_EQ(Only<proto::Refusal>(peer).code, RefusalCode::kOverWindow);
+      break;
+    }
+    sent += size;
+  }
+  EXPECT_EQ(server_.desk->unwritten_bytes(), sent);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  EXPECT_EQ(server_.desk->unwritten_bytes(), 0);
+  EXPECT_EQ(Only<proto::InsertAck>(peer).next_sequence, sequence - 1);
+}
+
+TEST_F(InsertDeskTest, NamesComeAndGoWithinBounds) {
+  for (int i = 0; i < Sessions::kMaxNames + 100; ++i) {
+    now_ += std::chrono::seconds(1);
+    const PeerId peer = Greet(fmt::format("actor-{}", i), 1);
+    log_.WriteAll();
+    server_.desk->Advance(now_, 10);
+    Only<proto::Welcome>(peer);
+    Insert(peer, 1, 0, RowsSource(kBeams, 2, 4).Next());
+    log_.WriteAll();
+    server_.desk->Advance(now_, 10);
+    network_.Cut(peer);
+    server_.desk->Gone(peer);
+  }
+  const Sessions& sessions = server_.desk->sessions();
+  EXPECT_EQ(sessions.all().size(), static_cast<std::size_t>(Sessions::kMaxNames));
+  EXPECT_EQ(sessions.FindName("actor-99"), nullptr);
+  EXPECT_NE(sessions.FindName("actor-100"), nullptr);
+  EXPECT_EQ(sessions.accepted_steps(), 2 * (Sessions::kMaxNames + 100));
+  // Streams are used again.
+  EXPECT_LE(server_.table.num_streams(), 2 * Sessions::kMaxNames);
+}
+
+TEST_F(InsertDeskTest, ALowerSessionAndAForeignOneAreRefused) {
+  const PeerId first = Greet("a", 5);
+  const PeerId old = Greet("a", 4);
+  EXPECT_EQ(Only<proto::Refusal>(old).code, RefusalCode::kNoSession);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  Only<proto::Welcome>(first);
+  Insert(first, 4, 0, source_.Next());
+  EXPECT_EQ(Only<proto::Refusal>(first).code, RefusalCode::kNoSession);
+  const PeerId nobody = network_.Connect();
+  Insert(nobody, 5, 0, source_.Next());
+  EXPECT_EQ(Only<proto::Refusal>(nobody).code, RefusalCode::kNoSession);
+  EXPECT_EQ(server_.table.total_inserted(), 0);
+}
+
+}  // namespace
+}  // namespace slalom::replay
