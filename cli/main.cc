@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
   slalom::cli::AddServiceCommands(app, &exit_code);
   slalom::cli::AddStatusCommand(app);
   slalom::cli::AddConfigCommand(app);
+  slalom::cli::AddKeysCommand(app);
   slalom::cli::AddMetricsCommand(app);
   app.footer(kFooter);  // Last, as commands would inherit it.
 

@@ -219,19 +219,14 @@ void ActorService::CloseChunk() {
 const char* ActorService::Obstacle() const {
   if (phase_ != Phase::kRunning) return "the replay server";
   if (!policy_.has_policy()) return "the learner's first policy";
-  if (MustWait()) return "the replay server to take what was made";
+  if (outbox_.full()) return "the replay server to take what was made";
   return nullptr;
-}
-
-bool ActorService::MustWait() const {
-  // A server that is there and holds inserts back wants no older policies' steps later.
-  return outbox_.full() || (replay_.welcomed() && outbox_.bytes() >= window_bytes_);
 }
 
 void ActorService::SayObstacle(const char* obstacle) {
   if (obstacle == said_obstacle_) return;
   // That the server holds back inserts is how the rate limiter works, so only metrics tell.
-  if (obstacle != nullptr && !MustWait()) {
+  if (obstacle != nullptr && !outbox_.full()) {
     spdlog::info("waiting for {} (replay server {}, learner {})", obstacle,
                  identity_.replay.endpoint, identity_.learner.endpoint);
   }
@@ -251,7 +246,7 @@ void ActorService::Run(std::stop_token stop) {
       const auto began = steady_clock::now();
       SendChunks();
       Listen(kWait);
-      if (MustWait()) {
+      if (outbox_.full()) {
         metrics_.AddBlocked(metrics::queue::kUnacknowledged,
                             std::chrono::duration<double>(steady_clock::now() - began).count());
       }
