@@ -5,6 +5,7 @@ Each role runs in a network namespace of its own, as a machine of its own would,
 and does not answer. Passes if all goes on after each cut and every step is accounted for.
 """
 
+import itertools
 import os
 import signal
 import subprocess
@@ -14,7 +15,6 @@ import time
 from service import Service, check_accounts, main, wait_for
 
 MACHINES = {"replay": "10.77.0.2", "learner": "10.77.0.3", "actor": "10.77.0.4", "operator": "10.77.0.5"}
-BRIDGE = "slalomdrill"
 
 
 def ip(*arguments, check=True):
@@ -28,30 +28,31 @@ def namespace(machine):
 def tear_down():
     for machine in MACHINES:
         ip("netns", "delete", namespace(machine), check=False)
-    ip("link", "delete", BRIDGE, check=False)
 
 
 def set_up():
+    """A cable between every two machines: a bridge would be subject to the firewall rules of a Docker engine."""
     tear_down()
-    ip("link", "add", BRIDGE, "type", "bridge")
-    ip("link", "set", BRIDGE, "up")
-    for number, (machine, address) in enumerate(MACHINES.items()):
+    for machine, address in MACHINES.items():
         ip("netns", "add", namespace(machine))
-        ip("link", "add", f"sldrill{number}", "type", "veth", "peer", "name", "eth0", "netns", namespace(machine))
-        ip("link", "set", f"sldrill{number}", "master", BRIDGE, "up")
-        for arguments in (("addr", "add", f"{address}/24", "dev", "eth0"), ("link", "set", "eth0", "up"), ("link", "set", "lo", "up")):
-            ip("-n", namespace(machine), *arguments)
+        ip("-n", namespace(machine), "link", "set", "lo", "up")
+        ip("-n", namespace(machine), "addr", "add", f"{address}/32", "dev", "lo")
+    for a, b in itertools.combinations(MACHINES, 2):
+        ip("-n", namespace(a), "link", "add", f"to-{b}", "type", "veth", "peer", "name", f"to-{a}", "netns", namespace(b))
+        for here, there in ((a, b), (b, a)):
+            ip("-n", namespace(here), "link", "set", f"to-{there}", "up")
+        mend(a, b)
 
 
 def cut(a, b):
-    """No packet reaches the other, in either direction."""
+    """No packet reaches the other, in either direction, and nobody is told."""
     for here, there in ((a, b), (b, a)):
-        ip("-n", namespace(here), "route", "add", "blackhole", f"{MACHINES[there]}/32")
+        ip("-n", namespace(here), "route", "replace", "blackhole", f"{MACHINES[there]}/32")
 
 
 def mend(a, b):
     for here, there in ((a, b), (b, a)):
-        ip("-n", namespace(here), "route", "delete", "blackhole", f"{MACHINES[there]}/32")
+        ip("-n", namespace(here), "route", "replace", f"{MACHINES[there]}/32", "dev", f"to-{there}", "src", MACHINES[here])
 
 
 def inside(machine):
