@@ -37,6 +37,7 @@ void ReplayLink::SetHello(proto::Hello hello) {
 
 void ReplayLink::SayHello() {
   welcomed_ = false;
+  is_new_ = true;
   said_hello_ = false;
   Watch();
 }
@@ -62,6 +63,8 @@ std::optional<ReplayLink::Received> ReplayLink::Receive(std::chrono::millisecond
     // An answer to an earlier hello says nothing about this one.
     if (welcome->session != hello_.session) return std::nullopt;
     welcomed_ = true;
+    num_welcomes_ += is_new_ ? 1 : 0;
+    is_new_ = false;
   }
   return Received{std::move(*header), std::move(message->payload)};
 }
@@ -76,6 +79,7 @@ void ReplayLink::Watch() {
   if (const int connections = client_.connections(); connections != connections_) {
     connections_ = connections;
     welcomed_ = false;
+    is_new_ = true;
     said_hello_ = false;
     heard_at_ = now;
   }

@@ -44,6 +44,9 @@ class ReplayLink {
 
   /// The server answered the last hello.
   bool welcomed() const { return welcomed_; }
+  /// Welcomes on new connections or after `SayHello`, so far: when it changes, what was asked for
+  /// before may not be on its way.
+  int num_welcomes() const { return num_welcomes_; }
   int connections() { return client_.connections(); }
   const std::string& endpoint() const { return endpoint_; }
   transport::Client& client() { return client_; }
@@ -58,6 +61,8 @@ class ReplayLink {
   const std::string endpoint_;
   proto::Hello hello_;
   bool welcomed_ = false;
+  bool is_new_ = true;  // The next welcome counts.
+  int num_welcomes_ = 0;
   bool said_hello_ = false;
   int connections_ = 0;
   int unanswered_ = 0;

@@ -219,14 +219,19 @@ void ActorService::CloseChunk() {
 const char* ActorService::Obstacle() const {
   if (phase_ != Phase::kRunning) return "the replay server";
   if (!policy_.has_policy()) return "the learner's first policy";
-  if (outbox_.full()) return "the replay server to take what was made";
+  if (MustWait()) return "the replay server to take what was made";
   return nullptr;
+}
+
+bool ActorService::MustWait() const {
+  // A server that is there and holds inserts back wants no older policies' steps later.
+  return outbox_.full() || (replay_.welcomed() && outbox_.bytes() >= window_bytes_);
 }
 
 void ActorService::SayObstacle(const char* obstacle) {
   if (obstacle == said_obstacle_) return;
   // That the server holds back inserts is how the rate limiter works, so only metrics tell.
-  if (obstacle != nullptr && !outbox_.full()) {
+  if (obstacle != nullptr && !MustWait()) {
     spdlog::info("waiting for {} (replay server {}, learner {})", obstacle,
                  identity_.replay.endpoint, identity_.learner.endpoint);
   }
@@ -246,7 +251,7 @@ void ActorService::Run(std::stop_token stop) {
       const auto began = steady_clock::now();
       SendChunks();
       Listen(kWait);
-      if (outbox_.full()) {
+      if (MustWait()) {
         metrics_.AddBlocked(metrics::queue::kUnacknowledged,
                             std::chrono::duration<double>(steady_clock::now() - began).count());
       }

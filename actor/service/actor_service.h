@@ -80,6 +80,7 @@ class ActorService {
   bool ChunkIsDue() const;
   /// Why no step can be made now; null: one can.
   const char* Obstacle() const;
+  bool MustWait() const;
   void SayObstacle(const char* obstacle);
   void Finish();
   proto::Report MakeReport();

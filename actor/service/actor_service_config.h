@@ -19,7 +19,8 @@ struct ActorServiceConfig {
     v("chunk_seconds", chunk_seconds, base::Range{0.0, 60.0}, "s",
       "... or when its first row is so old.");
     v("unacknowledged_bytes", unacknowledged_bytes, base::Range{1 << 20, 1e12}, "bytes",
-      "Rows kept until the replay server has them; when so many wait, the actor stops and waits.");
+      "Rows kept while the replay server is away; when so many wait, the actor stops and waits. "
+      "While it is there, no more than its window (replay_server.window_bytes) waits.");
   }
 };
 

@@ -24,10 +24,10 @@ BatchStream::BatchStream(transport::Context& context, const transport::ClientOpt
       requested_(cursor) {}
 
 void BatchStream::Request() {
+  if (!link_.welcomed()) return;
   // On a new connection nothing that was asked for before is on its way.
-  if (!link_.welcomed() || !was_welcomed_) requested_ = cursor_;
-  was_welcomed_ = link_.welcomed();
-  if (!was_welcomed_) return;
+  if (link_.num_welcomes() != num_welcomes_) requested_ = cursor_;
+  num_welcomes_ = link_.num_welcomes();
   while (requested_ < cursor_ + static_cast<std::uint64_t>(prefetch_)) {
     proto::SampleRequest request;
     request.cursor = requested_;

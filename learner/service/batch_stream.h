@@ -54,7 +54,7 @@ class BatchStream {
   const int prefetch_;
   std::uint64_t cursor_;     // Next to be handed out.
   std::uint64_t requested_;  // Next to be asked for.
-  bool was_welcomed_ = false;
+  int num_welcomes_ = 0;     // Of the link, when the last request was made.
   RemoteBatch batch_;
   std::optional<proto::StatusReply> status_;
 };

@@ -14,8 +14,8 @@ struct ReplayServerConfig {
   std::string directory = "";
   double sync_interval = 1.0;
   std::int64_t segment_bytes = 64 << 20;
-  std::int64_t max_ahead_steps = 20000;
-  std::int64_t window_bytes = 256 << 20;
+  std::int64_t max_ahead_steps = 4096;
+  std::int64_t window_bytes = 4 << 20;
   std::int64_t max_message_bytes = 16 << 20;
   std::int64_t max_sample_bytes = 64 << 20;
   double max_messages_per_second = 20000.0;
@@ -38,7 +38,7 @@ struct ReplayServerConfig {
     v("window_bytes", window_bytes, base::Range{1048576.0, 68719476736.0}, "bytes",
       "Payload of all actors together that may be sent and not yet acknowledged, shared out "
       "evenly; "
-      "each has at least one message.");
+      "each has at least one message. What is on its way was made by older policies.");
     v("max_message_bytes", max_message_bytes, base::Range{65536.0, 268435456.0}, "bytes",
       "Largest message that is accepted.");
     v("max_sample_bytes", max_sample_bytes, base::Range{65536.0, 268435456.0}, "bytes",

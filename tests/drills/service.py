@@ -151,7 +151,7 @@ class Process:
 class Service:
     """Roles that share a config, in a directory of their own, removed at the end if all went well."""
 
-    def __init__(self, program, environments=16, updates_per_step=0.25, capacity=200000, max_ahead=20000, test="static-test",
+    def __init__(self, program, environments=16, updates_per_step=0.25, capacity=200000, max_ahead=4096, test="static-test",
                  more_config="", hosts=("127.0.0.1", "127.0.0.1"), wrapper=()):
         self.program = os.path.abspath(program)
         self.wrapper = list(wrapper)  # Of commands that ask for the status.
@@ -215,8 +215,8 @@ def check_accounts(service):
         m, a, kept, l = final_account(actor)
         check(kept == 0, f"{actor.name} kept {kept} steps though the server was there")
         made, accepted, lost = made + m, accepted + a, lost + l
-    steps = int(service.figure("replay", "replay", "steps"))
-    check(steps == accepted, f"the server has {steps} steps, the actors were told of {accepted}")
+    wait_for(f"the {accepted} steps that the actors were told of, on the server", lambda: service.figure("replay", "replay", "steps") == accepted,
+             10.0)
     return made, lost
 
 
