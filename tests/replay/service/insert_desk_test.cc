@@ -265,7 +265,9 @@ TEST_F(InsertDeskTest, NamesComeAndGoWithinBounds) {
 TEST_F(InsertDeskTest, ALowerSessionAndAForeignOneAreRefused) {
   const PeerId first = Greet("a", 5);
   const PeerId old = Greet("a", 4);
-  EXPECT_EQ(Only<proto::Refusal>(old).code, RefusalCode::kNoSession);
+  const auto replaced = Only<proto::Refusal>(old);
+  EXPECT_EQ(replaced.code, RefusalCode::kReplaced);
+  EXPECT_EQ(replaced.about, 5u);
   log_.WriteAll();
   server_.desk->Advance(now_, 10);
   Only<proto::Welcome>(first);
