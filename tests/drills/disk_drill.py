@@ -28,6 +28,12 @@ def fill(path):
     return name
 
 
+def make_read_only(path):
+    subprocess.run(["mount", "--bind", path, path], check=True)
+    subprocess.run(["mount", "-o", "remount,bind,ro", path], check=True)
+    return path
+
+
 def drill(program):
     if os.geteuid() != 0:
         print("SKIPPED: mounting a small file system needs root")
@@ -54,11 +60,11 @@ def drill(program):
             wait_for("acknowledgements", lambda: actor.metric("slalom_steps_acknowledged_total") > acknowledged)
             check("space" in replay.log_text().lower(), f"the log does not say it: {replay.log_text()[-1500:]}")
 
+            checkpoints = os.path.join(disks[1], "checkpoints")
             # The learner's disk full, then read-only: the earlier checkpoint stays, training goes on.
             for name, begin, end in (
                     ("full", lambda: fill(disks[1]), lambda f: os.remove(f)),
-                    ("read-only", lambda: subprocess.run(["mount", "-o", "remount,ro", disks[1]], check=True),
-                     lambda _: subprocess.run(["mount", "-o", "remount,rw", disks[1]], check=True))):
+                    ("read-only", lambda: make_read_only(checkpoints), lambda path: subprocess.run(["umount", path], check=True))):
                 failures = learner.metric("slalom_checkpoint_failures_total")
                 thing = begin()
                 wait_for(f"a checkpoint that fails on a disk that is {name}",

@@ -1,0 +1,213 @@
+#include "learner/service/learner_service.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "actor/actor.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "metrics/catalogue.h"
+#include "replay/rows.h"
+#include "replay/service/server.h"
+#include "service/policy_link.h"
+#include "service/replay_link.h"
+#include "tests/support/fake_environment.h"
+#include "tests/support/scratch_directory.h"
+
+/// The learner as a process would be, against a real replay server whose table stands still: the
+/// batches are then a value of their numbers, and so is what is learned.
+
+namespace slalom::learner {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr int kBeams = 8;
+constexpr int kStreams = 4;
+constexpr std::uint64_t kSpecHash = 3;
+constexpr std::int64_t kSteps = 8000;
+constexpr std::int64_t kUpdates = 4000;  // What so many steps earn.
+
+void WaitUntil(const std::function<bool()>& condition) {
+  const auto give_up = steady_clock::now() + std::chrono::seconds(60);
+  while (!condition()) {
+    ASSERT_LT(steady_clock::now(), give_up) << "what was waited for did not come";
+    std::this_thread::yield();
+  }
+}
+
+/// A replay server that holds `kSteps` steps, the same ones each time.
+class FilledReplay {
+ public:
+  FilledReplay()
+      : registry_("replay", "replay"),
+        server_({},
+                {.endpoint = "tcp://127.0.0.1:*",
+                 .table = {.capacity = 10000},
+                 .num_beams = kBeams,
+                 .spec_hash = kSpecHash,
+                 .seed = 4,
+                 .updates_per_step = 0.5,
+                 .learning_starts = 0},
+                context_, registry_),
+        thread_([this](std::stop_token stop) { server_.Run(stop); }) {
+    testing::FakeEnvironment environments(kStreams, {0.5}, 20, kBeams);
+    testing::SummingAgent agent(kStreams);
+    actor::ActorConfig config;
+    config.num_environments = kStreams;
+    actor::Actor actor(config, environments, agent, 1);
+    replay::Chunk chunk(kBeams);
+    while (actor.stats().num_steps < kSteps) actor.Step(&chunk);
+
+    transport::Context context;
+    service::ReplayLink link(context, {.endpoint = endpoint()},
+                             {.role = "actor",
+                              .name = "a",
+                              .session = 1,
+                              .spec_hash = kSpecHash,
+                              .num_beams = kBeams,
+                              .num_streams = kStreams});
+    transport::Frame rows(replay::RowBytes::Size(chunk.num_rows(), kBeams));
+    replay::RowBytes::Write(chunk, rows.mutable_bytes());
+    bool sent = false;
+    for (bool safe = false; !safe;) {
+      const auto received = link.Receive(milliseconds(100));
+      if (link.welcomed() && !sent) {
+        sent = link.Send(proto::Insert{.session = 1,
+                                       .sequence = 0,
+                                       .num_rows = chunk.num_rows(),
+                                       .num_beams = kBeams,
+                                       .num_steps = static_cast<int>(kSteps)},
+                         rows.Share());
+      }
+      safe = received && std::holds_alternative<proto::InsertAck>(received->header);
+    }
+  }
+
+  const std::string& endpoint() const { return server_.endpoint(); }
+
+ private:
+  transport::Context context_;
+  metrics::Registry registry_;
+  replay::ReplayServer server_;
+  std::jthread thread_;
+};
+
+policy::PolicySpec Spec() {
+  policy::PolicySpec spec;
+  spec.observation.num_beams = kBeams;
+  spec.network.encoder_layers = {};
+  spec.network.head_layers = {16, 16};
+  return spec;
+}
+
+/// A learner that runs in a thread until `updates` or more, then is stopped as by SIGTERM.
+void Learn(const std::string& replay, const fs::path& directory, std::int64_t updates,
+           const std::function<void(const std::string& endpoint)>& meanwhile = {}) {
+  base::MakeDirectories(directory);
+  transport::Context context;
+  metrics::Registry registry("learner", "learner");
+  Td3Config td3;
+  td3.batch_size = 16;
+  td3.actor_learning_rate = td3.critic_learning_rate = 1e-3;
+  LearnerJob job;
+  job.directory.root = directory;
+  job.seed = 6;
+  job.spec_hash = kSpecHash;
+  job.max_steps = 1000000;
+  job.log_interval = 0.05;
+  job.replay.endpoint = replay;
+  job.policies.endpoint = "tcp://127.0.0.1:*";
+  std::atomic<bool> ready = false;
+  std::string endpoint;
+  std::string error;
+  std::jthread thread([&](std::stop_token stop) {
+    try {
+      LearnerService learner({}, td3, Spec(), job, context, registry);
+      endpoint = learner.endpoint();
+      ready = true;
+      EXPECT_EQ(learner.Run(stop), LearnerEnd::kStopped);
+    } catch (const base::Error& e) {
+      error = e.what();
+      ready = true;
+    }
+  });
+  WaitUntil([&] { return ready.load(); });
+  ASSERT_EQ(error, "");
+  auto done = registry.counter(metrics::kUpdates);
+  WaitUntil([&] { return done.value() >= static_cast<double>(updates); });
+  if (meanwhile) meanwhile(endpoint);
+  thread.request_stop();
+  thread.join();
+  ASSERT_EQ(error, "");
+}
+
+policy::LoadedPolicy Policy(const fs::path& directory) {
+  return policy::LoadPolicy(run::RunDirectory{directory}.policy());
+}
+
+TEST(LearnerServiceTest, ARestartGoesOnAsIfNothingHadHappened) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  Learn(replay.endpoint(), scratch.path() / "whole", kUpdates);
+  const auto whole = Policy(scratch.path() / "whole");
+  EXPECT_EQ(whole.snapshot.version, kUpdates);
+
+  Learn(replay.endpoint(), scratch.path() / "parts", 1);
+  const std::int64_t first_stop = Policy(scratch.path() / "parts").snapshot.version;
+  Learn(replay.endpoint(), scratch.path() / "parts", kUpdates);
+  const auto parts = Policy(scratch.path() / "parts");
+  EXPECT_LT(first_stop, kUpdates) << "it was not stopped in the middle";
+  EXPECT_EQ(parts.snapshot.version, kUpdates);
+  EXPECT_EQ(*parts.snapshot.weights, *whole.snapshot.weights);
+}
+
+TEST(LearnerServiceTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  const fs::path directory = scratch.path() / "run";
+  Learn(replay.endpoint(), directory, 1);
+  Learn(replay.endpoint(), directory, kUpdates);
+  const auto checkpoints = run::CheckpointStore(run::RunDirectory{directory}.checkpoints()).List();
+  ASSERT_EQ(checkpoints.size(), 2u) << "the first one was at the end already";
+  std::string state = base::ReadFile(checkpoints[0] / "state.json");
+  state[state.find("cursor") + 10] ^= 1;
+  base::WriteFileAtomically(checkpoints[0] / "state.json", state);
+  fs::remove(run::RunDirectory{directory}.policy());
+  Learn(replay.endpoint(), directory, kUpdates);
+  EXPECT_TRUE(fs::exists(checkpoints[0].string() + ".damaged"));
+  EXPECT_EQ(Policy(directory).snapshot.version, kUpdates);
+}
+
+TEST(LearnerServiceTest, ReadersGetTheNewestPolicyWhenTheyLackIt) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  Learn(replay.endpoint(), scratch.path() / "run", kUpdates, [](const std::string& endpoint) {
+    transport::Context context;
+    std::vector<std::int64_t> versions;
+    service::PolicyLink link(context, {.endpoint = endpoint}, "reader",
+                             [&](std::span<const std::byte> bytes) -> base::Result<std::int64_t> {
+                               const auto policy = policy::ParsePolicy(bytes, "policy");
+                               versions.push_back(policy.snapshot.version);
+                               return policy.snapshot.version;
+                             });
+    WaitUntil([&] { return link.Poll(); });
+    // All updates were made before: there is one policy to get, and no other comes.
+    ASSERT_EQ(versions.size(), 1u);
+    EXPECT_EQ(link.version(), versions[0]);
+    EXPECT_GT(versions[0], kUpdates - 11);
+  });
+}
+
+}  // namespace
+}  // namespace slalom::learner
