@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <string>
 
 #include "base/error.h"
@@ -119,8 +120,8 @@ EventFile::EventFile(const fs::path& directory, std::int64_t first_step)
 void EventFile::Append(std::int64_t step, std::span<const Scalar> scalars) {
   std::string summary;
   for (const Scalar& scalar : scalars) {
+    if (!(std::abs(scalar.value) <= std::numeric_limits<float>::max())) continue;
     const auto value = static_cast<float>(scalar.value);
-    if (!std::isfinite(value)) continue;
     summary += Text(kSummaryValue, Text(kValueTag, scalar.tag) + Key(kValueSimple, kFixed32) +
                                        LittleEndian(std::bit_cast<std::uint32_t>(value)));
   }

@@ -7,6 +7,8 @@
 #include <cstring>
 #include <sstream>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -15,16 +17,56 @@
 namespace slalom::run {
 namespace {
 
-constexpr char kHeader[] =
-    "training_s,steps,updates,episodes,steps_per_s,updates_per_s,success_rate,collision_rate,"
-    "timeout_rate,mean_return,mean_episode_steps,critic_loss,mean_q,actor_q,"
-    "critic_gradient_norm,actor_gradient_norm,replay_steps\n";
+struct Column {
+  std::string_view name;
+  std::string text;    // Its cell; empty: not known.
+  std::string tag;     // In the event file.
+  double value = 0.0;  // NaN: not known.
+};
 
-std::string Cell(double value) { return std::isnan(value) ? "" : fmt::format("{:.6g}", value); }
+/// Every column, in the file's order.
+std::vector<Column> Columns(const MetricsRow& row) {
+  std::vector<Column> columns;
+  const auto add = [&columns](std::string_view name, auto value, const char* format = "{}") {
+    const auto number = static_cast<double>(value);
+    columns.push_back({name, std::isnan(number) ? "" : fmt::format(fmt::runtime(format), value),
+                       fmt::format("training/{}", name), number});
+  };
+  const char* const kFigure = "{:.6g}";
+  add("training_s", row.training_s, "{:.2f}");
+  add("steps", row.steps);
+  add("updates", row.updates);
+  add("episodes", row.episodes);
+  add("steps_per_s", row.steps_per_s, "{:.0f}");
+  add("updates_per_s", row.updates_per_s, "{:.1f}");
+  add("success_rate", row.success_rate, kFigure);
+  add("collision_rate", row.collision_rate, kFigure);
+  add("timeout_rate", row.timeout_rate, kFigure);
+  add("mean_return", row.mean_return, kFigure);
+  add("mean_episode_steps", row.mean_episode_steps, kFigure);
+  add("critic_loss", row.critic_loss, kFigure);
+  add("mean_q", row.mean_q, kFigure);
+  add("actor_q", row.actor_q, kFigure);
+  add("critic_gradient_norm", row.critic_gradient_norm, kFigure);
+  add("actor_gradient_norm", row.actor_gradient_norm, kFigure);
+  add("replay_steps", row.replay_steps);
+  return columns;
+}
+
+/// One line: the names, or the cells.
+std::string Line(const std::vector<Column>& columns, bool names) {
+  std::string line;
+  for (const Column& column : columns) {
+    line += names ? column.name : column.text;
+    line += ',';
+  }
+  line.back() = '\n';
+  return line;
+}
 
 /// The rows of an earlier metrics file up to a step, and nothing of a half-written last line.
 std::string KeptRows(const std::filesystem::path& path, std::int64_t keep_until_step) {
-  std::string kept = kHeader;
+  std::string kept = Line(Columns({}), true);
   if (keep_until_step <= 0 || !std::filesystem::exists(path)) return kept;
   std::istringstream lines(base::ReadFile(path));
   std::string line;
@@ -59,18 +101,18 @@ MetricsLog::MetricsLog(const std::filesystem::path& path, std::int64_t keep_unti
   if (!file_) {
     throw base::Error(fmt::format("{}: cannot open ({})", path.string(), std::strerror(errno)));
   }
+  events_.emplace(path.parent_path(), keep_until_step + 1);
 }
 
 void MetricsLog::Append(const MetricsRow& row) {
-  fmt::print(file_.get(), "{:.2f},{},{},{},{:.0f},{:.1f},{},{},{},{},{},{},{},{},{},{},{}\n",
-             row.training_s, row.steps, row.updates, row.episodes, row.steps_per_s,
-             row.updates_per_s, Cell(row.success_rate), Cell(row.collision_rate),
-             Cell(row.timeout_rate), Cell(row.mean_return), Cell(row.mean_episode_steps),
-             Cell(row.critic_loss), Cell(row.mean_q), Cell(row.actor_q),
-             Cell(row.critic_gradient_norm), Cell(row.actor_gradient_norm), row.replay_steps);
+  const std::vector<Column> columns = Columns(row);
+  fmt::print(file_.get(), "{}", Line(columns, false));
   if (std::fflush(file_.get()) != 0) {
     throw base::Error(fmt::format("{}: cannot write ({})", path_.string(), std::strerror(errno)));
   }
+  std::vector<metrics::Scalar> scalars;
+  for (const Column& column : columns) scalars.push_back({column.tag, column.value});
+  events_->Append(row.steps, scalars);
 }
 
 }  // namespace slalom::run

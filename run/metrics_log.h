@@ -4,7 +4,10 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
+
+#include "metrics/event_file.h"
 
 namespace slalom::run {
 
@@ -34,12 +37,14 @@ struct MetricsRow {
 /// The row as a progress line. `remaining_s`: time left, [s]; negative: not known.
 std::string FormatProgress(const MetricsRow& row, double remaining_s);
 
-/// Appends rows to `metrics.csv`, each flushed, so that a killed run keeps what it had. Confined to
-/// one thread.
+/// Appends rows to `metrics.csv`, each flushed, so that a killed run keeps what it had, and to a
+/// TensorBoard event file beside it (`metrics::EventFile`): every column as a scalar
+/// "training/COLUMN". Confined to one thread.
 class MetricsLog {
  public:
   /// Opens or makes the file. Rows after `keep_until_step` are dropped first: a resumed run writes
-  /// them anew. Throws `base::Error` where the file cannot be written.
+  /// them anew, and its event file supersedes them. Throws `base::Error` where a file cannot be
+  /// written.
   MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step);
 
   /// Throws `base::Error` where the row cannot be written.
@@ -51,6 +56,7 @@ class MetricsLog {
   };
   const std::filesystem::path path_;
   std::unique_ptr<std::FILE, Close> file_;
+  std::optional<metrics::EventFile> events_;
 };
 
 }  // namespace slalom::run

@@ -38,7 +38,7 @@ const std::map<std::string, Names>& AllowedEdges() {
       {"learner", {"base", "env", "policy", "replay"}},
       {"actor", {"base", "env", "sim", "replay"}},
       {"eval", {"base", "env", "sim", "replay"}},
-      {"run", {"base"}},
+      {"run", {"base", "metrics"}},
       {"train",
        {"base", "env", "config", "sim", "replay", "policy", "learner", "actor", "eval", "run",
         "transport", "metrics", "replay/service", "actor/service", "learner/service",

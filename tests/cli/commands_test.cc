@@ -4,6 +4,7 @@
 
 #include "base/file.h"
 #include "tests/cli/program.h"
+#include "tests/support/event_file_reader.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::test {
@@ -84,6 +85,10 @@ TEST(CommandsTest, ATrainingLeavesWhatTheManualSaysAndItsPolicyScoresTheSameAgai
         "courses.png", "courses.svg", "training.svg", "curve.csv", "checkpoints", "snapshots"}) {
     EXPECT_TRUE(std::filesystem::exists(run / name)) << name;
   }
+  const auto events = ReadRun(run);
+  ASSERT_FALSE(events.empty());
+  EXPECT_EQ(events.back().scalars.at("training/steps"), static_cast<float>(events.back().step));
+  EXPECT_GE(events.back().step, 3000);
   const ProgramResult scored =
       RunProgram({"evaluate", "--policy", "runs/tiny/policy.safetensors", "--courses",
                   "generated:3:4", "--json", "--threads", "1"},

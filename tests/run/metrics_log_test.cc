@@ -3,10 +3,12 @@
 #include <gmock/gmock.h>
 
 #include <limits>
+#include <map>
 #include <sstream>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "tests/support/event_file_reader.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::run {
@@ -55,6 +57,55 @@ TEST(MetricsLogTest, AResumedRunWritesAnewWhatCameAfterItsCheckpoint) {
   ASSERT_EQ(lines.size(), 4u);
   EXPECT_THAT(lines[2], testing::StartsWith("1.50,200,"));
   EXPECT_THAT(lines[3], testing::StartsWith("1.50,250,"));
+}
+
+std::vector<std::string> Cells(const std::string& line) {
+  std::istringstream in(line + ",");
+  std::vector<std::string> cells;
+  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
+  return cells;
+}
+
+TEST(MetricsLogTest, TheEventFileHoldsEveryCell) {
+  const test::ScratchDirectory scratch;
+  const auto path = scratch.path() / "metrics.csv";
+  // Numbers that a cell and a float32 hold whole.
+  MetricsRow row{1.5,  640,   160,   12,   512.0, 128.0, 0.75,  0.125, 0.25,
+                 24.5, 120.0, 0.375, 11.5, 12.25, 3.5,   0.625, 600};
+  MetricsLog log(path, 0);
+  log.Append(row);
+  row.steps = 1280;
+  row.mean_return = std::numeric_limits<double>::quiet_NaN();
+  log.Append(row);
+
+  const auto lines = Lines(path);
+  const auto names = Cells(lines.at(0));
+  const auto events = test::ReadRun(scratch.path());
+  ASSERT_EQ(events.size(), 2u);
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    const auto cells = Cells(lines.at(i + 1));
+    std::map<std::string, float> expected;
+    for (std::size_t c = 0; c < names.size(); ++c) {
+      if (!cells[c].empty()) expected["training/" + names[c]] = std::stof(cells[c]);
+    }
+    EXPECT_EQ(events[i].scalars, expected);
+    EXPECT_EQ(events[i].scalars.size(), 17u - i) << "the second row has an empty cell";
+    EXPECT_EQ(events[i].step, std::stoll(cells.at(1)));
+  }
+}
+
+TEST(MetricsLogTest, AResumedRunsEventsAreThoseOfItsRows) {
+  const test::ScratchDirectory scratch;
+  const auto path = scratch.path() / "metrics.csv";
+  {
+    MetricsLog log(path, 0);
+    for (const int steps : {100, 200, 300}) log.Append(RowAt(steps));
+  }
+  MetricsLog log(path, 200);
+  log.Append(RowAt(250));
+  std::vector<std::int64_t> steps;
+  for (const test::Event& event : test::ReadRun(scratch.path())) steps.push_back(event.step);
+  EXPECT_THAT(steps, testing::ElementsAre(100, 200, 250));
 }
 
 TEST(MetricsLogTest, AnUnwritablePlaceIsNamed) {
