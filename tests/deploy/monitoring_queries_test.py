@@ -18,7 +18,6 @@ def queries():
             name = f"{board}: {panel['title']} {target['refId']} (panel {panel['id']})"
             all_queries[name] = monitoring.as_grafana_sends(target["expr"])
     for kind, name, expression in monitoring.rules("recording-rules.yml") + monitoring.rules("alert-rules.yml"):
-        expression = expression.replace(":1m]", ":1s]")  # As in the Prometheus that they are sent to.
         all_queries[f"{kind} {name}"] = monitoring.without_threshold(expression) if kind == "alert" else expression
         if kind == "record":
             all_queries[f"recorded {name}"] = name
