@@ -98,7 +98,6 @@ const std::map<std::string, Names>& Homes() {
       {"google/", {"proto"}},
       {"proto/slalom.pb.h", {"proto"}},
       {"prometheus/", {"metrics"}},
-      {"civetweb.h", {"metrics"}},
   };
   return homes;
 }
