@@ -1,14 +1,20 @@
 #!/usr/bin/env python3
 """Runs every panel's query and every rule's expression against a real Prometheus; each must give data.
 
-monitoring_queries_test.py STAND_IN: a program that shows every metric on ports that it prints."""
+monitoring_queries_test.py STAND_IN: of a program that shows every metric on ports that it prints.
+monitoring_queries_test.py --run SLALOM: of a real service: replay server, learner, two actors, evaluator."""
 
+import contextlib
+import re
 import subprocess
 import sys
 
 import monitoring
 
-SECONDS = 60.0  # Until everything has data; takes about 5.
+sys.path.append(str(monitoring.ROOT / "tests/drills"))
+import service
+
+SECONDS = 120.0  # Until everything has data; takes about 5 of the stand-in, 20 of a real run.
 
 
 def queries():
@@ -24,23 +30,41 @@ def queries():
     return all_queries
 
 
-def main(stand_in):
-    roles = subprocess.Popen([stand_in], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+@contextlib.contextmanager
+def stand_in(program):
+    """Where it shows metrics: {role: [HOST:PORT]}."""
+    roles = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     try:
-        targets = {}
-        for _ in range(4):
-            role, port = roles.stdout.readline().split()
-            targets[role] = [f"127.0.0.1:{port}"]
-        wanted = queries()
-        assert len(wanted) > 100, len(wanted)
-        with monitoring.Prometheus(targets) as prometheus:
-            missing = prometheus.without_data(wanted, SECONDS)
-            # It finds what it is there to find.
-            assert not prometheus.has_data("slalom_nothing_total")
-            assert prometheus.has_data("slalom_build_info")
+        lines = [roles.stdout.readline().split() for _ in range(4)]
+        yield {role: [f"127.0.0.1:{port}"] for role, port in lines}
     finally:
         roles.stdin.close()
         roles.wait()
+
+
+@contextlib.contextmanager
+def real_run(program):
+    """The same of a service."""
+    with service.Service(program, test="generated:3:2", more_config="[evaluation]\nepisodes_per_course = 1\n") as run:
+        roles = {"replay": ["replay"], "learner": ["learner"], "actor": ["a1", "a2"], "evaluator": ["e1"]}
+        targets = {}
+        for role, names in roles.items():
+            for name in names:
+                process = run.add(role, name).start()
+                shown = service.wait_for(f"{name}'s metrics", lambda: re.search(
+                    r"metrics at http://([^/]+)/", process.log_text()), SECONDS)
+                targets.setdefault(role, []).append(shown.group(1))
+        yield targets
+
+
+def main(shown):
+    wanted = queries()
+    assert len(wanted) > 100, len(wanted)
+    with shown as targets, monitoring.Prometheus(targets) as prometheus:
+        missing = prometheus.without_data(wanted, SECONDS)
+        # It finds what it is there to find.
+        assert not prometheus.has_data("slalom_nothing_total")
+        assert prometheus.has_data("slalom_build_info")
     for name, query in missing.items():
         print(f"no data: {name}\n  {query}")
     print(f"{len(wanted) - len(missing)} of {len(wanted)} queries gave data")
@@ -48,4 +72,4 @@ def main(stand_in):
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(real_run(sys.argv[2]) if sys.argv[1] == "--run" else stand_in(sys.argv[1])))
