@@ -52,6 +52,12 @@ def panels():
                 yield path.stem, panel
 
 
+def metrics_and_roles():
+    """(name, roles) of each metric of docs/metrics.md."""
+    page = (ROOT / "docs/metrics.md").read_text()
+    return re.findall(r"^\| `(\w+)` \| \w+ \| [^|]*\| ([^|]*) \|", page, re.M)
+
+
 def as_grafana_sends(expression):
     """With the variables filled in."""
     for variable, value in (("$__rate_interval", "1m"), ("$__range", "10m"), ("$run", ".*"), ("$name", ".*")):

@@ -8,6 +8,7 @@ import contextlib
 import re
 import subprocess
 import sys
+import urllib.request
 
 import monitoring
 
@@ -57,18 +58,32 @@ def real_run(program):
         yield targets
 
 
+def not_shown(targets):
+    """What docs/metrics.md says that a role shows, and it does not."""
+    faults = []
+    for role, addresses in targets.items():
+        page = urllib.request.urlopen(f"http://{addresses[0]}/metrics", timeout=30).read().decode()
+        for name, roles in monitoring.metrics_and_roles():
+            if (roles == "all" or role in roles.split(", ")) and f"# TYPE {name} " not in page:
+                faults.append(f"{role} does not show {name}")
+    return faults
+
+
 def main(shown):
     wanted = queries()
     assert len(wanted) > 100, len(wanted)
     with shown as targets, monitoring.Prometheus(targets) as prometheus:
+        faults = not_shown(targets)
         missing = prometheus.without_data(wanted, SECONDS)
         # It finds what it is there to find.
         assert not prometheus.has_data("slalom_nothing_total")
         assert prometheus.has_data("slalom_build_info")
+    for fault in faults:
+        print(fault)
     for name, query in missing.items():
         print(f"no data: {name}\n  {query}")
     print(f"{len(wanted) - len(missing)} of {len(wanted)} queries gave data")
-    return 1 if missing else 0
+    return 1 if missing or faults else 0
 
 
 if __name__ == "__main__":
