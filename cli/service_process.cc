@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <cstdlib>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -35,6 +36,24 @@ std::string ChooseName(transport::Role role, const train::ServiceConfig& config,
   return name;
 }
 
+/// Starts of this process before this one, counted in a file of its state directory. 0 where that
+/// cannot be kept: no reason not to start.
+double CountEarlierStarts(const std::filesystem::path& state, std::string_view role,
+                          const std::string& name) {
+  const std::filesystem::path directory = state / "starts";
+  const std::filesystem::path path = directory / fmt::format("{}-{}", role, name);
+  try {
+    base::MakeDirectories(directory);
+    const double earlier =
+        std::filesystem::exists(path) ? std::atof(base::ReadFile(path).c_str()) : 0.0;
+    base::WriteFileAtomically(path, fmt::format("{:.0f}\n", earlier + 1.0));
+    return earlier;
+  } catch (const base::Error& error) {
+    spdlog::warn("starts are not counted: {}", error.what());
+    return 0.0;
+  }
+}
+
 }  // namespace
 
 ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& options)
@@ -42,10 +61,15 @@ ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& optio
       config_(config::Load<train::RunConfig>(options.config, options.overrides)),
       name_(ChooseName(role, config_.service, options)),
       context_(config_.service.io_threads),
-      registry_(
-          std::make_unique<metrics::Registry>(std::string(transport::ToString(role)), name_)) {
-  registry_->gauge(metrics::kBuildInfo, {Version(), Commit()}).Set(1.0);
-  registry_->gauge(metrics::kBlasInfo, {policy::BlasKernel()}).Set(1.0);
+      registry_(std::make_unique<metrics::Registry>(
+          metrics::Identity{.role = std::string(transport::ToString(role)),
+                            .name = name_,
+                            .run = config_.run.name,
+                            .version = std::string(Version()),
+                            .commit = std::string(Commit()),
+                            .blas_kernel = policy::BlasKernel()})) {
+  registry_->counter(metrics::kRestarts)
+      .Increment(CountEarlierStarts(state(), transport::ToString(role), name_));
   spdlog::info("slalom {} {}, {} '{}'", Version(), transport::ToString(role),
                transport::ToString(role), name_);
   if (config_.service.metrics.empty()) return;

@@ -51,11 +51,13 @@ const Spec kEnvironments =
 // Accounting of steps
 const Spec kStepsAcknowledged = CounterOf(
     "slalom_steps_acknowledged_total", "actor",
-    "Environment steps that the replay server acknowledged, in all sessions of this actor.");
+    "Environment steps that the replay server acknowledged, in all sessions of this actor; those "
+    "that it lost later stay counted.");
 const Spec kStepsLost = CounterOf(
     "slalom_steps_lost_total", "actor",
-    "Environment steps that never reached the table, by reason (killed: unacknowledged when the "
-    "actor was killed; refused: the replay server would not have them), in all sessions.",
+    "Environment steps that never reached the table, by reason, in all sessions (killed: "
+    "unacknowledged when the actor was killed; replaced: unacknowledged when its session ended; "
+    "server: acknowledged by a server that has them no longer).",
     {"reason"});
 const Spec kStepsPending =
     GaugeOf("slalom_steps_pending", "actor", "Environment steps made and not yet acknowledged.");
@@ -89,9 +91,6 @@ const Spec kStepsDuplicate =
 const Spec kStepsRejected = CounterOf(
     "slalom_steps_rejected_total", "replay",
     "Environment steps in chunks that were refused; an actor may send them again.", {"reason"});
-const Spec kAcknowledgeSeconds =
-    HistogramOf("slalom_acknowledge_seconds", "actor",
-                "Time from sending a chunk to its acknowledgement.", kWait);
 
 // Queues
 const Spec kQueueDepth = GaugeOf(
@@ -100,9 +99,9 @@ const Spec kQueueDepth = GaugeOf(
     "sample requests held, chunks not yet written, replay), batches (prefetched, learner).",
     {"queue"});
 const Spec kQueueBytes =
-    GaugeOf("slalom_queue_bytes", "actor, replay, learner", "Bytes in a queue.", {"queue"});
-const Spec kQueueLimitBytes = GaugeOf("slalom_queue_limit_bytes", "actor, replay, learner",
-                                      "Bytes that a queue may hold.", {"queue"});
+    GaugeOf("slalom_queue_bytes", "actor, replay", "Bytes in a queue.", {"queue"});
+const Spec kQueueLimitBytes =
+    GaugeOf("slalom_queue_limit_bytes", "actor, replay", "Bytes that a queue may hold.", {"queue"});
 const Spec kBlockedSeconds = CounterOf(
     "slalom_blocked_seconds_total", "actor, replay, learner",
     "Time that work waited at a queue: actor at unacknowledged (no room), replay at inserts and "
@@ -121,9 +120,8 @@ const Spec kBatches =
               "Batches sampled: granted by the replay server, received by the learner.");
 const Spec kSamples =
     CounterOf("slalom_samples_total", "replay", "Transitions sampled, over all batches.");
-const Spec kSampleSeconds = HistogramOf(
-    "slalom_sample_seconds", "replay, learner",
-    "Time of one batch: replay, to draw and gather it; learner, from request to reply.", kWait);
+const Spec kSampleSeconds =
+    HistogramOf("slalom_sample_seconds", "replay", "Time to draw and gather one batch.", kWait);
 const Spec kInsertSeconds =
     HistogramOf("slalom_insert_seconds", "replay",
                 "Time from a chunk's arrival to its acknowledgement, time held included.", kWait);
@@ -300,8 +298,7 @@ std::span<const Section> Catalogue() {
       {"Accounting of steps", {&kStepsAcknowledged, &kStepsLost, &kStepsPending, &kStepsAccepted}},
       {"Chunks on their way",
        {&kChunksSent, &kChunksResent, &kChunksAcknowledged, &kChunksAccepted, &kChunksDuplicate,
-        &kChunksRejected, &kStepsSent, &kStepsResent, &kStepsDuplicate, &kStepsRejected,
-        &kAcknowledgeSeconds}},
+        &kChunksRejected, &kStepsSent, &kStepsResent, &kStepsDuplicate, &kStepsRejected}},
       {"Queues", {&kQueueDepth, &kQueueBytes, &kQueueLimitBytes, &kBlockedSeconds}},
       {"Replay table",
        {&kTableRows, &kTableSteps, &kTableCapacityRows, &kTableBytes, &kBatches, &kSamples,

@@ -38,7 +38,6 @@ extern const Spec kStepsSent;
 extern const Spec kStepsResent;
 extern const Spec kStepsDuplicate;
 extern const Spec kStepsRejected;
-extern const Spec kAcknowledgeSeconds;
 
 // Queues
 extern const Spec kQueueDepth;
@@ -140,10 +139,6 @@ inline constexpr std::string_view kSamples = "samples";  ///< Requests held by t
 inline constexpr std::string_view kJournal = "journal";  ///< Chunks not yet written.
 inline constexpr std::string_view kBatches = "batches";  ///< Prefetched by the learner.
 }  // namespace queue
-namespace lost {
-inline constexpr std::string_view kKilled = "killed";
-inline constexpr std::string_view kRefused = "refused";
-}  // namespace lost
 
 struct Section {
   std::string_view title;

@@ -58,6 +58,11 @@ enum class RefusalCode : std::uint32_t {
   kReplaced = 11,       ///< Hello of a session that a newer one replaced, whose number is `about`.
 };
 /// "bad_message", ...; "other" for one of a newer minor version.
+inline constexpr RefusalCode kRefusalCodes[] = {
+    RefusalCode::kBadMessage, RefusalCode::kWrongVersion, RefusalCode::kUnknownMessage,
+    RefusalCode::kNotAllowed, RefusalCode::kWrongSpec,    RefusalCode::kNoSession,
+    RefusalCode::kOutOfOrder, RefusalCode::kOverWindow,   RefusalCode::kTooFast,
+    RefusalCode::kNotReady};
 std::string_view ToString(RefusalCode code);
 
 /// What the fields mean stands in proto/slalom.proto. A `role`, a `name` and the keys of a report

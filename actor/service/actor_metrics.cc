@@ -28,6 +28,9 @@ ActorMetrics::ActorMetrics(metrics::Registry& registry, std::string course_set,
   registry_.counter(metrics::kStepsSent);
   registry_.counter(metrics::kStepsResent);
   registry_.counter(metrics::kChunksAcknowledged);
+  for (const proto::RefusalCode code : proto::kRefusalCodes) {
+    registry_.counter(metrics::kChunksRejected, {proto::ToString(code)});
+  }
   registry_.histogram(metrics::kPublishToActing);
 }
 
@@ -35,7 +38,10 @@ void ActorMetrics::Update(const StepAccount& account, const Outbox& outbox,
                           const ActorStats& episodes, service::ReplayLink& replay,
                           service::PolicyLink& policy) {
   RaiseTo(registry_.counter(metrics::kEnvironmentSteps), static_cast<double>(account.made));
-  RaiseTo(registry_.counter(metrics::kStepsAcknowledged), static_cast<double>(account.accepted));
+  // What a server lost had been acknowledged, and a counter never falls.
+  RaiseTo(
+      registry_.counter(metrics::kStepsAcknowledged),
+      static_cast<double>(account.accepted + account.lost[static_cast<int>(LossReason::kServer)]));
   registry_.gauge(metrics::kStepsPending).Set(static_cast<double>(account.pending));
   for (int i = 0; i < kNumLossReasons; ++i) {
     RaiseTo(registry_.counter(metrics::kStepsLost, {ToString(static_cast<LossReason>(i))}),

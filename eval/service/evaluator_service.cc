@@ -74,6 +74,8 @@ void EvaluatorService::Listen() {
     registry_.counter(metrics::kPoliciesReceived).Increment();
     registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(policy_.version()));
   }
+  registry_.counter(metrics::kConnections, {"replay"}).RaiseTo(replay_.connections());
+  registry_.counter(metrics::kConnections, {"learner"}).RaiseTo(policy_.connections());
   replay_.ReportEverySecond([this] { return MakeReport(); });
 }
 

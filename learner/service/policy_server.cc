@@ -27,7 +27,13 @@ bool MayRead(std::optional<transport::Role> role) {
 
 PolicyServer::PolicyServer(transport::Context& context, const transport::ServerOptions& options,
                            std::uint64_t spec_hash, metrics::Registry& registry)
-    : server_(context, options), spec_hash_(spec_hash), registry_(registry) {}
+    : server_(context, options), spec_hash_(spec_hash), registry_(registry) {
+  registry_.counter(metrics::kRejectedConnections);
+  registry_.counter(metrics::kMessagesMalformed);
+  for (const proto::RefusalCode code : proto::kRefusalCodes) {
+    registry_.counter(metrics::kMessagesRefused, {proto::ToString(code)});
+  }
+}
 
 void PolicyServer::Publish(std::int64_t version, transport::Frame policy,
                            std::int64_t learner_steps) {
@@ -117,6 +123,9 @@ void PolicyServer::ForgetSilentReaders() {
   looked_at_ = now;
   std::erase_if(readers_,
                 [&](const auto& reader) { return now - reader.second.heard_at > kSilence; });
+  registry_.counter(metrics::kRejectedConnections)
+      .RaiseTo(static_cast<double>(server_.rejected_connections()));
+  registry_.counter(metrics::kMessagesMalformed).RaiseTo(static_cast<double>(server_.malformed()));
   registry_.gauge(metrics::kConnectedPeers, {"reader"}).Set(num_readers());
   if (const auto oldest = oldest_held(); oldest && version_) {
     registry_.gauge(metrics::kReaderLag).Set(static_cast<double>(*version_ - *oldest));

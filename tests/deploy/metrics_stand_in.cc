@@ -26,7 +26,7 @@ const Values& ValuesOf(std::string_view label) {
   static const std::map<std::string_view, Values> values = {
       {"outcome", {"success", "collision", "timeout"}},
       {"course_set", {"static-test"}},
-      {"reason", {"killed", "refused", "bad_message"}},
+      {"reason", {"killed", "replaced", "bad_message"}},
       {"queue", {"unacknowledged", "inserts", "samples", "journal", "batches"}},
       {"peer_role", {"actor", "learner"}},
       {"server", {"replay", "learner"}},
