@@ -24,6 +24,8 @@ constexpr std::size_t kMaxConnections = 64;
 constexpr std::size_t kMaxRequestBytes = 8192;
 // From the connection to the end of its answer.
 constexpr std::chrono::seconds kMaxTime{5};
+// Of 4 KiB, once it is answered: whoever sends without an end must not keep the others waiting.
+constexpr int kMaxReadsAfter = 256;
 
 HttpAnswer Answer(std::string_view request, const HttpServer::Handler& handler) {
   const std::string_view line = request.substr(0, request.find("\r\n"));
@@ -83,7 +85,8 @@ struct HttpServer::Connection {
     // What the peer still sends must not turn the answer into a reset.
     ::shutdown(socket, SHUT_WR);
     std::array<char, 4096> rest;
-    while (::recv(socket, rest.data(), rest.size(), 0) > 0) {
+    for (int i = 0; i < kMaxReadsAfter; ++i) {
+      if (::recv(socket, rest.data(), rest.size(), 0) <= 0) break;
     }
     return false;
   }
