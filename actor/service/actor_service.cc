@@ -207,8 +207,10 @@ void ActorService::CloseChunk() {
   header.num_rows = chunk_.num_rows();
   header.num_beams = chunk_.num_beams;
   header.num_steps = chunk_steps_;
-  header.oldest_version = chunk_oldest_version_;
-  header.newest_version = policy_.version();
+  // A learner that was killed goes back to its checkpoint, and its versions with it.
+  const std::int64_t last_version = policy_.version();
+  header.oldest_version = std::min(chunk_oldest_version_, last_version);
+  header.newest_version = std::max(chunk_oldest_version_, last_version);
   transport::Frame payload(replay::RowBytes::Size(header.num_rows, header.num_beams));
   replay::RowBytes::Write(chunk_, payload.mutable_bytes());
   outbox_.Add(header, std::move(payload));
