@@ -59,15 +59,19 @@ def drill(cluster, compose, up):
              lambda: cluster.value("evaluator", "slalom_evaluation_success_rate") >= SUCCESS_RATE, 360)
     say(f"the policy reaches {100 * cluster.value('evaluator', 'slalom_evaluation_success_rate'):.0f} %")
 
+    wait_for("a checkpoint", lambda: cluster.value("learner", "slalom_checkpoints_total") > 0, 120)
     for role in ROLES:
         before = cluster.value("learner", "slalom_updates_total")
+        kept = cluster.value("learner", "slalom_checkpoint_updates")
         restarts = restarts_of(cluster, role)
         cluster.crash(role)
         wait_for(f"{role} started again", lambda: restarts_of(cluster, role) > restarts, 60)
         cluster.wait_healthy(role, 4 if role == "actor" else 1)
         cluster.wait_for_steps(20000)
-        if role != "learner":  # It goes back to its checkpoint.
-            wait_for("updates go on", lambda: cluster.value("learner", "slalom_updates_total") > before, 120)
+        updates = cluster.value("learner", "slalom_updates_total")
+        if updates < kept:
+            raise Failure(f"the learner went back to {updates:.0f} updates, beyond its checkpoint at {kept:.0f}")
+        wait_for("updates go on", lambda: cluster.value("learner", "slalom_updates_total") > before, 180)
         say(f"{role} is back")
 
     # The accounts of both sides, once the actors have ended cleanly.
