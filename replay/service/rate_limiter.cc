@@ -43,9 +43,6 @@ void RateLimiter::Leave(const std::string& learner) {
 
 bool RateLimiter::MayInsert() const {
   if (options_.max_ahead_steps == 0 || starved_ || steps_ < options_.learning_starts) return true;
-  const bool any = std::any_of(learners_.begin(), learners_.end(),
-                               [](const auto& entry) { return entry.second.present; });
-  if (!any) return true;
   const double ahead = std::max(static_cast<double>(options_.max_ahead_steps),
                                 std::ceil(1.0 / options_.updates_per_step));
   return static_cast<double>(steps_ - options_.learning_starts) <=

@@ -11,7 +11,9 @@ namespace slalom::replay {
 ///
 /// Batches granted, summed over the learners' cursors, stay at or below what the steps have earned,
 /// updates_per_step * (steps - learning_starts); and steps stay within `max_ahead_steps` of what
-/// the granted batches were earned by, as long as a learner is there to take them.
+/// the granted batches were earned by, also while no learner is there: steps that nobody learns
+/// from would be made by an ever older policy, push better ones out of the table, and have to be
+/// caught up with.
 class RateLimiter {
  public:
   struct Options {
@@ -34,10 +36,10 @@ class RateLimiter {
   bool MaySample(const std::string& learner) const;
   /// It got it.
   void Grant(const std::string& learner);
-  /// A learner is no longer there.
+  /// A learner is no longer there: its cursor stays, but it gives way to others first.
   void Leave(const std::string& learner);
 
-  /// Whether the next chunk may be inserted. Always, where no learner is there. Where a learner
+  /// Whether the next chunk may be inserted. Where a learner
   /// waits for what the steps have not earned this is true, so both sides never wait at once.
   bool MayInsert() const;
   /// A batch is due and cannot be drawn from what is there: more rows must come in any case.

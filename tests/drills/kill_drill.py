@@ -56,7 +56,7 @@ def drill(program, kills="30", seed="1"):
         for role, times in recoveries.items():
             if times:
                 print(f"{role}: {len(times)} kills, going on after {statistics.median(times):.1f} s (median), {max(times):.1f} s (longest)")
-        print(f"{made} steps made, {made - lost} accepted on both sides, {lost} lost with the actors that were killed "
+        print(f"{made} steps made, {made - lost} accepted or still kept, {lost} lost with the actors that were killed "
               f"(not acknowledged), 0 unaccounted")
 
 

@@ -29,12 +29,10 @@ TEST(RateLimiterTest, AgreesWithCountingOneByOne) {
     const std::vector<std::string> names = {"a", "b"};
     for (int i = 0; i < 3000; ++i) {
       std::int64_t sum = 0;
-      bool any = false;
       for (const auto& [name, count] : granted) sum += count;
-      for (const auto& [name, is] : present) any |= is;
       const std::int64_t allowance = std::max(ahead, per_batch);
       const bool insert_is_due =
-          ahead == 0 || steps < starts || !any || steps - starts <= sum * per_batch + allowance;
+          ahead == 0 || steps < starts || steps - starts <= sum * per_batch + allowance;
       ASSERT_EQ(limiter.MayInsert(), insert_is_due) << "seed " << seed << " event " << i;
       ASSERT_EQ(limiter.steps(), steps);
       ASSERT_EQ(limiter.granted(), static_cast<double>(sum));
@@ -90,6 +88,17 @@ TEST(RateLimiterTest, ACursorFarAheadHoldsNoInsert) {
   }
   limiter.AddSteps(4);
   EXPECT_TRUE(limiter.MaySample("learner"));
+}
+
+TEST(RateLimiterTest, ALearnerThatIsGoneLetsNoMoreIn) {
+  RateLimiter limiter({.updates_per_step = 1.0, .learning_starts = 0, .max_ahead_steps = 5}, 0);
+  limiter.Ask("learner", 0);
+  limiter.Leave("learner");
+  int steps = 0;
+  for (; limiter.MayInsert(); ++steps) limiter.AddSteps(1);
+  EXPECT_EQ(steps, 6);
+  limiter.Ask("learner", 3);
+  EXPECT_TRUE(limiter.MayInsert());
 }
 
 TEST(RateLimiterTest, AStarvedLearnerHoldsNoInsert) {

@@ -157,6 +157,7 @@ TEST(ReplayServerTest, TwoProducersAndTwoConsumersAtOnce) {
   test::ScratchDirectory scratch;
   ReplayServerConfig config;
   config.directory = (scratch.path() / "replay").string();
+  config.max_ahead_steps = 0;  // Learners that are done hold nobody up.
   config.segment_bytes = 65536;
   config.sync_interval = 0.01;
   constexpr std::uint64_t kChunks = 150;
