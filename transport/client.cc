@@ -51,7 +51,8 @@ void Client::Open() {
   socket_.set(zmq::sockopt::linger, 0);
   socket_.set(zmq::sockopt::immediate, true);
   socket_.set(zmq::sockopt::sndhwm, options_.queue_messages);
-  socket_.set(zmq::sockopt::rcvhwm, options_.queue_messages);
+  // As `Server`: a heartbeat must not find reading stopped.
+  socket_.set(zmq::sockopt::rcvhwm, is_inproc ? options_.queue_messages : 0);
   socket_.set(zmq::sockopt::maxmsgsize, options_.max_message_bytes);
   socket_.set(zmq::sockopt::heartbeat_ivl, heartbeat);
   socket_.set(zmq::sockopt::heartbeat_timeout, 3 * heartbeat);

@@ -18,7 +18,7 @@ struct ClientOptions {
   std::string endpoint;          ///< "tcp://HOST:PORT", "ipc://PATH" or "inproc://NAME".
   ClientSecurity security = {};  ///< Not for inproc.
   std::int64_t max_message_bytes = 256 << 20;  ///< Larger parts end the connection.
-  int queue_messages = 256;                    ///< In each direction.
+  int queue_messages = 256;                    ///< To be sent.
   std::chrono::milliseconds heartbeat{
       2000};  ///< Of a silent connection; gone after three. At most half an hour.
 };

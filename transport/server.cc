@@ -50,7 +50,9 @@ Server::Server(Context& context, const ServerOptions& options)
   socket_.set(zmq::sockopt::linger, 0);
   socket_.set(zmq::sockopt::router_mandatory, true);
   socket_.set(zmq::sockopt::sndhwm, options.queue_messages);
-  socket_.set(zmq::sockopt::rcvhwm, options.queue_messages);
+  // No bound in messages, as bytes are bounded (`max_pending_bytes`): where ZeroMQ 4.3 stops
+  // reading at one and the connection breaks, its next heartbeat aborts the process.
+  socket_.set(zmq::sockopt::rcvhwm, domain_.empty() ? options.queue_messages : 0);
   socket_.set(zmq::sockopt::maxmsgsize, options.max_message_bytes);
   socket_.set(zmq::sockopt::heartbeat_ivl, heartbeat);
   socket_.set(zmq::sockopt::heartbeat_timeout, 3 * heartbeat);

@@ -22,7 +22,7 @@ struct ServerOptions {
   ServerSecurity security = {};               ///< Not for inproc.
   std::int64_t max_message_bytes = 64 << 20;  ///< Larger parts end their connection.
   double max_messages_per_second = 20000.0;   ///< Of one peer, over a second or so.
-  int queue_messages = 256;                   ///< Per peer and direction.
+  int queue_messages = 256;                   ///< To be sent, per peer.
   std::int64_t max_pending_bytes = 256
                                    << 20;  ///< Received of one peer, and not taken yet; more
                                            ///< (or of all peers four times that) ends its
@@ -34,11 +34,11 @@ struct ServerOptions {
 
 /// The listening end: takes messages of many peers and answers any of them at any time (ROUTER).
 ///
-/// Never waits for a peer and never holds more for it than its queue. A peer that connects again is
-/// another peer. Rates, pending bytes and the number of connections are bounded over tcp (rates and
-/// connections over ipc, too), not for peers in this process. The bounds are looked after in
-/// `Receive`, so call it several times a second. Confined to the thread that made it, but for
-/// `Wake`.
+/// Never waits for a peer and never holds more for it than the bounds below say. A peer that
+/// connects again is another peer. Rates, pending bytes and the number of connections are bounded
+/// over tcp (rates and connections over ipc, too), not for peers in this process. The bounds are
+/// looked after in `Receive`, so call it several times a second. Confined to the thread that made
+/// it, but for `Wake`.
 class Server {
  public:
   /// Throws `base::Error` where the endpoint cannot be bound, with the reason.

@@ -91,6 +91,7 @@ class Replay {
   static replay::ReplayServerConfig ConfigOf(const std::filesystem::path& directory) {
     replay::ReplayServerConfig config;
     config.directory = directory;
+    config.max_ahead_steps = 0;  // Nobody learns here.
     return config;
   }
 
