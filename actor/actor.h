@@ -24,7 +24,7 @@ struct ActorStats {
   std::int64_t num_episodes = 0;  ///< Finished in all.
   /// Of them, by `env::Outcome`, those that this actor drove itself (none from before a `Restore`).
   std::array<std::int64_t, 4> num_outcomes{};
-  int num_recent = 0;             ///< Finished episodes that the figures below stand on.
+  int num_recent = 0;  ///< Finished episodes that the figures below stand on.
   double success_rate = 0.0;
   double collision_rate = 0.0;
   double timeout_rate = 0.0;

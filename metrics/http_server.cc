@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <utility>
 #include <vector>
@@ -111,13 +112,15 @@ void HttpServer::Run() {
   ::fcntl(listener_, F_SETFL, ::fcntl(listener_, F_GETFL) | O_NONBLOCK);
   std::vector<Connection> connections;
   std::vector<pollfd> polled;
+  bool exhausted = false;  // No descriptor was left for who connects: looked at again in a moment.
   while (true) {
-    polled = {{wake_, POLLIN, 0}, {listener_, POLLIN, 0}};
+    polled = {{wake_, POLLIN, 0}, {listener_, static_cast<short>(exhausted ? 0 : POLLIN), 0}};
     for (const Connection& connection : connections) {
       polled.push_back(
           {connection.socket, static_cast<short>(connection.reading() ? POLLIN : POLLOUT), 0});
     }
-    ::poll(polled.data(), polled.size(), connections.empty() ? -1 : 1000);
+    ::poll(polled.data(), polled.size(), exhausted ? 100 : connections.empty() ? -1 : 1000);
+    exhausted = false;
     if (polled[0].revents != 0) break;
     const auto now = steady_clock::now();
     for (std::size_t i = 0; i < connections.size(); ++i) {
@@ -133,6 +136,7 @@ void HttpServer::Run() {
     std::erase_if(connections, [](const Connection& c) { return c.socket < 0; });
     while (polled[1].revents != 0) {
       const int socket = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+      exhausted = socket < 0 && (errno == EMFILE || errno == ENFILE);
       if (socket < 0) break;
       if (connections.size() >= kMaxConnections) {
         ::close(socket);

@@ -33,7 +33,9 @@ class Writer {
     bytes_.resize(size + sizeof(T));
     std::memcpy(bytes_.data() + size, &value, sizeof(T));
   }
-  void PutBytes(std::span<const std::byte> raw) { bytes_.insert(bytes_.end(), raw.begin(), raw.end()); }
+  void PutBytes(std::span<const std::byte> raw) {
+    bytes_.insert(bytes_.end(), raw.begin(), raw.end());
+  }
   std::vector<std::byte> Take() { return std::move(bytes_); }
 
  private:

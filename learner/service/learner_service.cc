@@ -170,11 +170,7 @@ void LearnerService::Publish() {
 
 bool LearnerService::Log() {
   const Td3Stats learning = td3_.ReadStats();
-  ActorFigures acting;
-  if (const auto& status = batches_->status())
-    acting = Summarise(*status);
-  else
-    acting = Summarise({});
+  const ActorFigures acting = Summarise(batches_->status().value_or(proto::StatusReply{}));
   batches_->AskStatus();
   run::MetricsRow row;
   row.training_s = training_s();
