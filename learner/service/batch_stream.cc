@@ -57,6 +57,8 @@ bool BatchStream::Take(service::ReplayLink::Received received) {
     return false;
   }
   if (const auto* refusal = std::get_if<proto::Refusal>(&received.header)) {
+    // Of what was sent before the hello on a new connection; it is asked for again after it.
+    if (!link_.welcomed()) return false;
     spdlog::warn("replay server at {}: {} ({})", link_.endpoint(), refusal->text,
                  proto::ToString(refusal->code));
     link_.SayHello();

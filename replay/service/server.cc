@@ -206,8 +206,10 @@ void ReplayServer::Take(transport::Server::Received received, Time now) {
   if (!header) return Refuse(received.peer, header.failure());
   metrics_->CountMessage(*header);
   if (!IsAllowed(received, *header)) {
-    const bool stranger = !std::holds_alternative<proto::Hello>(*header) && !received.role &&
-                          !peers_.contains(received.peer);
+    // One that may, but has not said hello: what it sent on a connection that broke came first.
+    const bool stranger = !std::holds_alternative<proto::Hello>(*header) &&
+                          !peers_.contains(received.peer) &&
+                          (!received.role || MaySend(ToString(*received.role), *header));
     return Refuse(received.peer,
                   {.code = stranger ? RefusalCode::kNoSession : RefusalCode::kNotAllowed,
                    .text = fmt::format("{} is not for this role to send here, or before hello",

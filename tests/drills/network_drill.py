@@ -77,6 +77,8 @@ def drill(program, *seconds):
             replay, learner, actor = (service.add(role, role, wrapper=inside(role)).start() for role in ("replay", "learner", "actor"))
 
             def progress():
+                for process in service.processes:
+                    process.check_alive()
                 return (service.figure("learner", "learner", "updates"), service.figure("replay", "replay", "steps"),
                         service.figure("actor", "actor", "policy_version"))
 
