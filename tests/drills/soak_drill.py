@@ -51,7 +51,8 @@ def drill(program, seconds="3600", csv=None):
     lags = [statistics.median(s[1] for s in part) for part in (first, last)]
     print(f"policy lag {lags[0]:.0f} -> {lags[1]:.0f} updates; {samples[-1][2]:.0f} steps, {samples[-1][3]:.0f} updates "
           f"in {samples[-1][0] / 60:.0f} min")
-    check(lags[1] < 2 * lags[0] + 200, f"the policy lag grew from {lags[0]} to {lags[1]}")
+    # Both versions come from reports that are up to a second old: some thousand updates of noise.
+    check(lags[1] < lags[0] + 3000, f"the policy lag grew from {lags[0]} to {lags[1]}")
 
 
 main(drill)
