@@ -11,6 +11,7 @@ namespace {
 
 /// Whether connections of this endpoint have keys. Throws, or warns, as the header says.
 bool NeedsKeys(const SecurityConfig& config, const std::string& endpoint) {
+  CheckEndpoint(endpoint);
   if (IsInproc(endpoint)) return false;
   if (!config.keys.empty()) return true;
   if (IsLocal(endpoint)) return false;

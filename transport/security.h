@@ -10,7 +10,7 @@ namespace slalom::transport {
 
 /// How connections are protected.
 struct SecurityConfig {
-  std::string keys = "";
+  std::string keys;
   bool allow_plaintext = false;
 
   template <class Visitor>
@@ -35,8 +35,9 @@ struct ClientSecurity {
   std::string server_key;  ///< Public.
 };
 
-/// Loads what `config` names for a role. Throw `base::Error` for unusable keys, and for plaintext
-/// on an endpoint beyond loopback that was not asked for; warn where it was.
+/// Loads what `config` names for a role. Throw `base::Error` for unusable keys, for what is no
+/// endpoint, and for plaintext on an endpoint beyond loopback that was not asked for; warn where it
+/// was.
 ServerSecurity MakeServerSecurity(const SecurityConfig& config, Role own,
                                   const std::string& endpoint);
 ClientSecurity MakeClientSecurity(const SecurityConfig& config, Role own, Role server,

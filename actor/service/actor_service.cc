@@ -300,6 +300,7 @@ proto::Report ActorService::MakeReport() {
       {"steps_accepted", static_cast<double>(account.accepted)},
       {"steps_pending", static_cast<double>(account.pending)},
       {"steps_lost", static_cast<double>(account.lost[0] + account.lost[1] + account.lost[2])},
+      {"steps_per_s", steps_per_s},
       {"policy_version", static_cast<double>(policy_.version())},
       {"episodes", static_cast<double>(episodes.num_episodes)}};
   if (episodes.num_recent > 0) {

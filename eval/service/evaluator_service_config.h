@@ -8,7 +8,7 @@ namespace slalom::eval {
 
 /// What an evaluator process scores, and how often.
 struct EvaluatorServiceConfig {
-  std::string courses = "";
+  std::string courses;
   double interval = 0.0;
 
   template <class Visitor>

@@ -11,7 +11,7 @@ namespace slalom::replay {
 
 /// How a replay server runs.
 struct ReplayServerConfig {
-  std::string directory = "";
+  std::string directory;
   double sync_interval = 1.0;
   std::int64_t segment_bytes = 64 << 20;
   std::int64_t max_ahead_steps = 4096;
