@@ -283,11 +283,13 @@ void Journal::SyncOnce() {
   status_.synced = begin;
   // Sealed files are done with; the last goes on.
   for (std::size_t i = 0; i + 1 < files.size(); ++i) std::erase(unsynced_, files[i]);
+  std::int64_t gone_bytes = 0;
   std::erase_if(segments_, [&](const JournalSegment& segment) {
     const bool gone = std::find(unneeded.begin(), unneeded.end(), segment.path) != unneeded.end();
-    if (gone) status_.disk_bytes -= segment.bytes;
+    if (gone) gone_bytes += segment.bytes;
     return gone;
   });
+  status_.disk_bytes -= gone_bytes;
   status_.num_segments = static_cast<int>(segments_.size());
 }
 

@@ -160,7 +160,8 @@ class Replayer {
     if (first != std::holds_alternative<StateRecord>(record)) {
       return "a state where none belongs, or none where one belongs";
     }
-    return std::visit([this](auto&& r) { return Do(std::move(r)); }, std::move(record));
+    return std::visit([this](auto&& r) { return Do(std::forward<decltype(r)>(r)); },
+                      std::move(record));
   }
 
   std::optional<std::string> Do(StateRecord state) {
@@ -203,7 +204,8 @@ class Replayer {
     if (const auto failure = sessions_.Accept(record.id, record.sequence, record.num_steps)) {
       return failure->text;
     }
-    const auto end = static_cast<std::size_t>(base + session->num_streams);
+    const auto end =
+        static_cast<std::size_t>(base) + static_cast<std::size_t>(session->num_streams);
     if (open_.size() < end) open_.resize(end, 0);
     for (int r = 0; r < rows->num_rows(); ++r) {
       const RowView row = rows->row(r);

@@ -18,7 +18,8 @@ std::optional<base::Failure> Table::CheckEpisodes(const RowBytes& rows, int stre
   std::vector<Episode> episodes(static_cast<std::size_t>(rows.num_streams()), Episode::kNone);
   for (int s = 0; s < rows.num_streams(); ++s) {
     if (!is_open(stream_base + s)) continue;
-    const std::int64_t last = last_[static_cast<std::size_t>(stream_base + s)];
+    const std::int64_t last =
+        last_[static_cast<std::size_t>(stream_base) + static_cast<std::size_t>(s)];
     const bool terminated = last >= first_sequence() && (slot(last).flags & kRowTerminated);
     episodes[s] = terminated ? Episode::kTerminated : Episode::kRunning;
   }

@@ -99,6 +99,7 @@ std::vector<fs::path> CheckpointStore::List() const {
   }
   std::sort(found.begin(), found.end(), std::greater<>());
   std::vector<fs::path> paths;
+  paths.reserve(found.size());
   for (auto& [steps, path] : found) paths.push_back(std::move(path));
   return paths;
 }

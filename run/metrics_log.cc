@@ -111,6 +111,7 @@ void MetricsLog::Append(const MetricsRow& row) {
     throw base::Error(fmt::format("{}: cannot write ({})", path_.string(), std::strerror(errno)));
   }
   std::vector<metrics::Scalar> scalars;
+  scalars.reserve(columns.size());
   for (const Column& column : columns) scalars.push_back({column.tag, column.value});
   events_->Append(row.steps, scalars);
 }

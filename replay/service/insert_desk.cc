@@ -378,7 +378,9 @@ double InsertDesk::acting_version() const {
 std::vector<double> InsertDesk::TakeInsertSeconds() { return std::exchange(insert_seconds_, {}); }
 
 Outbox::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& header) {
-  const PeerId to = peer;  // `Gone` takes away what `peer` refers to.
+  // `Gone` takes away what `peer` refers to.
+  // NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
+  const PeerId to = peer;
   const auto sent = outbox_->Send(to, MakeMessage(header));
   if (sent == Outbox::Sent::kGone) Gone(to);
   return sent;

@@ -16,7 +16,6 @@ namespace {
 
 using proto::RefusalCode;
 using transport::PeerId;
-using transport::Role;
 
 // How much of each kind is done before the others have their turn.
 constexpr int kMessagesPerTurn = 32;
@@ -292,7 +291,8 @@ void ReplayServer::Refuse(const PeerId& peer, const proto::Refusal& refusal) {
 }
 
 void ReplayServer::Forget(const PeerId& peer) {
-  const PeerId id = peer;  // May lie in what is taken away.
+  // May lie in what is taken away. NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
+  const PeerId id = peer;
   inserts_->Gone(id);
   samples_->Gone(id);
   peers_.erase(id);
