@@ -40,10 +40,17 @@ void Critics::ComputeTarget(const Minibatch& minibatch, at::Tensor& y) {
 }
 
 void Critics::Regress(const at::Tensor& y, double learning_rate, double polyak_rate,
-                      at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total) {
+                      at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
+                      const Importance* importance) {
+  if (importance != nullptr) importance->error.zero_();
   for (Critic& critic : critics_) {
     critic.network.Forward(critic.pass);
     SquaredError(critic.pass.output(), y, critic.pass.output_gradient(), loss_total, value_total);
+    if (importance != nullptr) {
+      WeighError(critic.pass.output(), y, importance->weight,
+                 1.0 / static_cast<double>(critics_.size()), critic.pass.output_gradient(),
+                 importance->error);
+    }
     critic.network.ParameterGradient(critic.pass, critic.gradient);
   }
   const Follower target{target_parameters_, polyak_rate};

@@ -30,9 +30,15 @@ class Critics {
 
   /// One step of Adam on sum_k mean (Q_k(s, a) - y)^2, with the targets following at `polyak_rate`
   /// (0: not). Adds loss, mean Q and gradient norm to their totals (float64 tensors with one
-  /// element).
+  /// element). With `importance`, each sample's gradient counts by its weight, and `error` [B]
+  /// becomes the mean over the critics of |Q_k(s, a) - y|.
+  struct Importance {
+    const at::Tensor& weight;  ///< [B]
+    at::Tensor& error;         ///< [B]
+  };
   void Regress(const at::Tensor& y, double learning_rate, double polyak_rate,
-               at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total);
+               at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
+               const Importance* importance = nullptr);
 
   /// Gradient by the action of -mean Q_1(s, a), with a from minibatch.input. Returns [B, A],
   /// overwritten by the next call. Adds mean Q_1 to `value_total`.

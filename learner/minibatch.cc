@@ -25,6 +25,7 @@ Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device) 
   next_actions = next_input.narrow(1, width, kActionSize);
   reward = at::zeros({batch}, options);
   discount = at::zeros({batch}, options);
+  weight = at::ones({batch}, options);
 }
 
 MinibatchReader::MinibatchReader(policy::FeatureMap features, int history, double reward_scale,
@@ -50,6 +51,7 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
   float* const next_input = host.next_input.data_ptr<float>();
   float* const reward = host.reward.data_ptr<float>();
   float* const discount = host.discount.data_ptr<float>();
+  std::copy_n(rows.weight.data(), rows.batch, host.weight.data_ptr<float>());
   const std::size_t history = static_cast<std::size_t>(history_);
   const std::size_t num_frames = static_cast<std::size_t>(rows.batch) * history;
   bool mirrored = false;
@@ -79,6 +81,7 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
     minibatch.next_input.copy_(host.next_input);
     minibatch.reward.copy_(host.reward);
     minibatch.discount.copy_(host.discount);
+    minibatch.weight.copy_(host.weight);
   }
 }
 

@@ -27,6 +27,7 @@ struct Minibatch {
   at::Tensor next_actions;   ///< [B, A], a view
   at::Tensor reward;         ///< [B], scaled n-step return
   at::Tensor discount;       ///< [B], gamma^n, or 0 where the window terminated
+  at::Tensor weight;         ///< [B], importance of the sample, 1 where draws are uniform
 };
 
 /// Turns sampled rows into minibatches: scans are pooled straight from where the replay table keeps

@@ -59,6 +59,7 @@ struct Td3::Parts {
         noise(device.is_cpu() ? host_noise
                               : at::zeros({config.batch_size, 2}, minibatch.reward.options())),
         target(at::zeros_like(minibatch.reward)),
+        error(at::zeros_like(minibatch.reward)),
         totals(at::zeros({kNumTotals}, at::TensorOptions(at::kDouble).device(device))) {
     for (int i = 0; i < kNumTotals; ++i) total.push_back(totals.narrow(0, i, 1));
   }
@@ -75,6 +76,8 @@ struct Td3::Parts {
   at::Tensor host_noise;          // [B, A]
   at::Tensor noise;               // [B, A], epsilon
   at::Tensor target;              // [B], y
+  at::Tensor error;               // [B], |Q(s, a) - y|, where prioritized
+  at::Tensor host_error;          // [B]
   at::Tensor totals;              // [kNumTotals] float64
   std::vector<at::Tensor> total;  // views of `totals`, [1] each
   std::int64_t num_updates = 0;
@@ -93,7 +96,15 @@ replay::SampleSpec Td3::sample_spec() const {
   return {.batch = config_.batch_size,
           .history = spec_.network.history,
           .n_step = config_.n_step,
-          .gamma = config_.gamma};
+          .gamma = config_.gamma,
+          .prioritized = config_.prioritized,
+          .importance_exponent = config_.importance_exponent};
+}
+
+std::span<const float> Td3::Errors() {
+  Parts& p = *parts_;
+  p.host_error = p.error.to(at::kCPU);
+  return {p.host_error.data_ptr<float>(), static_cast<std::size_t>(p.host_error.numel())};
 }
 
 void Td3::Load(const replay::SampledRows& rows) {
@@ -122,8 +133,10 @@ void Td3::Update(double progress) {
   // Clipped double Q-learning, equation 10: y = r + gamma^n min_k Q'_k(s', a')
   p.critics.ComputeTarget(p.minibatch, p.target);
   // theta_k <- argmin mean (Q_k(s, a) - y)^2, and theta'_k <- tau theta_k + (1 - tau) theta'_k
+  const Critics::Importance importance{p.minibatch.weight, p.error};
   p.critics.Regress(p.target, rate * config_.critic_learning_rate, polyak_rate,
-                    p.total[kCriticLoss], p.total[kQ], p.total[kCriticNorm]);
+                    p.total[kCriticLoss], p.total[kQ], p.total[kCriticNorm],
+                    config_.prioritized ? &importance : nullptr);
   if (!update_actor) return;
 
   // Deterministic policy gradient: grad_phi J = mean grad_a Q_1(s, a)|a=pi(s) grad_phi pi(s)

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "base/config_field.h"
@@ -28,6 +29,8 @@ struct Td3Config {
   double reward_scale = 1.0;
   bool mirror = false;
   double average_rate = 0.0;
+  bool prioritized = false;
+  double importance_exponent = 0.4;
   double divergence_limit = 1e5;
 
   template <class Visitor>
@@ -56,6 +59,11 @@ struct Td3Config {
     v("average_rate", average_rate, base::Range{0.0, 1.0}, "",
       "Rate at which the averaged actor follows, per actor update; 0: no averaging. Early on it is "
       "the mean of about the last fifth.");
+    v("prioritized", prioritized,
+      "Draw transitions in proportion to their last temporal-difference error (Schaul et al. 2016; "
+      "alpha is replay_server.priority_exponent).");
+    v("importance_exponent", importance_exponent, base::Range{0.0, 1.0}, "",
+      "beta of the importance weights, where prioritized.");
     v("divergence_limit", divergence_limit, base::Range{1.0, 1e30}, "",
       "Mean action value, scaled, beyond which training counts as diverged.");
   }
@@ -96,6 +104,10 @@ class Td3 {
   }
 
   replay::SampleSpec sample_spec() const;
+
+  /// The new priorities of the last batch's samples: |Q(s, a) - y|, mean of the critics, [B]. Valid
+  /// until the next `Update`. Waits for the device. Requires: config.prioritized, one update.
+  std::span<const float> Errors();
 
   /// Reads the statistics and starts new ones. Waits for the device; call it once in many updates.
   Td3Stats ReadStats();

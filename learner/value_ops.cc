@@ -1,6 +1,7 @@
 #include "learner/value_ops.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "policy/layer_ops.h"
 
@@ -79,6 +80,24 @@ void SquaredError(const at::Tensor& q, const at::Tensor& y, at::Tensor& dq, at::
   }
   *loss_total.data_ptr<double>() += squared / static_cast<double>(batch);
   *value_total.data_ptr<double>() += sum / static_cast<double>(batch);
+}
+
+void WeighError(const at::Tensor& q, const at::Tensor& y, const at::Tensor& weight, double share,
+                at::Tensor& dq, at::Tensor& error) {
+  if (!IsHostFloat(q)) {
+    error.add_((q.squeeze(1) - y).abs(), share);
+    dq.mul_(weight.unsqueeze(1));
+    return;
+  }
+  const float* const value = q.data_ptr<float>();
+  const float* const target = y.data_ptr<float>();
+  const float* const factor = weight.data_ptr<float>();
+  float* const gradient = dq.data_ptr<float>();
+  float* const errors = error.data_ptr<float>();
+  for (std::int64_t i = 0; i < y.numel(); ++i) {
+    errors[i] += static_cast<float>(share) * std::abs(value[i] - target[i]);
+    gradient[i] *= factor[i];
+  }
 }
 
 void AddMean(const at::Tensor& q, at::Tensor& value_total) {

@@ -27,6 +27,11 @@ void MinimumTarget(std::span<const at::Tensor> values, const at::Tensor& reward,
 void SquaredError(const at::Tensor& q, const at::Tensor& y, at::Tensor& dq, at::Tensor& loss_total,
                   at::Tensor& value_total);
 
+/// For samples drawn by priority: dq_i *= weight_i, and share * |q_i - y_i| is added to error_i.
+/// q, dq: [B, 1]; y, weight, error: [B].
+void WeighError(const at::Tensor& q, const at::Tensor& y, const at::Tensor& weight, double share,
+                at::Tensor& dq, at::Tensor& error);
+
 /// Adds the mean of q to `value_total`, a float64 tensor with one element.
 void AddMean(const at::Tensor& q, at::Tensor& value_total);
 

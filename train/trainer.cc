@@ -48,6 +48,11 @@ const RunConfig& Checked(const RunConfig& config) {
         "depends on the machine; end it by run.max_steps",
         config.run.max_seconds));
   }
+  if (config.run.deterministic && config.td3.prioritized) {
+    throw base::Error(
+        "learner.prioritized is true, expected false in a deterministic run: priorities are not "
+        "part of a checkpoint");
+  }
   return config;
 }
 
@@ -83,6 +88,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       store_(directory.checkpoints()),
       storage_(directory.checkpoints() / kReplayDirectory) {
   if (resume) Restore();
+  if (config_.td3.prioritized) table_.UsePriorities(config_.replay_server.priority_exponent);
   metrics_ = std::make_unique<run::MetricsLog>(directory.metrics(), limiter_.steps());
   last_row_.training_s = training_s();
   last_row_.steps = limiter_.steps();
@@ -161,6 +167,7 @@ void Trainer::Update() {
   limiter_.AddUpdate();
   if (!table_.SampleRows(td3_.sample_spec(), sampling_, &rows_)) return;
   td3_.Update(rows_, Fraction());
+  if (config_.td3.prioritized) table_.SetPriorities(rows_.sequence, td3_.Errors());
   if (limiter_.updates() % config_.run.publish_interval == 0) collector_->Publish(td3_.Snapshot());
 }
 

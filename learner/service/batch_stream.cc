@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "replay/priority_bytes.h"
 #include "replay/sample_bytes.h"
 
 namespace slalom::learner {
@@ -35,6 +36,8 @@ void BatchStream::Request() {
     request.history = spec_.history;
     request.n_step = spec_.n_step;
     request.gamma = spec_.gamma;
+    request.prioritized = spec_.prioritized;
+    request.importance_exponent = spec_.importance_exponent;
     if (!link_.Send(request)) return;
     ++requested_;
   }
@@ -84,6 +87,15 @@ bool BatchStream::Take(service::ReplayLink::Received received) {
   ++cursor_;
   Request();
   return true;
+}
+
+void BatchStream::SetPriorities(std::span<const std::int64_t> sequence,
+                                std::span<const float> priority) {
+  if (!link_.welcomed()) return;
+  const int count = static_cast<int>(sequence.size());
+  transport::Frame payload(replay::PrioritySize(count));
+  replay::WritePriorities(sequence, priority, payload.mutable_bytes());
+  static_cast<void>(link_.Send(proto::PriorityUpdate{count}, std::move(payload)));
 }
 
 void BatchStream::AskStatus() {

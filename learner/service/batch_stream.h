@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdint>
 #include <optional>
+#include <span>
 
 #include "proto/messages.h"
 #include "replay/batch.h"
@@ -38,6 +39,10 @@ class BatchStream {
   std::uint64_t cursor() const { return cursor_; }
   /// Batches asked for that have not come.
   int in_flight() const { return static_cast<int>(requested_ - cursor_); }
+
+  /// Tells the server the new priorities of rows it sent, [C] each. One that is lost on the way
+  /// only means an older priority.
+  void SetPriorities(std::span<const std::int64_t> sequence, std::span<const float> priority);
 
   /// Asks for the roles' reports; what came last is `status()`.
   void AskStatus();

@@ -146,6 +146,7 @@ void LearnerService::LearnFrom(const RemoteBatch& batch) {
   acting_version_ = batch.header.acting_version;
   const auto began = steady_clock::now();
   td3_.Update(batch.rows, Fraction());
+  if (td3_config_.prioritized) batches_->SetPriorities(batch.rows.sequence, td3_.Errors());
   metrics_.AddBatch();
   metrics_.AddUpdate(std::chrono::duration<double>(steady_clock::now() - began).count());
 }

@@ -95,6 +95,7 @@ class FilledReplay {
   }
 
   const std::string& endpoint() const { return server_.endpoint(); }
+  double priorities_updated() { return registry_.counter(metrics::kPrioritiesUpdated).value(); }
 
  private:
   transport::Context context_;
@@ -113,12 +114,14 @@ policy::PolicySpec Spec() {
 
 /// A learner that runs in a thread until `updates` or more, then is stopped as by SIGTERM.
 void Learn(const std::string& replay, const fs::path& directory, std::int64_t updates,
-           const std::function<void(const std::string& endpoint)>& meanwhile = {}) {
+           const std::function<void(const std::string& endpoint)>& meanwhile = {},
+           bool prioritized = false) {
   base::MakeDirectories(directory);
   transport::Context context;
   metrics::Registry registry("learner", "learner");
   Td3Config td3;
   td3.batch_size = 16;
+  td3.prioritized = prioritized;
   td3.actor_learning_rate = td3.critic_learning_rate = 1e-3;
   LearnerJob job;
   job.directory.root = directory;
@@ -207,6 +210,19 @@ TEST(LearnerServiceTest, ReadersGetTheNewestPolicyWhenTheyLackIt) {
     EXPECT_EQ(link.version(), versions[0]);
     EXPECT_GT(versions[0], kUpdates - 11);
   });
+}
+
+TEST(LearnerServiceTest, PrioritiesGoBackToTheReplayServer) {
+  const test::ScratchDirectory scratch;
+  FilledReplay replay;
+  Learn(
+      replay.endpoint(), scratch.path() / "run", kUpdates,
+      // The server counts once a second; 16 priorities follow each batch.
+      [&](const std::string&) {
+        WaitUntil([&] { return replay.priorities_updated() >= 16.0 * (kUpdates - 10); });
+      },
+      true);
+  EXPECT_EQ(Policy(scratch.path() / "run").snapshot.version, kUpdates);
 }
 
 }  // namespace

@@ -26,6 +26,7 @@ struct RandomRows {
     rows.n_step_return.Resize(batch);
     rows.cost_return.Resize(batch);
     rows.discount.Resize(batch);
+    rows.weight.Resize(batch);
     const auto draw = [&] { return static_cast<float>(random.Uniform(-1.0, 1.0)); };
     for (std::size_t i = 0; i < frames; ++i) {
       rows.ranges_cm.push_back(scans.data() + i * num_beams);
@@ -40,6 +41,7 @@ struct RandomRows {
       rows.n_step_return[i] = draw();
       rows.cost_return[i] = 0.0f;
       rows.discount[i] = i % 4 == 0 ? 0.0f : 0.96f;
+      rows.weight[i] = 1.0f;
     }
   }
   RandomRows(const RandomRows&) = delete;

@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <vector>
 
 #include "base/error.h"
 #include "tests/learner/random_rows.h"
@@ -135,6 +138,74 @@ TEST(Td3, WithoutAveragingTheAverageIsTheActor) {
   Train(td3, 0, 4);
   EXPECT_EQ(*td3.AveragedSnapshot().weights, *td3.Snapshot().weights);
   EXPECT_EQ(td3.Snapshot().version, 4);
+}
+
+Td3Config Prioritized(Td3Config config) {
+  config.prioritized = true;
+  return config;
+}
+
+TEST(Td3, WeightsOfOneChangeNothing) {
+  Td3 uniform(SmallConfig(), SmallSpec(), 5),
+      prioritized(Prioritized(SmallConfig()), SmallSpec(), 5);
+  for (Td3* td3 : {&uniform, &prioritized}) Train(*td3, 0, 10);
+  EXPECT_EQ(*uniform.Snapshot().weights, *prioritized.Snapshot().weights);
+}
+
+// A batch in which half of the samples weigh nothing teaches what the other half alone does, at
+// half the size of the gradient, which Adam does not see: its step is the same but for epsilon.
+TEST(Td3, SamplesCountByTheirWeights) {
+  Td3Config config = Prioritized(SmallConfig());
+  config.mirror = false;
+  config.target_noise = 0.0;
+  Td3 whole(config, SmallSpec(), 5);
+  RandomRows rows(16, 1, 24, 1);
+  for (int i = 8; i < 16; ++i) rows.rows.weight[i] = 0.0f;
+  config.batch_size = 8;
+  Td3 half(config, SmallSpec(), 5);
+  RandomRows first(16, 1, 24, 1);
+  first.rows.batch = 8;
+  whole.Update(rows.rows, 0.0);
+  half.Update(first.rows, 0.0);
+  const auto saved = [](const Td3& td3) {
+    std::vector<float> values(Saved(td3).tensors.at("critics.parameters").bytes.size() / 4);
+    Saved(td3).Read("critics.parameters", std::span(values));
+    return values;
+  };
+  const auto a = saved(whole), b = saved(half);
+  ASSERT_EQ(a.size(), b.size());
+  double largest = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    largest = std::max(largest, std::abs(static_cast<double>(a[i]) - static_cast<double>(b[i])));
+  }
+  // A step is at most the learning rate, 1e-3. Where a gradient g is not far above Adam's epsilon,
+  // halving it changes the step by up to epsilon / g of it.
+  EXPECT_LT(largest, 1e-3 * 0.1);
+  Td3 other(config, SmallSpec(), 5);
+  EXPECT_NE(saved(other), b) << "the update did nothing";
+}
+
+TEST(Td3, ErrorsAreThoseOfTheCritics) {
+  Td3Config config = Prioritized(SmallConfig());
+  config.mirror = false;
+  config.critic_learning_rate = 0.0;
+  Td3 td3(config, SmallSpec(), 5);
+  RandomRows rows(16, 1, 24, 1);
+  // Where the window ended, y is the reward alone: a reward that is larger by 3 moves the error so.
+  td3.Update(rows.rows, 0.0);
+  const std::vector<float> before(td3.Errors().begin(), td3.Errors().end());
+  for (int i = 0; i < 16; ++i) rows.rows.n_step_return[i] += 30.0f;
+  td3.Update(rows.rows, 0.0);
+  const auto after = td3.Errors();
+  for (int i = 0; i < 16; i += 4) {
+    ASSERT_EQ(rows.rows.discount[i], 0.0f);
+    // |q - (r + 30)| with |q - r| < 30: 30 - (q - r), and before it was |q - r|.
+    EXPECT_NEAR(
+        std::min(std::abs(after[i] - 30.0f - before[i]), std::abs(after[i] - 30.0f + before[i])),
+        0.0, 0.5)
+        << i;
+    EXPECT_GT(after[i], 20.0f);
+  }
 }
 
 }  // namespace

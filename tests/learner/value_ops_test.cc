@@ -44,7 +44,9 @@ TEST(ValueOps, KernelsDoWhatTheOperationsDo) {
     at::Tensor loss = at::ones({1}, at::kDouble), mean = at::ones({1}, at::kDouble);
     SquaredError(values[0], y, dq, loss, mean);
     AddMean(values[1], mean);
-    return std::vector<at::Tensor>{wide, y, dq, loss, mean};
+    at::Tensor weighed = dq.clone(), error = at::ones({17}, type);
+    WeighError(values[0], y, discount.to(type), 0.25, weighed, error);
+    return std::vector<at::Tensor>{wide, y, dq, loss, mean, weighed, error};
   };
   const auto fused = compute(at::kFloat);
   const auto expected = compute(at::kDouble);
