@@ -128,10 +128,12 @@ class ActorServiceTest : public ::testing::Test {
               identity.course_set = "fake";
               identity.replay.endpoint = replay;
               identity.learner.endpoint = test.policy_.endpoint();
+              ActorServiceConfig config;
+              config.unacknowledged_bytes = 1 << 20;  // Little enough to be sent at the end.
               ActorConfig actor;
               actor.num_environments = kEnvironments;
               ActorService service(
-                  {}, actor, identity, environments_, agent_,
+                  config, actor, identity, environments_, agent_,
                   [](std::span<const std::byte>) { return std::int64_t{7}; }, context_, registry_);
               service.Run(stop);
               account_ = service.account();
