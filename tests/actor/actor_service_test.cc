@@ -129,7 +129,8 @@ class ActorServiceTest : public ::testing::Test {
               identity.replay.endpoint = replay;
               identity.learner.endpoint = test.policy_.endpoint();
               ActorServiceConfig config;
-              config.unacknowledged_bytes = 1 << 20;  // Little enough to be sent at the end.
+              config.unacknowledged_bytes = 1 << 16;  // Little enough to be sent at the end,
+              config.chunk_rows = 64;                 // whatever slows the server down.
               ActorConfig actor;
               actor.num_environments = kEnvironments;
               ActorService service(
