@@ -378,9 +378,7 @@ double InsertDesk::acting_version() const {
 std::vector<double> InsertDesk::TakeInsertSeconds() { return std::exchange(insert_seconds_, {}); }
 
 Outbox::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& header) {
-  // `Gone` takes away what `peer` refers to.
-  // NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
-  const PeerId to = peer;
+  const PeerId to = peer;  // `Gone` takes `peer` away. NOLINT(performance-unnecessary-copy*)
   const auto sent = outbox_->Send(to, MakeMessage(header));
   if (sent == Outbox::Sent::kGone) Gone(to);
   return sent;
