@@ -12,7 +12,6 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "cli/commands.h"
-#include "cli/version.h"
 #include "config/config.h"
 #include "proto/messages.h"
 #include "service/replay_link.h"

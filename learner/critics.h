@@ -28,14 +28,16 @@ class Critics {
   /// y = r + discount * min_k Q'_k(s', a'), with a' from minibatch.next_input. y: [B].
   void ComputeTarget(const Minibatch& minibatch, at::Tensor& y);
 
-  /// One step of Adam on sum_k mean (Q_k(s, a) - y)^2, with the targets following at `polyak_rate`
-  /// (0: not). Adds loss, mean Q and gradient norm to their totals (float64 tensors with one
-  /// element). With `importance`, each sample's gradient counts by its weight, and `error` [B]
-  /// becomes the mean over the critics of |Q_k(s, a) - y|.
+  /// Of samples drawn by priority.
   struct Importance {
     const at::Tensor& weight;  ///< [B]
     at::Tensor& error;         ///< [B]
   };
+
+  /// One step of Adam on sum_k mean (Q_k(s, a) - y)^2, with the targets following at `polyak_rate`
+  /// (0: not). Adds loss, mean Q and gradient norm to their totals (float64 tensors with one
+  /// element). With `importance`, each sample's gradient counts by its weight, and `error` [B]
+  /// becomes the mean over the critics of |Q_k(s, a) - y|.
   void Regress(const at::Tensor& y, double learning_rate, double polyak_rate,
                at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
                const Importance* importance = nullptr);

@@ -7,14 +7,6 @@
 #include "metrics/catalogue.h"
 
 namespace slalom::actor {
-namespace {
-
-/// Counters only go up; what they follow is counted elsewhere.
-void RaiseTo(metrics::Counter counter, double value) {
-  if (const double by = value - counter.value(); by > 0.0) counter.Increment(by);
-}
-
-}  // namespace
 
 ActorMetrics::ActorMetrics(metrics::Registry& registry, std::string course_set,
                            std::int64_t outbox_limit, int num_environments)
@@ -37,23 +29,23 @@ ActorMetrics::ActorMetrics(metrics::Registry& registry, std::string course_set,
 void ActorMetrics::Update(const StepAccount& account, const Outbox& outbox,
                           const ActorStats& episodes, service::ReplayLink& replay,
                           service::PolicyLink& policy) {
-  RaiseTo(registry_.counter(metrics::kEnvironmentSteps), static_cast<double>(account.made));
+  registry_.counter(metrics::kEnvironmentSteps).RaiseTo(static_cast<double>(account.made));
   // What a server lost had been acknowledged, and a counter never falls.
-  RaiseTo(
-      registry_.counter(metrics::kStepsAcknowledged),
-      static_cast<double>(account.accepted + account.lost[static_cast<int>(LossReason::kServer)]));
+  registry_.counter(metrics::kStepsAcknowledged)
+      .RaiseTo(static_cast<double>(account.accepted +
+                                   account.lost[static_cast<int>(LossReason::kServer)]));
   registry_.gauge(metrics::kStepsPending).Set(static_cast<double>(account.pending));
   for (int i = 0; i < kNumLossReasons; ++i) {
-    RaiseTo(registry_.counter(metrics::kStepsLost, {ToString(static_cast<LossReason>(i))}),
-            static_cast<double>(account.lost[i]));
+    registry_.counter(metrics::kStepsLost, {ToString(static_cast<LossReason>(i))})
+        .RaiseTo(static_cast<double>(account.lost[i]));
   }
   registry_.gauge(metrics::kQueueDepth, {metrics::queue::kUnacknowledged}).Set(outbox.num_chunks());
   registry_.gauge(metrics::kQueueBytes, {metrics::queue::kUnacknowledged})
       .Set(static_cast<double>(outbox.bytes()));
   for (const auto outcome :
        {env::Outcome::kSuccess, env::Outcome::kCollision, env::Outcome::kTimeout}) {
-    RaiseTo(registry_.counter(metrics::kEpisodes, {env::ToString(outcome), course_set_}),
-            static_cast<double>(episodes.num_outcomes[static_cast<int>(outcome)]));
+    registry_.counter(metrics::kEpisodes, {env::ToString(outcome), course_set_})
+        .RaiseTo(static_cast<double>(episodes.num_outcomes[static_cast<int>(outcome)]));
   }
   const auto known = [&episodes](double value) {
     return episodes.num_recent > 0 ? value : std::numeric_limits<double>::quiet_NaN();
@@ -62,9 +54,9 @@ void ActorMetrics::Update(const StepAccount& account, const Outbox& outbox,
   registry_.gauge(metrics::kCollisionRate).Set(known(episodes.collision_rate));
   registry_.gauge(metrics::kEpisodeReturn).Set(known(episodes.mean_return));
   registry_.gauge(metrics::kEpisodeSteps).Set(known(episodes.mean_length));
-  RaiseTo(registry_.counter(metrics::kConnections, {"replay"}), replay.connections());
-  RaiseTo(registry_.counter(metrics::kConnections, {"learner"}), policy.connections());
-  RaiseTo(registry_.counter(metrics::kPoliciesReceived), static_cast<double>(policy.received()));
+  registry_.counter(metrics::kConnections, {"replay"}).RaiseTo(replay.connections());
+  registry_.counter(metrics::kConnections, {"learner"}).RaiseTo(policy.connections());
+  registry_.counter(metrics::kPoliciesReceived).RaiseTo(static_cast<double>(policy.received()));
   registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(policy.version()));
   registry_.gauge(metrics::kPolicyTimestamp).Set(policy.published_s());
 }

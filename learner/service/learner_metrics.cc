@@ -55,7 +55,7 @@ LearnerMetrics::LearnerMetrics(metrics::Registry& registry)
 void LearnerMetrics::AddUpdate(double seconds) { update_seconds_.Observe(seconds); }
 
 void LearnerMetrics::SetLearning(std::int64_t updates, const Td3Stats& stats) {
-  updates_.Increment(std::max(0.0, static_cast<double>(updates) - updates_.value()));
+  updates_.RaiseTo(static_cast<double>(updates));
   if (stats.num_updates == 0) return;
   registry_.gauge(metrics::kCriticLoss).Set(stats.critic_loss);
   registry_.gauge(metrics::kQMean).Set(stats.q_mean);
@@ -67,8 +67,7 @@ void LearnerMetrics::SetLearning(std::int64_t updates, const Td3Stats& stats) {
 void LearnerMetrics::SetStream(int in_flight, double policy_lag, int connections) {
   registry_.gauge(metrics::kQueueDepth, {metrics::queue::kBatches}).Set(in_flight);
   registry_.gauge(metrics::kPolicyLag).Set(policy_lag);
-  auto counter = registry_.counter(metrics::kConnections, {"replay"});
-  counter.Increment(std::max(0.0, connections - counter.value()));
+  registry_.counter(metrics::kConnections, {"replay"}).RaiseTo(connections);
 }
 
 void LearnerMetrics::AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates) {
