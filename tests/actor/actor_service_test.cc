@@ -240,12 +240,14 @@ TEST_F(ActorServiceTest, StepsThatAServerForgotAreCountedAsLost) {
   Running actor(*this, endpoint);
   WaitUntil([&] { return replay->steps() > 500; });
   replay.reset();
-  const std::int64_t forgotten = AcceptedSteps(journal());
+  const std::int64_t kept = AcceptedSteps(journal());
   replay = std::make_unique<Replay>(journal("other"), endpoint);
   WaitUntil([&] { return replay->steps() > 500; });
   const StepAccount account = actor.Stop();
   replay.reset();
-  EXPECT_EQ(account.lost[static_cast<int>(LossReason::kServer)], forgotten);
+  // What the first server kept but could no longer acknowledge was sent again, to the second.
+  EXPECT_GT(account.lost[static_cast<int>(LossReason::kServer)], 0);
+  EXPECT_LE(account.lost[static_cast<int>(LossReason::kServer)], kept);
   EXPECT_EQ(account.lost[static_cast<int>(LossReason::kKilled)], 0);
   EXPECT_EQ(account.made, account.accepted + account.lost[0] + account.lost[1] + account.lost[2]);
   EXPECT_EQ(AcceptedSteps(journal("other")), account.accepted);
