@@ -1,0 +1,78 @@
+#include "policy/model_shape.h"
+
+#include <fmt/format.h>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "env/observation.h"
+
+namespace slalom::policy {
+namespace {
+
+constexpr int kActionSize = 2;
+
+void RequireConsistent(const TransitionModelConfig& config, const NetworkConfig& network) {
+  if (config.log_std == "bounded" && config.log_std_min >= config.log_std_max) {
+    throw base::Error(fmt::format("model.log_std_min is {}, expected less than log_std_max = {}",
+                                  config.log_std_min, config.log_std_max));
+  }
+  if (!config.bound_ranges) return;
+  if (config.targets != "absolute") {
+    throw base::Error(
+        fmt::format("model.bound_ranges is true, expected model.targets = \"absolute\", found "
+                    "\"{}\": a change of range is not bounded by -1 and 1",
+                    config.targets));
+  }
+  if (network.range_transform != "linear") {
+    throw base::Error(
+        fmt::format("model.bound_ranges is true, expected network.range_transform = \"linear\", "
+                    "found \"{}\", whose features go beyond 1",
+                    network.range_transform));
+  }
+}
+
+}  // namespace
+
+std::int64_t ModelShape::num_member_parameters() const { return network.num_parameters(); }
+
+std::int64_t ModelShape::num_parameters() const { return ensemble * num_member_parameters(); }
+
+ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConfig& network,
+                          int frame_size) {
+  SLALOM_CHECK(config.kind != "none");
+  RequireConsistent(config, network);
+  ModelShape shape;
+  shape.ensemble = config.ensemble;
+  shape.history = network.history;
+  shape.num_ranges = frame_size - env::kStateSize;
+  shape.num_predicted = config.predict_last_action ? frame_size : frame_size - kActionSize;
+  shape.probabilistic = config.kind == "probabilistic";
+  shape.difference = config.targets == "difference";
+  shape.bound_ranges = config.bound_ranges;
+  const bool published = config.log_std == "published";
+  shape.num_bounded = published ? shape.num_ranges : shape.num_predicted;
+  shape.log_std_min = published ? -1.0f : static_cast<float>(config.log_std_min);
+  shape.log_std_max = published ? 1.0f : static_cast<float>(config.log_std_max);
+  // What FeatureMap's transforms give for ranges of 0 and of any clip.
+  shape.range_low = network.range_transform == "inverse" ? -0.8f : -1.0f;
+  shape.range_high = network.range_transform == "inverse" ? 2.2f : 1.0f;
+
+  NetworkConfig layers = network;
+  layers.encoder_layers = config.encoder_layers;
+  layers.head_layers = config.head_layers;
+  layers.layer_norm = config.layer_norm;
+  shape.network = CriticShape(layers, frame_size);
+  shape.network.num_outputs = shape.termination_column() + 1;
+  return shape;
+}
+
+void InitialiseParameters(const ModelShape& shape, base::Random& random,
+                          std::span<float> parameters) {
+  SLALOM_CHECK_EQ(static_cast<std::int64_t>(parameters.size()), shape.num_parameters());
+  const std::int64_t size = shape.num_member_parameters();
+  for (int i = 0; i < shape.ensemble; ++i) {
+    InitialiseParameters(shape.network, random, parameters.subspan(i * size, size));
+  }
+}
+
+}  // namespace slalom::policy

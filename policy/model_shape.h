@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/config_field.h"
+#include "base/random.h"
+#include "policy/mlp_shape.h"
+#include "policy/network_config.h"
+
+/// Shapes: `H` frames of history, `R` ranges and `F` = R + env::kStateSize numbers of a frame, `M`
+/// <= F of them that a model predicts, `P` parameters of one member of an ensemble.
+
+namespace slalom::policy {
+
+/// What a transition model is (original-system.md §5.1, docs/models.md). Part of a policy that
+/// carries one.
+struct TransitionModelConfig {
+  std::string kind = "none";
+  std::string targets = "difference";
+  int ensemble = 1;
+  std::vector<int> encoder_layers = {512, 512};
+  std::vector<int> head_layers = {512, 512};
+  bool layer_norm = false;
+  std::string log_std = "bounded";
+  double log_std_min = -5.0;
+  double log_std_max = 1.0;
+  bool bound_ranges = false;
+  bool predict_last_action = false;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("kind", kind, base::OneOf{"none", "deterministic", "probabilistic"}, "",
+      "none: no model. deterministic: the next frame. probabilistic: mean and standard deviation "
+      "of "
+      "each of its numbers.");
+    v("targets", targets, base::OneOf{"difference", "absolute"}, "",
+      "What the network gives: the change of the newest frame, or the next frame itself.");
+    v("ensemble", ensemble, base::Range{1, 64}, "", "Networks, trained apart.");
+    v("encoder_layers", encoder_layers, base::Range{1, 8192}, "",
+      "Widths of the layers before the action enters; [] for none.");
+    v("head_layers", head_layers, base::Range{1, 8192}, "",
+      "Widths of the layers after it; [] for none.");
+    v("layer_norm", layer_norm, "LayerNorm before each ReLU.");
+    v("log_std", log_std, base::OneOf{"bounded", "published"}, "",
+      "bounded: all within log_std_min and log_std_max, smoothly. published: tanh of the ranges', "
+      "no bound on the others'.");
+    v("log_std_min", log_std_min, base::Range{-20.0, 20.0}, "",
+      "Least logarithm of a standard deviation, in units of the features.");
+    v("log_std_max", log_std_max, base::Range{-20.0, 20.0}, "", "The largest.");
+    v("bound_ranges", bound_ranges,
+      "The ranges' means go through tanh, as published; else what is predicted is clipped to what "
+      "a "
+      "range can be.");
+    v("predict_last_action", predict_last_action,
+      "Predict the next frame's last action, too, as published, though it is known.");
+  }
+
+  friend bool operator==(const TransitionModelConfig&, const TransitionModelConfig&) = default;
+};
+
+/// The sizes of a transition model: what its networks read and what their outputs mean. A value.
+///
+/// A network reads the stack of frames [H * F] with the action [2] as its extra input, and gives M
+/// means, M raw logarithms of standard deviations where probabilistic, the reward and the logit of
+/// termination. All members lie in one flat array, [ensemble * P].
+struct ModelShape {
+  MlpShape network;
+  int ensemble = 1;
+  int history = 1;        ///< H
+  int num_ranges = 0;     ///< R
+  int num_predicted = 0;  ///< M: F, or F less the last action, which is filled in.
+  bool probabilistic = false;
+  bool difference = true;
+  bool bound_ranges = false;
+  float log_std_min = 0.0f;  ///< Of the first `num_bounded` numbers; of the others there is none.
+  float log_std_max = 0.0f;
+  int num_bounded = 0;
+  float range_low = 0.0f;  ///< The features of ranges of `clip` and 0, in either order.
+  float range_high = 0.0f;
+
+  int frame_size() const { return network.num_inputs / history; }  ///< F
+  std::int64_t num_member_parameters() const;                      ///< P
+  std::int64_t num_parameters() const;                             ///< ensemble * P
+  int log_std_column() const { return num_predicted; }
+  int reward_column() const { return num_predicted * (probabilistic ? 2 : 1); }
+  int termination_column() const { return reward_column() + 1; }
+};
+
+/// Of a model that predicts frames which a `FeatureMap` of `network` wrote, of `frame_size` F
+/// numbers. Throws `base::Error` naming the key where the config contradicts itself or what the
+/// features are. Requires: config.kind is not "none".
+ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConfig& network,
+                          int frame_size);
+
+/// As of other networks. `parameters`: [ensemble * P].
+void InitialiseParameters(const ModelShape& shape, base::Random& random,
+                          std::span<float> parameters);
+
+}  // namespace slalom::policy
