@@ -47,6 +47,7 @@ Actor::Actor(const ActorConfig& config, env::BatchEnvironment& environments, env
       noise_(SpreadNoise(config, environments.batch_size())),
       running_(environments.batch_size()),
       actions_(environments.batch_size()),
+      normal_(environments.batch_size()),
       results_(environments.batch_size()),
       rows_(environments.batch_size()) {
   SLALOM_CHECK_GE(environments.num_courses(), 1);
@@ -121,14 +122,20 @@ void Actor::AddNoise() {
   }
   for (int i = 0; i < environments_.batch_size(); ++i) {
     base::Random& random = running_[i].noise;
-    env::Action& action = actions_[i];
     if (warming_up) {
-      action.linear = static_cast<float>(random.Uniform(-1.0, 1.0));
-      action.angular = static_cast<float>(random.Uniform(-1.0, 1.0));
+      actions_[i].linear = static_cast<float>(random.Uniform(-1.0, 1.0));
+      actions_[i].angular = static_cast<float>(random.Uniform(-1.0, 1.0));
     } else {
-      action.linear = Clip(static_cast<double>(action.linear) + noise_[i] * random.Normal());
-      action.angular = Clip(static_cast<double>(action.angular) + noise_[i] * random.Normal());
+      normal_[i].linear = static_cast<float>(random.Normal());
+      normal_[i].angular = static_cast<float>(random.Normal());
     }
+  }
+  if (warming_up || agent_.Explore(normal_, actions_)) return;
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    actions_[i].linear = Clip(static_cast<double>(actions_[i].linear) +
+                              noise_[i] * static_cast<double>(normal_[i].linear));
+    actions_[i].angular = Clip(static_cast<double>(actions_[i].angular) +
+                               noise_[i] * static_cast<double>(normal_[i].angular));
   }
 }
 

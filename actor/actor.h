@@ -94,6 +94,7 @@ class Actor {
   const std::vector<double> noise_;       // [B]
   std::vector<Environment> running_;      // [B]
   std::vector<env::Action> actions_;      // [B]
+  std::vector<env::Action> normal_;       // [B], standard normal numbers of a step.
   std::vector<env::StepResult> results_;  // [B]
   std::vector<int> rows_;                 // [B] in the chunk being filled.
 

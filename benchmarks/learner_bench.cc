@@ -5,8 +5,10 @@
 #include <vector>
 
 #include "base/random.h"
-#include "learner/td3.h"
+#include "learner/learner.h"
+#include "learner/minibatch.h"
 #include "policy/blas.h"
+#include "policy/feature_map.h"
 #include "policy/network_agent.h"
 #include "policy/small_gemm.h"
 #include "replay/table.h"
@@ -137,17 +139,18 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
   policy::PolicySpec used = spec;
   used.network.layer_norm = layer_norm;
   const replay::Table table = MakeTable(300'000);
-  learner::Td3Config config;
+  learner::MethodConfig method;
+  learner::LearnerConfig& config = method.learner;
   config.device = "cpu";
   config.average_rate = 0.001;
   config.mirror = true;
-  learner::Td3 td3(config, used, 1);
+  learner::Learner learner(method, used, 1);
   base::Random random(2);
   replay::SampledRows rows;
   const std::vector<Product> products = ListProducts(used, config.batch_size);
   const auto update = [&] {
-    if (!table.SampleRows(td3.sample_spec(), random, &rows)) state.SkipWithError("empty table");
-    td3.Update(rows, 0.0);
+    if (!table.SampleRows(learner.sample_spec(), random, &rows)) state.SkipWithError("empty table");
+    learner.Update(rows, 0.0);
   };
   for (int i = 0; i < 20; ++i) update();
   double updates_seconds = 0.0;
@@ -188,14 +191,16 @@ BENCHMARK(Td3UpdatePaper)->Unit(benchmark::kMillisecond);
 /// Sampling and pooling without learning.
 void ReadMinibatch(benchmark::State& state) {
   const replay::Table table = MakeTable(300'000);
-  learner::Td3Config config;
-  config.device = "cpu";
-  learner::Td3 td3(config, FastSpec(), 1);
+  const policy::PolicySpec spec = FastSpec();
+  const policy::FeatureMap features(spec.observation, spec.network);
+  learner::MinibatchReader reader(features, 1, 1.0, /*mirror=*/true, 1.0);
+  const replay::SampleSpec sample = {.batch = 128, .n_step = 4};
+  learner::Minibatch minibatch(sample.batch, 1, features.frame_size(), at::kCPU);
   base::Random random(2);
   replay::SampledRows rows;
   for (auto _ : state) {
-    if (!table.SampleRows(td3.sample_spec(), random, &rows)) state.SkipWithError("empty table");
-    td3.Load(rows);
+    if (!table.SampleRows(sample, random, &rows)) state.SkipWithError("empty table");
+    reader.Read(rows, random, minibatch);
   }
 }
 BENCHMARK(ReadMinibatch)->Unit(benchmark::kMicrosecond);

@@ -29,10 +29,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-policy::PolicySpec MakeSpec(const train::RunConfig& config) {
-  return {sim::MakeObservationSpec(config.environment), config.network, config.environment.action};
-}
-
 /// A policy that came as bytes, or why it cannot drive here.
 base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes,
                                                 const policy::PolicySpec& spec) {
@@ -40,8 +36,12 @@ base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes
     policy::PolicySnapshot snapshot = policy::ParsePolicy(bytes, "the policy received").snapshot;
     policy::RequireSameInterface("the policy received", snapshot.spec, spec.observation,
                                  spec.actions);
-    if (!(snapshot.spec.network == spec.network)) {
+    if (snapshot.spec.network != spec.network) {
       return base::Failure{"its network is not the one of this config's [network]"};
+    }
+    if (snapshot.spec.distribution != spec.distribution) {
+      return base::Failure{
+          "its actions are not distributed as this config's learner.algorithm asks"};
     }
     return snapshot;
   } catch (const base::Error& error) {
@@ -97,8 +97,9 @@ int RunLearner(const ServiceOptions& options) {
   job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
   job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,
                                                         job.policies.endpoint);
-  learner::LearnerService learner(config.learner_service, config.td3, MakeSpec(config),
-                                  std::move(job), process.context(), process.registry());
+  learner::LearnerService learner(config.learner_service, config.method,
+                                  train::MakePolicySpec(config), std::move(job), process.context(),
+                                  process.registry());
   spdlog::info("policies at {}, run directory {}", learner.endpoint(),
                (process.state() / "learner").string());
   return learner.Run(signals.token()) == learner::LearnerEnd::kDiverged ? kExitDiverged : kExitOk;
@@ -112,7 +113,7 @@ int RunActor(const ServiceOptions& options) {
   sim::CourseEnvironments environments(
       config.environment, sim::MakeScenes(config.courses.Resolve(config.courses.train)),
       config.actor.num_environments, &parallel);
-  const policy::PolicySpec spec = MakeSpec(config);
+  const policy::PolicySpec spec = train::MakePolicySpec(config);
   // Drives nothing before the learner's first policy takes its place.
   policy::NetworkAgent agent(
       {-1, spec,
@@ -152,7 +153,7 @@ int RunEvaluator(const ServiceOptions& options) {
         "on");
   }
   base::ParallelFor parallel(config.run.simulation_threads);
-  const policy::PolicySpec spec = MakeSpec(config);
+  const policy::PolicySpec spec = train::MakePolicySpec(config);
   const auto agent_of =
       [&](std::span<const std::byte> bytes) -> base::Result<std::unique_ptr<env::Agent>> {
     auto snapshot = ReadPolicy(bytes, spec);

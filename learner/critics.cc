@@ -1,25 +1,14 @@
 #include "learner/critics.h"
 
-#include "learner/value_ops.h"
+#include <utility>
+
+#include "learner/parameters.h"
 
 namespace slalom::learner {
-namespace {
-
-at::Tensor InitialParameters(const policy::MlpShape& shape, int num_networks, base::Random& random,
-                             at::Device device) {
-  const std::int64_t size = shape.num_parameters();
-  std::vector<float> host(static_cast<std::size_t>(num_networks * size));
-  for (int i = 0; i < num_networks; ++i) {
-    policy::InitialiseParameters(shape, random, std::span(host).subspan(i * size, size));
-  }
-  return at::from_blob(host.data(), {num_networks * size}, at::kFloat).clone().to(device);
-}
-
-}  // namespace
-
-Critics::Critics(const policy::MlpShape& shape, int num_critics, base::Random& random,
-                 const Minibatch& minibatch)
-    : parameters_(InitialParameters(shape, num_critics, random, minibatch.input.device())),
+Critics::Critics(std::string name, const policy::MlpShape& shape, int num_critics,
+                 base::Random& random, const Minibatch& minibatch)
+    : name_(std::move(name)),
+      parameters_(InitialParameters(shape, num_critics, random, minibatch.input.device())),
       target_parameters_(parameters_.clone()),
       gradient_(at::zeros_like(parameters_)),
       adam_(parameters_, gradient_) {
@@ -31,12 +20,15 @@ Critics::Critics(const policy::MlpShape& shape, int num_critics, base::Random& r
                         policy::MlpPass(shape, minibatch.input),
                         policy::MlpPass(shape, minibatch.next_input)});
     target_values_.push_back(critics_.back().target_pass.output());
+    values_.push_back(critics_.back().pass.output());
+    value_gradients_.push_back(critics_.back().pass.output_gradient());
   }
 }
 
-void Critics::ComputeTarget(const Minibatch& minibatch, at::Tensor& y) {
+void Critics::ComputeTarget(const at::Tensor& reward, const at::Tensor& discount,
+                            Pessimism pessimism, at::Tensor& y) {
   for (Critic& critic : critics_) critic.target.Forward(critic.target_pass);
-  MinimumTarget(target_values_, minibatch.reward, minibatch.discount, y);
+  PessimisticTarget(target_values_, pessimism, reward, discount, y);
 }
 
 void Critics::Regress(const at::Tensor& y, double learning_rate, double polyak_rate,
@@ -57,25 +49,36 @@ void Critics::Regress(const at::Tensor& y, double learning_rate, double polyak_r
   adam_.Step(learning_rate, std::span(&target, polyak_rate > 0.0 ? 1 : 0), norm_total);
 }
 
-const at::Tensor& Critics::ActionGradient(at::Tensor& value_total) {
+at::Tensor& Critics::ActionGradient(at::Tensor* value_total) {
   Critic& critic = critics_.front();
   critic.network.Forward(critic.pass);
-  AddMean(critic.pass.output(), value_total);
+  if (value_total != nullptr) AddMean(critic.pass.output(), *value_total);
   critic.pass.output_gradient().fill_(-1.0 / static_cast<double>(critic.pass.output().size(0)));
   critic.network.ExtraGradient(critic.pass);
   return critic.pass.extra_gradient();
 }
 
+at::Tensor& Critics::LeastActionGradient(at::Tensor& value_total) {
+  for (Critic& critic : critics_) critic.network.Forward(critic.pass);
+  LeastGradient(values_, value_gradients_, value_total);
+  at::Tensor& sum = critics_.front().pass.extra_gradient();
+  for (Critic& critic : critics_) {
+    critic.network.ExtraGradient(critic.pass);
+    if (&critic != &critics_.front()) sum.add_(critic.pass.extra_gradient());
+  }
+  return sum;
+}
+
 void Critics::SaveState(policy::TensorMap& tensors) const {
-  tensors["critics.parameters"] = StoreTensor(parameters_);
-  tensors["critics.target_parameters"] = StoreTensor(target_parameters_);
-  adam_.SaveState("critics.adam", tensors);
+  tensors[name_ + ".parameters"] = StoreTensor(parameters_);
+  tensors[name_ + ".target_parameters"] = StoreTensor(target_parameters_);
+  adam_.SaveState(name_ + ".adam", tensors);
 }
 
 void Critics::LoadState(const policy::TensorFile& file) {
-  ReadTensor(file, "critics.parameters", parameters_);
-  ReadTensor(file, "critics.target_parameters", target_parameters_);
-  adam_.LoadState("critics.adam", file);
+  ReadTensor(file, name_ + ".parameters", parameters_);
+  ReadTensor(file, name_ + ".target_parameters", target_parameters_);
+  adam_.LoadState(name_ + ".adam", file);
 }
 
 }  // namespace slalom::learner

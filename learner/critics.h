@@ -9,6 +9,7 @@
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"
+#include "learner/value_ops.h"
 #include "policy/mlp.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `K` critics, `P` parameters of one.
@@ -21,12 +22,15 @@ namespace slalom::learner {
 /// All parameters lie in one tensor [K * P], those of the targets in another.
 class Critics {
  public:
-  /// Targets start as copies. The passes are bound to `minibatch`, which must outlive this.
-  Critics(const policy::MlpShape& shape, int num_critics, base::Random& random,
+  /// Targets start as copies. The passes are bound to `minibatch`, which must outlive this. The
+  /// names of what is saved begin with `name`.
+  Critics(std::string name, const policy::MlpShape& shape, int num_critics, base::Random& random,
           const Minibatch& minibatch);
 
-  /// y = r + discount * min_k Q'_k(s', a'), with a' from minibatch.next_input. y: [B].
-  void ComputeTarget(const Minibatch& minibatch, at::Tensor& y);
+  /// y = reward + discount * min_k (or max_k) Q'_k(s', a'), with a' from the minibatch's next
+  /// input. All [B].
+  void ComputeTarget(const at::Tensor& reward, const at::Tensor& discount, Pessimism pessimism,
+                     at::Tensor& y);
 
   /// Of samples drawn by priority.
   struct Importance {
@@ -42,10 +46,14 @@ class Critics {
                at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
                const Importance* importance = nullptr);
 
-  /// Gradient by the action of -mean Q_1(s, a), with a from minibatch.input. Returns [B, A],
-  /// overwritten by the next call. Adds mean Q_1 to `value_total`.
-  const at::Tensor& ActionGradient(at::Tensor& value_total);
+  /// Gradient by the action of -mean Q_1(s, a), with a from the minibatch's input. Returns [B, A],
+  /// overwritten by the next call. Adds mean Q_1 to `value_total`, unless null.
+  at::Tensor& ActionGradient(at::Tensor* value_total);
 
+  /// The same of -mean min_k Q_k(s, a).
+  at::Tensor& LeastActionGradient(at::Tensor& value_total);
+
+  int size() const { return static_cast<int>(critics_.size()); }
   const at::Tensor& parameters() const { return parameters_; }                ///< [K * P]
   const at::Tensor& target_parameters() const { return target_parameters_; }  ///< [K * P]
 
@@ -61,12 +69,15 @@ class Critics {
     policy::MlpPass target_pass;
   };
 
+  const std::string name_;
   at::Tensor parameters_;
   at::Tensor target_parameters_;
   at::Tensor gradient_;
   Adam adam_;
   std::vector<Critic> critics_;
   std::vector<at::Tensor> target_values_;  // [B, 1] each, the outputs of the target passes
+  std::vector<at::Tensor> values_;         // [B, 1] each, of the passes
+  std::vector<at::Tensor> value_gradients_;
 };
 
 }  // namespace slalom::learner

@@ -2,24 +2,15 @@
 
 #include <array>
 
+#include "learner/parameters.h"
 #include "learner/value_ops.h"
 #include "policy/layer_ops.h"
 
 namespace slalom::learner {
-namespace {
-
-at::Tensor InitialParameters(const policy::MlpShape& shape, base::Random& random,
-                             at::Device device) {
-  std::vector<float> host(static_cast<std::size_t>(shape.num_parameters()));
-  policy::InitialiseParameters(shape, random, host);
-  return at::from_blob(host.data(), {shape.num_parameters()}, at::kFloat).clone().to(device);
-}
-
-}  // namespace
-
-DeterministicActor::DeterministicActor(const policy::MlpShape& shape, base::Random& random,
-                                       const Minibatch& minibatch)
-    : parameters_(InitialParameters(shape, random, minibatch.input.device())),
+DeterministicActor::DeterministicActor(const policy::MlpShape& shape,
+                                       const policy::ActionDistribution& /*distribution*/,
+                                       base::Random& random, const Minibatch& minibatch)
+    : parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
       target_parameters_(parameters_.clone()),
       average_parameters_(parameters_.clone()),
       gradient_(at::zeros_like(parameters_)),

@@ -8,6 +8,7 @@
 #include "learner/adam.h"
 #include "learner/minibatch.h"
 #include "policy/mlp.h"
+#include "policy/policy.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
 
@@ -19,12 +20,13 @@ class DeterministicActor {
  public:
   /// Target and average start as copies. The passes are bound to `minibatch`, which must outlive
   /// this.
-  DeterministicActor(const policy::MlpShape& shape, base::Random& random,
-                     const Minibatch& minibatch);
+  DeterministicActor(const policy::MlpShape& shape, const policy::ActionDistribution& distribution,
+                     base::Random& random, const Minibatch& minibatch);
 
   /// pi(s) and pi'(s'). Returns [B, A], overwritten by the next call.
   const at::Tensor& Act();
   const at::Tensor& ActTarget();
+  const at::Tensor& ActNext() { return ActTarget(); }
 
   /// One step of Adam, after `Act`, on a loss whose gradient by the actions is `action_gradient`,
   /// [B, A]. The target follows at `polyak_rate`, the average at `average_rate` (0: not). Adds the

@@ -24,16 +24,18 @@ Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device) 
   actions = input.narrow(1, width, kActionSize);
   next_actions = next_input.narrow(1, width, kActionSize);
   reward = at::zeros({batch}, options);
+  cost = at::zeros({batch}, options);
   discount = at::zeros({batch}, options);
   weight = at::ones({batch}, options);
 }
 
 MinibatchReader::MinibatchReader(policy::FeatureMap features, int history, double reward_scale,
-                                 bool mirror)
+                                 bool mirror, double discount_factor)
     : features_(std::move(features)),
       history_(history),
       reward_scale_(static_cast<float>(reward_scale)),
-      mirror_(mirror) {}
+      mirror_(mirror),
+      discount_factor_(static_cast<float>(discount_factor)) {}
 
 void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random,
                            Minibatch& minibatch) {
@@ -51,6 +53,7 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
   float* const next_input = host.next_input.data_ptr<float>();
   float* const reward = host.reward.data_ptr<float>();
   float* const discount = host.discount.data_ptr<float>();
+  std::copy_n(rows.cost_return.data(), rows.batch, host.cost.data_ptr<float>());
   std::copy_n(rows.weight.data(), rows.batch, host.weight.data_ptr<float>());
   const std::size_t history = static_cast<std::size_t>(history_);
   const std::size_t num_frames = static_cast<std::size_t>(rows.batch) * history;
@@ -69,7 +72,7 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
       row[history * frame] = action.linear;
       row[history * frame + 1] = mirrored ? -action.angular : action.angular;
       reward[sample] = reward_scale_ * rows.n_step_return[sample];
-      discount[sample] = rows.discount[sample];
+      discount[sample] = discount_factor_ * rows.discount[sample];
     }
     features_.Write(rows.ranges_cm[i], rows.state.data() + i * env::kStateSize, mirrored,
                     row + age * frame);
@@ -80,6 +83,7 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
     minibatch.input.copy_(host.input);
     minibatch.next_input.copy_(host.next_input);
     minibatch.reward.copy_(host.reward);
+    minibatch.cost.copy_(host.cost);
     minibatch.discount.copy_(host.discount);
     minibatch.weight.copy_(host.weight);
   }

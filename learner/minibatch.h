@@ -26,6 +26,7 @@ struct Minibatch {
   at::Tensor actions;        ///< [B, A], a, a view
   at::Tensor next_actions;   ///< [B, A], a view
   at::Tensor reward;         ///< [B], scaled n-step return
+  at::Tensor cost;           ///< [B], n-step cost
   at::Tensor discount;       ///< [B], gamma^n, or 0 where the window terminated
   at::Tensor weight;         ///< [B], importance of the sample, 1 where draws are uniform
 };
@@ -35,7 +36,9 @@ struct Minibatch {
 class MinibatchReader {
  public:
   /// `mirror`: every sample is, with probability 1/2, replaced by its mirror image.
-  MinibatchReader(policy::FeatureMap features, int history, double reward_scale, bool mirror);
+  /// `discount_factor`: what every discount is multiplied by.
+  MinibatchReader(policy::FeatureMap features, int history, double reward_scale, bool mirror,
+                  double discount_factor);
 
   /// Fills `minibatch`. `random` is drawn from where mirroring is on. Requires: rows of B samples
   /// and H frames. Cost on the CPU: no allocation.
@@ -46,6 +49,7 @@ class MinibatchReader {
   int history_;
   float reward_scale_;
   bool mirror_;
+  float discount_factor_;
   std::unique_ptr<Minibatch> host_;  // Where another device needs one.
 };
 

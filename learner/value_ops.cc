@@ -36,24 +36,59 @@ void AddClippedNoise(const at::Tensor& from, const at::Tensor& noise, at::Tensor
   }
 }
 
-void MinimumTarget(std::span<const at::Tensor> values, const at::Tensor& reward,
-                   const at::Tensor& discount, at::Tensor& y) {
+void PessimisticTarget(std::span<const at::Tensor> values, Pessimism pessimism,
+                       const at::Tensor& reward, const at::Tensor& discount, at::Tensor& y) {
+  const bool least = pessimism == Pessimism::kMinimum;
   if (!IsHostFloat(y)) {
-    at::Tensor least = values[0];
-    for (const at::Tensor& value : values.subspan(1)) least = at::minimum(least, value);
-    y.copy_(reward + discount * least.squeeze(1));
+    at::Tensor chosen = values[0];
+    for (const at::Tensor& value : values.subspan(1)) {
+      chosen = least ? at::minimum(chosen, value) : at::maximum(chosen, value);
+    }
+    y.copy_(reward + discount * chosen.squeeze(1));
     return;
   }
   const float* const r = reward.data_ptr<float>();
   const float* const gamma = discount.data_ptr<float>();
   float* const result = y.data_ptr<float>();
   for (std::int64_t i = 0; i < y.numel(); ++i) {
-    float least = values[0].data_ptr<float>()[i];
+    float chosen = values[0].data_ptr<float>()[i];
     for (const at::Tensor& value : values.subspan(1)) {
-      least = std::min(least, value.data_ptr<float>()[i]);
+      const float other = value.data_ptr<float>()[i];
+      chosen = least ? std::min(chosen, other) : std::max(chosen, other);
     }
-    result[i] = r[i] + gamma[i] * least;
+    result[i] = r[i] + gamma[i] * chosen;
   }
+}
+
+void LeastGradient(std::span<const at::Tensor> q, std::span<at::Tensor> dq,
+                   at::Tensor& value_total) {
+  const std::int64_t batch = q[0].size(0);
+  const double share = -1.0 / static_cast<double>(batch);
+  if (!IsHostFloat(q[0])) {
+    at::Tensor least = q[0].clone();
+    dq[0].fill_(share);
+    for (std::size_t k = 1; k < q.size(); ++k) {
+      const at::Tensor less = q[k] < least;
+      for (std::size_t before = 0; before < k; ++before) dq[before].masked_fill_(less, 0.0);
+      dq[k].copy_(less);
+      dq[k].mul_(share);
+      least = at::minimum(least, q[k]);
+    }
+    value_total.add_(least.mean());
+    return;
+  }
+  double sum = 0.0;
+  for (std::int64_t i = 0; i < batch; ++i) {
+    std::size_t least = 0;
+    for (std::size_t k = 1; k < q.size(); ++k) {
+      if (q[k].data_ptr<float>()[i] < q[least].data_ptr<float>()[i]) least = k;
+    }
+    for (std::size_t k = 0; k < q.size(); ++k) {
+      dq[k].data_ptr<float>()[i] = k == least ? static_cast<float>(share) : 0.0f;
+    }
+    sum += q[least].data_ptr<float>()[i];
+  }
+  *value_total.data_ptr<double>() += sum / static_cast<double>(batch);
 }
 
 void SquaredError(const at::Tensor& q, const at::Tensor& y, at::Tensor& dq, at::Tensor& loss_total,

@@ -66,9 +66,9 @@ std::int64_t MlpShape::num_parameters() const {
   return slots.back().offset + slots.back().size();
 }
 
-MlpShape ActorShape(const NetworkConfig& config, int frame_size) {
+MlpShape ActorShape(const NetworkConfig& config, int frame_size, int num_outputs) {
   MlpShape shape = BodyShape(config, frame_size);
-  shape.num_outputs = kActionSize;
+  shape.num_outputs = num_outputs;
   return shape;
 }
 

@@ -41,8 +41,9 @@ struct MlpShape {
   std::int64_t num_parameters() const;
 };
 
-/// Actor: features [H * F] -> 2, before tanh. The paper's at H = 1: 1,160,194 parameters.
-MlpShape ActorShape(const NetworkConfig& config, int frame_size);
+/// Actor: features [H * F] -> 2, before tanh. The paper's at H = 1: 1,160,194 parameters. A
+/// stochastic one has 4 outputs.
+MlpShape ActorShape(const NetworkConfig& config, int frame_size, int num_outputs = 2);
 
 /// Critic: features [H * F] and action [2] -> 1.
 MlpShape CriticShape(const NetworkConfig& config, int frame_size);

@@ -1,6 +1,7 @@
 #include "policy/network_agent.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "base/check.h"
@@ -40,6 +41,7 @@ NetworkAgent::~NetworkAgent() = default;
 void NetworkAgent::SetSnapshot(PolicySnapshot snapshot) {
   SLALOM_CHECK(snapshot.spec.network == snapshot_.spec.network);
   SLALOM_CHECK(snapshot.spec.observation == snapshot_.spec.observation);
+  SLALOM_CHECK(snapshot.spec.distribution == snapshot_.spec.distribution);
   network_->mlp = Mlp(network_->shape, ViewWeights(*snapshot.weights));
   snapshot_ = std::move(snapshot);
 }
@@ -70,9 +72,27 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
     }
   }
   net.mlp.Forward(*net.pass);
-  Tanh(net.pass->output());
+  const int outputs = snapshot_.spec.distribution.num_outputs();
+  if (outputs == 2) Tanh(net.pass->output());
   const float* const output = net.pass->output().data_ptr<float>();
-  for (int i = 0; i < batch; ++i) actions[i] = {output[2 * i], output[2 * i + 1]};
+  for (int i = 0; i < batch; ++i) {
+    const float* const row = output + static_cast<std::ptrdiff_t>(i) * outputs;
+    actions[i] = outputs == 2 ? env::Action{row[0], row[1]}
+                              : env::Action{std::tanh(row[0]), std::tanh(row[1])};
+  }
+}
+
+bool NetworkAgent::Explore(std::span<const env::Action> noise, std::span<env::Action> actions) {
+  const ActionDistribution& distribution = snapshot_.spec.distribution;
+  if (distribution.is_deterministic()) return false;
+  const float* row = network_->pass->output().data_ptr<float>();
+  const auto draw = [&distribution](float mean, float raw, float epsilon) {
+    return std::tanh(mean + std::exp(distribution.log_std(raw)) * epsilon);
+  };
+  for (std::size_t i = 0; i < actions.size(); ++i, row += 4) {
+    actions[i] = {draw(row[0], row[2], noise[i].linear), draw(row[1], row[3], noise[i].angular)};
+  }
+  return true;
 }
 
 }  // namespace slalom::policy

@@ -7,7 +7,8 @@
 
 namespace slalom::policy {
 
-/// Drives with a policy network, without exploration noise, on the calling thread.
+/// Drives with a policy network, without exploration noise (a gaussian policy by its mode), on the
+/// calling thread.
 ///
 /// Keeps each environment's last H frames; before the first frame of an episode stand copies of it.
 /// Confined to one thread at a time. Allocates when the batch size changes.
@@ -18,11 +19,13 @@ class NetworkAgent : public env::Agent {
   ~NetworkAgent() override;
 
   /// Goes on with other weights of the same spec; what was seen stays.
-  /// Requires: the network and the observation spec are those it was made with.
+  /// Requires: network, distribution and observation spec are those it was made with.
   void SetSnapshot(PolicySnapshot snapshot);
 
   /// Requires: observations of the policy's number of beams.
   void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;
+
+  bool Explore(std::span<const env::Action> noise, std::span<env::Action> actions) override;
 
   const PolicySnapshot& snapshot() const { return snapshot_; }
 

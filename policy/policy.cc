@@ -21,7 +21,8 @@ constexpr const char* kFormat = "slalom-policy-1";
 }  // namespace
 
 MlpShape PolicySpec::actor_shape() const {
-  return ActorShape(network, FeatureMap(observation, network).frame_size());
+  return ActorShape(network, FeatureMap(observation, network).frame_size(),
+                    distribution.num_outputs());
 }
 
 std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata) {

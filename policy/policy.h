@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -17,17 +18,47 @@
 
 namespace slalom::policy {
 
+/// How a policy's outputs become an action. A value.
+///
+/// deterministic: a = tanh(x) of 2 outputs. gaussian: a = tanh(mean + std * noise) of 4 outputs,
+/// the means and what the deviations come of; its mode, tanh(mean), drives where nothing is to be
+/// explored.
+struct ActionDistribution {
+  std::string kind = "deterministic";
+  double log_std_min = 0.0;  ///< Of a gaussian.
+  double log_std_max = 0.0;
+
+  bool is_deterministic() const { return kind == "deterministic"; }
+  int num_outputs() const { return is_deterministic() ? 2 : 4; }
+  /// Logarithm of the standard deviation, from the network's output x: between the bounds by
+  /// tanh(x) (original-system.md §3.2).
+  float log_std(float x) const {
+    return static_cast<float>(log_std_min) +
+           0.5f * static_cast<float>(log_std_max - log_std_min) * (std::tanh(x) + 1.0f);
+  }
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("kind", kind, base::OneOf{"deterministic", "gaussian"});
+    v("log_std_min", log_std_min, base::Range{-20.0, 5.0});
+    v("log_std_max", log_std_max, base::Range{-20.0, 5.0});
+  }
+
+  friend bool operator==(const ActionDistribution&, const ActionDistribution&) = default;
+};
+
 /// What a policy sees, is and commands. A value.
 struct PolicySpec {
   env::ObservationSpec observation;
   NetworkConfig network;
   env::ActionBounds actions;
+  ActionDistribution distribution;
 
   MlpShape actor_shape()
       const;  ///< Throws `base::Error` where the sectors do not divide the beams.
 };
 
-/// A deterministic policy at one moment of its training. A value; the weights are shared and never
+/// A policy at one moment of its training. A value; the weights are shared and never
 /// change.
 struct PolicySnapshot {
   std::int64_t version = 0;  ///< Rises with each snapshot that a learner gives out.

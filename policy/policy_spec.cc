@@ -126,6 +126,10 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
   printed.network.Visit(network);
   JsonWriter actions(object["actions"]);
   printed.actions.Visit(actions);
+  if (!spec.distribution.is_deterministic()) {
+    JsonWriter distribution(object["distribution"]);
+    printed.distribution.Visit(distribution);
+  }
   return object.dump();
 }
 
@@ -149,6 +153,10 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   spec.network.Visit(network);
   JsonReader actions(object, "actions", source);
   spec.actions.Visit(actions);
+  spec.distribution = {};
+  if (!object.contains("distribution")) return;
+  JsonReader distribution(object, "distribution", source);
+  spec.distribution.Visit(distribution);
 }
 
 }  // namespace slalom::policy

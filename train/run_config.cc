@@ -2,7 +2,9 @@
 
 #include "base/file.h"
 #include "config/config.h"
+#include "learner/algorithm.h"
 #include "sim/course_sets.h"
+#include "sim/scene.h"
 
 namespace slalom::train {
 
@@ -10,9 +12,17 @@ sim::CourseSet CoursesConfig::Resolve(const std::string& spec) const {
   return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
 }
 
+policy::PolicySpec MakePolicySpec(const RunConfig& config) {
+  return {.observation = sim::MakeObservationSpec(config.environment),
+          .network = config.network,
+          .actions = config.environment.action,
+          .distribution = learner::DistributionOf(config.method.learner)};
+}
+
 std::uint64_t SpecHash(const RunConfig& config) {
   return base::Checksum(config::ToToml(config.environment),
-                        base::Checksum(config::ToToml(config.network)));
+                        base::Checksum(config::ToToml(config.network),
+                                       base::Checksum(config.method.learner.algorithm)));
 }
 
 }  // namespace slalom::train

@@ -9,9 +9,10 @@
 #include "base/config_field.h"
 #include "eval/evaluation_config.h"
 #include "eval/service/evaluator_service_config.h"
+#include "learner/learner.h"
 #include "learner/service/learner_service_config.h"
-#include "learner/td3.h"
 #include "policy/network_config.h"
+#include "policy/policy.h"
 #include "replay/service/config.h"
 #include "replay/table.h"
 #include "sim/course.h"
@@ -107,7 +108,7 @@ struct RunConfig {
   actor::ActorConfig actor;
   replay::ReplayConfig replay;
   policy::NetworkConfig network;
-  learner::Td3Config td3;
+  learner::MethodConfig method;
   eval::EvaluationConfig evaluation;
   ServiceConfig service;
   transport::SecurityConfig security;
@@ -124,7 +125,8 @@ struct RunConfig {
     v.Section("actor", actor, "How training episodes are driven.");
     v.Section("replay", replay, "The replay buffer.");
     v.Section("network", network, "Networks of actor and critics.");
-    v.Section("learner", td3, "The algorithm, TD3.");
+    v.Section("learner", method.learner, "The algorithm (docs/algorithms.md).");
+    v.Section("constraint", method.constraint, "Safe RL: how often the robot may collide.");
     v.Section("evaluation", evaluation, "The protocol of evaluations.");
     v.Section("service", service,
               "Addresses and state of the distributed service; `slalom train` needs none of this "
@@ -136,6 +138,9 @@ struct RunConfig {
     v.Section("evaluator_service", evaluator_service, "The evaluator.");
   }
 };
+
+/// What the run's policies see, are and command.
+policy::PolicySpec MakePolicySpec(const RunConfig& config);
 
 /// Of what is observed, commanded and learned: processes of two runs whose hashes differ refuse
 /// each other.

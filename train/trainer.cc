@@ -29,10 +29,6 @@ constexpr char kActingFile[] = "acting.safetensors";
 constexpr char kReplayFile[] = "replay.manifest";
 constexpr char kReplayDirectory[] = "replay";
 
-policy::PolicySpec MakeSpec(const RunConfig& config) {
-  return {sim::MakeObservationSpec(config.environment), config.network, config.environment.action};
-}
-
 std::uint64_t Seed(const RunConfig& config, std::string_view purpose) {
   return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
 }
@@ -48,7 +44,7 @@ const RunConfig& Checked(const RunConfig& config) {
         "depends on the machine; end it by run.max_steps",
         config.run.max_seconds));
   }
-  if (config.run.deterministic && config.td3.prioritized) {
+  if (config.run.deterministic && config.method.learner.prioritized) {
     throw base::Error(
         "learner.prioritized is true, expected false in a deterministic run: priorities are not "
         "part of a checkpoint");
@@ -77,8 +73,8 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       environments_(config.environment,
                     sim::MakeScenes(config.courses.Resolve(config.courses.train)),
                     config.actor.num_environments, &parallel_),
-      td3_(config.td3, MakeSpec(config), Seed(config, "learner")),
-      agent_(td3_.Snapshot()),
+      learner_(config.method, MakePolicySpec(config), Seed(config, "learner")),
+      agent_(learner_.Snapshot()),
       actor_(config.actor, environments_, agent_, Seed(config, "actor")),
       table_(config.replay, config.environment.lidar.num_beams),
       sampling_(Seed(config, "sampling")),
@@ -88,7 +84,8 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       store_(directory.checkpoints()),
       storage_(directory.checkpoints() / kReplayDirectory) {
   if (resume) Restore();
-  if (config_.td3.prioritized) table_.UsePriorities(config_.replay_server.priority_exponent);
+  if (config_.method.learner.prioritized)
+    table_.UsePriorities(config_.replay_server.priority_exponent);
   metrics_ = std::make_unique<run::MetricsLog>(directory.metrics(), limiter_.steps());
   last_row_.training_s = training_s();
   last_row_.steps = limiter_.steps();
@@ -133,7 +130,7 @@ TrainingEnd Trainer::Train(std::stop_token stop) {
   KeepSnapshots();
   progress.End();
   Checkpoint();
-  policy::SavePolicy(directory_.policy(), BestPolicy(), Provenance());
+  policy::SavePolicy(directory_.policy(), learner_.BestSnapshot(), Provenance());
   return AtLimit() ? TrainingEnd::kFinished : TrainingEnd::kStopped;
 }
 
@@ -165,10 +162,13 @@ void Trainer::InsertChunk(std::unique_ptr<replay::Chunk> chunk) {
 
 void Trainer::Update() {
   limiter_.AddUpdate();
-  if (!table_.SampleRows(td3_.sample_spec(), sampling_, &rows_)) return;
-  td3_.Update(rows_, Fraction());
-  if (config_.td3.prioritized) table_.SetPriorities(rows_.sequence, td3_.Errors());
-  if (limiter_.updates() % config_.run.publish_interval == 0) collector_->Publish(td3_.Snapshot());
+  if (!table_.SampleRows(learner_.sample_spec(), sampling_, &rows_)) return;
+  learner_.Update(rows_, Fraction());
+  if (config_.method.learner.prioritized) table_.SetPriorities(rows_.sequence, learner_.Errors());
+  if (limiter_.updates() % config_.run.publish_interval != 0) return;
+  const actor::ActorStats acting = actor_.stats();
+  learner_.ObserveEpisodes(acting.collision_rate, acting.num_episodes);
+  collector_->Publish(learner_.Snapshot());
 }
 
 bool Trainer::AtLimit() const {
@@ -190,7 +190,7 @@ double Trainer::RemainingSeconds() const {
 }
 
 bool Trainer::Log() {
-  const learner::Td3Stats learning = td3_.ReadStats();
+  const learner::LearnerStats learning = learner_.ReadStats();
   const actor::ActorStats acting = actor_.stats();
   run::MetricsRow row;
   row.training_s = training_s();
@@ -220,7 +220,7 @@ bool Trainer::Log() {
 }
 
 bool Trainer::IsWell() const {
-  const auto fault = td3_.FindFault();
+  const auto fault = learner_.FindFault();
   if (!fault) return true;
   spdlog::error(
       "training diverged at {} steps, {} updates: {}; the last good checkpoint is kept in {}",
@@ -247,7 +247,7 @@ void Trainer::KeepSnapshots() {
   base::MakeDirectories(directory_.snapshots());
   const fs::path path =
       directory_.snapshots() / fmt::format("step-{:012}.safetensors", limiter_.steps());
-  policy::SavePolicy(path, BestPolicy(), Provenance());
+  policy::SavePolicy(path, learner_.BestSnapshot(), Provenance());
 }
 
 policy::Metadata Trainer::Provenance() const {
@@ -257,10 +257,6 @@ policy::Metadata Trainer::Provenance() const {
           {"steps", fmt::format("{}", limiter_.steps())},
           {"updates", fmt::format("{}", limiter_.updates())},
           {"training_s", fmt::format("{:.2f}", training_s())}};
-}
-
-policy::PolicySnapshot Trainer::BestPolicy() const {
-  return config_.td3.average_rate > 0.0 ? td3_.AveragedSnapshot() : td3_.Snapshot();
 }
 
 bool Trainer::CheckpointDue() const {
@@ -276,7 +272,7 @@ bool Trainer::CheckpointDue() const {
 void Trainer::TryCheckpoint() {
   StopCollector();
   try {
-    if (td3_.healthy()) Checkpoint();
+    if (learner_.healthy()) Checkpoint();
   } catch (const base::Error& error) {
     spdlog::error("checkpoint not saved: {}; training goes on, the earlier one is kept",
                   error.what());
@@ -290,7 +286,7 @@ void Trainer::Checkpoint() {
   const std::string manifest = storage_.Save(table_);
   store_.Write(limiter_.steps(), [&](const fs::path& directory) {
     policy::TensorMap tensors;
-    td3_.SaveState(tensors);
+    learner_.SaveState(tensors);
     policy::SaveTensors(directory / kLearnerFile, tensors, {});
     policy::SavePolicy(directory / kActingFile, agent_.snapshot(), {});
     base::WriteFileAtomically(directory / kActorFile, actor_.Save().Serialize());
@@ -361,7 +357,7 @@ void Trainer::RestoreFrom(const fs::path& checkpoint) {
       actor::ActorState::Parse(base::ReadFile(actor_path), actor_path.string());
   const fs::path replay_path = checkpoint / kReplayFile;
   table_ = storage_.Load(base::ReadFile(replay_path), replay_path.string());
-  td3_.LoadState(learner_state);
+  learner_.LoadState(learner_state);
   agent_.SetSnapshot(acting.snapshot);
   actor_.Restore(actor_state);
   limiter_.Restore(steps, updates);

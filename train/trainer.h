@@ -8,7 +8,7 @@
 
 #include "actor/actor.h"
 #include "base/parallel.h"
-#include "learner/td3.h"
+#include "learner/learner.h"
 #include "policy/network_agent.h"
 #include "policy/policy.h"
 #include "replay/storage.h"
@@ -76,8 +76,6 @@ class Trainer {
   void Restore();
   void RestoreFrom(const std::filesystem::path& checkpoint);
   policy::Metadata Provenance() const;
-  /// What is shipped: the weight-averaged actor where one is kept.
-  policy::PolicySnapshot BestPolicy() const;
 
   const RunConfig config_;
   const std::string commit_;
@@ -85,7 +83,7 @@ class Trainer {
 
   base::ParallelFor parallel_;
   sim::CourseEnvironments environments_;
-  learner::Td3 td3_;
+  learner::Learner learner_;
   policy::NetworkAgent agent_;
   actor::Actor actor_;
   replay::Table table_;

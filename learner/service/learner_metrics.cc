@@ -54,7 +54,7 @@ LearnerMetrics::LearnerMetrics(metrics::Registry& registry)
 
 void LearnerMetrics::AddUpdate(double seconds) { update_seconds_.Observe(seconds); }
 
-void LearnerMetrics::SetLearning(std::int64_t updates, const Td3Stats& stats) {
+void LearnerMetrics::SetLearning(std::int64_t updates, const LearnerStats& stats) {
   updates_.RaiseTo(static_cast<double>(updates));
   if (stats.num_updates == 0) return;
   registry_.gauge(metrics::kCriticLoss).Set(stats.critic_loss);

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string>
 
-#include "learner/td3.h"
+#include "learner/learner.h"
 #include "metrics/registry.h"
 #include "proto/messages.h"
 
@@ -30,7 +30,7 @@ class LearnerMetrics {
   void AddBatch() { batches_.Increment(); }
   void AddUpdate(double seconds);
   void AddWait(double seconds) { waited_.Increment(seconds); }
-  void SetLearning(std::int64_t updates, const Td3Stats& stats);
+  void SetLearning(std::int64_t updates, const LearnerStats& stats);
   void SetStream(int in_flight, double policy_lag, int connections);
   void AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates);
   void AddFailedCheckpoint();

@@ -55,20 +55,20 @@ std::int64_t DirectoryBytes(const fs::path& directory) {
 
 }  // namespace
 
-LearnerService::LearnerService(const LearnerServiceConfig& config, const Td3Config& td3,
+LearnerService::LearnerService(const LearnerServiceConfig& config, const MethodConfig& method,
                                const policy::PolicySpec& spec, LearnerJob job,
                                transport::Context& context, metrics::Registry& registry)
     : config_(config),
-      td3_config_(td3),
+      prioritized_(method.learner.prioritized),
       job_(std::move(job)),
-      td3_(td3, spec, LearnerSeed(job_.seed)),
+      learner_(method, spec, LearnerSeed(job_.seed)),
       store_(job_.directory.checkpoints()),
       policies_(context, job_.policies, job_.spec_hash, registry),
       metrics_(registry),
       begin_(steady_clock::now()) {
   Restore();
   batches_ = std::make_unique<BatchStream>(context, job_.replay, MakeHello(job_, spec),
-                                           td3_.sample_spec(), config.prefetch, cursor_);
+                                           learner_.sample_spec(), config.prefetch, cursor_);
   log_ = std::make_unique<run::MetricsLog>(job_.directory.metrics(), steps_);
   last_row_.training_s = training_s();
   last_row_.steps = steps_;
@@ -124,7 +124,7 @@ LearnerEnd LearnerService::Run(std::stop_token stop) {
       finished_ = true;
       TryCheckpoint();
       Publish();
-      policy::SavePolicy(job_.directory.policy(), BestPolicy(), Provenance());
+      policy::SavePolicy(job_.directory.policy(), learner_.BestSnapshot(), Provenance());
       spdlog::info(
           "trained for {}: {} steps, {} updates; policy: {}", base::FormatDuration(training_s()),
           base::FormatCount(static_cast<double>(steps_)),
@@ -135,7 +135,7 @@ LearnerEnd LearnerService::Run(std::stop_token stop) {
   if (!finished_) {
     if (!IsWell()) return LearnerEnd::kDiverged;
     Checkpoint();
-    policy::SavePolicy(job_.directory.policy(), BestPolicy(), Provenance());
+    policy::SavePolicy(job_.directory.policy(), learner_.BestSnapshot(), Provenance());
   }
   return LearnerEnd::kStopped;
 }
@@ -145,8 +145,8 @@ void LearnerService::LearnFrom(const RemoteBatch& batch) {
   table_steps_ = batch.header.table_steps;
   acting_version_ = batch.header.acting_version;
   const auto began = steady_clock::now();
-  td3_.Update(batch.rows, Fraction());
-  if (td3_config_.prioritized) batches_->SetPriorities(batch.rows.sequence, td3_.Errors());
+  learner_.Update(batch.rows, Fraction());
+  if (prioritized_) batches_->SetPriorities(batch.rows.sequence, learner_.Errors());
   metrics_.AddBatch();
   metrics_.AddUpdate(std::chrono::duration<double>(steady_clock::now() - began).count());
 }
@@ -161,7 +161,7 @@ void LearnerService::PublishIfDue() {
 }
 
 void LearnerService::Publish() {
-  const policy::PolicySnapshot snapshot = td3_.Snapshot();
+  const policy::PolicySnapshot snapshot = learner_.Snapshot();
   policies_.Publish(snapshot.version,
                     transport::Frame::Copy(std::string_view(policy::PrintPolicy(snapshot, {}))),
                     steps_);
@@ -170,9 +170,10 @@ void LearnerService::Publish() {
 }
 
 bool LearnerService::Log() {
-  const Td3Stats learning = td3_.ReadStats();
+  const LearnerStats learning = learner_.ReadStats();
   const ActorFigures acting = Summarise(batches_->status().value_or(proto::StatusReply{}));
   batches_->AskStatus();
+  learner_.ObserveEpisodes(acting.collision_rate, acting.num_episodes);
   run::MetricsRow row;
   row.training_s = training_s();
   row.steps = steps_;
@@ -216,7 +217,7 @@ bool LearnerService::Log() {
 }
 
 bool LearnerService::IsWell() const {
-  const auto fault = td3_.FindFault();
+  const auto fault = learner_.FindFault();
   if (!fault) return true;
   spdlog::error(
       "training diverged at {} steps, {} updates: {}; the last good checkpoint is kept in {}",
@@ -239,7 +240,7 @@ void LearnerService::KeepSnapshots() {
   if (!due) return;
   base::MakeDirectories(job_.directory.snapshots());
   policy::SavePolicy(job_.directory.snapshots() / fmt::format("step-{:012}.safetensors", steps_),
-                     BestPolicy(), Provenance());
+                     learner_.BestSnapshot(), Provenance());
 }
 
 policy::Metadata LearnerService::Provenance() const {
@@ -251,13 +252,9 @@ policy::Metadata LearnerService::Provenance() const {
           {"training_s", fmt::format("{:.2f}", training_s())}};
 }
 
-policy::PolicySnapshot LearnerService::BestPolicy() const {
-  return td3_config_.average_rate > 0.0 ? td3_.AveragedSnapshot() : td3_.Snapshot();
-}
-
 void LearnerService::TryCheckpoint() {
   last_checkpoint_s_ = training_s();
-  if (!td3_.healthy()) return;
+  if (!learner_.healthy()) return;
   try {
     Checkpoint();
   } catch (const base::Error& error) {
@@ -272,7 +269,7 @@ void LearnerService::Checkpoint() {
   // By updates, as they rise with each checkpoint that says something new.
   store_.Write(updates(), [&](const fs::path& directory) {
     policy::TensorMap tensors;
-    td3_.SaveState(tensors);
+    learner_.SaveState(tensors);
     policy::SaveTensors(directory / kLearnerFile, tensors, {});
     const nlohmann::json state = {{"steps", steps_},
                                   {"updates", updates()},
@@ -315,7 +312,7 @@ void LearnerService::RestoreFrom(const fs::path& checkpoint) {
       throw base::Error(
           fmt::format("{}: its checksum does not match; the checkpoint is damaged", path.string()));
     }
-    td3_.LoadState(policy::LoadTensors(checkpoint / kLearnerFile));
+    learner_.LoadState(policy::LoadTensors(checkpoint / kLearnerFile));
     steps_ = state.at("steps").get<std::int64_t>();
     cursor_ = state.at("cursor").get<std::uint64_t>();
     earlier_s_ = state.at("training_s").get<double>();

@@ -11,7 +11,7 @@
 #include "learner/service/learner_metrics.h"
 #include "learner/service/learner_service_config.h"
 #include "learner/service/policy_server.h"
-#include "learner/td3.h"
+#include "learner/learner.h"
 #include "metrics/registry.h"
 #include "policy/policy.h"
 #include "run/checkpoint_store.h"
@@ -56,7 +56,7 @@ class LearnerService {
   /// Goes on from the newest checkpoint in the directory that is whole; where there is none, begins
   /// anew. Publishes the policy it starts with. Throws `base::Error` where config, checkpoints or
   /// endpoint are unusable.
-  LearnerService(const LearnerServiceConfig& config, const Td3Config& td3,
+  LearnerService(const LearnerServiceConfig& config, const MethodConfig& method,
                  const policy::PolicySpec& spec, LearnerJob job, transport::Context& context,
                  metrics::Registry& registry);
 
@@ -65,7 +65,7 @@ class LearnerService {
   /// cannot be written at the end.
   LearnerEnd Run(std::stop_token stop);
 
-  std::int64_t updates() const { return td3_.num_updates(); }
+  std::int64_t updates() const { return learner_.num_updates(); }
   const std::string& endpoint() const { return policies_.endpoint(); }
 
  private:
@@ -83,14 +83,13 @@ class LearnerService {
   void Checkpoint();
   void Restore();
   void RestoreFrom(const std::filesystem::path& checkpoint);
-  policy::PolicySnapshot BestPolicy() const;
   policy::Metadata Provenance() const;
   void Say(const std::string& what);
 
   const LearnerServiceConfig config_;
-  const Td3Config td3_config_;
+  const bool prioritized_;
   const LearnerJob job_;
-  Td3 td3_;
+  Learner learner_;
   run::CheckpointStore store_;
   PolicyServer policies_;
   std::unique_ptr<BatchStream> batches_;  // Made with the cursor of the checkpoint.

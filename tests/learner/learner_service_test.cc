@@ -119,10 +119,11 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   base::MakeDirectories(directory);
   transport::Context context;
   metrics::Registry registry("learner", "learner");
-  Td3Config td3;
-  td3.batch_size = 16;
-  td3.prioritized = prioritized;
-  td3.actor_learning_rate = td3.critic_learning_rate = 1e-3;
+  MethodConfig method;
+  LearnerConfig& config = method.learner;
+  config.batch_size = 16;
+  config.prioritized = prioritized;
+  config.actor_learning_rate = config.critic_learning_rate = 1e-3;
   LearnerJob job;
   job.directory.root = directory;
   job.seed = 6;
@@ -136,7 +137,7 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   std::string error;
   std::jthread thread([&](std::stop_token stop) {
     try {
-      LearnerService learner({}, td3, Spec(), job, context, registry);
+      LearnerService learner({}, method, Spec(), job, context, registry);
       endpoint = learner.endpoint();
       ready = true;
       EXPECT_EQ(learner.Run(stop), LearnerEnd::kStopped);

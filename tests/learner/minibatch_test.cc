@@ -38,13 +38,15 @@ std::vector<float> Row(const at::Tensor& input, int sample) {
 TEST(MinibatchReader, LaysOutHistoryThenAction) {
   const RandomRows random_rows(kBatch, kHistory, kBeams, 1);
   Minibatch minibatch(kBatch, kHistory, Features().frame_size(), at::kCPU);
-  MinibatchReader reader(Features(), kHistory, /*reward_scale=*/0.5, /*mirror=*/false);
+  MinibatchReader reader(Features(), kHistory, /*reward_scale=*/0.5, /*mirror=*/false,
+                         /*discount_factor=*/0.75);
   base::Random random(1);
   reader.Read(random_rows.rows, random, minibatch);
   for (int i = 0; i < kBatch; ++i) {
     EXPECT_EQ(Row(minibatch.input, i), Expected(random_rows.rows, i, false));
     EXPECT_EQ(minibatch.reward.data_ptr<float>()[i], 0.5f * random_rows.rows.n_step_return[i]);
-    EXPECT_EQ(minibatch.discount.data_ptr<float>()[i], random_rows.rows.discount[i]);
+    EXPECT_EQ(minibatch.cost.data_ptr<float>()[i], random_rows.rows.cost_return[i]);
+    EXPECT_EQ(minibatch.discount.data_ptr<float>()[i], 0.75f * random_rows.rows.discount[i]);
   }
   EXPECT_EQ(random.state(), base::Random(1).state()) << "drew without need";
 }
@@ -52,7 +54,7 @@ TEST(MinibatchReader, LaysOutHistoryThenAction) {
 TEST(MinibatchReader, MirrorsWholeSamplesHalfTheTime) {
   const RandomRows random_rows(kBatch, kHistory, kBeams, 2);
   Minibatch minibatch(kBatch, kHistory, Features().frame_size(), at::kCPU);
-  MinibatchReader reader(Features(), kHistory, 1.0, /*mirror=*/true);
+  MinibatchReader reader(Features(), kHistory, 1.0, /*mirror=*/true, 1.0);
   base::Random random(1);
   int num_mirrored = 0;
   constexpr int kRounds = 100;
@@ -61,7 +63,9 @@ TEST(MinibatchReader, MirrorsWholeSamplesHalfTheTime) {
     for (int i = 0; i < kBatch; ++i) {
       const std::vector<float> row = Row(minibatch.input, i);
       const bool mirrored = row == Expected(random_rows.rows, i, true);
-      if (!mirrored) EXPECT_EQ(row, Expected(random_rows.rows, i, false));
+      if (!mirrored) {
+        EXPECT_EQ(row, Expected(random_rows.rows, i, false));
+      }
       num_mirrored += mirrored;
     }
   }

@@ -39,7 +39,7 @@ struct RandomRows {
     for (int i = 0; i < batch; ++i) {
       rows.action[i] = {draw(), draw()};
       rows.n_step_return[i] = draw();
-      rows.cost_return[i] = 0.0f;
+      rows.cost_return[i] = i % 3 == 0 ? 0.5f : 0.0f;
       rows.discount[i] = i % 4 == 0 ? 0.0f : 0.96f;
       rows.weight[i] = 1.0f;
     }

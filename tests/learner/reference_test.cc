@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <utility>
 #include <vector>
 
 #include "learner/adam.h"
-#include "learner/td3.h"
+#include "learner/algorithm.h"
+#include "learner/learner.h"
 #include "policy/feature_map.h"
 #include "tests/learner/random_rows.h"
 
@@ -72,34 +75,84 @@ Tensor Forward(const policy::MlpShape& shape, const Tensor& parameters, Tensor x
   return x;
 }
 
-Tensor Read(const Td3& td3, const std::string& name) {
+Tensor Read(const Learner& learner, const std::string& name) {
   policy::TensorMap tensors;
-  td3.SaveState(tensors);
+  learner.SaveState(tensors);
   const policy::StoredTensor& stored = tensors.at(name);
   std::vector<float> values(stored.bytes.size() / sizeof(float));
   std::memcpy(values.data(), stored.bytes.data(), stored.bytes.size());
   return torch::tensor(values).to(torch::kDouble);
 }
 
-/// Algorithm 1 of the TD3 paper, as plainly as can be.
-struct ReferenceTd3 {
-  ReferenceTd3(const Td3Config& c, const policy::PolicySpec& s, const Td3& td3, std::uint64_t seed)
-      : config(c),
-        features(s.observation, s.network),
-        actor_shape(policy::ActorShape(s.network, features.frame_size())),
-        critic_shape(policy::CriticShape(s.network, features.frame_size())),
-        actor(Read(td3, "actor.parameters").requires_grad_()),
-        actor_target(actor.detach().clone()),
-        critics(Read(td3, "critics.parameters").requires_grad_()),
-        critics_target(critics.detach().clone()),
-        actor_optimiser({actor}, torch::optim::AdamOptions(c.actor_learning_rate)),
-        critics_optimiser({critics}, torch::optim::AdamOptions(c.critic_learning_rate)),
-        noise_random(base::DeriveSeed(seed, "target noise")) {}
-
-  Tensor Q(const Tensor& both, int k, const Tensor& s, const Tensor& a) const {
-    const std::int64_t size = critic_shape.num_parameters();
-    return Forward(critic_shape, both.narrow(0, k * size, size), s, a).squeeze(1);
+Tensor Normal(base::Random& random, int batch) {
+  Tensor noise = torch::zeros({batch, 2}, torch::kDouble);
+  for (int i = 0; i < batch; ++i) {
+    for (int j = 0; j < 2; ++j) noise[i][j] = random.Normal();
   }
+  return noise;
+}
+
+/// Some critics with their targets.
+struct ReferenceCritics {
+  ReferenceCritics(Tensor initial, policy::MlpShape of_shape, double learning_rate)
+      : shape(std::move(of_shape)),
+        parameters(initial.clone().requires_grad_()),
+        target(initial.clone()),
+        optimiser({parameters}, torch::optim::AdamOptions(learning_rate)) {}
+
+  Tensor Q(const Tensor& all, int k, const Tensor& s, const Tensor& a) const {
+    const std::int64_t size = shape.num_parameters();
+    return Forward(shape, all.narrow(0, k * size, size), s, a).squeeze(1);
+  }
+  int size() const { return static_cast<int>(parameters.numel() / shape.num_parameters()); }
+  std::vector<Tensor> Targets(const Tensor& s, const Tensor& a) const {
+    std::vector<Tensor> values;
+    for (int k = 0; k < size(); ++k) values.push_back(Q(target, k, s, a));
+    return values;
+  }
+  void Regress(const Tensor& s, const Tensor& a, const Tensor& y) {
+    optimiser.zero_grad();
+    Tensor loss = torch::zeros({}, torch::kDouble);
+    for (int k = 0; k < size(); ++k) loss = loss + torch::mse_loss(Q(parameters, k, s, a), y);
+    loss.backward();
+    optimiser.step();
+  }
+  void Follow(double tau) {
+    torch::NoGradGuard no_grad;
+    target = (1.0 - tau) * target + tau * parameters;
+  }
+
+  policy::MlpShape shape;
+  Tensor parameters, target;
+  torch::optim::Adam optimiser;
+};
+
+/// TD3, DDPG and SAC with a fixed multiplier, as plainly as can be.
+struct Reference {
+  Reference(const MethodConfig& method, const policy::PolicySpec& spec, const Learner& learner,
+            std::uint64_t seed)
+      : config(method.learner),
+        multiplier(method.constraint.multiplier),
+        features(spec.observation, spec.network),
+        distribution(spec.distribution),
+        actor_shape(policy::ActorShape(spec.network, features.frame_size(),
+                                       spec.distribution.num_outputs())),
+        actor(Read(learner, "actor.parameters").requires_grad_()),
+        actor_target(actor.detach().clone()),
+        critics(Read(learner, "critics.parameters"),
+                policy::CriticShape(spec.network, features.frame_size()),
+                config.critic_learning_rate),
+        cost_critics(
+            Read(learner, multiplier > 0.0 ? "cost_critics.parameters" : "critics.parameters"),
+            critics.shape, config.critic_learning_rate),
+        log_temperature(
+            torch::full({1}, std::log(config.temperature), torch::kDouble).requires_grad_()),
+        actor_optimiser({actor}, torch::optim::AdamOptions(config.actor_learning_rate)),
+        temperature_optimiser({log_temperature},
+                              torch::optim::AdamOptions(config.temperature_learning_rate)),
+        target_noise(base::DeriveSeed(seed, "target noise")),
+        policy_noise(base::DeriveSeed(seed, "policy noise")),
+        next_policy_noise(base::DeriveSeed(seed, "next policy noise")) {}
 
   Tensor ReadStates(const std::vector<const std::uint16_t*>& scans, const float* state) const {
     Tensor result = torch::zeros({config.batch_size, features.frame_size()});
@@ -110,104 +163,196 @@ struct ReferenceTd3 {
     return result.to(torch::kDouble);
   }
 
-  void Update(const replay::SampledRows& rows) {
-    const Tensor s = ReadStates(rows.ranges_cm, rows.state.data());
-    const Tensor next_s = ReadStates(rows.next_ranges_cm, rows.next_state.data());
-    Tensor a = torch::zeros({config.batch_size, 2}, torch::kDouble), noise = torch::zeros_like(a);
-    Tensor r = torch::zeros({config.batch_size}, torch::kDouble), discount = torch::zeros_like(r);
-    for (int i = 0; i < config.batch_size; ++i) {
-      a[i][0] = rows.action[i].linear;
-      a[i][1] = rows.action[i].angular;
-      for (int j = 0; j < 2; ++j) {
-        noise[i][j] = std::clamp(config.target_noise * noise_random.Normal(), -config.noise_clip,
-                                 config.noise_clip);
-      }
-      r[i] = config.reward_scale * rows.n_step_return[i];
-      discount[i] = rows.discount[i];
+  /// a and log pi(a|s) by LibTorch's own density of a normal, and the slope of tanh as it stands.
+  std::pair<Tensor, Tensor> Sample(const Tensor& state, const Tensor& noise) const {
+    const Tensor output = Forward(actor_shape, actor, state, {});
+    const Tensor mean = output.narrow(1, 0, 2);
+    const double low = distribution.log_std_min, high = distribution.log_std_max;
+    const Tensor deviation =
+        torch::exp(low + (high - low) * (torch::tanh(output.narrow(1, 2, 2)) + 1.0) / 2.0);
+    const Tensor u = mean + deviation * noise, action = torch::tanh(u);
+    const Tensor density = torch::exp(-0.5 * torch::pow((u - mean) / deviation, 2)) /
+                           (deviation * std::sqrt(2.0 * M_PI));
+    return {action, (torch::log(density) - torch::log(1.0 - action * action)).sum(1)};
+  }
+
+  /// What the actor descends, beside an entropy: -Q + lambda Q_C.
+  Tensor ActorLoss(const Tensor& q, const Tensor& action) const {
+    Tensor loss = -q.mean();
+    if (multiplier > 0.0) {
+      loss =
+          loss + multiplier * cost_critics.Q(cost_critics.parameters.detach(), 0, s, action).mean();
     }
-    Tensor y;
+    return loss;
+  }
+
+  void ImproveActor(const Tensor& loss) {
+    actor_optimiser.zero_grad();
+    loss.backward();
+    actor_optimiser.step();
+  }
+
+  void RegressCritics(const Tensor& next_a, const Tensor& soft_cost) {
+    Tensor y, cost_y;
     {
       torch::NoGradGuard no_grad;
-      const Tensor next_a =
-          (torch::tanh(Forward(actor_shape, actor_target, next_s, {})) + noise).clamp(-1.0, 1.0);
-      y = r + discount * torch::minimum(Q(critics_target, 0, next_s, next_a),
-                                        Q(critics_target, 1, next_s, next_a));
+      const std::vector<Tensor> q = critics.Targets(next_s, next_a);
+      y = r + discount * ((q.size() == 1 ? q[0] : torch::minimum(q[0], q[1])) - soft_cost);
+      const std::vector<Tensor> c = cost_critics.Targets(next_s, next_a);
+      if (c.size() > 1) cost_y = cost + discount * torch::maximum(c[0], c[1]);
     }
-    critics_optimiser.zero_grad();
-    (torch::mse_loss(Q(critics, 0, s, a), y) + torch::mse_loss(Q(critics, 1, s, a), y)).backward();
-    critics_optimiser.step();
-    if (++num_updates % config.policy_delay != 0) return;
-    actor_optimiser.zero_grad();
-    (-Q(critics.detach(), 0, s, torch::tanh(Forward(actor_shape, actor, s, {}))).mean()).backward();
-    actor_optimiser.step();
+    critics.Regress(s, a, y);
+    if (multiplier > 0.0) cost_critics.Regress(s, a, cost_y);
+  }
+
+  void Follow() {
+    critics.Follow(config.tau);
+    cost_critics.Follow(config.tau);
     torch::NoGradGuard no_grad;
-    critics_target = (1.0 - config.tau) * critics_target + config.tau * critics;
     actor_target = (1.0 - config.tau) * actor_target + config.tau * actor;
   }
 
-  Td3Config config;
+  void Update(const replay::SampledRows& rows) {
+    s = ReadStates(rows.ranges_cm, rows.state.data());
+    next_s = ReadStates(rows.next_ranges_cm, rows.next_state.data());
+    a = torch::zeros({config.batch_size, 2}, torch::kDouble);
+    r = torch::zeros({config.batch_size}, torch::kDouble);
+    discount = torch::zeros_like(r);
+    cost = torch::zeros_like(r);
+    for (int i = 0; i < config.batch_size; ++i) {
+      a[i][0] = rows.action[i].linear;
+      a[i][1] = rows.action[i].angular;
+      r[i] = config.reward_scale * rows.n_step_return[i];
+      cost[i] = rows.cost_return[i];
+      discount[i] = rows.discount[i];
+    }
+    ++num_updates;
+    if (config.algorithm == "sac") {
+      UpdateSac();
+    } else {
+      UpdateDeterministic(config.algorithm == "td3");
+    }
+  }
+
+  void UpdateDeterministic(bool is_td3) {
+    const Tensor zero = torch::zeros({1}, torch::kDouble);
+    Tensor next_a = torch::tanh(Forward(actor_shape, actor_target, next_s, {})).detach();
+    if (is_td3) {
+      const Tensor noise = (config.target_noise * Normal(target_noise, config.batch_size))
+                               .clamp(-config.noise_clip, config.noise_clip);
+      next_a = (next_a + noise).clamp(-1.0, 1.0);
+    }
+    RegressCritics(next_a, zero);
+    if (is_td3 && num_updates % config.policy_delay != 0) return;
+    const Tensor act = torch::tanh(Forward(actor_shape, actor, s, {}));
+    ImproveActor(ActorLoss(critics.Q(critics.parameters.detach(), 0, s, act), act));
+    Follow();
+  }
+
+  void UpdateSac() {
+    const Tensor alpha = torch::exp(log_temperature).detach();
+    const auto [next_a, next_log_pi] = Sample(next_s, Normal(next_policy_noise, config.batch_size));
+    RegressCritics(next_a.detach(), alpha * next_log_pi.detach());
+    Follow();
+    const auto [act, log_pi] = Sample(s, Normal(policy_noise, config.batch_size));
+    const Tensor frozen = critics.parameters.detach();
+    const Tensor q = torch::minimum(critics.Q(frozen, 0, s, act), critics.Q(frozen, 1, s, act));
+    ImproveActor(ActorLoss(q, act) + (alpha * log_pi).mean());
+    temperature_optimiser.zero_grad();
+    (-log_temperature * (log_pi.detach() + config.target_entropy).mean()).backward();
+    temperature_optimiser.step();
+  }
+
+  LearnerConfig config;
+  double multiplier;
   policy::FeatureMap features;
-  policy::MlpShape actor_shape, critic_shape;
-  Tensor actor, actor_target, critics, critics_target;
-  torch::optim::Adam actor_optimiser, critics_optimiser;
-  base::Random noise_random;
+  policy::ActionDistribution distribution;
+  policy::MlpShape actor_shape;
+  Tensor actor, actor_target;
+  ReferenceCritics critics, cost_critics;
+  Tensor log_temperature;
+  torch::optim::Adam actor_optimiser, temperature_optimiser;
+  base::Random target_noise, policy_noise, next_policy_noise;
+  Tensor s, next_s, a, r, cost, discount;  // Of the update.
   int num_updates = 0;
 };
 
 struct Case {
   const char* name;
+  const char* algorithm;
   std::vector<int> encoder;
   std::vector<int> head;
-  bool layer_norm;
+  bool layer_norm = false;
+  double multiplier = 0.0;
 };
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-class Td3ReferenceTest : public testing::TestWithParam<Case> {};
+class LearnerReferenceTest : public testing::TestWithParam<Case> {};
 
-TEST_P(Td3ReferenceTest, UpdatesAreThoseOfThePaper) {
-  policy::PolicySpec spec;
-  spec.observation.num_beams = 24;
-  spec.network.encoder_layers = GetParam().encoder;
-  spec.network.head_layers = GetParam().head;
-  spec.network.layer_norm = GetParam().layer_norm;
-  spec.network.sectors = 12;
-  Td3Config config;
+TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) {
+  MethodConfig method;
+  LearnerConfig& config = method.learner;
+  config.algorithm = GetParam().algorithm;
   config.device = "cpu";
   config.batch_size = 16;
   // Small steps keep the difference between float32 and float64 small: Adam divides by the size of
   // a gradient, so where one is near zero the two may step apart by the whole rate.
   config.actor_learning_rate = 1e-4;
   config.critic_learning_rate = 1e-4;
+  config.temperature_learning_rate = 1e-2;
   config.tau = 0.1;
   config.reward_scale = 0.5;
+  if (GetParam().multiplier > 0.0) {
+    method.constraint = {.kind = "fixed", .multiplier = GetParam().multiplier};
+  }
+  policy::PolicySpec spec;
+  spec.observation.num_beams = 24;
+  spec.network.encoder_layers = GetParam().encoder;
+  spec.network.head_layers = GetParam().head;
+  spec.network.layer_norm = GetParam().layer_norm;
+  spec.network.sectors = 12;
+  spec.distribution = DistributionOf(config);
   constexpr std::uint64_t kSeed = 3;
-  Td3 td3(config, spec, kSeed);
-  ReferenceTd3 reference(config, spec, td3, kSeed);
+  Learner learner(method, spec, kSeed);
+  Reference reference(method, spec, learner, kSeed);
   constexpr int kUpdates = 6;
   for (int i = 0; i < kUpdates; ++i) {
     const RandomRows rows(config.batch_size, 1, 24, 50 + i);
-    td3.Update(rows.rows, 0.0);
+    learner.Update(rows.rows, 0.0);
     reference.Update(rows.rows);
   }
   const auto compare = [&](const std::string& name, const Tensor& expected) {
-    const Tensor difference = (Read(td3, name) - expected.detach()).abs();
+    const Tensor difference = (Read(learner, name) - expected.detach()).abs();
     // On average a hundredth of one step; a parameter of near-zero gradient may be off by all
     // steps.
     EXPECT_LE(difference.mean().item<double>(), 1e-6) << name;
     EXPECT_LE(difference.max().item<double>(), kUpdates * 2e-4) << name;
   };
-  compare("critics.parameters", reference.critics);
-  compare("critics.target_parameters", reference.critics_target);
   compare("actor.parameters", reference.actor);
-  compare("actor.target_parameters", reference.actor_target);
+  compare("critics.parameters", reference.critics.parameters);
+  compare("critics.target_parameters", reference.critics.target);
+  if (config.algorithm != "sac") compare("actor.target_parameters", reference.actor_target);
+  if (config.algorithm == "sac") {
+    EXPECT_NEAR(learner.ReadStats().temperature, std::exp(reference.log_temperature.item<double>()),
+                1e-5);
+  }
+  if (method.constraint.kind != "none") {
+    compare("cost_critics.parameters", reference.cost_critics.parameters);
+    compare("cost_critics.target_parameters", reference.cost_critics.target);
+  }
 }
 
-INSTANTIATE_TEST_SUITE_P(Networks, Td3ReferenceTest,
-                         testing::Values(Case{"Paper", {32, 16}, {16, 16}, false},
-                                         Case{"Fast", {}, {32, 32}, false},
-                                         Case{"LayerNorm", {16}, {16}, true}),
-                         [](const auto& info) { return std::string(info.param.name); });
+INSTANTIATE_TEST_SUITE_P(Methods, LearnerReferenceTest,
+                         testing::Values(Case{"Td3Paper", "td3", {32, 16}, {16, 16}},
+                                         Case{"Td3Fast", "td3", {}, {32, 32}},
+                                         Case{"Td3LayerNorm", "td3", {16}, {16}, true},
+                                         Case{"Td3Constrained", "td3", {16}, {16}, false, 2.0},
+                                         Case{"Ddpg", "ddpg", {16}, {16}},
+                                         Case{"DdpgConstrained", "ddpg", {16}, {16}, false, 2.0},
+                                         Case{"Sac", "sac", {16}, {16}},
+                                         Case{"SacConstrained", "sac", {}, {16, 16}, true, 2.0}),
+                         [](const auto& test) { return std::string(test.param.name); });
 
 }  // namespace
 }  // namespace slalom::learner

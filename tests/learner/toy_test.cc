@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
-#include "learner/td3.h"
+#include "learner/algorithm.h"
+#include "learner/learner.h"
 #include "policy/network_agent.h"
 #include "replay/table.h"
 
@@ -55,12 +57,16 @@ double Evaluate(env::Agent& agent) {
   return total / (50.0 * PointMass::kSteps);
 }
 
-TEST(Td3, LearnsToDriveAPointHome) {
+class ToyTest : public testing::TestWithParam<const char*> {};
+
+TEST_P(ToyTest, LearnsToDriveAPointHome) {
   policy::PolicySpec spec;
   spec.observation.num_beams = PointMass::kBeams;
   spec.network.encoder_layers = {};
   spec.network.head_layers = {32, 32};
-  Td3Config config;
+  MethodConfig method;
+  LearnerConfig& config = method.learner;
+  config.algorithm = GetParam();
   config.device = "cpu";
   config.batch_size = 64;
   config.actor_learning_rate = 1e-3;
@@ -68,8 +74,11 @@ TEST(Td3, LearnsToDriveAPointHome) {
   config.gamma = 0.9;
   config.n_step = 2;
   config.average_rate = 0.01;
-  Td3 td3(config, spec, 1);
-  policy::NetworkAgent agent(td3.Snapshot());
+  config.temperature = 0.05;
+  config.target_entropy = -4.0;
+  spec.distribution = DistributionOf(config);
+  Learner learner(method, spec, 1);
+  policy::NetworkAgent agent(learner.Snapshot());
   const double untrained = Evaluate(agent);
 
   replay::Table table({.capacity = 5000}, PointMass::kBeams);
@@ -86,9 +95,12 @@ TEST(Td3, LearnsToDriveAPointHome) {
     for (int i = 0; i < PointMass::kSteps; ++i) {
       point.Observe(observations.mutable_state(0));
       agent.Act(observations, actions);
-      const double noise = episode < 30 ? 1.0 : 0.2;
-      actions[0].linear =
-          static_cast<float>(std::clamp(actions[0].linear + noise * random.Normal(), -1.0, 1.0));
+      const env::Action normal = {static_cast<float>(random.Normal()),
+                                  static_cast<float>(random.Normal())};
+      if (!agent.Explore({&normal, 1}, actions)) {
+        const float noise = episode < 30 ? 1.0f : 0.2f;
+        actions[0].linear = std::clamp(actions[0].linear + noise * normal.linear, -1.0f, 1.0f);
+      }
       const env::FrameView frame = observations.frame(0);
       const int row = chunk.BeginStep(0, i == 0, frame, actions[0]);
       chunk.SetResult(row, point.Step(actions[0]));
@@ -98,18 +110,21 @@ TEST(Td3, LearnsToDriveAPointHome) {
     table.Insert(chunk);
     if (episode < 10) continue;
     for (int i = 0; i < PointMass::kSteps; ++i) {
-      ASSERT_TRUE(table.SampleRows(td3.sample_spec(), random, &rows));
-      td3.Update(rows, 0.0);
+      ASSERT_TRUE(table.SampleRows(learner.sample_spec(), random, &rows));
+      learner.Update(rows, 0.0);
     }
-    agent.SetSnapshot(td3.Snapshot());
+    agent.SetSnapshot(learner.Snapshot());
   }
-  agent.SetSnapshot(td3.AveragedSnapshot());
+  agent.SetSnapshot(learner.BestSnapshot());
   // The best policy: starts are 0.5 away on average and come 0.3 nearer a step, which over ten
   // steps leaves 0.04 on average; standing still leaves 0.5.
   EXPECT_LT(Evaluate(agent), 0.12);
   EXPECT_GT(untrained, 0.3) << "nothing to learn";
-  EXPECT_TRUE(td3.healthy());
+  EXPECT_TRUE(learner.healthy());
 }
+
+INSTANTIATE_TEST_SUITE_P(Algorithms, ToyTest, testing::Values("td3", "ddpg", "sac"),
+                         [](const auto& algorithm) { return std::string(algorithm.param); });
 
 }  // namespace
 }  // namespace slalom::learner

@@ -30,7 +30,7 @@ TEST(RunDirectoryTest, AResumedRunMayGoOnLongerButNotOtherwise) {
   config.run.max_steps *= 2;
   config.evaluation.episodes_per_course = 3;
   EXPECT_NO_THROW(ResumeRun(directory, config));
-  config.td3.gamma = 0.9;
+  config.method.learner.gamma = 0.9;
   try {
     ResumeRun(directory, config);
     FAIL() << "expected an error";

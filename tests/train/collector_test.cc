@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "learner/td3.h"
+#include "learner/learner.h"
 #include "tests/support/fake_environment.h"
 
 namespace slalom::train {
@@ -23,7 +23,7 @@ policy::PolicySpec SmallSpec() {
 struct Fixture {
   explicit Fixture(std::uint64_t seed = 1)
       : environments(4, {0.5, 0.5}, 30, kBeams),
-        agent(learner::Td3({}, SmallSpec(), seed).Snapshot()),
+        agent(learner::Learner({}, SmallSpec(), seed).Snapshot()),
         actor(actor::ActorConfig{}, environments, agent, 7) {}
 
   slalom::testing::FakeEnvironment environments;
@@ -75,7 +75,7 @@ TEST(ThreadedCollectorTest, GivesTheSameRowsAsInline) {
 
 TEST(ThreadedCollectorTest, APublishedPolicyReachesTheAgent) {
   Fixture f;
-  auto other = learner::Td3({}, SmallSpec(), 99).Snapshot();
+  auto other = learner::Learner({}, SmallSpec(), 99).Snapshot();
   other.version = 42;
   ThreadedCollector collector(f.actor, f.agent, kBeams, 1);
   collector.Publish(other);
@@ -96,7 +96,7 @@ class ThrowingEnvironment : public slalom::testing::FakeEnvironment {
 
 TEST(ThreadedCollectorTest, WhatTheActorThrowsReachesTheLearner) {
   ThrowingEnvironment environments(2, {0.5}, 30, kBeams);
-  policy::NetworkAgent agent(learner::Td3({}, SmallSpec(), 1).Snapshot());
+  policy::NetworkAgent agent(learner::Learner({}, SmallSpec(), 1).Snapshot());
   actor::Actor actor(actor::ActorConfig{}, environments, agent, 7);
   ThreadedCollector collector(actor, agent, kBeams, 2);
   EXPECT_THROW(

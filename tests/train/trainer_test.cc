@@ -29,11 +29,11 @@ RunConfig SmallRun() {
   config.network.encoder_layers = {};
   config.network.head_layers = {16, 16};
   config.network.sectors = 72;
-  config.td3.batch_size = 32;
-  config.td3.mirror = true;
-  config.td3.average_rate = 0.01;
-  config.td3.actor_learning_rate = 1e-3;
-  config.td3.critic_learning_rate = 1e-3;
+  config.method.learner.batch_size = 32;
+  config.method.learner.mirror = true;
+  config.method.learner.average_rate = 0.01;
+  config.method.learner.actor_learning_rate = 1e-3;
+  config.method.learner.critic_learning_rate = 1e-3;
   return config;
 }
 
@@ -118,9 +118,9 @@ TEST(TrainerTest, DivergingTrainingStopsAndKeepsTheLastGoodCheckpoint) {
   config.run.checkpoint_steps = 1000;
   config.run.learning_starts = 1500;
   config.run.log_interval = 0.0;
-  config.td3.critic_learning_rate = 1.0;
-  config.td3.actor_learning_rate = 1.0;
-  config.td3.divergence_limit = 1.0;
+  config.method.learner.critic_learning_rate = 1.0;
+  config.method.learner.actor_learning_rate = 1.0;
+  config.method.learner.divergence_limit = 1.0;
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kDiverged);
   EXPECT_FALSE(fs::exists(directory.policy()));
   const auto checkpoints = run::CheckpointStore(directory.checkpoints()).List();
@@ -132,7 +132,7 @@ TEST(TrainerTest, ANetworkThatDivergesBetweenTwoLooksIsFoundOut) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.log_interval = 3600.0;
-  config.td3.actor_learning_rate = std::numeric_limits<double>::infinity();
+  config.method.learner.actor_learning_rate = std::numeric_limits<double>::infinity();
   EXPECT_EQ(RunOnce(config, {scratch.path() / "run"}), TrainingEnd::kDiverged);
 }
 

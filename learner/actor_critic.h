@@ -1,0 +1,76 @@
+#pragma once
+
+#include <ATen/ATen.h>
+
+#include <algorithm>
+#include <span>
+
+#include "learner/algorithm.h"
+#include "learner/critics.h"
+
+namespace slalom::learner {
+
+/// What actor-critic algorithms have in common: an actor of type `Actor`, some critics, the vectors
+/// between them. An algorithm adds its update.
+template <class Actor>
+class ActorCritic : public Algorithm {
+ public:
+  ActorCritic(const AlgorithmContext& context, int num_critics)
+      : config_(context.config),
+        minibatch_(context.minibatch),
+        totals_(context.totals),
+        constraint_(context.constraint),
+        actor_(policy::ActorShape(context.spec.network, context.frame_size,
+                                  context.spec.distribution.num_outputs()),
+               context.spec.distribution, context.initial_weights, context.minibatch),
+        critics_("critics", policy::CriticShape(context.spec.network, context.frame_size),
+                 num_critics, context.initial_weights, context.minibatch),
+        target_(at::zeros_like(context.minibatch.reward)),
+        errors_(at::zeros_like(context.minibatch.reward)) {}
+
+  int num_critics() const override { return critics_.size(); }
+  const at::Tensor& errors() const override { return errors_; }
+  const at::Tensor& actor_parameters() const override { return actor_.parameters(); }
+  const at::Tensor& critic_parameters() const override { return critics_.parameters(); }
+  const at::Tensor& average_parameters() const override {
+    return config_.average_rate > 0.0 ? actor_.average_parameters() : actor_.parameters();
+  }
+  const at::Tensor& ActNext() override { return actor_.ActNext(); }
+
+  void SaveState(policy::TensorMap& tensors) const override {
+    actor_.SaveState(tensors);
+    critics_.SaveState(tensors);
+  }
+  void LoadState(const policy::TensorFile& file) override {
+    actor_.LoadState(file);
+    critics_.LoadState(file);
+  }
+
+ protected:
+  /// theta_k <- argmin mean (Q_k(s, a) - y)^2 for y = target_, one step; the targets follow.
+  void RegressCritics(double rate, double polyak_rate) {
+    const Critics::Importance importance{minibatch_.weight, errors_};
+    critics_.Regress(target_, rate * config_.critic_learning_rate, polyak_rate,
+                     totals_[Total::kCriticLoss], totals_[Total::kQ], totals_[Total::kCriticNorm],
+                     config_.prioritized ? &importance : nullptr);
+  }
+
+  /// Rate of the averaged actor in the update that was just counted. Early on the average forgets
+  /// its untrained beginning: 5 / (5 + n) while that is faster.
+  double AverageRate() const {
+    if (config_.average_rate == 0.0) return 0.0;
+    const auto n = static_cast<double>(totals_.num_actor_updates());
+    return std::max(config_.average_rate, 5.0 / (5.0 + n));
+  }
+
+  const LearnerConfig config_;
+  Minibatch& minibatch_;
+  Totals& totals_;
+  Constraint* const constraint_;
+  Actor actor_;
+  Critics critics_;
+  at::Tensor target_;  // [B], y
+  at::Tensor errors_;  // [B], |Q(s, a) - y|, where prioritized
+};
+
+}  // namespace slalom::learner

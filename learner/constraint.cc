@@ -1,0 +1,86 @@
+#include "learner/constraint.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+
+#include "base/check.h"
+#include "learner/value_ops.h"
+
+namespace slalom::learner {
+namespace {
+
+constexpr int kNumCritics = 2;
+
+}  // namespace
+
+Constraint::Constraint(const ConstraintConfig& config, const policy::MlpShape& critic_shape,
+                       base::Random& initial_weights, Minibatch& minibatch, Totals& totals)
+    : config_(config),
+      minibatch_(minibatch),
+      totals_(totals),
+      critics_("cost_critics", critic_shape, kNumCritics, initial_weights, minibatch),
+      target_(at::zeros_like(minibatch.cost)),
+      integral_(config.multiplier),
+      multiplier_(config.multiplier) {
+  SLALOM_CHECK(config.kind != "none");
+}
+
+void Constraint::UpdateCritics(double learning_rate, double polyak_rate) {
+  critics_.ComputeTarget(minibatch_.cost, minibatch_.discount, Pessimism::kMaximum, target_);
+  critics_.Regress(target_, learning_rate, polyak_rate, totals_[Total::kCostLoss],
+                   totals_[Total::kCostQ], totals_[Total::kCostNorm]);
+}
+
+void Constraint::AddActionGradient(at::Tensor& action_gradient) {
+  // `Critics` gives the gradient of -mean Q.
+  action_gradient.sub_(critics_.ActionGradient(nullptr), multiplier_);
+}
+
+void Constraint::Observe(double collisions, std::int64_t num_episodes) {
+  const std::int64_t finished = num_episodes - num_episodes_;
+  num_episodes_ = num_episodes;  // An actor that starts anew counts from 0 again.
+  if (finished <= 0 || std::isnan(collisions)) return;
+  const double rise = std::isnan(collisions_) ? 0.0 : std::max(0.0, collisions - collisions_);
+  collisions_ = collisions;
+  if (config_.kind == "fixed" || static_cast<double>(num_episodes) < config_.learning_starts) {
+    return;
+  }
+  // lambda <- [K_P Delta + I + K_D rise]_+, I <- [I + K_I Delta]_+, once for each episode.
+  const double violation = collisions - config_.limit;
+  integral_ =
+      std::clamp(integral_ + static_cast<double>(finished) * config_.learning_rate * violation, 0.0,
+                 config_.multiplier_max);
+  multiplier_ =
+      std::clamp(config_.proportional_gain * violation + integral_ + config_.derivative_gain * rise,
+                 0.0, config_.multiplier_max);
+}
+
+void Constraint::Describe(LearnerStats& stats) const {
+  stats.multiplier = multiplier_;
+  stats.violation = collisions_ - config_.limit;
+}
+
+void Constraint::SaveState(policy::TensorMap& tensors) const {
+  critics_.SaveState(tensors);
+  const std::array numbers = {integral_, multiplier_, collisions_};
+  tensors["constraint.state"] = policy::StoredTensor::Of(std::span<const double>(numbers));
+  const std::array episodes = {num_episodes_};
+  tensors["constraint.episodes"] =
+      policy::StoredTensor::Of(std::span<const std::int64_t>(episodes));
+}
+
+void Constraint::LoadState(const policy::TensorFile& file) {
+  critics_.LoadState(file);
+  std::array<double, 3> numbers{};
+  file.Read("constraint.state", std::span(numbers));
+  integral_ = numbers[0];
+  multiplier_ = numbers[1];
+  collisions_ = numbers[2];
+  std::array<std::int64_t, 1> episodes{};
+  file.Read("constraint.episodes", std::span(episodes));
+  num_episodes_ = episodes[0];
+}
+
+}  // namespace slalom::learner

@@ -1,0 +1,26 @@
+#include "learner/ddpg.h"
+
+#include "learner/value_ops.h"
+
+namespace slalom::learner {
+
+void Ddpg::Update(double rate) {
+  totals_.CountUpdate();
+  totals_.CountActorUpdate();
+
+  // y = r + gamma^n Q'(s', pi'(s'))
+  CopyActions(actor_.ActTarget(), minibatch_.next_actions);
+  critics_.ComputeTarget(minibatch_.reward, minibatch_.discount, Pessimism::kMinimum, target_);
+  // theta <- argmin mean (Q(s, a) - y)^2, and theta' <- tau theta + (1 - tau) theta'
+  RegressCritics(rate, config_.tau);
+  if (constraint_) constraint_->UpdateCritics(rate * config_.critic_learning_rate, config_.tau);
+
+  // grad_phi J = mean grad_a Q(s, a)|a=pi(s) grad_phi pi(s), and phi' follows as theta' does
+  CopyActions(actor_.Act(), minibatch_.actions);
+  at::Tensor& action_gradient = critics_.ActionGradient(&totals_[Total::kActorQ]);
+  if (constraint_) constraint_->AddActionGradient(action_gradient);
+  actor_.Improve(action_gradient, rate * config_.actor_learning_rate, config_.tau, AverageRate(),
+                 totals_[Total::kActorNorm]);
+}
+
+}  // namespace slalom::learner

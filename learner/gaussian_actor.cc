@@ -1,0 +1,67 @@
+#include "learner/gaussian_actor.h"
+
+#include <span>
+
+#include "learner/parameters.h"
+#include "learner/value_ops.h"
+#include "policy/layer_ops.h"
+
+namespace slalom::learner {
+namespace {
+
+constexpr std::int64_t kActionSize = 2;
+
+}  // namespace
+
+GaussianActor::GaussianActor(const policy::MlpShape& shape,
+                             const policy::ActionDistribution& distribution, base::Random& random,
+                             const Minibatch& minibatch)
+    : distribution_(distribution),
+      parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
+      average_parameters_(parameters_.clone()),
+      gradient_(at::zeros_like(parameters_)),
+      adam_(parameters_, gradient_),
+      network_(shape, parameters_),
+      network_gradient_(shape, gradient_),
+      now_{policy::MlpPass(shape, minibatch.features),
+           at::zeros({minibatch.reward.size(0), kActionSize}, minibatch.reward.options()),
+           at::zeros_like(minibatch.reward)},
+      next_{policy::MlpPass(shape, minibatch.next_features), at::zeros_like(now_.actions),
+            at::zeros_like(minibatch.reward)} {}
+
+SampledActions GaussianActor::Draw(Draws& draws, const at::Tensor& noise) {
+  network_.Forward(draws.pass);
+  SquashedSample(distribution_, draws.pass.output(), noise, draws.actions, draws.log_probability);
+  if (&draws == &now_) noise_ = noise;
+  return {draws.actions, draws.log_probability};
+}
+
+const at::Tensor& GaussianActor::ActNext() {
+  network_.Forward(next_.pass);
+  CopyActions(next_.pass.output().narrow(1, 0, kActionSize), next_.actions);
+  policy::Tanh(next_.actions);
+  return next_.actions;
+}
+
+void GaussianActor::Improve(const at::Tensor& action_gradient, const at::Tensor& log_temperature,
+                            double learning_rate, double average_rate, at::Tensor& norm_total) {
+  SquashedGradient(distribution_, now_.pass.output(), noise_, now_.actions, action_gradient,
+                   log_temperature, now_.pass.output_gradient());
+  network_.ParameterGradient(now_.pass, network_gradient_);
+  const Follower average{average_parameters_, average_rate};
+  adam_.Step(learning_rate, std::span(&average, average_rate > 0.0 ? 1 : 0), norm_total);
+}
+
+void GaussianActor::SaveState(policy::TensorMap& tensors) const {
+  tensors["actor.parameters"] = StoreTensor(parameters_);
+  tensors["actor.average_parameters"] = StoreTensor(average_parameters_);
+  adam_.SaveState("actor.adam", tensors);
+}
+
+void GaussianActor::LoadState(const policy::TensorFile& file) {
+  ReadTensor(file, "actor.parameters", parameters_);
+  ReadTensor(file, "actor.average_parameters", average_parameters_);
+  adam_.LoadState("actor.adam", file);
+}
+
+}  // namespace slalom::learner

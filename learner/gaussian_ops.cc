@@ -1,0 +1,124 @@
+#include "learner/gaussian_ops.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "policy/layer_ops.h"
+
+namespace slalom::learner {
+namespace {
+
+using policy::IsHostFloat;
+
+constexpr std::int64_t kActionSize = 2;
+const double kLogSqrtTwoPi = 0.5 * std::log(2.0 * std::numbers::pi);
+
+/// log(1 - tanh(u)^2), without cancellation where |u| is large.
+float LogTanhSlope(float u) {
+  const float v = -2.0f * std::abs(u);
+  return 2.0f * (std::numbers::ln2_v<float> + 0.5f * v - std::log1p(std::exp(v)));
+}
+
+/// log std of the network's second outputs.
+at::Tensor LogStd(const policy::ActionDistribution& distribution, const at::Tensor& raw) {
+  return distribution.log_std_min +
+         0.5 * (distribution.log_std_max - distribution.log_std_min) * (raw.tanh() + 1.0);
+}
+
+}  // namespace
+
+void SquashedSample(const policy::ActionDistribution& distribution, const at::Tensor& output,
+                    const at::Tensor& noise, at::Tensor& actions, at::Tensor& log_probability) {
+  if (!IsHostFloat(output)) {
+    const at::Tensor log_std = LogStd(distribution, output.narrow(1, kActionSize, kActionSize));
+    const at::Tensor u = output.narrow(1, 0, kActionSize) + log_std.exp() * noise;
+    const at::Tensor log_slope = 2.0 * (std::numbers::ln2 - u - at::softplus(-2.0 * u));
+    actions.copy_(u.tanh());
+    log_probability.copy_((-0.5 * noise.square() - log_std - kLogSqrtTwoPi - log_slope).sum(1));
+    return;
+  }
+  const float* const row = output.data_ptr<float>();
+  const float* const random = noise.data_ptr<float>();
+  float* const action = actions.data_ptr<float>();
+  for (std::int64_t i = 0; i < output.size(0); ++i) {
+    float sum = 0.0f;
+    for (std::int64_t j = 0; j < kActionSize; ++j) {
+      const float log_std = distribution.log_std(row[i * 2 * kActionSize + kActionSize + j]);
+      const float epsilon = random[i * kActionSize + j];
+      const float u = row[i * 2 * kActionSize + j] + std::exp(log_std) * epsilon;
+      action[i * kActionSize + j] = std::tanh(u);
+      sum +=
+          -0.5f * epsilon * epsilon - log_std - static_cast<float>(kLogSqrtTwoPi) - LogTanhSlope(u);
+    }
+    log_probability.data_ptr<float>()[i] = sum;
+  }
+}
+
+void SquashedGradient(const policy::ActionDistribution& distribution, const at::Tensor& output,
+                      const at::Tensor& noise, const at::Tensor& actions, const at::Tensor& daction,
+                      const at::Tensor& log_temperature, at::Tensor& doutput) {
+  const double half_range = 0.5 * (distribution.log_std_max - distribution.log_std_min);
+  const auto batch = static_cast<double>(output.size(0));
+  if (!IsHostFloat(output)) {
+    const at::Tensor share = log_temperature.exp() / batch;
+    const at::Tensor raw = output.narrow(1, kActionSize, kActionSize);
+    const at::Tensor du = daction * (1.0 - actions.square()) + share * 2.0 * actions;
+    doutput.narrow(1, 0, kActionSize).copy_(du);
+    doutput.narrow(1, kActionSize, kActionSize)
+        .copy_((du * LogStd(distribution, raw).exp() * noise - share) * half_range *
+               (1.0 - raw.tanh().square()));
+    return;
+  }
+  const auto share =
+      static_cast<float>(std::exp(static_cast<double>(*log_temperature.data_ptr<float>())) / batch);
+  const float* const row = output.data_ptr<float>();
+  const float* const random = noise.data_ptr<float>();
+  const float* const action = actions.data_ptr<float>();
+  float* const result = doutput.data_ptr<float>();
+  for (std::int64_t i = 0; i < output.size(0); ++i) {
+    const float* const by_action = daction.data_ptr<float>() + i * daction.stride(0);
+    for (std::int64_t j = 0; j < kActionSize; ++j) {
+      const std::int64_t mean = i * 2 * kActionSize + j;
+      const float a = action[i * kActionSize + j];
+      const float raw = row[mean + kActionSize];
+      const float slope = std::tanh(raw);
+      const float du = by_action[j] * (1.0f - a * a) + share * 2.0f * a;
+      result[mean] = du;
+      result[mean + kActionSize] =
+          (du * std::exp(distribution.log_std(raw)) * random[i * kActionSize + j] - share) *
+          static_cast<float>(half_range) * (1.0f - slope * slope);
+    }
+  }
+}
+
+void SubtractEntropyCost(const at::Tensor& discount, const at::Tensor& log_temperature,
+                         const at::Tensor& log_probability, at::Tensor& y) {
+  if (!IsHostFloat(y)) {
+    y.sub_(discount * log_temperature.exp() * log_probability);
+    return;
+  }
+  const float alpha = std::exp(*log_temperature.data_ptr<float>());
+  for (std::int64_t i = 0; i < y.numel(); ++i) {
+    y.data_ptr<float>()[i] -=
+        discount.data_ptr<float>()[i] * alpha * log_probability.data_ptr<float>()[i];
+  }
+}
+
+void TemperatureGradient(const at::Tensor& log_probability, double target_entropy,
+                         at::Tensor& gradient, at::Tensor& entropy_total) {
+  if (!IsHostFloat(log_probability)) {
+    const at::Tensor mean = log_probability.mean();
+    entropy_total.sub_(mean);
+    gradient.copy_(-(mean + target_entropy).unsqueeze(0));
+    return;
+  }
+  double sum = 0.0;
+  for (std::int64_t i = 0; i < log_probability.numel(); ++i) {
+    sum += log_probability.data_ptr<float>()[i];
+  }
+  const double mean = sum / static_cast<double>(log_probability.numel());
+  *entropy_total.data_ptr<double>() -= mean;
+  *gradient.data_ptr<float>() = static_cast<float>(-(mean + target_entropy));
+}
+
+}  // namespace slalom::learner

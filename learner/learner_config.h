@@ -1,0 +1,121 @@
+#pragma once
+
+#include <string>
+
+#include "base/config_field.h"
+
+namespace slalom::learner {
+
+/// What learns, and how. The defaults are the original's TD3 (original-system.md §3.1, §3.2).
+struct LearnerConfig {
+  std::string algorithm = "td3";
+  std::string device = "auto";
+  double actor_learning_rate = 1e-5;
+  double critic_learning_rate = 2e-5;
+  double final_learning_rate_fraction = 1.0;
+  int batch_size = 128;
+  double gamma = 0.99;
+  int n_step = 4;
+  int extra_discount_steps = 0;
+  double tau = 0.005;
+  double target_noise = 0.2;
+  double noise_clip = 0.5;
+  int policy_delay = 2;
+  double temperature = 0.2;
+  double temperature_learning_rate = 3e-4;
+  double target_entropy = -2.0;
+  double log_std_min = -5.0;
+  double log_std_max = 2.0;
+  double reward_scale = 1.0;
+  bool mirror = false;
+  double average_rate = 0.0;
+  bool prioritized = false;
+  double importance_exponent = 0.4;
+  double divergence_limit = 1e5;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("algorithm", algorithm, base::OneOf{"td3", "ddpg", "sac"}, "",
+      "The update rule (docs/algorithms.md).");
+    v("device", device, base::OneOf{"auto", "cpu", "cuda"}, "",
+      "Where the learner computes; auto: a GPU where LibTorch finds one.");
+    v("actor_learning_rate", actor_learning_rate, base::Range{0.0, 1.0}, "",
+      "Adam's step size for the actor.");
+    v("critic_learning_rate", critic_learning_rate, base::Range{0.0, 1.0}, "",
+      "Adam's step size for the critics.");
+    v("final_learning_rate_fraction", final_learning_rate_fraction, base::Range{0.0, 1.0}, "",
+      "Both step sizes fall linearly to this part of themselves at the end of training.");
+    v("batch_size", batch_size, base::Range{1, 65536}, "", "Transitions per update.");
+    v("gamma", gamma, base::Range{0.0, 1.0}, "", "Discount per control step.");
+    v("n_step", n_step, base::Range{1, 100}, "steps", "Longest window of a return.");
+    v("extra_discount_steps", extra_discount_steps, base::Range{0, 10}, "steps",
+      "Steps by which the value after a window is discounted beyond the window's length. The "
+      "original's code: 1 (original-system.md §3.4, F2).");
+    v("tau", tau, base::Range{0.0, 1.0}, "",
+      "Rate at which target networks follow, per actor update.");
+    v("target_noise", target_noise, base::Range{0.0, 10.0}, "",
+      "TD3: standard deviation of the noise on target actions.");
+    v("noise_clip", noise_clip, base::Range{0.0, 10.0}, "",
+      "TD3: largest noise on target actions.");
+    v("policy_delay", policy_delay, base::Range{1, 100}, "",
+      "TD3: critic updates per update of actor and targets.");
+    v("temperature", temperature, base::Range{1e-6, 1e3}, "",
+      "SAC: weight of the entropy at the start.");
+    v("temperature_learning_rate", temperature_learning_rate, base::Range{0.0, 1.0}, "",
+      "SAC: Adam's step size for the temperature's logarithm; 0: it stays.");
+    v("target_entropy", target_entropy, base::Range{-100.0, 100.0}, "nats",
+      "SAC: entropy of the policy that the temperature holds.");
+    v("log_std_min", log_std_min, base::Range{-20.0, 2.0}, "",
+      "SAC: least logarithm of the policy's standard deviation, before tanh.");
+    v("log_std_max", log_std_max, base::Range{-20.0, 5.0}, "",
+      "SAC: largest. The original's code: -1 and 1.");
+    v("reward_scale", reward_scale, base::Range{1e-6, 1e6}, "",
+      "What rewards are multiplied by before they are learned from.");
+    v("mirror", mirror, "Replace each sample, with probability 1/2, by its mirror image.");
+    v("average_rate", average_rate, base::Range{0.0, 1.0}, "",
+      "Rate at which the averaged actor follows, per actor update; 0: no averaging. Early on it is "
+      "the mean of about the last fifth.");
+    v("prioritized", prioritized,
+      "Draw transitions in proportion to their last temporal-difference error (Schaul et al. 2016; "
+      "alpha is replay_server.priority_exponent).");
+    v("importance_exponent", importance_exponent, base::Range{0.0, 1.0}, "",
+      "beta of the importance weights, where prioritized.");
+    v("divergence_limit", divergence_limit, base::Range{1.0, 1e30}, "",
+      "Mean action value, scaled, beyond which training counts as diverged.");
+  }
+};
+
+/// A constraint on how often the robot collides (paper.tex, safe RL; original-system.md §4).
+struct ConstraintConfig {
+  std::string kind = "none";
+  double limit = 0.1;
+  double multiplier = 0.0;
+  double multiplier_max = 100.0;
+  double learning_rate = 0.002;
+  double proportional_gain = 0.0;
+  double derivative_gain = 0.0;
+  double learning_starts = 0.0;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("kind", kind, base::OneOf{"none", "lagrangian", "fixed"}, "",
+      "lagrangian: a multiplier that rises while the policy collides more often than the limit "
+      "(dual ascent). fixed: a constant multiplier, as the original's code.");
+    v("limit", limit, base::Range{0.0, 1000.0}, "collisions/episode",
+      "Most collisions per training episode, exploration included.");
+    v("multiplier", multiplier, base::Range{0.0, 1e6}, "",
+      "lambda at the start; the constant where the kind is \"fixed\" (the original's: 2, 5 or "
+      "10).");
+    v("multiplier_max", multiplier_max, base::Range{0.0, 1e6}, "", "Largest lambda.");
+    v("learning_rate", learning_rate, base::Range{0.0, 100.0}, "",
+      "By how much lambda moves per finished episode and unit of violation: the integral gain.");
+    v("proportional_gain", proportional_gain, base::Range{0.0, 1e6}, "",
+      "lambda also has this times the violation (PID-Lagrangian, Stooke et al. 2020).");
+    v("derivative_gain", derivative_gain, base::Range{0.0, 1e6}, "",
+      "And this times the rise of the collisions since the last look, where positive.");
+    v("learning_starts", learning_starts, base::Range{0.0, 1e9}, "episodes",
+      "Episodes before lambda moves.");
+  }
+};
+
+}  // namespace slalom::learner

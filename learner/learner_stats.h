@@ -1,0 +1,77 @@
+#pragma once
+
+#include <ATen/ATen.h>
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include "policy/safetensors.h"
+
+namespace slalom::learner {
+
+/// Means over the updates since the last reading. NaN: the method has no such figure.
+struct LearnerStats {
+  std::int64_t num_updates = 0;  ///< Critic updates that the means are over.
+  double critic_loss = 0.0;      ///< Mean squared error, of one critic.
+  double q_mean = 0.0;           ///< Of the critics on the batch, scaled as the rewards.
+  double critic_gradient_norm = 0.0;
+  double actor_q_mean = 0.0;  ///< Q_1(s, pi(s)): what the actor climbs.
+  double actor_gradient_norm = 0.0;
+
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  double entropy = kNone;      ///< Of the policy, [nats] (SAC).
+  double temperature = kNone;  ///< alpha, as it is (SAC).
+  double cost_q_mean = kNone;  ///< Of the cost critics on the batch, [discounted collisions].
+  double cost_critic_loss = kNone;
+  double multiplier = kNone;  ///< lambda, as it is.
+  double violation = kNone;   ///< Collisions per episode above the limit, at the last look.
+};
+
+/// Totals that updates add to.
+enum class Total {
+  kCriticLoss,
+  kQ,
+  kCriticNorm,
+  kActorQ,
+  kActorNorm,
+  kEntropy,
+  kCostLoss,
+  kCostQ,
+  kCostNorm,
+  kCount
+};
+
+/// Sums of figures since the last reading, kept where the networks compute, so that an update never
+/// waits for a GPU. Thread-compatible.
+class Totals {
+ public:
+  explicit Totals(at::Device device);
+
+  /// The sum of one figure: a view, float64, [1].
+  at::Tensor& operator[](Total total) { return views_[static_cast<std::size_t>(total)]; }
+
+  void CountUpdate() { ++num_updates_; }
+  void CountActorUpdate() { ++num_actor_updates_; }
+  std::int64_t num_updates() const { return num_updates_; }              ///< Since the beginning.
+  std::int64_t num_actor_updates() const { return num_actor_updates_; }  ///< Since the beginning.
+
+  /// The means, and new sums. Waits for the device.
+  LearnerStats Read(int num_critics);
+
+  void SaveState(policy::TensorMap& tensors) const;
+  void LoadState(const policy::TensorFile& file);
+
+ private:
+  static constexpr auto kNumTotals = static_cast<std::size_t>(Total::kCount);
+
+  at::Tensor sums_;  // [kNumTotals] float64
+  std::array<at::Tensor, kNumTotals> views_;
+  std::int64_t num_updates_ = 0;
+  std::int64_t num_actor_updates_ = 0;
+  std::int64_t updates_at_reading_ = 0;
+  std::int64_t actor_updates_at_reading_ = 0;
+};
+
+}  // namespace slalom::learner

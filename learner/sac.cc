@@ -1,0 +1,78 @@
+#include "learner/sac.h"
+
+#include <cmath>
+#include <limits>
+
+#include "learner/value_ops.h"
+
+namespace slalom::learner {
+namespace {
+
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+Sac::Sac(const AlgorithmContext& context)
+    : ActorCritic(context, /*num_critics=*/2),
+      noise_(base::DeriveSeed(context.seed, "policy noise"), context.config.batch_size,
+             context.minibatch.input.device()),
+      next_noise_(base::DeriveSeed(context.seed, "next policy noise"), context.config.batch_size,
+                  context.minibatch.input.device()),
+      log_temperature_(
+          at::full({1}, std::log(context.config.temperature), context.minibatch.reward.options())),
+      log_temperature_gradient_(at::zeros_like(log_temperature_)),
+      temperature_adam_(log_temperature_, log_temperature_gradient_),
+      temperature_norm_(at::zeros_like(log_temperature_, at::kDouble)) {}
+
+void Sac::Update(double rate) {
+  totals_.CountUpdate();
+  totals_.CountActorUpdate();
+
+  // a', log pi(a'|s') ~ pi(.|s')
+  const SampledActions next = actor_.SampleNext(next_noise_.Draw(1.0, kUnbounded));
+  CopyActions(next.actions, minibatch_.next_actions);
+  // Soft value, equations 3 and 6: y = r + gamma^n (min_k Q'_k(s', a') - alpha log pi(a'|s'))
+  critics_.ComputeTarget(minibatch_.reward, minibatch_.discount, Pessimism::kMinimum, target_);
+  SubtractEntropyCost(minibatch_.discount, log_temperature_, next.log_probability, target_);
+  // Equation 5: theta_k <- argmin mean (Q_k(s, a) - y)^2; theta'_k <- tau theta_k + (1-tau)
+  // theta'_k
+  RegressCritics(rate, config_.tau);
+  if (constraint_) constraint_->UpdateCritics(rate * config_.critic_learning_rate, config_.tau);
+
+  // Equation 9: phi <- argmin mean alpha log pi(a|s) - min_k Q_k(s, a), a reparametrised
+  const SampledActions now = actor_.Sample(noise_.Draw(1.0, kUnbounded));
+  CopyActions(now.actions, minibatch_.actions);
+  at::Tensor& action_gradient = critics_.LeastActionGradient(totals_[Total::kActorQ]);
+  if (constraint_) constraint_->AddActionGradient(action_gradient);
+  actor_.Improve(action_gradient, log_temperature_, rate * config_.actor_learning_rate,
+                 AverageRate(), totals_[Total::kActorNorm]);
+
+  // Equation 18, in log alpha: log alpha <- argmin -log alpha mean (log pi(a|s) + target entropy)
+  TemperatureGradient(now.log_probability, config_.target_entropy, log_temperature_gradient_,
+                      totals_[Total::kEntropy]);
+  if (config_.temperature_learning_rate > 0.0) {
+    temperature_adam_.Step(config_.temperature_learning_rate, {}, temperature_norm_);
+  }
+}
+
+void Sac::Describe(LearnerStats& stats) const {
+  stats.temperature = std::exp(log_temperature_.item<double>());
+}
+
+void Sac::SaveState(policy::TensorMap& tensors) const {
+  ActorCritic::SaveState(tensors);
+  noise_.SaveState("sac.policy_noise_random", tensors);
+  next_noise_.SaveState("sac.next_policy_noise_random", tensors);
+  tensors["sac.log_temperature"] = StoreTensor(log_temperature_);
+  temperature_adam_.SaveState("sac.temperature_adam", tensors);
+}
+
+void Sac::LoadState(const policy::TensorFile& file) {
+  ActorCritic::LoadState(file);
+  noise_.LoadState("sac.policy_noise_random", file);
+  next_noise_.LoadState("sac.next_policy_noise_random", file);
+  ReadTensor(file, "sac.log_temperature", log_temperature_);
+  temperature_adam_.LoadState("sac.temperature_adam", file);
+}
+
+}  // namespace slalom::learner

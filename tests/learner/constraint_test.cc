@@ -1,0 +1,101 @@
+#include "learner/constraint.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "learner/learner.h"
+#include "policy/mlp_shape.h"
+
+namespace slalom::learner {
+namespace {
+
+/// A constraint with critics that are of no matter.
+struct Fixture {
+  explicit Fixture(const ConstraintConfig& config)
+      : random(1),
+        minibatch(4, 1, 6, at::kCPU),
+        totals(at::kCPU),
+        constraint(config, Shape(), random, minibatch, totals) {}
+
+  static policy::MlpShape Shape() {
+    policy::NetworkConfig network;
+    network.encoder_layers = {};
+    network.head_layers = {4};
+    return policy::CriticShape(network, 6);
+  }
+
+  base::Random random;
+  Minibatch minibatch;
+  Totals totals;
+  Constraint constraint;
+};
+
+TEST(Constraint, MultiplierAscendsByTheViolationOfEveryEpisode) {
+  Fixture f({.kind = "lagrangian", .limit = 0.1, .multiplier = 1.0, .learning_rate = 0.01});
+  f.constraint.Observe(0.5, 100);
+  EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 1.0 + 100 * 0.01 * 0.4);
+  f.constraint.Observe(0.0, 150);
+  EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 1.4 - 50 * 0.01 * 0.1);
+  // Nothing new, or nothing known: it stays.
+  f.constraint.Observe(0.9, 150);
+  f.constraint.Observe(std::numeric_limits<double>::quiet_NaN(), 160);
+  EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 1.35);
+}
+
+TEST(Constraint, MultiplierStaysWithinItsBounds) {
+  Fixture f({.kind = "lagrangian", .limit = 0.5, .multiplier_max = 3.0, .learning_rate = 1.0});
+  f.constraint.Observe(0.0, 1000);
+  EXPECT_EQ(f.constraint.multiplier(), 0.0);
+  // It did not go on falling below 0 unseen.
+  f.constraint.Observe(1.0, 1002);
+  EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 1.0);
+  f.constraint.Observe(1.0, 9000);
+  EXPECT_EQ(f.constraint.multiplier(), 3.0);
+}
+
+// Where the number of collisions answers lambda, the integral part finds the lambda that holds
+// the limit, and the others get there with less overshoot.
+TEST(Constraint, FindsTheMultiplierThatHoldsTheLimit) {
+  const auto overshoot = [](double proportional, double derivative) {
+    Fixture f({.kind = "lagrangian",
+               .limit = 0.1,
+               .learning_rate = 0.02,
+               .proportional_gain = proportional,
+               .derivative_gain = derivative});
+    double collisions = 0.6, largest = 0.0;
+    for (int i = 1; i <= 2000; ++i) {
+      f.constraint.Observe(collisions, 10 * i);
+      largest = std::max(largest, f.constraint.multiplier());
+      // The policy follows slowly: with lambda it collides 0.6 / (1 + lambda) times in the end.
+      collisions += 0.05 * (0.6 / (1.0 + f.constraint.multiplier()) - collisions);
+    }
+    EXPECT_NEAR(f.constraint.multiplier(), 5.0, 0.05);
+    EXPECT_NEAR(collisions, 0.1, 1e-3);
+    return largest - 5.0;
+  };
+  const double integral_alone = overshoot(0.0, 0.0);
+  EXPECT_GT(integral_alone, 1.0);
+  EXPECT_LT(overshoot(10.0, 0.0), 0.5 * integral_alone);
+}
+
+TEST(Constraint, AFixedMultiplierStays) {
+  Fixture f({.kind = "fixed", .multiplier = 2.0});
+  f.constraint.Observe(0.9, 100);
+  EXPECT_EQ(f.constraint.multiplier(), 2.0);
+  LearnerStats stats;
+  f.constraint.Describe(stats);
+  EXPECT_DOUBLE_EQ(stats.violation, 0.8);
+}
+
+TEST(Constraint, AnActorThatStartsAnewCountsFromZeroAgain) {
+  Fixture f({.kind = "lagrangian", .limit = 0.0, .learning_rate = 0.01});
+  f.constraint.Observe(1.0, 100);
+  f.constraint.Observe(1.0, 10);
+  EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 1.0);
+  f.constraint.Observe(1.0, 20);
+  EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 1.1);
+}
+
+}  // namespace
+}  // namespace slalom::learner

@@ -1,0 +1,271 @@
+#include "learner/learner.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "learner/algorithm.h"
+#include "tests/learner/random_rows.h"
+
+namespace slalom::learner {
+namespace {
+
+policy::PolicySpec SmallSpec() {
+  policy::PolicySpec spec;
+  spec.observation.num_beams = 24;
+  spec.network.encoder_layers = {16};
+  spec.network.head_layers = {16};
+  spec.network.sectors = 12;
+  spec.network.layer_norm = true;
+  return spec;
+}
+
+MethodConfig SmallConfig() {
+  MethodConfig config;
+  config.learner.device = "cpu";
+  config.learner.batch_size = 16;
+  config.learner.actor_learning_rate = 1e-3;
+  config.learner.critic_learning_rate = 1e-3;
+  config.learner.mirror = true;
+  config.learner.average_rate = 0.01;
+  return config;
+}
+
+void Train(Learner& learner, int begin, int end) {
+  for (int i = begin; i < end; ++i) {
+    learner.Update(RandomRows(16, 1, 24, 100 + i).rows, i / 100.0);
+  }
+}
+
+policy::TensorFile Saved(const Learner& learner) {
+  policy::TensorFile file;
+  file.source = "memory";
+  learner.SaveState(file.tensors);
+  return file;
+}
+
+TEST(Learner, IsAFunctionOfItsSeed) {
+  Learner a(SmallConfig(), SmallSpec(), 5), b(SmallConfig(), SmallSpec(), 5),
+      c(SmallConfig(), SmallSpec(), 6);
+  for (Learner* learner : {&a, &b, &c}) Train(*learner, 0, 10);
+  EXPECT_EQ(Saved(a).tensors, Saved(b).tensors);
+  EXPECT_NE(*a.Snapshot().weights, *c.Snapshot().weights);
+}
+
+TEST(Learner, GoesOnBitForBitAfterARestore) {
+  // 7 is odd, so the next update is one of those that move the actor.
+  Learner whole(SmallConfig(), SmallSpec(), 5);
+  Train(whole, 0, 7);
+  Learner resumed(SmallConfig(), SmallSpec(), 99);
+  resumed.LoadState(Saved(whole));
+  Train(whole, 7, 20);
+  Train(resumed, 7, 20);
+  EXPECT_EQ(Saved(whole).tensors, Saved(resumed).tensors);
+  EXPECT_EQ(*whole.BestSnapshot().weights, *resumed.BestSnapshot().weights);
+  EXPECT_EQ(whole.ReadStats().critic_loss, resumed.ReadStats().critic_loss);
+}
+
+TEST(Learner, RefusesStateOfAnotherNetwork) {
+  Learner learner(SmallConfig(), SmallSpec(), 5);
+  policy::PolicySpec other = SmallSpec();
+  other.network.head_layers = {8};
+  EXPECT_THROW(learner.LoadState(Saved(Learner(SmallConfig(), other, 5))), base::Error);
+  policy::TensorFile incomplete = Saved(learner);
+  incomplete.tensors.erase("critics.adam.second_moment");
+  EXPECT_THROW(learner.LoadState(incomplete), base::Error);
+}
+
+TEST(Learner, TargetsStandStillBetweenActorUpdates) {
+  Learner learner(SmallConfig(), SmallSpec(), 5);
+  const policy::TensorMap before = Saved(learner).tensors;
+  EXPECT_EQ(before.at("critics.parameters"), before.at("critics.target_parameters"));
+  EXPECT_EQ(before.at("actor.parameters"), before.at("actor.target_parameters"));
+  Train(learner, 0, 1);
+  const policy::TensorMap after_one = Saved(learner).tensors;
+  EXPECT_NE(after_one.at("critics.parameters"), before.at("critics.parameters"));
+  for (const char* name : {"critics.target_parameters", "actor.parameters",
+                           "actor.target_parameters", "actor.average_parameters"}) {
+    EXPECT_EQ(after_one.at(name), before.at(name)) << name;
+  }
+  Train(learner, 1, 2);
+  const policy::TensorMap after_two = Saved(learner).tensors;
+  for (const char* name : {"critics.target_parameters", "actor.parameters",
+                           "actor.target_parameters", "actor.average_parameters"}) {
+    EXPECT_NE(after_two.at(name), before.at(name)) << name;
+  }
+}
+
+TEST(Learner, LearningRatesFallWithProgress) {
+  MethodConfig config = SmallConfig();
+  config.learner.final_learning_rate_fraction = 0.0;
+  Learner learner(config, SmallSpec(), 5);
+  const policy::TensorMap before = Saved(learner).tensors;
+  learner.Update(RandomRows(16, 1, 24, 1).rows, /*progress=*/1.0);
+  EXPECT_EQ(Saved(learner).tensors.at("critics.parameters"), before.at("critics.parameters"));
+}
+
+TEST(Learner, ReportsNumbersThatAreNotFinite) {
+  Learner learner(SmallConfig(), SmallSpec(), 5);
+  Train(learner, 0, 4);
+  EXPECT_TRUE(learner.healthy());
+  RandomRows bad(16, 1, 24, 1);
+  bad.rows.n_step_return[3] = std::numeric_limits<float>::quiet_NaN();
+  learner.Update(bad.rows, 0.0);
+  ASSERT_FALSE(learner.healthy());
+  EXPECT_THAT(*learner.FindFault(), testing::HasSubstr("critics"));
+}
+
+TEST(Learner, ReportsValuesBeyondTheLimit) {
+  MethodConfig config = SmallConfig();
+  config.learner.divergence_limit = 1.0;
+  config.learner.reward_scale = 1000.0;
+  config.learner.critic_learning_rate = 0.1;
+  Learner learner(config, SmallSpec(), 5);
+  Train(learner, 0, 50);
+  learner.ReadStats();
+  ASSERT_FALSE(learner.healthy());
+  EXPECT_THAT(*learner.FindFault(), testing::HasSubstr("divergence_limit"));
+}
+
+TEST(Learner, WithoutAveragingTheAverageIsTheActor) {
+  MethodConfig config = SmallConfig();
+  config.learner.average_rate = 0.0;
+  Learner learner(config, SmallSpec(), 5);
+  Train(learner, 0, 4);
+  EXPECT_EQ(*learner.BestSnapshot().weights, *learner.Snapshot().weights);
+  EXPECT_EQ(learner.Snapshot().version, 4);
+}
+
+MethodConfig Prioritized(MethodConfig config) {
+  config.learner.prioritized = true;
+  return config;
+}
+
+TEST(Learner, WeightsOfOneChangeNothing) {
+  Learner uniform(SmallConfig(), SmallSpec(), 5),
+      prioritized(Prioritized(SmallConfig()), SmallSpec(), 5);
+  for (Learner* learner : {&uniform, &prioritized}) Train(*learner, 0, 10);
+  EXPECT_EQ(*uniform.Snapshot().weights, *prioritized.Snapshot().weights);
+}
+
+// A batch in which half of the samples weigh nothing teaches what the other half alone does, at
+// half the size of the gradient, which Adam does not see: its step is the same but for epsilon.
+TEST(Learner, SamplesCountByTheirWeights) {
+  MethodConfig config = Prioritized(SmallConfig());
+  config.learner.mirror = false;
+  config.learner.target_noise = 0.0;
+  Learner whole(config, SmallSpec(), 5);
+  RandomRows rows(16, 1, 24, 1);
+  for (int i = 8; i < 16; ++i) rows.rows.weight[i] = 0.0f;
+  config.learner.batch_size = 8;
+  Learner half(config, SmallSpec(), 5);
+  RandomRows first(16, 1, 24, 1);
+  first.rows.batch = 8;
+  whole.Update(rows.rows, 0.0);
+  half.Update(first.rows, 0.0);
+  const auto saved = [](const Learner& learner) {
+    std::vector<float> values(Saved(learner).tensors.at("critics.parameters").bytes.size() / 4);
+    Saved(learner).Read("critics.parameters", std::span(values));
+    return values;
+  };
+  const auto a = saved(whole), b = saved(half);
+  ASSERT_EQ(a.size(), b.size());
+  double largest = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    largest = std::max(largest, std::abs(static_cast<double>(a[i]) - static_cast<double>(b[i])));
+  }
+  // A step is at most the learning rate, 1e-3. Where a gradient g is not far above Adam's epsilon,
+  // halving it changes the step by up to epsilon / g of it.
+  EXPECT_LT(largest, 1e-3 * 0.1);
+  Learner other(config, SmallSpec(), 5);
+  EXPECT_NE(saved(other), b) << "the update did nothing";
+}
+
+TEST(Learner, ErrorsAreThoseOfTheCritics) {
+  MethodConfig config = Prioritized(SmallConfig());
+  config.learner.mirror = false;
+  config.learner.critic_learning_rate = 0.0;
+  Learner learner(config, SmallSpec(), 5);
+  RandomRows rows(16, 1, 24, 1);
+  // Where the window ended, y is the reward alone: a reward that is larger by 3 moves the error so.
+  learner.Update(rows.rows, 0.0);
+  const std::vector<float> before(learner.Errors().begin(), learner.Errors().end());
+  for (int i = 0; i < 16; ++i) rows.rows.n_step_return[i] += 30.0f;
+  learner.Update(rows.rows, 0.0);
+  const auto after = learner.Errors();
+  for (int i = 0; i < 16; i += 4) {
+    ASSERT_EQ(rows.rows.discount[i], 0.0f);
+    // |q - (r + 30)| with |q - r| < 30: 30 - (q - r), and before it was |q - r|.
+    EXPECT_NEAR(
+        std::min(std::abs(after[i] - 30.0f - before[i]), std::abs(after[i] - 30.0f + before[i])),
+        0.0, 0.5)
+        << i;
+    EXPECT_GT(after[i], 20.0f);
+  }
+}
+
+/// A spec and config of each algorithm, constrained, so that everything has state.
+class MethodTest : public testing::TestWithParam<const char*> {
+ protected:
+  MethodTest() {
+    method_.learner.algorithm = GetParam();
+    method_.constraint = {.kind = "lagrangian", .limit = 0.1, .multiplier = 1.0};
+    spec_.distribution = DistributionOf(method_.learner);
+  }
+
+  MethodConfig method_ = SmallConfig();
+  policy::PolicySpec spec_ = SmallSpec();
+};
+
+TEST_P(MethodTest, GoesOnBitForBitAfterARestore) {
+  Learner whole(method_, spec_, 5);
+  Train(whole, 0, 7);
+  whole.ObserveEpisodes(0.5, 70);
+  Learner resumed(method_, spec_, 99);
+  resumed.LoadState(Saved(whole));
+  for (Learner* learner : {&whole, &resumed}) {
+    Train(*learner, 7, 20);
+    learner->ObserveEpisodes(0.3, 90);
+  }
+  EXPECT_EQ(Saved(whole).tensors, Saved(resumed).tensors);
+  EXPECT_NE(whole.ReadStats().multiplier, 1.0);
+}
+
+TEST_P(MethodTest, ASnapshotIsAPolicyThatLoads) {
+  Learner learner(method_, spec_, 5);
+  Train(learner, 0, 3);
+  const policy::PolicySnapshot snapshot = learner.Snapshot();
+  const std::string bytes = policy::PrintPolicy(snapshot, {});
+  const policy::LoadedPolicy loaded =
+      policy::ParsePolicy(std::as_bytes(std::span(bytes)), "memory");
+  EXPECT_EQ(*loaded.snapshot.weights, *snapshot.weights);
+  EXPECT_EQ(loaded.snapshot.spec.distribution, spec_.distribution);
+}
+
+INSTANTIATE_TEST_SUITE_P(Algorithms, MethodTest, testing::Values("td3", "ddpg", "sac"),
+                         [](const auto& algorithm) { return std::string(algorithm.param); });
+
+TEST(Learner, RefusesWhatContradictsItself) {
+  MethodConfig fixed = SmallConfig();
+  fixed.constraint.kind = "fixed";
+  EXPECT_THROW(Learner(fixed, SmallSpec(), 1), base::Error);
+  MethodConfig above = SmallConfig();
+  above.constraint = {.kind = "lagrangian", .multiplier = 200.0};
+  EXPECT_THROW(Learner(above, SmallSpec(), 1), base::Error);
+  MethodConfig sac = SmallConfig();
+  sac.learner.algorithm = "sac";
+  sac.learner.log_std_min = 3.0;
+  policy::PolicySpec spec = SmallSpec();
+  spec.distribution = DistributionOf(sac.learner);
+  EXPECT_THROW(Learner(sac, spec, 1), base::Error);
+}
+
+}  // namespace
+}  // namespace slalom::learner
