@@ -149,8 +149,8 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
   replay::SampledRows rows;
   const std::vector<Product> products = ListProducts(used, config.batch_size);
   const auto update = [&] {
-    if (!table.SampleRows(learner.sample_spec(), random, &rows)) state.SkipWithError("empty table");
-    learner.Update(rows, 0.0);
+    if (!table.SampleRows(learner.sample_specs()[0], random, &rows)) state.SkipWithError("empty table");
+    learner.Update({&rows, 1}, 0.0);
   };
   for (int i = 0; i < 20; ++i) update();
   double updates_seconds = 0.0;

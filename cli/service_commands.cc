@@ -63,7 +63,9 @@ int RunReplay(const ServiceOptions& options) {
   spec.num_beams = config.environment.lidar.num_beams;
   spec.spec_hash = process.spec_hash();
   spec.seed = static_cast<std::uint64_t>(config.run.seed);
-  spec.updates_per_step = config.run.updates_per_step;
+  // The server counts batches, of which an update may need several.
+  const auto kinds = learner::Learner::SampleSpecs(config.method, train::MakePolicySpec(config));
+  spec.updates_per_step = config.run.updates_per_step * static_cast<double>(kinds.size());
   spec.learning_starts = config.run.learning_starts;
   spec.software = fmt::format("slalom {}", Version());
   replay::ReplayServer server(server_config, spec, process.context(), process.registry());

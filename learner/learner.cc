@@ -106,21 +106,22 @@ Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std
 
 Learner::~Learner() = default;
 
-replay::SampleSpec Learner::sample_spec() const {
-  const LearnerConfig& config = method_.learner;
-  return {.batch = config.batch_size,
-          .history = spec_.network.history,
-          .n_step = config.n_step,
-          .gamma = config.gamma,
-          .prioritized = config.prioritized,
-          .importance_exponent = config.importance_exponent};
+std::vector<replay::SampleSpec> Learner::SampleSpecs(const MethodConfig& method,
+                                                     const policy::PolicySpec& spec) {
+  const LearnerConfig& config = method.learner;
+  return {{.batch = config.batch_size,
+           .history = spec.network.history,
+           .n_step = config.n_step,
+           .gamma = config.gamma,
+           .prioritized = config.prioritized,
+           .importance_exponent = config.importance_exponent}};
 }
 
-void Learner::Update(const replay::SampledRows& rows, double progress) {
+void Learner::Update(std::span<const replay::SampledRows> batches, double progress) {
   Parts& p = *parts_;
   const double rate =
       1.0 + (method_.learner.final_learning_rate_fraction - 1.0) * std::clamp(progress, 0.0, 1.0);
-  p.reader.Read(rows, p.mirror, p.minibatch);
+  p.reader.Read(batches[0], p.mirror, p.minibatch);
   p.algorithm->Update(rate);
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "learner/learner_config.h"
 #include "learner/learner_stats.h"
@@ -33,10 +34,13 @@ class Learner {
 
   /// One update. Copies what it needs out of the rows. `progress`: part of training that is done,
   /// in [0, 1], for the learning rates. On the CPU: no allocation; on a GPU: no wait for it.
-  /// Requires: rows sampled as `sample_spec()` says.
-  void Update(const replay::SampledRows& rows, double progress);
+  /// Requires: rows sampled as `sample_specs()` say, one batch of each.
+  void Update(std::span<const replay::SampledRows> batches, double progress);
 
-  replay::SampleSpec sample_spec() const;
+  /// What an update learns from: the algorithm's transitions.
+  std::vector<replay::SampleSpec> sample_specs() const { return SampleSpecs(method_, spec_); }
+  static std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
+                                                     const policy::PolicySpec& spec);
 
   /// The new priorities of the last batch's samples: |Q(s, a) - y|, mean of the critics, [B]. Valid
   /// until the next `Update`. Waits for the device. Requires: prioritized, one update.

@@ -162,9 +162,14 @@ void Trainer::InsertChunk(std::unique_ptr<replay::Chunk> chunk) {
 
 void Trainer::Update() {
   limiter_.AddUpdate();
-  if (!table_.SampleRows(learner_.sample_spec(), sampling_, &rows_)) return;
+  const auto specs = learner_.sample_specs();
+  rows_.resize(specs.size());
+  for (std::size_t i = 0; i < specs.size(); ++i) {
+    if (!table_.SampleRows(specs[i], sampling_, &rows_[i])) return;
+  }
   learner_.Update(rows_, Fraction());
-  if (config_.method.learner.prioritized) table_.SetPriorities(rows_.sequence, learner_.Errors());
+  if (config_.method.learner.prioritized)
+    table_.SetPriorities(rows_[0].sequence, learner_.Errors());
   if (limiter_.updates() % config_.run.publish_interval != 0) return;
   const actor::ActorStats acting = actor_.stats();
   learner_.ObserveEpisodes(acting.collision_rate, acting.num_episodes);

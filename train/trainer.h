@@ -5,6 +5,7 @@
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "actor/actor.h"
 #include "base/parallel.h"
@@ -87,7 +88,7 @@ class Trainer {
   policy::NetworkAgent agent_;
   actor::Actor actor_;
   replay::Table table_;
-  replay::SampledRows rows_;
+  std::vector<replay::SampledRows> rows_;  // One of each kind that an update learns from.
   base::Random sampling_;
   RateLimiter limiter_;
   // Nothing on disk is touched before all that a bad config can break has been built.

@@ -16,40 +16,45 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 BatchStream::BatchStream(transport::Context& context, const transport::ClientOptions& replay,
-                         proto::Hello hello, const replay::SampleSpec& spec, int prefetch,
+                         proto::Hello hello, std::vector<replay::SampleSpec> specs, int prefetch,
                          std::uint64_t cursor)
     : link_(context, replay, std::move(hello)),
-      spec_(spec),
-      prefetch_(prefetch),
+      specs_(std::move(specs)),
+      prefetch_(prefetch * static_cast<int>(specs_.size())),
       cursor_(cursor),
-      requested_(cursor) {}
+      requested_(cursor) {
+  batches_.payloads.resize(specs_.size());
+  batches_.rows.resize(specs_.size());
+}
 
 void BatchStream::Request() {
   if (!link_.welcomed()) return;
   // On a new connection nothing that was asked for before is on its way.
-  if (link_.num_welcomes() != num_welcomes_) requested_ = cursor_;
+  const std::uint64_t next = cursor_ + static_cast<std::uint64_t>(num_here_);
+  if (link_.num_welcomes() != num_welcomes_) requested_ = next;
   num_welcomes_ = link_.num_welcomes();
-  while (requested_ < cursor_ + static_cast<std::uint64_t>(prefetch_)) {
+  while (requested_ < next + static_cast<std::uint64_t>(prefetch_)) {
+    const replay::SampleSpec& spec = specs_[requested_ % specs_.size()];
     proto::SampleRequest request;
     request.cursor = requested_;
-    request.batch = spec_.batch;
-    request.history = spec_.history;
-    request.n_step = spec_.n_step;
-    request.gamma = spec_.gamma;
-    request.prioritized = spec_.prioritized;
-    request.importance_exponent = spec_.importance_exponent;
+    request.batch = spec.batch;
+    request.history = spec.history;
+    request.n_step = spec.n_step;
+    request.gamma = spec.gamma;
+    request.prioritized = spec.prioritized;
+    request.importance_exponent = spec.importance_exponent;
     if (!link_.Send(request)) return;
     ++requested_;
   }
 }
 
-const RemoteBatch* BatchStream::Next(milliseconds timeout) {
+const RemoteBatches* BatchStream::Next(milliseconds timeout) {
   const auto give_up = steady_clock::now() + timeout;
   do {
     Request();
     const auto left = std::chrono::ceil<milliseconds>(give_up - steady_clock::now());
     auto received = link_.Receive(std::max(left, milliseconds(0)));
-    if (received && Take(std::move(*received))) return &batch_;
+    if (received && Take(std::move(*received))) return &batches_;
   } while (steady_clock::now() < give_up);
   return nullptr;
 }
@@ -68,25 +73,32 @@ bool BatchStream::Take(service::ReplayLink::Received received) {
     return false;
   }
   const auto* reply = std::get_if<proto::SampleReply>(&received.header);
-  if (reply == nullptr || reply->cursor != cursor_) return false;  // Asked for twice.
-  if (reply->batch != spec_.batch || reply->history != spec_.history) {
+  if (reply == nullptr || reply->cursor != cursor_ + num_here_) return false;  // Asked for twice.
+  const replay::SampleSpec& spec = specs_[num_here_];
+  if (reply->batch != spec.batch || reply->history != spec.history) {
     throw base::Error(fmt::format(
         "batch {} of the replay server at {} is [{}, {}], expected "
         "[{}, {}]",
-        cursor_, link_.endpoint(), reply->batch, reply->history, spec_.batch, spec_.history));
+        reply->cursor, link_.endpoint(), reply->batch, reply->history, spec.batch, spec.history));
   }
-  batch_.header = *reply;
-  batch_.payload = std::move(received.payload);
+  transport::Frame& payload = batches_.payloads[num_here_];
+  batches_.header = *reply;
+  payload = std::move(received.payload);
   const auto failure = replay::ParseSample(
-      batch_.payload.bytes(), {reply->batch, reply->history, reply->num_beams, reply->weighted},
-      &batch_.rows);
+      payload.bytes(), {reply->batch, reply->history, reply->num_beams, reply->weighted},
+      &batches_.rows[num_here_]);
   if (failure) {
-    throw base::Error(fmt::format("batch {} of the replay server at {}: {}", cursor_,
+    throw base::Error(fmt::format("batch {} of the replay server at {}: {}", reply->cursor,
                                   link_.endpoint(), failure->text));
   }
-  ++cursor_;
+  ++num_here_;
+  const bool complete = num_here_ == static_cast<int>(specs_.size());
+  if (complete) {
+    cursor_ += specs_.size();
+    num_here_ = 0;
+  }
   Request();
-  return true;
+  return complete;
 }
 
 void BatchStream::SetPriorities(std::span<const std::int64_t> sequence,

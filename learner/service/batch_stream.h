@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "proto/messages.h"
 #include "replay/batch.h"
@@ -14,31 +15,33 @@
 
 namespace slalom::learner {
 
-/// A batch as it came from the replay server. Its scans lie in the message.
-struct RemoteBatch {
-  proto::SampleReply header;
-  transport::Frame payload;
-  replay::SampledRows rows;  ///< Points into `payload`.
+/// What one update learns from, as it came from the replay server: a batch of each kind. Their
+/// scans lie in the messages.
+struct RemoteBatches {
+  proto::SampleReply header;               ///< Of the last.
+  std::vector<transport::Frame> payloads;  ///< [K]
+  std::vector<replay::SampledRows> rows;   ///< [K], pointing into `payloads`.
 };
 
 /// Fetches the batches of a run in order, several ahead, over whatever happens to the connection:
-/// batch k is asked for again until it came, and no other takes its place. Confined to one thread;
-/// ZeroMQ's thread receives meanwhile.
+/// batch k is asked for again until it came, and no other takes its place. Of K kinds, batch k is
+/// of kind k mod K. Confined to one thread; ZeroMQ's thread receives meanwhile.
 class BatchStream {
  public:
-  /// Begins at batch `cursor`.
+  /// Begins at batch `cursor`, a multiple of specs.size(). `prefetch`: updates ahead.
   BatchStream(transport::Context& context, const transport::ClientOptions& replay,
-              proto::Hello hello, const replay::SampleSpec& spec, int prefetch,
+              proto::Hello hello, std::vector<replay::SampleSpec> specs, int prefetch,
               std::uint64_t cursor);
 
-  /// The next batch, valid until the next call; null: it did not come within `timeout`. Throws
-  /// `base::Error` where the server refuses this learner for good or sends what is no batch.
-  const RemoteBatch* Next(std::chrono::milliseconds timeout);
+  /// The next batch of each kind, valid until the next call; null: they did not come within
+  /// `timeout`. Throws `base::Error` where the server refuses this learner for good or sends what
+  /// is no batch.
+  const RemoteBatches* Next(std::chrono::milliseconds timeout);
 
   /// Number of the next batch: what a checkpoint keeps.
   std::uint64_t cursor() const { return cursor_; }
   /// Batches asked for that have not come.
-  int in_flight() const { return static_cast<int>(requested_ - cursor_); }
+  int in_flight() const { return static_cast<int>(requested_ - cursor_) - num_here_; }
 
   /// Tells the server the new priorities of rows it sent, [C] each. One that is lost on the way
   /// only means an older priority.
@@ -55,12 +58,13 @@ class BatchStream {
   bool Take(service::ReplayLink::Received received);
 
   service::ReplayLink link_;
-  const replay::SampleSpec spec_;
+  const std::vector<replay::SampleSpec> specs_;  // [K]
   const int prefetch_;
   std::uint64_t cursor_;     // Next to be handed out.
   std::uint64_t requested_;  // Next to be asked for.
   int num_welcomes_ = 0;     // Of the link, when the last request was made.
-  RemoteBatch batch_;
+  RemoteBatches batches_;
+  int num_here_ = 0;  // Of the batches from `cursor_` on.
   std::optional<proto::StatusReply> status_;
 };
 

@@ -68,7 +68,7 @@ LearnerService::LearnerService(const LearnerServiceConfig& config, const MethodC
       begin_(steady_clock::now()) {
   Restore();
   batches_ = std::make_unique<BatchStream>(context, job_.replay, MakeHello(job_, spec),
-                                           learner_.sample_spec(), config.prefetch, cursor_);
+                                           learner_.sample_specs(), config.prefetch, cursor_);
   log_ = std::make_unique<run::MetricsLog>(job_.directory.metrics(), steps_);
   last_row_.training_s = training_s();
   last_row_.steps = steps_;
@@ -95,9 +95,9 @@ LearnerEnd LearnerService::Run(std::stop_token stop) {
     if (finished_) {
       policies_.Poll(kServeWait);
       batches_->link().Receive(milliseconds(0));
-    } else if (const RemoteBatch* batch = batches_->Next(kBatchWait)) {
+    } else if (const RemoteBatches* batches = batches_->Next(kBatchWait)) {
       waited_s_ += std::chrono::duration<double>(steady_clock::now() - waiting).count();
-      LearnFrom(*batch);
+      LearnFrom(*batches);
     } else {
       waited_s_ += std::chrono::duration<double>(steady_clock::now() - waiting).count();
       Say(batches_->link().welcomed() ? "" : "waiting for the replay server");
@@ -140,13 +140,13 @@ LearnerEnd LearnerService::Run(std::stop_token stop) {
   return LearnerEnd::kStopped;
 }
 
-void LearnerService::LearnFrom(const RemoteBatch& batch) {
-  steps_ = batch.header.inserted_steps;
-  table_steps_ = batch.header.table_steps;
-  acting_version_ = batch.header.acting_version;
+void LearnerService::LearnFrom(const RemoteBatches& batches) {
+  steps_ = batches.header.inserted_steps;
+  table_steps_ = batches.header.table_steps;
+  acting_version_ = batches.header.acting_version;
   const auto began = steady_clock::now();
-  learner_.Update(batch.rows, Fraction());
-  if (prioritized_) batches_->SetPriorities(batch.rows.sequence, learner_.Errors());
+  learner_.Update(batches.rows, Fraction());
+  if (prioritized_) batches_->SetPriorities(batches.rows[0].sequence, learner_.Errors());
   metrics_.AddBatch();
   metrics_.AddUpdate(std::chrono::duration<double>(steady_clock::now() - began).count());
 }

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "learner/learner.h"
 #include "learner/service/batch_stream.h"
 #include "learner/service/learner_metrics.h"
 #include "learner/service/learner_service_config.h"
 #include "learner/service/policy_server.h"
-#include "learner/learner.h"
 #include "metrics/registry.h"
 #include "policy/policy.h"
 #include "run/checkpoint_store.h"
@@ -72,7 +72,7 @@ class LearnerService {
   double training_s() const;
   double Fraction() const;
   bool AtLimit() const;
-  void LearnFrom(const RemoteBatch& batch);
+  void LearnFrom(const RemoteBatches& batches);
   void PublishIfDue();
   void Publish();
   /// The rows of metrics, logs and reports. False: the learner diverged.

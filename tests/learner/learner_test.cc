@@ -40,7 +40,7 @@ MethodConfig SmallConfig() {
 
 void Train(Learner& learner, int begin, int end) {
   for (int i = begin; i < end; ++i) {
-    learner.Update(RandomRows(16, 1, 24, 100 + i).rows, i / 100.0);
+    learner.Update(RandomRows(16, 1, 24, 100 + i).batches(), i / 100.0);
   }
 }
 
@@ -107,7 +107,7 @@ TEST(Learner, LearningRatesFallWithProgress) {
   config.learner.final_learning_rate_fraction = 0.0;
   Learner learner(config, SmallSpec(), 5);
   const policy::TensorMap before = Saved(learner).tensors;
-  learner.Update(RandomRows(16, 1, 24, 1).rows, /*progress=*/1.0);
+  learner.Update(RandomRows(16, 1, 24, 1).batches(), /*progress=*/1.0);
   EXPECT_EQ(Saved(learner).tensors.at("critics.parameters"), before.at("critics.parameters"));
 }
 
@@ -117,7 +117,7 @@ TEST(Learner, ReportsNumbersThatAreNotFinite) {
   EXPECT_TRUE(learner.healthy());
   RandomRows bad(16, 1, 24, 1);
   bad.rows.n_step_return[3] = std::numeric_limits<float>::quiet_NaN();
-  learner.Update(bad.rows, 0.0);
+  learner.Update(bad.batches(), 0.0);
   ASSERT_FALSE(learner.healthy());
   EXPECT_THAT(*learner.FindFault(), testing::HasSubstr("critics"));
 }
@@ -168,8 +168,8 @@ TEST(Learner, SamplesCountByTheirWeights) {
   Learner half(config, SmallSpec(), 5);
   RandomRows first(16, 1, 24, 1);
   first.rows.batch = 8;
-  whole.Update(rows.rows, 0.0);
-  half.Update(first.rows, 0.0);
+  whole.Update(rows.batches(), 0.0);
+  half.Update(first.batches(), 0.0);
   const auto saved = [](const Learner& learner) {
     std::vector<float> values(Saved(learner).tensors.at("critics.parameters").bytes.size() / 4);
     Saved(learner).Read("critics.parameters", std::span(values));
@@ -195,10 +195,10 @@ TEST(Learner, ErrorsAreThoseOfTheCritics) {
   Learner learner(config, SmallSpec(), 5);
   RandomRows rows(16, 1, 24, 1);
   // Where the window ended, y is the reward alone: a reward that is larger by 3 moves the error so.
-  learner.Update(rows.rows, 0.0);
+  learner.Update(rows.batches(), 0.0);
   const std::vector<float> before(learner.Errors().begin(), learner.Errors().end());
   for (int i = 0; i < 16; ++i) rows.rows.n_step_return[i] += 30.0f;
-  learner.Update(rows.rows, 0.0);
+  learner.Update(rows.batches(), 0.0);
   const auto after = learner.Errors();
   for (int i = 0; i < 16; i += 4) {
     ASSERT_EQ(rows.rows.discount[i], 0.0f);

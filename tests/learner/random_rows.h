@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "base/random.h"
@@ -46,6 +47,9 @@ struct RandomRows {
   }
   RandomRows(const RandomRows&) = delete;
   RandomRows& operator=(const RandomRows&) = delete;
+
+  /// As an update without a model takes them.
+  std::span<const replay::SampledRows> batches() const { return {&rows, 1}; }
 
   std::vector<std::uint16_t> scans;
   std::vector<std::uint16_t> next_scans;

@@ -319,7 +319,7 @@ TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) {
   constexpr int kUpdates = 6;
   for (int i = 0; i < kUpdates; ++i) {
     const RandomRows rows(config.batch_size, 1, 24, 50 + i);
-    learner.Update(rows.rows, 0.0);
+    learner.Update(rows.batches(), 0.0);
     reference.Update(rows.rows);
   }
   const auto compare = [&](const std::string& name, const Tensor& expected) {

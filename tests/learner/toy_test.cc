@@ -110,8 +110,8 @@ TEST_P(ToyTest, LearnsToDriveAPointHome) {
     table.Insert(chunk);
     if (episode < 10) continue;
     for (int i = 0; i < PointMass::kSteps; ++i) {
-      ASSERT_TRUE(table.SampleRows(learner.sample_spec(), random, &rows));
-      learner.Update(rows, 0.0);
+      ASSERT_TRUE(table.SampleRows(learner.sample_specs()[0], random, &rows));
+      learner.Update({&rows, 1}, 0.0);
     }
     agent.SetSnapshot(learner.Snapshot());
   }
