@@ -69,6 +69,9 @@ void Actor::Step(replay::Chunk* out) {
   environments_.Step(actions_, results_);
   for (int i = 0; i < environments_.batch_size(); ++i) {
     out->SetResult(rows_[i], results_[i]);
+    if (config_.time_limit_terminates && results_[i].ended()) {
+      out->flags[rows_[i]] |= replay::kRowTerminated;
+    }
     running_[i].actions.push_back(actions_[i]);
     running_[i].episode_return += results_[i].reward;
     if (results_[i].ended()) {

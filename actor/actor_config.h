@@ -14,6 +14,7 @@ struct ActorConfig {
   double noise_max = 0.1;
   std::string noise_spread = "geometric";
   std::int64_t warmup_steps = 0;
+  bool time_limit_terminates = false;
   int stats_episodes = 300;
 
   template <class Visitor>
@@ -30,6 +31,9 @@ struct ActorConfig {
     v("warmup_steps", warmup_steps, base::Range{0, 1.0e12}, "",
       "Environment steps with uniformly random actions before the policy drives; 0: it drives from "
       "the start.");
+    v("time_limit_terminates", time_limit_terminates,
+      "Transitions that the time limit ended are stored as terminal, as the original's code does "
+      "(original-system.md §3.4, F3): the value after them counts 0.");
     v("stats_episodes", stats_episodes, base::Range{1, 100000}, "",
       "Last episodes over which training success and return are averaged.");
   }

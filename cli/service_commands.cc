@@ -80,21 +80,21 @@ int RunLearner(const ServiceOptions& options) {
   const train::RunConfig& config = process.config();
   learner::LearnerJob job;
   job.name = process.name();
-  job.directory.root = process.state() / "learner";
-  const run::RunLock lock = fs::exists(job.directory.config())
-                                ? train::ResumeRun(job.directory, config)
-                                : train::BeginRun(job.directory, config);
-  job.config = config::ToToml(config);
-  job.commit = Commit();
-  job.seed = config.run.seed;
+  job.plan.directory.root = process.state() / "learner";
+  const run::RunLock lock = fs::exists(job.plan.directory.config())
+                                ? train::ResumeRun(job.plan.directory, config)
+                                : train::BeginRun(job.plan.directory, config);
+  job.plan.config = config::ToToml(config);
+  job.plan.commit = Commit();
+  job.plan.seed = config.run.seed;
   job.spec_hash = process.spec_hash();
-  job.max_steps = config.run.max_steps;
-  job.max_seconds = config.run.max_seconds;
-  job.log_interval = config.run.log_interval;
+  job.plan.max_steps = config.run.max_steps;
+  job.plan.max_seconds = config.run.max_seconds;
+  job.plan.log_interval = config.run.log_interval;
   job.checkpoint_seconds = config.run.checkpoint_seconds;
   job.publish_interval = config.run.publish_interval;
-  job.snapshot_seconds = config.run.snapshot_seconds;
-  job.snapshot_steps = config.run.snapshot_steps;
+  job.plan.snapshot_seconds = config.run.snapshot_seconds;
+  job.plan.snapshot_steps = config.run.snapshot_steps;
   job.replay = process.replay();
   job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
   job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,

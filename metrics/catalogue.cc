@@ -199,6 +199,19 @@ const Spec kCriticGradientNorm =
     GaugeOf("slalom_critic_gradient_norm", "learner", "Norm of the critics' gradient.");
 const Spec kActorGradientNorm =
     GaugeOf("slalom_actor_gradient_norm", "learner", "Norm of the actor's gradient.");
+const Spec kPolicyEntropy = GaugeOf("slalom_policy_entropy_nats", "learner",
+                                    "Entropy of a stochastic policy (SAC); NaN of others.");
+const Spec kTemperature =
+    GaugeOf("slalom_temperature", "learner", "Weight of the entropy (SAC); NaN without one.");
+const Spec kCostQMean =
+    GaugeOf("slalom_cost_q_mean", "learner",
+            "Mean value of the cost critics, discounted collisions; NaN without a constraint.");
+const Spec kConstraintMultiplier =
+    GaugeOf("slalom_constraint_multiplier", "learner",
+            "Lagrange multiplier of the constraint on collisions; NaN without one.");
+const Spec kConstraintViolation =
+    GaugeOf("slalom_constraint_violation", "learner",
+            "Collisions per training episode above the constraint's limit; NaN without one.");
 const Spec kUpdateSeconds =
     HistogramOf("slalom_update_seconds", "learner",
                 "Time of one update, without waiting for its batch.", kWait);
@@ -313,6 +326,7 @@ std::span<const Section> Catalogue() {
         &kConnections, &kRejectedConnections, &kMessages, &kMessagesMalformed, &kMessagesRefused}},
       {"Learning",
        {&kUpdates, &kCriticLoss, &kQMean, &kActorQMean, &kCriticGradientNorm, &kActorGradientNorm,
+        &kPolicyEntropy, &kTemperature, &kCostQMean, &kConstraintMultiplier, &kConstraintViolation,
         &kUpdateSeconds}},
       {"Policies",
        {&kPolicyVersion, &kPolicyTimestamp, &kPolicyLag, &kReaderLag, &kPoliciesPublished,

@@ -89,6 +89,11 @@ extern const Spec kQMean;
 extern const Spec kActorQMean;
 extern const Spec kCriticGradientNorm;
 extern const Spec kActorGradientNorm;
+extern const Spec kPolicyEntropy;
+extern const Spec kTemperature;
+extern const Spec kCostQMean;
+extern const Spec kConstraintMultiplier;
+extern const Spec kConstraintViolation;
 extern const Spec kUpdateSeconds;
 
 // Policies

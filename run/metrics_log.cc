@@ -50,6 +50,11 @@ std::vector<Column> Columns(const MetricsRow& row) {
   add("critic_gradient_norm", row.critic_gradient_norm, kFigure);
   add("actor_gradient_norm", row.actor_gradient_norm, kFigure);
   add("replay_steps", row.replay_steps);
+  add("entropy", row.entropy, kFigure);
+  add("temperature", row.temperature, kFigure);
+  add("cost_q", row.cost_q, kFigure);
+  add("multiplier", row.multiplier, kFigure);
+  add("violation", row.violation, kFigure);
   return columns;
 }
 

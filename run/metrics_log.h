@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -32,6 +33,13 @@ struct MetricsRow {
   double critic_gradient_norm = 0.0;
   double actor_gradient_norm = 0.0;
   std::int64_t replay_steps = 0;
+
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  double entropy = kNone;      ///< Of a stochastic policy, [nats].
+  double temperature = kNone;  ///< SAC's alpha.
+  double cost_q = kNone;       ///< Mean of the cost critics, [discounted collisions].
+  double multiplier = kNone;   ///< lambda of a constraint.
+  double violation = kNone;    ///< Collisions per episode above the constraint's limit.
 };
 
 /// The row as a progress line. `remaining_s`: time left, [s]; negative: not known.

@@ -3,19 +3,18 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <stop_token>
 #include <string>
 #include <vector>
 
 #include "actor/actor.h"
 #include "base/parallel.h"
-#include "learner/learner.h"
+#include "learner/service/learner_run.h"
 #include "policy/network_agent.h"
 #include "policy/policy.h"
 #include "replay/storage.h"
 #include "replay/table.h"
-#include "run/checkpoint_store.h"
-#include "run/metrics_log.h"
 #include "run/run_directory.h"
 #include "sim/environments.h"
 #include "train/collector.h"
@@ -52,9 +51,9 @@ class Trainer {
   TrainingEnd Run(std::stop_token stop);
 
   /// Wall-clock spent on the run, over all its sessions, [s].
-  double training_s() const;
+  double training_s() const { return run_.training_s(); }
   std::int64_t steps() const { return limiter_.steps(); }
-  std::int64_t updates() const { return limiter_.updates(); }
+  std::int64_t updates() const { return run_.updates(); }
 
  private:
   void StartCollector();
@@ -62,29 +61,20 @@ class Trainer {
   void Collect();
   void InsertChunk(std::unique_ptr<replay::Chunk> chunk);
   void Update();
-  bool AtLimit() const;
-  double Fraction() const;
-  double RemainingSeconds() const;
   TrainingEnd Train(std::stop_token stop);
   /// Writes a row of metrics. False: the learner diverged.
   [[nodiscard]] bool Log();
-  /// False: the learner diverged, which is then said.
-  [[nodiscard]] bool IsWell() const;
-  void KeepSnapshots();
   bool CheckpointDue() const;
   void TryCheckpoint();
   void Checkpoint();
   void Restore();
-  void RestoreFrom(const std::filesystem::path& checkpoint);
-  policy::Metadata Provenance() const;
+  void ReadCheckpoint(const std::filesystem::path& checkpoint, const nlohmann::json& state);
 
   const RunConfig config_;
-  const std::string commit_;
-  const std::chrono::steady_clock::time_point begin_;
 
   base::ParallelFor parallel_;
   sim::CourseEnvironments environments_;
-  learner::Learner learner_;
+  learner::LearnerRun run_;
   policy::NetworkAgent agent_;
   actor::Actor actor_;
   replay::Table table_;
@@ -92,19 +82,11 @@ class Trainer {
   base::Random sampling_;
   RateLimiter limiter_;
   // Nothing on disk is touched before all that a bad config can break has been built.
-  const run::RunDirectory directory_;
   const run::RunLock lock_;
-  run::CheckpointStore store_;
   replay::Storage storage_;
-  std::unique_ptr<run::MetricsLog> metrics_;
   std::unique_ptr<Collector> collector_;
 
-  double earlier_s_ = 0.0;  ///< Training time of earlier sessions of the run, [s].
-  double last_checkpoint_s_ = 0.0;
   std::int64_t last_checkpoint_steps_ = 0;
-  double last_snapshot_s_ = 0.0;
-  std::int64_t last_snapshot_steps_ = 0;
-  run::MetricsRow last_row_;
 };
 
 }  // namespace slalom::train

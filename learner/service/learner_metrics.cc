@@ -54,14 +54,19 @@ LearnerMetrics::LearnerMetrics(metrics::Registry& registry)
 
 void LearnerMetrics::AddUpdate(double seconds) { update_seconds_.Observe(seconds); }
 
-void LearnerMetrics::SetLearning(std::int64_t updates, const LearnerStats& stats) {
-  updates_.RaiseTo(static_cast<double>(updates));
-  if (stats.num_updates == 0) return;
-  registry_.gauge(metrics::kCriticLoss).Set(stats.critic_loss);
-  registry_.gauge(metrics::kQMean).Set(stats.q_mean);
-  registry_.gauge(metrics::kActorQMean).Set(stats.actor_q_mean);
-  registry_.gauge(metrics::kCriticGradientNorm).Set(stats.critic_gradient_norm);
-  registry_.gauge(metrics::kActorGradientNorm).Set(stats.actor_gradient_norm);
+void LearnerMetrics::SetLearning(const run::MetricsRow& row) {
+  updates_.RaiseTo(static_cast<double>(row.updates));
+  if (row.updates_per_s == 0.0) return;
+  registry_.gauge(metrics::kCriticLoss).Set(row.critic_loss);
+  registry_.gauge(metrics::kQMean).Set(row.mean_q);
+  registry_.gauge(metrics::kActorQMean).Set(row.actor_q);
+  registry_.gauge(metrics::kCriticGradientNorm).Set(row.critic_gradient_norm);
+  registry_.gauge(metrics::kActorGradientNorm).Set(row.actor_gradient_norm);
+  registry_.gauge(metrics::kPolicyEntropy).Set(row.entropy);
+  registry_.gauge(metrics::kTemperature).Set(row.temperature);
+  registry_.gauge(metrics::kCostQMean).Set(row.cost_q);
+  registry_.gauge(metrics::kConstraintMultiplier).Set(row.multiplier);
+  registry_.gauge(metrics::kConstraintViolation).Set(row.violation);
 }
 
 void LearnerMetrics::SetStream(int in_flight, double policy_lag, int connections) {

@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <string>
 
-#include "learner/learner.h"
 #include "metrics/registry.h"
 #include "proto/messages.h"
+#include "run/metrics_log.h"
 
 namespace slalom::learner {
 
@@ -30,7 +30,8 @@ class LearnerMetrics {
   void AddBatch() { batches_.Increment(); }
   void AddUpdate(double seconds);
   void AddWait(double seconds) { waited_.Increment(seconds); }
-  void SetLearning(std::int64_t updates, const LearnerStats& stats);
+  /// The learner's own figures of a row.
+  void SetLearning(const run::MetricsRow& row);
   void SetStream(int in_flight, double policy_lag, int connections);
   void AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates);
   void AddFailedCheckpoint();

@@ -7,16 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "learner/learner.h"
 #include "learner/service/batch_stream.h"
 #include "learner/service/learner_metrics.h"
+#include "learner/service/learner_run.h"
 #include "learner/service/learner_service_config.h"
 #include "learner/service/policy_server.h"
 #include "metrics/registry.h"
 #include "policy/policy.h"
-#include "run/checkpoint_store.h"
-#include "run/metrics_log.h"
-#include "run/run_directory.h"
 #include "transport/client.h"
 #include "transport/context.h"
 #include "transport/server.h"
@@ -26,18 +23,10 @@ namespace slalom::learner {
 /// What a learner process is to do, beside the algorithm.
 struct LearnerJob {
   std::string name = "learner";
-  run::RunDirectory directory;
-  std::string config;  ///< The run's, as TOML: goes with every policy.
-  std::string commit;
-  std::int64_t seed = 0;  ///< Of the run.
+  RunPlan plan;
   std::uint64_t spec_hash = 0;
-  std::int64_t max_steps = 0;
-  double max_seconds = 0.0;   ///< 0: no limit.
-  double log_interval = 1.0;  ///< [s]
   double checkpoint_seconds = 60.0;
-  int publish_interval = 10;             ///< Updates.
-  std::vector<double> snapshot_seconds;  ///< As in the run's config.
-  std::vector<int> snapshot_steps;
+  int publish_interval = 10;  ///< Updates.
   transport::ClientOptions replay;
   transport::ServerOptions policies;
 };
@@ -65,51 +54,35 @@ class LearnerService {
   /// cannot be written at the end.
   LearnerEnd Run(std::stop_token stop);
 
-  std::int64_t updates() const { return learner_.num_updates(); }
+  std::int64_t updates() const { return run_.updates(); }
   const std::string& endpoint() const { return policies_.endpoint(); }
 
  private:
-  double training_s() const;
-  double Fraction() const;
-  bool AtLimit() const;
   void LearnFrom(const RemoteBatches& batches);
   void PublishIfDue();
   void Publish();
   /// The rows of metrics, logs and reports. False: the learner diverged.
   [[nodiscard]] bool Log();
-  [[nodiscard]] bool IsWell() const;
-  void KeepSnapshots();
   void TryCheckpoint();
   void Checkpoint();
   void Restore();
-  void RestoreFrom(const std::filesystem::path& checkpoint);
-  policy::Metadata Provenance() const;
   void Say(const std::string& what);
 
   const LearnerServiceConfig config_;
   const bool prioritized_;
   const LearnerJob job_;
-  Learner learner_;
-  run::CheckpointStore store_;
+  LearnerRun run_;
   PolicyServer policies_;
   std::unique_ptr<BatchStream> batches_;  // Made with the cursor of the checkpoint.
-  std::unique_ptr<run::MetricsLog> log_;
   LearnerMetrics metrics_;
 
-  const std::chrono::steady_clock::time_point begin_;
-  double earlier_s_ = 0.0;    ///< Training time of earlier starts, [s].
   std::uint64_t cursor_ = 0;  ///< Restored.
-  std::int64_t steps_ = 0;    ///< Environment steps that the replay server knew of.
   std::int64_t table_steps_ = 0;
   double acting_version_ = 0.0;
   bool finished_ = false;
-  double last_checkpoint_s_ = 0.0;
-  double last_snapshot_s_ = 0.0;
-  std::int64_t last_snapshot_steps_ = 0;
   std::int64_t published_updates_ = 0;
   std::chrono::steady_clock::time_point published_at_;
   double waited_s_ = 0.0;  ///< For batches, since the last row.
-  run::MetricsRow last_row_;
   std::string said_;
 };
 

@@ -46,7 +46,9 @@ def stand_in(program):
 @contextlib.contextmanager
 def real_run(program):
     """The same of a service."""
-    with service.Service(program, test="generated:3:2", more_config="[evaluation]\nepisodes_per_course = 1\n") as run:
+    # By the method that shows most: SAC with a constraint.
+    more = "[evaluation]\nepisodes_per_course = 1\n[learner]\nalgorithm = \"sac\"\n[constraint]\nkind = \"lagrangian\"\n"
+    with service.Service(program, test="generated:3:2", more_config=more) as run:
         roles = {"replay": ["replay"], "learner": ["learner"], "actor": ["a1", "a2"], "evaluator": ["e1"]}
         targets = {}
         for role, names in roles.items():

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <filesystem>
@@ -125,11 +126,11 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   config.prioritized = prioritized;
   config.actor_learning_rate = config.critic_learning_rate = 1e-3;
   LearnerJob job;
-  job.directory.root = directory;
-  job.seed = 6;
+  job.plan.directory.root = directory;
+  job.plan.seed = 6;
   job.spec_hash = kSpecHash;
-  job.max_steps = 1000000;
-  job.log_interval = 0.05;
+  job.plan.max_steps = 1000000;
+  job.plan.log_interval = 0.05;
   job.replay.endpoint = replay;
   job.policies.endpoint = "tcp://127.0.0.1:*";
   std::atomic<bool> ready = false;
@@ -205,11 +206,10 @@ TEST(LearnerServiceTest, ReadersGetTheNewestPolicyWhenTheyLackIt) {
                                versions.push_back(policy.snapshot.version);
                                return policy.snapshot.version;
                              });
-    WaitUntil([&] { return link.Poll(); });
-    // All updates were made before: there is one policy to get, and no other comes.
-    ASSERT_EQ(versions.size(), 1u);
-    EXPECT_EQ(link.version(), versions[0]);
-    EXPECT_GT(versions[0], kUpdates - 11);
+    // All updates were made before, so the last policy comes at the latest in the time between two.
+    WaitUntil([&] { return link.Poll() && link.version() > kUpdates - 11; });
+    EXPECT_EQ(link.version(), versions.back());
+    EXPECT_TRUE(std::ranges::is_sorted(versions, std::less_equal<>()));
   });
 }
 
