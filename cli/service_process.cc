@@ -54,11 +54,17 @@ double CountEarlierStarts(const std::filesystem::path& state, std::string_view r
   }
 }
 
+train::RunConfig LoadConfig(const ServiceOptions& options) {
+  const auto config = config::Load<train::RunConfig>(options.config, options.overrides);
+  train::RequireCombination(config);
+  return config;
+}
+
 }  // namespace
 
 ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& options)
     : role_(role),
-      config_(config::Load<train::RunConfig>(options.config, options.overrides)),
+      config_(LoadConfig(options)),
       name_(ChooseName(role, config_.service, options)),
       context_(config_.service.io_threads),
       registry_(std::make_unique<metrics::Registry>(

@@ -1,5 +1,8 @@
 #include "train/run_config.h"
 
+#include <fmt/format.h>
+
+#include "base/error.h"
 #include "base/file.h"
 #include "config/config.h"
 #include "learner/algorithm.h"
@@ -17,6 +20,15 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config) {
           .network = config.network,
           .actions = config.environment.action,
           .distribution = learner::DistributionOf(config.method.learner)};
+}
+
+void RequireCombination(const RunConfig& config) {
+  if (config.method.constraint.kind != "none" && !config.environment.episode.collision_ends) {
+    throw base::Error(fmt::format(
+        "constraint.kind is \"{}\", expected \"none\" where environment.episode.collision_ends is "
+        "false: the constraint counts episodes that a collision ended",
+        config.method.constraint.kind));
+  }
 }
 
 std::uint64_t SpecHash(const RunConfig& config) {

@@ -142,6 +142,10 @@ struct RunConfig {
 /// What the run's policies see, are and command.
 policy::PolicySpec MakePolicySpec(const RunConfig& config);
 
+/// Throws `base::Error` where sections that are each well do not go together, whichever program the
+/// config is for.
+void RequireCombination(const RunConfig& config);
+
 /// Of what is observed, commanded and learned: processes of two runs whose hashes differ refuse
 /// each other.
 std::uint64_t SpecHash(const RunConfig& config);

@@ -34,6 +34,7 @@ run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config, 
 }
 
 const RunConfig& Checked(const RunConfig& config) {
+  RequireCombination(config);
   if (config.run.deterministic && config.run.max_seconds > 0.0) {
     throw base::Error(fmt::format(
         "run.max_seconds is {}, expected 0 in a deterministic run: what it learns in that time "

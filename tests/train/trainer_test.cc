@@ -143,6 +143,14 @@ TEST(TrainerTest, ADeterministicRunMustNotEndByTheClock) {
   EXPECT_THROW(RunOnce(config, {scratch.path() / "run"}), base::Error);
 }
 
+TEST(TrainerTest, AConstraintNeedsCollisionsThatEndEpisodes) {
+  RunConfig config = SmallRun();
+  config.method.constraint.kind = "lagrangian";
+  EXPECT_NO_THROW(RequireCombination(config));
+  config.environment.episode.collision_ends = false;
+  EXPECT_THROW(RequireCombination(config), base::Error);
+}
+
 TEST(TrainerTest, AChangedDigitInTheStateIsNoticed) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
