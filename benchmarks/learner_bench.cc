@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/random.h"
+#include "learner/algorithm.h"
 #include "learner/learner.h"
 #include "learner/minibatch.h"
 #include "policy/blas.h"
@@ -69,8 +70,20 @@ struct Product {
   double per_update;
 };
 
-/// The products of a TD3 update with delay 2: what the FLOPs "really needed" are counted from.
-std::vector<Product> ListProducts(const policy::PolicySpec& spec, std::int64_t batch) {
+/// What an update does with its networks, on average.
+struct Work {
+  const char* algorithm;
+  double critics;           // Trained, each with a target that is computed.
+  double action_gradients;  // Critics whose gradient by the action is taken.
+  double actor_updates;
+};
+constexpr Work kTd3 = {"td3", 2.0, 0.5, 0.5};  // Delay 2.
+constexpr Work kDdpg = {"ddpg", 1.0, 1.0, 1.0};
+constexpr Work kSac = {"sac", 2.0, 2.0, 1.0};
+
+/// The products of an update: what the FLOPs "really needed" are counted from.
+std::vector<Product> ListProducts(const policy::PolicySpec& spec, const Work& work,
+                                  std::int64_t batch) {
   const policy::MlpShape actor = spec.actor_shape();
   const policy::MlpShape critic =
       policy::CriticShape(spec.network, actor.num_inputs / spec.network.history);
@@ -79,17 +92,23 @@ std::vector<Product> ListProducts(const policy::PolicySpec& spec, std::int64_t b
     const std::int64_t in = critic.layer_inputs(i);
     const std::int64_t before = i == 0 ? 0 : critic.hidden[i - 1];
     const std::int64_t out = critic.layer_outputs(i);
-    products.push_back({batch, out, in, 2 + 2 + 0.5});  // Q' and Q of both, Q_1 of pi(s)
-    products.push_back({out, in, batch, 2});            // by the weights
-    if (i > 0) products.push_back({batch, before, out, i > critic.extra_layer ? 2.5 : 2.0});
-    if (i == critic.extra_layer) products.push_back({batch, critic.num_extra, out, 0.5});
+    // Q' and Q of all, then Q of pi(s).
+    products.push_back({batch, out, in, 2 * work.critics + work.action_gradients});
+    products.push_back({out, in, batch, work.critics});  // By the weights.
+    if (i > 0) {
+      const double through = i > critic.extra_layer ? work.action_gradients : 0.0;
+      products.push_back({batch, before, out, work.critics + through});
+    }
+    if (i == critic.extra_layer) {
+      products.push_back({batch, critic.num_extra, out, work.action_gradients});
+    }
   }
   for (int i = 0; i < actor.num_layers(); ++i) {
     const std::int64_t in = actor.layer_inputs(i);
     const std::int64_t out = actor.layer_outputs(i);
-    products.push_back({batch, out, in, 1 + 0.5});
-    products.push_back({out, in, batch, 0.5});
-    if (i > 0) products.push_back({batch, in, out, 0.5});
+    products.push_back({batch, out, in, 1 + work.actor_updates});
+    products.push_back({out, in, batch, work.actor_updates});
+    if (i > 0) products.push_back({batch, in, out, work.actor_updates});
   }
   return products;
 }
@@ -134,7 +153,8 @@ double MeasureProducts(const std::vector<Product>& products, bool small_gemm, do
   return total;
 }
 
-void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool layer_norm) {
+void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool layer_norm,
+                const Work& work = kTd3) {
   policy::SetMathThreads(1);
   policy::PolicySpec used = spec;
   used.network.layer_norm = layer_norm;
@@ -144,12 +164,15 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
   config.device = "cpu";
   config.average_rate = 0.001;
   config.mirror = true;
+  config.algorithm = work.algorithm;
+  used.distribution = learner::DistributionOf(config);
   learner::Learner learner(method, used, 1);
   base::Random random(2);
   replay::SampledRows rows;
-  const std::vector<Product> products = ListProducts(used, config.batch_size);
+  const std::vector<Product> products = ListProducts(used, work, config.batch_size);
   const auto update = [&] {
-    if (!table.SampleRows(learner.sample_specs()[0], random, &rows)) state.SkipWithError("empty table");
+    if (!table.SampleRows(learner.sample_specs()[0], random, &rows))
+      state.SkipWithError("empty table");
     learner.Update({&rows, 1}, 0.0);
   };
   for (int i = 0; i < 20; ++i) update();
@@ -184,9 +207,17 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
 void Td3UpdateFast(benchmark::State& state) { RunUpdates(state, FastSpec(), false); }
 void Td3UpdateFastLayerNorm(benchmark::State& state) { RunUpdates(state, FastSpec(), true); }
 void Td3UpdatePaper(benchmark::State& state) { RunUpdates(state, {}, false); }
+void DdpgUpdateFast(benchmark::State& state) { RunUpdates(state, FastSpec(), true, kDdpg); }
+void DdpgUpdatePaper(benchmark::State& state) { RunUpdates(state, {}, false, kDdpg); }
+void SacUpdateFast(benchmark::State& state) { RunUpdates(state, FastSpec(), true, kSac); }
+void SacUpdatePaper(benchmark::State& state) { RunUpdates(state, {}, false, kSac); }
 BENCHMARK(Td3UpdateFast)->Unit(benchmark::kMillisecond);
 BENCHMARK(Td3UpdateFastLayerNorm)->Unit(benchmark::kMillisecond);
 BENCHMARK(Td3UpdatePaper)->Unit(benchmark::kMillisecond);
+BENCHMARK(DdpgUpdateFast)->Unit(benchmark::kMillisecond);
+BENCHMARK(DdpgUpdatePaper)->Unit(benchmark::kMillisecond);
+BENCHMARK(SacUpdateFast)->Unit(benchmark::kMillisecond);
+BENCHMARK(SacUpdatePaper)->Unit(benchmark::kMillisecond);
 
 /// Sampling and pooling without learning.
 void ReadMinibatch(benchmark::State& state) {

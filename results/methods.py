@@ -1,0 +1,124 @@
+#!/usr/bin/env python3
+"""The figures of results/methods.md: trains every method and network with every seed and scores it.
+
+results/methods.py COLLECTION [--output DIR] [--seeds 1 2 3] [--rows NAME...] [--seconds S] [--at-once N] [--validation]
+
+COLLECTION: the original courses, as `./slalom courses import DIR --output COLLECTION` wrote them; "" for the built-in ones.
+What is there already is not made again, so a run that was interrupted goes on; `--table` only prints what is there."""
+
+import argparse
+import concurrent.futures
+import csv
+import json
+import math
+import os
+import pathlib
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PROGRAM = ROOT / "build/release/cli/slalom"
+
+# Row: preset and what it differs by.
+ROWS = {
+    "td3": ("configs/fast/td3-mlp.toml", []),
+    "ddpg": ("configs/fast/ddpg-mlp.toml", []),
+    "sac": ("configs/fast/sac-mlp.toml", []),
+    "lagrangian": ("configs/fast/lagrangian-mlp.toml", []),
+}
+FRESH = "generated:2026:300"
+
+
+def run(command, log):
+    with open(log, "w") as out:
+        subprocess.run([str(c) for c in command], check=True, stdout=out, stderr=subprocess.STDOUT)
+
+
+def make(row, seed, options):
+    """Trains and scores one run, unless it is there."""
+    preset, changes = ROWS[row]
+    name = f"{row}-seed{seed}"
+    directory = options.output / name
+    if (directory / "fresh/evaluation.json").exists():
+        return
+    train, test = ("static-train-210", "static-validation") if options.validation else ("static-train-50", "static-test")
+    settings = [f"courses.train={train}", f"courses.test={test}", f"courses.collection={options.collection}",
+                f"run.max_seconds={options.seconds}", "run.snapshot_steps=[100000]"] + changes
+    command = [PROGRAM, "train", ROOT / preset, "--name", name, "--seed", seed, "--output", options.output]
+    for setting in settings:
+        command += ["--set", setting]
+    log = options.output / f"{name}.log"
+    try:
+        run(command, log)
+        run([PROGRAM, "evaluate", "--policy", directory / "policy.safetensors", "--courses", FRESH, "--output", directory / "fresh"],
+            str(log) + ".fresh")
+    except subprocess.CalledProcessError as error:
+        print(f"{name}: {error}; see {log}", file=sys.stderr)
+
+
+def result(directory):
+    """The figures of a run, or None."""
+    try:
+        own = json.loads((directory / "evaluation.json").read_text())
+        fresh = json.loads((directory / "fresh/evaluation.json").read_text())
+        rows = list(csv.DictReader((directory / "metrics.csv").open()))
+        curve = list(csv.DictReader((directory / "curve.csv").open())) if (directory / "curve.csv").exists() else []
+    except FileNotFoundError:
+        return None
+    at_100k = [100 * float(c["success_rate"]) for c in curve[:1]]
+    late = [float(r["collision_rate"]) for r in rows[-max(1, len(rows) // 10):] if r["collision_rate"]]
+    return {"success": 100 * own["success_rate"], "collision": 100 * own["collision_rate"], "timeout": 100 * own["timeout_rate"],
+            "survival": own["survival_time_s"], "traversal": own["traversal_time_s"], "fresh": 100 * fresh["success_rate"],
+            "fresh_collision": 100 * fresh["collision_rate"], "steps": float(rows[-1]["steps"]), "updates": float(rows[-1]["updates"]),
+            "seconds": float(rows[-1]["training_s"]), "at_100k": at_100k[0] if at_100k else math.nan,
+            "train_collision": 100 * sum(late) / len(late) if late else math.nan}
+
+
+def spread(values):
+    """Mean and, of more than one, the standard deviation over seeds."""
+    values = [v for v in values if v is not None and not math.isnan(v)]
+    if not values:
+        return "-"
+    mean = sum(values) / len(values)
+    if len(values) == 1:
+        return f"{mean:.1f}"
+    return f"{mean:.1f} +- {math.sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1)):.1f}"
+
+
+def table(options):
+    columns = {"success": "success [%]", "collision": "collision [%]", "traversal": "traversal [s]", "survival": "survival [s]",
+               "fresh": "300 fresh [%]", "fresh_collision": "their collisions [%]", "at_100k": "at 100k steps [%]",
+               "train_collision": "collisions in training [%]", "steps": "steps", "updates": "updates", "seconds": "trained [s]"}
+    print("| row | seeds | " + " | ".join(columns.values()) + " |")
+    print("|---" * (len(columns) + 2) + "|")
+    for row in options.rows:
+        results = [r for r in (result(options.output / f"{row}-seed{seed}") for seed in options.seeds) if r]
+        if not results:
+            continue
+        cells = [spread([r[key] for r in results]) if key not in ("steps", "updates", "seconds")
+                 else f"{sum(r[key] for r in results) / len(results):,.0f}" for key in columns]
+        print(f"| {row} | {len(results)} | " + " | ".join(cells) + " |")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("collection")
+    parser.add_argument("--output", type=pathlib.Path, default=pathlib.Path("runs/methods"))
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
+    parser.add_argument("--rows", nargs="+", default=list(ROWS), choices=list(ROWS))
+    parser.add_argument("--seconds", type=float, default=180.0)
+    parser.add_argument("--at-once", type=int, default=max(1, (os.cpu_count() or 2) // 2))
+    parser.add_argument("--validation", action="store_true", help="choose settings: train on 210 courses, score on static-validation")
+    parser.add_argument("--table", action="store_true")
+    options = parser.parse_args()
+    if options.collection:
+        options.collection = str(pathlib.Path(options.collection).resolve())
+    options.output.mkdir(parents=True, exist_ok=True)
+    if not options.table:
+        with concurrent.futures.ThreadPoolExecutor(options.at_once) as pool:
+            list(pool.map(lambda job: make(*job, options), [(row, seed) for seed in options.seeds for row in options.rows]))
+    table(options)
+
+
+if __name__ == "__main__":
+    main()
