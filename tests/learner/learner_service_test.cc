@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -224,6 +225,41 @@ TEST(LearnerServiceTest, PrioritiesGoBackToTheReplayServer) {
       },
       true);
   EXPECT_EQ(Policy(scratch.path() / "run").snapshot.version, kUpdates);
+}
+
+// Of two kinds, batch k is of kind k mod 2, and a stream that goes on from a cursor gives the same.
+TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
+  const FilledReplay replay;
+  const std::vector<replay::SampleSpec> kinds = {{.batch = 16, .n_step = 4},
+                                                 {.batch = 24, .n_step = 1}};
+  const auto read = [&](std::uint64_t cursor, int count) {
+    transport::Context context;
+    proto::Hello hello;
+    hello.role = "learner";
+    hello.name = "learner";
+    hello.spec_hash = kSpecHash;
+    hello.num_beams = kBeams;
+    BatchStream stream(context, {.endpoint = replay.endpoint()}, hello, kinds, 3, cursor);
+    std::vector<std::vector<float>> discounts;
+    for (int i = 0; i < count; ++i) {
+      const RemoteBatches* batches = nullptr;
+      WaitUntil([&] { return (batches = stream.Next(milliseconds(100))) != nullptr; });
+      EXPECT_EQ(stream.cursor(), cursor + 2 * (i + 1));
+      for (const replay::SampledRows& rows : batches->rows) {
+        discounts.emplace_back(rows.discount.data(), rows.discount.data() + rows.batch);
+      }
+    }
+    return discounts;
+  };
+  const auto all = read(0, 6);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_EQ(all[i].size(), static_cast<std::size_t>(kinds[i % 2].batch));
+    // Of full windows: gamma^4, or gamma.
+    const float full = i % 2 == 0 ? 0.99f * 0.99f * 0.99f * 0.99f : 0.99f;
+    EXPECT_TRUE(std::ranges::any_of(all[i], [&](float x) { return std::abs(x - full) < 1e-6f; }));
+  }
+  const auto later = read(8, 2);
+  EXPECT_EQ(later, std::vector(all.begin() + 8, all.end()));
 }
 
 }  // namespace
