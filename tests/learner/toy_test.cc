@@ -13,7 +13,8 @@ namespace slalom::learner {
 namespace {
 
 /// A point on a line that is to stand at 0: it moves by 0.3 times the linear action, and each step
-/// costs its distance. The best policy needs position only, which the goal's x carries.
+/// takes its distance from the reward. The best policy needs position only, which the goal's x
+/// carries. A step that hurries, by more than half of the action, has a cost.
 struct PointMass {
   static constexpr int kBeams = 4;
   static constexpr int kSteps = 10;
@@ -26,6 +27,7 @@ struct PointMass {
     position = std::clamp(position + 0.3 * std::clamp(action.linear, -1.0f, 1.0f), -1.5, 1.5);
     const bool ended = ++step == kSteps;
     return {.reward = static_cast<float>(-std::abs(position)),
+            .cost = std::abs(action.linear) > 0.5f ? 1.0f : 0.0f,
             .outcome = ended ? env::Outcome::kTimeout : env::Outcome::kRunning};
   }
   void Observe(std::span<float, env::kStateSize> state) const {
@@ -38,35 +40,49 @@ struct PointMass {
   int step = 0;
 };
 
-/// Mean distance over 50 episodes.
-double Evaluate(env::Agent& agent) {
+struct Score {
+  double distance = 0.0;  ///< Mean of all steps.
+  double cost = 0.0;      ///< Of an episode.
+};
+
+/// Over 50 episodes.
+Score Evaluate(env::Agent& agent) {
+  constexpr int kEpisodes = 50;
   base::Random random(1000);
   env::ObservationBatch observations;
   observations.Resize(1, PointMass::kBeams);
   std::vector<env::Action> actions(1);
-  double total = 0.0;
-  for (int episode = 0; episode < 50; ++episode) {
+  Score score;
+  for (int episode = 0; episode < kEpisodes; ++episode) {
     PointMass point;
     point.Reset(random);
     for (int i = 0; i < PointMass::kSteps; ++i) {
       point.Observe(observations.mutable_state(0));
       agent.Act(observations, actions);
-      total -= point.Step(actions[0]).reward;
+      const env::StepResult result = point.Step(actions[0]);
+      score.distance -= static_cast<double>(result.reward) / (kEpisodes * PointMass::kSteps);
+      score.cost += static_cast<double>(result.cost) / kEpisodes;
     }
   }
-  return total / (50.0 * PointMass::kSteps);
+  return score;
 }
 
-class ToyTest : public testing::TestWithParam<const char*> {};
+struct Scores {
+  Score untrained;
+  Score trained;
+};
 
-TEST_P(ToyTest, LearnsToDriveAPointHome) {
+/// Trains by a method for some episodes.
+void Train(const std::string& algorithm, const ConstraintConfig& constraint, int num_episodes,
+           Scores* scores) {
   policy::PolicySpec spec;
   spec.observation.num_beams = PointMass::kBeams;
   spec.network.encoder_layers = {};
   spec.network.head_layers = {32, 32};
   MethodConfig method;
+  method.constraint = constraint;
   LearnerConfig& config = method.learner;
-  config.algorithm = GetParam();
+  config.algorithm = algorithm;
   config.device = "cpu";
   config.batch_size = 64;
   config.actor_learning_rate = 1e-3;
@@ -79,7 +95,7 @@ TEST_P(ToyTest, LearnsToDriveAPointHome) {
   spec.distribution = DistributionOf(config);
   Learner learner(method, spec, 1);
   policy::NetworkAgent agent(learner.Snapshot());
-  const double untrained = Evaluate(agent);
+  scores->untrained = Evaluate(agent);
 
   replay::Table table({.capacity = 5000}, PointMass::kBeams);
   replay::Chunk chunk(PointMass::kBeams);
@@ -88,10 +104,12 @@ TEST_P(ToyTest, LearnsToDriveAPointHome) {
   env::ObservationBatch observations;
   observations.Resize(1, PointMass::kBeams);
   std::vector<env::Action> actions(1);
-  for (int episode = 0; episode < 150; ++episode) {
+  double cost_lately = 0.0;
+  for (int episode = 0; episode < num_episodes; ++episode) {
     PointMass point;
     point.Reset(random);
     chunk.Clear();
+    double cost = 0.0;
     for (int i = 0; i < PointMass::kSteps; ++i) {
       point.Observe(observations.mutable_state(0));
       agent.Act(observations, actions);
@@ -103,11 +121,15 @@ TEST_P(ToyTest, LearnsToDriveAPointHome) {
       }
       const env::FrameView frame = observations.frame(0);
       const int row = chunk.BeginStep(0, i == 0, frame, actions[0]);
-      chunk.SetResult(row, point.Step(actions[0]));
+      const env::StepResult result = point.Step(actions[0]);
+      cost += result.cost;
+      chunk.SetResult(row, result);
     }
     point.Observe(observations.mutable_state(0));
     chunk.AddFinal(0, observations.frame(0));
     table.Insert(chunk);
+    cost_lately += 0.1 * (cost - cost_lately);
+    learner.ObserveEpisodes(cost_lately, episode + 1);
     if (episode < 10) continue;
     for (int i = 0; i < PointMass::kSteps; ++i) {
       ASSERT_TRUE(table.SampleRows(learner.sample_specs()[0], random, &rows));
@@ -116,11 +138,29 @@ TEST_P(ToyTest, LearnsToDriveAPointHome) {
     agent.SetSnapshot(learner.Snapshot());
   }
   agent.SetSnapshot(learner.BestSnapshot());
+  scores->trained = Evaluate(agent);
+  EXPECT_TRUE(learner.healthy());
+}
+
+class ToyTest : public testing::TestWithParam<const char*> {};
+
+TEST_P(ToyTest, LearnsToDriveAPointHome) {
+  Scores scores;
+  Train(GetParam(), {}, 150, &scores);
   // The best policy: starts are 0.5 away on average and come 0.3 nearer a step, which over ten
   // steps leaves 0.04 on average; standing still leaves 0.5.
-  EXPECT_LT(Evaluate(agent), 0.12);
-  EXPECT_GT(untrained, 0.3) << "nothing to learn";
-  EXPECT_TRUE(learner.healthy());
+  EXPECT_LT(scores.trained.distance, 0.12);
+  EXPECT_GT(scores.untrained.distance, 0.3) << "nothing to learn";
+}
+
+TEST_P(ToyTest, AConstraintKeepsItFromHurrying) {
+  Scores free, constrained;
+  Train(GetParam(), {}, 300, &free);
+  Train(GetParam(), {.kind = "lagrangian", .limit = 0.5, .learning_rate = 0.02}, 300, &constrained);
+  EXPECT_GT(free.trained.cost, 1.0) << "nothing to constrain";
+  // What is limited is training, with its noise; without it there is less.
+  EXPECT_LT(constrained.trained.cost, 0.5);
+  EXPECT_LT(constrained.trained.distance, 0.25);
 }
 
 INSTANTIATE_TEST_SUITE_P(Algorithms, ToyTest, testing::Values("td3", "ddpg", "sac"),
