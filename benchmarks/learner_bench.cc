@@ -84,9 +84,9 @@ constexpr Work kSac = {"sac", 2.0, 2.0, 1.0};
 /// The products of an update: what the FLOPs "really needed" are counted from.
 std::vector<Product> ListProducts(const policy::PolicySpec& spec, const Work& work,
                                   std::int64_t batch) {
-  const policy::MlpShape actor = spec.actor_shape();
+  const policy::MlpShape actor = spec.actor_shape().mlp;
   const policy::MlpShape critic =
-      policy::CriticShape(spec.network, actor.num_inputs / spec.network.history);
+      policy::CriticShape(spec.network, actor.num_inputs / spec.network.history).mlp;
   std::vector<Product> products;
   for (int i = 0; i < critic.num_layers(); ++i) {
     const std::int64_t in = critic.layer_inputs(i);

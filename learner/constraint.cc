@@ -15,7 +15,7 @@ constexpr int kNumCritics = 2;
 
 }  // namespace
 
-Constraint::Constraint(const ConstraintConfig& config, const policy::MlpShape& critic_shape,
+Constraint::Constraint(const ConstraintConfig& config, const policy::NetworkShape& critic_shape,
                        base::Random& initial_weights, Minibatch& minibatch, Totals& totals)
     : config_(config),
       minibatch_(minibatch),

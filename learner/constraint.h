@@ -28,7 +28,7 @@ namespace slalom::learner {
 class Constraint {
  public:
   /// Requires: config.kind is not "none". The critics read `minibatch`, which outlives this.
-  Constraint(const ConstraintConfig& config, const policy::MlpShape& critic_shape,
+  Constraint(const ConstraintConfig& config, const policy::NetworkShape& critic_shape,
              base::Random& initial_weights, Minibatch& minibatch, Totals& totals);
 
   /// Regresses the cost critics on c + gamma^n max_k Q'_C,k(s', a'), with a' from

@@ -5,7 +5,7 @@
 #include "learner/parameters.h"
 
 namespace slalom::learner {
-Critics::Critics(std::string name, const policy::MlpShape& shape, int num_critics,
+Critics::Critics(std::string name, const policy::NetworkShape& shape, int num_critics,
                  base::Random& random, const Minibatch& minibatch)
     : name_(std::move(name)),
       parameters_(InitialParameters(shape, num_critics, random, minibatch.input.device())),
@@ -14,11 +14,12 @@ Critics::Critics(std::string name, const policy::MlpShape& shape, int num_critic
       adam_(parameters_, gradient_) {
   const std::int64_t size = shape.num_parameters();
   for (int k = 0; k < num_critics; ++k) {
-    critics_.push_back({policy::Mlp(shape, parameters_.narrow(0, k * size, size)),
-                        policy::Mlp(shape, target_parameters_.narrow(0, k * size, size)),
-                        policy::Mlp(shape, gradient_.narrow(0, k * size, size)),
-                        policy::MlpPass(shape, minibatch.input),
-                        policy::MlpPass(shape, minibatch.next_input)});
+    critics_.push_back(
+        {policy::Network(shape, parameters_.narrow(0, k * size, size)),
+         policy::Network(shape, target_parameters_.narrow(0, k * size, size)),
+         policy::Network(shape, gradient_.narrow(0, k * size, size)),
+         policy::NetworkPass(shape, minibatch.input),
+         policy::NetworkPass(shape, minibatch.next_input, policy::PassUse::kInference)});
     target_values_.push_back(critics_.back().target_pass.output());
     values_.push_back(critics_.back().pass.output());
     value_gradients_.push_back(critics_.back().pass.output_gradient());

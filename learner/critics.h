@@ -10,7 +10,7 @@
 #include "learner/adam.h"
 #include "learner/minibatch.h"
 #include "learner/value_ops.h"
-#include "policy/mlp.h"
+#include "policy/network.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `K` critics, `P` parameters of one.
 
@@ -24,8 +24,8 @@ class Critics {
  public:
   /// Targets start as copies. The passes are bound to `minibatch`, which must outlive this. The
   /// names of what is saved begin with `name`.
-  Critics(std::string name, const policy::MlpShape& shape, int num_critics, base::Random& random,
-          const Minibatch& minibatch);
+  Critics(std::string name, const policy::NetworkShape& shape, int num_critics,
+          base::Random& random, const Minibatch& minibatch);
 
   /// y = reward + discount * min_k (or max_k) Q'_k(s', a'), with a' from the minibatch's next
   /// input. All [B].
@@ -62,11 +62,11 @@ class Critics {
 
  private:
   struct Critic {
-    policy::Mlp network;
-    policy::Mlp target;
-    policy::Mlp gradient;
-    policy::MlpPass pass;
-    policy::MlpPass target_pass;
+    policy::Network network;
+    policy::Network target;
+    policy::Network gradient;
+    policy::NetworkPass pass;
+    policy::NetworkPass target_pass;
   };
 
   const std::string name_;

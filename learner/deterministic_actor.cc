@@ -7,7 +7,7 @@
 #include "policy/layer_ops.h"
 
 namespace slalom::learner {
-DeterministicActor::DeterministicActor(const policy::MlpShape& shape,
+DeterministicActor::DeterministicActor(const policy::NetworkShape& shape,
                                        const policy::ActionDistribution& /*distribution*/,
                                        base::Random& random, const Minibatch& minibatch)
     : parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
@@ -19,7 +19,7 @@ DeterministicActor::DeterministicActor(const policy::MlpShape& shape,
       target_(shape, target_parameters_),
       network_gradient_(shape, gradient_),
       pass_(shape, minibatch.features),
-      target_pass_(shape, minibatch.next_features) {}
+      target_pass_(shape, minibatch.next_features, policy::PassUse::kInference) {}
 
 const at::Tensor& DeterministicActor::Act() {
   network_.Forward(pass_);

@@ -7,7 +7,7 @@
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"
-#include "policy/mlp.h"
+#include "policy/network.h"
 #include "policy/policy.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
@@ -20,8 +20,9 @@ class DeterministicActor {
  public:
   /// Target and average start as copies. The passes are bound to `minibatch`, which must outlive
   /// this.
-  DeterministicActor(const policy::MlpShape& shape, const policy::ActionDistribution& distribution,
-                     base::Random& random, const Minibatch& minibatch);
+  DeterministicActor(const policy::NetworkShape& shape,
+                     const policy::ActionDistribution& distribution, base::Random& random,
+                     const Minibatch& minibatch);
 
   /// pi(s) and pi'(s'). Returns [B, A], overwritten by the next call.
   const at::Tensor& Act();
@@ -47,11 +48,11 @@ class DeterministicActor {
   at::Tensor average_parameters_;
   at::Tensor gradient_;
   Adam adam_;
-  policy::Mlp network_;
-  policy::Mlp target_;
-  policy::Mlp network_gradient_;
-  policy::MlpPass pass_;
-  policy::MlpPass target_pass_;
+  policy::Network network_;
+  policy::Network target_;
+  policy::Network network_gradient_;
+  policy::NetworkPass pass_;
+  policy::NetworkPass target_pass_;
 };
 
 }  // namespace slalom::learner

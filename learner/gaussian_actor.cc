@@ -13,7 +13,7 @@ constexpr std::int64_t kActionSize = 2;
 
 }  // namespace
 
-GaussianActor::GaussianActor(const policy::MlpShape& shape,
+GaussianActor::GaussianActor(const policy::NetworkShape& shape,
                              const policy::ActionDistribution& distribution, base::Random& random,
                              const Minibatch& minibatch)
     : distribution_(distribution),
@@ -23,11 +23,11 @@ GaussianActor::GaussianActor(const policy::MlpShape& shape,
       adam_(parameters_, gradient_),
       network_(shape, parameters_),
       network_gradient_(shape, gradient_),
-      now_{policy::MlpPass(shape, minibatch.features),
+      now_{policy::NetworkPass(shape, minibatch.features),
            at::zeros({minibatch.reward.size(0), kActionSize}, minibatch.reward.options()),
            at::zeros_like(minibatch.reward)},
-      next_{policy::MlpPass(shape, minibatch.next_features), at::zeros_like(now_.actions),
-            at::zeros_like(minibatch.reward)} {}
+      next_{policy::NetworkPass(shape, minibatch.next_features, policy::PassUse::kInference),
+            at::zeros_like(now_.actions), at::zeros_like(minibatch.reward)} {}
 
 SampledActions GaussianActor::Draw(Draws& draws, const at::Tensor& noise) {
   network_.Forward(draws.pass);

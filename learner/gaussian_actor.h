@@ -6,7 +6,7 @@
 #include "learner/adam.h"
 #include "learner/gaussian_ops.h"
 #include "learner/minibatch.h"
-#include "policy/mlp.h"
+#include "policy/network.h"
 #include "policy/policy.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
@@ -25,7 +25,7 @@ class GaussianActor {
  public:
   /// `distribution`: bounds of the standard deviation. The average starts as a copy. The passes are
   /// bound to `minibatch`, which must outlive this.
-  GaussianActor(const policy::MlpShape& shape, const policy::ActionDistribution& distribution,
+  GaussianActor(const policy::NetworkShape& shape, const policy::ActionDistribution& distribution,
                 base::Random& random, const Minibatch& minibatch);
 
   /// a ~ pi(.|s) and a' ~ pi(.|s') by standard normal numbers [B, A].
@@ -48,7 +48,7 @@ class GaussianActor {
 
  private:
   struct Draws {
-    policy::MlpPass pass;        // Output [B, 2 A]: mean, and what the deviation comes of.
+    policy::NetworkPass pass;    // Output [B, 2 A]: mean, and what the deviation comes of.
     at::Tensor actions;          // [B, A]
     at::Tensor log_probability;  // [B]
   };
@@ -60,8 +60,8 @@ class GaussianActor {
   at::Tensor average_parameters_;
   at::Tensor gradient_;
   Adam adam_;
-  policy::Mlp network_;
-  policy::Mlp network_gradient_;
+  policy::Network network_;
+  policy::Network network_gradient_;
   Draws now_;
   Draws next_;
   at::Tensor noise_;  // [B, A], of the last `Sample`.

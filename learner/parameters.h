@@ -3,13 +3,13 @@
 #include <ATen/ATen.h>
 
 #include "base/random.h"
-#include "policy/mlp_shape.h"
+#include "policy/network_shape.h"
 
 namespace slalom::learner {
 
 /// Freshly initialised parameters of networks of one shape, one after the other: [num_networks *
 /// P].
-at::Tensor InitialParameters(const policy::MlpShape& shape, int num_networks, base::Random& random,
-                             at::Device device);
+at::Tensor InitialParameters(const policy::NetworkShape& shape, int num_networks,
+                             base::Random& random, at::Device device);
 
 }  // namespace slalom::learner

@@ -5,7 +5,9 @@
 
 namespace slalom::policy {
 
-MlpPass::MlpPass(const MlpShape& shape, const at::Tensor& input) {
+MlpPass::MlpPass(const MlpShape& shape, const at::Tensor& input, PassUse use,
+                 const at::Tensor& input_gradient)
+    : input_gradient_(input_gradient) {
   SLALOM_CHECK_EQ(input.size(1), static_cast<std::int64_t>(shape.num_inputs + shape.num_extra));
   const std::int64_t batch = input.size(0);
   const int num_layers = shape.num_layers();
@@ -16,7 +18,7 @@ MlpPass::MlpPass(const MlpShape& shape, const at::Tensor& input) {
   layers_[0].input = input.narrow(1, 0, shape.layer_inputs(0));
   for (int i = 0; i < num_layers; ++i) {
     const int outputs = shape.layer_outputs(i);
-    layers_[i].output_gradient = allocate(outputs);
+    if (use == PassUse::kTraining) layers_[i].output_gradient = allocate(outputs);
     if (i + 1 == num_layers) {
       layers_[i].output = allocate(outputs);
       continue;
@@ -29,7 +31,7 @@ MlpPass::MlpPass(const MlpShape& shape, const at::Tensor& input) {
     }
   }
   if (shape.num_extra > 0) {
-    extra_gradient_ = allocate(shape.num_extra);
+    if (use == PassUse::kTraining) extra_gradient_ = allocate(shape.num_extra);
     if (shape.extra_layer > 0) {
       extra_source_ = input.narrow(1, shape.num_inputs, shape.num_extra);
       extra_copy_ = layers_[shape.extra_layer].input.narrow(1, shape.hidden[shape.extra_layer - 1],
@@ -87,6 +89,10 @@ void Mlp::ParameterGradient(MlpPass& pass, Mlp& gradient) const {
     if (i < last) NormGradient(state, i, &result);
     LinearWeightGradient(state.input, state.output_gradient, result.weight, result.bias);
     if (i > 0) InputGradient(pass, i);
+  }
+  if (pass.input_gradient_.defined()) {
+    LinearInputGradient(pass.layers_[0].output_gradient, layers_[0].weight_before, {},
+                        pass.input_gradient_);
   }
 }
 

@@ -10,6 +10,12 @@
 
 namespace slalom::policy {
 
+/// What a pass is for, and so what it keeps.
+enum class PassUse {
+  kTraining,   ///< Forward and backward.
+  kInference,  ///< Forward only: no memory for gradients.
+};
+
 /// What a pass through an `Mlp` reads and leaves behind, for one batch size. Allocates on
 /// construction only.
 ///
@@ -18,7 +24,10 @@ namespace slalom::policy {
 class MlpPass {
  public:
   /// `input`: [B, I + E], features with the extra inputs behind them; kept, not copied.
-  MlpPass(const MlpShape& shape, const at::Tensor& input);
+  /// `input_gradient`: [B, I], written by `Mlp::ParameterGradient`; undefined where it is not
+  /// wanted. With `PassUse::kInference` there are no gradients.
+  explicit MlpPass(const MlpShape& shape, const at::Tensor& input, PassUse use = PassUse::kTraining,
+                   const at::Tensor& input_gradient = {});
 
   at::Tensor& output() { return output_; }                    ///< [B, O], written by Forward.
   at::Tensor& output_gradient() { return output_gradient_; }  ///< [B, O], for the backward passes.
@@ -42,14 +51,14 @@ class MlpPass {
   at::Tensor output_;
   at::Tensor output_gradient_;
   at::Tensor extra_gradient_;
+  at::Tensor input_gradient_;  // [B, I], undefined where it is not wanted
 };
 
 /// A fully connected network whose parameters are views into one flat tensor, so that an optimiser,
 /// Polyak averaging and saving are single passes over it.
 ///
 /// Forward and backward are explicit: nothing is recorded, and a pass computes just what is asked
-/// for. A later encoder that uses LibTorch's autograd joins by handing its output in and taking the
-/// gradient back. Thread-compatible; `Forward` of one network into different passes is thread-safe.
+/// for. Thread-compatible; `Forward` of one network into different passes is thread-safe.
 class Mlp {
  public:
   /// `parameters`: [shape.num_parameters()], shared, not copied.

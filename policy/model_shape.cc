@@ -61,7 +61,7 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   layers.encoder_layers = config.encoder_layers;
   layers.head_layers = config.head_layers;
   layers.layer_norm = config.layer_norm;
-  shape.network = CriticShape(layers, frame_size);
+  shape.network = CriticShape(layers, frame_size).mlp;
   shape.network.num_outputs = shape.termination_column() + 1;
   return shape;
 }
@@ -71,7 +71,7 @@ void InitialiseParameters(const ModelShape& shape, base::Random& random,
   SLALOM_CHECK_EQ(static_cast<std::int64_t>(parameters.size()), shape.num_parameters());
   const std::int64_t size = shape.num_member_parameters();
   for (int i = 0; i < shape.ensemble; ++i) {
-    InitialiseParameters(shape.network, random, parameters.subspan(i * size, size));
+    InitialiseParameters(shape.network.Slots(), random, parameters.subspan(i * size, size));
   }
 }
 

@@ -7,8 +7,8 @@
 
 #include "base/config_field.h"
 #include "base/random.h"
-#include "policy/mlp_shape.h"
 #include "policy/network_config.h"
+#include "policy/network_shape.h"
 
 /// Shapes: `H` frames of history, `R` ranges and `F` = R + env::kStateSize numbers of a frame, `M`
 /// <= F of them that a model predicts, `P` parameters of one member of an ensemble.

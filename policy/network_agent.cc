@@ -7,7 +7,7 @@
 #include "base/check.h"
 #include "policy/feature_map.h"
 #include "policy/layer_ops.h"
-#include "policy/mlp.h"
+#include "policy/network.h"
 
 namespace slalom::policy {
 namespace {
@@ -24,13 +24,13 @@ struct NetworkAgent::Network {
   explicit Network(const PolicySnapshot& snapshot)
       : features(snapshot.spec.observation, snapshot.spec.network),
         shape(snapshot.spec.actor_shape()),
-        mlp(shape, ViewWeights(*snapshot.weights)) {}
+        network(shape, ViewWeights(*snapshot.weights)) {}
 
   FeatureMap features;
-  MlpShape shape;
-  Mlp mlp;
+  NetworkShape shape;
+  policy::Network network;
   at::Tensor input;  // [B, H * F]
-  std::optional<MlpPass> pass;
+  std::optional<NetworkPass> pass;
 };
 
 NetworkAgent::NetworkAgent(PolicySnapshot snapshot)
@@ -42,7 +42,7 @@ void NetworkAgent::SetSnapshot(PolicySnapshot snapshot) {
   SLALOM_CHECK(snapshot.spec.network == snapshot_.spec.network);
   SLALOM_CHECK(snapshot.spec.observation == snapshot_.spec.observation);
   SLALOM_CHECK(snapshot.spec.distribution == snapshot_.spec.distribution);
-  network_->mlp = Mlp(network_->shape, ViewWeights(*snapshot.weights));
+  network_->network = policy::Network(network_->shape, ViewWeights(*snapshot.weights));
   snapshot_ = std::move(snapshot);
 }
 
@@ -53,11 +53,11 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
   SLALOM_CHECK_EQ(observations.num_beams, net.features.num_beams());
   if (batch == 0) return;
   if (!net.pass || net.input.size(0) != batch) {
-    net.input = at::zeros({batch, net.shape.num_inputs}, at::kFloat);
-    net.pass.emplace(net.shape, net.input);
+    net.input = at::zeros({batch, net.shape.num_inputs()}, at::kFloat);
+    net.pass.emplace(net.shape, net.input, PassUse::kInference);
   }
   const int frame = net.features.frame_size();
-  const int size = net.shape.num_inputs;
+  const int size = net.shape.num_inputs();
   float* const input = net.input.data_ptr<float>();
   for (int i = 0; i < batch; ++i) {
     float* const row = input + static_cast<std::ptrdiff_t>(i) * size;
@@ -71,7 +71,7 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
       }
     }
   }
-  net.mlp.Forward(*net.pass);
+  net.network.Forward(*net.pass);
   const int outputs = snapshot_.spec.distribution.num_outputs();
   if (outputs == 2) Tanh(net.pass->output());
   const float* const output = net.pass->output().data_ptr<float>();

@@ -20,14 +20,14 @@ constexpr const char* kFormat = "slalom-policy-1";
 
 }  // namespace
 
-MlpShape PolicySpec::actor_shape() const {
+NetworkShape PolicySpec::actor_shape() const {
   return ActorShape(network, FeatureMap(observation, network).frame_size(),
                     distribution.num_outputs());
 }
 
 std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata) {
   TensorMap tensors;
-  const MlpShape shape = snapshot.spec.actor_shape();
+  const NetworkShape shape = snapshot.spec.actor_shape();
   SLALOM_CHECK_EQ(static_cast<std::int64_t>(snapshot.weights->size()), shape.num_parameters());
   const std::span<const float> weights(*snapshot.weights);
   for (const ParameterSlot& slot : shape.Slots()) {
@@ -52,7 +52,7 @@ LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view sour
   }
   LoadedPolicy loaded;
   ParseSpec(spec.mapped(), source, &loaded.snapshot);
-  const MlpShape shape = loaded.snapshot.spec.actor_shape();
+  const NetworkShape shape = loaded.snapshot.spec.actor_shape();
   const std::vector<ParameterSlot> slots = shape.Slots();
   auto weights = std::make_shared<std::vector<float>>();
   for (const ParameterSlot& slot : slots) {

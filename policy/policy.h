@@ -12,8 +12,8 @@
 
 #include "env/action.h"
 #include "env/observation.h"
-#include "policy/mlp_shape.h"
 #include "policy/network_config.h"
+#include "policy/network_shape.h"
 #include "policy/safetensors.h"
 
 namespace slalom::policy {
@@ -54,8 +54,8 @@ struct PolicySpec {
   env::ActionBounds actions;
   ActionDistribution distribution;
 
-  MlpShape actor_shape()
-      const;  ///< Throws `base::Error` where the sectors do not divide the beams.
+  /// Throws `base::Error` where the sectors do not divide the beams, or as `ActorShape`.
+  NetworkShape actor_shape() const;
 };
 
 /// A policy at one moment of its training. A value; the weights are shared and never

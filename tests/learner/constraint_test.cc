@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "learner/learner.h"
-#include "policy/mlp_shape.h"
+#include "policy/network_shape.h"
 
 namespace slalom::learner {
 namespace {
@@ -19,7 +19,7 @@ struct Fixture {
         totals(at::kCPU),
         constraint(config, Shape(), random, minibatch, totals) {}
 
-  static policy::MlpShape Shape() {
+  static policy::NetworkShape Shape() {
     policy::NetworkConfig network;
     network.encoder_layers = {};
     network.head_layers = {4};

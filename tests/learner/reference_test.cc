@@ -135,12 +135,13 @@ struct Reference {
         multiplier(method.constraint.multiplier),
         features(spec.observation, spec.network),
         distribution(spec.distribution),
-        actor_shape(policy::ActorShape(spec.network, features.frame_size(),
-                                       spec.distribution.num_outputs())),
+        actor_shape(
+            policy::ActorShape(spec.network, features.frame_size(), spec.distribution.num_outputs())
+                .mlp),
         actor(Read(learner, "actor.parameters").requires_grad_()),
         actor_target(actor.detach().clone()),
         critics(Read(learner, "critics.parameters"),
-                policy::CriticShape(spec.network, features.frame_size()),
+                policy::CriticShape(spec.network, features.frame_size()).mlp,
                 config.critic_learning_rate),
         cost_critics(
             Read(learner, multiplier > 0.0 ? "cost_critics.parameters" : "critics.parameters"),

@@ -5,6 +5,8 @@
 
 #include <string>
 
+#include "policy/network_shape.h"
+
 namespace slalom::policy {
 namespace {
 
@@ -35,7 +37,8 @@ class MlpTest : public testing::TestWithParam<Case> {
       : shape_(CriticShape({.encoder_layers = GetParam().encoder,
                             .head_layers = GetParam().head,
                             .layer_norm = GetParam().layer_norm},
-                           kFeatures)) {
+                           kFeatures)
+                   .mlp) {
     torch::manual_seed(1);
     parameters_ = torch::randn({shape_.num_parameters()}, torch::kDouble) * 0.3;
     input_ = torch::randn({kBatch, kFeatures + 2}, torch::kDouble);

@@ -1,0 +1,46 @@
+#include "policy/network_shape.h"
+
+namespace slalom::policy {
+namespace {
+
+constexpr int kActionSize = 2;
+
+NetworkShape BodyShape(const NetworkConfig& config, int frame_size, int num_outputs) {
+  NetworkShape shape;
+  shape.config = config;
+  shape.frame_size = frame_size;
+  shape.mlp.num_inputs = shape.num_inputs();
+  shape.mlp.hidden = config.encoder_layers;
+  shape.mlp.num_encoder_layers = static_cast<int>(config.encoder_layers.size());
+  shape.mlp.hidden.insert(shape.mlp.hidden.end(), config.head_layers.begin(),
+                          config.head_layers.end());
+  shape.mlp.num_outputs = num_outputs;
+  return shape;
+}
+
+}  // namespace
+
+std::vector<ParameterSlot> NetworkShape::Slots() const {
+  ParameterSlots slots;
+  slots.Append(mlp.Slots());
+  return slots.Take();
+}
+
+NetworkShape ActorShape(const NetworkConfig& config, int frame_size, int num_outputs) {
+  return BodyShape(config, frame_size, num_outputs);
+}
+
+NetworkShape CriticShape(const NetworkConfig& config, int frame_size, int num_outputs) {
+  NetworkShape shape = BodyShape(config, frame_size, num_outputs);
+  shape.mlp.num_extra = kActionSize;
+  shape.mlp.extra_layer = shape.mlp.num_encoder_layers;
+  shape.mlp.layer_norm = config.layer_norm;
+  return shape;
+}
+
+void InitialiseParameters(const NetworkShape& shape, base::Random& random,
+                          std::span<float> parameters) {
+  InitialiseParameters(shape.Slots(), random, parameters);
+}
+
+}  // namespace slalom::policy
