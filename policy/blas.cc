@@ -85,20 +85,26 @@ void RestartWithBetterBlasKernel(char** argv) {
 
 void Sgemm(bool transpose_a, bool transpose_b, std::int64_t m, std::int64_t n, std::int64_t k,
            const float* a, std::int64_t lda, const float* b, std::int64_t ldb, float* c,
-           std::int64_t ldc) {
+           std::int64_t ldc, bool add) {
   static const auto sgemm = Find<FortranSgemm>("sgemm_");
   if (sgemm == nullptr) {
     at::Tensor result = View(c, m, n, ldc, false);
-    at::mm_out(result, View(a, m, k, lda, transpose_a), View(b, k, n, ldb, transpose_b));
+    const at::Tensor left = View(a, m, k, lda, transpose_a);
+    const at::Tensor right = View(b, k, n, ldb, transpose_b);
+    if (add) {
+      result.addmm_(left, right);
+    } else {
+      at::mm_out(result, left, right);
+    }
     return;
   }
   // A row-major C = A B is the column-major C^T = B^T A^T.
   const int rows = static_cast<int>(n), columns = static_cast<int>(m), depth = static_cast<int>(k);
   const int b_stride = static_cast<int>(ldb), a_stride = static_cast<int>(lda);
   const int c_stride = static_cast<int>(ldc);
-  const float one = 1.0f, zero = 0.0f;
+  const float one = 1.0f, before = add ? 1.0f : 0.0f;
   sgemm(transpose_b ? "T" : "N", transpose_a ? "T" : "N", &rows, &columns, &depth, &one, b,
-        &b_stride, a, &a_stride, &zero, c, &c_stride);
+        &b_stride, a, &a_stride, &before, c, &c_stride);
 }
 
 void SetMathThreads(int n) {

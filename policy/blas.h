@@ -33,13 +33,13 @@ std::optional<std::string> BetterBlasKernel(std::string_view kernel, const CpuFe
 /// starts. Happens at most once; if the restart fails, the program goes on with the slow kernel.
 void RestartWithBetterBlasKernel(char** argv);
 
-/// C = op(A) op(B) in float32, all row-major with rows `lda`, `ldb`, `ldc` apart; op transposes
-/// where said. A: [m, k] after op; B: [k, n] after op; C: [m, n], overwritten. The BLAS behind
-/// LibTorch, called without LibTorch's dispatch, which costs as much as the smallest of our
-/// products; where LibTorch hides its BLAS, LibTorch's own product. Thread-safe.
+/// C = op(A) op(B), or C += op(A) op(B) with `add`, in float32, all row-major with rows `lda`,
+/// `ldb`, `ldc` apart; op transposes where said. A: [m, k] after op; B: [k, n] after op; C: [m, n].
+/// The BLAS behind LibTorch, called without LibTorch's dispatch, which costs as much as the
+/// smallest of our products; where LibTorch hides its BLAS, LibTorch's own product. Thread-safe.
 void Sgemm(bool transpose_a, bool transpose_b, std::int64_t m, std::int64_t n, std::int64_t k,
            const float* a, std::int64_t lda, const float* b, std::int64_t ldb, float* c,
-           std::int64_t ldc);
+           std::int64_t ldc, bool add = false);
 
 /// Threads that one operation of LibTorch or OpenBLAS may use (each keeps its own count).
 /// Operations as small as ours are fastest on one. Requires: n >= 1.

@@ -39,9 +39,9 @@ SLALOM_SIMD void AddBias(const float* bias, bool relu, float* y, std::int64_t ro
   }
 }
 
+/// Adds to `sum`.
 SLALOM_SIMD void SumRows(const float* x, std::int64_t rows, std::int64_t columns,
                          std::int64_t stride, float* sum) {
-  std::fill(sum, sum + columns, 0.0f);
   for (std::int64_t i = 0; i < rows; ++i) {
     const float* const row = x + i * stride;
     for (std::int64_t j = 0; j < columns; ++j) sum[j] += row[j];
@@ -193,7 +193,7 @@ void Multiply(const GemmTask& task) {
   static const CpuFeatures cpu = DetectCpuFeatures();
   if (SmallGemm(task, cpu)) return;
   Sgemm(task.transpose_a, task.transpose_b, task.m, task.n, task.k, task.a, task.lda, task.b,
-        task.ldb, task.c, task.ldc);
+        task.ldb, task.c, task.ldc, task.add);
   if (task.bias != nullptr) {
     AddBias(task.bias, task.relu, task.c, task.m, task.n, task.ldc);
   }
@@ -227,11 +227,17 @@ void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool 
             .relu = relu});
 }
 
-void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor& dw,
-                          at::Tensor& db) {
+void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor& dw, at::Tensor& db,
+                          Into into) {
+  const bool add = into == Into::kAdd;
   if (!IsHostFloat(x)) {
-    at::mm_out(dw, dy.t(), x);
-    at::sum_out(db, dy, {0});
+    if (!add) {
+      at::mm_out(dw, dy.t(), x);
+      at::sum_out(db, dy, {0});
+    } else {
+      dw.addmm_(dy.t(), x);
+      db.add_(dy.sum(0));
+    }
     return;
   }
   const Matrix mx(x), mdy(dy), mdw(dw);
@@ -244,14 +250,23 @@ void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor&
             .b = mx.data,
             .ldb = mx.stride,
             .c = mdw.data,
-            .ldc = mdw.stride});
-  SumRows(mdy.data, mdy.rows, mdy.columns, mdy.stride, db.data_ptr<float>());
+            .ldc = mdw.stride,
+            .add = add});
+  float* const sum = db.data_ptr<float>();
+  if (!add) std::fill(sum, sum + mdy.columns, 0.0f);
+  SumRows(mdy.data, mdy.rows, mdy.columns, mdy.stride, sum);
 }
 
 void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Tensor& relu_output,
-                         at::Tensor& dx) {
+                         at::Tensor& dx, Into into) {
+  const bool add = into == Into::kAdd;
+  SLALOM_CHECK(!add || !relu_output.defined());
   if (!IsHostFloat(dy)) {
-    at::mm_out(dx, dy, w);
+    if (add) {
+      dx.addmm_(dy, w);
+    } else {
+      at::mm_out(dx, dy, w);
+    }
     if (relu_output.defined()) dx.mul_(relu_output > 0);
     return;
   }
@@ -264,12 +279,22 @@ void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Te
                 .b = mw.data,
                 .ldb = mw.stride,
                 .c = mdx.data,
-                .ldc = mdx.stride};
+                .ldc = mdx.stride,
+                .add = add};
   if (relu_output.defined()) {
     task.mask = relu_output.data_ptr<float>();
     task.ld_mask = relu_output.stride(0);
   }
   Multiply(task);
+}
+
+void ReluGradient(const at::Tensor& y, at::Tensor& dy) {
+  if (!IsHostFloat(dy)) {
+    dy.mul_(y > 0);
+    return;
+  }
+  const Matrix my(y), mdy(dy);
+  MaskByPositive(my.data, my.stride, mdy.data, mdy.rows, mdy.columns, mdy.stride);
 }
 
 void Tanh(at::Tensor& y) {

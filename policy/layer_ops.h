@@ -12,18 +12,25 @@
 
 namespace slalom::policy {
 
+/// What becomes of the numbers that stand where a result goes.
+enum class Into { kReplace, kAdd };
+
 /// y = x w^T + b, then ReLU where `relu`. x: [B, I]; w: [O, I]; b: [O]; y: [B, O].
 void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool relu,
             at::Tensor& y);
 
 /// Gradients of a loss by w and b, from `dy`, its gradient by y. dy: [B, O]; dw: [O, I]; db: [O].
-void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor& dw,
-                          at::Tensor& db);
+void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor& dw, at::Tensor& db,
+                          Into into = Into::kReplace);
 
 /// dx = dy w, the gradient by x; where x = max(0, ...) came out of a ReLU, `relu_output` is that x
 /// and dx is passed back through it: 0 where x <= 0. Else it is an undefined tensor. dx: [B, I].
+/// Requires: no `relu_output` with `Into::kAdd`.
 void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Tensor& relu_output,
-                         at::Tensor& dx);
+                         at::Tensor& dx, Into into = Into::kReplace);
+
+/// dy = 0 where y, which came out of a ReLU, is 0. Both [B, O].
+void ReluGradient(const at::Tensor& y, at::Tensor& dy);
 
 /// LayerNorm over each row and ReLU, in place: y = max(0, gain * normal + bias), normal = (y -
 /// mean) * rstd. y, normal: [B, O]; rstd: [B]; gain, bias: [O].

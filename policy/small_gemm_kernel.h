@@ -106,7 +106,9 @@ class SmallGemmKernel {
     for (int v = 0; v < kVectors; ++v) {
       const V start = tile.bias == nullptr ? Lanes::Zero() : LoadPart<kVectors>(tile.bias, tile, v);
 #pragma GCC unroll 16
-      for (int r = 0; r < kRows; ++r) sum[r][v] = start;
+      for (int r = 0; r < kRows; ++r) {
+        sum[r][v] = task.add ? LoadPart<kVectors>(tile.c + r * task.ldc, tile, v) : start;
+      }
     }
     const std::int64_t lda = task.lda;
     const std::int64_t ldb = tile.ldb;
@@ -209,7 +211,8 @@ class SmallGemmKernel {
           if (task.bias != nullptr) value += task.bias[j];
           const bool kept = (!task.relu || value > 0.0f) &&
                             (task.mask == nullptr || task.mask[(i + r) * task.ld_mask + j] > 0.0f);
-          task.c[(i + r) * task.ldc + j] = kept ? value : 0.0f;
+          float& target = task.c[(i + r) * task.ldc + j];
+          target = (task.add ? target : 0.0f) + (kept ? value : 0.0f);
         }
       }
     }
