@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/name.h"
 #include "cli/version.h"
 #include "config/config.h"
 #include "metrics/catalogue.h"
@@ -29,9 +30,10 @@ std::string ChooseName(transport::Role role, const train::ServiceConfig& config,
     const bool is_many = role == transport::Role::kActor || role == transport::Role::kEvaluator;
     name = is_many ? HostName() : std::string(transport::ToString(role));
   }
-  if (name.size() > 128 || name.find('/') != std::string::npos || name.starts_with('.')) {
+  if (!base::IsName(name) || name.starts_with('.')) {
     throw base::Error(fmt::format(
-        "service.name is '{}', expected at most 128 characters, no '/' and no '.' in front", name));
+        "service.name is '{}', expected 1 to {} letters, digits, '-_.:@' and no '.' in front", name,
+        base::kMaxNameBytes));
   }
   return name;
 }

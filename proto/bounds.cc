@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/name.h"
+
 namespace slalom::proto {
 namespace {
 
@@ -30,9 +32,9 @@ class FaultFinder {
     if (fault_.empty() && !std::isfinite(value)) fault_ = fmt::format("{} is not finite", field);
   }
   void Name(const char* field, std::string_view value) {
-    if (!fault_.empty() || IsName(value)) return;
+    if (!fault_.empty() || base::IsName(value)) return;
     fault_ = fmt::format("{} is '{}', expected 1 to {} letters, digits, '-_.:@'", field,
-                         FitText(value.substr(0, kMaxNameBytes)), kMaxNameBytes);
+                         FitText(value.substr(0, base::kMaxNameBytes)), base::kMaxNameBytes);
   }
   void Text(const char* field, std::string_view value) {
     if (!fault_.empty() || way_ == Way::kToBeSent) return;
@@ -207,13 +209,6 @@ constexpr std::uint64_t kStatusRoles = 1;
 constexpr std::uint64_t kRoleReport = 1;
 
 }  // namespace
-
-bool IsName(std::string_view name) {
-  return !name.empty() && name.size() <= kMaxNameBytes && std::ranges::all_of(name, [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-           std::string_view("-_.:@").find(c) != std::string_view::npos;
-  });
-}
 
 std::string FitText(std::string_view text) {
   std::string fitting(text.substr(0, kMaxTextBytes));

@@ -27,7 +27,6 @@ inline constexpr std::size_t kPrefixBytes = 16;
 
 /// Bounds on what a header may hold; more is refused as `kBadMessage`.
 inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;  ///< Of protobuf.
-inline constexpr std::size_t kMaxNameBytes = 128;
 inline constexpr std::size_t kMaxTextBytes = 1024;
 inline constexpr int kMaxBeams = 4096;
 inline constexpr int kMaxStreams = 4096;
@@ -38,10 +37,6 @@ inline constexpr int kMaxFrames = 1 << 17;  ///< Batch times history of a sample
 inline constexpr int kMaxNStep = 1024;
 inline constexpr int kMaxFigures = 256;  ///< Of a report, and as many facts.
 inline constexpr int kMaxRoles = 4096;   ///< Of a status.
-
-/// Whether a role or process may have this name, and a figure or fact this key: 1 to
-/// `kMaxNameBytes` letters, digits, '-', '_', '.', ':', '@'.
-bool IsName(std::string_view name);
 
 /// Why a message was refused; also on the wire.
 enum class RefusalCode : std::uint32_t {

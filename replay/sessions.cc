@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "base/name.h"
+
 namespace slalom::replay {
 namespace {
 
@@ -18,8 +20,8 @@ base::Result<Sessions::FreedStreams> Sessions::Put(const Session& session) {
   const auto fail = [&](std::string_view why) {
     return base::Failure{fmt::format("session {} of id {}: {}", session.number, session.id, why)};
   };
-  if (session.id == 0 || session.name.empty() || session.name.size() > kMaxNameBytes) {
-    return fail("no id, or a name of no or too many bytes");
+  if (session.id == 0 || !base::IsName(session.name)) {
+    return fail("no id, or no name");
   }
   if (session.num_streams < 1 || session.stream_base < 0 || session.num_streams > kMaxStreams ||
       session.stream_base > kMaxStreams - session.num_streams) {

@@ -36,7 +36,6 @@ struct Session {
 class Sessions {
  public:
   static constexpr int kMaxNames = 4096;
-  static constexpr int kMaxNameBytes = 128;
   static constexpr std::int32_t kMaxStreams = 1 << 20;  ///< Of all sessions together.
 
   /// Streams that a change has set free; the table is to `Cut` them.

@@ -17,7 +17,6 @@ using proto::RefusalCode;
 using transport::PeerId;
 
 constexpr std::uint64_t kMaxCursor = std::uint64_t{1} << 52;
-constexpr double kMaxImportanceExponent = 10.0;
 // Of the times between two readings.
 constexpr std::size_t kMaxSampleSeconds = 1 << 16;
 
@@ -37,20 +36,8 @@ SampleShape ShapeOf(const proto::SampleRequest& request, int num_beams) {
           .weighted = request.prioritized};
 }
 
-/// What is wrong with a request; empty: nothing.
+/// Why a request that came through `proto::Decode` cannot be served; empty: it can.
 std::string FaultOf(const proto::SampleRequest& request, int num_beams, std::int64_t max_bytes) {
-  if (request.batch < 1 || request.history < 1 || request.n_step < 1) {
-    return fmt::format("batch {}, history {}, n_step {}, expected 1 or more of each", request.batch,
-                       request.history, request.n_step);
-  }
-  if (!(request.gamma >= 0.0 && request.gamma <= 1.0)) {
-    return fmt::format("gamma {}, expected 0 to 1", request.gamma);
-  }
-  if (!(request.importance_exponent >= 0.0 &&
-        request.importance_exponent <= kMaxImportanceExponent)) {
-    return fmt::format("importance exponent {}, expected 0 to {}", request.importance_exponent,
-                       kMaxImportanceExponent);
-  }
   if (request.cursor > kMaxCursor) return fmt::format("cursor {} is too large", request.cursor);
   const auto size = SampleSize(ShapeOf(request, num_beams));
   if (!size || *size > static_cast<std::size_t>(max_bytes)) {

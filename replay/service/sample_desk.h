@@ -45,7 +45,8 @@ class SampleDesk {
   /// The pointers must outlive the desk.
   SampleDesk(const Options& options, Table* table, RateLimiter* limiter, Outbox* outbox);
 
-  /// `learner`: the name that the peer said in its hello.
+  /// `learner`: the name that the peer said in its hello. Requires: the request is within the
+  /// bounds of `proto::Decode`.
   void Ask(const transport::PeerId& peer, const std::string& learner,
            const proto::SampleRequest& request);
   void SetPriorities(const transport::PeerId& peer, const proto::PriorityUpdate& update,

@@ -65,6 +65,11 @@ TEST_F(BadInputTest, SettingsThatContradictEachOtherAreRefused) {
               HasSubstr("control_rate"));
 }
 
+TEST_F(BadInputTest, ANameThatNoRoleCanHaveIsRefused) {
+  ExpectError({"actor", "--config", "tiny.toml", "--name", "two words"},
+              AllOf(HasSubstr("service.name is 'two words'"), HasSubstr("letters, digits")));
+}
+
 TEST_F(BadInputTest, MissingFilesAreNamed) {
   ExpectError({"train", "none.toml"}, HasSubstr("none.toml"));
   ExpectError({"evaluate", "--policy", "none.safetensors", "--courses", "static-test"},

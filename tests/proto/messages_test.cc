@@ -7,6 +7,7 @@
 #include <limits>
 #include <set>
 
+#include "base/name.h"
 #include "tests/proto/examples.h"
 
 namespace slalom::proto {
@@ -193,7 +194,7 @@ TEST(MessagesTest, EveryBoundIsHeld) {
 TEST(MessagesTest, TheLargestAndSmallestComeThrough) {
   constexpr auto kMost = std::numeric_limits<std::int64_t>::max();
   constexpr auto kMostUnsigned = std::numeric_limits<std::uint64_t>::max();
-  const std::string name(kMaxNameBytes, 'n');
+  const std::string name(base::kMaxNameBytes, 'n');
   const std::string text(kMaxTextBytes, '~');
   std::map<std::string, double> figures;
   std::map<std::string, std::string> facts;
@@ -258,16 +259,6 @@ TEST(MessagesTest, WhatIsOutOfBoundsIsNotSent) {
   EXPECT_DEATH((void)Encode(Hello{"actor", "two words", 0, 0, 0, 0, ""}, {}),
                "name is 'two words'");
   EXPECT_DEATH((void)Encode(Insert{0, 0, 0, 720, 0, 0, 0}, {}), "num_rows is 0");
-}
-
-TEST(MessagesTest, NamesAreWhatLabelsAndFilesCanHold) {
-  EXPECT_TRUE(IsName("actor-3.node_7:9400@x"));
-  EXPECT_FALSE(IsName("a/b"));
-  EXPECT_FALSE(IsName(""));
-  EXPECT_FALSE(IsName("a b"));
-  EXPECT_FALSE(IsName("\xc3\xa9"));
-  EXPECT_TRUE(IsName(std::string(128, 'z')));
-  EXPECT_FALSE(IsName(std::string(129, 'z')));
 }
 
 TEST(MessagesTest, EveryRefusalHasAName) {

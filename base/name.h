@@ -1,0 +1,20 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <string_view>
+
+namespace slalom::base {
+
+inline constexpr std::size_t kMaxNameBytes = 128;
+
+/// Whether a role or process of the service may have this name, and a figure that it reports this
+/// key: 1 to `kMaxNameBytes` letters, digits, '-', '_', '.', ':', '@'.
+inline bool IsName(std::string_view name) {
+  return !name.empty() && name.size() <= kMaxNameBytes && std::ranges::all_of(name, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           std::string_view("-_.:@").find(c) != std::string_view::npos;
+  });
+}
+
+}  // namespace slalom::base
