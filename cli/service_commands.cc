@@ -121,12 +121,11 @@ int RunActor(const ServiceOptions& options) {
       {-1, spec,
        std::make_shared<const std::vector<float>>(
            static_cast<std::size_t>(spec.actor_shape().num_parameters()), 0.0f)});
-  const auto install = [&](std::span<const std::byte> bytes) -> base::Result<std::int64_t> {
+  const auto install = [&](std::span<const std::byte> bytes) -> std::optional<base::Failure> {
     auto snapshot = ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();
-    const std::int64_t version = snapshot->version;
     agent.SetSnapshot(std::move(*snapshot));
-    return version;
+    return std::nullopt;
   };
   actor::ActorIdentity identity;
   identity.name = process.name();
@@ -156,12 +155,12 @@ int RunEvaluator(const ServiceOptions& options) {
   }
   base::ParallelFor parallel(config.run.simulation_threads);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
-  const auto agent_of =
-      [&](std::span<const std::byte> bytes) -> base::Result<std::unique_ptr<env::Agent>> {
-    auto snapshot = ReadPolicy(bytes, spec);
+  const auto read_policy = [&](std::span<const std::byte> bytes) -> base::Result<eval::MakeAgent> {
+    const auto snapshot = ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();
-    return std::unique_ptr<env::Agent>(
-        std::make_unique<policy::NetworkAgent>(std::move(*snapshot)));
+    return eval::MakeAgent([snapshot = *snapshot](int, const sim::EnvironmentConfig&) {
+      return std::make_unique<policy::NetworkAgent>(snapshot);
+    });
   };
   eval::EvaluatorIdentity identity;
   identity.name = process.name();
@@ -171,8 +170,8 @@ int RunEvaluator(const ServiceOptions& options) {
   identity.replay = process.replay();
   identity.learner = process.learner();
   eval::EvaluatorService evaluator(config.evaluator_service, config.evaluation, config.environment,
-                                   config.courses.Resolve(courses), std::move(identity), agent_of,
-                                   parallel, process.context(), process.registry());
+                                   config.courses.Resolve(courses), std::move(identity),
+                                   read_policy, parallel, process.context(), process.registry());
   evaluator.Run(signals.token());
   return kExitOk;
 }

@@ -13,6 +13,7 @@
 #include <limits>
 #include <string>
 
+#include "base/clock.h"
 #include "base/error.h"
 
 namespace slalom::metrics {
@@ -82,17 +83,14 @@ std::string Text(int field, std::string_view text) {
 
 /// Wall time and step, which every Event begins with.
 std::string BeginEvent(std::int64_t step) {
-  const double now =
-      std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-  return Key(kEventWallTime, kFixed64) + LittleEndian(std::bit_cast<std::uint64_t>(now)) +
+  return Key(kEventWallTime, kFixed64) +
+         LittleEndian(std::bit_cast<std::uint64_t>(base::UnixSeconds())) +
          Key(kEventStep, kVarint) + Varint(static_cast<std::uint64_t>(step));
 }
 
 /// The time now, [s], or one above the newest event file's: a clock may have been set back.
 std::int64_t NextSeconds(const fs::path& directory) {
-  std::int64_t seconds = std::chrono::duration_cast<std::chrono::seconds>(
-                             std::chrono::system_clock::now().time_since_epoch())
-                             .count();
+  auto seconds = static_cast<std::int64_t>(base::UnixSeconds());
   std::error_code error;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();

@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/log.h"
 
@@ -16,10 +17,6 @@ using std::chrono::steady_clock;
 constexpr std::chrono::seconds kAskAgain{5};
 // Questions put again without an answer before the connection is given up.
 constexpr int kMaxUnanswered = 2;
-
-double UnixSeconds() {
-  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
 
 }  // namespace
 
@@ -81,15 +78,14 @@ bool PolicyLink::Take(const proto::Header& header, std::span<const std::byte> pa
   // Another version than that held, even an older one: the learner went back to a checkpoint. No
   // payload: there is none newer, said so that this process knows that the learner is there.
   if (snapshot->version == version_ || payload.empty()) return false;
-  const auto version = install_(payload);
-  if (!version) {
+  if (const auto failure = install_(payload)) {
     throw base::Error(fmt::format("policy {} of the learner at {}: {}", snapshot->version,
-                                  endpoint_, version.failure().text));
+                                  endpoint_, failure->text));
   }
   version_ = snapshot->version;
   ++received_;
   published_s_ = 1e-9 * static_cast<double>(snapshot->published_ns);
-  latency_s_ = UnixSeconds() - published_s_;
+  latency_s_ = base::UnixSeconds() - published_s_;
   return true;
 }
 

@@ -13,9 +13,10 @@
 
 namespace slalom::service {
 
-/// Takes over a policy that came, as the bytes of its file, with its version. Fails where it is
-/// damaged or of another spec.
-using InstallPolicy = std::function<base::Result<std::int64_t>(std::span<const std::byte> policy)>;
+/// Takes over a policy that came, as the bytes of its file. Fails where it is damaged or of another
+/// spec.
+using InstallPolicy =
+    std::function<std::optional<base::Failure>(std::span<const std::byte> policy)>;
 
 /// Keeps up with the learner's policies: asks for one newer than that held, and asks again when one
 /// came, when the connection was made anew, or when there was no answer for seconds. Confined to

@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -33,38 +34,32 @@ proto::Hello MakeHello(const EvaluatorIdentity& identity, int num_beams) {
   return hello;
 }
 
-double UnixSeconds() {
-  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
-
 }  // namespace
 
 EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config,
                                    const EvaluationConfig& evaluation,
                                    const sim::EnvironmentConfig& environment,
                                    sim::CourseSet courses, EvaluatorIdentity identity,
-                                   AgentOf agent_of, base::ParallelFor& parallel,
+                                   ReadPolicy read_policy, base::ParallelFor& parallel,
                                    transport::Context& context, metrics::Registry& registry)
     : config_(config),
       evaluation_(evaluation),
       environment_(environment),
       courses_(std::move(courses)),
       identity_(std::move(identity)),
-      agent_of_(std::move(agent_of)),
+      read_policy_(std::move(read_policy)),
       parallel_(parallel),
       registry_(registry),
       replay_(context, identity_.replay, MakeHello(identity_, environment.lidar.num_beams)),
       policy_(context, identity_.learner, identity_.name,
-              [this](std::span<const std::byte> policy) { return Install(policy); }) {
+              [this](std::span<const std::byte> policy) {
+                // Read when it is scored: most are replaced before.
+                newest_.assign(reinterpret_cast<const char*>(policy.data()), policy.size());
+                return std::nullopt;
+              }) {
   base::MakeDirectories(identity_.state_directory);
   if (!fs::exists(scores())) base::WriteFileAtomically(scores(), kHeader);
   registry_.counter(metrics::kEvaluations);
-}
-
-base::Result<std::int64_t> EvaluatorService::Install(std::span<const std::byte> policy) {
-  if (const auto agent = agent_of_(policy); !agent) return agent.failure();
-  newest_.assign(reinterpret_cast<const char*>(policy.data()), policy.size());
-  return std::int64_t{0};
 }
 
 void EvaluatorService::Listen() {
@@ -98,13 +93,15 @@ void EvaluatorService::Run(std::stop_token stop) {
 void EvaluatorService::Score(std::stop_token stop) {
   const std::int64_t version = policy_.version();
   const std::string policy = newest_;
+  const auto make_agent = read_policy_(std::as_bytes(std::span(policy)));
+  if (!make_agent) {
+    throw base::Error(fmt::format("policy {} of the learner at {}: {}", version,
+                                  identity_.learner.endpoint, make_agent.failure().text));
+  }
   const auto began = steady_clock::now();
   const auto evaluation = EvaluateOnCourses(
-      evaluation_, environment_, courses_,
-      [&](int, const sim::EnvironmentConfig&) {
-        return std::move(*agent_of_(std::as_bytes(std::span(policy))));
-      },
-      &parallel_, [this](const EpisodeCount&) { Listen(); }, std::move(stop));
+      evaluation_, environment_, courses_, *make_agent, &parallel_,
+      [this](const EpisodeCount&) { Listen(); }, std::move(stop));
   if (!evaluation) return;
   Record(*evaluation, version, std::chrono::duration<double>(steady_clock::now() - began).count());
   const double success_rate = evaluation->summary.set.success_rate.value;
@@ -121,7 +118,7 @@ void EvaluatorService::Record(const Evaluation& evaluation, std::int64_t version
       set.traversal_time ? set.traversal_time->value : std::numeric_limits<double>::quiet_NaN();
   std::ofstream file(scores(), std::ios::app);
   file << fmt::format("{:.0f},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{},{:.4f},{:.2f}\n",
-                      UnixSeconds(), version, identity_.course_set, set.num_episodes,
+                      base::UnixSeconds(), version, identity_.course_set, set.num_episodes,
                       set.success_rate.value, interval.low, interval.high, set.collision_rate.value,
                       set.timeout_rate.value, set.traversal_time ? fmt::format("{:.2f}", time) : "",
                       set.barn_score.value, seconds);

@@ -39,22 +39,20 @@ struct EvaluatorIdentity {
 /// shows both as metrics. Confined to the thread that made it.
 class EvaluatorService {
  public:
-  /// Makes an agent of a policy file's bytes, or says why it cannot.
-  using AgentOf =
-      std::function<base::Result<std::unique_ptr<env::Agent>>(std::span<const std::byte> policy)>;
+  /// Reads a policy file's bytes: what makes agents that drive with it, or why none can.
+  using ReadPolicy = std::function<base::Result<MakeAgent>(std::span<const std::byte> policy)>;
 
   /// `parallel` must outlive it. Throws `base::Error` where the directory cannot be written.
   EvaluatorService(const EvaluatorServiceConfig& config, const EvaluationConfig& evaluation,
                    const sim::EnvironmentConfig& environment, sim::CourseSet courses,
-                   EvaluatorIdentity identity, AgentOf agent_of, base::ParallelFor& parallel,
+                   EvaluatorIdentity identity, ReadPolicy read_policy, base::ParallelFor& parallel,
                    transport::Context& context, metrics::Registry& registry);
 
-  /// Works until `stop`. Throws `base::Error` where a server refuses this process for good, or a
-  /// score cannot be written.
+  /// Works until `stop`. Throws `base::Error` where a server refuses this process for good, a
+  /// policy is of another spec, or a score cannot be written.
   void Run(std::stop_token stop);
 
  private:
-  base::Result<std::int64_t> Install(std::span<const std::byte> policy);
   /// Keeps the connections alive.
   void Listen();
   void Score(std::stop_token stop);
@@ -68,7 +66,7 @@ class EvaluatorService {
   const sim::EnvironmentConfig environment_;
   const sim::CourseSet courses_;
   const EvaluatorIdentity identity_;
-  const AgentOf agent_of_;
+  const ReadPolicy read_policy_;
   base::ParallelFor& parallel_;
   metrics::Registry& registry_;
   service::ReplayLink replay_;

@@ -135,7 +135,7 @@ class ActorServiceTest : public ::testing::Test {
               actor.num_environments = kEnvironments;
               ActorService service(
                   config, actor, identity, environments_, agent_,
-                  [](std::span<const std::byte>) { return std::int64_t{7}; }, context_, registry_);
+                  [](std::span<const std::byte>) { return std::nullopt; }, context_, registry_);
               service.Run(stop);
               account_ = service.account();
             } catch (const base::Error& error) {

@@ -202,10 +202,10 @@ TEST(LearnerServiceTest, ReadersGetTheNewestPolicyWhenTheyLackIt) {
     transport::Context context;
     std::vector<std::int64_t> versions;
     service::PolicyLink link(context, {.endpoint = endpoint}, "reader",
-                             [&](std::span<const std::byte> bytes) -> base::Result<std::int64_t> {
+                             [&](std::span<const std::byte> bytes) {
                                const auto policy = policy::ParsePolicy(bytes, "policy");
                                versions.push_back(policy.snapshot.version);
-                               return policy.snapshot.version;
+                               return std::nullopt;
                              });
     // All updates were made before, so the last policy comes at the latest in the time between two.
     WaitUntil([&] { return link.Poll() && link.version() > kUpdates - 11; });
