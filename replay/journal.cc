@@ -11,6 +11,7 @@
 #include <cstring>
 
 #include "base/check.h"
+#include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
 
@@ -29,6 +30,10 @@ constexpr std::size_t kMaxBatch = 64;
 constexpr std::array<std::byte, 8> kZeros{};
 
 }  // namespace
+
+std::filesystem::path PrioritiesPath(const std::filesystem::path& directory) {
+  return directory / "priorities";
+}
 
 /// A segment file that is being written or waits to be synced.
 class Journal::File {
@@ -110,6 +115,11 @@ std::uint64_t Journal::Push(Entry entry) {
   queue_.push_back(std::move(entry));
   queue_changed_.NotifyOne();
   return ++appended_;
+}
+
+void Journal::SavePriorities(std::string bytes) {
+  base::MutexLock lock(mutex_);
+  priorities_ = std::move(bytes);
 }
 
 Journal::Status Journal::status() const {
@@ -250,8 +260,10 @@ void Journal::SyncOnce() {
   const auto begin = Clock::now();
   std::vector<std::shared_ptr<File>> files;
   std::vector<std::filesystem::path> unneeded;
+  std::string priorities;
   {
     base::MutexLock lock(mutex_);
+    priorities = std::exchange(priorities_, {});
     files = unsynced_;
     // The last segment is never among them: its successor is not there.
     for (std::size_t i = 0; i + 1 < segments_.size(); ++i) {
@@ -263,6 +275,13 @@ void Journal::SyncOnce() {
     if (::fdatasync(file->fd()) != 0) {
       failure = fmt::format("{}: cannot sync ({})", file->path().string(), std::strerror(errno));
     }
+  }
+  try {
+    if (!priorities.empty()) {
+      base::WriteFileAtomically(PrioritiesPath(options_.directory), priorities);
+    }
+  } catch (const base::Error& error) {
+    spdlog::warn("{}; a restart would find earlier priorities", error.what());
   }
   base::SyncDirectory(options_.directory);
   // What replaces them is safe by now, else they stay until it is.

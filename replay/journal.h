@@ -48,6 +48,9 @@ struct JournalSegment {
   std::int64_t bytes = 0;
 };
 
+/// Where the priorities of a directory's rows are, if they are kept (`Table::PrintPriorities`).
+std::filesystem::path PrioritiesPath(const std::filesystem::path& directory);
+
 /// What a directory holds.
 struct Recovered {
   Table table;
@@ -97,6 +100,10 @@ class Journal final : public RecordLog {
   bool segment_full() const { return segment_bytes_ >= options_.segment_bytes; }
   /// Begins a segment. `oldest_row`: rows before it are no longer needed.
   void BeginSegment(const StateRecord& state, std::int64_t oldest_row);
+
+  /// Replaces the file of priorities beside the segments at the next sync. Where that cannot be
+  /// done the earlier file stays, which costs nobody a step.
+  void SavePriorities(std::string bytes) EXCLUDES(mutex_);
 
   std::uint64_t written() const override { return written_.load(std::memory_order_acquire); }
 
@@ -164,7 +171,8 @@ class Journal final : public RecordLog {
   std::vector<JournalSegment> segments_ GUARDED_BY(mutex_);         ///< The last is being written.
   std::vector<std::shared_ptr<File>> unsynced_ GUARDED_BY(mutex_);  ///< Likewise.
   std::int64_t oldest_row_ GUARDED_BY(mutex_) = 0;
-  bool closed_ = false;  // Of the calling thread.
+  std::string priorities_ GUARDED_BY(mutex_);  ///< To be saved; empty: nothing.
+  bool closed_ = false;                        // Of the calling thread.
 
   std::jthread writer_;
   std::jthread syncer_;

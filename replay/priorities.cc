@@ -37,6 +37,12 @@ void Priorities::Set(std::int64_t slot, double priority) {
   SetWeight(slot, weight);
 }
 
+void Priorities::RaiseLargest(double largest) {
+  if (largest <= largest_) return;
+  largest_ = largest;
+  new_weight_ = std::pow(largest, alpha_);
+}
+
 void Priorities::SetWeight(std::int64_t slot, double weight) {
   auto i = static_cast<std::size_t>(slot);
   levels_[0][i] = weight;

@@ -28,6 +28,11 @@ class Priorities {
   void Set(std::int64_t slot, double priority);
   /// Gives a new row the largest priority that was ever `Set`, at first 1.
   void SetNew(std::int64_t slot) { SetWeight(slot, new_weight_); }
+  /// Gives a row the weight that it had. Requires: 0 < weight <= kLargest.
+  void RestoreWeight(std::int64_t slot, double weight) { SetWeight(slot, weight); }
+  /// So large a priority was set once. Requires: largest <= kLargest.
+  void RaiseLargest(double largest);
+  double largest() const { return largest_; }
   /// Nothing to draw here.
   void Clear(std::int64_t slot) { SetWeight(slot, 0.0); }
 

@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/config_field.h"
@@ -70,6 +72,14 @@ class Table {
   /// Priorities are no part of what `Storage` keeps. Requires: 0 <= alpha <= 1. Cost: 9 bytes a
   /// slot of the ring, and a path of the sum tree for each row held or inserted.
   void UsePriorities(double alpha);
+  /// The weights of the rows held as the bytes of a file (docs/replay.md). Requires:
+  /// has_priorities(). Cost: 8 bytes a row.
+  std::string PrintPriorities() const;
+  /// As `UsePriorities`, but gives each step held the weight that it had; those the bytes know
+  /// nothing of begin with the largest. Fails, and changes nothing, where the bytes are damaged or
+  /// of another alpha. Requires: !has_priorities().
+  [[nodiscard]] std::optional<base::Failure> RestorePriorities(std::string_view bytes,
+                                                               double alpha);
   bool has_priorities() const { return priorities_.has_value(); }
   /// Sets the priorities of steps, rows by number; those no longer held, and final ones, are passed
   /// over. Returns how many were set. Requires: has_priorities(), one priority for each number.

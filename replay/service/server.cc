@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <random>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "base/check.h"
+#include "base/file.h"
 #include "base/log.h"
 
 namespace slalom::replay {
@@ -101,6 +103,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                  recovered.sessions.accepted_steps(), recovered.lost_rows);
     metrics_->ShowRecovery(recovered);
     table_.emplace(std::move(recovered.table));
+    RestorePriorities();
     sessions = std::move(recovered.sessions);
     segments = std::move(recovered.segments);
     next_index = recovered.next_index;
@@ -144,10 +147,26 @@ StateRecord ReplayServer::State() const {
   return state;
 }
 
+void ReplayServer::RestorePriorities() {
+  const auto path = PrioritiesPath(config_.directory);
+  if (!std::filesystem::exists(path)) return;
+  const auto failure = table_->RestorePriorities(base::ReadFile(path), config_.priority_exponent);
+  if (failure) {
+    spdlog::warn("{}: {}; all steps begin with the largest priority", path.string(), failure->text);
+  }
+}
+
+void ReplayServer::SavePriorities() {
+  if (table_->has_priorities()) journal_->SavePriorities(table_->PrintPriorities());
+}
+
 void ReplayServer::Run(std::stop_token stop) {
   const std::stop_callback wake(stop, [this] { server_->Wake(); });
   while (!stop.stop_requested()) Turn();
-  if (journal_) journal_->Close();
+  if (journal_) {
+    SavePriorities();
+    journal_->Close();
+  }
   inserts_->Advance(Clock::now(), 0);
   spdlog::info("replay server: stopped with {} steps accepted",
                inserts_->sessions().accepted_steps());
@@ -167,6 +186,7 @@ void ReplayServer::Turn() {
   busy_ = more_chunks || more_samples;
   if (journal_ && journal_->segment_full()) {
     journal_->BeginSegment(State(), table_->first_sequence());
+    SavePriorities();
   }
   if (now - ticked_ >= kTick) Tick(now);
 }

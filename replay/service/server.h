@@ -70,6 +70,8 @@ class ReplayServer {
   void Forget(const transport::PeerId& peer);
   void ForgetSilent(Time now);
   StateRecord State() const;
+  void RestorePriorities();
+  void SavePriorities();
 
   const ReplayServerConfig config_;
   const ReplayServerSpec spec_;

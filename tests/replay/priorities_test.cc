@@ -3,10 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <map>
 #include <numeric>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "replay/table.h"
@@ -228,6 +231,91 @@ TEST(PrioritizedTableTest, WhatIsDrawnUniformlyDoesNotChangeWithPriorities) {
   ASSERT_TRUE(prioritized.SampleRows(spec, b, &right));
   EXPECT_EQ(left.sequence, right.sequence);
   for (int i = 0; i < spec.batch; ++i) EXPECT_EQ(right.weight[i], 1.0f);
+}
+
+/// Two tables with the same rows, one of them with priorities.
+struct BeforeAndAfter {
+  explicit BeforeAndAfter(double alpha = 0.6) : alpha(alpha) {
+    ReplayModel model(kCapacity, 2, 3, 5), again(kCapacity, 2, 3, 5);
+    for (int i = 0; i < 80; ++i) {
+      model.Advance(&before);
+      again.Advance(&after);
+    }
+    before.UsePriorities(alpha);
+    base::Random random(9);
+    std::vector<std::int64_t> rows;
+    std::vector<float> values;
+    for (std::int64_t s = before.first_sequence(); s < before.total_inserted(); s += 2) {
+      rows.push_back(s);
+      values.push_back(static_cast<float>(random.Uniform(0.0, 5.0)));
+    }
+    before.SetPriorities(rows, values);
+  }
+
+  static std::vector<std::int64_t> Draw(const Table& table) {
+    base::Random random(1);
+    SampledRows rows;
+    EXPECT_TRUE(table.SampleRows({.batch = 200, .history = 1, .n_step = 3, .prioritized = true},
+                                 random, &rows));
+    return rows.sequence;
+  }
+
+  static constexpr std::int64_t kCapacity = 100;
+  const double alpha;
+  Table before{{.capacity = kCapacity}, 2};
+  Table after{{.capacity = kCapacity}, 2};
+};
+
+TEST(PrioritiesFileTest, WhatIsDrawnAfterARestartIsWhatWouldHaveBeen) {
+  BeforeAndAfter tables;
+  const auto failure = tables.after.RestorePriorities(tables.before.PrintPriorities(), 0.6);
+  ASSERT_FALSE(failure) << failure->text;
+  EXPECT_EQ(BeforeAndAfter::Draw(tables.after), BeforeAndAfter::Draw(tables.before));
+  // So is what new rows begin with.
+  ReplayModel left(50, 2, 1, 6), right(50, 2, 1, 6);
+  for (Table* table : {&tables.before, &tables.after}) {
+    for (int s = 0; s < table->num_streams(); ++s) table->Cut(s);
+  }
+  for (int i = 0; i < 20; ++i) {
+    left.Advance(&tables.before);
+    right.Advance(&tables.after);
+  }
+  EXPECT_EQ(BeforeAndAfter::Draw(tables.after), BeforeAndAfter::Draw(tables.before));
+}
+
+TEST(PrioritiesFileTest, RowsThatTheFileDoesNotKnowBeginWithTheLargest) {
+  BeforeAndAfter tables;
+  const std::string bytes = tables.before.PrintPriorities();
+  ReplayModel more(50, 2, 1, 6);
+  for (int s = 0; s < tables.after.num_streams(); ++s) tables.after.Cut(s);
+  for (int i = 0; i < 400; ++i) more.Advance(&tables.after);  // None of the file's is held now.
+  ASSERT_FALSE(tables.after.RestorePriorities(bytes, 0.6));
+  const std::string restored = tables.after.PrintPriorities();
+  std::set<double> weights;
+  for (std::size_t at = 48; at + 8 < restored.size(); at += 8) {
+    double weight = 0.0;
+    std::memcpy(&weight, restored.data() + at, sizeof weight);
+    weights.insert(weight);
+  }
+  weights.erase(0.0);  // Of final rows.
+  ASSERT_EQ(weights.size(), 1u);
+  EXPECT_GT(*weights.begin(), 1.0);
+}
+
+TEST(PrioritiesFileTest, DamageAndAnotherExponentAreToldAndChangeNothing) {
+  BeforeAndAfter tables;
+  const std::string bytes = tables.before.PrintPriorities();
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    std::string damaged = bytes;
+    damaged[i] = static_cast<char>(damaged[i] ^ 0x10);
+    ASSERT_TRUE(tables.after.RestorePriorities(damaged, 0.6)) << "byte " << i;
+    ASSERT_TRUE(tables.after.RestorePriorities(bytes.substr(0, i), 0.6)) << "cut at " << i;
+  }
+  const auto failure = tables.after.RestorePriorities(bytes, 0.5);
+  ASSERT_TRUE(failure);
+  EXPECT_EQ(failure->text, "it was made with priority exponent 0.6, expected 0.5");
+  EXPECT_FALSE(tables.after.has_priorities());
+  EXPECT_FALSE(tables.after.RestorePriorities(bytes, 0.6));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <thread>
 
 #include "base/error.h"
@@ -149,6 +150,58 @@ TEST(ReplayServerTest, TheTableAndTheSessionsComeBackFromTheJournal) {
     ASSERT_TRUE(learner.Expect<proto::Welcome>());
     ExpectSameSample(learner, same, start);
   }
+}
+
+TEST(ReplayServerTest, PrioritiesComeBackAfterARestart) {
+  test::ScratchDirectory scratch;
+  ReplayServerConfig config;
+  config.directory = (scratch.path() / "replay").string();
+  constexpr int kBatch = 64;
+  transport::Context context;
+  std::int64_t chosen = 0;
+  const auto sample = [&](TestPeer& learner, std::uint64_t cursor) {
+    learner.Send(proto::SampleRequest{
+        .cursor = cursor, .batch = kBatch, .history = 1, .n_step = 1, .prioritized = true});
+    transport::Frame payload;
+    SampledRows rows;
+    if (learner.Expect<proto::SampleReply>(&payload)) {
+      const auto fault = ParseSample(
+          payload.bytes(), {.batch = kBatch, .history = 1, .num_beams = kBeams, .weighted = true},
+          &rows);
+      EXPECT_FALSE(fault);
+    }
+    return rows.sequence;
+  };
+  {
+    RunningServer server(config);
+    TestPeer actor(context, server.endpoint());
+    RowsSource source(kBeams, kStreams, 1);
+    actor.Send(HelloOf("actor", "a", 1));
+    ASSERT_TRUE(actor.Expect<proto::Welcome>());
+    InsertAll(actor, source, nullptr, 1, 0, 30);
+    TestPeer learner(context, server.endpoint());
+    learner.Send(HelloOf("learner", "l"));
+    ASSERT_TRUE(learner.Expect<proto::Welcome>());
+    auto rows = sample(learner, 0);
+    // All but one, which then outweighs them by 10^3.6 each.
+    chosen = rows[0];
+    std::ranges::sort(rows);
+    rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+    std::vector<float> priorities;
+    for (const std::int64_t row : rows) priorities.push_back(row == chosen ? 1e6f : 1.0f);
+    transport::Frame update(PrioritySize(static_cast<int>(rows.size())));
+    WritePriorities(rows, priorities, update.mutable_bytes());
+    learner.Send(proto::PriorityUpdate{.count = static_cast<std::int32_t>(rows.size())},
+                 std::move(update));
+    const auto drawn = sample(learner, 1);
+    EXPECT_GT(std::ranges::count(drawn, chosen), kBatch / 2);
+  }
+  RunningServer server(config);
+  TestPeer learner(context, server.endpoint());
+  learner.Send(HelloOf("learner", "l"));
+  ASSERT_TRUE(learner.Expect<proto::Welcome>());
+  const auto drawn = sample(learner, 1);
+  EXPECT_GT(std::ranges::count(drawn, chosen), kBatch / 2);
 }
 
 // Producers with reconnections, consumers with priorities, the journal's threads: for
