@@ -82,12 +82,12 @@ int PortOf(int socket) {
   return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
 }
 
-HttpAnswer Answer(std::string_view path, const Registry& registry, const Exposer::Health& health) {
+HttpAnswer Answer(std::string_view path, const Registry& registry) {
   if (path == "/metrics") {
     return {200, "OK", "text/plain; version=0.0.4; charset=utf-8", registry.Text()};
   }
   if (path == "/healthy") {
-    const std::string fault = health ? health() : "";
+    const std::string fault = registry.fault();
     if (fault.empty()) return {.body = "ok\n"};
     return {.status = 503, .reason = "Service Unavailable", .body = fault + "\n"};
   }
@@ -101,12 +101,11 @@ struct Exposer::Impl {
   HttpServer server;
 };
 
-Exposer::Exposer(const std::string& address, const Registry& registry, Health health) {
+Exposer::Exposer(const std::string& address, const Registry& registry) {
   const int listener = Listen(address);
-  impl_.reset(new Impl{PortOf(listener),
-                       {listener, [&registry, health = std::move(health)](std::string_view path) {
-                          return Answer(path, registry, health);
-                        }}});
+  impl_.reset(new Impl{PortOf(listener), {listener, [&registry](std::string_view path) {
+                                            return Answer(path, registry);
+                                          }}});
 }
 
 Exposer::~Exposer() = default;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <string>
 
@@ -11,21 +10,18 @@ namespace slalom::metrics {
 /// Answers HTTP GET (and HEAD) on an address of its own, in a thread of its own:
 ///
 /// - `/metrics`: the registry's `Text`;
-/// - `/healthy`: 200 and "ok", or 503 and what is wrong; for health checks of containers;
+/// - `/healthy`: 200 and "ok", or 503 and the registry's `fault`; for health checks of containers;
 /// - anything else: 404; another method: 405.
 ///
 /// Headers and bodies of requests are bounded and a peer that is slow to send is cut off after
 /// seconds. There is no encryption and no password: listen on loopback or a network of one's own.
 class Exposer {
  public:
-  /// What is wrong with the role, in words; empty: nothing. Called by the exposer's thread.
-  using Health = std::function<std::string()>;
-
   /// `address`: HOST:PORT, as "127.0.0.1:9400", "[::1]:9400", "0.0.0.0:9400" (every interface of
-  /// IPv4) or "localhost:9400"; port 0: any free one. `registry` and what `health` refers to must
-  /// outlive the exposer. Throws `base::Error` where the address has another form, its host is not
-  /// known, or it cannot be listened on, with the reason.
-  Exposer(const std::string& address, const Registry& registry, Health health = {});
+  /// IPv4) or "localhost:9400"; port 0: any free one. `registry` must outlive the exposer. Throws
+  /// `base::Error` where the address has another form, its host is not known, or it cannot be
+  /// listened on, with the reason.
+  Exposer(const std::string& address, const Registry& registry);
   /// Waits for answers under way.
   ~Exposer();
 

@@ -81,6 +81,9 @@ struct Registry::Impl {
   prometheus::Labels labels;
   prometheus::Registry registry;
 
+  base::Mutex fault_mutex;
+  std::string fault GUARDED_BY(fault_mutex);
+
   base::Mutex process_mutex;
   Gauge resident_bytes GUARDED_BY(process_mutex);
   Gauge virtual_bytes GUARDED_BY(process_mutex);
@@ -153,6 +156,16 @@ Histogram Registry::histogram(const Spec& spec,
 std::string Registry::Text() const {
   impl_->ReadProcess();
   return prometheus::TextSerializer().Serialize(impl_->registry.Collect());
+}
+
+void Registry::SetFault(std::string fault) {
+  base::MutexLock lock(impl_->fault_mutex);
+  impl_->fault = std::move(fault);
+}
+
+std::string Registry::fault() const {
+  base::MutexLock lock(impl_->fault_mutex);
+  return impl_->fault;
 }
 
 }  // namespace slalom::metrics

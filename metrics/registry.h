@@ -100,6 +100,10 @@ class Registry {
   /// All of it in Prometheus' text format.
   std::string Text() const;
 
+  /// What is wrong with the role now, in words, of which `/healthy` tells; empty: nothing.
+  void SetFault(std::string fault);
+  std::string fault() const;
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -58,6 +58,12 @@ std::optional<ReplayLink::Received> ReplayLink::Receive(std::chrono::millisecond
       throw base::Error(fmt::format("the replay server at {} refuses this process: {} ({})",
                                     endpoint_, refusal->text, proto::ToString(refusal->code)));
     }
+    if (refusal->code != proto::RefusalCode::kReplaced) {
+      if (!welcomed_) return std::nullopt;
+      spdlog::warn("replay server at {}: {} ({})", endpoint_, refusal->text,
+                   proto::ToString(refusal->code));
+      SayHello();
+    }
   }
   if (const auto* welcome = std::get_if<proto::Welcome>(&*header)) {
     // An answer to an earlier hello says nothing about this one.

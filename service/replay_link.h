@@ -29,8 +29,12 @@ class ReplayLink {
     transport::Frame payload;
   };
   /// The next message that is for the role: a welcome, an acknowledgement, a sample, a status, or a
-  /// refusal that it can do something about. None within `timeout`. Throws `base::Error` where the
+  /// refusal. None within `timeout`, or what came is for nobody. Throws `base::Error` where the
   /// server refuses this process for good (key, version, spec).
+  ///
+  /// A refusal of what was sent before the hello on a new connection is passed over. After any
+  /// other the link has logged it and said hello again, upon which the role sends anew from where
+  /// the welcome says; but `kReplaced`, which answers a hello, is the role's to deal with.
   std::optional<Received> Receive(std::chrono::milliseconds timeout);
 
   /// False: not now (no connection, or the queue is full).

@@ -1,5 +1,7 @@
 #include "actor/service/actor_metrics.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <limits>
 #include <utility>
@@ -80,6 +82,10 @@ void ActorMetrics::AddRefused(std::string_view reason) {
 
 void ActorMetrics::AddPolicyInstalled(double latency_s) {
   registry_.histogram(metrics::kPublishToActing).Observe(latency_s);
+}
+
+void ActorMetrics::SetObstacle(const char* obstacle) {
+  registry_.SetFault(obstacle == nullptr ? "" : fmt::format("waiting for {}", obstacle));
 }
 
 }  // namespace slalom::actor

@@ -27,6 +27,8 @@ class ActorMetrics {
   void AddAcknowledged(int chunks);
   void AddRefused(std::string_view reason);
   void AddPolicyInstalled(double latency_s);
+  /// What it waits for that should be there, which is the registry's fault; null: nothing.
+  void SetObstacle(const char* obstacle);
 
  private:
   metrics::Registry& registry_;

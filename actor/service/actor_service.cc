@@ -123,7 +123,7 @@ void ActorService::Acknowledge(std::uint64_t next_sequence) {
   const int chunks = outbox_.num_chunks();
   ledger_.AddAcknowledged(outbox_.Acknowledge(next_sequence));
   metrics_.AddAcknowledged(chunks - outbox_.num_chunks());
-  refused_in_a_row_ = 0;
+  if (outbox_.num_chunks() < chunks) refused_in_a_row_ = 0;
 }
 
 void ActorService::OnAck(const proto::InsertAck& ack) {
@@ -150,15 +150,10 @@ void ActorService::OnRefusal(const proto::Refusal& refusal) {
     if (phase_ == Phase::kDraining) reason_ = LossReason::kReplaced;
     return StartSession(std::max(refusal.about, outbox_.session()) + 1);
   }
-  // What was sent before the server was asked where to go on: the answer is on its way.
-  if (!replay_.welcomed()) return;
   if (refusal.code == proto::RefusalCode::kBadMessage && ++refused_in_a_row_ > kMaxRefusals) {
     throw base::Error(fmt::format("the replay server at {} refuses chunk {} again and again: {}",
                                   replay_.endpoint(), refusal.about, refusal.text));
   }
-  spdlog::warn("replay server at {}: {} ({})", replay_.endpoint(), refusal.text,
-               proto::ToString(refusal.code));
-  replay_.SayHello();
 }
 
 void ActorService::Listen(milliseconds timeout) {
@@ -231,9 +226,11 @@ bool ActorService::MustWait() const {
 }
 
 void ActorService::SayObstacle(const char* obstacle) {
-  if (obstacle == said_obstacle_) return;
   // That the server holds back inserts is how the rate limiter works, so only metrics tell.
-  if (obstacle != nullptr && !MustWait()) {
+  if (obstacle != nullptr && MustWait() && replay_.welcomed()) obstacle = nullptr;
+  if (obstacle == said_obstacle_) return;
+  metrics_.SetObstacle(obstacle);
+  if (obstacle != nullptr) {
     spdlog::info("waiting for {} (replay server {}, learner {})", obstacle,
                  identity_.replay.endpoint, identity_.learner.endpoint);
   }

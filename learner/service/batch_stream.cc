@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "base/error.h"
-#include "base/log.h"
 #include "replay/priority_bytes.h"
 #include "replay/sample_bytes.h"
 
@@ -62,14 +61,6 @@ const RemoteBatches* BatchStream::Next(milliseconds timeout) {
 bool BatchStream::Take(service::ReplayLink::Received received) {
   if (auto* status = std::get_if<proto::StatusReply>(&received.header)) {
     status_ = std::move(*status);
-    return false;
-  }
-  if (const auto* refusal = std::get_if<proto::Refusal>(&received.header)) {
-    // Of what was sent before the hello on a new connection; it is asked for again after it.
-    if (!link_.welcomed()) return false;
-    spdlog::warn("replay server at {}: {} ({})", link_.endpoint(), refusal->text,
-                 proto::ToString(refusal->code));
-    link_.SayHello();
     return false;
   }
   const auto* reply = std::get_if<proto::SampleReply>(&received.header);

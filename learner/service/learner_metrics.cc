@@ -1,16 +1,17 @@
 #include "learner/service/learner_metrics.h"
 
-#include <chrono>
+#include <fmt/format.h>
+
 #include <limits>
 
+#include "base/clock.h"
 #include "metrics/catalogue.h"
 
 namespace slalom::learner {
 namespace {
 
-double UnixSeconds() {
-  return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
+// [s], longer than a restart of the replay server takes.
+constexpr double kPatience = 10.0;
 
 }  // namespace
 
@@ -49,7 +50,20 @@ LearnerMetrics::LearnerMetrics(metrics::Registry& registry)
       update_seconds_(registry.histogram(metrics::kUpdateSeconds)) {
   registry_.counter(metrics::kCheckpoints);
   registry_.counter(metrics::kCheckpointFailures);
-  registry_.gauge(metrics::kCheckpointTimestamp).Set(UnixSeconds());
+  registry_.gauge(metrics::kCheckpointTimestamp).Set(base::UnixSeconds());
+}
+
+void LearnerMetrics::AddBatch() {
+  batches_.Increment();
+  if (waiting_s_ >= kPatience) registry_.SetFault("");
+  waiting_s_ = 0.0;
+}
+
+void LearnerMetrics::AddWait(double seconds) {
+  waited_.Increment(seconds);
+  waiting_s_ += seconds;
+  if (waiting_s_ < kPatience) return;
+  registry_.SetFault(fmt::format("no batch came from the replay server for {:.0f} s", waiting_s_));
 }
 
 void LearnerMetrics::AddUpdate(double seconds) { update_seconds_.Observe(seconds); }
@@ -77,7 +91,7 @@ void LearnerMetrics::SetStream(int in_flight, double policy_lag, int connections
 
 void LearnerMetrics::AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates) {
   registry_.counter(metrics::kCheckpoints).Increment();
-  registry_.gauge(metrics::kCheckpointTimestamp).Set(UnixSeconds());
+  registry_.gauge(metrics::kCheckpointTimestamp).Set(base::UnixSeconds());
   registry_.gauge(metrics::kCheckpointSeconds).Set(seconds);
   registry_.gauge(metrics::kCheckpointBytes).Set(static_cast<double>(bytes));
   registry_.gauge(metrics::kCheckpointUpdates).Set(static_cast<double>(updates));

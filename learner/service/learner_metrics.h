@@ -27,9 +27,11 @@ class LearnerMetrics {
  public:
   explicit LearnerMetrics(metrics::Registry& registry);
 
-  void AddBatch() { batches_.Increment(); }
+  void AddBatch();
   void AddUpdate(double seconds);
-  void AddWait(double seconds) { waited_.Increment(seconds); }
+  /// Time in which it waited for batches. Where no batch came for 10 s of it, that is the
+  /// registry's fault until one does.
+  void AddWait(double seconds);
   /// The learner's own figures of a row.
   void SetLearning(const run::MetricsRow& row);
   void SetStream(int in_flight, double policy_lag, int connections);
@@ -42,6 +44,7 @@ class LearnerMetrics {
   metrics::Counter updates_;
   metrics::Counter waited_;
   metrics::Histogram update_seconds_;
+  double waiting_s_ = 0.0;  ///< Since the last batch.
 };
 
 }  // namespace slalom::learner

@@ -28,7 +28,8 @@ std::vector<metrics::Counter> MessageCounters(metrics::Registry& registry,
 }  // namespace
 
 ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec& spec)
-    : spec_(spec),
+    : registry_(registry),
+      spec_(spec),
       steps_accepted_(registry.counter(metrics::kStepsAccepted)),
       chunks_accepted_(registry.counter(metrics::kChunksAccepted)),
       chunks_duplicate_(registry.counter(metrics::kChunksDuplicate)),
@@ -175,6 +176,7 @@ void ServerMetrics::ShowJournal(const Journal::Status& status) {
   disk_bytes_.Set(static_cast<double>(status.disk_bytes));
   disk_segments_.Set(status.num_segments);
   failing_.Set(status.failing.empty() ? 0.0 : 1.0);
+  registry_.SetFault(status.failing);
   if (status.syncs > shown_syncs_) {
     // Between two looks there is rarely more than one.
     const double mean = (status.sync_s - shown_sync_s_) / (status.syncs - shown_syncs_);

@@ -53,6 +53,7 @@ class ServerMetrics {
  private:
   void ShowJournal(const Journal::Status& status);
 
+  metrics::Registry& registry_;
   const ReplayServerSpec& spec_;
   metrics::Counter steps_accepted_, chunks_accepted_, chunks_duplicate_, steps_duplicate_;
   metrics::Counter sessions_started_, reconnections_, episodes_cut_;

@@ -144,6 +144,7 @@ class ActorServiceTest : public ::testing::Test {
             ended_ = true;
           }) {}
 
+    std::string fault() const { return registry_.fault(); }
     double made() { return registry_.counter(metrics::kEnvironmentSteps).value(); }
     bool ended() const { return ended_; }
     /// Ends it as SIGTERM would.
@@ -264,6 +265,61 @@ TEST_F(ActorServiceTest, AnotherActorOfTheSameNameEndsTheFirst) {
   WaitUntil([&] { return second.made() > before; });
   const StepAccount account = second.Stop();
   EXPECT_EQ(account.accepted, account.made);
+}
+
+TEST_F(ActorServiceTest, WhileNoServerIsThereItIsNotWell) {
+  std::string endpoint;
+  {
+    const Replay replay(journal());
+    endpoint = replay.endpoint();
+  }
+  Running actor(*this, endpoint);
+  WaitUntil([&] { return actor.fault() == "waiting for the replay server"; });
+  const Replay replay(journal(), endpoint);
+  WaitUntil([&] { return actor.made() > 0; });
+  EXPECT_EQ(actor.fault(), "");
+  actor.Stop();
+}
+
+/// Welcomes everybody and calls every chunk bad.
+class PickyReplay {
+ public:
+  PickyReplay()
+      : server_(context_, {.endpoint = "tcp://127.0.0.1:*"}), thread_([this](auto stop) {
+          while (!stop.stop_requested()) {
+            const auto received = server_.Receive(milliseconds(20));
+            if (!received) continue;
+            const auto header =
+                proto::Decode(received->message.header.bytes(), received->message.payload.bytes());
+            ASSERT_TRUE(header);
+            if (const auto* hello = std::get_if<proto::Hello>(&*header)) {
+              Send(received->peer,
+                   proto::Welcome{.session = hello->session, .window_bytes = 1 << 20});
+            }
+            if (const auto* insert = std::get_if<proto::Insert>(&*header)) {
+              Send(received->peer, proto::Refusal{.code = proto::RefusalCode::kBadMessage,
+                                                  .text = "not to my taste",
+                                                  .about = insert->sequence});
+            }
+          }
+        }) {}
+
+  const std::string& endpoint() const { return server_.endpoint(); }
+
+ private:
+  void Send(const transport::PeerId& peer, const proto::Header& header) {
+    static_cast<void>(server_.Send(peer, {transport::Frame::Copy(proto::Encode(header, {})), {}}));
+  }
+
+  transport::Context context_;
+  transport::Server server_;
+  std::jthread thread_;
+};
+
+TEST_F(ActorServiceTest, AChunkThatIsRefusedEachTimeEndsIt) {
+  const PickyReplay replay;
+  Running actor(*this, replay.endpoint());
+  EXPECT_THAT(actor.Error(), ::testing::HasSubstr("refuses chunk 0 again and again: not to my"));
 }
 
 TEST_F(ActorServiceTest, AServerOfAnotherRunRefusesIt) {

@@ -262,5 +262,18 @@ TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
   EXPECT_EQ(later, std::vector(all.begin() + 8, all.end()));
 }
 
+TEST(LearnerMetricsTest, ALearnerThatWaitsForLongIsNotWellUntilABatchComes) {
+  metrics::Registry registry("learner", "learner");
+  LearnerMetrics metrics(registry);
+  metrics.AddWait(6.0);
+  metrics.AddBatch();
+  metrics.AddWait(6.0);
+  EXPECT_EQ(registry.fault(), "");
+  metrics.AddWait(6.0);
+  EXPECT_EQ(registry.fault(), "no batch came from the replay server for 12 s");
+  metrics.AddBatch();
+  EXPECT_EQ(registry.fault(), "");
+}
+
 }  // namespace
 }  // namespace slalom::learner

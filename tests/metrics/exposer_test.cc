@@ -51,17 +51,14 @@ TEST(ExposerTest, ShowsWhatTheRegistryHolds) {
 }
 
 TEST(ExposerTest, SaysWhetherTheRoleIsHealthy) {
-  const Registry registry("actor", "a1");
-  const Exposer plain("127.0.0.1:0", registry);
-  EXPECT_THAT(Get(plain.port(), "/healthy"),
+  Registry registry("actor", "a1");
+  const Exposer exposer("127.0.0.1:0", registry);
+  EXPECT_THAT(Get(exposer.port(), "/healthy"),
               AllOf(StartsWith("HTTP/1.1 200 OK\r\n"), EndsWith("\r\n\r\nok\n")));
-
-  std::atomic<bool> well = false;
-  const Exposer exposer("127.0.0.1:0", registry,
-                        [&well] { return std::string(well ? "" : "the disk is full"); });
+  registry.SetFault("the disk is full");
   EXPECT_THAT(Get(exposer.port(), "/healthy"),
               AllOf(StartsWith("HTTP/1.1 503 "), EndsWith("\r\n\r\nthe disk is full\n")));
-  well = true;
+  registry.SetFault("");
   EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
 }
 
