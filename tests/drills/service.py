@@ -24,7 +24,7 @@ base = "{root}/configs/fast.toml"
 max_steps = 100000000
 max_seconds = 0.0
 updates_per_step = {updates_per_step}
-learning_starts = 2000
+learning_starts = {learning_starts}
 checkpoint_seconds = 2.0
 [courses]
 train = "static-train-50"
@@ -152,7 +152,7 @@ class Service:
     """Roles that share a config, in a directory of their own, removed at the end if all went well."""
 
     def __init__(self, program, environments=16, updates_per_step=0.25, capacity=200000, max_ahead=4096, test="static-test",
-                 more_config="", hosts=("127.0.0.1", "127.0.0.1"), wrapper=()):
+                 learning_starts=2000, more_config="", hosts=("127.0.0.1", "127.0.0.1"), wrapper=()):
         self.program = os.path.abspath(program)
         self.wrapper = list(wrapper)  # Of commands that ask for the status.
         self.directory = tempfile.mkdtemp(prefix="slalom-drill-")
@@ -160,7 +160,7 @@ class Service:
         self.config = os.path.join(self.directory, "service.toml")
         self.processes = []
         text = CONFIG.format(root=ROOT, environments=environments, updates_per_step=updates_per_step, capacity=capacity,
-                             max_ahead=max_ahead, test=test, replay_host=hosts[0], learner_host=hosts[1], replay_port=free_port(), learner_port=free_port(), state=self.state)
+                             max_ahead=max_ahead, test=test, learning_starts=learning_starts, replay_host=hosts[0], learner_host=hosts[1], replay_port=free_port(), learner_port=free_port(), state=self.state)
         with open(self.config, "w") as file:
             file.write(text + more_config)
 

@@ -21,11 +21,11 @@ def drill(program, seconds="3600", csv=None):
             service.add("actor", f"actor-{i}")
         for process in service.processes:
             process.start()
-        wait_for("a full table", lambda: service.figure("replay", "replay", "table_rows") >= 49000, 600.0)
-        wait_for("a scored policy", lambda: service.figure("evaluator", "evaluator", "evaluations") >= 1, 300.0)
+        wait_for("a full table", lambda: service.figure("replay", "replay", "table_rows") >= 49000, 1800.0)
+        wait_for("a scored policy", lambda: service.figure("evaluator", "evaluator", "evaluations") >= 1, 900.0)
         began = time.monotonic()
         while time.monotonic() - began < seconds:
-            status = service.status()
+            status = wait_for("the status", service.status, 300.0)  # The machine may have other work, too.
             learner = status[("learner", "learner")]["figures"]
             lag = learner["policy_version"] - min(
                 v["figures"]["policy_version"] for (role, _), v in status.items() if role == "actor")

@@ -1,0 +1,179 @@
+#!/usr/bin/env python3
+"""service_figures.py PROGRAM [FIGURE...]: what the service of real processes on this machine reaches; see results/service.md.
+
+FIGURE is recovery, sync, policies or scale; all of them unless told. Nothing passes or fails here: it prints medians, and what else
+the machine was doing (its load average before, without these processes). Figures are read from the processes' metrics pages, which are
+asked for every 10 ms.
+"""
+
+import os
+import re
+import statistics
+import sys
+import time
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "tests", "drills"))
+from service import Service, wait_for  # noqa: E402
+
+ROWS = 1_000_000
+
+
+def metric(process, name):
+    """A metric's value; 0 where the process does not answer (yet)."""
+    try:
+        return process.metric(name)
+    except (OSError, ValueError, KeyError):
+        return 0.0
+
+
+def until(condition, limit_s=600.0):
+    """Seconds until it is true."""
+    began = time.monotonic()
+    while not condition():
+        if time.monotonic() - began > limit_s:
+            sys.exit("it did not come")
+        time.sleep(0.01)
+    return time.monotonic() - began
+
+
+def load():
+    return "load average before: " + " ".join(open("/proc/loadavg").read().split()[:3])
+
+
+def summary(times):
+    return f"median {statistics.median(times):.2f} s, longest {max(times):.2f} s of {len(times)}"
+
+
+def full_service(program, rows, replay_options=()):
+    """Replay server with a full table of `rows`, learner, two actors, at work. Nobody learns before the table is full."""
+    service = Service(program, capacity=rows, environments=32, learning_starts=rows)
+    roles = [service.add("replay", extra=replay_options), service.add("learner"), service.add("actor", "actor-0"), service.add("actor", "actor-1")]
+    for role in roles:
+        role.start()
+    seconds = until(lambda: metric(roles[0], "slalom_table_rows") >= rows, 3600.0)
+    until(lambda: metric(roles[1], "slalom_batches_total") > 100)
+    print(f"  a table of {rows} rows after {seconds:.0f} s", flush=True)
+    return service, roles
+
+
+def recovery(program, rounds=5):
+    """From the start after a `kill -9` until the role does its work again."""
+    print(f"recovery ({load()})", flush=True)
+    service, (replay, learner, first, second) = full_service(program, ROWS)
+    with service:
+        times = {"actor": [], "replay": [], "learner": []}
+        for _ in range(rounds):
+            for victim in (first, replay, learner):
+                time.sleep(3.0)
+                before = metric(learner, "slalom_batches_total"), metric(second, "slalom_chunks_acknowledged_total")
+                victim.kill()
+                victim.start()
+                if victim is first:  # A chunk of its new session is acknowledged.
+                    goes_on = lambda: metric(first, "slalom_chunks_acknowledged_total") > 0
+                elif victim is learner:  # It learned from a batch.
+                    goes_on = lambda: metric(learner, "slalom_batches_total") > 0
+                else:  # It acknowledges a chunk and gives a batch, beyond those that had been sent already.
+                    goes_on = lambda: (metric(learner, "slalom_batches_total") > before[0] + 16
+                                       and metric(second, "slalom_chunks_acknowledged_total") > before[1] + 16)
+                times[victim.role].append(until(goes_on))
+        for role, all_of_it in times.items():
+            print(f"  {role}: at work again after {summary(all_of_it)}", flush=True)
+
+
+def sync(program):
+    """Batches and chunks per second before and during an fdatasync of a million rows, which the server had not synced before."""
+    print(f"sync of a million rows ({load()})", flush=True)
+    service, (replay, learner, first, second) = full_service(program, ROWS, ["--set", "replay_server.sync_interval=3600"])
+    with service:
+        samples = []
+
+        def look():
+            samples.append((time.monotonic(), metric(learner, "slalom_batches_total"),
+                            metric(first, "slalom_chunks_acknowledged_total") + metric(second, "slalom_chunks_acknowledged_total")))
+
+        def rates(begin, end):
+            inside = [s for s in samples if begin <= s[0] <= end]
+            span = inside[-1][0] - inside[0][0]
+            return (inside[-1][1] - inside[0][1]) / span, (inside[-1][2] - inside[0][2]) / span
+
+        begin = time.monotonic()
+        while time.monotonic() - begin < 10.0:
+            look()
+            time.sleep(0.05)
+        syncing = time.monotonic()
+        fd = os.open(os.path.join(service.state, "replay"), os.O_RDONLY)
+        pid = os.fork()
+        if pid == 0:
+            for name in sorted(os.listdir(fd)):
+                if name.endswith(".log"):
+                    file = os.open(os.path.join(service.state, "replay", name), os.O_RDONLY)
+                    os.fdatasync(file)
+            os._exit(0)
+        while os.waitpid(pid, os.WNOHANG) == (0, 0):
+            look()
+            time.sleep(0.05)
+        done = time.monotonic()
+        look()
+        for name, before, during in zip(("batches/s", "chunks/s"), rates(begin, syncing), rates(syncing, done)):
+            print(f"  {name}: {before:.0f} before, {during:.0f} during the sync of {done - syncing:.1f} s "
+                  f"({100 * during / before:.0f} %)", flush=True)
+
+
+def policies(program, actors=8, seconds=30.0):
+    """From a policy's publication until an actor drives with it, by the actors' histogram."""
+    print(f"publish to acting in {actors} actors ({load()})", flush=True)
+    with Service(program, environments=4) as service:
+        service.add("replay").start()
+        learner = service.add("learner").start()
+        crowd = [service.add("actor", f"actor-{i}").start() for i in range(actors)]
+        wait_for("updates", lambda: metric(learner, "slalom_batches_total") > 300, 300.0)
+
+        def buckets():
+            total = {}
+            for actor in crowd:
+                for key, value in actor.metrics().items():
+                    found = re.match(r"slalom_publish_to_acting_seconds_bucket\{.*le=\"([^\"]+)\"", key)
+                    if found:
+                        bound = float(found.group(1))
+                        total[bound] = total.get(bound, 0.0) + value
+            return total
+
+        before = buckets()
+        time.sleep(seconds)
+        counts = {bound: value - before[bound] for bound, value in buckets().items()}
+        number = counts[float("inf")]
+        print(f"  {number:.0f} policies taken over in {seconds:.0f} s", flush=True)
+        for share in (0.5, 0.9, 0.99):
+            bound = min(b for b, c in counts.items() if c >= share * number)
+            print(f"  p{100 * share:.0f}: at most {1000 * bound:.0f} ms", flush=True)
+
+
+def scale(program, seconds=10.0, rounds=3):
+    """Environment steps per second of 1, 2 and 4 actors while nobody learns."""
+    print(f"actors ({load()}, {os.cpu_count()} cores)", flush=True)
+    with Service(program, capacity=100000, environments=64, learning_starts=10**9) as service:
+        service.add("replay").start()
+        service.add("learner").start()
+        crowd = [service.add("actor", f"actor-{i}") for i in range(4)]
+        rates = {1: [], 2: [], 4: []}
+        for _ in range(rounds):
+            for number in rates:
+                running = [actor.start() for actor in crowd[:number]]
+                for actor in running:
+                    until(lambda: metric(actor, "slalom_chunks_acknowledged_total") > 0)
+                name = "slalom_steps_sent_total"
+                begin, before = time.monotonic(), sum(metric(actor, name) for actor in running)
+                time.sleep(seconds)
+                rates[number].append((sum(metric(actor, name) for actor in running) - before) / (time.monotonic() - begin))
+                for actor in running:
+                    actor.stop(20.0)
+        for number, all_of_it in rates.items():
+            print(f"  {number}: {statistics.median(all_of_it):.0f} steps/s (from {min(all_of_it):.0f} to {max(all_of_it):.0f})", flush=True)
+
+
+FIGURES = {"recovery": recovery, "sync": sync, "policies": policies, "scale": scale}
+
+if len(sys.argv) < 2 or not set(sys.argv[2:]) <= set(FIGURES):
+    sys.exit(f"usage: {sys.argv[0]} PROGRAM [{'|'.join(FIGURES)}]...")
+for figure in sys.argv[2:] or FIGURES:
+    FIGURES[figure](sys.argv[1])
