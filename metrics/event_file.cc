@@ -5,11 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cerrno>
 #include <charconv>
 #include <chrono>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <string>
 
@@ -88,6 +86,13 @@ std::string BeginEvent(std::int64_t step) {
          Key(kEventStep, kVarint) + Varint(static_cast<std::uint64_t>(step));
 }
 
+/// An Event between its length and checksums.
+std::string Record(std::string_view event) {
+  const std::string length = LittleEndian(static_cast<std::uint64_t>(event.size()));
+  std::string record = length + LittleEndian(MaskedCrc(length));
+  return record.append(event).append(LittleEndian(MaskedCrc(event)));
+}
+
 /// The time now, [s], or one above the newest event file's: a clock may have been set back.
 std::int64_t NextSeconds(const fs::path& directory) {
   auto seconds = static_cast<std::int64_t>(base::UnixSeconds());
@@ -105,17 +110,16 @@ std::int64_t NextSeconds(const fs::path& directory) {
 }  // namespace
 
 EventFile::EventFile(const fs::path& directory, std::int64_t first_step)
-    : path_(directory / fmt::format("{}{:010}.slalom", kNameHead, NextSeconds(directory))),
-      file_(std::fopen(path_.c_str(), "wbx")) {
-  if (!file_) {
-    throw base::Error(fmt::format("{}: cannot open ({})", path_.string(), std::strerror(errno)));
-  }
-  Write(BeginEvent(0) + Text(kEventFileVersion, kVersion));
-  Write(BeginEvent(first_step) +
-        Text(kEventSessionLog, Key(kSessionStatus, kVarint) + Varint(kSessionStart)));
+    : file_(directory / fmt::format("{}{:010}.slalom", kNameHead, NextSeconds(directory)),
+            base::AppendFile::Mode::kMakeNew) {
+  const std::string head =
+      Record(BeginEvent(0) + Text(kEventFileVersion, kVersion)) +
+      Record(BeginEvent(first_step) +
+             Text(kEventSessionLog, Key(kSessionStatus, kVarint) + Varint(kSessionStart)));
+  if (const auto failure = file_.Append(head)) throw base::Error(failure->text);
 }
 
-void EventFile::Append(std::int64_t step, std::span<const Scalar> scalars) {
+std::optional<base::Failure> EventFile::Append(std::int64_t step, std::span<const Scalar> scalars) {
   std::string summary;
   for (const Scalar& scalar : scalars) {
     if (!(std::abs(scalar.value) <= std::numeric_limits<float>::max())) continue;
@@ -123,17 +127,7 @@ void EventFile::Append(std::int64_t step, std::span<const Scalar> scalars) {
     summary += Text(kSummaryValue, Text(kValueTag, scalar.tag) + Key(kValueSimple, kFixed32) +
                                        LittleEndian(std::bit_cast<std::uint32_t>(value)));
   }
-  Write(BeginEvent(step) + Text(kEventSummary, summary));
-}
-
-void EventFile::Write(std::string_view event) {
-  const std::string length = LittleEndian(static_cast<std::uint64_t>(event.size()));
-  std::string record = length + LittleEndian(MaskedCrc(length));
-  record.append(event).append(LittleEndian(MaskedCrc(event)));
-  if (std::fwrite(record.data(), 1, record.size(), file_.get()) != record.size() ||
-      std::fflush(file_.get()) != 0) {
-    throw base::Error(fmt::format("{}: cannot write ({})", path_.string(), std::strerror(errno)));
-  }
+  return file_.Append(Record(BeginEvent(step) + Text(kEventSummary, summary)));
 }
 
 }  // namespace slalom::metrics

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
-#include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
+
+#include "base/append_file.h"
+#include "base/result.h"
 
 namespace slalom::metrics {
 
@@ -30,20 +32,15 @@ class EventFile {
   /// be made.
   EventFile(const std::filesystem::path& directory, std::int64_t first_step);
 
-  /// Adds one Event with all of these as float32 but those that are not finite, and flushes it.
-  /// Throws `base::Error` where it cannot be written.
-  void Append(std::int64_t step, std::span<const Scalar> scalars);
+  /// Adds one Event with all of these as float32 but those that are not finite. Fails where it
+  /// cannot be written; the file is then as it was, and the next one may be.
+  [[nodiscard]] std::optional<base::Failure> Append(std::int64_t step,
+                                                    std::span<const Scalar> scalars);
 
-  const std::filesystem::path& path() const { return path_; }
+  const std::filesystem::path& path() const { return file_.path(); }
 
  private:
-  void Write(std::string_view event);
-
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  std::filesystem::path path_;
-  std::unique_ptr<std::FILE, Close> file_;
+  base::AppendFile file_;
 };
 
 }  // namespace slalom::metrics

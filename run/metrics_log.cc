@@ -2,16 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "base/error.h"
 #include "base/file.h"
+#include "base/log.h"
 #include "base/progress.h"
 
 namespace slalom::run {
@@ -99,26 +97,21 @@ std::string FormatProgress(const MetricsRow& row, double remaining_s) {
                      remaining_s < 0 ? "?" : base::FormatDuration(remaining_s));
 }
 
-MetricsLog::MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step)
-    : path_(path) {
+MetricsLog::MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step) {
   base::WriteFileAtomically(path, KeptRows(path, keep_until_step));
-  file_.reset(std::fopen(path.c_str(), "a"));
-  if (!file_) {
-    throw base::Error(fmt::format("{}: cannot open ({})", path.string(), std::strerror(errno)));
-  }
+  file_.emplace(path, base::AppendFile::Mode::kGoOn);
   events_.emplace(path.parent_path(), keep_until_step + 1);
 }
 
 void MetricsLog::Append(const MetricsRow& row) {
   const std::vector<Column> columns = Columns(row);
-  fmt::print(file_.get(), "{}", Line(columns, false));
-  if (std::fflush(file_.get()) != 0) {
-    throw base::Error(fmt::format("{}: cannot write ({})", path_.string(), std::strerror(errno)));
-  }
   std::vector<metrics::Scalar> scalars;
   scalars.reserve(columns.size());
   for (const Column& column : columns) scalars.push_back({column.tag, column.value});
-  events_->Append(row.steps, scalars);
+  auto failure = file_->Append(Line(columns, false));
+  if (!failure) failure = events_->Append(row.steps, scalars);
+  if (failure && !failing_) spdlog::error("{}; rows are left out until it can", failure->text);
+  failing_ = failure.has_value();
 }
 
 }  // namespace slalom::run

@@ -1,13 +1,12 @@
 #pragma once
 
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <string>
 
+#include "base/append_file.h"
 #include "metrics/event_file.h"
 
 namespace slalom::run {
@@ -45,8 +44,8 @@ struct MetricsRow {
 /// The row as a progress line. `remaining_s`: time left, [s]; negative: not known.
 std::string FormatProgress(const MetricsRow& row, double remaining_s);
 
-/// Appends rows to `metrics.csv`, each flushed, so that a killed run keeps what it had, and to a
-/// TensorBoard event file beside it (`metrics::EventFile`): every column as a scalar
+/// Appends rows to `metrics.csv`, each written at once, so that a killed run keeps what it had, and
+/// to a TensorBoard event file beside it (`metrics::EventFile`): every column as a scalar
 /// "training/COLUMN". Confined to one thread.
 class MetricsLog {
  public:
@@ -55,16 +54,14 @@ class MetricsLog {
   /// written.
   MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step);
 
-  /// Throws `base::Error` where the row cannot be written.
+  /// A row that cannot be written is left out, whole, and the log says so for the first of several:
+  /// a disk that is full ends no training.
   void Append(const MetricsRow& row);
 
  private:
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  const std::filesystem::path path_;
-  std::unique_ptr<std::FILE, Close> file_;
+  std::optional<base::AppendFile> file_;
   std::optional<metrics::EventFile> events_;
+  bool failing_ = false;
 };
 
 }  // namespace slalom::run

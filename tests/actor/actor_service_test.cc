@@ -294,7 +294,8 @@ class PickyReplay {
             ASSERT_TRUE(header);
             if (const auto* hello = std::get_if<proto::Hello>(&*header)) {
               Send(received->peer,
-                   proto::Welcome{.session = hello->session, .window_bytes = 1 << 20});
+                   proto::Welcome{
+                       .session = hello->session, .window_bytes = 1 << 20, .software = ""});
             }
             if (const auto* insert = std::get_if<proto::Insert>(&*header)) {
               Send(received->peer, proto::Refusal{.code = proto::RefusalCode::kBadMessage,

@@ -38,7 +38,7 @@ def drill(program):
     if os.geteuid() != 0:
         print("SKIPPED: mounting a small file system needs root")
         sys.exit(77)
-    with Service(program, capacity=20000) as service:
+    with Service(program, capacity=20000, updates_per_step=4.0) as service:  # Thousands of updates are always due.
         disks = [os.path.join(service.state, "replay"), os.path.join(service.state, "learner")]
         for disk in disks:
             mount(disk, 200)
@@ -52,11 +52,13 @@ def drill(program):
             # Replay's disk full: nothing more is acknowledged, sampling and learning go on.
             filler = fill(disks[0])
             wait_for("the journal's failing to be seen", lambda: replay.metric("slalom_journal_failing") == 1, 60.0)
+            check("No space left" in replay.health(), f"it says that it is well: {replay.health()}")
             acknowledged = actor.metric("slalom_steps_acknowledged_total")
             updates = service.figure("learner", "learner", "updates")
             wait_for("learning that goes on", lambda: service.figure("learner", "learner", "updates") > updates)
             os.remove(filler)
             wait_for("the journal's recovery", lambda: replay.metric("slalom_journal_failing") == 0, 90.0)
+            check(replay.health() == "ok", f"it says that it is not well: {replay.health()}")
             wait_for("acknowledgements", lambda: actor.metric("slalom_steps_acknowledged_total") > acknowledged)
             check("space" in replay.log_text().lower(), f"the log does not say it: {replay.log_text()[-1500:]}")
 

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.error
 import urllib.request
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -128,6 +129,14 @@ class Process:
             for line in page.splitlines()
             if line and not line.startswith("#")
         }
+
+    def health(self):
+        """What it answers to health checks: "ok", or what is wrong."""
+        port = re.search(r"metrics at http://[^:]+:(\d+)/", self.log_text()).group(1)
+        try:
+            return urllib.request.urlopen(f"http://127.0.0.1:{port}/healthy", timeout=5).read().decode().strip()
+        except urllib.error.HTTPError as error:
+            return error.read().decode().strip()
 
     def metric(self, name, **labels):
         """The sum of the metric over all label values that match."""

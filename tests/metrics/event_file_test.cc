@@ -35,8 +35,8 @@ TEST(EventFileTest, EveryRecordIsWhatWasWritten) {
   // Lengths of one and of two bytes, numbers of one byte and of ten.
   const std::string long_tag(300, 't');
   const std::vector<Scalar> first = {{"a", 0.5}, {"b/c", -1e30}, {long_tag, 16777217.0}};
-  file.Append(127, first);
-  file.Append(std::int64_t{1} << 40, std::vector<Scalar>{{"a", 0.1}});
+  EXPECT_FALSE(file.Append(127, first));
+  EXPECT_FALSE(file.Append(std::int64_t{1} << 40, std::vector<Scalar>{{"a", 0.1}}));
   const double after = Now();
 
   const std::vector<test::Event> events = test::ReadEvents(file.path());
@@ -58,10 +58,11 @@ TEST(EventFileTest, EveryRecordIsWhatWasWritten) {
 TEST(EventFileTest, WhatIsNotFiniteIsLeftOut) {
   const test::ScratchDirectory scratch;
   EventFile file(scratch.path(), 1);
-  file.Append(5, std::vector<Scalar>{{"nan", std::numeric_limits<double>::quiet_NaN()},
-                                     {"infinite", std::numeric_limits<double>::infinity()},
-                                     {"beyond float", 1e300},
-                                     {"finite", 2.0}});
+  EXPECT_FALSE(
+      file.Append(5, std::vector<Scalar>{{"nan", std::numeric_limits<double>::quiet_NaN()},
+                                         {"infinite", std::numeric_limits<double>::infinity()},
+                                         {"beyond float", 1e300},
+                                         {"finite", 2.0}}));
   EXPECT_THAT(test::ReadEvents(file.path()).back().scalars, ElementsAre(Pair("finite", 2.0f)));
 }
 
@@ -69,7 +70,7 @@ TEST(EventFileTest, WhatIsNotFiniteIsLeftOut) {
 TEST(EventFileTest, AnyDamageIsSeen) {
   const test::ScratchDirectory scratch;
   EventFile file(scratch.path(), 1);
-  file.Append(5, std::vector<Scalar>{{"a", 1.0}});
+  EXPECT_FALSE(file.Append(5, std::vector<Scalar>{{"a", 1.0}}));
   const std::string whole = base::ReadFile(file.path());
   const auto damaged = scratch.path() / "damaged";
   for (std::size_t i = 0; i < whole.size(); ++i) {
@@ -85,7 +86,7 @@ TEST(EventFileTest, AnyDamageIsSeen) {
 TEST(EventFileTest, AResumedRunsFileComesLaterAndSupersedes) {
   const test::ScratchDirectory scratch;
   const auto append = [](EventFile& file, std::int64_t step, double value) {
-    file.Append(step, std::vector<Scalar>{{"a", value}});
+    EXPECT_FALSE(file.Append(step, std::vector<Scalar>{{"a", value}}));
   };
   // Made within one second, as by a run that was killed at once; and one of a clock set back since.
   base::WriteFileAtomically(scratch.path() / "events.out.tfevents.9999999990.slalom", "");

@@ -10,6 +10,7 @@
 #include "base/file.h"
 #include "tests/support/event_file_reader.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/support/small_files.h"
 
 namespace slalom::run {
 namespace {
@@ -106,6 +107,23 @@ TEST(MetricsLogTest, AResumedRunsEventsAreThoseOfItsRows) {
   std::vector<std::int64_t> steps;
   for (const test::Event& event : test::ReadRun(scratch.path())) steps.push_back(event.step);
   EXPECT_THAT(steps, testing::ElementsAre(100, 200, 250));
+}
+
+TEST(MetricsLogTest, OnAFullDiskRowsAreLeftOutAndThoseThatComeAfterAreWhole) {
+  const test::ScratchDirectory scratch;
+  const auto path = scratch.path() / "metrics.csv";
+  MetricsLog log(path, 0);
+  log.Append(RowAt(1));
+  {
+    const test::SmallFiles limit(std::filesystem::file_size(path) + 5);
+    log.Append(RowAt(2));
+  }
+  log.Append(RowAt(3));
+  const auto lines = Lines(path);
+  ASSERT_EQ(lines.size(), 3u);
+  EXPECT_THAT(lines[1], testing::StartsWith("1.50,1,"));
+  EXPECT_THAT(lines[2], testing::StartsWith("1.50,3,"));
+  EXPECT_EQ(test::ReadRun(scratch.path()).size(), 2u);
 }
 
 TEST(MetricsLogTest, AnUnwritablePlaceIsNamed) {
