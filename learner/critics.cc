@@ -18,8 +18,9 @@ Critics::Critics(std::string name, const policy::NetworkShape& shape, int num_cr
         {policy::Network(shape, parameters_.narrow(0, k * size, size)),
          policy::Network(shape, target_parameters_.narrow(0, k * size, size)),
          policy::Network(shape, gradient_.narrow(0, k * size, size)),
-         policy::NetworkPass(shape, minibatch.input),
-         policy::NetworkPass(shape, minibatch.next_input, policy::PassUse::kInference)});
+         policy::NetworkPass(shape, minibatch.input, policy::PassUse::kTraining, minibatch.dropout),
+         policy::NetworkPass(shape, minibatch.next_input, policy::PassUse::kInference,
+                             minibatch.dropout)});
     target_values_.push_back(critics_.back().target_pass.output());
     values_.push_back(critics_.back().pass.output());
     value_gradients_.push_back(critics_.back().pass.output_gradient());

@@ -18,8 +18,9 @@ DeterministicActor::DeterministicActor(const policy::NetworkShape& shape,
       network_(shape, parameters_),
       target_(shape, target_parameters_),
       network_gradient_(shape, gradient_),
-      pass_(shape, minibatch.features),
-      target_pass_(shape, minibatch.next_features, policy::PassUse::kInference) {}
+      pass_(shape, minibatch.features, policy::PassUse::kTraining, minibatch.dropout),
+      target_pass_(shape, minibatch.next_features, policy::PassUse::kInference, minibatch.dropout) {
+}
 
 const at::Tensor& DeterministicActor::Act() {
   network_.Forward(pass_);

@@ -23,10 +23,12 @@ GaussianActor::GaussianActor(const policy::NetworkShape& shape,
       adam_(parameters_, gradient_),
       network_(shape, parameters_),
       network_gradient_(shape, gradient_),
-      now_{policy::NetworkPass(shape, minibatch.features),
+      now_{policy::NetworkPass(shape, minibatch.features, policy::PassUse::kTraining,
+                               minibatch.dropout),
            at::zeros({minibatch.reward.size(0), kActionSize}, minibatch.reward.options()),
            at::zeros_like(minibatch.reward)},
-      next_{policy::NetworkPass(shape, minibatch.next_features, policy::PassUse::kInference),
+      next_{policy::NetworkPass(shape, minibatch.next_features, policy::PassUse::kInference,
+                                minibatch.dropout),
             at::zeros_like(now_.actions), at::zeros_like(minibatch.reward)} {}
 
 SampledActions GaussianActor::Draw(Draws& draws, const at::Tensor& noise) {

@@ -64,11 +64,13 @@ struct Learner::Parts {
       : device(ChooseDevice(method.learner.device)),
         initial_weights(base::DeriveSeed(seed, "learner weights")),
         mirror(base::DeriveSeed(seed, "mirror")),
+        dropout(base::DeriveSeed(seed, "dropout")),
         features(spec.observation, spec.network),
         reader(features, spec.network.history, method.learner.reward_scale, method.learner.mirror,
                std::pow(method.learner.gamma, method.learner.extra_discount_steps)),
         minibatch(method.learner.batch_size, spec.network.history, features.frame_size(), device),
         totals(device) {
+    minibatch.dropout = &dropout;
     if (method.constraint.kind != "none") {
       base::Random weights(base::DeriveSeed(seed, "cost critic weights"));
       constraint.emplace(method.constraint,
@@ -88,6 +90,7 @@ struct Learner::Parts {
   at::Device device;
   base::Random initial_weights;
   base::Random mirror;
+  base::Random dropout;
   policy::FeatureMap features;
   MinibatchReader reader;
   Minibatch minibatch;
@@ -186,6 +189,8 @@ void Learner::SaveState(policy::TensorMap& tensors) const {
   p.totals.SaveState(tensors);
   tensors["learner.mirror_random"] =
       policy::StoredTensor::Of(std::span<const std::uint64_t>(p.mirror.state()));
+  tensors["learner.dropout_random"] =
+      policy::StoredTensor::Of(std::span<const std::uint64_t>(p.dropout.state()));
 }
 
 void Learner::LoadState(const policy::TensorFile& file) {
@@ -196,6 +201,8 @@ void Learner::LoadState(const policy::TensorFile& file) {
   base::Random::State state;
   file.Read("learner.mirror_random", std::span(state));
   p.mirror.set_state(state);
+  file.Read("learner.dropout_random", std::span(state));
+  p.dropout.set_state(state);
 }
 
 }  // namespace slalom::learner

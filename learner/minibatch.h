@@ -22,13 +22,14 @@ struct Minibatch {
   at::Tensor input;       ///< [B, H * F + A], s and a
   at::Tensor next_input;  ///< [B, H * F + A], s' and room for the action that a target takes there
   at::Tensor features;    ///< [B, H * F], s, a view
-  at::Tensor next_features;  ///< [B, H * F], s', a view
-  at::Tensor actions;        ///< [B, A], a, a view
-  at::Tensor next_actions;   ///< [B, A], a view
-  at::Tensor reward;         ///< [B], scaled n-step return
-  at::Tensor cost;           ///< [B], n-step cost
-  at::Tensor discount;       ///< [B], gamma^n, or 0 where the window terminated
-  at::Tensor weight;         ///< [B], importance of the sample, 1 where draws are uniform
+  at::Tensor next_features;         ///< [B, H * F], s', a view
+  at::Tensor actions;               ///< [B, A], a, a view
+  at::Tensor next_actions;          ///< [B, A], a view
+  at::Tensor reward;                ///< [B], scaled n-step return
+  at::Tensor cost;                  ///< [B], n-step cost
+  at::Tensor discount;              ///< [B], gamma^n, or 0 where the window terminated
+  at::Tensor weight;                ///< [B], importance of the sample, 1 where draws are uniform
+  base::Random* dropout = nullptr;  ///< Draws the masks of networks that have dropout.
 };
 
 /// Turns sampled rows into minibatches: scans are pooled straight from where the replay table keeps

@@ -87,7 +87,9 @@ void Sgemm(bool transpose_a, bool transpose_b, std::int64_t m, std::int64_t n, s
            const float* a, std::int64_t lda, const float* b, std::int64_t ldb, float* c,
            std::int64_t ldc, bool add) {
   static const auto sgemm = Find<FortranSgemm>("sgemm_");
-  if (sgemm == nullptr) {
+  // Rows that overlap, as the windows of a convolution do, are more than a BLAS takes.
+  const bool overlapping = lda < (transpose_a ? m : k) || ldb < (transpose_b ? k : n);
+  if (sgemm == nullptr || overlapping) {
     at::Tensor result = View(c, m, n, ldc, false);
     const at::Tensor left = View(a, m, k, lda, transpose_a);
     const at::Tensor right = View(b, k, n, ldb, transpose_b);

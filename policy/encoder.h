@@ -18,7 +18,7 @@ struct EncoderPorts {
   at::Tensor features;          ///< [B, W], inside the head's input.
   at::Tensor feature_gradient;  ///< [B, W], for the backward pass; undefined in inference.
   PassUse use = PassUse::kTraining;
-  base::Random* dropout = nullptr;  ///< Draws the masks; null: no dropout.
+  base::Random* dropout = nullptr;  ///< Draws the masks in this pass; null: no dropout.
 };
 
 /// What an encoder leaves behind between its passes, for one batch size. Allocates on construction

@@ -16,11 +16,12 @@ NetworkPass::NetworkPass(const NetworkShape& shape, const at::Tensor& input, Pas
   at::Tensor gradient;
   if (use == PassUse::kTraining) gradient = at::zeros({input.size(0), width}, input.options());
   mlp_.emplace(shape.mlp, head, use, gradient);
+  const bool drops = use == PassUse::kTraining || shape.config.dropout_everywhere;
   encoder_ = MakeEncoderPass(shape, {.input = input.narrow(1, 0, shape.num_inputs()),
                                      .features = head.narrow(1, 0, width),
                                      .feature_gradient = gradient,
                                      .use = use,
-                                     .dropout = dropout});
+                                     .dropout = drops ? dropout : nullptr});
   if (shape.num_extra() > 0) {
     extra_source_ = input.narrow(1, shape.num_inputs(), shape.num_extra());
     extra_copy_ = head.narrow(1, width, shape.num_extra());

@@ -23,7 +23,7 @@ class NetworkPass {
  public:
   /// `input`: [B, I + E], the stack of frames with the extra inputs behind it; kept, not copied.
   /// `dropout` draws the masks of a network that has dropout, and must outlive the pass; null: none
-  /// is applied.
+  /// is applied, nor is it in inference unless the config has it everywhere.
   explicit NetworkPass(const NetworkShape& shape, const at::Tensor& input,
                        PassUse use = PassUse::kTraining, base::Random* dropout = nullptr);
 

@@ -5,6 +5,8 @@
 #include <optional>
 
 #include "base/check.h"
+#include "base/file.h"
+#include "base/random.h"
 #include "policy/feature_map.h"
 #include "policy/layer_ops.h"
 #include "policy/network.h"
@@ -29,7 +31,8 @@ struct NetworkAgent::Network {
   FeatureMap features;
   NetworkShape shape;
   policy::Network network;
-  at::Tensor input;  // [B, H * F]
+  at::Tensor input;         // [B, H * F]
+  base::Random dropout{0};  // Of a policy that drops when acting; seeded by what is seen.
   std::optional<NetworkPass> pass;
 };
 
@@ -54,7 +57,7 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
   if (batch == 0) return;
   if (!net.pass || net.input.size(0) != batch) {
     net.input = at::zeros({batch, net.shape.num_inputs()}, at::kFloat);
-    net.pass.emplace(net.shape, net.input, PassUse::kInference);
+    net.pass.emplace(net.shape, net.input, PassUse::kInference, &net.dropout);
   }
   const int frame = net.features.frame_size();
   const int size = net.shape.num_inputs();
@@ -70,6 +73,12 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
         std::copy(newest, newest + frame, older);
       }
     }
+  }
+  if (net.shape.config.dropout_everywhere) {
+    // So that acting has no state but the frames, and a run that is resumed goes on as it would
+    // have.
+    net.dropout = base::Random(base::Checksum(
+        std::as_bytes(std::span(input, static_cast<std::size_t>(net.input.numel())))));
   }
   net.network.Forward(*net.pass);
   const int outputs = snapshot_.spec.distribution.num_outputs();

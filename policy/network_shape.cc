@@ -1,17 +1,25 @@
 #include "policy/network_shape.h"
 
+#include "policy/encoder_slots.h"
+
 namespace slalom::policy {
 namespace {
 
 constexpr int kActionSize = 2;
 
 NetworkShape BodyShape(const NetworkConfig& config, int frame_size, int num_outputs) {
+  CheckNetwork(config);
   NetworkShape shape;
   shape.config = config;
   shape.frame_size = frame_size;
-  shape.mlp.num_inputs = shape.num_inputs();
-  shape.mlp.hidden = config.encoder_layers;
-  shape.mlp.num_encoder_layers = static_cast<int>(config.encoder_layers.size());
+  if (shape.has_encoder()) {
+    EncoderSlots(config, frame_size);  // Throws where the frames are too small for it.
+    shape.mlp.num_inputs = config.encoder_layers.back();
+  } else {
+    shape.mlp.num_inputs = shape.num_inputs();
+    shape.mlp.hidden = config.encoder_layers;
+    shape.mlp.num_encoder_layers = static_cast<int>(config.encoder_layers.size());
+  }
   shape.mlp.hidden.insert(shape.mlp.hidden.end(), config.head_layers.begin(),
                           config.head_layers.end());
   shape.mlp.num_outputs = num_outputs;
@@ -22,6 +30,7 @@ NetworkShape BodyShape(const NetworkConfig& config, int frame_size, int num_outp
 
 std::vector<ParameterSlot> NetworkShape::Slots() const {
   ParameterSlots slots;
+  if (has_encoder()) slots.Append(EncoderSlots(config, frame_size));
   slots.Append(mlp.Slots());
   return slots.Take();
 }

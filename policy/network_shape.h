@@ -26,6 +26,7 @@ struct NetworkShape {
   int num_inputs() const { return config.history * frame_size; }  ///< H * F, without the extra.
   int num_outputs() const { return mlp.num_outputs; }
   int num_extra() const { return mlp.num_extra; }
+  /// Whether `mlp` is a head behind an encoder of its own.
   bool has_encoder() const { return config.encoder != "mlp"; }
   std::vector<ParameterSlot> Slots() const;
   std::int64_t num_parameters() const { return CountParameters(Slots()); }

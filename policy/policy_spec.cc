@@ -4,10 +4,12 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "policy/encoder_slots.h"
 
 namespace slalom::policy {
 namespace {
@@ -114,6 +116,21 @@ void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
   v("goal_scale", spec.goal_scale, base::Range{0.1, 1000.0});
 }
 
+/// Fields of the network that came after the first policies were written, which do without them.
+constexpr std::array kLaterFields = {"cnn_axis", "attention_heads", "dropout",
+                                     "dropout_everywhere"};
+
+void AddLaterFields(json& object) {
+  const auto network = object.find("network");
+  if (network == object.end() || !network->is_object()) return;
+  json defaults;
+  JsonWriter writer(defaults);
+  NetworkConfig().Visit(writer);
+  for (const char* const key : kLaterFields) {
+    if (!network->contains(key)) (*network)[key] = defaults[key];
+  }
+}
+
 }  // namespace
 
 std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
@@ -134,10 +151,11 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
 }
 
 void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* snapshot) {
-  const json object = json::parse(text, nullptr, /*allow_exceptions=*/false);
+  json object = json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (!object.is_object()) {
     throw base::Error(fmt::format("{}: its spec is no JSON object", source));
   }
+  AddLaterFields(object);
   const json& version = JsonReader::Find(object, "version", "version", source);
   const bool is_count = version.is_number_unsigned() &&
                         version.get<std::uint64_t>() <= std::numeric_limits<std::int64_t>::max();
@@ -151,6 +169,11 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   VisitObservation(spec.observation, observation);
   JsonReader network(object, "network", source);
   spec.network.Visit(network);
+  try {
+    CheckNetwork(spec.network);
+  } catch (const base::Error& error) {
+    throw base::Error(fmt::format("{}: in its spec, {}", source, error.what()));
+  }
   JsonReader actions(object, "actions", source);
   spec.actions.Visit(actions);
   spec.distribution = {};

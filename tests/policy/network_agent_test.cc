@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "policy/feature_map.h"
+#include "policy/network.h"
 
 namespace slalom::policy {
 namespace {
@@ -78,6 +79,81 @@ TEST(NetworkAgent, IsLibTorchsForwardOnTheLastFrames) {
       EXPECT_NEAR(actions[i].angular, expected.angular, kTolerance);
     }
   }
+}
+
+/// A policy with an encoder of its own; "beams" is a cnn over beams.
+PolicySnapshot MakeEncoderPolicy(const std::string& encoder) {
+  PolicySnapshot snapshot = MakePolicy(3, 1);
+  NetworkConfig& network = snapshot.spec.network;
+  network.encoder = encoder == "beams" ? "cnn" : encoder;
+  if (encoder == "beams") network.cnn_axis = "beams";
+  network.encoder_layers = {16, 16};
+  std::vector<float> weights(snapshot.spec.actor_shape().num_parameters());
+  base::Random random(5);
+  InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
+  snapshot.weights = std::make_shared<const std::vector<float>>(std::move(weights));
+  return snapshot;
+}
+
+class NetworkAgentEncoderTest : public testing::TestWithParam<const char*> {};
+
+// What the network says in float64 of the stacks of frames; sums of at most 64 products through
+// about twelve layers: 12 * 64 * 2^-24 = 5e-5.
+TEST_P(NetworkAgentEncoderTest, ActsOnTheStackOfFramesInEveryBatch) {
+  const PolicySnapshot snapshot = MakeEncoderPolicy(GetParam());
+  const NetworkShape shape = snapshot.spec.actor_shape();
+  const FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
+  const Network network(shape, at::tensor(*snapshot.weights).to(at::kDouble));
+  base::Random random(4);
+  for (const int batch : {1, 64}) {
+    NetworkAgent agent(snapshot);
+    env::ObservationBatch observations;
+    observations.Resize(batch, snapshot.spec.observation.num_beams);
+    std::vector<env::Action> actions(batch);
+    at::Tensor stack = at::zeros({batch, 3, features.frame_size()});
+    for (int step = 0; step < 4; ++step) {
+      Randomise(random, observations);
+      for (int i = 0; i < batch; ++i) observations.first[i] = step == 0;
+      agent.Act(observations, actions);
+      at::Tensor frame = at::zeros({batch, 1, features.frame_size()});
+      for (int i = 0; i < batch; ++i) {
+        const env::FrameView view = observations.frame(i);
+        features.Write(view.ranges_cm.data(), view.state.data(), false, frame[i].data_ptr<float>());
+      }
+      stack = step == 0 ? frame.repeat({1, 3, 1}) : at::cat({stack.narrow(1, 1, 2), frame}, 1);
+      NetworkPass pass(shape, stack.view({batch, -1}).to(at::kDouble), PassUse::kInference);
+      network.Forward(pass);
+      const at::Tensor expected = at::tanh(pass.output());
+      for (int i = 0; i < batch; ++i) {
+        EXPECT_NEAR(actions[i].linear, expected[i][0].item<double>(), 5e-5);
+        EXPECT_NEAR(actions[i].angular, expected[i][1].item<double>(), 5e-5);
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Encoders, NetworkAgentEncoderTest,
+                         testing::Values("cnn", "beams", "gru", "transformer"),
+                         [](const auto& test) { return std::string(test.param); });
+
+TEST(NetworkAgent, DropsWhenActingOnlyWherePoliciesDoEverywhere) {
+  base::Random random(3);
+  env::ObservationBatch observations;
+  observations.Resize(2, 24);
+  Randomise(random, observations);
+  for (int i = 0; i < 2; ++i) observations.first[i] = true;
+  const auto act = [&](bool dropout, bool everywhere) {
+    PolicySnapshot snapshot = MakeEncoderPolicy("transformer");
+    snapshot.spec.network.dropout = dropout ? 0.3 : 0.0;
+    snapshot.spec.network.dropout_everywhere = everywhere;
+    std::vector<env::Action> actions(2);
+    NetworkAgent(snapshot).Act(observations, actions);
+    return actions;
+  };
+  const std::vector<env::Action> without = act(false, false);
+  EXPECT_EQ(act(true, false), without);
+  EXPECT_NE(act(true, true), without);
+  EXPECT_EQ(act(true, true), act(true, true)) << "the same frames give the same action";
 }
 
 TEST(NetworkAgent, TakesNewWeights) {

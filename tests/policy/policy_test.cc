@@ -93,6 +93,57 @@ TEST_F(PolicyFileTest, RefusesSpecsThatDoNotFitTheTensors) {
   load_with("\"version\"", "\"revision\"");
 }
 
+TEST_F(PolicyFileTest, HoldsEveryEncoder) {
+  for (const char* const encoder : {"cnn", "gru", "transformer"}) {
+    PolicySnapshot saved = SmallPolicy();
+    saved.spec.network.encoder = encoder;
+    saved.spec.network.encoder_layers = {6, 6};
+    saved.spec.network.attention_heads = 2;
+    saved.weights = std::make_shared<const std::vector<float>>(
+        static_cast<std::size_t>(saved.spec.actor_shape().num_parameters()), 0.5f);
+    SavePolicy(path_, saved, {});
+    EXPECT_EQ(LoadPolicy(path_).snapshot.spec.network, saved.spec.network);
+  }
+}
+
+TEST_F(PolicyFileTest, RefusesNetworksThatAreNone) {
+  PolicySnapshot saved = SmallPolicy();
+  saved.spec.network.encoder = "transformer";
+  saved.spec.network.encoder_layers = {6, 6};
+  saved.spec.network.attention_heads = 2;
+  saved.weights = std::make_shared<const std::vector<float>>(
+      static_cast<std::size_t>(saved.spec.actor_shape().num_parameters()), 0.5f);
+  SavePolicy(path_, saved, {});
+  const TensorFile file = LoadTensors(path_);
+  Metadata metadata = file.metadata;
+  std::string& spec = metadata["slalom_policy"];
+  spec.replace(spec.find("\"attention_heads\":2"), 19, "\"attention_heads\":4");
+  SaveTensors(path_, file.tensors, metadata);
+  try {
+    LoadPolicy(path_);
+    ADD_FAILURE() << "was not refused";
+  } catch (const base::Error& error) {
+    EXPECT_EQ(std::string(error.what()),
+              path_.string() +
+                  ": in its spec, network.attention_heads: found 4, expected a divisor of the "
+                  "width 6");
+  }
+}
+
+TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanTheOtherEncoders) {
+  SavePolicy(path_, SmallPolicy(), {});
+  const TensorFile file = LoadTensors(path_);
+  Metadata metadata = file.metadata;
+  std::string& spec = metadata["slalom_policy"];
+  for (const std::string later : {"\"attention_heads\":8,", "\"cnn_axis\":\"time\",",
+                                  "\"dropout\":0.0,", "\"dropout_everywhere\":false,"}) {
+    ASSERT_NE(spec.find(later), std::string::npos) << spec;
+    spec.erase(spec.find(later), later.size());
+  }
+  SaveTensors(path_, file.tensors, metadata);
+  EXPECT_EQ(LoadPolicy(path_).snapshot.spec.network, SmallPolicy().spec.network);
+}
+
 TEST(PolicyBytesTest, AreThoseOfTheFile) {
   const PolicySnapshot policy = SmallPolicy();
   const std::string bytes = PrintPolicy(policy, {{"commit", "abc"}});

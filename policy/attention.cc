@@ -1,0 +1,172 @@
+#include "policy/attention.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "policy/layer_ops.h"
+#include "policy/simd.h"
+#include "policy/smooth_math.h"
+
+namespace slalom::policy {
+namespace {
+
+struct Sizes {
+  std::int64_t batch, heads, queries, tokens, width;  // B, A, Q, T, D / A
+};
+
+Sizes GetSizes(const at::Tensor& weights, std::int64_t columns) {
+  return {weights.size(0), weights.size(1), weights.size(2), weights.size(3),
+          columns / weights.size(1)};
+}
+
+/// One head's columns of one sequence.
+struct Rows {
+  Rows(const at::Tensor& t, std::int64_t row, std::int64_t column)
+      : data(t.data_ptr<float>() + row * t.stride(0) + column), stride(t.stride(0)) {}
+
+  float* operator[](std::int64_t i) const { return data + i * stride; }
+
+  float* data;
+  std::int64_t stride;
+};
+
+constexpr int kLanes = 8;
+
+inline float Dot(const float* __restrict x, const float* __restrict y, std::int64_t n) {
+  float lanes[kLanes] = {};
+  std::int64_t i = 0;
+  for (; i + kLanes <= n; i += kLanes) {
+    for (int j = 0; j < kLanes; ++j) lanes[j] += x[i + j] * y[i + j];
+  }
+  for (; i < n; ++i) lanes[0] += x[i] * y[i];
+  return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
+         ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+}
+
+inline void AddScaled(float scale, const float* __restrict x, std::int64_t n, float* __restrict y) {
+  for (std::int64_t j = 0; j < n; ++j) y[j] += scale * x[j];
+}
+
+/// `weights`, `mask`: [Q, T]; mask may be null.
+SLALOM_SIMD void AttendHead(const Sizes& s, Rows query, Rows key, Rows value, const float* mask,
+                            float* weights, Rows result) {
+  const float scale = 1.0f / std::sqrt(static_cast<float>(s.width));
+  for (std::int64_t i = 0; i < s.queries; ++i) {
+    float* const row = weights + i * s.tokens;
+    const std::int64_t seen = s.tokens - s.queries + i + 1;
+    float largest = -INFINITY;
+    for (std::int64_t j = 0; j < seen; ++j) {
+      row[j] = scale * Dot(query[i], key[j], s.width);
+      largest = row[j] > largest ? row[j] : largest;
+    }
+    float sum = 0.0f;
+    for (std::int64_t j = 0; j < seen; ++j) {
+      row[j] = SmoothExp(row[j] - largest);
+      sum += row[j];
+    }
+    std::fill(row + seen, row + s.tokens, 0.0f);
+    std::fill(result[i], result[i] + s.width, 0.0f);
+    for (std::int64_t j = 0; j < seen; ++j) {
+      row[j] /= sum;
+      const float kept = mask == nullptr ? row[j] : row[j] * mask[i * s.tokens + j];
+      AddScaled(kept, value[j], s.width, result[i]);
+    }
+  }
+}
+
+SLALOM_SIMD void AttendHeadGradient(const Sizes& s, Rows query, Rows key, Rows value,
+                                    const float* mask, const float* weights, Rows dresult,
+                                    Rows dquery, Rows dkey, Rows dvalue) {
+  const float scale = 1.0f / std::sqrt(static_cast<float>(s.width));
+  for (std::int64_t j = 0; j < s.tokens; ++j) {
+    std::fill(dkey[j], dkey[j] + s.width, 0.0f);
+    std::fill(dvalue[j], dvalue[j] + s.width, 0.0f);
+  }
+  for (std::int64_t i = 0; i < s.queries; ++i) {
+    const float* const row = weights + i * s.tokens;
+    const std::int64_t seen = s.tokens - s.queries + i + 1;
+    const auto kept = [&](std::int64_t j) {
+      return mask == nullptr ? 1.0f : mask[i * s.tokens + j];
+    };
+    float mean = 0.0f;  // of the weights' gradients, weighted
+    for (std::int64_t j = 0; j < seen; ++j) {
+      mean += row[j] * kept(j) * Dot(dresult[i], value[j], s.width);
+    }
+    std::fill(dquery[i], dquery[i] + s.width, 0.0f);
+    for (std::int64_t j = 0; j < seen; ++j) {
+      const float dweight = kept(j) * Dot(dresult[i], value[j], s.width);
+      const float dscore = scale * row[j] * (dweight - mean);
+      AddScaled(row[j] * kept(j), dresult[i], s.width, dvalue[j]);
+      AddScaled(dscore, key[j], s.width, dquery[i]);
+      AddScaled(dscore, query[i], s.width, dkey[j]);
+    }
+  }
+}
+
+/// [B * rows, D] as [B, A, rows, D / A].
+at::Tensor Split(const at::Tensor& t, const Sizes& s) {
+  return t.reshape({s.batch, -1, s.heads, s.width}).transpose(1, 2);
+}
+
+at::Tensor Join(const at::Tensor& t, const Sizes& s) {
+  return t.transpose(1, 2).reshape({-1, s.heads * s.width});
+}
+
+}  // namespace
+
+void Attend(const AttentionInput& in, at::Tensor& weights, at::Tensor& result) {
+  const Sizes s = GetSizes(weights, in.query.size(1));
+  if (!IsHostFloat(result)) {
+    const double scale = 1.0 / std::sqrt(static_cast<double>(s.width));
+    const at::Tensor scores = at::matmul(Split(in.query, s), Split(in.key, s).transpose(2, 3));
+    const at::Tensor seen = at::ones({s.queries, s.tokens}, scores.options().dtype(at::kBool))
+                                .tril(s.tokens - s.queries);
+    weights.copy_((scores * scale).masked_fill(seen.logical_not(), -INFINITY).softmax(3));
+    const at::Tensor kept = in.dropout_mask.defined() ? weights * in.dropout_mask : weights;
+    result.copy_(Join(at::matmul(kept, Split(in.value, s)), s));
+    return;
+  }
+  for (std::int64_t b = 0; b < s.batch; ++b) {
+    for (std::int64_t head = 0; head < s.heads; ++head) {
+      const std::int64_t at = (b * s.heads + head) * s.queries * s.tokens;
+      const std::int64_t column = head * s.width;
+      AttendHead(s, Rows(in.query, b * s.queries, column), Rows(in.key, b * s.tokens, column),
+                 Rows(in.value, b * s.tokens, column),
+                 in.dropout_mask.defined() ? in.dropout_mask.data_ptr<float>() + at : nullptr,
+                 weights.data_ptr<float>() + at, Rows(result, b * s.queries, column));
+    }
+  }
+}
+
+void AttendGradient(const AttentionInput& in, const at::Tensor& weights, const at::Tensor& dresult,
+                    at::Tensor& dquery, at::Tensor& dkey, at::Tensor& dvalue) {
+  const Sizes s = GetSizes(weights, in.query.size(1));
+  if (!IsHostFloat(dresult)) {
+    const double scale = 1.0 / std::sqrt(static_cast<double>(s.width));
+    const at::Tensor d = Split(dresult, s);
+    const at::Tensor kept = in.dropout_mask.defined() ? weights * in.dropout_mask : weights;
+    dvalue.copy_(Join(at::matmul(kept.transpose(2, 3), d), s));
+    at::Tensor dweights = at::matmul(d, Split(in.value, s).transpose(2, 3));
+    if (in.dropout_mask.defined()) dweights = dweights * in.dropout_mask;
+    const at::Tensor mean = (weights * dweights).sum(3, /*keepdim=*/true);
+    const at::Tensor dscores = scale * weights * (dweights - mean);
+    dquery.copy_(Join(at::matmul(dscores, Split(in.key, s)), s));
+    dkey.copy_(Join(at::matmul(dscores.transpose(2, 3), Split(in.query, s)), s));
+    return;
+  }
+  for (std::int64_t b = 0; b < s.batch; ++b) {
+    for (std::int64_t head = 0; head < s.heads; ++head) {
+      const std::int64_t at = (b * s.heads + head) * s.queries * s.tokens;
+      const std::int64_t column = head * s.width;
+      AttendHeadGradient(
+          s, Rows(in.query, b * s.queries, column), Rows(in.key, b * s.tokens, column),
+          Rows(in.value, b * s.tokens, column),
+          in.dropout_mask.defined() ? in.dropout_mask.data_ptr<float>() + at : nullptr,
+          weights.data_ptr<float>() + at, Rows(dresult, b * s.queries, column),
+          Rows(dquery, b * s.queries, column), Rows(dkey, b * s.tokens, column),
+          Rows(dvalue, b * s.tokens, column));
+    }
+  }
+}
+
+}  // namespace slalom::policy
