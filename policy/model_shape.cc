@@ -57,7 +57,9 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   shape.range_low = network.range_transform == "inverse" ? -0.8f : -1.0f;
   shape.range_high = network.range_transform == "inverse" ? 2.2f : 1.0f;
 
-  NetworkConfig layers = network;
+  // A model is fully connected, whatever reads the frames in the policy.
+  NetworkConfig layers;
+  layers.history = network.history;
   layers.encoder_layers = config.encoder_layers;
   layers.head_layers = config.head_layers;
   layers.layer_norm = config.layer_norm;

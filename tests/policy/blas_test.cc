@@ -65,6 +65,9 @@ TEST(Sgemm, MultipliesTransposedAndStridedMatrices) {
     for (const bool tb : {false, true}) {
       std::vector<float> c(kM * kStride, 100.0f);
       Sgemm(ta, tb, kM, kN, kK, a.data(), kStride, b.data(), kStride, c.data(), kStride);
+      std::vector<float> added(kM * kStride, 1.0f);
+      Sgemm(ta, tb, kM, kN, kK, a.data(), kStride, b.data(), kStride, added.data(), kStride,
+            /*add=*/true);
       for (int i = 0; i < kM; ++i) {
         for (int j = 0; j < kN; ++j) {
           double sum = 0.0;
@@ -74,11 +77,22 @@ TEST(Sgemm, MultipliesTransposedAndStridedMatrices) {
           }
           // Nine products below 1, each rounded to 2^-24 of partial sums below 9.
           EXPECT_NEAR(c[i * kStride + j], sum, 9 * 9 * 0x1p-24);
+          added[i * kStride + j] -= static_cast<float>(sum);
         }
         EXPECT_EQ(c[i * kStride + kN], 100.0f) << "wrote beyond its columns";
+        for (int j = 0; j < kN; ++j) EXPECT_NEAR(added[i * kStride + j], 1.0f, 9 * 10 * 0x1p-23);
       }
     }
   }
+}
+
+// Windows of three numbers, one number apart, as a convolution reads them.
+TEST(Sgemm, MultipliesRowsThatOverlap) {
+  const std::vector<float> line = {1, 2, 3, 4, 5};
+  const std::vector<float> weights = {1, 10, 100};
+  std::vector<float> c(3);
+  Sgemm(false, false, 3, 1, 3, line.data(), 1, weights.data(), 1, c.data(), 1);
+  EXPECT_EQ(c, (std::vector<float>{321, 432, 543}));
 }
 
 }  // namespace

@@ -18,9 +18,10 @@ struct Oracle {
   double bound;
 };
 
-Oracle Compute(const GemmTask& task, std::int64_t i, std::int64_t j) {
+/// `before`: what stood in C.
+Oracle Compute(const GemmTask& task, std::int64_t i, std::int64_t j, float before) {
   const bool narrow = task.n <= kMaxNarrow && !task.transpose_a;
-  const float bias = task.bias == nullptr ? 0.0f : task.bias[j];
+  const float bias = task.add ? before : task.bias == nullptr ? 0.0f : task.bias[j];
   float chain = bias;
   float lanes[16] = {};
   double exact = bias;
@@ -84,13 +85,16 @@ class SmallGemmTest : public testing::TestWithParam<bool> {
     task.a = a.data() + start;
     task.b = b.data() + start;
     task.c = c.data() + start;
-    if (random_.UniformInt(2) == 1) task.bias = bias.data();
-    task.relu = random_.UniformInt(2) == 1;
-    if (random_.UniformInt(2) == 1) task.mask = mask.data();
+    task.add = random_.UniformInt(3) == 0;
+    if (!task.add) {
+      if (random_.UniformInt(2) == 1) task.bias = bias.data();
+      task.relu = random_.UniformInt(2) == 1;
+      if (random_.UniformInt(2) == 1) task.mask = mask.data();
+    }
     ASSERT_TRUE(SmallGemm(task, cpu_));
     for (std::int64_t i = 0; i < m; ++i) {
       for (std::int64_t j = 0; j < n; ++j) {
-        const Oracle oracle = Compute(task, i, j);
+        const Oracle oracle = Compute(task, i, j, kUntouched);
         ASSERT_EQ(task.c[i * task.ldc + j], oracle.promised) << "at " << i << ", " << j;
         ASSERT_NEAR(task.c[i * task.ldc + j], oracle.exact, oracle.bound);
       }
