@@ -1,13 +1,11 @@
 #!/usr/bin/env python3
-"""Writes networks.txt: what PyTorch's own modules compute, in double precision, for the networks of network_golden_test.cc.
+"""Writes networks.txt: what PyTorch's own modules compute, in double precision, for the networks of network_test.cc.
 
-Needs python3-torch; the C++ test does not. Parameters, inputs and the gradient at the output are sines of their index, so that
+Needs python3-torch; the C++ test does not. Parameters, inputs and the gradient at the output are hashes of their index, so that
 only results are kept: outputs, and every 29th number of the gradient by the parameters in the order of docs/networks.md.
 
     tests/policy/golden/make_networks.py > tests/policy/golden/networks.txt
 """
-
-import math
 
 import torch
 from torch import nn
@@ -18,8 +16,15 @@ HEAD = 6
 torch.set_default_dtype(torch.float64)
 
 
-def sines(count, scale, phase):
-    return torch.tensor([scale * math.sin(phase + 0.7 * i) for i in range(count)])
+def numbers(count, scale, stream):
+    """Evenly spread in +-scale by a hash of the index, the same in every language."""
+    result = []
+    for i in range(count):
+        h = (i * 2654435761 + stream * 40503) % 2**32
+        h = (h ^ h >> 15) * 2246822519 % 2**32
+        h = (h ^ h >> 13) * 3266489917 % 2**32
+        result.append(scale * (h / 2**31 - 1.0))
+    return torch.tensor(result)
 
 
 class TimeCnn(nn.Module):
@@ -125,12 +130,12 @@ def run(name, encoder, history):
     head = [nn.Linear(encoder.width + 2, HEAD), nn.Linear(HEAD, 3)]
     slots = encoder.slots() + [(p, None) for layer in head for p in layer.parameters()]
     count = sum(p.numel() for p, _ in slots)
-    fill(slots, sines(count, 0.4, 1.0))
+    fill(slots, numbers(count, 0.6, 1))
     row = history * FRAME + 2
-    data = sines(BATCH * row, 1.0, 0.1).view(BATCH, row)
+    data = numbers(BATCH * row, 1.0, 2).view(BATCH, row)
     features = encoder(data[:, :-2].view(BATCH, history, FRAME))
     output = head[1](functional.relu(head[0](torch.cat([features, data[:, -2:]], 1))))
-    (output * sines(output.numel(), 1.0, 0.5).view(output.shape)).sum().backward()
+    (output * numbers(output.numel(), 1.0, 3).view(output.shape)).sum().backward()
     flat = [(p.grad.permute(order) if order else p.grad).flatten() for p, order in slots]
     gradient = torch.cat(flat)
     print("case", name, count)
