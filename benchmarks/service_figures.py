@@ -65,58 +65,64 @@ def recovery(program, rounds=5):
         for _ in range(rounds):
             for victim in (first, replay, learner):
                 time.sleep(3.0)
-                before = metric(learner, "slalom_batches_total"), metric(second, "slalom_chunks_acknowledged_total")
+                began = time.monotonic()
                 victim.kill()
                 victim.start()
-                if victim is first:  # A chunk of its new session is acknowledged.
-                    goes_on = lambda: metric(first, "slalom_chunks_acknowledged_total") > 0
+                time.sleep(0.1)  # What was on its way has come.
+                before = metric(learner, "slalom_batches_total"), metric(second, "slalom_chunks_acknowledged_total")
+                if victim is first:  # It made a chunk of rows and sent it.
+                    goes_on = lambda: metric(first, "slalom_chunks_sent_total") > 0
                 elif victim is learner:  # It learned from a batch.
                     goes_on = lambda: metric(learner, "slalom_batches_total") > 0
-                else:  # It acknowledges a chunk and gives a batch, beyond those that had been sent already.
-                    goes_on = lambda: (metric(learner, "slalom_batches_total") > before[0] + 16
-                                       and metric(second, "slalom_chunks_acknowledged_total") > before[1] + 16)
-                times[victim.role].append(until(goes_on))
+                else:  # It gives batches and acknowledges chunks.
+                    goes_on = lambda: (metric(learner, "slalom_batches_total") > before[0]
+                                       and metric(second, "slalom_chunks_acknowledged_total") > before[1])
+                until(goes_on)
+                times[victim.role].append(time.monotonic() - began)
         for role, all_of_it in times.items():
             print(f"  {role}: at work again after {summary(all_of_it)}", flush=True)
 
 
-def sync(program):
+def sync(program, rounds=3):
     """Batches and chunks per second before and during an fdatasync of a million rows, which the server had not synced before."""
     print(f"sync of a million rows ({load()})", flush=True)
-    service, (replay, learner, first, second) = full_service(program, ROWS, ["--set", "replay_server.sync_interval=3600"])
-    with service:
-        samples = []
+    shares = {"batches": [], "chunks": []}
+    for _ in range(rounds):
+        service, (replay, learner, first, second) = full_service(program, ROWS, ["--set", "replay_server.sync_interval=3600"])
+        with service:
+            samples = []
 
-        def look():
-            samples.append((time.monotonic(), metric(learner, "slalom_batches_total"),
-                            metric(first, "slalom_chunks_acknowledged_total") + metric(second, "slalom_chunks_acknowledged_total")))
+            def look():
+                samples.append((time.monotonic(), metric(learner, "slalom_batches_total"),
+                                metric(first, "slalom_chunks_acknowledged_total") + metric(second, "slalom_chunks_acknowledged_total")))
+                time.sleep(0.02)
 
-        def rates(begin, end):
-            inside = [s for s in samples if begin <= s[0] <= end]
-            span = inside[-1][0] - inside[0][0]
-            return (inside[-1][1] - inside[0][1]) / span, (inside[-1][2] - inside[0][2]) / span
-
-        begin = time.monotonic()
-        while time.monotonic() - begin < 10.0:
+            begin = time.monotonic()
+            while time.monotonic() - begin < 10.0:
+                look()
+            syncing = time.monotonic()
+            directory = os.path.join(service.state, "replay")
+            pid = os.fork()
+            if pid == 0:
+                for name in sorted(os.listdir(directory)):
+                    if name.endswith(".log"):
+                        os.fdatasync(os.open(os.path.join(directory, name), os.O_RDONLY))
+                os._exit(0)
+            while os.waitpid(pid, os.WNOHANG) == (0, 0):
+                look()
+            done = time.monotonic()
             look()
-            time.sleep(0.05)
-        syncing = time.monotonic()
-        fd = os.open(os.path.join(service.state, "replay"), os.O_RDONLY)
-        pid = os.fork()
-        if pid == 0:
-            for name in sorted(os.listdir(fd)):
-                if name.endswith(".log"):
-                    file = os.open(os.path.join(service.state, "replay", name), os.O_RDONLY)
-                    os.fdatasync(file)
-            os._exit(0)
-        while os.waitpid(pid, os.WNOHANG) == (0, 0):
-            look()
-            time.sleep(0.05)
-        done = time.monotonic()
-        look()
-        for name, before, during in zip(("batches/s", "chunks/s"), rates(begin, syncing), rates(syncing, done)):
-            print(f"  {name}: {before:.0f} before, {during:.0f} during the sync of {done - syncing:.1f} s "
-                  f"({100 * during / before:.0f} %)", flush=True)
+
+        def rate(column, since, until_then):
+            inside = [s for s in samples if since <= s[0] <= until_then]
+            return (inside[-1][column] - inside[0][column]) / (inside[-1][0] - inside[0][0])
+
+        for column, (name, all_of_it) in enumerate(shares.items(), 1):
+            before, during = rate(column, begin, syncing), rate(column, syncing, samples[-1][0])
+            all_of_it.append(100.0 * during / before)
+            print(f"  {name}/s: {before:.0f} before, {during:.0f} during the sync of {done - syncing:.1f} s", flush=True)
+    for name, all_of_it in shares.items():
+        print(f"  {name}: {statistics.median(all_of_it):.0f} % (from {min(all_of_it):.0f} to {max(all_of_it):.0f})", flush=True)
 
 
 def policies(program, actors=8, seconds=30.0):

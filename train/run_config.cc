@@ -2,6 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <sstream>
+#include <string>
+#include <vector>
+
 #include "base/error.h"
 #include "base/file.h"
 #include "config/config.h"
@@ -10,6 +15,31 @@
 #include "sim/scene.h"
 
 namespace slalom::train {
+namespace {
+
+/// The keys of a section that are not at their defaults: what a later version adds to it changes
+/// nothing.
+template <class Section>
+std::string Differences(const Section& section) {
+  const auto lines_of = [](const Section& s) {
+    std::vector<std::string> lines;
+    std::istringstream toml(config::ToToml(s));
+    std::string table;
+    for (std::string line; std::getline(toml, line);) {
+      if (line.starts_with('[')) table = line;
+      lines.push_back(table + line);
+    }
+    return lines;
+  };
+  const std::vector<std::string> defaults = lines_of(Section{});
+  std::string differences;
+  for (const std::string& line : lines_of(section)) {
+    if (std::ranges::find(defaults, line) == defaults.end()) differences += line + "\n";
+  }
+  return differences;
+}
+
+}  // namespace
 
 sim::CourseSet CoursesConfig::Resolve(const std::string& spec) const {
   return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
@@ -32,9 +62,9 @@ void RequireCombination(const RunConfig& config) {
 }
 
 std::uint64_t SpecHash(const RunConfig& config) {
-  return base::Checksum(config::ToToml(config.environment),
-                        base::Checksum(config::ToToml(config.network),
-                                       base::Checksum(config.method.learner.algorithm)));
+  return base::Checksum(
+      Differences(config.environment),
+      base::Checksum(Differences(config.network), base::Checksum(config.method.learner.algorithm)));
 }
 
 }  // namespace slalom::train

@@ -147,7 +147,8 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config);
 void RequireCombination(const RunConfig& config);
 
 /// Of what is observed, commanded and learned: processes of two runs whose hashes differ refuse
-/// each other.
+/// each other. Of the keys that are not at their defaults, so that versions of which one has more
+/// keys agree.
 std::uint64_t SpecHash(const RunConfig& config);
 
 }  // namespace slalom::train
