@@ -13,7 +13,10 @@
 #include "base/random.h"
 #include "learner/algorithm.h"
 #include "learner/constraint.h"
+#include "learner/imagination.h"
 #include "learner/minibatch.h"
+#include "learner/model_trainer.h"
+#include "learner/prediction_error.h"
 #include "policy/feature_map.h"
 
 namespace slalom::learner {
@@ -45,6 +48,26 @@ const MethodConfig& Checked(const MethodConfig& method) {
     throw base::Error(
         fmt::format("constraint.multiplier is {}, expected at most constraint.multiplier_max = {}",
                     constraint.multiplier, constraint.multiplier_max));
+  }
+  const std::string& imagination = method.imagination.kind;
+  if (imagination == "none") return method;
+  if (method.model.kind == "none") {
+    throw base::Error(
+        fmt::format("imagination.kind is \"{}\", expected model.kind = \"deterministic\" or "
+                    "\"probabilistic\": there is nothing to imagine with",
+                    imagination));
+  }
+  if (constraint.kind != "none") {
+    throw base::Error(fmt::format(
+        "imagination.kind is \"{}\", expected \"none\" with constraint.kind = \"{}\": a "
+        "model predicts no cost",
+        imagination, constraint.kind));
+  }
+  if (learner.prioritized) {
+    throw base::Error(fmt::format(
+        "imagination.kind is \"{}\", expected \"none\" with learner.prioritized: what is "
+        "imagined has no priority",
+        imagination));
   }
   return method;
 }
@@ -85,6 +108,26 @@ struct Learner::Parts {
                                .minibatch = minibatch,
                                .totals = totals,
                                .constraint = constraint ? &*constraint : nullptr});
+    if (method.model.kind == "none") return;
+    model.emplace(method.model_training,
+                  policy::MakeModelShape(method.model, spec.network, features.frame_size()),
+                  features, method.learner.reward_scale, method.learner.mirror, device, seed,
+                  NumStartingStates(method.imagination, method.learner.batch_size));
+    if (method.imagination.kind == "none") return;
+    imagination.emplace(method.imagination, method.learner.gamma, *model, *algorithm, minibatch,
+                        seed);
+  }
+
+  policy::PolicySnapshot MakeSnapshot(const policy::PolicySpec& spec,
+                                      const at::Tensor& actor) const {
+    policy::PolicySnapshot snapshot{totals.num_updates(), spec, CopyToHost(actor), nullptr,
+                                    nullptr};
+    if (!model) return snapshot;
+    const at::Tensor& critics = algorithm->critic_parameters();
+    snapshot.critic_weights =
+        CopyToHost(critics.narrow(0, 0, critics.numel() / algorithm->num_critics()));
+    snapshot.model_weights = std::make_shared<const std::vector<float>>(model->EliteParameters());
+    return snapshot;
   }
 
   at::Device device;
@@ -97,6 +140,8 @@ struct Learner::Parts {
   Totals totals;
   std::optional<Constraint> constraint;
   std::unique_ptr<Algorithm> algorithm;
+  std::optional<ModelTrainer> model;
+  std::optional<Imagination> imagination;
   at::Tensor host_errors;  // [B]
   LearnerStats last_stats;
 };
@@ -104,6 +149,7 @@ struct Learner::Parts {
 Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed)
     : method_(Checked(method)), spec_(spec) {
   SLALOM_CHECK(spec.distribution == DistributionOf(method.learner));
+  SLALOM_CHECK(spec.planning == PlanningOf(method));
   parts_ = std::make_unique<Parts>(method_, spec_, seed);
 }
 
@@ -112,12 +158,25 @@ Learner::~Learner() = default;
 std::vector<replay::SampleSpec> Learner::SampleSpecs(const MethodConfig& method,
                                                      const policy::PolicySpec& spec) {
   const LearnerConfig& config = method.learner;
-  return {{.batch = config.batch_size,
-           .history = spec.network.history,
-           .n_step = config.n_step,
-           .gamma = config.gamma,
-           .prioritized = config.prioritized,
-           .importance_exponent = config.importance_exponent}};
+  std::vector<replay::SampleSpec> specs = {{.batch = config.batch_size,
+                                            .history = spec.network.history,
+                                            .n_step = config.n_step,
+                                            .gamma = config.gamma,
+                                            .prioritized = config.prioritized,
+                                            .importance_exponent = config.importance_exponent}};
+  if (method.model.kind != "none") {
+    const int num_starts = NumStartingStates(method.imagination, config.batch_size);
+    specs.push_back(
+        ModelTrainer::SampleSpec(method.model_training, spec.network.history, num_starts));
+  }
+  return specs;
+}
+
+policy::PlanningSpec PlanningOf(const MethodConfig& method) {
+  if (method.model.kind == "none") return {};
+  policy::PlanningSpec planning{.model = method.model, .gamma = method.learner.gamma};
+  planning.model.ensemble = NumElites(method.model_training, method.model.ensemble);
+  return planning;
 }
 
 void Learner::Update(std::span<const replay::SampledRows> batches, double progress) {
@@ -125,7 +184,18 @@ void Learner::Update(std::span<const replay::SampledRows> batches, double progre
   const double rate =
       1.0 + (method_.learner.final_learning_rate_fraction - 1.0) * std::clamp(progress, 0.0, 1.0);
   p.reader.Read(batches[0], p.mirror, p.minibatch);
-  p.algorithm->Update(rate);
+  if (p.model) {
+    p.model->Load(batches[1]);
+    p.model->Update();
+  }
+  const bool imagines = p.imagination && p.imagination->ready();
+  if (!imagines || p.imagination->adds_to_replayed()) p.algorithm->Update(rate);
+  if (!imagines) return;
+  p.imagination->Begin(num_updates());
+  for (int k = 0; k < p.imagination->num_batches(); ++k) {
+    p.imagination->Fill(k);
+    p.algorithm->Update(rate);
+  }
 }
 
 std::span<const float> Learner::Errors() {
@@ -148,8 +218,17 @@ LearnerStats Learner::ReadStats() {
   } else {
     stats.cost_q_mean = stats.cost_critic_loss = LearnerStats::kNone;
   }
+  if (p.model) stats.model = p.model->ReadStats();
   p.last_stats = stats;
   return stats;
+}
+
+double Learner::PredictionError(const replay::SampledRows& windows) const {
+  const Parts& p = *parts_;
+  if (!p.model) return LearnerStats::kNone;
+  const std::vector<double> errors =
+      PredictionErrors(p.model->model(), p.model->elites().front(), p.features, windows, p.device);
+  return errors.empty() ? LearnerStats::kNone : errors.back();
 }
 
 std::optional<std::string> Learner::FindFault() const {
@@ -163,6 +242,9 @@ std::optional<std::string> Learner::FindFault() const {
   if (p.constraint && !IsFinite(p.constraint->critic_parameters())) {
     return "the cost critics' weights are no longer finite";
   }
+  if (p.model && !p.model->is_finite()) {
+    return "the transition model's weights are no longer finite";
+  }
   if (!(std::abs(p.last_stats.q_mean) <= method_.learner.divergence_limit)) {
     return fmt::format("the mean action value is {:.3g}, beyond learner.divergence_limit = {:.3g}",
                        p.last_stats.q_mean, method_.learner.divergence_limit);
@@ -171,11 +253,11 @@ std::optional<std::string> Learner::FindFault() const {
 }
 
 policy::PolicySnapshot Learner::Snapshot() const {
-  return {num_updates(), spec_, CopyToHost(parts_->algorithm->actor_parameters())};
+  return parts_->MakeSnapshot(spec_, parts_->algorithm->actor_parameters());
 }
 
 policy::PolicySnapshot Learner::BestSnapshot() const {
-  return {num_updates(), spec_, CopyToHost(parts_->algorithm->average_parameters())};
+  return parts_->MakeSnapshot(spec_, parts_->algorithm->average_parameters());
 }
 
 std::int64_t Learner::num_updates() const { return parts_->totals.num_updates(); }
@@ -186,6 +268,8 @@ void Learner::SaveState(policy::TensorMap& tensors) const {
   const Parts& p = *parts_;
   p.algorithm->SaveState(tensors);
   if (p.constraint) p.constraint->SaveState(tensors);
+  if (p.model) p.model->SaveState(tensors);
+  if (p.imagination) p.imagination->SaveState(tensors);
   p.totals.SaveState(tensors);
   tensors["learner.mirror_random"] =
       policy::StoredTensor::Of(std::span<const std::uint64_t>(p.mirror.state()));
@@ -197,6 +281,8 @@ void Learner::LoadState(const policy::TensorFile& file) {
   Parts& p = *parts_;
   p.algorithm->LoadState(file);
   if (p.constraint) p.constraint->LoadState(file);
+  if (p.model) p.model->LoadState(file);
+  if (p.imagination) p.imagination->LoadState(file);
   p.totals.LoadState(file);
   base::Random::State state;
   file.Read("learner.mirror_random", std::span(state));

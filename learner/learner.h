@@ -9,6 +9,8 @@
 
 #include "learner/learner_config.h"
 #include "learner/learner_stats.h"
+#include "learner/model_config.h"
+#include "policy/model_shape.h"
 #include "policy/policy.h"
 #include "policy/safetensors.h"
 #include "replay/batch.h"
@@ -19,7 +21,13 @@ namespace slalom::learner {
 struct MethodConfig {
   LearnerConfig learner;
   ConstraintConfig constraint;
+  policy::TransitionModelConfig model;
+  ModelTrainingConfig model_training;
+  ImaginationConfig imagination;
 };
+
+/// What the policies of a method carry for agents that plan: part of every policy that it makes.
+policy::PlanningSpec PlanningOf(const MethodConfig& method);
 
 /// Learns a policy from replayed transitions, by the algorithm that the config names and what is
 /// combined with it. docs/algorithms.md maps the papers' equations to functions.
@@ -28,16 +36,18 @@ class Learner {
  public:
   /// Networks and noise are drawn from `seed`. Throws `base::Error` where the config cannot be met
   /// (no GPU, sectors that do not divide the beams, parts that do not go together).
-  /// Requires: spec.distribution is `DistributionOf(method.learner)`.
+  /// Requires: spec.distribution is `DistributionOf(method.learner)`, spec.planning
+  /// `PlanningOf(method)`.
   Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed);
   ~Learner();
 
   /// One update. Copies what it needs out of the rows. `progress`: part of training that is done,
-  /// in [0, 1], for the learning rates. On the CPU: no allocation; on a GPU: no wait for it.
-  /// Requires: rows sampled as `sample_specs()` say, one batch of each.
+  /// in [0, 1], for the learning rates. With imagination it is several updates of the policy. On
+  /// the CPU: no allocation, but of views where it imagines; on a GPU: no wait for it. Requires:
+  /// rows sampled as `sample_specs()` say, one batch of each.
   void Update(std::span<const replay::SampledRows> batches, double progress);
 
-  /// What an update learns from: the algorithm's transitions.
+  /// What an update learns from: the algorithm's transitions, then those of a model.
   std::vector<replay::SampleSpec> sample_specs() const { return SampleSpecs(method_, spec_); }
   static std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
                                                      const policy::PolicySpec& spec);
@@ -52,6 +62,17 @@ class Learner {
 
   /// Reads the statistics and starts new ones. Waits for the device; call it once in many updates.
   LearnerStats ReadStats();
+
+  /// How far the transition model is off after so many steps, each by the action really taken: the
+  /// root of the mean squared error of a feature (learner/prediction_error.h). NaN where there is
+  /// no model, or no sample has a whole window. Waits for the device. Requires: windows sampled as
+  /// `window_spec()` says.
+  static constexpr int kErrorSteps = 5;
+  double PredictionError(const replay::SampledRows& windows) const;
+  replay::SampleSpec window_spec() const {
+    return {.batch = 256, .history = spec_.network.history + kErrorSteps, .n_step = 1};
+  }
+  bool has_model() const { return method_.model.kind != "none"; }
 
   /// What is wrong with the training, in words for the user: a network with NaN or infinite
   /// weights, or values beyond the limit. Empty while it is well. Waits for the device. Looks at

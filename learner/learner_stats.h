@@ -11,6 +11,22 @@
 
 namespace slalom::learner {
 
+/// Of a transition model: means over its updates since the last reading. NaN: there is none,
+/// nothing was held out, or the kind of model has no such figure.
+struct ModelStats {
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  std::int64_t num_updates = 0;  ///< Of every member.
+  double loss = kNone;           ///< All parts, of one member, on what is learned from.
+  double gradient_norm = kNone;
+  double held_out_rmse = kNone;         ///< Root of the mean squared error of a number of a frame.
+  double held_out_change = kNone;       ///< The same of a model that says: nothing changes.
+  double held_out_likelihood = kNone;   ///< Negative log-likelihood per number; probabilistic.
+  double held_out_reward_rmse = kNone;  ///< Scaled as the rewards.
+  double held_out_termination = kNone;  ///< Cross-entropy, [nats].
+  double inside_50 = kNone;  ///< Calibration: part of held-out numbers in the middle 50 %, 90 % of
+  double inside_90 = kNone;  ///< what was predicted; probabilistic.
+};
+
 /// Means over the updates since the last reading. NaN: the method has no such figure.
 struct LearnerStats {
   std::int64_t num_updates = 0;  ///< Critic updates that the means are over.
@@ -27,6 +43,7 @@ struct LearnerStats {
   double cost_critic_loss = kNone;
   double multiplier = kNone;  ///< lambda, as it is.
   double violation = kNone;   ///< Collisions per episode above the limit, at the last look.
+  ModelStats model;
 };
 
 /// Totals that updates add to.

@@ -43,7 +43,6 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   RequireConsistent(config, network);
   ModelShape shape;
   shape.ensemble = config.ensemble;
-  shape.history = network.history;
   shape.num_ranges = frame_size - env::kStateSize;
   shape.num_predicted = config.predict_last_action ? frame_size : frame_size - kActionSize;
   shape.probabilistic = config.kind == "probabilistic";
@@ -57,24 +56,14 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   shape.range_low = network.range_transform == "inverse" ? -0.8f : -1.0f;
   shape.range_high = network.range_transform == "inverse" ? 2.2f : 1.0f;
 
-  // A model is fully connected, whatever reads the frames in the policy.
-  NetworkConfig layers;
-  layers.history = network.history;
+  NetworkConfig layers = network;
+  layers.dropout = 0.0;
+  layers.dropout_everywhere = false;
   layers.encoder_layers = config.encoder_layers;
   layers.head_layers = config.head_layers;
   layers.layer_norm = config.layer_norm;
-  shape.network = CriticShape(layers, frame_size).mlp;
-  shape.network.num_outputs = shape.termination_column() + 1;
+  shape.network = CriticShape(layers, frame_size, shape.termination_column() + 1);
   return shape;
-}
-
-void InitialiseParameters(const ModelShape& shape, base::Random& random,
-                          std::span<float> parameters) {
-  SLALOM_CHECK_EQ(static_cast<std::int64_t>(parameters.size()), shape.num_parameters());
-  const std::int64_t size = shape.num_member_parameters();
-  for (int i = 0; i < shape.ensemble; ++i) {
-    InitialiseParameters(shape.network.Slots(), random, parameters.subspan(i * size, size));
-  }
 }
 
 }  // namespace slalom::policy

@@ -1,12 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "base/config_field.h"
-#include "base/random.h"
 #include "policy/network_config.h"
 #include "policy/network_shape.h"
 
@@ -15,8 +13,8 @@
 
 namespace slalom::policy {
 
-/// What a transition model is (original-system.md §5.1, docs/models.md). Part of a policy that
-/// carries one.
+/// What a transition model is (original-system.md §5.1, docs/models.md), whose networks read frames
+/// by the encoder of the actor and critics. Part of a policy that carries one.
 struct TransitionModelConfig {
   std::string kind = "none";
   std::string targets = "difference";
@@ -67,9 +65,8 @@ struct TransitionModelConfig {
 /// means, M raw logarithms of standard deviations where probabilistic, the reward and the logit of
 /// termination. All members lie in one flat array, [ensemble * P].
 struct ModelShape {
-  MlpShape network;
+  NetworkShape network;
   int ensemble = 1;
-  int history = 1;        ///< H
   int num_ranges = 0;     ///< R
   int num_predicted = 0;  ///< M: F, or F less the last action, which is filled in.
   bool probabilistic = false;
@@ -81,9 +78,10 @@ struct ModelShape {
   float range_low = 0.0f;  ///< The features of ranges of `clip` and 0, in either order.
   float range_high = 0.0f;
 
-  int frame_size() const { return network.num_inputs / history; }  ///< F
-  std::int64_t num_member_parameters() const;                      ///< P
-  std::int64_t num_parameters() const;                             ///< ensemble * P
+  int history() const { return network.config.history; }  ///< H
+  int frame_size() const { return network.frame_size; }   ///< F
+  std::int64_t num_member_parameters() const;             ///< P
+  std::int64_t num_parameters() const;                    ///< ensemble * P
   int log_std_column() const { return num_predicted; }
   int reward_column() const { return num_predicted * (probabilistic ? 2 : 1); }
   int termination_column() const { return reward_column() + 1; }
@@ -94,9 +92,5 @@ struct ModelShape {
 /// features are. Requires: config.kind is not "none".
 ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConfig& network,
                           int frame_size);
-
-/// As of other networks. `parameters`: [ensemble * P].
-void InitialiseParameters(const ModelShape& shape, base::Random& random,
-                          std::span<float> parameters);
 
 }  // namespace slalom::policy

@@ -4,6 +4,7 @@
 
 #include "env/agent.h"
 #include "policy/policy.h"
+#include "policy/policy_agent.h"
 
 namespace slalom::policy {
 
@@ -12,7 +13,7 @@ namespace slalom::policy {
 ///
 /// Keeps each environment's last H frames; before the first frame of an episode stand copies of it.
 /// Confined to one thread at a time. Allocates when the batch size changes.
-class NetworkAgent : public env::Agent {
+class NetworkAgent : public PolicyAgent {
  public:
   /// Throws `base::Error` where the policy's sectors do not divide its beams.
   explicit NetworkAgent(PolicySnapshot snapshot);
@@ -20,14 +21,14 @@ class NetworkAgent : public env::Agent {
 
   /// Goes on with other weights of the same spec; what was seen stays.
   /// Requires: network, distribution and observation spec are those it was made with.
-  void SetSnapshot(PolicySnapshot snapshot);
+  void SetSnapshot(PolicySnapshot snapshot) override;
 
   /// Requires: observations of the policy's number of beams.
   void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;
 
   bool Explore(std::span<const env::Action> noise, std::span<env::Action> actions) override;
 
-  const PolicySnapshot& snapshot() const { return snapshot_; }
+  const PolicySnapshot& snapshot() const override { return snapshot_; }
 
  private:
   struct Network;

@@ -18,6 +18,41 @@ constexpr const char* kSpecKey = "slalom_policy";
 constexpr const char* kFormatKey = "slalom_format";
 constexpr const char* kFormat = "slalom-policy-1";
 
+/// Adds a network's parameters to `tensors`, which are named as its slots behind `prefix`.
+template <class Shape>
+void Store(const std::string& prefix, const Shape& shape, std::span<const float> weights,
+           TensorMap* tensors) {
+  for (const ParameterSlot& slot : shape.Slots()) {
+    tensors->emplace(prefix + slot.name,
+                     StoredTensor::Of(weights.subspan(slot.offset, slot.size()), slot.shape));
+  }
+}
+
+/// Appends them to `weights`. Throws `base::Error` where one is missing, of another shape or not
+/// finite.
+template <class Shape>
+void Read(const TensorFile& file, const std::string& prefix, const Shape& shape,
+          std::vector<float>* weights) {
+  for (const ParameterSlot& slot : shape.Slots()) {
+    const std::string name = prefix + slot.name;
+    const auto tensor = file.tensors.find(name);
+    if (tensor == file.tensors.end() || tensor->second.shape != slot.shape) {
+      throw base::Error(
+          fmt::format("{}: tensor '{}' is missing or not [{}], which the spec in the file asks for",
+                      file.source, name, fmt::join(slot.shape, ", ")));
+    }
+    weights->resize(weights->size() + slot.size());
+    const auto values = std::span(*weights).last(slot.size());
+    file.Read(name, values);
+    if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) {
+      throw base::Error(
+          fmt::format("{}: tensor '{}' holds numbers that are not finite", file.source, name));
+    }
+  }
+}
+
+std::string MemberPrefix(int member) { return fmt::format("model.{}.", member); }
+
 }  // namespace
 
 NetworkShape PolicySpec::actor_shape() const {
@@ -25,14 +60,40 @@ NetworkShape PolicySpec::actor_shape() const {
                     distribution.num_outputs());
 }
 
+NetworkShape PolicySpec::critic_shape() const {
+  return CriticShape(network, FeatureMap(observation, network).frame_size());
+}
+
+ModelShape PolicySpec::model_shape() const {
+  return MakeModelShape(planning.model, network, FeatureMap(observation, network).frame_size());
+}
+
+PolicySnapshot ZeroSnapshot(const PolicySpec& spec) {
+  const auto zeros = [](std::int64_t n) {
+    return std::make_shared<const std::vector<float>>(static_cast<std::size_t>(n), 0.0f);
+  };
+  PolicySnapshot snapshot{-1, spec, zeros(spec.actor_shape().num_parameters()), nullptr, nullptr};
+  if (spec.planning.is_carried()) {
+    snapshot.model_weights = zeros(spec.model_shape().num_parameters());
+    snapshot.critic_weights = zeros(spec.critic_shape().num_parameters());
+  }
+  return snapshot;
+}
+
 std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata) {
   TensorMap tensors;
   const NetworkShape shape = snapshot.spec.actor_shape();
   SLALOM_CHECK_EQ(static_cast<std::int64_t>(snapshot.weights->size()), shape.num_parameters());
-  const std::span<const float> weights(*snapshot.weights);
-  for (const ParameterSlot& slot : shape.Slots()) {
-    tensors.emplace("actor." + slot.name,
-                    StoredTensor::Of(weights.subspan(slot.offset, slot.size()), slot.shape));
+  Store("actor.", shape, *snapshot.weights, &tensors);
+  if (snapshot.spec.planning.is_carried()) {
+    const ModelShape model = snapshot.spec.model_shape();
+    const std::span<const float> members(*snapshot.model_weights);
+    SLALOM_CHECK_EQ(static_cast<std::int64_t>(members.size()), model.num_parameters());
+    const auto size = static_cast<std::size_t>(model.num_member_parameters());
+    for (int i = 0; i < model.ensemble; ++i) {
+      Store(MemberPrefix(i), model.network, members.subspan(i * size, size), &tensors);
+    }
+    Store("critic.", snapshot.spec.critic_shape(), *snapshot.critic_weights, &tensors);
   }
   Metadata all = metadata;
   all[kFormatKey] = kFormat;
@@ -52,26 +113,17 @@ LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view sour
   }
   LoadedPolicy loaded;
   ParseSpec(spec.mapped(), source, &loaded.snapshot);
-  const NetworkShape shape = loaded.snapshot.spec.actor_shape();
-  const std::vector<ParameterSlot> slots = shape.Slots();
-  auto weights = std::make_shared<std::vector<float>>();
-  for (const ParameterSlot& slot : slots) {
-    const auto tensor = file.tensors.find("actor." + slot.name);
-    if (tensor == file.tensors.end() || tensor->second.shape != slot.shape) {
-      throw base::Error(
-          fmt::format("{}: tensor 'actor.{}' is missing or not [{}], which the spec in "
-                      "the file asks for",
-                      file.source, slot.name, fmt::join(slot.shape, ", ")));
-    }
-    weights->resize(slot.offset + slot.size());
-    const auto values = std::span(*weights).subspan(slot.offset, slot.size());
-    file.Read("actor." + slot.name, values);
-    if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) {
-      throw base::Error(fmt::format("{}: tensor 'actor.{}' holds numbers that are not finite",
-                                    source, slot.name));
-    }
+  PolicySnapshot& snapshot = loaded.snapshot;
+  std::vector<float> actor, model, critic;
+  Read(file, "actor.", snapshot.spec.actor_shape(), &actor);
+  snapshot.weights = std::make_shared<const std::vector<float>>(std::move(actor));
+  if (snapshot.spec.planning.is_carried()) {
+    const ModelShape shape = snapshot.spec.model_shape();
+    for (int i = 0; i < shape.ensemble; ++i) Read(file, MemberPrefix(i), shape.network, &model);
+    Read(file, "critic.", snapshot.spec.critic_shape(), &critic);
+    snapshot.model_weights = std::make_shared<const std::vector<float>>(std::move(model));
+    snapshot.critic_weights = std::make_shared<const std::vector<float>>(std::move(critic));
   }
-  loaded.snapshot.weights = std::move(weights);
   loaded.metadata = std::move(file.metadata);
   return loaded;
 }

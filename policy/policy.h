@@ -12,6 +12,7 @@
 
 #include "env/action.h"
 #include "env/observation.h"
+#include "policy/model_shape.h"
 #include "policy/network_config.h"
 #include "policy/network_shape.h"
 #include "policy/safetensors.h"
@@ -47,15 +48,35 @@ struct ActionDistribution {
   friend bool operator==(const ActionDistribution&, const ActionDistribution&) = default;
 };
 
+/// What a policy carries so that agents can plan with it: a transition model, and how it values
+/// what lies ahead. A value. Without a model ("none") it carries nothing.
+struct PlanningSpec {
+  TransitionModelConfig model;
+  double gamma = 0.99;  ///< Discount per step that its critic was trained with.
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("gamma", gamma, base::Range{0.0, 1.0});
+    model.Visit(v);
+  }
+
+  bool is_carried() const { return model.kind != "none"; }
+  friend bool operator==(const PlanningSpec&, const PlanningSpec&) = default;
+};
+
 /// What a policy sees, is and commands. A value.
 struct PolicySpec {
   env::ObservationSpec observation;
   NetworkConfig network;
   env::ActionBounds actions;
   ActionDistribution distribution;
+  PlanningSpec planning;
 
-  /// Throws `base::Error` where the sectors do not divide the beams, or as `ActorShape`.
+  /// These throw `base::Error` where the sectors do not divide the beams, or as `ActorShape`.
   NetworkShape actor_shape() const;
+  NetworkShape critic_shape() const;
+  /// Throws, too, where the model contradicts itself. Requires: planning.is_carried().
+  ModelShape model_shape() const;
 };
 
 /// A policy at one moment of its training. A value; the weights are shared and never
@@ -64,7 +85,14 @@ struct PolicySnapshot {
   std::int64_t version = 0;  ///< Rises with each snapshot that a learner gives out.
   PolicySpec spec;
   std::shared_ptr<const std::vector<float>> weights;  ///< [spec.actor_shape().num_parameters()]
+  /// Where the spec says that they are carried, else null: the model's,
+  /// [spec.model_shape().num_parameters()], and those of one critic.
+  std::shared_ptr<const std::vector<float>> model_weights = nullptr;
+  std::shared_ptr<const std::vector<float>> critic_weights = nullptr;
 };
+
+/// A policy all of whose weights are 0, of version -1.
+PolicySnapshot ZeroSnapshot(const PolicySpec& spec);
 
 struct LoadedPolicy {
   PolicySnapshot snapshot;
@@ -72,8 +100,9 @@ struct LoadedPolicy {
 };
 
 /// A policy as the bytes of a safetensors file, which is also how it travels in messages: tensors
-/// "actor.encoder.0.weight" and so on, and `metadata` (config, commit, seed, steps, ...) beside the
-/// spec.
+/// "actor.encoder.0.weight" and so on, "critic...." and "model.0...." for each member of a model's
+/// ensemble where the policy carries them, and `metadata` (config, commit, seed, steps, ...) beside
+/// the spec.
 std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata);
 
 /// Throws `base::Error` that begins with `source` where the bytes, which anybody may have sent, are

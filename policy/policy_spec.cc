@@ -147,6 +147,10 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
     JsonWriter distribution(object["distribution"]);
     printed.distribution.Visit(distribution);
   }
+  if (spec.planning.is_carried()) {
+    JsonWriter planning(object["planning"]);
+    printed.planning.Visit(planning);
+  }
   return object.dump();
 }
 
@@ -177,9 +181,15 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   JsonReader actions(object, "actions", source);
   spec.actions.Visit(actions);
   spec.distribution = {};
-  if (!object.contains("distribution")) return;
-  JsonReader distribution(object, "distribution", source);
-  spec.distribution.Visit(distribution);
+  if (object.contains("distribution")) {
+    JsonReader distribution(object, "distribution", source);
+    spec.distribution.Visit(distribution);
+  }
+  spec.planning = {};
+  if (object.contains("planning")) {
+    JsonReader planning(object, "planning", source);
+    spec.planning.Visit(planning);
+  }
 }
 
 }  // namespace slalom::policy

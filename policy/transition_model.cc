@@ -48,8 +48,8 @@ SLALOM_SIMD void Clip(float low, float high, std::int64_t n, float* __restrict v
 
 }  // namespace
 
-ModelPass::ModelPass(const ModelShape& shape, const at::Tensor& input)
-    : input_(input), network_(shape.network, input) {
+ModelPass::ModelPass(const ModelShape& shape, const at::Tensor& input, PassUse use)
+    : input_(input), network_(shape.network, input, use) {
   const std::int64_t batch = input.size(0);
   if (shape.probabilistic) log_std_ = at::zeros({batch, shape.num_predicted}, input.options());
   reward_ = at::zeros({batch}, input.options());
@@ -79,7 +79,7 @@ void TransitionModel::Forward(ModelPass& pass, int member) const {
     pass.log_std_.narrow(1, 0, shape_.num_bounded).tanh_().add_(1.0).mul_(half).add_(low);
     return;
   }
-  const std::int64_t num_outputs = shape_.network.num_outputs;
+  const std::int64_t num_outputs = shape_.network.num_outputs();
   for (std::int64_t i = 0; i < output.size(0); ++i) {
     float* const row = output.data_ptr<float>() + i * num_outputs;
     if (shape_.bound_ranges) TanhInPlace(shape_.num_ranges, row);
@@ -96,7 +96,7 @@ void TransitionModel::Predict(ModelPass& pass, int member, const at::Tensor& noi
   Forward(pass, member);
   const bool noisy = shape_.probabilistic && noise.defined();
   const std::int64_t frame = shape_.frame_size();
-  const std::int64_t width = shape_.network.num_inputs;
+  const std::int64_t width = shape_.network.num_inputs();
   const std::int64_t learned = shape_.num_predicted;
   SLALOM_CHECK_EQ(next.size(1), width);
 
@@ -119,7 +119,7 @@ void TransitionModel::Predict(ModelPass& pass, int member, const at::Tensor& noi
   }
 
   const std::int64_t batch = next.size(0);
-  const std::int64_t num_outputs = shape_.network.num_outputs;
+  const std::int64_t num_outputs = shape_.network.num_outputs();
   const float* const input = pass.input_.data_ptr<float>();
   const float* const output = pass.output().data_ptr<float>();
   for (std::int64_t i = 0; i < batch; ++i) {

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "policy/mlp.h"
 #include "policy/model_shape.h"
+#include "policy/network.h"
 
 /// Shapes: `B` batch, `H` frames of history, `F` numbers of a frame, `M` <= F of them predicted,
 /// `A` = 2 numbers of an action, `O` outputs, `P` parameters of one member.
@@ -18,11 +18,11 @@ class ModelPass {
  public:
   /// `input`: [B, H * F + A], stacks of frames with the actions taken behind them; kept, not
   /// copied.
-  ModelPass(const ModelShape& shape, const at::Tensor& input);
+  ModelPass(const ModelShape& shape, const at::Tensor& input, PassUse use = PassUse::kTraining);
 
   at::Tensor& output() { return network_.output(); }                    ///< [B, O], raw.
   at::Tensor& output_gradient() { return network_.output_gradient(); }  ///< [B, O]
-  MlpPass& network() { return network_; }
+  NetworkPass& network() { return network_; }
 
   /// Written by `TransitionModel::Forward`, where probabilistic: [B, M].
   const at::Tensor& log_std() const { return log_std_; }
@@ -35,7 +35,7 @@ class ModelPass {
   friend class TransitionModel;
 
   at::Tensor input_;
-  MlpPass network_;
+  NetworkPass network_;
   at::Tensor log_std_;  // [B, M]
   at::Tensor reward_;
   at::Tensor termination_;
@@ -67,12 +67,12 @@ class TransitionModel {
   void Predict(ModelPass& pass, int member, const at::Tensor& noise, at::Tensor& next) const;
 
   const ModelShape& shape() const { return shape_; }
-  const Mlp& member(int i) const { return members_[i]; }
-  Mlp& member(int i) { return members_[i]; }
+  const Network& member(int i) const { return members_[i]; }
+  Network& member(int i) { return members_[i]; }
 
  private:
   ModelShape shape_;
-  std::vector<Mlp> members_;
+  std::vector<Network> members_;
 };
 
 }  // namespace slalom::policy

@@ -58,7 +58,7 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
         shape_(MakeModelShape(GetParam().config, network_, kFrame)) {
     torch::manual_seed(1);
     parameters_ = torch::randn({shape_.num_parameters()}, torch::kDouble) * 0.5;
-    input_ = torch::randn({kBatch, shape_.network.num_inputs + 2}, torch::kDouble);
+    input_ = torch::randn({kBatch, shape_.network.num_inputs() + 2}, torch::kDouble);
     noise_ = torch::randn({kBatch, shape_.num_predicted}, torch::kDouble);
   }
 
@@ -66,13 +66,13 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
   std::vector<double> Expected(int i, int member, bool noisy, double* reward, double* termination) {
     const TransitionModelConfig& config = GetParam().config;
     const std::int64_t size = shape_.num_member_parameters();
-    const Mlp mlp(shape_.network, parameters_.narrow(0, member * size, size));
+    const Network mlp(shape_.network, parameters_.narrow(0, member * size, size));
     const at::Tensor row = input_.narrow(0, i, 1).clone();
-    MlpPass pass(shape_.network, row);
+    NetworkPass pass(shape_.network, row);
     mlp.Forward(pass);
     const double* const in = row.data_ptr<double>();
     const double* const out = pass.output().data_ptr<double>();
-    const int width = shape_.network.num_inputs;
+    const int width = shape_.network.num_inputs();
     const int predicted = config.predict_last_action ? kFrame : kFrame - 2;
     std::vector<double> stack(in + kFrame, in + width);
     for (int j = 0; j < predicted; ++j) {
@@ -102,9 +102,9 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
     const TransitionModel model(shape_, parameters_.to(type));
     const at::Tensor input = input_.to(type, /*non_blocking=*/false, /*copy=*/true);
     ModelPass pass(shape_, input);
-    at::Tensor next = in_place ? input.narrow(1, 0, shape_.network.num_inputs)
-                               : torch::zeros({kBatch, shape_.network.num_inputs + 5}, type)
-                                     .narrow(1, 0, shape_.network.num_inputs);
+    at::Tensor next = in_place ? input.narrow(1, 0, shape_.network.num_inputs())
+                               : torch::zeros({kBatch, shape_.network.num_inputs() + 5}, type)
+                                     .narrow(1, 0, shape_.network.num_inputs());
     model.Predict(pass, 1, noisy ? noise_.to(type) : at::Tensor(), next);
     for (int i = 0; i < kBatch; ++i) {
       double reward = 0.0, termination = 0.0;
@@ -145,7 +145,7 @@ TEST_P(TransitionModelTest, AllocatesNothing) {
   const at::Tensor input = input_.to(torch::kFloat);
   const at::Tensor noise = noise_.to(torch::kFloat);
   ModelPass pass(shape_, input);
-  at::Tensor next = input.narrow(1, 0, shape_.network.num_inputs);
+  at::Tensor next = input.narrow(1, 0, shape_.network.num_inputs());
   model.Predict(pass, 0, noise, next);
   const long before = test::NumAllocations();
   for (int i = 0; i < 10; ++i) model.Predict(pass, 1, noise, next);
@@ -186,17 +186,6 @@ TEST(ModelShape, IsTheOriginals) {
   constexpr std::int64_t kOutputs = (512 + 1) * (2 * 724 + 2);
   EXPECT_EQ(shape.num_parameters(), kEncoder + kHead + kOutputs);
   EXPECT_EQ(shape.num_parameters(), 1904042);
-}
-
-TEST(ModelShape, EnsemblesAreDrawnApart) {
-  TransitionModelConfig config = Small("deterministic", "difference");
-  const ModelShape shape = MakeModelShape(config, NetworkConfig{}, kFrame);
-  std::vector<float> parameters(shape.num_parameters());
-  base::Random random(1);
-  InitialiseParameters(shape, random, parameters);
-  const std::int64_t size = shape.num_member_parameters();
-  EXPECT_EQ(std::ssize(parameters), 2 * size);
-  EXPECT_NE(parameters[0], parameters[size]);
 }
 
 std::string Refusal(const TransitionModelConfig& config, const NetworkConfig& network) {

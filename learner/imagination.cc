@@ -1,0 +1,218 @@
+#include "learner/imagination.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "learner/value_ops.h"
+
+namespace slalom::learner {
+
+int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates) {
+  if (config.final_rollout_steps == 0) return config.rollout_steps;
+  const auto span = static_cast<double>(config.schedule_end - config.schedule_begin);
+  const auto passed = static_cast<double>(num_updates - config.schedule_begin);
+  const double share =
+      span > 0.0 ? std::clamp(passed / span, 0.0, 1.0) : (passed >= 0.0 ? 1.0 : 0.0);
+  const int growth = config.final_rollout_steps - config.rollout_steps;
+  return config.rollout_steps + static_cast<int>(std::floor(share * growth));
+}
+
+int NumStartingStates(const ImaginationConfig& config, int batch_size) {
+  if (config.kind == "dyna") return config.imagined_batches * batch_size;
+  if (config.kind != "mbpo") return 0;
+  if (config.as_published) {
+    throw base::Error(
+        "imagination.as_published is true, expected imagination.kind = \"dyna\": the original's "
+        "MBPO "
+        "cannot run (original-system.md, fault M4)");
+  }
+  if (config.rollouts % batch_size != 0) {
+    throw base::Error(
+        fmt::format("imagination.rollouts is {}, expected a multiple of learner.batch_size = {}",
+                    config.rollouts, batch_size));
+  }
+  if (config.buffer_capacity < batch_size) {
+    throw base::Error(
+        fmt::format("imagination.buffer_capacity is {}, expected at least learner.batch_size = {}",
+                    config.buffer_capacity, batch_size));
+  }
+  if (config.final_rollout_steps != 0 && config.final_rollout_steps < config.rollout_steps) {
+    throw base::Error(fmt::format(
+        "imagination.final_rollout_steps is {}, expected 0 or at least imagination.rollout_steps = "
+        "{}",
+        config.final_rollout_steps, config.rollout_steps));
+  }
+  if (config.schedule_end < config.schedule_begin) {
+    throw base::Error(
+        fmt::format("imagination.schedule_end is {}, expected at least schedule_begin = {}",
+                    config.schedule_end, config.schedule_begin));
+  }
+  return config.rollouts;
+}
+
+Imagination::Imagination(const ImaginationConfig& config, double gamma, const ModelTrainer& trainer,
+                         Algorithm& algorithm, Minibatch& minibatch, std::uint64_t seed)
+    : config_(config),
+      gamma_(gamma),
+      trainer_(trainer),
+      algorithm_(algorithm),
+      minibatch_(minibatch),
+      random_(base::DeriveSeed(seed, "imagination")),
+      pass_(trainer.model().shape(), minibatch.next_input),
+      host_action_noise_(at::zeros({minibatch.reward.size(0), 2}, at::kFloat)),
+      action_noise_(host_action_noise_.to(minibatch.reward.device())),
+      host_model_noise_(
+          at::zeros({minibatch.reward.size(0), trainer.model().shape().num_predicted}, at::kFloat)),
+      model_noise_(host_model_noise_.to(minibatch.reward.device())),
+      alive_(at::ones_like(minibatch.reward)),
+      real_(static_cast<int>(minibatch.reward.size(0)), trainer.model().shape().history(),
+            trainer.model().shape().frame_size(), minibatch.reward.device()),
+      transitions_(config.kind == "mbpo" ? config.buffer_capacity : 0,
+                   trainer.model().shape().history(), minibatch) {
+  SLALOM_CHECK_GE(trainer.loaded().reward.size(0),
+                  NumStartingStates(config, static_cast<int>(minibatch.reward.size(0))));
+}
+
+void Imagination::Begin(std::int64_t num_updates) {
+  if (config_.kind != "mbpo") return;
+  real_.input.copy_(minibatch_.input);
+  real_.next_features.copy_(minibatch_.next_features);
+  real_.reward.copy_(minibatch_.reward);
+  real_.cost.copy_(minibatch_.cost);
+  real_.discount.copy_(minibatch_.discount);
+  real_.weight.copy_(minibatch_.weight);
+  const int steps = RolloutSteps(config_, num_updates);
+  const std::int64_t batch = minibatch_.reward.size(0);
+  for (std::int64_t row = 0; row < config_.rollouts; row += batch) RollOut(row, steps);
+}
+
+void Imagination::Fill(int k) {
+  if (config_.kind == "dyna") {
+    if (config_.as_published) return FillAsPublished(k);
+    return FillDyna(k);
+  }
+  // Replayed transitions first, other ones in each batch, then imagined ones.
+  const std::int64_t batch = minibatch_.reward.size(0);
+  const auto num_real =
+      static_cast<std::int64_t>(std::lround(config_.real_ratio * static_cast<double>(batch)));
+  for (std::int64_t i = 0; i < num_real; ++i) {
+    const std::int64_t from = (k * num_real + i) % batch;
+    const auto copy = [&](at::Tensor& to, const at::Tensor& source) {
+      to.select(0, i).copy_(source.select(0, from));
+    };
+    copy(minibatch_.input, real_.input);
+    copy(minibatch_.next_features, real_.next_features);
+    copy(minibatch_.reward, real_.reward);
+    copy(minibatch_.cost, real_.cost);
+    copy(minibatch_.discount, real_.discount);
+    copy(minibatch_.weight, real_.weight);
+  }
+  transitions_.Sample(num_real, random_, minibatch_);
+}
+
+/// The minibatch's state, and the one that is rolled forward, are those of `loaded` rows.
+void Imagination::StartFrom(std::int64_t row) {
+  const std::int64_t batch = minibatch_.reward.size(0);
+  minibatch_.features.copy_(trainer_.loaded().features.narrow(0, row, batch));
+  minibatch_.next_features.copy_(minibatch_.features);
+  minibatch_.cost.zero_();
+  minibatch_.weight.fill_(1.0);
+}
+
+at::Tensor Imagination::DrawNormal(at::Tensor& host, at::Tensor& values) {
+  float* const numbers = host.data_ptr<float>();
+  for (std::int64_t i = 0; i < host.numel(); ++i) {
+    numbers[i] = static_cast<float>(random_.Normal());
+  }
+  if (!values.is_same(host)) values.copy_(host);
+  return values;
+}
+
+/// One step from minibatch.next_features to what is imagined to follow, in place, by the policy's
+/// action with noise, which is left in minibatch.next_actions.
+void Imagination::Step(bool clip) {
+  const at::Tensor noise = DrawNormal(host_action_noise_, action_noise_).mul_(config_.noise);
+  if (clip) {
+    AddClippedNoise(algorithm_.ActNext(), noise, minibatch_.next_actions);
+  } else {
+    minibatch_.next_actions.copy_(algorithm_.ActNext()).add_(noise);
+  }
+  const auto elites = trainer_.elites();
+  const int member = elites[random_.UniformInt(elites.size())];
+  const bool noisy = trainer_.model().shape().probabilistic;
+  trainer_.model().Predict(pass_, member,
+                           noisy ? DrawNormal(host_model_noise_, model_noise_) : at::Tensor(),
+                           minibatch_.next_features);
+}
+
+void Imagination::FillDyna(int k) {
+  StartFrom(k * minibatch_.reward.size(0));
+  minibatch_.reward.zero_();
+  alive_.fill_(1.0);
+  double discount = 1.0;
+  for (int i = 0; i < config_.rollout_steps; ++i) {
+    Step(/*clip=*/true);
+    if (i == 0) minibatch_.actions.copy_(minibatch_.next_actions);
+    minibatch_.reward.addcmul_(alive_, pass_.reward(), discount);
+    alive_.addcmul_(alive_, pass_.termination(), -1.0);
+    discount *= gamma_;
+  }
+  minibatch_.discount.copy_(alive_).mul_(discount);
+}
+
+/// M3: every step starts from the same state.
+void Imagination::FillAsPublished(int k) {
+  StartFrom(k * minibatch_.reward.size(0));
+  alive_.fill_(1.0);
+  minibatch_.discount.fill_(1.0);
+  for (int i = 0; i < config_.rollout_steps; ++i) {
+    minibatch_.next_features.copy_(minibatch_.features);
+    Step(/*clip=*/false);
+    if (i == 0) minibatch_.actions.copy_(minibatch_.next_actions);
+    alive_.addcmul_(alive_, pass_.termination(), -1.0);
+    minibatch_.discount.mul_(at::pow(gamma_, alive_));
+  }
+  minibatch_.reward.copy_(pass_.reward());
+  minibatch_.discount.mul_(alive_);
+}
+
+void Imagination::RollOut(std::int64_t row, int steps) {
+  StartFrom(row);
+  at::Tensor uniform = at::zeros({minibatch_.reward.size(0)}, at::kFloat);
+  for (int i = 0; i < steps; ++i) {
+    minibatch_.features.copy_(minibatch_.next_features);
+    Step(/*clip=*/true);
+    minibatch_.actions.copy_(minibatch_.next_actions);
+    minibatch_.reward.copy_(pass_.reward());
+    for (std::int64_t j = 0; j < uniform.numel(); ++j) {
+      uniform.data_ptr<float>()[j] = static_cast<float>(random_.Uniform());
+    }
+    const at::Tensor ended = uniform.to(alive_.device()) < pass_.termination();
+    minibatch_.discount.fill_(gamma_).masked_fill_(ended, 0.0);
+    transitions_.Add(minibatch_);
+    // On every device without waiting for it: a rollout that ended starts again.
+    const std::int64_t batch = minibatch_.reward.size(0);
+    minibatch_.next_features.copy_(at::where(ended.unsqueeze(1),
+                                             trainer_.loaded().features.narrow(0, row, batch),
+                                             minibatch_.next_features));
+  }
+}
+
+void Imagination::SaveState(policy::TensorMap& tensors) const {
+  tensors["imagination.random"] =
+      policy::StoredTensor::Of(std::span<const std::uint64_t>(random_.state()));
+  if (config_.kind == "mbpo") transitions_.SaveState(tensors);
+}
+
+void Imagination::LoadState(const policy::TensorFile& file) {
+  base::Random::State state;
+  file.Read("imagination.random", std::span(state));
+  random_.set_state(state);
+  if (config_.kind == "mbpo") transitions_.LoadState(file);
+}
+
+}  // namespace slalom::learner

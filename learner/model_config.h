@@ -1,0 +1,88 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "base/config_field.h"
+
+namespace slalom::learner {
+
+/// How a transition model is trained. The defaults are the original's (original-system.md §5), but
+/// for what is held out.
+struct ModelTrainingConfig {
+  double learning_rate = 1e-4;
+  double weight_decay = 0.0;
+  int batch_size = 128;
+  int updates_per_update = 5;
+  std::string state_loss = "sum";
+  double held_out = 0.05;
+  int elites = 0;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("learning_rate", learning_rate, base::Range{0.0, 1.0}, "", "Adam's step size for the model.");
+    v("weight_decay", weight_decay, base::Range{0.0, 1.0}, "",
+      "Part of each weight, times the step size, that a step takes away (decoupled).");
+    v("batch_size", batch_size, base::Range{1, 65536}, "", "Transitions per update of the model.");
+    v("updates_per_update", updates_per_update, base::Range{1, 1000}, "",
+      "Updates of the model per update of the policy.");
+    v("state_loss", state_loss, base::OneOf{"sum", "mean"}, "",
+      "Whether the error of the next frame is summed over its numbers, or their mean. The "
+      "original's: sum where probabilistic, mean where deterministic.");
+    v("held_out", held_out, base::Range{0.0, 0.5}, "",
+      "Part of all transitions that is never learned from, to measure the model's error.");
+    v("elites", elites, base::Range{0, 64}, "",
+      "Members of the ensemble that are used: those with the least held-out error; 0: all.");
+  }
+};
+
+/// How a transition model's imagination is learned from. The defaults are the original's Dyna
+/// (original-system.md §5.2), done right.
+struct ImaginationConfig {
+  std::string kind = "none";
+  int imagined_batches = 10;
+  int rollout_steps = 4;
+  double noise = 0.1;
+  std::int64_t learning_starts = 1000;
+  bool as_published = false;
+  int final_rollout_steps = 0;
+  std::int64_t schedule_begin = 0;
+  std::int64_t schedule_end = 0;
+  int rollouts = 128;
+  std::int64_t buffer_capacity = 50000;
+  double real_ratio = 0.05;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("kind", kind, base::OneOf{"none", "dyna", "mbpo"}, "",
+      "dyna: updates from n-step transitions that are imagined from replayed states. mbpo: "
+      "rollouts "
+      "that branch off replayed states fill a buffer of one-step transitions (docs/models.md).");
+    v("imagined_batches", imagined_batches, base::Range{0, 1000}, "",
+      "Updates from imagined batches for each from a replayed one.");
+    v("rollout_steps", rollout_steps, base::Range{1, 100}, "steps",
+      "Steps imagined from a replayed state: n of Dyna's returns, length of MBPO's rollouts at the "
+      "start.");
+    v("noise", noise, base::Range{0.0, 10.0}, "",
+      "Standard deviation of the noise on the policy's actions while imagining.");
+    v("learning_starts", learning_starts, base::Range{0, 1e12}, "",
+      "Updates of the model before what it imagines is learned from.");
+    v("as_published", as_published,
+      "Dyna's fault M3 of original-system.md: the imagined state is not advanced, the first action "
+      "goes with the last reward and frame, and the return is thrown away.");
+    v("final_rollout_steps", final_rollout_steps, base::Range{0, 100}, "steps",
+      "MBPO: length of rollouts at the end of the schedule; 0: as at the start.");
+    v("schedule_begin", schedule_begin, base::Range{0, 1e12}, "updates",
+      "MBPO: updates of the policy at which rollouts begin to grow.");
+    v("schedule_end", schedule_end, base::Range{0, 1e12}, "updates",
+      "MBPO: updates of the policy at which they have their final length.");
+    v("rollouts", rollouts, base::Range{1, 65536}, "",
+      "MBPO: rollouts per replayed batch; a multiple of learner.batch_size.");
+    v("buffer_capacity", buffer_capacity, base::Range{1, 1e9}, "",
+      "MBPO: imagined transitions kept, oldest overwritten first.");
+    v("real_ratio", real_ratio, base::Range{0.0, 1.0}, "",
+      "MBPO: part of each batch that is replayed and not imagined.");
+  }
+};
+
+}  // namespace slalom::learner

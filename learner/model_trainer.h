@@ -1,0 +1,103 @@
+#pragma once
+
+#include <ATen/ATen.h>
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/random.h"
+#include "learner/adam.h"
+#include "learner/learner_stats.h"
+#include "learner/minibatch.h"
+#include "learner/model_config.h"
+#include "learner/model_loss.h"
+#include "policy/transition_model.h"
+#include "replay/batch.h"
+
+/// Shapes: `B` batch, `U` updates per batch that was loaded, `E` members of the ensemble, `P`
+/// parameters of one.
+
+namespace slalom::learner {
+
+/// How many members of an ensemble are used.
+int NumElites(const ModelTrainingConfig& config, int ensemble);
+
+/// Trains a transition model from replayed one-step transitions.
+///
+/// Which transitions are held out follows from their number in the replay alone, so a transition is
+/// always on the same side. In an ensemble each transition counts for each member by a Poisson
+/// number with mean 1 that follows from both (online bootstrap, Oza and Russell 2001), so members
+/// learn from different data without a batch of their own. Thread-compatible: one owner.
+class ModelTrainer {
+ public:
+  /// Weights and mirroring are drawn from `seed`. `num_rows`: that `Load` takes at least, for those
+  /// who need more of them than training.
+  ModelTrainer(const ModelTrainingConfig& config, const policy::ModelShape& shape,
+               const policy::FeatureMap& features, double reward_scale, bool mirror,
+               at::Device device, std::uint64_t seed, int num_rows = 0);
+
+  /// U * B one-step transitions, or more where `num_rows` was.
+  replay::SampleSpec sample_spec() const { return SampleSpec(config_, history_, num_rows_); }
+  static replay::SampleSpec SampleSpec(const ModelTrainingConfig& config, int history,
+                                       int num_rows);
+
+  /// Copies what it needs out of the rows. Requires: rows sampled as `sample_spec()` says.
+  void Load(const replay::SampledRows& rows);
+
+  /// U updates of every member, from what was loaded. On the CPU: no allocation but when elites are
+  /// chosen; on a GPU it is waited for only then.
+  void Update();
+
+  /// The transitions that were loaded.
+  const Minibatch& loaded() const { return loaded_; }
+  const policy::TransitionModel& model() const { return model_; }
+  const at::Tensor& parameters() const { return parameters_; }  ///< [E * P]
+  /// Members to use, `NumElites` of them, best first as of the last choice; the first before it.
+  std::span<const int> elites() const { return elites_; }
+  /// The parameters of the elites alone, best first, in host memory.
+  std::vector<float> EliteParameters() const;
+
+  /// Reads the statistics and starts new ones. Waits for the device.
+  ModelStats ReadStats();
+  std::int64_t num_updates() const { return num_updates_; }
+  bool is_finite() const;
+
+  void SaveState(policy::TensorMap& tensors) const;
+  void LoadState(const policy::TensorFile& file);
+
+ private:
+  void ChooseElites();
+
+  const ModelTrainingConfig config_;
+  const policy::ModelShape shape_;
+  const int num_rows_;
+  const int history_;
+  base::Random mirror_;
+  std::uint64_t bootstrap_seed_;  // Part of the state: what is held out stays so.
+  MinibatchReader reader_;
+  Minibatch loaded_;
+  at::Tensor parameters_;
+  at::Tensor gradient_;
+  policy::TransitionModel model_;
+  policy::TransitionModel gradient_model_;
+  std::vector<Adam> adam_;                 // [E], each with its own count of steps
+  std::vector<at::Tensor> member_values_;  // [E], views [P]
+  std::vector<policy::ModelPass> passes_;  // [U]
+  std::vector<ModelTargets> targets_;      // [U], without weights
+  at::Tensor host_weights_;                // [E, U * B]
+  at::Tensor weights_;
+  std::vector<at::Tensor> weight_views_;  // [E * U], [B] each
+  at::Tensor figures_;                    // [E, kNumModelFigures] float64, since the beginning
+  at::Tensor norm_total_;                 // [1] float64
+  std::vector<at::Tensor> figure_rows_;
+  at::Tensor figures_at_choice_;   // As `figures_`, in host memory, at the last choice of elites
+  at::Tensor figures_at_reading_;  // [kNumModelFigures + 1], sums over members, and of the norms
+  std::vector<int> elites_;
+  std::int64_t num_updates_ = 0;
+  std::int64_t updates_at_reading_ = 0;
+};
+
+}  // namespace slalom::learner

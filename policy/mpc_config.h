@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "base/config_field.h"
+
+namespace slalom::policy {
+
+/// How an agent plans. The defaults are those of the paper's experiments (original-system.md §5.2),
+/// done right.
+struct MpcConfig {
+  bool enabled = false;
+  int horizon = 5;
+  int samples = 256;
+  int iterations = 1;
+  double noise = 0.1;
+  std::string update = "mppi";
+  double temperature = 0.1;
+  double elite_fraction = 0.1;
+  bool model_noise = false;
+  std::int64_t learning_starts = 1000;
+  bool no_planning = false;
+  bool unscaled_action = false;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("enabled", enabled,
+      "Actors, evaluations and `slalom evaluate` plan with the policy's transition model.");
+    v("horizon", horizon, base::Range{1, 100}, "steps", "Steps that a plan looks ahead.");
+    v("samples", samples, base::Range{1, 100000}, "", "Action sequences per plan and iteration.");
+    v("iterations", iterations, base::Range{1, 100}, "",
+      "Rounds of sampling; those after the first sample around the plan so far.");
+    v("noise", noise, base::Range{0.0, 10.0}, "",
+      "Standard deviation of the noise on the policy's normalised actions.");
+    v("update", update, base::OneOf{"mppi", "cem", "sample"}, "",
+      "mppi: mean weighted by the exponential of the return. cem: mean and deviation of the best. "
+      "sample: one drawn by these weights, as published.");
+    v("temperature", temperature, base::Range{1e-9, 1e9}, "",
+      "Difference of return, scaled as the learner's rewards, that weighs e times as much.");
+    v("elite_fraction", elite_fraction, base::Range{1e-6, 1.0}, "", "cem: part that is the best.");
+    v("model_noise", model_noise,
+      "Sample a probabilistic model's frames instead of taking their means, as published.");
+    v("learning_starts", learning_starts, base::Range{0, 1e12}, "updates",
+      "Updates of the policy before it plans; until then it drives by itself.");
+    v("no_planning", no_planning,
+      "The original's fault M1: all sequences count alike, which is the policy with noise.");
+    v("unscaled_action", unscaled_action,
+      "The original's fault M2: the normalised action is taken for [m/s] and [rad/s].");
+  }
+};
+
+}  // namespace slalom::policy

@@ -1,0 +1,150 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "learner/learner.h"
+#include "policy/policy_agent.h"
+#include "tests/learner/random_rows.h"
+
+namespace slalom::learner {
+namespace {
+
+constexpr int kBeams = 12;
+
+MethodConfig ModelMethod(const std::string& imagination) {
+  MethodConfig method;
+  method.learner.device = "cpu";
+  method.learner.batch_size = 8;
+  method.learner.mirror = true;
+  method.model.kind = "probabilistic";
+  method.model.ensemble = 3;
+  method.model.encoder_layers = {};
+  method.model.head_layers = {16};
+  method.model_training.batch_size = 8;
+  method.model_training.updates_per_update = 2;
+  method.model_training.elites = 2;
+  method.imagination.kind = imagination;
+  method.imagination.imagined_batches = 3;
+  method.imagination.rollout_steps = 2;
+  method.imagination.learning_starts = 4;
+  method.imagination.rollouts = 16;
+  method.imagination.buffer_capacity = 40;
+  return method;
+}
+
+policy::PolicySpec SpecOf(const MethodConfig& method) {
+  policy::PolicySpec spec;
+  spec.observation.num_beams = kBeams;
+  spec.network.encoder_layers = {};
+  spec.network.head_layers = {16};
+  spec.network.history = 2;
+  spec.planning = PlanningOf(method);
+  return spec;
+}
+
+void Train(Learner& learner, int begin, int end) {
+  for (int i = begin; i < end; ++i) {
+    std::vector<std::unique_ptr<RandomRows>> drawn;
+    std::vector<replay::SampledRows> batches;
+    for (const replay::SampleSpec& spec : learner.sample_specs()) {
+      drawn.push_back(std::make_unique<RandomRows>(spec.batch, spec.history, kBeams, 100 + i));
+      drawn.back()->rows.sequence.resize(spec.batch);
+      for (int j = 0; j < spec.batch; ++j) drawn.back()->rows.sequence[j] = 1000 * i + j;
+      batches.push_back(std::move(drawn.back()->rows));
+    }
+    learner.Update(batches, 0.0);
+  }
+}
+
+policy::TensorFile Saved(const Learner& learner) {
+  policy::TensorFile file;
+  file.source = "memory";
+  learner.SaveState(file.tensors);
+  return file;
+}
+
+TEST(ModelBasedLearner, AsksForTheModelsTransitions) {
+  const MethodConfig method = ModelMethod("dyna");
+  const auto specs = Learner::SampleSpecs(method, SpecOf(method));
+  ASSERT_EQ(specs.size(), 2u);
+  // Three imagined batches begin at 24 states, more than the two batches of 8 for the model.
+  EXPECT_EQ(specs[1].batch, 24);
+  EXPECT_EQ(specs[1].n_step, 1);
+  EXPECT_EQ(specs[1].history, 2);
+}
+
+TEST(ModelBasedLearner, ImaginesOnceTheModelKnowsEnough) {
+  // Two updates of the model each time: from the second on there are four.
+  for (const auto& [kind, updates] :
+       {std::pair("none", 4), std::pair("dyna", 1 + 3 * 4), std::pair("mbpo", 1 + 3 * 3)}) {
+    const MethodConfig method = ModelMethod(kind);
+    Learner learner(method, SpecOf(method), 5);
+    Train(learner, 0, 4);
+    EXPECT_EQ(learner.num_updates(), updates) << kind;
+    EXPECT_TRUE(learner.healthy());
+    EXPECT_EQ(learner.ReadStats().model.num_updates, 8);
+  }
+}
+
+TEST(ModelBasedLearner, GoesOnBitForBitAfterARestore) {
+  for (const char* kind : {"none", "dyna", "mbpo"}) {
+    const MethodConfig method = ModelMethod(kind);
+    Learner whole(method, SpecOf(method), 5);
+    Train(whole, 0, 5);
+    Learner resumed(method, SpecOf(method), 99);
+    resumed.LoadState(Saved(whole));
+    Train(whole, 5, 9);
+    Train(resumed, 5, 9);
+    EXPECT_TRUE(Saved(whole).tensors == Saved(resumed).tensors) << kind;
+    EXPECT_TRUE(*whole.Snapshot().model_weights == *resumed.Snapshot().model_weights) << kind;
+  }
+}
+
+TEST(ModelBasedLearner, ItsPoliciesCanPlan) {
+  const MethodConfig method = ModelMethod("none");
+  Learner learner(method, SpecOf(method), 5);
+  const policy::PolicySnapshot snapshot = learner.Snapshot();
+  EXPECT_EQ(snapshot.spec.planning.model.ensemble, 2);
+  const auto agent =
+      policy::MakePolicyAgent(snapshot, {.enabled = true, .samples = 8, .learning_starts = 0}, 1);
+  env::ObservationBatch observations;
+  observations.Resize(2, kBeams);
+  std::vector<env::Action> actions(2);
+  agent->Act(observations, actions);
+  EXPECT_EQ(actions[0], actions[1]);
+}
+
+std::string Refusal(const MethodConfig& method) {
+  try {
+    Learner(method, SpecOf(method), 1);
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ModelBasedLearner, RefusesWhatMakesNoSense) {
+  MethodConfig method = ModelMethod("dyna");
+  EXPECT_EQ(Refusal(method), "");
+  method.model.kind = "none";
+  EXPECT_THAT(Refusal(method), testing::HasSubstr("model.kind"));
+  method = ModelMethod("dyna");
+  method.constraint.kind = "lagrangian";
+  EXPECT_THAT(Refusal(method), testing::HasSubstr("constraint.kind"));
+  method = ModelMethod("mbpo");
+  method.learner.prioritized = true;
+  EXPECT_THAT(Refusal(method), testing::HasSubstr("learner.prioritized"));
+  method = ModelMethod("mbpo");
+  method.imagination.rollouts = 3;
+  EXPECT_THAT(Refusal(method), testing::HasSubstr("imagination.rollouts"));
+  method = ModelMethod("none");
+  method.model_training.elites = 4;
+  EXPECT_THAT(Refusal(method), testing::HasSubstr("model_training.elites"));
+}
+
+}  // namespace
+}  // namespace slalom::learner

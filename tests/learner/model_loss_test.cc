@@ -1,0 +1,188 @@
+#include "learner/model_loss.h"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <cmath>
+#include <numbers>
+#include <string>
+
+namespace slalom::learner {
+namespace {
+
+constexpr int kBatch = 13;
+constexpr int kFrame = 21;  // Seventeen ranges and the state: more than sums take side by side.
+
+struct Case {
+  const char* name;
+  policy::TransitionModelConfig config;
+};
+
+void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
+
+policy::TransitionModelConfig Small(std::string kind, std::string targets, bool published) {
+  return {.kind = std::move(kind),
+          .targets = std::move(targets),
+          .encoder_layers = {11},
+          .head_layers = {12},
+          .log_std = published ? "published" : "bounded",
+          .log_std_min = -1.5,
+          .bound_ranges = published,
+          .predict_last_action = published};
+}
+
+const Case kCases[] = {
+    {"DeterministicDifference", Small("deterministic", "difference", false)},
+    {"DeterministicAsPublished", Small("deterministic", "absolute", true)},
+    {"ProbabilisticDifference", Small("probabilistic", "difference", false)},
+    {"ProbabilisticAbsolute", Small("probabilistic", "absolute", false)},
+    {"ProbabilisticAsPublished", Small("probabilistic", "absolute", true)},
+};
+
+class ModelLossTest : public testing::TestWithParam<Case> {
+ protected:
+  static constexpr double kStateScale = 0.7;
+
+  ModelLossTest() : shape_(MakeModelShape(GetParam().config, {.history = 2}, kFrame)) {
+    torch::manual_seed(1);
+    parameters_ = torch::randn({shape_.num_parameters()}, torch::kDouble) * 0.3;
+    input_ = torch::randn({kBatch, 2 * kFrame + 2}, torch::kDouble);
+    next_ = torch::randn({kBatch, 2 * kFrame}, torch::kDouble);
+    reward_ = torch::randn({kBatch}, torch::kDouble);
+    discount_ = torch::ones({kBatch}, torch::kDouble);
+    discount_.slice(0, 0, kBatch, 4).zero_();
+    weight_ = torch::ones({kBatch}, torch::kDouble);
+    weight_[3] = 0.0;
+    weight_[8] = 0.0;
+    weight_[5] = 2.0;
+  }
+
+  ModelTargets Targets(at::ScalarType type) const {
+    return {input_.narrow(1, 0, 2 * kFrame).to(type), next_.to(type), reward_.to(type),
+            discount_.to(type), weight_.to(type)};
+  }
+
+  /// The loss of each transition from what the network gave, by LibTorch's differentiable
+  /// operations and the formulas of the paper's model.
+  at::Tensor Losses(const at::Tensor& raw, at::Tensor* z) const {
+    const policy::TransitionModelConfig& config = GetParam().config;
+    const int n = config.predict_last_action ? kFrame : kFrame - 2;
+    const at::Tensor target = next_.narrow(1, kFrame, n);
+    at::Tensor mean = raw.narrow(1, 0, n);
+    if (config.bound_ranges) {
+      mean = torch::cat({mean.slice(1, 0, kFrame - 4).tanh(), mean.slice(1, kFrame - 4, n)}, 1);
+    }
+    if (config.targets == "difference") mean = mean + input_.narrow(1, kFrame, n);
+    at::Tensor state;
+    int rest = n;
+    if (config.kind == "probabilistic") {
+      rest = 2 * n;
+      at::Tensor log_std = raw.narrow(1, n, n);
+      if (config.log_std == "bounded") {
+        log_std = config.log_std_min +
+                  (config.log_std_max - config.log_std_min) * (1 + log_std.tanh()) / 2;
+      } else {
+        log_std = torch::cat(
+            {log_std.slice(1, 0, kFrame - 4).tanh(), log_std.slice(1, kFrame - 4, n)}, 1);
+      }
+      const at::Tensor variance = (2 * log_std).exp();
+      *z = ((target - mean) / variance.sqrt()).detach();
+      state = (0.5 * (variance * 2 * std::numbers::pi).log() +
+               (target - mean).square() / (2 * variance))
+                  .sum(1);
+    } else {
+      state = (target - mean).square().sum(1);
+    }
+    const at::Tensor ended = (discount_ == 0).to(torch::kDouble);
+    return kStateScale * state + (raw.select(1, rest) - reward_).square() +
+           torch::binary_cross_entropy_with_logits(raw.select(1, rest + 1), ended, {}, {},
+                                                   at::Reduction::None);
+  }
+
+  /// What `ModelLoss` gives in one type, and what LibTorch gives in float64.
+  void Check(at::ScalarType type, double tolerance) {
+    const policy::Network network(shape_.network, parameters_);
+    policy::NetworkPass network_pass(shape_.network, input_);
+    network.Forward(network_pass);
+    const at::Tensor raw = network_pass.output().clone().requires_grad_();
+    at::Tensor z;
+    const at::Tensor losses = Losses(raw, &z);
+    ((losses * weight_).sum() / weight_.sum()).backward();
+
+    const policy::TransitionModel model(shape_, parameters_.to(type));
+    const at::Tensor input = input_.to(type);
+    policy::ModelPass pass(shape_, input);
+    at::Tensor figures = torch::zeros({kNumModelFigures}, torch::kDouble);
+    model.Forward(pass, 0);
+    pass.output_gradient().fill_(1e3);
+    ModelLoss(shape_, Targets(type), kStateScale, pass, figures);
+    const at::Tensor difference = pass.output_gradient().to(torch::kDouble) - raw.grad();
+    EXPECT_LE(difference.abs().max().item<double>(), tolerance);
+
+    const auto figure = [&](int i) { return figures[i].item<double>(); };
+    const double total =
+        figure(kModelStateLoss) + figure(kModelRewardLoss) + figure(kModelTerminationLoss);
+    EXPECT_NEAR(total, (losses.detach() * weight_).sum().item<double>(), tolerance * total);
+    EXPECT_EQ(figure(kModelWeight), 12.0);
+    EXPECT_EQ(figure(kHeldOutCount), 2.0);
+    const at::Tensor held = (weight_ == 0).to(torch::kDouble);
+    const int n = shape_.num_predicted;
+    const at::Tensor change = next_.narrow(1, kFrame, n) - input_.narrow(1, kFrame, n);
+    EXPECT_NEAR(figure(kHeldOutChange), (held * change.square().mean(1)).sum().item<double>(),
+                10 * tolerance);
+    if (shape_.probabilistic) {
+      for (const auto& [place, half] : {std::pair(kHeldOutInside50, 0.6744897501960817),
+                                        std::pair(kHeldOutInside90, 1.6448536269514722)}) {
+        const at::Tensor inside = (z.abs() < half).to(torch::kDouble).mean(1);
+        EXPECT_NEAR(figure(place), (held * inside).sum().item<double>(), 1e-9);
+      }
+    } else {
+      EXPECT_EQ(figure(kHeldOutInside90), 0.0);
+    }
+  }
+
+  policy::ModelShape shape_;
+  at::Tensor parameters_, input_, next_, reward_, discount_, weight_;
+};
+
+// Gradients below about 100 and a few hundred operations: 100 * 300 * 2^-53 is 3e-12.
+TEST_P(ModelLossTest, IsAutogradInDoublePrecision) { Check(torch::kDouble, 1e-10); }
+
+// The same with 2^-24, where errors add up like a random walk: 100 * sqrt(300) * 6e-8 is 1e-4.
+TEST_P(ModelLossTest, FusedKernelsAreAutogradToTheirPrecision) { Check(torch::kFloat, 2e-4); }
+
+TEST_P(ModelLossTest, ParameterGradientIsThatOfFiniteDifferences) {
+  at::Tensor parameters = parameters_.clone();
+  at::Tensor gradient = torch::zeros_like(parameters);
+  const policy::TransitionModel model(shape_, parameters);
+  policy::TransitionModel gradient_model(shape_, gradient);
+  policy::ModelPass pass(shape_, input_);
+  const ModelTargets targets = Targets(torch::kDouble);
+  const auto loss = [&] {
+    at::Tensor figures = torch::zeros({kNumModelFigures}, torch::kDouble);
+    model.Forward(pass, 0);
+    ModelLoss(shape_, targets, kStateScale, pass, figures);
+    return figures.slice(0, 0, 3).sum().item<double>() / figures[kModelWeight].item<double>();
+  };
+  loss();
+  model.member(0).ParameterGradient(pass.network(), gradient_model.member(0));
+  constexpr double kStep = 1e-6;
+  for (std::int64_t i = 0; i < parameters.numel(); i += 41) {
+    double* const value = parameters.data_ptr<double>() + i;
+    const double before = *value;
+    *value = before + kStep;
+    const double above = loss();
+    *value = before - kStep;
+    const double below = loss();
+    *value = before;
+    // Rounding: a loss of 1e3 * 2^-53 / kStep is 1e-7; curvature kStep^2 times a third derivative
+    // below 1e5.
+    EXPECT_NEAR(gradient[i].item<double>(), (above - below) / (2 * kStep), 2e-6) << i;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, ModelLossTest, testing::ValuesIn(kCases),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+}  // namespace
+}  // namespace slalom::learner
