@@ -4,9 +4,10 @@
 #include <memory>
 #include <utility>
 
+#include "base/random.h"
 #include "cli/version.h"
 #include "config/config.h"
-#include "policy/network_agent.h"
+#include "policy/policy_agent.h"
 
 namespace slalom::cli {
 namespace {
@@ -37,10 +38,12 @@ std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
   provenance.collection = config.courses.collection;
   provenance.commit = Commit();
   provenance.config = config::ToToml(config);
+  const std::uint64_t seed =
+      base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc of evaluations");
   return RunScored(
       config.evaluation, config.environment, courses,
-      [&policy](int, const sim::EnvironmentConfig&) {
-        return std::make_unique<policy::NetworkAgent>(policy);
+      [&](int, const sim::EnvironmentConfig&) {
+        return policy::MakePolicyAgent(policy, config.mpc, seed);
       },
       std::move(provenance), parallel, std::move(stop));
 }

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/parallel.h"
+#include "base/random.h"
 #include "cli/commands.h"
 #include "cli/service_process.h"
 #include "cli/signals.h"
@@ -16,7 +17,7 @@
 #include "config/config.h"
 #include "eval/service/evaluator_service.h"
 #include "learner/service/learner_service.h"
-#include "policy/network_agent.h"
+#include "policy/policy_agent.h"
 #include "replay/service/server.h"
 #include "sim/environments.h"
 #include "sim/scene.h"
@@ -42,6 +43,10 @@ base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes
     if (snapshot.spec.distribution != spec.distribution) {
       return base::Failure{
           "its actions are not distributed as this config's learner.algorithm asks"};
+    }
+    if (snapshot.spec.planning != spec.planning) {
+      return base::Failure{
+          "it does not carry the transition model that this config's [model] describes"};
     }
     return snapshot;
   } catch (const base::Error& error) {
@@ -117,14 +122,13 @@ int RunActor(const ServiceOptions& options) {
       config.actor.num_environments, &parallel);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
   // Drives nothing before the learner's first policy takes its place.
-  policy::NetworkAgent agent(
-      {-1, spec,
-       std::make_shared<const std::vector<float>>(
-           static_cast<std::size_t>(spec.actor_shape().num_parameters()), 0.0f)});
+  const auto agent =
+      policy::MakePolicyAgent(policy::ZeroSnapshot(spec), config.mpc,
+                              base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc"));
   const auto install = [&](std::span<const std::byte> bytes) -> std::optional<base::Failure> {
     auto snapshot = ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();
-    agent.SetSnapshot(std::move(*snapshot));
+    agent->SetSnapshot(std::move(*snapshot));
     return std::nullopt;
   };
   actor::ActorIdentity identity;
@@ -136,7 +140,7 @@ int RunActor(const ServiceOptions& options) {
   identity.replay = process.replay();
   identity.learner = process.learner();
   actor::ActorService actor(config.actor_service, config.actor, std::move(identity), environments,
-                            agent, install, process.context(), process.registry());
+                            *agent, install, process.context(), process.registry());
   actor.Run(signals.token());
   return kExitOk;
 }
@@ -155,12 +159,15 @@ int RunEvaluator(const ServiceOptions& options) {
   }
   base::ParallelFor parallel(config.run.simulation_threads);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
+  const std::uint64_t seed =
+      base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc of evaluations");
   const auto read_policy = [&](std::span<const std::byte> bytes) -> base::Result<eval::MakeAgent> {
     const auto snapshot = ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();
-    return eval::MakeAgent([snapshot = *snapshot](int, const sim::EnvironmentConfig&) {
-      return std::make_unique<policy::NetworkAgent>(snapshot);
-    });
+    return eval::MakeAgent(
+        [snapshot = *snapshot, mpc = config.mpc, seed](int, const sim::EnvironmentConfig&) {
+          return policy::MakePolicyAgent(snapshot, mpc, seed);
+        });
   };
   eval::EvaluatorIdentity identity;
   identity.name = process.name();

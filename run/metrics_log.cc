@@ -53,6 +53,15 @@ std::vector<Column> Columns(const MetricsRow& row) {
   add("cost_q", row.cost_q, kFigure);
   add("multiplier", row.multiplier, kFigure);
   add("violation", row.violation, kFigure);
+  add("model_loss", row.model_loss, kFigure);
+  add("model_error", row.model_error, kFigure);
+  add("model_change", row.model_change, kFigure);
+  add("model_likelihood", row.model_likelihood, kFigure);
+  add("model_reward_error", row.model_reward_error, kFigure);
+  add("model_termination", row.model_termination, kFigure);
+  add("model_inside_50", row.model_inside_50, kFigure);
+  add("model_inside_90", row.model_inside_90, kFigure);
+  add("model_steps_error", row.model_steps_error, kFigure);
   return columns;
 }
 

@@ -39,6 +39,18 @@ struct MetricsRow {
   double cost_q = kNone;       ///< Mean of the cost critics, [discounted collisions].
   double multiplier = kNone;   ///< lambda of a constraint.
   double violation = kNone;    ///< Collisions per episode above the constraint's limit.
+  double model_loss = kNone;   ///< Of a transition model, on what it learns from.
+  /// On transitions that are held out from it: root of the mean squared error of a feature, the
+  /// same of a model that says that nothing changes, negative log-likelihood per feature, error of
+  /// the scaled reward, cross-entropy of termination [nats], part inside the middle 50 % and 90 %.
+  double model_error = kNone;
+  double model_change = kNone;
+  double model_likelihood = kNone;
+  double model_reward_error = kNone;
+  double model_termination = kNone;
+  double model_inside_50 = kNone;
+  double model_inside_90 = kNone;
+  double model_steps_error = kNone;  ///< As `model_error`, five steps ahead, on what was replayed.
 };
 
 /// The row as a progress line. `remaining_s`: time left, [s]; negative: not known.

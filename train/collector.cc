@@ -4,7 +4,7 @@
 
 namespace slalom::train {
 
-InlineCollector::InlineCollector(actor::Actor& actor, policy::NetworkAgent& agent, int num_beams)
+InlineCollector::InlineCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams)
     : actor_(actor), agent_(agent), free_(std::make_unique<replay::Chunk>(num_beams)) {}
 
 std::unique_ptr<replay::Chunk> InlineCollector::Next() {
@@ -20,8 +20,8 @@ void InlineCollector::Publish(policy::PolicySnapshot snapshot) {
   agent_.SetSnapshot(std::move(snapshot));
 }
 
-ThreadedCollector::ThreadedCollector(actor::Actor& actor, policy::NetworkAgent& agent,
-                                     int num_beams, int queue_length)
+ThreadedCollector::ThreadedCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams,
+                                     int queue_length)
     : actor_(actor),
       agent_(agent),
       full_(static_cast<std::size_t>(queue_length)),

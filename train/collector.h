@@ -8,7 +8,7 @@
 #include "actor/actor.h"
 #include "base/bounded_queue.h"
 #include "base/mutex.h"
-#include "policy/network_agent.h"
+#include "policy/policy_agent.h"
 #include "replay/chunk.h"
 
 namespace slalom::train {
@@ -37,7 +37,7 @@ class Collector {
 class InlineCollector : public Collector {
  public:
   /// `actor` and its `agent` must outlive the collector.
-  InlineCollector(actor::Actor& actor, policy::NetworkAgent& agent, int num_beams);
+  InlineCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams);
 
   std::unique_ptr<replay::Chunk> Next() override;
   void Recycle(std::unique_ptr<replay::Chunk> chunk) override;
@@ -46,7 +46,7 @@ class InlineCollector : public Collector {
 
  private:
   actor::Actor& actor_;
-  policy::NetworkAgent& agent_;
+  policy::PolicyAgent& agent_;
   std::unique_ptr<replay::Chunk> free_;
   bool stopped_ = false;
 };
@@ -56,7 +56,7 @@ class ThreadedCollector : public Collector {
  public:
   /// Starts the thread. `actor` and `agent` must outlive the collector and are the thread's, but
   /// for `stats`.
-  ThreadedCollector(actor::Actor& actor, policy::NetworkAgent& agent, int num_beams,
+  ThreadedCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams,
                     int queue_length);
   ~ThreadedCollector() override;
 
@@ -69,7 +69,7 @@ class ThreadedCollector : public Collector {
   void Run();
 
   actor::Actor& actor_;
-  policy::NetworkAgent& agent_;
+  policy::PolicyAgent& agent_;
   base::BoundedQueue<std::unique_ptr<replay::Chunk>> full_;
   base::BoundedQueue<std::unique_ptr<replay::Chunk>> free_;
 

@@ -49,7 +49,8 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config) {
   return {.observation = sim::MakeObservationSpec(config.environment),
           .network = config.network,
           .actions = config.environment.action,
-          .distribution = learner::DistributionOf(config.method.learner)};
+          .distribution = learner::DistributionOf(config.method.learner),
+          .planning = learner::PlanningOf(config.method)};
 }
 
 void RequireCombination(const RunConfig& config) {
@@ -62,9 +63,12 @@ void RequireCombination(const RunConfig& config) {
 }
 
 std::uint64_t SpecHash(const RunConfig& config) {
-  return base::Checksum(
+  std::uint64_t hash = base::Checksum(
       Differences(config.environment),
       base::Checksum(Differences(config.network), base::Checksum(config.method.learner.algorithm)));
+  const policy::PlanningSpec planning = learner::PlanningOf(config.method);
+  if (planning.is_carried()) hash = base::Checksum(Differences(planning.model), hash);
+  return hash;
 }
 
 }  // namespace slalom::train

@@ -11,6 +11,7 @@
 #include "eval/service/evaluator_service_config.h"
 #include "learner/learner.h"
 #include "learner/service/learner_service_config.h"
+#include "policy/mpc_config.h"
 #include "policy/network_config.h"
 #include "policy/policy.h"
 #include "replay/service/config.h"
@@ -109,6 +110,7 @@ struct RunConfig {
   replay::ReplayConfig replay;
   policy::NetworkConfig network;
   learner::MethodConfig method;
+  policy::MpcConfig mpc;
   eval::EvaluationConfig evaluation;
   ServiceConfig service;
   transport::SecurityConfig security;
@@ -127,6 +129,10 @@ struct RunConfig {
     v.Section("network", network, "Networks of actor and critics.");
     v.Section("learner", method.learner, "The algorithm (docs/algorithms.md).");
     v.Section("constraint", method.constraint, "Safe RL: how often the robot may collide.");
+    v.Section("model", method.model, "The transition model (docs/models.md).");
+    v.Section("model_training", method.model_training, "How it is trained.");
+    v.Section("imagination", method.imagination, "Learning from what it imagines.");
+    v.Section("mpc", mpc, "Planning with it.");
     v.Section("evaluation", evaluation, "The protocol of evaluations.");
     v.Section("service", service,
               "Addresses and state of the distributed service; `slalom train` needs none of this "

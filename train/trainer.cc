@@ -78,10 +78,11 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
                     config.actor.num_environments, &parallel_),
       run_(MakePlan(config, directory, std::move(commit)), config.method, MakePolicySpec(config),
            Seed(config, "learner"), begin),
-      agent_(run_.learner().Snapshot()),
-      actor_(config.actor, environments_, agent_, Seed(config, "actor")),
+      agent_(policy::MakePolicyAgent(run_.learner().Snapshot(), config.mpc, Seed(config, "mpc"))),
+      actor_(config.actor, environments_, *agent_, Seed(config, "actor")),
       table_(config.replay, config.environment.lidar.num_beams),
       sampling_(Seed(config, "sampling")),
+      diagnostics_(Seed(config, "diagnostics")),
       limiter_(config.run.updates_per_step, config.run.learning_starts),
       lock_(Begin(directory, config, resume)),
       storage_(directory.checkpoints() / kReplayDirectory) {
@@ -133,10 +134,10 @@ TrainingEnd Trainer::Train(std::stop_token stop) {
 void Trainer::StartCollector() {
   const int num_beams = table_.num_beams();
   if (config_.run.deterministic) {
-    collector_ = std::make_unique<InlineCollector>(actor_, agent_, num_beams);
+    collector_ = std::make_unique<InlineCollector>(actor_, *agent_, num_beams);
   } else {
     collector_ =
-        std::make_unique<ThreadedCollector>(actor_, agent_, num_beams, config_.run.queue_length);
+        std::make_unique<ThreadedCollector>(actor_, *agent_, num_beams, config_.run.queue_length);
   }
 }
 
@@ -188,6 +189,10 @@ bool Trainer::Log() {
   row.mean_return = known(acting.mean_return);
   row.mean_episode_steps = known(acting.mean_length);
   row.replay_steps = table_.num_steps();
+  const learner::Learner& learner = run_.learner();
+  if (learner.has_model() && table_.SampleRows(learner.window_spec(), diagnostics_, &windows_)) {
+    row.model_steps_error = learner.PredictionError(windows_);
+  }
   run_.Append(run_.Complete(row));
   return run_.IsWell();
 }
@@ -220,7 +225,7 @@ void Trainer::Checkpoint() {
   const nlohmann::json state = {{"updates_due", limiter_.updates()},
                                 {"sampling", sampling_.state()}};
   run_.Checkpoint(limiter_.steps(), state, [&](const fs::path& directory) {
-    policy::SavePolicy(directory / kActingFile, agent_.snapshot(), {});
+    policy::SavePolicy(directory / kActingFile, agent_->snapshot(), {});
     base::WriteFileAtomically(directory / kActorFile, actor_.Save().Serialize());
     base::WriteFileAtomically(directory / kReplayFile, manifest);
   });
@@ -251,7 +256,7 @@ void Trainer::ReadCheckpoint(const fs::path& checkpoint, const nlohmann::json& s
       actor::ActorState::Parse(base::ReadFile(actor_path), actor_path.string());
   const fs::path replay_path = checkpoint / kReplayFile;
   table_ = storage_.Load(base::ReadFile(replay_path), replay_path.string());
-  agent_.SetSnapshot(acting.snapshot);
+  agent_->SetSnapshot(acting.snapshot);
   actor_.Restore(actor_state);
   limiter_.Restore(steps, updates);
   sampling_.set_state(sampling);

@@ -11,8 +11,8 @@
 #include "actor/actor.h"
 #include "base/parallel.h"
 #include "learner/service/learner_run.h"
-#include "policy/network_agent.h"
 #include "policy/policy.h"
+#include "policy/policy_agent.h"
 #include "replay/storage.h"
 #include "replay/table.h"
 #include "run/run_directory.h"
@@ -75,11 +75,13 @@ class Trainer {
   base::ParallelFor parallel_;
   sim::CourseEnvironments environments_;
   learner::LearnerRun run_;
-  policy::NetworkAgent agent_;
+  std::unique_ptr<policy::PolicyAgent> agent_;
   actor::Actor actor_;
   replay::Table table_;
   std::vector<replay::SampledRows> rows_;  // One of each kind that an update learns from.
   base::Random sampling_;
+  base::Random diagnostics_;  // Of windows that figures alone are made from.
+  replay::SampledRows windows_;
   RateLimiter limiter_;
   // Nothing on disk is touched before all that a bad config can break has been built.
   const run::RunLock lock_;

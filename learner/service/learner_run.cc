@@ -74,6 +74,14 @@ run::MetricsRow LearnerRun::Complete(run::MetricsRow row) {
   row.cost_q = learning.cost_q_mean;
   row.multiplier = learning.multiplier;
   row.violation = learning.violation;
+  row.model_loss = learning.model.loss;
+  row.model_error = learning.model.held_out_rmse;
+  row.model_change = learning.model.held_out_change;
+  row.model_likelihood = learning.model.held_out_likelihood;
+  row.model_reward_error = learning.model.held_out_reward_rmse;
+  row.model_termination = learning.model.held_out_termination;
+  row.model_inside_50 = learning.model.inside_50;
+  row.model_inside_90 = learning.model.inside_90;
   last_row_ = row;
   return row;
 }
