@@ -32,7 +32,7 @@ def drill(program, kills="30", seed="1"):
             victim.start()
             if victim is learner:
                 resumed = wait_for("the learner's start", lambda: re.search(r"policies at", learner.log_text()) and learner.log_text())
-                found = re.search(r"resumed from .* \((\d+) updates", resumed)
+                found = re.search(r"resumed from .* (\d+) updates", resumed)
                 check((int(found.group(1)) if found else 0) >= checkpoint, f"went back past its checkpoint at {checkpoint}: {resumed}")
             before = None
 

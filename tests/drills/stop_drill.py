@@ -41,7 +41,7 @@ def drill(program, rounds="5", seed="1"):
             for _, _, _, lost in accounts:
                 check(lost == 0, f"{lost} steps lost by a clean stop")
             kept += sum(a[2] for a in accounts)
-            resumed = [int(x) for x in re.findall(r"resumed from .* \((\d+) updates", roles[1].log_text())]
+            resumed = [int(x) for x in re.findall(r"resumed from .* (\d+) updates", roles[1].log_text())]
             print(f"round {number + 1}: all ended after {time.monotonic() - began:.1f} s; kept in spools: "
                   f"{sum(a[2] for a in accounts)} steps; the learner had resumed at {resumed or 'nothing'}", flush=True)
         print(f"{rounds} rounds, slowest end {slowest:.1f} s, 0 steps lost, {kept} steps went by way of a spool")
