@@ -20,12 +20,23 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 PROGRAM = ROOT / "build/release/cli/slalom"
 
 # Row: preset and what it differs by.
-ROWS = {
-    "td3": ("configs/fast/td3-mlp.toml", []),
-    "ddpg": ("configs/fast/ddpg-mlp.toml", []),
-    "sac": ("configs/fast/sac-mlp.toml", []),
-    "lagrangian": ("configs/fast/lagrangian-mlp.toml", []),
-}
+ROWS = {name: (f"configs/fast/{preset}.toml", changes) for name, preset, changes in [
+    ("td3", "td3-mlp", []),
+    ("ddpg", "ddpg-mlp", []),
+    ("sac", "sac-mlp", []),
+    ("lagrangian", "lagrangian-mlp", []),
+    ("dyna-deterministic", "dyna-deterministic-mlp", []),
+    ("dyna-probabilistic", "dyna-probabilistic-mlp", []),
+    ("mbpo", "mbpo-mlp", []),
+    ("mpc-deterministic", "mpc-deterministic-mlp", []),
+    ("mpc-probabilistic", "mpc-probabilistic-mlp", []),
+    ("mlp-h4", "td3-mlp-h4", []),
+    ("cnn-h4", "td3-cnn-h4", []),
+    ("gru-h4", "td3-gru-h4", []),
+    ("transformer-h4", "td3-transformer-h4", []),
+    ("td3-without-mirror", "td3-mlp", ["learner.mirror=false"]),
+    ("td3-prioritized", "td3-mlp", ["learner.prioritized=true"]),
+]}
 FRESH = "generated:2026:300"
 
 
