@@ -63,7 +63,9 @@ struct MpcAgent::Planner {
         noise(model_shape.probabilistic && mpc.model_noise
                   ? at::zeros({mpc.samples, model_shape.num_predicted}, at::kFloat)
                   : at::Tensor()),
+        alone(at::zeros({1, width}, at::kFloat)),
         actor_pass(actor_shape, stack, PassUse::kInference),
+        alone_pass(actor_shape, alone, PassUse::kInference),
         critic_pass(critic_shape, input, PassUse::kInference),
         model_pass(model_shape, input, PassUse::kInference),
         actions(static_cast<std::size_t>(mpc.horizon) * mpc.samples * kActionSize),
@@ -98,9 +100,11 @@ struct MpcAgent::Planner {
   }
 
   env::Action PolicyWithNoise(const float* from, double deviation, base::Random& random) {
-    std::copy_n(from, width, input.data_ptr<float>());
-    ActByPolicy();
-    env::Action action{policy_actions()[0], policy_actions()[1]};
+    std::copy_n(from, width, alone.data_ptr<float>());
+    actor->Forward(alone_pass);
+    Tanh(alone_pass.output());
+    const float* const output = alone_pass.output().data_ptr<float>();
+    env::Action action{output[0], output[1]};
     action.linear += static_cast<float>(deviation * random.Normal());
     action.angular += static_cast<float>(deviation * random.Normal());
     return {std::clamp(action.linear, -1.0f, 1.0f), std::clamp(action.angular, -1.0f, 1.0f)};
@@ -231,7 +235,9 @@ struct MpcAgent::Planner {
   at::Tensor input;  // [S, H * F + 2]
   at::Tensor stack;  // [S, H * F], its first columns
   at::Tensor noise;  // [S, M], where the model's is wanted
+  at::Tensor alone;  // [1, H * F], where nothing is planned
   NetworkPass actor_pass;
+  NetworkPass alone_pass;
   NetworkPass critic_pass;
   ModelPass model_pass;
   std::optional<Network> actor, critic;
