@@ -72,13 +72,14 @@ class FilledReplay {
     while (actor.stats().num_steps < kSteps) actor.Step(&chunk);
 
     transport::Context context;
-    service::ReplayLink link(context, {.endpoint = endpoint()},
-                             {.role = "actor",
-                              .name = "a",
-                              .session = 1,
-                              .spec_hash = kSpecHash,
-                              .num_beams = kBeams,
-                              .num_streams = kStreams});
+    proto::Hello hello;
+    hello.role = "actor";
+    hello.name = "a";
+    hello.session = 1;
+    hello.spec_hash = kSpecHash;
+    hello.num_beams = kBeams;
+    hello.num_streams = kStreams;
+    service::ReplayLink link(context, {.endpoint = endpoint()}, hello);
     transport::Frame rows(replay::RowBytes::Size(chunk.num_rows(), kBeams));
     replay::RowBytes::Write(chunk, rows.mutable_bytes());
     bool sent = false;

@@ -135,7 +135,7 @@ TEST_P(MlpTest, ParameterGradientIsThatOfFiniteDifferences) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Shapes, MlpTest, testing::ValuesIn(kCases),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& test) { return std::string(test.param.name); });
 
 }  // namespace
 }  // namespace slalom::policy

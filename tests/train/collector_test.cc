@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "learner/learner.h"
+#include "policy/network_agent.h"
 #include "tests/support/fake_environment.h"
 
 namespace slalom::train {
