@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/random.h"
+#include "benchmarks/thread_seconds.h"
 #include "learner/algorithm.h"
 #include "learner/learner.h"
 #include "learner/minibatch.h"
@@ -19,13 +20,6 @@
 
 namespace slalom {
 namespace {
-
-/// Processor time of this thread [s]: other programs on the machine do not count.
-double ThreadSeconds() {
-  timespec time;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 policy::PolicySpec FastSpec() {
   policy::PolicySpec spec;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/random.h"
+#include "benchmarks/thread_seconds.h"
 #include "learner/model_trainer.h"
 #include "policy/blas.h"
 #include "policy/mpc_agent.h"
@@ -15,12 +16,6 @@
 
 namespace slalom {
 namespace {
-
-double ThreadSeconds() {
-  timespec time;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 policy::PolicySpec MakeSpec(bool paper, const char* kind) {
   policy::PolicySpec spec;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/random.h"
+#include "benchmarks/thread_seconds.h"
 #include "policy/blas.h"
 #include "policy/network.h"
 #include "policy/network_agent.h"
@@ -17,13 +18,6 @@ namespace slalom {
 namespace {
 
 constexpr int kBatch = 128;
-
-/// Processor time of this thread [s]: other programs on the machine do not count.
-double ThreadSeconds() {
-  timespec time;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 struct Size {
   const char* name;

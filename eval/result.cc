@@ -226,6 +226,8 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
     throw base::Error(fmt::format("{}: not valid JSON from byte {} of {}{}", source,
                                   parse_error.byte, text.size(),
                                   parse_error.byte >= text.size() ? "; it was cut short" : ""));
+  } catch (const Json::out_of_range& range_error) {  // Of a number that no double holds.
+    throw base::Error(fmt::format("{}: not valid JSON: {}", source, range_error.what()));
   }
   const ObjectReader reader(object, source, "");
   RequireFormat(reader, object);

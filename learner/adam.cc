@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/check.h"
+#include "learner/stored_state.h"
 #include "policy/layer_ops.h"
 #include "policy/simd.h"
 
@@ -109,19 +110,6 @@ void Adam::LoadState(const std::string& prefix, const policy::TensorFile& file) 
   ReadTensor(file, prefix + ".first_moment", first_moment_);
   ReadTensor(file, prefix + ".second_moment", second_moment_);
   file.Read(prefix + ".num_steps", std::span(&num_steps_, 1));
-}
-
-policy::StoredTensor StoreTensor(const at::Tensor& values) {
-  const at::Tensor host = values.to(at::kCPU).contiguous();
-  return policy::StoredTensor::Of(
-      std::span<const float>(host.data_ptr<float>(), static_cast<std::size_t>(host.numel())),
-      host.sizes().vec());
-}
-
-void ReadTensor(const policy::TensorFile& file, const std::string& name, at::Tensor& values) {
-  std::vector<float> host(static_cast<std::size_t>(values.numel()));
-  file.Read(name, std::span(host));
-  values.copy_(at::from_blob(host.data(), values.sizes(), at::kFloat));
 }
 
 }  // namespace slalom::learner

@@ -42,8 +42,4 @@ class Adam {
   std::int64_t num_steps_ = 0;
 };
 
-/// Copies between a float32 tensor on any device and a file.
-policy::StoredTensor StoreTensor(const at::Tensor& values);
-void ReadTensor(const policy::TensorFile& file, const std::string& name, at::Tensor& values);
-
 }  // namespace slalom::learner

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "learner/parameters.h"
+#include "learner/stored_state.h"
 
 namespace slalom::learner {
 Critics::Critics(std::string name, const policy::NetworkShape& shape, int num_critics,

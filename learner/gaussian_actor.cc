@@ -3,6 +3,7 @@
 #include <span>
 
 #include "learner/parameters.h"
+#include "learner/stored_state.h"
 #include "learner/value_ops.h"
 #include "policy/layer_ops.h"
 

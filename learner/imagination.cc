@@ -3,13 +3,23 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "base/check.h"
 #include "base/error.h"
+#include "learner/stored_state.h"
 #include "learner/value_ops.h"
 
 namespace slalom::learner {
+namespace {
+
+/// All that makes up the transitions of a minibatch, row by row: views.
+std::array<at::Tensor, 6> Columns(const Minibatch& m) {
+  return {m.input, m.next_features, m.reward, m.cost, m.discount, m.weight};
+}
+
+}  // namespace
 
 int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates) {
   if (config.final_rollout_steps == 0) return config.rollout_steps;
@@ -63,11 +73,9 @@ Imagination::Imagination(const ImaginationConfig& config, double gamma, const Mo
       minibatch_(minibatch),
       random_(base::DeriveSeed(seed, "imagination")),
       pass_(trainer.model().shape(), minibatch.next_input),
-      host_action_noise_(at::zeros({minibatch.reward.size(0), 2}, at::kFloat)),
-      action_noise_(host_action_noise_.to(minibatch.reward.device())),
-      host_model_noise_(
-          at::zeros({minibatch.reward.size(0), trainer.model().shape().num_predicted}, at::kFloat)),
-      model_noise_(host_model_noise_.to(minibatch.reward.device())),
+      action_noise_(minibatch.reward.size(0), 2, minibatch.reward.device()),
+      model_noise_(minibatch.reward.size(0), trainer.model().shape().num_predicted,
+                   minibatch.reward.device()),
       alive_(at::ones_like(minibatch.reward)),
       real_(static_cast<int>(minibatch.reward.size(0)), trainer.model().shape().history(),
             trainer.model().shape().frame_size(), minibatch.reward.device()),
@@ -79,12 +87,8 @@ Imagination::Imagination(const ImaginationConfig& config, double gamma, const Mo
 
 void Imagination::Begin(std::int64_t num_updates) {
   if (config_.kind != "mbpo") return;
-  real_.input.copy_(minibatch_.input);
-  real_.next_features.copy_(minibatch_.next_features);
-  real_.reward.copy_(minibatch_.reward);
-  real_.cost.copy_(minibatch_.cost);
-  real_.discount.copy_(minibatch_.discount);
-  real_.weight.copy_(minibatch_.weight);
+  const auto kept = Columns(real_), replayed = Columns(minibatch_);
+  for (std::size_t c = 0; c < kept.size(); ++c) kept[c].copy_(replayed[c]);
   const int steps = RolloutSteps(config_, num_updates);
   const std::int64_t batch = minibatch_.reward.size(0);
   for (std::int64_t row = 0; row < config_.rollouts; row += batch) RollOut(row, steps);
@@ -99,17 +103,11 @@ void Imagination::Fill(int k) {
   const std::int64_t batch = minibatch_.reward.size(0);
   const auto num_real =
       static_cast<std::int64_t>(std::lround(config_.real_ratio * static_cast<double>(batch)));
+  const auto to = Columns(minibatch_), from = Columns(real_);
   for (std::int64_t i = 0; i < num_real; ++i) {
-    const std::int64_t from = (k * num_real + i) % batch;
-    const auto copy = [&](at::Tensor& to, const at::Tensor& source) {
-      to.select(0, i).copy_(source.select(0, from));
-    };
-    copy(minibatch_.input, real_.input);
-    copy(minibatch_.next_features, real_.next_features);
-    copy(minibatch_.reward, real_.reward);
-    copy(minibatch_.cost, real_.cost);
-    copy(minibatch_.discount, real_.discount);
-    copy(minibatch_.weight, real_.weight);
+    for (std::size_t c = 0; c < to.size(); ++c) {
+      to[c].select(0, i).copy_(from[c].select(0, (k * num_real + i) % batch));
+    }
   }
   transitions_.Sample(num_real, random_, minibatch_);
 }
@@ -123,19 +121,10 @@ void Imagination::StartFrom(std::int64_t row) {
   minibatch_.weight.fill_(1.0);
 }
 
-at::Tensor Imagination::DrawNormal(at::Tensor& host, at::Tensor& values) {
-  float* const numbers = host.data_ptr<float>();
-  for (std::int64_t i = 0; i < host.numel(); ++i) {
-    numbers[i] = static_cast<float>(random_.Normal());
-  }
-  if (!values.is_same(host)) values.copy_(host);
-  return values;
-}
-
 /// One step from minibatch.next_features to what is imagined to follow, in place, by the policy's
 /// action with noise, which is left in minibatch.next_actions.
 void Imagination::Step(bool clip) {
-  const at::Tensor noise = DrawNormal(host_action_noise_, action_noise_).mul_(config_.noise);
+  const at::Tensor noise = action_noise_.Draw(random_).mul_(config_.noise);
   if (clip) {
     AddClippedNoise(algorithm_.ActNext(), noise, minibatch_.next_actions);
   } else {
@@ -144,8 +133,7 @@ void Imagination::Step(bool clip) {
   const auto elites = trainer_.elites();
   const int member = elites[random_.UniformInt(elites.size())];
   const bool noisy = trainer_.model().shape().probabilistic;
-  trainer_.model().Predict(pass_, member,
-                           noisy ? DrawNormal(host_model_noise_, model_noise_) : at::Tensor(),
+  trainer_.model().Predict(pass_, member, noisy ? model_noise_.Draw(random_) : at::Tensor(),
                            minibatch_.next_features);
 }
 
@@ -203,15 +191,12 @@ void Imagination::RollOut(std::int64_t row, int steps) {
 }
 
 void Imagination::SaveState(policy::TensorMap& tensors) const {
-  tensors["imagination.random"] =
-      policy::StoredTensor::Of(std::span<const std::uint64_t>(random_.state()));
+  tensors["imagination.random"] = StoreRandom(random_);
   if (config_.kind == "mbpo") transitions_.SaveState(tensors);
 }
 
 void Imagination::LoadState(const policy::TensorFile& file) {
-  base::Random::State state;
-  file.Read("imagination.random", std::span(state));
-  random_.set_state(state);
+  ReadRandom(file, "imagination.random", random_);
   if (config_.kind == "mbpo") transitions_.LoadState(file);
 }
 

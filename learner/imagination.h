@@ -10,6 +10,7 @@
 #include "learner/minibatch.h"
 #include "learner/model_config.h"
 #include "learner/model_trainer.h"
+#include "learner/noise.h"
 
 /// Shapes: `B` batch of the learner, `H` frames of history, `F` numbers of a frame.
 
@@ -59,7 +60,6 @@ class Imagination {
   void LoadState(const policy::TensorFile& file);
 
  private:
-  at::Tensor DrawNormal(at::Tensor& host, at::Tensor& values);
   void StartFrom(std::int64_t row);
   void Step(bool clip);
   void FillDyna(int k);
@@ -72,12 +72,12 @@ class Imagination {
   Algorithm& algorithm_;
   Minibatch& minibatch_;
   base::Random random_;
-  policy::ModelPass pass_;  // Reads minibatch.next_input and is rolled forward in it.
-  at::Tensor host_action_noise_, action_noise_;  // [B, 2]
-  at::Tensor host_model_noise_, model_noise_;    // [B, M]
-  at::Tensor alive_;                             // [B]
-  Minibatch real_;                               // MBPO: the replayed batch
-  ImaginedTransitions transitions_;              // MBPO
+  policy::ModelPass pass_;           // Reads minibatch.next_input and is rolled forward in it.
+  Noise action_noise_;               // [B, 2]
+  Noise model_noise_;                // [B, M]
+  at::Tensor alive_;                 // [B]
+  Minibatch real_;                   // MBPO: the replayed batch
+  ImaginedTransitions transitions_;  // MBPO
 };
 
 }  // namespace slalom::learner

@@ -4,7 +4,7 @@
 #include <array>
 
 #include "base/check.h"
-#include "learner/adam.h"
+#include "learner/stored_state.h"
 
 namespace slalom::learner {
 

@@ -17,6 +17,7 @@
 #include "learner/minibatch.h"
 #include "learner/model_trainer.h"
 #include "learner/prediction_error.h"
+#include "learner/stored_state.h"
 #include "policy/feature_map.h"
 
 namespace slalom::learner {
@@ -147,7 +148,7 @@ struct Learner::Parts {
 };
 
 Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed)
-    : method_(Checked(method)), spec_(spec) {
+    : method_(Checked(method)), spec_(spec), sample_specs_(SampleSpecs(method, spec)) {
   SLALOM_CHECK(spec.distribution == DistributionOf(method.learner));
   SLALOM_CHECK(spec.planning == PlanningOf(method));
   parts_ = std::make_unique<Parts>(method_, spec_, seed);
@@ -271,10 +272,8 @@ void Learner::SaveState(policy::TensorMap& tensors) const {
   if (p.model) p.model->SaveState(tensors);
   if (p.imagination) p.imagination->SaveState(tensors);
   p.totals.SaveState(tensors);
-  tensors["learner.mirror_random"] =
-      policy::StoredTensor::Of(std::span<const std::uint64_t>(p.mirror.state()));
-  tensors["learner.dropout_random"] =
-      policy::StoredTensor::Of(std::span<const std::uint64_t>(p.dropout.state()));
+  tensors["learner.mirror_random"] = StoreRandom(p.mirror);
+  tensors["learner.dropout_random"] = StoreRandom(p.dropout);
 }
 
 void Learner::LoadState(const policy::TensorFile& file) {
@@ -284,11 +283,8 @@ void Learner::LoadState(const policy::TensorFile& file) {
   if (p.model) p.model->LoadState(file);
   if (p.imagination) p.imagination->LoadState(file);
   p.totals.LoadState(file);
-  base::Random::State state;
-  file.Read("learner.mirror_random", std::span(state));
-  p.mirror.set_state(state);
-  file.Read("learner.dropout_random", std::span(state));
-  p.dropout.set_state(state);
+  ReadRandom(file, "learner.mirror_random", p.mirror);
+  ReadRandom(file, "learner.dropout_random", p.dropout);
 }
 
 }  // namespace slalom::learner

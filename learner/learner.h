@@ -48,7 +48,7 @@ class Learner {
   void Update(std::span<const replay::SampledRows> batches, double progress);
 
   /// What an update learns from: the algorithm's transitions, then those of a model.
-  std::vector<replay::SampleSpec> sample_specs() const { return SampleSpecs(method_, spec_); }
+  const std::vector<replay::SampleSpec>& sample_specs() const { return sample_specs_; }
   static std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
                                                      const policy::PolicySpec& spec);
 
@@ -100,6 +100,7 @@ class Learner {
 
   const MethodConfig method_;
   const policy::PolicySpec spec_;
+  const std::vector<replay::SampleSpec> sample_specs_;
   std::unique_ptr<Parts> parts_;
 };
 

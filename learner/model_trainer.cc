@@ -10,6 +10,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "learner/parameters.h"
+#include "learner/stored_state.h"
 
 namespace slalom::learner {
 namespace {
@@ -216,8 +217,7 @@ void ModelTrainer::SaveState(policy::TensorMap& tensors) const {
   tensors["model.elites"] = policy::StoredTensor::Of(std::span<const std::int64_t>(elites));
   tensors["model.bootstrap_seed"] =
       policy::StoredTensor::Of(std::span<const std::uint64_t>(&bootstrap_seed_, 1));
-  tensors["model.mirror_random"] =
-      policy::StoredTensor::Of(std::span<const std::uint64_t>(mirror_.state()));
+  tensors["model.mirror_random"] = StoreRandom(mirror_);
   const at::Tensor figures = at::cat({figures_.flatten().to(at::kCPU), norm_total_.to(at::kCPU),
                                       figures_at_choice_.flatten(), figures_at_reading_});
   tensors["model.figures"] = policy::StoredTensor::Of(std::span<const double>(
@@ -239,9 +239,7 @@ void ModelTrainer::LoadState(const policy::TensorFile& file) {
   }
   elites_.assign(elites.begin(), elites.end());
   file.Read("model.bootstrap_seed", std::span(&bootstrap_seed_, 1));
-  base::Random::State state;
-  file.Read("model.mirror_random", std::span(state));
-  mirror_.set_state(state);
+  ReadRandom(file, "model.mirror_random", mirror_);
   const std::int64_t size = figures_.numel();
   at::Tensor figures = at::zeros({2 * size + 1 + figures_at_reading_.numel()}, at::kDouble);
   file.Read("model.figures",

@@ -1,23 +1,18 @@
 #include "learner/sac.h"
 
 #include <cmath>
-#include <limits>
 
+#include "learner/stored_state.h"
 #include "learner/value_ops.h"
 
 namespace slalom::learner {
-namespace {
-
-constexpr double kUnbounded = std::numeric_limits<double>::infinity();
-
-}  // namespace
 
 Sac::Sac(const AlgorithmContext& context)
     : ActorCritic(context, /*num_critics=*/2),
-      noise_(base::DeriveSeed(context.seed, "policy noise"), context.config.batch_size,
-             context.minibatch.input.device()),
-      next_noise_(base::DeriveSeed(context.seed, "next policy noise"), context.config.batch_size,
-                  context.minibatch.input.device()),
+      random_(base::DeriveSeed(context.seed, "policy noise")),
+      next_random_(base::DeriveSeed(context.seed, "next policy noise")),
+      noise_(context.config.batch_size, 2, context.minibatch.input.device()),
+      next_noise_(context.config.batch_size, 2, context.minibatch.input.device()),
       log_temperature_(
           at::full({1}, std::log(context.config.temperature), context.minibatch.reward.options())),
       log_temperature_gradient_(at::zeros_like(log_temperature_)),
@@ -29,7 +24,7 @@ void Sac::Update(double rate) {
   totals_.CountActorUpdate();
 
   // a', log pi(a'|s') ~ pi(.|s')
-  const SampledActions next = actor_.SampleNext(next_noise_.Draw(1.0, kUnbounded));
+  const SampledActions next = actor_.SampleNext(next_noise_.Draw(next_random_));
   CopyActions(next.actions, minibatch_.next_actions);
   // Soft value, equations 3 and 6: y = r + gamma^n (min_k Q'_k(s', a') - alpha log pi(a'|s'))
   critics_.ComputeTarget(minibatch_.reward, minibatch_.discount, Pessimism::kMinimum, target_);
@@ -40,7 +35,7 @@ void Sac::Update(double rate) {
   if (constraint_) constraint_->UpdateCritics(rate * config_.critic_learning_rate, config_.tau);
 
   // Equation 9: phi <- argmin mean alpha log pi(a|s) - min_k Q_k(s, a), a reparametrised
-  const SampledActions now = actor_.Sample(noise_.Draw(1.0, kUnbounded));
+  const SampledActions now = actor_.Sample(noise_.Draw(random_));
   CopyActions(now.actions, minibatch_.actions);
   at::Tensor& action_gradient = critics_.LeastActionGradient(totals_[Total::kActorQ]);
   if (constraint_) constraint_->AddActionGradient(action_gradient);
@@ -61,16 +56,16 @@ void Sac::Describe(LearnerStats& stats) const {
 
 void Sac::SaveState(policy::TensorMap& tensors) const {
   ActorCritic::SaveState(tensors);
-  noise_.SaveState("sac.policy_noise_random", tensors);
-  next_noise_.SaveState("sac.next_policy_noise_random", tensors);
+  tensors["sac.policy_noise_random"] = StoreRandom(random_);
+  tensors["sac.next_policy_noise_random"] = StoreRandom(next_random_);
   tensors["sac.log_temperature"] = StoreTensor(log_temperature_);
   temperature_adam_.SaveState("sac.temperature_adam", tensors);
 }
 
 void Sac::LoadState(const policy::TensorFile& file) {
   ActorCritic::LoadState(file);
-  noise_.LoadState("sac.policy_noise_random", file);
-  next_noise_.LoadState("sac.next_policy_noise_random", file);
+  ReadRandom(file, "sac.policy_noise_random", random_);
+  ReadRandom(file, "sac.next_policy_noise_random", next_random_);
   ReadTensor(file, "sac.log_temperature", log_temperature_);
   temperature_adam_.LoadState("sac.temperature_adam", file);
 }

@@ -20,6 +20,8 @@ class Sac : public ActorCritic<GaussianActor> {
   void LoadState(const policy::TensorFile& file) override;
 
  private:
+  base::Random random_;       // Of the policy in the states.
+  base::Random next_random_;  // Of the policy in the next states.
   Noise noise_;
   Noise next_noise_;
   at::Tensor log_temperature_;           // [1], log alpha

@@ -1,13 +1,14 @@
 #include "learner/td3.h"
 
+#include "learner/stored_state.h"
 #include "learner/value_ops.h"
 
 namespace slalom::learner {
 
 Td3::Td3(const AlgorithmContext& context)
     : ActorCritic(context, /*num_critics=*/2),
-      noise_(base::DeriveSeed(context.seed, "target noise"), context.config.batch_size,
-             context.minibatch.input.device()) {}
+      random_(base::DeriveSeed(context.seed, "target noise")),
+      noise_(context.config.batch_size, 2, context.minibatch.input.device()) {}
 
 void Td3::Update(double rate) {
   totals_.CountUpdate();
@@ -16,7 +17,8 @@ void Td3::Update(double rate) {
   const double polyak_rate = update_actor ? config_.tau : 0.0;
 
   // Target policy smoothing, equation 14: a' = clip(pi'(s') + clip(N(0, sigma), -c, c), -1, 1)
-  AddClippedNoise(actor_.ActTarget(), noise_.Draw(config_.target_noise, config_.noise_clip),
+  AddClippedNoise(actor_.ActTarget(),
+                  noise_.Draw(random_, config_.target_noise, config_.noise_clip),
                   minibatch_.next_actions);
   // Clipped double Q-learning, equation 10: y = r + gamma^n min_k Q'_k(s', a')
   critics_.ComputeTarget(minibatch_.reward, minibatch_.discount, Pessimism::kMinimum, target_);
@@ -36,12 +38,12 @@ void Td3::Update(double rate) {
 
 void Td3::SaveState(policy::TensorMap& tensors) const {
   ActorCritic::SaveState(tensors);
-  noise_.SaveState("td3.target_noise_random", tensors);
+  tensors["td3.target_noise_random"] = StoreRandom(random_);
 }
 
 void Td3::LoadState(const policy::TensorFile& file) {
   ActorCritic::LoadState(file);
-  noise_.LoadState("td3.target_noise_random", file);
+  ReadRandom(file, "td3.target_noise_random", random_);
 }
 
 }  // namespace slalom::learner

@@ -114,4 +114,22 @@ void FeatureMap::Prefetch(const std::uint16_t* ranges_cm) const {
   }
 }
 
+void FeatureMap::PushFrames(const env::ObservationBatch& observations, int history,
+                            float* stacks) const {
+  const int frame = frame_size();
+  const int size = history * frame;
+  for (int i = 0; i < observations.batch_size; ++i) {
+    float* const row = stacks + static_cast<std::ptrdiff_t>(i) * size;
+    float* const newest = row + size - frame;
+    std::copy(row + frame, row + size, row);
+    const env::FrameView view = observations.frame(i);
+    Write(view.ranges_cm.data(), view.state.data(), /*mirrored=*/false, newest);
+    if (observations.first[i]) {
+      for (float* older = row; older != newest; older += frame) {
+        std::copy(newest, newest + frame, older);
+      }
+    }
+  }
+}
+
 }  // namespace slalom::policy

@@ -28,6 +28,11 @@ class FeatureMap {
   void Write(const std::uint16_t* ranges_cm, const float* state, bool mirrored,
              float* features) const;
 
+  /// Writes the newest frames of environments behind those before them: every stack moves up by
+  /// one, and where an episode begins it is copies of its first frame. `stacks`: [B, H * F], oldest
+  /// first.
+  void PushFrames(const env::ObservationBatch& observations, int history, float* stacks) const;
+
   /// Asks the processor to fetch a scan that `Write` will read soon.
   void Prefetch(const std::uint16_t* ranges_cm) const;
 

@@ -5,6 +5,7 @@
 
 #include "base/check.h"
 #include "policy/blas.h"
+#include "policy/lane_sums.h"
 #include "policy/simd.h"
 #include "policy/small_gemm.h"
 
@@ -57,30 +58,8 @@ SLALOM_SIMD void MaskByPositive(const float* y, std::int64_t y_stride, float* dy
   }
 }
 
-/// Numbers that are summed side by side, so that sums vectorise in an order that is always the
-/// same.
-constexpr int kLanes = 16;
-
 /// Rows whose sums are taken together, so that no row waits for those of another.
 constexpr std::int64_t kRowBlock = 8;
-
-/// By halves: 16 numbers to 8, 4, 2, 1.
-inline float LaneSum(const float (&lanes)[kLanes]) {
-  float eight[8], four[4];
-  for (int j = 0; j < 8; ++j) eight[j] = lanes[j] + lanes[j + 8];
-  for (int j = 0; j < 4; ++j) four[j] = eight[j] + eight[j + 4];
-  return (four[0] + four[2]) + (four[1] + four[3]);
-}
-
-inline float Sum(const float* __restrict x, std::int64_t n) {
-  float lanes[kLanes] = {};
-  std::int64_t i = 0;
-  for (; i + kLanes <= n; i += kLanes) {
-    for (int j = 0; j < kLanes; ++j) lanes[j] += x[i + j];
-  }
-  for (; i < n; ++i) lanes[0] += x[i];
-  return LaneSum(lanes);
-}
 
 /// centred = x - mean. Returns the sum of its squares.
 inline float Centre(const float* __restrict x, float mean, std::int64_t n,

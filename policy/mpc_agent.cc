@@ -24,12 +24,6 @@ constexpr int kActionSize = 2;
 /// Least standard deviation of a CEM's next round.
 constexpr float kLeastStd = 0.01f;
 
-/// A tensor on the weights of a snapshot, which nothing here writes to.
-at::Tensor ViewWeights(const std::vector<float>& weights) {
-  return at::from_blob(const_cast<float*>(weights.data()),
-                       {static_cast<std::int64_t>(weights.size())}, at::kFloat);
-}
-
 const PolicySnapshot& Checked(const MpcConfig& config, const PolicySnapshot& snapshot) {
   if (config.update == "cem" &&
       std::lround(config.elite_fraction * static_cast<double>(config.samples)) < 2) {
@@ -271,22 +265,13 @@ void MpcAgent::Act(const env::ObservationBatch& observations, std::span<env::Act
   SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(batch));
   SLALOM_CHECK_EQ(observations.num_beams, p.features.num_beams());
   p.seen.resize(static_cast<std::size_t>(batch) * p.width);
-  const int frame = p.features.frame_size();
+  p.features.PushFrames(observations, p.spec.network.history, p.seen.data());
   for (int i = 0; i < batch; ++i) {
-    float* const row = p.seen.data() + static_cast<std::ptrdiff_t>(i) * p.width;
-    float* const newest = row + p.width - frame;
-    std::copy(row + frame, row + p.width, row);
     const env::FrameView view = observations.frame(i);
-    p.features.Write(view.ranges_cm.data(), view.state.data(), /*mirrored=*/false, newest);
-    if (observations.first[i]) {
-      for (float* older = row; older != newest; older += frame) {
-        std::copy(newest, newest + frame, older);
-      }
-    }
     const std::uint64_t checksum =
         base::Checksum(std::as_bytes(view.state), base::Checksum(std::as_bytes(view.ranges_cm)));
     base::Random random(base::DeriveSeed(seed_, "plan", {checksum}));
-    actions[i] = p.Plan(row, random);
+    actions[i] = p.Plan(p.seen.data() + static_cast<std::ptrdiff_t>(i) * p.width, random);
     if (config_.unscaled_action) {
       actions[i] = snapshot_.spec.actions.Normalise(static_cast<double>(actions[i].linear),
                                                     static_cast<double>(actions[i].angular));

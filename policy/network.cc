@@ -51,4 +51,9 @@ void Network::ParameterGradient(NetworkPass& pass, Network& gradient) const {
   if (encoder_) encoder_->ParameterGradient(*pass.encoder_, *gradient.encoder_);
 }
 
+at::Tensor ViewWeights(const std::vector<float>& weights) {
+  return at::from_blob(const_cast<float*>(weights.data()),
+                       {static_cast<std::int64_t>(weights.size())}, at::kFloat);
+}
+
 }  // namespace slalom::policy

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "base/random.h"
 #include "policy/encoder.h"
@@ -67,5 +68,9 @@ class Network {
   std::unique_ptr<Encoder> encoder_;  // Null with encoder "mlp".
   Mlp mlp_;                           // All of it, or the head.
 };
+
+/// A tensor on weights that others share, for networks that are only run forward: nothing may write
+/// to it, and the weights must outlive it. [P]
+at::Tensor ViewWeights(const std::vector<float>& weights);
 
 }  // namespace slalom::policy

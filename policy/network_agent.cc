@@ -12,15 +12,6 @@
 #include "policy/network.h"
 
 namespace slalom::policy {
-namespace {
-
-/// A tensor on the weights of a snapshot, which nothing here writes to.
-at::Tensor ViewWeights(const std::vector<float>& weights) {
-  return at::from_blob(const_cast<float*>(weights.data()),
-                       {static_cast<std::int64_t>(weights.size())}, at::kFloat);
-}
-
-}  // namespace
 
 struct NetworkAgent::Network {
   explicit Network(const PolicySnapshot& snapshot)
@@ -59,21 +50,8 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
     net.input = at::zeros({batch, net.shape.num_inputs()}, at::kFloat);
     net.pass.emplace(net.shape, net.input, PassUse::kInference, &net.dropout);
   }
-  const int frame = net.features.frame_size();
-  const int size = net.shape.num_inputs();
   float* const input = net.input.data_ptr<float>();
-  for (int i = 0; i < batch; ++i) {
-    float* const row = input + static_cast<std::ptrdiff_t>(i) * size;
-    float* const newest = row + size - frame;
-    std::copy(row + frame, row + size, row);
-    const env::FrameView view = observations.frame(i);
-    net.features.Write(view.ranges_cm.data(), view.state.data(), /*mirrored=*/false, newest);
-    if (observations.first[i]) {
-      for (float* older = row; older != newest; older += frame) {
-        std::copy(newest, newest + frame, older);
-      }
-    }
-  }
+  net.features.PushFrames(observations, net.shape.config.history, input);
   if (net.shape.config.dropout_everywhere) {
     // So that acting has no state but the frames, and a run that is resumed goes on as it would
     // have.

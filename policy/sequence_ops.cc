@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "policy/lane_sums.h"
 #include "policy/simd.h"
 #include "policy/smooth_math.h"
 
@@ -12,27 +13,6 @@ namespace {
 constexpr double kLayerNormEpsilon = 1e-5;
 constexpr double kGeluScale = 0.79788456080286536;  // sqrt(2 / pi)
 constexpr double kGeluCube = 0.044715;
-
-/// Numbers that are summed side by side, so that sums vectorise in an order that is always the
-/// same.
-constexpr int kLanes = 16;
-
-inline float LaneSum(const float (&lanes)[kLanes]) {
-  float eight[8], four[4];
-  for (int j = 0; j < 8; ++j) eight[j] = lanes[j] + lanes[j + 8];
-  for (int j = 0; j < 4; ++j) four[j] = eight[j] + eight[j + 4];
-  return (four[0] + four[2]) + (four[1] + four[3]);
-}
-
-inline float Sum(const float* __restrict x, std::int64_t n) {
-  float lanes[kLanes] = {};
-  std::int64_t i = 0;
-  for (; i + kLanes <= n; i += kLanes) {
-    for (int j = 0; j < kLanes; ++j) lanes[j] += x[i + j];
-  }
-  for (; i < n; ++i) lanes[0] += x[i];
-  return LaneSum(lanes);
-}
 
 inline float SquaredDistances(const float* __restrict x, float mean, std::int64_t n) {
   float lanes[kLanes] = {};

@@ -161,7 +161,7 @@ void Trainer::InsertChunk(std::unique_ptr<replay::Chunk> chunk) {
 void Trainer::Update() {
   limiter_.AddUpdate();
   learner::Learner& learner = run_.learner();
-  const auto specs = learner.sample_specs();
+  const auto& specs = learner.sample_specs();
   rows_.resize(specs.size());
   for (std::size_t i = 0; i < specs.size(); ++i) {
     if (!table_.SampleRows(specs[i], sampling_, &rows_[i])) return;

@@ -196,7 +196,8 @@ std::vector<std::string> IncludeFaults(const SourceFile& file) {
     }
     if (!quoted) continue;
     const std::string folder = FolderOf(target);
-    const bool is_ours = AllowedEdges().contains(folder) || folder == "tests";
+    const bool is_ours =
+        AllowedEdges().contains(folder) || folder == "tests" || folder == "benchmarks";
     if (target.starts_with(".") || !is_ours) {
       faults.push_back(Place(file, i) + ": \"" + target + "\" is not a path from the root");
       continue;

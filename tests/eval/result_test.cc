@@ -110,6 +110,12 @@ TEST_F(ResultTest, AFileCutShortIsSaidToBe) {
   }
 }
 
+TEST_F(ResultTest, ANumberBeyondWhatADoubleHoldsIsRefused) {
+  const auto file = Write("large") / "evaluation.json";
+  base::WriteFileAtomically(file, R"({"version": 1e999})");
+  EXPECT_THAT(ErrorOf(file), AllOf(HasSubstr("large/evaluation.json"), HasSubstr("1e999")));
+}
+
 TEST_F(ResultTest, OtherVersionsAndFormatsAreRefused) {
   EXPECT_THAT(ErrorAfter([](json& o) { o["version"] = kResultVersion + 1; }),
               AllOf(HasSubstr("evaluation.json: version is 3, expected 2"), HasSubstr("newer")));
