@@ -212,6 +212,27 @@ const Spec kConstraintMultiplier =
 const Spec kConstraintViolation =
     GaugeOf("slalom_constraint_violation", "learner",
             "Collisions per training episode above the constraint's limit; NaN without one.");
+const Spec kModelLoss = GaugeOf(
+    "slalom_model_loss", "learner",
+    "Loss of the transition model on what it learns from; NaN without one, like all of it.");
+const Spec kModelError =
+    GaugeOf("slalom_model_error", "learner",
+            "Root of the mean squared error of one number of the next frame, held out.");
+const Spec kModelChange =
+    GaugeOf("slalom_model_change", "learner",
+            "The same of a model that says that nothing changes: what the error has to beat.");
+const Spec kModelLikelihood =
+    GaugeOf("slalom_model_likelihood_nats", "learner",
+            "Negative log-likelihood of one number of the next frame, held out.");
+const Spec kModelRewardError = GaugeOf("slalom_model_reward_error", "learner",
+                                       "Root of the mean squared error of the scaled reward.");
+const Spec kModelTermination =
+    GaugeOf("slalom_model_termination_nats", "learner", "Cross-entropy of termination, held out.");
+const Spec kModelCovered =
+    GaugeOf("slalom_model_covered_ratio", "learner",
+            "Part of the held-out numbers inside the middle of the prediction that should hold "
+            "`expected` of them.",
+            {"expected"});
 const Spec kUpdateSeconds =
     HistogramOf("slalom_update_seconds", "learner",
                 "Time of one update, without waiting for its batch.", kWait);
@@ -327,7 +348,8 @@ std::span<const Section> Catalogue() {
       {"Learning",
        {&kUpdates, &kCriticLoss, &kQMean, &kActorQMean, &kCriticGradientNorm, &kActorGradientNorm,
         &kPolicyEntropy, &kTemperature, &kCostQMean, &kConstraintMultiplier, &kConstraintViolation,
-        &kUpdateSeconds}},
+        &kModelLoss, &kModelError, &kModelChange, &kModelLikelihood, &kModelRewardError,
+        &kModelTermination, &kModelCovered, &kUpdateSeconds}},
       {"Policies",
        {&kPolicyVersion, &kPolicyTimestamp, &kPolicyLag, &kReaderLag, &kPoliciesPublished,
         &kPoliciesReceived, &kPolicyBytes, &kPublishToActing}},

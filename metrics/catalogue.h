@@ -94,6 +94,13 @@ extern const Spec kTemperature;
 extern const Spec kCostQMean;
 extern const Spec kConstraintMultiplier;
 extern const Spec kConstraintViolation;
+extern const Spec kModelLoss;
+extern const Spec kModelError;
+extern const Spec kModelChange;
+extern const Spec kModelLikelihood;
+extern const Spec kModelRewardError;
+extern const Spec kModelTermination;
+extern const Spec kModelCovered;
 extern const Spec kUpdateSeconds;
 
 // Policies

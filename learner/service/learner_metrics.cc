@@ -81,6 +81,14 @@ void LearnerMetrics::SetLearning(const run::MetricsRow& row) {
   registry_.gauge(metrics::kCostQMean).Set(row.cost_q);
   registry_.gauge(metrics::kConstraintMultiplier).Set(row.multiplier);
   registry_.gauge(metrics::kConstraintViolation).Set(row.violation);
+  registry_.gauge(metrics::kModelLoss).Set(row.model_loss);
+  registry_.gauge(metrics::kModelError).Set(row.model_error);
+  registry_.gauge(metrics::kModelChange).Set(row.model_change);
+  registry_.gauge(metrics::kModelLikelihood).Set(row.model_likelihood);
+  registry_.gauge(metrics::kModelRewardError).Set(row.model_reward_error);
+  registry_.gauge(metrics::kModelTermination).Set(row.model_termination);
+  registry_.gauge(metrics::kModelCovered, {"0.5"}).Set(row.model_inside_50);
+  registry_.gauge(metrics::kModelCovered, {"0.9"}).Set(row.model_inside_90);
 }
 
 void LearnerMetrics::SetStream(int in_flight, double policy_lag, int connections) {
