@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The figures of results/methods.md: trains every method and network with every seed and scores it.
 
-results/methods.py COLLECTION [--output DIR] [--seeds 1 2 3] [--rows NAME...] [--seconds S] [--at-once N] [--validation]
+results/methods.py COLLECTION [--output DIR] [--seeds 1 2 3] [--rows NAME...] [--seconds S] [--at-once N] [--set KEY=VALUE...]
+                   [--validation]
 
 COLLECTION: the original courses, as `./slalom courses import DIR --output COLLECTION` wrote them; "" for the built-in ones.
 What is there already is not made again, so a run that was interrupted goes on; `--table` only prints what is there."""
@@ -19,8 +20,15 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PROGRAM = ROOT / "build/release/cli/slalom"
 
-# Row: preset and what it differs by.
-ROWS = {name: (f"configs/fast/{preset}.toml", changes) for name, preset, changes in [
+# Scenario: courses to train on, to score on, and others of the same kind; the first two again for choosing settings.
+SCENARIOS = {
+    "static": ("static-train-50", "static-test", "generated:2026:300", "static-train-210", "static-validation"),
+    "wall": ("dynamic-wall-train", "dynamic-wall-test", "generated-wall:2026:100", "dynamic-wall-train", "generated-wall:2027:50"),
+    "box": ("dynamic-box-train", "dynamic-box-test", "generated-box:2026:100", "dynamic-box-train", "generated-box:2027:50"),
+}
+
+# Row: preset, scenario and what it differs by.
+ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, preset, changes in [
     ("td3", "td3-mlp", []),
     ("ddpg", "ddpg-mlp", []),
     ("sac", "sac-mlp", []),
@@ -30,14 +38,14 @@ ROWS = {name: (f"configs/fast/{preset}.toml", changes) for name, preset, changes
     ("mbpo", "mbpo-mlp", []),
     ("mpc-deterministic", "mpc-deterministic-mlp", []),
     ("mpc-probabilistic", "mpc-probabilistic-mlp", []),
-    ("mlp-h4", "td3-mlp-h4", []),
-    ("cnn-h4", "td3-cnn-h4", []),
-    ("gru-h4", "td3-gru-h4", []),
-    ("transformer-h4", "td3-transformer-h4", []),
+    ("td3-with-model", "mpc-probabilistic-mlp", ["mpc.enabled=false"]),
     ("td3-without-mirror", "td3-mlp", ["learner.mirror=false"]),
     ("td3-prioritized", "td3-mlp", ["learner.prioritized=true"]),
 ]}
-FRESH = "generated:2026:300"
+for scenario in SCENARIOS:
+    for network in ["mlp", "mlp-h4", "cnn-h4", "gru-h4", "transformer-h4"]:
+        ROWS[f"{scenario}-{network}"] = (f"configs/fast/td3-{network}.toml", scenario, [])
+del ROWS["static-mlp"]  # Which is td3.
 
 
 def run(command, log):
@@ -47,21 +55,23 @@ def run(command, log):
 
 def make(row, seed, options):
     """Trains and scores one run, unless it is there."""
-    preset, changes = ROWS[row]
+    preset, scenario, changes = ROWS[row]
+    train, test, fresh, validation_train, validation = SCENARIOS[scenario]
+    if options.validation:
+        train, test = validation_train, validation
     name = f"{row}-seed{seed}"
     directory = options.output / name
     if (directory / "fresh/evaluation.json").exists():
         return
-    train, test = ("static-train-210", "static-validation") if options.validation else ("static-train-50", "static-test")
     settings = [f"courses.train={train}", f"courses.test={test}", f"courses.collection={options.collection}",
-                f"run.max_seconds={options.seconds}", "run.snapshot_steps=[100000]"] + changes
+                f"run.max_seconds={options.seconds}", "run.snapshot_steps=[100000]"] + changes + options.set
     command = [PROGRAM, "train", ROOT / preset, "--name", name, "--seed", seed, "--output", options.output]
     for setting in settings:
         command += ["--set", setting]
     log = options.output / f"{name}.log"
     try:
         run(command, log)
-        run([PROGRAM, "evaluate", "--policy", directory / "policy.safetensors", "--courses", FRESH, "--output", directory / "fresh"],
+        run([PROGRAM, "evaluate", "--policy", directory / "policy.safetensors", "--courses", fresh, "--output", directory / "fresh"],
             str(log) + ".fresh")
     except subprocess.CalledProcessError as error:
         print(f"{name}: {error}; see {log}", file=sys.stderr)
@@ -98,7 +108,7 @@ def spread(values):
 
 def table(options):
     columns = {"success": "success [%]", "collision": "collision [%]", "traversal": "traversal [s]", "survival": "survival [s]",
-               "fresh": "300 fresh [%]", "fresh_collision": "their collisions [%]", "at_100k": "at 100k steps [%]",
+               "fresh": "fresh courses [%]", "fresh_collision": "their collisions [%]", "at_100k": "at 100k steps [%]",
                "train_collision": "collisions in training [%]", "steps": "steps", "updates": "updates", "seconds": "trained [s]"}
     print("| row | seeds | " + " | ".join(columns.values()) + " |")
     print("|---" * (len(columns) + 2) + "|")
@@ -119,7 +129,8 @@ def main():
     parser.add_argument("--rows", nargs="+", default=list(ROWS), choices=list(ROWS))
     parser.add_argument("--seconds", type=float, default=180.0)
     parser.add_argument("--at-once", type=int, default=max(1, (os.cpu_count() or 2) // 2))
-    parser.add_argument("--validation", action="store_true", help="choose settings: train on 210 courses, score on static-validation")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="settings of every run besides the rows' own")
+    parser.add_argument("--validation", action="store_true", help="choose settings: train and score without the test courses")
     parser.add_argument("--table", action="store_true")
     options = parser.parse_args()
     if options.collection:
