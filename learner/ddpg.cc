@@ -19,8 +19,8 @@ void Ddpg::Update(double rate) {
   CopyActions(actor_.Act(), minibatch_.actions);
   at::Tensor& action_gradient = critics_.ActionGradient(&totals_[Total::kActorQ]);
   if (constraint_) constraint_->AddActionGradient(action_gradient);
-  actor_.Improve(action_gradient, rate * config_.actor_learning_rate, config_.tau, AverageRate(),
-                 totals_[Total::kActorNorm]);
+  actor_.Improve(action_gradient, config_.preactivation_penalty, rate * config_.actor_learning_rate,
+                 config_.tau, AverageRate(), totals_[Total::kActorNorm]);
 }
 
 }  // namespace slalom::learner

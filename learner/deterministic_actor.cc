@@ -20,11 +20,12 @@ DeterministicActor::DeterministicActor(const policy::NetworkShape& shape,
       target_(shape, target_parameters_),
       network_gradient_(shape, gradient_),
       pass_(shape, minibatch.features, policy::PassUse::kTraining, minibatch.dropout),
-      target_pass_(shape, minibatch.next_features, policy::PassUse::kInference, minibatch.dropout) {
-}
+      target_pass_(shape, minibatch.next_features, policy::PassUse::kInference, minibatch.dropout),
+      preactivation_(at::zeros_like(pass_.output())) {}
 
 const at::Tensor& DeterministicActor::Act() {
   network_.Forward(pass_);
+  preactivation_.copy_(pass_.output());
   policy::Tanh(pass_.output());
   return pass_.output();
 }
@@ -35,10 +36,15 @@ const at::Tensor& DeterministicActor::ActTarget() {
   return target_pass_.output();
 }
 
-void DeterministicActor::Improve(const at::Tensor& action_gradient, double learning_rate,
-                                 double polyak_rate, double average_rate, at::Tensor& norm_total) {
+void DeterministicActor::Improve(const at::Tensor& action_gradient, double preactivation_penalty,
+                                 double learning_rate, double polyak_rate, double average_rate,
+                                 at::Tensor& norm_total) {
   CopyActions(action_gradient, pass_.output_gradient());
   policy::TanhGradient(pass_.output(), pass_.output_gradient());
+  if (preactivation_penalty > 0.0) {
+    pass_.output_gradient().add_(
+        preactivation_, 2.0 * preactivation_penalty / static_cast<double>(preactivation_.size(0)));
+  }
   network_.ParameterGradient(pass_, network_gradient_);
   const std::array followers = {Follower{target_parameters_, polyak_rate},
                                 Follower{average_parameters_, average_rate}};

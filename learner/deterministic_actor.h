@@ -30,10 +30,12 @@ class DeterministicActor {
   const at::Tensor& ActNext() { return ActTarget(); }
 
   /// One step of Adam, after `Act`, on a loss whose gradient by the actions is `action_gradient`,
-  /// [B, A]. The target follows at `polyak_rate`, the average at `average_rate` (0: not). Adds the
-  /// gradient norm to `norm_total`.
-  void Improve(const at::Tensor& action_gradient, double learning_rate, double polyak_rate,
-               double average_rate, at::Tensor& norm_total);
+  /// [B, A], plus `preactivation_penalty` times the mean of |u|^2, u being what tanh is taken of
+  /// (Andrychowicz et al. 2017, appendix A). The target follows at `polyak_rate`, the average at
+  /// `average_rate` (0: not). Adds the gradient norm to `norm_total`.
+  void Improve(const at::Tensor& action_gradient, double preactivation_penalty,
+               double learning_rate, double polyak_rate, double average_rate,
+               at::Tensor& norm_total);
 
   const at::Tensor& parameters() const { return parameters_; }                  ///< [P]
   const at::Tensor& target_parameters() const { return target_parameters_; }    ///< [P]
@@ -53,6 +55,7 @@ class DeterministicActor {
   policy::Network network_gradient_;
   policy::NetworkPass pass_;
   policy::NetworkPass target_pass_;
+  at::Tensor preactivation_;  // [B, A] of the last Act.
 };
 
 }  // namespace slalom::learner

@@ -21,6 +21,7 @@ struct LearnerConfig {
   double target_noise = 0.2;
   double noise_clip = 0.5;
   int policy_delay = 2;
+  double preactivation_penalty = 0.0;
   double temperature = 0.2;
   double temperature_learning_rate = 3e-4;
   double target_entropy = -2.0;
@@ -59,6 +60,10 @@ struct LearnerConfig {
       "TD3: largest noise on target actions.");
     v("policy_delay", policy_delay, base::Range{1, 100}, "",
       "TD3: critic updates per update of actor and targets.");
+    v("preactivation_penalty", preactivation_penalty, base::Range{0.0, 100.0}, "",
+      "TD3, DDPG: weight in the actor's loss of the square of what its tanh is taken of, so that "
+      "it "
+      "does not get stuck at the largest actions (docs/networks.md).");
     v("temperature", temperature, base::Range{1e-6, 1e3}, "",
       "SAC: weight of the entropy at the start.");
     v("temperature_learning_rate", temperature_learning_rate, base::Range{0.0, 1.0}, "",

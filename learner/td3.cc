@@ -32,8 +32,8 @@ void Td3::Update(double rate) {
   CopyActions(actor_.Act(), minibatch_.actions);
   at::Tensor& action_gradient = critics_.ActionGradient(&totals_[Total::kActorQ]);
   if (constraint_) constraint_->AddActionGradient(action_gradient);
-  actor_.Improve(action_gradient, rate * config_.actor_learning_rate, polyak_rate, AverageRate(),
-                 totals_[Total::kActorNorm]);
+  actor_.Improve(action_gradient, config_.preactivation_penalty, rate * config_.actor_learning_rate,
+                 polyak_rate, AverageRate(), totals_[Total::kActorNorm]);
 }
 
 void Td3::SaveState(policy::TensorMap& tensors) const {

@@ -14,6 +14,7 @@ import json
 import math
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 
@@ -73,6 +74,7 @@ def make(row, seed, options):
         run(command, log)
         run([PROGRAM, "evaluate", "--policy", directory / "policy.safetensors", "--courses", fresh, "--output", directory / "fresh"],
             str(log) + ".fresh")
+        shutil.rmtree(directory / "checkpoints")  # Nearly a gigabyte of replay.
     except subprocess.CalledProcessError as error:
         print(f"{name}: {error}; see {log}", file=sys.stderr)
 

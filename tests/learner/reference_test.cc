@@ -245,8 +245,10 @@ struct Reference {
     }
     RegressCritics(next_a, zero);
     if (is_td3 && num_updates % config.policy_delay != 0) return;
-    const Tensor act = torch::tanh(Forward(actor_shape, actor, s, {}));
-    ImproveActor(ActorLoss(critics.Q(critics.parameters.detach(), 0, s, act), act));
+    const Tensor u = Forward(actor_shape, actor, s, {});
+    const Tensor act = torch::tanh(u);
+    ImproveActor(ActorLoss(critics.Q(critics.parameters.detach(), 0, s, act), act) +
+                 config.preactivation_penalty * u.square().sum(1).mean());
     Follow();
   }
 
@@ -285,6 +287,7 @@ struct Case {
   std::vector<int> head;
   bool layer_norm = false;
   double multiplier = 0.0;
+  double preactivation_penalty = 0.0;
 };
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
@@ -304,6 +307,7 @@ TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) {
   config.temperature_learning_rate = 1e-2;
   config.tau = 0.1;
   config.reward_scale = 0.5;
+  config.preactivation_penalty = GetParam().preactivation_penalty;
   if (GetParam().multiplier > 0.0) {
     method.constraint = {.kind = "fixed", .multiplier = GetParam().multiplier};
   }
@@ -349,6 +353,7 @@ INSTANTIATE_TEST_SUITE_P(Methods, LearnerReferenceTest,
                                          Case{"Td3Fast", "td3", {}, {32, 32}},
                                          Case{"Td3LayerNorm", "td3", {16}, {16}, true},
                                          Case{"Td3Constrained", "td3", {16}, {16}, false, 2.0},
+                                         Case{"Td3Penalised", "td3", {16}, {16}, false, 0.0, 0.5},
                                          Case{"Ddpg", "ddpg", {16}, {16}},
                                          Case{"DdpgConstrained", "ddpg", {16}, {16}, false, 2.0},
                                          Case{"Sac", "sac", {16}, {16}},
