@@ -28,6 +28,9 @@ SCENARIOS = {
     "box": ("dynamic-box-train", "dynamic-box-test", "generated-box:2026:100", "dynamic-box-train", "generated-box:2027:50"),
 }
 
+# Among walls standing still must cost more than being hit, or nothing ever tries to get through.
+WALL = ["environment.reward.collision=1", "environment.reward.slack=0.02", "learner.gamma=0.99"]
+
 # Row: preset, scenario and what it differs by.
 ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, preset, changes in [
     ("td3", "td3-mlp", []),
@@ -45,7 +48,7 @@ ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, prese
 ]}
 for scenario in SCENARIOS:
     for network in ["mlp", "mlp-h4", "cnn-h4", "gru-h4", "transformer-h4"]:
-        ROWS[f"{scenario}-{network}"] = (f"configs/fast/td3-{network}.toml", scenario, [])
+        ROWS[f"{scenario}-{network}"] = (f"configs/fast/td3-{network}.toml", scenario, WALL if scenario == "wall" else [])
 del ROWS["static-mlp"]  # Which is td3.
 
 
