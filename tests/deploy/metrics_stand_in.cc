@@ -31,6 +31,7 @@ const Values& ValuesOf(std::string_view label) {
       {"peer_role", {"actor", "learner"}},
       {"server", {"replay", "learner"}},
       {"message", {"Hello", "Insert"}},
+      {"expected", {"0.5", "0.9"}},
   };
   return values.at(label);
 }

@@ -46,8 +46,18 @@ def stand_in(program):
 @contextlib.contextmanager
 def real_run(program):
     """The same of a service."""
-    # By the method that shows most: SAC with a constraint.
-    more = "[evaluation]\nepisodes_per_course = 1\n[learner]\nalgorithm = \"sac\"\n[constraint]\nkind = \"lagrangian\"\n"
+    # By the method that shows most: SAC with a constraint and a model.
+    more = """[evaluation]
+episodes_per_course = 1
+[learner]
+algorithm = "sac"
+[constraint]
+kind = "lagrangian"
+[model]
+kind = "probabilistic"
+encoder_layers = []
+head_layers = [32]
+"""
     with service.Service(program, test="generated:3:2", more_config=more) as run:
         roles = {"replay": ["replay"], "learner": ["learner"], "actor": ["a1", "a2"], "evaluator": ["e1"]}
         targets = {}
