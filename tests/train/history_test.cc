@@ -50,7 +50,8 @@ TEST_P(HistoryTest, ThePolicyWouldActOnAStackFromTheReplayAsItDid) {
 
   const int batch = 256;
   replay::SampledRows rows;
-  ASSERT_TRUE(table.SampleRows({.batch = batch, .history = GetParam(), .n_step = 3}, random, &rows));
+  ASSERT_TRUE(
+      table.SampleRows({.batch = batch, .history = GetParam(), .n_step = 3}, random, &rows));
   const policy::FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
   learner::MinibatchReader reader(features, GetParam(), 1.0, /*mirror=*/false, 1.0);
   learner::Minibatch minibatch(batch, GetParam(), features.frame_size(), at::kCPU);
