@@ -173,11 +173,6 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   VisitObservation(spec.observation, observation);
   JsonReader network(object, "network", source);
   spec.network.Visit(network);
-  try {
-    CheckNetwork(spec.network);
-  } catch (const base::Error& error) {
-    throw base::Error(fmt::format("{}: in its spec, {}", source, error.what()));
-  }
   JsonReader actions(object, "actions", source);
   spec.actions.Visit(actions);
   spec.distribution = {};
@@ -189,6 +184,13 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   if (object.contains("planning")) {
     JsonReader planning(object, "planning", source);
     spec.planning.Visit(planning);
+  }
+  try {  // What the fields say together.
+    CheckNetwork(spec.network);
+    (void)spec.actor_shape();
+    if (spec.planning.is_carried()) (void)spec.model_shape();
+  } catch (const base::Error& error) {
+    throw base::Error(fmt::format("{}: in its spec, {}", source, error.what()));
   }
 }
 

@@ -130,6 +130,25 @@ TEST_F(PolicyFileTest, RefusesNetworksThatAreNone) {
   }
 }
 
+TEST_F(PolicyFileTest, RefusesSectorsThatDoNotDivideTheBeams) {
+  SavePolicy(path_, SmallPolicy(), {});
+  const TensorFile file = LoadTensors(path_);
+  Metadata metadata = file.metadata;
+  std::string& spec = metadata["slalom_policy"];
+  const std::size_t begin = spec.find("\"sectors\":");
+  ASSERT_NE(begin, std::string::npos);
+  spec.replace(begin, spec.find_first_of(",}", begin) - begin, "\"sectors\":5");
+  SaveTensors(path_, file.tensors, metadata);
+  try {
+    LoadPolicy(path_);
+    ADD_FAILURE() << "was not refused";
+  } catch (const base::Error& error) {
+    EXPECT_TRUE(std::string(error.what())
+                    .starts_with(path_.string() + ": in its spec, network.sectors: found 5"))
+        << error.what();
+  }
+}
+
 TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanTheOtherEncoders) {
   SavePolicy(path_, SmallPolicy(), {});
   const TensorFile file = LoadTensors(path_);
