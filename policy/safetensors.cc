@@ -33,6 +33,13 @@ std::optional<std::size_t> ElementBytes(std::string_view type) {
   throw base::Error(fmt::format("{}: {}", source, reason));
 }
 
+/// A whole number of a tensor's description: a float would be cut to one, or overflow it.
+std::uint64_t Whole(std::string_view source, const std::string& name, const json& number) {
+  if (number.is_number_unsigned()) return number.get<std::uint64_t>();
+  Fail(source, fmt::format("tensor '{}' is described by {}, expected a whole number from 0 on",
+                           name, number.dump(-1, ' ', false, json::error_handler_t::replace)));
+}
+
 /// The tensor that one entry of the header describes, in bytes that no other entry has: `unread` of
 /// `data` at most, so that many entries cannot each claim all of it.
 StoredTensor ReadEntry(std::string_view source, const std::string& name, const json& entry,
@@ -42,9 +49,11 @@ StoredTensor ReadEntry(std::string_view source, const std::string& name, const j
   std::uint64_t end = 0;
   try {
     tensor.type = entry.at("dtype").get<std::string>();
-    tensor.shape = entry.at("shape").get<std::vector<std::int64_t>>();
-    begin = entry.at("data_offsets").at(0).get<std::uint64_t>();
-    end = entry.at("data_offsets").at(1).get<std::uint64_t>();
+    for (const json& size : entry.at("shape").get_ref<const json::array_t&>()) {
+      tensor.shape.push_back(static_cast<std::int64_t>(Whole(source, name, size)));
+    }
+    begin = Whole(source, name, entry.at("data_offsets").at(0));
+    end = Whole(source, name, entry.at("data_offsets").at(1));
   } catch (const json::exception& error) {
     Fail(source, fmt::format("tensor '{}' is not described as safetensors expects ({})", name,
                              error.what()));

@@ -109,6 +109,18 @@ TEST_F(SafetensorsTest, RefusesTensorsThatShareTheirBytes) {
   EXPECT_THAT(Refusal(), testing::HasSubstr("claims bytes 0 to 1000000"));
 }
 
+TEST_F(SafetensorsTest, RefusesOffsetsAndShapesThatAreNoWholeNumbers) {
+  for (const std::string description :
+       {R"("shape":[1],"data_offsets":[0,4e74])", R"("shape":[1],"data_offsets":[0.5,4])",
+        R"("shape":[1.5],"data_offsets":[0,4])", R"("shape":[-1],"data_offsets":[0,4])"}) {
+    const std::string header = R"({"a":{"dtype":"F32",)" + description + "}}";
+    const std::uint64_t length = header.size();
+    const std::string content(reinterpret_cast<const char*>(&length), sizeof(length));
+    Overwrite(content + header + "1234");
+    EXPECT_THAT(Refusal(), testing::HasSubstr("whole number")) << description;
+  }
+}
+
 TEST_F(SafetensorsTest, RefusesWhatIsNoSuchFile) {
   Overwrite("not a tensor file at all, but long enough");
   EXPECT_THAT(Refusal(), testing::HasSubstr("header"));
