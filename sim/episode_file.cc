@@ -33,6 +33,9 @@ bool IsNumber(const json& value) {
   return value.is_number() && std::abs(value.get<double>()) <= 1e5;
 }
 
+/// -0 becomes 0: it is printed as an integer, which has no sign.
+double Number(const json& value) { return value.get<double>() + 0.0; }
+
 bool IsNumbers(const json& value, std::size_t count) {
   return value.is_array() && value.size() == count &&
          std::all_of(value.begin(), value.end(), IsNumber);
@@ -49,7 +52,7 @@ bool ReadNumber(const json& object, const char* key, double& value) {
   const auto it = object.find(key);
   if (it == object.end()) return true;
   if (!IsNumber(*it)) return false;
-  value = it->get<double>();
+  value = Number(*it);
   return true;
 }
 
@@ -77,7 +80,7 @@ std::string ReadOptionalKeys(const json& object, EpisodeTrack& track) {
       !ReadNumber(object, "angle_step_rad", track.beams->angle_step)) {
     return "scans without a \"sensor\" of two numbers and the beams' angles";
   }
-  track.beams->p_RS = {(*sensor)[0].get<double>(), (*sensor)[1].get<double>()};
+  track.beams->p_RS = {Number((*sensor)[0]), Number((*sensor)[1])};
   for (const json& scan : *scans) {
     if (!IsScan(scan) || scan.size() != scans->front().size()) {
       return "a scan that is not a list of ranges in cm, as long as the first";
@@ -103,7 +106,7 @@ std::variant<EpisodeTrack, std::string> ParseLine(std::string_view line) {
   EpisodeTrack track{course->get<std::string>(), *outcome};
   for (const json& pose : *poses) {
     if (!IsNumbers(pose, 3)) return "a pose that is not three numbers [x, y, yaw]";
-    track.poses.push_back({{pose[0].get<double>(), pose[1].get<double>()}, pose[2].get<double>()});
+    track.poses.push_back({{Number(pose[0]), Number(pose[1])}, Number(pose[2])});
   }
   if (std::string fault = ReadOptionalKeys(object, track); !fault.empty()) return fault;
   return track;
