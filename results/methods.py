@@ -42,7 +42,7 @@ ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, prese
     ("mbpo", "mbpo-mlp", []),
     ("mpc-deterministic", "mpc-deterministic-mlp", []),
     ("mpc-probabilistic", "mpc-probabilistic-mlp", []),
-    ("td3-with-model", "mpc-probabilistic-mlp", ["mpc.enabled=false"]),
+    ("td3-with-model", "mpc-probabilistic-mlp", ["mpc.enabled=false", "run.updates_per_step=0.015625"]),
     ("td3-without-mirror", "td3-mlp", ["learner.mirror=false"]),
     ("td3-prioritized", "td3-mlp", ["learner.prioritized=true"]),
 ]}
