@@ -12,7 +12,7 @@ import tempfile
 from cluster import ROLES, SERVICES, Cluster
 from engine import IMAGE, PROMETHEUS_IMAGE, ROOT, Failure, run, running_engine, say, wait_for
 
-PROJECT = "slalomtest"
+PROJECT = "slalom_compose_test"
 SUCCESS_RATE = 0.6  # An untrained policy has 0.
 
 
@@ -29,8 +29,9 @@ def main():
         def up(actors):
             compose("up", "-d", "--no-build", "--scale", f"actor={actors}", *SERVICES)
 
-        cluster = Cluster(engine, f"com.docker.compose.project={PROJECT}", "com.docker.compose.service={}")
-        compose("down", "--volumes", "--remove-orphans")
+        label = f"com.docker.compose.project={PROJECT}"
+        cluster = Cluster(engine, label, "com.docker.compose.service={}")
+        engine.remove_labelled(label)  # What a run that was killed has left.
         try:
             drill(cluster, compose, up)
         except Failure:

@@ -96,6 +96,19 @@ class Engine:
     def has_image(self, name):
         return succeeds(self.docker, "image", "inspect", name)
 
+    def remove_labelled(self, label):
+        """Removes all containers that bear a label, ended ones too, and its volumes: a container that ended still holds them."""
+        def none_left():
+            left = False
+            for kind, listed in [("container", ["ls", "--all", "--quiet"]), ("volume", ["ls", "--quiet"])]:
+                found = self(kind, *listed, "--filter", f"label={label}").split()
+                if found:
+                    self(kind, "rm", "--force", *found, check=False)
+                    left = True
+            return not left
+
+        wait_for(f"what bears {label} to go", none_left, 60)
+
     def make_base_image(self):
         if self.has_image(BASE):
             return

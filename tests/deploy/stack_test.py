@@ -9,7 +9,7 @@ import tempfile
 from cluster import ROLES, Cluster
 from engine import IMAGE, PROMETHEUS_IMAGE, ROOT, Failure, run, running_engine, say, skip, wait_for
 
-STACK = "slalomtest"
+STACK = "slalom_stack_test"
 
 # Grafana's image comes from a registry, which a test does without.
 WITHOUT_GRAFANA = 'version: "3.8"\nservices: {grafana: {deploy: {replicas: 0}}}\n'
@@ -26,6 +26,8 @@ def main():
         overlay = pathlib.Path(scratch) / "without-grafana.yml"
         overlay.write_text(WITHOUT_GRAFANA)
 
+        label = f"com.docker.stack.namespace={STACK}"
+        engine.remove_labelled(label)  # What a run that was killed has left.
         engine("swarm", "init", "--advertise-addr", "127.0.0.1")
         cluster = Cluster(engine, f"com.docker.swarm.service.name={STACK}_{{}}")
         try:
@@ -40,11 +42,9 @@ def main():
             raise
         finally:
             engine("stack", "rm", STACK, check=False)
-            wait_for("the stack's containers to end",
-                     lambda: not engine("ps", "--quiet", "--filter", f"label=com.docker.stack.namespace={STACK}"), 60)
+            wait_for("the stack's containers to end", lambda: not engine("ps", "--quiet", "--filter", f"label={label}"), 60)
             engine("swarm", "leave", "--force", check=False)
-            volumes = engine("volume", "ls", "--quiet", "--filter", f"label=com.docker.stack.namespace={STACK}").split()
-            wait_for("the stack's volumes to go", lambda: not volumes or engine("volume", "rm", "--force", *volumes, check=False), 60)
+            engine.remove_labelled(label)
         say("passed")
 
 
