@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
 #include <limits>
 #include <utility>
 
@@ -21,10 +20,6 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 constexpr milliseconds kWait{100};
-constexpr char kHeader[] =
-    "unix_s,policy_version,courses,episodes,success_rate,success_low,success_high,collision_rate,"
-    "timeout_rate,traversal_time_s,barn_score,evaluation_s\n";
-
 proto::Hello MakeHello(const EvaluatorIdentity& identity, int num_beams) {
   proto::Hello hello;
   hello.role = "evaluator";
@@ -50,6 +45,7 @@ EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config,
       read_policy_(std::move(read_policy)),
       parallel_(parallel),
       registry_(registry),
+      scores_(identity_.state_directory / "scores.csv", identity_.course_set),
       replay_(context, identity_.replay, MakeHello(identity_, environment.lidar.num_beams)),
       policy_(context, identity_.learner, identity_.name,
               [this](std::span<const std::byte> policy) {
@@ -57,8 +53,7 @@ EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config,
                 newest_.assign(reinterpret_cast<const char*>(policy.data()), policy.size());
                 return std::nullopt;
               }) {
-  base::MakeDirectories(identity_.state_directory);
-  if (!fs::exists(scores())) base::WriteFileAtomically(scores(), kHeader);
+  if (fs::exists(best())) best_success_rate_ = scores_.best_before();
   registry_.counter(metrics::kEvaluations);
 }
 
@@ -105,9 +100,15 @@ void EvaluatorService::Score(std::stop_token stop) {
   if (!evaluation) return;
   Record(*evaluation, version, std::chrono::duration<double>(steady_clock::now() - began).count());
   const double success_rate = evaluation->summary.set.success_rate.value;
-  if (success_rate > best_success_rate_) {
+  if (success_rate > best_success_rate_) KeepBest(policy, success_rate);
+}
+
+void EvaluatorService::KeepBest(std::string_view policy, double success_rate) {
+  try {
+    base::WriteFileAtomically(best(), policy);
     best_success_rate_ = success_rate;
-    base::WriteFileAtomically(identity_.state_directory / "best.safetensors", policy);
+  } catch (const base::Error& error) {
+    spdlog::error("{}; the best policy so far is not kept", error.what());
   }
 }
 
@@ -116,14 +117,9 @@ void EvaluatorService::Record(const Evaluation& evaluation, std::int64_t version
   const Interval interval = set.success_rate.interval.value_or(Interval{0.0, 1.0});
   const double time =
       set.traversal_time ? set.traversal_time->value : std::numeric_limits<double>::quiet_NaN();
-  std::ofstream file(scores(), std::ios::app);
-  file << fmt::format("{:.0f},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{},{:.4f},{:.2f}\n",
-                      base::UnixSeconds(), version, identity_.course_set, set.num_episodes,
-                      set.success_rate.value, interval.low, interval.high, set.collision_rate.value,
-                      set.timeout_rate.value, set.traversal_time ? fmt::format("{:.2f}", time) : "",
-                      set.barn_score.value, seconds);
-  file.flush();
-  if (!file) throw base::Error(fmt::format("{}: cannot write", scores().string()));
+  if (const auto failure = scores_.Append(set, version, seconds)) {
+    spdlog::error("{}; the score is in the log alone", failure->text);
+  }
   const std::string_view courses = identity_.course_set;
   registry_.counter(metrics::kEvaluations).Increment();
   registry_.gauge(metrics::kEvaluationVersion).Set(static_cast<double>(version));

@@ -8,12 +8,14 @@
 #include <span>
 #include <stop_token>
 #include <string>
+#include <string_view>
 
 #include "base/parallel.h"
 #include "base/result.h"
 #include "env/agent.h"
 #include "eval/evaluation.h"
 #include "eval/service/evaluator_service_config.h"
+#include "eval/service/score_log.h"
 #include "metrics/registry.h"
 #include "service/policy_link.h"
 #include "service/replay_link.h"
@@ -35,8 +37,9 @@ struct EvaluatorIdentity {
 };
 
 /// Follows the learner's policies and scores them on courses, one after the other, always the
-/// newest. Writes a line of scores.csv for each, keeps the best one seen as best.safetensors, and
-/// shows both as metrics. Confined to the thread that made it.
+/// newest. Writes a line of scores.csv for each, keeps the best one on this course set, over all
+/// its lives, as best.safetensors, and shows both as metrics. A full disk is said and costs the
+/// line or the file, no more. Confined to the thread that made it.
 class EvaluatorService {
  public:
   /// Reads a policy file's bytes: what makes agents that drive with it, or why none can.
@@ -48,8 +51,8 @@ class EvaluatorService {
                    EvaluatorIdentity identity, ReadPolicy read_policy, base::ParallelFor& parallel,
                    transport::Context& context, metrics::Registry& registry);
 
-  /// Works until `stop`. Throws `base::Error` where a server refuses this process for good, a
-  /// policy is of another spec, or a score cannot be written.
+  /// Works until `stop`. Throws `base::Error` where a server refuses this process for good, or a
+  /// policy is of another spec.
   void Run(std::stop_token stop);
 
  private:
@@ -59,7 +62,10 @@ class EvaluatorService {
   void Record(const Evaluation& evaluation, std::int64_t version, double seconds);
   proto::Report MakeReport() const;
 
-  std::filesystem::path scores() const { return identity_.state_directory / "scores.csv"; }
+  /// Keeps the policy, which scored better than all before.
+  void KeepBest(std::string_view policy, double success_rate);
+
+  std::filesystem::path best() const { return identity_.state_directory / "best.safetensors"; }
 
   const EvaluatorServiceConfig config_;
   const EvaluationConfig evaluation_;
@@ -69,6 +75,7 @@ class EvaluatorService {
   const ReadPolicy read_policy_;
   base::ParallelFor& parallel_;
   metrics::Registry& registry_;
+  ScoreLog scores_;
   service::ReplayLink replay_;
   service::PolicyLink policy_;
 

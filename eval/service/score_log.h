@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "base/append_file.h"
+#include "eval/summary.h"
+
+namespace slalom::eval {
+
+/// scores.csv: a line for each policy that an evaluator scored. Thread-compatible.
+class ScoreLog {
+ public:
+  /// Goes on behind what is there. Throws `base::Error` where it cannot be read or written.
+  ScoreLog(std::filesystem::path path, std::string course_set);
+
+  /// Adds the line of policy `version`, scored in `seconds`. Fails where it cannot be written.
+  [[nodiscard]] std::optional<base::Failure> Append(const Figures& set, std::int64_t version,
+                                                    double seconds);
+
+  /// The best success rate on this course set that the file held when it was opened, to four
+  /// digits; -1: none.
+  double best_before() const { return best_before_; }
+
+ private:
+  std::string course_set_;
+  double best_before_;
+  base::AppendFile file_;
+};
+
+}  // namespace slalom::eval
