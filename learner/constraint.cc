@@ -38,13 +38,12 @@ void Constraint::AddActionGradient(at::Tensor& action_gradient) {
   action_gradient.sub_(critics_.ActionGradient(nullptr), multiplier_);
 }
 
-void Constraint::Observe(double collisions, std::int64_t num_episodes) {
-  const std::int64_t finished = num_episodes - num_episodes_;
-  num_episodes_ = num_episodes;  // An actor that starts anew counts from 0 again.
+void Constraint::Observe(double collisions, std::int64_t finished) {
   if (finished <= 0 || std::isnan(collisions)) return;
+  num_episodes_ += finished;
   const double rise = std::isnan(collisions_) ? 0.0 : std::max(0.0, collisions - collisions_);
   collisions_ = collisions;
-  if (config_.kind == "fixed" || static_cast<double>(num_episodes) < config_.learning_starts) {
+  if (config_.kind == "fixed" || static_cast<double>(num_episodes_) < config_.learning_starts) {
     return;
   }
   // lambda <- [K_P Delta + I + K_D rise]_+, I <- [I + K_I Delta]_+, once for each episode.

@@ -40,9 +40,9 @@ class Constraint {
   /// with a from minibatch.actions.
   void AddActionGradient(at::Tensor& action_gradient);
 
-  /// Moves lambda by what training episodes show: `collisions` per episode lately, `num_episodes`
-  /// finished in all. Nothing where none finished since the last call.
-  void Observe(double collisions, std::int64_t num_episodes);
+  /// Moves lambda by what training episodes show: `collisions` per episode lately (NaN: not known),
+  /// and how many have `finished` since the last call. Nothing where none did.
+  void Observe(double collisions, std::int64_t finished);
 
   double multiplier() const { return multiplier_; }
   void Describe(LearnerStats& stats) const;
@@ -60,7 +60,7 @@ class Constraint {
   double integral_;
   double multiplier_;
   double collisions_ = LearnerStats::kNone;  // At the last look.
-  std::int64_t num_episodes_ = 0;
+  std::int64_t num_episodes_ = 0;            // That were looked at.
 };
 
 }  // namespace slalom::learner

@@ -40,6 +40,14 @@ const MethodConfig& Checked(const MethodConfig& method) {
                     learner.log_std_min, learner.log_std_max));
   }
   const ConstraintConfig& constraint = method.constraint;
+  const ConstraintConfig defaults;
+  if (constraint.kind == "none" &&
+      (constraint.limit != defaults.limit || constraint.multiplier != defaults.multiplier)) {
+    throw base::Error(
+        fmt::format("constraint.limit is {} and constraint.multiplier is {}, expected "
+                    "constraint.kind = \"lagrangian\" or \"fixed\": nothing counts the cost",
+                    constraint.limit, constraint.multiplier));
+  }
   if (constraint.kind == "fixed" && constraint.multiplier == 0.0) {
     throw base::Error(
         "constraint.multiplier is 0, expected more where constraint.kind is \"fixed\": a cost that "
@@ -205,8 +213,8 @@ std::span<const float> Learner::Errors() {
   return {p.host_errors.data_ptr<float>(), static_cast<std::size_t>(p.host_errors.numel())};
 }
 
-void Learner::ObserveEpisodes(double collisions, std::int64_t num_episodes) {
-  if (parts_->constraint) parts_->constraint->Observe(collisions, num_episodes);
+void Learner::ObserveEpisodes(double collisions, std::int64_t finished) {
+  if (parts_->constraint) parts_->constraint->Observe(collisions, finished);
 }
 
 LearnerStats Learner::ReadStats() {

@@ -57,8 +57,8 @@ class Learner {
   std::span<const float> Errors();
 
   /// What training episodes show lately, for a constraint: collisions per episode (NaN: not
-  /// known) and episodes finished in all.
-  void ObserveEpisodes(double collisions, std::int64_t num_episodes);
+  /// known) and episodes `finished` since the last call.
+  void ObserveEpisodes(double collisions, std::int64_t finished);
 
   /// Reads the statistics and starts new ones. Waits for the device; call it once in many updates.
   LearnerStats ReadStats();

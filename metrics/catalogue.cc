@@ -258,8 +258,9 @@ const Spec kPoliciesReceived =
 const Spec kPolicyBytes =
     GaugeOf("slalom_policy_bytes", "learner", "Size of the policy published.");
 const Spec kPublishToActing = HistogramOf("slalom_publish_to_acting_seconds", "actor",
-                                          "Time from a policy's publication to the first action it "
-                                          "chose; by the clocks of both machines.",
+                                          "Time from a policy's publication until an actor has "
+                                          "installed it, so that its next action is the policy's; "
+                                          "by the clocks of both machines.",
                                           kLatency);
 
 // Checkpoints of the learner
@@ -278,6 +279,9 @@ const Spec kCheckpointBytes =
 const Spec kCheckpointUpdates =
     GaugeOf("slalom_checkpoint_updates", "learner",
             "Updates at which the newest checkpoint stands: what a restart goes on from.");
+const Spec kRunFinished = GaugeOf(
+    "slalom_run_finished", "learner",
+    "1 once the run has the steps or seconds that its config allows: all rest from then on.");
 
 // Evaluation
 const Spec kEvaluations = CounterOf("slalom_evaluations_total", "evaluator", "Policies scored.");
@@ -355,7 +359,7 @@ std::span<const Section> Catalogue() {
         &kPoliciesReceived, &kPolicyBytes, &kPublishToActing}},
       {"Checkpoints of the learner",
        {&kCheckpoints, &kCheckpointFailures, &kCheckpointTimestamp, &kCheckpointSeconds,
-        &kCheckpointBytes, &kCheckpointUpdates}},
+        &kCheckpointBytes, &kCheckpointUpdates, &kRunFinished}},
       {"Evaluation",
        {&kEvaluations, &kEvaluationVersion, &kEvaluationSuccessRate, &kEvaluationCollisionRate,
         &kEvaluationTimeoutRate, &kEvaluationTime, &kEvaluationScore, &kEvaluationDuration}},

@@ -120,6 +120,7 @@ extern const Spec kCheckpointTimestamp;
 extern const Spec kCheckpointSeconds;
 extern const Spec kCheckpointBytes;
 extern const Spec kCheckpointUpdates;
+extern const Spec kRunFinished;
 
 // Evaluation
 extern const Spec kEvaluations;

@@ -172,7 +172,8 @@ void Trainer::Update() {
   }
   if (limiter_.updates() % config_.run.publish_interval != 0) return;
   const actor::ActorStats acting = actor_.stats();
-  learner.ObserveEpisodes(acting.collision_rate, acting.num_episodes);
+  learner.ObserveEpisodes(acting.collision_rate, acting.num_episodes - observed_episodes_);
+  observed_episodes_ = acting.num_episodes;
   collector_->Publish(learner.Snapshot());
 }
 
@@ -223,6 +224,7 @@ void Trainer::TryCheckpoint() {
 void Trainer::Checkpoint() {
   const std::string manifest = storage_.Save(table_);
   const nlohmann::json state = {{"updates_due", limiter_.updates()},
+                                {"observed_episodes", observed_episodes_},
                                 {"sampling", sampling_.state()}};
   run_.Checkpoint(limiter_.steps(), state, [&](const fs::path& directory) {
     policy::SavePolicy(directory / kActingFile, agent_->snapshot(), {});
@@ -249,6 +251,7 @@ void Trainer::Restore() {
 void Trainer::ReadCheckpoint(const fs::path& checkpoint, const nlohmann::json& state) {
   const auto steps = state.at("steps").get<std::int64_t>();
   const auto updates = state.at("updates_due").get<std::int64_t>();
+  const auto observed_episodes = state.at("observed_episodes").get<std::int64_t>();
   const auto sampling = state.at("sampling").get<base::Random::State>();
   const auto acting = policy::LoadPolicy(checkpoint / kActingFile);
   const fs::path actor_path = checkpoint / kActorFile;
@@ -259,6 +262,7 @@ void Trainer::ReadCheckpoint(const fs::path& checkpoint, const nlohmann::json& s
   agent_->SetSnapshot(acting.snapshot);
   actor_.Restore(actor_state);
   limiter_.Restore(steps, updates);
+  observed_episodes_ = observed_episodes;
   sampling_.set_state(sampling);
 }
 

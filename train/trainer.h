@@ -80,7 +80,8 @@ class Trainer {
   replay::Table table_;
   std::vector<replay::SampledRows> rows_;  // One of each kind that an update learns from.
   base::Random sampling_;
-  base::Random diagnostics_;  // Of windows that figures alone are made from.
+  std::int64_t observed_episodes_ = 0;  // That the learner was told of.
+  base::Random diagnostics_;            // Of windows that figures alone are made from.
   replay::SampledRows windows_;
   RateLimiter limiter_;
   // Nothing on disk is touched before all that a bad config can break has been built.

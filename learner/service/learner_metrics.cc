@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <limits>
-
 #include "base/clock.h"
 #include "metrics/catalogue.h"
 
@@ -14,33 +12,6 @@ namespace {
 constexpr double kPatience = 10.0;
 
 }  // namespace
-
-ActorFigures Summarise(const proto::StatusReply& status) {
-  ActorFigures sum;
-  int num_known = 0;
-  for (const proto::RoleStatus& role : status.roles) {
-    if (role.report.role != "actor" || !role.connected) continue;
-    const auto figure = [&role](const char* key) {
-      const auto it = role.report.figures.find(key);
-      return it == role.report.figures.end() ? 0.0 : it->second;
-    };
-    sum.num_episodes += static_cast<std::int64_t>(figure("episodes"));
-    if (!role.report.figures.contains("success_rate")) continue;
-    ++num_known;
-    sum.success_rate += figure("success_rate");
-    sum.collision_rate += figure("collision_rate");
-    sum.timeout_rate += figure("timeout_rate");
-    sum.mean_return += figure("mean_return");
-    sum.mean_length += figure("mean_length");
-  }
-  const double share = num_known > 0 ? 1.0 / num_known : std::numeric_limits<double>::quiet_NaN();
-  sum.success_rate *= share;
-  sum.collision_rate *= share;
-  sum.timeout_rate *= share;
-  sum.mean_return *= share;
-  sum.mean_length *= share;
-  return sum;
-}
 
 LearnerMetrics::LearnerMetrics(metrics::Registry& registry)
     : registry_(registry),
@@ -107,6 +78,10 @@ void LearnerMetrics::AddCheckpoint(double seconds, std::int64_t bytes, std::int6
 
 void LearnerMetrics::AddFailedCheckpoint() {
   registry_.counter(metrics::kCheckpointFailures).Increment();
+}
+
+void LearnerMetrics::SetFinished(bool finished) {
+  registry_.gauge(metrics::kRunFinished).Set(finished ? 1.0 : 0.0);
 }
 
 }  // namespace slalom::learner

@@ -1,26 +1,11 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
 #include "metrics/registry.h"
-#include "proto/messages.h"
 #include "run/metrics_log.h"
 
 namespace slalom::learner {
-
-/// What all actors that report did lately, together. NaN: none has finished an episode.
-struct ActorFigures {
-  std::int64_t num_episodes = 0;
-  double success_rate = 0.0;
-  double collision_rate = 0.0;
-  double timeout_rate = 0.0;
-  double mean_return = 0.0;
-  double mean_length = 0.0;
-};
-
-/// Means over the connected actors of a status.
-ActorFigures Summarise(const proto::StatusReply& status);
 
 /// The figures of a learner process. Confined to one thread.
 class LearnerMetrics {
@@ -37,6 +22,7 @@ class LearnerMetrics {
   void SetStream(int in_flight, double policy_lag, int connections);
   void AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates);
   void AddFailedCheckpoint();
+  void SetFinished(bool finished);
 
  private:
   metrics::Registry& registry_;

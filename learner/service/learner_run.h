@@ -71,7 +71,8 @@ class LearnerRun {
   /// False: the learner diverged, which is then said.
   [[nodiscard]] bool IsWell() const;
 
-  /// Keeps a snapshot where the plan's next time or number of steps has passed.
+  /// Keeps a snapshot where the plan's next time or number of steps has passed. One that cannot be
+  /// written is said and left out.
   void KeepSnapshots();
   /// Writes policy.safetensors.
   void SavePolicy() const;

@@ -142,9 +142,10 @@ void LearnerService::Publish() {
 }
 
 bool LearnerService::Log() {
-  const ActorFigures acting = Summarise(batches_->status().value_or(proto::StatusReply{}));
+  const proto::StatusReply status = batches_->status().value_or(proto::StatusReply{});
   batches_->AskStatus();
-  run_.learner().ObserveEpisodes(acting.collision_rate, acting.num_episodes);
+  const ActorFigures acting = Summarise(status);
+  run_.learner().ObserveEpisodes(acting.collision_rate, finished_episodes_.Take(status));
   run::MetricsRow row;
   row.episodes = acting.num_episodes;
   row.success_rate = acting.success_rate;
@@ -156,6 +157,7 @@ bool LearnerService::Log() {
   row = run_.Complete(row);
   const double lag = static_cast<double>(published_updates_) - acting_version_;
   metrics_.SetLearning(row);
+  metrics_.SetFinished(finished_);
   metrics_.SetStream(batches_->in_flight(), lag, batches_->link().connections());
   metrics_.AddWait(waited_s_);
   waited_s_ = 0.0;

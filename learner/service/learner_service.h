@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "learner/service/actor_figures.h"
 #include "learner/service/batch_stream.h"
 #include "learner/service/learner_metrics.h"
 #include "learner/service/learner_run.h"
@@ -75,6 +76,7 @@ class LearnerService {
   PolicyServer policies_;
   std::unique_ptr<BatchStream> batches_;  // Made with the cursor of the checkpoint.
   LearnerMetrics metrics_;
+  FinishedEpisodes finished_episodes_;
 
   std::uint64_t cursor_ = 0;  ///< Restored.
   std::int64_t table_steps_ = 0;

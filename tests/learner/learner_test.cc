@@ -232,7 +232,7 @@ TEST_P(MethodTest, GoesOnBitForBitAfterARestore) {
   resumed.LoadState(Saved(whole));
   for (Learner* learner : {&whole, &resumed}) {
     Train(*learner, 7, 20);
-    learner->ObserveEpisodes(0.3, 90);
+    learner->ObserveEpisodes(0.3, 20);
   }
   EXPECT_EQ(Saved(whole).tensors, Saved(resumed).tensors);
   EXPECT_NE(whole.ReadStats().multiplier, 1.0);

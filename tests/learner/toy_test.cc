@@ -129,7 +129,7 @@ void Train(const std::string& algorithm, const ConstraintConfig& constraint, int
     chunk.AddFinal(0, observations.frame(0));
     table.Insert(chunk);
     cost_lately += 0.1 * (cost - cost_lately);
-    learner.ObserveEpisodes(cost_lately, episode + 1);
+    learner.ObserveEpisodes(cost_lately, 1);
     if (episode < 10) continue;
     for (int i = 0; i < PointMass::kSteps; ++i) {
       ASSERT_TRUE(table.SampleRows(learner.sample_specs()[0], random, &rows));
