@@ -104,11 +104,31 @@ train::RunConfig TaskOf(const EvaluateOptions& options, const policy::LoadedPoli
   return config;
 }
 
+/// Throws `base::Error` where planning is asked of a policy that cannot.
+void RequirePlannable(const std::string& path, const policy::PolicySnapshot& policy,
+                      const policy::MpcConfig& mpc) {
+  if (!mpc.enabled) return;
+  if (!policy.spec.planning.is_carried()) {
+    throw base::Error(fmt::format(
+        "{}: carries no transition model, expected one where mpc.enabled is true: train "
+        "with model.kind = \"deterministic\" or \"probabilistic\"",
+        path));
+  }
+  if (policy.version < mpc.learning_starts) {
+    throw base::Error(fmt::format(
+        "{}: has had {} updates, expected at least mpc.learning_starts = {} where mpc.enabled is "
+        "true: its model has seen too little to plan with",
+        path, policy.version, mpc.learning_starts));
+  }
+}
+
 std::optional<ScoredRun> DrivePolicy(const EvaluateOptions& options, base::ParallelFor& parallel,
                                      std::stop_token stop) {
   const policy::LoadedPolicy loaded = policy::LoadPolicy(*options.policy);
-  return EvaluatePolicy(loaded.snapshot, *options.policy, TaskOf(options, loaded), options.courses,
-                        parallel, std::move(stop));
+  const train::RunConfig config = TaskOf(options, loaded);
+  RequirePlannable(*options.policy, loaded.snapshot, config.mpc);
+  return EvaluatePolicy(loaded.snapshot, *options.policy, config, options.courses, parallel,
+                        std::move(stop));
 }
 
 std::optional<ScoredRun> DrivePlanner(const EvaluateOptions& options, base::ParallelFor& parallel,

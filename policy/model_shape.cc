@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <string>
+
 #include "base/check.h"
 #include "base/error.h"
 #include "env/observation.h"
@@ -62,7 +64,13 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   layers.encoder_layers = config.encoder_layers;
   layers.head_layers = config.head_layers;
   layers.layer_norm = config.layer_norm;
-  shape.network = CriticShape(layers, frame_size, shape.termination_column() + 1);
+  try {
+    shape.network = CriticShape(layers, frame_size, shape.termination_column() + 1);
+  } catch (const base::Error& error) {
+    std::string text = error.what();  // These layers are the model's own.
+    if (text.starts_with("network.encoder_layers")) text.replace(0, 7, "model");
+    throw base::Error(text);
+  }
   return shape;
 }
 

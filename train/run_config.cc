@@ -11,6 +11,7 @@
 #include "base/file.h"
 #include "config/config.h"
 #include "learner/algorithm.h"
+#include "replay/rows.h"
 #include "sim/course_sets.h"
 #include "sim/scene.h"
 
@@ -59,6 +60,27 @@ void RequireCombination(const RunConfig& config) {
         "constraint.kind is \"{}\", expected \"none\" where environment.episode.collision_ends is "
         "false: the constraint counts episodes that a collision ended",
         config.method.constraint.kind));
+  }
+  if (config.mpc.enabled && config.method.constraint.kind != "none") {
+    throw base::Error(fmt::format(
+        "mpc.enabled is true, expected constraint.kind = \"none\", found \"{}\": a plan is weighed "
+        "by its rewards alone, as a model predicts no cost",
+        config.method.constraint.kind));
+  }
+}
+
+void RequireServable(const RunConfig& config) {
+  // A batch step begins below the limit and adds a row for each environment, and the frame behind
+  // it where its episode ends.
+  const int rows = config.actor_service.chunk_rows - 1 + 2 * config.actor.num_environments;
+  const auto bytes =
+      static_cast<std::int64_t>(replay::RowBytes::Size(rows, config.environment.lidar.num_beams));
+  if (bytes > config.replay_server.max_message_bytes) {
+    throw base::Error(fmt::format(
+        "actor_service.chunk_rows is {} and actor.num_environments {}: a message may have {} rows "
+        "and {} bytes, expected at most replay_server.max_message_bytes = {}",
+        config.actor_service.chunk_rows, config.actor.num_environments, rows, bytes,
+        config.replay_server.max_message_bytes));
   }
 }
 

@@ -152,6 +152,9 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config);
 /// config is for.
 void RequireCombination(const RunConfig& config);
 
+/// Throws `base::Error` where the roles of a service would not get on with each other.
+void RequireServable(const RunConfig& config);
+
 /// Of what is observed, commanded and learned: processes of two runs whose hashes differ refuse
 /// each other. Of the keys that are not at their defaults, so that versions of which one has more
 /// keys agree.

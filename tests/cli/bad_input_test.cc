@@ -1,6 +1,10 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "base/file.h"
 #include "tests/cli/program.h"
 #include "tests/support/scratch_directory.h"
@@ -63,6 +67,61 @@ TEST_F(BadInputTest, SettingsThatContradictEachOtherAreRefused) {
   ExpectError({"train", "tiny.toml", "--set", "actor.noise_min=0.5"}, HasSubstr("noise_min"));
   ExpectError({"train", "tiny.toml", "--set", "environment.robot.control_rate=33"},
               HasSubstr("control_rate"));
+}
+
+TEST_F(BadInputTest, MethodsThatMakeNoSenseAreRefusedWithTheReason) {
+  const auto refuse = [&](std::vector<std::string> settings,
+                          const ::testing::Matcher<std::string>& message) {
+    std::vector<std::string> arguments{"train", "tiny.toml"};
+    for (std::string& setting : settings) {
+      arguments.insert(arguments.end(), {"--set", std::move(setting)});
+    }
+    ExpectError(arguments, message);
+  };
+  refuse({"learner.algorithm=ppo"}, AllOf(HasSubstr("learner.algorithm"), HasSubstr("td3")));
+  refuse({"network.encoder=lstm"}, AllOf(HasSubstr("network.encoder"), HasSubstr("gru")));
+  refuse({"constraint.limit=0.05"}, AllOf(HasSubstr("constraint.limit is 0.05"),
+                                          HasSubstr("expected constraint.kind = \"lagrangian\"")));
+  refuse({"constraint.kind=fixed"}, HasSubstr("constraint.multiplier is 0"));
+  refuse({"imagination.kind=dyna"}, HasSubstr("expected model.kind = \"deterministic\""));
+  const std::string model = "model.kind=probabilistic";
+  refuse({model, "imagination.kind=mbpo", "imagination.imagined_batches=0"},
+         HasSubstr("imagination.imagined_batches is 0"));
+  refuse({model, "imagination.kind=dyna", "imagination.rollout_steps=0"},
+         AllOf(HasSubstr("imagination.rollout_steps is 0"), HasSubstr("[1, 100]")));
+  refuse({model, "imagination.kind=mbpo", "imagination.real_ratio=1.5"},
+         AllOf(HasSubstr("imagination.real_ratio is 1.5"), HasSubstr("[0, 1]")));
+  refuse({model, "imagination.kind=dyna", "learner.prioritized=true", "run.deterministic=false"},
+         HasSubstr("no priority"));
+  refuse({model, "mpc.enabled=true", "constraint.kind=lagrangian"}, HasSubstr("predicts no cost"));
+  refuse({model, "mpc.enabled=true", "mpc.horizon=0"}, HasSubstr("mpc.horizon is 0"));
+  refuse({"mpc.enabled=true"}, HasSubstr("mpc.enabled"));
+  refuse({model, "network.encoder=gru", "network.encoder_layers=[16]", "model.encoder_layers=[]"},
+         HasSubstr("model.encoder_layers: found []"));
+}
+
+TEST_F(BadInputTest, AServiceWhoseMessagesWouldNotFitIsRefused) {
+  ExpectError({"actor", "--config", "tiny.toml", "--set", "actor_service.chunk_rows=16384", "--set",
+               "environment.lidar.num_beams=720"},
+              AllOf(HasSubstr("actor_service.chunk_rows is 16384"),
+                    HasSubstr("replay_server.max_message_bytes")));
+}
+
+TEST_F(BadInputTest, APolicyThatCannotPlanIsRefused) {
+  Train();
+  const std::string path = "runs/tiny/policy.safetensors";
+  ExpectError({"evaluate", "--policy", path, "--courses", "generated:1:1", "--set",
+               "mpc.enabled=true", "--set", "mpc.learning_starts=0"},
+              AllOf(HasSubstr(path), HasSubstr("carries no transition model")));
+  const ProgramResult result =
+      RunProgram({"train", "tiny.toml", "--name", "planner", "--set", "model.kind=deterministic",
+                  "--set", "model.encoder_layers=[]", "--set", "model.head_layers=[8]"},
+                 scratch_.path());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  ExpectError(
+      {"evaluate", "--policy", "runs/planner/policy.safetensors", "--courses", "generated:1:1",
+       "--set", "mpc.enabled=true"},
+      AllOf(HasSubstr("runs/planner/policy.safetensors"), HasSubstr("mpc.learning_starts = 1000")));
 }
 
 TEST_F(BadInputTest, ANameThatNoRoleCanHaveIsRefused) {

@@ -4,6 +4,7 @@
 
 #include <set>
 
+#include "base/error.h"
 #include "base/file.h"
 
 namespace slalom::train {
@@ -31,6 +32,15 @@ TEST(SpecHashTest, WhatIsSeenCommandedOrLearnedChangesIt) {
   other.run.seed = 99;
   other.replay.capacity = 17;
   EXPECT_EQ(SpecHash(other), SpecHash({}));
+}
+
+TEST(RunConfigTest, RolesWhoseMessagesDoNotFitAreNotServed) {
+  RunConfig config;
+  EXPECT_NO_THROW(RequireServable(config));
+  config.actor_service.chunk_rows = 16384;
+  EXPECT_THROW(RequireServable(config), base::Error);
+  config.replay_server.max_message_bytes = 64 << 20;
+  EXPECT_NO_THROW(RequireServable(config));
 }
 
 }  // namespace
