@@ -10,6 +10,7 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "base/log.h"
 #include "transport/endpoint.h"
 
 namespace slalom::transport {
@@ -88,13 +89,14 @@ void Client::Update() {
         ++connections_;
         connected_ = true;
         trouble_.clear();
+        warned_.clear();
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
-        trouble_ = kRefused;
+        Warn(kRefused);
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL:
       case ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL:
-        trouble_ = kSilent;
+        Warn(kSilent);
         break;
       case ZMQ_EVENT_DISCONNECTED:
         if (connected_) trouble_ = kBroke;
@@ -113,6 +115,14 @@ void Client::Update() {
     Open();
     trouble_ = trouble;
   }
+}
+
+/// Of what waiting does not mend, once until it is mended.
+void Client::Warn(const char* trouble) {
+  trouble_ = trouble;
+  if (warned_ == trouble) return;
+  warned_ = trouble;
+  spdlog::warn("{}: {}; trying again", options_.endpoint, trouble);
 }
 
 bool Client::Send(Message&& message) {

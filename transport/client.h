@@ -66,6 +66,7 @@ class Client {
 
   void Open();
   void Update();
+  void Warn(const char* trouble);
 
   Context& context_;
   const ClientOptions options_;
@@ -74,6 +75,7 @@ class Client {
   int connections_ = 0;
   bool connected_ = false;
   std::string trouble_;
+  std::string warned_;  // The last trouble that was said.
   /// When ZeroMQ last lost the connection without saying that it will try again.
   std::optional<Clock::time_point> given_up_;
 };
