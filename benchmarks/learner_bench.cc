@@ -2,8 +2,10 @@
 #include <benchmark/benchmark.h>
 
 #include <ctime>
+#include <optional>
 #include <vector>
 
+#include "base/check.h"
 #include "base/random.h"
 #include "benchmarks/thread_seconds.h"
 #include "learner/algorithm.h"
@@ -147,29 +149,44 @@ double MeasureProducts(const std::vector<Product>& products, bool small_gemm, do
   return total;
 }
 
+/// A learner with a table to sample from, after its first updates.
+class Updates {
+ public:
+  Updates(const policy::PolicySpec& spec, bool layer_norm, const Work& work)
+      : table_(MakeTable(300'000)), spec_(spec) {
+    config_.device = "cpu";
+    config_.average_rate = 0.001;
+    config_.mirror = true;
+    config_.algorithm = work.algorithm;
+    spec_.network.layer_norm = layer_norm;
+    spec_.distribution = learner::DistributionOf(config_);
+    learner_.emplace(method_, spec_, 1);
+    for (int i = 0; i < 20; ++i) Run();
+  }
+
+  void Run() {
+    SLALOM_CHECK(table_.SampleRows(learner_->sample_specs()[0], random_, &rows_));
+    learner_->Update({&rows_, 1}, 0.0);
+  }
+
+  const policy::PolicySpec& spec() const { return spec_; }
+  std::int64_t batch_size() const { return config_.batch_size; }
+
+ private:
+  const replay::Table table_;
+  policy::PolicySpec spec_;
+  learner::MethodConfig method_;
+  learner::LearnerConfig& config_ = method_.learner;
+  std::optional<learner::Learner> learner_;
+  base::Random random_{2};
+  replay::SampledRows rows_;
+};
+
 void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool layer_norm,
                 const Work& work = kTd3) {
   policy::SetMathThreads(1);
-  policy::PolicySpec used = spec;
-  used.network.layer_norm = layer_norm;
-  const replay::Table table = MakeTable(300'000);
-  learner::MethodConfig method;
-  learner::LearnerConfig& config = method.learner;
-  config.device = "cpu";
-  config.average_rate = 0.001;
-  config.mirror = true;
-  config.algorithm = work.algorithm;
-  used.distribution = learner::DistributionOf(config);
-  learner::Learner learner(method, used, 1);
-  base::Random random(2);
-  replay::SampledRows rows;
-  const std::vector<Product> products = ListProducts(used, work, config.batch_size);
-  const auto update = [&] {
-    if (!table.SampleRows(learner.sample_specs()[0], random, &rows))
-      state.SkipWithError("empty table");
-    learner.Update({&rows, 1}, 0.0);
-  };
-  for (int i = 0; i < 20; ++i) update();
+  Updates learner(spec, layer_norm, work);
+  const std::vector<Product> products = ListProducts(learner.spec(), work, learner.batch_size());
   double updates_seconds = 0.0;
   double products_seconds = 0.0;
   double small_gemm_seconds = 0.0;
@@ -182,7 +199,7 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
     small_gemm_seconds += MeasureProducts(products, /*small_gemm=*/true, 0.002);
     state.ResumeTiming();
     const double begin = ThreadSeconds();
-    for (int i = 0; i < 40; ++i) update();
+    for (int i = 0; i < 40; ++i) learner.Run();
     updates_seconds += ThreadSeconds() - begin;
     updates += 40;
     ++rounds;
@@ -212,6 +229,24 @@ BENCHMARK(DdpgUpdateFast)->Unit(benchmark::kMillisecond);
 BENCHMARK(DdpgUpdatePaper)->Unit(benchmark::kMillisecond);
 BENCHMARK(SacUpdateFast)->Unit(benchmark::kMillisecond);
 BENCHMARK(SacUpdatePaper)->Unit(benchmark::kMillisecond);
+
+/// By the clock, with so many threads in each product: whether a second one pays.
+void Td3UpdateByThreads(benchmark::State& state, const policy::PolicySpec& spec) {
+  policy::SetMathThreads(static_cast<int>(state.range(0)));
+  Updates learner(spec, false, kTd3);
+  for (auto _ : state) learner.Run();
+  policy::SetMathThreads(1);
+}
+BENCHMARK_CAPTURE(Td3UpdateByThreads, fast, FastSpec())
+    ->Arg(1)
+    ->Arg(2)
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(Td3UpdateByThreads, paper, policy::PolicySpec{})
+    ->Arg(1)
+    ->Arg(2)
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
 
 /// Sampling and pooling without learning.
 void ReadMinibatch(benchmark::State& state) {

@@ -47,7 +47,7 @@ ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, prese
     ("td3-prioritized", "td3-mlp", ["learner.prioritized=true"]),
 ]}
 for scenario in SCENARIOS:
-    for network in ["mlp", "mlp-h4", "cnn-h4", "gru-h4", "transformer-h4"]:
+    for network in ["mlp"] + [f"{kind}-h{h}" for h in (4, 8) for kind in ("mlp", "cnn", "gru", "transformer")]:
         ROWS[f"{scenario}-{network}"] = (f"configs/fast/td3-{network}.toml", scenario, WALL if scenario == "wall" else [])
 del ROWS["static-mlp"]  # Which is td3.
 
