@@ -53,6 +53,14 @@ std::string Print(const HttpAnswer& answer, bool with_body) {
 
 }  // namespace
 
+std::string AnswerHttp(std::string_view request, const HttpServer::Handler& handler) {
+  const bool whole = request.find("\r\n\r\n") != std::string_view::npos;
+  return Print(whole ? Answer(request, handler)
+                     : HttpAnswer{400, "Bad Request", "text/plain; charset=utf-8",
+                                  "expected a request of at most 8192 bytes\n"},
+               !request.starts_with("HEAD "));
+}
+
 struct HttpServer::Connection {
   int socket;
   steady_clock::time_point end;
@@ -71,10 +79,7 @@ struct HttpServer::Connection {
     const bool whole = request.find("\r\n\r\n") != std::string::npos;
     if (!whole && size > 0 && request.size() <= kMaxRequestBytes) return true;
     if (!whole && request.empty()) return false;
-    answer = Print(whole ? Answer(request, handler)
-                         : HttpAnswer{400, "Bad Request", "text/plain; charset=utf-8",
-                                      "expected a request of at most 8192 bytes\n"},
-                   !request.starts_with("HEAD "));
+    answer = AnswerHttp(request, handler);
     return Write();
   }
 

@@ -45,4 +45,8 @@ class HttpServer {
   std::jthread thread_;
 };
 
+/// What a connection sends for the bytes of a request, which may be anything. Thread-safe as the
+/// handler is.
+std::string AnswerHttp(std::string_view request, const HttpServer::Handler& handler);
+
 }  // namespace slalom::metrics
