@@ -148,9 +148,10 @@ const Spec kJournalSyncTimestamp =
     GaugeOf("slalom_journal_sync_timestamp_seconds", "replay",
             "When the last fdatasync ended, in seconds since 1970; everything acknowledged before "
             "survives a loss of power.");
-const Spec kJournalFailing =
-    GaugeOf("slalom_journal_failing", "replay",
-            "1 while the journal cannot be written (nothing is acknowledged then), else 0.");
+const Spec kJournalFailing = GaugeOf(
+    "slalom_journal_failing", "replay",
+    "1 while the journal cannot be written (nothing is acknowledged then) or synced (what is "
+    "acknowledged may not outlive a loss of power), else 0.");
 const Spec kJournalErrors =
     CounterOf("slalom_journal_errors_total", "replay", "Writes and syncs that failed.");
 const Spec kJournalRecoveredSteps =

@@ -63,6 +63,14 @@ Journal::Journal(const JournalOptions& options, JournalLock lock,
   status_.synced = Clock::now();
   for (const JournalSegment& segment : segments_) status_.disk_bytes += segment.bytes;
   status_.num_segments = static_cast<int>(segments_.size());
+  if (!segments_.empty()) {
+    const std::filesystem::path& last = segments_.back().path;
+    const int fd = ::open(last.c_str(), O_RDONLY | O_CLOEXEC);
+    if (fd < 0) {
+      throw base::Error(fmt::format("{}: cannot open ({})", last.string(), std::strerror(errno)));
+    }
+    file_ = std::make_shared<File>(fd, last);
+  }
   BeginSegment(state, 0);
   writer_ = std::jthread([this] { WriteLoop(); });
   syncer_ = std::jthread([this] { SyncLoop(); });
@@ -124,7 +132,10 @@ void Journal::SavePriorities(std::string bytes) {
 
 Journal::Status Journal::status() const {
   base::MutexLock lock(mutex_);
-  return status_;
+  Status status = status_;
+  status.blocked = !write_fault_.empty();
+  status.failing = status.blocked ? write_fault_ : sync_fault_;
+  return status;
 }
 
 void Journal::WriteLoop() {
@@ -170,13 +181,28 @@ bool Journal::WriteBatch(const std::vector<Entry>& batch) {
   status_.waiting_bytes -= size;
   status_.written_bytes += size;
   status_.disk_bytes += size;
-  status_.failing.clear();
+  write_fault_.clear();
   segments_.back().end_row = batch.back().end_row;
   segments_.back().bytes = offset_;
   return true;
 }
 
+// What follows must not outlast a loss of power without it: a recovery would begin with what
+// follows, and drop all before.
+bool Journal::SealSegment() {
+  if (!file_) return true;
+  while (::fdatasync(file_->fd()) != 0) {
+    if (!WaitAfterFailure(fmt::format("{}: cannot sync before the next segment ({})",
+                                      file_->path().string(), std::strerror(errno)))) {
+      return false;
+    }
+  }
+  base::SyncDirectory(options_.directory);
+  return true;
+}
+
 bool Journal::OpenSegment(const Entry& entry) {
+  if (!SealSegment()) return false;
   const std::filesystem::path path =
       options_.directory / fmt::format("journal-{:08}.log", next_index_);
   int fd = -1;
@@ -237,7 +263,7 @@ bool Journal::WaitAfterFailure(const std::string& what) {
   }
   base::MutexLock lock(mutex_);
   ++status_.failures;
-  status_.failing = what;
+  write_fault_ = what;
   if (!closing_) closing_changed_.WaitFor(mutex_, kRetryInterval);
   return !closing_;
 }
@@ -295,10 +321,11 @@ void Journal::SyncOnce() {
   status_.sync_s += std::chrono::duration<double>(Clock::now() - begin).count();
   if (!failure.empty()) {
     ++status_.failures;
-    if (status_.failing.empty()) spdlog::error("{}", failure);
-    status_.failing = failure;
+    if (sync_fault_.empty()) spdlog::error("{}", failure);
+    sync_fault_ = failure;
     return;
   }
+  sync_fault_.clear();
   status_.synced = begin;
   // Sealed files are done with; the last goes on.
   for (std::size_t i = 0; i + 1 < files.size(); ++i) std::erase(unsynced_, files[i]);

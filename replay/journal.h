@@ -66,27 +66,29 @@ struct Recovered {
 ///
 /// Where the writer was killed the last record may be torn: it was never `written`, and is cut off.
 /// Damage in the last segment costs what comes after it; damage in an older one (or a segment that
-/// is missing), all before the segment that follows. Damaged bytes are kept beside, as
-/// NAME.damaged; sound segments that are of no use without them are deleted. Throws `base::Error`
-/// where a file cannot be read or cut, or is of another spec or version. Requires: the lock is
-/// held.
+/// is missing), all before the next segment whose beginning is sound. Where there is none, the
+/// damaged one counts as the last. Damaged bytes are kept beside, as NAME.damaged; sound segments
+/// that are of no use without them are deleted. Throws `base::Error` where a file cannot be read
+/// or cut, or is of another spec or version. Requires: the lock is held.
 Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& config);
 
 /// Appends what a replay server accepts to segment files, and tells when it is written.
 ///
 /// A record is *written* when the kernel has it: it then outlives this process, however that ends.
 /// `sync_interval` later it outlives a loss of power, too. Each segment begins with the state that
-/// the records before it led to; those whose rows the table has overwritten are deleted. Where the
-/// disk is full or fails the journal says so, tries again and keeps everything in memory meanwhile
-/// (the caller bounds it: what is not written is not acknowledged).
+/// the records before it led to, and after those are synced, so that a loss of power tears no
+/// segment but the last; those whose rows the table has overwritten are deleted. Where the disk is
+/// full or fails the journal says so, tries again and keeps everything in memory meanwhile (the
+/// caller bounds it: what is not written is not acknowledged).
 ///
 /// The calls belong to one thread, but for `written` and `status`. The rows are not copied: `owner`
-/// keeps them alive until they are written. One thread writes, another syncs, so neither holds up
-/// the caller.
+/// keeps them alive until they are written. One thread writes, and syncs where a segment ends;
+/// another syncs, so neither holds up the caller.
 class Journal final : public RecordLog {
  public:
   /// Begins a segment with this state. `on_written` is called by the writing thread when `written`
-  /// has grown. Throws `base::Error` where no thread can be had.
+  /// has grown. Throws `base::Error` where the last of `segments` cannot be opened or no thread can
+  /// be had.
   Journal(const JournalOptions& options, JournalLock lock, std::vector<JournalSegment> segments,
           std::uint64_t next_index, const StateRecord& state, std::function<void()> on_written);
   /// As `Close`.
@@ -113,7 +115,9 @@ class Journal final : public RecordLog {
     std::int64_t disk_bytes = 0;     ///< Of all segments.
     int num_segments = 0;
     std::int64_t failures = 0;  ///< Attempts to write or sync that failed.
-    std::string failing;        ///< Why the last attempt failed; empty: it did not.
+    bool blocked = false;       ///< The last attempt to write failed: nothing is acknowledged.
+    std::string failing;        ///< Why the last attempt to write, or else to sync, failed; empty:
+                                ///< neither did.
     std::int64_t syncs = 0;
     double sync_s = 0.0;                           ///< That all syncs took.
     std::chrono::steady_clock::time_point synced;  ///< When the last one began that succeeded.
@@ -137,6 +141,7 @@ class Journal final : public RecordLog {
   std::uint64_t Push(Entry entry) EXCLUDES(mutex_);
   void WriteLoop();
   [[nodiscard]] bool WriteBatch(const std::vector<Entry>& batch);
+  [[nodiscard]] bool SealSegment();
   [[nodiscard]] bool OpenSegment(const Entry& entry);
   [[nodiscard]] bool WriteAt(std::int64_t end, std::vector<std::span<const std::byte>> parts);
   /// False: the journal is being closed.
@@ -154,7 +159,7 @@ class Journal final : public RecordLog {
   std::int64_t end_row_ = 0;
 
   // Of the writing thread.
-  std::shared_ptr<File> file_;
+  std::shared_ptr<File> file_;  ///< At first the last that was found; null: none was.
   std::int64_t offset_ = 0;
   std::uint64_t next_index_;
   std::chrono::steady_clock::time_point said_;  ///< When a failure was last logged.
@@ -167,8 +172,10 @@ class Journal final : public RecordLog {
   std::deque<Entry> queue_ GUARDED_BY(mutex_);
   bool closing_ GUARDED_BY(mutex_) = false;
   bool writer_done_ GUARDED_BY(mutex_) = false;
-  Status status_ GUARDED_BY(mutex_);
-  std::vector<JournalSegment> segments_ GUARDED_BY(mutex_);         ///< The last is being written.
+  Status status_ GUARDED_BY(mutex_);                         ///< But for `blocked` and `failing`.
+  std::string write_fault_ GUARDED_BY(mutex_);               ///< Of the last attempt; empty: none.
+  std::string sync_fault_ GUARDED_BY(mutex_);                ///< Likewise.
+  std::vector<JournalSegment> segments_ GUARDED_BY(mutex_);  ///< The last is being written.
   std::vector<std::shared_ptr<File>> unsynced_ GUARDED_BY(mutex_);  ///< Likewise.
   std::int64_t oldest_row_ GUARDED_BY(mutex_) = 0;
   std::string priorities_ GUARDED_BY(mutex_);  ///< To be saved; empty: nothing.

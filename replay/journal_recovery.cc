@@ -68,11 +68,48 @@ void ReadWhole(const fs::path& path, AlignedBuffer<std::byte>* content) {
   }
 }
 
+fs::path DamagedPath(const fs::path& path) { return path.string() + ".damaged"; }
+
+/// Throws where a whole head is of another version or spec.
+void CheckHead(const JournalOptions& options, const fs::path& path, const SegmentHead& head) {
+  if (head.version != SegmentHead::kVersion) {
+    throw base::Error(fmt::format("{}: this replay journal is of version {}, expected {}",
+                                  path.string(), head.version, SegmentHead::kVersion));
+  }
+  if (head.num_beams != options.num_beams || head.spec_hash != options.spec_hash) {
+    throw base::Error(fmt::format(
+        "{}: this replay journal holds {} beams and spec {:016x}, expected {} and {:016x}: it is "
+        "of another run; choose another directory",
+        path.string(), head.num_beams, head.spec_hash, options.num_beams, options.spec_hash));
+  }
+}
+
+/// Whether the records of a segment can be followed without those before it.
+bool BeginsSoundly(std::uint64_t index, std::span<const std::byte> content) {
+  const auto head = ParseSegmentHead(content);
+  if (!head || head->index != index) return false;
+  const ParsedRecord first =
+      ParseRecord(content.subspan(SegmentHead::kBytes), {index, SegmentHead::kBytes});
+  return first.record && std::holds_alternative<StateRecord>(*first.record);
+}
+
+/// Whether any of these segments begins soundly. Throws as `CheckHead`. Cost: reads them.
+bool AnyBeginsSoundly(const JournalOptions& options,
+                      std::span<const std::pair<std::uint64_t, fs::path>> segments) {
+  AlignedBuffer<std::byte> content;
+  return std::ranges::any_of(segments, [&](const auto& segment) {
+    ReadWhole(segment.second, &content);
+    const std::span<const std::byte> bytes(content.data(), content.size());
+    if (const auto head = ParseSegmentHead(bytes)) CheckHead(options, segment.second, *head);
+    return BeginsSoundly(segment.first, bytes);
+  });
+}
+
 /// Keeps the bytes of a segment from `offset` on beside it, and cuts them off.
 void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t offset,
            bool keep) {
   if (keep) {
-    std::ofstream out(path.string() + ".damaged", std::ios::binary);
+    std::ofstream out(DamagedPath(path), std::ios::binary);
     out.write(reinterpret_cast<const char*>(content.data() + offset),
               static_cast<std::streamsize>(content.size() - offset));
   }
@@ -104,19 +141,10 @@ class Replayer {
     if (end.torn) return end;
     const auto head = ParseSegmentHead(content);
     if (!head) end.damage = head.failure().text;
-    if (head && head->version != SegmentHead::kVersion) {
-      throw base::Error(fmt::format("{}: this replay journal is of version {}, expected {}",
-                                    path.string(), head->version, SegmentHead::kVersion));
-    }
-    if (head && (head->num_beams != beams() || head->spec_hash != options_.spec_hash)) {
-      throw base::Error(fmt::format(
-          "{}: this replay journal holds {} beams and spec {:016x}, expected {} and {:016x}: it is "
-          "of another run; choose another directory",
-          path.string(), head->num_beams, head->spec_hash, beams(), options_.spec_hash));
-    }
+    if (head) CheckHead(options_, path, *head);
     if (head && head->index != index) end.damage = "its name is that of another segment";
     if (!end.damage.empty()) return end;
-    end.gap = started_ && head->first_row != next_row();
+    end.gap = started_ && head->first_row != next_row() && BeginsSoundly(index, content);
     if (end.gap) return end;
     for (std::size_t offset = SegmentHead::kBytes; end.offset < content.size();
          end.offset = offset) {
@@ -274,22 +302,26 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
       end = replayer.Follow(index, path, bytes);
     }
     const std::string why = end.torn ? "the last record is torn" : end.damage;
-    if (!why.empty() && i + 1 < listed.size()) {
-      notes.push_back(
-          fmt::format("{}: damaged at byte {}: {}; the table begins with the segment after it",
-                      path.string(), end.offset, why));
+    const auto behind = static_cast<std::int64_t>(content.size() - end.offset);
+    if (!why.empty() && AnyBeginsSoundly(options, std::span(listed).subspan(i + 1))) {
+      notes.push_back(fmt::format(
+          "{}: damaged at byte {}: {}; the table begins with a segment after it; kept as {}",
+          path.string(), end.offset, why, DamagedPath(path).filename().string()));
       drop();
-      lost_rows += static_cast<std::int64_t>(content.size() - end.offset) / row_bytes;
+      lost_rows += behind / row_bytes;
       std::error_code ignored;
-      fs::rename(path, path.string() + ".damaged", ignored);
+      fs::rename(path, DamagedPath(path), ignored);
       continue;
     }
     if (!why.empty()) {
-      const auto behind = static_cast<std::int64_t>(content.size() - end.offset);
-      notes.push_back(fmt::format("{}: at byte {}: {}; the {} bytes from there on are cut off",
-                                  path.string(), end.offset, why, behind));
-      CutAt(path, bytes, end.offset, !end.torn);
-      if (!end.torn) lost_rows += behind / row_bytes;
+      // The writer, killed, tears the last record of all, which it never said was written.
+      const bool killed = end.torn && i + 1 == listed.size();
+      const bool keep = !killed && behind > 0;
+      notes.push_back(fmt::format(
+          "{}: at byte {}: {}; the {} bytes from there on are cut off{}", path.string(), end.offset,
+          why, behind, keep ? ", kept as " + DamagedPath(path).filename().string() : ""));
+      CutAt(path, bytes, end.offset, keep);
+      if (!killed) lost_rows += behind / row_bytes;
     }
     if (end.offset == 0) continue;
     segments.push_back({path, replayer.next_row(), static_cast<std::int64_t>(end.offset)});

@@ -48,9 +48,9 @@ struct ReplayServerConfig {
     v("priority_exponent", priority_exponent, base::Range{0.0, 1.0}, "",
       "alpha of prioritized sampling: how much priorities count, 0 being uniform.");
     v("silence", silence, base::Range{1.0, 3600.0}, "s",
-      "After which a peer that sends nothing counts as gone: a learner that is gone holds no "
-      "insert, "
-      "an actor that is gone has no share of the window.");
+      "After which a peer that sends nothing counts as gone: an actor that is gone has no share of "
+      "the window, the status shows it as not connected. Inserts wait for a learner that is gone, "
+      "too.");
   }
 };
 

@@ -30,18 +30,18 @@ InsertDesk::InsertDesk(const Options& options, Sessions sessions, Table* table,
       log_(log),
       outbox_(outbox) {
   for (const auto& [id, session] : sessions_.all()) {
-    live_[id] = {.peer = {},
-                 .received = session.next_sequence,
-                 .safe = session.next_sequence,
-                 .held = {},
-                 .welcome_at = {},
-                 .heard = {}};
+    Live& live = live_[id];
+    live.received = live.safe = session.next_sequence;
   }
 }
 
 void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) {
   if (hello.session == 0) {
     return Refuse(peer, RefusalCode::kBadMessage, "an actor's session is 0, expected 1 or more", 0);
+  }
+  if (hello.num_streams < 1) {
+    return Refuse(peer, RefusalCode::kBadMessage, "an actor's streams are 0, expected 1 or more",
+                  hello.session);
   }
   const Session* const known = sessions_.FindName(hello.name);
   if (known != nullptr && hello.session < known->number) {

@@ -62,7 +62,8 @@ class InsertDesk {
              RecordLog* log, Outbox* outbox);
 
   /// An actor begins or takes up a session; the welcome goes out when all that it tells is written.
-  /// Requires: beams and spec are those of the table.
+  /// A hello without session or streams is refused. Requires: it is within the bounds of
+  /// `proto::Decode`, beams and spec are those of the table.
   void Hello(const transport::PeerId& peer, const proto::Hello& hello, Time now);
   void Insert(const transport::PeerId& peer, const proto::Insert& insert, transport::Frame payload,
               Time now);

@@ -26,7 +26,9 @@ class SampleDesk {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
-  static constexpr std::size_t kMaxRequests = 64;  ///< Of a peer, unanswered.
+  /// Of a peer, unanswered: the largest `learner_service.prefetch`, 256 updates, of up to four
+  /// batches each.
+  static constexpr std::size_t kMaxRequests = 1024;
 
   struct Options {
     std::uint64_t seed = 1;
@@ -53,7 +55,8 @@ class SampleDesk {
                      std::span<const std::byte> payload);
   /// Its connection is no more: what it asked for is no longer wanted.
   void Gone(const transport::PeerId& peer);
-  /// It has sent nothing for long: it holds no insert until it asks for the next sample.
+  /// It has sent nothing for long: until it asks for the next sample, its place gives way to other
+  /// learners' first (`RateLimiter::Leave`). Inserts stay held for it.
   void Silent(const transport::PeerId& peer);
 
   /// Answers at most `max_replies` of the requests that are due, peers in turn. `acting_version`:

@@ -229,11 +229,12 @@ void ReplayServer::Take(transport::Server::Received received, Time now) {
     const bool stranger = !std::holds_alternative<proto::Hello>(*header) &&
                           !peers_.contains(received.peer) &&
                           (!received.role || MaySend(ToString(*received.role), *header));
-    return Refuse(received.peer,
-                  {.code = stranger ? RefusalCode::kNoSession : RefusalCode::kNotAllowed,
-                   .text = fmt::format("{} is not for this role to send here, or before hello",
-                                       proto::NameOf(*header)),
-                   .about = 0});
+    return Refuse(
+        received.peer,
+        {.code = stranger ? RefusalCode::kNoSession : RefusalCode::kNotAllowed,
+         .text = fmt::format("{} is not for this role and name to send here, or before hello",
+                             proto::NameOf(*header)),
+         .about = 0});
   }
   if (const auto it = peers_.find(received.peer); it != peers_.end()) {
     it->second.heard = now;
@@ -246,12 +247,17 @@ bool ReplayServer::IsAllowed(const transport::Server::Received& received,
                              const proto::Header& header) const {
   const auto* const hello = std::get_if<proto::Hello>(&header);
   const auto known = peers_.find(received.peer);
+  if (const auto* const report = std::get_if<proto::Report>(&header)) {
+    // Nobody reports for another: the learner acts on what actors say of themselves.
+    return known != peers_.end() && MaySend(known->second.role, header) &&
+           report->role == known->second.role && report->name == known->second.name;
+  }
   if (received.role) {
     const std::string_view role = ToString(*received.role);
     if (hello != nullptr && hello->role != role) return false;
     // Who sends what is counted to a name is known from the hello only.
-    const bool needs_hello = !std::holds_alternative<proto::StatusRequest>(header) &&
-                             !std::holds_alternative<proto::Report>(header) && hello == nullptr;
+    const bool needs_hello =
+        !std::holds_alternative<proto::StatusRequest>(header) && hello == nullptr;
     return MaySend(role, header) && (!needs_hello || known != peers_.end());
   }
   if (hello != nullptr) return MaySend(hello->role, header);

@@ -63,7 +63,8 @@ class ReplayServer {
   void Handle(const transport::PeerId& peer, const proto::Header& header, transport::Frame payload,
               Time now);
   void Greet(const transport::PeerId& peer, const proto::Hello& hello, Time now);
-  /// Whether the sender may send this message: by its key, else by what it said in its hello.
+  /// Whether the sender may send this message: by its key, else by what it said in its hello. A
+  /// report must be of the role and name of that hello.
   bool IsAllowed(const transport::Server::Received& received, const proto::Header& header) const;
   void Answer(const transport::PeerId& peer, const proto::Header& header);
   void Refuse(const transport::PeerId& peer, const proto::Refusal& refusal);

@@ -21,25 +21,34 @@ std::size_t SizeOf(const proto::Report& report) {
 }  // namespace
 
 void StatusBoard::Put(proto::Report report, Time now) {
+  const auto erase = [this](auto it) {
+    bytes_ -= it->second.bytes;
+    entries_.erase(it);
+  };
   const std::pair key(report.role, report.name);
-  if (!entries_.contains(key) && entries_.size() >= static_cast<std::size_t>(proto::kMaxRoles)) {
-    entries_.erase(std::min_element(
-        entries_.begin(), entries_.end(),
-        [](const auto& a, const auto& b) { return a.second.came < b.second.came; }));
+  if (const auto it = entries_.find(key); it != entries_.end()) erase(it);
+  const std::size_t bytes = SizeOf(report);
+  while (!entries_.empty() && (entries_.size() >= static_cast<std::size_t>(proto::kMaxRoles) ||
+                               bytes_ + bytes > kMaxBytes)) {
+    erase(std::min_element(entries_.begin(), entries_.end(), [](const auto& a, const auto& b) {
+      return a.second.came < b.second.came;
+    }));
   }
-  entries_[key] = {std::move(report), now};
+  entries_[key] = {std::move(report), now, bytes};
+  bytes_ += bytes;
 }
 
 proto::StatusReply StatusBoard::Reply(Time now) const {
   proto::StatusReply reply;
   std::size_t size = 0;
   for (const auto& [key, entry] : entries_) {
-    size += SizeOf(entry.report);
+    size += entry.bytes;
     if (size > kMaxReplyBytes) break;
     const std::chrono::duration<double> age = now - entry.came;
     reply.roles.push_back(
         {.report = entry.report, .age_s = age.count(), .connected = age < silence_});
   }
+  reply.omitted = static_cast<int>(entries_.size() - reply.roles.size());
   return reply;
 }
 

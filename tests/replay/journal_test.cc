@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "tests/replay/failing_syncs.h"
 #include "tests/replay/journal_scene.h"
 #include "tests/support/scratch_directory.h"
 
@@ -147,6 +148,44 @@ TEST(JournalTest, AMissingSegmentIsNoticed) {
   EXPECT_THAT(written.Recover().notes, IsEmpty());
 }
 
+// What a loss of power leaves where the disk wrote the files in another order: the segment after
+// the damaged one holds nothing. The damaged one is then the last, and what stands before stays.
+TEST(JournalTest, DamageBeforeSegmentsOfNoUseCostsOnlyWhatComesAfterIt) {
+  Written written;
+  const std::uint64_t segment = written.names.size() - 2;
+  const std::string name = written.names[segment];
+  const std::string last = written.names.back();
+  const std::string tail = written.files[last];
+  std::string other = tail;
+  other[SegmentHead::kBytes + 40] ^= 1;  // In its state, under a sound head.
+  const std::size_t size = written.files[name].size();
+  for (const std::string& rest : {std::string(), tail.substr(0, 30), tail.substr(0, 56), other}) {
+    for (std::size_t at = 0; at < size; at += 97) {
+      for (const bool torn : {false, true}) {
+        SCOPED_TRACE("byte " + std::to_string(at) + ", " + std::to_string(rest.size()) + " after");
+        auto files = written.files;
+        files[last] = rest;
+        files[name][at] = static_cast<char>(files[name][at] ^ 1);
+        if (torn) files[name].resize(at);
+        WriteSegments(written.scratch.path(), files);
+        std::string expected;
+        bool at_end = false;
+        for (const auto& mark : written.scene.marks()) {
+          if (mark.segment < segment || (mark.segment == segment && mark.end <= std::int64_t(at))) {
+            expected = mark.state;
+          }
+          at_end |= mark.segment == segment && mark.end == std::int64_t(at);
+        }
+        const Recovered recovered = written.Recover();
+        ASSERT_EQ(JournalScene::Describe(recovered.table, recovered.sessions), expected);
+        ASSERT_THAT(recovered.notes, SizeIs(torn && at_end ? 1 : 2));
+        ASSERT_TRUE(torn || fs::exists(written.scratch.path() / (name + ".damaged")));
+        ASSERT_THAT(written.Recover().notes, IsEmpty());
+      }
+    }
+  }
+}
+
 // Kill after kill: each start goes on where the last whole record stood, over many turns of the
 // ring, and segments that are no longer needed go.
 TEST(JournalTest, GoesOnAfterEveryKill) {
@@ -253,6 +292,68 @@ TEST(JournalTest, ClosesOnAFullDisk) {
   }
   const Recovered recovered = RecoverJournal(scene.options(), scene.config());
   EXPECT_EQ(JournalScene::Describe(recovered.table, recovered.sessions), expected);
+}
+
+// A write that works says nothing of the disk.
+TEST(JournalTest, AFailingSyncIsToldUntilOneSucceeds) {
+  test::ScratchDirectory scratch;
+  JournalScene scene(scratch.path(), 1000, 1 << 20, 3);
+  scene.Open();
+  {
+    const FailingSyncs failing;
+    while (scene.journal().status().failing.empty()) std::this_thread::yield();
+    for (int i = 0; i < 100; ++i) {
+      scene.Append(1);
+      scene.WaitWritten();
+      ASSERT_THAT(scene.journal().status().failing, HasSubstr("cannot sync")) << i;
+      ASSERT_FALSE(scene.journal().status().blocked);
+    }
+  }
+  while (!scene.journal().status().failing.empty()) std::this_thread::yield();
+}
+
+// Else a loss of power could leave what follows without what it follows on.
+TEST(JournalTest, ASegmentBeginsOnlyWhenThoseBeforeItAreSynced) {
+  test::ScratchDirectory scratch;
+  JournalScene scene(scratch.path(), 1000, 2500, 11);
+  const auto wait_until_blocked = [&] {
+    while (scene.journal().written() < scene.appended() &&
+           scene.journal().status().failing.find("before the next segment") == std::string::npos) {
+      std::this_thread::yield();
+    }
+  };
+  scene.Open();
+  scene.WaitWritten();
+  {
+    const FailingSyncs failing;
+    scene.Append(60);
+    wait_until_blocked();
+    std::uint64_t in_first = 0;
+    for (const auto& mark : scene.marks()) in_first += mark.segment == 0;
+    EXPECT_EQ(scene.journal().written(), in_first);
+    EXPECT_TRUE(scene.journal().status().blocked);
+    EXPECT_THAT(ReadSegments(scratch.path()), SizeIs(1));
+  }
+  scene.WaitWritten();
+  EXPECT_FALSE(scene.journal().status().blocked);
+  scene.Close();
+  const std::size_t count = ReadSegments(scratch.path()).size();
+  EXPECT_EQ(count, scene.segments().size());
+  const std::string state = scene.marks().back().state;
+
+  // The same of what a process before this one wrote.
+  {
+    const FailingSyncs failing;
+    scene.Open();
+    wait_until_blocked();
+    EXPECT_EQ(scene.journal().written(), 0u);
+    EXPECT_THAT(ReadSegments(scratch.path()), SizeIs(count));
+  }
+  scene.WaitWritten();
+  scene.Close();
+  const Recovered recovered = RecoverJournal(scene.options(), scene.config());
+  EXPECT_THAT(recovered.notes, IsEmpty());
+  EXPECT_EQ(JournalScene::Describe(recovered.table, recovered.sessions), state);
 }
 
 // Records that anybody may have written, with sound checksums: refused or followed, never more.

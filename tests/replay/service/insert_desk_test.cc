@@ -262,6 +262,27 @@ TEST_F(InsertDeskTest, NamesComeAndGoWithinBounds) {
   EXPECT_LE(server_.table.num_streams(), 2 * Sessions::kMaxNames);
 }
 
+// What protobuf makes of a field that is left out.
+TEST_F(InsertDeskTest, AHelloWithoutSessionOrStreamsIsRefused) {
+  const PeerId nowhere = Greet("a", 0);
+  EXPECT_EQ(Only<proto::Refusal>(nowhere).code, RefusalCode::kBadMessage);
+  const PeerId nothing = Greet("a", 7, 0);
+  const auto refusal = Only<proto::Refusal>(nothing);
+  EXPECT_EQ(refusal.code, RefusalCode::kBadMessage);
+  EXPECT_THAT(refusal.text, testing::HasSubstr("streams"));
+  EXPECT_EQ(refusal.about, 7u);
+  EXPECT_TRUE(server_.desk->sessions().all().empty());
+  // Nor in the place of one that has some.
+  const PeerId sound = Greet("a", 7);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  Only<proto::Welcome>(sound);
+  const PeerId again = Greet("a", 8, 0);
+  EXPECT_EQ(Only<proto::Refusal>(again).code, RefusalCode::kBadMessage);
+  Insert(sound, 7, 0, source_.Next());
+  EXPECT_GT(server_.table.total_inserted(), 0);
+}
+
 TEST_F(InsertDeskTest, ALowerSessionAndAForeignOneAreRefused) {
   const PeerId first = Greet("a", 5);
   const PeerId old = Greet("a", 4);

@@ -1,5 +1,3 @@
-#include "replay/service/server.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -10,62 +8,17 @@
 #include "replay/priority_bytes.h"
 #include "replay/sample_bytes.h"
 #include "tests/replay/service/rows_source.h"
+#include "tests/replay/service/running_server.h"
 #include "tests/replay/service/test_peer.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::replay {
 namespace {
 
-constexpr int kBeams = 3;
+constexpr int kBeams = RunningServer::kBeams;
 constexpr int kStreams = 2;
-constexpr std::uint64_t kSpecHash = 77;
-constexpr std::uint64_t kSeed = 5;
-
-/// A server that runs in a thread until it goes out of scope.
-class RunningServer {
- public:
-  explicit RunningServer(ReplayServerConfig config = {}, double updates_per_step = 10.0,
-                         const std::string& endpoint = "tcp://127.0.0.1:*")
-      : registry_("replay", "replay"),
-        server_(config,
-                {.endpoint = endpoint,
-                 .table = {.capacity = 500},
-                 .num_beams = kBeams,
-                 .spec_hash = kSpecHash,
-                 .seed = kSeed,
-                 .updates_per_step = updates_per_step,
-                 .learning_starts = 8},
-                context_, registry_),
-        thread_([this](std::stop_token stop) { server_.Run(stop); }) {}
-
-  std::string endpoint() const { return server_.endpoint(); }
-
- private:
-  transport::Context context_;
-  metrics::Registry registry_;
-  ReplayServer server_;
-  std::jthread thread_;
-};
-
-proto::Hello HelloOf(const std::string& role, const std::string& name, std::uint64_t session = 0) {
-  return {.role = role,
-          .name = name,
-          .session = session,
-          .spec_hash = kSpecHash,
-          .num_beams = kBeams,
-          .num_streams = kStreams,
-          .software = "test"};
-}
-
-proto::Insert InsertOf(const Chunk& chunk, std::uint64_t session, std::uint64_t sequence) {
-  return {.session = session,
-          .sequence = sequence,
-          .num_rows = chunk.num_rows(),
-          .num_beams = chunk.num_beams,
-          .num_steps = RowsSource::NumSteps(chunk),
-          .oldest_version = 3,
-          .newest_version = 5};
-}
+constexpr std::uint64_t kSpecHash = RunningServer::kSpecHash;
+constexpr std::uint64_t kSeed = RunningServer::kSeed;
 
 /// Inserts chunks and waits for their acknowledgement.
 void InsertAll(TestPeer& actor, RowsSource& source, Table* same, std::uint64_t session,
@@ -285,19 +238,36 @@ TEST(ReplayServerTest, TwoServersInOneDirectoryAreRefused) {
   EXPECT_THROW(RunningServer other(config), base::Error);
 }
 
+void ExpectRefused(TestPeer& peer, proto::RefusalCode code) {
+  const auto refusal = peer.Expect<proto::Refusal>();
+  ASSERT_TRUE(refusal);
+  EXPECT_EQ(refusal->code, code) << refusal->text;
+}
+
+proto::Report ReportOf(const std::string& role, const std::string& name) {
+  return {.role = role, .name = name, .figures = {{"x", 1.0}}, .facts = {}};
+}
+
+/// The names of a role that the status tells.
+std::vector<std::string> NamesOf(TestPeer& peer, const std::string& role) {
+  peer.Send(proto::StatusRequest{});
+  std::vector<std::string> names;
+  const auto reply = peer.Expect<proto::StatusReply>();
+  if (!reply) return names;
+  for (const auto& entry : reply->roles) {
+    if (entry.report.role == role) names.push_back(entry.report.name);
+  }
+  return names;
+}
+
 TEST(ReplayServerTest, RolesMaySendOnlyWhatIsTheirs) {
   RunningServer server;
   transport::Context context;
   TestPeer stranger(context, server.endpoint());
-  const auto expect_refused = [](TestPeer& peer, proto::RefusalCode code) {
-    const auto refusal = peer.Expect<proto::Refusal>();
-    ASSERT_TRUE(refusal);
-    EXPECT_EQ(refusal->code, code) << refusal->text;
-  };
   stranger.Send(proto::Goodbye{.session = 1});
-  expect_refused(stranger, proto::RefusalCode::kNoSession);
+  ExpectRefused(stranger, proto::RefusalCode::kNoSession);
   stranger.Send(HelloOf("king", "k"));
-  expect_refused(stranger, proto::RefusalCode::kNotAllowed);
+  ExpectRefused(stranger, proto::RefusalCode::kNotAllowed);
   stranger.Send(proto::StatusRequest{});
   EXPECT_TRUE(stranger.Expect<proto::StatusReply>());
 
@@ -305,13 +275,76 @@ TEST(ReplayServerTest, RolesMaySendOnlyWhatIsTheirs) {
   evaluator.Send(HelloOf("evaluator", "e"));
   ASSERT_TRUE(evaluator.Expect<proto::Welcome>());
   evaluator.Send(proto::SampleRequest{.cursor = 0, .batch = 1, .history = 1, .n_step = 1});
-  expect_refused(evaluator, proto::RefusalCode::kNotAllowed);
+  ExpectRefused(evaluator, proto::RefusalCode::kNotAllowed);
 
   TestPeer actor(context, server.endpoint());
   proto::Hello hello = HelloOf("actor", "a", 1);
   hello.spec_hash = 1;
   actor.Send(hello);
-  expect_refused(actor, proto::RefusalCode::kWrongSpec);
+  ExpectRefused(actor, proto::RefusalCode::kWrongSpec);
+  // What a reader makes of a field that is left out.
+  hello = HelloOf("actor", "a", 1);
+  hello.num_streams = 0;
+  actor.Send(hello);
+  ExpectRefused(actor, proto::RefusalCode::kBadMessage);
+  actor.Send(HelloOf("actor", "a", 1));
+  EXPECT_TRUE(actor.Expect<proto::Welcome>());
+}
+
+// Reports become the status, and the learner's idea of what actors do.
+TEST(ReplayServerTest, NobodyReportsForAnother) {
+  RunningServer server;
+  transport::Context context;
+  TestPeer actor(context, server.endpoint());
+  actor.Send(ReportOf("actor", "a"));
+  ExpectRefused(actor, proto::RefusalCode::kNoSession);
+  actor.Send(HelloOf("actor", "a", 1));
+  ASSERT_TRUE(actor.Expect<proto::Welcome>());
+  actor.Send(ReportOf("learner", "a"));
+  ExpectRefused(actor, proto::RefusalCode::kNotAllowed);
+  actor.Send(ReportOf("actor", "b"));
+  ExpectRefused(actor, proto::RefusalCode::kNotAllowed);
+  actor.Send(ReportOf("actor", "a"));
+  EXPECT_THAT(NamesOf(actor, "actor"), testing::ElementsAre("a"));
+  EXPECT_THAT(NamesOf(actor, "learner"), testing::IsEmpty());
+}
+
+TEST(ReplayServerTest, AKeysRoleCountsAndNotWhatIsSaid) {
+  const transport::KeyPair own = transport::NewKeyPair(), actors = transport::NewKeyPair(),
+                           learners = transport::NewKeyPair();
+  RunningServer server({}, {.keys = own,
+                            .allowed = {{actors.public_key, transport::Role::kActor},
+                                        {learners.public_key, transport::Role::kLearner}}});
+  transport::Context context;
+  TestPeer actor(context, server.endpoint(), {.keys = actors, .server_key = own.public_key});
+  TestPeer learner(context, server.endpoint(), {.keys = learners, .server_key = own.public_key});
+  const proto::SampleRequest request{.cursor = 0, .batch = 1, .history = 1, .n_step = 1};
+  RowsSource source(kBeams, kStreams, 1);
+  const Chunk chunk = source.Next();
+
+  actor.Send(HelloOf("learner", "l"));
+  ExpectRefused(actor, proto::RefusalCode::kNotAllowed);
+  actor.Send(request);
+  ExpectRefused(actor, proto::RefusalCode::kNotAllowed);
+  actor.Send(HelloOf("actor", "a", 1));
+  ASSERT_TRUE(actor.Expect<proto::Welcome>());
+  actor.Send(request);
+  ExpectRefused(actor, proto::RefusalCode::kNotAllowed);
+  actor.Send(proto::PriorityUpdate{.count = 1});
+  ExpectRefused(actor, proto::RefusalCode::kNotAllowed);
+  actor.Send(ReportOf("learner", "a"));
+  ExpectRefused(actor, proto::RefusalCode::kNotAllowed);
+
+  learner.Send(HelloOf("actor", "a", 2));
+  ExpectRefused(learner, proto::RefusalCode::kNotAllowed);
+  learner.Send(HelloOf("learner", "l"));
+  ASSERT_TRUE(learner.Expect<proto::Welcome>());
+  learner.Send(InsertOf(chunk, 1, 0), RowsSource::Bytes(chunk));
+  ExpectRefused(learner, proto::RefusalCode::kNotAllowed);
+  // The actor's session is still its own.
+  actor.Send(InsertOf(chunk, 1, 0), RowsSource::Bytes(chunk));
+  EXPECT_TRUE(actor.Expect<proto::InsertAck>());
+  EXPECT_THAT(NamesOf(learner, "learner"), testing::IsEmpty());
 }
 
 }  // namespace

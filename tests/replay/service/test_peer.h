@@ -30,11 +30,15 @@ class TestPeer {
  public:
   static constexpr std::chrono::seconds kPatience{20};  // Only where the server is broken.
 
-  TestPeer(transport::Context& context, const std::string& endpoint)
-      : client_(context, {.endpoint = endpoint}) {}
+  TestPeer(transport::Context& context, const std::string& endpoint,
+           transport::ClientSecurity security = {})
+      : client_(context, {.endpoint = endpoint, .security = std::move(security)}) {}
 
   void Send(const proto::Header& header, transport::Frame payload = {}) {
-    transport::Message message = MakeMessage(header, std::move(payload));
+    Send(MakeMessage(header, std::move(payload)));
+  }
+  /// Whatever the bytes are.
+  void Send(transport::Message message) {
     const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (!client_.Send(std::move(message))) {
       ASSERT_LT(std::chrono::steady_clock::now(), deadline) << "the server takes nothing";
