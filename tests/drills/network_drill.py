@@ -14,7 +14,7 @@ import time
 
 from service import Service, check_accounts, main, wait_for
 
-MACHINES = {"replay": "10.77.0.2", "learner": "10.77.0.3", "actor": "10.77.0.4", "operator": "10.77.0.5"}
+MACHINES = {"replay": "10.77.0.2", "learner": "10.77.0.3", "actor": "10.77.0.4", "operator": "10.77.0.5", "evaluator": "10.77.0.6"}
 
 
 def ip(*arguments, check=True):
@@ -69,18 +69,20 @@ def drill(program, *seconds):
         print(f"SKIPPED: no network namespaces here: {error.stderr.strip()}")
         sys.exit(77)
     try:
-        with Service(program, hosts=(MACHINES["replay"], MACHINES["learner"]), wrapper=inside("operator")) as service:
+        with Service(program, hosts=(MACHINES["replay"], MACHINES["learner"]), wrapper=inside("operator"),
+                     more_config="[evaluator_service]\ninterval = 10.0\n") as service:
             keys = os.path.join(service.directory, "keys")
             subprocess.run([service.program, "keys", "new", keys], check=True, capture_output=True)
             with open(service.config, "a") as config:
                 config.write(f'[security]\nkeys = "{keys}"\n')
-            replay, learner, actor = (service.add(role, role, wrapper=inside(role)).start() for role in ("replay", "learner", "actor"))
+            replay, learner, *_ = (service.add(role, role, wrapper=inside(role)).start()
+                                   for role in ("replay", "learner", "actor", "evaluator"))
 
             def progress():
                 for process in service.processes:
                     process.check_alive()
                 return (service.figure("learner", "learner", "updates"), service.figure("replay", "replay", "steps"),
-                        service.figure("actor", "actor", "policy_version"))
+                        service.figure("actor", "actor", "policy_version"), service.figure("evaluator", "evaluator", "policy_version"))
 
             def wait_until_all_goes_on(what, timeout):
                 before = wait_for(f"the status after {what}", progress, timeout)
@@ -90,7 +92,8 @@ def drill(program, *seconds):
 
             wait_until_all_goes_on("the start", 120.0)
             for length in [float(s) for s in seconds] or [1.0, 10.0, 60.0]:
-                for pair in (("actor", "replay"), ("actor", "learner"), ("learner", "replay")):
+                for pair in (("actor", "replay"), ("actor", "learner"), ("learner", "replay"), ("evaluator", "replay"),
+                             ("evaluator", "learner")):
                     cut(*pair)
                     time.sleep(length)
                     mend(*pair)
