@@ -53,7 +53,7 @@ base::AppendFile Open(const fs::path& path) {
 
 }  // namespace
 
-ScoreLog::ScoreLog(fs::path path, std::string course_set)
+ScoreLog::ScoreLog(const fs::path& path, std::string course_set)
     : course_set_(std::move(course_set)),
       best_before_(fs::exists(path) ? BestOf(base::ReadFile(path), course_set_) : -1.0),
       file_(Open(path)) {}

@@ -14,7 +14,7 @@ namespace slalom::eval {
 class ScoreLog {
  public:
   /// Goes on behind what is there. Throws `base::Error` where it cannot be read or written.
-  ScoreLog(std::filesystem::path path, std::string course_set);
+  ScoreLog(const std::filesystem::path& path, std::string course_set);
 
   /// Adds the line of policy `version`, scored in `seconds`. Fails where it cannot be written.
   [[nodiscard]] std::optional<base::Failure> Append(const Figures& set, std::int64_t version,
