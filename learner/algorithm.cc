@@ -39,6 +39,12 @@ const Entry& Find(const LearnerConfig& config) {
 
 }  // namespace
 
+base::OneOf AlgorithmChoices() {
+  base::OneOf names{};
+  for (const Entry& entry : kRegistry) names.choices.push_back(entry.name);
+  return names;
+}
+
 std::unique_ptr<Algorithm> MakeAlgorithm(const AlgorithmContext& context) {
   return Find(context.config).make(context);
 }

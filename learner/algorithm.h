@@ -45,8 +45,9 @@ class Algorithm {
   virtual const at::Tensor& average_parameters() const = 0;  ///< [P], averaged where that is on.
   virtual const at::Tensor& critic_parameters() const = 0;   ///< [K * P]
 
-  /// Actions of the current policy in the minibatch's next states, without noise, for those who
-  /// imagine what comes next. Overwritten by the next call. [B, A]
+  /// Actions in the minibatch's next states, without noise, for those who imagine what comes next:
+  /// the target actor's where there is one (TD3, DDPG), else the current policy's mode (SAC).
+  /// Overwritten by the next call. [B, A]
   virtual const at::Tensor& ActNext() = 0;
 
   /// Adds the figures that are no means (the temperature).

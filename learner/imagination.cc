@@ -40,6 +40,11 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size) {
         "MBPO "
         "cannot run (original-system.md, fault M4)");
   }
+  if (config.imagined_batches == 0) {
+    throw base::Error(
+        "imagination.imagined_batches is 0, expected at least 1 with imagination.kind = \"mbpo\": "
+        "all its updates are from batches that are imagined in part");
+  }
   if (config.rollouts % batch_size != 0) {
     throw base::Error(
         fmt::format("imagination.rollouts is {}, expected a multiple of learner.batch_size = {}",
@@ -85,6 +90,7 @@ Imagination::Imagination(const ImaginationConfig& config, double gamma, const Mo
                   NumStartingStates(config, static_cast<int>(minibatch.reward.size(0))));
 }
 
+/// Janner et al. 2019, algorithm 2, line 6: for M model rollouts do.
 void Imagination::Begin(std::int64_t num_updates) {
   if (config_.kind != "mbpo") return;
   const auto kept = Columns(real_), replayed = Columns(minibatch_);
@@ -99,7 +105,8 @@ void Imagination::Fill(int k) {
     if (config_.as_published) return FillAsPublished(k);
     return FillDyna(k);
   }
-  // Replayed transitions first, other ones in each batch, then imagined ones.
+  // Janner et al. 2019, algorithm 2, line 10: the data that the policy is updated on. Replayed
+  // transitions first, other ones in each batch, then imagined ones.
   const std::int64_t batch = minibatch_.reward.size(0);
   const auto num_real =
       static_cast<std::int64_t>(std::lround(config_.real_ratio * static_cast<double>(batch)));
@@ -112,7 +119,8 @@ void Imagination::Fill(int k) {
   transitions_.Sample(num_real, random_, minibatch_);
 }
 
-/// The minibatch's state, and the one that is rolled forward, are those of `loaded` rows.
+/// Line 7: sample s_t from the replay. The minibatch's state, and the one that is rolled forward,
+/// are those of `loaded` rows.
 void Imagination::StartFrom(std::int64_t row) {
   const std::int64_t batch = minibatch_.reward.size(0);
   minibatch_.features.copy_(trainer_.loaded().features.narrow(0, row, batch));
@@ -137,6 +145,8 @@ void Imagination::Step(bool clip) {
                            minibatch_.next_features);
 }
 
+/// The n-step transition of docs/models.md: r = sum_i gamma^i alive_i r_i, then gamma^n alive_n.
+/// Dyna (Sutton 1990) with n = 1; n steps: original-system.md §5.2.
 void Imagination::FillDyna(int k) {
   StartFrom(k * minibatch_.reward.size(0));
   minibatch_.reward.zero_();
@@ -152,7 +162,7 @@ void Imagination::FillDyna(int k) {
   minibatch_.discount.copy_(alive_).mul_(discount);
 }
 
-/// M3: every step starts from the same state.
+/// original-system.md §5.3, M3: every step starts from the same state.
 void Imagination::FillAsPublished(int k) {
   StartFrom(k * minibatch_.reward.size(0));
   alive_.fill_(1.0);
@@ -168,6 +178,8 @@ void Imagination::FillAsPublished(int k) {
   minibatch_.discount.mul_(alive_);
 }
 
+/// Line 8: a rollout of k = `steps` steps by the policy, added to D_model. A network is drawn
+/// for each step, as in §5 there.
 void Imagination::RollOut(std::int64_t row, int steps) {
   StartFrom(row);
   at::Tensor uniform = at::zeros({minibatch_.reward.size(0)}, at::kFloat);

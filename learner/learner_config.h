@@ -6,6 +6,9 @@
 
 namespace slalom::learner {
 
+/// What `LearnerConfig::algorithm` may be: the names in the registry of algorithm.cc.
+base::OneOf AlgorithmChoices();
+
 /// What learns, and how. The defaults are the original's TD3 (original-system.md §3.1, §3.2).
 struct LearnerConfig {
   std::string algorithm = "td3";
@@ -36,8 +39,7 @@ struct LearnerConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("algorithm", algorithm, base::OneOf{"td3", "ddpg", "sac"}, "",
-      "The update rule (docs/algorithms.md).");
+    v("algorithm", algorithm, AlgorithmChoices(), "", "The update rule (docs/algorithms.md).");
     v("device", device, base::OneOf{"auto", "cpu", "cuda"}, "",
       "Where the learner computes; auto: a GPU where LibTorch finds one.");
     v("actor_learning_rate", actor_learning_rate, base::Range{0.0, 1.0}, "",

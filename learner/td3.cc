@@ -13,7 +13,7 @@ Td3::Td3(const AlgorithmContext& context)
 void Td3::Update(double rate) {
   totals_.CountUpdate();
   const bool update_actor = totals_.num_updates() % config_.policy_delay == 0;
-  // Targets move only together with the actor.
+  // The lines of Fujimoto et al. 2018, algorithm 1: "if t mod d", under which targets move, too.
   const double polyak_rate = update_actor ? config_.tau : 0.0;
 
   // Target policy smoothing, equation 14: a' = clip(pi'(s') + clip(N(0, sigma), -c, c), -1, 1)
@@ -22,12 +22,14 @@ void Td3::Update(double rate) {
                   minibatch_.next_actions);
   // Clipped double Q-learning, equation 10: y = r + gamma^n min_k Q'_k(s', a')
   critics_.ComputeTarget(minibatch_.reward, minibatch_.discount, Pessimism::kMinimum, target_);
-  // theta_k <- argmin mean (Q_k(s, a) - y)^2, and theta'_k <- tau theta_k + (1 - tau) theta'_k
+  // Update critics: theta_k <- argmin mean (Q_k(s, a) - y)^2; and, where it is their turn, update
+  // target networks: theta'_k <- tau theta_k + (1 - tau) theta'_k
   RegressCritics(rate, polyak_rate);
   if (constraint_) constraint_->UpdateCritics(rate * config_.critic_learning_rate, polyak_rate);
   if (!update_actor) return;
 
-  // Deterministic policy gradient: grad_phi J = mean grad_a Q_1(s, a)|a=pi(s) grad_phi pi(s)
+  // Deterministic policy gradient, of Q_1 - lambda Q_C where there is a constraint:
+  // grad_phi J = mean grad_a Q_1(s, a)|a=pi(s) grad_phi pi(s), and phi' follows as theta'_k does
   totals_.CountActorUpdate();
   CopyActions(actor_.Act(), minibatch_.actions);
   at::Tensor& action_gradient = critics_.ActionGradient(&totals_[Total::kActorQ]);

@@ -114,7 +114,8 @@ struct MpcAgent::Planner {
     return actions.data() + static_cast<std::size_t>(t) * config.samples * kActionSize;
   }
 
-  /// Fills `actions` and `returns`.
+  /// Fills `actions` and `returns`: R_s = sum_t gamma^t alive_t r_t + gamma^T alive_T Q(s_T,
+  /// pi(s_T)) (mpc_agent.h; original-system.md §5.2, with what M1 left out of it).
   void RollOut(const float* from, bool by_policy, base::Random& random) {
     const std::int64_t stride = input.stride(0);
     float* const rows = input.data_ptr<float>();
@@ -167,7 +168,8 @@ struct MpcAgent::Planner {
     }
   }
 
-  /// w_s in proportion to e^(R_s / temperature), or 1 for the best; they sum to 1.
+  /// MPPI (Williams et al. 2017): w_s in proportion to e^(R_s / temperature). CEM (Chua et al.
+  /// 2018): alike for the best, 0 for others. They sum to 1.
   void Weigh() {
     if (config.update == "cem") {
       const auto num_elites = static_cast<int>(
@@ -190,7 +192,8 @@ struct MpcAgent::Planner {
     for (float& weight : weights) weight = static_cast<float>(static_cast<double>(weight) / sum);
   }
 
-  /// The plan: mean and deviation of the actions, as weighed.
+  /// The plan: mean and deviation of the actions, as weighed. MPPI's update is the mean, CEM refits
+  /// both.
   void Average() {
     for (int t = 0; t < config.horizon; ++t) {
       for (int j = 0; j < kActionSize; ++j) {

@@ -53,13 +53,15 @@ TEST(CommandsTest, TheMetricsPageIsFresh) {
       << "docs/metrics.md is stale: ./slalom metrics docs > docs/metrics.md";
 }
 
-TEST(CommandsTest, EveryPresetLoadsAndPrintsToItself) {
+// Those of training are in tests/train/presets_test.cc; one of them for the command itself.
+TEST(CommandsTest, EveryPlannersPresetLoadsAndPrintsToItself) {
   const ScratchDirectory scratch;
   int count = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(kSource / "configs")) {
     if (entry.path().extension() != ".toml") continue;
-    ++count;
     const bool is_planner = entry.path().parent_path().filename() == "planners";
+    if (!is_planner && entry.path().filename() != "fast.toml") continue;
+    ++count;
     const auto print = [&](const std::string& file) {
       return RunProgram(is_planner ? std::vector<std::string>{"config", "print", file, "--agent"}
                                    : std::vector<std::string>{"config", "print", file},
@@ -70,7 +72,7 @@ TEST(CommandsTest, EveryPresetLoadsAndPrintsToItself) {
     base::WriteFileAtomically(scratch.path() / "printed.toml", first.out);
     EXPECT_EQ(print("printed.toml").out, first.out);
   }
-  EXPECT_GE(count, 4);
+  EXPECT_GE(count, 3);
 }
 
 TEST(CommandsTest, ATrainingLeavesWhatTheManualSaysAndItsPolicyScoresTheSameAgain) {

@@ -5,13 +5,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "base/error.h"
 #include "learner/algorithm.h"
+#include "learner/ddpg.h"
+#include "learner/sac.h"
+#include "learner/td3.h"
+#include "policy/feature_map.h"
 #include "tests/learner/random_rows.h"
 
 namespace slalom::learner {
@@ -99,6 +105,58 @@ TEST(Learner, TargetsStandStillBetweenActorUpdates) {
   for (const char* name : {"critics.target_parameters", "actor.parameters",
                            "actor.target_parameters", "actor.average_parameters"}) {
     EXPECT_NE(after_two.at(name), before.at(name)) << name;
+  }
+}
+
+/// An algorithm whose networks can be looked at.
+template <class Method>
+class Opened : public Method {
+ public:
+  using Method::Method;
+
+  /// What is learned, what follows it, and the averages.
+  std::vector<at::Tensor> Parameters() const {
+    const auto& actor = this->actor_;
+    std::vector<at::Tensor> all = {actor.parameters(), actor.average_parameters(),
+                                   this->critics_.parameters(), this->critics_.target_parameters()};
+    if constexpr (requires { actor.target_parameters(); }) all.push_back(actor.target_parameters());
+    return all;
+  }
+};
+
+template <class Method>
+class FollowerTest : public testing::Test {};
+using Algorithms = testing::Types<Td3, Ddpg, Sac>;
+TYPED_TEST_SUITE(FollowerTest, Algorithms);
+
+TYPED_TEST(FollowerTest, SharesNoStorageWithWhatItFollows) {
+  MethodConfig method = SmallConfig();
+  method.learner.algorithm = std::is_same_v<TypeParam, Sac> ? "sac" : "td3";
+  policy::PolicySpec spec = SmallSpec();
+  spec.distribution = DistributionOf(method.learner);
+  const int frame_size = policy::FeatureMap(spec.observation, spec.network).frame_size();
+  base::Random random(1);
+  Minibatch minibatch(16, 1, frame_size, at::kCPU);
+  Totals totals(at::kCPU);
+  const Opened<TypeParam> algorithm({.config = method.learner,
+                                     .spec = spec,
+                                     .frame_size = frame_size,
+                                     .initial_weights = random,
+                                     .minibatch = minibatch,
+                                     .totals = totals,
+                                     .constraint = nullptr});
+  const std::vector<at::Tensor> all = algorithm.Parameters();
+  EXPECT_EQ(all.size(), (std::is_same_v<TypeParam, Sac> ? 4u : 5u));
+  const auto begin = [](const at::Tensor& t) {
+    return reinterpret_cast<std::uintptr_t>(t.data_ptr());
+  };
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    ASSERT_TRUE(all[i].is_contiguous());
+    for (std::size_t j = 0; j < i; ++j) {
+      EXPECT_TRUE(begin(all[i]) + all[i].nbytes() <= begin(all[j]) ||
+                  begin(all[j]) + all[j].nbytes() <= begin(all[i]))
+          << i << " " << j;
+    }
   }
 }
 

@@ -16,6 +16,7 @@ constexpr int kFrame = 21;  // Seventeen ranges and the state: more than sums ta
 struct Case {
   const char* name;
   policy::TransitionModelConfig config;
+  policy::NetworkConfig network = {.history = 2};
 };
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
@@ -31,23 +32,44 @@ policy::TransitionModelConfig Small(std::string kind, std::string targets, bool 
           .predict_last_action = published};
 }
 
+/// For every encoder alike.
+policy::TransitionModelConfig OnEncoder(std::string kind) {
+  policy::TransitionModelConfig config = Small(std::move(kind), "difference", false);
+  config.encoder_layers = {8, 8};
+  return config;
+}
+
+const policy::NetworkConfig kTransformer = {
+    .encoder = "transformer", .attention_heads = 2, .history = 4};
+
 const Case kCases[] = {
     {"DeterministicDifference", Small("deterministic", "difference", false)},
     {"DeterministicAsPublished", Small("deterministic", "absolute", true)},
     {"ProbabilisticDifference", Small("probabilistic", "difference", false)},
     {"ProbabilisticAbsolute", Small("probabilistic", "absolute", false)},
     {"ProbabilisticAsPublished", Small("probabilistic", "absolute", true)},
+    {"DeterministicMlp", OnEncoder("deterministic"), {.encoder = "mlp", .history = 4}},
+    {"DeterministicCnn", OnEncoder("deterministic"), {.encoder = "cnn", .history = 4}},
+    {"DeterministicGru", OnEncoder("deterministic"), {.encoder = "gru", .history = 4}},
+    {"DeterministicTransformer", OnEncoder("deterministic"), kTransformer},
+    {"ProbabilisticMlp", OnEncoder("probabilistic"), {.encoder = "mlp", .history = 4}},
+    {"ProbabilisticCnn", OnEncoder("probabilistic"), {.encoder = "cnn", .history = 4}},
+    {"ProbabilisticGru", OnEncoder("probabilistic"), {.encoder = "gru", .history = 4}},
+    {"ProbabilisticTransformer", OnEncoder("probabilistic"), kTransformer},
 };
 
 class ModelLossTest : public testing::TestWithParam<Case> {
  protected:
   static constexpr double kStateScale = 0.7;
 
-  ModelLossTest() : shape_(MakeModelShape(GetParam().config, {.history = 2}, kFrame)) {
+  ModelLossTest()
+      : shape_(MakeModelShape(GetParam().config, GetParam().network, kFrame)),
+        width_(shape_.network.num_inputs()),
+        newest_(width_ - kFrame) {
     torch::manual_seed(1);
     parameters_ = torch::randn({shape_.num_parameters()}, torch::kDouble) * 0.3;
-    input_ = torch::randn({kBatch, 2 * kFrame + 2}, torch::kDouble);
-    next_ = torch::randn({kBatch, 2 * kFrame}, torch::kDouble);
+    input_ = torch::randn({kBatch, width_ + 2}, torch::kDouble);
+    next_ = torch::randn({kBatch, width_}, torch::kDouble);
     reward_ = torch::randn({kBatch}, torch::kDouble);
     discount_ = torch::ones({kBatch}, torch::kDouble);
     discount_.slice(0, 0, kBatch, 4).zero_();
@@ -58,7 +80,7 @@ class ModelLossTest : public testing::TestWithParam<Case> {
   }
 
   ModelTargets Targets(at::ScalarType type) const {
-    return {input_.narrow(1, 0, 2 * kFrame).to(type), next_.to(type), reward_.to(type),
+    return {input_.narrow(1, 0, width_).to(type), next_.to(type), reward_.to(type),
             discount_.to(type), weight_.to(type)};
   }
 
@@ -67,12 +89,12 @@ class ModelLossTest : public testing::TestWithParam<Case> {
   at::Tensor Losses(const at::Tensor& raw, at::Tensor* z) const {
     const policy::TransitionModelConfig& config = GetParam().config;
     const int n = config.predict_last_action ? kFrame : kFrame - 2;
-    const at::Tensor target = next_.narrow(1, kFrame, n);
+    const at::Tensor target = next_.narrow(1, newest_, n);
     at::Tensor mean = raw.narrow(1, 0, n);
     if (config.bound_ranges) {
       mean = torch::cat({mean.slice(1, 0, kFrame - 4).tanh(), mean.slice(1, kFrame - 4, n)}, 1);
     }
-    if (config.targets == "difference") mean = mean + input_.narrow(1, kFrame, n);
+    if (config.targets == "difference") mean = mean + input_.narrow(1, newest_, n);
     at::Tensor state;
     int rest = n;
     if (config.kind == "probabilistic") {
@@ -127,7 +149,7 @@ class ModelLossTest : public testing::TestWithParam<Case> {
     EXPECT_EQ(figure(kHeldOutCount), 2.0);
     const at::Tensor held = (weight_ == 0).to(torch::kDouble);
     const int n = shape_.num_predicted;
-    const at::Tensor change = next_.narrow(1, kFrame, n) - input_.narrow(1, kFrame, n);
+    const at::Tensor change = next_.narrow(1, newest_, n) - input_.narrow(1, newest_, n);
     EXPECT_NEAR(figure(kHeldOutChange), (held * change.square().mean(1)).sum().item<double>(),
                 10 * tolerance);
     if (shape_.probabilistic) {
@@ -142,6 +164,8 @@ class ModelLossTest : public testing::TestWithParam<Case> {
   }
 
   policy::ModelShape shape_;
+  std::int64_t width_;   // Of a stack of frames.
+  std::int64_t newest_;  // Column where its newest frame begins.
   at::Tensor parameters_, input_, next_, reward_, discount_, weight_;
 };
 

@@ -2,6 +2,10 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <ostream>
+#include <string>
+
 #include "base/error.h"
 #include "base/file.h"
 #include "tests/support/scratch_directory.h"
@@ -38,6 +42,50 @@ TEST(RunDirectoryTest, AResumedRunMayGoOnLongerButNotOtherwise) {
     EXPECT_THAT(error.what(), testing::HasSubstr("learner.gamma was 0.99 in the run, is 0.9 now"));
   }
 }
+
+struct Change {
+  const char* key;
+  void (*make)(RunConfig& config);
+};
+
+void PrintTo(const Change& change, std::ostream* out) { *out << change.key; }
+
+class ResumeTest : public testing::TestWithParam<Change> {};
+
+// The config tells what a checkpoint cannot: a GRU's tensors have the same shapes for every
+// history, and so have all networks that see ranges by sectors for every lidar.
+TEST_P(ResumeTest, RefusesTheCheckpointsOfAnotherLearner) {
+  const test::ScratchDirectory scratch;
+  const run::RunDirectory directory{scratch.path() / "run"};
+  RunConfig config;
+  config.network = {.encoder = "gru", .history = 4, .sectors = 72};
+  BeginRun(directory, config);
+  EXPECT_NO_THROW(ResumeRun(directory, config));
+  GetParam().make(config);
+  try {
+    ResumeRun(directory, config);
+    FAIL() << "expected an error";
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr(std::string(GetParam().key) + " was "));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Changes, ResumeTest,
+    testing::Values(
+        Change{"network.history", [](RunConfig& c) { c.network.history = 8; }},
+        Change{"network.encoder", [](RunConfig& c) { c.network.encoder = "transformer"; }},
+        Change{"network.encoder_layers", [](RunConfig& c) { c.network.encoder_layers = {64}; }},
+        Change{"network.sectors", [](RunConfig& c) { c.network.sectors = 36; }},
+        Change{"environment.lidar.num_beams",
+               [](RunConfig& c) { c.environment.lidar.num_beams = 360; }},
+        Change{"learner.algorithm", [](RunConfig& c) { c.method.learner.algorithm = "ddpg"; }},
+        Change{"model.kind", [](RunConfig& c) { c.method.model.kind = "deterministic"; }}),
+    [](const auto& change) {
+      std::string name = change.param.key;
+      std::ranges::replace(name, '.', '_');
+      return name;
+    });
 
 TEST(RunDirectoryTest, TwoProcessesDoNotTrainInOneDirectory) {
   const test::ScratchDirectory scratch;
