@@ -66,8 +66,9 @@ def as_grafana_sends(expression):
 
 
 def without_threshold(expression):
-    """An alert's expression, which is empty while all is well, as one that always has a value: comparisons give 0 or 1, and
-    what picks the bad ones out of many is left out."""
+    """An alert's expression, which is empty while all is well, as one that always has a value: comparisons give 0 or 1, what
+    picks the bad ones out of many is left out, and what silences it need only be there."""
+    expression = re.sub(r" unless on \((\w+)\) (\w+) == 1", r" and on (\1) \2", expression)
     expression = re.sub(r' (==|!=|>=|<=|>|<) (?=[0-9])', r" \1 bool ", expression)
     return re.sub(r'(kernel|reason)=~"[^"]*"', "", expression)
 
