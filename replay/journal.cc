@@ -257,8 +257,9 @@ bool Journal::WriteAt(std::int64_t end, std::vector<std::span<const std::byte>> 
 }
 
 bool Journal::WaitAfterFailure(const std::string& what) {
-  if (const auto now = Clock::now(); now - said_ >= kSayInterval) {
+  if (const auto now = Clock::now(); now - said_ >= kSayInterval || what != said_text_) {
     said_ = now;
+    said_text_ = what;
     spdlog::error("{}; nothing is acknowledged until this works again", what);
   }
   base::MutexLock lock(mutex_);

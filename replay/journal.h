@@ -163,6 +163,7 @@ class Journal final : public RecordLog {
   std::int64_t offset_ = 0;
   std::uint64_t next_index_;
   std::chrono::steady_clock::time_point said_;  ///< When a failure was last logged.
+  std::string said_text_;                       ///< Which: another one is logged at once.
 
   std::atomic<std::uint64_t> written_{0};
 
