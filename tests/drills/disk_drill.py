@@ -34,6 +34,10 @@ def make_read_only(path):
     return path
 
 
+def make_writable(path):
+    subprocess.run(["umount", path], check=True)
+
+
 def drill(program):
     if os.geteuid() != 0:
         print("SKIPPED: mounting a small file system needs root")
@@ -43,30 +47,36 @@ def drill(program):
         for disk in disks:
             mount(disk, 200)
         try:
-            roles = replay, learner, actor = [service.add("replay"), service.add("learner"), service.add("actor", "actor-0")]
+            roles = replay, learner, actor = [
+                service.add("replay", extra=("--set", "replay_server.segment_bytes=4194304")), service.add("learner"),
+                service.add("actor", "actor-0")]
             for process in roles:
                 process.start()
             wait_for("updates", lambda: service.figure("learner", "learner", "updates") > 200)
             wait_for("a checkpoint", lambda: learner.metric("slalom_checkpoints_total") >= 1)
 
-            # Replay's disk full: nothing more is acknowledged, sampling and learning go on.
-            filler = fill(disks[0])
-            wait_for("the journal's failing to be seen", lambda: replay.metric("slalom_journal_failing") == 1, 60.0)
-            check("No space left" in replay.health(), f"it says that it is well: {replay.health()}")
-            acknowledged = actor.metric("slalom_steps_acknowledged_total")
-            updates = service.figure("learner", "learner", "updates")
-            wait_for("learning that goes on", lambda: service.figure("learner", "learner", "updates") > updates)
-            os.remove(filler)
-            wait_for("the journal's recovery", lambda: replay.metric("slalom_journal_failing") == 0, 90.0)
-            check(replay.health() == "ok", f"it says that it is not well: {replay.health()}")
-            wait_for("acknowledgements", lambda: actor.metric("slalom_steps_acknowledged_total") > acknowledged)
-            check("space" in replay.log_text().lower(), f"the log does not say it: {replay.log_text()[-1500:]}")
+            # The replay server's disk full, then read-only (seen when the next segment begins): nothing more is acknowledged, sampling
+            # and learning go on.
+            for name, reason, begin, end in (("full", "No space left", fill, os.remove),
+                                             ("read-only", "Read-only file system", make_read_only, make_writable)):
+                thing = begin(disks[0])
+                wait_for(f"the journal's failing on a disk that is {name}", lambda: replay.metric("slalom_journal_failing") == 1, 120.0)
+                check(reason in replay.health(), f"it says that it is well: {replay.health()}")
+                acknowledged = actor.metric("slalom_steps_acknowledged_total")
+                updates = service.figure("learner", "learner", "updates")
+                wait_for("learning that goes on", lambda: service.figure("learner", "learner", "updates") > updates)
+                end(thing)
+                wait_for("the journal's recovery", lambda: replay.metric("slalom_journal_failing") == 0, 90.0)
+                check(replay.health() == "ok", f"it says that it is not well: {replay.health()}")
+                wait_for("acknowledgements", lambda: actor.metric("slalom_steps_acknowledged_total") > acknowledged)
+                check(reason in replay.log_text(), f"the log does not say it: {replay.log_text()[-1500:]}")
+                print(f"replay server: disk {name}, learning went on, the journal came back", flush=True)
 
             checkpoints = os.path.join(disks[1], "checkpoints")
             # The learner's disk full, then read-only: the earlier checkpoint stays, training goes on.
             for name, begin, end in (
-                    ("full", lambda: fill(disks[1]), lambda f: os.remove(f)),
-                    ("read-only", lambda: make_read_only(checkpoints), lambda path: subprocess.run(["umount", path], check=True))):
+                    ("full", lambda: fill(disks[1]), os.remove),
+                    ("read-only", lambda: make_read_only(checkpoints), make_writable)):
                 failures = learner.metric("slalom_checkpoint_failures_total")
                 thing = begin()
                 wait_for(f"a checkpoint that fails on a disk that is {name}",
