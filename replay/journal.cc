@@ -27,6 +27,10 @@ constexpr std::size_t kMaxParts = 512;
 // Records that are written before `written` grows: the acknowledgements should not wait for long.
 constexpr std::size_t kMaxBatch = 64;
 
+// Written to before the kernel is told to begin with the disk, so that the sync at a segment's end
+// finds little left to do.
+constexpr std::int64_t kWriteBackBytes = 1 << 20;
+
 constexpr std::array<std::byte, 8> kZeros{};
 
 }  // namespace
@@ -177,6 +181,11 @@ bool Journal::WriteBatch(const std::vector<Entry>& batch) {
   }
   const std::int64_t size = end - offset_;
   if (!WriteAt(end, std::move(parts))) return false;
+  if (offset_ - begun_ >= kWriteBackBytes) {
+    // Advice, which may fail: `SealSegment` then waits for more.
+    ::sync_file_range(file_->fd(), begun_, offset_ - begun_, SYNC_FILE_RANGE_WRITE);
+    begun_ = offset_;
+  }
   base::MutexLock lock(mutex_);
   status_.waiting_bytes -= size;
   status_.written_bytes += size;
@@ -214,6 +223,7 @@ bool Journal::OpenSegment(const Entry& entry) {
   }
   file_ = std::make_shared<File>(fd, path);
   offset_ = 0;
+  begun_ = 0;
   const auto head = PrintSegmentHead({.num_beams = options_.num_beams,
                                       .spec_hash = options_.spec_hash,
                                       .index = next_index_,

@@ -161,6 +161,7 @@ class Journal final : public RecordLog {
   // Of the writing thread.
   std::shared_ptr<File> file_;  ///< At first the last that was found; null: none was.
   std::int64_t offset_ = 0;
+  std::int64_t begun_ = 0;  ///< Up to where the kernel was told to begin with the disk.
   std::uint64_t next_index_;
   std::chrono::steady_clock::time_point said_;  ///< When a failure was last logged.
   std::string said_text_;                       ///< Which: another one is logged at once.
