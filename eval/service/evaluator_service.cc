@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "base/clock.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -20,6 +19,7 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 constexpr milliseconds kWait{100};
+
 proto::Hello MakeHello(const EvaluatorIdentity& identity, int num_beams) {
   proto::Hello hello;
   hello.role = "evaluator";

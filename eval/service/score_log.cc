@@ -32,10 +32,11 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
 
 /// The best of the lines that are whole.
 double BestOf(std::string_view text, std::string_view course_set) {
+  const std::size_t num_columns = Split(kHeader, ',').size();
   double best = -1.0;
   for (const std::string_view line : Split(text, '\n')) {
     const auto cells = Split(line, ',');
-    if (cells.size() != Split(kHeader, ',').size() || cells[kCourses] != course_set) continue;
+    if (cells.size() != num_columns || cells[kCourses] != course_set) continue;
     double rate = 0.0;
     const std::string_view cell = cells[kSuccessRate];
     if (std::from_chars(cell.begin(), cell.end(), rate).ec == std::errc()) {
