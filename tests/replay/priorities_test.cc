@@ -71,7 +71,8 @@ Filled Fill(std::int64_t slots, double alpha, base::Random& random) {
 class PrioritiesShape : public testing::TestWithParam<std::pair<std::int64_t, double>> {};
 
 TEST_P(PrioritiesShape, DrawsInProportionToTheWeights) {
-  const auto [slots, alpha] = GetParam();
+  const std::int64_t slots = GetParam().first;  // clang++ 14 captures no structured binding.
+  const double alpha = GetParam().second;
   base::Random random(base::DeriveSeed(3, "priorities", {static_cast<std::uint64_t>(slots)}));
   Filled filled = Fill(slots, alpha, random);
   const int n = static_cast<int>(300 * slots) + 20000;
