@@ -2,35 +2,37 @@
 #include <benchmark/benchmark.h>
 
 #include <ctime>
-#include <optional>
+#include <string>
 #include <vector>
 
 #include "base/check.h"
 #include "base/random.h"
+#include "benchmarks/network_products.h"
 #include "benchmarks/thread_seconds.h"
+#include "config/config.h"
 #include "learner/algorithm.h"
 #include "learner/learner.h"
 #include "learner/minibatch.h"
 #include "policy/blas.h"
 #include "policy/feature_map.h"
 #include "policy/network_agent.h"
-#include "policy/small_gemm.h"
 #include "replay/table.h"
+#include "train/run_config.h"
 
-/// TD3 updates beside the matrix products that they cannot do without, measured in the same run on
-/// the same shapes, and the inference of a policy. One thread.
+/// Updates of every algorithm on every network beside the matrix products that they cannot do
+/// without, measured in the same run on the same shapes, and the inference of a policy. One thread.
 
 namespace slalom {
 namespace {
 
-policy::PolicySpec FastSpec() {
-  policy::PolicySpec spec;
-  spec.network.encoder_layers = {};
-  spec.network.head_layers = {128, 128};
-  spec.network.sectors = 72;
-  spec.network.range_transform = "inverse";
-  return spec;
+/// What a preset says, with another algorithm, on the CPU.
+train::RunConfig LoadPreset(const std::string& preset, const std::string& algorithm = "td3") {
+  const std::vector<std::string> overrides = {"learner.device=cpu",
+                                              "learner.algorithm=" + algorithm};
+  return config::Load<train::RunConfig>(SLALOM_SOURCE_DIR "/configs/" + preset, overrides);
 }
+
+policy::PolicySpec FastSpec() { return train::MakePolicySpec(LoadPreset("fast.toml")); }
 
 /// A table of many random frames, so that sampling meets cold memory as in training.
 replay::Table MakeTable(std::int64_t num_frames) {
@@ -60,133 +62,61 @@ replay::Table MakeTable(std::int64_t num_frames) {
   return table;
 }
 
-/// One matrix product of an update, m x k by k x n.
-struct Product {
-  std::int64_t m, n, k;
-  double per_update;
-};
-
-/// What an update does with its networks, on average.
+/// What an update of an algorithm does with its networks, on average.
 struct Work {
   const char* algorithm;
   double critics;           // Trained, each with a target that is computed.
   double action_gradients;  // Critics whose gradient by the action is taken.
   double actor_updates;
 };
-constexpr Work kTd3 = {"td3", 2.0, 0.5, 0.5};  // Delay 2.
-constexpr Work kDdpg = {"ddpg", 1.0, 1.0, 1.0};
-constexpr Work kSac = {"sac", 2.0, 2.0, 1.0};
+constexpr Work kWorks[] = {{"td3", 2.0, 0.5, 0.5}, {"ddpg", 1.0, 1.0, 1.0}, {"sac", 2.0, 2.0, 1.0}};
 
-/// The products of an update: what the FLOPs "really needed" are counted from.
-std::vector<Product> ListProducts(const policy::PolicySpec& spec, const Work& work,
-                                  std::int64_t batch) {
-  const policy::MlpShape actor = spec.actor_shape().mlp;
-  const policy::MlpShape critic =
-      policy::CriticShape(spec.network, actor.num_inputs / spec.network.history).mlp;
-  std::vector<Product> products;
-  for (int i = 0; i < critic.num_layers(); ++i) {
-    const std::int64_t in = critic.layer_inputs(i);
-    const std::int64_t before = i == 0 ? 0 : critic.hidden[i - 1];
-    const std::int64_t out = critic.layer_outputs(i);
-    // Q' and Q of all, then Q of pi(s).
-    products.push_back({batch, out, in, 2 * work.critics + work.action_gradients});
-    products.push_back({out, in, batch, work.critics});  // By the weights.
-    if (i > 0) {
-      const double through = i > critic.extra_layer ? work.action_gradients : 0.0;
-      products.push_back({batch, before, out, work.critics + through});
-    }
-    if (i == critic.extra_layer) {
-      products.push_back({batch, critic.num_extra, out, work.action_gradients});
-    }
-  }
-  for (int i = 0; i < actor.num_layers(); ++i) {
-    const std::int64_t in = actor.layer_inputs(i);
-    const std::int64_t out = actor.layer_outputs(i);
-    products.push_back({batch, out, in, 1 + work.actor_updates});
-    products.push_back({out, in, batch, work.actor_updates});
-    if (i > 0) products.push_back({batch, in, out, work.actor_updates});
-  }
+/// The products of an update.
+Products ListProducts(const policy::PolicySpec& spec, const Work& work, std::int64_t batch) {
+  const policy::NetworkShape actor = spec.actor_shape();
+  const policy::NetworkShape critic = policy::CriticShape(spec.network, actor.frame_size);
+  Products products;
+  // Q' and Q of all, then Q of pi(s).
+  Add(ForwardProducts(critic, batch), 2 * work.critics + work.action_gradients, &products);
+  Add(BackwardProducts(critic, batch), work.critics, &products);
+  Add(ActionGradientProducts(critic, batch), work.action_gradients, &products);
+  Add(ForwardProducts(actor, batch), 1 + work.actor_updates, &products);
+  Add(BackwardProducts(actor, batch), work.actor_updates, &products);
   return products;
 }
 
-double CountFlops(const std::vector<Product>& products) {
-  double flops = 0.0;
-  for (const Product& p : products)
-    flops += p.per_update * 2.0 * static_cast<double>(p.m * p.n * p.k);
-  return flops;
-}
-
-/// Seconds that the products of one update take by themselves, by our kernel or the BLAS.
-double MeasureProducts(const std::vector<Product>& products, bool small_gemm, double seconds_each) {
-  const policy::CpuFeatures cpu = policy::DetectCpuFeatures();
-  double total = 0.0;
-  for (const Product& p : products) {
-    std::vector<float> a(p.m * p.k, 0.5f), b(p.k * p.n, 0.5f), c(p.m * p.n);
-    const policy::GemmTask task{.m = p.m,
-                                .n = p.n,
-                                .k = p.k,
-                                .a = a.data(),
-                                .lda = p.k,
-                                .b = b.data(),
-                                .ldb = p.n,
-                                .c = c.data(),
-                                .ldc = p.n};
-    const auto multiply = [&] {
-      if (small_gemm && policy::SmallGemm(task, cpu)) return;
-      policy::Sgemm(false, false, p.m, p.n, p.k, a.data(), p.k, b.data(), p.n, c.data(), p.n);
-    };
-    multiply();
-    int count = 0;
-    const double begin = ThreadSeconds();
-    double elapsed = 0.0;
-    while (elapsed < seconds_each) {
-      for (int i = 0; i < 8; ++i) multiply();
-      count += 8;
-      elapsed = ThreadSeconds() - begin;
-    }
-    total += p.per_update * elapsed / count;
-  }
-  return total;
-}
-
-/// A learner with a table to sample from, after its first updates.
+/// A learner as a preset has it with a table to sample from, after its first updates.
 class Updates {
  public:
-  Updates(const policy::PolicySpec& spec, bool layer_norm, const Work& work)
-      : table_(MakeTable(300'000)), spec_(spec) {
-    config_.device = "cpu";
-    config_.average_rate = 0.001;
-    config_.mirror = true;
-    config_.algorithm = work.algorithm;
-    spec_.network.layer_norm = layer_norm;
-    spec_.distribution = learner::DistributionOf(config_);
-    learner_.emplace(method_, spec_, 1);
-    for (int i = 0; i < 20; ++i) Run();
+  explicit Updates(const train::RunConfig& config)
+      : table_(MakeTable(100'000)),
+        spec_(train::MakePolicySpec(config)),
+        batch_size_(config.method.learner.batch_size),
+        learner_(config.method, spec_, 1) {
+    for (int i = 0; i < 4; ++i) Run();
   }
 
   void Run() {
-    SLALOM_CHECK(table_.SampleRows(learner_->sample_specs()[0], random_, &rows_));
-    learner_->Update({&rows_, 1}, 0.0);
+    SLALOM_CHECK(table_.SampleRows(learner_.sample_specs()[0], random_, &rows_));
+    learner_.Update({&rows_, 1}, 0.0);
   }
 
   const policy::PolicySpec& spec() const { return spec_; }
-  std::int64_t batch_size() const { return config_.batch_size; }
+  std::int64_t batch_size() const { return batch_size_; }
 
  private:
   const replay::Table table_;
-  policy::PolicySpec spec_;
-  learner::MethodConfig method_;
-  learner::LearnerConfig& config_ = method_.learner;
-  std::optional<learner::Learner> learner_;
+  const policy::PolicySpec spec_;
+  const std::int64_t batch_size_;
+  learner::Learner learner_;
   base::Random random_{2};
   replay::SampledRows rows_;
 };
 
-void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool layer_norm,
-                const Work& work = kTd3) {
+void RunUpdates(benchmark::State& state, const std::string& preset, const Work& work) {
   policy::SetMathThreads(1);
-  Updates learner(spec, layer_norm, work);
-  const std::vector<Product> products = ListProducts(learner.spec(), work, learner.batch_size());
+  Updates learner(LoadPreset(preset, work.algorithm));
+  const Products products = ListProducts(learner.spec(), work, learner.batch_size());
   double updates_seconds = 0.0;
   double products_seconds = 0.0;
   double small_gemm_seconds = 0.0;
@@ -199,9 +129,14 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
     small_gemm_seconds += MeasureProducts(products, /*small_gemm=*/true, 0.002);
     state.ResumeTiming();
     const double begin = ThreadSeconds();
-    for (int i = 0; i < 40; ++i) learner.Run();
-    updates_seconds += ThreadSeconds() - begin;
-    updates += 40;
+    double elapsed = 0.0;
+    // An even number, as TD3 trains its actor every second time.
+    for (; elapsed < 0.2; updates += 2) {
+      learner.Run();
+      learner.Run();
+      elapsed = ThreadSeconds() - begin;
+    }
+    updates_seconds += elapsed;
     ++rounds;
   }
   const double products_each = products_seconds / static_cast<double>(rounds);
@@ -215,38 +150,36 @@ void RunUpdates(benchmark::State& state, const policy::PolicySpec& spec, bool la
       CountFlops(products) * static_cast<double>(rounds) / small_gemm_seconds * 1e-9;
 }
 
-void Td3UpdateFast(benchmark::State& state) { RunUpdates(state, FastSpec(), false); }
-void Td3UpdateFastLayerNorm(benchmark::State& state) { RunUpdates(state, FastSpec(), true); }
-void Td3UpdatePaper(benchmark::State& state) { RunUpdates(state, {}, false); }
-void DdpgUpdateFast(benchmark::State& state) { RunUpdates(state, FastSpec(), true, kDdpg); }
-void DdpgUpdatePaper(benchmark::State& state) { RunUpdates(state, {}, false, kDdpg); }
-void SacUpdateFast(benchmark::State& state) { RunUpdates(state, FastSpec(), true, kSac); }
-void SacUpdatePaper(benchmark::State& state) { RunUpdates(state, {}, false, kSac); }
-BENCHMARK(Td3UpdateFast)->Unit(benchmark::kMillisecond);
-BENCHMARK(Td3UpdateFastLayerNorm)->Unit(benchmark::kMillisecond);
-BENCHMARK(Td3UpdatePaper)->Unit(benchmark::kMillisecond);
-BENCHMARK(DdpgUpdateFast)->Unit(benchmark::kMillisecond);
-BENCHMARK(DdpgUpdatePaper)->Unit(benchmark::kMillisecond);
-BENCHMARK(SacUpdateFast)->Unit(benchmark::kMillisecond);
-BENCHMARK(SacUpdatePaper)->Unit(benchmark::kMillisecond);
-
 /// By the clock, with so many threads in each product: whether a second one pays.
-void Td3UpdateByThreads(benchmark::State& state, const policy::PolicySpec& spec) {
+void RunByThreads(benchmark::State& state, const std::string& preset) {
   policy::SetMathThreads(static_cast<int>(state.range(0)));
-  Updates learner(spec, false, kTd3);
+  Updates learner(LoadPreset(preset));
   for (auto _ : state) learner.Run();
   policy::SetMathThreads(1);
 }
-BENCHMARK_CAPTURE(Td3UpdateByThreads, fast, FastSpec())
-    ->Arg(1)
-    ->Arg(2)
-    ->UseRealTime()
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(Td3UpdateByThreads, paper, policy::PolicySpec{})
-    ->Arg(1)
-    ->Arg(2)
-    ->UseRealTime()
-    ->Unit(benchmark::kMillisecond);
+
+const bool kRegistered = [] {
+  for (const std::string size : {"fast", "paper"}) {
+    for (const char* const network : {"mlp", "mlp-h4", "cnn-h4", "gru-h4", "transformer-h4"}) {
+      const std::string preset = size + "/td3-" + network + ".toml";
+      const std::string name = size + "/" + network;
+      for (const Work& work : kWorks) {
+        benchmark::RegisterBenchmark(
+            ("Update/" + name + "/" + work.algorithm).c_str(),
+            [preset, work](benchmark::State& state) { RunUpdates(state, preset, work); })
+            ->Unit(benchmark::kMillisecond);
+      }
+      benchmark::RegisterBenchmark(
+          ("Td3UpdateByThreads/" + name).c_str(),
+          [preset](benchmark::State& state) { RunByThreads(state, preset); })
+          ->Arg(1)
+          ->Arg(2)
+          ->UseRealTime()
+          ->Unit(benchmark::kMillisecond);
+    }
+  }
+  return true;
+}();
 
 /// Sampling and pooling without learning.
 void ReadMinibatch(benchmark::State& state) {

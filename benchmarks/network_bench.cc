@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/random.h"
+#include "benchmarks/network_products.h"
 #include "benchmarks/thread_seconds.h"
 #include "policy/blas.h"
 #include "policy/network.h"
@@ -40,101 +41,6 @@ policy::PolicySpec MakeSpec(const std::string& encoder, const Size& size, int hi
   return spec;
 }
 
-/// One matrix product, m x k by k x n.
-struct Product {
-  std::int64_t m, n, k;
-  double count;
-};
-
-/// The products of a network's layers.
-class Products {
- public:
-  explicit Products(bool backward) : backward_(backward) {}
-
-  /// `count` layers y = x w^T: x [m, k], w [n, k]; and backward the gradients by w and, unless it
-  /// is the first, by x.
-  void Add(std::int64_t m, std::int64_t n, std::int64_t k, double count = 1.0, bool first = false) {
-    if (count <= 0.0) return;
-    list_.push_back({m, n, k, count});
-    if (!backward_) return;
-    list_.push_back({n, k, m, count});
-    if (!first) list_.push_back({m, k, n, count});
-  }
-
-  const std::vector<Product>& list() const { return list_; }
-
- private:
-  bool backward_;
-  std::vector<Product> list_;
-};
-
-/// What the FLOPs "really needed" are counted from: of a critic, its action beside the features.
-std::vector<Product> ListProducts(const policy::NetworkShape& shape, std::int64_t batch,
-                                  bool backward) {
-  const policy::NetworkConfig& config = shape.config;
-  const std::int64_t frame = shape.frame_size, history = config.history, rows = batch * history;
-  const std::int64_t width = config.encoder_layers.back();
-  Products products(backward);
-  if (config.encoder == "gru") {
-    products.Add(rows, 3 * width, frame, 1, true);
-    products.Add(rows, 3 * width, width);
-    products.Add(batch, 3 * width, width, 2.0 * static_cast<double>(history - 1));
-  } else if (config.encoder == "transformer") {
-    products.Add(rows, width, frame, 1, true);
-    products.Add(rows, 3 * width, width);
-    products.Add(rows, width, width);
-    products.Add(rows, 4 * width, width);
-    products.Add(rows, width, 4 * width);
-    products.Add(rows, 2 * width, width);  // The last block: keys and values of all,
-    products.Add(batch, width, width, 2);  // the rest of the newest.
-    products.Add(batch, 4 * width, width);
-    products.Add(batch, width, 4 * width);
-  } else if (config.encoder == "cnn" && config.cnn_axis == "time") {
-    products.Add(batch, width, 3 * frame, static_cast<double>(history - 2), true);
-    products.Add(batch, width, history == 1 ? frame : 2 * frame, history == 1 ? 1 : 2, true);
-    products.Add(batch, width, history * width);
-  } else if (config.encoder == "cnn") {
-    const std::int64_t first = (frame - 4 - 5) / 2 + 1, second = (first - 3) / 2 + 1;
-    const std::int64_t channels = config.encoder_layers[0];
-    products.Add(batch * first, channels, 5 * history, 1, true);
-    products.Add(batch * second, channels, 3 * channels);
-    products.Add(batch, width, second * channels + 4 * history);
-  }
-  for (int i = 0; i < shape.mlp.num_layers(); ++i) {
-    products.Add(batch, shape.mlp.layer_outputs(i), shape.mlp.layer_inputs(i), 1,
-                 i == 0 && !shape.has_encoder());
-  }
-  return products.list();
-}
-
-double CountFlops(const std::vector<Product>& products) {
-  double flops = 0.0;
-  for (const Product& p : products) flops += p.count * 2.0 * static_cast<double>(p.m * p.n * p.k);
-  return flops;
-}
-
-/// Seconds that the products take by the BLAS alone.
-double MeasureProducts(const std::vector<Product>& products) {
-  double total = 0.0;
-  for (const Product& p : products) {
-    std::vector<float> a(p.m * p.k, 0.5f), b(p.k * p.n, 0.5f), c(p.m * p.n);
-    const auto multiply = [&] {
-      policy::Sgemm(false, false, p.m, p.n, p.k, a.data(), p.k, b.data(), p.n, c.data(), p.n);
-    };
-    multiply();
-    int count = 0;
-    const double begin = ThreadSeconds();
-    double elapsed = 0.0;
-    while (elapsed < 0.003) {
-      multiply();
-      ++count;
-      elapsed = ThreadSeconds() - begin;
-    }
-    total += p.count * elapsed / count;
-  }
-  return total;
-}
-
 void RunPass(benchmark::State& state, const std::string& encoder, const Size& size, int history,
              bool backward) {
   policy::SetMathThreads(1);
@@ -151,7 +57,8 @@ void RunPass(benchmark::State& state, const std::string& encoder, const Size& si
   const at::Tensor input = at::rand({kBatch, shape.num_inputs() + 2});
   policy::NetworkPass pass(shape, input,
                            backward ? policy::PassUse::kTraining : policy::PassUse::kInference);
-  const std::vector<Product> products = ListProducts(shape, kBatch, backward);
+  Products products = ForwardProducts(shape, kBatch);
+  if (backward) Add(BackwardProducts(shape, kBatch), 1.0, &products);
   const auto run = [&] {
     network.Forward(pass);
     if (!backward) return;
@@ -164,7 +71,7 @@ void RunPass(benchmark::State& state, const std::string& encoder, const Size& si
   for (auto _ : state) {
     // The products are measured between the passes, so both meet the same processor.
     state.PauseTiming();
-    products_seconds += MeasureProducts(products);
+    products_seconds += MeasureProducts(products, /*small_gemm=*/false, 0.003);
     state.ResumeTiming();
     const double begin = ThreadSeconds();
     double elapsed = 0.0;

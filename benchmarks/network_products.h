@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "policy/network_shape.h"
+
+/// The matrix products that networks cannot do without: what the FLOPs "really needed" are counted
+/// from, and what the BLAS takes for them alone.
+
+namespace slalom {
+
+/// One matrix product, m x k by k x n, and how often.
+struct Product {
+  std::int64_t m, n, k;
+  double count;
+};
+using Products = std::vector<Product>;
+
+/// A pass through `shape` of so many rows.
+Products ForwardProducts(const policy::NetworkShape& shape, std::int64_t batch);
+/// The gradient by all parameters.
+Products BackwardProducts(const policy::NetworkShape& shape, std::int64_t batch);
+/// The gradient by a critic's action, which goes through its head only.
+Products ActionGradientProducts(const policy::NetworkShape& shape, std::int64_t batch);
+
+/// Adds `more` to `products`, each `times` as often.
+void Add(const Products& more, double times, Products* products);
+
+double CountFlops(const Products& products);
+
+/// Processor time [s] of all the products, each run for `seconds_each`, by the BLAS or, where it
+/// serves them, by `policy::SmallGemm`.
+double MeasureProducts(const Products& products, bool small_gemm, double seconds_each);
+
+}  // namespace slalom
