@@ -49,8 +49,9 @@ def drill(program, seconds="3600", csv=None):
         check(memory[1] < memory[0] * 1.05 + 8, f"{name}'s memory grew from {memory[0]:.0f} to {memory[1]:.0f} MiB")
         check(descriptors[1] <= descriptors[0] + 4, f"{name}'s descriptors grew from {descriptors[0]:.0f} to {descriptors[1]:.0f}")
     lags = [statistics.median(s[1] for s in part) for part in (first, last)]
-    print(f"policy lag {lags[0]:.0f} -> {lags[1]:.0f} updates; {samples[-1][2]:.0f} steps, {samples[-1][3]:.0f} updates "
-          f"in {samples[-1][0] / 60:.0f} min")
+    rates = [(part[-1][3] - part[0][3]) / max(1.0, part[-1][0] - part[0][0]) for part in (first, last)]
+    print(f"policy lag {lags[0]:.0f} -> {lags[1]:.0f} updates, of {rates[0]:.0f} -> {rates[1]:.0f} a second; "
+          f"{samples[-1][2]:.0f} steps, {samples[-1][3]:.0f} updates in {samples[-1][0] / 60:.0f} min")
     # Both versions come from reports that are up to a second old: some thousand updates of noise.
     check(lags[1] < lags[0] + 3000, f"the policy lag grew from {lags[0]} to {lags[1]}")
 
