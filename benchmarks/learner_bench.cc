@@ -1,7 +1,6 @@
 #include <ATen/Parallel.h>
 #include <benchmark/benchmark.h>
 
-#include <ctime>
 #include <string>
 #include <vector>
 
@@ -10,7 +9,6 @@
 #include "benchmarks/network_products.h"
 #include "benchmarks/thread_seconds.h"
 #include "config/config.h"
-#include "learner/algorithm.h"
 #include "learner/learner.h"
 #include "learner/minibatch.h"
 #include "policy/blas.h"
@@ -74,7 +72,7 @@ constexpr Work kWorks[] = {{"td3", 2.0, 0.5, 0.5}, {"ddpg", 1.0, 1.0, 1.0}, {"sa
 /// The products of an update.
 Products ListProducts(const policy::PolicySpec& spec, const Work& work, std::int64_t batch) {
   const policy::NetworkShape actor = spec.actor_shape();
-  const policy::NetworkShape critic = policy::CriticShape(spec.network, actor.frame_size);
+  const policy::NetworkShape critic = spec.critic_shape();
   Products products;
   // Q' and Q of all, then Q of pi(s).
   Add(ForwardProducts(critic, batch), 2 * work.critics + work.action_gradients, &products);

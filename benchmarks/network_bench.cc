@@ -1,7 +1,6 @@
 #include <ATen/ATen.h>
 #include <benchmark/benchmark.h>
 
-#include <ctime>
 #include <string>
 #include <vector>
 
