@@ -111,10 +111,14 @@ void Imagination::Fill(int k) {
   const auto num_real =
       static_cast<std::int64_t>(std::lround(config_.real_ratio * static_cast<double>(batch)));
   const auto to = Columns(minibatch_), from = Columns(real_);
-  for (std::int64_t i = 0; i < num_real; ++i) {
+  // In runs of rows: around the end of the batch lies its begin.
+  for (std::int64_t done = 0; done < num_real;) {
+    const std::int64_t row = (k * num_real + done) % batch;
+    const std::int64_t n = std::min(num_real - done, batch - row);
     for (std::size_t c = 0; c < to.size(); ++c) {
-      to[c].select(0, i).copy_(from[c].select(0, (k * num_real + i) % batch));
+      to[c].narrow(0, done, n).copy_(from[c].narrow(0, row, n));
     }
+    done += n;
   }
   transitions_.Sample(num_real, random_, minibatch_);
 }

@@ -222,6 +222,9 @@ const Spec kModelError =
 const Spec kModelChange =
     GaugeOf("slalom_model_change", "learner",
             "The same of a model that says that nothing changes: what the error has to beat.");
+const Spec kModelStepsError =
+    GaugeOf("slalom_model_steps_error", "learner",
+            "Error of one number five steps ahead, with the actions that were taken.");
 const Spec kModelLikelihood =
     GaugeOf("slalom_model_likelihood_nats", "learner",
             "Negative log-likelihood of one number of the next frame, held out.");
@@ -351,10 +354,26 @@ std::span<const Section> Catalogue() {
        {&kSessions, &kSessionsStarted, &kReconnections, &kEpisodesCut, &kConnectedPeers,
         &kConnections, &kRejectedConnections, &kMessages, &kMessagesMalformed, &kMessagesRefused}},
       {"Learning",
-       {&kUpdates, &kCriticLoss, &kQMean, &kActorQMean, &kCriticGradientNorm, &kActorGradientNorm,
-        &kPolicyEntropy, &kTemperature, &kCostQMean, &kConstraintMultiplier, &kConstraintViolation,
-        &kModelLoss, &kModelError, &kModelChange, &kModelLikelihood, &kModelRewardError,
-        &kModelTermination, &kModelCovered, &kUpdateSeconds}},
+       {&kUpdates,
+        &kCriticLoss,
+        &kQMean,
+        &kActorQMean,
+        &kCriticGradientNorm,
+        &kActorGradientNorm,
+        &kPolicyEntropy,
+        &kTemperature,
+        &kCostQMean,
+        &kConstraintMultiplier,
+        &kConstraintViolation,
+        &kModelLoss,
+        &kModelError,
+        &kModelChange,
+        &kModelStepsError,
+        &kModelLikelihood,
+        &kModelRewardError,
+        &kModelTermination,
+        &kModelCovered,
+        &kUpdateSeconds}},
       {"Policies",
        {&kPolicyVersion, &kPolicyTimestamp, &kPolicyLag, &kReaderLag, &kPoliciesPublished,
         &kPoliciesReceived, &kPolicyBytes, &kPublishToActing}},

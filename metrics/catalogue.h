@@ -97,6 +97,7 @@ extern const Spec kConstraintViolation;
 extern const Spec kModelLoss;
 extern const Spec kModelError;
 extern const Spec kModelChange;
+extern const Spec kModelStepsError;
 extern const Spec kModelLikelihood;
 extern const Spec kModelRewardError;
 extern const Spec kModelTermination;

@@ -2,7 +2,7 @@
 """The figures of results/methods.md: trains every method and network with every seed and scores it.
 
 results/methods.py COLLECTION [--output DIR] [--seeds 1 2 3] [--rows NAME...] [--seconds S] [--at-once N] [--set KEY=VALUE...]
-                   [--validation]
+                   [--validation] [--planning]
 
 COLLECTION: the original courses, as `./slalom courses import DIR --output COLLECTION` wrote them; "" for the built-in ones.
 What is there already is not made again, so a run that was interrupted goes on; `--table` only prints what is there."""
@@ -45,11 +45,25 @@ ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, prese
     ("td3-with-model", "mpc-probabilistic-mlp", ["mpc.enabled=false", "run.updates_per_step=0.015625"]),
     ("td3-without-mirror", "td3-mlp", ["learner.mirror=false"]),
     ("td3-prioritized", "td3-mlp", ["learner.prioritized=true"]),
+    # The published code's faults, one at a time (original-system.md §3.4, §5.3).
+    ("td3-without-noise", "td3-mlp", ["actor.noise_min=0", "actor.noise_max=0"]),
+    ("td3-extra-discount", "td3-mlp", ["learner.extra_discount_steps=1"]),
+    ("td3-time-limit-terminates", "td3-mlp", ["actor.time_limit_terminates=true"]),
+    ("dyna-as-published", "dyna-deterministic-mlp", ["imagination.as_published=true", "imagination.rollout_steps=4"]),
+    ("lagrangian-as-published", "lagrangian-mlp", ["constraint.kind=\"fixed\"", "constraint.multiplier=2"]),
 ]}
 for scenario in SCENARIOS:
     for network in ["mlp"] + [f"{kind}-h{h}" for h in (4, 8) for kind in ("mlp", "cnn", "gru", "transformer")]:
         ROWS[f"{scenario}-{network}"] = (f"configs/fast/td3-{network}.toml", scenario, WALL if scenario == "wall" else [])
+ROWS["box-lagrangian"] = ("configs/fast/lagrangian-mlp.toml", "box", ["constraint.limit=0.05"])
 del ROWS["static-mlp"]  # Which is td3.
+for path in sorted((ROOT / "configs/paper/as-published").glob("*.toml")):
+    ROWS[f"as-published-{path.stem}"] = (path.relative_to(ROOT), "static", [])
+
+# How a policy with a model is scored again, with and without planning; lifelike: a drive that neither was trained for.
+PLANNING = ["--set", "mpc.enabled=true", "--set", "mpc.samples=64"]
+LIFELIKE = ["--profile", ROOT / "configs/lifelike.toml"]
+DRIVES = {"policy": [], "planning": PLANNING, "lifelike": LIFELIKE, "lifelike-planning": LIFELIKE + PLANNING}
 
 
 def run(command, log):
@@ -80,6 +94,34 @@ def make(row, seed, options):
         shutil.rmtree(directory / "checkpoints")  # Nearly a gigabyte of replay.
     except subprocess.CalledProcessError as error:
         print(f"{name}: {error}; see {log}", file=sys.stderr)
+
+
+def score_drives(row, seed, options):
+    """Scores a trained run with and without planning, unless that is there."""
+    name = f"{row}-seed{seed}"
+    courses = SCENARIOS[ROWS[row][1]][4 if options.validation else 1]
+    for drive, settings in DRIVES.items():
+        output = options.output / name / "drives" / drive
+        if (output / "evaluation.json").exists():
+            continue
+        command = [PROGRAM, "evaluate", "--policy", options.output / name / "policy.safetensors", "--courses", courses,
+                   "--collection", options.collection, "--output", output, *settings]
+        try:
+            run(command, options.output / f"{name}.log.{drive}")
+        except subprocess.CalledProcessError as error:
+            print(f"{name}, {drive}: {error}", file=sys.stderr)
+
+
+def drives_table(options):
+    print("| row | seeds | " + " | ".join(f"{drive}: success [%] | collision [%]" for drive in DRIVES) + " |")
+    print("|---" * (2 * len(DRIVES) + 2) + "|")
+    for row in options.rows:
+        cells = []
+        for drive in DRIVES:
+            paths = [options.output / f"{row}-seed{seed}/drives/{drive}/evaluation.json" for seed in options.seeds]
+            found = [json.loads(path.read_text()) for path in paths if path.exists()]
+            cells += [spread([100 * one[key] for one in found]) for key in ("success_rate", "collision_rate")]
+        print(f"| {row} | {len(options.seeds)} | " + " | ".join(cells) + " |")
 
 
 def result(directory):
@@ -136,15 +178,17 @@ def main():
     parser.add_argument("--at-once", type=int, default=max(1, (os.cpu_count() or 2) // 2))
     parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="settings of every run besides the rows' own")
     parser.add_argument("--validation", action="store_true", help="choose settings: train and score without the test courses")
+    parser.add_argument("--planning", action="store_true", help="score the trained rows again, with and without planning")
     parser.add_argument("--table", action="store_true")
     options = parser.parse_args()
     if options.collection:
         options.collection = str(pathlib.Path(options.collection).resolve())
     options.output.mkdir(parents=True, exist_ok=True)
     if not options.table:
+        work = score_drives if options.planning else make
         with concurrent.futures.ThreadPoolExecutor(options.at_once) as pool:
-            list(pool.map(lambda job: make(*job, options), [(row, seed) for seed in options.seeds for row in options.rows]))
-    table(options)
+            list(pool.map(lambda job: work(*job, options), [(row, seed) for seed in options.seeds for row in options.rows]))
+    (drives_table if options.planning else table)(options)
 
 
 if __name__ == "__main__":

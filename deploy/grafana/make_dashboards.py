@@ -112,6 +112,7 @@ LEARNING = dashboard("learning", "learning", "What is learned, and how well the 
           (largest("slalom_cost_q_mean"), "{{run}} cost"), minimum=None),
     graph("Transition model", COUNT, "Error of a number of the next frame, and were nothing to change.",
           (largest("slalom_model_error"), "{{run}} model"),
+          (largest("slalom_model_steps_error"), "{{run}} model, five steps ahead"),
           (largest("slalom_model_change"), "{{run}} no change")),
     graph("Calibration of the model", RATIO, "Numbers inside what should hold half and nine tenths of them.",
           (largest("slalom_model_covered_ratio", "run, expected"), "{{run}} {{expected}}"), maximum=1),

@@ -33,18 +33,21 @@ void BatchStream::Request() {
   if (link_.num_welcomes() != num_welcomes_) requested_ = next;
   num_welcomes_ = link_.num_welcomes();
   while (requested_ < next + static_cast<std::uint64_t>(prefetch_)) {
-    const replay::SampleSpec& spec = specs_[requested_ % specs_.size()];
-    proto::SampleRequest request;
-    request.cursor = requested_;
-    request.batch = spec.batch;
-    request.history = spec.history;
-    request.n_step = spec.n_step;
-    request.gamma = spec.gamma;
-    request.prioritized = spec.prioritized;
-    request.importance_exponent = spec.importance_exponent;
-    if (!link_.Send(request)) return;
+    if (!Ask(specs_[requested_ % specs_.size()])) return;
     ++requested_;
   }
+}
+
+bool BatchStream::Ask(const replay::SampleSpec& spec) {
+  proto::SampleRequest request;
+  request.cursor = requested_;
+  request.batch = spec.batch;
+  request.history = spec.history;
+  request.n_step = spec.n_step;
+  request.gamma = spec.gamma;
+  request.prioritized = spec.prioritized;
+  request.importance_exponent = spec.importance_exponent;
+  return link_.Send(request);
 }
 
 const RemoteBatches* BatchStream::Next(milliseconds timeout) {
@@ -64,24 +67,18 @@ bool BatchStream::Take(service::ReplayLink::Received received) {
     return false;
   }
   const auto* reply = std::get_if<proto::SampleReply>(&received.header);
-  if (reply == nullptr || reply->cursor != cursor_ + num_here_) return false;  // Asked for twice.
-  const replay::SampleSpec& spec = specs_[num_here_];
-  if (reply->batch != spec.batch || reply->history != spec.history) {
-    throw base::Error(fmt::format(
-        "batch {} of the replay server at {} is [{}, {}], expected "
-        "[{}, {}]",
-        reply->cursor, link_.endpoint(), reply->batch, reply->history, spec.batch, spec.history));
+  if (reply == nullptr) return false;
+  if (window_spec_ && reply->history == window_spec_->history) {
+    window_payload_ = std::move(received.payload);
+    Parse(*reply, *window_spec_, window_payload_, &windows_);
+    windows_came_ = true;
+    return false;
   }
+  if (reply->cursor != cursor_ + num_here_) return false;  // Asked for twice.
   transport::Frame& payload = batches_.payloads[num_here_];
   batches_.header = *reply;
   payload = std::move(received.payload);
-  const auto failure = replay::ParseSample(
-      payload.bytes(), {reply->batch, reply->history, reply->num_beams, reply->weighted},
-      &batches_.rows[num_here_]);
-  if (failure) {
-    throw base::Error(fmt::format("batch {} of the replay server at {}: {}", reply->cursor,
-                                  link_.endpoint(), failure->text));
-  }
+  Parse(*reply, specs_[num_here_], payload, &batches_.rows[num_here_]);
   ++num_here_;
   const bool complete = num_here_ == static_cast<int>(specs_.size());
   if (complete) {
@@ -90,6 +87,33 @@ bool BatchStream::Take(service::ReplayLink::Received received) {
   }
   Request();
   return complete;
+}
+
+void BatchStream::Parse(const proto::SampleReply& reply, const replay::SampleSpec& spec,
+                        const transport::Frame& payload, replay::SampledRows* rows) const {
+  if (reply.batch != spec.batch || reply.history != spec.history) {
+    throw base::Error(fmt::format(
+        "batch {} of the replay server at {} is [{}, {}], expected [{}, {}]", reply.cursor,
+        link_.endpoint(), reply.batch, reply.history, spec.batch, spec.history));
+  }
+  const auto failure = replay::ParseSample(
+      payload.bytes(), {reply.batch, reply.history, reply.num_beams, reply.weighted}, rows);
+  if (failure) {
+    throw base::Error(fmt::format("batch {} of the replay server at {}: {}", reply.cursor,
+                                  link_.endpoint(), failure->text));
+  }
+}
+
+// By the number of the next batch, which is asked for under it afterwards: the server's limiter
+// counts what a learner's numbers stand for, so that this one costs the run no batch.
+void BatchStream::AskWindows(const replay::SampleSpec& spec) {
+  if (!link_.welcomed() || link_.num_welcomes() != num_welcomes_) return;
+  window_spec_ = spec;
+  static_cast<void>(Ask(spec));
+}
+
+const replay::SampledRows* BatchStream::TakeWindows() {
+  return std::exchange(windows_came_, false) ? &windows_ : nullptr;
 }
 
 void BatchStream::SetPriorities(std::span<const std::int64_t> sequence,

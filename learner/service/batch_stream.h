@@ -43,6 +43,12 @@ class BatchStream {
   /// Batches asked for that have not come.
   int in_flight() const { return static_cast<int>(requested_ - cursor_) - num_here_; }
 
+  /// Asks for samples of another kind, once, beside the batches: those come as if this had not
+  /// been. What is lost on the way does not come. Requires: its history is no batch's.
+  void AskWindows(const replay::SampleSpec& spec);
+  /// What came of it since the last call, valid until the next `Next`; null: nothing.
+  const replay::SampledRows* TakeWindows();
+
   /// Tells the server the new priorities of rows it sent, [C] each. One that is lost on the way
   /// only means an older priority.
   void SetPriorities(std::span<const std::int64_t> sequence, std::span<const float> priority);
@@ -55,6 +61,10 @@ class BatchStream {
 
  private:
   void Request();
+  /// False: not now.
+  [[nodiscard]] bool Ask(const replay::SampleSpec& spec);
+  void Parse(const proto::SampleReply& reply, const replay::SampleSpec& spec,
+             const transport::Frame& payload, replay::SampledRows* rows) const;
   bool Take(service::ReplayLink::Received received);
 
   service::ReplayLink link_;
@@ -64,7 +74,11 @@ class BatchStream {
   std::uint64_t requested_;  // Next to be asked for.
   int num_welcomes_ = 0;     // Of the link, when the last request was made.
   RemoteBatches batches_;
-  int num_here_ = 0;  // Of the batches from `cursor_` on.
+  int num_here_ = 0;                               // Of the batches from `cursor_` on.
+  std::optional<replay::SampleSpec> window_spec_;  // As asked for last.
+  transport::Frame window_payload_;
+  replay::SampledRows windows_;
+  bool windows_came_ = false;
   std::optional<proto::StatusReply> status_;
 };
 

@@ -55,6 +55,7 @@ void LearnerMetrics::SetLearning(const run::MetricsRow& row) {
   registry_.gauge(metrics::kModelLoss).Set(row.model_loss);
   registry_.gauge(metrics::kModelError).Set(row.model_error);
   registry_.gauge(metrics::kModelChange).Set(row.model_change);
+  registry_.gauge(metrics::kModelStepsError).Set(row.model_steps_error);
   registry_.gauge(metrics::kModelLikelihood).Set(row.model_likelihood);
   registry_.gauge(metrics::kModelRewardError).Set(row.model_reward_error);
   registry_.gauge(metrics::kModelTermination).Set(row.model_termination);

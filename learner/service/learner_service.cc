@@ -154,6 +154,11 @@ bool LearnerService::Log() {
   row.mean_return = acting.mean_return;
   row.mean_episode_steps = acting.mean_length;
   row.replay_steps = table_steps_;
+  if (const replay::SampledRows* windows = batches_->TakeWindows()) {
+    model_steps_error_ = run_.learner().PredictionError(*windows);
+  }
+  if (run_.learner().has_model()) batches_->AskWindows(run_.learner().window_spec());
+  row.model_steps_error = model_steps_error_;
   row = run_.Complete(row);
   const double lag = static_cast<double>(published_updates_) - acting_version_;
   metrics_.SetLearning(row);

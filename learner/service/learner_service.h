@@ -84,7 +84,8 @@ class LearnerService {
   bool finished_ = false;
   std::int64_t published_updates_ = 0;
   std::chrono::steady_clock::time_point published_at_;
-  double waited_s_ = 0.0;  ///< For batches, since the last row.
+  double waited_s_ = 0.0;                              ///< For batches, since the last row.
+  double model_steps_error_ = run::MetricsRow::kNone;  ///< The newest.
   std::string said_;
 };
 

@@ -27,8 +27,8 @@ class SampleDesk {
   using Time = std::chrono::steady_clock::time_point;
 
   /// Of a peer, unanswered: the largest `learner_service.prefetch`, 256 updates, of up to four
-  /// batches each.
-  static constexpr std::size_t kMaxRequests = 1024;
+  /// batches each, and one to measure a model by.
+  static constexpr std::size_t kMaxRequests = 1025;
 
   struct Options {
     std::uint64_t seed = 1;

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -115,18 +116,20 @@ policy::PolicySpec Spec() {
   return spec;
 }
 
+using Meanwhile = std::function<void(const std::string& endpoint)>;
+
 /// A learner that runs in a thread until `updates` or more, then is stopped as by SIGTERM.
 void Learn(const std::string& replay, const fs::path& directory, std::int64_t updates,
-           const std::function<void(const std::string& endpoint)>& meanwhile = {},
-           bool prioritized = false) {
+           const Meanwhile& meanwhile = {}, const MethodConfig& base_method = {}) {
   base::MakeDirectories(directory);
   transport::Context context;
   metrics::Registry registry("learner", "learner");
-  MethodConfig method;
+  MethodConfig method = base_method;
   LearnerConfig& config = method.learner;
   config.batch_size = 16;
-  config.prioritized = prioritized;
   config.actor_learning_rate = config.critic_learning_rate = 1e-3;
+  policy::PolicySpec spec = Spec();
+  spec.planning = PlanningOf(method);
   LearnerJob job;
   job.plan.directory.root = directory;
   job.plan.seed = 6;
@@ -140,7 +143,7 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   std::string error;
   std::jthread thread([&](std::stop_token stop) {
     try {
-      LearnerService learner({}, method, Spec(), job, context, registry);
+      LearnerService learner({}, method, spec, job, context, registry);
       endpoint = learner.endpoint();
       ready = true;
       EXPECT_EQ(learner.Run(stop), LearnerEnd::kStopped);
@@ -218,14 +221,42 @@ TEST(LearnerServiceTest, ReadersGetTheNewestPolicyWhenTheyLackIt) {
 TEST(LearnerServiceTest, PrioritiesGoBackToTheReplayServer) {
   const test::ScratchDirectory scratch;
   FilledReplay replay;
+  MethodConfig method;
+  method.learner.prioritized = true;
   Learn(
       replay.endpoint(), scratch.path() / "run", kUpdates,
       // The server counts once a second; 16 priorities follow each batch.
       [&](const std::string&) {
         WaitUntil([&] { return replay.priorities_updated() >= 16.0 * (kUpdates - 10); });
       },
-      true);
+      method);
   EXPECT_EQ(Policy(scratch.path() / "run").snapshot.version, kUpdates);
+}
+
+TEST(LearnerServiceTest, AModelsErrorSeveralStepsAheadIsInTheMetrics) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  MethodConfig method;
+  method.model.kind = "deterministic";
+  method.model.encoder_layers = {};
+  method.model.head_layers = {16};
+  const auto last_error = [&] {
+    std::istringstream lines(base::ReadFile(run::RunDirectory{scratch.path()}.metrics()));
+    std::vector<std::string> cells;
+    std::size_t column = 0;
+    for (std::string line; std::getline(lines, line);) {
+      const bool is_header = cells.empty();
+      cells.clear();
+      std::istringstream row(line);
+      for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+      if (is_header) column = std::ranges::find(cells, "model_steps_error") - cells.begin();
+    }
+    return column < cells.size() ? cells[column] : "";
+  };
+  Learn(
+      replay.endpoint(), scratch.path(), 10,
+      [&](const std::string&) { WaitUntil([&] { return !last_error().empty(); }); }, method);
+  EXPECT_GT(std::stod(last_error()), 0.0);
 }
 
 // Of two kinds, batch k is of kind k mod 2, and a stream that goes on from a cursor gives the same.
@@ -261,6 +292,40 @@ TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
   }
   const auto later = read(8, 2);
   EXPECT_EQ(later, std::vector(all.begin() + 8, all.end()));
+}
+
+// The server's limiter has earned kUpdates batches; what is asked for beside them takes none away.
+TEST(BatchStreamTest, WindowsCostTheRunNoBatch) {
+  const FilledReplay replay;
+  const replay::SampleSpec batch = {.batch = 4, .history = 2, .n_step = 1};
+  const replay::SampleSpec window = {.batch = 8, .history = 5, .n_step = 1};
+  const auto read = [&](int every) {
+    transport::Context context;
+    proto::Hello hello;
+    hello.role = "learner";
+    hello.name = "learner";
+    hello.spec_hash = kSpecHash;
+    hello.num_beams = kBeams;
+    BatchStream stream(context, {.endpoint = replay.endpoint()}, hello, {batch}, 3, 0);
+    std::vector<std::int64_t> sequences;
+    int num_windows = 0;
+    for (std::int64_t i = 0; i < kUpdates; ++i) {
+      const RemoteBatches* batches = nullptr;
+      WaitUntil([&] { return (batches = stream.Next(milliseconds(100))) != nullptr; });
+      const auto& drawn = batches->rows[0].sequence;
+      sequences.insert(sequences.end(), drawn.begin(), drawn.end());
+      if (const replay::SampledRows* windows = stream.TakeWindows()) {
+        EXPECT_EQ(windows->batch, 8);
+        EXPECT_EQ(windows->history, 5);
+        ++num_windows;
+      }
+      if (every > 0 && i % every == 0) stream.AskWindows(window);
+    }
+    EXPECT_EQ(num_windows > 0, every > 0);
+    return sequences;
+  };
+  const auto with_windows = read(10);
+  EXPECT_EQ(with_windows, read(0));
 }
 
 TEST(LearnerMetricsTest, ALearnerThatWaitsForLongIsNotWellUntilABatchComes) {
