@@ -17,8 +17,9 @@
 #include "replay/table.h"
 #include "train/run_config.h"
 
-/// Updates of every algorithm on every network beside the matrix products that they cannot do
-/// without, measured in the same run on the same shapes, and the inference of a policy. One thread.
+/// Updates of every method, and of every algorithm on every network beside the matrix products that
+/// they cannot do without, measured in the same run on the same shapes, and the inference of a
+/// policy. One thread.
 
 namespace slalom {
 namespace {
@@ -95,8 +96,12 @@ class Updates {
   }
 
   void Run() {
-    SLALOM_CHECK(table_.SampleRows(learner_.sample_specs()[0], random_, &rows_));
-    learner_.Update({&rows_, 1}, 0.0);
+    const auto& specs = learner_.sample_specs();
+    rows_.resize(specs.size());
+    for (std::size_t i = 0; i < specs.size(); ++i) {
+      SLALOM_CHECK(table_.SampleRows(specs[i], random_, &rows_[i]));
+    }
+    learner_.Update(rows_, 0.0);
   }
 
   const policy::PolicySpec& spec() const { return spec_; }
@@ -108,7 +113,7 @@ class Updates {
   const std::int64_t batch_size_;
   learner::Learner learner_;
   base::Random random_{2};
-  replay::SampledRows rows_;
+  std::vector<replay::SampledRows> rows_;
 };
 
 void RunUpdates(benchmark::State& state, const std::string& preset, const Work& work) {
@@ -148,6 +153,22 @@ void RunUpdates(benchmark::State& state, const std::string& preset, const Work& 
       CountFlops(products) * static_cast<double>(rounds) / small_gemm_seconds * 1e-9;
 }
 
+/// Of a method that has more than its algorithm: a constraint, or a model that it learns from. One
+/// update is what one replayed batch leads to, with the model's updates and imagined batches.
+void RunMethod(benchmark::State& state, const std::string& preset) {
+  policy::SetMathThreads(1);
+  train::RunConfig config = LoadPreset(preset);
+  config.method.imagination.learning_starts = 0;
+  Updates learner(config);
+  const double begin = ThreadSeconds();
+  for (auto _ : state) {
+    learner.Run();
+    learner.Run();
+  }
+  state.counters["updates/s"] =
+      2.0 * static_cast<double>(state.iterations()) / (ThreadSeconds() - begin);
+}
+
 /// By the clock, with so many threads in each product: whether a second one pays.
 void RunByThreads(benchmark::State& state, const std::string& preset) {
   policy::SetMathThreads(static_cast<int>(state.range(0)));
@@ -173,6 +194,13 @@ const bool kRegistered = [] {
           ->Arg(1)
           ->Arg(2)
           ->UseRealTime()
+          ->Unit(benchmark::kMillisecond);
+    }
+    for (const char* const method :
+         {"lagrangian", "dyna-deterministic", "dyna-probabilistic", "mbpo"}) {
+      const std::string preset = size + "/" + method + "-mlp.toml";
+      benchmark::RegisterBenchmark(("Update/" + size + "/mlp/" + method).c_str(),
+                                   [preset](benchmark::State& state) { RunMethod(state, preset); })
           ->Unit(benchmark::kMillisecond);
     }
   }

@@ -106,8 +106,10 @@ train::RunConfig TaskOf(const EvaluateOptions& options, const policy::LoadedPoli
 
 /// Throws `base::Error` where planning is asked of a policy that cannot.
 void RequirePlannable(const std::string& path, const policy::PolicySnapshot& policy,
-                      const policy::MpcConfig& mpc) {
+                      const train::RunConfig& config) {
+  const policy::MpcConfig& mpc = config.mpc;
   if (!mpc.enabled) return;
+  train::RequireNoConstraint(config);
   if (!policy.spec.planning.is_carried()) {
     throw base::Error(fmt::format(
         "{}: carries no transition model, expected one where mpc.enabled is true: train "
@@ -126,7 +128,7 @@ std::optional<ScoredRun> DrivePolicy(const EvaluateOptions& options, base::Paral
                                      std::stop_token stop) {
   const policy::LoadedPolicy loaded = policy::LoadPolicy(*options.policy);
   const train::RunConfig config = TaskOf(options, loaded);
-  RequirePlannable(*options.policy, loaded.snapshot, config.mpc);
+  RequirePlannable(*options.policy, loaded.snapshot, config);
   return EvaluatePolicy(loaded.snapshot, *options.policy, config, options.courses, parallel,
                         std::move(stop));
 }

@@ -27,6 +27,8 @@ namespace slalom::learner {
 /// 2. Thread-compatible.
 class Constraint {
  public:
+  static constexpr int kNumCritics = 2;
+
   /// Requires: config.kind is not "none". The critics read `minibatch`, which outlives this.
   Constraint(const ConstraintConfig& config, const policy::NetworkShape& critic_shape,
              base::Random& initial_weights, Minibatch& minibatch, Totals& totals);
@@ -57,6 +59,7 @@ class Constraint {
   Totals& totals_;
   Critics critics_;
   at::Tensor target_;  // [B], y
+  at::Tensor errors_;  // [B]
   double integral_;
   double multiplier_;
   double collisions_ = LearnerStats::kNone;  // At the last look.

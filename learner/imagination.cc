@@ -32,18 +32,32 @@ int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates) {
 }
 
 int NumStartingStates(const ImaginationConfig& config, int batch_size) {
-  if (config.kind == "dyna") return config.imagined_batches * batch_size;
-  if (config.kind != "mbpo") return 0;
+  if (config.kind == "none") return 0;
+  if (config.imagined_batches == 0) {
+    throw base::Error(
+        fmt::format("imagination.imagined_batches is 0, expected at least 1 with imagination.kind "
+                    "= \"{}\": nothing would be learned from what is imagined",
+                    config.kind));
+  }
+  if (config.kind == "dyna") {
+    if (config.final_rollout_steps != 0) {
+      throw base::Error(fmt::format(
+          "imagination.final_rollout_steps is {}, expected 0 with imagination.kind = \"dyna\", "
+          "whose rollouts do not grow",
+          config.final_rollout_steps));
+    }
+    return config.imagined_batches * batch_size;
+  }
   if (config.as_published) {
     throw base::Error(
         "imagination.as_published is true, expected imagination.kind = \"dyna\": the original's "
         "MBPO "
         "cannot run (original-system.md, fault M4)");
   }
-  if (config.imagined_batches == 0) {
+  if (config.real_ratio == 1.0) {
     throw base::Error(
-        "imagination.imagined_batches is 0, expected at least 1 with imagination.kind = \"mbpo\": "
-        "all its updates are from batches that are imagined in part");
+        "imagination.real_ratio is 1, expected less with imagination.kind = \"mbpo\": nothing of "
+        "what is imagined would be learned from");
   }
   if (config.rollouts % batch_size != 0) {
     throw base::Error(

@@ -40,13 +40,31 @@ const MethodConfig& Checked(const MethodConfig& method) {
                     learner.log_std_min, learner.log_std_max));
   }
   const ConstraintConfig& constraint = method.constraint;
-  const ConstraintConfig defaults;
-  if (constraint.kind == "none" &&
-      (constraint.limit != defaults.limit || constraint.multiplier != defaults.multiplier)) {
+  const std::pair<const char*, double ConstraintConfig::*> weights[] = {
+      {"limit", &ConstraintConfig::limit},
+      {"multiplier", &ConstraintConfig::multiplier},
+      {"multiplier_max", &ConstraintConfig::multiplier_max},
+      {"learning_rate", &ConstraintConfig::learning_rate},
+      {"proportional_gain", &ConstraintConfig::proportional_gain},
+      {"derivative_gain", &ConstraintConfig::derivative_gain},
+      {"learning_starts", &ConstraintConfig::learning_starts}};
+  for (const auto& [key, member] : weights) {
+    if (constraint.kind != "none" || constraint.*member == ConstraintConfig().*member) continue;
     throw base::Error(
-        fmt::format("constraint.limit is {} and constraint.multiplier is {}, expected "
-                    "constraint.kind = \"lagrangian\" or \"fixed\": nothing counts the cost",
-                    constraint.limit, constraint.multiplier));
+        fmt::format("constraint.{} is {}, expected constraint.kind = \"lagrangian\" or \"fixed\": "
+                    "nothing counts the cost",
+                    key, constraint.*member));
+  }
+  if (constraint.kind == "lagrangian" && constraint.learning_rate == 0.0 &&
+      constraint.proportional_gain == 0.0 && constraint.derivative_gain == 0.0) {
+    throw base::Error(
+        "constraint.learning_rate is 0, expected it or a gain above 0 where constraint.kind is "
+        "\"lagrangian\": the multiplier would never move");
+  }
+  if (constraint.kind == "lagrangian" && constraint.multiplier_max == 0.0) {
+    throw base::Error(
+        "constraint.multiplier_max is 0, expected more: a cost that weighs nothing constrains "
+        "nothing");
   }
   if (constraint.kind == "fixed" && constraint.multiplier == 0.0) {
     throw base::Error(
@@ -59,7 +77,14 @@ const MethodConfig& Checked(const MethodConfig& method) {
                     constraint.multiplier, constraint.multiplier_max));
   }
   const std::string& imagination = method.imagination.kind;
-  if (imagination == "none") return method;
+  if (imagination == "none") {
+    if (method.imagination.as_published) {
+      throw base::Error(
+          "imagination.as_published is true, expected imagination.kind = \"dyna\": nothing is "
+          "imagined");
+    }
+    return method;
+  }
   if (method.model.kind == "none") {
     throw base::Error(
         fmt::format("imagination.kind is \"{}\", expected model.kind = \"deterministic\" or "
@@ -119,7 +144,8 @@ struct Learner::Parts {
                                .constraint = constraint ? &*constraint : nullptr});
     if (method.model.kind == "none") return;
     model.emplace(method.model_training,
-                  policy::MakeModelShape(method.model, spec.network, features.frame_size()),
+                  policy::MakeModelShape(method.model, spec.network, features.frame_size(),
+                                         spec.observation, spec.planning.goal),
                   features, method.learner.reward_scale, method.learner.mirror, device, seed,
                   NumStartingStates(method.imagination, method.learner.batch_size));
     if (method.imagination.kind == "none") return;
@@ -158,7 +184,7 @@ struct Learner::Parts {
 Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed)
     : method_(Checked(method)), spec_(spec), sample_specs_(SampleSpecs(method, spec)) {
   SLALOM_CHECK(spec.distribution == DistributionOf(method.learner));
-  SLALOM_CHECK(spec.planning == PlanningOf(method));
+  SLALOM_CHECK(spec.planning == PlanningOf(method, spec.planning.goal));
   parts_ = std::make_unique<Parts>(method_, spec_, seed);
 }
 
@@ -181,9 +207,9 @@ std::vector<replay::SampleSpec> Learner::SampleSpecs(const MethodConfig& method,
   return specs;
 }
 
-policy::PlanningSpec PlanningOf(const MethodConfig& method) {
+policy::PlanningSpec PlanningOf(const MethodConfig& method, const policy::GoalRule& goal) {
   if (method.model.kind == "none") return {};
-  policy::PlanningSpec planning{.model = method.model, .gamma = method.learner.gamma};
+  policy::PlanningSpec planning{.model = method.model, .gamma = method.learner.gamma, .goal = goal};
   planning.model.ensemble = NumElites(method.model_training, method.model.ensemble);
   return planning;
 }
@@ -219,7 +245,7 @@ void Learner::ObserveEpisodes(double collisions, std::int64_t finished) {
 
 LearnerStats Learner::ReadStats() {
   Parts& p = *parts_;
-  LearnerStats stats = p.totals.Read(p.algorithm->num_critics());
+  LearnerStats stats = p.totals.Read(p.algorithm->num_critics(), Constraint::kNumCritics);
   if (spec_.distribution.is_deterministic()) stats.entropy = LearnerStats::kNone;
   p.algorithm->Describe(stats);
   if (p.constraint) {

@@ -27,7 +27,8 @@ struct MethodConfig {
 };
 
 /// What the policies of a method carry for agents that plan: part of every policy that it makes.
-policy::PlanningSpec PlanningOf(const MethodConfig& method);
+/// `goal`: when the task's episodes end in success.
+policy::PlanningSpec PlanningOf(const MethodConfig& method, const policy::GoalRule& goal = {});
 
 /// Learns a policy from replayed transitions, by the algorithm that the config names and what is
 /// combined with it. docs/algorithms.md maps the papers' equations to functions.
@@ -36,8 +37,8 @@ class Learner {
  public:
   /// Networks and noise are drawn from `seed`. Throws `base::Error` where the config cannot be met
   /// (no GPU, sectors that do not divide the beams, parts that do not go together).
-  /// Requires: spec.distribution is `DistributionOf(method.learner)`, spec.planning
-  /// `PlanningOf(method)`.
+  /// Requires: spec.distribution is `DistributionOf(method.learner)`, spec.planning `PlanningOf` of
+  /// the method and a goal.
   Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed);
   ~Learner();
 

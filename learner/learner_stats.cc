@@ -14,7 +14,7 @@ Totals::Totals(at::Device device)
   }
 }
 
-LearnerStats Totals::Read(int num_critics) {
+LearnerStats Totals::Read(int num_critics, int num_cost_critics) {
   const at::Tensor host = sums_.to(at::kCPU);
   const auto total = [&host](Total t) { return host.data_ptr<double>()[static_cast<int>(t)]; };
   LearnerStats stats;
@@ -28,8 +28,8 @@ LearnerStats Totals::Read(int num_critics) {
   stats.actor_q_mean = total(Total::kActorQ) / actor_updates;
   stats.actor_gradient_norm = total(Total::kActorNorm) / actor_updates;
   stats.entropy = total(Total::kEntropy) / actor_updates;
-  stats.cost_critic_loss = total(Total::kCostLoss) / (updates * num_critics);
-  stats.cost_q_mean = total(Total::kCostQ) / (updates * num_critics);
+  stats.cost_critic_loss = total(Total::kCostLoss) / (updates * num_cost_critics);
+  stats.cost_q_mean = total(Total::kCostQ) / (updates * num_cost_critics);
   sums_.zero_();
   updates_at_reading_ = num_updates_;
   actor_updates_at_reading_ = num_actor_updates_;

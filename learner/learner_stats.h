@@ -75,7 +75,7 @@ class Totals {
   std::int64_t num_actor_updates() const { return num_actor_updates_; }  ///< Since the beginning.
 
   /// The means, and new sums. Waits for the device.
-  LearnerStats Read(int num_critics);
+  LearnerStats Read(int num_critics, int num_cost_critics);
 
   void SaveState(policy::TensorMap& tensors) const;
   void LoadState(const policy::TensorFile& file);

@@ -149,9 +149,16 @@ void ReferenceLoss(const policy::ModelShape& shape, const ModelTargets& targets,
     d_mean.narrow(1, 0, ranges).mul_(1 - mean.narrow(1, 0, ranges).square());
   }
   gradient.narrow(1, 0, n).copy_(d_mean);
-  const at::Tensor reward_error = output.select(1, shape.reward_column()) - targets.reward;
+  at::Tensor ended = (targets.discount == 0).to(output.scalar_type());
+  at::Tensor reward = targets.reward;
+  if (shape.knows_success()) {
+    const at::Tensor frames = targets.next_features.narrow(1, begin, shape.frame_size());
+    const at::Tensor success = ended * policy::AreSuccesses(shape, frames) * (targets.cost == 0);
+    reward = reward - success * shape.goal_reward;
+    ended = ended - success;
+  }
+  const at::Tensor reward_error = output.select(1, shape.reward_column()) - reward;
   const at::Tensor logit = output.select(1, shape.termination_column());
-  const at::Tensor ended = (targets.discount == 0).to(output.scalar_type());
   const at::Tensor entropy = at::softplus(logit) - ended * logit;
   gradient.select(1, shape.reward_column()).copy_(2 * reward_error * weight / total);
   gradient.select(1, shape.termination_column()).copy_((logit.sigmoid() - ended) * weight / total);
@@ -211,9 +218,13 @@ void ModelLoss(const policy::ModelShape& shape, const ModelTargets& targets, dou
     Scale(shape.probabilistic ? scale : -2.0f * scale, n, d);
     if (shape.bound_ranges) TanhGradient(shape.num_ranges, output, d);
 
-    const float reward_error = output[shape.reward_column()] - targets.reward.data_ptr<float>()[i];
+    const bool terminated = targets.discount.data_ptr<float>()[i] == 0.0f;
+    const bool success =
+        terminated && targets.cost.data_ptr<float>()[i] == 0.0f && shape.IsSuccess(next);
+    const float reward = targets.reward.data_ptr<float>()[i] - (success ? shape.goal_reward : 0.0f);
+    const float reward_error = output[shape.reward_column()] - reward;
     const float logit = output[shape.termination_column()];
-    const float ended = targets.discount.data_ptr<float>()[i] == 0.0f ? 1.0f : 0.0f;
+    const float ended = terminated && !success ? 1.0f : 0.0f;
     const double entropy = policy::Softplus(logit) - static_cast<double>(ended * logit);
     d[shape.reward_column()] = 2.0f * share * reward_error;
     d[shape.termination_column()] = share * (policy::SmoothSigmoid(logit) - ended);

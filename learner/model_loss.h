@@ -14,6 +14,7 @@ struct ModelTargets {
   at::Tensor next_features;  ///< [B, H * F], after the action; its newest frame is the target
   at::Tensor reward;         ///< [B], scaled
   at::Tensor discount;       ///< [B], 0 where the episode terminated
+  at::Tensor cost;           ///< [B], above 0 where it did so by a collision
   at::Tensor weight;         ///< [B], what a transition counts in the loss; 0: held out
 };
 
@@ -40,6 +41,9 @@ enum ModelFigure {
 /// The loss of a transition model, and its gradient by what the network gave:
 ///
 ///     sum_i w_i (c S_i + (r_i - r^_i)^2 + H(d_i, p_i)) / sum_i w_i
+///
+/// Where the shape knows success, a transition that ended in it counts as r_i less its reward and
+/// d_i = 0: that is what the heads are to give.
 ///
 /// with S_i the sum over the M numbers of the squared error, or of the Gaussian negative
 /// log-likelihood ln sigma + z^2 / 2 + ln(2 pi) / 2 where probabilistic, c = `state_scale`, and H

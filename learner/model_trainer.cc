@@ -16,7 +16,7 @@ namespace slalom::learner {
 namespace {
 
 /// Loads from one choice of elites to the next: at 5 batches of 128 with 5 % held out, 8,000
-/// held-out transitions.
+/// transitions that no member learns from, and those that a member of an ensemble counts as 0.
 constexpr std::int64_t kElitePeriod = 250;
 
 at::Tensor InitialWeights(const policy::ModelShape& shape, std::uint64_t seed, at::Device device) {
@@ -89,6 +89,7 @@ ModelTrainer::ModelTrainer(const ModelTrainingConfig& config, const policy::Mode
                         rows(loaded_.next_features),
                         rows(loaded_.reward),
                         rows(loaded_.discount),
+                        rows(loaded_.cost),
                         {}});
   }
   host_weights_ = at::zeros({shape.ensemble, updates * batch}, at::kFloat);

@@ -1,5 +1,6 @@
 #include "learner/prediction_error.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/check.h"
@@ -21,10 +22,15 @@ std::vector<double> PredictionErrors(const policy::TransitionModel& model, int m
     return rows.state.data() +
            (static_cast<std::size_t>(sample) * rows.history + age) * env::kStateSize;
   };
+  // Before the first frame of an episode stand copies of it.
+  const auto begins_with_copy = [&](int sample) {
+    return std::equal(state_of(sample, 0), state_of(sample, 0) + env::kStateSize,
+                      state_of(sample, 1)) &&
+           std::equal(scan_of(sample, 0), scan_of(sample, 0) + rows.num_beams, scan_of(sample, 1));
+  };
   std::vector<int> whole;
   for (int i = 0; i < rows.batch; ++i) {
-    // Before the first frame of an episode stand copies of it.
-    if (scan_of(i, 0) != scan_of(i, 1)) whole.push_back(i);
+    if (!begins_with_copy(i)) whole.push_back(i);
   }
   if (whole.empty()) return {};
   const auto num_samples = static_cast<std::int64_t>(whole.size());

@@ -40,7 +40,8 @@ std::int64_t ModelShape::num_member_parameters() const { return network.num_para
 std::int64_t ModelShape::num_parameters() const { return ensemble * num_member_parameters(); }
 
 ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConfig& network,
-                          int frame_size) {
+                          int frame_size, const env::ObservationSpec& observation,
+                          const GoalRule& goal) {
   SLALOM_CHECK(config.kind != "none");
   RequireConsistent(config, network);
   ModelShape shape;
@@ -54,9 +55,21 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   shape.num_bounded = published ? shape.num_ranges : shape.num_predicted;
   shape.log_std_min = published ? -1.0f : static_cast<float>(config.log_std_min);
   shape.log_std_max = published ? 1.0f : static_cast<float>(config.log_std_max);
-  // What FeatureMap's transforms give for ranges of 0 and of any clip.
-  shape.range_low = network.range_transform == "inverse" ? -0.8f : -1.0f;
-  shape.range_high = network.range_transform == "inverse" ? 2.2f : 1.0f;
+  // What FeatureMap's transforms give for ranges of the clip and of 0.
+  const bool inverse = network.range_transform == "inverse";
+  shape.range_low =
+      inverse ? 0.6f / (static_cast<float>(observation.range_clip) + 0.2f) - 0.8f : -1.0f;
+  shape.range_high = inverse ? 2.2f : 1.0f;
+  if (config.success == "known") {
+    if (goal.radius <= 0.0) {
+      throw base::Error(
+          "model.success is \"known\", expected a radius of the goal above 0 beside it");
+    }
+    const auto radius = static_cast<float>(goal.radius / observation.goal_scale);
+    shape.squared_goal_radius = radius * radius;
+    shape.goal_y_offset = network.goal_transform == "centred" ? 0.0f : 1.0f;
+    shape.goal_reward = static_cast<float>(goal.reward);
+  }
 
   NetworkConfig layers = network;
   layers.dropout = 0.0;

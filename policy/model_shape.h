@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/config_field.h"
+#include "env/observation.h"
 #include "policy/network_config.h"
 #include "policy/network_shape.h"
 
@@ -27,6 +28,7 @@ struct TransitionModelConfig {
   double log_std_max = 1.0;
   bool bound_ranges = false;
   bool predict_last_action = false;
+  std::string success = "learned";
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -54,9 +56,21 @@ struct TransitionModelConfig {
       "range can be.");
     v("predict_last_action", predict_last_action,
       "Predict the next frame's last action, too, as published, though it is known.");
+    v("success", success, base::OneOf{"learned", "known"}, "",
+      "learned: the heads of reward and termination predict it, as the paper's. known: an imagined "
+      "episode ends in success where the predicted goal lies within "
+      "environment.episode.goal_tolerance; the heads predict the rest.");
   }
 
   friend bool operator==(const TransitionModelConfig&, const TransitionModelConfig&) = default;
+};
+
+/// When an episode ends in success, a part of the task. A value.
+struct GoalRule {
+  double radius = 0.0;  ///< The goal is nearer than this, [m].
+  double reward = 0.0;  ///< What that adds to the reward, scaled as the learner's.
+
+  friend bool operator==(const GoalRule&, const GoalRule&) = default;
 };
 
 /// The sizes of a transition model: what its networks read and what their outputs mean. A value.
@@ -77,6 +91,10 @@ struct ModelShape {
   int num_bounded = 0;
   float range_low = 0.0f;  ///< The features of ranges of `clip` and 0, in either order.
   float range_high = 0.0f;
+  /// Of the distance to the goal in features. Negative where success is learned.
+  float squared_goal_radius = -1.0f;
+  float goal_y_offset = 0.0f;
+  float goal_reward = 0.0f;
 
   int history() const { return network.config.history; }  ///< H
   int frame_size() const { return network.frame_size; }   ///< F
@@ -85,12 +103,21 @@ struct ModelShape {
   int log_std_column() const { return num_predicted; }
   int reward_column() const { return num_predicted * (probabilistic ? 2 : 1); }
   int termination_column() const { return reward_column() + 1; }
+  bool knows_success() const { return squared_goal_radius >= 0.0f; }
+  /// Whether `frame` [F] is one in which an episode ends in success, as far as that is known.
+  bool IsSuccess(const float* frame) const {
+    const float x = frame[num_ranges] + 1.0f;
+    const float y = frame[num_ranges + 1] + goal_y_offset;
+    return x * x + y * y < squared_goal_radius;
+  }
 };
 
-/// Of a model that predicts frames which a `FeatureMap` of `network` wrote, of `frame_size` F
-/// numbers. Throws `base::Error` naming the key where the config contradicts itself or what the
-/// features are. Requires: config.kind is not "none".
+/// Of a model that predicts frames which a `FeatureMap` of `observation` and `network` wrote, of
+/// `frame_size` F numbers. `goal`: used where success is known. Throws `base::Error` naming the key
+/// where the config contradicts itself or what the features are. Requires: config.kind is not
+/// "none".
 ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConfig& network,
-                          int frame_size);
+                          int frame_size, const env::ObservationSpec& observation = {},
+                          const GoalRule& goal = {});
 
 }  // namespace slalom::policy

@@ -65,7 +65,8 @@ NetworkShape PolicySpec::critic_shape() const {
 }
 
 ModelShape PolicySpec::model_shape() const {
-  return MakeModelShape(planning.model, network, FeatureMap(observation, network).frame_size());
+  return MakeModelShape(planning.model, network, FeatureMap(observation, network).frame_size(),
+                        observation, planning.goal);
 }
 
 PolicySnapshot ZeroSnapshot(const PolicySpec& spec) {

@@ -53,10 +53,13 @@ struct ActionDistribution {
 struct PlanningSpec {
   TransitionModelConfig model;
   double gamma = 0.99;  ///< Discount per step that its critic was trained with.
+  GoalRule goal;        ///< Of the task that it was trained for.
 
   template <class Visitor>
   void Visit(Visitor& v) {
     v("gamma", gamma, base::Range{0.0, 1.0});
+    v("goal_radius", goal.radius, base::Range{0.0, 1e6});
+    v("goal_reward", goal.reward, base::Range{0.0, 1e12});
     model.Visit(v);
   }
 

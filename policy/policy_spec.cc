@@ -7,6 +7,7 @@
 #include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "base/error.h"
 #include "policy/encoder_slots.h"
@@ -116,18 +117,20 @@ void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
   v("goal_scale", spec.goal_scale, base::Range{0.1, 1000.0});
 }
 
-/// Fields of the network that came after the first policies were written, which do without them.
-constexpr std::array kLaterFields = {"cnn_axis", "attention_heads", "dropout",
-                                     "dropout_everywhere"};
+/// Fields that came after the first policies were written, which do without them.
+constexpr std::array kLaterNetworkFields = {"cnn_axis", "attention_heads", "dropout",
+                                            "dropout_everywhere"};
+constexpr std::array kLaterPlanningFields = {"goal_radius", "goal_reward", "success"};
 
-void AddLaterFields(json& object) {
-  const auto network = object.find("network");
-  if (network == object.end() || !network->is_object()) return;
+template <class Section>
+void AddLaterFields(const char* name, std::span<const char* const> keys, json& object) {
+  const auto section = object.find(name);
+  if (section == object.end() || !section->is_object()) return;
   json defaults;
   JsonWriter writer(defaults);
-  NetworkConfig().Visit(writer);
-  for (const char* const key : kLaterFields) {
-    if (!network->contains(key)) (*network)[key] = defaults[key];
+  Section().Visit(writer);
+  for (const char* const key : keys) {
+    if (!section->contains(key)) (*section)[key] = defaults[key];
   }
 }
 
@@ -159,7 +162,8 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   if (!object.is_object()) {
     throw base::Error(fmt::format("{}: its spec is no JSON object", source));
   }
-  AddLaterFields(object);
+  AddLaterFields<NetworkConfig>("network", kLaterNetworkFields, object);
+  AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
   const json& version = JsonReader::Find(object, "version", "version", source);
   const bool is_count = version.is_number_unsigned() &&
                         version.get<std::uint64_t>() <= std::numeric_limits<std::int64_t>::max();

@@ -48,6 +48,12 @@ SLALOM_SIMD void Clip(float low, float high, std::int64_t n, float* __restrict v
 
 }  // namespace
 
+at::Tensor AreSuccesses(const ModelShape& shape, const at::Tensor& frames) {
+  const at::Tensor x = frames.select(1, shape.num_ranges) + 1.0;
+  const at::Tensor y = frames.select(1, shape.num_ranges + 1) + shape.goal_y_offset;
+  return (x.square() + y.square() < shape.squared_goal_radius).to(frames.scalar_type());
+}
+
 ModelPass::ModelPass(const ModelShape& shape, const at::Tensor& input, PassUse use)
     : input_(input), network_(shape.network, input, use) {
   const std::int64_t batch = input.size(0);
@@ -115,6 +121,11 @@ void TransitionModel::Predict(ModelPass& pass, int member, const at::Tensor& noi
     next.copy_(stack);
     pass.reward_.copy_(pass.output().select(1, shape_.reward_column()));
     pass.termination_.copy_(pass.output().select(1, shape_.termination_column()).sigmoid());
+    if (shape_.knows_success()) {
+      const at::Tensor success = AreSuccesses(shape_, next.narrow(1, width - frame, frame));
+      pass.reward_.add_(success, shape_.goal_reward);
+      pass.termination_.copy_(at::max(pass.termination_, success));
+    }
     return;
   }
 
@@ -140,8 +151,11 @@ void TransitionModel::Predict(ModelPass& pass, int member, const at::Tensor& noi
     }
     if (!shape_.bound_ranges) Clip(shape_.range_low, shape_.range_high, shape_.num_ranges, newest);
     std::copy(action, action + (frame - learned), newest + learned);
-    pass.reward_.data_ptr<float>()[i] = result[shape_.reward_column()];
-    pass.termination_.data_ptr<float>()[i] = SmoothSigmoid(result[shape_.termination_column()]);
+    const bool success = shape_.IsSuccess(newest);
+    pass.reward_.data_ptr<float>()[i] =
+        result[shape_.reward_column()] + (success ? shape_.goal_reward : 0.0f);
+    pass.termination_.data_ptr<float>()[i] =
+        success ? 1.0f : SmoothSigmoid(result[shape_.termination_column()]);
   }
 }
 

@@ -12,6 +12,9 @@
 
 namespace slalom::policy {
 
+/// `ModelShape::IsSuccess` of `frames` [B, F], as 0 and 1 of their type. On any device.
+at::Tensor AreSuccesses(const ModelShape& shape, const at::Tensor& frames);
+
 /// What a pass through a `TransitionModel` reads and leaves behind, for one batch size. Allocates
 /// on construction only. Confined to one thread at a time.
 class ModelPass {
@@ -46,6 +49,8 @@ class ModelPass {
 /// terminates, by any one of the networks of an ensemble.
 ///
 /// What the next frame's last action is, is known, and filled in unless the config says otherwise.
+/// Where the shape knows success, a next frame in the goal's radius ends the episode with its
+/// reward; the network then gives the reward without it, and the probability of any other end.
 /// Thread-compatible; `Predict` into different passes is thread-safe.
 class TransitionModel {
  public:

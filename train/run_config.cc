@@ -46,12 +46,17 @@ sim::CourseSet CoursesConfig::Resolve(const std::string& spec) const {
   return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
 }
 
+policy::GoalRule GoalOf(const RunConfig& config) {
+  return {.radius = config.environment.episode.goal_tolerance,
+          .reward = config.environment.reward.success * config.method.learner.reward_scale};
+}
+
 policy::PolicySpec MakePolicySpec(const RunConfig& config) {
   return {.observation = sim::MakeObservationSpec(config.environment),
           .network = config.network,
           .actions = config.environment.action,
           .distribution = learner::DistributionOf(config.method.learner),
-          .planning = learner::PlanningOf(config.method)};
+          .planning = learner::PlanningOf(config.method, GoalOf(config))};
 }
 
 void RequireCombination(const RunConfig& config) {
@@ -61,12 +66,15 @@ void RequireCombination(const RunConfig& config) {
         "false: the constraint counts episodes that a collision ended",
         config.method.constraint.kind));
   }
-  if (config.mpc.enabled && config.method.constraint.kind != "none") {
-    throw base::Error(fmt::format(
-        "mpc.enabled is true, expected constraint.kind = \"none\", found \"{}\": a plan is weighed "
-        "by its rewards alone, as a model predicts no cost",
-        config.method.constraint.kind));
-  }
+  if (config.mpc.enabled) RequireNoConstraint(config);
+}
+
+void RequireNoConstraint(const RunConfig& config) {
+  if (config.method.constraint.kind == "none") return;
+  throw base::Error(fmt::format(
+      "mpc.enabled is true, expected constraint.kind = \"none\", found \"{}\": a plan is weighed "
+      "by its rewards alone, as a model predicts no cost",
+      config.method.constraint.kind));
 }
 
 void RequireServable(const RunConfig& config) {

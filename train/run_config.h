@@ -151,6 +151,9 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config);
 /// Throws `base::Error` where sections that are each well do not go together, whichever program the
 /// config is for.
 void RequireCombination(const RunConfig& config);
+/// Throws `base::Error` where policies of the run are made under a constraint, which planning with
+/// them would pass over.
+void RequireNoConstraint(const RunConfig& config);
 
 /// Throws `base::Error` where the roles of a service would not get on with each other.
 void RequireServable(const RunConfig& config);

@@ -82,11 +82,23 @@ TEST_F(BadInputTest, MethodsThatMakeNoSenseAreRefusedWithTheReason) {
   refuse({"network.encoder=lstm"}, AllOf(HasSubstr("network.encoder"), HasSubstr("gru")));
   refuse({"constraint.limit=0.05"}, AllOf(HasSubstr("constraint.limit is 0.05"),
                                           HasSubstr("expected constraint.kind = \"lagrangian\"")));
+  refuse({"constraint.proportional_gain=1"}, HasSubstr("constraint.proportional_gain is 1"));
   refuse({"constraint.kind=fixed"}, HasSubstr("constraint.multiplier is 0"));
+  refuse({"constraint.kind=lagrangian", "constraint.learning_rate=0"},
+         HasSubstr("the multiplier would never move"));
+  refuse({"constraint.kind=lagrangian", "constraint.multiplier_max=0"},
+         HasSubstr("constraint.multiplier_max is 0"));
+  refuse({"imagination.as_published=true"}, HasSubstr("imagination.as_published is true"));
   refuse({"imagination.kind=dyna"}, HasSubstr("expected model.kind = \"deterministic\""));
   const std::string model = "model.kind=probabilistic";
   refuse({model, "imagination.kind=mbpo", "imagination.imagined_batches=0"},
          HasSubstr("imagination.imagined_batches is 0"));
+  refuse({model, "imagination.kind=dyna", "imagination.imagined_batches=0"},
+         HasSubstr("imagination.imagined_batches is 0"));
+  refuse({model, "imagination.kind=dyna", "imagination.final_rollout_steps=4"},
+         HasSubstr("imagination.final_rollout_steps is 4"));
+  refuse({model, "imagination.kind=mbpo", "imagination.real_ratio=1"},
+         HasSubstr("imagination.real_ratio is 1"));
   refuse({model, "imagination.kind=dyna", "imagination.rollout_steps=0"},
          AllOf(HasSubstr("imagination.rollout_steps is 0"), HasSubstr("[1, 100]")));
   refuse({model, "imagination.kind=mbpo", "imagination.real_ratio=1.5"},

@@ -242,16 +242,18 @@ TEST(LearnerServiceTest, AModelsErrorSeveralStepsAheadIsInTheMetrics) {
   method.model.head_layers = {16};
   const auto last_error = [&] {
     std::istringstream lines(base::ReadFile(run::RunDirectory{scratch.path()}.metrics()));
-    std::vector<std::string> cells;
-    std::size_t column = 0;
-    for (std::string line; std::getline(lines, line);) {
-      const bool is_header = cells.empty();
-      cells.clear();
+    std::string line, header, error;
+    std::getline(lines, header);
+    const auto column =
+        std::count(header.begin(), header.begin() + header.find("model_steps_error"), ',');
+    while (std::getline(lines, line)) {
       std::istringstream row(line);
-      for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
-      if (is_header) column = std::ranges::find(cells, "model_steps_error") - cells.begin();
+      for (std::int64_t i = 0; i <= column; ++i) {
+        error.clear();
+        std::getline(row, error, ',');
+      }
     }
-    return column < cells.size() ? cells[column] : "";
+    return error;
   };
   Learn(
       replay.endpoint(), scratch.path(), 10,

@@ -32,6 +32,14 @@ policy::TransitionModelConfig Small(std::string kind, std::string targets, bool 
           .predict_last_action = published};
 }
 
+policy::TransitionModelConfig KnowingSuccess(std::string kind) {
+  policy::TransitionModelConfig config = Small(std::move(kind), "difference", false);
+  config.success = "known";
+  return config;
+}
+
+constexpr policy::GoalRule kGoal = {.radius = 5.0, .reward = 2.5};
+
 /// For every encoder alike.
 policy::TransitionModelConfig OnEncoder(std::string kind) {
   policy::TransitionModelConfig config = Small(std::move(kind), "difference", false);
@@ -48,6 +56,8 @@ const Case kCases[] = {
     {"ProbabilisticDifference", Small("probabilistic", "difference", false)},
     {"ProbabilisticAbsolute", Small("probabilistic", "absolute", false)},
     {"ProbabilisticAsPublished", Small("probabilistic", "absolute", true)},
+    {"DeterministicKnowingSuccess", KnowingSuccess("deterministic")},
+    {"ProbabilisticKnowingSuccess", KnowingSuccess("probabilistic")},
     {"DeterministicMlp", OnEncoder("deterministic"), {.encoder = "mlp", .history = 4}},
     {"DeterministicCnn", OnEncoder("deterministic"), {.encoder = "cnn", .history = 4}},
     {"DeterministicGru", OnEncoder("deterministic"), {.encoder = "gru", .history = 4}},
@@ -63,7 +73,7 @@ class ModelLossTest : public testing::TestWithParam<Case> {
   static constexpr double kStateScale = 0.7;
 
   ModelLossTest()
-      : shape_(MakeModelShape(GetParam().config, GetParam().network, kFrame)),
+      : shape_(MakeModelShape(GetParam().config, GetParam().network, kFrame, {}, kGoal)),
         width_(shape_.network.num_inputs()),
         newest_(width_ - kFrame) {
     torch::manual_seed(1);
@@ -73,6 +83,14 @@ class ModelLossTest : public testing::TestWithParam<Case> {
     reward_ = torch::randn({kBatch}, torch::kDouble);
     discount_ = torch::ones({kBatch}, torch::kDouble);
     discount_.slice(0, 0, kBatch, 4).zero_();
+    // Of the four that ended one is a collision at the goal, one a success and held out, one lies
+    // elsewhere; and one at the goal has not ended.
+    cost_ = torch::zeros({kBatch}, torch::kDouble);
+    cost_[4] = 1.0;
+    for (const int i : {0, 4, 8, 9}) {
+      next_.slice(1, width_ - 4, width_ - 2).select(0, i).fill_(-0.6);
+    }
+    next_.slice(1, width_ - 4, width_ - 2).select(0, 12).fill_(0.6);
     weight_ = torch::ones({kBatch}, torch::kDouble);
     weight_[3] = 0.0;
     weight_[8] = 0.0;
@@ -80,8 +98,12 @@ class ModelLossTest : public testing::TestWithParam<Case> {
   }
 
   ModelTargets Targets(at::ScalarType type) const {
-    return {input_.narrow(1, 0, width_).to(type), next_.to(type), reward_.to(type),
-            discount_.to(type), weight_.to(type)};
+    return {input_.narrow(1, 0, width_).to(type),
+            next_.to(type),
+            reward_.to(type),
+            discount_.to(type),
+            cost_.to(type),
+            weight_.to(type)};
   }
 
   /// The loss of each transition from what the network gave, by LibTorch's differentiable
@@ -115,8 +137,15 @@ class ModelLossTest : public testing::TestWithParam<Case> {
     } else {
       state = (target - mean).square().sum(1);
     }
-    const at::Tensor ended = (discount_ == 0).to(torch::kDouble);
-    return kStateScale * state + (raw.select(1, rest) - reward_).square() +
+    at::Tensor ended = (discount_ == 0).to(torch::kDouble);
+    at::Tensor reward = reward_;
+    if (config.success == "known") {
+      const at::Tensor success = torch::zeros({kBatch}, torch::kDouble);
+      success[0] = success[8] = 1.0;
+      reward = reward - kGoal.reward * success;
+      ended = ended - success;
+    }
+    return kStateScale * state + (raw.select(1, rest) - reward).square() +
            torch::binary_cross_entropy_with_logits(raw.select(1, rest + 1), ended, {}, {},
                                                    at::Reduction::None);
   }
@@ -166,7 +195,7 @@ class ModelLossTest : public testing::TestWithParam<Case> {
   policy::ModelShape shape_;
   std::int64_t width_;   // Of a stack of frames.
   std::int64_t newest_;  // Column where its newest frame begins.
-  at::Tensor parameters_, input_, next_, reward_, discount_, weight_;
+  at::Tensor parameters_, input_, next_, reward_, discount_, cost_, weight_;
 };
 
 // Gradients below about 100 and a few hundred operations: 100 * 300 * 2^-53 is 3e-12.

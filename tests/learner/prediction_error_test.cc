@@ -40,9 +40,11 @@ TEST(PredictionErrors, GrowsWithTheStepsAheadAndPassesPaddingOver) {
         rows.state[at * 4 + 1] = 0.5f * static_cast<float>(age);
       }
     }
-    // One sample at the begin of its episode, whose frames say nonsense.
-    rows.ranges_cm[1] = rows.ranges_cm[0];
-    rows.state[0] = 100.0f;
+    // One sample at the begin of its episode, whose frames say nonsense: the first is a copy of the
+    // second, in memory of its own, as rows lie that came over a wire.
+    const std::vector<std::uint16_t> copy(rows.ranges_cm[1], rows.ranges_cm[1] + kBeams);
+    rows.ranges_cm[0] = copy.data();
+    for (int j = 0; j < env::kStateSize; ++j) rows.state[j] = rows.state[4 + j] = 100.0f;
     const std::vector<double> errors = PredictionErrors(model, 0, features, rows, at::kCPU);
     ASSERT_EQ(errors.size(), 3u);
     const double step = std::sqrt((kBeams * 0.2 * 0.2 + 2 * 0.1 * 0.1) / (kBeams + 2));

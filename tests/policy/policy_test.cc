@@ -159,6 +159,32 @@ TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanTheOtherEncoders) {
   EXPECT_EQ(LoadPolicy(path_).snapshot.spec.network, SmallPolicy().spec.network);
 }
 
+TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanKnownSuccess) {
+  PolicySpec spec = SmallPolicy().spec;
+  spec.planning.model.kind = "deterministic";
+  PolicySnapshot snapshot = ZeroSnapshot(spec);
+  snapshot.version = 1;
+  SavePolicy(path_, snapshot, {});
+  for (const std::string later :
+       {"\"goal_radius\":0.0,", "\"goal_reward\":0.0,", "\"success\":\"learned\","}) {
+    ReplaceInSpec(later, "");
+  }
+  EXPECT_EQ(LoadPolicy(path_).snapshot.spec.planning, spec.planning);
+}
+
+TEST_F(PolicyFileTest, AKnownSuccessNeedsARadius) {
+  PolicySpec spec = SmallPolicy().spec;
+  spec.planning.model.kind = "deterministic";
+  spec.planning.model.success = "known";
+  spec.planning.goal = {.radius = 0.5, .reward = 4.0};
+  PolicySnapshot snapshot = ZeroSnapshot(spec);
+  snapshot.version = 1;
+  SavePolicy(path_, snapshot, {});
+  EXPECT_EQ(LoadPolicy(path_).snapshot.spec.planning, spec.planning);
+  ReplaceInSpec("\"goal_radius\":0.5", "\"goal_radius\":0.0");
+  EXPECT_THROW(LoadPolicy(path_), base::Error);
+}
+
 TEST(PolicyBytesTest, AreThoseOfTheFile) {
   const PolicySnapshot policy = SmallPolicy();
   const std::string bytes = PrintPolicy(policy, {{"commit", "abc"}});

@@ -42,6 +42,15 @@ TransitionModelConfig AsPublished(std::string kind) {
   return config;
 }
 
+TransitionModelConfig KnowingSuccess(std::string kind) {
+  TransitionModelConfig config = Small(std::move(kind), "difference");
+  config.success = "known";
+  return config;
+}
+
+constexpr double kGoalScale = 2.0;  // [m] per unit of a goal's features.
+constexpr GoalRule kGoal = {.radius = 3.0, .reward = 2.5};
+
 const Case kCases[] = {
     {"DeterministicDifference", Small("deterministic", "difference"), 1},
     {"DeterministicAbsolute", Small("deterministic", "absolute"), 3},
@@ -49,13 +58,16 @@ const Case kCases[] = {
     {"ProbabilisticDifference", Small("probabilistic", "difference"), 3},
     {"ProbabilisticAbsolute", Small("probabilistic", "absolute"), 1},
     {"ProbabilisticAsPublished", AsPublished("probabilistic"), 3},
+    {"DeterministicKnowingSuccess", KnowingSuccess("deterministic"), 1},
+    {"ProbabilisticKnowingSuccess", KnowingSuccess("probabilistic"), 3},
 };
 
 class TransitionModelTest : public testing::TestWithParam<Case> {
  protected:
   TransitionModelTest()
       : network_{.history = GetParam().history},
-        shape_(MakeModelShape(GetParam().config, network_, kFrame)) {
+        shape_(MakeModelShape(GetParam().config, network_, kFrame, {.goal_scale = kGoalScale},
+                              kGoal)) {
     torch::manual_seed(1);
     parameters_ = torch::randn({shape_.num_parameters()}, torch::kDouble) * 0.5;
     input_ = torch::randn({kBatch, shape_.network.num_inputs() + 2}, torch::kDouble);
@@ -95,6 +107,13 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
     const int rest = config.kind == "probabilistic" ? 2 * predicted : predicted;
     *reward = out[rest];
     *termination = 1.0 / (1.0 + std::exp(-out[rest + 1]));
+    // The goal [m], as env::WriteObservation writes it.
+    const double* const goal = stack.data() + width - 4;
+    const double distance = kGoalScale * std::hypot(goal[0] + 1.0, goal[1] + 1.0);
+    if (config.success == "known" && distance < kGoal.radius) {
+      *reward += kGoal.reward;
+      *termination = 1.0;
+    }
     return stack;
   }
 
@@ -106,6 +125,7 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
                                : torch::zeros({kBatch, shape_.network.num_inputs() + 5}, type)
                                      .narrow(1, 0, shape_.network.num_inputs());
     model.Predict(pass, 1, noisy ? noise_.to(type) : at::Tensor(), next);
+    int successes = 0;
     for (int i = 0; i < kBatch; ++i) {
       double reward = 0.0, termination = 0.0;
       const std::vector<double> expected = Expected(i, 1, noisy, &reward, &termination);
@@ -117,7 +137,10 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
       }
       EXPECT_NEAR(pass.reward()[i].item<double>(), reward, tolerance);
       EXPECT_NEAR(pass.termination()[i].item<double>(), termination, tolerance);
+      successes += termination == 1.0 ? 1 : 0;
     }
+    const bool known = GetParam().config.success == "known";
+    EXPECT_EQ(successes > 0 && successes < kBatch, known) << successes;
   }
 
   NetworkConfig network_;
