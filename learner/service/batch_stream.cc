@@ -72,6 +72,7 @@ bool BatchStream::Take(service::ReplayLink::Received received) {
     window_payload_ = std::move(received.payload);
     Parse(*reply, *window_spec_, window_payload_, &windows_);
     windows_came_ = true;
+    windows_asked_ = -1;
     return false;
   }
   if (reply->cursor != cursor_ + num_here_) return false;  // Asked for twice.
@@ -108,8 +109,9 @@ void BatchStream::Parse(const proto::SampleReply& reply, const replay::SampleSpe
 // counts what a learner's numbers stand for, so that this one costs the run no batch.
 void BatchStream::AskWindows(const replay::SampleSpec& spec) {
   if (!link_.welcomed() || link_.num_welcomes() != num_welcomes_) return;
+  if (windows_asked_ == num_welcomes_) return;
   window_spec_ = spec;
-  static_cast<void>(Ask(spec));
+  if (Ask(spec)) windows_asked_ = num_welcomes_;
 }
 
 const replay::SampledRows* BatchStream::TakeWindows() {

@@ -44,7 +44,7 @@ class BatchStream {
   int in_flight() const { return static_cast<int>(requested_ - cursor_) - num_here_; }
 
   /// Asks for samples of another kind, once, beside the batches: those come as if this had not
-  /// been. What is lost on the way does not come. Requires: its history is no batch's.
+  /// been. Nothing while an earlier request is unanswered. Requires: its history is no batch's.
   void AskWindows(const replay::SampleSpec& spec);
   /// What came of it since the last call, valid until the next `Next`; null: nothing.
   const replay::SampledRows* TakeWindows();
@@ -79,6 +79,7 @@ class BatchStream {
   transport::Frame window_payload_;
   replay::SampledRows windows_;
   bool windows_came_ = false;
+  int windows_asked_ = -1;  // Welcomes when they were asked for; -1: none are on their way.
   std::optional<proto::StatusReply> status_;
 };
 

@@ -157,7 +157,7 @@ bool LearnerService::Log() {
   if (const replay::SampledRows* windows = batches_->TakeWindows()) {
     model_steps_error_ = run_.learner().PredictionError(*windows);
   }
-  if (run_.learner().has_model()) batches_->AskWindows(run_.learner().window_spec());
+  if (run_.learner().has_model() && !finished_) batches_->AskWindows(run_.learner().window_spec());
   row.model_steps_error = model_steps_error_;
   row = run_.Complete(row);
   const double lag = static_cast<double>(published_updates_) - acting_version_;

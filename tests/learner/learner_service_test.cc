@@ -261,6 +261,15 @@ TEST(LearnerServiceTest, AModelsErrorSeveralStepsAheadIsInTheMetrics) {
   EXPECT_GT(std::stod(last_error()), 0.0);
 }
 
+proto::Hello LearnerHello() {
+  proto::Hello hello;
+  hello.role = "learner";
+  hello.name = "learner";
+  hello.spec_hash = kSpecHash;
+  hello.num_beams = kBeams;
+  return hello;
+}
+
 // Of two kinds, batch k is of kind k mod 2, and a stream that goes on from a cursor gives the same.
 TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
   const FilledReplay replay;
@@ -268,12 +277,7 @@ TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
                                                  {.batch = 24, .n_step = 1}};
   const auto read = [&](std::uint64_t cursor, int count) {
     transport::Context context;
-    proto::Hello hello;
-    hello.role = "learner";
-    hello.name = "learner";
-    hello.spec_hash = kSpecHash;
-    hello.num_beams = kBeams;
-    BatchStream stream(context, {.endpoint = replay.endpoint()}, hello, kinds, 3, cursor);
+    BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), kinds, 3, cursor);
     std::vector<std::vector<float>> discounts;
     for (int i = 0; i < count; ++i) {
       const RemoteBatches* batches = nullptr;
@@ -303,12 +307,7 @@ TEST(BatchStreamTest, WindowsCostTheRunNoBatch) {
   const replay::SampleSpec window = {.batch = 8, .history = 5, .n_step = 1};
   const auto read = [&](int every) {
     transport::Context context;
-    proto::Hello hello;
-    hello.role = "learner";
-    hello.name = "learner";
-    hello.spec_hash = kSpecHash;
-    hello.num_beams = kBeams;
-    BatchStream stream(context, {.endpoint = replay.endpoint()}, hello, {batch}, 3, 0);
+    BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), {batch}, 3, 0);
     std::vector<std::int64_t> sequences;
     int num_windows = 0;
     for (std::int64_t i = 0; i < kUpdates; ++i) {
@@ -328,6 +327,25 @@ TEST(BatchStreamTest, WindowsCostTheRunNoBatch) {
   };
   const auto with_windows = read(10);
   EXPECT_EQ(with_windows, read(0));
+}
+
+// The steps have earned no further batch, so the server holds whatever it is asked for.
+TEST(BatchStreamTest, WindowsDoNotPileUpWhileTheServerHoldsBack) {
+  const FilledReplay replay;
+  transport::Context context;
+  BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(),
+                     {{.batch = 4, .n_step = 1}}, 3, kUpdates);
+  WaitUntil([&] {
+    stream.Next(milliseconds(1));
+    return stream.in_flight() == 3;
+  });
+  const int welcomes = stream.link().num_welcomes();
+  // More than the server lets wait would be refused, upon which the link says hello again.
+  for (int i = 0; i < 1200; ++i) {
+    stream.AskWindows({.batch = 8, .history = 5, .n_step = 1});
+    EXPECT_EQ(stream.Next(milliseconds(1)), nullptr);
+  }
+  EXPECT_EQ(stream.link().num_welcomes(), welcomes);
 }
 
 TEST(LearnerMetricsTest, ALearnerThatWaitsForLongIsNotWellUntilABatchComes) {
