@@ -40,7 +40,7 @@ const MethodConfig& Checked(const MethodConfig& method) {
                     learner.log_std_min, learner.log_std_max));
   }
   const ConstraintConfig& constraint = method.constraint;
-  const std::pair<const char*, double ConstraintConfig::*> weights[] = {
+  const std::pair<const char*, double ConstraintConfig::*> keys[] = {
       {"limit", &ConstraintConfig::limit},
       {"multiplier", &ConstraintConfig::multiplier},
       {"multiplier_max", &ConstraintConfig::multiplier_max},
@@ -48,8 +48,9 @@ const MethodConfig& Checked(const MethodConfig& method) {
       {"proportional_gain", &ConstraintConfig::proportional_gain},
       {"derivative_gain", &ConstraintConfig::derivative_gain},
       {"learning_starts", &ConstraintConfig::learning_starts}};
-  for (const auto& [key, member] : weights) {
-    if (constraint.kind != "none" || constraint.*member == ConstraintConfig().*member) continue;
+  const ConstraintConfig defaults;
+  for (const auto& [key, member] : keys) {
+    if (constraint.kind != "none" || constraint.*member == defaults.*member) continue;
     throw base::Error(
         fmt::format("constraint.{} is {}, expected constraint.kind = \"lagrangian\" or \"fixed\": "
                     "nothing counts the cost",

@@ -40,15 +40,16 @@ std::string Differences(const Section& section) {
   return differences;
 }
 
+/// When the run's episodes end in success.
+policy::GoalRule GoalOf(const RunConfig& config) {
+  return {.radius = config.environment.episode.goal_tolerance,
+          .reward = config.environment.reward.success * config.method.learner.reward_scale};
+}
+
 }  // namespace
 
 sim::CourseSet CoursesConfig::Resolve(const std::string& spec) const {
   return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
-}
-
-policy::GoalRule GoalOf(const RunConfig& config) {
-  return {.radius = config.environment.episode.goal_tolerance,
-          .reward = config.environment.reward.success * config.method.learner.reward_scale};
 }
 
 policy::PolicySpec MakePolicySpec(const RunConfig& config) {
