@@ -4,6 +4,9 @@ add_library(slalom_build_flags INTERFACE)
 # -ffp-contract=off: the same arithmetic in debug and release, so that an episode is a value of (course, seed, actions).
 target_compile_options(slalom_build_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wundef -Werror=return-type -ffp-contract=off)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  target_compile_options(slalom_build_flags INTERFACE -fpch-preprocess)  # lets ccache see through precompiled headers
+endif()
 if(SLALOM_NATIVE)
   target_compile_options(slalom_build_flags INTERFACE -march=native)
 endif()
@@ -13,11 +16,24 @@ if(SLALOM_SANITIZE)
 endif()
 target_include_directories(slalom_build_flags INTERFACE ${PROJECT_SOURCE_DIR})
 
-# slalom_add_library(NAME HEADERS ... SOURCES ... DEPS ...)
+# slalom_add_precompiled_headers(NAME HEADERS ... [DEPS ...] [OPTIONS ...])
+# Headers that many files share, parsed once for all targets that name NAME as PRECOMPILED: ATen alone takes ten seconds. Files
+# include what they use all the same: the presets dev and tidy have CMAKE_DISABLE_PRECOMPILE_HEADERS.
+function(slalom_add_precompiled_headers NAME)
+  cmake_parse_arguments(ARG "" "" "HEADERS;DEPS;OPTIONS" ${ARGN})
+  file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${NAME}.cc CONTENT "")
+  add_library(${NAME} OBJECT ${CMAKE_CURRENT_BINARY_DIR}/${NAME}.cc)
+  target_link_libraries(${NAME} PRIVATE ${ARG_DEPS} slalom_build_flags)
+  # The same bytes each time, for ccache.
+  target_compile_options(${NAME} PRIVATE ${ARG_OPTIONS} $<$<CXX_COMPILER_ID:Clang>:SHELL:-Xclang -fno-pch-timestamp>)
+  target_precompile_headers(${NAME} PRIVATE ${ARG_HEADERS})
+endfunction()
+
+# slalom_add_library(NAME HEADERS ... SOURCES ... DEPS ... [PRECOMPILED ...])
 # One folder is one library: target slalom_NAME, alias slalom::NAME. Every header is compiled on its own
 # (CMAKE_VERIFY_INTERFACE_HEADER_SETS) so that it is proved self-contained.
 function(slalom_add_library NAME)
-  cmake_parse_arguments(ARG "" "" "HEADERS;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "" "PRECOMPILED" "HEADERS;SOURCES;DEPS" ${ARGN})
   if(ARG_SOURCES)
     add_library(slalom_${NAME} STATIC ${ARG_SOURCES})
     set(scope PUBLIC)
@@ -29,7 +45,13 @@ function(slalom_add_library NAME)
   target_sources(slalom_${NAME} ${scope} FILE_SET HEADERS
     BASE_DIRS ${PROJECT_SOURCE_DIR} FILES ${ARG_HEADERS})
   target_link_libraries(slalom_${NAME} ${scope} slalom_build_flags ${ARG_DEPS})
+  if(ARG_PRECOMPILED)
+    target_precompile_headers(slalom_${NAME} REUSE_FROM ${ARG_PRECOMPILED})
+  endif()
 endfunction()
+
+# Tests take longer to compile than to run; what they test is optimised as the build type says.
+set(SLALOM_TEST_OPTIONS $<$<NOT:$<CONFIG:Debug>>:-O1>)
 
 # slalom_add_test(NAME SOURCES ... DEPS ... [LABELS ...] [TIMEOUT seconds])
 # One GoogleTest program, one ctest entry per test case. Labels: the folder, and those given.
@@ -43,6 +65,12 @@ function(slalom_add_test NAME)
   add_executable(${NAME} ${ARG_SOURCES})
   target_link_libraries(${NAME} PRIVATE ${ARG_DEPS} slalom_build_flags GTest::gmock GTest::gtest_main)
   target_compile_definitions(${NAME} PRIVATE SLALOM_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  target_compile_options(${NAME} PRIVATE ${SLALOM_TEST_OPTIONS})
+  if(ARG_DEPS MATCHES "slalom::(policy|learner|learner_service|train)(;|$)")
+    target_precompile_headers(${NAME} REUSE_FROM slalom_aten_test_headers)
+  else()
+    target_precompile_headers(${NAME} REUSE_FROM slalom_test_headers)
+  endif()
   gtest_discover_tests(${NAME} DISCOVERY_TIMEOUT 60
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
 endfunction()
