@@ -53,16 +53,18 @@ endfunction()
 # Tests take longer to compile than to run; what they test is optimised as the build type says.
 set(SLALOM_TEST_OPTIONS $<$<NOT:$<CONFIG:Debug>>:-O1>)
 
-# slalom_add_test(NAME SOURCES ... DEPS ... [LABELS ...] [TIMEOUT seconds])
-# One GoogleTest program, one ctest entry per test case. Labels: the folder, and those given.
+# slalom_add_test(NAME SOURCES ... DEPS ... [LABELS ...] [TIMEOUT seconds] [WHOLE])
+# One GoogleTest program, one ctest entry per test case, or WHOLE one for all of them: LibTorch alone takes a second to load.
+# Labels: the folder, and those given.
 function(slalom_add_test NAME)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;DEPS;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "WHOLE" "TIMEOUT" "SOURCES;DEPS;LABELS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
   get_filename_component(folder ${CMAKE_CURRENT_SOURCE_DIR} NAME)
   set_property(DIRECTORY PROPERTY LABELS ${folder})
   add_executable(${NAME} ${ARG_SOURCES})
+  set_target_properties(${NAME} PROPERTIES UNITY_BUILD OFF)  # Tests name their fixtures alike.
   target_link_libraries(${NAME} PRIVATE ${ARG_DEPS} slalom_build_flags GTest::gmock GTest::gtest_main)
   target_compile_definitions(${NAME} PRIVATE SLALOM_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
   target_compile_options(${NAME} PRIVATE ${SLALOM_TEST_OPTIONS})
@@ -71,8 +73,13 @@ function(slalom_add_test NAME)
   else()
     target_precompile_headers(${NAME} REUSE_FROM slalom_test_headers)
   endif()
-  gtest_discover_tests(${NAME} DISCOVERY_TIMEOUT 60
-    PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  if(ARG_WHOLE)
+    add_test(NAME ${NAME} COMMAND ${NAME} --gtest_brief=1)
+    set_tests_properties(${NAME} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  else()
+    gtest_discover_tests(${NAME} DISCOVERY_TIMEOUT 60
+      PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  endif()
 endfunction()
 
 # slalom_add_benchmark(NAME SOURCES ... DEPS ...): target slalom_benchmarks builds all of them.

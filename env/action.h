@@ -12,6 +12,9 @@ struct Action {
   friend bool operator==(const Action&, const Action&) = default;
 };
 
+/// Numbers of an action.
+inline constexpr int kActionSize = 2;
+
 /// What an action of +-1 means (original-system.md §1.3).
 struct ActionBounds {
   double linear_min = -1.0;

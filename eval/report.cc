@@ -14,7 +14,7 @@
 namespace slalom::eval {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 constexpr char kCoursesFile[] = "evaluation.courses";
 constexpr char kTracksFile[] = "evaluation-tracks.jsonl";
@@ -91,17 +91,17 @@ std::string CourseLines(const Summary& summary, int max_courses) {
 // ---- JSON
 // -----------------------------------------------------------------------------------------
 
-Json ToJson(const std::optional<Interval>& interval) {
+OrderedJson ToJson(const std::optional<Interval>& interval) {
   if (!interval) return nullptr;
   return {interval->low, interval->high};
 }
 
-void Put(Json& object, const std::string& name, const std::optional<Estimate>& estimate) {
-  object[name] = estimate ? Json(estimate->value) : Json(nullptr);
-  object[name + "_interval"] = estimate ? ToJson(estimate->interval) : Json(nullptr);
+void Put(OrderedJson& object, const std::string& name, const std::optional<Estimate>& estimate) {
+  object[name] = estimate ? OrderedJson(estimate->value) : OrderedJson(nullptr);
+  object[name + "_interval"] = estimate ? ToJson(estimate->interval) : OrderedJson(nullptr);
 }
 
-void PutFigures(Json& object, const Figures& figures) {
+void PutFigures(OrderedJson& object, const Figures& figures) {
   object["episodes"] = figures.num_episodes;
   object["successes"] = figures.num_successes;
   object["collisions"] = figures.num_collisions;
@@ -119,7 +119,7 @@ void PutFigures(Json& object, const Figures& figures) {
   object["mean_path_length_m"] = figures.mean_path_length;
 }
 
-Json ProtocolJson(const EvaluationConfig& config) {
+OrderedJson ProtocolJson(const EvaluationConfig& config) {
   const Protocol protocol = ResolveProtocol(config);
   return {{"name", protocol.name},
           {"time_limit_s", protocol.time_limit},
@@ -131,7 +131,7 @@ Json ProtocolJson(const EvaluationConfig& config) {
           {"start_yaw_jitter_rad", config.start_yaw_jitter}};
 }
 
-Json RunJson(const Evaluation& evaluation) {
+OrderedJson RunJson(const Evaluation& evaluation) {
   return {{"episodes_per_course", evaluation.config.episodes_per_course},
           {"seed", evaluation.config.seed},
           {"step_s", evaluation.environment.episode.step},
@@ -140,17 +140,17 @@ Json RunJson(const Evaluation& evaluation) {
           {"confidence", 0.95}};
 }
 
-Json ProvenanceJson(const Provenance& provenance) {
+OrderedJson ProvenanceJson(const Provenance& provenance) {
   return {{"source", provenance.source},         {"profiles", provenance.profiles},
           {"course_set", provenance.course_set}, {"collection", provenance.collection},
           {"commit", provenance.commit},         {"config", provenance.config}};
 }
 
 /// How each episode of each course ended. [number of courses]
-std::vector<Json> EpisodeLists(const Evaluation& evaluation) {
-  std::vector<Json> lists(evaluation.summary.courses.size());
+std::vector<OrderedJson> EpisodeLists(const Evaluation& evaluation) {
+  std::vector<OrderedJson> lists(evaluation.summary.courses.size());
   for (const EpisodeRecord& record : evaluation.episodes.records) {
-    Json& course = lists[record.course];
+    OrderedJson& course = lists[record.course];
     course["outcomes"].push_back(env::ToString(record.outcome));
     course["times_s"].push_back(record.time(evaluation.environment.episode.step));
     course["collisions_per_episode"].push_back(record.num_collisions);
@@ -199,7 +199,7 @@ std::string TextReport(const Evaluation& evaluation, int max_courses) {
 }
 
 std::string JsonReport(const Evaluation& evaluation, const Provenance& provenance) {
-  Json report;
+  OrderedJson report;
   report["format"] = "slalom-evaluation";
   report["version"] = kResultVersion;
   report["agent"] = {{"name", provenance.agent}, {"kind", provenance.kind}};
@@ -209,10 +209,10 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
   report["run"] = RunJson(evaluation);
   report["provenance"] = ProvenanceJson(provenance);
   report["files"] = {{"courses", kCoursesFile}, {"tracks", kTracksFile}};
-  Json courses = Json::array();
-  std::vector<Json> lists = EpisodeLists(evaluation);
+  OrderedJson courses = OrderedJson::array();
+  std::vector<OrderedJson> lists = EpisodeLists(evaluation);
   for (const CourseFigures& course : evaluation.summary.courses) {
-    Json object;
+    OrderedJson object;
     object["course"] = course.name;
     object["optimal_time_s"] = course.optimal_time;
     PutFigures(object, course.figures);
@@ -221,7 +221,7 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
   }
   report["courses"] = std::move(courses);
   // A path need not be UTF-8; what is not is replaced, not refused.
-  return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return report.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
 }
 
 std::string CourseCsv(const Evaluation& evaluation) {

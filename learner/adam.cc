@@ -1,5 +1,7 @@
 #include "learner/adam.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 #include <vector>

@@ -1,5 +1,7 @@
 #include "learner/constraint.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>

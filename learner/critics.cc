@@ -1,5 +1,7 @@
 #include "learner/critics.h"
 
+#include <ATen/ATen.h>
+
 #include <utility>
 
 #include "learner/parameters.h"

@@ -1,5 +1,7 @@
 #include "learner/deterministic_actor.h"
 
+#include <ATen/ATen.h>
+
 #include <array>
 
 #include "learner/parameters.h"

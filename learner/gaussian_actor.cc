@@ -1,5 +1,7 @@
 #include "learner/gaussian_actor.h"
 
+#include <ATen/ATen.h>
+
 #include <span>
 
 #include "learner/parameters.h"

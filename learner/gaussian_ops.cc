@@ -1,5 +1,7 @@
 #include "learner/gaussian_ops.h"
 
+#include <ATen/ATen.h>
+
 #include <cmath>
 #include <numbers>
 

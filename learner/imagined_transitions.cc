@@ -1,5 +1,7 @@
 #include "learner/imagined_transitions.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <array>
 

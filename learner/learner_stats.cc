@@ -1,5 +1,7 @@
 #include "learner/learner_stats.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <span>
 #include <tuple>

@@ -1,5 +1,7 @@
 #include "learner/minibatch.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 
 #include "base/check.h"

@@ -1,5 +1,7 @@
 #include "learner/model_loss.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 

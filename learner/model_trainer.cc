@@ -1,5 +1,6 @@
 #include "learner/model_trainer.h"
 
+#include <ATen/ATen.h>
 #include <fmt/format.h>
 
 #include <algorithm>

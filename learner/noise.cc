@@ -1,5 +1,7 @@
 #include "learner/noise.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 
 namespace slalom::learner {

@@ -1,5 +1,7 @@
 #include "learner/parameters.h"
 
+#include <ATen/ATen.h>
+
 #include <span>
 #include <vector>
 

@@ -1,5 +1,7 @@
 #include "learner/prediction_error.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,7 @@
 #include "learner/sac.h"
 
+#include <ATen/ATen.h>
+
 #include <cmath>
 
 #include "learner/stored_state.h"

@@ -1,5 +1,7 @@
 #include "learner/stored_state.h"
 
+#include <ATen/ATen.h>
+
 #include <cstdint>
 #include <span>
 #include <vector>

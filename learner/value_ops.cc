@@ -1,5 +1,7 @@
 #include "learner/value_ops.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 

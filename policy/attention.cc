@@ -1,5 +1,7 @@
 #include "policy/attention.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 

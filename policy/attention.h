@@ -1,6 +1,6 @@
 #pragma once
 
-#include <ATen/ATen.h>
+#include <ATen/core/Tensor.h>
 
 /// Causal self-attention of several heads (Vaswani et al. 2017, section 3.2), forward and backward.
 ///

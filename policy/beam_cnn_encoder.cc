@@ -1,5 +1,6 @@
 #include "policy/beam_cnn_encoder.h"
 
+#include <ATen/ATen.h>
 #include <fmt/format.h>
 
 #include "env/observation.h"

@@ -1,5 +1,7 @@
 #include "policy/dropout.h"
 
+#include <ATen/ATen.h>
+
 #include <cmath>
 #include <cstdint>
 

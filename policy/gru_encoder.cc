@@ -1,5 +1,6 @@
 #include "policy/gru_encoder.h"
 
+#include <ATen/ATen.h>
 #include <fmt/format.h>
 
 #include "policy/encoder_slots.h"

@@ -1,5 +1,7 @@
 #include "policy/layer_ops.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 

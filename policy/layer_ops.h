@@ -1,6 +1,6 @@
 #pragma once
 
-#include <ATen/ATen.h>
+#include <ATen/core/Tensor.h>
 
 /// The arithmetic of fully connected layers, forward and backward. Results go into tensors of the
 /// caller.

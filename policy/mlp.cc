@@ -1,5 +1,7 @@
 #include "policy/mlp.h"
 
+#include <ATen/ATen.h>
+
 #include "base/check.h"
 #include "policy/layer_ops.h"
 

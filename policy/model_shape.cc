@@ -6,12 +6,11 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "env/action.h"
 #include "env/observation.h"
 
 namespace slalom::policy {
 namespace {
-
-constexpr int kActionSize = 2;
 
 void RequireConsistent(const TransitionModelConfig& config, const NetworkConfig& network) {
   if (config.log_std == "bounded" && config.log_std_min >= config.log_std_max) {
@@ -47,7 +46,7 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   ModelShape shape;
   shape.ensemble = config.ensemble;
   shape.num_ranges = frame_size - env::kStateSize;
-  shape.num_predicted = config.predict_last_action ? frame_size : frame_size - kActionSize;
+  shape.num_predicted = config.predict_last_action ? frame_size : frame_size - env::kActionSize;
   shape.probabilistic = config.kind == "probabilistic";
   shape.difference = config.targets == "difference";
   shape.bound_ranges = config.bound_ranges;

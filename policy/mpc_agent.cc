@@ -1,5 +1,6 @@
 #include "policy/mpc_agent.h"
 
+#include <ATen/ATen.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/random.h"
+#include "env/action.h"
 #include "policy/feature_map.h"
 #include "policy/layer_ops.h"
 #include "policy/network.h"
@@ -20,7 +22,6 @@
 namespace slalom::policy {
 namespace {
 
-constexpr int kActionSize = 2;
 /// Least standard deviation of a CEM's next round.
 constexpr float kLeastStd = 0.01f;
 
@@ -52,7 +53,7 @@ struct MpcAgent::Planner {
         critic_shape(spec.critic_shape()),
         model_shape(spec.model_shape()),
         width(actor_shape.num_inputs()),
-        input(at::zeros({mpc.samples, width + kActionSize}, at::kFloat)),
+        input(at::zeros({mpc.samples, width + env::kActionSize}, at::kFloat)),
         stack(input.narrow(1, 0, width)),
         noise(model_shape.probabilistic && mpc.model_noise
                   ? at::zeros({mpc.samples, model_shape.num_predicted}, at::kFloat)
@@ -62,8 +63,8 @@ struct MpcAgent::Planner {
         alone_pass(actor_shape, alone, PassUse::kInference),
         critic_pass(critic_shape, input, PassUse::kInference),
         model_pass(model_shape, input, PassUse::kInference),
-        actions(static_cast<std::size_t>(mpc.horizon) * mpc.samples * kActionSize),
-        mean(static_cast<std::size_t>(mpc.horizon) * kActionSize),
+        actions(static_cast<std::size_t>(mpc.horizon) * mpc.samples * env::kActionSize),
+        mean(static_cast<std::size_t>(mpc.horizon) * env::kActionSize),
         std(mean.size()),
         returns(mpc.samples),
         alive(mpc.samples),
@@ -89,7 +90,7 @@ struct MpcAgent::Planner {
       if (iteration + 1 < config.iterations || config.update != "sample") Average();
     }
     if (config.update != "sample") return {mean[0], mean[1]};
-    const float* const drawn = Actions(0) + Draw(random) * kActionSize;
+    const float* const drawn = Actions(0) + Draw(random) * env::kActionSize;
     return {drawn[0], drawn[1]};
   }
 
@@ -111,7 +112,7 @@ struct MpcAgent::Planner {
   const float* policy_actions() { return actor_pass.output().data_ptr<float>(); }
   /// The actions at step `t`, [S, 2].
   float* Actions(int t) {
-    return actions.data() + static_cast<std::size_t>(t) * config.samples * kActionSize;
+    return actions.data() + static_cast<std::size_t>(t) * config.samples * env::kActionSize;
   }
 
   /// Fills `actions` and `returns`: R_s = sum_t gamma^t alive_t r_t + gamma^T alive_T Q(s_T,
@@ -126,7 +127,7 @@ struct MpcAgent::Planner {
     for (int t = 0; t < config.horizon; ++t) {
       ChooseActions(t, by_policy, random);
       for (int s = 0; s < config.samples; ++s) {
-        std::copy_n(Actions(t) + s * kActionSize, kActionSize, rows + s * stride + width);
+        std::copy_n(Actions(t) + s * env::kActionSize, env::kActionSize, rows + s * stride + width);
       }
       for (std::int64_t i = 0; noise.defined() && i < noise.numel(); ++i) {
         noise.data_ptr<float>()[i] = static_cast<float>(random.Normal());
@@ -144,7 +145,7 @@ struct MpcAgent::Planner {
     ActByPolicy();
     const std::int64_t outputs = actor_pass.output().size(1);
     for (int s = 0; s < config.samples; ++s) {
-      std::copy_n(policy_actions() + s * outputs, kActionSize, rows + s * stride + width);
+      std::copy_n(policy_actions() + s * outputs, env::kActionSize, rows + s * stride + width);
     }
     critic->Forward(critic_pass);
     const float* const value = critic_pass.output().data_ptr<float>();
@@ -157,12 +158,12 @@ struct MpcAgent::Planner {
     const std::int64_t outputs = actor_pass.output().size(1);
     const bool narrows = !by_policy && config.update == "cem";
     for (int s = 0; s < config.samples; ++s) {
-      for (int j = 0; j < kActionSize; ++j) {
-        const int place = t * kActionSize + j;
+      for (int j = 0; j < env::kActionSize; ++j) {
+        const int place = t * env::kActionSize + j;
         const float centre = by_policy ? policy_actions()[s * outputs + j] : mean[place];
         const float spread = narrows ? std[place] : static_cast<float>(config.noise);
         const float offset = spread * static_cast<float>(random.Normal());
-        Actions(t)[s * kActionSize + j] =
+        Actions(t)[s * env::kActionSize + j] =
             std::clamp(centre + (s == 0 ? 0.0f : offset), -1.0f, 1.0f);
       }
     }
@@ -196,16 +197,16 @@ struct MpcAgent::Planner {
   /// both.
   void Average() {
     for (int t = 0; t < config.horizon; ++t) {
-      for (int j = 0; j < kActionSize; ++j) {
+      for (int j = 0; j < env::kActionSize; ++j) {
         const float* const values = Actions(t) + j;
         double sum = 0.0, squares = 0.0;
         for (int s = 0; s < config.samples; ++s) {
-          const double value = values[s * kActionSize];
+          const double value = values[s * env::kActionSize];
           sum += static_cast<double>(weights[s]) * value;
           squares += static_cast<double>(weights[s]) * value * value;
         }
-        mean[t * kActionSize + j] = static_cast<float>(sum);
-        std[t * kActionSize + j] =
+        mean[t * env::kActionSize + j] = static_cast<float>(sum);
+        std[t * env::kActionSize + j] =
             std::max(kLeastStd, static_cast<float>(std::sqrt(std::max(0.0, squares - sum * sum))));
       }
     }

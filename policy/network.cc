@@ -1,5 +1,7 @@
 #include "policy/network.h"
 
+#include <ATen/ATen.h>
+
 #include "base/check.h"
 
 namespace slalom::policy {

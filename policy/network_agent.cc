@@ -1,5 +1,7 @@
 #include "policy/network_agent.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 #include <optional>

@@ -1,11 +1,10 @@
 #include "policy/network_shape.h"
 
+#include "env/action.h"
 #include "policy/encoder_slots.h"
 
 namespace slalom::policy {
 namespace {
-
-constexpr int kActionSize = 2;
 
 NetworkShape BodyShape(const NetworkConfig& config, int frame_size, int num_outputs) {
   CheckNetwork(config);
@@ -41,7 +40,7 @@ NetworkShape ActorShape(const NetworkConfig& config, int frame_size, int num_out
 
 NetworkShape CriticShape(const NetworkConfig& config, int frame_size, int num_outputs) {
   NetworkShape shape = BodyShape(config, frame_size, num_outputs);
-  shape.mlp.num_extra = kActionSize;
+  shape.mlp.num_extra = env::kActionSize;
   shape.mlp.extra_layer = shape.mlp.num_encoder_layers;
   shape.mlp.layer_norm = config.layer_norm;
   return shape;

@@ -1,5 +1,7 @@
 #include "policy/sequence_ops.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,7 @@
 #include "policy/time_cnn_encoder.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 
 #include "policy/encoder_slots.h"

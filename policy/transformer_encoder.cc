@@ -1,5 +1,6 @@
 #include "policy/transformer_encoder.h"
 
+#include <ATen/ATen.h>
 #include <fmt/format.h>
 
 #include "policy/attention.h"

@@ -1,18 +1,19 @@
 #include "policy/transition_model.h"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
 #include "base/check.h"
+#include "env/action.h"
 #include "policy/layer_ops.h"
 #include "policy/simd.h"
 #include "policy/smooth_math.h"
 
 namespace slalom::policy {
 namespace {
-
-constexpr int kActionSize = 2;
 
 /// next = newest + mean, or mean, of one row.
 SLALOM_SIMD void AddMean(bool difference, std::int64_t n, const float* __restrict mean,
@@ -113,7 +114,7 @@ void TransitionModel::Predict(ModelPass& pass, int member, const at::Tensor& noi
     if (noisy) predicted = predicted + pass.log_std_.exp() * noise;
     at::Tensor ranges = predicted.narrow(1, 0, shape_.num_ranges);
     if (!shape_.bound_ranges) ranges = ranges.clamp(shape_.range_low, shape_.range_high);
-    const at::Tensor actions = pass.input_.narrow(1, width, kActionSize).clamp(-1.0, 1.0);
+    const at::Tensor actions = pass.input_.narrow(1, width, env::kActionSize).clamp(-1.0, 1.0);
     at::Tensor stack = at::cat({pass.input_.narrow(1, frame, width - frame), ranges,
                                 predicted.narrow(1, shape_.num_ranges, learned - shape_.num_ranges),
                                 actions.narrow(1, 0, frame - learned)},
@@ -138,8 +139,8 @@ void TransitionModel::Predict(ModelPass& pass, int member, const at::Tensor& noi
     const float* const result = output + i * num_outputs;
     float* const to = next.data_ptr<float>() + i * next.stride(0);
     float* const newest = to + width - frame;
-    const float action[kActionSize] = {std::clamp(from[width], -1.0f, 1.0f),
-                                       std::clamp(from[width + 1], -1.0f, 1.0f)};
+    const float action[env::kActionSize] = {std::clamp(from[width], -1.0f, 1.0f),
+                                            std::clamp(from[width + 1], -1.0f, 1.0f)};
     // The older frames move up; in their own place, too, as nothing there is written before it is
     // read. The newest stays for a moment, for what is predicted is often a change of it.
     std::memmove(to, from + frame, static_cast<std::size_t>(width - frame) * sizeof(float));

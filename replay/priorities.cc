@@ -9,7 +9,7 @@ namespace slalom::replay {
 namespace {
 
 // Draws whose paths are followed side by side.
-constexpr std::size_t kBlock = 64;
+constexpr std::size_t kDrawBlock = 64;
 
 double SumOfEight(const double* x) {
   return ((x[0] + x[1]) + (x[2] + x[3])) + ((x[4] + x[5]) + (x[6] + x[7]));
@@ -58,10 +58,10 @@ double Priorities::total() const { return SumOfEight(levels_.back().data()); }
 void Priorities::Draw(base::Random& random, std::span<std::int64_t> slots) const {
   const double sum = total();
   SLALOM_CHECK_GT(sum, 0.0);
-  std::array<double, kBlock> rest;
-  std::array<std::size_t, kBlock> node;
-  for (std::size_t begin = 0; begin < slots.size(); begin += kBlock) {
-    const std::size_t n = std::min(kBlock, slots.size() - begin);
+  std::array<double, kDrawBlock> rest;
+  std::array<std::size_t, kDrawBlock> node;
+  for (std::size_t begin = 0; begin < slots.size(); begin += kDrawBlock) {
+    const std::size_t n = std::min(kDrawBlock, slots.size() - begin);
     for (std::size_t k = 0; k < n; ++k) {
       rest[k] = random.Uniform() * sum;
       node[k] = 0;

@@ -11,7 +11,7 @@ namespace slalom::replay {
 namespace {
 
 // Samples whose links are followed side by side, so that their cache misses overlap.
-constexpr int kBlock = 64;
+constexpr int kWindowBlock = 64;
 // After so many rounds of rejected draws the steps that may be drawn are listed instead.
 constexpr int kMaxRounds = 32;
 
@@ -143,7 +143,7 @@ void Table::DrawBlock(const SampleSpec& spec, base::Random& random, std::span<Wi
                       int* num_drawn) const {
   *num_drawn = 0;
   if (spec.prioritized && !(priorities_->total() > 0.0)) return;
-  std::array<std::int64_t, kBlock> draws;
+  std::array<std::int64_t, kWindowBlock> draws;
   int whole = 0;
   for (int round = 0; round < kMaxRounds && whole < static_cast<int>(windows.size()); ++round) {
     const std::span<Window> open = windows.subspan(whole);
@@ -194,16 +194,16 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
   if (num_rows() == 0) return false;
 
   std::vector<std::int64_t> eligible;  // Listed only where draws keep being rejected.
-  std::array<Window, kBlock> block;
-  for (int begin = 0; begin < spec.batch; begin += kBlock) {
-    const std::span<Window> windows(block.data(), std::min(kBlock, spec.batch - begin));
+  std::array<Window, kWindowBlock> block;
+  for (int begin = 0; begin < spec.batch; begin += kWindowBlock) {
+    const std::span<Window> windows(block.data(), std::min(kWindowBlock, spec.batch - begin));
     int num_drawn = 0;
     if (eligible.empty()) DrawBlock(spec, random, windows, &num_drawn);
     if (num_drawn < static_cast<int>(windows.size())) {
       if (eligible.empty()) eligible = ListEligible(spec);
       if (eligible.empty()) return false;
       const std::span<Window> rest = windows.subspan(num_drawn);
-      std::array<std::int64_t, kBlock> draws;
+      std::array<std::int64_t, kWindowBlock> draws;
       DrawFrom(eligible, spec.prioritized, random, std::span(draws).first(rest.size()));
       for (std::size_t i = 0; i < rest.size(); ++i) {
         rest[i] = {.begin = draws[i], .cursor = draws[i]};

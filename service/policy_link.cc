@@ -16,7 +16,7 @@ using std::chrono::steady_clock;
 // A learner answers when it has something newer, but at once where it is asked again.
 constexpr std::chrono::seconds kAskAgain{5};
 // Questions put again without an answer before the connection is given up.
-constexpr int kMaxUnanswered = 2;
+constexpr int kMaxUnansweredAsks = 2;
 
 }  // namespace
 
@@ -45,7 +45,7 @@ bool PolicyLink::Poll() {
   const auto now = steady_clock::now();
   if (connections_ > 0 && (!asked_ || now - asked_at_ > kAskAgain)) {
     unanswered_ = asked_ ? unanswered_ + 1 : 0;
-    if (unanswered_ > kMaxUnanswered) {
+    if (unanswered_ > kMaxUnansweredAsks) {
       client_.Reconnect();
       unanswered_ = 0;
       return installed;

@@ -33,7 +33,6 @@ constexpr FreshSource kFreshSources[] = {{"generated:", GenerateFreshCourses},
                                          {"generated-wall:", GenerateFreshWallCourses}};
 constexpr std::string_view kRealWorldPrefix = "real-world-";
 constexpr std::string_view kValidation = "static-validation";
-constexpr int kNumValidation = 40;
 constexpr int kMaxGenerated = 100000;
 
 void CheckSolvable(const CourseSet& set, const fs::path& source) {
@@ -124,7 +123,8 @@ CourseSet BuiltInSet(const std::string& name, const CourseSplit& split, std::uin
   CourseSet set{name, {}};
   if (name == kValidation) {
     set.courses =
-        GenerateFreshCourses(base::DeriveSeed(seed, "static-validation"), kNumValidation).courses;
+        GenerateFreshCourses(base::DeriveSeed(seed, "static-validation"), kNumValidationCourses)
+            .courses;
     return set;
   }
   const auto generate = split.kind == CourseKind::kStatic       ? GenerateStaticCourses

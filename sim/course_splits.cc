@@ -26,7 +26,6 @@ constexpr int kTest[] = {250, 292, 97,  162, 219, 125, 142, 289, 1,   106, 227, 
 
 constexpr int kNumStatic = 300;
 constexpr int kNumDynamic = 100;  // Of each kind; the first half is for training.
-constexpr int kNumValidation = 40;
 
 constexpr std::string_view kNames[] = {"static",           "static-test",      "static-train-5",
                                        "static-train-10",  "static-train-50",  "static-train-100",
@@ -57,8 +56,8 @@ std::vector<int> EverySixth() {
 std::vector<int> Validation() {
   const std::vector<int> candidates = AllBut(kTest, kTrain100);
   std::vector<int> chosen;
-  for (std::size_t i = 0; i < kNumValidation; ++i) {
-    chosen.push_back(candidates[i * candidates.size() / kNumValidation]);
+  for (std::size_t i = 0; i < kNumValidationCourses; ++i) {
+    chosen.push_back(candidates[i * candidates.size() / kNumValidationCourses]);
   }
   return chosen;
 }

@@ -46,6 +46,8 @@ struct CourseSplit {
 /// - `static-train-210`: static-train-250 without static-validation.
 std::span<const std::string_view> SplitNames();
 
+inline constexpr int kNumValidationCourses = 40;
+
 /// The set of this name. None: no set of `SplitNames` has it.
 std::optional<CourseSplit> FindSplit(std::string_view name);
 

@@ -18,7 +18,7 @@
 namespace slalom::actor {
 namespace {
 
-constexpr char kMagic[8] = {'S', 'L', 'L', 'E', 'D', 'G', 'R', '1'};
+constexpr char kLedgerMagic[8] = {'S', 'L', 'L', 'E', 'D', 'G', 'R', '1'};
 
 struct Entries {
   std::uint64_t session;
@@ -80,12 +80,12 @@ Ledger::Ledger(const std::filesystem::path& path)
   void* const memory = ::mmap(nullptr, sizeof(File), PROT_READ | PROT_WRITE, MAP_SHARED, fd_, 0);
   if (memory == MAP_FAILED) throw fail("cannot map");
   file_ = static_cast<File*>(memory);
-  constexpr char kZeros[sizeof(kMagic)] = {};
-  if (std::memcmp(file_->magic, kZeros, sizeof(kMagic)) == 0) {
+  constexpr char kZeros[sizeof(kLedgerMagic)] = {};
+  if (std::memcmp(file_->magic, kZeros, sizeof(kLedgerMagic)) == 0) {
     // New, or killed before it was written for the first time.
-    std::memcpy(file_->magic, kMagic, sizeof(kMagic));
+    std::memcpy(file_->magic, kLedgerMagic, sizeof(kLedgerMagic));
   }
-  if (std::memcmp(file_->magic, kMagic, sizeof(kMagic)) != 0) {
+  if (std::memcmp(file_->magic, kLedgerMagic, sizeof(kLedgerMagic)) != 0) {
     ::munmap(file_, sizeof(File));
     ::close(fd_);
     throw base::Error(fmt::format("{}: not an actor's ledger", path.string()));

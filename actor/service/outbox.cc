@@ -14,7 +14,7 @@
 namespace slalom::actor {
 namespace {
 
-constexpr char kMagic[8] = {'S', 'L', 'S', 'P', 'O', 'O', 'L', '1'};
+constexpr char kSpoolMagic[8] = {'S', 'L', 'S', 'P', 'O', 'O', 'L', '1'};
 
 template <class T>
 void Append(std::string& bytes, const T& value) {
@@ -118,7 +118,7 @@ void Outbox::SaveSpool(const std::filesystem::path& path, int num_streams) const
     std::filesystem::remove(path, ignored);
     return;
   }
-  std::string bytes(kMagic, sizeof(kMagic));
+  std::string bytes(kSpoolMagic, sizeof(kSpoolMagic));
   Append(bytes, session_);
   Append(bytes, static_cast<std::uint32_t>(num_streams));
   Append(bytes, static_cast<std::uint32_t>(chunks_.size()));
@@ -141,13 +141,13 @@ std::optional<int> Outbox::LoadSpool(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path)) return std::nullopt;
   const std::string bytes = base::ReadFile(path);
   Reader whole(bytes, path.string());
-  if (bytes.size() < sizeof(kMagic) + sizeof(std::uint64_t)) whole.Fail();
+  if (bytes.size() < sizeof(kSpoolMagic) + sizeof(std::uint64_t)) whole.Fail();
   Reader in(whole.Take(bytes.size() - sizeof(std::uint64_t)), path.string());
   if (whole.Read<std::uint64_t>() !=
       base::Checksum(std::string_view(bytes).substr(0, bytes.size() - sizeof(std::uint64_t)))) {
     whole.Fail();
   }
-  if (in.Take(sizeof(kMagic)) != std::string_view(kMagic, sizeof(kMagic))) in.Fail();
+  if (in.Take(sizeof(kSpoolMagic)) != std::string_view(kSpoolMagic, sizeof(kSpoolMagic))) in.Fail();
   const auto session = in.Read<std::uint64_t>();
   const auto num_streams = in.Read<std::uint32_t>();
   const auto num_chunks = in.Read<std::uint32_t>();

@@ -134,6 +134,9 @@ TEST_F(BadInputTest, APolicyThatCannotPlanIsRefused) {
       {"evaluate", "--policy", "runs/planner/policy.safetensors", "--courses", "generated:1:1",
        "--set", "mpc.enabled=true"},
       AllOf(HasSubstr("runs/planner/policy.safetensors"), HasSubstr("mpc.learning_starts = 1000")));
+  ExpectError({"evaluate", "--policy", path, "--courses", "generated:1:1", "--set",
+               "mpc.enabled=true", "--set", "constraint.kind=lagrangian"},
+              AllOf(HasSubstr("constraint"), HasSubstr("mpc")));
 }
 
 TEST_F(BadInputTest, ANameThatNoRoleCanHaveIsRefused) {

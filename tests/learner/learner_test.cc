@@ -213,37 +213,41 @@ TEST(Learner, WeightsOfOneChangeNothing) {
   EXPECT_EQ(*uniform.Snapshot().weights, *prioritized.Snapshot().weights);
 }
 
+std::vector<float> Saved(const Learner& learner, const char* name) {
+  const policy::TensorFile file = Saved(learner);
+  std::vector<float> values(file.tensors.at(name).bytes.size() / sizeof(float));
+  file.Read(name, std::span(values));
+  return values;
+}
+
 // A batch in which half of the samples weigh nothing teaches what the other half alone does, at
 // half the size of the gradient, which Adam does not see: its step is the same but for epsilon.
 TEST(Learner, SamplesCountByTheirWeights) {
   MethodConfig config = Prioritized(SmallConfig());
+  config.constraint.kind = "lagrangian";
   config.learner.mirror = false;
   config.learner.target_noise = 0.0;
   Learner whole(config, SmallSpec(), 5);
   RandomRows rows(16, 1, 24, 1);
   for (int i = 8; i < 16; ++i) rows.rows.weight[i] = 0.0f;
   config.learner.batch_size = 8;
-  Learner half(config, SmallSpec(), 5);
+  Learner half(config, SmallSpec(), 5), untrained(config, SmallSpec(), 5);
   RandomRows first(16, 1, 24, 1);
   first.rows.batch = 8;
   whole.Update(rows.batches(), 0.0);
   half.Update(first.batches(), 0.0);
-  const auto saved = [](const Learner& learner) {
-    std::vector<float> values(Saved(learner).tensors.at("critics.parameters").bytes.size() / 4);
-    Saved(learner).Read("critics.parameters", std::span(values));
-    return values;
-  };
-  const auto a = saved(whole), b = saved(half);
-  ASSERT_EQ(a.size(), b.size());
-  double largest = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    largest = std::max(largest, std::abs(static_cast<double>(a[i]) - static_cast<double>(b[i])));
+  for (const char* name : {"critics.parameters", "cost_critics.parameters"}) {
+    const auto a = Saved(whole, name), b = Saved(half, name);
+    ASSERT_EQ(a.size(), b.size());
+    double largest = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      largest = std::max(largest, std::abs(static_cast<double>(a[i]) - static_cast<double>(b[i])));
+    }
+    // A step is at most the learning rate, 1e-3. Where a gradient g is not far above Adam's
+    // epsilon, halving it changes the step by up to epsilon / g of it.
+    EXPECT_LT(largest, 1e-3 * 0.1) << name;
+    EXPECT_NE(Saved(untrained, name), b) << name << ": the update did nothing";
   }
-  // A step is at most the learning rate, 1e-3. Where a gradient g is not far above Adam's epsilon,
-  // halving it changes the step by up to epsilon / g of it.
-  EXPECT_LT(largest, 1e-3 * 0.1);
-  Learner other(config, SmallSpec(), 5);
-  EXPECT_NE(saved(other), b) << "the update did nothing";
 }
 
 TEST(Learner, ErrorsAreThoseOfTheCritics) {
@@ -305,6 +309,26 @@ TEST_P(MethodTest, ASnapshotIsAPolicyThatLoads) {
       policy::ParsePolicy(std::as_bytes(std::span(bytes)), "memory");
   EXPECT_EQ(*loaded.snapshot.weights, *snapshot.weights);
   EXPECT_EQ(loaded.snapshot.spec.distribution, spec_.distribution);
+}
+
+// mean (Q_C - 1)^2 - mean Q_C^2 = 1 - 2 mean Q_C, for any cost critics: costs of 0 and of 1 where
+// every window ended show that loss and value are of one critic, however many the algorithm has.
+TEST_P(MethodTest, CostFiguresAreThoseOfOneCritic) {
+  method_.learner.critic_learning_rate = 0.0;
+  const auto stats = [&](float cost) {
+    Learner learner(method_, spec_, 5);
+    RandomRows rows(16, 1, 24, 1);
+    for (int i = 0; i < 16; ++i) {
+      rows.rows.cost_return[i] = cost;
+      rows.rows.discount[i] = 0.0f;
+    }
+    learner.Update(rows.batches(), 0.0);
+    return learner.ReadStats();
+  };
+  const LearnerStats none = stats(0.0f), all = stats(1.0f);
+  EXPECT_NE(none.cost_q_mean, 0.0);
+  EXPECT_EQ(none.cost_q_mean, all.cost_q_mean);
+  EXPECT_NEAR(all.cost_critic_loss - none.cost_critic_loss, 1.0 - 2.0 * none.cost_q_mean, 1e-5);
 }
 
 INSTANTIATE_TEST_SUITE_P(Algorithms, MethodTest, testing::Values("td3", "ddpg", "sac"),

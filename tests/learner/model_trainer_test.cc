@@ -1,5 +1,6 @@
 #include "learner/model_trainer.h"
 
+#include <ATen/ATen.h>
 #include <ATen/Parallel.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,6 @@
 #include "learner/prediction_error.h"
 
+#include <ATen/ATen.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

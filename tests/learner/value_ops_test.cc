@@ -1,5 +1,6 @@
 #include "learner/value_ops.h"
 
+#include <ATen/ATen.h>
 #include <gtest/gtest.h>
 
 #include <array>
