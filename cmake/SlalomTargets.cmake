@@ -16,6 +16,9 @@ if(SLALOM_SANITIZE)
 endif()
 target_include_directories(slalom_build_flags INTERFACE ${PROJECT_SOURCE_DIR})
 
+# For what takes longer to compile than to run: tests (what they test is optimised as the build type says) and the command line.
+set(SLALOM_QUICKLY_COMPILED $<$<NOT:$<CONFIG:Debug>>:-O1>)
+
 # slalom_add_precompiled_headers(NAME HEADERS ... [DEPS ...] [OPTIONS ...])
 # Headers that many files share, parsed once for all targets that name NAME as PRECOMPILED: ATen alone takes ten seconds. Files
 # include what they use all the same: the presets dev and tidy have CMAKE_DISABLE_PRECOMPILE_HEADERS.
@@ -50,9 +53,6 @@ function(slalom_add_library NAME)
   endif()
 endfunction()
 
-# Tests take longer to compile than to run; what they test is optimised as the build type says.
-set(SLALOM_TEST_OPTIONS $<$<NOT:$<CONFIG:Debug>>:-O1>)
-
 # slalom_add_test(NAME SOURCES ... DEPS ... [LABELS ...] [TIMEOUT seconds] [WHOLE])
 # One GoogleTest program, one ctest entry per test case, or WHOLE one for all of them: LibTorch alone takes a second to load.
 # Labels: the folder, and those given.
@@ -67,7 +67,7 @@ function(slalom_add_test NAME)
   set_target_properties(${NAME} PROPERTIES UNITY_BUILD OFF)  # Tests name their fixtures alike.
   target_link_libraries(${NAME} PRIVATE ${ARG_DEPS} slalom_build_flags GTest::gmock GTest::gtest_main)
   target_compile_definitions(${NAME} PRIVATE SLALOM_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
-  target_compile_options(${NAME} PRIVATE ${SLALOM_TEST_OPTIONS})
+  target_compile_options(${NAME} PRIVATE ${SLALOM_QUICKLY_COMPILED})
   if(ARG_DEPS MATCHES "slalom::(policy|learner|learner_service|train)(;|$)")
     target_precompile_headers(${NAME} REUSE_FROM slalom_aten_test_headers)
   else()

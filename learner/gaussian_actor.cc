@@ -4,18 +4,13 @@
 
 #include <span>
 
+#include "env/action.h"
 #include "learner/parameters.h"
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
 #include "policy/layer_ops.h"
 
 namespace slalom::learner {
-namespace {
-
-constexpr std::int64_t kActionSize = 2;
-
-}  // namespace
-
 GaussianActor::GaussianActor(const policy::NetworkShape& shape,
                              const policy::ActionDistribution& distribution, base::Random& random,
                              const Minibatch& minibatch)
@@ -28,7 +23,7 @@ GaussianActor::GaussianActor(const policy::NetworkShape& shape,
       network_gradient_(shape, gradient_),
       now_{policy::NetworkPass(shape, minibatch.features, policy::PassUse::kTraining,
                                minibatch.dropout),
-           at::zeros({minibatch.reward.size(0), kActionSize}, minibatch.reward.options()),
+           at::zeros({minibatch.reward.size(0), env::kActionSize}, minibatch.reward.options()),
            at::zeros_like(minibatch.reward)},
       next_{policy::NetworkPass(shape, minibatch.next_features, policy::PassUse::kInference,
                                 minibatch.dropout),
@@ -43,7 +38,7 @@ SampledActions GaussianActor::Draw(Draws& draws, const at::Tensor& noise) {
 
 const at::Tensor& GaussianActor::ActNext() {
   network_.Forward(next_.pass);
-  CopyActions(next_.pass.output().narrow(1, 0, kActionSize), next_.actions);
+  CopyActions(next_.pass.output().narrow(1, 0, env::kActionSize), next_.actions);
   policy::Tanh(next_.actions);
   return next_.actions;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "env/action.h"
 #include "policy/layer_ops.h"
 
 namespace slalom::learner {
@@ -12,7 +13,6 @@ namespace {
 
 using policy::IsHostFloat;
 
-constexpr std::int64_t kActionSize = 2;
 const double kLogSqrtTwoPi = 0.5 * std::log(2.0 * std::numbers::pi);
 
 /// log(1 - tanh(u)^2), without cancellation where |u| is large.
@@ -32,8 +32,9 @@ at::Tensor LogStd(const policy::ActionDistribution& distribution, const at::Tens
 void SquashedSample(const policy::ActionDistribution& distribution, const at::Tensor& output,
                     const at::Tensor& noise, at::Tensor& actions, at::Tensor& log_probability) {
   if (!IsHostFloat(output)) {
-    const at::Tensor log_std = LogStd(distribution, output.narrow(1, kActionSize, kActionSize));
-    const at::Tensor u = output.narrow(1, 0, kActionSize) + log_std.exp() * noise;
+    const at::Tensor log_std =
+        LogStd(distribution, output.narrow(1, env::kActionSize, env::kActionSize));
+    const at::Tensor u = output.narrow(1, 0, env::kActionSize) + log_std.exp() * noise;
     const at::Tensor log_slope = 2.0 * (std::numbers::ln2 - u - at::softplus(-2.0 * u));
     actions.copy_(u.tanh());
     log_probability.copy_((-0.5 * noise.square() - log_std - kLogSqrtTwoPi - log_slope).sum(1));
@@ -44,11 +45,12 @@ void SquashedSample(const policy::ActionDistribution& distribution, const at::Te
   float* const action = actions.data_ptr<float>();
   for (std::int64_t i = 0; i < output.size(0); ++i) {
     float sum = 0.0f;
-    for (std::int64_t j = 0; j < kActionSize; ++j) {
-      const float log_std = distribution.log_std(row[i * 2 * kActionSize + kActionSize + j]);
-      const float epsilon = random[i * kActionSize + j];
-      const float u = row[i * 2 * kActionSize + j] + std::exp(log_std) * epsilon;
-      action[i * kActionSize + j] = std::tanh(u);
+    for (std::int64_t j = 0; j < env::kActionSize; ++j) {
+      const float log_std =
+          distribution.log_std(row[i * 2 * env::kActionSize + env::kActionSize + j]);
+      const float epsilon = random[i * env::kActionSize + j];
+      const float u = row[i * 2 * env::kActionSize + j] + std::exp(log_std) * epsilon;
+      action[i * env::kActionSize + j] = std::tanh(u);
       sum +=
           -0.5f * epsilon * epsilon - log_std - static_cast<float>(kLogSqrtTwoPi) - LogTanhSlope(u);
     }
@@ -63,10 +65,10 @@ void SquashedGradient(const policy::ActionDistribution& distribution, const at::
   const auto batch = static_cast<double>(output.size(0));
   if (!IsHostFloat(output)) {
     const at::Tensor share = log_temperature.exp() / batch;
-    const at::Tensor raw = output.narrow(1, kActionSize, kActionSize);
+    const at::Tensor raw = output.narrow(1, env::kActionSize, env::kActionSize);
     const at::Tensor du = daction * (1.0 - actions.square()) + share * 2.0 * actions;
-    doutput.narrow(1, 0, kActionSize).copy_(du);
-    doutput.narrow(1, kActionSize, kActionSize)
+    doutput.narrow(1, 0, env::kActionSize).copy_(du);
+    doutput.narrow(1, env::kActionSize, env::kActionSize)
         .copy_((du * LogStd(distribution, raw).exp() * noise - share) * half_range *
                (1.0 - raw.tanh().square()));
     return;
@@ -79,15 +81,15 @@ void SquashedGradient(const policy::ActionDistribution& distribution, const at::
   float* const result = doutput.data_ptr<float>();
   for (std::int64_t i = 0; i < output.size(0); ++i) {
     const float* const by_action = daction.data_ptr<float>() + i * daction.stride(0);
-    for (std::int64_t j = 0; j < kActionSize; ++j) {
-      const std::int64_t mean = i * 2 * kActionSize + j;
-      const float a = action[i * kActionSize + j];
-      const float raw = row[mean + kActionSize];
+    for (std::int64_t j = 0; j < env::kActionSize; ++j) {
+      const std::int64_t mean = i * 2 * env::kActionSize + j;
+      const float a = action[i * env::kActionSize + j];
+      const float raw = row[mean + env::kActionSize];
       const float slope = std::tanh(raw);
       const float du = by_action[j] * (1.0f - a * a) + share * 2.0f * a;
       result[mean] = du;
-      result[mean + kActionSize] =
-          (du * std::exp(distribution.log_std(raw)) * random[i * kActionSize + j] - share) *
+      result[mean + env::kActionSize] =
+          (du * std::exp(distribution.log_std(raw)) * random[i * env::kActionSize + j] - share) *
           static_cast<float>(half_range) * (1.0f - slope * slope);
     }
   }

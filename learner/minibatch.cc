@@ -5,11 +5,10 @@
 #include <algorithm>
 
 #include "base/check.h"
+#include "env/action.h"
 
 namespace slalom::learner {
 namespace {
-
-constexpr int kActionSize = 2;
 
 /// How many scans ahead of the one being read the next are fetched.
 constexpr std::size_t kPrefetchDistance = 3;
@@ -19,12 +18,12 @@ constexpr std::size_t kPrefetchDistance = 3;
 Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device) {
   const auto options = at::TensorOptions(at::kFloat).device(device);
   const std::int64_t width = static_cast<std::int64_t>(history) * frame_size;
-  input = at::zeros({batch, width + kActionSize}, options);
-  next_input = at::zeros({batch, width + kActionSize}, options);
+  input = at::zeros({batch, width + env::kActionSize}, options);
+  next_input = at::zeros({batch, width + env::kActionSize}, options);
   features = input.narrow(1, 0, width);
   next_features = next_input.narrow(1, 0, width);
-  actions = input.narrow(1, width, kActionSize);
-  next_actions = next_input.narrow(1, width, kActionSize);
+  actions = input.narrow(1, width, env::kActionSize);
+  next_actions = next_input.narrow(1, width, env::kActionSize);
   reward = at::zeros({batch}, options);
   cost = at::zeros({batch}, options);
   discount = at::zeros({batch}, options);
