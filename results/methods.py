@@ -29,7 +29,7 @@ SCENARIOS = {
 }
 
 # Among walls standing still must cost more than being hit, or nothing ever tries to get through.
-WALL = ["environment.reward.collision=1", "environment.reward.slack=0.02", "learner.gamma=0.99"]
+WALL = ["environment.reward.collision=1", "environment.reward.slack=0.02", "learner.gamma=0.995"]
 
 # Row: preset, scenario and what it differs by.
 ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, preset, changes in [
