@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
-#include <cmath>
-#include <numbers>
 #include <string>
+
+#include "tests/learner/reference_model_loss.h"
 
 namespace slalom::learner {
 namespace {
@@ -106,58 +106,21 @@ class ModelLossTest : public testing::TestWithParam<Case> {
             weight_.to(type)};
   }
 
-  /// The loss of each transition from what the network gave, by LibTorch's differentiable
-  /// operations and the formulas of the paper's model.
-  at::Tensor Losses(const at::Tensor& raw, at::Tensor* z) const {
-    const policy::TransitionModelConfig& config = GetParam().config;
-    const int n = config.predict_last_action ? kFrame : kFrame - 2;
-    const at::Tensor target = next_.narrow(1, newest_, n);
-    at::Tensor mean = raw.narrow(1, 0, n);
-    if (config.bound_ranges) {
-      mean = torch::cat({mean.slice(1, 0, kFrame - 4).tanh(), mean.slice(1, kFrame - 4, n)}, 1);
-    }
-    if (config.targets == "difference") mean = mean + input_.narrow(1, newest_, n);
-    at::Tensor state;
-    int rest = n;
-    if (config.kind == "probabilistic") {
-      rest = 2 * n;
-      at::Tensor log_std = raw.narrow(1, n, n);
-      if (config.log_std == "bounded") {
-        log_std = config.log_std_min +
-                  (config.log_std_max - config.log_std_min) * (1 + log_std.tanh()) / 2;
-      } else {
-        log_std = torch::cat(
-            {log_std.slice(1, 0, kFrame - 4).tanh(), log_std.slice(1, kFrame - 4, n)}, 1);
-      }
-      const at::Tensor variance = (2 * log_std).exp();
-      *z = ((target - mean) / variance.sqrt()).detach();
-      state = (0.5 * (variance * 2 * std::numbers::pi).log() +
-               (target - mean).square() / (2 * variance))
-                  .sum(1);
-    } else {
-      state = (target - mean).square().sum(1);
-    }
-    at::Tensor ended = (discount_ == 0).to(torch::kDouble);
-    at::Tensor reward = reward_;
-    if (config.success == "known") {
-      const at::Tensor success = torch::zeros({kBatch}, torch::kDouble);
-      success[0] = success[8] = 1.0;
-      reward = reward - kGoal.reward * success;
-      ended = ended - success;
-    }
-    return kStateScale * state + (raw.select(1, rest) - reward).square() +
-           torch::binary_cross_entropy_with_logits(raw.select(1, rest + 1), ended, {}, {},
-                                                   at::Reduction::None);
-  }
-
   /// What `ModelLoss` gives in one type, and what LibTorch gives in float64.
   void Check(at::ScalarType type, double tolerance) {
     const policy::Network network(shape_.network, parameters_);
     policy::NetworkPass network_pass(shape_.network, input_);
     network.Forward(network_pass);
     const at::Tensor raw = network_pass.output().clone().requires_grad_();
-    at::Tensor z;
-    const at::Tensor losses = Losses(raw, &z);
+    ModelTargets targets = Targets(torch::kDouble);
+    if (GetParam().config.success == "known") {
+      // The heads are to give what is not success.
+      const at::Tensor success = torch::zeros({kBatch}, torch::kDouble);
+      success[0] = success[8] = 1.0;
+      targets.reward = targets.reward - kGoal.reward * success;
+      targets.discount = targets.discount + success;
+    }
+    const auto [losses, z] = ReferenceLossOf(GetParam().config, kStateScale, raw, targets);
     ((losses * weight_).sum() / weight_.sum()).backward();
 
     const policy::TransitionModel model(shape_, parameters_.to(type));

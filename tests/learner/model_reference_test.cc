@@ -1,0 +1,142 @@
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "learner/model_trainer.h"
+#include "tests/learner/random_rows.h"
+#include "tests/learner/reference_model_loss.h"
+#include "tests/learner/reference_network.h"
+
+/// Whole updates of a transition model beside autograd and LibTorch's AdamW in float64.
+
+namespace slalom::learner {
+namespace {
+
+using at::Tensor;
+
+constexpr int kBeams = 24;
+constexpr std::uint64_t kSeed = 3;
+
+struct Case {
+  const char* name;
+  policy::TransitionModelConfig model;
+  policy::NetworkConfig network = {.history = 2};
+  const char* state_loss = "mean";
+  double weight_decay = 0.0;
+};
+
+void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
+
+class ModelReferenceTest : public testing::TestWithParam<Case> {};
+
+TEST_P(ModelReferenceTest, UpdatesAreThoseOfAdamW) {
+  const policy::TransitionModelConfig& model = GetParam().model;
+  policy::NetworkConfig network = GetParam().network;
+  network.attention_heads = 2;
+  network.sectors = 12;
+  env::ObservationSpec observation;
+  observation.num_beams = kBeams;
+  const policy::FeatureMap features(observation, network);
+  const policy::ModelShape shape = MakeModelShape(model, network, features.frame_size());
+  ModelTrainingConfig training;
+  // Small steps, for the reason given in reference_test.cc.
+  training.learning_rate = 1e-4;
+  training.weight_decay = GetParam().weight_decay;
+  training.batch_size = 16;
+  training.updates_per_update = 2;
+  training.state_loss = GetParam().state_loss;
+  training.held_out = 0.0;
+  constexpr double kRewardScale = 0.5;
+  ModelTrainer trainer(training, shape, features, kRewardScale, /*mirror=*/false, at::kCPU, kSeed);
+
+  const auto read = [&] { return torch::tensor(trainer.EliteParameters()).to(torch::kDouble); };
+  Tensor parameters = read().requires_grad_();
+  const Tensor initial = parameters.detach().clone();
+  torch::optim::AdamW optimiser(
+      {parameters},
+      torch::optim::AdamWOptions(training.learning_rate).weight_decay(training.weight_decay));
+  const double state_scale = training.state_loss == "sum" ? 1.0 : 1.0 / shape.num_predicted;
+  MinibatchReader reader(features, network.history, kRewardScale, false, 1.0);
+  base::Random unused(1);
+  constexpr int kLoads = 3;
+  constexpr int kUpdates = 2 * kLoads;
+  for (int load = 0; load < kLoads; ++load) {
+    RandomRows rows(2 * training.batch_size, network.history, kBeams, 50 + load);
+    rows.rows.sequence.resize(rows.rows.batch);
+    std::iota(rows.rows.sequence.begin(), rows.rows.sequence.end(), 0);
+    trainer.Load(rows.rows);
+    trainer.Update();
+
+    Minibatch batch(rows.rows.batch, network.history, features.frame_size(), at::kCPU);
+    reader.Read(rows.rows, unused, batch);
+    for (int u = 0; u < 2; ++u) {
+      const auto half = [&](const Tensor& t) {
+        return t.narrow(0, u * training.batch_size, training.batch_size).to(torch::kDouble);
+      };
+      const ModelTargets targets = {half(batch.features), half(batch.next_features),
+                                    half(batch.reward),   half(batch.discount),
+                                    half(batch.cost),     {}};
+      const Tensor raw =
+          ReferenceForward(shape.network, parameters, targets.features, half(batch.actions));
+      optimiser.zero_grad();
+      ReferenceLossOf(model, state_scale, raw, targets).loss.mean().backward();
+      optimiser.step();
+    }
+  }
+  const Tensor expected = parameters.detach();
+  EXPECT_GT((expected - initial).abs().mean().item<double>(), 1e-4) << "nothing was learned";
+  const Tensor difference = (read() - expected).abs();
+  // As in reference_test.cc.
+  EXPECT_LE(difference.mean().item<double>(), 5e-8);
+  EXPECT_LE(difference.max().item<double>(), kUpdates * 2e-4);
+}
+
+policy::TransitionModelConfig Small(const char* kind, const char* targets = "difference") {
+  return {.kind = kind, .targets = targets, .encoder_layers = {16}, .head_layers = {16, 16}};
+}
+
+policy::TransitionModelConfig AsPublished(const char* kind) {
+  policy::TransitionModelConfig model = Small(kind, "absolute");
+  model.log_std = "published";
+  model.bound_ranges = true;
+  model.predict_last_action = true;
+  return model;
+}
+
+policy::TransitionModelConfig WithLayerNorm(const char* kind) {
+  policy::TransitionModelConfig model = Small(kind);
+  model.encoder_layers = {};
+  model.layer_norm = true;
+  return model;
+}
+
+/// For every encoder alike.
+policy::TransitionModelConfig OnEncoder(const char* kind) {
+  policy::TransitionModelConfig model = Small(kind);
+  model.encoder_layers = {16, 16};
+  return model;
+}
+
+const Case kCases[] = {
+    {"Deterministic", Small("deterministic")},
+    {"DeterministicSum", Small("deterministic"), {}, "sum"},
+    {"DeterministicDecayed", Small("deterministic"), {}, "mean", 1.0},
+    {"DeterministicAsPublished", AsPublished("deterministic")},
+    {"DeterministicLayerNorm", WithLayerNorm("deterministic")},
+    {"Probabilistic", Small("probabilistic")},
+    {"ProbabilisticDecayed", Small("probabilistic"), {}, "sum", 1.0},
+    {"ProbabilisticAsPublished", AsPublished("probabilistic"), {}, "sum"},
+    {"ProbabilisticLayerNorm", WithLayerNorm("probabilistic")},
+    {"Cnn", OnEncoder("probabilistic"), {.encoder = "cnn", .history = 4}},
+    {"Gru", OnEncoder("probabilistic"), {.encoder = "gru", .history = 4}},
+    {"Transformer", OnEncoder("probabilistic"), {.encoder = "transformer", .history = 4}},
+};
+
+INSTANTIATE_TEST_SUITE_P(Models, ModelReferenceTest, testing::ValuesIn(kCases),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+}  // namespace
+}  // namespace slalom::learner

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "learner/model_loss.h"
+
+namespace slalom::learner {
+
+struct ReferenceModelLoss {
+  at::Tensor loss;  ///< [B], of each transition; its weight is not in it.
+  at::Tensor z;     ///< [B, M], (target - mean) / sigma, detached; undefined where deterministic.
+};
+
+/// What a transition model of `config` is trained by, as original-system.md §5.1 has it, from
+/// what its network gave, by LibTorch's own operations in float64, through which autograd goes.
+/// Shares no code with `ModelLoss`. Success counts as `targets` say: that is left to the caller.
+///
+/// `raw`: [B, outputs].
+ReferenceModelLoss ReferenceLossOf(const policy::TransitionModelConfig& config, double state_scale,
+                                   const at::Tensor& raw, const ModelTargets& targets);
+
+}  // namespace slalom::learner
