@@ -55,7 +55,9 @@ ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, prese
 for scenario in SCENARIOS:
     for network in ["mlp"] + [f"{kind}-h{h}" for h in (4, 8) for kind in ("mlp", "cnn", "gru", "transformer")]:
         ROWS[f"{scenario}-{network}"] = (f"configs/fast/td3-{network}.toml", scenario, WALL if scenario == "wall" else [])
-ROWS["box-lagrangian"] = ("configs/fast/lagrangian-mlp.toml", "box", ["constraint.limit=0.05"])
+# A multiplier that rises while every policy still collides has nothing to teach yet.
+ROWS["box-lagrangian"] = ("configs/fast/lagrangian-mlp.toml", "box",
+                          ["constraint.limit=0.05", "constraint.learning_starts=20000", "constraint.multiplier_max=20"])
 del ROWS["static-mlp"]  # Which is td3.
 for path in sorted((ROOT / "configs/paper/as-published").glob("*.toml")):
     ROWS[f"as-published-{path.stem}"] = (path.relative_to(ROOT), "static", [])
