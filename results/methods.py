@@ -64,7 +64,8 @@ for path in sorted((ROOT / "configs/paper/as-published").glob("*.toml")):
 
 # How a policy with a model is scored again, with and without planning; lifelike: a drive that neither was trained for.
 PLANNING = ["--set", "mpc.enabled=true", "--set", "mpc.samples=64"]
-LIFELIKE = ["--profile", ROOT / "configs/lifelike.toml"]
+LIFELIKE = [word for setting in ("robot.linear_acceleration=4", "robot.angular_acceleration=10", "robot.command_delay=0.04",
+                                 "lidar.noise_std=0.02") for word in ("--set", f"environment.{setting}")]  # As configs/lifelike.toml.
 DRIVES = {"policy": [], "planning": PLANNING, "lifelike": LIFELIKE, "lifelike-planning": LIFELIKE + PLANNING}
 
 
