@@ -11,6 +11,7 @@
 #include "policy/layer_ops.h"
 
 namespace slalom::learner {
+
 GaussianActor::GaussianActor(const policy::NetworkShape& shape,
                              const policy::ActionDistribution& distribution, base::Random& random,
                              const Minibatch& minibatch)

@@ -63,10 +63,15 @@ for path in sorted((ROOT / "configs/paper/as-published").glob("*.toml")):
     ROWS[f"as-published-{path.stem}"] = (path.relative_to(ROOT), "static", [])
 
 # How a policy with a model is scored again, with and without planning; lifelike: a drive that neither was trained for.
-PLANNING = ["--set", "mpc.enabled=true", "--set", "mpc.samples=64"]
-LIFELIKE = [word for setting in ("robot.linear_acceleration=4", "robot.angular_acceleration=10", "robot.command_delay=0.04",
-                                 "lidar.noise_std=0.02") for word in ("--set", f"environment.{setting}")]  # As configs/lifelike.toml.
+PLANNING = ["mpc.enabled=true", "mpc.samples=64"]
+LIFELIKE = ["environment.robot.linear_acceleration=4", "environment.robot.angular_acceleration=10",
+            "environment.robot.command_delay=0.04", "environment.lidar.noise_std=0.02"]  # As configs/lifelike.toml.
 DRIVES = {"policy": [], "planning": PLANNING, "lifelike": LIFELIKE, "lifelike-planning": LIFELIKE + PLANNING}
+
+
+def set_options(settings):
+    """As the command line takes them."""
+    return [word for setting in settings for word in ("--set", setting)]
 
 
 def run(command, log):
@@ -86,9 +91,8 @@ def make(row, seed, options):
         return
     settings = [f"courses.train={train}", f"courses.test={test}", f"courses.collection={options.collection}",
                 f"run.max_seconds={options.seconds}", "run.snapshot_steps=[100000]"] + changes + options.set
-    command = [PROGRAM, "train", ROOT / preset, "--name", name, "--seed", seed, "--output", options.output]
-    for setting in settings:
-        command += ["--set", setting]
+    command = [PROGRAM, "train", ROOT / preset, "--name", name, "--seed", seed, "--output", options.output,
+               *set_options(settings)]
     log = options.output / f"{name}.log"
     try:
         run(command, log)
@@ -108,7 +112,7 @@ def score_drives(row, seed, options):
         if (output / "evaluation.json").exists():
             continue
         command = [PROGRAM, "evaluate", "--policy", options.output / name / "policy.safetensors", "--courses", courses,
-                   "--collection", options.collection, "--output", output, *settings]
+                   "--collection", options.collection, "--output", output, *set_options(settings)]
         try:
             run(command, options.output / f"{name}.log.{drive}")
         except subprocess.CalledProcessError as error:

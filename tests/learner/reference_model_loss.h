@@ -1,6 +1,9 @@
 #pragma once
 
+#include <ATen/core/Tensor.h>
+
 #include "learner/model_loss.h"
+#include "policy/model_shape.h"
 
 namespace slalom::learner {
 
