@@ -8,6 +8,7 @@
 #include "policy/layer_ops.h"
 #include "policy/simd.h"
 #include "policy/smooth_math.h"
+#include "policy/tensor_rows.h"
 
 namespace slalom::policy {
 namespace {
@@ -20,17 +21,6 @@ Sizes GetSizes(const at::Tensor& weights, std::int64_t columns) {
   return {weights.size(0), weights.size(1), weights.size(2), weights.size(3),
           columns / weights.size(1)};
 }
-
-/// One head's columns of one sequence.
-struct Rows {
-  Rows(const at::Tensor& t, std::int64_t row, std::int64_t column)
-      : data(t.data_ptr<float>() + row * t.stride(0) + column), stride(t.stride(0)) {}
-
-  float* operator[](std::int64_t i) const { return data + i * stride; }
-
-  float* data;
-  std::int64_t stride;
-};
 
 constexpr int kLanes = 8;
 
@@ -50,8 +40,8 @@ inline void AddScaled(float scale, const float* __restrict x, std::int64_t n, fl
 }
 
 /// `weights`, `mask`: [Q, T]; mask may be null.
-SLALOM_SIMD void AttendHead(const Sizes& s, Rows query, Rows key, Rows value, const float* mask,
-                            float* weights, Rows result) {
+SLALOM_SIMD void AttendHead(const Sizes& s, TensorRows query, TensorRows key, TensorRows value,
+                            const float* mask, float* weights, TensorRows result) {
   const float scale = 1.0f / std::sqrt(static_cast<float>(s.width));
   for (std::int64_t i = 0; i < s.queries; ++i) {
     float* const row = weights + i * s.tokens;
@@ -76,9 +66,10 @@ SLALOM_SIMD void AttendHead(const Sizes& s, Rows query, Rows key, Rows value, co
   }
 }
 
-SLALOM_SIMD void AttendHeadGradient(const Sizes& s, Rows query, Rows key, Rows value,
-                                    const float* mask, const float* weights, Rows dresult,
-                                    Rows dquery, Rows dkey, Rows dvalue) {
+SLALOM_SIMD void AttendHeadGradient(const Sizes& s, TensorRows query, TensorRows key,
+                                    TensorRows value, const float* mask, const float* weights,
+                                    TensorRows dresult, TensorRows dquery, TensorRows dkey,
+                                    TensorRows dvalue) {
   const float scale = 1.0f / std::sqrt(static_cast<float>(s.width));
   for (std::int64_t j = 0; j < s.tokens; ++j) {
     std::fill(dkey[j], dkey[j] + s.width, 0.0f);
@@ -128,14 +119,17 @@ void Attend(const AttentionInput& in, at::Tensor& weights, at::Tensor& result) {
     result.copy_(Join(at::matmul(kept, Split(in.value, s)), s));
     return;
   }
+  const TensorRows query(in.query), key(in.key), value(in.value), to(result);
+  const float* const mask = in.dropout_mask.defined() ? in.dropout_mask.data_ptr<float>() : nullptr;
+  float* const all_weights = weights.data_ptr<float>();
   for (std::int64_t b = 0; b < s.batch; ++b) {
     for (std::int64_t head = 0; head < s.heads; ++head) {
       const std::int64_t at = (b * s.heads + head) * s.queries * s.tokens;
       const std::int64_t column = head * s.width;
-      AttendHead(s, Rows(in.query, b * s.queries, column), Rows(in.key, b * s.tokens, column),
-                 Rows(in.value, b * s.tokens, column),
-                 in.dropout_mask.defined() ? in.dropout_mask.data_ptr<float>() + at : nullptr,
-                 weights.data_ptr<float>() + at, Rows(result, b * s.queries, column));
+      const std::int64_t first_query = b * s.queries, first_token = b * s.tokens;
+      AttendHead(s, query.From(first_query, column), key.From(first_token, column),
+                 value.From(first_token, column), mask == nullptr ? nullptr : mask + at,
+                 all_weights + at, to.From(first_query, column));
     }
   }
 }
@@ -156,17 +150,20 @@ void AttendGradient(const AttentionInput& in, const at::Tensor& weights, const a
     dkey.copy_(Join(at::matmul(dscores.transpose(2, 3), Split(in.query, s)), s));
     return;
   }
+  const TensorRows query(in.query), key(in.key), value(in.value), gradient(dresult);
+  const TensorRows to_query(dquery), to_key(dkey), to_value(dvalue);
+  const float* const mask = in.dropout_mask.defined() ? in.dropout_mask.data_ptr<float>() : nullptr;
+  const float* const all_weights = weights.data_ptr<float>();
   for (std::int64_t b = 0; b < s.batch; ++b) {
     for (std::int64_t head = 0; head < s.heads; ++head) {
       const std::int64_t at = (b * s.heads + head) * s.queries * s.tokens;
       const std::int64_t column = head * s.width;
-      AttendHeadGradient(
-          s, Rows(in.query, b * s.queries, column), Rows(in.key, b * s.tokens, column),
-          Rows(in.value, b * s.tokens, column),
-          in.dropout_mask.defined() ? in.dropout_mask.data_ptr<float>() + at : nullptr,
-          weights.data_ptr<float>() + at, Rows(dresult, b * s.queries, column),
-          Rows(dquery, b * s.queries, column), Rows(dkey, b * s.tokens, column),
-          Rows(dvalue, b * s.tokens, column));
+      const std::int64_t first_query = b * s.queries, first_token = b * s.tokens;
+      AttendHeadGradient(s, query.From(first_query, column), key.From(first_token, column),
+                         value.From(first_token, column), mask == nullptr ? nullptr : mask + at,
+                         all_weights + at, gradient.From(first_query, column),
+                         to_query.From(first_query, column), to_key.From(first_token, column),
+                         to_value.From(first_token, column));
     }
   }
 }

@@ -8,6 +8,7 @@
 #include "policy/lane_sums.h"
 #include "policy/simd.h"
 #include "policy/smooth_math.h"
+#include "policy/tensor_rows.h"
 
 namespace slalom::policy {
 namespace {
@@ -138,10 +139,9 @@ void AddTo(const at::Tensor& x, at::Tensor& y) {
     y.add_(x);
     return;
   }
-  const std::int64_t stride = x.dim() == 1 ? 0 : x.stride(0);
-  for (std::int64_t i = 0; i < y.size(0); ++i) {
-    AddVector(x.data_ptr<float>() + i * stride, y.size(1), y.data_ptr<float>() + i * y.stride(0));
-  }
+  const TensorRows from(x), to(y);
+  const std::int64_t rows = y.size(0), columns = y.size(1);
+  for (std::int64_t i = 0; i < rows; ++i) AddVector(from[i], columns, to[i]);
 }
 
 void SetRows(const at::Tensor& row, at::Tensor& y) {
@@ -149,9 +149,9 @@ void SetRows(const at::Tensor& row, at::Tensor& y) {
     y.copy_(row.expand_as(y));
     return;
   }
-  for (std::int64_t i = 0; i < y.size(0); ++i) {
-    std::copy_n(row.data_ptr<float>(), y.size(1), y.data_ptr<float>() + i * y.stride(0));
-  }
+  const TensorRows from(row), to(y);
+  const std::int64_t rows = y.size(0), columns = y.size(1);
+  for (std::int64_t i = 0; i < rows; ++i) std::copy_n(from[i], columns, to[i]);
 }
 
 void AddColumnSums(const at::Tensor& x, at::Tensor& sum) {
@@ -159,9 +159,10 @@ void AddColumnSums(const at::Tensor& x, at::Tensor& sum) {
     sum.add_(x.sum(0));
     return;
   }
-  for (std::int64_t i = 0; i < x.size(0); ++i) {
-    AddVector(x.data_ptr<float>() + i * x.stride(0), x.size(1), sum.data_ptr<float>());
-  }
+  const TensorRows from(x);
+  float* const to = sum.data_ptr<float>();
+  const std::int64_t rows = x.size(0), columns = x.size(1);
+  for (std::int64_t i = 0; i < rows; ++i) AddVector(from[i], columns, to);
 }
 
 void LayerNorm(const at::Tensor& gain, const at::Tensor& bias, const at::Tensor& x, at::Tensor& y,
@@ -173,10 +174,13 @@ void LayerNorm(const at::Tensor& gain, const at::Tensor& bias, const at::Tensor&
     y.copy_(normal * gain + bias);
     return;
   }
-  for (std::int64_t i = 0; i < x.size(0); ++i) {
-    NormaliseRow(gain.data_ptr<float>(), bias.data_ptr<float>(), x.size(1),
-                 x.data_ptr<float>() + i * x.stride(0), y.data_ptr<float>() + i * y.stride(0),
-                 normal.data_ptr<float>() + i * normal.stride(0), rstd.data_ptr<float>() + i);
+  const TensorRows from(x), to(y), normals(normal);
+  const float* const gains = gain.data_ptr<float>();
+  const float* const biases = bias.data_ptr<float>();
+  float* const scales = rstd.data_ptr<float>();
+  const std::int64_t rows = x.size(0), columns = x.size(1);
+  for (std::int64_t i = 0; i < rows; ++i) {
+    NormaliseRow(gains, biases, columns, from[i], to[i], normals[i], scales + i);
   }
 }
 
@@ -202,11 +206,13 @@ void LayerNormGradient(const at::Tensor& gain, const at::Tensor& normal, const a
   float* const bias_gradient = dbias.data_ptr<float>();
   std::fill(gain_gradient, gain_gradient + dy.size(1), 0.0f);
   std::fill(bias_gradient, bias_gradient + dy.size(1), 0.0f);
-  for (std::int64_t i = 0; i < dy.size(0); ++i) {
-    NormaliseRowGradient(gain.data_ptr<float>(), dy.size(1),
-                         normal.data_ptr<float>() + i * normal.stride(0), rstd.data_ptr<float>()[i],
-                         dy.data_ptr<float>() + i * dy.stride(0), add,
-                         dx.data_ptr<float>() + i * dx.stride(0), gain_gradient, bias_gradient);
+  const TensorRows from(dy), to(dx), normals(normal);
+  const float* const gains = gain.data_ptr<float>();
+  const float* const scales = rstd.data_ptr<float>();
+  const std::int64_t rows = dy.size(0), columns = dy.size(1);
+  for (std::int64_t i = 0; i < rows; ++i) {
+    NormaliseRowGradient(gains, columns, normals[i], scales[i], from[i], add, to[i], gain_gradient,
+                         bias_gradient);
   }
 }
 
@@ -239,12 +245,9 @@ void GruStep(const at::Tensor& before, const at::Tensor& state_gates, at::Tensor
     after.copy_(fresh + gates.narrow(1, w, w) * (before - fresh));
     return;
   }
-  for (std::int64_t i = 0; i < before.size(0); ++i) {
-    GruRow(before.data_ptr<float>() + i * before.stride(0),
-           state_gates.data_ptr<float>() + i * state_gates.stride(0), w,
-           gates.data_ptr<float>() + i * gates.stride(0),
-           after.data_ptr<float>() + i * after.stride(0));
-  }
+  const TensorRows from(before), of_state(state_gates), of_input(gates), to(after);
+  const std::int64_t rows = before.size(0);
+  for (std::int64_t i = 0; i < rows; ++i) GruRow(from[i], of_state[i], w, of_input[i], to[i]);
 }
 
 void GruStepGradient(const at::Tensor& before, const at::Tensor& dafter, at::Tensor& state_gates,
@@ -261,12 +264,11 @@ void GruStepGradient(const at::Tensor& before, const at::Tensor& dafter, at::Ten
     state_gates.copy_(at::cat({dr, dz, dn * r}, 1));
     return;
   }
-  for (std::int64_t i = 0; i < before.size(0); ++i) {
-    GruRowGradient(before.data_ptr<float>() + i * before.stride(0),
-                   dafter.data_ptr<float>() + i * dafter.stride(0), w,
-                   state_gates.data_ptr<float>() + i * state_gates.stride(0),
-                   gates.data_ptr<float>() + i * gates.stride(0),
-                   dbefore.defined() ? dbefore.data_ptr<float>() + i * dbefore.stride(0) : nullptr);
+  const TensorRows from(before), gradient(dafter), of_state(state_gates), of_input(gates),
+      to(dbefore);
+  const std::int64_t rows = before.size(0);
+  for (std::int64_t i = 0; i < rows; ++i) {
+    GruRowGradient(from[i], gradient[i], w, of_state[i], of_input[i], to[i]);
   }
 }
 
