@@ -10,6 +10,7 @@
 #include "policy/lane_sums.h"
 #include "policy/simd.h"
 #include "policy/small_gemm.h"
+#include "policy/tensor_rows.h"
 
 namespace slalom::policy {
 namespace {
@@ -17,14 +18,11 @@ namespace {
 constexpr float kLayerNormEpsilon = 1e-5f;
 
 /// A matrix in row-major order whose rows lie `stride` apart.
-struct Matrix {
-  explicit Matrix(const at::Tensor& t)
-      : data(t.data_ptr<float>()), rows(t.size(0)), columns(t.size(1)), stride(t.stride(0)) {}
+struct Matrix : TensorRows {
+  explicit Matrix(const at::Tensor& t) : TensorRows(t), rows(t.size(0)), columns(t.size(1)) {}
 
-  float* data;
   std::int64_t rows;
   std::int64_t columns;
-  std::int64_t stride;
 };
 
 SLALOM_SIMD void AddBias(const float* bias, bool relu, float* y, std::int64_t rows,
