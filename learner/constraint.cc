@@ -46,7 +46,8 @@ void Constraint::Observe(double collisions, std::int64_t finished) {
   if (config_.kind == "fixed" || static_cast<double>(num_episodes_) < config_.learning_starts) {
     return;
   }
-  // lambda <- [K_P Delta + I + K_D rise]_+, I <- [I + K_I Delta]_+, once for each episode.
+  // Stooke et al. 2020, algorithm 2, once for each episode: lambda <- [K_P Delta + I + K_D rise]_+,
+  // I <- [I + K_I Delta]_+.
   const double violation = collisions - config_.limit;
   integral_ =
       std::clamp(integral_ + static_cast<double>(finished) * config_.learning_rate * violation, 0.0,

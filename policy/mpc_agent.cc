@@ -169,8 +169,8 @@ struct MpcAgent::Planner {
     }
   }
 
-  /// MPPI (Williams et al. 2017): w_s in proportion to e^(R_s / temperature). CEM (Chua et al.
-  /// 2018): alike for the best, 0 for others. They sum to 1.
+  /// MPPI (Williams et al. 2017, equation 6): w_s in proportion to e^(R_s / temperature). CEM (Chua
+  /// et al. 2018, §5): alike for the best, 0 for others. They sum to 1.
   void Weigh() {
     if (config.update == "cem") {
       const auto num_elites = static_cast<int>(

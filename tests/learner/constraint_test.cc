@@ -68,6 +68,20 @@ TEST(Constraint, TheDerivativePartCountsRisesAlone) {
   EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 0.02 + 0.06 + 0.06 + 0.01);
 }
 
+// The proportional part adds nothing to what the integral one keeps, and takes away below the
+// limit.
+TEST(Constraint, TheProportionalPartAnswersTheLastLookAlone) {
+  Fixture f({.kind = "lagrangian", .limit = 0.1, .learning_rate = 0.01, .proportional_gain = 2.0});
+  f.constraint.Observe(0.6, 10);
+  EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 2.0 * 0.5 + 0.05);
+  f.constraint.Observe(0.2, 10);
+  EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 2.0 * (0.2 - 0.1) + 0.05 + 0.01);
+  f.constraint.Observe(0.0, 1);
+  EXPECT_EQ(f.constraint.multiplier(), 0.0);
+  f.constraint.Observe(0.1, 1);
+  EXPECT_NEAR(f.constraint.multiplier(), 0.05 + 0.01 - 0.001, 1e-15);
+}
+
 // Where the number of collisions answers lambda, the integral part finds the lambda that holds
 // the limit, and the proportional one gets there with less overshoot.
 TEST(Constraint, FindsTheMultiplierThatHoldsTheLimit) {

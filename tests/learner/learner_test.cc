@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <span>
 #include <string>
@@ -156,6 +157,36 @@ TYPED_TEST(FollowerTest, SharesNoStorageWithWhatItFollows) {
       EXPECT_TRUE(begin(all[i]) + all[i].nbytes() <= begin(all[j]) ||
                   begin(all[j]) + all[j].nbytes() <= begin(all[i]))
           << i << " " << j;
+    }
+  }
+}
+
+// avg <- avg + max(rate, 5 / (5 + n)) (phi - avg) in the n-th update of the actor.
+TEST(Learner, AveragesItsLastPolicies) {
+  for (const char* algorithm : {"ddpg", "sac"}) {  // Each update is one of the actor.
+    MethodConfig config = SmallConfig();
+    config.learner.algorithm = algorithm;
+    config.learner.average_rate = 0.4;  // Reached in the eighth.
+    policy::PolicySpec spec = SmallSpec();
+    spec.distribution = DistributionOf(config.learner);
+    Learner learner(config, spec, 5);
+    const auto read = [&](const char* name) {
+      const policy::StoredTensor stored = Saved(learner).tensors.at(name);
+      std::vector<float> numbers(stored.bytes.size() / sizeof(float));
+      std::memcpy(numbers.data(), stored.bytes.data(), stored.bytes.size());
+      return numbers;
+    };
+    std::vector<float> expected = read("actor.parameters");
+    for (int n = 1; n <= 12; ++n) {
+      Train(learner, n, n + 1);
+      const float rate = std::max(0.4f, 5.0f / (5.0f + static_cast<float>(n)));
+      const std::vector<float> actor = read("actor.parameters");
+      for (std::size_t i = 0; i < actor.size(); ++i) {
+        expected[i] += rate * (actor[i] - expected[i]);
+      }
+      EXPECT_THAT(read("actor.average_parameters"),
+                  testing::Pointwise(testing::FloatNear(1e-6f), expected))
+          << algorithm << " " << n;
     }
   }
 }

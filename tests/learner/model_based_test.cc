@@ -1,11 +1,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
+#include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "base/error.h"
+#include "learner/algorithm.h"
 #include "learner/learner.h"
 #include "policy/policy_agent.h"
 #include "tests/learner/random_rows.h"
@@ -117,6 +121,57 @@ TEST(ModelBasedLearner, ItsPoliciesCanPlan) {
   agent->Act(observations, actions);
   EXPECT_EQ(actions[0], actions[1]);
 }
+
+/// Any algorithm on any encoder, with a model on the same encoder.
+class CombinationTest
+    : public testing::TestWithParam<std::tuple<const char*, const char*, const char*>> {};
+
+TEST_P(CombinationTest, ImaginesPlansAndGoesOnBitForBitAfterARestore) {
+  const auto& [algorithm, encoder, imagination] = GetParam();
+  MethodConfig method = ModelMethod(imagination);
+  method.learner.algorithm = algorithm;
+  const std::vector<int> layers =
+      std::string(encoder) == "mlp" ? std::vector<int>{} : std::vector<int>{8, 8};
+  method.model.encoder_layers = layers;
+  policy::PolicySpec spec = SpecOf(method);
+  spec.network.encoder = encoder;
+  spec.network.encoder_layers = layers;
+  spec.network.attention_heads = 2;
+  spec.distribution = DistributionOf(method.learner);
+  Learner whole(method, spec, 5);
+  const policy::TensorMap begin = Saved(whole).tensors;
+  Train(whole, 0, 4);
+  ASSERT_TRUE(whole.healthy()) << *whole.FindFault();
+  EXPECT_GT(whole.num_updates(), 4) << "nothing was imagined";
+  const policy::TensorMap trained = Saved(whole).tensors;
+  for (const char* name : {"actor.parameters", "critics.parameters"}) {
+    EXPECT_NE(trained.at(name), begin.at(name)) << name;
+  }
+
+  const auto agent = policy::MakePolicyAgent(
+      whole.Snapshot(), {.enabled = true, .samples = 8, .learning_starts = 0}, 1);
+  env::ObservationBatch observations;
+  observations.Resize(1, kBeams);
+  std::vector<env::Action> actions(1);
+  agent->Act(observations, actions);
+  EXPECT_LE(std::abs(actions[0].linear), 1.0f);
+  EXPECT_LE(std::abs(actions[0].angular), 1.0f);
+
+  Learner resumed(method, spec, 99);
+  resumed.LoadState(Saved(whole));
+  Train(whole, 4, 6);
+  Train(resumed, 4, 6);
+  EXPECT_TRUE(Saved(whole).tensors == Saved(resumed).tensors);
+}
+
+INSTANTIATE_TEST_SUITE_P(Any, CombinationTest,
+                         testing::Combine(testing::Values("td3", "ddpg", "sac"),
+                                          testing::Values("mlp", "cnn", "gru", "transformer"),
+                                          testing::Values("dyna", "mbpo")),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param)) + "_" +
+                                  std::get<1>(test.param) + "_" + std::get<2>(test.param);
+                         });
 
 std::string Refusal(const MethodConfig& method) {
   try {
