@@ -3,10 +3,12 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -66,6 +68,20 @@ void RefuseRulesOfTheTask(const std::vector<std::string>& overrides) {
   }
 }
 
+/// What a policy was trained with is in it, so another value would be set in vain.
+void RefuseKeysOfTraining(const std::vector<std::string>& overrides) {
+  for (const std::string& assignment : overrides) {
+    const bool is_read = std::ranges::any_of(
+        std::array{"environment.", "evaluation.", "courses.", "mpc.", "run.seed="},
+        [&](std::string_view start) { return assignment.starts_with(start); });
+    if (is_read) continue;
+    throw base::Error(
+        fmt::format("--set {}: expected a key of [environment], [evaluation], [courses] or [mpc], "
+                    "or run.seed; all else about a policy is as it was trained",
+                    assignment));
+  }
+}
+
 /// Lays profiles, overrides and options over `config`, in this order.
 template <class Config>
 void ApplyOptions(const EvaluateOptions& options, Config& config) {
@@ -101,6 +117,7 @@ train::RunConfig TaskOf(const EvaluateOptions& options, const policy::LoadedPoli
     config::ReadToml(it->second, *options.policy + " (its config)", fields);
   }
   ApplyOptions(options, config);
+  RefuseKeysOfTraining(options.overrides);
   return config;
 }
 

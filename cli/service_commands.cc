@@ -18,6 +18,7 @@
 #include "eval/service/evaluator_service.h"
 #include "learner/service/learner_service.h"
 #include "policy/policy_agent.h"
+#include "policy/policy_spec.h"
 #include "replay/service/server.h"
 #include "sim/environments.h"
 #include "sim/scene.h"
@@ -35,19 +36,7 @@ base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes
                                                 const policy::PolicySpec& spec) {
   try {
     policy::PolicySnapshot snapshot = policy::ParsePolicy(bytes, "the policy received").snapshot;
-    policy::RequireSameInterface("the policy received", snapshot.spec, spec.observation,
-                                 spec.actions);
-    if (snapshot.spec.network != spec.network) {
-      return base::Failure{"its network is not the one of this config's [network]"};
-    }
-    if (snapshot.spec.distribution != spec.distribution) {
-      return base::Failure{
-          "its actions are not distributed as this config's learner.algorithm asks"};
-    }
-    if (snapshot.spec.planning != spec.planning) {
-      return base::Failure{
-          "it does not carry the transition model that this config's [model] describes"};
-    }
+    policy::RequireSameSpec("the policy received", snapshot.spec, spec);
     return snapshot;
   } catch (const base::Error& error) {
     return base::Failure{error.what()};

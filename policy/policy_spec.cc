@@ -8,6 +8,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <span>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "policy/encoder_slots.h"
@@ -117,6 +120,37 @@ void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
   v("goal_scale", spec.goal_scale, base::Range{0.1, 1000.0});
 }
 
+/// Lists the fields of a config struct as "SECTION.KEY" and JSON, in the order of its `Visit`.
+class FieldLister {
+ public:
+  using Fields = std::vector<std::pair<std::string, std::string>>;
+
+  FieldLister(const char* section, Fields& fields) : section_(section), fields_(fields) {}
+  template <class T, class... Rest>
+  void operator()(const char* key, T& value, const Rest&...) {
+    fields_.emplace_back(fmt::format("{}.{}", section_, key), json(value).dump());
+  }
+
+ private:
+  const char* const section_;
+  Fields& fields_;
+};
+
+FieldLister::Fields ListSpec(PolicySpec spec) {
+  FieldLister::Fields fields;
+  FieldLister observation("observation", fields);
+  VisitObservation(spec.observation, observation);
+  FieldLister network("network", fields);
+  spec.network.Visit(network);
+  FieldLister actions("actions", fields);
+  spec.actions.Visit(actions);
+  FieldLister distribution("distribution", fields);
+  spec.distribution.Visit(distribution);
+  FieldLister planning("planning", fields);
+  spec.planning.Visit(planning);
+  return fields;
+}
+
 /// Fields that came after the first policies were written, which do without them.
 constexpr std::array kLaterNetworkFields = {"cnn_axis", "attention_heads", "dropout",
                                             "dropout_everywhere"};
@@ -196,6 +230,20 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   } catch (const base::Error& error) {
     throw base::Error(fmt::format("{}: in its spec, {}", source, error.what()));
   }
+}
+
+void RequireSameSpec(const std::string& source, const PolicySpec& spec,
+                     const PolicySpec& expected) {
+  if (spec.planning.is_carried() != expected.planning.is_carried()) {
+    throw base::Error(fmt::format("{}: carries {} transition model, expected {}", source,
+                                  spec.planning.is_carried() ? "a" : "no",
+                                  expected.planning.is_carried() ? "one" : "none"));
+  }
+  const FieldLister::Fields found = ListSpec(spec), wanted = ListSpec(expected);
+  const auto [is, should] = std::ranges::mismatch(found, wanted);
+  if (is == found.end()) return;
+  throw base::Error(
+      fmt::format("{}: its {} is {}, expected {}", source, is->first, is->second, should->second));
 }
 
 }  // namespace slalom::policy

@@ -16,4 +16,8 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version);
 /// key where one is missing, of another type or out of range.
 void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* snapshot);
 
+/// Throws `base::Error` that names `source` and the first field in which a policy's spec is not the
+/// one `expected`.
+void RequireSameSpec(const std::string& source, const PolicySpec& spec, const PolicySpec& expected);
+
 }  // namespace slalom::policy

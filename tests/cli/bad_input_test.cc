@@ -134,9 +134,24 @@ TEST_F(BadInputTest, APolicyThatCannotPlanIsRefused) {
       {"evaluate", "--policy", "runs/planner/policy.safetensors", "--courses", "generated:1:1",
        "--set", "mpc.enabled=true"},
       AllOf(HasSubstr("runs/planner/policy.safetensors"), HasSubstr("mpc.learning_starts = 1000")));
-  ExpectError({"evaluate", "--policy", path, "--courses", "generated:1:1", "--set",
-               "mpc.enabled=true", "--set", "constraint.kind=lagrangian"},
+  Write("constrained.toml", "base = \"tiny.toml\"\n[constraint]\nkind = \"lagrangian\"\n");
+  ExpectError({"evaluate", "--policy", path, "--courses", "generated:1:1", "--config",
+               "constrained.toml", "--set", "mpc.enabled=true"},
               AllOf(HasSubstr("constraint"), HasSubstr("mpc")));
+}
+
+TEST_F(BadInputTest, WhatAPolicyWasTrainedWithCannotBeSetAnew) {
+  Train();
+  const auto refuse = [&](const char* assignment, const auto& matcher) {
+    ExpectError({"evaluate", "--policy", "runs/tiny/policy.safetensors", "--courses",
+                 "generated:1:1", "--set", assignment},
+                matcher);
+  };
+  for (const char* assignment : {"network.history=4", "network.sectors=6", "learner.gamma=0.5"}) {
+    refuse(assignment, AllOf(HasSubstr(assignment), HasSubstr("as it was trained")));
+  }
+  refuse("network.wings=2", HasSubstr("network.wings"));
+  refuse("environment.lidar.num_beams=48", AllOf(HasSubstr("720 beams"), HasSubstr("48 beams")));
 }
 
 TEST_F(BadInputTest, ANameThatNoRoleCanHaveIsRefused) {

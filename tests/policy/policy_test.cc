@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
 
 #include "base/error.h"
+#include "policy/policy_spec.h"
 
 namespace slalom::policy {
 namespace {
@@ -218,6 +220,36 @@ TEST(RequireSameInterface, NamesWhatDiffers) {
   EXPECT_NO_THROW(RequireSameInterface("p", spec, {}, {}));
   EXPECT_THROW(RequireSameInterface("p", spec, {.num_beams = 360}, {}), base::Error);
   EXPECT_THROW(RequireSameInterface("p", spec, {}, {.linear_max = 1.0}), base::Error);
+}
+
+TEST(RequireSameSpec, NamesTheFirstFieldThatDiffers) {
+  PolicySpec expected;
+  expected.planning.model.kind = "probabilistic";
+  const auto refusal = [&](const PolicySpec& spec) -> std::string {
+    try {
+      RequireSameSpec("p", spec, expected);
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal(expected), "");
+  EXPECT_EQ(refusal({}), "p: carries no transition model, expected one");
+  PolicySpec spec = expected;
+  spec.network.history = 4;
+  EXPECT_EQ(refusal(spec), "p: its network.history is 4, expected 1");
+  spec = expected;
+  spec.observation.num_beams = 360;
+  EXPECT_EQ(refusal(spec), "p: its observation.num_beams is 360, expected 720");
+  spec = expected;
+  spec.actions.linear_max = 1.0;
+  EXPECT_EQ(refusal(spec), "p: its actions.linear_max is 1.0, expected 2.0");
+  spec = expected;
+  spec.distribution.kind = "gaussian";
+  EXPECT_EQ(refusal(spec), "p: its distribution.kind is \"gaussian\", expected \"deterministic\"");
+  spec = expected;
+  spec.planning.model.ensemble = 3;
+  EXPECT_EQ(refusal(spec), "p: its planning.ensemble is 3, expected 1");
 }
 
 }  // namespace
