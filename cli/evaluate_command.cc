@@ -82,6 +82,18 @@ void RefuseKeysOfTraining(const std::vector<std::string>& overrides) {
   }
 }
 
+/// Nor does it plan unless asked to.
+void RefusePlanningKeys(const std::vector<std::string>& overrides, const policy::MpcConfig& mpc) {
+  for (const std::string& assignment : overrides) {
+    if (mpc.enabled || !assignment.starts_with("mpc.") || assignment.starts_with("mpc.enabled=")) {
+      continue;
+    }
+    throw base::Error(fmt::format(
+        "--set {}: expected --set mpc.enabled=true beside it, as nothing is planned else",
+        assignment));
+  }
+}
+
 /// Lays profiles, overrides and options over `config`, in this order.
 template <class Config>
 void ApplyOptions(const EvaluateOptions& options, Config& config) {
@@ -118,6 +130,7 @@ train::RunConfig TaskOf(const EvaluateOptions& options, const policy::LoadedPoli
   }
   ApplyOptions(options, config);
   RefuseKeysOfTraining(options.overrides);
+  RefusePlanningKeys(options.overrides, config.mpc);
   return config;
 }
 

@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "base/log.h"
 #include "base/random.h"
 #include "cli/version.h"
 #include "config/config.h"
@@ -29,6 +30,11 @@ std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
   policy::RequireSameInterface(policy_source, policy.spec,
                                sim::MakeObservationSpec(config.environment),
                                config.environment.action);
+  if (config.mpc.enabled && policy.version < config.mpc.learning_starts) {
+    spdlog::warn(
+        "{}: has had {} updates of mpc.learning_starts = {}, so it is scored without planning",
+        policy_source, policy.version, config.mpc.learning_starts);
+  }
   const sim::CourseSet courses = config.courses.Resolve(courses_spec);
   eval::Provenance provenance;
   provenance.agent = AgentName(policy_source);

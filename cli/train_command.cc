@@ -81,6 +81,12 @@ int Train(const TrainOptions& options) {
   spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),
                base::FormatCount(static_cast<double>(trainer.steps())),
                base::FormatCount(static_cast<double>(trainer.updates())));
+  if (trainer.updates() == 0) {
+    spdlog::warn(
+        "nothing was learned: run.learning_starts is {}, the replay holds at most "
+        "replay.capacity = {} steps",
+        config.run.learning_starts, config.replay.capacity);
+  }
   if (end == train::TrainingEnd::kStopped) {
     fmt::print("stopped and saved; to go on: {}\n", ResumeCommand(options, directory));
     return kExitSignalBase + signals.received();

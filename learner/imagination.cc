@@ -20,6 +20,11 @@ std::array<at::Tensor, 6> Columns(const Minibatch& m) {
   return {m.input, m.next_features, m.reward, m.cost, m.discount, m.weight};
 }
 
+/// Replayed rows of a batch of MBPO.
+std::int64_t NumReal(const ImaginationConfig& config, std::int64_t batch) {
+  return std::lround(config.real_ratio * static_cast<double>(batch));
+}
+
 }  // namespace
 
 int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates) {
@@ -55,10 +60,11 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size) {
         "MBPO "
         "cannot run (original-system.md, fault M4)");
   }
-  if (config.real_ratio == 1.0) {
+  if (NumReal(config, batch_size) == batch_size) {
     throw base::Error(
-        "imagination.real_ratio is 1, expected less with imagination.kind = \"mbpo\": nothing of "
-        "what is imagined would be learned from");
+        fmt::format("imagination.real_ratio is {}, expected less with imagination.kind = \"mbpo\": "
+                    "nothing of what is imagined would be learned from in batches of {}",
+                    config.real_ratio, batch_size));
   }
   if (config.rollouts % batch_size != 0) {
     throw base::Error(
@@ -123,8 +129,7 @@ void Imagination::Fill(int k) {
   // Janner et al. 2019, algorithm 2, line 10: the data that the policy is updated on. Replayed
   // transitions first, other ones in each batch, then imagined ones.
   const std::int64_t batch = minibatch_.reward.size(0);
-  const auto num_real =
-      static_cast<std::int64_t>(std::lround(config_.real_ratio * static_cast<double>(batch)));
+  const std::int64_t num_real = NumReal(config_, batch);
   const auto to = Columns(minibatch_), from = Columns(real_);
   // In runs of rows: around the end of the batch lies its begin.
   for (std::int64_t done = 0; done < num_real;) {

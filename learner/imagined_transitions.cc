@@ -1,11 +1,13 @@
 #include "learner/imagined_transitions.h"
 
 #include <ATen/ATen.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 
 #include "base/check.h"
+#include "base/error.h"
 #include "learner/stored_state.h"
 
 namespace slalom::learner {
@@ -14,11 +16,18 @@ ImaginedTransitions::ImaginedTransitions(std::int64_t capacity, int history,
                                          const Minibatch& minibatch)
     : capacity_(capacity), frame_size_(minibatch.features.size(1) / history) {
   const auto options = minibatch.reward.options();
-  features_ = at::zeros({capacity, minibatch.features.size(1)}, options);
-  frames_ = at::zeros({capacity, frame_size_}, options);
-  actions_ = at::zeros({capacity, minibatch.actions.size(1)}, options);
-  reward_ = at::zeros({capacity}, options);
-  discount_ = at::zeros({capacity}, options);
+  try {
+    features_ = at::zeros({capacity, minibatch.features.size(1)}, options);
+    frames_ = at::zeros({capacity, frame_size_}, options);
+    actions_ = at::zeros({capacity, minibatch.actions.size(1)}, options);
+    reward_ = at::zeros({capacity}, options);
+    discount_ = at::zeros({capacity}, options);
+  } catch (const c10::Error&) {
+    throw base::Error(fmt::format(
+        "imagination.buffer_capacity is {}: cannot reserve {} MiB for imagined transitions; a "
+        "smaller one needs less",
+        capacity, (capacity * (minibatch.features.size(1) + frame_size_ + 4) * 4) >> 20));
+  }
 }
 
 void ImaginedTransitions::Add(const Minibatch& minibatch) {

@@ -62,6 +62,12 @@ const MethodConfig& Checked(const MethodConfig& method) {
         "constraint.learning_rate is 0, expected it or a gain above 0 where constraint.kind is "
         "\"lagrangian\": the multiplier would never move");
   }
+  if (constraint.kind == "lagrangian" && constraint.limit >= 1.0) {
+    throw base::Error(fmt::format(
+        "constraint.limit is {}, expected less than 1 where constraint.kind is \"lagrangian\": an "
+        "episode ends with its first collision, so the multiplier would never rise",
+        constraint.limit));
+  }
   if (constraint.kind == "lagrangian" && constraint.multiplier_max == 0.0) {
     throw base::Error(
         "constraint.multiplier_max is 0, expected more: a cost that weighs nothing constrains "

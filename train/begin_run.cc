@@ -60,21 +60,25 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
     throw base::Error(fmt::format("{}: no run to resume here", directory.root.string()));
   }
   run::RunLock lock(directory.root);
-  auto earlier =
-      config::FromToml<RunConfig>(base::ReadFile(directory.config()), directory.config().string());
+  RequireResumable(base::ReadFile(directory.config()), directory.config().string(), config);
+  WriteConfig(directory, config);
+  return lock;
+}
+
+void RequireResumable(const std::string& earlier, const std::string& source,
+                      const RunConfig& config) {
+  auto was_config = config::FromToml<RunConfig>(earlier, source);
   RunConfig given = config;
-  const auto old_fields = config::ListFields(earlier).fields;
+  const auto old_fields = config::ListFields(was_config).fields;
   const auto new_fields = config::ListFields(given).fields;
   for (std::size_t i = 0; i < new_fields.size(); ++i) {
     const std::string was = config::PrintValue(old_fields[i]);
     const std::string is = config::PrintValue(new_fields[i]);
     if (was != is && !MayChange(new_fields[i].key)) {
       throw base::Error(fmt::format("{}: {} was {} in the run, is {} now; a resumed run keeps it",
-                                    directory.config().string(), new_fields[i].key, was, is));
+                                    source, new_fields[i].key, was, is));
     }
   }
-  WriteConfig(directory, given);
-  return lock;
 }
 
 }  // namespace slalom::train

@@ -11,6 +11,7 @@
 #include "base/log.h"
 #include "base/progress.h"
 #include "config/config.h"
+#include "policy/policy_spec.h"
 #include "sim/scene.h"
 #include "train/begin_run.h"
 
@@ -22,6 +23,7 @@ using std::chrono::steady_clock;
 
 constexpr char kActorFile[] = "actor.bin";
 constexpr char kActingFile[] = "acting.safetensors";
+constexpr char kConfigKey[] = "config";  // In the acting policy's metadata.
 constexpr char kReplayFile[] = "replay.manifest";
 constexpr char kReplayDirectory[] = "replay";
 
@@ -87,7 +89,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       lock_(Begin(directory, config, resume)),
       storage_(directory.checkpoints() / kReplayDirectory) {
   run_.Open();
-  if (resume) Restore();
+  if (resume) Restore(directory);
   if (config_.method.learner.prioritized) {
     table_.UsePriorities(config_.replay_server.priority_exponent);
   }
@@ -227,7 +229,8 @@ void Trainer::Checkpoint() {
                                 {"observed_episodes", observed_episodes_},
                                 {"sampling", sampling_.state()}};
   run_.Checkpoint(limiter_.steps(), state, [&](const fs::path& directory) {
-    policy::SavePolicy(directory / kActingFile, agent_->snapshot(), {});
+    policy::SavePolicy(directory / kActingFile, agent_->snapshot(),
+                       {{kConfigKey, config::ToToml(config_)}});
     base::WriteFileAtomically(directory / kActorFile, actor_.Save().Serialize());
     base::WriteFileAtomically(directory / kReplayFile, manifest);
   });
@@ -238,10 +241,16 @@ void Trainer::Checkpoint() {
   storage_.Commit(manifests);
 }
 
-void Trainer::Restore() {
+void Trainer::Restore(const run::RunDirectory& directory) {
   const bool found = run_.Restore([this](const fs::path& checkpoint, const nlohmann::json& state) {
     ReadCheckpoint(checkpoint, state);
   });
+  if (!found && fs::exists(directory.policy())) {
+    throw base::Error(fmt::format(
+        "{}: no checkpoint to go on from, and {} would be overwritten; without --resume the run "
+        "there is moved aside and a new one begins",
+        directory.checkpoints().string(), directory.policy().string()));
+  }
   if (!found) {
     spdlog::warn("{}: no checkpoint yet, the run begins anew", run_.store().directory().string());
   }
@@ -253,7 +262,13 @@ void Trainer::ReadCheckpoint(const fs::path& checkpoint, const nlohmann::json& s
   const auto updates = state.at("updates_due").get<std::int64_t>();
   const auto observed_episodes = state.at("observed_episodes").get<std::int64_t>();
   const auto sampling = state.at("sampling").get<base::Random::State>();
-  const auto acting = policy::LoadPolicy(checkpoint / kActingFile);
+  const std::string acting_path = (checkpoint / kActingFile).string();
+  const auto acting = policy::LoadPolicy(acting_path);
+  policy::RequireSameSpec(acting_path, acting.snapshot.spec, agent_->snapshot().spec);
+  // Checkpoints from before do not say it.
+  if (const auto config = acting.metadata.find(kConfigKey); config != acting.metadata.end()) {
+    RequireResumable(config->second, acting_path + " (its config)", config_);
+  }
   const fs::path actor_path = checkpoint / kActorFile;
   const auto actor_state =
       actor::ActorState::Parse(base::ReadFile(actor_path), actor_path.string());

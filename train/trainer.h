@@ -67,7 +67,7 @@ class Trainer {
   bool CheckpointDue() const;
   void TryCheckpoint();
   void Checkpoint();
-  void Restore();
+  void Restore(const run::RunDirectory& directory);
   void ReadCheckpoint(const std::filesystem::path& checkpoint, const nlohmann::json& state);
 
   const RunConfig config_;

@@ -186,9 +186,8 @@ void LearnerRun::RestoreFrom(
     learner_.LoadState(tensors);
     steps_ = steps;
     earlier_s_ = earlier_s;
-  } catch (const nlohmann::json::exception& error) {
-    throw base::Error(
-        fmt::format("{}: not a checkpoint's state ({})", path.string(), error.what()));
+  } catch (const nlohmann::json::exception&) {
+    throw base::Error(fmt::format("{}: damaged, or no state of a checkpoint", path.string()));
   }
   last_checkpoint_s_ = earlier_s_;
   last_snapshot_s_ = earlier_s_;

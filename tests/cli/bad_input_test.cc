@@ -86,6 +86,8 @@ TEST_F(BadInputTest, MethodsThatMakeNoSenseAreRefusedWithTheReason) {
   refuse({"constraint.kind=fixed"}, HasSubstr("constraint.multiplier is 0"));
   refuse({"constraint.kind=lagrangian", "constraint.learning_rate=0"},
          HasSubstr("the multiplier would never move"));
+  refuse({"constraint.kind=lagrangian", "constraint.limit=1"},
+         HasSubstr("constraint.limit is 1, expected less than 1"));
   refuse({"constraint.kind=lagrangian", "constraint.multiplier_max=0"},
          HasSubstr("constraint.multiplier_max is 0"));
   refuse({"imagination.as_published=true"}, HasSubstr("imagination.as_published is true"));
@@ -99,6 +101,11 @@ TEST_F(BadInputTest, MethodsThatMakeNoSenseAreRefusedWithTheReason) {
          HasSubstr("imagination.final_rollout_steps is 4"));
   refuse({model, "imagination.kind=mbpo", "imagination.real_ratio=1"},
          HasSubstr("imagination.real_ratio is 1"));
+  refuse({model, "imagination.kind=mbpo", "imagination.real_ratio=0.999"},
+         HasSubstr("imagination.real_ratio is 0.999"));
+  refuse({model, "imagination.kind=mbpo", "imagination.buffer_capacity=1000000000"},
+         AllOf(HasSubstr("imagination.buffer_capacity is 1000000000: cannot reserve"),
+               testing::Not(HasSubstr("frame #"))));
   refuse({model, "imagination.kind=dyna", "imagination.rollout_steps=0"},
          AllOf(HasSubstr("imagination.rollout_steps is 0"), HasSubstr("[1, 100]")));
   refuse({model, "imagination.kind=mbpo", "imagination.real_ratio=1.5"},
@@ -151,6 +158,7 @@ TEST_F(BadInputTest, WhatAPolicyWasTrainedWithCannotBeSetAnew) {
     refuse(assignment, AllOf(HasSubstr(assignment), HasSubstr("as it was trained")));
   }
   refuse("network.wings=2", HasSubstr("network.wings"));
+  refuse("mpc.horizon=9", AllOf(HasSubstr("mpc.horizon=9"), HasSubstr("mpc.enabled=true")));
   refuse("environment.lidar.num_beams=48", AllOf(HasSubstr("720 beams"), HasSubstr("48 beams")));
 }
 

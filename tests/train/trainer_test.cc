@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "config/config.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::train {
@@ -165,6 +166,56 @@ TEST(TrainerTest, AChangedDigitInTheStateIsNoticed) {
   base::WriteFileAtomically(state, text);
   EXPECT_THAT([&] { RunOnce(config, directory, true); },
               testing::ThrowsMessage<base::Error>(testing::HasSubstr("state.json")));
+}
+
+/// What resuming a run says whose own config.toml was edited after its checkpoints were written.
+std::string RefusalAfterAnEdit(void (*edit)(RunConfig&)) {
+  const test::ScratchDirectory scratch;
+  const run::RunDirectory directory{scratch.path() / "run"};
+  RunConfig config = SmallRun();
+  config.run.max_steps = 1000;
+  config.method.constraint.kind = "lagrangian";
+  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
+  edit(config);
+  base::WriteFileAtomically(directory.config(), config::ToToml(config));
+  try {
+    RunOnce(config, directory, /*resume=*/true);
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(TrainerTest, ACheckpointOfAnotherConfigIsRefused) {
+  using testing::AllOf;
+  using testing::HasSubstr;
+  EXPECT_EQ(RefusalAfterAnEdit([](RunConfig& config) { config.run.max_steps = 1200; }), "");
+  EXPECT_THAT(
+      RefusalAfterAnEdit([](RunConfig& config) { config.network.sectors = 36; }),
+      AllOf(HasSubstr("acting.safetensors"), HasSubstr("network.sectors is 72, expected 36")));
+  EXPECT_THAT(RefusalAfterAnEdit([](RunConfig& config) { config.network.history = 4; }),
+              HasSubstr("network.history is 1, expected 4"));
+  EXPECT_THAT(RefusalAfterAnEdit(
+                  [](RunConfig& config) { config.environment.observation.range_clip = 6.0; }),
+              HasSubstr("observation.range_clip is 5.0, expected 6.0"));
+  EXPECT_THAT(
+      RefusalAfterAnEdit([](RunConfig& config) { config.method.learner.algorithm = "sac"; }),
+      HasSubstr("distribution.kind is \"deterministic\", expected \"gaussian\""));
+  EXPECT_THAT(RefusalAfterAnEdit([](RunConfig& config) { config.method.constraint = {}; }),
+              AllOf(HasSubstr("acting.safetensors"),
+                    HasSubstr("constraint.kind was \"lagrangian\" in the run, is \"none\" now")));
+}
+
+TEST(TrainerTest, AFinishedRunWithoutCheckpointsIsNotOverwritten) {
+  const test::ScratchDirectory scratch;
+  const run::RunDirectory directory{scratch.path() / "run"};
+  RunConfig config = SmallRun();
+  config.run.max_steps = 1000;
+  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
+  const std::string policy = base::ReadFile(directory.policy());
+  fs::remove_all(directory.checkpoints());
+  EXPECT_THROW(RunOnce(config, directory, /*resume=*/true), base::Error);
+  EXPECT_EQ(base::ReadFile(directory.policy()), policy);
 }
 
 TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
