@@ -58,8 +58,7 @@ struct Scene {
         algorithm(minibatch),
         trainer(MakeTrainer(kind)),
         imagination(config, kGamma, trainer, algorithm, minibatch, seed) {
-    RandomRows rows(trainer.sample_spec().batch, kHistory, kBeams, 5);
-    rows.rows.sequence.resize(rows.rows.batch);
+    const RandomRows rows(trainer.sample_spec().batch, kHistory, kBeams, 5);
     trainer.Load(rows.rows);
     minibatch.input.fill_(-7.0);
     minibatch.next_features.fill_(-7.0);

@@ -24,7 +24,6 @@ struct LinearWorld {
   static void Fill(std::uint64_t seed, std::int64_t begin, RandomRows& random_rows) {
     replay::SampledRows& rows = random_rows.rows;
     base::Random random(seed);
-    rows.sequence.resize(rows.batch);
     for (int i = 0; i < rows.batch; ++i) {
       rows.sequence[i] = begin + i;
       const env::Action action = rows.action[i];

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <memory>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -52,15 +51,8 @@ policy::PolicySpec SpecOf(const MethodConfig& method) {
 
 void Train(Learner& learner, int begin, int end) {
   for (int i = begin; i < end; ++i) {
-    std::vector<std::unique_ptr<RandomRows>> drawn;
-    std::vector<replay::SampledRows> batches;
-    for (const replay::SampleSpec& spec : learner.sample_specs()) {
-      drawn.push_back(std::make_unique<RandomRows>(spec.batch, spec.history, kBeams, 100 + i));
-      drawn.back()->rows.sequence.resize(spec.batch);
-      for (int j = 0; j < spec.batch; ++j) drawn.back()->rows.sequence[j] = 1000 * i + j;
-      batches.push_back(std::move(drawn.back()->rows));
-    }
-    learner.Update(batches, 0.0);
+    const RandomBatches drawn(learner.sample_specs(), kBeams, 100 + i, 1000 * i);
+    learner.Update(drawn.batches, 0.0);
   }
 }
 

@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -64,9 +63,7 @@ TEST_P(ModelReferenceTest, UpdatesAreThoseOfAdamW) {
   constexpr int kLoads = 3;
   constexpr int kUpdates = 2 * kLoads;
   for (int load = 0; load < kLoads; ++load) {
-    RandomRows rows(2 * training.batch_size, network.history, kBeams, 50 + load);
-    rows.rows.sequence.resize(rows.rows.batch);
-    std::iota(rows.rows.sequence.begin(), rows.rows.sequence.end(), 0);
+    const RandomRows rows(2 * training.batch_size, network.history, kBeams, 50 + load);
     trainer.Load(rows.rows);
     trainer.Update();
 

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <numeric>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/random.h"
@@ -9,9 +12,9 @@
 
 namespace slalom::learner {
 
-/// Sampled rows of random numbers that own their scans.
+/// Sampled rows of random numbers that own their scans, numbered from `begin` on.
 struct RandomRows {
-  RandomRows(int batch, int history, int num_beams, std::uint64_t seed) {
+  RandomRows(int batch, int history, int num_beams, std::uint64_t seed, std::int64_t begin = 0) {
     base::Random random(seed);
     const std::size_t frames = static_cast<std::size_t>(batch) * history;
     for (auto* scan : {&scans, &next_scans}) {
@@ -28,6 +31,8 @@ struct RandomRows {
     rows.cost_return.Resize(batch);
     rows.discount.Resize(batch);
     rows.weight.Resize(batch);
+    rows.sequence.resize(batch);
+    std::iota(rows.sequence.begin(), rows.sequence.end(), begin);
     const auto draw = [&] { return static_cast<float>(random.Uniform(-1.0, 1.0)); };
     for (std::size_t i = 0; i < frames; ++i) {
       rows.ranges_cm.push_back(scans.data() + i * num_beams);
@@ -54,6 +59,21 @@ struct RandomRows {
   std::vector<std::uint16_t> scans;
   std::vector<std::uint16_t> next_scans;
   replay::SampledRows rows;
+};
+
+/// One of each kind that an update learns from.
+struct RandomBatches {
+  RandomBatches(std::span<const replay::SampleSpec> specs, int num_beams, std::uint64_t seed,
+                std::int64_t begin = 0) {
+    for (const replay::SampleSpec& spec : specs) {
+      owners.push_back(
+          std::make_unique<RandomRows>(spec.batch, spec.history, num_beams, seed, begin));
+      batches.push_back(std::move(owners.back()->rows));
+    }
+  }
+
+  std::vector<std::unique_ptr<RandomRows>> owners;  // Of the scans.
+  std::vector<replay::SampledRows> batches;
 };
 
 }  // namespace slalom::learner

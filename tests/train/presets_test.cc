@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -82,23 +81,16 @@ TEST_P(PresetTest, LearnsFromABatchAndActs) {
   const RunConfig config = Load();
   RequireCombination(config);
   learner::Learner learner(config.method, MakePolicySpec(config), 1);
-  std::vector<std::unique_ptr<learner::RandomRows>> drawn;
-  std::vector<replay::SampledRows> batches;
-  for (const replay::SampleSpec& spec : learner.sample_specs()) {
-    drawn.push_back(std::make_unique<learner::RandomRows>(spec.batch, spec.history,
-                                                          config.environment.lidar.num_beams, 7));
-    replay::SampledRows& rows = drawn.back()->rows;
-    for (int i = 0; i < spec.batch; ++i) rows.sequence.push_back(i);
-    batches.push_back(std::move(rows));
-  }
-  learner.Update(batches, 0.0);
+  const int num_beams = config.environment.lidar.num_beams;
+  const learner::RandomBatches drawn(learner.sample_specs(), num_beams, 7);
+  learner.Update(drawn.batches, 0.0);
   EXPECT_TRUE(learner.healthy());
 
   policy::MpcConfig mpc = config.mpc;
   mpc.learning_starts = 0;
   const auto agent = policy::MakePolicyAgent(learner.Snapshot(), mpc, 1);
   env::ObservationBatch observations;
-  observations.Resize(1, config.environment.lidar.num_beams);
+  observations.Resize(1, num_beams);
   std::vector<env::Action> actions(1);
   agent->Act(observations, actions);
   EXPECT_TRUE(std::isfinite(actions[0].linear) && std::isfinite(actions[0].angular));
