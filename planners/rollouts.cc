@@ -9,7 +9,7 @@
 namespace slalom::planners {
 namespace {
 
-SLALOM_ALWAYS_INLINE float Limit(float wanted, float from, float largest_step) {
+SLALOM_ALWAYS_INLINE float LimitChange(float wanted, float from, float largest_step) {
   const float low = from - largest_step, high = from + largest_step;
   const float raised = wanted < low ? low : wanted;
   return raised > high ? high : raised;
@@ -25,8 +25,8 @@ void DriveStep(const float* control_linear, const float* control_angular, const 
                float* __restrict sine) {
   const DriveLimits l = limits;
   for (int b = 0; b < batch_size; ++b) {
-    const float v = Limit(control_linear[b], last_linear[b], l.max_linear_step);
-    const float w = Limit(control_angular[b], last_angular[b], l.max_angular_step);
+    const float v = LimitChange(control_linear[b], last_linear[b], l.max_linear_step);
+    const float w = LimitChange(control_angular[b], last_angular[b], l.max_angular_step);
     // Half the step's turn, by Taylor series: below 1e-8 in error for |half| <= 0.5.
     const float half = 0.5f * w * l.dt, h2 = half * half;
     const float c = 1.0f - h2 * (0.5f - h2 * (1.0f / 24.0f - h2 * (1.0f / 720.0f)));

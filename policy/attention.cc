@@ -22,13 +22,13 @@ Sizes GetSizes(const at::Tensor& weights, std::int64_t columns) {
           columns / weights.size(1)};
 }
 
-constexpr int kLanes = 8;
+constexpr int kDotLanes = 8;
 
 inline float Dot(const float* __restrict x, const float* __restrict y, std::int64_t n) {
-  float lanes[kLanes] = {};
+  float lanes[kDotLanes] = {};
   std::int64_t i = 0;
-  for (; i + kLanes <= n; i += kLanes) {
-    for (int j = 0; j < kLanes; ++j) lanes[j] += x[i + j] * y[i + j];
+  for (; i + kDotLanes <= n; i += kDotLanes) {
+    for (int j = 0; j < kDotLanes; ++j) lanes[j] += x[i + j] * y[i + j];
   }
   for (; i < n; ++i) lanes[0] += x[i] * y[i];
   return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +

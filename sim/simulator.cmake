@@ -2,6 +2,3 @@ list(APPEND simulator_headers collision_map.h contact_world.h environment_config
   motion.h moving_obstacles.h robot.h scene.h skid_steering.h vector_lanes.h)
 list(APPEND simulator_sources collision_map.cc contact_world.cc environment_config.cc environments.cc lidar.cc localisation.cc
   motion.cc moving_obstacles.cc robot.cc scene.cc skid_steering.cc)
-# So that square roots become vector instructions; neither option changes a result.
-set_source_files_properties(collision_map.cc lidar.cc moving_obstacles.cc robot.cc skid_steering.cc PROPERTIES
-  COMPILE_OPTIONS "-fno-math-errno;-fno-trapping-math;-Wno-psabi")

@@ -6,7 +6,7 @@
 
 /// Eight numbers worked on together, written with the compiler's vector type, so that debug,
 /// release, SSE2 and AVX2 builds do the same IEEE operations on the same elements and give the same
-/// bits. For use inside `.cc` files compiled with -fno-math-errno (see simulator.cmake).
+/// bits. For use inside `.cc` files only.
 
 namespace slalom::sim {
 
