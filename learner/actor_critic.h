@@ -27,10 +27,10 @@ class ActorCritic : public Algorithm {
         critics_("critics", policy::CriticShape(context.spec.network, context.frame_size),
                  num_critics, context.initial_weights, context.minibatch),
         target_(at::zeros_like(context.minibatch.reward)),
-        errors_(at::zeros_like(context.minibatch.reward)) {}
+        td_errors_(at::zeros_like(context.minibatch.reward)) {}
 
   int num_critics() const override { return critics_.size(); }
-  const at::Tensor& errors() const override { return errors_; }
+  const at::Tensor& td_errors() const override { return td_errors_; }
   const at::Tensor& actor_parameters() const override { return actor_.parameters(); }
   const at::Tensor& critic_parameters() const override { return critics_.parameters(); }
   const at::Tensor& average_parameters() const override {
@@ -49,11 +49,11 @@ class ActorCritic : public Algorithm {
 
  protected:
   /// theta_k <- argmin mean (Q_k(s, a) - y)^2 for y = target_, one step; the targets follow.
-  void RegressCritics(double rate, double polyak_rate) {
-    const Critics::Importance importance{minibatch_.weight, errors_};
-    critics_.Regress(target_, rate * config_.critic_learning_rate, polyak_rate,
-                     totals_[Total::kCriticLoss], totals_[Total::kQ], totals_[Total::kCriticNorm],
-                     config_.prioritized ? &importance : nullptr);
+  void UpdateCritics(double rate, double polyak_rate) {
+    const Critics::Importance importance{minibatch_.weight, td_errors_};
+    critics_.GradientStep(target_, rate * config_.critic_learning_rate, polyak_rate,
+                          totals_[Total::kCriticLoss], totals_[Total::kQ],
+                          totals_[Total::kCriticNorm], config_.prioritized ? &importance : nullptr);
   }
 
   /// Rate of the averaged actor in the update that was just counted. Early on the average forgets
@@ -70,8 +70,8 @@ class ActorCritic : public Algorithm {
   Constraint* const constraint_;
   Actor actor_;
   Critics critics_;
-  at::Tensor target_;  // [B], y
-  at::Tensor errors_;  // [B], |Q(s, a) - y|, where prioritized
+  at::Tensor target_;     // [B], y
+  at::Tensor td_errors_;  // [B], |Q(s, a) - y|, where prioritized
 };
 
 }  // namespace slalom::learner

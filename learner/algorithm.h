@@ -38,7 +38,7 @@ class Algorithm {
   virtual void Update(double rate) = 0;
 
   /// |Q(s, a) - y| of the last minibatch, mean of the critics, [B]. Requires: config.prioritized.
-  virtual const at::Tensor& errors() const = 0;
+  virtual const at::Tensor& td_errors() const = 0;
 
   virtual int num_critics() const = 0;
   virtual const at::Tensor& actor_parameters() const = 0;    ///< [P]

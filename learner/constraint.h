@@ -58,8 +58,8 @@ class Constraint {
   Minibatch& minibatch_;
   Totals& totals_;
   Critics critics_;
-  at::Tensor target_;  // [B], y
-  at::Tensor errors_;  // [B]
+  at::Tensor target_;     // [B], y
+  at::Tensor td_errors_;  // [B]
   double integral_;
   double multiplier_;
   double collisions_ = LearnerStats::kNone;  // At the last look.

@@ -29,29 +29,29 @@ class Critics {
 
   /// y = reward + discount * min_k (or max_k) Q'_k(s', a'), with a' from the minibatch's next
   /// input. All [B].
-  void ComputeTarget(const at::Tensor& reward, const at::Tensor& discount, Pessimism pessimism,
-                     at::Tensor& y);
+  void ComputeTdTarget(const at::Tensor& reward, const at::Tensor& discount,
+                       TargetReduction reduction, at::Tensor& y);
 
   /// Of samples drawn by priority.
   struct Importance {
     const at::Tensor& weight;  ///< [B]
-    at::Tensor& error;         ///< [B]
+    at::Tensor& td_error;      ///< [B]
   };
 
   /// One step of Adam on sum_k mean (Q_k(s, a) - y)^2, with the targets following at `polyak_rate`
   /// (0: not). Adds loss, mean Q and gradient norm to their totals (float64 tensors with one
   /// element). With `importance`, each sample's gradient counts by its weight, and `error` [B]
   /// becomes the mean over the critics of |Q_k(s, a) - y|.
-  void Regress(const at::Tensor& y, double learning_rate, double polyak_rate,
-               at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
-               const Importance* importance = nullptr);
+  void GradientStep(const at::Tensor& y, double learning_rate, double polyak_rate,
+                    at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
+                    const Importance* importance = nullptr);
 
   /// Gradient by the action of -mean Q_1(s, a), with a from the minibatch's input. Returns [B, A],
   /// overwritten by the next call. Adds mean Q_1 to `value_total`, unless null.
   at::Tensor& ActionGradient(at::Tensor* value_total);
 
   /// The same of -mean min_k Q_k(s, a).
-  at::Tensor& LeastActionGradient(at::Tensor& value_total);
+  at::Tensor& MinActionGradient(at::Tensor& value_total);
 
   int size() const { return static_cast<int>(critics_.size()); }
   const at::Tensor& parameters() const { return parameters_; }                ///< [K * P]

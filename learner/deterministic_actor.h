@@ -33,9 +33,9 @@ class DeterministicActor {
   /// [B, A], plus `preactivation_penalty` times the mean of |u|^2, u being what tanh is taken of
   /// (Andrychowicz et al. 2017, appendix A). The target follows at `polyak_rate`, the average at
   /// `average_rate` (0: not). Adds the gradient norm to `norm_total`.
-  void Improve(const at::Tensor& action_gradient, double preactivation_penalty,
-               double learning_rate, double polyak_rate, double average_rate,
-               at::Tensor& norm_total);
+  void PolicyGradientStep(const at::Tensor& action_gradient, double preactivation_penalty,
+                          double learning_rate, double polyak_rate, double average_rate,
+                          at::Tensor& norm_total);
 
   const at::Tensor& parameters() const { return parameters_; }                  ///< [P]
   const at::Tensor& target_parameters() const { return target_parameters_; }    ///< [P]

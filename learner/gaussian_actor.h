@@ -37,8 +37,8 @@ class GaussianActor {
 
   /// One step of Adam, after `Sample`, on mean_i alpha log pi(a_i|s_i) plus a loss whose gradient
   /// by the actions is `action_gradient`, [B, A]. `log_temperature`: log alpha, [1].
-  void Improve(const at::Tensor& action_gradient, const at::Tensor& log_temperature,
-               double learning_rate, double average_rate, at::Tensor& norm_total);
+  void PolicyGradientStep(const at::Tensor& action_gradient, const at::Tensor& log_temperature,
+                          double learning_rate, double average_rate, at::Tensor& norm_total);
 
   const at::Tensor& parameters() const { return parameters_; }                  ///< [P]
   const at::Tensor& average_parameters() const { return average_parameters_; }  ///< [P]

@@ -95,8 +95,8 @@ void SquashedGradient(const policy::ActionDistribution& distribution, const at::
   }
 }
 
-void SubtractEntropyCost(const at::Tensor& discount, const at::Tensor& log_temperature,
-                         const at::Tensor& log_probability, at::Tensor& y) {
+void AddEntropyBonus(const at::Tensor& discount, const at::Tensor& log_temperature,
+                     const at::Tensor& log_probability, at::Tensor& y) {
   if (!IsHostFloat(y)) {
     y.sub_(discount * log_temperature.exp() * log_probability);
     return;

@@ -26,8 +26,8 @@ void SquashedGradient(const policy::ActionDistribution& distribution, const at::
                       const at::Tensor& log_temperature, at::Tensor& doutput);
 
 /// y -= discount * alpha * log_probability. All [B] but `log_temperature` = log alpha, [1].
-void SubtractEntropyCost(const at::Tensor& discount, const at::Tensor& log_temperature,
-                         const at::Tensor& log_probability, at::Tensor& y);
+void AddEntropyBonus(const at::Tensor& discount, const at::Tensor& log_temperature,
+                     const at::Tensor& log_probability, at::Tensor& y);
 
 /// gradient = -mean (log_probability + target_entropy), [1]: by log alpha of the temperature's
 /// loss. Adds the entropy, -mean log_probability, to `entropy_total` (float64, [1]).

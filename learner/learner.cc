@@ -184,7 +184,7 @@ struct Learner::Parts {
   std::unique_ptr<Algorithm> algorithm;
   std::optional<ModelTrainer> model;
   std::optional<Imagination> imagination;
-  at::Tensor host_errors;  // [B]
+  at::Tensor host_td_errors;  // [B]
   LearnerStats last_stats;
 };
 
@@ -240,10 +240,10 @@ void Learner::Update(std::span<const replay::SampledRows> batches, double progre
   }
 }
 
-std::span<const float> Learner::Errors() {
+std::span<const float> Learner::TdErrors() {
   Parts& p = *parts_;
-  p.host_errors = p.algorithm->errors().to(at::kCPU);
-  return {p.host_errors.data_ptr<float>(), static_cast<std::size_t>(p.host_errors.numel())};
+  p.host_td_errors = p.algorithm->td_errors().to(at::kCPU);
+  return {p.host_td_errors.data_ptr<float>(), static_cast<std::size_t>(p.host_td_errors.numel())};
 }
 
 void Learner::ObserveEpisodes(double collisions, std::int64_t finished) {

@@ -55,7 +55,7 @@ class Learner {
 
   /// The new priorities of the last batch's samples: |Q(s, a) - y|, mean of the critics, [B]. Valid
   /// until the next `Update`. Waits for the device. Requires: prioritized, one update.
-  std::span<const float> Errors();
+  std::span<const float> TdErrors();
 
   /// What training episodes show lately, for a constraint: collisions per episode (NaN: not
   /// known) and episodes `finished` since the last call.

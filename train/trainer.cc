@@ -170,7 +170,7 @@ void Trainer::Update() {
   }
   learner.Update(rows_, run_.Fraction());
   if (config_.method.learner.prioritized) {
-    table_.SetPriorities(rows_[0].sequence, learner.Errors());
+    table_.SetPriorities(rows_[0].sequence, learner.TdErrors());
   }
   if (limiter_.updates() % config_.run.publish_interval != 0) return;
   const actor::ActorStats acting = actor_.stats();
