@@ -22,13 +22,13 @@ constexpr std::size_t kMaxInsertSeconds = 1 << 16;
 }  // namespace
 
 InsertDesk::InsertDesk(const Options& options, Sessions sessions, Table* table,
-                       RateLimiter* limiter, RecordLog* log, Outbox* outbox)
+                       RateLimiter* limiter, RecordLog* log, ReplySender* replies)
     : options_(options),
       sessions_(std::move(sessions)),
       table_(table),
       limiter_(limiter),
       log_(log),
-      outbox_(outbox) {
+      replies_(replies) {
   for (const auto& [id, session] : sessions_.all()) {
     Live& live = live_[id];
     live.received = live.safe = session.next_sequence;
@@ -338,7 +338,7 @@ void InsertDesk::SendOwed(Time now) {
                                    .previous_session = session.previous_number,
                                    .previous_accepted_steps = session.previous_accepted_steps,
                                    .software = options_.software});
-    if (sent != Outbox::Sent::kYes) continue;
+    if (sent != ReplySender::Sent::kYes) continue;
     live.welcome_at.reset();
     live.told_window = std::max(live.told_window, window);
     welcomes_owed_.erase(id);
@@ -350,7 +350,7 @@ void InsertDesk::SendOwed(Time now) {
     const auto sent = Answer(*live.peer, proto::InsertAck{.session = sessions_.Find(id)->number,
                                                           .next_sequence = live.safe,
                                                           .window_bytes = window});
-    if (sent != Outbox::Sent::kYes) continue;
+    if (sent != ReplySender::Sent::kYes) continue;
     live.told_window = std::max(live.told_window, window);
     acks_owed_.erase(id);
   }
@@ -377,10 +377,10 @@ double InsertDesk::acting_version() const {
 
 std::vector<double> InsertDesk::TakeInsertSeconds() { return std::exchange(insert_seconds_, {}); }
 
-Outbox::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& header) {
+ReplySender::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& header) {
   const PeerId to = peer;  // `Gone` takes `peer` away. NOLINT(performance-unnecessary-copy*)
-  const auto sent = outbox_->Send(to, MakeMessage(header));
-  if (sent == Outbox::Sent::kGone) Gone(to);
+  const auto sent = replies_->Send(to, MakeMessage(header));
+  if (sent == ReplySender::Sent::kGone) Gone(to);
   return sent;
 }
 

@@ -15,8 +15,8 @@
 #include "proto/messages.h"
 #include "replay/record_log.h"
 #include "replay/rows.h"
-#include "replay/service/outbox.h"
 #include "replay/service/rate_limiter.h"
+#include "replay/service/reply_sender.h"
 #include "replay/sessions.h"
 #include "replay/table.h"
 
@@ -59,7 +59,7 @@ class InsertDesk {
 
   /// `sessions`: those that came back with the table. The pointers must outlive the desk.
   InsertDesk(const Options& options, Sessions sessions, Table* table, RateLimiter* limiter,
-             RecordLog* log, Outbox* outbox);
+             RecordLog* log, ReplySender* replies);
 
   /// An actor begins or takes up a session; the welcome goes out when all that it tells is written.
   /// A hello without session or streams is refused. Requires: it is within the bounds of
@@ -132,7 +132,7 @@ class InsertDesk {
   void Retire(Time now);
   void SendOwed(Time now);
   std::int64_t Window(Time now) const;
-  Outbox::Sent Answer(const transport::PeerId& peer, const proto::Header& header);
+  ReplySender::Sent Answer(const transport::PeerId& peer, const proto::Header& header);
   void Refuse(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text,
               std::uint64_t about);
   void RefuseChunk(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text,
@@ -143,7 +143,7 @@ class InsertDesk {
   Table* const table_;
   RateLimiter* const limiter_;
   RecordLog* const log_;
-  Outbox* const outbox_;
+  ReplySender* const replies_;
 
   std::map<std::uint32_t, Live> live_;  ///< By id; one for each session.
   std::map<transport::PeerId, std::uint32_t> ids_;

@@ -49,8 +49,9 @@ std::string FaultOf(const proto::SampleRequest& request, int num_beams, std::int
 
 }  // namespace
 
-SampleDesk::SampleDesk(const Options& options, Table* table, RateLimiter* limiter, Outbox* outbox)
-    : options_(options), table_(table), limiter_(limiter), outbox_(outbox) {}
+SampleDesk::SampleDesk(const Options& options, Table* table, RateLimiter* limiter,
+                       ReplySender* replies)
+    : options_(options), table_(table), limiter_(limiter), replies_(replies) {}
 
 void SampleDesk::Ask(const PeerId& peer, const std::string& learner,
                      const proto::SampleRequest& request) {
@@ -148,12 +149,12 @@ SampleDesk::Step SampleDesk::Answer(const PeerId& peer, Line* line, double actin
       sample_seconds_.push_back(std::chrono::duration<double>(took).count());
     }
   }
-  switch (outbox_->Send(peer, std::move(*line->ready))) {
-    case Outbox::Sent::kGone:
+  switch (replies_->Send(peer, std::move(*line->ready))) {
+    case ReplySender::Sent::kGone:
       return Step::kGone;
-    case Outbox::Sent::kFull:
+    case ReplySender::Sent::kFull:
       return Step::kBlocked;
-    case Outbox::Sent::kYes:
+    case ReplySender::Sent::kYes:
       break;
   }
   ++counts_.batches;
@@ -186,9 +187,9 @@ std::vector<double> SampleDesk::TakeSampleSeconds() { return std::exchange(sampl
 
 void SampleDesk::Refuse(const PeerId& peer, RefusalCode code, std::string_view text,
                         std::uint64_t about) {
-  const auto sent = outbox_->Send(
+  const auto sent = replies_->Send(
       peer, MakeMessage(proto::Refusal{.code = code, .text = std::string(text), .about = about}));
-  if (sent == Outbox::Sent::kGone) Gone(peer);
+  if (sent == ReplySender::Sent::kGone) Gone(peer);
 }
 
 }  // namespace slalom::replay

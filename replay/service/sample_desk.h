@@ -11,8 +11,8 @@
 
 #include "proto/messages.h"
 #include "replay/batch.h"
-#include "replay/service/outbox.h"
 #include "replay/service/rate_limiter.h"
+#include "replay/service/reply_sender.h"
 #include "replay/table.h"
 
 namespace slalom::replay {
@@ -45,7 +45,7 @@ class SampleDesk {
   };
 
   /// The pointers must outlive the desk.
-  SampleDesk(const Options& options, Table* table, RateLimiter* limiter, Outbox* outbox);
+  SampleDesk(const Options& options, Table* table, RateLimiter* limiter, ReplySender* replies);
 
   /// `learner`: the name that the peer said in its hello. Requires: the request is within the
   /// bounds of `proto::Decode`.
@@ -95,7 +95,7 @@ class SampleDesk {
   const Options options_;
   Table* const table_;
   RateLimiter* const limiter_;
-  Outbox* const outbox_;
+  ReplySender* const replies_;
   std::map<transport::PeerId, Line> lines_;
   transport::PeerId last_;  ///< The peer that was answered last.
   SampledRows rows_;

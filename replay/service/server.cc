@@ -67,9 +67,9 @@ bool MaySend(std::string_view role, const proto::Header& header) {
 
 }  // namespace
 
-class ReplayServer::Answers : public Outbox {
+class ReplayServer::SocketReplies : public ReplySender {
  public:
-  explicit Answers(ReplayServer* owner) : owner_(owner) {}
+  explicit SocketReplies(ReplayServer* owner) : owner_(owner) {}
   Sent Send(const PeerId& peer, transport::Message&& message) override {
     return owner_->server_->Send(peer, std::move(message));
   }
@@ -82,7 +82,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                            transport::Context& context, metrics::Registry& registry)
     : config_(config),
       spec_(spec),
-      answers_(std::make_unique<Answers>(this)),
+      replies_(std::make_unique<SocketReplies>(this)),
       board_(std::chrono::duration<double>(config.silence)),
       id_(NewId()),
       ticked_(Clock::now()) {
@@ -130,11 +130,11 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                                        .silence = std::chrono::duration<double>(config_.silence),
                                        .server = id_,
                                        .software = spec_.software},
-                   std::move(sessions), &*table_, &*limiter_, log, answers_.get());
+                   std::move(sessions), &*table_, &*limiter_, log, replies_.get());
   samples_.emplace(SampleDesk::Options{.seed = spec_.seed,
                                        .max_sample_bytes = config_.max_sample_bytes,
                                        .priority_exponent = config_.priority_exponent},
-                   &*table_, &*limiter_, answers_.get());
+                   &*table_, &*limiter_, replies_.get());
 }
 
 // The journal's threads wake the socket: they end first.

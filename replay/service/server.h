@@ -13,8 +13,8 @@
 #include "replay/journal.h"
 #include "replay/service/config.h"
 #include "replay/service/insert_desk.h"
-#include "replay/service/outbox.h"
 #include "replay/service/rate_limiter.h"
+#include "replay/service/reply_sender.h"
 #include "replay/service/sample_desk.h"
 #include "replay/service/server_metrics.h"
 #include "replay/service/status_board.h"
@@ -54,8 +54,8 @@ class ReplayServer {
     std::string name;
     Time heard;
   };
-  /// What answers take to the socket.
-  class Answers;
+  /// Sends replies through the server's socket.
+  class SocketReplies;
 
   void Turn();
   void Tick(Time now);
@@ -80,7 +80,7 @@ class ReplayServer {
   std::unique_ptr<transport::Server> server_;
   std::unique_ptr<Journal> journal_;  ///< Null: in memory only.
   NoLog no_log_;
-  std::unique_ptr<Answers> answers_;
+  std::unique_ptr<SocketReplies> replies_;
   std::optional<RateLimiter> limiter_;
   std::optional<InsertDesk> inserts_;
   std::optional<SampleDesk> samples_;
