@@ -12,7 +12,7 @@
 
 namespace slalom::replay {
 
-/// What a row is, as bits; also the byte that stands in segment files.
+/// What a row is, as bits: the flags byte of part files and messages.
 inline constexpr std::uint8_t kRowFinal = 1;       ///< Last frame of an episode, without an action.
 inline constexpr std::uint8_t kRowTerminated = 2;  ///< The step ended in a terminal state.
 inline constexpr std::uint8_t kRowFirst = 4;       ///< First step of an episode.

@@ -15,8 +15,8 @@ struct Manifest {
   std::int64_t capacity = 0;
   std::int64_t begin = 0;  ///< The table holds rows [begin, end).
   std::int64_t end = 0;
-  std::vector<std::uint8_t> open;  ///< Per stream, 1: an episode is running.
-  std::vector<Storage::Segment> segments;
+  std::vector<std::uint8_t> open;             ///< Per stream, 1: an episode is running.
+  std::vector<Storage::PartFile> part_files;  ///< Under the key "segments" in the text.
 };
 
 std::string PrintManifest(const Manifest& manifest);

@@ -15,9 +15,9 @@ namespace slalom::replay {
 /// Keeps a `Table` on disk, in a directory of its own, at the cost of what is new since the last
 /// time.
 ///
-/// Each `Save` writes the rows that no earlier one wrote into a new segment file, never changed
-/// again, and returns a manifest: a short text that names the segments which make up the table. The
-/// caller puts it into its checkpoint, and when that is safely on disk calls `Commit` with the
+/// Each `Save` writes the rows that no earlier one wrote into a new part file, never changed
+/// again, and returns a manifest: a short text that names the part files which make up the table.
+/// The caller puts it into its checkpoint, and when that is safely on disk calls `Commit` with the
 /// manifests of all checkpoints that are still to be loadable. So a crash, a full disk or a kill at
 /// any moment costs only the save it interrupted. docs/replay.md gives both formats byte by byte.
 ///
@@ -32,17 +32,17 @@ class Storage {
   /// tried again. Requires: the table of the `Save`s before, or that which `Load` returned.
   [[nodiscard]] std::string Save(const Table& table);
 
-  /// Deletes the segments, also half-written ones, that none of these manifests names. A file that
-  /// cannot be deleted stays.
+  /// Deletes the part files, also half-written ones, that none of these manifests names. A file
+  /// that cannot be deleted stays.
   void Commit(std::span<const std::string> manifests);
 
   /// The table as it was at the `Save` that returned `manifest`: the same draws from the same
   /// `Random`. Throws `base::Error` naming the file, `source` for the manifest's, where it or a
-  /// segment is missing, cut short or damaged.
+  /// part file is missing, cut short or damaged.
   [[nodiscard]] Table Load(std::string_view manifest, std::string_view source = "replay manifest");
 
   /// A file of rows [begin, end).
-  struct Segment {
+  struct PartFile {
     std::string name;
     std::int64_t begin = 0;
     std::int64_t end = 0;
@@ -50,12 +50,12 @@ class Storage {
   };
 
  private:
-  Segment WriteSegment(const Table& table, std::int64_t begin);
-  void ReadSegment(const Segment& segment, std::size_t num_streams, Table* table) const;
+  PartFile WritePartFile(const Table& table, std::int64_t begin);
+  void ReadPartFile(const PartFile& part, std::size_t num_streams, Table* table) const;
 
   const std::filesystem::path directory_;
-  std::vector<Segment> segments_;  ///< Of the last manifest saved or loaded.
-  std::int64_t next_index_ = 0;    ///< Of segment names; none is used twice.
+  std::vector<PartFile> part_files_;  ///< Of the last manifest saved or loaded.
+  std::int64_t next_index_ = 0;       ///< Of the names of part files; none is used twice.
 };
 
 }  // namespace slalom::replay
