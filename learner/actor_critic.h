@@ -11,8 +11,8 @@
 
 namespace slalom::learner {
 
-/// What actor-critic algorithms have in common: an actor of type `Actor`, some critics, the vectors
-/// between them. An algorithm adds its update.
+/// The common base of actor-critic algorithms: an actor of type `Actor`, some critics, and the
+/// vectors passed between them. A derived class adds the update rule.
 template <class Actor>
 class ActorCritic : public Algorithm {
  public:
@@ -48,7 +48,8 @@ class ActorCritic : public Algorithm {
   }
 
  protected:
-  /// theta_k <- argmin mean (Q_k(s, a) - y)^2 for y = target_, one step; the targets follow.
+  /// Takes one gradient step on mean (Q_k(s, a) - y)^2 with y = target_, then updates the target
+  /// networks at `polyak_rate`.
   void UpdateCritics(double rate, double polyak_rate) {
     const Critics::Importance importance{minibatch_.weight, td_errors_};
     critics_.GradientStep(target_, rate * config_.critic_learning_rate, polyak_rate,
@@ -56,8 +57,8 @@ class ActorCritic : public Algorithm {
                           totals_[Total::kCriticNorm], config_.prioritized ? &importance : nullptr);
   }
 
-  /// Rate of the averaged actor in the update that was just counted. Early on the average forgets
-  /// its untrained beginning: 5 / (5 + n) while that is faster.
+  /// The averaged actor's rate for the n-th actor update, which was just counted. It is at least
+  /// 5 / (5 + n), so that the average soon forgets the untrained weights.
   double AverageRate() const {
     if (config_.average_rate == 0.0) return 0.0;
     const auto n = static_cast<double>(totals_.num_actor_updates());
@@ -71,7 +72,7 @@ class ActorCritic : public Algorithm {
   Actor actor_;
   Critics critics_;
   at::Tensor target_;     // [B], y
-  at::Tensor td_errors_;  // [B], |Q(s, a) - y|, where prioritized
+  at::Tensor td_errors_;  // [B], |Q(s, a) - y|; set only with prioritized replay.
 };
 
 }  // namespace slalom::learner

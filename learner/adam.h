@@ -7,7 +7,7 @@
 
 #include "policy/safetensors.h"
 
-/// Shapes: `P` parameters of a network or of several.
+/// Shapes: `P` parameters of one or several networks.
 
 namespace slalom::learner {
 

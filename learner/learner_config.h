@@ -6,10 +6,11 @@
 
 namespace slalom::learner {
 
-/// What `LearnerConfig::algorithm` may be: the names in the registry of algorithm.cc.
+/// The values that `LearnerConfig::algorithm` may have: the names in algorithm.cc's registry.
 base::OneOf AlgorithmChoices();
 
-/// What learns, and how. The defaults are the original's TD3 (original-system.md §3.1, §3.2).
+/// The algorithm and its parameters. The defaults are the original's TD3 (original-system.md §3.1,
+/// §3.2).
 struct LearnerConfig {
   std::string algorithm = "td3";
   std::string device = "auto";
@@ -92,7 +93,8 @@ struct LearnerConfig {
   }
 };
 
-/// A constraint on how often the robot collides (paper.tex, safe RL; original-system.md §4).
+/// A constraint on how often the robot collides (the paper's section on safe RL;
+/// original-system.md §4).
 struct ConstraintConfig {
   std::string kind = "none";
   double limit = 0.1;

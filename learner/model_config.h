@@ -7,8 +7,8 @@
 
 namespace slalom::learner {
 
-/// How a transition model is trained. The defaults are the original's (original-system.md §5), but
-/// for what is held out.
+/// How a transition model is trained. The defaults are the original's (original-system.md §5),
+/// except for `held_out`.
 struct ModelTrainingConfig {
   double learning_rate = 1e-4;
   double weight_decay = 0.0;
@@ -36,8 +36,8 @@ struct ModelTrainingConfig {
   }
 };
 
-/// How a transition model's imagination is learned from. The defaults are the original's Dyna
-/// (original-system.md §5.2), done right.
+/// How the policy learns from a transition model's rollouts. The defaults are the original's Dyna
+/// (original-system.md §5.2) without its faults.
 struct ImaginationConfig {
   std::string kind = "none";
   int imagined_batches = 10;
