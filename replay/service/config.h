@@ -9,7 +9,7 @@
 
 namespace slalom::replay {
 
-/// How a replay server runs.
+/// Settings of a replay server.
 struct ReplayServerConfig {
   std::string directory;
   double sync_interval = 1.0;
@@ -54,17 +54,17 @@ struct ReplayServerConfig {
   }
 };
 
-/// What a replay server serves, from the run's config.
+/// What a replay server takes from the run's config.
 struct ReplayServerSpec {
   std::string endpoint;  ///< As `transport::ServerOptions`.
   transport::ServerSecurity security = {};
   ReplayConfig table = {};
   int num_beams = 720;
-  std::uint64_t spec_hash = 0;  ///< Of what is observed and commanded.
-  std::uint64_t seed = 1;       ///< Of the run: draws derive from it and the sample's cursor.
+  std::uint64_t spec_hash = 0;  ///< Hash of the observation and action spec.
+  std::uint64_t seed = 1;       ///< The run's seed; draws derive from it and the sample's cursor.
   double updates_per_step = 0.25;
   std::int64_t learning_starts = 4096;
-  std::string software = "slalom";  ///< For people.
+  std::string software = "slalom";  ///< Name and version, shown to people.
 };
 
 }  // namespace slalom::replay
