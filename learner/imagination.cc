@@ -42,7 +42,7 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size) {
   if (config.imagined_batches == 0) {
     throw base::Error(
         fmt::format("imagination.imagined_batches is 0, expected at least 1 with imagination.kind "
-                    "= \"{}\": nothing would be learned from what is imagined",
+                    "= \"{}\": nothing would be learned from imagined transitions",
                     config.kind));
   }
   if (config.kind == "dyna") {
@@ -57,13 +57,12 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size) {
   if (config.as_published) {
     throw base::Error(
         "imagination.as_published is true, expected imagination.kind = \"dyna\": the original's "
-        "MBPO "
-        "cannot run (original-system.md, fault M4)");
+        "MBPO cannot run (original-system.md, fault M4)");
   }
   if (NumReal(config, batch_size) == batch_size) {
     throw base::Error(
         fmt::format("imagination.real_ratio is {}, expected less with imagination.kind = \"mbpo\": "
-                    "nothing of what is imagined would be learned from in batches of {}",
+                    "a batch of {} would have no imagined transitions",
                     config.real_ratio, batch_size));
   }
   if (config.rollouts % batch_size != 0) {

@@ -24,8 +24,8 @@ ImaginedTransitions::ImaginedTransitions(std::int64_t capacity, int history,
     discount_ = at::zeros({capacity}, options);
   } catch (const c10::Error&) {
     throw base::Error(fmt::format(
-        "imagination.buffer_capacity is {}: cannot reserve {} MiB for imagined transitions; a "
-        "smaller one needs less",
+        "imagination.buffer_capacity is {}: cannot reserve {} MiB for imagined transitions; "
+        "choose a smaller capacity",
         capacity, (capacity * (minibatch.features.size(1) + frame_size_ + 4) * 4) >> 20));
   }
 }

@@ -76,8 +76,7 @@ ModelTrainer::ModelTrainer(const ModelTrainingConfig& config, const policy::Mode
   if (config.elites > 0 && config.held_out == 0.0) {
     throw base::Error(
         fmt::format("model_training.elites is {}, expected model_training.held_out above 0: elites "
-                    "are chosen by "
-                    "their error on held-out transitions",
+                    "are chosen by their error on held-out transitions",
                     config.elites));
   }
   const std::int64_t size = shape.num_member_parameters();

@@ -318,7 +318,7 @@ void Journal::SyncOnce() {
       base::WriteFileAtomically(PrioritiesPath(options_.directory), priorities);
     }
   } catch (const base::Error& error) {
-    spdlog::warn("{}; a restart would find earlier priorities", error.what());
+    spdlog::warn("{}; after a restart, older priorities would be used", error.what());
   }
   base::SyncDirectory(options_.directory);
   // What replaces them is safe by now, else they stay until it is.

@@ -94,7 +94,7 @@ void ReplayLink::Watch() {
                                : now - hello_at_ > std::chrono::milliseconds(200);
   if (!ask) return;
   if (said_hello_ && ++unanswered_ > kMaxUnanswered) {
-    spdlog::warn("replay server at {}: no answer, connecting anew", endpoint_);
+    spdlog::warn("replay server at {}: no answer, reconnecting", endpoint_);
     client_.Reconnect();
     unanswered_ = 0;
     said_hello_ = false;

@@ -60,8 +60,9 @@ ActorService::ActorService(const ActorServiceConfig& config, const ActorConfig& 
     return;
   }
   if (spooled_streams) {
-    spdlog::warn("{}: of session {}, but the ledger's is {}; not sent", spool().string(),
-                 outbox_.session(), ledger_.session());
+    spdlog::warn(
+        "{}: this spool is of session {}, but the ledger of session {}; its steps are not sent",
+        spool().string(), outbox_.session(), ledger_.session());
   }
   StartSession(ledger_.session() + 1);
 }
@@ -84,7 +85,7 @@ void ActorService::StartSession(std::uint64_t session) {
 }
 
 void ActorService::Replace(std::string_view why) {
-  spdlog::warn("session {} cannot go on: {}; {} steps are lost, a new one begins",
+  spdlog::warn("session {} cannot continue: {}; {} steps are lost, and a new session begins",
                outbox_.session(), why, ledger_.account().pending);
   reason_ = LossReason::kReplaced;
   actor_.reset();
@@ -151,7 +152,7 @@ void ActorService::OnRefusal(const proto::Refusal& refusal) {
     return StartSession(std::max(refusal.about, outbox_.session()) + 1);
   }
   if (refusal.code == proto::RefusalCode::kBadMessage && ++refused_in_a_row_ > kMaxRefusals) {
-    throw base::Error(fmt::format("the replay server at {} refuses chunk {} again and again: {}",
+    throw base::Error(fmt::format("the replay server at {} keeps refusing chunk {}: {}",
                                   replay_.endpoint(), refusal.about, refusal.text));
   }
 }
@@ -216,7 +217,7 @@ void ActorService::CloseChunk() {
 const char* ActorService::Obstacle() const {
   if (phase_ != Phase::kRunning) return "the replay server";
   if (!policy_.has_policy()) return "the learner's first policy";
-  if (MustWait()) return "the replay server to take what was made";
+  if (MustWait()) return "the replay server to accept rows";
   return nullptr;
 }
 

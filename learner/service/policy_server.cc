@@ -78,7 +78,7 @@ void PolicyServer::Answer(transport::Server::Received& received) {
   const auto* request = std::get_if<proto::SnapshotRequest>(&*header);
   if (request == nullptr || !MayRead(received.role)) {
     return Refuse(received.peer, proto::RefusalCode::kNotAllowed,
-                  "the learner gives policies to actors and evaluators, nothing else");
+                  "the learner only answers requests for policies from actors and evaluators");
   }
   const auto [it, is_new] = readers_.try_emplace(received.peer);
   if (is_new && readers_.size() > kMaxReaders) {

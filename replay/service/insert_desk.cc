@@ -40,7 +40,7 @@ void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) 
     return Refuse(peer, RefusalCode::kBadMessage, "an actor's session is 0, expected 1 or more", 0);
   }
   if (hello.num_streams < 1) {
-    return Refuse(peer, RefusalCode::kBadMessage, "an actor's streams are 0, expected 1 or more",
+    return Refuse(peer, RefusalCode::kBadMessage, "an actor has 0 streams, expected 1 or more",
                   hello.session);
   }
   const Session* const known = sessions_.FindName(hello.name);
@@ -67,8 +67,8 @@ void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) 
   if (known != nullptr) PlaceAll(known->id);
   const std::optional<Session> session = BeginSession(hello, known);
   if (!session) {
-    return Refuse(peer, RefusalCode::kNotReady, "too many actors or streams: none can be added",
-                  hello.session);
+    return Refuse(peer, RefusalCode::kNotReady,
+                  "the server has too many actors or streams to add another", hello.session);
   }
   ++counts_.sessions_started;
   const std::uint64_t position = Put(*session);
@@ -189,10 +189,11 @@ void InsertDesk::Insert(const PeerId& peer, const proto::Insert& insert, transpo
   const std::int64_t limit = std::max(live->told_window, Window(now));
   const std::int64_t total_limit = std::max(2 * options_.window_bytes, options_.max_message_bytes);
   if ((live->bytes > 0 && live->bytes + size > limit) || total_bytes_ + size > total_limit) {
-    return RefuseChunk(peer, RefusalCode::kOverWindow,
-                       fmt::format("{} bytes beside {} that are not acknowledged, window {}", size,
-                                   live->bytes, limit),
-                       insert);
+    return RefuseChunk(
+        peer, RefusalCode::kOverWindow,
+        fmt::format("{} bytes in addition to {} unacknowledged ones exceed the window of {}", size,
+                    live->bytes, limit),
+        insert);
   }
   auto frame = std::make_shared<const transport::Frame>(std::move(payload));
   const auto rows =

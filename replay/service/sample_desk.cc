@@ -60,9 +60,10 @@ void SampleDesk::Ask(const PeerId& peer, const std::string& learner,
   Line& line = lines_[peer];
   line.learner = learner;
   if (line.requests.size() >= kMaxRequests) {
-    return Refuse(peer, RefusalCode::kOverWindow,
-                  fmt::format("{} requests are unanswered, expected no more", kMaxRequests),
-                  request.cursor);
+    return Refuse(
+        peer, RefusalCode::kOverWindow,
+        fmt::format("{} requests are unanswered already; no more are accepted", kMaxRequests),
+        request.cursor);
   }
   if (request.prioritized) table_->UsePriorities(options_.priority_exponent);
   line.requests.push_back(request);

@@ -152,7 +152,7 @@ void ReplayServer::RestorePriorities() {
   if (!std::filesystem::exists(path)) return;
   const auto failure = table_->RestorePriorities(base::ReadFile(path), config_.priority_exponent);
   if (failure) {
-    spdlog::warn("{}: {}; all steps begin with the largest priority", path.string(), failure->text);
+    spdlog::warn("{}: {}; all steps start with the same priority", path.string(), failure->text);
   }
 }
 
@@ -216,23 +216,24 @@ void ReplayServer::Tick(Time now) {
 
 void ReplayServer::Take(transport::Server::Received received, Time now) {
   if (received.too_fast) {
-    return Refuse(received.peer, {.code = RefusalCode::kTooFast,
-                                  .text = "more messages a second than this server takes",
-                                  .about = 0});
+    return Refuse(
+        received.peer,
+        {.code = RefusalCode::kTooFast, .text = "too many messages per second", .about = 0});
   }
   const auto header =
       proto::Decode(received.message.header.bytes(), received.message.payload.bytes());
   if (!header) return Refuse(received.peer, header.failure());
   metrics_->CountMessage(*header);
   if (!IsAllowed(received, *header)) {
-    // One that may, but has not said hello: what it sent on a connection that broke came first.
+    // A peer that may send it but has not said hello: the message was meant for a broken
+    // connection.
     const bool stranger = !std::holds_alternative<proto::Hello>(*header) &&
                           !peers_.contains(received.peer) &&
                           (!received.role || MaySend(ToString(*received.role), *header));
     return Refuse(
         received.peer,
         {.code = stranger ? RefusalCode::kNoSession : RefusalCode::kNotAllowed,
-         .text = fmt::format("{} is not for this role and name to send here, or before hello",
+         .text = fmt::format("this role and name may not send {} here, or not before a hello",
                              proto::NameOf(*header)),
          .about = 0});
   }
