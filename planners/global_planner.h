@@ -14,10 +14,10 @@ namespace slalom::planners {
 /// The path descends the interpolated gradient in steps of half a cell. Cells of kInscribedCost and
 /// above are walls, except the robot's own; so is the map's edge.
 ///
-/// navfn spreads the potential over every cell nearer than the goal. Here, as in A*, it spreads
-/// only over cells that the path can touch, using the straight distance left to the robot. After a
-/// change of the map, only the potential behind the change is computed again. Neither changes the
-/// path. Confined to one thread at a time.
+/// navfn spreads the potential from the robot, over every cell nearer than the goal. Here it
+/// spreads from the goal and, as in A*, only over cells that the path can touch, judged by the
+/// straight distance left to the robot. After a change of the map, only the potential behind the
+/// change is computed again. Neither changes the path. Confined to one thread at a time.
 class GlobalPlanner {
  public:
   /// How far the potential spreads: over the cells that the path needs, or, for tests, over all

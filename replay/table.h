@@ -25,8 +25,8 @@ struct ReplayConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("capacity", capacity, base::Range{16, 1e9}, "frames",
-      "Frames kept, oldest overwritten first; a step is one, the end of an episode one more (1.5 "
+    v("capacity", capacity, base::Range{16, 1e9}, "rows",
+      "Rows kept, oldest overwritten first; a step takes one, the end of an episode one more (1.5 "
       "kB each).");
   }
 };
