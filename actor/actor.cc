@@ -213,9 +213,9 @@ void Actor::Restore(const ActorState& state) {
   recent_.assign(state.recent.begin(), state.recent.end());
 }
 
-/// All open episodes end now, so the shorter ones begin later: each step is driven beside the same
-/// steps of the other environments as the first time. Until its episode begins, an environment runs
-/// the one that the constructor began, from a fresh start, with its results unused.
+/// Aligns the open episodes at their ends: shorter ones begin later, so that each step is driven
+/// next to the same steps of the other environments as the first time. Until its episode begins, an
+/// environment runs the episode that the constructor began, and the results are ignored.
 void Actor::ReplayOpenEpisodes(const std::vector<OpenEpisode>& open) {
   std::size_t longest = 0;
   for (const OpenEpisode& episode : open) {

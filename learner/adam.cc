@@ -18,8 +18,8 @@ constexpr double kBeta1 = 0.9;
 constexpr double kBeta2 = 0.999;
 constexpr double kEpsilon = 1e-8;
 
-/// Numbers that are handled at a time, few enough to stay in the nearest cache from the step until
-/// its averages have moved.
+/// Numbers handled at a time: few enough to stay in the L1 cache from the step until the averages
+/// are updated.
 constexpr std::int64_t kBlock = 1024;
 
 struct StepFactors {

@@ -27,7 +27,7 @@ Constraint::Constraint(const ConstraintConfig& config, const policy::NetworkShap
 
 void Constraint::UpdateCritics(double learning_rate, double polyak_rate) {
   critics_.ComputeTdTarget(minibatch_.cost, minibatch_.discount, TargetReduction::kMax, target_);
-  // Samples drawn by the priorities of the reward's critics count here by the same weights.
+  // Samples are drawn by the TD errors of the reward critics; the same importance weights apply.
   const Critics::Importance importance{minibatch_.weight, td_errors_};
   critics_.GradientStep(target_, learning_rate, polyak_rate, totals_[Total::kCostLoss],
                         totals_[Total::kCostQ], totals_[Total::kCostNorm], &importance);

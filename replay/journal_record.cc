@@ -42,7 +42,7 @@ class Writer {
   std::vector<std::byte> bytes_;
 };
 
-/// Reads numbers one after the other; once there is too little, zeros, and `failed`.
+/// Reads numbers one after the other. Once the bytes are used up, it reads zeros and has `failed`.
 class Reader {
  public:
   explicit Reader(std::span<const std::byte> bytes) : bytes_(bytes) {}
@@ -65,7 +65,7 @@ class Reader {
     return result;
   }
   bool failed() const { return failed_; }
-  /// All was there, and nothing is left.
+  /// Whether everything could be read and nothing is left.
   bool done() const { return !failed_ && bytes_.empty(); }
 
  private:

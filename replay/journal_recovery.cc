@@ -70,7 +70,7 @@ void ReadWhole(const fs::path& path, AlignedBuffer<std::byte>* content) {
 
 fs::path DamagedPath(const fs::path& path) { return path.string() + ".damaged"; }
 
-/// Throws where a whole head is of another version or spec.
+/// Throws if the head is complete but of another version or spec.
 void CheckHead(const JournalOptions& options, const fs::path& path, const SegmentHead& head) {
   if (head.version != SegmentHead::kVersion) {
     throw base::Error(fmt::format("{}: this replay journal is of version {}, expected {}",
@@ -84,7 +84,7 @@ void CheckHead(const JournalOptions& options, const fs::path& path, const Segmen
   }
 }
 
-/// Whether the records of a segment can be followed without those before it.
+/// Whether recovery can begin with this segment: its head and its state record are intact.
 bool BeginsSoundly(std::uint64_t index, std::span<const std::byte> content) {
   const auto head = ParseSegmentHead(content);
   if (!head || head->index != index) return false;
@@ -93,7 +93,7 @@ bool BeginsSoundly(std::uint64_t index, std::span<const std::byte> content) {
   return first.record && std::holds_alternative<StateRecord>(*first.record);
 }
 
-/// Whether any of these segments begins soundly. Throws as `CheckHead`. Cost: reads them.
+/// Whether recovery can begin with any of these segments. Throws as `CheckHead`. Cost: reads them.
 bool AnyBeginsSoundly(const JournalOptions& options,
                       std::span<const std::pair<std::uint64_t, fs::path>> segments) {
   AlignedBuffer<std::byte> content;
@@ -105,7 +105,7 @@ bool AnyBeginsSoundly(const JournalOptions& options,
   });
 }
 
-/// Keeps the bytes of a segment from `offset` on beside it, and cuts them off.
+/// Truncates a segment at `offset`, keeping the rest in a file beside it.
 void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t offset,
            bool keep) {
   if (keep) {
@@ -121,18 +121,18 @@ void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t
   }
 }
 
-/// Follows the records of one segment after the other.
+/// Applies the records of one segment after the other to a table and sessions.
 class Replayer {
  public:
   Replayer(const JournalOptions& options, const ReplayConfig& config)
       : options_(options), config_(config), table_(Table::BeginRestore(config, beams(), 0)) {}
 
-  /// How far a segment could be followed.
+  /// How far the records of a segment could be applied.
   struct End {
-    std::size_t offset = 0;  ///< Behind the last good record; 0: not even the first is good.
+    std::size_t offset = 0;  ///< End of the last good record; 0 if there is none.
     bool torn = false;
-    std::string damage;  ///< Empty: none.
-    bool gap = false;    ///< Rows are missing before it; nothing was followed.
+    std::string damage;  ///< Empty if there is none.
+    bool gap = false;    ///< Rows before it are missing; nothing was applied.
   };
 
   End Follow(std::uint64_t index, const fs::path& path, std::span<const std::byte> content) {
@@ -163,8 +163,8 @@ class Replayer {
     return end;
   }
 
-  /// Forgets all that was followed so far; returns the rows that this costs. The next segment
-  /// that is followed begins anew.
+  /// Discards everything applied so far and returns the number of lost rows. The next segment
+  /// starts anew.
   std::int64_t Drop() {
     const std::int64_t rows = table_.num_rows();
     table_ = Table::BeginRestore(config_, beams(), 0);
@@ -261,7 +261,7 @@ JournalLock::JournalLock(const fs::path& directory) {
   if (fd_ < 0) {
     throw base::Error(fmt::format("{}: cannot create ({})", path.string(), std::strerror(errno)));
   }
-  // Where the file system knows no locks nothing is held.
+  // If the file system has no locks, nothing is locked.
   if (::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
   ::close(fd_);
   throw base::Error(

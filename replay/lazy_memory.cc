@@ -19,7 +19,7 @@ LazyMemory::LazyMemory(std::size_t bytes) : bytes_(bytes) {
         bytes >> 20, std::strerror(errno)));
   }
   data_ = static_cast<std::byte*>(memory);
-  // Advice only: where the system has no huge pages the array works all the same.
+  // Only advice: the array also works on a system without huge pages.
   (void)::madvise(memory, bytes, MADV_HUGEPAGE);
 }
 

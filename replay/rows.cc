@@ -16,7 +16,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "rows are sent little-endian");
 static_assert(sizeof(env::Action) == 2 * sizeof(float));
 
-// Floats of a row: state, action, reward, cost.
+// Number of floats per row: state, action, reward, cost.
 constexpr std::size_t kFloats = env::kStateSize + 4;
 
 template <class T>

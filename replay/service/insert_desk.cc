@@ -16,7 +16,7 @@ using transport::PeerId;
 
 constexpr std::size_t kNewestChunks = 64;
 constexpr std::int64_t kSmallestWindow = 64 << 10;
-// Of the times between two readings.
+// Most times kept between two readings.
 constexpr std::size_t kMaxInsertSeconds = 1 << 16;
 
 }  // namespace
@@ -87,8 +87,8 @@ std::optional<Session> InsertDesk::BeginSession(const proto::Hello& hello, const
   if (known != nullptr) {
     session.id = known->id;
     session.earlier_steps = known->earlier_steps + known->accepted_steps;
-    // A session of which nothing came may be one whose welcome the actor never saw: it then still
-    // has to learn of the session before.
+    // If nothing came of a session, the actor may never have seen its welcome. It must then still
+    // learn about the session before.
     const bool empty = known->next_sequence == 0;
     session.previous_number = empty ? known->previous_number : known->number;
     session.previous_accepted_steps =
@@ -109,8 +109,8 @@ std::optional<Session> InsertDesk::BeginSession(const proto::Hello& hello, const
   return session;
 }
 
-// Names come and go where actors are containers: the one that was silent for longest is struck out,
-// but none that is there.
+// Names come and go if actors are containers. The name that has been silent for longest is removed,
+// but never one that is connected.
 bool InsertDesk::MakeRoom() {
   if (sessions_.all().size() < static_cast<std::size_t>(Sessions::kMaxNames)) return true;
   std::uint32_t oldest = 0;
@@ -326,7 +326,7 @@ void InsertDesk::Retire(Time now) {
 void InsertDesk::SendOwed(Time now) {
   const std::uint64_t written = log_->written();
   const std::int64_t window = Window(now);
-  // A copy: peers that are found gone leave the set.
+  // Iterates over a copy, as peers that are gone leave the set.
   for (const std::uint32_t id : std::vector(welcomes_owed_.begin(), welcomes_owed_.end())) {
     Live& live = live_.at(id);
     if (!live.peer || live.welcome_at.value_or(0) > written) continue;
@@ -346,7 +346,7 @@ void InsertDesk::SendOwed(Time now) {
   }
   for (const std::uint32_t id : std::vector(acks_owed_.begin(), acks_owed_.end())) {
     Live& live = live_.at(id);
-    // Before its welcome an actor does not know of the session.
+    // An actor does not know its session before the welcome.
     if (!live.peer || welcomes_owed_.contains(id)) continue;
     const auto sent = Answer(*live.peer, proto::InsertAck{.session = sessions_.Find(id)->number,
                                                           .next_sequence = live.safe,
@@ -379,7 +379,7 @@ double InsertDesk::acting_version() const {
 std::vector<double> InsertDesk::TakeInsertSeconds() { return std::exchange(insert_seconds_, {}); }
 
 ReplySender::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& header) {
-  const PeerId to = peer;  // `Gone` takes `peer` away. NOLINT(performance-unnecessary-copy*)
+  const PeerId to = peer;  // `Gone` destroys `peer`. NOLINT(performance-unnecessary-copy*)
   const auto sent = replies_->Send(to, MakeMessage(header));
   if (sent == ReplySender::Sent::kGone) Gone(to);
   return sent;

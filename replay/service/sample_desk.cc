@@ -17,7 +17,7 @@ using proto::RefusalCode;
 using transport::PeerId;
 
 constexpr std::uint64_t kMaxCursor = std::uint64_t{1} << 52;
-// Of the times between two readings.
+// Most times kept between two readings.
 constexpr std::size_t kMaxSampleSeconds = 1 << 16;
 
 SampleSpec SpecOf(const proto::SampleRequest& request) {
@@ -36,7 +36,7 @@ SampleShape ShapeOf(const proto::SampleRequest& request, int num_beams) {
           .weighted = request.prioritized};
 }
 
-/// Why a request that came through `proto::Decode` cannot be served; empty: it can.
+/// Returns why a request that passed `proto::Decode` cannot be served, or nothing if it can.
 std::string FaultOf(const proto::SampleRequest& request, int num_beams, std::int64_t max_bytes) {
   if (request.cursor > kMaxCursor) return fmt::format("cursor {} is too large", request.cursor);
   const auto size = SampleSize(ShapeOf(request, num_beams));
@@ -103,7 +103,7 @@ bool SampleDesk::Advance(int max_replies, double acting_version) {
   num_held_ = 0;
   int sent = 0;
   std::vector<PeerId> gone;
-  // Once around, beginning after the peer that was answered last.
+  // One round over all peers, beginning after the one that was answered last.
   auto it = lines_.upper_bound(last_);
   for (std::size_t turn = 0; turn < lines_.size() && sent < max_replies; ++turn, ++it) {
     if (it == lines_.end()) it = lines_.begin();
@@ -167,7 +167,7 @@ SampleDesk::Step SampleDesk::Answer(const PeerId& peer, Line* line, double actin
 }
 
 bool SampleDesk::Draw(const proto::SampleRequest& request) {
-  // A draw from a table in which nothing is whole walks over all of it: not at every turn.
+  // If no window is complete, a draw walks over the whole table. Do not repeat that at every turn.
   if (table_->total_inserted() < retry_at_) return false;
   base::Random random(base::DeriveSeed(options_.seed, "sample", {request.cursor}));
   if (table_->SampleRows(SpecOf(request), random, &rows_)) {

@@ -19,16 +19,16 @@ namespace {
 using proto::RefusalCode;
 using transport::PeerId;
 
-// How much of each kind is done before the others have their turn.
+// How much of each kind of work is done before the others have their turn.
 constexpr int kMessagesPerTurn = 32;
 constexpr int kRepliesPerTurn = 4;
 constexpr int kChunksPerTurn = 32;
 constexpr auto kIdleWait = std::chrono::milliseconds(50);
 constexpr auto kTick = std::chrono::seconds(1);
-// Per connection and direction: of samples, 64 are 47 MB at 256 x 720 beams.
+// Messages queued per connection and direction: 64 samples are 47 MB at 256 x 720 beams.
 constexpr int kQueueMessages = 64;
-// Connections that were silent for so many times `silence` are forgotten, and said no hello before
-// they send again.
+// Connections that were silent for this many times `silence` are forgotten and must say hello
+// again.
 constexpr int kForgetAfter = 6;
 
 std::uint64_t NewId() {
@@ -45,7 +45,7 @@ JournalOptions JournalOptionsOf(const ReplayServerConfig& config, const ReplaySe
           .spec_hash = spec.spec_hash};
 }
 
-/// The roles that may send a message; none: it is not for this server.
+/// Returns the roles that may send a message; none if it is not meant for this server.
 bool MaySend(std::string_view role, const proto::Header& header) {
   const bool actor = role == "actor", learner = role == "learner";
   const bool known = actor || learner || role == "evaluator" || role == "operator";
@@ -137,7 +137,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                    &*table_, &*limiter_, replies_.get());
 }
 
-// The journal's threads wake the socket: they end first.
+// The journal's threads wake the socket, so they must end first.
 ReplayServer::~ReplayServer() { journal_.reset(); }
 
 StateRecord ReplayServer::State() const {
@@ -249,14 +249,14 @@ bool ReplayServer::IsAllowed(const transport::Server::Received& received,
   const auto* const hello = std::get_if<proto::Hello>(&header);
   const auto known = peers_.find(received.peer);
   if (const auto* const report = std::get_if<proto::Report>(&header)) {
-    // Nobody reports for another: the learner acts on what actors say of themselves.
+    // No role may report for another, as the learner relies on the reports of actors.
     return known != peers_.end() && MaySend(known->second.role, header) &&
            report->role == known->second.role && report->name == known->second.name;
   }
   if (received.role) {
     const std::string_view role = ToString(*received.role);
     if (hello != nullptr && hello->role != role) return false;
-    // Who sends what is counted to a name is known from the hello only.
+    // Only the hello tells which name a peer's messages count for.
     const bool needs_hello =
         !std::holds_alternative<proto::StatusRequest>(header) && hello == nullptr;
     return MaySend(role, header) && (!needs_hello || known != peers_.end());
@@ -297,7 +297,7 @@ void ReplayServer::Greet(const PeerId& peer, const proto::Hello& hello, Time now
                                              spec_.spec_hash),
                          .about = 0});
   }
-  // The same process after a reconnection: what its old connection asked for is no longer wanted.
+  // The same process after a reconnect: requests of its old connection are obsolete.
   std::vector<PeerId> old;
   for (const auto& [id, other] : peers_) {
     if (id != peer && other.role == hello.role && other.name == hello.name) old.push_back(id);
@@ -318,7 +318,8 @@ void ReplayServer::Refuse(const PeerId& peer, const proto::Refusal& refusal) {
 }
 
 void ReplayServer::Forget(const PeerId& peer) {
-  // May lie in what is taken away. NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
+  // The reference may point into what is erased below.
+  // NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
   const PeerId id = peer;
   inserts_->Gone(id);
   samples_->Gone(id);
