@@ -105,7 +105,7 @@ bool AnyBeginsSoundly(const JournalOptions& options,
   });
 }
 
-/// Truncates a segment at `offset`, keeping the rest in a file beside it.
+/// Truncates a segment at `offset`. If `keep`, the rest is kept in a file beside it.
 void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t offset,
            bool keep) {
   if (keep) {
