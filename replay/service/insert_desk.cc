@@ -189,11 +189,10 @@ void InsertDesk::Insert(const PeerId& peer, const proto::Insert& insert, transpo
   const std::int64_t limit = std::max(live->told_window, Window(now));
   const std::int64_t total_limit = std::max(2 * options_.window_bytes, options_.max_message_bytes);
   if ((live->bytes > 0 && live->bytes + size > limit) || total_bytes_ + size > total_limit) {
-    return RefuseChunk(
-        peer, RefusalCode::kOverWindow,
-        fmt::format("{} bytes in addition to {} unacknowledged ones exceed the window of {}", size,
-                    live->bytes, limit),
-        insert);
+    return RefuseChunk(peer, RefusalCode::kOverWindow,
+                       fmt::format("{} bytes after {} unacknowledged ones exceed the window {}",
+                                   size, live->bytes, limit),
+                       insert);
   }
   auto frame = std::make_shared<const transport::Frame>(std::move(payload));
   const auto rows =
