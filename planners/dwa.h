@@ -66,7 +66,7 @@ class DwaPlanner : public LocalPlanner {
   }
 
   const DwaConfig config_;
-  const Footprint footprint_;
+  const PaddedFootprint footprint_;
   DistanceGrid to_path_, to_goal_;
   std::vector<CellIndex> under_robot_, path_cells_;
   base::Vec2 local_end_O_;  // The last point of the path that is near enough to count.

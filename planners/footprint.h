@@ -27,11 +27,11 @@ struct FootprintConfig {
 };
 
 /// The padded outline, by default a rectangle of 0.62 x 0.53 m. A value.
-struct Footprint {
+struct PaddedFootprint {
   double half_length = 0.0;  ///< [m]
   double half_width = 0.0;   ///< [m]
 
-  explicit Footprint(const FootprintConfig& config);
+  explicit PaddedFootprint(const FootprintConfig& config);
 
   /// Radius of the largest circle round the centre that fits inside, [m].
   double inscribed_radius() const { return half_length < half_width ? half_length : half_width; }
@@ -66,11 +66,11 @@ void VisitLine(CellIndex a, CellIndex b, int num_steps, Visitor&& visit) {
 /// Returns the highest cost under the outline of the robot at X_OR, or -1 if the outline hits a
 /// lethal or unknown cell or leaves the map. As in ROS's `CostmapModel`, cells inside the outline
 /// do not count. Cost: one look-up per cell of the outline, about 46 by default.
-int OutlineCost(const Costmap& costmap, const Footprint& footprint, const base::Pose2& X_OR);
+int OutlineCost(const Costmap& costmap, const PaddedFootprint& footprint, const base::Pose2& X_OR);
 
 /// Replaces `cells` by the cells under the robot, outline and inside. There are none if the outline
 /// leaves the map.
-void CoveredCells(const Costmap& costmap, const Footprint& footprint, const base::Pose2& X_OR,
+void CoveredCells(const Costmap& costmap, const PaddedFootprint& footprint, const base::Pose2& X_OR,
                   std::vector<CellIndex>& cells);
 
 }  // namespace slalom::planners

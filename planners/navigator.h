@@ -87,7 +87,7 @@ class Navigator {
   const NavigationConfig config_;
   const PlannerNavigationConfig planner_config_;
   const double step_;  // [s]
-  const Footprint footprint_;
+  const PaddedFootprint footprint_;
   const ScanProjector projector_;
   const std::unique_ptr<LocalPlanner> planner_;
   ObstacleMap local_map_;

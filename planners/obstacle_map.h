@@ -34,7 +34,7 @@ struct ObstacleMapConfig {
 class ObstacleMap {
  public:
   /// Requires: num_cells >= 1, resolution > 0.
-  ObstacleMap(const ObstacleMapConfig& config, const Footprint& footprint);
+  ObstacleMap(const ObstacleMapConfig& config, const PaddedFootprint& footprint);
 
   /// Forgets all obstacles and moves the map's centre to `centre_O`.
   void Reset(base::Vec2 centre_O);
@@ -59,7 +59,7 @@ class ObstacleMap {
   CellWindow Write(CellWindow window);
 
   const ObstacleMapConfig config_;
-  const Footprint footprint_;
+  const PaddedFootprint footprint_;
   const Inflation inflation_;
   Costmap costmap_;
   std::vector<std::uint8_t> obstacles_;

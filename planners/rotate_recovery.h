@@ -18,7 +18,7 @@ class RotateRecovery {
 
   /// Returns the turn rate of this cycle, [rad/s], or nothing if the turn is complete or the
   /// outline would hit something in the rest of it. Cost: up to 370 checks of the outline.
-  std::optional<double> TurnRate(const NavigationConfig& config, const Footprint& footprint,
+  std::optional<double> TurnRate(const NavigationConfig& config, const PaddedFootprint& footprint,
                                  const Costmap& costmap, const base::Pose2& X_OR);
 
  private:
