@@ -35,9 +35,9 @@ class Storage {
   /// cannot be deleted stays.
   void Commit(std::span<const std::string> manifests);
 
-  /// The table as it was at the `Save` that returned `manifest`: the same draws from the same
-  /// `Random`. Throws `base::Error` naming the file, `source` for the manifest's, where it or a
-  /// part file is missing, cut short or damaged.
+  /// Returns the table as it was at the `Save` that returned `manifest`; the same `Random` then
+  /// gives the same draws. Throws `base::Error` if the manifest or a part file is missing, cut
+  /// short or damaged. The message names the file, and the manifest by `source`.
   [[nodiscard]] Table Load(std::string_view manifest, std::string_view source = "replay manifest");
 
   /// A file with the rows [begin, end).
