@@ -60,7 +60,7 @@ const MethodConfig& Checked(const MethodConfig& method) {
       constraint.proportional_gain == 0.0 && constraint.derivative_gain == 0.0) {
     throw base::Error(
         "constraint.learning_rate and both gains are 0, expected one of them above 0 with "
-        "constraint.kind = \"lagrangian\": the multiplier would never change");
+        "constraint.kind = \"lagrangian\": the multiplier would never move");
   }
   if (constraint.kind == "lagrangian" && constraint.limit >= 1.0) {
     throw base::Error(fmt::format(
@@ -108,7 +108,7 @@ const MethodConfig& Checked(const MethodConfig& method) {
   if (learner.prioritized) {
     throw base::Error(fmt::format(
         "imagination.kind is \"{}\", expected \"none\" with learner.prioritized: imagined "
-        "transitions have no priorities",
+        "transitions have no priority",
         imagination));
   }
   return method;
