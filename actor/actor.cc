@@ -18,16 +18,14 @@ float Clip(double value) { return static_cast<float>(std::clamp(value, -1.0, 1.0
 
 std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments) {
   if (config.noise_min > config.noise_max) {
-    throw base::Error(
-        fmt::format("actor.noise_min is {} but actor.noise_max is {}; expected at most that",
-                    config.noise_min, config.noise_max));
+    throw base::Error(fmt::format("actor.noise_min is {}, expected at most actor.noise_max = {}",
+                                  config.noise_min, config.noise_max));
   }
   const bool geometric = config.noise_spread == "geometric" && config.noise_min < config.noise_max;
   if (geometric && config.noise_min == 0.0) {
     throw base::Error(
-        "actor.noise_min is 0; expected more than 0 with actor.noise_spread = \"geometric\" (or "
-        "choose "
-        "\"linear\")");
+        "actor.noise_min is 0, expected more than 0 with actor.noise_spread = \"geometric\" (or "
+        "choose \"linear\")");
   }
   std::vector<double> noise(num_environments, config.noise_min);
   for (int i = 1; i < num_environments; ++i) {
@@ -187,10 +185,10 @@ ActorState Actor::Save() const {
 
 void Actor::Restore(const ActorState& state) {
   if (state.seed != seed_) {
-    throw base::Error(fmt::format("actor state is of seed {}, expected {}", state.seed, seed_));
+    throw base::Error(fmt::format("the actor state has seed {}, expected {}", state.seed, seed_));
   }
   if (std::ssize(state.open) != environments_.batch_size()) {
-    throw base::Error(fmt::format("actor state is of {} environments, expected {}",
+    throw base::Error(fmt::format("the actor state has {} environments, expected {}",
                                   state.open.size(), environments_.batch_size()));
   }
   ReplayOpenEpisodes(state.open);
@@ -198,9 +196,8 @@ void Actor::Restore(const ActorState& state) {
     const OpenEpisode& open = state.open[i];
     if (FrameChecksum(i) != open.frame_checksum) {
       throw base::Error(
-          fmt::format("the open episode of environment {} does not lead where it did when it was "
-                      "saved; expected the "
-                      "same courses and environment config",
+          fmt::format("driving the open episode of environment {} again led to another frame than "
+                      "when it was saved; expected the same courses and environment config",
                       i));
     }
     Environment& environment = running_[i];
@@ -216,14 +213,14 @@ void Actor::Restore(const ActorState& state) {
   recent_.assign(state.recent.begin(), state.recent.end());
 }
 
-/// All open episodes end now, so the shorter ones begin later: each step is driven beside the same
-/// steps of the other environments as the first time. Until its episode begins, an environment runs
-/// the one that the constructor began, from a fresh start, with its results unused.
+/// Aligns the open episodes at their ends: shorter ones begin later, so that each step is driven
+/// next to the same steps of the other environments as the first time. Until its episode begins, an
+/// environment runs the episode that the constructor began, and the results are ignored.
 void Actor::ReplayOpenEpisodes(const std::vector<OpenEpisode>& open) {
   std::size_t longest = 0;
   for (const OpenEpisode& episode : open) {
     if (episode.spec.course < 0 || episode.spec.course >= environments_.num_courses()) {
-      throw base::Error(fmt::format("actor state is on course {}, expected one of {}",
+      throw base::Error(fmt::format("the actor state is on course {}, expected a number below {}",
                                     episode.spec.course, environments_.num_courses()));
     }
     longest = std::max(longest, episode.actions.size());

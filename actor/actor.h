@@ -18,13 +18,13 @@
 
 namespace slalom::actor {
 
-/// Figures of the last `stats_episodes` finished episodes; 0 where there is none yet.
+/// Statistics of the last `stats_episodes` finished episodes; 0 if there is none yet.
 struct ActorStats {
-  std::int64_t num_steps = 0;     ///< Environment steps in all.
-  std::int64_t num_episodes = 0;  ///< Finished in all.
-  /// Of them, by `env::Outcome`, those that this actor drove itself (none from before a `Restore`).
+  std::int64_t num_steps = 0;     ///< Environment steps in total.
+  std::int64_t num_episodes = 0;  ///< Finished episodes in total.
+  /// Finished episodes by `env::Outcome`, without those from before a `Restore`.
   std::array<std::int64_t, 4> num_outcomes{};
-  int num_recent = 0;  ///< Finished episodes that the figures below stand on.
+  int num_recent = 0;  ///< Finished episodes that the means below are taken over.
   double success_rate = 0.0;
   double collision_rate = 0.0;
   double timeout_rate = 0.0;
@@ -32,43 +32,42 @@ struct ActorStats {
   double mean_length = 0.0;  ///< Control steps.
 };
 
-/// Standard deviation of the exploration noise in each of the environments, [B].
-/// Throws `base::Error` where noise_min exceeds noise_max, or is 0 in a geometric spread that is
-/// not even.
+/// Returns the standard deviation of the exploration noise in each environment, [B]. Throws
+/// `base::Error` if noise_min exceeds noise_max, or if it is 0 and the spread to a larger noise_max
+/// is geometric.
 std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments);
 
-/// Drives a batch of environments with an agent and exploration noise, and hands on what happens.
+/// Drives a batch of environments with an agent and exploration noise, and collects the rows.
 ///
-/// Each episode's course is drawn uniformly. Every environment has random streams of its own, so
-/// what is drawn for one does not depend on when the episodes of others end.
+/// The course of each episode is drawn uniformly. Every environment has its own random streams, so
+/// its draws do not depend on when the episodes of other environments end.
 ///
 /// `Step`, `Save` and `Restore` are confined to one thread at a time; `stats` may be called by any.
 class Actor {
  public:
   /// Begins the first episode of every environment. Both references must outlive the actor.
-  /// Throws `base::Error` where `config` contradicts itself.
+  /// Throws `base::Error` if `config` contradicts itself.
   Actor(const ActorConfig& config, env::BatchEnvironment& environments, env::Agent& agent,
         std::uint64_t seed);
 
-  /// One control step of every environment: B rows are added to `out`, and one more for each
-  /// episode that ends; in its place the next one begins. Stream i of the chunk is environment i.
-  /// Throws `base::Error` where the agent chooses an action that is not finite (a network that
-  /// diverged); the actor is then as before.
+  /// Does one control step in every environment. Adds B rows to `out`, and a final row for each
+  /// episode that ends, whose environment then begins the next one. Stream i of the chunk is
+  /// environment i. Throws `base::Error` if the agent chooses an action that is not finite (its
+  /// network diverged); the actor is then unchanged.
   /// Requires: out->num_beams is that of the observations.
   void Step(replay::Chunk* out);
 
   ActorStats stats() const EXCLUDES(mutex_);
 
-  /// The state between two steps.
+  /// Returns the actor's state between two steps.
   ActorState Save() const;
 
-  /// Goes on from `state`: the open episodes are driven again with their recorded actions. The
-  /// agent sees the same frames on the way (its choices are ignored), so that whatever it remembers
-  /// of an episode is there again. The following steps are, bit for bit, those of the actor that
-  /// was saved, provided that the agent chooses the same.
-  /// Throws `base::Error` where the state is of another seed, another number of environments, or
-  /// does not lead to the frames it was saved with (other courses or another environment config);
-  /// the actor is then not to be used further.
+  /// Continues from `state`: drives the open episodes again with their recorded actions. The agent
+  /// sees the same frames as then (its choices are ignored), which restores whatever it remembers
+  /// of an episode. The following steps are, bit for bit, those of the saved actor, provided that
+  /// the agent chooses the same actions. Throws `base::Error` if the state has another seed or
+  /// another number of environments, or does not lead to the frames it was saved with (other
+  /// courses or another environment config). Do not use the actor after that.
   void Restore(const ActorState& state);
 
  private:
@@ -77,7 +76,7 @@ class Actor {
     env::EpisodeSpec spec;
     base::Random noise{0};
     float episode_return = 0.0f;
-    std::vector<env::Action> actions;  // Of the running episode.
+    std::vector<env::Action> actions;  // Taken in the running episode.
   };
 
   void BeginEpisode(int i);
@@ -94,9 +93,9 @@ class Actor {
   const std::vector<double> noise_;       // [B]
   std::vector<Environment> running_;      // [B]
   std::vector<env::Action> actions_;      // [B]
-  std::vector<env::Action> normal_;       // [B], standard normal numbers of a step.
+  std::vector<env::Action> normal_;       // [B], a step's standard normal numbers.
   std::vector<env::StepResult> results_;  // [B]
-  std::vector<int> rows_;                 // [B] in the chunk being filled.
+  std::vector<int> rows_;                 // [B], indices into the chunk being filled.
 
   mutable base::Mutex mutex_;
   std::int64_t num_steps_ GUARDED_BY(mutex_) = 0;

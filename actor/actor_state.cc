@@ -55,7 +55,7 @@ class Reader {
     bytes_.remove_prefix(size);
     return text;
   }
-  /// Items are made one by one as their bytes are found to be there, whatever the length says.
+  /// Adds items one by one, only while bytes are left, whatever the stored length claims.
   template <class T, class Field>
   void List(std::vector<T>& list, Field field) {
     std::uint64_t size = 0;

@@ -80,7 +80,7 @@ BENCHMARK_CAPTURE(BM_ControlCycle, mppi, "mppi");
 
 void BM_MapUpdate(benchmark::State& state, const ObstacleMapConfig& config) {
   static const std::vector<Moment> moments = Record("dwa");
-  ObstacleMap map(config, Footprint(FootprintConfig{}));
+  ObstacleMap map(config, PaddedFootprint(FootprintConfig{}));
   const ScanProjector projector({});
   ScanRays rays;
   std::size_t i = 0;
@@ -99,7 +99,7 @@ BENCHMARK_CAPTURE(BM_MapUpdate, global, ObstacleMapConfig{.num_cells = 800, .rol
 /// A plan on the global map per control cycle, map updates left out; `anew`: from nothing.
 void BM_Plan(benchmark::State& state, bool anew) {
   static const std::vector<Moment> moments = Record("dwa");
-  ObstacleMap map({.num_cells = 800, .rolling = false}, Footprint(FootprintConfig{}));
+  ObstacleMap map({.num_cells = 800, .rolling = false}, PaddedFootprint(FootprintConfig{}));
   GlobalPlanner planner;
   const ScanProjector projector({});
   ScanRays rays;

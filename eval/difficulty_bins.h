@@ -11,7 +11,7 @@
 
 namespace slalom::eval {
 
-/// Something that makes courses harder or easier.
+/// A measure of how hard courses are, with its value for each course.
 struct CourseMeasure {
   std::string_view key;   ///< Unique.
   std::string_view name;  ///< For people.
@@ -19,22 +19,22 @@ struct CourseMeasure {
   std::vector<double> values;  ///< One per course.
 };
 
-/// The measures that tell the courses apart: those of `sim::Difficulty` where every course has
-/// them, the length of the reference path, the number of obstacles.
+/// Returns the measures that differ between the courses: those of `sim::Difficulty` if every course
+/// has them, the length of the reference path, and the number of obstacles.
 std::vector<CourseMeasure> MeasureCourses(const sim::CourseSet& courses);
 
-/// Courses that are alike in a measure.
+/// Courses with similar values of a measure.
 struct CourseBin {
   double low = 0.0;  ///< Smallest and largest value in it.
   double high = 0.0;
   std::vector<std::size_t> courses;
 };
 
-/// The courses in order of the measure, cut into at most five parts of equal size (within one), of
-/// at least four courses each. Fewer than eight courses make no bins.
+/// Sorts the courses by the measure and splits them into at most five bins whose sizes differ by at
+/// most one. Each bin has at least four courses; fewer than eight courses make no bins.
 std::vector<CourseBin> BinCourses(const CourseMeasure& measure);
 
-/// Success rate on the courses of a bin (`EstimateRate`).
+/// Returns the success rate on the courses of a bin (`EstimateRate`).
 Estimate SuccessInBin(const Result& result, const CourseBin& bin);
 
 }  // namespace slalom::eval

@@ -17,20 +17,21 @@
 
 namespace slalom::eval {
 
-/// An evaluation with all that its reports need. A value.
+/// An evaluation with everything that its reports need. A value.
 struct Evaluation {
   EvaluationConfig config;
-  sim::EnvironmentConfig environment;  ///< It was driven in, `WithProtocol`.
-  sim::CourseSet courses;              ///< It was driven on, `WithProtocol`.
+  sim::EnvironmentConfig environment;  ///< With the protocol applied (`WithProtocol`).
+  sim::CourseSet courses;              ///< With the protocol applied (`WithProtocol`).
   Episodes episodes;
   Summary summary;
 };
 
-/// How many environments to make: `num_environments`, but no more than there are episodes.
+/// Returns how many environments to make: `num_environments`, but at most the number of episodes.
 int NumEnvironments(const EvaluationConfig& config, const sim::CourseSet& courses);
 
-/// Drives the episodes (`RunEpisodes`, with its requirements) and sums them up. `environment` is
-/// the config of `environments`, `WithProtocol`. None: `stop` was requested first.
+/// Drives the episodes (`RunEpisodes`, with its requirements) and summarises them. `environment` is
+/// the config of `environments`, with the protocol applied. Returns nothing if `stop` was requested
+/// before the end.
 [[nodiscard]] std::optional<Evaluation> Evaluate(const EvaluationConfig& config,
                                                  const sim::EnvironmentConfig& environment,
                                                  const sim::CourseSet& courses,
@@ -42,10 +43,10 @@ int NumEnvironments(const EvaluationConfig& config, const sim::CourseSet& course
 using MakeAgent = std::function<std::unique_ptr<env::Agent>(
     int batch_size, const sim::EnvironmentConfig& environment)>;
 
-/// The whole of an evaluation in environments of its own: `environment` is the task's config and
-/// `courses` are the task's, to which the protocol is applied here. `parallel` may be null (see
-/// `sim::CourseEnvironments`); it changes the speed, not the result. None: `stop` was requested
-/// first. Throws `base::Error` where a course cannot be started.
+/// Runs a complete evaluation in environments of its own. `environment` and `courses` are the
+/// task's; the protocol is applied here. `parallel` may be null (see `sim::CourseEnvironments`); it
+/// changes the speed, not the result. Returns nothing if `stop` was requested before the end.
+/// Throws `base::Error` if a course cannot be started.
 [[nodiscard]] std::optional<Evaluation> EvaluateOnCourses(
     const EvaluationConfig& config, const sim::EnvironmentConfig& environment,
     const sim::CourseSet& courses, const MakeAgent& make_agent, base::ParallelFor* parallel,

@@ -7,7 +7,7 @@
 
 namespace slalom::eval {
 
-/// What an evaluation drives and keeps (docs/evaluation.md).
+/// Settings of an evaluation (docs/evaluation.md).
 struct EvaluationConfig {
   std::string protocol = "paper";
   int episodes_per_course = 10;

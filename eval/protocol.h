@@ -8,7 +8,8 @@
 #include "sim/course.h"
 #include "sim/environment_config.h"
 
-/// What an episode of an evaluation is, whoever drives: docs/evaluation.md gives the sources.
+/// Evaluation protocols: the rules of an episode, whichever agent drives. docs/evaluation.md gives
+/// their sources.
 
 namespace slalom::eval {
 
@@ -19,31 +20,31 @@ struct Protocol {
   double goal_tolerance = 0.4;        ///< The goal is reached nearer than this, [m].
   bool collision_ends = true;         ///< False: a collision is counted and the episode goes on.
   double clock_start_distance = 0.0;  ///< The clock starts when the robot is this far from its
-                                      ///< start, [m]; 0: with the episode.
+                                      ///< start, [m]; 0: when the episode starts.
   base::Vec2 start_shift_W;           ///< Start and goal of every course are moved by this, [m].
 
   friend bool operator==(const Protocol&, const Protocol&) = default;
 };
 
-/// All of them, those of `EvaluationConfig::protocol`:
+/// Returns all protocols, which `EvaluationConfig::protocol` may name:
 ///
 /// - "paper": 80 s, goal within 0.4 m, a collision ends it (original-system.md §1.4);
-/// - "dwa-runs": of the published runs of DWA, 100 s and not stopped by collisions (§8.5);
+/// - "dwa-runs": 100 s and not stopped by collisions, as in the published runs of DWA (§8.5);
 /// - "barn-challenge": 100 s from the moment when the robot has moved 0.1 m, goal within 1 m, start
 ///   and goal 0.25 m further left in the original's field, (-2.25, 3) (§1.4, §8.6).
 std::span<const Protocol> Protocols();
 
-/// The protocol that `config` names, with the values that it gives in its own place.
-/// Requires: config.protocol is the name of one (`config/` checks it).
+/// Returns the protocol that `config` names, with the values that `config` gives instead of its
+/// own. Requires: config.protocol is the name of one (`config/` checks it).
 Protocol ResolveProtocol(const EvaluationConfig& config);
 
-/// The task's config under the evaluation's rules: `environment` with time limit, goal tolerance,
-/// collisions and start errors of `config` in the place of its own. A protocol whose clock starts
-/// late gives the robot as long again to start moving.
+/// Returns `environment` with the protocol's time limit, goal tolerance and rule for collisions,
+/// and with the start errors of `config`. If the protocol's clock starts late, the robot gets the
+/// same time once more to start moving.
 sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment,
                                     const EvaluationConfig& config);
 
-/// The courses with start and goal where the protocol wants them.
+/// Returns the courses with start and goal moved as the protocol says.
 sim::CourseSet WithProtocol(sim::CourseSet courses, const EvaluationConfig& config);
 
 }  // namespace slalom::eval

@@ -11,7 +11,7 @@
 
 namespace slalom::eval {
 
-/// The figures of a group of episodes.
+/// The statistics of a group of episodes.
 struct Figures {
   int num_episodes = 0;
   int num_successes = 0;
@@ -30,7 +30,7 @@ struct Figures {
   double mean_path_length = 0.0;  ///< [m]
 };
 
-/// The figures of one course.
+/// The statistics of one course.
 struct CourseFigures {
   int course = 0;  ///< Index in the course set.
   std::string name;
@@ -38,26 +38,26 @@ struct CourseFigures {
   Figures figures;
 };
 
-/// The figures of a whole set and of each course in it, in the set's order.
+/// The statistics of a whole set and of each of its courses, in the set's order.
 struct Summary {
   Figures set;
   std::vector<CourseFigures> courses;
 };
 
-/// Time of the reference path at 2 m/s, [s].
+/// Returns the time of the reference path at 2 m/s, [s].
 double OptimalTime(const sim::Course& course);
 
 /// Lower limits of the time in `BarnScore`, in optimal times: today's, and that of 2022 to 2024.
 inline constexpr double kBarnLimit = 2.0;
 inline constexpr double kBarnLimitUntil2024 = 4.0;
 
-/// The BARN Challenge's score of one episode: optimal_time / clip(time, lower_limit optimal_time, 8
-/// optimal_time) for a success, else 0; so at most 1 / lower_limit. Times in [s].
+/// Returns the BARN Challenge's score of one episode: optimal_time / clip(time, lower_limit
+/// optimal_time, 8 optimal_time) for a success, else 0; so at most 1 / lower_limit. Times in [s].
 double BarnScore(env::Outcome outcome, double time, double optimal_time,
                  double lower_limit = kBarnLimit);
 
-/// The figures of `records`. `step`: control step, [s]. `time_limit`: when an episode times out,
-/// [s]. Requires: every course has at least one record; all episodes have ended.
+/// Computes the statistics of `records`. `step`: control step, [s]. `time_limit`: when an episode
+/// times out, [s]. Requires: every course has at least one record; all episodes have ended.
 Summary Summarise(std::span<const EpisodeRecord> records, const sim::CourseSet& courses,
                   double step, double time_limit);
 

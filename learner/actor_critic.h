@@ -11,8 +11,8 @@
 
 namespace slalom::learner {
 
-/// What actor-critic algorithms have in common: an actor of type `Actor`, some critics, the vectors
-/// between them. An algorithm adds its update.
+/// The common base of actor-critic algorithms: an actor of type `Actor`, some critics, and the
+/// vectors passed between them. A derived class adds the update rule.
 template <class Actor>
 class ActorCritic : public Algorithm {
  public:
@@ -27,10 +27,10 @@ class ActorCritic : public Algorithm {
         critics_("critics", policy::CriticShape(context.spec.network, context.frame_size),
                  num_critics, context.initial_weights, context.minibatch),
         target_(at::zeros_like(context.minibatch.reward)),
-        errors_(at::zeros_like(context.minibatch.reward)) {}
+        td_errors_(at::zeros_like(context.minibatch.reward)) {}
 
   int num_critics() const override { return critics_.size(); }
-  const at::Tensor& errors() const override { return errors_; }
+  const at::Tensor& td_errors() const override { return td_errors_; }
   const at::Tensor& actor_parameters() const override { return actor_.parameters(); }
   const at::Tensor& critic_parameters() const override { return critics_.parameters(); }
   const at::Tensor& average_parameters() const override {
@@ -48,16 +48,17 @@ class ActorCritic : public Algorithm {
   }
 
  protected:
-  /// theta_k <- argmin mean (Q_k(s, a) - y)^2 for y = target_, one step; the targets follow.
-  void RegressCritics(double rate, double polyak_rate) {
-    const Critics::Importance importance{minibatch_.weight, errors_};
-    critics_.Regress(target_, rate * config_.critic_learning_rate, polyak_rate,
-                     totals_[Total::kCriticLoss], totals_[Total::kQ], totals_[Total::kCriticNorm],
-                     config_.prioritized ? &importance : nullptr);
+  /// Takes one gradient step on mean (Q_k(s, a) - y)^2 with y = target_, then updates the target
+  /// networks at `polyak_rate`.
+  void UpdateCritics(double rate, double polyak_rate) {
+    const Critics::Importance importance{minibatch_.weight, td_errors_};
+    critics_.GradientStep(target_, rate * config_.critic_learning_rate, polyak_rate,
+                          totals_[Total::kCriticLoss], totals_[Total::kQ],
+                          totals_[Total::kCriticNorm], config_.prioritized ? &importance : nullptr);
   }
 
-  /// Rate of the averaged actor in the update that was just counted. Early on the average forgets
-  /// its untrained beginning: 5 / (5 + n) while that is faster.
+  /// The averaged actor's rate for the n-th actor update, which was just counted. It is at least
+  /// 5 / (5 + n), so that the average soon forgets the untrained weights.
   double AverageRate() const {
     if (config_.average_rate == 0.0) return 0.0;
     const auto n = static_cast<double>(totals_.num_actor_updates());
@@ -70,8 +71,8 @@ class ActorCritic : public Algorithm {
   Constraint* const constraint_;
   Actor actor_;
   Critics critics_;
-  at::Tensor target_;  // [B], y
-  at::Tensor errors_;  // [B], |Q(s, a) - y|, where prioritized
+  at::Tensor target_;     // [B], y
+  at::Tensor td_errors_;  // [B], |Q(s, a) - y|; set only with prioritized replay.
 };
 
 }  // namespace slalom::learner

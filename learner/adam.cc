@@ -18,8 +18,8 @@ constexpr double kBeta1 = 0.9;
 constexpr double kBeta2 = 0.999;
 constexpr double kEpsilon = 1e-8;
 
-/// Numbers that are handled at a time, few enough to stay in the nearest cache from the step until
-/// its followers have moved.
+/// Numbers handled at a time: few enough to stay in the L1 cache from the step until the averages
+/// are updated.
 constexpr std::int64_t kBlock = 1024;
 
 struct StepFactors {
@@ -51,9 +51,9 @@ SLALOM_SIMD double StepBlock(const StepFactors factors, std::int64_t n, const fl
   return sum;
 }
 
-SLALOM_SIMD void FollowBlock(float rate, std::int64_t n, const float* __restrict p,
-                             float* __restrict follower) {
-  for (std::int64_t i = 0; i < n; ++i) follower[i] += rate * (p[i] - follower[i]);
+SLALOM_SIMD void AverageBlock(float rate, std::int64_t n, const float* __restrict p,
+                              float* __restrict average) {
+  for (std::int64_t i = 0; i < n; ++i) average[i] += rate * (p[i] - average[i]);
 }
 
 }  // namespace
@@ -66,7 +66,8 @@ Adam::Adam(at::Tensor parameters, at::Tensor gradient)
   SLALOM_CHECK_EQ(parameters_.numel(), gradient_.numel());
 }
 
-void Adam::Step(double learning_rate, std::span<const Follower> followers, at::Tensor& norm_total) {
+void Adam::Step(double learning_rate, std::span<const PolyakAverage> averages,
+                at::Tensor& norm_total) {
   ++num_steps_;
   const double t = static_cast<double>(num_steps_);
   const double step_size = learning_rate / (1.0 - std::pow(kBeta1, t));
@@ -77,9 +78,9 @@ void Adam::Step(double learning_rate, std::span<const Follower> followers, at::T
     second_moment_.mul_(kBeta2).addcmul_(gradient_, gradient_, 1.0 - kBeta2);
     const at::Tensor denominator = second_moment_.sqrt().mul_(moment_scale).add_(kEpsilon);
     parameters_.addcdiv_(first_moment_, denominator, -step_size);
-    for (const Follower& follower : followers) {
-      at::Tensor values = follower.values;
-      values.lerp_(parameters_, follower.rate);
+    for (const PolyakAverage& average : averages) {
+      at::Tensor values = average.values;
+      values.lerp_(parameters_, average.rate);
     }
     return;
   }
@@ -93,9 +94,9 @@ void Adam::Step(double learning_rate, std::span<const Follower> followers, at::T
   for (std::int64_t begin = 0; begin < size; begin += kBlock) {
     const std::int64_t n = std::min(kBlock, size - begin);
     squared_norm += StepBlock(factors, n, g + begin, p + begin, m + begin, v + begin);
-    for (const Follower& follower : followers) {
-      FollowBlock(static_cast<float>(follower.rate), n, p + begin,
-                  follower.values.data_ptr<float>() + begin);
+    for (const PolyakAverage& average : averages) {
+      AverageBlock(static_cast<float>(average.rate), n, p + begin,
+                   average.values.data_ptr<float>() + begin);
     }
   }
   *norm_total.data_ptr<double>() += std::sqrt(squared_norm);

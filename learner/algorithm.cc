@@ -17,12 +17,12 @@ std::unique_ptr<Algorithm> Make(const AlgorithmContext& context) {
 }
 
 struct Entry {
-  std::string_view name;  // A choice of learner.algorithm.
+  std::string_view name;  // The value of learner.algorithm.
   std::unique_ptr<Algorithm> (*make)(const AlgorithmContext& context);
   bool is_stochastic;  // Its policy draws actions from a Gaussian.
 };
 
-/// Every algorithm.
+/// All algorithms.
 constexpr std::array kRegistry = {
     Entry{"td3", Make<Td3>, false},
     Entry{"ddpg", Make<Ddpg>, false},

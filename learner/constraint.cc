@@ -19,18 +19,18 @@ Constraint::Constraint(const ConstraintConfig& config, const policy::NetworkShap
       totals_(totals),
       critics_("cost_critics", critic_shape, kNumCritics, initial_weights, minibatch),
       target_(at::zeros_like(minibatch.cost)),
-      errors_(at::zeros_like(minibatch.cost)),
+      td_errors_(at::zeros_like(minibatch.cost)),
       integral_(config.multiplier),
       multiplier_(config.multiplier) {
   SLALOM_CHECK(config.kind != "none");
 }
 
 void Constraint::UpdateCritics(double learning_rate, double polyak_rate) {
-  critics_.ComputeTarget(minibatch_.cost, minibatch_.discount, Pessimism::kMaximum, target_);
-  // Samples drawn by the priorities of the reward's critics count here by the same weights.
-  const Critics::Importance importance{minibatch_.weight, errors_};
-  critics_.Regress(target_, learning_rate, polyak_rate, totals_[Total::kCostLoss],
-                   totals_[Total::kCostQ], totals_[Total::kCostNorm], &importance);
+  critics_.ComputeTdTarget(minibatch_.cost, minibatch_.discount, TargetReduction::kMax, target_);
+  // Samples are drawn by the TD errors of the reward critics; the same importance weights apply.
+  const Critics::Importance importance{minibatch_.weight, td_errors_};
+  critics_.GradientStep(target_, learning_rate, polyak_rate, totals_[Total::kCostLoss],
+                        totals_[Total::kCostQ], totals_[Total::kCostNorm], &importance);
 }
 
 void Constraint::AddActionGradient(at::Tensor& action_gradient) {

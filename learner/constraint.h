@@ -20,30 +20,32 @@ namespace slalom::learner {
 ///   max_pi J(pi) subject to J_C(pi) <= d,
 ///   L(pi, lambda) = J(pi) - lambda (J_C(pi) - d),  lambda >= 0
 ///
-/// (paper.tex, safe RL). The policy climbs Q(s, a) - lambda Q_C(s, a), with the discounted cost Q_C
-/// learned by twin critics of its own. lambda ascends by what finished episodes show: J_C is their
-/// mean number of collisions, which no discount or function approximation distorts. With gains
-/// beyond the integral one it is the PID controller of Stooke, Achiam and Abbeel (2020), algorithm
-/// 2. Thread-compatible.
+/// (the paper's section on safe RL). The policy maximises Q(s, a) - lambda Q_C(s, a), where twin
+/// cost critics learn the discounted cost Q_C. The multiplier lambda is updated from finished
+/// episodes: J_C is their mean number of collisions, so neither discounting nor function
+/// approximation distorts it. With a proportional or derivative gain, the update is the PID
+/// controller of Stooke, Achiam and Abbeel (2020), algorithm 2. Thread-compatible.
 class Constraint {
  public:
   static constexpr int kNumCritics = 2;
 
-  /// Requires: config.kind is not "none". The critics read `minibatch`, which outlives this.
+  /// Requires: config.kind is not "none". Keeps references to `minibatch` and `totals`, which must
+  /// outlive the constraint.
   Constraint(const ConstraintConfig& config, const policy::NetworkShape& critic_shape,
              base::Random& initial_weights, Minibatch& minibatch, Totals& totals);
 
-  /// Regresses the cost critics on c + gamma^n max_k Q'_C,k(s', a'), with a' from
-  /// minibatch.next_actions: of two estimates, the one that fears more (the original's minimum of
-  /// negative costs).
+  /// Takes one gradient step of the cost critics towards c + gamma^n max_k Q'_C,k(s', a'), with a'
+  /// from minibatch.next_actions. The maximum guards against underestimated costs (the original
+  /// takes the minimum of negative costs).
   void UpdateCritics(double learning_rate, double polyak_rate);
 
-  /// Adds lambda mean_i grad_a Q_C,1(s_i, a_i) to the gradient [B, A] of what the actor descends,
-  /// with a from minibatch.actions.
+  /// Adds lambda mean_i grad_a Q_C,1(s_i, a_i) to the gradient [B, A] of the actor's loss, with a
+  /// from minibatch.actions.
   void AddActionGradient(at::Tensor& action_gradient);
 
-  /// Moves lambda by what training episodes show: `collisions` per episode lately (NaN: not known),
-  /// and how many have `finished` since the last call. Nothing where none did.
+  /// Updates lambda from recent training episodes: `collisions` is their mean per episode (NaN if
+  /// unknown), `finished` the number that ended since the last call. Without finished episodes,
+  /// lambda stays.
   void Observe(double collisions, std::int64_t finished);
 
   double multiplier() const { return multiplier_; }
@@ -58,12 +60,12 @@ class Constraint {
   Minibatch& minibatch_;
   Totals& totals_;
   Critics critics_;
-  at::Tensor target_;  // [B], y
-  at::Tensor errors_;  // [B]
+  at::Tensor target_;     // [B], y
+  at::Tensor td_errors_;  // [B]
   double integral_;
   double multiplier_;
-  double collisions_ = LearnerStats::kNone;  // At the last look.
-  std::int64_t num_episodes_ = 0;            // That were looked at.
+  double collisions_ = LearnerStats::kNone;  // Per episode, at the last `Observe`.
+  std::int64_t num_episodes_ = 0;            // Finished episodes observed so far.
 };
 
 }  // namespace slalom::learner

@@ -30,28 +30,28 @@ Critics::Critics(std::string name, const policy::NetworkShape& shape, int num_cr
   }
 }
 
-void Critics::ComputeTarget(const at::Tensor& reward, const at::Tensor& discount,
-                            Pessimism pessimism, at::Tensor& y) {
+void Critics::ComputeTdTarget(const at::Tensor& reward, const at::Tensor& discount,
+                              TargetReduction reduction, at::Tensor& y) {
   for (Critic& critic : critics_) critic.target.Forward(critic.target_pass);
-  PessimisticTarget(target_values_, pessimism, reward, discount, y);
+  TdTarget(target_values_, reduction, reward, discount, y);
 }
 
-void Critics::Regress(const at::Tensor& y, double learning_rate, double polyak_rate,
-                      at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
-                      const Importance* importance) {
-  if (importance != nullptr) importance->error.zero_();
+void Critics::GradientStep(const at::Tensor& y, double learning_rate, double polyak_rate,
+                           at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
+                           const Importance* importance) {
+  if (importance != nullptr) importance->td_error.zero_();
   for (Critic& critic : critics_) {
     critic.network.Forward(critic.pass);
     SquaredError(critic.pass.output(), y, critic.pass.output_gradient(), loss_total, value_total);
     if (importance != nullptr) {
-      WeighError(critic.pass.output(), y, importance->weight,
-                 1.0 / static_cast<double>(critics_.size()), critic.pass.output_gradient(),
-                 importance->error);
+      ApplyImportanceWeights(critic.pass.output(), y, importance->weight,
+                             1.0 / static_cast<double>(critics_.size()),
+                             critic.pass.output_gradient(), importance->td_error);
     }
     critic.network.ParameterGradient(critic.pass, critic.gradient);
   }
-  const Follower target{target_parameters_, polyak_rate};
-  adam_.Step(learning_rate, std::span(&target, polyak_rate > 0.0 ? 1 : 0), norm_total);
+  const PolyakAverage target_networks{target_parameters_, polyak_rate};
+  adam_.Step(learning_rate, std::span(&target_networks, polyak_rate > 0.0 ? 1 : 0), norm_total);
 }
 
 at::Tensor& Critics::ActionGradient(at::Tensor* value_total) {
@@ -63,9 +63,9 @@ at::Tensor& Critics::ActionGradient(at::Tensor* value_total) {
   return critic.pass.extra_gradient();
 }
 
-at::Tensor& Critics::LeastActionGradient(at::Tensor& value_total) {
+at::Tensor& Critics::MinActionGradient(at::Tensor& value_total) {
   for (Critic& critic : critics_) critic.network.Forward(critic.pass);
-  LeastGradient(values_, value_gradients_, value_total);
+  MinGradient(values_, value_gradients_, value_total);
   at::Tensor& sum = critics_.front().pass.extra_gradient();
   for (Critic& critic : critics_) {
     critic.network.ExtraGradient(critic.pass);

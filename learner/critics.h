@@ -16,42 +16,41 @@
 
 namespace slalom::learner {
 
-/// K action-value networks Q_k with nothing shared, and a target network for each.
-/// Thread-compatible.
+/// K independent action-value networks Q_k and a target network for each. Thread-compatible.
 ///
-/// All parameters lie in one tensor [K * P], those of the targets in another.
+/// The parameters of all K networks are one tensor [K * P]; those of the target networks another.
 class Critics {
  public:
-  /// Targets start as copies. The passes are bound to `minibatch`, which must outlive this. The
-  /// names of what is saved begin with `name`.
+  /// The target networks start as copies. Keeps a reference to `minibatch`, which must outlive the
+  /// critics. Saved tensors get names that begin with `name`.
   Critics(std::string name, const policy::NetworkShape& shape, int num_critics,
           base::Random& random, const Minibatch& minibatch);
 
-  /// y = reward + discount * min_k (or max_k) Q'_k(s', a'), with a' from the minibatch's next
-  /// input. All [B].
-  void ComputeTarget(const at::Tensor& reward, const at::Tensor& discount, Pessimism pessimism,
-                     at::Tensor& y);
+  /// Computes the TD target y = reward + discount * min_k (or max_k) Q'_k(s', a') with the target
+  /// networks, a' being the action in the minibatch's next input. All [B].
+  void ComputeTdTarget(const at::Tensor& reward, const at::Tensor& discount,
+                       TargetReduction reduction, at::Tensor& y);
 
-  /// Of samples drawn by priority.
+  /// Needed for samples that were drawn by priority.
   struct Importance {
-    const at::Tensor& weight;  ///< [B]
-    at::Tensor& error;         ///< [B]
+    const at::Tensor& weight;  ///< [B], input: importance weights
+    at::Tensor& td_error;      ///< [B], output: mean over the critics of |Q_k(s, a) - y|
   };
 
-  /// One step of Adam on sum_k mean (Q_k(s, a) - y)^2, with the targets following at `polyak_rate`
-  /// (0: not). Adds loss, mean Q and gradient norm to their totals (float64 tensors with one
-  /// element). With `importance`, each sample's gradient counts by its weight, and `error` [B]
-  /// becomes the mean over the critics of |Q_k(s, a) - y|.
-  void Regress(const at::Tensor& y, double learning_rate, double polyak_rate,
-               at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
-               const Importance* importance = nullptr);
+  /// Takes one step of Adam on sum_k mean (Q_k(s, a) - y)^2, then updates the target networks at
+  /// `polyak_rate` (0: they stay). Adds loss, mean Q and gradient norm to their totals (float64
+  /// tensors with one element). With `importance`, each sample's gradient is multiplied by its
+  /// weight, and the TD errors are written.
+  void GradientStep(const at::Tensor& y, double learning_rate, double polyak_rate,
+                    at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
+                    const Importance* importance = nullptr);
 
-  /// Gradient by the action of -mean Q_1(s, a), with a from the minibatch's input. Returns [B, A],
-  /// overwritten by the next call. Adds mean Q_1 to `value_total`, unless null.
+  /// Returns the gradient of -mean Q_1(s, a) with respect to the actions in the minibatch's input,
+  /// [B, A]. The next call overwrites it. Adds mean Q_1 to `value_total`, unless null.
   at::Tensor& ActionGradient(at::Tensor* value_total);
 
-  /// The same of -mean min_k Q_k(s, a).
-  at::Tensor& LeastActionGradient(at::Tensor& value_total);
+  /// As `ActionGradient`, for -mean min_k Q_k(s, a).
+  at::Tensor& MinActionGradient(at::Tensor& value_total);
 
   int size() const { return static_cast<int>(critics_.size()); }
   const at::Tensor& parameters() const { return parameters_; }                ///< [K * P]
@@ -75,8 +74,8 @@ class Critics {
   at::Tensor gradient_;
   Adam adam_;
   std::vector<Critic> critics_;
-  std::vector<at::Tensor> target_values_;  // [B, 1] each, the outputs of the target passes
-  std::vector<at::Tensor> values_;         // [B, 1] each, of the passes
+  std::vector<at::Tensor> target_values_;  // [B, 1] each, outputs of the target networks
+  std::vector<at::Tensor> values_;         // [B, 1] each, outputs of the networks
   std::vector<at::Tensor> value_gradients_;
 };
 

@@ -11,10 +11,10 @@ void Ddpg::Update(double rate) {
   // The lines of Lillicrap et al. 2016, algorithm 1, from "Set y_i" on.
   // Set y_i, equation 5: y = r + gamma^n Q'(s', pi'(s'))
   CopyActions(actor_.ActTarget(), minibatch_.next_actions);
-  critics_.ComputeTarget(minibatch_.reward, minibatch_.discount, Pessimism::kMinimum, target_);
+  critics_.ComputeTdTarget(minibatch_.reward, minibatch_.discount, TargetReduction::kMin, target_);
   // Update critic, equation 4: theta <- argmin mean (Q(s, a) - y)^2; with it the update of its
   // target network, theta' <- tau theta + (1 - tau) theta', which nothing reads until the next y
-  RegressCritics(rate, config_.tau);
+  UpdateCritics(rate, config_.tau);
   if (constraint_) constraint_->UpdateCritics(rate * config_.critic_learning_rate, config_.tau);
 
   // Update the actor by the sampled policy gradient, equation 6, of Q - lambda Q_C where there is a
@@ -23,8 +23,9 @@ void Ddpg::Update(double rate) {
   CopyActions(actor_.Act(), minibatch_.actions);
   at::Tensor& action_gradient = critics_.ActionGradient(&totals_[Total::kActorQ]);
   if (constraint_) constraint_->AddActionGradient(action_gradient);
-  actor_.Improve(action_gradient, config_.preactivation_penalty, rate * config_.actor_learning_rate,
-                 config_.tau, AverageRate(), totals_[Total::kActorNorm]);
+  actor_.PolicyGradientStep(action_gradient, config_.preactivation_penalty,
+                            rate * config_.actor_learning_rate, config_.tau, AverageRate(),
+                            totals_[Total::kActorNorm]);
 }
 
 }  // namespace slalom::learner

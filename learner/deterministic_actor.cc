@@ -38,9 +38,10 @@ const at::Tensor& DeterministicActor::ActTarget() {
   return target_pass_.output();
 }
 
-void DeterministicActor::Improve(const at::Tensor& action_gradient, double preactivation_penalty,
-                                 double learning_rate, double polyak_rate, double average_rate,
-                                 at::Tensor& norm_total) {
+void DeterministicActor::PolicyGradientStep(const at::Tensor& action_gradient,
+                                            double preactivation_penalty, double learning_rate,
+                                            double polyak_rate, double average_rate,
+                                            at::Tensor& norm_total) {
   CopyActions(action_gradient, pass_.output_gradient());
   policy::TanhGradient(pass_.output(), pass_.output_gradient());
   if (preactivation_penalty > 0.0) {
@@ -48,9 +49,9 @@ void DeterministicActor::Improve(const at::Tensor& action_gradient, double preac
         preactivation_, 2.0 * preactivation_penalty / static_cast<double>(preactivation_.size(0)));
   }
   network_.ParameterGradient(pass_, network_gradient_);
-  const std::array followers = {Follower{target_parameters_, polyak_rate},
-                                Follower{average_parameters_, average_rate}};
-  adam_.Step(learning_rate, std::span(followers).first(average_rate > 0.0 ? 2 : 1), norm_total);
+  const std::array averages = {PolyakAverage{target_parameters_, polyak_rate},
+                               PolyakAverage{average_parameters_, average_rate}};
+  adam_.Step(learning_rate, std::span(averages).first(average_rate > 0.0 ? 2 : 1), norm_total);
 }
 
 void DeterministicActor::SaveState(policy::TensorMap& tensors) const {

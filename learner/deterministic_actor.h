@@ -14,28 +14,29 @@
 
 namespace slalom::learner {
 
-/// The policy a = pi(s) of TD3 and DDPG, its target network and the average of its weights, which
-/// is steadier than any of them (feasibility.md). Thread-compatible.
+/// The policy a = pi(s) of TD3 and DDPG, its target network, and the average of its weights, which
+/// drives more steadily than the weights of any single update. Thread-compatible.
 class DeterministicActor {
  public:
-  /// Target and average start as copies. The passes are bound to `minibatch`, which must outlive
-  /// this.
+  /// The target network and the average start as copies. Keeps a reference to `minibatch`, which
+  /// must outlive the actor.
   DeterministicActor(const policy::NetworkShape& shape,
                      const policy::ActionDistribution& distribution, base::Random& random,
                      const Minibatch& minibatch);
 
-  /// pi(s) and pi'(s'). Returns [B, A], overwritten by the next call.
+  /// Return pi(s), and pi'(s') of the target network, [B, A]. The next call overwrites them.
   const at::Tensor& Act();
   const at::Tensor& ActTarget();
   const at::Tensor& ActNext() { return ActTarget(); }
 
-  /// One step of Adam, after `Act`, on a loss whose gradient by the actions is `action_gradient`,
-  /// [B, A], plus `preactivation_penalty` times the mean of |u|^2, u being what tanh is taken of
-  /// (Andrychowicz et al. 2017, appendix A). The target follows at `polyak_rate`, the average at
-  /// `average_rate` (0: not). Adds the gradient norm to `norm_total`.
-  void Improve(const at::Tensor& action_gradient, double preactivation_penalty,
-               double learning_rate, double polyak_rate, double average_rate,
-               at::Tensor& norm_total);
+  /// Takes one step of Adam. The loss has the gradient `action_gradient` [B, A] with respect to the
+  /// actions that `Act` returned, plus `preactivation_penalty` times the mean of |u|^2, where u is
+  /// the input of tanh (Andrychowicz et al. 2017, appendix A). Then updates the target network at
+  /// `polyak_rate` and the average at `average_rate` (0: it stays). Adds the gradient norm to
+  /// `norm_total`.
+  void PolicyGradientStep(const at::Tensor& action_gradient, double preactivation_penalty,
+                          double learning_rate, double polyak_rate, double average_rate,
+                          at::Tensor& norm_total);
 
   const at::Tensor& parameters() const { return parameters_; }                  ///< [P]
   const at::Tensor& target_parameters() const { return target_parameters_; }    ///< [P]
@@ -55,7 +56,7 @@ class DeterministicActor {
   policy::Network network_gradient_;
   policy::NetworkPass pass_;
   policy::NetworkPass target_pass_;
-  at::Tensor preactivation_;  // [B, A] of the last Act.
+  at::Tensor preactivation_;  // [B, A], inputs of tanh in the last `Act`.
 };
 
 }  // namespace slalom::learner

@@ -44,12 +44,13 @@ const at::Tensor& GaussianActor::ActNext() {
   return next_.actions;
 }
 
-void GaussianActor::Improve(const at::Tensor& action_gradient, const at::Tensor& log_temperature,
-                            double learning_rate, double average_rate, at::Tensor& norm_total) {
+void GaussianActor::PolicyGradientStep(const at::Tensor& action_gradient,
+                                       const at::Tensor& log_temperature, double learning_rate,
+                                       double average_rate, at::Tensor& norm_total) {
   SquashedGradient(distribution_, now_.pass.output(), noise_, now_.actions, action_gradient,
                    log_temperature, now_.pass.output_gradient());
   network_.ParameterGradient(now_.pass, network_gradient_);
-  const Follower average{average_parameters_, average_rate};
+  const PolyakAverage average{average_parameters_, average_rate};
   adam_.Step(learning_rate, std::span(&average, average_rate > 0.0 ? 1 : 0), norm_total);
 }
 

@@ -13,32 +13,33 @@
 
 namespace slalom::learner {
 
-/// Actions drawn from a policy, with their log density. Views that the next draw overwrites.
+/// Actions drawn from a policy and their log densities: views, which the next draw overwrites.
 struct SampledActions {
   const at::Tensor& actions;          ///< [B, A]
   const at::Tensor& log_probability;  ///< [B], log pi(a|s)
 };
 
-/// The stochastic policy of SAC: a = tanh(mean(s) + std(s) * noise), each action number on its own,
-/// with the average of its weights. There is no target network. Thread-compatible.
+/// The stochastic policy of SAC, a = tanh(mean(s) + std(s) * noise) with independent components,
+/// and the average of its weights. It has no target network. Thread-compatible.
 class GaussianActor {
  public:
-  /// `distribution`: bounds of the standard deviation. The average starts as a copy. The passes are
-  /// bound to `minibatch`, which must outlive this.
+  /// `distribution` bounds the standard deviation. The average starts as a copy. Keeps a reference
+  /// to `minibatch`, which must outlive the actor.
   GaussianActor(const policy::NetworkShape& shape, const policy::ActionDistribution& distribution,
                 base::Random& random, const Minibatch& minibatch);
 
-  /// a ~ pi(.|s) and a' ~ pi(.|s') by standard normal numbers [B, A].
+  /// Draw a ~ pi(.|s), and a' ~ pi(.|s'). `noise`: standard normal numbers, [B, A].
   SampledActions Sample(const at::Tensor& noise) { return Draw(now_, noise); }
   SampledActions SampleNext(const at::Tensor& noise) { return Draw(next_, noise); }
 
-  /// The mode tanh(mean(s')). Overwritten by the next call.
+  /// Returns the mode tanh(mean(s')), [B, A]. The next call overwrites it.
   const at::Tensor& ActNext();
 
-  /// One step of Adam, after `Sample`, on mean_i alpha log pi(a_i|s_i) plus a loss whose gradient
-  /// by the actions is `action_gradient`, [B, A]. `log_temperature`: log alpha, [1].
-  void Improve(const at::Tensor& action_gradient, const at::Tensor& log_temperature,
-               double learning_rate, double average_rate, at::Tensor& norm_total);
+  /// Takes one step of Adam on mean_i alpha log pi(a_i|s_i) plus a loss whose gradient with respect
+  /// to the actions of the last `Sample` is `action_gradient`, [B, A]. `log_temperature`: log
+  /// alpha, [1]. Then updates the average at `average_rate` (0: it stays).
+  void PolicyGradientStep(const at::Tensor& action_gradient, const at::Tensor& log_temperature,
+                          double learning_rate, double average_rate, at::Tensor& norm_total);
 
   const at::Tensor& parameters() const { return parameters_; }                  ///< [P]
   const at::Tensor& average_parameters() const { return average_parameters_; }  ///< [P]
@@ -48,7 +49,7 @@ class GaussianActor {
 
  private:
   struct Draws {
-    policy::NetworkPass pass;    // Output [B, 2 A]: mean, and what the deviation comes of.
+    policy::NetworkPass pass;    // Output [B, 2 A]: means, then raw standard deviations.
     at::Tensor actions;          // [B, A]
     at::Tensor log_probability;  // [B]
   };

@@ -15,13 +15,13 @@ using policy::IsHostFloat;
 
 const double kLogSqrtTwoPi = 0.5 * std::log(2.0 * std::numbers::pi);
 
-/// log(1 - tanh(u)^2), without cancellation where |u| is large.
+/// Returns log(1 - tanh(u)^2) without cancellation for large |u|.
 float LogTanhSlope(float u) {
   const float v = -2.0f * std::abs(u);
   return 2.0f * (std::numbers::ln2_v<float> + 0.5f * v - std::log1p(std::exp(v)));
 }
 
-/// log std of the network's second outputs.
+/// Returns log std from the second half of the network's outputs.
 at::Tensor LogStd(const policy::ActionDistribution& distribution, const at::Tensor& raw) {
   return distribution.log_std_min +
          0.5 * (distribution.log_std_max - distribution.log_std_min) * (raw.tanh() + 1.0);
@@ -95,8 +95,8 @@ void SquashedGradient(const policy::ActionDistribution& distribution, const at::
   }
 }
 
-void SubtractEntropyCost(const at::Tensor& discount, const at::Tensor& log_temperature,
-                         const at::Tensor& log_probability, at::Tensor& y) {
+void AddEntropyBonus(const at::Tensor& discount, const at::Tensor& log_temperature,
+                     const at::Tensor& log_probability, at::Tensor& y) {
   if (!IsHostFloat(y)) {
     y.sub_(discount * log_temperature.exp() * log_probability);
     return;

@@ -4,8 +4,8 @@
 
 #include "policy/policy.h"
 
-/// The arithmetic of squashed Gaussian policies (SAC). As in learner/value_ops.h, fused on the CPU
-/// in float32 and LibTorch's operations elsewhere.
+/// The arithmetic of squashed Gaussian policies (SAC). As in learner/value_ops.h, it is fused for
+/// float32 on the CPU and uses LibTorch's operations elsewhere.
 ///
 /// Shapes: `B` batch, `A` = 2 numbers of an action.
 
@@ -13,24 +13,27 @@ namespace slalom::learner {
 
 /// a = tanh(u), u = mean + std * noise, and
 /// log pi = sum -noise^2 / 2 - log std - log sqrt(2 pi) - log(1 - a^2)
-/// (Haarnoja et al. 2018, appendix C). output: [B, 2 A], means and what the deviations come of
-/// (`policy::ActionDistribution`); noise, actions: [B, A]; log_probability: [B].
+/// (Haarnoja et al. 2018, appendix C). output: [B, 2 A], the means, then raw values that
+/// `policy::ActionDistribution` maps to standard deviations; noise, actions: [B, A];
+/// log_probability: [B].
 void SquashedSample(const policy::ActionDistribution& distribution, const at::Tensor& output,
                     const at::Tensor& noise, at::Tensor& actions, at::Tensor& log_probability);
 
-/// Gradient by the output of a loss with gradient `daction` [B, A] by the actions, plus
-/// alpha mean_i log pi_i: d log pi / du = 2 a, and d log pi / d log std = -1 besides.
-/// log_temperature: log alpha, [1]; doutput: [B, 2 A].
+/// Computes `doutput` [B, 2 A], the gradient of alpha mean_i log pi_i plus a loss with the gradient
+/// `daction` [B, A] with respect to the actions. It uses d log pi / du = 2 a; in addition,
+/// d log pi / d log std has the direct term -1. log_temperature: log alpha, [1].
 void SquashedGradient(const policy::ActionDistribution& distribution, const at::Tensor& output,
                       const at::Tensor& noise, const at::Tensor& actions, const at::Tensor& daction,
                       const at::Tensor& log_temperature, at::Tensor& doutput);
 
-/// y -= discount * alpha * log_probability. All [B] but `log_temperature` = log alpha, [1].
-void SubtractEntropyCost(const at::Tensor& discount, const at::Tensor& log_temperature,
-                         const at::Tensor& log_probability, at::Tensor& y);
+/// Adds the entropy bonus of the next action to a TD target: y -= discount * alpha *
+/// log_probability. All [B] except `log_temperature` = log alpha, [1].
+void AddEntropyBonus(const at::Tensor& discount, const at::Tensor& log_temperature,
+                     const at::Tensor& log_probability, at::Tensor& y);
 
-/// gradient = -mean (log_probability + target_entropy), [1]: by log alpha of the temperature's
-/// loss. Adds the entropy, -mean log_probability, to `entropy_total` (float64, [1]).
+/// Computes the gradient of the temperature's loss with respect to log alpha:
+/// -mean (log_probability + target_entropy), [1]. Adds the entropy, -mean log_probability, to
+/// `entropy_total` (float64, [1]).
 void TemperatureGradient(const at::Tensor& log_probability, double target_entropy,
                          at::Tensor& gradient, at::Tensor& entropy_total);
 

@@ -15,12 +15,12 @@
 namespace slalom::learner {
 namespace {
 
-/// All that makes up the transitions of a minibatch, row by row: views.
+/// Views of all tensors that make up the transitions of a minibatch.
 std::array<at::Tensor, 6> Columns(const Minibatch& m) {
   return {m.input, m.next_features, m.reward, m.cost, m.discount, m.weight};
 }
 
-/// Replayed rows of a batch of MBPO.
+/// Returns the number of replayed transitions in a batch of MBPO.
 std::int64_t NumReal(const ImaginationConfig& config, std::int64_t batch) {
   return std::lround(config.real_ratio * static_cast<double>(batch));
 }
@@ -42,7 +42,7 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size) {
   if (config.imagined_batches == 0) {
     throw base::Error(
         fmt::format("imagination.imagined_batches is 0, expected at least 1 with imagination.kind "
-                    "= \"{}\": nothing would be learned from what is imagined",
+                    "= \"{}\": nothing would be learned from imagined transitions",
                     config.kind));
   }
   if (config.kind == "dyna") {
@@ -57,13 +57,12 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size) {
   if (config.as_published) {
     throw base::Error(
         "imagination.as_published is true, expected imagination.kind = \"dyna\": the original's "
-        "MBPO "
-        "cannot run (original-system.md, fault M4)");
+        "MBPO cannot run (original-system.md, fault M4)");
   }
   if (NumReal(config, batch_size) == batch_size) {
     throw base::Error(
         fmt::format("imagination.real_ratio is {}, expected less with imagination.kind = \"mbpo\": "
-                    "nothing of what is imagined would be learned from in batches of {}",
+                    "a batch of {} would have no imagined transitions",
                     config.real_ratio, batch_size));
   }
   if (config.rollouts % batch_size != 0) {
@@ -127,11 +126,11 @@ void Imagination::Fill(int k) {
     return FillDyna(k);
   }
   // Janner et al. 2019, algorithm 2, line 10: the data that the policy is updated on. Replayed
-  // transitions first, other ones in each batch, then imagined ones.
+  // transitions come first, different ones in each batch, then imagined ones.
   const std::int64_t batch = minibatch_.reward.size(0);
   const std::int64_t num_real = NumReal(config_, batch);
   const auto to = Columns(minibatch_), from = Columns(real_);
-  // In runs of rows: around the end of the batch lies its begin.
+  // Copies runs of rows, wrapping around at the end of the batch.
   for (std::int64_t done = 0; done < num_real;) {
     const std::int64_t row = (k * num_real + done) % batch;
     const std::int64_t n = std::min(num_real - done, batch - row);
@@ -143,8 +142,8 @@ void Imagination::Fill(int k) {
   transitions_.Sample(num_real, random_, minibatch_);
 }
 
-/// Line 7: sample s_t from the replay. The minibatch's state, and the one that is rolled forward,
-/// are those of `loaded` rows.
+/// Line 7: sample s_t from the replay. Sets the minibatch's state, and the state that is rolled
+/// forward, to `loaded` rows from `row` on.
 void Imagination::StartFrom(std::int64_t row) {
   const std::int64_t batch = minibatch_.reward.size(0);
   minibatch_.features.copy_(trainer_.loaded().features.narrow(0, row, batch));
@@ -153,8 +152,8 @@ void Imagination::StartFrom(std::int64_t row) {
   minibatch_.weight.fill_(1.0);
 }
 
-/// One step from minibatch.next_features to what is imagined to follow, in place, by the policy's
-/// action with noise, which is left in minibatch.next_actions.
+/// Does one model step in place, from minibatch.next_features to the predicted next state. The
+/// policy's action with noise is left in minibatch.next_actions.
 void Imagination::Step(bool clip) {
   const at::Tensor noise = action_noise_.Draw(random_).mul_(config_.noise);
   if (clip) {
@@ -218,7 +217,7 @@ void Imagination::RollOut(std::int64_t row, int steps) {
     const at::Tensor ended = uniform.to(alive_.device()) < pass_.termination();
     minibatch_.discount.fill_(gamma_).masked_fill_(ended, 0.0);
     transitions_.Add(minibatch_);
-    // On every device without waiting for it: a rollout that ended starts again.
+    // A rollout that ended starts again. This works on every device without waiting for it.
     const std::int64_t batch = minibatch_.reward.size(0);
     minibatch_.next_features.copy_(at::where(ended.unsqueeze(1),
                                              trainer_.loaded().features.narrow(0, row, batch),

@@ -16,44 +16,45 @@
 
 namespace slalom::learner {
 
-/// Length of a rollout after so many updates of the policy: linear between the schedule's ends, and
-/// rounded down (Janner et al. 2019, appendix C).
+/// Returns the length of a model rollout after `num_updates` updates of the policy. It is linear
+/// between the ends of the schedule and rounded down (Janner et al. 2019, appendix C).
 int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates);
 
-/// States that imagination starts from for each replayed batch of `batch_size`.
-/// Throws `base::Error` that names the key where the config contradicts itself.
+/// Returns the number of states that model rollouts start from for each replayed batch of
+/// `batch_size`. Throws `base::Error`, naming the key, if the config contradicts itself.
 int NumStartingStates(const ImaginationConfig& config, int batch_size);
 
-/// Fills an algorithm's minibatch with what a transition model imagines: each step is the policy's
-/// action with noise, then an elite network's prediction (with its own noise where probabilistic),
-/// from which the next step goes on.
+/// Fills an algorithm's minibatch with imagined transitions, which are model rollouts: in each
+/// step, the policy chooses an action, noise is added, and one of the ensemble's elite members
+/// predicts the next state (a probabilistic model draws it), from which the next step continues.
 ///
-/// Dyna-style (Sutton 1990; original-system.md §5.2): from state s, n steps are imagined; reward =
-/// sum_i gamma^i alive_i r_i and discount = gamma^n alive_n, with alive the probability that no
-/// step before terminated. MBPO (Janner et al. 2019, algorithm 2): one-step transitions of rollouts
-/// go to a buffer, and batches are mixed from it and from replayed ones; where a step terminates
-/// (drawn by its probability) the rollout starts again from its state. Thread-compatible: one
-/// owner.
+/// Dyna (Sutton 1990; original-system.md §5.2) imagines n steps from each state s. The transition
+/// has reward = sum_i gamma^i alive_i r_i and discount = gamma^n alive_n, where alive_i is the
+/// probability that no earlier step terminated. MBPO (Janner et al. 2019, algorithm 2) stores the
+/// one-step transitions of its rollouts in a buffer and mixes batches from the buffer and from
+/// replayed transitions. If a step terminates (drawn by its probability), that rollout starts again
+/// from its first state. Thread-compatible: one owner.
 class Imagination {
  public:
-  /// All references are kept. Requires: the algorithm finds its transitions in `minibatch`, and
-  /// `trainer` loads at least `NumStartingStates` rows.
+  /// Keeps all references. Requires: `algorithm` updates from `minibatch`, and `trainer` loads at
+  /// least `NumStartingStates` rows.
   Imagination(const ImaginationConfig& config, double gamma, const ModelTrainer& trainer,
               Algorithm& algorithm, Minibatch& minibatch, std::uint64_t seed);
 
   /// Whether the model has been trained enough.
   bool ready() const { return trainer_.num_updates() >= config_.learning_starts; }
-  /// Whether the policy is updated from the replayed batch itself, too: in Dyna. MBPO mixes it in.
+  /// Whether the policy is updated from the replayed batch itself, too. Dyna does so; MBPO mixes
+  /// replayed transitions into its batches instead.
   bool adds_to_replayed() const { return config_.kind == "dyna"; }
-  /// Batches that `Fill` makes for each replayed one: 0 .. num_batches() - 1.
+  /// Number of batches that `Fill` makes for each replayed one.
   int num_batches() const { return config_.imagined_batches; }
 
-  /// After the trainer has loaded its rows; for MBPO while the minibatch holds a replayed batch
-  /// that the algorithm has not updated from: keeps it and imagines the rollouts. `num_updates`: of
-  /// the policy.
+  /// Starts a round of batches, once the trainer has loaded its rows. MBPO keeps a copy of the
+  /// replayed batch in the minibatch, which the algorithm must not have updated from, and imagines
+  /// its rollouts. `num_updates` counts the policy's updates.
   void Begin(std::int64_t num_updates);
 
-  /// Fills the minibatch with batch `k`. Requires: `Begin`.
+  /// Fills the minibatch with batch `k`, 0 <= k < num_batches(). Requires: `Begin` was called.
   void Fill(int k);
 
   void SaveState(policy::TensorMap& tensors) const;

@@ -24,8 +24,8 @@ ImaginedTransitions::ImaginedTransitions(std::int64_t capacity, int history,
     discount_ = at::zeros({capacity}, options);
   } catch (const c10::Error&) {
     throw base::Error(fmt::format(
-        "imagination.buffer_capacity is {}: cannot reserve {} MiB for imagined transitions; a "
-        "smaller one needs less",
+        "imagination.buffer_capacity is {}: cannot reserve {} MiB for imagined transitions; "
+        "choose a smaller capacity",
         capacity, (capacity * (minibatch.features.size(1) + frame_size_ + 4) * 4) >> 20));
   }
 }
@@ -35,7 +35,7 @@ void ImaginedTransitions::Add(const Minibatch& minibatch) {
   SLALOM_CHECK_LE(batch, capacity_);
   const at::Tensor frames =
       minibatch.next_features.narrow(1, minibatch.next_features.size(1) - frame_size_, frame_size_);
-  // In two parts where the end of the ring lies between.
+  // In two parts if they wrap around the end of the ring.
   for (std::int64_t done = 0; done < batch;) {
     const std::int64_t n = std::min(batch - done, capacity_ - next_);
     const auto copy = [&](at::Tensor& to, const at::Tensor& from) {
@@ -67,7 +67,7 @@ void ImaginedTransitions::Sample(std::int64_t begin, base::Random& random,
   const at::Tensor features = features_.index_select(0, index);
   const std::int64_t width = features.size(1);
   rows(minibatch.features).copy_(features);
-  // The older frames of the next stack are the newer ones of this.
+  // The older frames of the next state are the newer ones of this state.
   rows(minibatch.next_features)
       .narrow(1, 0, width - frame_size_)
       .copy_(features.narrow(1, frame_size_, width - frame_size_));

@@ -12,21 +12,21 @@
 
 namespace slalom::learner {
 
-/// MBPO's model buffer: a ring of imagined one-step transitions, where the networks compute.
+/// MBPO's model buffer: a ring of imagined one-step transitions, on the device of the networks.
 ///
-/// The frame after a transition is kept alone, as the stack before it holds the rest.
-/// Thread-compatible. Memory: 4 (H + 1) F bytes a transition, taken at once.
+/// Of the next state only the newest frame is stored, as the state holds the others.
+/// Thread-compatible. Memory: 4 (H + 1) F bytes per transition, allocated by the constructor.
 class ImaginedTransitions {
  public:
-  /// Of the shapes of `minibatch`. A capacity of 0 makes a ring that nothing may be added to.
+  /// Takes its shapes from `minibatch`. With a capacity of 0, nothing may be added.
   ImaginedTransitions(std::int64_t capacity, int history, const Minibatch& minibatch);
 
   /// Appends the B transitions of a minibatch: features, actions, reward, discount, and the newest
   /// frame of next_features. Requires: capacity >= B.
   void Add(const Minibatch& minibatch);
 
-  /// Draws transitions uniformly, with replacement, into rows `begin` and on of `minibatch`; costs
-  /// become 0 and weights 1. Requires: size() > 0.
+  /// Draws transitions uniformly, with replacement, into the rows of `minibatch` from `begin` on.
+  /// Their costs become 0 and their weights 1. Requires: size() > 0.
   void Sample(std::int64_t begin, base::Random& random, Minibatch& minibatch) const;
 
   std::int64_t size() const { return size_; }

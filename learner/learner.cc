@@ -53,30 +53,31 @@ const MethodConfig& Checked(const MethodConfig& method) {
     if (constraint.kind != "none" || constraint.*member == defaults.*member) continue;
     throw base::Error(
         fmt::format("constraint.{} is {}, expected constraint.kind = \"lagrangian\" or \"fixed\": "
-                    "nothing counts the cost",
+                    "without a constraint it has no effect",
                     key, constraint.*member));
   }
   if (constraint.kind == "lagrangian" && constraint.learning_rate == 0.0 &&
       constraint.proportional_gain == 0.0 && constraint.derivative_gain == 0.0) {
     throw base::Error(
-        "constraint.learning_rate is 0, expected it or a gain above 0 where constraint.kind is "
-        "\"lagrangian\": the multiplier would never move");
+        "constraint.learning_rate and both gains are 0, expected one of them above 0 with "
+        "constraint.kind = \"lagrangian\": the multiplier would never move");
   }
   if (constraint.kind == "lagrangian" && constraint.limit >= 1.0) {
     throw base::Error(fmt::format(
-        "constraint.limit is {}, expected less than 1 where constraint.kind is \"lagrangian\": an "
+        "constraint.limit is {}, expected less than 1 with constraint.kind = \"lagrangian\": an "
         "episode ends with its first collision, so the multiplier would never rise",
         constraint.limit));
   }
   if (constraint.kind == "lagrangian" && constraint.multiplier_max == 0.0) {
     throw base::Error(
-        "constraint.multiplier_max is 0, expected more: a cost that weighs nothing constrains "
-        "nothing");
+        "constraint.multiplier_max is 0, expected more: with a multiplier of 0 the constraint has "
+        "no "
+        "effect");
   }
   if (constraint.kind == "fixed" && constraint.multiplier == 0.0) {
     throw base::Error(
-        "constraint.multiplier is 0, expected more where constraint.kind is \"fixed\": a cost that "
-        "weighs nothing constrains nothing");
+        "constraint.multiplier is 0, expected more with constraint.kind = \"fixed\": with a "
+        "multiplier of 0 the constraint has no effect");
   }
   if (constraint.multiplier > constraint.multiplier_max) {
     throw base::Error(
@@ -95,19 +96,19 @@ const MethodConfig& Checked(const MethodConfig& method) {
   if (method.model.kind == "none") {
     throw base::Error(
         fmt::format("imagination.kind is \"{}\", expected model.kind = \"deterministic\" or "
-                    "\"probabilistic\": there is nothing to imagine with",
+                    "\"probabilistic\": imagination needs a transition model",
                     imagination));
   }
   if (constraint.kind != "none") {
     throw base::Error(fmt::format(
         "imagination.kind is \"{}\", expected \"none\" with constraint.kind = \"{}\": a "
-        "model predicts no cost",
+        "transition model predicts no cost",
         imagination, constraint.kind));
   }
   if (learner.prioritized) {
     throw base::Error(fmt::format(
-        "imagination.kind is \"{}\", expected \"none\" with learner.prioritized: what is "
-        "imagined has no priority",
+        "imagination.kind is \"{}\", expected \"none\" with learner.prioritized: imagined "
+        "transitions have no priority",
         imagination));
   }
   return method;
@@ -184,7 +185,7 @@ struct Learner::Parts {
   std::unique_ptr<Algorithm> algorithm;
   std::optional<ModelTrainer> model;
   std::optional<Imagination> imagination;
-  at::Tensor host_errors;  // [B]
+  at::Tensor host_td_errors;  // [B]
   LearnerStats last_stats;
 };
 
@@ -240,10 +241,10 @@ void Learner::Update(std::span<const replay::SampledRows> batches, double progre
   }
 }
 
-std::span<const float> Learner::Errors() {
+std::span<const float> Learner::TdErrors() {
   Parts& p = *parts_;
-  p.host_errors = p.algorithm->errors().to(at::kCPU);
-  return {p.host_errors.data_ptr<float>(), static_cast<std::size_t>(p.host_errors.numel())};
+  p.host_td_errors = p.algorithm->td_errors().to(at::kCPU);
+  return {p.host_td_errors.data_ptr<float>(), static_cast<std::size_t>(p.host_td_errors.numel())};
 }
 
 void Learner::ObserveEpisodes(double collisions, std::int64_t finished) {

@@ -17,7 +17,7 @@
 
 namespace slalom::learner {
 
-/// What a run learns by: every section of its config that the learner reads.
+/// Every section of a run's config that the learner reads.
 struct MethodConfig {
   LearnerConfig learner;
   ConstraintConfig constraint;
@@ -26,48 +26,50 @@ struct MethodConfig {
   ImaginationConfig imagination;
 };
 
-/// What the policies of a method carry for agents that plan: part of every policy that it makes.
-/// `goal`: when the task's episodes end in success.
+/// Returns what agents that plan need to know about the method's model. It is stored in every
+/// policy file. `goal`: when the task's episodes end in success.
 policy::PlanningSpec PlanningOf(const MethodConfig& method, const policy::GoalRule& goal = {});
 
-/// Learns a policy from replayed transitions, by the algorithm that the config names and what is
-/// combined with it. docs/algorithms.md maps the papers' equations to functions.
-/// Thread-compatible: one owner.
+/// Learns a policy from replayed transitions, by the algorithm that the config names and the parts
+/// that it combines with (constraint, transition model, imagination). docs/algorithms.md maps the
+/// papers' equations to functions. Thread-compatible: one owner.
 class Learner {
  public:
-  /// Networks and noise are drawn from `seed`. Throws `base::Error` where the config cannot be met
-  /// (no GPU, sectors that do not divide the beams, parts that do not go together).
-  /// Requires: spec.distribution is `DistributionOf(method.learner)`, spec.planning `PlanningOf` of
-  /// the method and a goal.
+  /// Draws initial weights and noise from `seed`. Throws `base::Error` if the config cannot be met:
+  /// no GPU, sectors that do not divide the beams, or sections that contradict each other.
+  /// Requires: spec.distribution is `DistributionOf(method.learner)`, and spec.planning is
+  /// `PlanningOf` of the method and a goal.
   Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed);
   ~Learner();
 
-  /// One update. Copies what it needs out of the rows. `progress`: part of training that is done,
-  /// in [0, 1], for the learning rates. With imagination it is several updates of the policy. On
-  /// the CPU: no allocation, but of views where it imagines; on a GPU: no wait for it. Requires:
-  /// rows sampled as `sample_specs()` say, one batch of each.
+  /// Does one update; with imagination, it is several updates of the policy. Copies what it needs
+  /// out of the rows. `progress`: the fraction of training that is done, in [0, 1], which sets the
+  /// learning rates. On the CPU, nothing is allocated except views during imagination; a GPU is not
+  /// waited for. Requires: one batch for each of `sample_specs()`, in their order.
   void Update(std::span<const replay::SampledRows> batches, double progress);
 
-  /// What an update learns from: the algorithm's transitions, then those of a model.
+  /// What to sample for an update: the algorithm's batch, then, if there is one, the model's.
   const std::vector<replay::SampleSpec>& sample_specs() const { return sample_specs_; }
   static std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
                                                      const policy::PolicySpec& spec);
 
-  /// The new priorities of the last batch's samples: |Q(s, a) - y|, mean of the critics, [B]. Valid
-  /// until the next `Update`. Waits for the device. Requires: prioritized, one update.
-  std::span<const float> Errors();
+  /// Returns the absolute TD errors |Q(s, a) - y| of the last batch, averaged over the critics,
+  /// [B]. They are the samples' new priorities. Valid until the next `Update`. Waits for the
+  /// device. Requires: learner.prioritized, and at least one update.
+  std::span<const float> TdErrors();
 
-  /// What training episodes show lately, for a constraint: collisions per episode (NaN: not
-  /// known) and episodes `finished` since the last call.
+  /// Updates a constraint's multiplier from recent training episodes: their mean `collisions` per
+  /// episode (NaN if unknown), and the number `finished` since the last call.
   void ObserveEpisodes(double collisions, std::int64_t finished);
 
-  /// Reads the statistics and starts new ones. Waits for the device; call it once in many updates.
+  /// Returns the statistics since the last call and resets them. Waits for the device, so call it
+  /// only once in many updates.
   LearnerStats ReadStats();
 
-  /// How far the transition model is off after so many steps, each by the action really taken: the
-  /// root of the mean squared error of a feature (learner/prediction_error.h). NaN where there is
-  /// no model, or no sample has a whole window. Waits for the device. Requires: windows sampled as
-  /// `window_spec()` says.
+  /// Returns the transition model's error after a rollout of `kErrorSteps` steps with the actions
+  /// that were really taken: the root mean squared error per feature
+  /// (learner/prediction_error.h). NaN if there is no model, or no sample has a whole window. Waits
+  /// for the device. Requires: windows sampled as `window_spec()` says.
   static constexpr int kErrorSteps = 5;
   double PredictionError(const replay::SampledRows& windows) const;
   replay::SampleSpec window_spec() const {
@@ -75,25 +77,25 @@ class Learner {
   }
   bool has_model() const { return method_.model.kind != "none"; }
 
-  /// What is wrong with the training, in words for the user: a network with NaN or infinite
-  /// weights, or values beyond the limit. Empty while it is well. Waits for the device. Looks at
-  /// the last `ReadStats`.
+  /// Returns what is wrong with the training, in words for the user: weights that are not finite,
+  /// or, in the last `ReadStats`, action values beyond the divergence limit. Empty while all is
+  /// well. Waits for the device.
   std::optional<std::string> FindFault() const;
   bool healthy() const { return !FindFault(); }
 
   /// The policy as it acts in training.
   policy::PolicySnapshot Snapshot() const;
-  /// The policy to ship: its weights' average, or `Snapshot` where averaging is off. Version:
-  /// updates done.
+  /// The policy to ship: the averaged actor, or the same as `Snapshot` if averaging is off. The
+  /// version of both is the number of updates done.
   policy::PolicySnapshot BestSnapshot() const;
 
   std::int64_t num_updates() const;
   std::string device() const;  ///< "cpu" or "cuda".
 
-  /// Everything that an update depends on: after `LoadState` of what `SaveState` gave, updates go
-  /// on bit for bit on the same kind of device.
+  /// Saves everything that an update depends on. After `LoadState`, updates continue bit for bit on
+  /// the same kind of device.
   void SaveState(policy::TensorMap& tensors) const;
-  /// Throws `base::Error` where a tensor is missing or of another size.
+  /// Throws `base::Error` if a tensor is missing or of another size.
   void LoadState(const policy::TensorFile& file);
 
  private:

@@ -6,10 +6,11 @@
 
 namespace slalom::learner {
 
-/// What `LearnerConfig::algorithm` may be: the names in the registry of algorithm.cc.
+/// The values that `LearnerConfig::algorithm` may have: the names in algorithm.cc's registry.
 base::OneOf AlgorithmChoices();
 
-/// What learns, and how. The defaults are the original's TD3 (original-system.md §3.1, §3.2).
+/// The algorithm and its parameters. The defaults are the original's TD3 (original-system.md §3.1,
+/// §3.2).
 struct LearnerConfig {
   std::string algorithm = "td3";
   std::string device = "auto";
@@ -47,7 +48,7 @@ struct LearnerConfig {
     v("critic_learning_rate", critic_learning_rate, base::Range{0.0, 1.0}, "",
       "Adam's step size for the critics.");
     v("final_learning_rate_fraction", final_learning_rate_fraction, base::Range{0.0, 1.0}, "",
-      "Both step sizes fall linearly to this part of themselves at the end of training.");
+      "Both step sizes fall linearly to this fraction of their value at the end of training.");
     v("batch_size", batch_size, base::Range{1, 65536}, "", "Transitions per update.");
     v("gamma", gamma, base::Range{0.0, 1.0}, "", "Discount per control step.");
     v("n_step", n_step, base::Range{1, 100}, "steps", "Longest window of a return.");
@@ -55,7 +56,7 @@ struct LearnerConfig {
       "Steps by which the value after a window is discounted beyond the window's length. The "
       "original's code: 1 (original-system.md §3.4, F2).");
     v("tau", tau, base::Range{0.0, 1.0}, "",
-      "Rate at which target networks follow, per actor update.");
+      "Rate of the Polyak average that makes the target networks, per actor update.");
     v("target_noise", target_noise, base::Range{0.0, 10.0}, "",
       "TD3: standard deviation of the noise on target actions.");
     v("noise_clip", noise_clip, base::Range{0.0, 10.0}, "",
@@ -63,25 +64,25 @@ struct LearnerConfig {
     v("policy_delay", policy_delay, base::Range{1, 100}, "",
       "TD3: critic updates per update of actor and targets.");
     v("preactivation_penalty", preactivation_penalty, base::Range{0.0, 100.0}, "",
-      "TD3, DDPG: weight in the actor's loss of the square of what its tanh is taken of, so that "
-      "it "
-      "does not get stuck at the largest actions (docs/networks.md).");
+      "TD3, DDPG: weight of the squared inputs of tanh in the actor's loss, so that the actor does "
+      "not get stuck at the largest actions (docs/networks.md).");
     v("temperature", temperature, base::Range{1e-6, 1e3}, "",
-      "SAC: weight of the entropy at the start.");
+      "SAC: initial temperature, which is the weight of the entropy.");
     v("temperature_learning_rate", temperature_learning_rate, base::Range{0.0, 1.0}, "",
-      "SAC: Adam's step size for the temperature's logarithm; 0: it stays.");
+      "SAC: Adam's step size for the temperature's logarithm; 0: the temperature is constant.");
     v("target_entropy", target_entropy, base::Range{-100.0, 100.0}, "nats",
-      "SAC: entropy of the policy that the temperature holds.");
+      "SAC: entropy of the policy that the temperature is adapted to.");
     v("log_std_min", log_std_min, base::Range{-20.0, 2.0}, "",
-      "SAC: least logarithm of the policy's standard deviation, before tanh.");
+      "SAC: least logarithm of the policy's standard deviation, before tanh. The original's: -1.");
     v("log_std_max", log_std_max, base::Range{-20.0, 5.0}, "",
-      "SAC: largest. The original's code: -1 and 1.");
+      "SAC: largest logarithm of it. The original's: 1.");
     v("reward_scale", reward_scale, base::Range{1e-6, 1e6}, "",
-      "What rewards are multiplied by before they are learned from.");
+      "Factor that rewards are multiplied by before they are learned from.");
     v("mirror", mirror, "Replace each sample, with probability 1/2, by its mirror image.");
     v("average_rate", average_rate, base::Range{0.0, 1.0}, "",
-      "Rate at which the averaged actor follows, per actor update; 0: no averaging. Early on it is "
-      "the mean of about the last fifth.");
+      "Rate of the Polyak average that makes the averaged actor, per actor update; 0: no "
+      "averaging. "
+      "Early on the average covers about the last fifth of the updates.");
     v("prioritized", prioritized,
       "Draw transitions in proportion to their last temporal-difference error (Schaul et al. 2016; "
       "alpha is replay_server.priority_exponent).");
@@ -92,7 +93,8 @@ struct LearnerConfig {
   }
 };
 
-/// A constraint on how often the robot collides (paper.tex, safe RL; original-system.md §4).
+/// A constraint on how often the robot collides (the paper's section on safe RL;
+/// original-system.md §4).
 struct ConstraintConfig {
   std::string kind = "none";
   double limit = 0.1;

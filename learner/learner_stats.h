@@ -11,42 +11,45 @@
 
 namespace slalom::learner {
 
-/// Of a transition model: means over its updates since the last reading. NaN: there is none,
-/// nothing was held out, or the kind of model has no such figure.
+/// Statistics of a transition model: means over its updates since the last reading. A value is NaN
+/// if there is no model, nothing was held out, or this kind of model has no such statistic.
 struct ModelStats {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  std::int64_t num_updates = 0;  ///< Of every member.
-  double loss = kNone;           ///< All parts, of one member, on what is learned from.
+  std::int64_t num_updates = 0;  ///< Updates of each ensemble member.
+  double loss = kNone;           ///< Training loss, mean over the members.
   double gradient_norm = kNone;
-  double held_out_rmse = kNone;         ///< Root of the mean squared error of a number of a frame.
-  double held_out_change = kNone;       ///< The same of a model that says: nothing changes.
-  double held_out_likelihood = kNone;   ///< Negative log-likelihood per number; probabilistic.
-  double held_out_reward_rmse = kNone;  ///< Scaled as the rewards.
+  double held_out_rmse = kNone;        ///< Root mean squared error per predicted feature.
+  double held_out_change = kNone;      ///< The same for predicting that nothing changes.
+  double held_out_likelihood = kNone;  ///< Negative log-likelihood per feature; probabilistic only.
+  double held_out_reward_rmse = kNone;  ///< In units of the scaled reward.
   double held_out_termination = kNone;  ///< Cross-entropy, [nats].
-  double inside_50 = kNone;  ///< Calibration: part of held-out numbers in the middle 50 %, 90 % of
-  double inside_90 = kNone;  ///< what was predicted; probabilistic.
+  /// Calibration of probabilistic models: the fraction of held-out features that lie in the middle
+  /// 50 % and 90 % of the predicted distribution.
+  double inside_50 = kNone;
+  double inside_90 = kNone;
 };
 
-/// Means over the updates since the last reading. NaN: the method has no such figure.
+/// Statistics of the updates since the last reading: means, unless said otherwise. A value is NaN
+/// if the method has no such statistic.
 struct LearnerStats {
-  std::int64_t num_updates = 0;  ///< Critic updates that the means are over.
-  double critic_loss = 0.0;      ///< Mean squared error, of one critic.
-  double q_mean = 0.0;           ///< Of the critics on the batch, scaled as the rewards.
+  std::int64_t num_updates = 0;  ///< Critic updates that the means are taken over.
+  double critic_loss = 0.0;      ///< Mean squared TD error per critic.
+  double q_mean = 0.0;           ///< Mean action value on the batch, in units of the scaled reward.
   double critic_gradient_norm = 0.0;
-  double actor_q_mean = 0.0;  ///< Q_1(s, pi(s)): what the actor climbs.
+  double actor_q_mean = 0.0;  ///< The value that the actor maximises, such as Q_1(s, pi(s)).
   double actor_gradient_norm = 0.0;
 
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  double entropy = kNone;      ///< Of the policy, [nats] (SAC).
-  double temperature = kNone;  ///< alpha, as it is (SAC).
-  double cost_q_mean = kNone;  ///< Of the cost critics on the batch, [discounted collisions].
+  double entropy = kNone;      ///< Entropy of the policy, [nats] (SAC).
+  double temperature = kNone;  ///< alpha now, not a mean (SAC).
+  double cost_q_mean = kNone;  ///< Mean cost value on the batch, [discounted collisions].
   double cost_critic_loss = kNone;
-  double multiplier = kNone;  ///< lambda, as it is.
-  double violation = kNone;   ///< Collisions per episode above the limit, at the last look.
+  double multiplier = kNone;  ///< lambda now, not a mean.
+  double violation = kNone;   ///< Collisions per episode above the limit, when last observed.
   ModelStats model;
 };
 
-/// Totals that updates add to.
+/// The sums that updates add to.
 enum class Total {
   kCriticLoss,
   kQ,
@@ -60,13 +63,13 @@ enum class Total {
   kCount
 };
 
-/// Sums of figures since the last reading, kept where the networks compute, so that an update never
-/// waits for a GPU. Thread-compatible.
+/// Sums of the statistics since the last reading. They are kept on the device of the networks, so
+/// that an update never waits for a GPU. Thread-compatible.
 class Totals {
  public:
   explicit Totals(at::Device device);
 
-  /// The sum of one figure: a view, float64, [1].
+  /// Returns one sum: a view, float64, [1].
   at::Tensor& operator[](Total total) { return views_[static_cast<std::size_t>(total)]; }
 
   void CountUpdate() { ++num_updates_; }
@@ -74,7 +77,7 @@ class Totals {
   std::int64_t num_updates() const { return num_updates_; }              ///< Since the beginning.
   std::int64_t num_actor_updates() const { return num_actor_updates_; }  ///< Since the beginning.
 
-  /// The means, and new sums. Waits for the device.
+  /// Returns the means and resets the sums. Waits for the device.
   LearnerStats Read(int num_critics, int num_cost_critics);
 
   void SaveState(policy::TensorMap& tensors) const;

@@ -10,7 +10,7 @@
 namespace slalom::learner {
 namespace {
 
-/// How many scans ahead of the one being read the next are fetched.
+/// How many scans are prefetched ahead of the one being read.
 constexpr std::size_t kPrefetchDistance = 3;
 
 }  // namespace

@@ -7,8 +7,8 @@
 
 namespace slalom::learner {
 
-/// How a transition model is trained. The defaults are the original's (original-system.md §5), but
-/// for what is held out.
+/// How a transition model is trained. The defaults are the original's (original-system.md §5),
+/// except for `held_out`.
 struct ModelTrainingConfig {
   double learning_rate = 1e-4;
   double weight_decay = 0.0;
@@ -22,22 +22,22 @@ struct ModelTrainingConfig {
   void Visit(Visitor& v) {
     v("learning_rate", learning_rate, base::Range{0.0, 1.0}, "", "Adam's step size for the model.");
     v("weight_decay", weight_decay, base::Range{0.0, 1.0}, "",
-      "Part of each weight, times the step size, that a step takes away (decoupled).");
+      "Decoupled weight decay: each step subtracts this times the step size times the weight.");
     v("batch_size", batch_size, base::Range{1, 65536}, "", "Transitions per update of the model.");
     v("updates_per_update", updates_per_update, base::Range{1, 1000}, "",
       "Updates of the model per update of the policy.");
     v("state_loss", state_loss, base::OneOf{"sum", "mean"}, "",
-      "Whether the error of the next frame is summed over its numbers, or their mean. The "
+      "Whether the error of the next frame is summed or averaged over its features. The "
       "original's: sum where probabilistic, mean where deterministic.");
     v("held_out", held_out, base::Range{0.0, 0.5}, "",
-      "Part of all transitions that is never learned from, to measure the model's error.");
+      "Fraction of transitions that are never trained on, to measure the model's error.");
     v("elites", elites, base::Range{0, 64}, "",
-      "Members of the ensemble that are used: those with the least held-out error; 0: all.");
+      "Members of the ensemble that predict: those with the least held-out error; 0: all.");
   }
 };
 
-/// How a transition model's imagination is learned from. The defaults are the original's Dyna
-/// (original-system.md §5.2), done right.
+/// How the policy learns from a transition model's rollouts. The defaults are the original's Dyna
+/// (original-system.md §5.2) without its faults.
 struct ImaginationConfig {
   std::string kind = "none";
   int imagined_batches = 10;
@@ -59,14 +59,14 @@ struct ImaginationConfig {
       "rollouts "
       "that branch off replayed states fill a buffer of one-step transitions (docs/models.md).");
     v("imagined_batches", imagined_batches, base::Range{0, 1000}, "",
-      "Updates from imagined batches for each from a replayed one.");
+      "Updates from imagined batches per update from a replayed batch.");
     v("rollout_steps", rollout_steps, base::Range{1, 100}, "steps",
       "Steps imagined from a replayed state: n of Dyna's returns, length of MBPO's rollouts at the "
       "start.");
     v("noise", noise, base::Range{0.0, 10.0}, "",
       "Standard deviation of the noise on the policy's actions while imagining.");
     v("learning_starts", learning_starts, base::Range{0, 1e12}, "",
-      "Updates of the model before what it imagines is learned from.");
+      "Updates of the model before the policy learns from its rollouts.");
     v("as_published", as_published,
       "Dyna's fault M3 of original-system.md: the imagined state is not advanced, the first action "
       "goes with the last reward and frame, and the return is thrown away.");
@@ -81,7 +81,7 @@ struct ImaginationConfig {
     v("buffer_capacity", buffer_capacity, base::Range{1, 1e9}, "",
       "MBPO: imagined transitions kept, oldest overwritten first.");
     v("real_ratio", real_ratio, base::Range{0.0, 1.0}, "",
-      "MBPO: part of each batch that is replayed and not imagined.");
+      "MBPO: fraction of each batch that is replayed, not imagined.");
   }
 };
 

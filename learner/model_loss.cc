@@ -13,12 +13,11 @@ namespace slalom::learner {
 namespace {
 
 constexpr double kHalfLog2Pi = 0.91893853320467274;
-/// Half the middle 50 % and 90 % of a normal distribution, in standard deviations.
+/// Half widths of the middle 50 % and 90 % of a normal distribution, in standard deviations.
 constexpr float kHalf50 = 0.67448975f;
 constexpr float kHalf90 = 1.64485363f;
 
-/// Numbers that are summed side by side, so that sums vectorise in an order that is always the
-/// same.
+/// Number of partial sums, so that sums vectorise in an order that is always the same.
 constexpr std::int64_t kLanes = 16;
 
 inline double LaneSum(const float (&lanes)[kLanes]) {
@@ -27,8 +26,8 @@ inline double LaneSum(const float (&lanes)[kLanes]) {
   return sum;
 }
 
-/// error = target - mean, where the network's mean is of the next frame or of the change of
-/// `newest`. Returns the sum of squares.
+/// Computes error = target - mean, where the network predicts the mean of the next frame or of its
+/// change from `newest`. Returns the sum of squares.
 SLALOM_SIMD double Errors(bool difference, std::int64_t n, const float* __restrict newest,
                           const float* __restrict next, const float* __restrict mean,
                           float* __restrict error) {
@@ -63,8 +62,8 @@ SLALOM_SIMD void Scale(float factor, std::int64_t n, float* __restrict values) {
   for (std::int64_t j = 0; j < n; ++j) values[j] *= factor;
 }
 
-/// From `d` = error to the gradient by the mean, -z / sigma, and that by the logarithm of sigma,
-/// 1 - z^2. Returns the sum of ln sigma + z^2 / 2.
+/// Turns `d` = error into the gradient with respect to the mean, -z / sigma, and computes the one
+/// with respect to the logarithm of sigma, 1 - z^2. Returns the sum of ln sigma + z^2 / 2.
 SLALOM_SIMD double LikelihoodGradient(std::int64_t n, const float* __restrict log_std,
                                       float* __restrict d, float* __restrict d_log_std) {
   float lanes[kLanes] = {};
@@ -88,7 +87,7 @@ SLALOM_SIMD double LikelihoodGradient(std::int64_t n, const float* __restrict lo
   return LaneSum(lanes);
 }
 
-/// Back through low + half (1 + tanh raw).
+/// Propagates a gradient back through low + half (1 + tanh raw).
 SLALOM_SIMD void BoundGradient(float low, float half, std::int64_t n,
                                const float* __restrict log_std, float* __restrict d) {
   for (std::int64_t j = 0; j < n; ++j) {
@@ -101,13 +100,13 @@ SLALOM_SIMD void TanhGradient(std::int64_t n, const float* __restrict y, float* 
   for (std::int64_t j = 0; j < n; ++j) d[j] *= 1.0f - y[j] * y[j];
 }
 
-/// How many of 1 - z^2 say that |z| < `half`.
+/// Counts the values of 1 - z^2 for which |z| < `half`.
 std::int64_t CountInside(float half, std::int64_t n, const float* d_log_std) {
   const float least = 1.0f - half * half;
   return std::count_if(d_log_std, d_log_std + n, [&](float value) { return value > least; });
 }
 
-/// The same by LibTorch's operations.
+/// The same with LibTorch's operations.
 void ReferenceLoss(const policy::ModelShape& shape, const ModelTargets& targets, double state_scale,
                    policy::ModelPass& pass, at::Tensor& figures) {
   const std::int64_t n = shape.num_predicted;

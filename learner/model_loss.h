@@ -4,54 +4,52 @@
 
 #include "policy/transition_model.h"
 
-/// Shapes: `B` batch, `H` frames of history, `F` numbers of a frame, `M` <= F of them predicted.
+/// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `M` <= F of them predicted.
 
 namespace slalom::learner {
 
-/// What a transition model is to have predicted. Views of a batch of one-step transitions.
+/// The targets that a transition model is trained on: views of a batch of one-step transitions.
 struct ModelTargets {
-  at::Tensor features;       ///< [B, H * F], the stack that was read
-  at::Tensor next_features;  ///< [B, H * F], after the action; its newest frame is the target
+  at::Tensor features;       ///< [B, H * F], the model's input
+  at::Tensor next_features;  ///< [B, H * F], after the action; the newest frame is the target
   at::Tensor reward;         ///< [B], scaled
   at::Tensor discount;       ///< [B], 0 where the episode terminated
-  at::Tensor cost;           ///< [B], above 0 where it did so by a collision
-  at::Tensor weight;         ///< [B], what a transition counts in the loss; 0: held out
+  at::Tensor cost;           ///< [B], above 0 where it terminated by a collision
+  at::Tensor weight;         ///< [B], the transition's weight in the loss; 0 if held out
 };
 
-/// Sums over batches, by their place in a float64 tensor [kNumModelFigures] where the networks
-/// compute.
+/// Sums over batches: indices into a float64 tensor [kNumModelFigures] on the networks' device.
 enum ModelFigure {
-  // Of transitions that are learned from, before the step.
+  // Over the training transitions, before the gradient step.
   kModelStateLoss,
   kModelRewardLoss,
   kModelTerminationLoss,
-  kModelWeight,  ///< Sum of the weights that the three above are to be divided by.
-  // Of those held out.
-  kHeldOutSquares,      ///< Mean over the M numbers of (target - mean)^2.
-  kHeldOutChange,       ///< The same had the newest frame been taken for the next.
-  kHeldOutLikelihood,   ///< Mean over the M numbers of the negative log-likelihood.
+  kModelWeight,  ///< Sum of the weights, by which the three sums above are divided.
+  // Over the held-out transitions.
+  kHeldOutSquares,      ///< Mean over the M features of (target - mean)^2.
+  kHeldOutChange,       ///< The same for predicting that the newest frame repeats.
+  kHeldOutLikelihood,   ///< Mean over the M features of the negative log-likelihood.
   kHeldOutReward,       ///< Squared error of the reward.
   kHeldOutTermination,  ///< Cross-entropy of termination.
-  kHeldOutInside50,     ///< Part of the M numbers in the middle 50 % of what was predicted.
+  kHeldOutInside50,     ///< Fraction of the M features in the middle 50 % of the prediction.
   kHeldOutInside90,
   kHeldOutCount,
   kNumModelFigures
 };
 
-/// The loss of a transition model, and its gradient by what the network gave:
+/// Computes the loss of a transition model and its gradient with respect to the network's output:
 ///
 ///     sum_i w_i (c S_i + (r_i - r^_i)^2 + H(d_i, p_i)) / sum_i w_i
 ///
-/// Where the shape knows success, a transition that ended in it counts as r_i less its reward and
-/// d_i = 0: that is what the heads are to give.
-///
-/// with S_i the sum over the M numbers of the squared error, or of the Gaussian negative
-/// log-likelihood ln sigma + z^2 / 2 + ln(2 pi) / 2 where probabilistic, c = `state_scale`, and H
-/// the binary cross-entropy (original-system.md §5.1).
+/// Here S_i is the sum over the M features of the squared error or, for a probabilistic model, of
+/// the Gaussian negative log-likelihood ln sigma + z^2 / 2 + ln(2 pi) / 2; c = `state_scale`; and H
+/// is the binary cross-entropy (original-system.md §5.1). If the shape knows when an episode
+/// succeeds, the heads do not predict success: the target of a transition that ended in success is
+/// its reward without the reward for success, and d_i = 0.
 ///
 /// Reads pass.output() and pass.log_std() as `TransitionModel::Forward` left them and writes
-/// pass.output_gradient(). Adds to `figures`. Figures of deterministic models hold no likelihood
-/// and no intervals. In float32 on the CPU: no allocation.
+/// pass.output_gradient(). Adds to `figures`; a deterministic model adds neither likelihood nor
+/// intervals. Allocates nothing for float32 on the CPU.
 void ModelLoss(const policy::ModelShape& shape, const ModelTargets& targets, double state_scale,
                policy::ModelPass& pass, at::Tensor& figures);
 

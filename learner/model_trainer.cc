@@ -16,8 +16,8 @@
 namespace slalom::learner {
 namespace {
 
-/// Loads from one choice of elites to the next: at 5 batches of 128 with 5 % held out, 8,000
-/// transitions that no member learns from, and those that a member of an ensemble counts as 0.
+/// Number of loads between two choices of elites. With 5 batches of 128 and 5 % held out, these are
+/// 8,000 held-out transitions, and those that a member of an ensemble counts with weight 0.
 constexpr std::int64_t kElitePeriod = 250;
 
 at::Tensor InitialWeights(const policy::ModelShape& shape, std::uint64_t seed, at::Device device) {
@@ -29,7 +29,7 @@ double Uniform(std::uint64_t seed, std::string_view purpose, std::uint64_t a, st
   return static_cast<double>(base::DeriveSeed(seed, purpose, {a, b}) >> 11) * 0x1.0p-53;
 }
 
-/// The Poisson number with mean 1 at this quantile.
+/// Returns the quantile of the Poisson distribution with mean 1.
 float PoissonOne(double quantile) {
   double term = std::exp(-1.0);
   double sum = term;
@@ -76,8 +76,7 @@ ModelTrainer::ModelTrainer(const ModelTrainingConfig& config, const policy::Mode
   if (config.elites > 0 && config.held_out == 0.0) {
     throw base::Error(
         fmt::format("model_training.elites is {}, expected model_training.held_out above 0: elites "
-                    "are chosen by "
-                    "their error on held-out transitions",
+                    "are chosen by their error on held-out transitions",
                     config.elites));
   }
   const std::int64_t size = shape.num_member_parameters();

@@ -17,29 +17,28 @@
 #include "policy/transition_model.h"
 #include "replay/batch.h"
 
-/// Shapes: `B` batch, `U` updates per batch that was loaded, `E` members of the ensemble, `P`
-/// parameters of one.
+/// Shapes: `B` batch, `U` updates per load, `E` members of the ensemble, `P` parameters of one.
 
 namespace slalom::learner {
 
-/// How many members of an ensemble are used.
+/// Returns how many members of an ensemble of this size are elites, which predict.
 int NumElites(const ModelTrainingConfig& config, int ensemble);
 
 /// Trains a transition model from replayed one-step transitions.
 ///
-/// Which transitions are held out follows from their number in the replay alone, so a transition is
-/// always on the same side. In an ensemble each transition counts for each member by a Poisson
-/// number with mean 1 that follows from both (online bootstrap, Oza and Russell 2001), so members
-/// learn from different data without a batch of their own. Thread-compatible: one owner.
+/// Whether a transition is held out depends only on its sequence number in the replay table, so it
+/// never changes sides. In an ensemble, a transition's weight for a member is a Poisson number with
+/// mean 1, derived from transition and member (online bootstrap, Oza and Russell 2001). So members
+/// learn from different data, though they share batches. Thread-compatible: one owner.
 class ModelTrainer {
  public:
-  /// Weights and mirroring are drawn from `seed`. `num_rows`: that `Load` takes at least, for those
-  /// who need more of them than training.
+  /// Draws weights and mirroring from `seed`. `num_rows`: the least number of rows that `Load`
+  /// takes, for callers (imagination) that need more rows than training does.
   ModelTrainer(const ModelTrainingConfig& config, const policy::ModelShape& shape,
                const policy::FeatureMap& features, double reward_scale, bool mirror,
                at::Device device, std::uint64_t seed, int num_rows = 0);
 
-  /// U * B one-step transitions, or more where `num_rows` was.
+  /// What to sample for `Load`: U * B one-step transitions, or `num_rows` if that is more.
   replay::SampleSpec sample_spec() const { return SampleSpec(config_, history_, num_rows_); }
   static replay::SampleSpec SampleSpec(const ModelTrainingConfig& config, int history,
                                        int num_rows);
@@ -47,20 +46,20 @@ class ModelTrainer {
   /// Copies what it needs out of the rows. Requires: rows sampled as `sample_spec()` says.
   void Load(const replay::SampledRows& rows);
 
-  /// U updates of every member, from what was loaded. On the CPU: no allocation but when elites are
-  /// chosen; on a GPU it is waited for only then.
+  /// Does U updates of every member from the loaded transitions. Only when it chooses new elites
+  /// does it allocate memory or wait for a GPU.
   void Update();
 
   /// The transitions that were loaded.
   const Minibatch& loaded() const { return loaded_; }
   const policy::TransitionModel& model() const { return model_; }
   const at::Tensor& parameters() const { return parameters_; }  ///< [E * P]
-  /// Members to use, `NumElites` of them, best first as of the last choice; the first before it.
+  /// The `NumElites` members that predict, best first, as last chosen; at first members 0, 1, ...
   std::span<const int> elites() const { return elites_; }
   /// The parameters of the elites alone, best first, in host memory.
   std::vector<float> EliteParameters() const;
 
-  /// Reads the statistics and starts new ones. Waits for the device.
+  /// Returns the statistics since the last call and resets them. Waits for the device.
   ModelStats ReadStats();
   std::int64_t num_updates() const { return num_updates_; }
   bool is_finite() const;
@@ -76,7 +75,7 @@ class ModelTrainer {
   const int num_rows_;
   const int history_;
   base::Random mirror_;
-  std::uint64_t bootstrap_seed_;  // Part of the state: what is held out stays so.
+  std::uint64_t bootstrap_seed_;  // Part of the state, so that the held-out rows stay the same.
   MinibatchReader reader_;
   Minibatch loaded_;
   at::Tensor parameters_;

@@ -7,18 +7,18 @@
 
 #include "base/random.h"
 
-/// Shapes: `B` batch, `W` numbers of each.
+/// Shapes: `B` batch, `W` numbers per sample.
 
 namespace slalom::learner {
 
-/// Normal random numbers for a batch, drawn on the CPU, so that every device gets the same.
-/// Thread-compatible.
+/// Normal random numbers for a batch. They are drawn on the CPU, so that every device gets the
+/// same. Thread-compatible.
 class Noise {
  public:
   Noise(std::int64_t batch, std::int64_t width, at::Device device);
 
-  /// New numbers, clip(N(0, standard_deviation), -limit, limit). [B, W], where the networks
-  /// compute; the next call overwrites them.
+  /// Draws clip(N(0, standard_deviation), -limit, limit). Returns [B, W] on the networks' device,
+  /// overwritten by the next call.
   at::Tensor& Draw(base::Random& random, double standard_deviation = 1.0,
                    double limit = std::numeric_limits<double>::infinity());
 

@@ -7,8 +7,8 @@
 
 namespace slalom::learner {
 
-/// Freshly initialised parameters of networks of one shape, one after the other: [num_networks *
-/// P].
+/// Returns newly initialised parameters of `num_networks` networks of one shape, one network after
+/// the other: [num_networks * P].
 at::Tensor InitialParameters(const policy::NetworkShape& shape, int num_networks,
                              base::Random& random, at::Device device);
 

@@ -24,7 +24,7 @@ std::vector<double> PredictionErrors(const policy::TransitionModel& model, int m
     return rows.state.data() +
            (static_cast<std::size_t>(sample) * rows.history + age) * env::kStateSize;
   };
-  // Before the first frame of an episode stand copies of it.
+  // Copies of the first frame stand before the start of an episode.
   const auto begins_with_copy = [&](int sample) {
     return std::equal(state_of(sample, 0), state_of(sample, 0) + env::kStateSize,
                       state_of(sample, 1)) &&

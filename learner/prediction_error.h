@@ -12,14 +12,14 @@
 
 namespace slalom::learner {
 
-/// How far a transition model is off after 1, 2, ... K steps when it is rolled forward by the
-/// actions that were really taken: for each step the root of the mean squared error of a feature,
-/// [K]. Nothing where no sample has a whole window.
+/// Rolls a transition model forward with the actions that were really taken. Returns the root mean
+/// squared error per feature after 1, 2, ... K steps, [K], or an empty vector if no sample has a
+/// whole window.
 ///
-/// `rows`: B samples with a history of H + K frames. Their first H frames are where the model
-/// begins; each later one holds, as its last action, the one that led to it. Samples less than H +
-/// K frames after the begin of their episode are passed over. The model's means are taken (no
-/// noise). On the model's device; allocates. Requires: parameters of `model` in float32.
+/// `rows`: B samples with a history of H + K frames. The rollout starts from the first H frames;
+/// each later frame holds, as its last action, the action that led to it. Samples less than H + K
+/// frames after the start of their episode are skipped. Predictions are the model's means, without
+/// noise. Computes on the model's device; allocates. Requires: `model` has float32 parameters.
 std::vector<double> PredictionErrors(const policy::TransitionModel& model, int member,
                                      const policy::FeatureMap& features,
                                      const replay::SampledRows& rows, at::Device device);

@@ -29,20 +29,20 @@ void Sac::Update(double rate) {
   const SampledActions next = actor_.SampleNext(next_noise_.Draw(next_random_));
   CopyActions(next.actions, minibatch_.next_actions);
   // Soft value, equations 3 and 6: y = r + gamma^n (min_k Q'_k(s', a') - alpha log pi(a'|s'))
-  critics_.ComputeTarget(minibatch_.reward, minibatch_.discount, Pessimism::kMinimum, target_);
-  SubtractEntropyCost(minibatch_.discount, log_temperature_, next.log_probability, target_);
+  critics_.ComputeTdTarget(minibatch_.reward, minibatch_.discount, TargetReduction::kMin, target_);
+  AddEntropyBonus(minibatch_.discount, log_temperature_, next.log_probability, target_);
   // Equation 5: theta_k <- argmin mean (Q_k(s, a) - y)^2; theta'_k <- tau theta_k + (1-tau)
   // theta'_k
-  RegressCritics(rate, config_.tau);
+  UpdateCritics(rate, config_.tau);
   if (constraint_) constraint_->UpdateCritics(rate * config_.critic_learning_rate, config_.tau);
 
   // Equation 9: phi <- argmin mean alpha log pi(a|s) - min_k Q_k(s, a), a reparametrised
   const SampledActions now = actor_.Sample(noise_.Draw(random_));
   CopyActions(now.actions, minibatch_.actions);
-  at::Tensor& action_gradient = critics_.LeastActionGradient(totals_[Total::kActorQ]);
+  at::Tensor& action_gradient = critics_.MinActionGradient(totals_[Total::kActorQ]);
   if (constraint_) constraint_->AddActionGradient(action_gradient);
-  actor_.Improve(action_gradient, log_temperature_, rate * config_.actor_learning_rate,
-                 AverageRate(), totals_[Total::kActorNorm]);
+  actor_.PolicyGradientStep(action_gradient, log_temperature_, rate * config_.actor_learning_rate,
+                            AverageRate(), totals_[Total::kActorNorm]);
 
   // Equation 18, in log alpha: log alpha <- argmin -log alpha mean (log pi(a|s) + target entropy)
   TemperatureGradient(now.log_probability, config_.target_entropy, log_temperature_gradient_,

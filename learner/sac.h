@@ -8,7 +8,8 @@ namespace slalom::learner {
 
 /// Soft Actor-Critic with automatic temperature (Haarnoja et al. 2018, "Soft Actor-Critic
 /// Algorithms and Applications", algorithm 1), with n-step returns and a weight-averaged actor as
-/// options. The entropy of steps inside an n-step window is not rewarded, only that at its end.
+/// options. Only the entropy at the end of an n-step window is rewarded, not that of the steps
+/// inside it.
 class Sac : public ActorCritic<GaussianActor> {
  public:
   explicit Sac(const AlgorithmContext& context);
@@ -20,14 +21,14 @@ class Sac : public ActorCritic<GaussianActor> {
   void LoadState(const policy::TensorFile& file) override;
 
  private:
-  base::Random random_;       // Of the policy in the states.
-  base::Random next_random_;  // Of the policy in the next states.
+  base::Random random_;       // For actions in the states.
+  base::Random next_random_;  // For actions in the next states.
   Noise noise_;
   Noise next_noise_;
   at::Tensor log_temperature_;           // [1], log alpha
   at::Tensor log_temperature_gradient_;  // [1]
   Adam temperature_adam_;
-  at::Tensor temperature_norm_;  // [1] float64, unused but asked for by Adam.
+  at::Tensor temperature_norm_;  // [1] float64, written by Adam, never read.
 };
 
 }  // namespace slalom::learner

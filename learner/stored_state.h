@@ -7,16 +7,17 @@
 #include "base/random.h"
 #include "policy/safetensors.h"
 
-/// Parts of a learner's state as they stand in a checkpoint. Reading throws `base::Error` where a
-/// tensor is missing or of another size.
+/// How tensors and random streams of a learner's state are stored in a checkpoint. Reading throws
+/// `base::Error` if a tensor is missing or of another size.
 
 namespace slalom::learner {
 
-/// Copies between a float32 tensor on any device and a file.
+/// Copy a float32 tensor on any device to and from a checkpoint.
 policy::StoredTensor StoreTensor(const at::Tensor& values);
 void ReadTensor(const policy::TensorFile& file, const std::string& name, at::Tensor& values);
 
-/// The same of a stream of random numbers, at the place where it stands.
+/// Copy the state of a random stream to and from a checkpoint, so that its next numbers are the
+/// same.
 policy::StoredTensor StoreRandom(const base::Random& random);
 void ReadRandom(const policy::TensorFile& file, const std::string& name, base::Random& random);
 

@@ -21,10 +21,10 @@ void Td3::Update(double rate) {
                   noise_.Draw(random_, config_.target_noise, config_.noise_clip),
                   minibatch_.next_actions);
   // Clipped double Q-learning, equation 10: y = r + gamma^n min_k Q'_k(s', a')
-  critics_.ComputeTarget(minibatch_.reward, minibatch_.discount, Pessimism::kMinimum, target_);
+  critics_.ComputeTdTarget(minibatch_.reward, minibatch_.discount, TargetReduction::kMin, target_);
   // Update critics: theta_k <- argmin mean (Q_k(s, a) - y)^2; and, where it is their turn, update
   // target networks: theta'_k <- tau theta_k + (1 - tau) theta'_k
-  RegressCritics(rate, polyak_rate);
+  UpdateCritics(rate, polyak_rate);
   if (constraint_) constraint_->UpdateCritics(rate * config_.critic_learning_rate, polyak_rate);
   if (!update_actor) return;
 
@@ -34,8 +34,9 @@ void Td3::Update(double rate) {
   CopyActions(actor_.Act(), minibatch_.actions);
   at::Tensor& action_gradient = critics_.ActionGradient(&totals_[Total::kActorQ]);
   if (constraint_) constraint_->AddActionGradient(action_gradient);
-  actor_.Improve(action_gradient, config_.preactivation_penalty, rate * config_.actor_learning_rate,
-                 polyak_rate, AverageRate(), totals_[Total::kActorNorm]);
+  actor_.PolicyGradientStep(action_gradient, config_.preactivation_penalty,
+                            rate * config_.actor_learning_rate, polyak_rate, AverageRate(),
+                            totals_[Total::kActorNorm]);
 }
 
 void Td3::SaveState(policy::TensorMap& tensors) const {

@@ -18,7 +18,7 @@ class Td3 : public ActorCritic<DeterministicActor> {
   void LoadState(const policy::TensorFile& file) override;
 
  private:
-  base::Random random_;  // Of the target noise.
+  base::Random random_;  // For the target noise.
   Noise noise_;
 };
 

@@ -38,9 +38,9 @@ void AddClippedNoise(const at::Tensor& from, const at::Tensor& noise, at::Tensor
   }
 }
 
-void PessimisticTarget(std::span<const at::Tensor> values, Pessimism pessimism,
-                       const at::Tensor& reward, const at::Tensor& discount, at::Tensor& y) {
-  const bool least = pessimism == Pessimism::kMinimum;
+void TdTarget(std::span<const at::Tensor> values, TargetReduction reduction,
+              const at::Tensor& reward, const at::Tensor& discount, at::Tensor& y) {
+  const bool least = reduction == TargetReduction::kMin;
   if (!IsHostFloat(y)) {
     at::Tensor chosen = values[0];
     for (const at::Tensor& value : values.subspan(1)) {
@@ -62,8 +62,7 @@ void PessimisticTarget(std::span<const at::Tensor> values, Pessimism pessimism,
   }
 }
 
-void LeastGradient(std::span<const at::Tensor> q, std::span<at::Tensor> dq,
-                   at::Tensor& value_total) {
+void MinGradient(std::span<const at::Tensor> q, std::span<at::Tensor> dq, at::Tensor& value_total) {
   const std::int64_t batch = q[0].size(0);
   const double share = -1.0 / static_cast<double>(batch);
   if (!IsHostFloat(q[0])) {
@@ -119,8 +118,8 @@ void SquaredError(const at::Tensor& q, const at::Tensor& y, at::Tensor& dq, at::
   *value_total.data_ptr<double>() += sum / static_cast<double>(batch);
 }
 
-void WeighError(const at::Tensor& q, const at::Tensor& y, const at::Tensor& weight, double share,
-                at::Tensor& dq, at::Tensor& error) {
+void ApplyImportanceWeights(const at::Tensor& q, const at::Tensor& y, const at::Tensor& weight,
+                            double share, at::Tensor& dq, at::Tensor& error) {
   if (!IsHostFloat(q)) {
     error.add_((q.squeeze(1) - y).abs(), share);
     dq.mul_(weight.unsqueeze(1));

@@ -332,8 +332,8 @@ const Spec kProcessOpenDescriptors = GaugeOf("process_open_fds", "all", "Open fi
 const Spec kProcessMaxDescriptors =
     GaugeOf("process_max_fds", "all", "File descriptors that may be open.");
 
-std::span<const Section> Catalogue() {
-  static const std::vector<Section> sections = {
+std::span<const CatalogueSection> Catalogue() {
+  static const std::vector<CatalogueSection> sections = {
       {"Environments and episodes",
        {&kEnvironmentSteps, &kEpisodes, &kSuccessRate, &kCollisionRate, &kEpisodeReturn,
         &kEpisodeSteps, &kEnvironments}},

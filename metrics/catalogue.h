@@ -154,12 +154,13 @@ inline constexpr std::string_view kJournal = "journal";  ///< Chunks not yet wri
 inline constexpr std::string_view kBatches = "batches";  ///< Prefetched by the learner.
 }  // namespace queue
 
-struct Section {
+/// A group of metrics and its title on the page.
+struct CatalogueSection {
   std::string_view title;
   std::vector<const Spec*> specs;
 };
-/// All of them, in the order of the page.
-std::span<const Section> Catalogue();
+/// Returns all sections in the order of the page.
+std::span<const CatalogueSection> Catalogue();
 
 /// docs/metrics.md.
 std::string PrintMarkdown();

@@ -31,7 +31,7 @@ std::string Buckets(const Spec& spec) {
 
 std::string PrintMarkdown() {
   std::string page(kHead);
-  for (const Section& section : Catalogue()) {
+  for (const CatalogueSection& section : Catalogue()) {
     page += fmt::format("\n## {}\n\n", section.title);
     page += "| metric | type | labels | shown by | meaning |\n|---|---|---|---|---|\n";
     for (const Spec* spec : section.specs) {

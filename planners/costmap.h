@@ -10,11 +10,10 @@
 
 namespace slalom::planners {
 
-/// Values of a cell, as in ROS's costmap_2d.
+/// Special values of a cell, as in ROS's costmap_2d.
 inline constexpr std::uint8_t kFreeCost = 0;
-inline constexpr std::uint8_t kInscribedCost =
-    253;                                          ///< The robot's centre here: surely a collision.
-inline constexpr std::uint8_t kLethalCost = 254;  ///< An obstacle.
+inline constexpr std::uint8_t kInscribedCost = 253;  ///< A robot centred here certainly collides.
+inline constexpr std::uint8_t kLethalCost = 254;     ///< An obstacle.
 inline constexpr std::uint8_t kUnknownCost = 255;
 
 struct CellIndex {
@@ -31,7 +30,7 @@ struct CellWindow {
   bool empty() const { return x0 >= x1 || y0 >= y1; }
 };
 
-/// The smallest window that holds both.
+/// Returns the smallest window that contains both.
 inline CellWindow Union(const CellWindow& a, const CellWindow& b) {
   if (a.empty()) return b;
   if (b.empty()) return a;
@@ -44,20 +43,20 @@ inline CellWindow Union(const CellWindow& a, const CellWindow& b) {
 /// Cell (x, y) covers [origin + resolution * (x, y), origin + resolution * (x + 1, y + 1)).
 class Costmap {
  public:
-  /// All cells free. Requires: size_x, size_y >= 1, resolution > 0.
+  /// Makes a map of free cells. Requires: size_x, size_y >= 1, resolution > 0.
   Costmap(int size_x, int size_y, double resolution, base::Vec2 origin_O);
 
   int size_x() const { return size_x_; }
   int size_y() const { return size_y_; }
   double resolution() const { return resolution_; }  ///< [m]
   base::Vec2 origin() const { return origin_O_; }    ///< Corner of cell (0, 0), [m].
-  /// Moves the grid over the ground; the costs stay in their cells.
+  /// Moves the grid over the ground. Cells keep their costs.
   void set_origin(base::Vec2 origin_O) { origin_O_ = origin_O; }
 
   bool Contains(CellIndex c) const {
     return c.x >= 0 && c.y >= 0 && c.x < size_x_ && c.y < size_y_;
   }
-  /// The cell that holds the point, inside the grid or not.
+  /// Returns the cell that contains the point. It may lie outside the grid.
   CellIndex CellAt(base::Vec2 p_O) const;
   /// Centre of a cell, [m].
   base::Vec2 CentreOf(CellIndex c) const;

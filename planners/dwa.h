@@ -13,15 +13,16 @@
 
 namespace slalom::planners {
 
-/// The dynamic window approach (Fox, Burgard, Thrun 1997) as ROS's TrajectoryPlannerROS has it
-/// (`dwa: true`, a robot that cannot drive sideways).
+/// The dynamic window approach (Fox, Burgard, Thrun 1997) as in ROS's TrajectoryPlannerROS (`dwa:
+/// true`, for a robot that cannot drive sideways).
 ///
-/// Samples speeds and turn rates that can be reached within a control cycle, simulates each for
-/// `sim_time`, throws away those whose outline hits an obstacle, and takes the one of least cost:
-/// distance of the end from the path, distance of the end from the local goal (where the path
-/// leaves the map), highest costmap value under the outline on the way. A turn on the spot that is
-/// as good wins, the one that looks best `heading_lookahead` ahead. Where nothing is admissible the
-/// robot backs up, unchecked, until it has moved. Confined to one thread at a time.
+/// It samples speeds and turn rates that can be reached within a control cycle, simulates each for
+/// `sim_time`, rejects those whose outline hits an obstacle, and takes the one of least cost. The
+/// cost is a weighted sum of the end's distance from the path, the end's distance from the local
+/// goal (where the path leaves the map), and the highest costmap value under the outline on the
+/// way. A turn on the spot wins a tie; among turns, the one that is best `heading_lookahead` ahead
+/// wins. If nothing is admissible, the robot backs up, unchecked, until it has moved. Confined to
+/// one thread at a time.
 class DwaPlanner : public LocalPlanner {
  public:
   DwaPlanner(const DwaConfig& config, const FootprintConfig& footprint);
@@ -31,8 +32,8 @@ class DwaPlanner : public LocalPlanner {
 
   /// A sampled command and its cost.
   struct Trajectory {
-    static constexpr double kHits = -1.0;   ///< Cost where the outline hits something.
-    static constexpr double kNoWay = -2.0;  ///< Cost where path or goal cannot be reached from.
+    static constexpr double kHits = -1.0;   ///< Cost if the outline hits something.
+    static constexpr double kNoWay = -2.0;  ///< Cost if the end is cut off from path or goal.
 
     Twist command;
     double cost = kHits;
@@ -65,19 +66,19 @@ class DwaPlanner : public LocalPlanner {
   }
 
   const DwaConfig config_;
-  const Footprint footprint_;
+  const PaddedFootprint footprint_;
   DistanceGrid to_path_, to_goal_;
   std::vector<CellIndex> under_robot_, path_cells_;
-  base::Vec2 local_end_O_;  // Last point of the path near enough to count.
+  base::Vec2 local_end_O_;  // The last point of the path that is near enough to count.
   struct Candidate {
-    double least_cost;  // The outline's cost left out.
+    double least_cost;  // Without the outline's cost.
     Twist command;
   };
   std::vector<Candidate> candidates_;
   std::vector<std::size_t> order_;  // Of the candidates, by least cost.
 
-  // Directions turned on the spot since the robot last moved on, and those given up: whoever turned
-  // twice to one side may not turn to the other.
+  // Directions turned on the spot since the robot last moved on, and directions given up: after two
+  // turns to one side, the robot may not turn to the other.
   bool turned_left_ = false, turned_right_ = false;
   bool no_left_ = false, no_right_ = false;
   base::Vec2 last_turn_O_;  // Where the robot last turned on the spot.

@@ -15,15 +15,17 @@ struct Bubble {
   double radius = 0.0;  ///< [m]
 };
 
-/// How far obstacles are, read off a costmap's inflation.
+/// The distance to obstacles, derived from a costmap's inflation.
 ///
-/// The distance is that of the robot's inscribed circle: 0 from kInscribedCost on. Immutable.
+/// It is measured from the robot's inscribed circle: 0 for costs of kInscribedCost and above.
+/// Immutable.
 class BandField {
  public:
-  /// `blind`: sees no obstacles.
+  /// `blind`: whether to ignore all obstacles.
   BandField(const Costmap& costmap, double costmap_weight, bool blind);
 
-  /// Radius of the bubble at a point, [m]; the largest where nothing is near or the map ends.
+  /// Returns the radius of the bubble at a point, [m]. It is the maximum if nothing is near, and
+  /// off the map.
   double Clearance(base::Vec2 p_O) const;
 
  private:
@@ -32,11 +34,11 @@ class BandField {
   const bool blind_;
 };
 
-/// The elastic band (Quinlan and Khatib 1993) as eband_local_planner has it: a chain of bubbles
-/// along a path, which inner forces shorten and outer forces push away from obstacles.
+/// The elastic band (Quinlan and Khatib 1993) as in eband_local_planner: a chain of bubbles along a
+/// path. Internal forces shorten it, external forces push it away from obstacles.
 ///
-/// Bubbles here are points without a heading: in the original, headings come from navfn, whose
-/// plans have none. Where an operation fails, the band is as before. Thread-compatible; a value.
+/// Bubbles have no heading here: in the original, headings come from navfn, whose plans have none.
+/// If an operation fails, the band stays unchanged. Thread-compatible; a value.
 class ElasticBand {
  public:
   explicit ElasticBand(const ElasticBandConfig& config) : config_(config) {}
@@ -45,18 +47,18 @@ class ElasticBand {
   /// From the robot to the end; neighbours overlap after `SetPath` and `Optimise`.
   std::span<const Bubble> bubbles() const { return bubbles_; }
 
-  /// Lays the band along a path. False: the path is too short or leads through an obstacle, or a
-  /// gap between two bubbles cannot be filled.
+  /// Lays the band along a path. Returns false if the path is too short or leads through an
+  /// obstacle, or if a gap between two bubbles cannot be filled.
   [[nodiscard]] bool SetPath(const BandField& field, std::span<const base::Vec2> path_O);
-  /// Lets the band begin at the robot, dropping the bubbles before the last that overlaps the
-  /// robot's. False: the robot is in an obstacle, or nothing leads to the band.
+  /// Makes the band begin at the robot, and drops the bubbles before the last one that overlaps the
+  /// robot's. Returns false if the robot is in an obstacle, or cannot be connected to the band.
   [[nodiscard]] bool BeginAt(const BandField& field, base::Vec2 p_O);
   /// Moves the bubbles by the forces on them, `num_iterations` times there and back along the band.
-  /// False: the band leads through an obstacle.
+  /// Returns false if the band leads through an obstacle.
   [[nodiscard]] bool Optimise(const BandField& field);
 
-  /// Force on a bubble in the place of bubble i, across the band: what shortens and what pushes
-  /// away, less what would only slide it along. Requires: 0 < i < bubbles().size() - 1.
+  /// Returns the force on `bubble` in place of bubble i: the sum of internal and external forces
+  /// without its component along the band. Requires: 0 < i < bubbles().size() - 1.
   base::Vec2 Force(const BandField& field, std::size_t i, const Bubble& bubble) const;
 
  private:

@@ -13,11 +13,11 @@ namespace slalom::planners {
 /// The elastic band as a local planner, as eband_local_planner's `EBandPlannerROS` with its
 /// controller for differential drives.
 ///
-/// A new path becomes a new band, as far as the map reaches. In each cycle the band is led to the
-/// robot and optimised; then the robot turns towards the next bubble, on the spot where it looks
-/// too far beside it, and drives the faster the larger its own bubble is. As the original, which
-/// then empties the costmap, it drives blind for a cycle where a new path leads through an obstacle
-/// of the local map (the global map's may differ). Confined to one thread at a time.
+/// A new path becomes a new band, as far as the map reaches. In each cycle the band is connected to
+/// the robot and optimised. Then the robot turns towards the next bubble (on the spot if the angle
+/// is large) and drives the faster, the larger its own bubble is. If a new path leads through an
+/// obstacle of the local map, which may differ from the global one, the robot ignores obstacles for
+/// one cycle, as the original does by clearing its costmap. Confined to one thread at a time.
 class ElasticBandPlanner : public LocalPlanner {
  public:
   explicit ElasticBandPlanner(const ElasticBandConfig& config);
@@ -33,7 +33,7 @@ class ElasticBandPlanner : public LocalPlanner {
 
   const ElasticBandConfig config_;
   ElasticBand band_;
-  base::Vec2 end_O_;  // Of the path on the map, that the band was laid along.
+  base::Vec2 end_O_;  // End of the part of the path that the band was laid along.
   std::vector<base::Vec2> path_O_;
 };
 

@@ -12,7 +12,7 @@ constexpr int kWholeLine = std::numeric_limits<int>::max();
 
 /// The cells of the corners; none where one is off the map.
 std::optional<std::array<CellIndex, 4>> CornerCells(const Costmap& costmap,
-                                                    const Footprint& footprint,
+                                                    const PaddedFootprint& footprint,
                                                     const base::Pose2& X_OR) {
   std::array<CellIndex, 4> cells;
   const auto corners = footprint.Corners(X_OR);
@@ -25,13 +25,15 @@ std::optional<std::array<CellIndex, 4>> CornerCells(const Costmap& costmap,
 
 }  // namespace
 
-Footprint::Footprint(const FootprintConfig& config)
+PaddedFootprint::PaddedFootprint(const FootprintConfig& config)
     : half_length(0.5 * config.length + config.padding),
       half_width(0.5 * config.width + config.padding) {}
 
-double Footprint::circumscribed_radius() const { return base::Norm({half_length, half_width}); }
+double PaddedFootprint::circumscribed_radius() const {
+  return base::Norm({half_length, half_width});
+}
 
-std::array<base::Vec2, 4> Footprint::Corners(const base::Pose2& X_OR) const {
+std::array<base::Vec2, 4> PaddedFootprint::Corners(const base::Pose2& X_OR) const {
   const auto [s, c] = base::SinCos(X_OR.yaw);
   const base::Vec2 ahead = half_length * base::Vec2{c, s};
   const base::Vec2 left = half_width * base::Vec2{-s, c};
@@ -39,7 +41,7 @@ std::array<base::Vec2, 4> Footprint::Corners(const base::Pose2& X_OR) const {
           X_OR.p - ahead + left};
 }
 
-int OutlineCost(const Costmap& costmap, const Footprint& footprint, const base::Pose2& X_OR) {
+int OutlineCost(const Costmap& costmap, const PaddedFootprint& footprint, const base::Pose2& X_OR) {
   const auto corners = CornerCells(costmap, footprint, X_OR);
   if (!corners) return -1;
   const std::uint8_t* const costs = costmap.costs().data();
@@ -55,7 +57,7 @@ int OutlineCost(const Costmap& costmap, const Footprint& footprint, const base::
   return highest;
 }
 
-void CoveredCells(const Costmap& costmap, const Footprint& footprint, const base::Pose2& X_OR,
+void CoveredCells(const Costmap& costmap, const PaddedFootprint& footprint, const base::Pose2& X_OR,
                   std::vector<CellIndex>& cells) {
   cells.clear();
   const auto corners = CornerCells(costmap, footprint, X_OR);

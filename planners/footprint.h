@@ -12,7 +12,7 @@
 
 namespace slalom::planners {
 
-/// The outline that a navigation system assumes of its robot (original-system.md §8.2).
+/// The robot's outline as a navigation system assumes it (original-system.md §8.2).
 struct FootprintConfig {
   double length = 0.42;
   double width = 0.33;
@@ -26,24 +26,24 @@ struct FootprintConfig {
   }
 };
 
-/// The padded outline: the rectangle 0.62 x 0.53 m by default. A value.
-struct Footprint {
+/// The padded outline, by default a rectangle of 0.62 x 0.53 m. A value.
+struct PaddedFootprint {
   double half_length = 0.0;  ///< [m]
   double half_width = 0.0;   ///< [m]
 
-  explicit Footprint(const FootprintConfig& config);
+  explicit PaddedFootprint(const FootprintConfig& config);
 
-  /// Radius of the largest circle round the centre inside, [m].
+  /// Radius of the largest circle round the centre that fits inside, [m].
   double inscribed_radius() const { return half_length < half_width ? half_length : half_width; }
-  /// Radius of the smallest circle round the centre that holds it, [m].
+  /// Radius of the smallest circle round the centre that contains the outline, [m].
   double circumscribed_radius() const;
-  /// Its corners in O with the robot at X_OR, counter-clockwise.
+  /// Returns the corners in O with the robot at X_OR, counter-clockwise.
   std::array<base::Vec2, 4> Corners(const base::Pose2& X_OR) const;
 };
 
-/// Visits the cells of the line between two cells by Bresenham's rule, from `a`, at most
-/// `num_steps` steps of the longer axis far (so num_steps + 1 cells; all of them where it is not
-/// smaller than the line). `visit(x, y)` returns whether to go on.
+/// Visits the cells of the line from `a` to `b` by Bresenham's algorithm, up to `num_steps` steps
+/// along the longer axis, that is at most num_steps + 1 cells. `visit(x, y)` returns whether to
+/// continue.
 template <class Visitor>
 void VisitLine(CellIndex a, CellIndex b, int num_steps, Visitor&& visit) {
   const int dx = std::abs(b.x - a.x), dy = std::abs(b.y - a.y);
@@ -63,14 +63,14 @@ void VisitLine(CellIndex a, CellIndex b, int num_steps, Visitor&& visit) {
   }
 }
 
-/// Highest cost under the outline of the robot at X_OR; the inside is not looked at, as in ROS's
-/// `CostmapModel`. -1: the outline hits a lethal or unknown cell or leaves the map. Cost: one look
-/// per cell of the outline, about 46 by default.
-int OutlineCost(const Costmap& costmap, const Footprint& footprint, const base::Pose2& X_OR);
+/// Returns the highest cost under the outline of the robot at X_OR, or -1 if the outline hits a
+/// lethal or unknown cell or leaves the map. As in ROS's `CostmapModel`, cells inside the outline
+/// do not count. Cost: one look-up per cell of the outline, about 46 by default.
+int OutlineCost(const Costmap& costmap, const PaddedFootprint& footprint, const base::Pose2& X_OR);
 
-/// The cells under the robot, outline and inside, replacing what `cells` held. None where the
-/// outline leaves the map.
-void CoveredCells(const Costmap& costmap, const Footprint& footprint, const base::Pose2& X_OR,
+/// Replaces `cells` by the cells under the robot, outline and inside. There are none if the outline
+/// leaves the map.
+void CoveredCells(const Costmap& costmap, const PaddedFootprint& footprint, const base::Pose2& X_OR,
                   std::vector<CellIndex>& cells);
 
 }  // namespace slalom::planners

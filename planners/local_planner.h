@@ -23,25 +23,25 @@ struct Twist {
 struct LocalView {
   base::Pose2 X_OR;
   Twist velocity;                      ///< Measured.
-  const Costmap& costmap;              ///< Rolls with the robot; inflated.
+  const Costmap& costmap;              ///< Moves with the robot; inflated.
   std::span<const base::Vec2> path_O;  ///< Global plan from near the robot to the goal, [m], about
                                        ///< one point per cell.
-  bool path_is_new = false;            ///< Planned anew since the last cycle.
+  bool path_is_new = false;            ///< Whether there is a new plan since the last cycle.
   base::Vec2 goal_O;
 };
 
 /// The part of a classical navigation system that turns a plan into speeds: `DwaPlanner`,
-/// `ElasticBandPlanner`, `TebPlanner`, `MppiPlanner`. One per robot; keeps what it needs from cycle
-/// to cycle. Confined to one thread at a time.
+/// `ElasticBandPlanner`, `TebPlanner`, `MppiPlanner`. Each robot needs one, as it keeps state from
+/// cycle to cycle. Confined to one thread at a time.
 class LocalPlanner {
  public:
   virtual ~LocalPlanner() = default;
 
-  /// Forgets everything: a new episode begins. `seed`: of whatever the planner draws.
+  /// Forgets everything, as a new episode begins. `seed`: for the planner's random numbers.
   virtual void Reset(std::uint64_t seed) = 0;
 
-  /// The command of this control cycle. None: there is no admissible one; the navigator stops the
-  /// robot and, if that lasts, recovers.
+  /// Returns the command of this control cycle, or nothing if no command is admissible. The
+  /// navigator then stops the robot and, if that lasts, starts a recovery.
   [[nodiscard]] virtual std::optional<Twist> ComputeCommand(const LocalView& view) = 0;
 };
 

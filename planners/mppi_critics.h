@@ -7,8 +7,8 @@
 #include "planners/mppi_config.h"
 #include "planners/rollouts.h"
 
-/// What makes a rollout good or bad: each function is one critic of Nav2's nav2_mppi_controller and
-/// adds its cost to every rollout's.
+/// The cost of rollouts: each function is one critic of Nav2's nav2_mppi_controller and adds its
+/// cost to that of every rollout.
 ///
 /// Shapes: `B` rollouts, `T` steps, `P` path points. Frames: `L` axes of O at the robot's place.
 
@@ -16,14 +16,14 @@ namespace slalom::planners {
 
 /// The path as the critics see it, in L.
 struct CriticPath {
-  std::vector<float> x, y;      ///< [P] at equal spacing from the robot on, P >= 1, [m].
-  std::vector<char> is_free;    ///< [P] 0: the robot's inscribed circle meets an obstacle here.
+  std::vector<float> x, y;      ///< [P] at equal spacing, starting at the robot, P >= 1, [m].
+  std::vector<char> is_free;    ///< [P] 0 if the robot's inscribed circle hits an obstacle here.
   float spacing = 0.0f;         ///< [m]
-  float length_to_goal = 0.0f;  ///< Of the whole plan from here to the goal, [m].
+  float length_to_goal = 0.0f;  ///< Length of the whole plan from here to the goal, [m].
   int furthest = 0;  ///< The point farthest along the path that a rollout ends nearest to.
 };
 
-/// What all critics look at.
+/// The input of all critics.
 struct CriticView {
   const Rollouts& rollouts;
   const ClearanceMap& clearance;
@@ -32,21 +32,22 @@ struct CriticView {
   float goal_x = 0.0f, goal_y = 0.0f;  ///< In L, [m].
   float goal_distance = 0.0f;          ///< [m]
   RolloutStart start;
-  float collision_clearance = 0.0f;  ///< A rollout collides where its clearance is no more, [m].
+  float collision_clearance = 0.0f;  ///< A rollout collides at this clearance or less, [m].
   float dt = 0.05f;                  ///< [s]
 };
 
-/// Marks the path points whose inscribed circle is free and finds `furthest`, among the rollouts
-/// that do not collide ([B], 1: it does); 0 where all do. A rollout is given no point farther along
-/// the path than it drove itself, and some cells: where the path turns back behind a wall, the
-/// nearest point would lead the robot to that wall (Nav2 takes it all the same). Cost: B x P.
+/// Marks the path points whose inscribed circle is free, and finds `furthest` among the rollouts
+/// that do not collide (`collides`: [B], 1 if it does); it is 0 if all collide. Unlike in Nav2, a
+/// rollout cannot reach a path point much farther along the path than the way it drove: where the
+/// path comes back behind a wall, the nearest point would lead the robot into that wall. Cost: B x
+/// P.
 void SurveyPath(const Rollouts& rollouts, float dt, std::span<const char> collides,
                 const ClearanceMap& clearance, const DiscOutline& outline, CriticPath& path);
 
 void AddConstraintCost(const MppiConstraintConfig& config, const MppiConfig& limits,
                        const CriticView& view, std::span<float> costs);
 
-/// Also writes which rollouts collide, [B], 1: yes. Returns how many do not.
+/// Also writes which rollouts collide, [B], 1 if it does. Returns how many do not.
 int AddObstacleCost(const MppiObstacleConfig& config, const CriticView& view,
                     std::span<float> costs, std::span<char> collides);
 

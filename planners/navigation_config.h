@@ -5,9 +5,9 @@
 
 namespace slalom::planners {
 
-/// What the navigation system round a local planner does: costmaps, global planner and the state
-/// machine of ROS's move_base. Defaults are original-system.md §8.2, and where that is silent the
-/// defaults of the ROS packages (melodic).
+/// Settings of the navigation system around a local planner: costmaps, global planner and the state
+/// machine of ROS's move_base. Defaults are those of original-system.md §8.2 or, if it gives none,
+/// of the ROS packages (melodic).
 struct NavigationConfig {
   FootprintConfig footprint;
   double resolution = 0.05;
@@ -78,7 +78,8 @@ struct NavigationConfig {
   }
 };
 
-/// What of navigation each local planner sets for itself; part of its config section.
+/// The settings of navigation that each local planner chooses for itself, in its own config
+/// section.
 struct PlannerNavigationConfig {
   double control_rate = 20.0;
   double inflation_radius = 0.30;

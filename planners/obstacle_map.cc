@@ -16,7 +16,7 @@ base::Vec2 OriginFor(const ObstacleMapConfig& config, base::Vec2 centre_O) {
 
 }  // namespace
 
-ObstacleMap::ObstacleMap(const ObstacleMapConfig& config, const Footprint& footprint)
+ObstacleMap::ObstacleMap(const ObstacleMapConfig& config, const PaddedFootprint& footprint)
     : config_(config),
       footprint_(footprint),
       inflation_(config.resolution, footprint.inscribed_radius(), config.inflation_radius,

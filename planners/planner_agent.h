@@ -13,27 +13,27 @@
 
 namespace slalom::planners {
 
-/// Drives with a classical navigation system: one `Navigator` per environment, which sees scan,
-/// goal vector and odometry, and no map of the course.
+/// Drives with a classical navigation system. Each environment has one `Navigator`, which sees
+/// scan, goal vector and odometry, but no map of the course.
 ///
-/// An episode's goal is where the goal vector of its first frame points, fixed in the odometry's
-/// frame. What a planner draws is seeded by a checksum of the first frame, so an episode is the
-/// same in any slot of any batch and on any number of threads. Confined to one thread at a time.
-/// Allocates when the batch size changes.
+/// An episode's goal is where the goal vector of its first observation points; it stays fixed in
+/// the odometry frame. The planner's random numbers are seeded by a checksum of the first
+/// observation, so an episode is the same at any index of any batch and on any number of threads.
+/// Confined to one thread at a time. Allocates when the batch size changes.
 class PlannerAgent : public env::Agent {
  public:
-  /// `name`: one of `PlannerNames()`. `geometry`, `bounds`: of the environment's scans and actions;
-  /// `step`: its control step, [s]. `parallel`: runs the navigators on its threads; null: on the
-  /// caller's. It must outlive this object.
+  /// `name`: one of `PlannerNames()`. `geometry` and `bounds` describe the environment's scans and
+  /// actions, `step` is its control step, [s]. The navigators run on the threads of `parallel`,
+  /// which must outlive this object; if it is null, on the caller's thread.
   ///
-  /// Throws `base::Error` where there is no planner of this name.
+  /// Throws `base::Error` if there is no planner of this name.
   PlannerAgent(const std::string& name, const PlannersConfig& config, const ScanGeometry& geometry,
                const env::ActionBounds& bounds, double step, base::ParallelFor* parallel);
   ~PlannerAgent() override;
 
-  /// Leaves the actions of ended episodes as they were.
-  /// Requires: observations.num_beams == geometry.num_beams; the first call has first[i] set for
-  /// all i, and so has one with another batch size.
+  /// Leaves the actions of ended episodes unchanged.
+  /// Requires: observations.num_beams == geometry.num_beams; in the first call, and in a call with
+  /// another batch size, first[i] is set for all i.
   void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;
 
   /// State, last command and counts of the navigator:
@@ -42,7 +42,7 @@ class PlannerAgent : public env::Agent {
   ///     cycles=640
   std::string Status(int i) const override;
 
-  /// What environment i's navigation system is doing.
+  /// The navigation system of environment i.
   /// Requires: 0 <= i < the batch size of the last `Act`.
   const Navigator& navigator(int i) const { return *navigators_[i]; }
 

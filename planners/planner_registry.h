@@ -14,7 +14,7 @@
 namespace slalom::planners {
 
 /// Settings of all classical systems: the navigation that they share, and each local planner with
-/// what it sets of navigation for itself.
+/// its own settings of navigation.
 struct PlannersConfig {
   NavigationConfig navigation;
   DwaConfig dwa;
@@ -32,14 +32,14 @@ struct PlannersConfig {
   }
 };
 
-/// The names that the functions below know, in a sensible order.
+/// Returns the names of all planners.
 std::vector<std::string> PlannerNames();
 
-/// Throws `base::Error` where there is no planner of this name; the error lists them.
+/// Throws `base::Error`, with a list of all names, if there is no planner of this name.
 std::unique_ptr<LocalPlanner> MakeLocalPlanner(const std::string& name,
                                                const PlannersConfig& config);
 
-/// What the planner of this name sets of navigation. Throws like `MakeLocalPlanner`.
+/// Returns a planner's own settings of navigation. Throws like `MakeLocalPlanner`.
 const PlannerNavigationConfig& NavigationOf(const std::string& name, const PlannersConfig& config);
 
 }  // namespace slalom::planners

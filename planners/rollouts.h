@@ -4,28 +4,28 @@
 #include <span>
 #include <vector>
 
-/// Shapes: `B` rollouts in a batch, `T` steps of a rollout. Arrays are [T, B], so that what is done
-/// to a step of all rollouts runs over neighbours.
-/// Frames: `L` axes of O at the robot's place when the control cycle began.
+/// Shapes: `B` rollouts in a batch, `T` steps of a rollout. Arrays are [T, B], so that one step of
+/// all rollouts is contiguous in memory. Frames: `L` axes of O at the robot's place when the
+/// control cycle began.
 
 namespace slalom::planners {
 
-/// What a differential drive can do in a step.
+/// The limits of a differential drive per step.
 struct DriveLimits {
   float max_linear_step = 0.0f;   ///< Largest change of speed in a step, [m/s].
   float max_angular_step = 0.0f;  ///< Of turn rate, [rad/s].
   float dt = 0.0f;                ///< [s]
 };
 
-/// Where a rollout begins, in L: at the origin.
+/// The start of a rollout in L; its position is the origin.
 struct RolloutStart {
   float cosine = 1.0f, sine = 0.0f;  ///< Of the heading in L.
   float linear = 0.0f;               ///< [m/s]
   float angular = 0.0f;              ///< [rad/s]
 };
 
-/// Sampled controls of B robots and where they lead. A value; nothing is allocated after
-/// construction.
+/// Sampled controls and the trajectories that they lead to. A value; allocates only when
+/// constructed.
 struct Rollouts {
   /// Requires: batch_size >= 1, num_steps >= 1.
   Rollouts(int new_batch_size, int new_num_steps);
@@ -46,9 +46,9 @@ struct Rollouts {
   std::vector<float> start_rows;       ///< Scratch of `Drive`.
 };
 
-/// Drives all rollouts: speeds follow the controls as fast as `limits` allow; a step is an arc,
-/// taken as its chord's direction times its length. Cost: 0.1 ms for 1000 rollouts of 56 steps.
-/// Requires: |angular| * dt <= 1 for every control.
+/// Simulates all rollouts. Speeds follow the controls as fast as `limits` allow. Each step is an
+/// arc, approximated by a straight line in the direction of its chord with the length of the arc.
+/// Cost: 0.1 ms for 1000 rollouts of 56 steps. Requires: |angular| * dt <= 1 for every control.
 void Drive(const RolloutStart& start, const DriveLimits& limits, Rollouts& rollouts);
 
 }  // namespace slalom::planners

@@ -11,8 +11,8 @@ constexpr double kCheckStep = 0.017;  // Between the outlines that are looked at
 }  // namespace
 
 std::optional<double> RotateRecovery::TurnRate(const NavigationConfig& config,
-                                               const Footprint& footprint, const Costmap& costmap,
-                                               const base::Pose2& X_OR) {
+                                               const PaddedFootprint& footprint,
+                                               const Costmap& costmap, const base::Pose2& X_OR) {
   const double from_start = std::fabs(base::WrapAngle(X_OR.yaw - start_yaw_));
   if (half_done_ && from_start <= config.recovery_yaw_tolerance) return std::nullopt;
   double left = from_start;

@@ -9,16 +9,16 @@
 
 namespace slalom::planners {
 
-/// Turns the robot once round, left, as ROS's rotate_recovery: half a circle and the way back to
-/// the heading it began with, at each cycle as fast as it could still stop in time. A value.
+/// Turns the robot left by a full circle, as ROS's rotate_recovery: half a circle first, then on to
+/// the heading it began with. In each cycle it turns as fast as it can still stop in time. A value.
 class RotateRecovery {
  public:
   /// Begins a turn at this heading, [rad].
   explicit RotateRecovery(double yaw) : start_yaw_(yaw) {}
 
-  /// The turn rate of this cycle, [rad/s]. None: the turn is complete, or the outline would hit
-  /// something on what is left of it. Cost: up to 370 outlines.
-  std::optional<double> TurnRate(const NavigationConfig& config, const Footprint& footprint,
+  /// Returns the turn rate of this cycle, [rad/s], or nothing if the turn is complete or the
+  /// outline would hit something in the rest of it. Cost: up to 370 checks of the outline.
+  std::optional<double> TurnRate(const NavigationConfig& config, const PaddedFootprint& footprint,
                                  const Costmap& costmap, const base::Pose2& X_OR);
 
  private:

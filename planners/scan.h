@@ -10,15 +10,15 @@
 
 namespace slalom::planners {
 
-/// How the scans that a navigation system reads were taken. A value.
+/// The geometry of the scans that a navigation system reads. A value.
 struct ScanGeometry {
   int num_beams = 720;
   double field_of_view = 4.71238;  ///< From the first beam to the last, centred on R's x, [rad].
-  base::Vec2 p_RS{0.12, 0.0};      ///< Place of the sensor, [m]; its x is R's.
-  double clip = 5.0;               ///< Ranges at or beyond this hit nothing, [m].
+  base::Vec2 p_RS{0.12, 0.0};      ///< Position of the sensor, [m]; its axes are parallel to R's.
+  double clip = 5.0;               ///< Beams with this range or more hit nothing, [m].
 };
 
-/// A beam in O: where it ends, and whether at an obstacle.
+/// A beam in O: its end, and whether it hit an obstacle there.
 struct ScanRay {
   base::Vec2 p_O;
   bool hit = false;
@@ -35,7 +35,7 @@ class ScanProjector {
  public:
   explicit ScanProjector(const ScanGeometry& geometry);
 
-  /// The scan `ranges_cm` [N] [cm], taken with the robot at X_OR.
+  /// Writes the rays of the scan `ranges_cm` [N] [cm], taken with the robot at X_OR, to `out`.
   /// Requires: ranges_cm.size() == num_beams.
   void Project(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR,
                ScanRays& out) const;

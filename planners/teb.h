@@ -16,16 +16,16 @@
 
 namespace slalom::planners {
 
-/// Timed elastic bands (Roesmann et al. 2012, 2013, 2017), as teb_local_planner drives with them:
-/// one band for each way round the obstacles, optimised from cycle to cycle, of which the cheapest
-/// is followed.
+/// Timed elastic bands (Roesmann et al. 2012, 2013, 2017), as in teb_local_planner: there is one
+/// band for each way round the obstacles, each is optimised from cycle to cycle, and the robot
+/// follows the cheapest.
 ///
-/// Obstacles are the lethal cells of the costmap, as points; all count as static. What is left out:
-/// dynamic obstacles, the recovery from oscillation (a preferred turning direction), and
-/// footprints other than a point in the optimiser.
+/// Obstacles are the lethal cells of the costmap, as points; all count as static. Left out are
+/// dynamic obstacles, the recovery from oscillation (a preferred turning direction), and footprints
+/// other than a point in the optimiser.
 ///
-/// Commands are a function of (config, seed of `Reset`, views since). Cost per cycle: a few
-/// milliseconds (benchmarks/trajectory_bench.cc).
+/// Commands depend only on the config, the seed of `Reset` and the views since then. Cost per
+/// cycle: a few milliseconds (benchmarks/trajectory_bench.cc).
 class TebPlanner : public LocalPlanner {
  public:
   explicit TebPlanner(const TebConfig& config);
@@ -34,11 +34,11 @@ class TebPlanner : public LocalPlanner {
 
   void Reset(std::uint64_t seed) override;
 
-  /// None where no band could be found or the chosen one is not free of collisions.
+  /// Returns nothing if no band was found or the chosen one is not free of collisions.
   /// Requires: view.path_O is not empty.
   [[nodiscard]] std::optional<Twist> ComputeCommand(const LocalView& view) override;
 
-  /// The bands of the last cycle, the one followed first. For pictures and tests.
+  /// The bands of the last cycle, beginning with the one followed. For pictures and tests.
   std::vector<TimedBand> bands() const;
 
  private:
@@ -46,9 +46,9 @@ class TebPlanner : public LocalPlanner {
     TimedBand band;
     HomotopyClass homotopy;
     double cost = 0.0;
-    bool is_plans = false;  // Of the global plan's class.
+    bool is_plans = false;  // Whether its class is that of the global plan.
   };
-  struct Cycle;  // What holds during one control cycle.
+  struct Cycle;  // Values that are constant during one control cycle.
 
   Cycle Prepare(const LocalView& view);
   void CutPlan(const LocalView& view);
@@ -69,13 +69,13 @@ class TebPlanner : public LocalPlanner {
   ObstacleGroups groups_;
   base::Random random_{0};
 
-  std::vector<Candidate> candidates_;  // The one followed first.
+  std::vector<Candidate> candidates_;  // The first is the one that is followed.
   bool follows_first_ = false;         // candidates_[0] was chosen in the last cycle.
   double since_switch_ = 0.0;          // [s]
   double since_infeasible_ = 0.0;      // [s]
   int num_infeasible_ = 0;             // Cycles in a row.
 
-  // Of this cycle.
+  // Valid during a cycle.
   LocalPath plan_;
   double goal_yaw_ = 0.0;
   std::vector<base::Vec2> obstacles_O_;

@@ -9,7 +9,7 @@
 
 namespace slalom::planners {
 
-/// The robot's limits as TEB is told them.
+/// The robot's limits as TEB assumes them.
 struct TebRobotConfig {
   double max_linear = 0.6;
   double max_backward = 0.2;

@@ -15,19 +15,19 @@ struct TimedBand {
   double Duration() const;  ///< [s]
 };
 
-/// A band along `points` (two or more, the first and last are those of `start` and `goal`), headed
-/// along it, in the times that the limits allow [m/s] [rad/s]. Has `min_samples` poses at least.
+/// Makes a band along `points` (two or more, from start to goal) that is headed along it and as
+/// fast as the limits [m/s] [rad/s] allow. It has at least `min_samples` poses.
 TimedBand MakeBand(std::span<const base::Vec2> points, double start_yaw, double goal_yaw,
                    double max_linear, double max_angular, int min_samples);
 
-/// Puts poses in where a time is longer than dt_ref + dt_hysteresis and takes some out where one is
-/// shorter than dt_ref - dt_hysteresis, in one pass from the start on, keeping the number of times
-/// in [min_samples, max_samples] and the whole duration.
+/// Inserts poses where a time is longer than dt_ref + dt_hysteresis and removes poses where one is
+/// shorter than dt_ref - dt_hysteresis, in one pass from the start. Keeps the total duration, and
+/// the number of times within [min_samples, max_samples].
 void ResizeBand(double dt_ref, double dt_hysteresis, int min_samples, int max_samples,
                 TimedBand& band);
 
-/// Lets the band begin at `start` and end at `goal`: of the first ten poses those passed are taken
-/// out, as long as min_samples remain.
+/// Makes the band begin at `start` and end at `goal`. Removes those of the first ten poses that
+/// were passed, as long as min_samples remain.
 void MoveEnds(const base::Pose2& start, const base::Pose2& goal, int min_samples, TimedBand& band);
 
 }  // namespace slalom::planners

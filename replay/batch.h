@@ -21,11 +21,12 @@ struct SampleSpec {
   double importance_exponent = 0.0;  ///< beta of the importance weights, where prioritized.
 };
 
-/// B transitions drawn from a `Table`, with the scans left where they lie: a reader that pools or
-/// converts them saves a copy. Reused from call to call, so nothing is allocated after the first.
+/// B transitions drawn from a `Table`. The scans are pointers into the table, which saves a copy
+/// for readers that pool or convert them. Reuse one object from call to call, so that only the
+/// first call allocates.
 ///
-/// A window starts at the step that was drawn and is k <= n_step steps long: less where its episode
-/// ended.
+/// A sample's n-step window starts at the step that was drawn. It has k steps: n_step, or fewer if
+/// its episode ended before.
 struct SampledRows {
   int batch = 0;
   int history = 0;
@@ -35,22 +36,22 @@ struct SampledRows {
   AlignedBuffer<float> state;          ///< [B, H, S]
   AlignedBuffer<env::Action> action;   ///< [B], as floats [B, 2]: linear, angular
   AlignedBuffer<float> n_step_return;  ///< [B], sum over i < k of gamma^i reward_i
-  AlignedBuffer<float> cost_return;    ///< [B], the same of the costs
+  AlignedBuffer<float> cost_return;    ///< [B], the same sum over the costs
   AlignedBuffer<float> discount;       ///< [B], gamma^k, or 0 where the window terminated
-  AlignedBuffer<float> weight;         ///< [B], importance of the sample; 1 where draws are uniform
+  AlignedBuffer<float> weight;         ///< [B], importance weight; 1 where draws are uniform
   std::vector<const std::uint16_t*> next_ranges_cm;  ///< [B, H] -> [N] [cm], after the window
   AlignedBuffer<float> next_state;                   ///< [B, H, S]
 
-  /// Where each sample stands, in rows ever inserted: [B] the step drawn and the frame after its
+  /// Row numbers of each sample, [B]: of the step that was drawn, and of the frame after its
   /// window.
   std::vector<std::int64_t> sequence;
   std::vector<std::int64_t> next_sequence;
 
-  /// Gives every array its size.
+  /// Resizes every array.
   void Resize(int new_batch, int new_history, int new_num_beams);
 };
 
-/// As `SampledRows`, with the scans gathered.
+/// `SampledRows` with the scans copied into arrays.
 struct Batch {
   SampledRows rows;
   AlignedBuffer<std::uint16_t> ranges_cm;       ///< [B, H, N] [cm]

@@ -12,12 +12,12 @@
 
 namespace slalom::replay {
 
-/// What a row is, as bits; also the byte that stands in segment files.
+/// The bits of a row's flags, as they are in memory, in messages and on disk.
 inline constexpr std::uint8_t kRowFinal = 1;       ///< Last frame of an episode, without an action.
-inline constexpr std::uint8_t kRowTerminated = 2;  ///< The step ended in a terminal state.
+inline constexpr std::uint8_t kRowTerminated = 2;  ///< The step led to a terminal state.
 inline constexpr std::uint8_t kRowFirst = 4;       ///< First step of an episode.
 
-/// One frame and what was done in it. Views only.
+/// One row: a frame, the action taken in it and the result. Views only.
 struct RowView {
   std::int32_t stream = 0;
   std::uint8_t flags = 0;
@@ -27,14 +27,13 @@ struct RowView {
   float cost = 0.0f;
 };
 
-/// What some environments produced, row by row, on its way to a `Table`. Plain data;
-/// thread-compatible.
+/// Rows of some environments, on their way to a `Table`. Plain data; thread-compatible.
 ///
-/// A *stream* is one environment of one actor: its rows, in order, are episodes. An episode is one
-/// or more steps (the frame that was seen, the action taken in it and what that gave), the first
-/// marked so, then one final row with the frame in which it ended, whether terminated or truncated.
-/// Streams interleave freely. Reused from step to step: `Clear` keeps the memory, so nothing is
-/// allocated after the first few.
+/// A *stream* is the sequence of rows of one environment of one actor: episode after episode. An
+/// episode is one or more step rows (the frame seen, the action taken, reward and cost), the first
+/// of them flagged `kRowFirst`, then one final row with the frame in which the episode ended,
+/// whether terminated or truncated. Streams interleave freely. Reuse one object from step to step:
+/// `Clear` keeps the memory, so that only the first few calls allocate.
 struct Chunk {
   Chunk() = default;
   explicit Chunk(int beams) : num_beams(beams) {}
@@ -53,20 +52,20 @@ struct Chunk {
 
   void Clear();
 
-  /// Adds a step whose result is not known yet; returns its row for `SetResult`. The frame is
-  /// copied, so the environment may be stepped next. Requires: stream >= 0, frame.ranges_cm.size()
-  /// == num_beams.
+  /// Adds a step whose result is not known yet, and returns its row for `SetResult`. Copies the
+  /// frame, so that the environment may be stepped next. Requires: stream_index >= 0,
+  /// frame.ranges_cm.size() == num_beams.
   int BeginStep(int stream_index, bool first, const env::FrameView& frame, env::Action taken);
   void SetResult(int row, const env::StepResult& result);
 
-  /// Both in one, for a frame that was kept.
+  /// Adds a step with its result.
   void AddStep(int stream_index, bool first, const env::FrameView& frame, env::Action taken,
                const env::StepResult& result);
 
-  /// Adds the frame in which the episode of a stream ended.
+  /// Adds the final row of an episode: the frame in which it ended.
   void AddFinal(int stream_index, const env::FrameView& frame);
 
-  /// Adds a row as another chunk or a table gave it.
+  /// Adds a copy of a row of another chunk or a table.
   void AddRow(const RowView& row);
 };
 

@@ -8,7 +8,7 @@
 namespace slalom::replay {
 
 std::size_t FirstNotFinite(std::span<const float> values) {
-  // Whether there is any comes first, by the bits of the exponent, as that vectorises.
+  // First checks whether there is any, by the bits of the exponent, as that vectorises.
   constexpr std::uint32_t kExponent = 0x7f800000;
   std::uint32_t any = 0;
   for (const float value : values) {

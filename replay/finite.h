@@ -5,8 +5,7 @@
 
 namespace slalom::replay {
 
-/// The place of the first number that is not finite; values.size() where all are. Reads several
-/// at once.
+/// Returns the index of the first value that is not finite, or values.size() if all are finite.
 std::size_t FirstNotFinite(std::span<const float> values);
 
 }  // namespace slalom::replay

@@ -7,7 +7,7 @@ namespace slalom::replay {
 namespace {
 
 constexpr int kCacheLine = 64;
-// Scans asked for ahead of the one being copied.
+// Number of scans that are prefetched ahead of the one being copied.
 constexpr int kScansAhead = 3;
 
 void PrefetchScan(const std::uint16_t* scan, int num_beams) {

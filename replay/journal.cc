@@ -22,13 +22,13 @@ using Clock = std::chrono::steady_clock;
 
 constexpr auto kRetryInterval = std::chrono::milliseconds(200);
 constexpr auto kSayInterval = std::chrono::minutes(1);
-// Of one call to the kernel.
+// Most buffers in one call to the kernel.
 constexpr std::size_t kMaxParts = 512;
-// Records that are written before `written` grows: the acknowledgements should not wait for long.
+// Records that are written before `written` grows, so that acknowledgements do not wait for long.
 constexpr std::size_t kMaxBatch = 64;
 
-// Written to before the kernel is told to begin with the disk, so that the sync at a segment's end
-// finds little left to do.
+// Bytes after which the kernel is told to start writing to disk, so that the sync at a segment's
+// end finds little left to do.
 constexpr std::int64_t kWriteBackBytes = 1 << 20;
 
 constexpr std::array<std::byte, 8> kZeros{};
@@ -150,7 +150,7 @@ void Journal::WriteLoop() {
       base::MutexLock lock(mutex_);
       while (queue_.empty() && !closing_) queue_changed_.Wait(mutex_);
       if (queue_.empty()) break;
-      // A segment's beginning starts a batch of its own.
+      // A record that begins a segment starts a new batch.
       do {
         batch.push_back(std::move(queue_.front()));
         queue_.pop_front();
@@ -182,7 +182,7 @@ bool Journal::WriteBatch(const std::vector<Entry>& batch) {
   const std::int64_t size = end - offset_;
   if (!WriteAt(end, std::move(parts))) return false;
   if (offset_ - begun_ >= kWriteBackBytes) {
-    // Advice, which may fail: `SealSegment` then waits for more.
+    // This is advice and may fail: `SealSegment` then waits longer.
     ::sync_file_range(file_->fd(), begun_, offset_ - begun_, SYNC_FILE_RANGE_WRITE);
     begun_ = offset_;
   }
@@ -196,8 +196,8 @@ bool Journal::WriteBatch(const std::vector<Entry>& batch) {
   return true;
 }
 
-// What follows must not outlast a loss of power without it: a recovery would begin with what
-// follows, and drop all before.
+// Later segments must not survive a loss of power without this one: a recovery would begin with
+// them and drop everything before.
 bool Journal::SealSegment() {
   if (!file_) return true;
   while (::fdatasync(file_->fd()) != 0) {
@@ -258,7 +258,7 @@ bool Journal::WriteAt(std::int64_t end, std::vector<std::span<const std::byte>> 
       continue;
     }
     offset_ += n;
-    // What was written in part goes on where it stopped.
+    // After a partial write, continue where it stopped.
     auto rest = static_cast<std::size_t>(n);
     while (next < parts.size() && rest >= parts[next].size()) rest -= parts[next++].size();
     if (rest > 0) parts[next] = parts[next].subspan(rest);
@@ -302,7 +302,7 @@ void Journal::SyncOnce() {
     base::MutexLock lock(mutex_);
     priorities = std::exchange(priorities_, {});
     files = unsynced_;
-    // The last segment is never among them: its successor is not there.
+    // The last segment is never among them, as it has no successor.
     for (std::size_t i = 0; i + 1 < segments_.size(); ++i) {
       if (segments_[i].end_row <= oldest_row_) unneeded.push_back(segments_[i].path);
     }
@@ -318,10 +318,10 @@ void Journal::SyncOnce() {
       base::WriteFileAtomically(PrioritiesPath(options_.directory), priorities);
     }
   } catch (const base::Error& error) {
-    spdlog::warn("{}; a restart would find earlier priorities", error.what());
+    spdlog::warn("{}; after a restart, older priorities would be used", error.what());
   }
   base::SyncDirectory(options_.directory);
-  // What replaces them is safe by now, else they stay until it is.
+  // Segments are deleted only once the rows that replaced theirs are synced.
   std::error_code ignored;
   if (failure.empty()) {
     for (const auto& path : unneeded) std::filesystem::remove(path, ignored);
@@ -338,7 +338,7 @@ void Journal::SyncOnce() {
   }
   sync_fault_.clear();
   status_.synced = begin;
-  // Sealed files are done with; the last goes on.
+  // Sealed files are finished; only the last one is still written.
   for (std::size_t i = 0; i + 1 < files.size(); ++i) std::erase(unsynced_, files[i]);
   std::int64_t gone_bytes = 0;
   std::erase_if(segments_, [&](const JournalSegment& segment) {

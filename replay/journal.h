@@ -21,17 +21,18 @@ namespace slalom::replay {
 
 struct JournalOptions {
   std::filesystem::path directory;
-  std::int64_t segment_bytes = 64 << 20;          ///< A segment is sealed when it has so many.
-  std::chrono::milliseconds sync_interval{1000};  ///< Of what the disk itself is told to keep.
+  std::int64_t segment_bytes = 64 << 20;          ///< Size at which a segment is sealed.
+  std::chrono::milliseconds sync_interval{1000};  ///< Time between two syncs to the disk.
   int num_beams = 0;
-  std::uint64_t spec_hash = 0;  ///< Of what is observed and commanded.
+  std::uint64_t spec_hash = 0;  ///< Hash of the observation and action spec.
 };
 
-/// Keeps two journals off one directory for as long as it lives, however it ends. Movable.
+/// An exclusive lock on a journal's directory. It is released when the object or the process ends,
+/// even by a kill. Movable.
 class JournalLock {
  public:
-  /// Makes the directory where it is missing. Throws `base::Error` where that fails or another
-  /// process holds it.
+  /// Creates the directory if it is missing. Throws `base::Error` if that fails or another process
+  /// holds the lock.
   explicit JournalLock(const std::filesystem::path& directory);
   ~JournalLock();
   JournalLock(JournalLock&& other) noexcept;
@@ -41,57 +42,60 @@ class JournalLock {
   int fd_;
 };
 
-/// A file of rows before `end_row`.
+/// One file of the journal. Its rows have numbers below `end_row`.
 struct JournalSegment {
   std::filesystem::path path;
   std::int64_t end_row = 0;
   std::int64_t bytes = 0;
 };
 
-/// Where the priorities of a directory's rows are, if they are kept (`Table::PrintPriorities`).
+/// Returns the path of the file that keeps the priorities of the rows (`Table::PrintPriorities`).
 std::filesystem::path PrioritiesPath(const std::filesystem::path& directory);
 
-/// What a directory holds.
+/// What was recovered from a journal's directory.
 struct Recovered {
   Table table;
   Sessions sessions;
   std::vector<JournalSegment> segments;
   std::uint64_t next_index = 1;
-  std::int64_t lost_rows = 0;      ///< That damage has cost, about.
-  std::vector<std::string> notes;  ///< What was found damaged and what was done, one line each.
+  std::int64_t lost_rows = 0;      ///< About how many rows were lost to damage.
+  std::vector<std::string> notes;  ///< Damage that was found and what was done, one line each.
 };
 
-/// Reads the segments back into a table with the rows, the row numbers and the sessions that the
-/// records say, so that the same draws give the same samples.
+/// Reads the segments back: the table with its rows and row numbers, and the sessions. The same
+/// draws then give the same samples as before.
 ///
-/// Where the writer was killed the last record may be torn: it was never `written`, and is cut off.
-/// Damage in the last segment costs what comes after it; damage in an older one (or a segment that
-/// is missing), all before the next segment whose beginning is sound. Where there is none, the
-/// damaged one counts as the last. Damaged bytes are kept beside, as NAME.damaged; sound segments
-/// that are of no use without them are deleted. Throws `base::Error` where a file cannot be read
-/// or cut, or is of another spec or version. Requires: the lock is held.
+/// If the writer was killed, the last record may be incomplete. It was never `written`, and is cut
+/// off. If the last segment is damaged, everything from the damage on is lost. If an older segment
+/// is damaged or missing, recovery restarts at the next segment whose head and state are intact,
+/// and everything before that is lost; if there is no such segment, the damaged one counts as the
+/// last. Damaged bytes are kept in a file NAME.damaged; intact segments that are useless without
+/// them are deleted. Throws `base::Error` if a file cannot be read or cut, or is of another spec or
+/// version. Requires: the lock is held.
 Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& config);
 
-/// Appends what a replay server accepts to segment files, and tells when it is written.
+/// Appends everything that a replay server accepts to segment files, and reports when it is
+/// written.
 ///
-/// A record is *written* when the kernel has it: it then outlives this process, however that ends.
-/// `sync_interval` later it outlives a loss of power, too. Each segment begins with the state that
-/// the records before it led to, and after those are synced, so that a loss of power tears no
-/// segment but the last; those whose rows the table has overwritten are deleted. Where the disk is
-/// full or fails the journal says so, tries again and keeps everything in memory meanwhile (the
-/// caller bounds it: what is not written is not acknowledged).
+/// A record is *written* once the kernel has it: it then survives the end of this process, however
+/// that ends. After at most `sync_interval` it is synced and survives a loss of power, too. Each
+/// segment begins with the state that results from all earlier records, and is begun only when
+/// these are synced, so that a loss of power can tear only the last segment. Segments whose rows
+/// the table has overwritten are deleted. If the disk is full or fails, the journal logs it, keeps
+/// everything in memory and tries again. The caller bounds that memory, as it acknowledges only
+/// what is written.
 ///
-/// The calls belong to one thread, but for `written` and `status`. The rows are not copied: `owner`
-/// keeps them alive until they are written. One thread writes, and syncs where a segment ends;
-/// another syncs, so neither holds up the caller.
+/// All calls except `written` and `status` belong to one thread. Rows are not copied: `owner` keeps
+/// them alive until they are written. One thread of the journal writes, and syncs at the end of a
+/// segment; another syncs in between; neither holds up the caller.
 class Journal final : public RecordLog {
  public:
-  /// Begins a segment with this state. `on_written` is called by the writing thread when `written`
-  /// has grown. Throws `base::Error` where the last of `segments` cannot be opened or no thread can
-  /// be had.
+  /// Begins a new segment with `state`. The writing thread calls `on_written` when `written` has
+  /// grown. Throws `base::Error` if the last of `segments` cannot be opened or no thread can be
+  /// started.
   Journal(const JournalOptions& options, JournalLock lock, std::vector<JournalSegment> segments,
           std::uint64_t next_index, const StateRecord& state, std::function<void()> on_written);
-  /// As `Close`.
+  /// Calls `Close`.
   ~Journal() override;
 
   std::uint64_t Append(const SessionRecord& record) override;
@@ -100,11 +104,11 @@ class Journal final : public RecordLog {
 
   /// Whether the next records should go into a new segment.
   bool segment_full() const { return segment_bytes_ >= options_.segment_bytes; }
-  /// Begins a segment. `oldest_row`: rows before it are no longer needed.
+  /// Seals the segment and begins the next. Rows before `oldest_row` are no longer needed.
   void BeginSegment(const StateRecord& state, std::int64_t oldest_row);
 
-  /// Replaces the file of priorities beside the segments at the next sync. Where that cannot be
-  /// done the earlier file stays, which costs nobody a step.
+  /// Replaces the file of priorities at the next sync. If that fails, the earlier file stays; no
+  /// rows are lost by it.
   void SavePriorities(std::string bytes) EXCLUDES(mutex_);
 
   std::uint64_t written() const override { return written_.load(std::memory_order_acquire); }
@@ -112,20 +116,20 @@ class Journal final : public RecordLog {
   struct Status {
     std::int64_t waiting_bytes = 0;  ///< Appended and not yet written.
     std::int64_t written_bytes = 0;  ///< Since the start.
-    std::int64_t disk_bytes = 0;     ///< Of all segments.
+    std::int64_t disk_bytes = 0;     ///< Size of all segments.
     int num_segments = 0;
     std::int64_t failures = 0;  ///< Attempts to write or sync that failed.
     bool blocked = false;       ///< The last attempt to write failed: nothing is acknowledged.
-    std::string failing;        ///< Why the last attempt to write, or else to sync, failed; empty:
-                                ///< neither did.
+    std::string failing;        ///< Why the last attempt to write, or else the last one to sync,
+                                ///< failed; empty if neither did.
     std::int64_t syncs = 0;
-    double sync_s = 0.0;                           ///< That all syncs took.
-    std::chrono::steady_clock::time_point synced;  ///< When the last one began that succeeded.
+    double sync_s = 0.0;                           ///< Total time of all syncs.
+    std::chrono::steady_clock::time_point synced;  ///< Start of the last sync that succeeded.
   };
   Status status() const EXCLUDES(mutex_);
 
-  /// Writes and syncs what is waiting and ends the threads. Where writing fails now, what is
-  /// waiting is given up: it was never acknowledged.
+  /// Writes and syncs what is waiting, and ends the threads. If writing fails now, the waiting
+  /// records are dropped; they were never acknowledged.
   void Close() EXCLUDES(mutex_);
 
  private:
@@ -134,7 +138,7 @@ class Journal final : public RecordLog {
     std::shared_ptr<const void> owner;
     bool begins_segment = false;
     std::int64_t end_row = 0;     ///< Number of the next row after this record.
-    std::int64_t oldest_row = 0;  ///< Of a record that begins a segment.
+    std::int64_t oldest_row = 0;  ///< As in `BeginSegment`, if it begins a segment.
   };
   class File;
 
@@ -144,7 +148,7 @@ class Journal final : public RecordLog {
   [[nodiscard]] bool SealSegment();
   [[nodiscard]] bool OpenSegment(const Entry& entry);
   [[nodiscard]] bool WriteAt(std::int64_t end, std::vector<std::span<const std::byte>> parts);
-  /// False: the journal is being closed.
+  /// Returns false if the journal is being closed.
   [[nodiscard]] bool WaitAfterFailure(const std::string& what) EXCLUDES(mutex_);
   void SyncLoop();
   void SyncOnce() EXCLUDES(mutex_);
@@ -153,18 +157,18 @@ class Journal final : public RecordLog {
   const JournalLock lock_;
   const std::function<void()> on_written_;
 
-  // Of the calling thread.
+  // Used by the calling thread only.
   std::uint64_t appended_ = 0;
   std::int64_t segment_bytes_ = 0;
   std::int64_t end_row_ = 0;
 
-  // Of the writing thread.
-  std::shared_ptr<File> file_;  ///< At first the last that was found; null: none was.
+  // Used by the writing thread only.
+  std::shared_ptr<File> file_;  ///< At first the last segment that was found; null if none was.
   std::int64_t offset_ = 0;
-  std::int64_t begun_ = 0;  ///< Up to where the kernel was told to begin with the disk.
+  std::int64_t begun_ = 0;  ///< Offset up to which the kernel was told to start writing to disk.
   std::uint64_t next_index_;
   std::chrono::steady_clock::time_point said_;  ///< When a failure was last logged.
-  std::string said_text_;                       ///< Which: another one is logged at once.
+  std::string said_text_;  ///< Its text; a different failure is logged at once.
 
   std::atomic<std::uint64_t> written_{0};
 
@@ -174,14 +178,14 @@ class Journal final : public RecordLog {
   std::deque<Entry> queue_ GUARDED_BY(mutex_);
   bool closing_ GUARDED_BY(mutex_) = false;
   bool writer_done_ GUARDED_BY(mutex_) = false;
-  Status status_ GUARDED_BY(mutex_);                         ///< But for `blocked` and `failing`.
-  std::string write_fault_ GUARDED_BY(mutex_);               ///< Of the last attempt; empty: none.
+  Status status_ GUARDED_BY(mutex_);                         ///< Except `blocked` and `failing`.
+  std::string write_fault_ GUARDED_BY(mutex_);               ///< Of the last attempt; or empty.
   std::string sync_fault_ GUARDED_BY(mutex_);                ///< Likewise.
   std::vector<JournalSegment> segments_ GUARDED_BY(mutex_);  ///< The last is being written.
   std::vector<std::shared_ptr<File>> unsynced_ GUARDED_BY(mutex_);  ///< Likewise.
   std::int64_t oldest_row_ GUARDED_BY(mutex_) = 0;
-  std::string priorities_ GUARDED_BY(mutex_);  ///< To be saved; empty: nothing.
-  bool closed_ = false;                        // Of the calling thread.
+  std::string priorities_ GUARDED_BY(mutex_);  ///< To be saved at the next sync; or empty.
+  bool closed_ = false;                        // Used by the calling thread only.
 
   std::jthread writer_;
   std::jthread syncer_;

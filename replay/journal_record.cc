@@ -42,7 +42,7 @@ class Writer {
   std::vector<std::byte> bytes_;
 };
 
-/// Reads numbers one after the other; once there is too little, zeros, and `failed`.
+/// Reads numbers one after the other. Once the bytes are used up, it reads zeros and has `failed`.
 class Reader {
  public:
   explicit Reader(std::span<const std::byte> bytes) : bytes_(bytes) {}
@@ -65,7 +65,7 @@ class Reader {
     return result;
   }
   bool failed() const { return failed_; }
-  /// All was there, and nothing is left.
+  /// Whether everything could be read and nothing is left.
   bool done() const { return !failed_ && bytes_.empty(); }
 
  private:
@@ -194,7 +194,8 @@ base::Result<SegmentHead> ParseSegmentHead(std::span<const std::byte> bytes) {
   if (in.Get<std::uint64_t>() != base::Checksum(bytes.first(SegmentHead::kBytes - 8))) {
     return base::Failure{"the checksum of its head does not match"};
   }
-  if (head.num_beams < 1 || head.first_row < 0) return base::Failure{"its head makes no sense"};
+  if (head.num_beams < 1 || head.first_row < 0)
+    return base::Failure{"its head has impossible values"};
   return head;
 }
 
@@ -285,7 +286,7 @@ ParsedRecord ParseRecord(std::span<const std::byte> bytes, const RecordPlace& pl
   }
   ParsedRecord parsed{Status::kWhole, "", RecordBytes::kPrefixBytes + size + Padding(size),
                       GetRecord(type, body)};
-  if (!parsed.record) return damaged("the record makes no sense");
+  if (!parsed.record) return damaged("the record has impossible values");
   return parsed;
 }
 

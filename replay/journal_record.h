@@ -12,16 +12,17 @@
 #include "base/result.h"
 #include "replay/sessions.h"
 
-/// The records of the journal as bytes; docs/replay.md gives them one by one. What is read here may
-/// be damaged in any way: nothing is believed before its checksum, and nothing is allocated beyond
-/// a few times the bytes that are there.
+/// The journal's records as bytes; docs/replay.md specifies each. Parsing expects any kind of
+/// damage: it trusts no field before the checksum has matched, and allocates at most a few times
+/// the size of its input.
 
 namespace slalom::replay {
 
-/// Where a record stands. Goes into its checksum, so that bytes of another place are no record.
+/// The position of a record. It is part of the checksum, so that bytes from another place do not
+/// pass for a record.
 struct RecordPlace {
   std::uint64_t segment = 0;
-  std::uint64_t offset = 0;  ///< In the file.
+  std::uint64_t offset = 0;  ///< Within the segment's file.
 };
 
 /// The head of a segment file.
@@ -37,13 +38,13 @@ struct SegmentHead {
 };
 
 std::array<std::byte, SegmentHead::kBytes> PrintSegmentHead(const SegmentHead& head);
-/// Fails where the bytes are not a whole head, of whatever version.
+/// Parses a head of any version. Fails if the bytes are not a complete, undamaged head.
 base::Result<SegmentHead> ParseSegmentHead(std::span<const std::byte> bytes);
 
-/// The first record of each segment: all that the records before it led to, but for rows.
+/// The first record of each segment: the state that results from all earlier records, without rows.
 struct StateRecord {
   std::int64_t first_row = 0;      ///< Number of the next row.
-  std::vector<std::uint8_t> open;  ///< Per stream of the table, 1: an episode is running.
+  std::vector<std::uint8_t> open;  ///< Per stream of the table, 1 if an episode is running.
   Sessions sessions;
 };
 
@@ -57,20 +58,20 @@ struct ForgetRecord {
   std::uint32_t id = 0;
 };
 
-/// A chunk was accepted. Views only.
+/// A chunk was accepted: `Sessions::Accept`. Views only.
 struct RowsRecord {
-  std::uint32_t id = 0;  ///< Of the session.
+  std::uint32_t id = 0;  ///< The session's id.
   int num_rows = 0;
   int num_steps = 0;
   std::uint64_t sequence = 0;
-  std::int64_t first_row = 0;       ///< Number in the table.
-  std::span<const std::byte> rows;  ///< As `RowBytes`, streams counted from the session's base.
+  std::int64_t first_row = 0;       ///< Number of the first row in the table.
+  std::span<const std::byte> rows;  ///< As `RowBytes`; streams count from the session's base.
 };
 
 using Record = std::variant<StateRecord, SessionRecord, ForgetRecord, RowsRecord>;
 
-/// A record on its way to the file: `head`, then the rows' bytes where it has some, then zeros up
-/// to a multiple of 8 bytes.
+/// A record to be written to a file: the prefix, `head`, the bytes of its rows, if any, and zeros
+/// up to a multiple of 8 bytes.
 struct RecordBytes {
   static constexpr std::size_t kPrefixBytes = 32;
 
@@ -78,9 +79,9 @@ struct RecordBytes {
   std::vector<std::byte> head;
   std::span<const std::byte> rows;
 
-  /// Bytes in the file, prefix and zeros included.
+  /// Returns the size in the file in bytes, including prefix and zeros.
   std::size_t size() const;
-  /// What goes before `head`. Cost: a checksum of all bytes.
+  /// Returns the prefix. Cost: a checksum of all bytes.
   std::array<std::byte, kPrefixBytes> Prefix(const RecordPlace& place) const;
 };
 RecordBytes PrintRecord(const StateRecord& record);
@@ -88,20 +89,20 @@ RecordBytes PrintRecord(const SessionRecord& record);
 RecordBytes PrintRecord(const ForgetRecord& record);
 RecordBytes PrintRecord(const RowsRecord& record);
 
-/// What stands at the beginning of some bytes.
+/// The result of parsing the record at the beginning of some bytes.
 struct ParsedRecord {
   enum class Status {
     kWhole,
-    kTorn,     ///< It goes on behind the bytes: the writer was killed.
-    kDamaged,  ///< Not what was written.
+    kTorn,     ///< The bytes end before the record does: the writer was killed.
+    kDamaged,  ///< The bytes are not those that were written.
   };
   Status status = Status::kDamaged;
-  std::string why;       ///< Where it is damaged.
-  std::size_t size = 0;  ///< Where it is whole: in the file, all included.
+  std::string why;       ///< If damaged: the reason.
+  std::size_t size = 0;  ///< If whole: its size in the file, including prefix and zeros.
   std::optional<Record> record;
 };
 
-/// Requires: `bytes` starts on a multiple of 8 bytes in memory and stands at `place`.
+/// Requires: `bytes` starts on a multiple of 8 bytes in memory and was read from `place`.
 ParsedRecord ParseRecord(std::span<const std::byte> bytes, const RecordPlace& place);
 
 }  // namespace slalom::replay

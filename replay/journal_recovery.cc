@@ -26,7 +26,7 @@ namespace fs = std::filesystem;
 constexpr std::string_view kPrefix = "journal-";
 constexpr std::string_view kSuffix = ".log";
 
-/// The number in a segment's name. None: no segment's.
+/// Returns the number in a segment's file name, or nothing if it is not a segment's name.
 std::optional<std::uint64_t> IndexOf(const std::string& name) {
   if (!name.starts_with(kPrefix) || !name.ends_with(kSuffix)) return std::nullopt;
   const char* const begin = name.data() + kPrefix.size();
@@ -70,7 +70,7 @@ void ReadWhole(const fs::path& path, AlignedBuffer<std::byte>* content) {
 
 fs::path DamagedPath(const fs::path& path) { return path.string() + ".damaged"; }
 
-/// Throws where a whole head is of another version or spec.
+/// Throws if the head is complete but of another version or spec.
 void CheckHead(const JournalOptions& options, const fs::path& path, const SegmentHead& head) {
   if (head.version != SegmentHead::kVersion) {
     throw base::Error(fmt::format("{}: this replay journal is of version {}, expected {}",
@@ -78,13 +78,13 @@ void CheckHead(const JournalOptions& options, const fs::path& path, const Segmen
   }
   if (head.num_beams != options.num_beams || head.spec_hash != options.spec_hash) {
     throw base::Error(fmt::format(
-        "{}: this replay journal holds {} beams and spec {:016x}, expected {} and {:016x}: it is "
-        "of another run; choose another directory",
+        "{}: this replay journal holds {} beams and spec {:016x}, expected {} and {:016x}: it "
+        "belongs to another run; choose another directory",
         path.string(), head.num_beams, head.spec_hash, options.num_beams, options.spec_hash));
   }
 }
 
-/// Whether the records of a segment can be followed without those before it.
+/// Whether recovery can begin with this segment: its head and its state record are intact.
 bool BeginsSoundly(std::uint64_t index, std::span<const std::byte> content) {
   const auto head = ParseSegmentHead(content);
   if (!head || head->index != index) return false;
@@ -93,7 +93,7 @@ bool BeginsSoundly(std::uint64_t index, std::span<const std::byte> content) {
   return first.record && std::holds_alternative<StateRecord>(*first.record);
 }
 
-/// Whether any of these segments begins soundly. Throws as `CheckHead`. Cost: reads them.
+/// Whether recovery can begin with any of these segments. Throws as `CheckHead`. Cost: reads them.
 bool AnyBeginsSoundly(const JournalOptions& options,
                       std::span<const std::pair<std::uint64_t, fs::path>> segments) {
   AlignedBuffer<std::byte> content;
@@ -105,7 +105,7 @@ bool AnyBeginsSoundly(const JournalOptions& options,
   });
 }
 
-/// Keeps the bytes of a segment from `offset` on beside it, and cuts them off.
+/// Truncates a segment at `offset`. If `keep`, the rest is kept in a file beside it.
 void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t offset,
            bool keep) {
   if (keep) {
@@ -116,23 +116,23 @@ void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t
   const int failed =
       offset == 0 ? ::unlink(path.c_str()) : ::truncate(path.c_str(), static_cast<off_t>(offset));
   if (failed) {
-    throw base::Error(fmt::format("{}: cannot cut the journal at byte {} ({})", path.string(),
+    throw base::Error(fmt::format("{}: cannot truncate the journal at byte {} ({})", path.string(),
                                   offset, std::strerror(errno)));
   }
 }
 
-/// Follows the records of one segment after the other.
+/// Applies the records of one segment after the other to a table and sessions.
 class Replayer {
  public:
   Replayer(const JournalOptions& options, const ReplayConfig& config)
       : options_(options), config_(config), table_(Table::BeginRestore(config, beams(), 0)) {}
 
-  /// How far a segment could be followed.
+  /// How far the records of a segment could be applied.
   struct End {
-    std::size_t offset = 0;  ///< Behind the last good record; 0: not even the first is good.
+    std::size_t offset = 0;  ///< End of the last good record; 0 if there is none.
     bool torn = false;
-    std::string damage;  ///< Empty: none.
-    bool gap = false;    ///< Rows are missing before it; nothing was followed.
+    std::string damage;  ///< Empty if there is none.
+    bool gap = false;    ///< Rows before it are missing; nothing was applied.
   };
 
   End Follow(std::uint64_t index, const fs::path& path, std::span<const std::byte> content) {
@@ -142,7 +142,8 @@ class Replayer {
     const auto head = ParseSegmentHead(content);
     if (!head) end.damage = head.failure().text;
     if (head) CheckHead(options_, path, *head);
-    if (head && head->index != index) end.damage = "its name is that of another segment";
+    if (head && head->index != index)
+      end.damage = "its name does not match the segment number in its head";
     if (!end.damage.empty()) return end;
     end.gap = started_ && head->first_row != next_row() && BeginsSoundly(index, content);
     if (end.gap) return end;
@@ -162,8 +163,8 @@ class Replayer {
     return end;
   }
 
-  /// Forgets all that was followed so far; returns the rows that this costs. The next segment
-  /// that is followed begins anew.
+  /// Discards everything applied so far and returns the number of lost rows. The next segment
+  /// starts anew.
   std::int64_t Drop() {
     const std::int64_t rows = table_.num_rows();
     table_ = Table::BeginRestore(config_, beams(), 0);
@@ -186,7 +187,7 @@ class Replayer {
 
   std::optional<std::string> Apply(Record record, bool first) {
     if (first != std::holds_alternative<StateRecord>(record)) {
-      return "a state where none belongs, or none where one belongs";
+      return "a state record is missing or out of place";
     }
     return std::visit([this](auto&& r) { return Do(std::forward<decltype(r)>(r)); },
                       std::move(record));
@@ -222,7 +223,7 @@ class Replayer {
 
   std::optional<std::string> Do(const RowsRecord& record) {
     const Session* const session = sessions_.Find(record.id);
-    if (session == nullptr) return fmt::format("rows of id {}, which is unknown", record.id);
+    if (session == nullptr) return fmt::format("it holds rows of the unknown id {}", record.id);
     const auto rows = RowBytes::Parse(record.rows, record.num_rows, beams(), session->num_streams);
     if (!rows) return rows.failure().text;
     if (record.first_row != next_row()) {
@@ -260,7 +261,7 @@ JournalLock::JournalLock(const fs::path& directory) {
   if (fd_ < 0) {
     throw base::Error(fmt::format("{}: cannot create ({})", path.string(), std::strerror(errno)));
   }
-  // Where the file system knows no locks nothing is held.
+  // If the file system has no locks, nothing is locked.
   if (::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
   ::close(fd_);
   throw base::Error(
@@ -280,7 +281,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
   std::int64_t lost_rows = 0;
   std::vector<std::string> notes;
   const auto row_bytes = static_cast<std::int64_t>(RowBytes::Size(1, options.num_beams));
-  // What was followed so far is of no use: the segment that comes next does not follow on it.
+  // The segments so far are useless, as the next one does not continue them.
   const auto drop = [&] {
     lost_rows += replayer.Drop();
     std::error_code ignored;
@@ -294,18 +295,16 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
     const std::span<const std::byte> bytes(content.data(), content.size());
     Replayer::End end = replayer.Follow(index, path, bytes);
     if (end.gap) {
-      notes.push_back(
-          fmt::format("{}: the segments before it do not reach it; the table begins "
-                      "with it",
-                      path.string()));
+      notes.push_back(fmt::format(
+          "{}: rows before this segment are missing; the table begins with it", path.string()));
       drop();
       end = replayer.Follow(index, path, bytes);
     }
-    const std::string why = end.torn ? "the last record is torn" : end.damage;
+    const std::string why = end.torn ? "the last record is incomplete" : end.damage;
     const auto behind = static_cast<std::int64_t>(content.size() - end.offset);
     if (!why.empty() && AnyBeginsSoundly(options, std::span(listed).subspan(i + 1))) {
       notes.push_back(fmt::format(
-          "{}: damaged at byte {}: {}; the table begins with a segment after it; kept as {}",
+          "{}: damaged at byte {}: {}; kept as {}; the table begins with a later segment",
           path.string(), end.offset, why, DamagedPath(path).filename().string()));
       drop();
       lost_rows += behind / row_bytes;
@@ -314,7 +313,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
       continue;
     }
     if (!why.empty()) {
-      // The writer, killed, tears the last record of all, which it never said was written.
+      // A killed writer can only tear the very last record, which it never reported as written.
       const bool killed = end.torn && i + 1 == listed.size();
       const bool keep = !killed && behind > 0;
       notes.push_back(fmt::format(

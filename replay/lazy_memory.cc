@@ -15,11 +15,11 @@ LazyMemory::LazyMemory(std::size_t bytes) : bytes_(bytes) {
                               MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (memory == MAP_FAILED) {
     throw base::Error(fmt::format(
-        "cannot reserve {} MiB for the replay buffer: {}; a smaller replay.capacity needs less",
+        "cannot reserve {} MiB for the replay buffer: {}; choose a smaller replay.capacity",
         bytes >> 20, std::strerror(errno)));
   }
   data_ = static_cast<std::byte*>(memory);
-  // Advice only: where the system has no huge pages the array works all the same.
+  // Only advice: the array also works on a system without huge pages.
   (void)::madvise(memory, bytes, MADV_HUGEPAGE);
 }
 

@@ -8,12 +8,12 @@
 
 namespace slalom::replay {
 
-/// Address space for a large array of zeros, which takes real memory only where it is written (by
-/// pages of 2 MiB where the system offers them: random rows then cost fewer TLB misses). Movable.
+/// A large array of zeros that takes physical memory only where it is written. It uses pages of 2
+/// MiB if the system offers them, so that random access causes fewer TLB misses. Movable.
 class LazyMemory {
  public:
   LazyMemory() = default;
-  /// Throws `base::Error` where the system refuses.
+  /// Throws `base::Error` if the system refuses the memory.
   explicit LazyMemory(std::size_t bytes);
   ~LazyMemory();
   LazyMemory(LazyMemory&& other) noexcept
@@ -38,7 +38,7 @@ class AlignedBuffer {
   static_assert(std::is_trivially_copyable_v<T>);
 
  public:
-  /// Makes room for `size` elements. Allocates only where it never held as many.
+  /// Makes room for `size` elements. Allocates only if it never held as many.
   void Resize(std::size_t size) {
     size_ = size;
     if (size <= capacity_) return;

@@ -36,10 +36,9 @@ std::string PrintManifest(const Manifest& manifest) {
     for (const std::uint8_t open : manifest.open) text += open ? '1' : '0';
     text += '\n';
   }
-  text += fmt::format("segments {}\n", manifest.segments.size());
-  for (const Storage::Segment& segment : manifest.segments) {
-    text +=
-        fmt::format("{} {} {} {:016x}\n", segment.name, segment.begin, segment.end, segment.digest);
+  text += fmt::format("segments {}\n", manifest.part_files.size());
+  for (const Storage::PartFile& part : manifest.part_files) {
+    text += fmt::format("{} {} {} {:016x}\n", part.name, part.begin, part.end, part.digest);
   }
   return text + fmt::format("checksum {:016x}\n", base::Checksum(text));
 }
@@ -68,22 +67,22 @@ Manifest ParseManifest(std::string_view text, std::string_view source) {
       Fail(source, "expected a digit per stream");
     for (const char bit : bits) manifest.open.push_back(bit == '1');
   }
-  const auto num_segments = Number<std::int64_t>(in, source, "segments", 0, 1 << 24);
-  for (std::int64_t i = 0; i < num_segments; ++i) {
-    Storage::Segment segment;
-    const bool is_read = static_cast<bool>(in >> segment.name >> segment.begin >> segment.end >>
-                                           std::hex >> segment.digest >> std::dec);
-    if (!is_read || segment.begin >= segment.end || segment.name.find('/') != std::string::npos ||
-        (i > 0 && segment.begin != manifest.segments.back().end)) {
-      Fail(source, "expected segments that follow each other");
+  const auto num_part_files = Number<std::int64_t>(in, source, "segments", 0, 1 << 24);
+  for (std::int64_t i = 0; i < num_part_files; ++i) {
+    Storage::PartFile part;
+    const bool is_read = static_cast<bool>(in >> part.name >> part.begin >> part.end >> std::hex >>
+                                           part.digest >> std::dec);
+    if (!is_read || part.begin >= part.end || part.name.find('/') != std::string::npos ||
+        (i > 0 && part.begin != manifest.part_files.back().end)) {
+      Fail(source, "expected the files under 'segments' to follow each other without a gap");
     }
-    manifest.segments.push_back(segment);
+    manifest.part_files.push_back(part);
   }
   const bool is_covered =
       manifest.begin == manifest.end ||
-      (!manifest.segments.empty() && manifest.segments.front().begin <= manifest.begin &&
-       manifest.segments.back().end == manifest.end);
-  if (!is_covered) Fail(source, "expected segments that hold all rows");
+      (!manifest.part_files.empty() && manifest.part_files.front().begin <= manifest.begin &&
+       manifest.part_files.back().end == manifest.end);
+  if (!is_covered) Fail(source, "expected the files under 'segments' to hold all rows");
   return manifest;
 }
 

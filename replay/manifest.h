@@ -9,20 +9,20 @@
 
 namespace slalom::replay {
 
-/// What a manifest says, see docs/replay.md.
+/// The content of a manifest (docs/replay.md).
 struct Manifest {
   int num_beams = 0;
   std::int64_t capacity = 0;
   std::int64_t begin = 0;  ///< The table holds rows [begin, end).
   std::int64_t end = 0;
-  std::vector<std::uint8_t> open;  ///< Per stream, 1: an episode is running.
-  std::vector<Storage::Segment> segments;
+  std::vector<std::uint8_t> open;             ///< Per stream, 1 if an episode is running.
+  std::vector<Storage::PartFile> part_files;  ///< Under the key "segments" in the text.
 };
 
 std::string PrintManifest(const Manifest& manifest);
 
-/// Throws `base::Error` that starts with `source` where the text is not one that `PrintManifest`
-/// made.
+/// Throws `base::Error`, with a message that starts with `source`, if the text was not made by
+/// `PrintManifest`.
 Manifest ParseManifest(std::string_view text, std::string_view source = "replay manifest");
 
 }  // namespace slalom::replay

@@ -8,7 +8,7 @@
 namespace slalom::replay {
 namespace {
 
-// Draws whose paths are followed side by side.
+// Number of draws whose paths are followed side by side.
 constexpr std::size_t kDrawBlock = 64;
 
 double SumOfEight(const double* x) {
@@ -46,7 +46,7 @@ void Priorities::RaiseLargest(double largest) {
 void Priorities::SetWeight(std::int64_t slot, double weight) {
   auto i = static_cast<std::size_t>(slot);
   levels_[0][i] = weight;
-  // Sums are made anew from the children, never by differences: no error builds up.
+  // Sums are recomputed from the children, never updated by differences, so errors do not add up.
   for (std::size_t level = 0; level + 1 < levels_.size(); ++level) {
     i /= kFanOut;
     levels_[level + 1][i] = SumOfEight(&levels_[level][i * kFanOut]);
@@ -70,7 +70,7 @@ void Priorities::Draw(base::Random& random, std::span<std::int64_t> slots) const
       const double* const values = levels_[level].data();
       for (std::size_t k = 0; k < n; ++k) {
         const double* const child = values + node[k] * kFanOut;
-        double before = 0.0;  // Sum of the children passed over.
+        double before = 0.0;  // Sum of the children before this one.
         double sum_to_here = 0.0;
         std::size_t chosen = 0;
         for (std::size_t c = 0; c < kFanOut - 1; ++c) {
@@ -79,7 +79,7 @@ void Priorities::Draw(base::Random& random, std::span<std::int64_t> slots) const
           before = past ? sum_to_here : before;
           chosen += past;
         }
-        // Rounding may point behind the last child that has any weight.
+        // Rounding may lead beyond the last child with a weight.
         while (chosen > 0 && child[chosen] == 0.0) --chosen;
         rest[k] -= before;
         node[k] = node[k] * kFanOut + chosen;

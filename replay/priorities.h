@@ -9,40 +9,41 @@
 
 namespace slalom::replay {
 
-/// The weights by which rows of a prioritized table are drawn, one per slot of its ring: a sum tree
-/// of eight children a node, so that a node is a cache line.
+/// The weights by which a prioritized table draws rows, one per slot of its ring: a sum tree with
+/// eight children per node, so that a node is one cache line.
 ///
-/// A slot's weight is p^alpha of its priority p, or 0 where there is nothing to draw. Priorities
-/// are held to [kSmallest, kLargest], so that no row is lost to a priority of 0 or drowns all
-/// others. Thread-compatible. Memory: about 9.2 bytes a slot.
-/// Source: Schaul et al. 2016, proportional variant.
+/// The weight of a slot is p^alpha for the priority p of its row, or 0 if there is nothing to draw.
+/// Priorities are clipped to [kSmallest, kLargest], so that no row is excluded by a priority of 0
+/// or outweighs all others. Thread-compatible. Memory: about 9.2 bytes per slot. Source: Schaul et
+/// al. 2016, proportional variant.
 class Priorities {
  public:
   static constexpr double kSmallest = 1e-6;
   static constexpr double kLargest = 1e6;
 
-  /// All weights 0. Requires: num_slots >= 1, 0 <= alpha <= 1.
+  /// Starts with all weights 0. Requires: num_slots >= 1, 0 <= alpha <= 1.
   Priorities(std::int64_t num_slots, double alpha);
 
-  /// Requires: `slot` in [0, num_slots). NaN counts as `kLargest`. Cost: a path of the tree.
+  /// Sets a row's priority; NaN counts as `kLargest`. Requires: `slot` in [0, num_slots). Cost: one
+  /// path of the tree.
   void Set(std::int64_t slot, double priority);
-  /// Gives a new row the largest priority that was ever `Set`, at first 1.
+  /// Gives a new row the largest priority that was ever `Set`, or 1 if none was.
   void SetNew(std::int64_t slot) { SetWeight(slot, new_weight_); }
-  /// Gives a row the weight that it had. Requires: 0 < weight <= kLargest.
+  /// Restores a row's weight. Requires: 0 < weight <= kLargest.
   void RestoreWeight(std::int64_t slot, double weight) { SetWeight(slot, weight); }
-  /// So large a priority was set once. Requires: largest <= kLargest.
+  /// Raises `largest()` to at least this value. Requires: largest <= kLargest.
   void RaiseLargest(double largest);
   double largest() const { return largest_; }
-  /// Nothing to draw here.
+  /// Makes a slot's weight 0.
   void Clear(std::int64_t slot) { SetWeight(slot, 0.0); }
 
-  /// Draws slots independently, each in proportion to its weight; a weight of 0 never.
-  /// Requires: total() > 0. Cost: O(log num_slots) each; the paths of a call are followed side by
-  /// side, so that their cache misses overlap.
+  /// Draws slots independently, each in proportion to its weight. Slots of weight 0 are never
+  /// drawn. Requires: total() > 0. Cost: O(log num_slots) each; the paths of one call are followed
+  /// side by side, so that their cache misses overlap.
   void Draw(base::Random& random, std::span<std::int64_t> slots) const;
 
   double weight(std::int64_t slot) const { return levels_[0][static_cast<std::size_t>(slot)]; }
-  /// Of all weights.
+  /// Returns the sum of all weights.
   double total() const;
   double alpha() const { return alpha_; }
 
@@ -54,7 +55,8 @@ class Priorities {
   double alpha_;
   double largest_ = 1.0;
   double new_weight_ = 1.0;  ///< largest_^alpha
-  /// [0]: weights; [i + 1]: sums of eight of [i]; the last has eight. Zeros fill up each level.
+  /// [0]: weights; [i + 1]: sums of eight values of [i]; the last level has eight values. Levels
+  /// are padded with zeros.
   std::vector<std::vector<double>> levels_;
 };
 

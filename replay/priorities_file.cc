@@ -16,7 +16,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the file is little-endian");
 
-/// What stands before the weights; docs/replay.md has the file byte by byte.
+/// The header of the file; docs/replay.md specifies it byte by byte.
 struct Head {
   char magic[8] = {'S', 'L', 'R', 'P', 'L', 'P', 'R', 'I'};
   std::uint32_t version = 1;
@@ -86,7 +86,7 @@ std::optional<base::Failure> Table::RestorePriorities(std::string_view bytes, do
   priorities_->RaiseLargest(head.largest);
   for (std::int64_t s = first_sequence(); s < total_; ++s) {
     if (slot(s).flags & kRowFinal) continue;
-    // The journal may hold more rows, or others in the place of a tail that was cut off.
+    // The journal may hold more rows, or other rows in place of a tail that was truncated.
     const std::int64_t i = s - head.first_row;
     const double weight = i >= 0 && i < head.num_rows ? weights[static_cast<std::size_t>(i)] : 0.0;
     if (weight > 0.0) {

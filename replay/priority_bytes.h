@@ -6,27 +6,27 @@
 
 #include "base/result.h"
 
-/// New priorities of sampled rows as one run of bytes, as a learner sends them: sequence [C] int64,
-/// priority [C] float32, one right after the other, little-endian.
+/// New priorities of sampled rows as a learner sends them, in one block of bytes: sequence [C]
+/// int64, priority [C] float32, without padding, little-endian.
 
 namespace slalom::replay {
 
-/// Bytes of `count` >= 0 priorities.
+/// Returns the size of `count` priorities in bytes. Requires: count >= 0.
 std::size_t PrioritySize(int count);
 
-/// Writes them. Requires: as many of each; out.size() == PrioritySize(...) and starts on a multiple
-/// of 8 bytes.
+/// Writes priorities to `out`. Requires: both spans have the same size; out.size() ==
+/// PrioritySize(...); `out` starts on a multiple of 8 bytes.
 void WritePriorities(std::span<const std::int64_t> sequence, std::span<const float> priority,
                      std::span<std::byte> out);
 
 /// Views only.
 struct PriorityView {
-  std::span<const std::int64_t> sequence;  ///< [C] >= 0; such a row need not be there (any more).
+  std::span<const std::int64_t> sequence;  ///< [C] >= 0; the table may no longer hold such a row.
   std::span<const float> priority;         ///< [C] finite, >= 0
 };
 
-/// Looks at bytes that anybody may have sent. Fails where their number is not that of so many
-/// priorities, they do not start on a multiple of 8 bytes, or a number is out of the ranges above.
+/// Parses bytes from an untrusted peer. Fails if their number is not that of `count` priorities, if
+/// they do not start on a multiple of 8 bytes, or if a value is outside the ranges above.
 base::Result<PriorityView> ParsePriorities(std::span<const std::byte> bytes, int count);
 
 }  // namespace slalom::replay

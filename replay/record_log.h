@@ -7,14 +7,14 @@
 
 namespace slalom::replay {
 
-/// Where the changes of a replay server's state are kept, in their order. Thread-compatible, but
-/// for `written`.
+/// Keeps the changes of a replay server's state in their order. Thread-compatible; `written` may be
+/// called by any thread.
 class RecordLog {
  public:
   virtual ~RecordLog() = default;
 
-  /// Each returns the position of its record: it is safe when `written` is not less. `owner` keeps
-  /// the bytes of the rows alive.
+  /// Each returns the position of its record. The record is safe once `written` has reached that
+  /// position. `owner` keeps the bytes of the rows alive.
   virtual std::uint64_t Append(const SessionRecord& record) = 0;
   virtual std::uint64_t Append(const ForgetRecord& record) = 0;
   virtual std::uint64_t Append(const RowsRecord& record, std::shared_ptr<const void> owner) = 0;
@@ -22,7 +22,7 @@ class RecordLog {
   virtual std::uint64_t written() const = 0;
 };
 
-/// Keeps nothing, for a table that lives in memory only: what is appended counts as safe at once.
+/// A log that keeps nothing, for a table in memory only: every record counts as safe at once.
 class NoLog : public RecordLog {
  public:
   std::uint64_t Append(const SessionRecord&) override { return ++appended_; }

@@ -32,13 +32,13 @@ std::optional<base::Failure> Table::CheckEpisodes(const RowBytes& rows, int stre
     };
     if (episode == Episode::kNone && !(flags & kRowFirst)) {
       return fail(flags & kRowFinal ? "the end of an episode" : "a step in mid-episode",
-                  "the first step of one, as none is running");
+                  "the first step of an episode, as none is running");
     }
     if (episode != Episode::kNone && (flags & kRowFirst)) {
-      return fail("the first step of an episode", "more of the one that is running");
+      return fail("the first step of an episode", "a row of the episode that is still running");
     }
     if (episode == Episode::kTerminated && !(flags & kRowFinal)) {
-      return fail("a step", "the final frame of an episode that terminated");
+      return fail("a step", "the final row of the episode, which has terminated");
     }
     episode = flags & kRowFinal        ? Episode::kNone
               : flags & kRowTerminated ? Episode::kTerminated

@@ -16,7 +16,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "rows are sent little-endian");
 static_assert(sizeof(env::Action) == 2 * sizeof(float));
 
-// Floats of a row: state, action, reward, cost.
+// Number of floats per row: state, action, reward, cost.
 constexpr std::size_t kFloats = env::kStateSize + 4;
 
 template <class T>
@@ -77,8 +77,8 @@ base::Result<RowBytes> RowBytes::Parse(std::span<const std::byte> bytes, int num
   }
   for (int r = 0; r < num_rows; ++r) {
     if (!FlagsGoTogether(rows.flags(r))) {
-      return base::Failure{
-          fmt::format("rows: row {} has flags {:#x}, which do not go together", r, rows.flags(r))};
+      return base::Failure{fmt::format("rows: row {} has flags {:#x}, which contradict each other",
+                                       r, rows.flags(r))};
     }
     if (rows.stream(r) < 0 || rows.stream(r) >= num_streams) {
       return base::Failure{fmt::format("rows: row {} is of stream {}, expected one of {}", r,

@@ -11,30 +11,31 @@
 
 namespace slalom::replay {
 
-/// The rows of a chunk as one run of bytes, as they are sent and kept: state [R, S] float32, action
-/// [R, 2] float32, reward [R] float32, cost [R] float32, stream [R] int32, ranges [R, N] uint16
-/// [cm], flags [R] uint8, each column right after the other, little-endian. A view: the bytes must
-/// outlive it. Streams are numbered by who sends them, from 0.
+/// The rows of a chunk as they are sent and kept, in one block of bytes: state [R, S] float32,
+/// action [R, 2] float32, reward [R] float32, cost [R] float32, stream [R] int32, ranges [R, N]
+/// uint16 [cm], flags [R] uint8; the columns follow each other without padding, little-endian. A
+/// view: the bytes must outlive it. The sender numbers its streams from 0.
 class RowBytes {
  public:
-  /// Bytes of `num_rows` rows. Requires: num_rows, num_beams >= 0.
+  /// Returns the size of `num_rows` rows in bytes. Requires: num_rows, num_beams >= 0.
   static std::size_t Size(int num_rows, int num_beams);
 
-  /// Writes the rows. Requires: out.size() == Size(...) and starts on a multiple of 4 bytes.
+  /// Writes the rows to `out`. Requires: out.size() == Size(...); `out` starts on a multiple of 4
+  /// bytes.
   static void Write(const Chunk& chunk, std::span<std::byte> out);
 
-  /// Looks at bytes that anybody may have sent. Fails where there is no row, their number is not
-  /// that of so many rows, they do not start on a multiple of 4 bytes, a number is not finite,
-  /// flags do not go together, a final row holds an action, reward or cost, or a stream is not in
-  /// [0, num_streams). What the flags say of episodes is checked by `Table::CheckEpisodes`.
-  /// Allocates nothing but the text of a failure. Cost: reads all but the ranges.
+  /// Parses bytes from an untrusted peer. Fails if there is no row, the number of bytes is not that
+  /// of `num_rows` rows, they do not start on a multiple of 4 bytes, a number is not finite, flags
+  /// contradict each other, a final row has an action, reward or cost, or a stream is not in
+  /// [0, num_streams). Whether the flags form episodes is checked by `Table::CheckEpisodes`.
+  /// Allocates only the text of a failure. Cost: reads everything except the ranges.
   static base::Result<RowBytes> Parse(std::span<const std::byte> bytes, int num_rows, int num_beams,
                                       int num_streams);
 
   int num_rows() const { return num_rows_; }
   int num_beams() const { return num_beams_; }
   int num_streams() const { return num_streams_; }  ///< As given to `Parse`.
-  int num_steps() const;                            ///< Rows that are not final.
+  int num_steps() const;                            ///< Number of rows that are not final.
   std::int32_t stream(int r) const { return streams()[r]; }
   std::uint8_t flags(int r) const { return all_flags()[r]; }
   RowView row(int r) const;

@@ -17,7 +17,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "samples are sent little-endian");
 static_assert(sizeof(env::Action) == 2 * sizeof(float));
 
-/// Where the columns begin.
+/// The layout of a sample.
 struct Layout {
   std::size_t frames = 0;   // B H
   std::size_t numbers = 0;  // Where float32 begins, ...
@@ -31,7 +31,7 @@ std::optional<Layout> LayoutOf(const SampleShape& shape) {
   Layout layout;
   layout.frames = batch * static_cast<std::uint64_t>(shape.history);  // Below 2^62.
   std::uint64_t scan_bytes = 0;
-  // A frame twice, before and after the window, and far more than what else there is of it.
+  // Two stacks of frames, before and after the window, with room for the other columns.
   constexpr std::uint64_t kMost = std::uint64_t{1} << 62;
   const std::uint64_t frame_bytes = 2u * 2u * static_cast<std::uint64_t>(shape.num_beams);
   if (__builtin_mul_overflow(layout.frames, frame_bytes, &scan_bytes) || scan_bytes > kMost ||
@@ -46,7 +46,7 @@ std::optional<Layout> LayoutOf(const SampleShape& shape) {
   return layout;
 }
 
-/// Columns one after the other, for writing.
+/// Writes columns one after the other.
 class ColumnWriter {
  public:
   explicit ColumnWriter(std::byte* out) : out_(out) {}
@@ -61,7 +61,7 @@ class ColumnWriter {
   std::byte* out_;
 };
 
-/// The same for reading, into columns that have their size.
+/// Reads columns one after the other into buffers that already have their size.
 class ColumnReader {
  public:
   explicit ColumnReader(const std::byte* in) : in_(in) {}

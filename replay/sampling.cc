@@ -10,14 +10,14 @@
 namespace slalom::replay {
 namespace {
 
-// Samples whose links are followed side by side, so that their cache misses overlap.
+// Number of samples whose links are followed side by side, so that their cache misses overlap.
 constexpr int kWindowBlock = 64;
-// After so many rounds of rejected draws the steps that may be drawn are listed instead.
+// Rounds of rejected draws after which the eligible steps are listed instead.
 constexpr int kMaxRounds = 32;
 
 }  // namespace
 
-/// The return of n steps from one step on, while its links are followed.
+/// An n-step window while its links are followed.
 struct Table::Window {
   enum class State : std::uint8_t { kOpen, kWhole, kRejected };
 
@@ -30,8 +30,8 @@ struct Table::Window {
 };
 
 void Table::FollowWindows(const SampleSpec& spec, std::span<Window> windows) const {
-  // Round k looks at the row after k steps. One round for all windows before the next, as each row
-  // is a cache miss which only the row before it could have announced.
+  // Round k reads the row after k steps, for all windows before the next round: each row is a cache
+  // miss, and only the row before it tells where it is.
   for (int k = 0; k <= spec.n_step; ++k) {
     for (Window& window : windows) {
       if (window.state != Window::State::kOpen) continue;
@@ -181,7 +181,7 @@ void Table::WriteHistory(std::int64_t sequence, int history, const std::uint16_t
     const Slot& here = slot(sequence);
     ranges_cm[h] = scan(sequence);
     std::copy_n(here.state, env::kStateSize, state + h * env::kStateSize);
-    // Before the first frame of an episode stand copies of it: it links to itself.
+    // The first frame of an episode links to itself, so that copies of it stand before it.
     sequence -= here.to_previous;
   }
 }
@@ -193,7 +193,7 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
   SLALOM_CHECK(!spec.prioritized || priorities_.has_value());
   if (num_rows() == 0) return false;
 
-  std::vector<std::int64_t> eligible;  // Listed only where draws keep being rejected.
+  std::vector<std::int64_t> eligible;  // Listed only if draws keep being rejected.
   std::array<Window, kWindowBlock> block;
   for (int begin = 0; begin < spec.batch; begin += kWindowBlock) {
     const std::span<Window> windows(block.data(), std::min(kWindowBlock, spec.batch - begin));

@@ -20,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-static_assert(std::endian::native == std::endian::little, "segment files are little-endian");
+static_assert(std::endian::native == std::endian::little, "part files are little-endian");
 static_assert(sizeof(env::Action) == 2 * sizeof(float));
 
 constexpr char kMagic[8] = {'S', 'L', 'R', 'P', 'L', 'S', 'E', 'G'};
@@ -77,23 +77,23 @@ void CopyRows(const Table& table, std::int64_t begin, std::int64_t end, Chunk* b
   for (std::int64_t s = begin; s < end; ++s) block->AddRow(table.row(s));
 }
 
-/// Bytes of a segment file.
+/// The size of a part file in bytes.
 std::int64_t FileSize(int num_beams, std::int64_t num_rows) {
   const std::int64_t row = 4 + 1 + 2 * num_beams + 4 * env::kStateSize + 8 + 4 + 4;
   const std::int64_t num_blocks = (num_rows + kBlockRows - 1) / kBlockRows;
   return static_cast<std::int64_t>(sizeof(Header)) + num_rows * row + num_blocks * 8;
 }
 
-bool IsSegmentName(std::string_view name) {
+bool IsPartFileName(std::string_view name) {
   return name.starts_with(kPrefix) &&
          (name.ends_with(kSuffix) || name.ends_with(std::string(kSuffix) + ".tmp"));
 }
 
-std::vector<fs::path> ListSegments(const fs::path& directory) {
+std::vector<fs::path> ListPartFiles(const fs::path& directory) {
   std::vector<fs::path> paths;
   std::error_code error;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
-    if (IsSegmentName(it->path().filename().string())) paths.push_back(it->path());
+    if (IsPartFileName(it->path().filename().string())) paths.push_back(it->path());
   }
   if (error) {
     throw base::Error(fmt::format("{}: cannot list: {}", directory.string(), error.message()));
@@ -102,15 +102,16 @@ std::vector<fs::path> ListSegments(const fs::path& directory) {
 }
 
 [[noreturn]] void FailDamaged(const fs::path& path, std::string_view why) {
-  throw base::Error(fmt::format("{}: damaged replay segment: {}; resume from another checkpoint",
-                                path.string(), why));
+  throw base::Error(
+      fmt::format("{}: damaged part of the replay buffer: {}; resume from another checkpoint",
+                  path.string(), why));
 }
 
 }  // namespace
 
 Storage::Storage(const fs::path& directory) : directory_(directory) {
   base::MakeDirectories(directory);
-  for (const fs::path& path : ListSegments(directory)) {
+  for (const fs::path& path : ListPartFiles(directory)) {
     const std::string name = path.filename().string();
     std::int64_t index = 0;
     std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), index);
@@ -119,74 +120,75 @@ Storage::Storage(const fs::path& directory) : directory_(directory) {
 }
 
 std::string Storage::Save(const Table& table) {
-  std::vector<Segment> segments = segments_;
-  const std::int64_t written = segments.empty() ? 0 : segments.back().end;
+  std::vector<PartFile> part_files = part_files_;
+  const std::int64_t written = part_files.empty() ? 0 : part_files.back().end;
   SLALOM_CHECK_LE(written, table.total_inserted());
   const std::int64_t begin = std::max(written, table.first_sequence());
-  if (begin > written) segments.clear();  // All that was written has been overwritten in the table.
-  if (begin < table.total_inserted()) segments.push_back(WriteSegment(table, begin));
-  std::erase_if(segments, [&](const Segment& s) { return s.end <= table.first_sequence(); });
-  segments_ = segments;
+  if (begin > written)
+    part_files.clear();  // All that was written has been overwritten in the table.
+  if (begin < table.total_inserted()) part_files.push_back(WritePartFile(table, begin));
+  std::erase_if(part_files, [&](const PartFile& s) { return s.end <= table.first_sequence(); });
+  part_files_ = part_files;
 
   Manifest manifest{.num_beams = table.num_beams(),
                     .capacity = table.config().capacity,
                     .begin = table.first_sequence(),
                     .end = table.total_inserted(),
                     .open = {},
-                    .segments = segments_};
+                    .part_files = part_files_};
   for (int s = 0; s < table.num_streams(); ++s) manifest.open.push_back(table.is_open(s));
   return PrintManifest(manifest);
 }
 
-Storage::Segment Storage::WriteSegment(const Table& table, std::int64_t begin) {
-  Segment segment{.name = fmt::format("{}{:06}{}", kPrefix, next_index_, kSuffix),
-                  .begin = begin,
-                  .end = table.total_inserted(),
-                  .digest = 0};
+Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin) {
+  PartFile part{.name = fmt::format("{}{:06}{}", kPrefix, next_index_, kSuffix),
+                .begin = begin,
+                .end = table.total_inserted(),
+                .digest = 0};
   Header header{.magic = {},
                 .version = kVersion,
                 .num_beams = static_cast<std::uint32_t>(table.num_beams()),
                 .begin = begin,
-                .num_rows = segment.end - begin,
+                .num_rows = part.end - begin,
                 .checksum = 0};
   std::copy(std::begin(kMagic), std::end(kMagic), header.magic);
   header.checksum = ChecksumOf(header);
   std::vector<std::uint64_t> checksums;
-  base::WriteFileAtomically(directory_ / segment.name, [&](const base::AppendBytes& append) {
+  base::WriteFileAtomically(directory_ / part.name, [&](const base::AppendBytes& append) {
     append(std::as_bytes(std::span(&header, 1)));
     Chunk block(table.num_beams());
-    for (std::int64_t s = begin; s < segment.end; s += kBlockRows) {
-      CopyRows(table, s, std::min(s + kBlockRows, segment.end), &block);
+    for (std::int64_t s = begin; s < part.end; s += kBlockRows) {
+      CopyRows(table, s, std::min(s + kBlockRows, part.end), &block);
       ForEachColumn(block, [&](const auto& column, int) { append(BytesOf(column)); });
       checksums.push_back(ChecksumOf(block, s));
       append(std::as_bytes(std::span(checksums).last(1)));
     }
   });
-  segment.digest = Digest(checksums);
+  part.digest = Digest(checksums);
   ++next_index_;
-  return segment;
+  return part;
 }
 
 void Storage::Commit(std::span<const std::string> manifests) {
   std::set<std::string> used;
   for (const std::string& manifest : manifests) {
-    for (const Segment& segment : ParseManifest(manifest).segments) used.insert(segment.name);
+    for (const PartFile& part : ParseManifest(manifest).part_files) used.insert(part.name);
   }
-  for (const fs::path& path : ListSegments(directory_)) {
+  for (const fs::path& path : ListPartFiles(directory_)) {
     std::error_code ignored;
     if (!used.contains(path.filename().string())) fs::remove(path, ignored);
   }
 }
 
-void Storage::ReadSegment(const Segment& segment, std::size_t num_streams, Table* table) const {
-  const fs::path path = directory_ / segment.name;
+void Storage::ReadPartFile(const PartFile& part, std::size_t num_streams, Table* table) const {
+  const fs::path path = directory_ / part.name;
   std::ifstream in(path, std::ios::binary);
   if (!in) {
     throw base::Error(fmt::format(
         "{}: cannot open this part of the replay buffer; resume from another checkpoint",
         path.string()));
   }
-  const std::int64_t size = FileSize(table->num_beams(), segment.end - segment.begin);
+  const std::int64_t size = FileSize(table->num_beams(), part.end - part.begin);
   in.seekg(0, std::ios::end);
   if (in.tellg() != size) {
     FailDamaged(path,
@@ -198,14 +200,14 @@ void Storage::ReadSegment(const Segment& segment, std::size_t num_streams, Table
   if (!in || std::memcmp(header.magic, kMagic, sizeof(kMagic)) != 0 || header.version != kVersion ||
       header.checksum != ChecksumOf(header) ||
       header.num_beams != static_cast<std::uint32_t>(table->num_beams()) ||
-      header.begin != segment.begin || header.num_rows != segment.end - segment.begin) {
+      header.begin != part.begin || header.num_rows != part.end - part.begin) {
     FailDamaged(path, "its header is not the one that the checkpoint expects");
   }
   std::vector<std::uint64_t> checksums;
   Chunk block(table->num_beams());
   Chunk kept(table->num_beams());
-  for (std::int64_t s = segment.begin; s < segment.end; s += kBlockRows) {
-    const auto rows = static_cast<std::size_t>(std::min(kBlockRows, segment.end - s));
+  for (std::int64_t s = part.begin; s < part.end; s += kBlockRows) {
+    const auto rows = static_cast<std::size_t>(std::min(kBlockRows, part.end - s));
     ForEachColumn(block, [&](auto& column, int width) {
       column.resize(rows * width);
       in.read(reinterpret_cast<char*>(column.data()),
@@ -222,7 +224,7 @@ void Storage::ReadSegment(const Segment& segment, std::size_t num_streams, Table
                                 s + rows, stream, num_streams));
       }
     }
-    // A segment may begin with rows that the table had already overwritten.
+    // A part file may begin with rows that the table had already overwritten.
     kept.Clear();
     for (std::size_t r = 0; r < rows; ++r) {
       if (s + static_cast<std::int64_t>(r) >= table->total_inserted()) {
@@ -231,7 +233,7 @@ void Storage::ReadSegment(const Segment& segment, std::size_t num_streams, Table
     }
     table->Insert(kept);
   }
-  if (Digest(checksums) != segment.digest) {
+  if (Digest(checksums) != part.digest) {
     FailDamaged(path, "it is not the file that the checkpoint was made with");
   }
 }
@@ -240,12 +242,12 @@ Table Storage::Load(std::string_view text, std::string_view source) {
   const Manifest manifest = ParseManifest(text, source);
   Table table =
       Table::BeginRestore({.capacity = manifest.capacity}, manifest.num_beams, manifest.begin);
-  for (const Segment& segment : manifest.segments) {
-    ReadSegment(segment, manifest.open.size(), &table);
+  for (const PartFile& part : manifest.part_files) {
+    ReadPartFile(part, manifest.open.size(), &table);
   }
   table.FinishRestore(manifest.open);
   SLALOM_CHECK_EQ(table.total_inserted(), manifest.end);
-  segments_ = manifest.segments;
+  part_files_ = manifest.part_files;
   return table;
 }
 

@@ -12,50 +12,49 @@
 
 namespace slalom::replay {
 
-/// Keeps a `Table` on disk, in a directory of its own, at the cost of what is new since the last
-/// time.
+/// Saves a `Table` incrementally to a directory of its own.
 ///
-/// Each `Save` writes the rows that no earlier one wrote into a new segment file, never changed
-/// again, and returns a manifest: a short text that names the segments which make up the table. The
-/// caller puts it into its checkpoint, and when that is safely on disk calls `Commit` with the
-/// manifests of all checkpoints that are still to be loadable. So a crash, a full disk or a kill at
-/// any moment costs only the save it interrupted. docs/replay.md gives both formats byte by byte.
+/// Each `Save` writes the rows that no earlier one wrote to a new part file, which never changes
+/// again. It returns a manifest: a short text that names the part files of the table. The caller
+/// stores the manifest in its checkpoint and, once that is safely on disk, calls `Commit` with the
+/// manifests of all checkpoints that must remain loadable. So a crash, a full disk or a kill at any
+/// moment loses only the interrupted save. docs/replay.md specifies both formats byte by byte.
 ///
 /// Thread-compatible. One `Storage` per directory at a time.
 class Storage {
  public:
-  /// Makes the directory where it is missing. Throws `base::Error` where that fails.
+  /// Creates the directory if it is missing. Throws `base::Error` if that fails.
   explicit Storage(const std::filesystem::path& directory);
 
-  /// Writes what is new in `table` and returns its manifest. Throws `base::Error` where that fails
-  /// (no space, no permission); all earlier manifests are then as good as before, and `Save` may be
-  /// tried again. Requires: the table of the `Save`s before, or that which `Load` returned.
+  /// Writes what is new in `table` and returns its manifest. Throws `base::Error` if that fails (no
+  /// space, no permission); all earlier manifests then remain valid, and `Save` may be tried again.
+  /// Requires: `table` is the one of earlier `Save`s, or the one that `Load` returned.
   [[nodiscard]] std::string Save(const Table& table);
 
-  /// Deletes the segments, also half-written ones, that none of these manifests names. A file that
+  /// Deletes all part files, also incomplete ones, that none of these manifests names. A file that
   /// cannot be deleted stays.
   void Commit(std::span<const std::string> manifests);
 
-  /// The table as it was at the `Save` that returned `manifest`: the same draws from the same
-  /// `Random`. Throws `base::Error` naming the file, `source` for the manifest's, where it or a
-  /// segment is missing, cut short or damaged.
+  /// Returns the table as it was at the `Save` that returned `manifest`; the same `Random` then
+  /// gives the same draws. Throws `base::Error` if the manifest or a part file is missing, cut
+  /// short or damaged. The message names the file, and the manifest by `source`.
   [[nodiscard]] Table Load(std::string_view manifest, std::string_view source = "replay manifest");
 
-  /// A file of rows [begin, end).
-  struct Segment {
+  /// A file with the rows [begin, end).
+  struct PartFile {
     std::string name;
     std::int64_t begin = 0;
     std::int64_t end = 0;
-    std::uint64_t digest = 0;  ///< Of the checksums of its blocks.
+    std::uint64_t digest = 0;  ///< Checksum of the checksums of its blocks.
   };
 
  private:
-  Segment WriteSegment(const Table& table, std::int64_t begin);
-  void ReadSegment(const Segment& segment, std::size_t num_streams, Table* table) const;
+  PartFile WritePartFile(const Table& table, std::int64_t begin);
+  void ReadPartFile(const PartFile& part, std::size_t num_streams, Table* table) const;
 
   const std::filesystem::path directory_;
-  std::vector<Segment> segments_;  ///< Of the last manifest saved or loaded.
-  std::int64_t next_index_ = 0;    ///< Of segment names; none is used twice.
+  std::vector<PartFile> part_files_;  ///< Of the last manifest saved or loaded.
+  std::int64_t next_index_ = 0;       ///< Of the names of part files; none is used twice.
 };
 
 }  // namespace slalom::replay

@@ -25,97 +25,101 @@ struct ReplayConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("capacity", capacity, base::Range{16, 1e9}, "frames",
-      "Frames kept, oldest overwritten first; a step is one, the end of an episode one more (1.5 "
+    v("capacity", capacity, base::Range{16, 1e9}, "rows",
+      "Rows kept, oldest overwritten first; a step takes one, the end of an episode one more (1.5 "
       "kB each).");
   }
 };
 
-/// The replay buffer: a ring of frames, each stored once, from which transitions with history and
-/// n-step returns are put together when they are sampled.
+/// The replay buffer: a ring of rows, each with its frame stored once. Transitions with history and
+/// n-step returns are assembled from them when they are sampled.
 ///
-/// Rows are numbered by `sequence`, 0 for the first ever inserted; row s lies in slot s % capacity.
-/// Each row links to the one before and after it in its stream, so streams may interleave. A step
-/// may be drawn when its window is whole: `n_step` steps and the frame after them, or fewer where
-/// the episode ended (then bootstrapping from the final frame with discount gamma^k, or 0 where it
-/// terminated); in an episode still open or cut only whole windows count. And its history must be
-/// there: `history` frames, or back to the first of the episode, whose frame stands in for those
-/// before it.
+/// Rows are numbered by `sequence`, 0 being the first ever inserted; row s lies in slot s %
+/// capacity. Each row links to the previous and next row of its stream, so streams may interleave.
 ///
-/// Thread-compatible: one owner. Movable. Memory: 48 + 2 N bytes a row, taken as rows come.
+/// A step may be drawn if the table holds its whole window and history. The window is `n_step`
+/// steps and the frame after them. If the episode ended before, the window is shorter, and the
+/// value is bootstrapped from the final frame with discount gamma^k (0 if it terminated); but in an
+/// episode that is still open or was cut, only windows of `n_step` steps count. The history is
+/// `history` frames; before the start of the episode, copies of its first frame stand in.
+///
+/// Thread-compatible: one owner. Movable. Memory: 48 + 2 N bytes per row, taken as rows come.
 /// Source: n-step TD3 of original-system.md §3.1 without the faults F2-F4 of §3.4.
 class Table {
  public:
-  /// Requires: config.capacity >= 2, num_beams >= 1. Throws `base::Error` where there is no memory.
+  /// Requires: config.capacity >= 2, num_beams >= 1. Throws `base::Error` if there is not enough
+  /// memory.
   Table(const ReplayConfig& config, int num_beams);
 
-  /// Appends the rows. Requires: chunk.num_beams == num_beams(); in each stream, episodes as
-  /// `Chunk` says. Cost: a copy of the rows.
+  /// Appends the rows. Requires: chunk.num_beams == num_beams(); the rows of each stream form
+  /// episodes as `Chunk` describes. Cost: a copy of the rows.
   void Insert(const Chunk& chunk);
 
-  /// Appends the rows, straight from the bytes in which they came, as streams stream_base,
-  /// stream_base + 1, ... Requires: `CheckEpisodes` finds nothing.
+  /// Appends rows straight from received bytes, as streams stream_base, stream_base + 1, ...
+  /// Requires: `CheckEpisodes` returns nothing.
   void InsertRows(const RowBytes& rows, int stream_base);
 
-  /// Why rows that anybody may have sent cannot be inserted: scans of another size, or episodes
-  /// that do not go on as these streams stand in the table or are not as `Chunk` says (in a table
-  /// after `FinishRestore`, too). Nothing: they can. Cost: looks at streams and flags.
+  /// Checks rows from an untrusted peer. Returns the reason they cannot be inserted, or nothing if
+  /// they can. Reasons: scans of another size, rows that do not continue the streams as they stand
+  /// in the table (also after `FinishRestore`), and episodes that are not as `Chunk` describes.
+  /// Cost: reads streams and flags.
   [[nodiscard]] std::optional<base::Failure> CheckEpisodes(const RowBytes& rows,
                                                            int stream_base) const;
 
-  /// Ends the open episode of a stream without a final frame, as after a resume: its last steps,
-  /// whose windows would need what never came, are not drawn. Nothing where no episode is open.
+  /// Ends the open episode of a stream without a final row, as after a resume. Its last steps,
+  /// whose windows are incomplete, are never drawn. Does nothing if no episode is open.
   void Cut(int stream);
 
-  /// Lets steps be drawn by priority, in proportion to p^alpha; those held now, and all new ones,
-  /// begin with the largest priority ever set, at first 1. Nothing where it was called before.
-  /// Priorities are no part of what `Storage` keeps. Requires: 0 <= alpha <= 1. Cost: 9 bytes a
-  /// slot of the ring, and a path of the sum tree for each row held or inserted.
+  /// Lets steps be drawn by priority, in proportion to p^alpha. The present steps and all new ones
+  /// start with the largest priority ever set, or 1 if none was. Later calls do nothing. `Storage`
+  /// does not save priorities. Requires: 0 <= alpha <= 1. Cost: 9 bytes per slot of the ring, and
+  /// one path of the sum tree for each row held or inserted.
   void UsePriorities(double alpha);
-  /// The weights of the rows held as the bytes of a file (docs/replay.md). Requires:
-  /// has_priorities(). Cost: 8 bytes a row.
+  /// Returns the weights of all rows as the bytes of a file (docs/replay.md). Requires:
+  /// has_priorities(). Cost: 8 bytes per row.
   std::string PrintPriorities() const;
-  /// As `UsePriorities`, but gives each step held the weight that it had; those the bytes know
-  /// nothing of begin with the largest. Fails, and changes nothing, where the bytes are damaged or
-  /// of another alpha. Requires: !has_priorities().
+  /// As `UsePriorities`, but restores the weight of each step from `bytes`. Steps that are not in
+  /// the bytes start with the largest. Fails, and changes nothing, if the bytes are damaged or of
+  /// another alpha. Requires: !has_priorities().
   [[nodiscard]] std::optional<base::Failure> RestorePriorities(std::string_view bytes,
                                                                double alpha);
   bool has_priorities() const { return priorities_.has_value(); }
-  /// Sets the priorities of steps, rows by number; those no longer held, and final ones, are passed
-  /// over. Returns how many were set. Requires: has_priorities(), one priority for each number.
+  /// Sets the priorities of steps by row number. Skips rows that are no longer held, and final
+  /// rows. Returns how many were set. Requires: has_priorities(); both spans have the same size.
   std::int64_t SetPriorities(std::span<const std::int64_t> sequences,
                              std::span<const float> priorities);
 
-  /// Draws `spec.batch` steps independently from those that may be drawn, each uniformly, or in
-  /// proportion to its weight where `spec.prioritized`: then `rows->weight` is
-  /// (smallest weight of the batch / weight)^beta. The same rows, weights, spec and state of
-  /// `random` give the same result, however rows were inserted or restored. False: there is no such
-  /// step (yet); `rows` is then unspecified. Requires: batch, history, n_step >= 1; prioritized
-  /// only where has_priorities().
+  /// Draws `spec.batch` steps independently from those that may be drawn: uniformly or, if
+  /// `spec.prioritized`, in proportion to their weights. In that case `rows->weight` is
+  /// (smallest weight in the batch / weight)^beta. The same rows, weights, spec and state of
+  /// `random` give the same result, however the rows were inserted or restored. Returns false,
+  /// leaving `rows` unspecified, if no step may be drawn (yet). Requires: batch, history, n_step >=
+  /// 1; prioritized only if has_priorities().
   [[nodiscard]] bool SampleRows(const SampleSpec& spec, base::Random& random,
                                 SampledRows* rows) const;
 
-  /// As above, and copies the scans.
+  /// As `SampleRows`, and copies the scans.
   [[nodiscard]] bool Sample(const SampleSpec& spec, base::Random& random, Batch* batch) const;
 
   /// Number of steps that may be drawn. Cost: a walk over the table.
   std::int64_t CountEligible(int history, int n_step) const;
 
-  /// The row of a number in [first_sequence(), total_inserted()); valid until the next `Insert`.
+  /// Returns a row, valid until the next `Insert`. Requires: first_sequence() <= sequence <
+  /// total_inserted().
   RowView row(std::int64_t sequence) const;
 
   int num_beams() const { return num_beams_; }
   const ReplayConfig& config() const { return config_; }
-  /// Steps held, without final frames.
+  /// Number of steps held: rows that are not final.
   std::int64_t num_steps() const { return num_steps_; }
-  /// Frames held, with final frames.
+  /// Number of rows held, final ones included.
   std::int64_t num_rows() const { return total_ - first_sequence(); }
   std::int64_t total_inserted() const { return total_; }
-  /// The oldest row held.
+  /// Number of the oldest row held.
   std::int64_t first_sequence() const {
     return total_ - config_.capacity > start_ ? total_ - config_.capacity : start_;
   }
-  /// Memory that the rows held take.
+  /// Memory of the rows held, in bytes.
   std::int64_t bytes() const {
     return num_rows() *
            static_cast<std::int64_t>(sizeof(Slot) + sizeof(std::uint16_t) * num_beams_);
@@ -126,23 +130,22 @@ class Table {
     return stream < num_streams() && last_[static_cast<std::size_t>(stream)] != kClosed;
   }
 
-  /// An empty table whose next row has the number `start`, to which the rows of an earlier one are
-  /// then `Insert`ed in order, streams beginning in the middle of an episode where it began before;
-  /// then `FinishRestore`. Used by `Storage`.
+  /// Returns an empty table whose next row gets the number `start`, for `Storage` and the journal.
+  /// `Insert` the rows of the saved table in their order, then call `FinishRestore`. Streams may
+  /// start in the middle of an episode.
   static Table BeginRestore(const ReplayConfig& config, int num_beams, std::int64_t start);
-  /// Gives each stream the state that it had: open[i] says whether an episode of stream i is
-  /// running.
+  /// Restores the state of each stream: open[i] says whether an episode of stream i is running.
   void FinishRestore(std::span<const std::uint8_t> open);
 
  private:
-  /// All of a row but its scan.
+  /// A row without its scan.
   struct Slot {
     float state[env::kStateSize];
     env::Action action;
     float reward;
     float cost;
-    std::uint32_t to_previous;  ///< Rows back to the one before in the episode; 0: none or lost.
-    std::uint32_t to_next;      ///< Rows on to the one after; 0: not there.
+    std::uint32_t to_previous;  ///< Distance to the episode's previous row; 0 if none or lost.
+    std::uint32_t to_next;      ///< Distance to the episode's next row; 0 if not there.
     std::int32_t stream;
     std::uint8_t flags;
   };

@@ -13,9 +13,9 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// A learner answers when it has something newer, but at once where it is asked again.
+// A learner answers once it has a newer policy, but at once if it is asked again.
 constexpr std::chrono::seconds kAskAgain{5};
-// Questions put again without an answer before the connection is given up.
+// Unanswered requests after which the connection is dropped.
 constexpr int kMaxUnansweredAsks = 2;
 
 }  // namespace
@@ -75,8 +75,9 @@ bool PolicyLink::Take(const proto::Header& header, std::span<const std::byte> pa
   if (snapshot == nullptr) return false;
   asked_ = false;
   unanswered_ = 0;
-  // Another version than that held, even an older one: the learner went back to a checkpoint. No
-  // payload: there is none newer, said so that this process knows that the learner is there.
+  // Any version other than the one held is taken, even an older one: the learner went back to a
+  // checkpoint. Without a payload there is no newer policy; the answer only shows that the learner
+  // is alive.
   if (snapshot->version == version_ || payload.empty()) return false;
   if (const auto failure = install_(payload)) {
     throw base::Error(fmt::format("policy {} of the learner at {}: {}", snapshot->version,

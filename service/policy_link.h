@@ -13,29 +13,30 @@
 
 namespace slalom::service {
 
-/// Takes over a policy that came, as the bytes of its file. Fails where it is damaged or of another
+/// Installs a received policy, given as the bytes of its file. Fails if it is damaged or of another
 /// spec.
 using InstallPolicy =
     std::function<std::optional<base::Failure>(std::span<const std::byte> policy)>;
 
-/// Keeps up with the learner's policies: asks for one newer than that held, and asks again when one
-/// came, when the connection was made anew, or when there was no answer for seconds. Confined to
-/// one thread.
+/// Keeps an actor or evaluator at the learner's newest policy. It asks for a policy newer than the
+/// one held, and asks again when one has come, after a reconnect, and after seconds without an
+/// answer. Confined to one thread.
 class PolicyLink {
  public:
   PolicyLink(transport::Context& context, const transport::ClientOptions& learner, std::string name,
              InstallPolicy install);
 
-  /// Takes what came, without waiting, and asks for more. True: a new policy was installed.
-  /// Throws `base::Error` where the learner refuses for good, or the policy is of another spec.
+  /// Handles what came, without waiting, and asks for more. Returns whether a new policy was
+  /// installed. Throws `base::Error` if the learner refuses this process for good, or the policy is
+  /// of another spec.
   bool Poll();
 
-  /// -1: none yet.
+  /// The version of the policy held, or -1 if there is none yet.
   std::int64_t version() const { return version_; }
   bool has_policy() const { return version_ >= 0; }
   std::int64_t received() const { return received_; }
-  /// Of the policy held: when it was published, and how long after that it was installed, [s], by
-  /// the clocks of both machines.
+  /// When the policy held was published, and how long after that it was installed, [s]. The two
+  /// times are taken by the clocks of two machines.
   double published_s() const { return published_s_; }
   double latency_s() const { return latency_s_; }
   int connections() { return client_.connections(); }

@@ -12,10 +12,10 @@ namespace {
 
 using std::chrono::steady_clock;
 
-// Hello is also the question whether the server is still there.
+// A hello also serves to ask whether the server is still there.
 constexpr std::chrono::seconds kSilence{5};
 constexpr std::chrono::seconds kAnswerWithin{5};
-// Hellos without an answer before the connection is given up.
+// Unanswered hellos after which the connection is dropped.
 constexpr int kMaxUnanswered = 2;
 constexpr std::chrono::seconds kReportInterval{1};
 
@@ -66,7 +66,7 @@ std::optional<ReplayLink::Received> ReplayLink::Receive(std::chrono::millisecond
     }
   }
   if (const auto* welcome = std::get_if<proto::Welcome>(&*header)) {
-    // An answer to an earlier hello says nothing about this one.
+    // This answers an earlier hello, not the last one.
     if (welcome->session != hello_.session) return std::nullopt;
     welcomed_ = true;
     num_welcomes_ += is_new_ ? 1 : 0;
@@ -94,7 +94,7 @@ void ReplayLink::Watch() {
                                : now - hello_at_ > std::chrono::milliseconds(200);
   if (!ask) return;
   if (said_hello_ && ++unanswered_ > kMaxUnanswered) {
-    spdlog::warn("replay server at {}: no answer, connecting anew", endpoint_);
+    spdlog::warn("replay server at {}: no answer, reconnecting", endpoint_);
     client_.Reconnect();
     unanswered_ = 0;
     said_hello_ = false;
@@ -113,7 +113,7 @@ bool ReplayLink::report_due() const {
 
 void ReplayLink::SendReport(const proto::Report& report) {
   reported_at_ = steady_clock::now();
-  // A report that cannot be sent now is as good as the next one.
+  // A report that cannot be sent now is dropped; the next one replaces it.
   static_cast<void>(Send(report));
 }
 

@@ -10,46 +10,46 @@
 
 namespace slalom::service {
 
-/// A role's connection to the replay server: says hello whenever the connection was made anew and
-/// when the server was silent for long, gives up a connection that does not answer, and sends the
-/// role's reports. Confined to one thread.
+/// A role's connection to the replay server. It says hello on every new connection and after a long
+/// silence of the server, drops a connection that does not answer, and sends the role's reports.
+/// Confined to one thread.
 class ReplayLink {
  public:
   ReplayLink(transport::Context& context, const transport::ClientOptions& replay,
              proto::Hello hello);
 
-  /// Changes what is said, and says it at once where there is a connection.
+  /// Changes the hello, and sends it at once if there is a connection.
   void SetHello(proto::Hello hello);
   const proto::Hello& hello() const { return hello_; }
-  /// Says it again, as after a refusal; a later `welcomed` is then about the answer to this one.
+  /// Sends the hello again, as after a refusal. `welcomed` then refers to the answer to this one.
   void SayHello();
 
   struct Received {
     proto::Header header;
     transport::Frame payload;
   };
-  /// The next message that is for the role: a welcome, an acknowledgement, a sample, a status, or a
-  /// refusal. None within `timeout`, or what came is for nobody. Throws `base::Error` where the
-  /// server refuses this process for good (key, version, spec).
+  /// Returns the next message for the role: a welcome, an acknowledgement, a sample, a status, or a
+  /// refusal. Returns nothing if none came within `timeout`, or if the link handled it itself.
+  /// Throws `base::Error` if the server refuses this process for good (key, version, spec).
   ///
-  /// A refusal of what was sent before the hello on a new connection is passed over. After any
-  /// other the link has logged it and said hello again, upon which the role sends anew from where
-  /// the welcome says; but `kReplaced`, which answers a hello, is the role's to deal with.
+  /// The link ignores a refusal of what was sent before the hello on a new connection. It logs any
+  /// other refusal and says hello again, and the role then sends again from where the welcome says.
+  /// Only `kReplaced`, which answers a hello, is left to the role.
   std::optional<Received> Receive(std::chrono::milliseconds timeout);
 
-  /// False: not now (no connection, or the queue is full).
+  /// Sends a message. Returns false if that is impossible now (no connection, or a full queue).
   [[nodiscard]] bool Send(const proto::Header& header, transport::Frame payload = {});
 
-  /// Sends what `make` returns, a `proto::Report`, if the last one was a second ago.
+  /// Sends the `proto::Report` that `make` returns if the last one was at least a second ago.
   template <class MakeReport>
   void ReportEverySecond(const MakeReport& make) {
     if (report_due()) SendReport(make());
   }
 
-  /// The server answered the last hello.
+  /// Whether the server has answered the last hello.
   bool welcomed() const { return welcomed_; }
-  /// Welcomes on new connections or after `SayHello`, so far: when it changes, what was asked for
-  /// before may not be on its way.
+  /// Number of welcomes so far on new connections or after `SayHello`. When it changes, answers to
+  /// earlier requests may never come.
   int num_welcomes() const { return num_welcomes_; }
   int connections() { return client_.connections(); }
   const std::string& endpoint() const { return endpoint_; }

@@ -52,19 +52,20 @@ Motion::Motion(const MovingObstacle& obstacle) : loops_(obstacle.playback == Pla
       const double way = p[i + 1] - p[i];
       return Cubic{p[i], d[i], 3.0 * way - 2.0 * d[i] - d[i + 1], d[i] + d[i + 1] - 2.0 * way};
     };
-    const Segment segment{.begin = frames[i].time,
-                          .inverse_duration = 1.0 / duration,
-                          .x = cubic(x, dx),
-                          .y = cubic(y, dy),
-                          .yaw = yaw,
-                          .yaw_step = base::WrapAngle(frames[i + 1].X_WB.yaw - yaw)};
-    yaw += segment.yaw_step;
+    const KeyFrameInterval interval{.begin = frames[i].time,
+                                    .inverse_duration = 1.0 / duration,
+                                    .x = cubic(x, dx),
+                                    .y = cubic(y, dy),
+                                    .yaw = yaw,
+                                    .yaw_step = base::WrapAngle(frames[i + 1].X_WB.yaw - yaw)};
+    yaw += interval.yaw_step;
     const auto max_rate = [&](const Cubic& c) {
-      return segment.inverse_duration * MaxSlope(c.c1, c.c2, c.c3);
+      return interval.inverse_duration * MaxSlope(c.c1, c.c2, c.c3);
     };
-    max_speed_ = std::max(max_speed_, base::Norm({max_rate(segment.x), max_rate(segment.y)}));
-    max_yaw_rate_ = std::max(max_yaw_rate_, segment.inverse_duration * std::abs(segment.yaw_step));
-    segments_.push_back(segment);
+    max_speed_ = std::max(max_speed_, base::Norm({max_rate(interval.x), max_rate(interval.y)}));
+    max_yaw_rate_ =
+        std::max(max_yaw_rate_, interval.inverse_duration * std::abs(interval.yaw_step));
+    intervals_.push_back(interval);
   }
   one_way_ = frames.back().time;
   period_ = loops_ ? one_way_ : 2.0 * one_way_;
@@ -75,23 +76,23 @@ MotionState Motion::At(double time) const {
   double t = std::fmod(time, period_);
   const bool back = t > one_way_;
   if (back) t = period_ - t;
-  std::size_t i = segments_.size() - 1;
+  std::size_t i = intervals_.size() - 1;
   if (i > 0) {
     const auto after = std::upper_bound(
-        segments_.begin() + 1, segments_.end(), t,
-        [](double value, const Segment& segment) { return value < segment.begin; });
-    i = static_cast<std::size_t>(after - segments_.begin()) - 1;
+        intervals_.begin() + 1, intervals_.end(), t,
+        [](double value, const KeyFrameInterval& interval) { return value < interval.begin; });
+    i = static_cast<std::size_t>(after - intervals_.begin()) - 1;
   }
-  const Segment& segment = segments_[i];
-  const double u = (t - segment.begin) * segment.inverse_duration;
-  const double rate = back ? -segment.inverse_duration : segment.inverse_duration;
+  const KeyFrameInterval& interval = intervals_[i];
+  const double u = (t - interval.begin) * interval.inverse_duration;
+  const double rate = back ? -interval.inverse_duration : interval.inverse_duration;
   const auto value = [u](const Cubic& c) { return c.c0 + u * (c.c1 + u * (c.c2 + u * c.c3)); };
   const auto slope = [u, rate](const Cubic& c) {
     return rate * (c.c1 + u * (2.0 * c.c2 + u * 3.0 * c.c3));
   };
-  return {.X_WB = {{value(segment.x), value(segment.y)}, segment.yaw + u * segment.yaw_step},
-          .v_B = {slope(segment.x), slope(segment.y)},
-          .yaw_rate = rate * segment.yaw_step};
+  return {.X_WB = {{value(interval.x), value(interval.y)}, interval.yaw + u * interval.yaw_step},
+          .v_B = {slope(interval.x), slope(interval.y)},
+          .yaw_rate = rate * interval.yaw_step};
 }
 
 bool Motion::BeginsRound(double time, double duration) const {

@@ -53,14 +53,14 @@ class Motion {
   struct Cubic {
     double c0, c1, c2, c3;
   };
-  struct Segment {
+  struct KeyFrameInterval {
     double begin;             // [s]
     double inverse_duration;  // [1/s]
     Cubic x, y;
-    double yaw, yaw_step;  // At the segment's begin; from there to its end, [rad].
+    double yaw, yaw_step;  // At the begin; from there to the end, [rad].
   };
 
-  std::vector<Segment> segments_;
+  std::vector<KeyFrameInterval> intervals_;
   double one_way_;  // [s]
   double period_;
   bool loops_;

@@ -85,7 +85,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       table_(config.replay, config.environment.lidar.num_beams),
       sampling_(Seed(config, "sampling")),
       diagnostics_(Seed(config, "diagnostics")),
-      limiter_(config.run.updates_per_step, config.run.learning_starts),
+      budget_(config.run.updates_per_step, config.run.learning_starts),
       lock_(Begin(directory, config, resume)),
       storage_(directory.checkpoints() / kReplayDirectory) {
   run_.Open();
@@ -112,7 +112,7 @@ TrainingEnd Trainer::Train(std::stop_token stop) {
   StartCollector();
   base::ProgressLine progress;
   while (!run_.AtLimit() && !stop.stop_requested()) {
-    if (limiter_.update_due()) {
+    if (budget_.update_due()) {
       Update();
     } else {
       // No update is due here, so a checkpoint by steps falls on the same place in every run.
@@ -155,13 +155,13 @@ void Trainer::Collect() {
 
 void Trainer::InsertChunk(std::unique_ptr<replay::Chunk> chunk) {
   table_.Insert(*chunk);
-  limiter_.AddSteps(CountSteps(*chunk));
-  run_.SetSteps(limiter_.steps());
+  budget_.AddSteps(CountSteps(*chunk));
+  run_.SetSteps(budget_.steps());
   collector_->Recycle(std::move(chunk));
 }
 
 void Trainer::Update() {
-  limiter_.AddUpdate();
+  budget_.AddUpdate();
   learner::Learner& learner = run_.learner();
   const auto& specs = learner.sample_specs();
   rows_.resize(specs.size());
@@ -170,9 +170,9 @@ void Trainer::Update() {
   }
   learner.Update(rows_, run_.Fraction());
   if (config_.method.learner.prioritized) {
-    table_.SetPriorities(rows_[0].sequence, learner.Errors());
+    table_.SetPriorities(rows_[0].sequence, learner.TdErrors());
   }
-  if (limiter_.updates() % config_.run.publish_interval != 0) return;
+  if (budget_.updates() % config_.run.publish_interval != 0) return;
   const actor::ActorStats acting = actor_.stats();
   learner.ObserveEpisodes(acting.collision_rate, acting.num_episodes - observed_episodes_);
   observed_episodes_ = acting.num_episodes;
@@ -202,7 +202,7 @@ bool Trainer::Log() {
 
 bool Trainer::CheckpointDue() const {
   const std::int64_t every_steps = config_.run.checkpoint_steps;
-  if (every_steps > 0 && limiter_.steps() / every_steps != last_checkpoint_steps_ / every_steps) {
+  if (every_steps > 0 && budget_.steps() / every_steps != last_checkpoint_steps_ / every_steps) {
     return true;
   }
   const double every_s = config_.run.checkpoint_seconds;
@@ -219,16 +219,16 @@ void Trainer::TryCheckpoint() {
                   error.what());
   }
   run_.MarkCheckpoint();
-  last_checkpoint_steps_ = limiter_.steps();
+  last_checkpoint_steps_ = budget_.steps();
   StartCollector();
 }
 
 void Trainer::Checkpoint() {
   const std::string manifest = storage_.Save(table_);
-  const nlohmann::json state = {{"updates_due", limiter_.updates()},
+  const nlohmann::json state = {{"updates_due", budget_.updates()},
                                 {"observed_episodes", observed_episodes_},
                                 {"sampling", sampling_.state()}};
-  run_.Checkpoint(limiter_.steps(), state, [&](const fs::path& directory) {
+  run_.Checkpoint(budget_.steps(), state, [&](const fs::path& directory) {
     policy::SavePolicy(directory / kActingFile, agent_->snapshot(),
                        {{kConfigKey, config::ToToml(config_)}});
     base::WriteFileAtomically(directory / kActorFile, actor_.Save().Serialize());
@@ -254,7 +254,7 @@ void Trainer::Restore(const run::RunDirectory& directory) {
   if (!found) {
     spdlog::warn("{}: no checkpoint yet, the run begins anew", run_.store().directory().string());
   }
-  last_checkpoint_steps_ = limiter_.steps();
+  last_checkpoint_steps_ = budget_.steps();
 }
 
 void Trainer::ReadCheckpoint(const fs::path& checkpoint, const nlohmann::json& state) {
@@ -276,7 +276,7 @@ void Trainer::ReadCheckpoint(const fs::path& checkpoint, const nlohmann::json& s
   table_ = storage_.Load(base::ReadFile(replay_path), replay_path.string());
   agent_->SetSnapshot(acting.snapshot);
   actor_.Restore(actor_state);
-  limiter_.Restore(steps, updates);
+  budget_.Restore(steps, updates);
   observed_episodes_ = observed_episodes;
   sampling_.set_state(sampling);
 }

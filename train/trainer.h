@@ -18,8 +18,8 @@
 #include "run/run_directory.h"
 #include "sim/environments.h"
 #include "train/collector.h"
-#include "train/rate_limiter.h"
 #include "train/run_config.h"
+#include "train/update_budget.h"
 
 namespace slalom::train {
 
@@ -52,7 +52,7 @@ class Trainer {
 
   /// Wall-clock spent on the run, over all its sessions, [s].
   double training_s() const { return run_.training_s(); }
-  std::int64_t steps() const { return limiter_.steps(); }
+  std::int64_t steps() const { return budget_.steps(); }
   std::int64_t updates() const { return run_.updates(); }
 
  private:
@@ -83,7 +83,7 @@ class Trainer {
   std::int64_t observed_episodes_ = 0;  // That the learner was told of.
   base::Random diagnostics_;            // Of windows that figures alone are made from.
   replay::SampledRows windows_;
-  RateLimiter limiter_;
+  UpdateBudget budget_;
   // Nothing on disk is touched before all that a bad config can break has been built.
   const run::RunLock lock_;
   replay::Storage storage_;

@@ -32,7 +32,7 @@ void ActorMetrics::Update(const StepAccount& account, const Outbox& outbox,
                           const ActorStats& episodes, service::ReplayLink& replay,
                           service::PolicyLink& policy) {
   registry_.counter(metrics::kEnvironmentSteps).RaiseTo(static_cast<double>(account.made));
-  // What a server lost had been acknowledged, and a counter never falls.
+  // Steps that a server lost had been acknowledged before, and a counter must never fall.
   registry_.counter(metrics::kStepsAcknowledged)
       .RaiseTo(static_cast<double>(account.accepted +
                                    account.lost[static_cast<int>(LossReason::kServer)]));

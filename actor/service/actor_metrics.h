@@ -12,13 +12,13 @@
 
 namespace slalom::actor {
 
-/// The figures of an actor process, kept up from what its parts count. Confined to one thread.
+/// The metrics of an actor process, updated from the counts of its parts. Confined to one thread.
 class ActorMetrics {
  public:
   ActorMetrics(metrics::Registry& registry, std::string course_set, std::int64_t outbox_limit,
                int num_environments);
 
-  /// Brings everything up to date; cheap enough for every second.
+  /// Updates all metrics. It is cheap enough to be called every second.
   void Update(const StepAccount& account, const Outbox& outbox, const ActorStats& episodes,
               service::ReplayLink& replay, service::PolicyLink& policy);
 
@@ -27,7 +27,8 @@ class ActorMetrics {
   void AddAcknowledged(int chunks);
   void AddRefused(std::string_view reason);
   void AddPolicyInstalled(double latency_s);
-  /// What it waits for that should be there, which is the registry's fault; null: nothing.
+  /// Sets what the actor waits for although it should be there, or null. It is the registry's
+  /// fault, which the health check shows.
   void SetObstacle(const char* obstacle);
 
  private:

@@ -19,11 +19,11 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 constexpr milliseconds kWait{50};
-// SIGTERM to exit within 5 s, the spool's writing included.
+// So that the process exits within 5 s of SIGTERM, including the time to write the spool.
 constexpr std::chrono::seconds kFlush{3};
-// Where the server went away, too, as when a machine is shut down.
+// Used if the server is gone, too, as when a machine is shut down.
 constexpr std::chrono::seconds kFlushAway{1};
-// A chunk that the server calls bad so often is not damaged on its way but wrong.
+// A chunk that is refused this often was not damaged on the way; it is wrong.
 constexpr int kMaxRefusals = 5;
 
 const std::filesystem::path& Made(const std::filesystem::path& directory) {
@@ -51,7 +51,8 @@ ActorService::ActorService(const ActorServiceConfig& config, const ActorConfig& 
       chunk_(environments.observations().num_beams),
       reported_steps_(ledger_.account().made),
       reported_at_(steady_clock::now()) {
-  SpreadNoise(actor_config_, environments_.batch_size());  // Throws now what it would throw later.
+  SpreadNoise(actor_config_,
+              environments_.batch_size());  // Throws early if the config contradicts itself.
   const auto spooled_streams = outbox_.LoadSpool(spool());
   if (spooled_streams && outbox_.session() == ledger_.session()) {
     spdlog::info("{} steps of the last session are still to be sent", outbox_.steps());
@@ -60,8 +61,9 @@ ActorService::ActorService(const ActorServiceConfig& config, const ActorConfig& 
     return;
   }
   if (spooled_streams) {
-    spdlog::warn("{}: of session {}, but the ledger's is {}; not sent", spool().string(),
-                 outbox_.session(), ledger_.session());
+    spdlog::warn(
+        "{}: this spool is of session {}, but the ledger of session {}; its steps are not sent",
+        spool().string(), outbox_.session(), ledger_.session());
   }
   StartSession(ledger_.session() + 1);
 }
@@ -84,7 +86,7 @@ void ActorService::StartSession(std::uint64_t session) {
 }
 
 void ActorService::Replace(std::string_view why) {
-  spdlog::warn("session {} cannot go on: {}; {} steps are lost, a new one begins",
+  spdlog::warn("session {} cannot continue: {}; {} steps are lost, and a new session begins",
                outbox_.session(), why, ledger_.account().pending);
   reason_ = LossReason::kReplaced;
   actor_.reset();
@@ -104,7 +106,7 @@ void ActorService::OnWelcome(const proto::Welcome& welcome) {
         welcome.previous_session == ledger_.session() ? welcome.previous_accepted_steps : 0;
     ledger_.BeginSession(outbox_.session(), accepted, reason_);
     outbox_.Begin(outbox_.session());
-    outbox_.SaveSpool(spool(), 0);  // Nothing: removes what was sent.
+    outbox_.SaveSpool(spool(), 0);  // The outbox is empty, so this removes the file.
     const std::uint64_t seed =
         base::DeriveSeed(identity_.seed, "actor",
                          {base::Checksum(std::string_view(identity_.name)), outbox_.session()});
@@ -151,7 +153,7 @@ void ActorService::OnRefusal(const proto::Refusal& refusal) {
     return StartSession(std::max(refusal.about, outbox_.session()) + 1);
   }
   if (refusal.code == proto::RefusalCode::kBadMessage && ++refused_in_a_row_ > kMaxRefusals) {
-    throw base::Error(fmt::format("the replay server at {} refuses chunk {} again and again: {}",
+    throw base::Error(fmt::format("the replay server at {} keeps refusing chunk {}: {}",
                                   replay_.endpoint(), refusal.about, refusal.text));
   }
 }
@@ -185,7 +187,7 @@ void ActorService::Step() {
     chunk_oldest_version_ = policy_.version();
   }
   actor_->Step(&chunk_);
-  // Counted before anything of it can be sent, so never less than what the server has.
+  // Counted before any of it can be sent, so that the count is never below the server's.
   ledger_.AddMade(environments_.batch_size());
   chunk_steps_ += environments_.batch_size();
 }
@@ -202,7 +204,7 @@ void ActorService::CloseChunk() {
   header.num_rows = chunk_.num_rows();
   header.num_beams = chunk_.num_beams;
   header.num_steps = chunk_steps_;
-  // A learner that was killed goes back to its checkpoint, and its versions with it.
+  // A killed learner goes back to its checkpoint, and its versions with it.
   const std::int64_t last_version = policy_.version();
   header.oldest_version = std::min(chunk_oldest_version_, last_version);
   header.newest_version = std::max(chunk_oldest_version_, last_version);
@@ -216,17 +218,17 @@ void ActorService::CloseChunk() {
 const char* ActorService::Obstacle() const {
   if (phase_ != Phase::kRunning) return "the replay server";
   if (!policy_.has_policy()) return "the learner's first policy";
-  if (MustWait()) return "the replay server to take what was made";
+  if (MustWait()) return "the replay server to accept rows";
   return nullptr;
 }
 
 bool ActorService::MustWait() const {
-  // A server that is there and holds inserts back wants no older policies' steps later.
+  // A connected server that holds inserts back does not want steps of old policies later.
   return outbox_.full() || (replay_.welcomed() && outbox_.bytes() >= window_bytes_);
 }
 
 void ActorService::SayObstacle(const char* obstacle) {
-  // That the server holds back inserts is how the rate limiter works, so only metrics tell.
+  // Inserts being held back is normal operation of the rate limiter, so only metrics show it.
   if (obstacle != nullptr && MustWait() && replay_.welcomed()) obstacle = nullptr;
   if (obstacle == said_obstacle_) return;
   metrics_.SetObstacle(obstacle);

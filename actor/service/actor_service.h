@@ -24,43 +24,43 @@
 
 namespace slalom::actor {
 
-/// Who an actor process is and where it connects to.
+/// The identity of an actor process and the servers it connects to.
 struct ActorIdentity {
   std::string name;                       ///< The same after a restart.
-  std::filesystem::path state_directory;  ///< Of its ledger and spool; made where it is missing.
-  std::uint64_t seed = 0;                 ///< Of the run; name and session are mixed in.
+  std::filesystem::path state_directory;  ///< Holds ledger and spool; created if missing.
+  std::uint64_t seed = 0;                 ///< The run's seed; name and session are mixed in.
   std::uint64_t spec_hash = 0;
-  std::string course_set;  ///< Trained on; for metrics.
+  std::string course_set;  ///< The course set trained on, for metrics.
   transport::ClientOptions replay;
   transport::ClientOptions learner;
 };
 
-/// The actor as a process of its own: drives, sends what happens to the replay server, and follows
-/// the learner's policies.
+/// The actor as a process of its own: drives, sends its rows to the replay server, and installs the
+/// learner's newest policy.
 ///
-/// What is not acknowledged is kept, up to a limit at which driving stops, and sent again after
-/// every kind of interruption; docs/service.md tells how sessions, the ledger and the spool make
-/// sure that each step is accepted once or counted as lost. Confined to the thread that made it.
+/// Unacknowledged chunks are kept and sent again after every kind of interruption; at a limit the
+/// actor stops driving. docs/service.md explains how sessions, the ledger and the spool make sure
+/// that each step is either accepted once or counted as lost. Confined to the thread that made it.
 class ActorService {
  public:
-  /// `environments` and `agent` must outlive it; `install` gives a policy to the agent. Throws
-  /// `base::Error` where the state directory is unusable.
+  /// `environments` and `agent` must outlive the service; `install` gives a policy to the agent.
+  /// Throws `base::Error` if the state directory is unusable.
   ActorService(const ActorServiceConfig& config, const ActorConfig& actor_config,
                ActorIdentity identity, env::BatchEnvironment& environments, env::Agent& agent,
                service::InstallPolicy install, transport::Context& context,
                metrics::Registry& registry);
 
-  /// Works until `stop`, then sends what is left, or keeps it in the spool where the server does
-  /// not take it within seconds. Throws `base::Error` where a server refuses this process for good,
-  /// or another process of this name took its session.
+  /// Runs until `stop`, then sends the remaining chunks, or saves them to the spool if the server
+  /// does not take them within seconds. Throws `base::Error` if a server refuses this process for
+  /// good, or if another process of this name took over its session.
   void Run(std::stop_token stop);
 
   StepAccount account() const { return ledger_.account(); }
 
  private:
   enum class Phase {
-    kDraining,  ///< Sends the spool of the last session, under its number.
-    kStarting,  ///< Has said hello for a session of its own.
+    kDraining,  ///< Sends the spool of the last session, under that session's number.
+    kStarting,  ///< Has said hello for a new session.
     kRunning,
   };
 
@@ -71,14 +71,14 @@ class ActorService {
   void OnAck(const proto::InsertAck& ack);
   void OnRefusal(const proto::Refusal& refusal);
   void Acknowledge(std::uint64_t next_sequence);
-  /// Takes what the servers sent, waiting for it no longer than `timeout`.
+  /// Handles the servers' messages, waiting for one no longer than `timeout`.
   void Listen(std::chrono::milliseconds timeout);
   void SendChunks();
   void Step();
   /// Puts the rows made so far into the outbox.
   void CloseChunk();
   bool ChunkIsDue() const;
-  /// Why no step can be made now; null: one can.
+  /// Returns why no step can be made now, or null if one can.
   const char* Obstacle() const;
   bool MustWait() const;
   void SayObstacle(const char* obstacle);
@@ -99,11 +99,11 @@ class ActorService {
   ActorMetrics metrics_;
 
   Phase phase_ = Phase::kStarting;
-  LossReason reason_ = LossReason::kKilled;  ///< For what the last session has not accounted for.
+  LossReason reason_ = LossReason::kKilled;  ///< Of the steps that the last session left open.
   std::int64_t window_bytes_ = 0;
   int refused_in_a_row_ = 0;
   std::unique_ptr<Actor> actor_;  ///< While a session is running.
-  replay::Chunk chunk_;           ///< Being filled.
+  replay::Chunk chunk_;           ///< The chunk being filled.
   int chunk_steps_ = 0;
   std::int64_t chunk_oldest_version_ = 0;
   std::chrono::steady_clock::time_point chunk_began_;

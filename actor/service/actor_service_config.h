@@ -6,7 +6,7 @@
 
 namespace slalom::actor {
 
-/// How an actor process sends what it makes.
+/// How an actor process sends its rows.
 struct ActorServiceConfig {
   int chunk_rows = 256;
   double chunk_seconds = 0.2;

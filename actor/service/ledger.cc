@@ -43,8 +43,8 @@ std::string_view ToString(LossReason reason) {
   return "";
 }
 
-/// Two copies, of which one counts: what takes more than one store is written into the other, which
-/// then takes its place by one.
+/// Two copies, one of which is valid. A change of more than one field is written to the other copy,
+/// which then becomes the valid one by a single store.
 struct Ledger::File {
   char magic[8];
   std::atomic<std::uint64_t> current;
@@ -82,7 +82,7 @@ Ledger::Ledger(const std::filesystem::path& path)
   file_ = static_cast<File*>(memory);
   constexpr char kZeros[sizeof(kLedgerMagic)] = {};
   if (std::memcmp(file_->magic, kZeros, sizeof(kLedgerMagic)) == 0) {
-    // New, or killed before it was written for the first time.
+    // The file is new, or the actor was killed before it was first written.
     std::memcpy(file_->magic, kLedgerMagic, sizeof(kLedgerMagic));
   }
   if (std::memcmp(file_->magic, kLedgerMagic, sizeof(kLedgerMagic)) != 0) {

@@ -7,41 +7,43 @@
 
 namespace slalom::actor {
 
-/// Why environment steps that were made are in no replay table.
+/// Why environment steps that were made never reached the replay table, or are no longer there.
 enum class LossReason {
   kKilled,    ///< Not acknowledged when the actor was killed.
-  kReplaced,  ///< Not acknowledged when another session took over, or the server knew its own no
-              ///< more.
+  kReplaced,  ///< Not acknowledged when another session took over, or when the server no longer
+              ///< knew the session.
   kServer,    ///< Acknowledged by a server that no longer has them (another directory, a backup).
 };
 inline constexpr int kNumLossReasons = 3;
 std::string_view ToString(LossReason reason);
 
-/// What became of every environment step that the actor of a name ever made:
+/// What became of all environment steps ever made by actors of one name:
 /// made = accepted + pending + lost.
 struct StepAccount {
   std::int64_t made = 0;
-  std::int64_t accepted = 0;  ///< In the replay server's table, or were.
+  std::int64_t accepted = 0;  ///< Are, or were, in the replay server's table.
   std::int64_t pending = 0;   ///< Not acknowledged yet.
   std::array<std::int64_t, kNumLossReasons> lost{};
 };
 
-/// The step account of an actor, in a memory-mapped file that is right after a `kill -9` at any
-/// moment, and the number of its session. Confined to one thread; one process per file at a time.
+/// The step account of an actor and the number of its session, in a memory-mapped file that is
+/// correct even after a `kill -9` at any moment. Confined to one thread; one process per file at a
+/// time.
 class Ledger {
  public:
-  /// Opens the file, or makes it. Throws `base::Error` where it cannot be, is no ledger, or another
-  /// process has it open.
+  /// Opens the file, or creates it. Throws `base::Error` if that fails, the file is not a ledger,
+  /// or another process has it open.
   explicit Ledger(const std::filesystem::path& path);
   ~Ledger();
   Ledger(const Ledger&) = delete;
   Ledger& operator=(const Ledger&) = delete;
 
-  /// Of the last session that was begun; 0: none.
+  /// The number of the last session that was begun, or 0 if there was none.
   std::uint64_t session() const;
 
-  /// Settles the last session, of whose steps the server has `accepted`, and begins another:
-  /// what it lacks is lost, for reason `kServer` as far as it was acknowledged, else for `reason`.
+  /// Settles the last session, of which the server has `accepted` steps, and begins another. The
+  /// steps that the server lacks are lost: for `kServer` if they were acknowledged, else for
+  /// `reason`.
   void BeginSession(std::uint64_t session, std::int64_t accepted, LossReason reason);
 
   void AddMade(std::int64_t steps);

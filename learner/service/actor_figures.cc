@@ -11,7 +11,7 @@ double Figure(const proto::RoleStatus& role, const char* key) {
   return it == role.report.figures.end() ? 0.0 : it->second;
 }
 
-/// What a peer tells may be any number.
+/// Returns the episodes that a role reports, within range, as a peer may report any number.
 std::int64_t NumEpisodes(const proto::RoleStatus& role) {
   constexpr double kMost = 9e15;
   const double told = Figure(role, "episodes");

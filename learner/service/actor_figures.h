@@ -8,7 +8,7 @@
 
 namespace slalom::learner {
 
-/// What all actors that report did lately, together. NaN: none has finished an episode.
+/// Statistics of recent episodes over all connected actors. NaN if none has finished an episode.
 struct ActorFigures {
   std::int64_t num_episodes = 0;
   double success_rate = 0.0;
@@ -18,15 +18,16 @@ struct ActorFigures {
   double mean_length = 0.0;
 };
 
-/// Means over the connected actors of a status.
+/// Returns the means over the connected actors of a status.
 ActorFigures Summarise(const proto::StatusReply& status);
 
-/// Counts episodes that actors finished, each once, over restarts and silences of actors and of the
-/// replay server that tells of them. Thread-compatible.
+/// Counts the episodes that actors finish. Each counts once, even if actors, or the replay server
+/// that reports them, restart or fall silent. Thread-compatible.
 class FinishedEpisodes {
  public:
-  /// Those since the last call. An actor that is heard of for the first time counts from then on,
-  /// as nobody knows which of its episodes were counted before; one that starts anew from 0.
+  /// Returns the number of episodes since the last call. A new name counts from its first report
+  /// on, as nobody knows which of its episodes were counted before; a restarted actor counts from
+  /// 0.
   std::int64_t Take(const proto::StatusReply& status);
 
  private:

@@ -28,7 +28,7 @@ BatchStream::BatchStream(transport::Context& context, const transport::ClientOpt
 
 void BatchStream::Request() {
   if (!link_.welcomed()) return;
-  // On a new connection nothing that was asked for before is on its way.
+  // On a new connection, answers to earlier requests never come.
   const std::uint64_t next = cursor_ + static_cast<std::uint64_t>(num_here_);
   if (link_.num_welcomes() != num_welcomes_) requested_ = next;
   num_welcomes_ = link_.num_welcomes();
@@ -75,7 +75,7 @@ bool BatchStream::Take(service::ReplayLink::Received received) {
     windows_asked_ = -1;
     return false;
   }
-  if (reply->cursor != cursor_ + num_here_) return false;  // Asked for twice.
+  if (reply->cursor != cursor_ + num_here_) return false;  // It was requested twice.
   transport::Frame& payload = batches_.payloads[num_here_];
   batches_.header = *reply;
   payload = std::move(received.payload);
@@ -105,8 +105,8 @@ void BatchStream::Parse(const proto::SampleReply& reply, const replay::SampleSpe
   }
 }
 
-// By the number of the next batch, which is asked for under it afterwards: the server's limiter
-// counts what a learner's numbers stand for, so that this one costs the run no batch.
+// Uses the number of the next batch, which is requested under the same number afterwards. As the
+// rate limiter counts by a learner's cursor, this sample does not take a batch from the run.
 void BatchStream::AskWindows(const replay::SampleSpec& spec) {
   if (!link_.welcomed() || link_.num_welcomes() != num_welcomes_) return;
   if (windows_asked_ == num_welcomes_) return;

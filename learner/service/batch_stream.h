@@ -15,45 +15,47 @@
 
 namespace slalom::learner {
 
-/// What one update learns from, as it came from the replay server: a batch of each kind. Their
-/// scans lie in the messages.
+/// The batches of one update as the replay server sent them, one of each kind. Their scans stay in
+/// the messages.
 struct RemoteBatches {
-  proto::SampleReply header;               ///< Of the last.
+  proto::SampleReply header;               ///< The header of the last one.
   std::vector<transport::Frame> payloads;  ///< [K]
   std::vector<replay::SampledRows> rows;   ///< [K], pointing into `payloads`.
 };
 
-/// Fetches the batches of a run in order, several ahead, over whatever happens to the connection:
-/// batch k is asked for again until it came, and no other takes its place. Of K kinds, batch k is
-/// of kind k mod K. Confined to one thread; ZeroMQ's thread receives meanwhile.
+/// Fetches the batches of a run in order, several ahead. Whatever happens to the connection, batch
+/// k is requested again until it has come, and no other takes its place. With K kinds of batches,
+/// batch k is of kind k mod K. Confined to one thread; ZeroMQ's own thread receives meanwhile.
 class BatchStream {
  public:
-  /// Begins at batch `cursor`, a multiple of specs.size(). `prefetch`: updates ahead.
+  /// Begins at batch `cursor`, a multiple of specs.size(). `prefetch`: for how many updates ahead
+  /// batches are requested.
   BatchStream(transport::Context& context, const transport::ClientOptions& replay,
               proto::Hello hello, std::vector<replay::SampleSpec> specs, int prefetch,
               std::uint64_t cursor);
 
-  /// The next batch of each kind, valid until the next call; null: they did not come within
-  /// `timeout`. Throws `base::Error` where the server refuses this learner for good or sends what
-  /// is no batch.
+  /// Returns the next batch of each kind, valid until the next call, or null if they have not come
+  /// within `timeout`. Throws `base::Error` if the server refuses this learner for good or sends a
+  /// malformed batch.
   const RemoteBatches* Next(std::chrono::milliseconds timeout);
 
-  /// Number of the next batch: what a checkpoint keeps.
+  /// The number of the next batch, which a checkpoint keeps.
   std::uint64_t cursor() const { return cursor_; }
-  /// Batches asked for that have not come.
+  /// Number of batches that were requested and have not come.
   int in_flight() const { return static_cast<int>(requested_ - cursor_) - num_here_; }
 
-  /// Asks for samples of another kind, once, beside the batches: those come as if this had not
-  /// been. Nothing while an earlier request is unanswered. Requires: its history is no batch's.
+  /// Requests one sample of another kind, without any effect on the batches. Does nothing while an
+  /// earlier request is unanswered. Requires: no batch has the same history.
   void AskWindows(const replay::SampleSpec& spec);
-  /// What came of it since the last call, valid until the next `Next`; null: nothing.
+  /// Returns the sample that `AskWindows` requested if it has come since the last call, else null.
+  /// Valid until the next `Next`.
   const replay::SampledRows* TakeWindows();
 
-  /// Tells the server the new priorities of rows it sent, [C] each. One that is lost on the way
-  /// only means an older priority.
+  /// Sends the server new priorities of rows that it sent, [C] each. If the message is lost, the
+  /// rows only keep their old priorities.
   void SetPriorities(std::span<const std::int64_t> sequence, std::span<const float> priority);
 
-  /// Asks for the roles' reports; what came last is `status()`.
+  /// Requests the roles' reports. `status()` is the last answer.
   void AskStatus();
   const std::optional<proto::StatusReply>& status() const { return status_; }
 
@@ -61,7 +63,7 @@ class BatchStream {
 
  private:
   void Request();
-  /// False: not now.
+  /// Sends a request. False: it cannot be sent now.
   [[nodiscard]] bool Ask(const replay::SampleSpec& spec);
   void Parse(const proto::SampleReply& reply, const replay::SampleSpec& spec,
              const transport::Frame& payload, replay::SampledRows* rows) const;
@@ -70,16 +72,16 @@ class BatchStream {
   service::ReplayLink link_;
   const std::vector<replay::SampleSpec> specs_;  // [K]
   const int prefetch_;
-  std::uint64_t cursor_;     // Next to be handed out.
-  std::uint64_t requested_;  // Next to be asked for.
-  int num_welcomes_ = 0;     // Of the link, when the last request was made.
+  std::uint64_t cursor_;     // The next batch to be returned.
+  std::uint64_t requested_;  // The next batch to be requested.
+  int num_welcomes_ = 0;     // The link's, when the last request was made.
   RemoteBatches batches_;
-  int num_here_ = 0;                               // Of the batches from `cursor_` on.
-  std::optional<replay::SampleSpec> window_spec_;  // As asked for last.
+  int num_here_ = 0;  // How many of the batches from `cursor_` on have come.
+  std::optional<replay::SampleSpec> window_spec_;  // Of the last request.
   transport::Frame window_payload_;
   replay::SampledRows windows_;
   bool windows_came_ = false;
-  int windows_asked_ = -1;  // Welcomes when they were asked for; -1: none are on their way.
+  int windows_asked_ = -1;  // num_welcomes() at the request; -1: none is pending.
   std::optional<proto::StatusReply> status_;
 };
 

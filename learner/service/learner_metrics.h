@@ -7,17 +7,17 @@
 
 namespace slalom::learner {
 
-/// The figures of a learner process. Confined to one thread.
+/// The metrics of a learner process. Confined to one thread.
 class LearnerMetrics {
  public:
   explicit LearnerMetrics(metrics::Registry& registry);
 
   void AddBatch();
   void AddUpdate(double seconds);
-  /// Time in which it waited for batches. Where no batch came for 10 s of it, that is the
-  /// registry's fault until one does.
+  /// Adds time spent waiting for batches. After 10 s without a batch, this becomes the registry's
+  /// fault, which the health check shows, until a batch comes.
   void AddWait(double seconds);
-  /// The learner's own figures of a row.
+  /// Sets the learner's own columns of a row.
   void SetLearning(const run::MetricsRow& row);
   void SetStream(int in_flight, double policy_lag, int connections);
   void AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates);

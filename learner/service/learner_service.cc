@@ -118,7 +118,7 @@ void LearnerService::LearnFrom(const RemoteBatches& batches) {
   acting_version_ = batches.header.acting_version;
   const auto began = steady_clock::now();
   run_.learner().Update(batches.rows, run_.Fraction());
-  if (prioritized_) batches_->SetPriorities(batches.rows[0].sequence, run_.learner().Errors());
+  if (prioritized_) batches_->SetPriorities(batches.rows[0].sequence, run_.learner().TdErrors());
   metrics_.AddBatch();
   metrics_.AddUpdate(std::chrono::duration<double>(steady_clock::now() - began).count());
 }

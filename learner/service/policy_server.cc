@@ -13,9 +13,9 @@ using std::chrono::steady_clock;
 
 // Readers ask again within 5 s.
 constexpr std::chrono::seconds kSilence{20};
-// Peers beyond so many are refused: whoever opens connections for ever must not cost memory.
+// More peers than this are refused, so that endless new connections cannot exhaust memory.
 constexpr std::size_t kMaxReaders = 65536;
-// Questions answered before the caller gets its turn.
+// Requests answered before the caller gets its turn.
 constexpr int kMaxAtOnce = 1024;
 
 bool MayRead(std::optional<transport::Role> role) {
@@ -78,7 +78,7 @@ void PolicyServer::Answer(transport::Server::Received& received) {
   const auto* request = std::get_if<proto::SnapshotRequest>(&*header);
   if (request == nullptr || !MayRead(received.role)) {
     return Refuse(received.peer, proto::RefusalCode::kNotAllowed,
-                  "the learner gives policies to actors and evaluators, nothing else");
+                  "the learner only answers requests for policies from actors and evaluators");
   }
   const auto [it, is_new] = readers_.try_emplace(received.peer);
   if (is_new && readers_.size() > kMaxReaders) {
@@ -93,7 +93,7 @@ void PolicyServer::Answer(transport::Server::Received& received) {
     reader.waits = true;
     return;
   }
-  // Asked again: there is nothing newer, but the learner is there.
+  // Asked again: answers without a payload, to show that the learner is alive.
   proto::Snapshot nothing;
   nothing.version = request->held_version;
   nothing.spec_hash = spec_hash_;
@@ -104,7 +104,7 @@ void PolicyServer::Answer(transport::Server::Received& received) {
 
 void PolicyServer::Send(const transport::PeerId& peer, Reader& reader) {
   reader.waits = false;
-  // One that does not read asks again when it does.
+  // A reader that does not read now asks again later.
   if (server_.Send(peer, {header_.Share(), payload_.Share()}) == transport::Server::Sent::kGone) {
     readers_.erase(transport::PeerId(peer));
   }

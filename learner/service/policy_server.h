@@ -14,23 +14,24 @@
 
 namespace slalom::learner {
 
-/// Hands policies to actors and evaluators: each asks for one newer than that which it holds and is
-/// answered at once, or when there is one. So a slow reader gets only the newest and nothing
-/// queues, however many there are. Confined to one thread, which polls it.
+/// Hands policies to actors and evaluators. Each asks for one newer than it holds and is answered
+/// as soon as there is one. So a slow reader gets only the newest policy, and nothing queues,
+/// however many readers there are. Confined to one thread, which polls it.
 class PolicyServer {
  public:
-  /// Throws `base::Error` where the endpoint cannot be bound.
+  /// Throws `base::Error` if the endpoint cannot be bound.
   PolicyServer(transport::Context& context, const transport::ServerOptions& options,
                std::uint64_t spec_hash, metrics::Registry& registry);
 
-  /// Makes `policy`, a policy file's bytes, what readers get, and answers those that wait.
+  /// Publishes `policy`, the bytes of a policy file, and answers the readers that wait.
   void Publish(std::int64_t version, transport::Frame policy, std::int64_t learner_steps);
 
-  /// Answers what was asked, waiting for a question no longer than `timeout`.
+  /// Answers requests, waiting for one no longer than `timeout`.
   void Poll(std::chrono::milliseconds timeout);
 
   const std::string& endpoint() const { return server_.endpoint(); }
-  /// Readers heard of in the last seconds, and the oldest version that one of them holds.
+  /// The number of readers that were heard from in the last seconds, and the oldest version among
+  /// those that they hold.
   int num_readers() const { return static_cast<int>(readers_.size()); }
   std::optional<std::int64_t> oldest_held() const;
 
@@ -49,7 +50,7 @@ class PolicyServer {
   transport::Server server_;
   const std::uint64_t spec_hash_;
   metrics::Registry& registry_;
-  std::optional<std::int64_t> version_;  // Of what is published.
+  std::optional<std::int64_t> version_;  // Of the published policy.
   transport::Frame header_;
   transport::Frame payload_;
   std::map<transport::PeerId, Reader> readers_;

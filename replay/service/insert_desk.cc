@@ -16,19 +16,19 @@ using transport::PeerId;
 
 constexpr std::size_t kNewestChunks = 64;
 constexpr std::int64_t kSmallestWindow = 64 << 10;
-// Of the times between two readings.
+// Most times kept between two readings.
 constexpr std::size_t kMaxInsertSeconds = 1 << 16;
 
 }  // namespace
 
 InsertDesk::InsertDesk(const Options& options, Sessions sessions, Table* table,
-                       RateLimiter* limiter, RecordLog* log, Outbox* outbox)
+                       RateLimiter* limiter, RecordLog* log, ReplySender* replies)
     : options_(options),
       sessions_(std::move(sessions)),
       table_(table),
       limiter_(limiter),
       log_(log),
-      outbox_(outbox) {
+      replies_(replies) {
   for (const auto& [id, session] : sessions_.all()) {
     Live& live = live_[id];
     live.received = live.safe = session.next_sequence;
@@ -40,7 +40,7 @@ void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) 
     return Refuse(peer, RefusalCode::kBadMessage, "an actor's session is 0, expected 1 or more", 0);
   }
   if (hello.num_streams < 1) {
-    return Refuse(peer, RefusalCode::kBadMessage, "an actor's streams are 0, expected 1 or more",
+    return Refuse(peer, RefusalCode::kBadMessage, "an actor has 0 streams, expected 1 or more",
                   hello.session);
   }
   const Session* const known = sessions_.FindName(hello.name);
@@ -67,8 +67,8 @@ void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) 
   if (known != nullptr) PlaceAll(known->id);
   const std::optional<Session> session = BeginSession(hello, known);
   if (!session) {
-    return Refuse(peer, RefusalCode::kNotReady, "too many actors or streams: none can be added",
-                  hello.session);
+    return Refuse(peer, RefusalCode::kNotReady,
+                  "the server has too many actors or streams to add another", hello.session);
   }
   ++counts_.sessions_started;
   const std::uint64_t position = Put(*session);
@@ -87,8 +87,8 @@ std::optional<Session> InsertDesk::BeginSession(const proto::Hello& hello, const
   if (known != nullptr) {
     session.id = known->id;
     session.earlier_steps = known->earlier_steps + known->accepted_steps;
-    // A session of which nothing came may be one whose welcome the actor never saw: it then still
-    // has to learn of the session before.
+    // If nothing came of a session, the actor may never have seen its welcome. It must then still
+    // learn about the session before.
     const bool empty = known->next_sequence == 0;
     session.previous_number = empty ? known->previous_number : known->number;
     session.previous_accepted_steps =
@@ -109,8 +109,8 @@ std::optional<Session> InsertDesk::BeginSession(const proto::Hello& hello, const
   return session;
 }
 
-// Names come and go where actors are containers: the one that was silent for longest is struck out,
-// but none that is there.
+// Names come and go if actors are containers. The name that has been silent for longest is removed,
+// but never one that is connected.
 bool InsertDesk::MakeRoom() {
   if (sessions_.all().size() < static_cast<std::size_t>(Sessions::kMaxNames)) return true;
   std::uint32_t oldest = 0;
@@ -190,8 +190,8 @@ void InsertDesk::Insert(const PeerId& peer, const proto::Insert& insert, transpo
   const std::int64_t total_limit = std::max(2 * options_.window_bytes, options_.max_message_bytes);
   if ((live->bytes > 0 && live->bytes + size > limit) || total_bytes_ + size > total_limit) {
     return RefuseChunk(peer, RefusalCode::kOverWindow,
-                       fmt::format("{} bytes beside {} that are not acknowledged, window {}", size,
-                                   live->bytes, limit),
+                       fmt::format("{} bytes after {} unacknowledged ones exceed the window {}",
+                                   size, live->bytes, limit),
                        insert);
   }
   auto frame = std::make_shared<const transport::Frame>(std::move(payload));
@@ -325,7 +325,7 @@ void InsertDesk::Retire(Time now) {
 void InsertDesk::SendOwed(Time now) {
   const std::uint64_t written = log_->written();
   const std::int64_t window = Window(now);
-  // A copy: peers that are found gone leave the set.
+  // Iterates over a copy, as peers that are gone leave the set.
   for (const std::uint32_t id : std::vector(welcomes_owed_.begin(), welcomes_owed_.end())) {
     Live& live = live_.at(id);
     if (!live.peer || live.welcome_at.value_or(0) > written) continue;
@@ -338,19 +338,19 @@ void InsertDesk::SendOwed(Time now) {
                                    .previous_session = session.previous_number,
                                    .previous_accepted_steps = session.previous_accepted_steps,
                                    .software = options_.software});
-    if (sent != Outbox::Sent::kYes) continue;
+    if (sent != ReplySender::Sent::kYes) continue;
     live.welcome_at.reset();
     live.told_window = std::max(live.told_window, window);
     welcomes_owed_.erase(id);
   }
   for (const std::uint32_t id : std::vector(acks_owed_.begin(), acks_owed_.end())) {
     Live& live = live_.at(id);
-    // Before its welcome an actor does not know of the session.
+    // An actor does not know its session before the welcome.
     if (!live.peer || welcomes_owed_.contains(id)) continue;
     const auto sent = Answer(*live.peer, proto::InsertAck{.session = sessions_.Find(id)->number,
                                                           .next_sequence = live.safe,
                                                           .window_bytes = window});
-    if (sent != Outbox::Sent::kYes) continue;
+    if (sent != ReplySender::Sent::kYes) continue;
     live.told_window = std::max(live.told_window, window);
     acks_owed_.erase(id);
   }
@@ -377,10 +377,10 @@ double InsertDesk::acting_version() const {
 
 std::vector<double> InsertDesk::TakeInsertSeconds() { return std::exchange(insert_seconds_, {}); }
 
-Outbox::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& header) {
-  const PeerId to = peer;  // `Gone` takes `peer` away. NOLINT(performance-unnecessary-copy*)
-  const auto sent = outbox_->Send(to, MakeMessage(header));
-  if (sent == Outbox::Sent::kGone) Gone(to);
+ReplySender::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& header) {
+  const PeerId to = peer;  // `Gone` destroys `peer`. NOLINT(performance-unnecessary-copy*)
+  const auto sent = replies_->Send(to, MakeMessage(header));
+  if (sent == ReplySender::Sent::kGone) Gone(to);
   return sent;
 }
 

@@ -15,8 +15,8 @@
 #include "proto/messages.h"
 #include "replay/record_log.h"
 #include "replay/rows.h"
-#include "replay/service/outbox.h"
 #include "replay/service/rate_limiter.h"
+#include "replay/service/reply_sender.h"
 #include "replay/sessions.h"
 #include "replay/table.h"
 
@@ -24,29 +24,29 @@ namespace slalom::replay {
 
 /// Serves the actors: their sessions, the chunks that they insert, and the acknowledgements.
 ///
-/// A chunk is checked, held while the rate limiter says so, put into the table and the log, and
-/// acknowledged when the log has written it. A chunk whose sequence is below the one expected is a
-/// duplicate and only acknowledged again; one above it, or beyond the session's window, is refused
-/// and not kept. A chunk that is no sound continuation of its streams is refused as a whole, with
-/// those of its session that were held behind it.
+/// A chunk is checked, held while the rate limiter says so, inserted into the table and the log,
+/// and acknowledged once the log has written it. If its sequence number is below the expected one,
+/// it is a duplicate and only acknowledged again. If the number is above, or the chunk exceeds the
+/// session's flow-control window, it is refused. A chunk that does not continue its streams is
+/// refused as a whole, together with the chunks of its session that were held behind it.
 ///
-/// Confined to the server's thread. Memory: the payload not yet written is at most twice
-/// `window_bytes`, or one message.
+/// Confined to the server's thread. Memory: the unwritten payload is at most twice `window_bytes`,
+/// or one message.
 class InsertDesk {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
   struct Options {
-    std::int64_t window_bytes = 256 << 20;  ///< For all sessions that are there.
+    std::int64_t window_bytes = 256 << 20;  ///< For all connected sessions together.
     std::int64_t max_message_bytes = 16 << 20;
     std::chrono::duration<double> silence{10.0};  ///< After which an actor counts as gone.
-    std::uint64_t server = 0;                     ///< As `proto::Welcome`.
+    std::uint64_t server = 0;                     ///< As in `proto::Welcome`.
     std::string software;
   };
 
-  /// What was counted since the start. Plain data.
+  /// Counts since the start. Plain data.
   struct Counts {
-    static constexpr std::size_t kReasons = 16;  ///< By RefusalCode.
+    static constexpr std::size_t kReasons = 16;  ///< Arrays are indexed by RefusalCode.
     std::int64_t chunks_accepted = 0;
     std::int64_t chunks_duplicate = 0;
     std::int64_t steps_duplicate = 0;
@@ -57,38 +57,39 @@ class InsertDesk {
     std::int64_t episodes_cut = 0;
   };
 
-  /// `sessions`: those that came back with the table. The pointers must outlive the desk.
+  /// `sessions`: those that were recovered with the table. The pointers must outlive the desk.
   InsertDesk(const Options& options, Sessions sessions, Table* table, RateLimiter* limiter,
-             RecordLog* log, Outbox* outbox);
+             RecordLog* log, ReplySender* replies);
 
-  /// An actor begins or takes up a session; the welcome goes out when all that it tells is written.
-  /// A hello without session or streams is refused. Requires: it is within the bounds of
-  /// `proto::Decode`, beams and spec are those of the table.
+  /// Handles the hello of an actor, which begins or resumes a session. The welcome is sent once
+  /// everything that it reports is written. A hello without session or streams is refused.
+  /// Requires: it is within the bounds of `proto::Decode`; its beams and spec are those of the
+  /// table.
   void Hello(const transport::PeerId& peer, const proto::Hello& hello, Time now);
   void Insert(const transport::PeerId& peer, const proto::Insert& insert, transport::Frame payload,
               Time now);
   void Goodbye(const transport::PeerId& peer, const proto::Goodbye& goodbye, Time now);
-  /// Something else came of this peer.
+  /// Notes that another message of this peer came.
   void Heard(const transport::PeerId& peer, Time now);
-  /// Its connection is no more.
+  /// Notes that the peer's connection is gone.
   void Gone(const transport::PeerId& peer);
 
-  /// Sends what is owed for what has been written, and inserts at most `max_chunks` that were held
-  /// and no longer need to be. True: there is more that could be done at once.
+  /// Sends the acknowledgements and welcomes that are due, and inserts at most `max_chunks` held
+  /// chunks that the rate limiter now lets in. Returns true if there is more to do at once.
   bool Advance(Time now, int max_chunks);
 
   const Sessions& sessions() const { return sessions_; }
   const Counts& counts() const { return counts_; }
-  /// Sessions of actors that are there.
+  /// Number of sessions whose actors are connected.
   int num_present(Time now) const;
-  /// Chunks held by the rate limiter.
+  /// Number of chunks held by the rate limiter.
   std::int64_t num_held() const { return num_held_; }
   std::int64_t num_unwritten() const { return static_cast<std::int64_t>(unwritten_.size()); }
-  /// Payload received and not yet written.
+  /// Bytes of payload received and not yet written.
   std::int64_t unwritten_bytes() const { return total_bytes_; }
   /// Mean version of the policies that made the newest chunks.
   double acting_version() const;
-  /// Times from arrival to being written since the last call, [s].
+  /// Returns the times from arrival to written of all chunks written since the last call, [s].
   std::vector<double> TakeInsertSeconds();
 
  private:
@@ -98,18 +99,18 @@ class InsertDesk {
     RowBytes rows;
     Time arrived;
   };
-  /// What need not outlive the server.
+  /// The state of a session that need not survive a restart.
   struct Live {
     std::optional<transport::PeerId> peer;
-    std::uint64_t received = 0;    ///< Next sequence to come.
-    std::uint64_t safe = 0;        ///< All before it are written.
-    std::int64_t bytes = 0;        ///< Received and not written.
-    std::int64_t told_window = 0;  ///< The largest that this session was told.
+    std::uint64_t received = 0;    ///< Sequence number of the next chunk to come.
+    std::uint64_t safe = 0;        ///< All chunks before this one are written.
+    std::int64_t bytes = 0;        ///< Payload received and not written.
+    std::int64_t told_window = 0;  ///< The largest window that the session was told.
     std::deque<Held> held;
-    std::optional<std::uint64_t> welcome_at;  ///< Owed when the log has written this position.
+    std::optional<std::uint64_t> welcome_at;  ///< Send it when the log has written this position.
     Time heard;
   };
-  /// A chunk in the log that is not written yet.
+  /// A chunk that is in the log and not yet written.
   struct Unwritten {
     std::uint64_t position = 0;
     std::uint32_t id = 0;
@@ -120,7 +121,7 @@ class InsertDesk {
   };
 
   Live* Find(const transport::PeerId& peer, std::uint32_t* id);
-  /// The session that a new number of a name begins. None: refused.
+  /// Returns the session that a hello with a new number begins, or nothing if it was refused.
   std::optional<Session> BeginSession(const proto::Hello& hello, const Session* known);
   bool MakeRoom();
   void Attach(std::uint32_t id, const transport::PeerId& peer, Time now);
@@ -132,7 +133,7 @@ class InsertDesk {
   void Retire(Time now);
   void SendOwed(Time now);
   std::int64_t Window(Time now) const;
-  Outbox::Sent Answer(const transport::PeerId& peer, const proto::Header& header);
+  ReplySender::Sent Answer(const transport::PeerId& peer, const proto::Header& header);
   void Refuse(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text,
               std::uint64_t about);
   void RefuseChunk(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text,
@@ -143,7 +144,7 @@ class InsertDesk {
   Table* const table_;
   RateLimiter* const limiter_;
   RecordLog* const log_;
-  Outbox* const outbox_;
+  ReplySender* const replies_;
 
   std::map<std::uint32_t, Live> live_;  ///< By id; one for each session.
   std::map<transport::PeerId, std::uint32_t> ids_;

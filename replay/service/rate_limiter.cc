@@ -49,7 +49,7 @@ bool RateLimiter::MayInsert() const {
          granted() / options_.updates_per_step + ahead;
 }
 
-// Names are what peers say: the one that was silent for longest gives way.
+// Peers may claim any name, so the one that has been silent for longest is dropped.
 void RateLimiter::MakeRoom() {
   if (learners_.size() < kMaxLearners) return;
   learners_.erase(

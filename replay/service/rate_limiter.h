@@ -6,20 +6,21 @@
 
 namespace slalom::replay {
 
-/// Holds samples to a fixed ratio of inserted steps from both sides, with one cursor for each
-/// learner. Decides only; who waits is kept elsewhere. Thread-compatible.
+/// Keeps samples and inserted steps at a fixed ratio by holding back whichever side is ahead, with
+/// one cursor per learner (as the rate limiter of Reverb). It only decides; the desks hold those
+/// who wait. Thread-compatible.
 ///
-/// Batches granted, summed over the learners' cursors, stay at or below what the steps have earned,
-/// updates_per_step * (steps - learning_starts); and steps stay within `max_ahead_steps` of what
-/// the granted batches were earned by, also while no learner is there: steps that nobody learns
-/// from would be made by an ever older policy, push better ones out of the table, and have to be
-/// caught up with.
+/// Granted batches, summed over the learners' cursors, never exceed what the steps have earned:
+/// updates_per_step * (steps - learning_starts). Steps never run more than `max_ahead_steps` ahead
+/// of those that earned the granted batches. This also holds while no learner is connected:
+/// otherwise an ever older policy would make steps that push better ones out of the table, and the
+/// learner would have to catch up.
 class RateLimiter {
  public:
   struct Options {
     double updates_per_step = 0.25;
     std::int64_t learning_starts = 0;
-    std::int64_t max_ahead_steps = 0;  ///< 0: inserts are never held.
+    std::int64_t max_ahead_steps = 0;  ///< 0: inserts are never held back.
   };
   static constexpr int kMaxLearners = 64;
 
@@ -29,31 +30,33 @@ class RateLimiter {
 
   void AddSteps(std::int64_t n) { steps_ += n; }
 
-  /// A learner is there and waits for the batch of this number. It asks for 0, 1, 2, ...; after a
-  /// restart for what its checkpoint says, and what it had beyond that no longer counts.
+  /// Notes that a learner waits for the batch `cursor`. It asks for 0, 1, 2, ...; after a restart,
+  /// it continues from its checkpoint, and what it had got beyond that no longer counts.
   void Ask(const std::string& learner, std::uint64_t cursor);
-  /// Whether it may have it now. Requires: it asked.
+  /// Whether the learner may have that batch now. Requires: `Ask` was called.
   bool MaySample(const std::string& learner) const;
-  /// It got it.
+  /// Notes that the learner got that batch.
   void Grant(const std::string& learner);
-  /// A learner is no longer there: its cursor stays, but it gives way to others first.
+  /// Notes that a learner is gone. Its cursor stays, but is the first to be dropped for a new
+  /// learner.
   void Leave(const std::string& learner);
 
-  /// Whether the next chunk may be inserted. Where a learner
-  /// waits for what the steps have not earned this is true, so both sides never wait at once.
+  /// Whether the next chunk may be inserted. True if a learner waits for a batch that is not earned
+  /// yet, so that both sides never wait at the same time.
   bool MayInsert() const;
-  /// A batch is due and cannot be drawn from what is there: more rows must come in any case.
+  /// Sets whether a batch is due that cannot be drawn from the present rows. If so, inserts are let
+  /// in regardless of the ratio.
   void SetStarved(bool starved) { starved_ = starved; }
 
   std::int64_t steps() const { return steps_; }
-  /// Batches that the learners' cursors stand for.
+  /// Number of granted batches: the sum of the learners' cursors.
   double granted() const;
 
  private:
   struct Learner {
-    std::uint64_t next = 0;  ///< Batches granted, by its cursor.
+    std::uint64_t next = 0;  ///< The next batch; so many were granted.
     bool present = false;
-    std::uint64_t used = 0;  ///< When, in calls.
+    std::uint64_t used = 0;  ///< Number of the call that used it last.
   };
 
   void MakeRoom();

@@ -17,7 +17,7 @@ using proto::RefusalCode;
 using transport::PeerId;
 
 constexpr std::uint64_t kMaxCursor = std::uint64_t{1} << 52;
-// Of the times between two readings.
+// Most times kept between two readings.
 constexpr std::size_t kMaxSampleSeconds = 1 << 16;
 
 SampleSpec SpecOf(const proto::SampleRequest& request) {
@@ -36,7 +36,7 @@ SampleShape ShapeOf(const proto::SampleRequest& request, int num_beams) {
           .weighted = request.prioritized};
 }
 
-/// Why a request that came through `proto::Decode` cannot be served; empty: it can.
+/// Returns why a request that passed `proto::Decode` cannot be served, or nothing if it can.
 std::string FaultOf(const proto::SampleRequest& request, int num_beams, std::int64_t max_bytes) {
   if (request.cursor > kMaxCursor) return fmt::format("cursor {} is too large", request.cursor);
   const auto size = SampleSize(ShapeOf(request, num_beams));
@@ -49,8 +49,9 @@ std::string FaultOf(const proto::SampleRequest& request, int num_beams, std::int
 
 }  // namespace
 
-SampleDesk::SampleDesk(const Options& options, Table* table, RateLimiter* limiter, Outbox* outbox)
-    : options_(options), table_(table), limiter_(limiter), outbox_(outbox) {}
+SampleDesk::SampleDesk(const Options& options, Table* table, RateLimiter* limiter,
+                       ReplySender* replies)
+    : options_(options), table_(table), limiter_(limiter), replies_(replies) {}
 
 void SampleDesk::Ask(const PeerId& peer, const std::string& learner,
                      const proto::SampleRequest& request) {
@@ -59,9 +60,10 @@ void SampleDesk::Ask(const PeerId& peer, const std::string& learner,
   Line& line = lines_[peer];
   line.learner = learner;
   if (line.requests.size() >= kMaxRequests) {
-    return Refuse(peer, RefusalCode::kOverWindow,
-                  fmt::format("{} requests are unanswered, expected no more", kMaxRequests),
-                  request.cursor);
+    return Refuse(
+        peer, RefusalCode::kOverWindow,
+        fmt::format("{} requests are unanswered already; no more are accepted", kMaxRequests),
+        request.cursor);
   }
   if (request.prioritized) table_->UsePriorities(options_.priority_exponent);
   line.requests.push_back(request);
@@ -101,7 +103,7 @@ bool SampleDesk::Advance(int max_replies, double acting_version) {
   num_held_ = 0;
   int sent = 0;
   std::vector<PeerId> gone;
-  // Once around, beginning after the peer that was answered last.
+  // One round over all peers, beginning after the one that was answered last.
   auto it = lines_.upper_bound(last_);
   for (std::size_t turn = 0; turn < lines_.size() && sent < max_replies; ++turn, ++it) {
     if (it == lines_.end()) it = lines_.begin();
@@ -148,12 +150,12 @@ SampleDesk::Step SampleDesk::Answer(const PeerId& peer, Line* line, double actin
       sample_seconds_.push_back(std::chrono::duration<double>(took).count());
     }
   }
-  switch (outbox_->Send(peer, std::move(*line->ready))) {
-    case Outbox::Sent::kGone:
+  switch (replies_->Send(peer, std::move(*line->ready))) {
+    case ReplySender::Sent::kGone:
       return Step::kGone;
-    case Outbox::Sent::kFull:
+    case ReplySender::Sent::kFull:
       return Step::kBlocked;
-    case Outbox::Sent::kYes:
+    case ReplySender::Sent::kYes:
       break;
   }
   ++counts_.batches;
@@ -165,7 +167,7 @@ SampleDesk::Step SampleDesk::Answer(const PeerId& peer, Line* line, double actin
 }
 
 bool SampleDesk::Draw(const proto::SampleRequest& request) {
-  // A draw from a table in which nothing is whole walks over all of it: not at every turn.
+  // If no window is complete, a draw walks over the whole table. Do not repeat that at every turn.
   if (table_->total_inserted() < retry_at_) return false;
   base::Random random(base::DeriveSeed(options_.seed, "sample", {request.cursor}));
   if (table_->SampleRows(SpecOf(request), random, &rows_)) {
@@ -186,9 +188,9 @@ std::vector<double> SampleDesk::TakeSampleSeconds() { return std::exchange(sampl
 
 void SampleDesk::Refuse(const PeerId& peer, RefusalCode code, std::string_view text,
                         std::uint64_t about) {
-  const auto sent = outbox_->Send(
+  const auto sent = replies_->Send(
       peer, MakeMessage(proto::Refusal{.code = code, .text = std::string(text), .about = about}));
-  if (sent == Outbox::Sent::kGone) Gone(peer);
+  if (sent == ReplySender::Sent::kGone) Gone(peer);
 }
 
 }  // namespace slalom::replay

@@ -11,23 +11,24 @@
 
 #include "proto/messages.h"
 #include "replay/batch.h"
-#include "replay/service/outbox.h"
 #include "replay/service/rate_limiter.h"
+#include "replay/service/reply_sender.h"
 #include "replay/table.h"
 
 namespace slalom::replay {
 
-/// Serves the learners: samples, held until the rate limiter lets them go, and priorities.
+/// Serves the learners: sends samples, held until the rate limiter grants them, and takes
+/// priorities.
 ///
 /// The batch of cursor k is drawn with `Random(DeriveSeed(seed, "sample", {k}))`. A peer's requests
-/// are answered in their order. Confined to the server's thread. Memory: `kMaxRequests` requests
-/// and one sample a peer, beside what its connection's queue holds.
+/// are answered in their order. Confined to the server's thread. Memory per peer: `kMaxRequests`
+/// requests and one sample, in addition to its connection's queue.
 class SampleDesk {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
-  /// Of a peer, unanswered: the largest `learner_service.prefetch`, 256 updates, of up to four
-  /// batches each, and one to measure a model by.
+  /// The most unanswered requests of a peer: the largest `learner_service.prefetch`, 256 updates,
+  /// with up to four batches each, and one sample to measure a transition model.
   static constexpr std::size_t kMaxRequests = 1025;
 
   struct Options {
@@ -36,7 +37,7 @@ class SampleDesk {
     double priority_exponent = 0.6;  ///< alpha
   };
 
-  /// What was counted since the start. Plain data.
+  /// Counts since the start. Plain data.
   struct Counts {
     std::int64_t batches = 0;
     std::int64_t samples = 0;
@@ -45,35 +46,36 @@ class SampleDesk {
   };
 
   /// The pointers must outlive the desk.
-  SampleDesk(const Options& options, Table* table, RateLimiter* limiter, Outbox* outbox);
+  SampleDesk(const Options& options, Table* table, RateLimiter* limiter, ReplySender* replies);
 
-  /// `learner`: the name that the peer said in its hello. Requires: the request is within the
+  /// Takes a request. `learner`: the name in the peer's hello. Requires: the request is within the
   /// bounds of `proto::Decode`.
   void Ask(const transport::PeerId& peer, const std::string& learner,
            const proto::SampleRequest& request);
   void SetPriorities(const transport::PeerId& peer, const proto::PriorityUpdate& update,
                      std::span<const std::byte> payload);
-  /// Its connection is no more: what it asked for is no longer wanted.
+  /// Notes that the peer's connection is gone, and drops its requests.
   void Gone(const transport::PeerId& peer);
-  /// It has sent nothing for long: until it asks for the next sample, its place gives way to other
-  /// learners' first (`RateLimiter::Leave`). Inserts stay held for it.
+  /// Notes that the peer has been silent for long. Until its next request, its cursor is the first
+  /// to be dropped for another learner (`RateLimiter::Leave`). Inserts are still held back for it.
   void Silent(const transport::PeerId& peer);
 
-  /// Answers at most `max_replies` of the requests that are due, peers in turn. `acting_version`:
-  /// what replies say of the newest chunks. True: there is more that could be done at once.
+  /// Answers at most `max_replies` due requests, taking peers in turn. `acting_version`: the policy
+  /// version of the newest chunks, which replies report. Returns true if there is more to do at
+  /// once.
   bool Advance(int max_replies, double acting_version);
 
-  /// Requests unanswered, and those held by the rate limiter among them.
+  /// Number of unanswered requests, and of those among them that the rate limiter holds.
   std::int64_t num_waiting() const;
   std::int64_t num_held() const { return num_held_; }
-  /// A learner waits for a batch that cannot be drawn from the rows that are there.
+  /// Whether a learner waits for a batch that cannot be drawn from the present rows.
   bool starved() const { return starved_; }
   const Counts& counts() const { return counts_; }
-  /// Times that batches took to draw and gather since the last call, [s].
+  /// Returns the times that batches took to draw and gather since the last call, [s].
   std::vector<double> TakeSampleSeconds();
 
  private:
-  /// A peer's requests, and its next reply where that is made but the peer does not read.
+  /// A peer's requests, and its next reply if that is ready but the peer does not read.
   struct Line {
     std::string learner;
     std::deque<proto::SampleRequest> requests;
@@ -82,7 +84,7 @@ class SampleDesk {
   };
   enum class Step {
     kSent,
-    kHeld,     ///< Not earned yet, or not to be drawn.
+    kHeld,     ///< The batch is not earned yet, or cannot be drawn.
     kBlocked,  ///< The peer does not read.
     kGone,
   };
@@ -95,7 +97,7 @@ class SampleDesk {
   const Options options_;
   Table* const table_;
   RateLimiter* const limiter_;
-  Outbox* const outbox_;
+  ReplySender* const replies_;
   std::map<transport::PeerId, Line> lines_;
   transport::PeerId last_;  ///< The peer that was answered last.
   SampledRows rows_;

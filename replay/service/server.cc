@@ -19,16 +19,16 @@ namespace {
 using proto::RefusalCode;
 using transport::PeerId;
 
-// How much of each kind is done before the others have their turn.
+// How much of each kind of work is done before the others have their turn.
 constexpr int kMessagesPerTurn = 32;
 constexpr int kRepliesPerTurn = 4;
 constexpr int kChunksPerTurn = 32;
 constexpr auto kIdleWait = std::chrono::milliseconds(50);
 constexpr auto kTick = std::chrono::seconds(1);
-// Per connection and direction: of samples, 64 are 47 MB at 256 x 720 beams.
+// Messages queued per connection and direction: 64 samples are 47 MB at 256 x 720 beams.
 constexpr int kQueueMessages = 64;
-// Connections that were silent for so many times `silence` are forgotten, and said no hello before
-// they send again.
+// Connections that were silent for this many times `silence` are forgotten and must say hello
+// again.
 constexpr int kForgetAfter = 6;
 
 std::uint64_t NewId() {
@@ -45,7 +45,7 @@ JournalOptions JournalOptionsOf(const ReplayServerConfig& config, const ReplaySe
           .spec_hash = spec.spec_hash};
 }
 
-/// The roles that may send a message; none: it is not for this server.
+/// Returns the roles that may send a message; none if it is not meant for this server.
 bool MaySend(std::string_view role, const proto::Header& header) {
   const bool actor = role == "actor", learner = role == "learner";
   const bool known = actor || learner || role == "evaluator" || role == "operator";
@@ -67,9 +67,9 @@ bool MaySend(std::string_view role, const proto::Header& header) {
 
 }  // namespace
 
-class ReplayServer::Answers : public Outbox {
+class ReplayServer::SocketReplies : public ReplySender {
  public:
-  explicit Answers(ReplayServer* owner) : owner_(owner) {}
+  explicit SocketReplies(ReplayServer* owner) : owner_(owner) {}
   Sent Send(const PeerId& peer, transport::Message&& message) override {
     return owner_->server_->Send(peer, std::move(message));
   }
@@ -82,7 +82,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                            transport::Context& context, metrics::Registry& registry)
     : config_(config),
       spec_(spec),
-      answers_(std::make_unique<Answers>(this)),
+      replies_(std::make_unique<SocketReplies>(this)),
       board_(std::chrono::duration<double>(config.silence)),
       id_(NewId()),
       ticked_(Clock::now()) {
@@ -130,14 +130,14 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                                        .silence = std::chrono::duration<double>(config_.silence),
                                        .server = id_,
                                        .software = spec_.software},
-                   std::move(sessions), &*table_, &*limiter_, log, answers_.get());
+                   std::move(sessions), &*table_, &*limiter_, log, replies_.get());
   samples_.emplace(SampleDesk::Options{.seed = spec_.seed,
                                        .max_sample_bytes = config_.max_sample_bytes,
                                        .priority_exponent = config_.priority_exponent},
-                   &*table_, &*limiter_, answers_.get());
+                   &*table_, &*limiter_, replies_.get());
 }
 
-// The journal's threads wake the socket: they end first.
+// The journal's threads wake the socket, so they must end first.
 ReplayServer::~ReplayServer() { journal_.reset(); }
 
 StateRecord ReplayServer::State() const {
@@ -152,7 +152,7 @@ void ReplayServer::RestorePriorities() {
   if (!std::filesystem::exists(path)) return;
   const auto failure = table_->RestorePriorities(base::ReadFile(path), config_.priority_exponent);
   if (failure) {
-    spdlog::warn("{}: {}; all steps begin with the largest priority", path.string(), failure->text);
+    spdlog::warn("{}: {}; all steps start with the same priority", path.string(), failure->text);
   }
 }
 
@@ -216,23 +216,24 @@ void ReplayServer::Tick(Time now) {
 
 void ReplayServer::Take(transport::Server::Received received, Time now) {
   if (received.too_fast) {
-    return Refuse(received.peer, {.code = RefusalCode::kTooFast,
-                                  .text = "more messages a second than this server takes",
-                                  .about = 0});
+    return Refuse(
+        received.peer,
+        {.code = RefusalCode::kTooFast, .text = "too many messages per second", .about = 0});
   }
   const auto header =
       proto::Decode(received.message.header.bytes(), received.message.payload.bytes());
   if (!header) return Refuse(received.peer, header.failure());
   metrics_->CountMessage(*header);
   if (!IsAllowed(received, *header)) {
-    // One that may, but has not said hello: what it sent on a connection that broke came first.
+    // A peer that may send it but has not said hello: the message was meant for a broken
+    // connection.
     const bool stranger = !std::holds_alternative<proto::Hello>(*header) &&
                           !peers_.contains(received.peer) &&
                           (!received.role || MaySend(ToString(*received.role), *header));
     return Refuse(
         received.peer,
         {.code = stranger ? RefusalCode::kNoSession : RefusalCode::kNotAllowed,
-         .text = fmt::format("{} is not for this role and name to send here, or before hello",
+         .text = fmt::format("this role and name may not send {} here, or not before a hello",
                              proto::NameOf(*header)),
          .about = 0});
   }
@@ -248,14 +249,14 @@ bool ReplayServer::IsAllowed(const transport::Server::Received& received,
   const auto* const hello = std::get_if<proto::Hello>(&header);
   const auto known = peers_.find(received.peer);
   if (const auto* const report = std::get_if<proto::Report>(&header)) {
-    // Nobody reports for another: the learner acts on what actors say of themselves.
+    // No role may report for another, as the learner relies on the reports of actors.
     return known != peers_.end() && MaySend(known->second.role, header) &&
            report->role == known->second.role && report->name == known->second.name;
   }
   if (received.role) {
     const std::string_view role = ToString(*received.role);
     if (hello != nullptr && hello->role != role) return false;
-    // Who sends what is counted to a name is known from the hello only.
+    // Only the hello tells which name a peer's messages count for.
     const bool needs_hello =
         !std::holds_alternative<proto::StatusRequest>(header) && hello == nullptr;
     return MaySend(role, header) && (!needs_hello || known != peers_.end());
@@ -296,7 +297,7 @@ void ReplayServer::Greet(const PeerId& peer, const proto::Hello& hello, Time now
                                              spec_.spec_hash),
                          .about = 0});
   }
-  // The same process after a reconnection: what its old connection asked for is no longer wanted.
+  // The same process after a reconnect: requests of its old connection are obsolete.
   std::vector<PeerId> old;
   for (const auto& [id, other] : peers_) {
     if (id != peer && other.role == hello.role && other.name == hello.name) old.push_back(id);
@@ -317,7 +318,8 @@ void ReplayServer::Refuse(const PeerId& peer, const proto::Refusal& refusal) {
 }
 
 void ReplayServer::Forget(const PeerId& peer) {
-  // May lie in what is taken away. NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
+  // The reference may point into what is erased below.
+  // NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
   const PeerId id = peer;
   inserts_->Gone(id);
   samples_->Gone(id);

@@ -13,8 +13,8 @@
 #include "replay/journal.h"
 #include "replay/service/config.h"
 #include "replay/service/insert_desk.h"
-#include "replay/service/outbox.h"
 #include "replay/service/rate_limiter.h"
+#include "replay/service/reply_sender.h"
 #include "replay/service/sample_desk.h"
 #include "replay/service/server_metrics.h"
 #include "replay/service/status_board.h"
@@ -24,25 +24,27 @@
 
 namespace slalom::replay {
 
-/// The replay server: takes rows of any number of actors, keeps them, and sends samples to any
-/// number of learners. docs/service.md says who sends what, docs/replay.md how it is kept.
+/// The replay server: takes rows from any number of actors, keeps them, and sends samples to any
+/// number of learners. docs/service.md describes who sends what, docs/replay.md how rows are kept.
 ///
-/// One thread owns the socket and the table and waits for nobody; two more write and sync the
-/// journal. What a peer sends never ends it and takes no more memory than the bounds in its config.
+/// One thread owns the socket and the table and never waits for a peer; two more threads write and
+/// sync the journal. Nothing that a peer sends ends the server, or makes it use more memory than
+/// the config allows.
 class ReplayServer {
  public:
   /// Reads the journal, if there is one, and binds the endpoint; peers are answered from `Run` on.
-  /// Throws `base::Error` where the directory cannot be used or is another server's or another
-  /// run's, or the endpoint cannot be bound. `context` and `registry` must outlive it.
+  /// Throws `base::Error` if the directory cannot be used, is in use by another server or belongs
+  /// to another run, or if the endpoint cannot be bound. `context` and `registry` must outlive it.
   ReplayServer(const ReplayServerConfig& config, const ReplayServerSpec& spec,
                transport::Context& context, metrics::Registry& registry);
   ~ReplayServer();
 
-  /// Serves until `stop`, then writes and syncs what was taken and sends what is owed for it. Once,
-  /// in any one thread. Throws `base::Error` where the system ends what it stands on.
+  /// Serves until `stop`, then writes and syncs all accepted rows and sends their acknowledgements.
+  /// Call it once, in any one thread. Throws `base::Error` if a system resource that it needs
+  /// fails.
   void Run(std::stop_token stop);
 
-  /// Where it listens, with the port that was chosen.
+  /// The endpoint it listens on, with the port that was chosen.
   const std::string& endpoint() const { return server_->endpoint(); }
 
  private:
@@ -54,8 +56,8 @@ class ReplayServer {
     std::string name;
     Time heard;
   };
-  /// What answers take to the socket.
-  class Answers;
+  /// Sends replies through the server's socket.
+  class SocketReplies;
 
   void Turn();
   void Tick(Time now);
@@ -63,8 +65,8 @@ class ReplayServer {
   void Handle(const transport::PeerId& peer, const proto::Header& header, transport::Frame payload,
               Time now);
   void Greet(const transport::PeerId& peer, const proto::Hello& hello, Time now);
-  /// Whether the sender may send this message: by its key, else by what it said in its hello. A
-  /// report must be of the role and name of that hello.
+  /// Whether the sender may send this message, by its key or, without keys, by its hello. A report
+  /// must have the role and name of that hello.
   bool IsAllowed(const transport::Server::Received& received, const proto::Header& header) const;
   void Answer(const transport::PeerId& peer, const proto::Header& header);
   void Refuse(const transport::PeerId& peer, const proto::Refusal& refusal);
@@ -80,15 +82,15 @@ class ReplayServer {
   std::unique_ptr<transport::Server> server_;
   std::unique_ptr<Journal> journal_;  ///< Null: in memory only.
   NoLog no_log_;
-  std::unique_ptr<Answers> answers_;
+  std::unique_ptr<SocketReplies> replies_;
   std::optional<RateLimiter> limiter_;
   std::optional<InsertDesk> inserts_;
   std::optional<SampleDesk> samples_;
   StatusBoard board_;
   std::optional<ServerMetrics> metrics_;
   std::map<transport::PeerId, Peer> peers_;
-  const std::uint64_t id_;  ///< Of this start, as `proto::Welcome`.
-  bool busy_ = false;       ///< There is more to do than the last turn did.
+  const std::uint64_t id_;  ///< Identifies this start of the server, as in `proto::Welcome`.
+  bool busy_ = false;       ///< The last turn left work to do.
   Time ticked_;
 };
 

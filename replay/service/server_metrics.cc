@@ -178,7 +178,7 @@ void ServerMetrics::ShowJournal(const Journal::Status& status) {
   failing_.Set(status.failing.empty() ? 0.0 : 1.0);
   registry_.SetFault(status.failing);
   if (status.syncs > shown_syncs_) {
-    // Between two looks there is rarely more than one.
+    // There is rarely more than one sync between two calls.
     const double mean = (status.sync_s - shown_sync_s_) / (status.syncs - shown_syncs_);
     for (std::int64_t i = shown_syncs_; i < status.syncs; ++i) sync_seconds_.Observe(mean);
     shown_syncs_ = status.syncs;

@@ -18,21 +18,21 @@
 
 namespace slalom::replay {
 
-/// What a replay server shows of itself, to Prometheus and as its own report. Confined to the
-/// server's thread.
+/// The metrics of a replay server, for Prometheus and for its own report. Confined to the server's
+/// thread.
 class ServerMetrics {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
   ServerMetrics(metrics::Registry& registry, const ReplayServerSpec& spec);
 
-  /// What this start read from disk.
+  /// Shows what this start recovered from disk.
   void ShowRecovery(const Recovered& recovered);
-  /// A message came, and was not refused before it was read.
+  /// Counts a message that was decoded.
   void CountMessage(const proto::Header& header) { messages_[header.index()].Increment(); }
   void CountRefusal(proto::RefusalCode code);
 
-  /// What to show. Pointers may not be null but for the journal's.
+  /// The sources of the metrics. Only `journal` may be null.
   struct Sources {
     const Table* table = nullptr;
     const RateLimiter* limiter = nullptr;
@@ -41,13 +41,13 @@ class ServerMetrics {
     const Journal* journal = nullptr;
     std::int64_t malformed = 0;
     std::int64_t rejected_connections = 0;
-    std::map<std::string_view, int> peers;  ///< Heard of lately, by role.
-    double held_inserts_s = 0.0;            ///< Time since the last call that something was held.
-    double held_samples_s = 0.0;
+    std::map<std::string_view, int> peers;  ///< Number of peers heard from lately, by role.
+    double held_inserts_s = 0.0;            ///< Time since the last call with inserts held, [s].
+    double held_samples_s = 0.0;            ///< The same for samples, [s].
   };
-  /// Shows the state now. Called every second or so.
+  /// Updates all metrics. To be called about once a second.
   void Show(const Sources& sources, Time now);
-  /// What it last showed, as a report of this role.
+  /// The metrics of the last `Show` as this role's report.
   const proto::Report& report() const { return report_; }
 
  private:

@@ -5,12 +5,12 @@
 namespace slalom::replay {
 namespace {
 
-// Of a reply, well within what one message may hold.
+// Size of a reply, well within the limit of a message.
 constexpr std::size_t kMaxReplyBytes = proto::kMaxHeaderBytes / 2;
-// Of a number, of the lengths and field numbers around a text.
+// Size of a number, and of the lengths and field numbers around a text.
 constexpr std::size_t kOverhead = 16;
 
-/// No less than a report takes in a message.
+/// Returns an upper bound of the size of a report in a message.
 std::size_t SizeOf(const proto::Report& report) {
   std::size_t size = report.role.size() + report.name.size() + 4 * kOverhead;
   for (const auto& [name, value] : report.figures) size += name.size() + 2 * kOverhead;

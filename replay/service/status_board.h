@@ -10,21 +10,21 @@
 
 namespace slalom::replay {
 
-/// What the roles last said of themselves. Thread-compatible. Memory: `proto::kMaxRoles` reports,
-/// and a few times `kMaxBytes`; the oldest gives way.
+/// The latest report of each role. Thread-compatible. Memory: at most `proto::kMaxRoles` reports
+/// and a few times `kMaxBytes`; beyond that, the oldest report is dropped.
 class StatusBoard {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
-  /// Of all reports, as a message would hold them: some 4,096 of those that the roles send.
+  /// Limit on the size of all reports as a message holds them: about 4,096 typical reports.
   static constexpr std::size_t kMaxBytes = 4 << 20;
 
-  /// A role whose last report is older counts as not connected.
+  /// A role whose last report is older than `silence` counts as not connected.
   explicit StatusBoard(std::chrono::duration<double> silence) : silence_(silence) {}
 
   void Put(proto::Report report, Time now);
-  /// All of them; the first ones by role and name where one message does not hold all, the others
-  /// being counted in `omitted`.
+  /// Returns all reports. If one message cannot hold them all, it has the first ones by role and
+  /// name, and `omitted` counts the others.
   proto::StatusReply Reply(Time now) const;
 
  private:
@@ -36,7 +36,7 @@ class StatusBoard {
 
   const std::chrono::duration<double> silence_;
   std::map<std::pair<std::string, std::string>, Entry> entries_;  ///< By role and name.
-  std::size_t bytes_ = 0;                                         ///< Of all entries.
+  std::size_t bytes_ = 0;                                         ///< Size of all entries.
 };
 
 }  // namespace slalom::replay

@@ -320,7 +320,7 @@ class PickyReplay {
 TEST_F(ActorServiceTest, AChunkThatIsRefusedEachTimeEndsIt) {
   const PickyReplay replay;
   Running actor(*this, replay.endpoint());
-  EXPECT_THAT(actor.Error(), ::testing::HasSubstr("refuses chunk 0 again and again: not to my"));
+  EXPECT_THAT(actor.Error(), ::testing::HasSubstr("keeps refusing chunk 0: not to my"));
 }
 
 TEST_F(ActorServiceTest, AServerOfAnotherRunRefusesIt) {

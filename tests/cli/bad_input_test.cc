@@ -286,7 +286,7 @@ TEST_F(BadInputTest, TheCommandLineIsChecked) {
 }
 
 TEST_F(BadInputTest, AFullDiskKeepsTheLastGoodCheckpoint) {
-  // A file-size limit stands for the full disk: the replay segments of the longer run do not fit.
+  // A file-size limit stands for the full disk: the replay buffer of the longer run do not fit.
   Train();
   const std::string policy = base::ReadFile(scratch_.path() / "runs/tiny/policy.safetensors");
   WriteTinyConfig(scratch_.path(), 4000);

@@ -135,8 +135,8 @@ Seeds ManifestSeeds() {
                             .begin = 10,
                             .end = 300,
                             .open = {1, 0, 1},
-                            .segments = {{"replay-000001.rows", 0, 200, 0x1234},
-                                         {"replay-000002.rows", 200, 300, 0xabcdef}}};
+                            .part_files = {{"replay-000001.rows", 0, 200, 0x1234},
+                                           {"replay-000002.rows", 200, 300, 0xabcdef}}};
   const std::string text = replay::PrintManifest(manifest);
   return {text, text.substr(0, text.rfind("checksum"))};
 }
@@ -167,8 +167,8 @@ Seeds EpisodesSeeds() {
   return {sim::PrintEpisodes(tracks)};
 }
 
-/// Rows as the columns of a segment file.
-Seeds SegmentSeeds() {
+/// Rows as the columns of a part file.
+Seeds PartFileSeeds() {
   const replay::Chunk chunk = MakeChunk(2);
   // Beams, first row, rows, overwritten, spare capacity, streams, nothing cut off.
   std::string seed("\x01\x00\x03\x00\x03\x02\x00", 7);
@@ -226,15 +226,11 @@ int main(int argc, char** argv) {
     return 2;
   }
   const std::map<std::string, fuzz::Seeds> all = {
-      {"actor_state", fuzz::ActorStateSeeds()},
-      {"episodes", fuzz::EpisodesSeeds()},
-      {"journal", fuzz::JournalSeeds()},
-      {"manifest", fuzz::ManifestSeeds()},
-      {"message", fuzz::MessageSeeds()},
-      {"policy", fuzz::PolicySeeds()},
-      {"rows", fuzz::RowsSeeds()},
+      {"actor_state", fuzz::ActorStateSeeds()}, {"episodes", fuzz::EpisodesSeeds()},
+      {"journal", fuzz::JournalSeeds()},        {"manifest", fuzz::ManifestSeeds()},
+      {"message", fuzz::MessageSeeds()},        {"part_file", fuzz::PartFileSeeds()},
+      {"policy", fuzz::PolicySeeds()},          {"rows", fuzz::RowsSeeds()},
       {"sample", fuzz::SampleSeeds()},
-      {"segment", fuzz::SegmentSeeds()},
   };
   for (const auto& [name, seeds] : all) {
     const auto directory = std::filesystem::path(argv[1]) / name;

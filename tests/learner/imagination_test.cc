@@ -37,7 +37,7 @@ class StandIn : public Algorithm {
     return actions_;
   }
   void Update(double) override {}
-  const at::Tensor& errors() const override { return none_; }
+  const at::Tensor& td_errors() const override { return none_; }
   int num_critics() const override { return 1; }
   const at::Tensor& actor_parameters() const override { return none_; }
   const at::Tensor& average_parameters() const override { return none_; }

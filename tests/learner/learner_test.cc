@@ -115,7 +115,7 @@ class Opened : public Method {
  public:
   using Method::Method;
 
-  /// What is learned, what follows it, and the averages.
+  /// The learned parameters, the target networks and the averages.
   std::vector<at::Tensor> Parameters() const {
     const auto& actor = this->actor_;
     std::vector<at::Tensor> all = {actor.parameters(), actor.average_parameters(),
@@ -126,11 +126,11 @@ class Opened : public Method {
 };
 
 template <class Method>
-class FollowerTest : public testing::Test {};
+class AveragesTest : public testing::Test {};
 using Algorithms = testing::Types<Td3, Ddpg, Sac>;
-TYPED_TEST_SUITE(FollowerTest, Algorithms);
+TYPED_TEST_SUITE(AveragesTest, Algorithms);
 
-TYPED_TEST(FollowerTest, SharesNoStorageWithWhatItFollows) {
+TYPED_TEST(AveragesTest, ShareNoStorageWithTheParameters) {
   MethodConfig method = SmallConfig();
   method.learner.algorithm = std::is_same_v<TypeParam, Sac> ? "sac" : "td3";
   policy::PolicySpec spec = SmallSpec();
@@ -289,10 +289,10 @@ TEST(Learner, ErrorsAreThoseOfTheCritics) {
   RandomRows rows(16, 1, 24, 1);
   // Where the window ended, y is the reward alone: a reward that is larger by 3 moves the error so.
   learner.Update(rows.batches(), 0.0);
-  const std::vector<float> before(learner.Errors().begin(), learner.Errors().end());
+  const std::vector<float> before(learner.TdErrors().begin(), learner.TdErrors().end());
   for (int i = 0; i < 16; ++i) rows.rows.n_step_return[i] += 30.0f;
   learner.Update(rows.batches(), 0.0);
-  const auto after = learner.Errors();
+  const auto after = learner.TdErrors();
   for (int i = 0; i < 16; i += 4) {
     ASSERT_EQ(rows.rows.discount[i], 0.0f);
     // |q - (r + 30)| with |q - r| < 30: 30 - (q - r), and before it was |q - r|.

@@ -32,8 +32,8 @@ void CompareAdam(at::ScalarType type, double tolerance) {
   torch::optim::Adam optimiser({expected}, torch::optim::AdamOptions(0.01));
   Tensor parameters = start.to(type, /*non_blocking=*/false, /*copy=*/true);
   Tensor gradient = torch::zeros_like(parameters);
-  Tensor follower = parameters.clone();
-  Tensor expected_follower = start.clone();
+  Tensor average = parameters.clone();
+  Tensor expected_average = start.clone();
   Tensor norm = torch::zeros({1}, torch::kDouble);
   double expected_norm = 0.0;
   Adam adam(parameters, gradient);
@@ -43,12 +43,12 @@ void CompareAdam(at::ScalarType type, double tolerance) {
     expected.mutable_grad() = g;
     optimiser.step();
     expected_norm += g.norm().item<double>();
-    expected_follower.lerp_(expected.detach(), 0.1);
-    const Follower followers[] = {{follower, 0.1}};
-    adam.Step(0.01, followers, norm);
+    expected_average.lerp_(expected.detach(), 0.1);
+    const PolyakAverage averages[] = {{average, 0.1}};
+    adam.Step(0.01, averages, norm);
   }
   EXPECT_LE((parameters - expected).abs().max().item<double>(), tolerance);
-  EXPECT_LE((follower - expected_follower).abs().max().item<double>(), tolerance);
+  EXPECT_LE((average - expected_average).abs().max().item<double>(), tolerance);
   EXPECT_NEAR(norm.item<double>(), expected_norm, tolerance * expected_norm);
 }
 
@@ -91,14 +91,14 @@ struct ReferenceCritics {
     for (int k = 0; k < size(); ++k) values.push_back(Q(target, k, s, a));
     return values;
   }
-  void Regress(const Tensor& s, const Tensor& a, const Tensor& y) {
+  void GradientStep(const Tensor& s, const Tensor& a, const Tensor& y) {
     optimiser.zero_grad();
     Tensor loss = torch::zeros({}, torch::kDouble);
     for (int k = 0; k < size(); ++k) loss = loss + torch::mse_loss(Q(parameters, k, s, a), y);
     loss.backward();
     optimiser.step();
   }
-  void Follow(double tau) {
+  void UpdateTargets(double tau) {
     torch::NoGradGuard no_grad;
     target = (1.0 - tau) * target + tau * parameters;
   }
@@ -168,13 +168,13 @@ struct Reference {
     return loss;
   }
 
-  void ImproveActor(const Tensor& loss) {
+  void UpdateActor(const Tensor& loss) {
     actor_optimiser.zero_grad();
     loss.backward();
     actor_optimiser.step();
   }
 
-  void RegressCritics(const Tensor& next_a, const Tensor& soft_cost) {
+  void UpdateCritics(const Tensor& next_a, const Tensor& soft_cost) {
     Tensor y, cost_y;
     {
       torch::NoGradGuard no_grad;
@@ -183,13 +183,13 @@ struct Reference {
       const std::vector<Tensor> c = cost_critics.Targets(next_s, next_a);
       if (c.size() > 1) cost_y = cost + discount * torch::maximum(c[0], c[1]);
     }
-    critics.Regress(s, a, y);
-    if (multiplier > 0.0) cost_critics.Regress(s, a, cost_y);
+    critics.GradientStep(s, a, y);
+    if (multiplier > 0.0) cost_critics.GradientStep(s, a, cost_y);
   }
 
-  void Follow() {
-    critics.Follow(config.tau);
-    cost_critics.Follow(config.tau);
+  void UpdateTargets() {
+    critics.UpdateTargets(config.tau);
+    cost_critics.UpdateTargets(config.tau);
     torch::NoGradGuard no_grad;
     actor_target = (1.0 - config.tau) * actor_target + config.tau * actor;
   }
@@ -224,24 +224,24 @@ struct Reference {
                                .clamp(-config.noise_clip, config.noise_clip);
       next_a = (next_a + noise).clamp(-1.0, 1.0);
     }
-    RegressCritics(next_a, zero);
+    UpdateCritics(next_a, zero);
     if (is_td3 && num_updates % config.policy_delay != 0) return;
     const Tensor u = ReferenceForward(actor_shape, actor, s, {});
     const Tensor act = torch::tanh(u);
-    ImproveActor(ActorLoss(critics.Q(critics.parameters.detach(), 0, s, act), act) +
-                 config.preactivation_penalty * u.square().sum(1).mean());
-    Follow();
+    UpdateActor(ActorLoss(critics.Q(critics.parameters.detach(), 0, s, act), act) +
+                config.preactivation_penalty * u.square().sum(1).mean());
+    UpdateTargets();
   }
 
   void UpdateSac() {
     const Tensor alpha = torch::exp(log_temperature).detach();
     const auto [next_a, next_log_pi] = Sample(next_s, Normal(next_policy_noise, config.batch_size));
-    RegressCritics(next_a.detach(), alpha * next_log_pi.detach());
-    Follow();
+    UpdateCritics(next_a.detach(), alpha * next_log_pi.detach());
+    UpdateTargets();
     const auto [act, log_pi] = Sample(s, Normal(policy_noise, config.batch_size));
     const Tensor frozen = critics.parameters.detach();
     const Tensor q = torch::minimum(critics.Q(frozen, 0, s, act), critics.Q(frozen, 1, s, act));
-    ImproveActor(ActorLoss(q, act) + (alpha * log_pi).mean());
+    UpdateActor(ActorLoss(q, act) + (alpha * log_pi).mean());
     temperature_optimiser.zero_grad();
     (-log_temperature * (log_pi.detach() + config.target_entropy).mean()).backward();
     temperature_optimiser.step();

@@ -42,17 +42,17 @@ TEST(ValueOps, KernelsDoWhatTheOperationsDo) {
     AddClippedNoise(from.to(type), noise.to(type), noisy);
     at::Tensor y = at::zeros({17}, type), dq = at::zeros({17, 1}, type);
     const std::array<at::Tensor, 2> values = {q1.to(type), q2.to(type)};
-    PessimisticTarget(values, Pessimism::kMinimum, reward.to(type), discount.to(type), y);
-    at::Tensor fearful = at::zeros({17}, type);
-    PessimisticTarget(values, Pessimism::kMaximum, reward.to(type), discount.to(type), fearful);
+    TdTarget(values, TargetReduction::kMin, reward.to(type), discount.to(type), y);
+    at::Tensor y_max = at::zeros({17}, type);
+    TdTarget(values, TargetReduction::kMax, reward.to(type), discount.to(type), y_max);
     at::Tensor loss = at::ones({1}, at::kDouble), mean = at::ones({1}, at::kDouble);
     SquaredError(values[0], y, dq, loss, mean);
     AddMean(values[1], mean);
     std::array<at::Tensor, 2> by_value = {at::zeros({17, 1}, type), at::zeros({17, 1}, type)};
-    LeastGradient(values, by_value, mean);
+    MinGradient(values, by_value, mean);
     at::Tensor weighed = dq.clone(), error = at::ones({17}, type);
-    WeighError(values[0], y, discount.to(type), 0.25, weighed, error);
-    return std::vector<at::Tensor>{wide, y,           fearful,     dq,      loss,
+    ApplyImportanceWeights(values[0], y, discount.to(type), 0.25, weighed, error);
+    return std::vector<at::Tensor>{wide, y,           y_max,       dq,      loss,
                                    mean, by_value[0], by_value[1], weighed, error};
   };
   const auto fused = compute(at::kFloat);
@@ -76,7 +76,7 @@ TEST(GaussianOps, KernelsDoWhatTheOperationsDo) {
     SquashedGradient(distribution, output.to(type), noise.to(type), actions, daction.to(type),
                      log_temperature, doutput);
     at::Tensor y = at::ones({17}, type), gradient = at::zeros({1}, type);
-    SubtractEntropyCost(discount.to(type), log_temperature, log_probability, y);
+    AddEntropyBonus(discount.to(type), log_temperature, log_probability, y);
     at::Tensor entropy = at::ones({1}, at::kDouble);
     TemperatureGradient(log_probability, -2.0, gradient, entropy);
     return std::vector<at::Tensor>{actions, log_probability, doutput, y, gradient, entropy};

@@ -11,7 +11,7 @@ namespace {
 
 std::vector<const Spec*> All() {
   std::vector<const Spec*> all;
-  for (const Section& section : Catalogue()) {
+  for (const CatalogueSection& section : Catalogue()) {
     all.insert(all.end(), section.specs.begin(), section.specs.end());
   }
   return all;

@@ -15,7 +15,7 @@
 namespace slalom::planners {
 namespace {
 
-const Footprint kFootprint{FootprintConfig{}};
+const PaddedFootprint kFootprint{FootprintConfig{}};
 
 /// An inflated 10 x 10 m map round the origin of O, with the obstacles given.
 Costmap LocalMap(const std::vector<base::Vec2>& obstacles_O) {

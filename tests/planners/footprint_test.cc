@@ -58,8 +58,8 @@ TEST(VisitLine, FollowsTheClosedForm) {
   }
 }
 
-TEST(Footprint, IsPaddedOnEachSide) {
-  const Footprint footprint{FootprintConfig{}};
+TEST(PaddedFootprint, IsPaddedOnEachSide) {
+  const PaddedFootprint footprint{FootprintConfig{}};
   EXPECT_DOUBLE_EQ(footprint.half_length, 0.31);
   EXPECT_DOUBLE_EQ(footprint.half_width, 0.265);
   EXPECT_DOUBLE_EQ(footprint.inscribed_radius(), 0.265);
@@ -70,7 +70,7 @@ TEST(Footprint, IsPaddedOnEachSide) {
 }
 
 TEST(OutlineCost, SeesTheOutlineOnly) {
-  const Footprint footprint{FootprintConfig{}};
+  const PaddedFootprint footprint{FootprintConfig{}};
   const base::Pose2 X_OR{{1.025, 1.025}, 0.0};  // In the middle of cell (20, 20).
   Costmap map(41, 41, 0.05, {});
   EXPECT_EQ(OutlineCost(map, footprint, X_OR), 0);
@@ -87,7 +87,7 @@ TEST(OutlineCost, SeesTheOutlineOnly) {
 
 // Oracle: points sampled densely on the edges. Bresenham's line keeps within a cell of the edge.
 TEST(OutlineCost, AgreesWithSampledEdges) {
-  const Footprint footprint{FootprintConfig{}};
+  const PaddedFootprint footprint{FootprintConfig{}};
   base::Random random(2);
   int num_hits = 0;
   for (int trial = 0; trial < 300; ++trial) {
@@ -118,7 +118,7 @@ TEST(OutlineCost, AgreesWithSampledEdges) {
 }
 
 TEST(CoveredCells, AreTheRectangle) {
-  const Footprint footprint{FootprintConfig{}};
+  const PaddedFootprint footprint{FootprintConfig{}};
   const Costmap map(60, 60, 0.05, {});
   base::Random random(3);
   std::vector<CellIndex> cells;

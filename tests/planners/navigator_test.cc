@@ -255,7 +255,7 @@ TEST(Navigator, DropsThePassedPartOfThePlan) {
 
 TEST(RotateRecovery, TurnsOnceRound) {
   const NavigationConfig config;
-  const Footprint footprint(config.footprint);
+  const PaddedFootprint footprint(config.footprint);
   const Costmap map(60, 60, 0.05, {-1.5, -1.5});
   for (const double start : {0.0, 2.0, -3.0}) {
     RotateRecovery recovery(start);
@@ -274,7 +274,7 @@ TEST(RotateRecovery, TurnsOnceRound) {
 
 TEST(RotateRecovery, DoesNotTurnIntoObstacles) {
   const NavigationConfig config;
-  const Footprint footprint(config.footprint);
+  const PaddedFootprint footprint(config.footprint);
   Costmap map(60, 60, 0.05, {-1.5, -1.5});
   map.set_cost(map.CellAt({0.0, 0.38}), kLethalCost);  // Free now; a corner will come by.
   RotateRecovery recovery(0.0);

@@ -13,7 +13,7 @@
 namespace slalom::planners {
 namespace {
 
-const Footprint kFootprint{FootprintConfig{}};
+const PaddedFootprint kFootprint{FootprintConfig{}};
 
 TEST(Inflation, FollowsTheFormula) {
   const Inflation inflation(0.05, 0.265, 0.30, 10.0);

@@ -199,13 +199,13 @@ TEST(CheckEpisodesTest, RefusesEachThingThatIsNoEpisode) {
   EXPECT_THAT(Check(table, MakeChunk({{0, kRowFirst}, {1, 0}}))->text,
               HasSubstr("row 1, stream 1: found a step in mid-episode"));
   EXPECT_THAT(Check(table, MakeChunk({{0, kRowFirst}, {0, kRowFirst}}))->text,
-              HasSubstr("more of the one that is running"));
+              HasSubstr("a row of the episode that is still running"));
   EXPECT_THAT(Check(table, MakeChunk({{0, kRowFirst}, {0, kRowFinal}, {0, 0}}))->text,
               HasSubstr("row 2"));
   EXPECT_THAT(Check(table, MakeChunk({{0, kRowFirst | kRowTerminated}, {0, 0}}))->text,
-              HasSubstr("expected the final frame"));
+              HasSubstr("expected the final row"));
   EXPECT_THAT(Check(table, MakeChunk({{0, kRowFirst | kRowTerminated}, {0, kRowFirst}}))->text,
-              HasSubstr("more of the one"));
+              HasSubstr("still running"));
   EXPECT_THAT(Check(Table({.capacity = 16}, kBeams + 1), SmallChunk())->text,
               HasSubstr("scans of 3 beams, expected 4"));
 }
@@ -215,7 +215,7 @@ TEST(CheckEpisodesTest, GoesOnWhereTheTableStands) {
   InsertRows(&table, MakeChunk({{0, kRowFirst}, {1, kRowFirst | kRowTerminated}}), 10);
   EXPECT_FALSE(Check(table, MakeChunk({{0, 0}, {1, kRowFinal}, {1, kRowFirst}}), 10));
   EXPECT_TRUE(Check(table, MakeChunk({{0, kRowFirst}}), 10));
-  EXPECT_THAT(Check(table, MakeChunk({{1, 0}}), 10)->text, HasSubstr("final frame"));
+  EXPECT_THAT(Check(table, MakeChunk({{1, 0}}), 10)->text, HasSubstr("final row"));
   // Elsewhere nothing is open.
   EXPECT_TRUE(Check(table, MakeChunk({{0, 0}}), 0));
   EXPECT_FALSE(Check(table, MakeChunk({{0, kRowFirst}}), 0));

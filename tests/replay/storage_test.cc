@@ -206,7 +206,7 @@ TEST_F(StorageTest, EveryTruncationAndEveryChangedByteOfAManifestIsNoticed) {
   }
 }
 
-TEST_F(StorageTest, AnotherSegmentUnderTheSameNameIsNoticed) {
+TEST_F(StorageTest, AnotherPartFileUnderTheSameNameIsNoticed) {
   std::vector<std::string> manifests;
   for (const std::uint64_t seed : {1, 2}) {
     fs::remove_all(directory_);

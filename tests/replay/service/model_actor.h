@@ -15,7 +15,7 @@
 namespace slalom::replay {
 
 /// Connections that a test cuts.
-class FakeNetwork : public Outbox {
+class FakeNetwork : public ReplySender {
  public:
   Sent Send(const transport::PeerId& peer, transport::Message&& message) override {
     const auto it = queues_.find(peer);

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "proto/messages.h"
-#include "replay/service/outbox.h"
+#include "replay/service/reply_sender.h"
 #include "transport/client.h"
 #include "transport/context.h"
 

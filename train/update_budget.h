@@ -6,13 +6,14 @@
 
 namespace slalom::train {
 
-/// Holds the number of learner updates to a fixed ratio of environment steps, as one cursor
-/// (Reverb's rate limiter with both bounds at the ratio). A value; thread-compatible.
-class RateLimiter {
+/// Counts the updates that environment steps have paid for, so that a run in one process holds a
+/// fixed ratio of updates to steps. (Between processes `replay::RateLimiter` holds it.) A value;
+/// thread-compatible.
+class UpdateBudget {
  public:
   /// `learning_starts`: steps before which no update is due, and which earn none.
   /// Requires: updates_per_step > 0, learning_starts >= 0.
-  RateLimiter(double updates_per_step, std::int64_t learning_starts)
+  UpdateBudget(double updates_per_step, std::int64_t learning_starts)
       : updates_per_step_(updates_per_step), learning_starts_(learning_starts) {
     SLALOM_CHECK_GT(updates_per_step, 0.0);
     SLALOM_CHECK_GE(learning_starts, 0);

@@ -7,17 +7,17 @@
 
 namespace slalom::replay {
 
-/// Where answers go: the server's socket, or a test. Thread-compatible.
-class Outbox {
+/// Sends replies to peers: through the server's socket, or into a test. Thread-compatible.
+class ReplySender {
  public:
   using Sent = transport::Server::Sent;
 
-  virtual ~Outbox() = default;
+  virtual ~ReplySender() = default;
   /// As `transport::Server::Send`.
   [[nodiscard]] virtual Sent Send(const transport::PeerId& peer, transport::Message&& message) = 0;
 };
 
-/// A message of this header and payload. Requires: as `proto::Encode`.
+/// Makes a message of a header and a payload. Requires: what `proto::Encode` requires.
 inline transport::Message MakeMessage(const proto::Header& header, transport::Frame payload = {}) {
   return {transport::Frame::Copy(proto::Encode(header, payload.bytes())), std::move(payload)};
 }

@@ -1,5 +1,5 @@
-// Segments of the replay buffer: a table is loaded from a file whose checksums are right and whose
-// rows are the input's.
+// Part files of the replay buffer: a table is loaded from a file whose checksums are right and
+// whose rows are the input's.
 
 #include <fmt/format.h>
 
@@ -31,7 +31,7 @@ void Append(std::string* file, T value) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace slalom;
-  static const std::filesystem::path directory = fuzz::ScratchDirectory("segment");
+  static const std::filesystem::path directory = fuzz::ScratchDirectory("part_file");
   fuzz::Input input(data, size);
   const int beams = input.TakeIn(1, 3);
   const std::int64_t begin = input.TakeIn(0, 5);
@@ -60,10 +60,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                             .begin = begin + overwritten,
                             .end = begin + rows,
                             .open = {},
-                            .segments = {}};
+                            .part_files = {}};
   for (int s = 0; s < streams; ++s) manifest.open.push_back(static_cast<std::uint8_t>(s % 2));
   const auto digest = base::Checksum(std::as_bytes(std::span(&checksum, 1)));
-  manifest.segments.push_back({"replay-000000.rows", begin, begin + rows, digest});
+  manifest.part_files.push_back({"replay-000000.rows", begin, begin + rows, digest});
   std::ofstream(directory / "replay-000000.rows", std::ios::binary) << file;
   try {
     replay::Storage storage(directory);
