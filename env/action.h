@@ -15,7 +15,7 @@ struct Action {
 /// Numbers of an action.
 inline constexpr int kActionSize = 2;
 
-/// What an action of +-1 means (original-system.md §1.3).
+/// What an action of +-1 means (docs/original-system.md, section 1.3).
 struct ActionBounds {
   double linear_min = -1.0;
   double linear_max = 2.0;

@@ -65,8 +65,9 @@ struct ObservationBatch {
   }
 };
 
-/// How a frame becomes the numbers that the paper's networks see (original-system.md §1.3). Part of
-/// what a policy is trained for: a policy refuses observations of another spec.
+/// How a frame becomes the numbers that the paper's networks see (docs/original-system.md,
+/// section 1.3). Part of what a policy is trained for: a policy refuses observations of another
+/// spec.
 struct ObservationSpec {
   int num_beams = 720;
   double range_clip = 5.0;  ///< [m]; ranges map 0 -> -1, range_clip -> +1.

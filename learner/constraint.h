@@ -20,11 +20,11 @@ namespace slalom::learner {
 ///   max_pi J(pi) subject to J_C(pi) <= d,
 ///   L(pi, lambda) = J(pi) - lambda (J_C(pi) - d),  lambda >= 0
 ///
-/// (paper.tex, safe RL). The policy climbs Q(s, a) - lambda Q_C(s, a), with the discounted cost Q_C
-/// learned by twin critics of its own. lambda ascends by what finished episodes show: J_C is their
-/// mean number of collisions, which no discount or function approximation distorts. With gains
-/// beyond the integral one it is the PID controller of Stooke, Achiam and Abbeel (2020), algorithm
-/// 2. Thread-compatible.
+/// (Xu et al., sections II and IV-B). The policy climbs Q(s, a) - lambda Q_C(s, a), with the
+/// discounted cost Q_C learned by twin critics of its own. lambda ascends by what finished episodes
+/// show: J_C is their mean number of collisions, which no discount or function approximation
+/// distorts. With gains beyond the integral one it is the PID controller of algorithm 2 of Stooke,
+/// Achiam and Abbeel (2020). Thread-compatible.
 class Constraint {
  public:
   static constexpr int kNumCritics = 2;

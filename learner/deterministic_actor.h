@@ -15,7 +15,7 @@
 namespace slalom::learner {
 
 /// The policy a = pi(s) of TD3 and DDPG, its target network and the average of its weights, which
-/// is steadier than any of them (feasibility.md). Thread-compatible.
+/// scores more steadily than the actor itself (docs/training.md). Thread-compatible.
 class DeterministicActor {
  public:
   /// Target and average start as copies. The passes are bound to `minibatch`, which must outlive

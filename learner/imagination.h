@@ -28,12 +28,12 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size);
 /// action with noise, then an elite network's prediction (with its own noise where probabilistic),
 /// from which the next step goes on.
 ///
-/// Dyna-style (Sutton 1990; original-system.md §5.2): from state s, n steps are imagined; reward =
-/// sum_i gamma^i alive_i r_i and discount = gamma^n alive_n, with alive the probability that no
-/// step before terminated. MBPO (Janner et al. 2019, algorithm 2): one-step transitions of rollouts
-/// go to a buffer, and batches are mixed from it and from replayed ones; where a step terminates
-/// (drawn by its probability) the rollout starts again from its state. Thread-compatible: one
-/// owner.
+/// Dyna-style (Sutton 1990; docs/original-system.md, section 5.2): from state s, n steps are
+/// imagined; reward = sum_i gamma^i alive_i r_i and discount = gamma^n alive_n, with alive the
+/// probability that no step before terminated. MBPO (Janner et al. 2019, algorithm 2): one-step
+/// transitions of rollouts go to a buffer, and batches are mixed from it and from replayed ones;
+/// where a step terminates (drawn by its probability) the rollout starts again from its state.
+/// Thread-compatible: one owner.
 class Imagination {
  public:
   /// All references are kept. Requires: the algorithm finds its transitions in `minibatch`, and

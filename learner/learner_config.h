@@ -9,7 +9,8 @@ namespace slalom::learner {
 /// What `LearnerConfig::algorithm` may be: the names in the registry of algorithm.cc.
 base::OneOf AlgorithmChoices();
 
-/// What learns, and how. The defaults are the original's TD3 (original-system.md §3.1, §3.2).
+/// What learns, and how. The defaults are the original's TD3 (docs/original-system.md, sections 3.1
+/// and 3.2).
 struct LearnerConfig {
   std::string algorithm = "td3";
   std::string device = "auto";
@@ -53,7 +54,7 @@ struct LearnerConfig {
     v("n_step", n_step, base::Range{1, 100}, "steps", "Longest window of a return.");
     v("extra_discount_steps", extra_discount_steps, base::Range{0, 10}, "steps",
       "Steps by which the value after a window is discounted beyond the window's length. The "
-      "original's code: 1 (original-system.md §3.4, F2).");
+      "original's code: 1 (docs/original-system.md, section 3.4, F2).");
     v("tau", tau, base::Range{0.0, 1.0}, "",
       "Rate at which target networks follow, per actor update.");
     v("target_noise", target_noise, base::Range{0.0, 10.0}, "",
@@ -92,7 +93,8 @@ struct LearnerConfig {
   }
 };
 
-/// A constraint on how often the robot collides (paper.tex, safe RL; original-system.md §4).
+/// A constraint on how often the robot collides (Xu et al., section IV-B; docs/original-system.md,
+/// section 4).
 struct ConstraintConfig {
   std::string kind = "none";
   double limit = 0.1;

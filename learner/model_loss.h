@@ -47,7 +47,7 @@ enum ModelFigure {
 ///
 /// with S_i the sum over the M numbers of the squared error, or of the Gaussian negative
 /// log-likelihood ln sigma + z^2 / 2 + ln(2 pi) / 2 where probabilistic, c = `state_scale`, and H
-/// the binary cross-entropy (original-system.md §5.1).
+/// the binary cross-entropy (docs/original-system.md, section 5.1).
 ///
 /// Reads pass.output() and pass.log_std() as `TransitionModel::Forward` left them and writes
 /// pass.output_gradient(). Adds to `figures`. Figures of deterministic models hold no likelihood

@@ -5,8 +5,8 @@
 
 namespace slalom::planners {
 
-/// ROS's TrajectoryPlannerROS with `dwa` on, with the numbers of original-system.md §8.1. "Fast
-/// DWA" of the BARN Challenge: max_speed 1, speed_samples 12.
+/// ROS's TrajectoryPlannerROS with `dwa` on, with the numbers of docs/original-system.md,
+/// section 8.1. "Fast DWA" of the BARN Challenge: max_speed 1, speed_samples 12.
 struct DwaConfig {
   PlannerNavigationConfig navigation;
   double max_speed = 0.5;

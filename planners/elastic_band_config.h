@@ -6,7 +6,7 @@
 namespace slalom::planners {
 
 /// The elastic band of eband_local_planner for a differential drive, with the plug-in's defaults
-/// (original-system.md §8.3); of its settings, k_damp, virtual_mass, Ctrl_Rate and the
+/// (docs/original-system.md, section 8.3); of its settings, k_damp, virtual_mass, Ctrl_Rate and the
 /// accelerations have no part in that drive's controller. RJ-bench: max_speed 2,
 /// max_turn_rate 3.14.
 struct ElasticBandConfig {

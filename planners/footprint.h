@@ -12,7 +12,8 @@
 
 namespace slalom::planners {
 
-/// The outline that a navigation system assumes of its robot (original-system.md §8.2).
+/// The outline that a navigation system assumes of its robot (docs/original-system.md,
+/// section 8.2).
 struct FootprintConfig {
   double length = 0.42;
   double width = 0.33;

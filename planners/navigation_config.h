@@ -6,8 +6,8 @@
 namespace slalom::planners {
 
 /// What the navigation system round a local planner does: costmaps, global planner and the state
-/// machine of ROS's move_base. Defaults are original-system.md §8.2, and where that is silent the
-/// defaults of the ROS packages (melodic).
+/// machine of ROS's move_base. Defaults are those of docs/original-system.md, section 8.2, and
+/// where that is silent the defaults of the ROS packages (melodic).
 struct NavigationConfig {
   FootprintConfig footprint;
   double resolution = 0.05;

@@ -10,9 +10,10 @@
 
 #include "sim/course.h"
 
-/// The lattice that all static BARN courses lie on (original-system.md §1.5): a field of 30 x 30
-/// cells of 0.15 m behind a start pen of 34 cells. Rows run across the course (x), columns along it
-/// (y, the way of travel); column 0 of the field touches the pen, column 29 opens towards the goal.
+/// The lattice that all static BARN courses lie on (docs/original-system.md, section 1.5): a field
+/// of 30 x 30 cells of 0.15 m behind a start pen of 34 cells. Rows run across the course (x),
+/// columns along it (y, the way of travel); column 0 of the field touches the pen, column 29 opens
+/// towards the goal.
 
 namespace slalom::sim {
 

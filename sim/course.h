@@ -39,7 +39,7 @@ struct KeyFrame {
 enum class Playback { kLoop, kPingPong };
 
 /// A cylinder or an upright box that follows key frames for ever and is stopped by nothing
-/// (original-system.md §7.4).
+/// (docs/original-system.md, section 7.4).
 struct MovingObstacle {
   double radius = 0.0;               ///< Of a cylinder, [m]; 0: a box.
   base::Vec2 half_size;              ///< Of a box, along B's x and y, [m].
@@ -61,8 +61,8 @@ struct Bounds {
 Bounds Including(Bounds bounds, const Circle& circle);
 Bounds Including(Bounds bounds, const Box& box);
 
-/// Mean over the reference path of the five measures of Perille et al. 2020 (original-system.md
-/// §7.1), in cells of 0.15 m, not normalised.
+/// Mean over the reference path of the five measures of Perille et al. 2020
+/// (docs/original-system.md, section 7.1), in cells of 0.15 m, not normalised.
 struct Difficulty {
   double distance_to_obstacle = 0.0;
   double visibility = 0.0;

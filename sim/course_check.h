@@ -9,7 +9,7 @@
 
 namespace slalom::sim {
 
-/// Outline of the Jackal that collides (original-system.md §1.1): chassis and wheels.
+/// Outline of the Jackal that collides (docs/original-system.md, section 1.1): chassis and wheels.
 inline constexpr double kRobotLength = 0.458;  ///< [m]
 inline constexpr double kRobotWidth = 0.416;   ///< [m]
 

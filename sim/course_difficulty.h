@@ -6,7 +6,7 @@
 #include "sim/barn_field.h"
 
 /// How hard a course is, by the five measures of Perille et al. 2020, "Benchmarking Metric Ground
-/// Navigation" (original-system.md §7.1), unit 1 cell of 0.15 m.
+/// Navigation" (docs/original-system.md, section 7.1), unit 1 cell of 0.15 m.
 
 namespace slalom::sim {
 

@@ -9,9 +9,9 @@
 #include "sim/barn_field.h"
 #include "sim/course.h"
 
-/// The generator of the static BARN courses (Perille et al. 2020; original-system.md §7.1): a
-/// cellular automaton fills a 30 x 30 field, and fields that the robot cannot cross are thrown
-/// away.
+/// The generator of the static BARN courses (Perille et al. 2020; docs/original-system.md,
+/// section 7.1): a cellular automaton fills a 30 x 30 field, and fields that the robot cannot cross
+/// are thrown away.
 
 namespace slalom::sim {
 

@@ -27,15 +27,15 @@ struct CourseSplit {
   friend bool operator==(const CourseSplit&, const CourseSplit&) = default;
 };
 
-/// The paper's sets (original-system.md §7.5), the same for the imported original courses and for
-/// generated ones:
+/// The paper's sets (docs/original-system.md, section 7.5), the same for the imported original
+/// courses and for generated ones:
 ///
 /// - `static`: all 300; `static-test`: 50, for final figures only; `static-train-5`, `-10`, `-50`,
 ///   `-100`, `-250`: nested; the last is all that are not in static-test;
 /// - `dynamic-box`: all 100; `dynamic-box-train`: the first 50; `dynamic-box-test`: the others;
 /// - `dynamic-wall`, `dynamic-wall-train`, `dynamic-wall-test`: likewise;
 ///
-/// the 50 that the BARN Challenge is scored on (original-system.md §8.6):
+/// the 50 that the BARN Challenge is scored on (docs/original-system.md, section 8.6):
 ///
 /// - `static-challenge`: 0, 6, ..., 294;
 ///

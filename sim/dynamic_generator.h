@@ -8,8 +8,9 @@
 #include "sim/course.h"
 
 /// Generators of courses with moving obstacles like worlds 300 to 499 of the original data set
-/// (original-system.md §7.2, §7.3). The program that made those is not published, so these draw
-/// from distributions fitted to what was published; docs/courses.md sets both side by side.
+/// (docs/original-system.md, sections 7.2 and 7.3). The program that made those is not published,
+/// so these draw from distributions fitted to what was published; docs/courses.md sets both side by
+/// side.
 ///
 /// Courses are functions of (seed, index) alone. Start, goal and frame are those of the static
 /// courses. The same bits on every machine.

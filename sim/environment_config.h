@@ -6,7 +6,7 @@
 #include "env/action.h"
 #include "env/observation.h"
 
-/// Defaults are the numbers of the original system (original-system.md §1 and §2).
+/// Defaults are the numbers of the original system (docs/original-system.md, sections 1 and 2).
 
 namespace slalom::sim {
 

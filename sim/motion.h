@@ -17,7 +17,8 @@ struct MotionState {
 };
 
 /// The motion of an obstacle through its key frames, as Gazebo plays an animation
-/// (original-system.md §7.4; gazebo/common/Animation.cc, gz-math Spline.cc and RotationSpline.cc).
+/// (docs/original-system.md, section 7.4; gazebo/common/Animation.cc, gz-math Spline.cc and
+/// RotationSpline.cc).
 ///
 /// Between two key frames x and y are cubics of the fraction u of time gone by. Their slope per u
 /// at a key frame is half the way from the one before to the one after; at the first and the last,

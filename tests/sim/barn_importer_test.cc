@@ -86,7 +86,7 @@ TEST(BarnImporter, WholeDataSetIsTheOneInTheTextGrids) {
     fewest = std::min(fewest, course.circles.size());
     most = std::max(most, course.circles.size());
   }
-  // original-system.md §1.5.
+  // docs/original-system.md, section 1.5.
   EXPECT_NEAR(shortest, 10.03, 0.005);
   EXPECT_NEAR(longest, 13.73, 0.005);
   EXPECT_EQ(fewest, 181u);

@@ -19,7 +19,7 @@ namespace {
 
 using NaiveGrid = std::array<std::array<int, kFieldSize>, kFieldSize>;
 
-/// The automaton as original-system.md §7.1 words it, cell by cell.
+/// The automaton in the words of docs/original-system.md, section 7.1, cell by cell.
 NaiveGrid DrawNaively(const FieldRecipe& recipe, base::Random& random) {
   NaiveGrid grid{};
   for (int row = 0; row < kFieldSize; ++row) {
