@@ -163,4 +163,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except OSError as error:  # A file that the clone lacks, or no objdump.
+        sys.exit(f"make_barn_data.py: {error}")
