@@ -192,15 +192,15 @@ std::optional<std::string> WhyMalformed(const Course& course) {
   for (std::size_t i = 0; i < course.circles.size(); ++i) {
     const Circle& circle = course.circles[i];
     if (!AreFinite({circle.p_W.x, circle.p_W.y}) || !is_size(circle.radius)) {
-      return fmt::format("its cylinder {} is none: centre ({}, {}), radius {}", i, circle.p_W.x,
-                         circle.p_W.y, circle.radius);
+      return fmt::format("its cylinder {} is not valid: centre ({}, {}), radius {}", i,
+                         circle.p_W.x, circle.p_W.y, circle.radius);
     }
   }
   for (std::size_t i = 0; i < course.boxes.size(); ++i) {
     const Box& box = course.boxes[i];
     if (!is_pose(box.X_WB) || !is_size(box.half_size.x) || !is_size(box.half_size.y)) {
-      return fmt::format("its box {} is none: centre ({}, {}), yaw {}, half sizes {} and {}", i,
-                         box.X_WB.p.x, box.X_WB.p.y, box.X_WB.yaw, box.half_size.x,
+      return fmt::format("its box {} is not valid: centre ({}, {}), yaw {}, half sizes {} and {}",
+                         i, box.X_WB.p.x, box.X_WB.p.y, box.X_WB.yaw, box.half_size.x,
                          box.half_size.y);
     }
   }
@@ -250,7 +250,7 @@ std::optional<std::string> WhyBadKeyFrame(const MovingObstacle& obstacle, std::s
   const double way = std::max(base::Norm(X_WB.p - last.X_WB.p),
                               std::abs(base::WrapAngle(X_WB.yaw - last.X_WB.yaw)));
   if (way > kMaxObstacleSpeed * duration) {
-    return fmt::format("key frame {} is reached at {:g} m/s or rad/s; at most {} is believed", i,
+    return fmt::format("key frame {} is reached at {:g} m/s or rad/s, expected at most {}", i,
                        way / duration, kMaxObstacleSpeed);
   }
   return std::nullopt;
@@ -299,8 +299,8 @@ std::vector<std::string> CourseWarnings(const Course& course) {
   }
   if (!still.empty()) {
     warnings.push_back(
-        fmt::format("{} of {} moving obstacles stand still, but are not looked at when a way from "
-                    "start to goal is sought: number {}",
+        fmt::format("{} of {} moving obstacles stand still; the check for a way from start to goal "
+                    "ignores them: number {}",
                     still.size(), course.moving.size(), fmt::join(still, ", ")));
   }
   return warnings;

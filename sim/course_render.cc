@@ -43,8 +43,8 @@ class Page {
   Page(Size size, PictureFormat format) : format_(format) {
     if (!(size.width <= kMaxSide && size.height <= kMaxSide)) {
       throw base::Error(
-          fmt::format("the picture would be {:.0f} x {:.0f} pixels large; at most {:.0f} "
-                      "each way can be drawn",
+          fmt::format("the picture would have {:.0f} x {:.0f} pixels; expected at most {:.0f} "
+                      "in each direction",
                       size.width, size.height, kMaxSide));
     }
     surface_.reset(

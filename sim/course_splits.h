@@ -19,10 +19,10 @@ int NumCourses(CourseKind kind);
 /// The N of the first world_N.world of this kind: 0, 300, 400.
 int FirstWorld(CourseKind kind);
 
-/// A set by its courses. A value.
+/// The courses of a set. A value.
 struct CourseSplit {
   CourseKind kind = CourseKind::kStatic;
-  std::vector<int> indices;  ///< Of 0 to NumCourses(kind) - 1, in the order of the paper's lists.
+  std::vector<int> indices;  ///< From 0 to NumCourses(kind) - 1, in the paper's order.
 
   friend bool operator==(const CourseSplit&, const CourseSplit&) = default;
 };
@@ -48,7 +48,7 @@ std::span<const std::string_view> SplitNames();
 
 inline constexpr int kNumValidationCourses = 40;
 
-/// The set of this name. None: no set of `SplitNames` has it.
+/// The set of this name, or nothing if `SplitNames` does not hold the name.
 std::optional<CourseSplit> FindSplit(std::string_view name);
 
 }  // namespace slalom::sim

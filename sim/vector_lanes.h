@@ -4,9 +4,9 @@
 
 #include "base/vector_clones.h"
 
-/// Eight numbers worked on together, written with the compiler's vector type, so that debug,
-/// release, SSE2 and AVX2 builds do the same IEEE operations on the same elements and give the same
-/// bits. For use inside `.cc` files compiled with -fno-math-errno (see simulator.cmake).
+/// Arithmetic on eight numbers at once. It uses the compiler's vector type, so that debug, release,
+/// SSE2 and AVX2 builds do the same IEEE operations on the same elements and give the same bits.
+/// Use it only in `.cc` files compiled with -fno-math-errno (sim/simulator.cmake).
 
 namespace slalom::sim {
 

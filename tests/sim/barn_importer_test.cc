@@ -190,7 +190,7 @@ TEST(WorldFile, WhatACourseCannotHoldIsRefusedWithFileLineAndReason) {
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder><radius>-1</radius></cylinder>")),
               HasSubstr("radius"));
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder/>")), HasSubstr("has no <radius>"));
-  EXPECT_THAT(refusal(Model("0 0 0 0 0 0", kBox, "")), HasSubstr("not static"));
+  EXPECT_THAT(refusal(Model("0 0 0 0 0 0", kBox, "")), HasSubstr("neither static"));
   EXPECT_THAT(ErrorOf([] { ParseWorld("<html></html>", "x.world"); }), HasSubstr("no <sdf>"));
 }
 
