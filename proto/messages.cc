@@ -120,8 +120,8 @@ base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
   const std::size_t index = prefix.number - 1u;
   std::optional<Header> header = ParseProtobuf(index, protobuf);
   if (!header) {
-    return Bad(fmt::format("{}: the header is no protobuf of it, or a list in it is too long",
-                           kNames[index]));
+    return Bad(
+        fmt::format("{}: the header cannot be parsed, or a list in it is too long", kNames[index]));
   }
   if (const std::string fault = FindFault(*header, Way::kReceived); !fault.empty()) {
     return Bad(fmt::format("{}: {}", kNames[index], fault));

@@ -48,8 +48,9 @@ void CheckEndpoint(const std::string& endpoint) {
              (endpoint.starts_with(kIpc) && endpoint.size() > kIpc.size())) {
     return;
   }
-  throw base::Error(fmt::format(
-      "'{}' is no endpoint; expected tcp://HOST:PORT with a port of 0 to {}", endpoint, kMaxPort));
+  throw base::Error(
+      fmt::format("'{}' is not an endpoint; expected tcp://HOST:PORT with a port of 0 to {}",
+                  endpoint, kMaxPort));
 }
 
 bool IsTcp(const std::string& endpoint) { return endpoint.starts_with(kTcp); }

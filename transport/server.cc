@@ -74,10 +74,11 @@ Server::Server(Context& context, const ServerOptions& options)
   if (zmq_bind(socket_.handle(), options.endpoint.c_str()) != 0) {
     const int error = zmq_errno();
     context_.Forget(domain_);
-    throw base::Error(fmt::format(
-        "{}: cannot listen there ({}); expected tcp://ADDRESS:PORT of this machine with a free "
-        "port",
-        options.endpoint, zmq_strerror(error)));
+    throw base::Error(
+        fmt::format("{}: cannot listen ({}); expected tcp://ADDRESS:PORT with an address of this "
+                    "machine and a free "
+                    "port",
+                    options.endpoint, zmq_strerror(error)));
   }
   endpoint_ = socket_.get(zmq::sockopt::last_endpoint);
 }
