@@ -65,8 +65,8 @@ bool OutlineCollides(const Course& course, const base::Pose2& X_WR) {
                      [&](const Box& box) { return BoxesTouch(outline, box); });
 }
 
-/// Whether the obstacle, on its way, ever touches the outline. It is looked at every 0.02 m, more
-/// than 3.6e5 times on no way.
+/// Whether the obstacle ever touches the outline on its way. Checks a position every 0.02 m, at
+/// most 3.6e5 in all.
 bool EverTouches(const MovingObstacle& obstacle, const Motion& motion, const Box& outline) {
   constexpr double kStep = 0.02;  // [m]
   constexpr double kMaxSteps = 3.6e5;
@@ -83,7 +83,7 @@ bool EverTouches(const MovingObstacle& obstacle, const Motion& motion, const Box
   return false;
 }
 
-/// Where the centre of a disc of the robot's width may be.
+/// A grid of the cells where the centre of a disc of the robot's width may be.
 class ClearanceGrid {
  public:
   explicit ClearanceGrid(const Course& course)
@@ -179,7 +179,8 @@ bool AreFinite(std::initializer_list<double> numbers) {
   return std::all_of(numbers.begin(), numbers.end(), [](double v) { return std::isfinite(v); });
 }
 
-/// What makes `course` no course at all: numbers that are none, sizes that are not above 0.
+/// Why the data of `course` are not valid: numbers that are not finite, sizes that are not
+/// positive.
 std::optional<std::string> WhyMalformed(const Course& course) {
   const auto is_pose = [](const base::Pose2& X) { return AreFinite({X.p.x, X.p.y, X.yaw}); };
   const auto is_size = [](double size) { return size > 0.0 && std::isfinite(size); };

@@ -24,7 +24,7 @@ struct Address {
 
 Address Split(std::string_view endpoint) {
   endpoint.remove_prefix(kTcp.size());
-  // ZeroMQ allows to name the address to connect from: "tcp://FROM;HOST:PORT".
+  // ZeroMQ lets an endpoint name the address to connect from: "tcp://FROM;HOST:PORT".
   endpoint.remove_prefix(endpoint.rfind(';') + 1);
   const auto colon = endpoint.rfind(':');
   if (colon == std::string_view::npos) return {std::string(endpoint), ""};

@@ -34,7 +34,7 @@ fs::path PublicFile(const fs::path& directory, Role role) {
   return directory / fmt::format("{}.pub", ToString(role));
 }
 
-/// Z85: what 32 bytes are, in 40 characters of 85.
+/// Z85 writes 32 bytes as 40 characters out of 85.
 bool IsKey(std::string_view text) {
   constexpr std::string_view kAlphabet =
       "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#";
@@ -53,7 +53,7 @@ std::string_view WithoutSpaces(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(kSpaces) - begin + 1);
 }
 
-/// The one key in a file.
+/// Reads a file that holds one key.
 std::string ReadKey(const fs::path& path) {
   const std::string content = base::ReadFile(path);
   const std::string_view key = WithoutSpaces(content);
@@ -73,13 +73,13 @@ std::string PublicOf(const std::string& secret_key) {
   return public_key.data();
 }
 
-/// A file with its mode from the first moment. Throws where it exists.
+/// Creates a file that has its mode from the first moment. Throws if it exists.
 void WriteNewFile(const fs::path& path, std::string_view content, mode_t mode) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
   if (fd < 0) {
     throw base::Error(fmt::format("{}: cannot create ({})", path.string(), std::strerror(errno)));
   }
-  // Whatever the umask is.
+  // The umask may have taken bits away.
   const bool written =
       ::fchmod(fd, mode) == 0 &&
       ::write(fd, content.data(), content.size()) == static_cast<ssize_t>(content.size()) &&
@@ -135,7 +135,7 @@ void AddAllowed(std::string_view line, const std::string& place, AllowList& list
   }
 }
 
-/// Adds what there is of a role and what is wrong with it.
+/// Adds to the report which keys of a role there are and what is wrong with them.
 void CheckRole(const fs::path& directory, Role role, const std::optional<AllowList>& allowed,
                KeysReport& report) {
   std::optional<KeyPair> keys;
