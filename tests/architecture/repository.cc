@@ -13,11 +13,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kFolders[] = {
-    "actor",    "base",   "benchmarks", "cli",      "cmake",   "config",  "configs",
-    "courses",  "deploy", "docs",       "env",      "eval",    "learner", "metrics",
-    "planners", "policy", "proto",      "replay",   "results", "run",     "service",
-    "sim",      "tests",  "train",      "transport"};
+/// The folders that hold no code. Those with code have a CMakeLists.txt.
+constexpr std::string_view kDataFolders[] = {"cmake",  "configs", "courses",
+                                             "deploy", "docs",    "results"};
 
 constexpr std::string_view kTextExtensions[] = {".md", ".h",    ".cc",  ".toml",  ".py",  ".sh",
                                                 ".js", ".html", ".yml", ".cmake", ".txt", ".proto"};
@@ -30,8 +28,10 @@ constexpr std::string_view kExamples = "tests/architecture/references_test.cc";
 constexpr std::string_view kNotHere[] = {"report.md", "FILE.md", "learner/twin_ddpg.h",
                                          "learner/twin_ddpg.cc"};
 
-bool IsFolder(std::string_view name) {
-  return std::find(std::begin(kFolders), std::end(kFolders), name) != std::end(kFolders);
+bool IsFolderOfRepository(const fs::path& path) {
+  return fs::exists(path / "CMakeLists.txt") ||
+         std::find(std::begin(kDataFolders), std::end(kDataFolders), path.filename()) !=
+             std::end(kDataFolders);
 }
 
 bool IsText(const fs::path& path) {
@@ -103,18 +103,18 @@ bool IsTestCode(const std::string& path) {
 /// Whether a word is taken for a path from the root, and not for one from elsewhere or an
 /// alternative as in "train/test": it begins with a folder of the repository, and ends with a slash
 /// or has an extension.
-bool IsPathFromRoot(const std::string& word) {
+bool IsPathFromRoot(const Repository& repository, const std::string& word) {
   const std::size_t first = word.find('/');
-  if (first == std::string::npos || !IsFolder(word.substr(0, first))) return false;
+  if (first == std::string::npos || !repository.paths.contains(word.substr(0, first))) return false;
   return word.ends_with('/') || word.find('.', word.rfind('/')) != std::string::npos;
 }
 
 /// The places where `word`, in the file at `path`, may lie: it is broken if it is at none of them.
 /// Empty if it refers to nothing.
-std::vector<std::string> Candidates(const std::string& path, const std::string& word,
-                                    bool counts_everywhere) {
+std::vector<std::string> Candidates(const Repository& repository, const std::string& path,
+                                    const std::string& word, bool counts_everywhere) {
   const std::string folder = ParentOf(path);
-  if (IsPathFromRoot(word)) {
+  if (IsPathFromRoot(repository, word)) {
     return counts_everywhere || word.starts_with("docs/") ? std::vector<std::string>{word}
                                                           : std::vector<std::string>{};
   }
@@ -142,7 +142,8 @@ std::string FaultOfWord(const Repository& repository, const std::string& path, s
   }
   for (const std::string& choice : Expand(word)) {
     if (std::find(std::begin(kNotHere), std::end(kNotHere), choice) != std::end(kNotHere)) continue;
-    const std::vector<std::string> candidates = Candidates(path, choice, counts_everywhere);
+    const std::vector<std::string> candidates =
+        Candidates(repository, path, choice, counts_everywhere);
     const auto exists = [&](const std::string& candidate) { return Exists(repository, candidate); };
     if (!candidates.empty() && std::none_of(candidates.begin(), candidates.end(), exists)) {
       return choice + " is not there";
@@ -203,12 +204,13 @@ Repository ReadRepository(const fs::path& root) {
     repository.texts[path] = {std::istreambuf_iterator<char>(in), {}};
   };
   for (const fs::directory_entry& entry : fs::directory_iterator(root)) {
-    if (entry.is_regular_file()) add(entry);
-  }
-  for (const std::string_view folder : kFolders) {
-    add(fs::directory_entry(root / folder));
-    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(root / folder)) {
+    if (!entry.is_directory()) {
       add(entry);
+    } else if (IsFolderOfRepository(entry.path())) {
+      add(entry);
+      for (const fs::directory_entry& inner : fs::recursive_directory_iterator(entry.path())) {
+        add(inner);
+      }
     }
   }
   return repository;
