@@ -101,8 +101,9 @@ TEST_F(KeysTest, ASecretThatOthersCanReadIsRefused) {
   for (const perms more : {perms::group_read, perms::others_read, perms::others_write}) {
     std::filesystem::permissions(directory_ / "actor.key",
                                  perms::owner_read | perms::owner_write | more);
-    EXPECT_THAT(ErrorOf([&] { LoadKeyPair(directory_, Role::kActor); }),
-                AllOf(HasSubstr("actor.key"), HasSubstr("expected mode 0600"), HasSubstr("chmod 600")));
+    EXPECT_THAT(
+        ErrorOf([&] { LoadKeyPair(directory_, Role::kActor); }),
+        AllOf(HasSubstr("actor.key"), HasSubstr("expected mode 0600"), HasSubstr("chmod 600")));
   }
   std::filesystem::permissions(directory_ / "actor.key", perms::owner_read);
   EXPECT_EQ(ErrorOf([&] { LoadKeyPair(directory_, Role::kActor); }), "no error");
