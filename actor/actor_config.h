@@ -33,7 +33,7 @@ struct ActorConfig {
       "the start.");
     v("time_limit_terminates", time_limit_terminates,
       "Transitions that the time limit ended are stored as terminal, as the original's code does "
-      "(original-system.md §3.4, F3): the value after them counts 0.");
+      "(docs/original-system.md, section 3.4, F3): the value after them counts 0.");
     v("stats_episodes", stats_episodes, base::Range{1, 100000}, "",
       "Last episodes over which training success and return are averaged.");
   }

@@ -34,7 +34,7 @@ std::optional<Failure> AppendFile::Append(std::string_view bytes) {
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) {
       const int error = n < 0 ? errno : ENOSPC;
-      // Half a record would make what comes after it unreadable, too.
+      // An incomplete record would make those after it unreadable, too.
       if (rest.size() < bytes.size() && ::ftruncate(fd_, end) != 0) {
         return Failure{fmt::format("{}: cannot write, nor take back what was written ({})",
                                    path_.string(), std::strerror(error))};

@@ -8,22 +8,22 @@
 
 namespace slalom::base {
 
-/// A file to whose end records are added, each of them whole or not at all, also where the disk is
-/// full. What was added outlives the process, however that ends. Thread-compatible.
+/// A file to which records are appended. Each record is written completely or not at all, even if
+/// the disk is full, and survives the process, however it ends. Thread-compatible.
 class AppendFile {
  public:
   enum class Mode {
-    kMakeNew,  ///< There is none yet.
-    kGoOn,     ///< Behind what is there, if there is anything.
+    kMakeNew,  ///< The file must not exist yet.
+    kGoOn,     ///< Appends to the file if it exists.
   };
 
-  /// Throws `base::Error` where the file cannot be opened or made.
+  /// Throws `base::Error` if the file cannot be opened or created.
   AppendFile(std::filesystem::path path, Mode mode);
   ~AppendFile();
   AppendFile(AppendFile&& other) noexcept;
   AppendFile& operator=(AppendFile&&) = delete;
 
-  /// Adds the bytes. Fails where they cannot be written; the next ones may again.
+  /// Appends the bytes. Returns a failure if they cannot be written; later calls may succeed again.
   [[nodiscard]] std::optional<Failure> Append(std::string_view bytes);
 
   const std::filesystem::path& path() const { return path_; }

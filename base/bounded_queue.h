@@ -10,9 +10,10 @@
 
 namespace slalom::base {
 
-/// A first-in-first-out queue between threads with a fixed number of places. Thread-safe.
+/// A first-in-first-out queue between threads with a fixed capacity. Thread-safe.
 ///
-/// After `Close` no item is taken in; those inside can still be popped, then `Pop` says closed.
+/// After `Close` the queue accepts no more items. Those inside can still be popped; then `Pop`
+/// returns nothing.
 template <class T>
 class BoundedQueue {
  public:
@@ -21,7 +22,7 @@ class BoundedQueue {
     SLALOM_CHECK_GE(capacity, 1u);
   }
 
-  /// Waits for a free place and adds `item`. False, with `item` dropped: the queue was closed.
+  /// Waits for a free place and adds `item`. Returns false and drops `item` if the queue is closed.
   [[nodiscard]] bool Push(T item) EXCLUDES(mutex_) {
     MutexLock lock(mutex_);
     ++num_waiting_push_;
@@ -33,14 +34,14 @@ class BoundedQueue {
     return true;
   }
 
-  /// Waits for an item. None: the queue is closed and empty.
+  /// Waits for an item and removes it. Returns nothing if the queue is closed and empty.
   [[nodiscard]] std::optional<T> Pop() EXCLUDES(mutex_) {
     MutexLock lock(mutex_);
     while (!closed_ && items_.empty()) not_empty_.Wait(mutex_);
     return TakeFront();
   }
 
-  /// An item if there is one now.
+  /// Removes an item if there is one now; does not wait.
   [[nodiscard]] std::optional<T> TryPop() EXCLUDES(mutex_) {
     MutexLock lock(mutex_);
     return TakeFront();
@@ -58,7 +59,7 @@ class BoundedQueue {
     return items_.size();
   }
 
-  /// Number of threads inside `Push` at this moment; lets a test see that a push blocks.
+  /// The number of threads that wait inside `Push` now, so that a test can see that a push blocks.
   int num_waiting_push() const EXCLUDES(mutex_) {
     MutexLock lock(mutex_);
     return num_waiting_push_;

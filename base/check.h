@@ -4,24 +4,24 @@
 
 #include <string_view>
 
-/// Checks for our own mistakes: always on, in every build. What a user or a peer may get wrong is
-/// reported through `base::Error` or `base::Result`, never through these.
+/// Checks for our own mistakes. They are on in every build. Mistakes that a user or a peer may make
+/// are reported through `base::Error` or `base::Result`, never through these checks.
 
 namespace slalom::base {
 
-/// Prints `message` with its place and aborts. Called by the macros below.
+/// Prints `message` with the file and line, and aborts. Called by the macros below.
 [[noreturn]] void CheckFailed(const char* file, int line, std::string_view message);
 
 }  // namespace slalom::base
 
-/// Aborts with the text of the condition where it does not hold.
+/// Aborts with the text of the condition if it does not hold.
 #define SLALOM_CHECK(condition)                                                     \
   do {                                                                              \
     if (!(condition)) [[unlikely]]                                                  \
       ::slalom::base::CheckFailed(__FILE__, __LINE__, "check failed: " #condition); \
   } while (false)
 
-/// Aborts with both values where the comparison does not hold.
+/// Aborts with both values if the comparison does not hold.
 #define SLALOM_CHECK_OP(op, a, b)                                                                \
   do {                                                                                           \
     const auto& slalom_check_a = (a);                                                            \

@@ -4,8 +4,8 @@
 
 namespace slalom::base {
 
-/// Now, [s] since 1970 by this machine's clock: for people, files and other machines. What measures
-/// a duration takes `std::chrono::steady_clock`.
+/// The time now, [s] since 1970 by this machine's clock, for people, files and other machines. To
+/// measure a duration, use `std::chrono::steady_clock`, because this clock may jump.
 inline double UnixSeconds() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }

@@ -9,20 +9,21 @@
 ///
 ///     template <class Visitor>
 ///     void Visit(Visitor& v) {
-///       v("num_beams", num_beams, base::Range{1, 4096}, "", "Rays per scan.");
-///       v("device", device, base::OneOf{"auto", "cpu", "cuda"}, "", "Where the learner
-///       computes."); v("save_replay", save_replay, "Keep the replay buffer in checkpoints.");
+///       v("num_beams", num_beams, base::Range{1, 4096}, "", "Beams of a scan.");
+///       v("device", device, base::OneOf{"auto", "cpu"}, "", "Where to compute.");
+///       v("save_replay", save_replay, "Keep the replay buffer in checkpoints.");
 ///       v("name", name, "Free text.");
 ///       v.Section("lidar", lidar, "The range finder.");
 ///     }
 ///
-/// with, for each field: its key, the field, its range or choices (none for bool and free text),
-/// its unit and its meaning. From this list `config/` parses, checks, prints, hashes and documents.
-/// Field types: bool, int, int64_t, double, std::string, std::vector<int>, std::vector<double>.
+/// which gives for each field its key, the field itself, its range or choices (none for bool and
+/// free text), its unit and its meaning. From this list config/config.h reads, checks, prints and
+/// documents the struct. A field is a bool, int, std::int64_t, double, std::string,
+/// std::vector<int> or std::vector<double>.
 
 namespace slalom::base {
 
-/// Closed interval that a numeric field, or each element of a list, must lie in.
+/// The closed interval in which a numeric field, or each element of a list, must lie.
 struct Range {
   double min;
   double max;

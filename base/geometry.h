@@ -26,16 +26,17 @@ struct SinCosResult {
   double cos = 1.0;
 };
 
-/// Sine and cosine of `angle` [rad], within 1e-15, from additions and multiplications alone: the
-/// same bits on every machine, which the C library does not promise.
+/// Sine and cosine of `angle` [rad], exact to 1e-15. They are computed from additions and
+/// multiplications alone, so that they have the same bits on every machine, which the C library
+/// does not promise.
 ///
 /// Requires: |angle| < 1e5.
 SinCosResult SinCos(double angle);
 
-/// `angle` [rad] brought into [-pi, pi).
+/// The angle in [-pi, pi) that equals `angle` [rad] up to whole turns.
 double WrapAngle(double angle);
 
-/// Position and heading of a frame in another: `X_WR` is the pose of R in W. A value.
+/// Position and heading of one frame in another: `X_WR` is the pose of R in W. A value.
 struct Pose2 {
   Vec2 p;            ///< Origin, [m].
   double yaw = 0.0;  ///< Heading, counter-clockwise from x, [rad].
@@ -43,13 +44,13 @@ struct Pose2 {
   friend constexpr bool operator==(const Pose2&, const Pose2&) = default;
 };
 
-/// The point p_R, given in the frame R of `X_WR`, in the frame W.
+/// Transforms the point p_R from the frame R of `X_WR` to the frame W.
 inline Vec2 Transform(const Pose2& X_WR, Vec2 p_R) {
   const auto [s, c] = SinCos(X_WR.yaw);
   return {X_WR.p.x + c * p_R.x - s * p_R.y, X_WR.p.y + s * p_R.x + c * p_R.y};
 }
 
-/// The point p_W, given in the frame W, in the frame R of `X_WR`.
+/// Transforms the point p_W from the frame W to the frame R of `X_WR`.
 inline Vec2 InverseTransform(const Pose2& X_WR, Vec2 p_W) {
   const auto [s, c] = SinCos(X_WR.yaw);
   const Vec2 d = p_W - X_WR.p;

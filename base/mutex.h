@@ -3,7 +3,8 @@
 #include <condition_variable>
 #include <mutex>
 
-// Clang's thread-safety analysis (-Wthread-safety, preset `tidy`); nothing under g++.
+// Annotations for Clang's thread-safety analysis (-Wthread-safety, preset `tidy`). Under g++ they
+// expand to nothing.
 #if defined(__clang__)
 #define SLALOM_TSA(x) __attribute__((x))
 #else
@@ -43,13 +44,14 @@ class SLALOM_TSA(scoped_lockable) MutexLock {
 /// A condition variable on a `Mutex`. Wait in a loop over the condition.
 class CondVar {
  public:
-  /// Releases `mutex`, sleeps until notified (or without a reason), takes it again.
+  /// Releases `mutex`, sleeps until notified (or, rarely, wakes without a reason), and locks
+  /// `mutex` again.
   void Wait(Mutex& mutex) REQUIRES(mutex) {
     std::unique_lock lock(mutex.mutex_, std::adopt_lock);
     condition_.wait(lock);
     lock.release();
   }
-  /// As `Wait`, for at most `time`.
+  /// As `Wait`, but sleeps for at most `time`.
   template <class Duration>
   void WaitFor(Mutex& mutex, Duration time) REQUIRES(mutex) {
     std::unique_lock lock(mutex.mutex_, std::adopt_lock);

@@ -8,20 +8,22 @@
 
 namespace slalom::base {
 
-/// A fixed crew of threads that runs the same loop body over an index range, again and again.
+/// A fixed set of threads that run the same loop body over an index range, again and again.
 ///
-/// `For` is called by one thread at a time (confined to its owner). With one thread it runs in
-/// place. Cost: about 5 us a call beyond one thread.
+/// Confined to its owner: one thread at a time calls `For`. With one thread, `For` runs the loop in
+/// place. With more, a call costs about 5 us.
 class ParallelFor {
  public:
-  /// Starts `num_threads - 1` threads; the caller of `For` is the last. Requires: num_threads >= 1.
+  /// Starts `num_threads - 1` threads, since the caller of `For` works, too.
+  /// Requires: num_threads >= 1.
   explicit ParallelFor(int num_threads);
   ~ParallelFor();
   ParallelFor(const ParallelFor&) = delete;
   ParallelFor& operator=(const ParallelFor&) = delete;
 
-  /// Calls body(i) once for each i in [0, n), split in even contiguous shares, and waits for all.
-  /// The first exception thrown by a body is thrown again here, after all have ended.
+  /// Calls body(i) once for each i in [0, n), split into even contiguous shares, and waits for all
+  /// of them. If bodies throw, the first exception is thrown again here once all threads have
+  /// ended.
   void For(int n, const std::function<void(int)>& body);
 
   int num_threads() const { return num_threads_; }

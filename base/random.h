@@ -7,14 +7,14 @@
 
 namespace slalom::base {
 
-/// A seed derived from a root seed, the purpose it serves and indices (actor, episode, ...). Seeds
-/// of different purposes or indices are unrelated, so a stream is never shared by accident.
+/// Derives a seed from a root seed, the purpose that it serves and indices (actor, episode, ...).
+/// Seeds of different purposes or indices are unrelated, so that no stream is shared by accident.
 std::uint64_t DeriveSeed(std::uint64_t root, std::string_view purpose,
                          std::initializer_list<std::uint64_t> indices = {});
 
-/// xoshiro256++ (Blackman and Vigna 2019) with this project's own samplers, as the standard
-/// library's differ between implementations. Thread-compatible; a value: a copy continues the same
-/// stream.
+/// The generator xoshiro256++ (Blackman and Vigna 2019), with samplers of our own because those of
+/// the standard library differ between implementations. Thread-compatible. A value: a copy
+/// continues the same stream.
 class Random {
  public:
   using State = std::array<std::uint64_t, 4>;

@@ -8,13 +8,13 @@
 
 namespace slalom::base {
 
-/// Why something that is expected to fail now and then did, in words for a log.
+/// Why an operation that may be expected to fail has failed, in words for a log.
 struct Failure {
   std::string text;
 };
 
-/// A value, or why there is none: for what is expected while running (a bad message, a closed
-/// peer), where an exception would be control flow. A value type.
+/// A value, or the reason why there is none. For failures that are expected while running, such as
+/// a bad message or a closed peer, where exceptions would be control flow. A value type.
 template <class T, class E = Failure>
 class [[nodiscard]] Result {
  public:

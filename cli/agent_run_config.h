@@ -26,7 +26,8 @@ struct CollectionConfig {
 
 /// Everything that `slalom evaluate --agent` is made of. Defaults that are others than a training
 /// run's: classical systems are asked for a command 20 times a second, as move_base asks them
-/// (original-system.md §8.1), and the drive's controller runs at 100 Hz, as 50 Hz is no multiple.
+/// (docs/original-system.md, section 8.1), and the drive's controller runs at 100 Hz, as 50 Hz is
+/// no multiple.
 struct AgentRunConfig {
   AgentRunConfig() {
     environment.episode.step = 0.05;

@@ -4,7 +4,7 @@
 
 namespace slalom::env {
 
-/// What an agent commands for one control step, each part normalised to [-1, 1].
+/// The command of an agent for one control step. Each part is normalised to [-1, 1].
 struct Action {
   float linear = 0.0f;
   float angular = 0.0f;
@@ -12,16 +12,16 @@ struct Action {
   friend bool operator==(const Action&, const Action&) = default;
 };
 
-/// Numbers of an action.
+/// How many numbers an action has.
 inline constexpr int kActionSize = 2;
 
-/// What an action of +-1 means (original-system.md §1.3).
+/// The speeds for which an action of +-1 stands (docs/original-system.md, section 1.3).
 struct ActionBounds {
   double linear_min = -1.0;
   double linear_max = 2.0;
   double angular_max = 3.14;
 
-  /// Speeds of a normalised action, [m/s] and [rad/s].
+  /// The speeds that a normalised action commands, [m/s] and [rad/s].
   double linear_mps(const Action& a) const {
     return linear_min + 0.5 * (static_cast<double>(a.linear) + 1.0) * (linear_max - linear_min);
   }

@@ -8,10 +8,10 @@
 
 namespace slalom::env {
 
-/// Something that drives: a network, a planner, a person's script.
+/// Whatever drives the robot: a network, a planner or a script.
 ///
-/// Batched: environment i of every call is the same environment, and `observations.first[i]` says
-/// when a new episode began in it. Confined to one thread at a time.
+/// An agent drives a batch of environments. Environment i is the same one in every call, and
+/// `observations.first[i]` tells when a new episode began in it. Confined to one thread at a time.
 class Agent {
  public:
   virtual ~Agent() = default;
@@ -20,15 +20,16 @@ class Agent {
   /// Requires: actions.size() == observations.batch_size.
   virtual void Act(const ObservationBatch& observations, std::span<Action> actions) = 0;
 
-  /// Replaces the choices of the last `Act` by draws from the agent's own distribution, by standard
-  /// normal numbers for every environment (linear, angular). False: it has none, and the choices
-  /// stand. Requires: noise.size() == actions.size() == the batch size of that `Act`.
+  /// Replaces the actions of the last `Act` by draws from the agent's own distribution. `noise`
+  /// holds standard normal numbers (linear, angular) for every environment. Returns false and
+  /// leaves the actions as they are if the agent has no distribution.
+  /// Requires: noise.size() == actions.size() == the batch size of that `Act`.
   virtual bool Explore(std::span<const Action> /*noise*/, std::span<Action> /*actions*/) {
     return false;
   }
 
-  /// What it was doing in environment `i` at the last `Act`, in a few words without commas, so that
-  /// records can tell why an episode failed; empty: nothing to say.
+  /// What the agent was doing in environment `i` at the last `Act`, in a few words without commas,
+  /// so that records can tell why an episode failed. May be empty.
   virtual std::string Status(int /*i*/) const { return {}; }
 };
 

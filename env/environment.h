@@ -9,11 +9,11 @@
 
 namespace slalom::env {
 
-/// B environments stepped together. Confined to one thread at a time (an implementation may use
-/// more inside).
+/// B environments that are stepped together. Confined to one thread at a time, though an
+/// implementation may use more inside.
 ///
-/// An environment whose step ended its episode stands still, with its last frame in
-/// `observations()`, until `Reset` starts another: whoever drives decides which episode comes next.
+/// After an episode has ended, its environment stands still, with the last frame in
+/// `observations()`, until `Reset` starts another episode. The caller decides which one.
 class BatchEnvironment {
  public:
   virtual ~BatchEnvironment() = default;
@@ -21,22 +21,22 @@ class BatchEnvironment {
   virtual int batch_size() const = 0;
   virtual int num_courses() const = 0;
 
-  /// Starts an episode in environment `i`; its first frame is in `observations()` on return.
+  /// Starts an episode in environment `i`. On return its first frame is in `observations()`.
   virtual void Reset(int i, const EpisodeSpec& spec) = 0;
 
-  /// Runs every environment whose episode is running for one control step. Results of environments
-  /// without a running episode are left as they were.
+  /// Runs one control step in every environment with a running episode. Leaves the results of the
+  /// others as they were.
   /// Requires: actions.size() == results.size() == batch_size().
   virtual void Step(std::span<const Action> actions, std::span<StepResult> results) = 0;
 
   /// The current frame of each environment.
   virtual const ObservationBatch& observations() const = 0;
 
-  /// Ground truth of environment `i`, for records and pictures, not for agents.
+  /// The true pose of the robot in environment `i`, for records and pictures, not for agents.
   virtual base::Pose2 robot_pose(int i) const = 0;
 
-  /// Time on the clock that the moving obstacles of environment `i` follow, [s], which does not
-  /// start at 0; likewise for records only.
+  /// The time on the clock of the moving obstacles in environment `i`, [s], for records only. It
+  /// does not start at 0.
   virtual double motion_time(int i) const = 0;
 };
 

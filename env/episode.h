@@ -5,26 +5,27 @@
 
 namespace slalom::env {
 
-/// How an episode stands or ended.
+/// Whether an episode is running, or how it ended.
 enum class Outcome : std::uint8_t { kRunning, kSuccess, kCollision, kTimeout };
 
 std::string_view ToString(Outcome outcome);
 
-/// What one control step gave. A value.
+/// The result of a control step. A value.
 struct StepResult {
-  float reward = 0.0f;  ///< Equation 1 of the paper.
-  float cost = 0.0f;    ///< 1 where this step collided (safe RL), else 0.
+  float reward = 0.0f;  ///< Equation 1 of the paper (Xu et al., section III-C).
+  float cost = 0.0f;    ///< 1 if the robot collided in this step, else 0 (safe RL).
   Outcome outcome = Outcome::kRunning;
 
   bool ended() const { return outcome != Outcome::kRunning; }
-  /// The state itself is final: no value beyond it. A time limit is not (truncation: bootstrap).
+  /// Whether the state is final, so that no value lies beyond it. The state at a time limit is not
+  /// final (a truncation): learning bootstraps from it.
   bool terminated() const { return outcome == Outcome::kSuccess || outcome == Outcome::kCollision; }
 };
 
-/// What makes an episode: with the same spec, config and actions it is the same, bit for bit.
+/// What determines an episode. With the same spec, config and actions it is the same, bit for bit.
 struct EpisodeSpec {
   int course = 0;          ///< Index in the environment's list of courses.
-  std::uint64_t seed = 0;  ///< Of start pose, sensor noise and everything else that is drawn.
+  std::uint64_t seed = 0;  ///< For the start pose, sensor noise and all else that is random.
 };
 
 }  // namespace slalom::env

@@ -10,36 +10,38 @@
 
 namespace slalom::env {
 
-/// The numbers of a frame beside the scan: goal x, goal y in the robot's frame (x forward, y left)
-/// [m], then the last action (linear, angular), normalised to [-1, 1] with the action bounds.
+/// How many numbers a frame has besides the scan: the goal's x and y in the robot's frame (x
+/// forward, y left) [m], then the last action (linear, angular), normalised to [-1, 1] with the
+/// action bounds.
 inline constexpr int kStateSize = 4;
 
-/// What one environment senses at one time step, as it is sensed, sent and stored. Views only.
+/// What one environment senses at one time step, in the form in which it is sensed, sent and
+/// stored. A view: it does not own the numbers.
 struct FrameView {
   std::span<const std::uint16_t> ranges_cm;  ///< [N], beams counter-clockwise, clipped, [cm].
   std::span<const float, kStateSize> state;  ///< See kStateSize.
 };
 
-/// Where the robot believes to be and how it moves, as its wheels and its gyroscope tell. For
+/// Where the robot believes it is and how it moves, according to its wheels and gyroscope. For
 /// planners; not part of a stored frame. A value.
 struct Odometry {
-  base::Pose2 X_OR;      ///< In O, the frame that was the robot's own when the episode began.
+  base::Pose2 X_OR;      ///< In O, the frame of the robot when the episode began.
   double linear = 0.0;   ///< Forward speed, [m/s].
   double angular = 0.0;  ///< Turn rate, [rad/s].
 
   friend bool operator==(const Odometry&, const Odometry&) = default;
 };
 
-/// The current frames of B environments. A value; reused from step to step, so nothing is
-/// allocated.
+/// The current frames of B environments. A value that is reused from step to step, so that steps do
+/// not allocate.
 struct ObservationBatch {
   int batch_size = 0;
   int num_beams = 0;
   std::vector<std::uint16_t> ranges_cm;  ///< [B, N] [cm]
   std::vector<float> state;              ///< [B, S], see kStateSize.
   std::vector<Odometry> odometry;        ///< [B]
-  std::vector<std::uint8_t> ended;       ///< [B], 1: last frame of an episode; no action is needed.
-  std::vector<std::uint8_t> first;  ///< [B], 1: first frame of an episode; forget what was before.
+  std::vector<std::uint8_t> ended;  ///< [B], 1 in the last frame of an episode: no action needed.
+  std::vector<std::uint8_t> first;  ///< [B], 1 in the first frame of an episode: forget the past.
 
   void Resize(int new_batch_size, int new_num_beams) {
     batch_size = new_batch_size;
@@ -65,19 +67,20 @@ struct ObservationBatch {
   }
 };
 
-/// How a frame becomes the numbers that the paper's networks see (original-system.md §1.3). Part of
-/// what a policy is trained for: a policy refuses observations of another spec.
+/// How a frame becomes the numbers that the paper's networks see (docs/original-system.md,
+/// section 1.3). A policy is trained for one spec and refuses observations of another.
 struct ObservationSpec {
   int num_beams = 720;
-  double range_clip = 5.0;  ///< [m]; ranges map 0 -> -1, range_clip -> +1.
-  double goal_scale = 5.0;  ///< [m]; a goal coordinate g maps to g / goal_scale - 1.
+  double range_clip = 5.0;  ///< [m]; 0 is mapped to -1 and range_clip to +1.
+  double goal_scale = 5.0;  ///< [m]; a goal coordinate g is mapped to g / goal_scale - 1.
 
   int size() const { return num_beams + kStateSize; }
   friend bool operator==(const ObservationSpec&, const ObservationSpec&) = default;
 };
 
-/// Writes the observation of the POMDP: [N + 4] float, ranges, goal, last action, mapped as `spec`
-/// says. Requires: frame.ranges_cm.size() == spec.num_beams, observation.size() == spec.size().
+/// Writes the observation of the POMDP: [N + 4] float, which are ranges, goal and last action,
+/// mapped as `spec` says.
+/// Requires: frame.ranges_cm.size() == spec.num_beams, observation.size() == spec.size().
 void WriteObservation(const ObservationSpec& spec, const FrameView& frame,
                       std::span<float> observation);
 

@@ -28,10 +28,11 @@ struct Protocol {
 
 /// Returns all protocols, which `EvaluationConfig::protocol` may name:
 ///
-/// - "paper": 80 s, goal within 0.4 m, a collision ends it (original-system.md §1.4);
-/// - "dwa-runs": 100 s and not stopped by collisions, as in the published runs of DWA (§8.5);
+/// - "paper": 80 s, goal within 0.4 m, a collision ends it (docs/original-system.md, section 1.4);
+/// - "dwa-runs": 100 s and not stopped by collisions, as in the published runs of DWA
+/// (section 8.5);
 /// - "barn-challenge": 100 s from the moment when the robot has moved 0.1 m, goal within 1 m, start
-///   and goal 0.25 m further left in the original's field, (-2.25, 3) (§1.4, §8.6).
+///   and goal 0.25 m further left in the original's field, (-2.25, 3) (sections 1.4 and 8.6).
 std::span<const Protocol> Protocols();
 
 /// Returns the protocol that `config` names, with the values that `config` gives instead of its

@@ -57,7 +57,7 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size) {
   if (config.as_published) {
     throw base::Error(
         "imagination.as_published is true, expected imagination.kind = \"dyna\": the original's "
-        "MBPO cannot run (original-system.md, fault M4)");
+        "MBPO cannot run (docs/original-system.md, section 5.3, M4)");
   }
   if (NumReal(config, batch_size) == batch_size) {
     throw base::Error(
@@ -169,7 +169,7 @@ void Imagination::Step(bool clip) {
 }
 
 /// The n-step transition of docs/models.md: r = sum_i gamma^i alive_i r_i, then gamma^n alive_n.
-/// Dyna (Sutton 1990) with n = 1; n steps: original-system.md §5.2.
+/// Dyna (Sutton 1990) with n = 1; n steps: docs/original-system.md, section 5.2.
 void Imagination::FillDyna(int k) {
   StartFrom(k * minibatch_.reward.size(0));
   minibatch_.reward.zero_();
@@ -185,7 +185,7 @@ void Imagination::FillDyna(int k) {
   minibatch_.discount.copy_(alive_).mul_(discount);
 }
 
-/// original-system.md §5.3, M3: every step starts from the same state.
+/// docs/original-system.md, section 5.3, M3: every step starts from the same state.
 void Imagination::FillAsPublished(int k) {
   StartFrom(k * minibatch_.reward.size(0));
   alive_.fill_(1.0);
@@ -202,7 +202,7 @@ void Imagination::FillAsPublished(int k) {
 }
 
 /// Line 8: a rollout of k = `steps` steps by the policy, added to D_model. A network is drawn
-/// for each step, as in §5 there.
+/// for each step, as in section 5 there.
 void Imagination::RollOut(std::int64_t row, int steps) {
   StartFrom(row);
   at::Tensor uniform = at::zeros({minibatch_.reward.size(0)}, at::kFloat);

@@ -28,12 +28,12 @@ int NumStartingStates(const ImaginationConfig& config, int batch_size);
 /// step, the policy chooses an action, noise is added, and one of the ensemble's elite members
 /// predicts the next state (a probabilistic model draws it), from which the next step continues.
 ///
-/// Dyna (Sutton 1990; original-system.md §5.2) imagines n steps from each state s. The transition
-/// has reward = sum_i gamma^i alive_i r_i and discount = gamma^n alive_n, where alive_i is the
-/// probability that no earlier step terminated. MBPO (Janner et al. 2019, algorithm 2) stores the
-/// one-step transitions of its rollouts in a buffer and mixes batches from the buffer and from
-/// replayed transitions. If a step terminates (drawn by its probability), that rollout starts again
-/// from its first state. Thread-compatible: one owner.
+/// Dyna (Sutton 1990; docs/original-system.md, section 5.2) imagines n steps from each state s. The
+/// transition has reward = sum_i gamma^i alive_i r_i and discount = gamma^n alive_n, where alive_i
+/// is the probability that no earlier step terminated. MBPO (Janner et al. 2019, algorithm 2)
+/// stores the one-step transitions of its rollouts in a buffer and mixes batches from the buffer
+/// and from replayed transitions. If a step terminates (drawn by its probability), that rollout
+/// starts again from its first state. Thread-compatible: one owner.
 class Imagination {
  public:
   /// Keeps all references. Requires: `algorithm` updates from `minibatch`, and `trainer` loads at

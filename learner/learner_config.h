@@ -9,8 +9,8 @@ namespace slalom::learner {
 /// The values that `LearnerConfig::algorithm` may have: the names in algorithm.cc's registry.
 base::OneOf AlgorithmChoices();
 
-/// The algorithm and its parameters. The defaults are the original's TD3 (original-system.md §3.1,
-/// §3.2).
+/// The algorithm and its parameters. The defaults are the original's TD3 (docs/original-system.md,
+/// sections 3.1 and 3.2).
 struct LearnerConfig {
   std::string algorithm = "td3";
   std::string device = "auto";
@@ -54,7 +54,7 @@ struct LearnerConfig {
     v("n_step", n_step, base::Range{1, 100}, "steps", "Longest window of a return.");
     v("extra_discount_steps", extra_discount_steps, base::Range{0, 10}, "steps",
       "Steps by which the value after a window is discounted beyond the window's length. The "
-      "original's code: 1 (original-system.md §3.4, F2).");
+      "original's code: 1 (docs/original-system.md, section 3.4, F2).");
     v("tau", tau, base::Range{0.0, 1.0}, "",
       "Rate of the Polyak average that makes the target networks, per actor update.");
     v("target_noise", target_noise, base::Range{0.0, 10.0}, "",
@@ -94,7 +94,7 @@ struct LearnerConfig {
 };
 
 /// A constraint on how often the robot collides (the paper's section on safe RL;
-/// original-system.md §4).
+/// docs/original-system.md, section 4).
 struct ConstraintConfig {
   std::string kind = "none";
   double limit = 0.1;

@@ -7,8 +7,8 @@
 
 namespace slalom::learner {
 
-/// How a transition model is trained. The defaults are the original's (original-system.md §5),
-/// except for `held_out`.
+/// How a transition model is trained. The defaults are the original's (docs/original-system.md,
+/// section 5), except for `held_out`.
 struct ModelTrainingConfig {
   double learning_rate = 1e-4;
   double weight_decay = 0.0;
@@ -37,7 +37,7 @@ struct ModelTrainingConfig {
 };
 
 /// How the policy learns from a transition model's rollouts. The defaults are the original's Dyna
-/// (original-system.md §5.2) without its faults.
+/// (docs/original-system.md, section 5.2) without its faults.
 struct ImaginationConfig {
   std::string kind = "none";
   int imagined_batches = 10;
@@ -68,8 +68,8 @@ struct ImaginationConfig {
     v("learning_starts", learning_starts, base::Range{0, 1e12}, "",
       "Updates of the model before the policy learns from its rollouts.");
     v("as_published", as_published,
-      "Dyna's fault M3 of original-system.md: the imagined state is not advanced, the first action "
-      "goes with the last reward and frame, and the return is thrown away.");
+      "Dyna's fault M3 (docs/original-system.md, section 5.3): the imagined state is not advanced, "
+      "the first action goes with the last reward and frame, and the return is thrown away.");
     v("final_rollout_steps", final_rollout_steps, base::Range{0, 100}, "steps",
       "MBPO: length of rollouts at the end of the schedule; 0: as at the start.");
     v("schedule_begin", schedule_begin, base::Range{0, 1e12}, "updates",

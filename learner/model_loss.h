@@ -43,9 +43,9 @@ enum ModelFigure {
 ///
 /// Here S_i is the sum over the M features of the squared error or, for a probabilistic model, of
 /// the Gaussian negative log-likelihood ln sigma + z^2 / 2 + ln(2 pi) / 2; c = `state_scale`; and H
-/// is the binary cross-entropy (original-system.md §5.1). If the shape knows when an episode
-/// succeeds, the heads do not predict success: the target of a transition that ended in success is
-/// its reward without the reward for success, and d_i = 0.
+/// is the binary cross-entropy (docs/original-system.md, section 5.1). If the shape knows when an
+/// episode succeeds, the heads do not predict success: the target of a transition that ended in
+/// success is its reward without the reward for success, and d_i = 0.
 ///
 /// Reads pass.output() and pass.log_std() as `TransitionModel::Forward` left them and writes
 /// pass.output_gradient(). Adds to `figures`; a deterministic model adds neither likelihood nor

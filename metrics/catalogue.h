@@ -7,8 +7,8 @@
 
 #include "metrics/registry.h"
 
-/// Every metric that exists, once. What each is, who shows it and what its labels hold stands in
-/// docs/metrics.md, which `slalom metrics docs` prints from here.
+/// Every metric that exists. docs/metrics.md, which `slalom metrics docs` prints from this list,
+/// says what each metric is, which roles show it and what its labels hold.
 
 namespace slalom::metrics {
 
@@ -145,7 +145,7 @@ extern const Spec kProcessThreads;
 extern const Spec kProcessOpenDescriptors;
 extern const Spec kProcessMaxDescriptors;
 
-/// Values of the labels that more than one role must spell the same way.
+/// Label values that several roles must spell alike.
 namespace queue {
 inline constexpr std::string_view kUnacknowledged = "unacknowledged";  ///< Chunks of an actor.
 inline constexpr std::string_view kInserts = "inserts";  ///< Chunks held by the rate limiter.
@@ -162,7 +162,7 @@ struct CatalogueSection {
 /// Returns all sections in the order of the page.
 std::span<const CatalogueSection> Catalogue();
 
-/// docs/metrics.md.
+/// The text of docs/metrics.md.
 std::string PrintMarkdown();
 
 }  // namespace slalom::metrics

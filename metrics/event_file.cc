@@ -79,7 +79,7 @@ std::string Text(int field, std::string_view text) {
   return Key(field, kBytes) + Varint(text.size()) + std::string(text);
 }
 
-/// Wall time and step, which every Event begins with.
+/// Wall time and step, with which every Event begins.
 std::string BeginEvent(std::int64_t step) {
   return Key(kEventWallTime, kFixed64) +
          LittleEndian(std::bit_cast<std::uint64_t>(base::UnixSeconds())) +
@@ -93,7 +93,8 @@ std::string Record(std::string_view event) {
   return record.append(event).append(LittleEndian(MaskedCrc(event)));
 }
 
-/// The time now, [s], or one above the newest event file's: a clock may have been set back.
+/// The time now, [s], but at least one more than that of the newest event file, because the clock
+/// may have been set back.
 std::int64_t NextSeconds(const fs::path& directory) {
   auto seconds = static_cast<std::int64_t>(base::UnixSeconds());
   std::error_code error;

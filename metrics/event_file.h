@@ -11,7 +11,7 @@
 
 namespace slalom::metrics {
 
-/// A scalar under its tag, as TensorBoard shows it.
+/// A value and the tag under which TensorBoard shows it.
 struct Scalar {
   std::string_view tag;
   double value = 0.0;
@@ -21,19 +21,20 @@ struct Scalar {
 ///
 ///   length u64, masked CRC32C of these 8 bytes u32, Event (protobuf), masked CRC32C of it u32
 ///
-/// little-endian. The first Event holds the format's version, the second a session start; then one
-/// for each `Append`. Confined to one thread.
+/// in little-endian order. The first Event holds the format's version and the second a session
+/// start. Each `Append` adds one more. Confined to one thread.
 class EventFile {
  public:
-  /// Makes `directory`/events.out.tfevents.SECONDS.slalom, with SECONDS above those of the event
-  /// files already there, as readers take them in the order of their names. `first_step`: what
-  /// earlier files hold of this step and later ones was made by a run that was killed since, and is
-  /// superseded; readers drop it at the session start. Throws `base::Error` where the file cannot
-  /// be made.
+  /// Creates `directory`/events.out.tfevents.SECONDS.slalom. Readers take event files in the order
+  /// of their names, so SECONDS is larger than in those already there.
+  ///
+  /// `first_step`: earlier files may hold values of this step and later ones, from a run that was
+  /// killed. Readers drop them at this file's session start. Throws `base::Error` if the file
+  /// cannot be created.
   EventFile(const std::filesystem::path& directory, std::int64_t first_step);
 
-  /// Adds one Event with all of these as float32 but those that are not finite. Fails where it
-  /// cannot be written; the file is then as it was, and the next one may be.
+  /// Adds one Event with the finite ones among these values, as float32. If it cannot be written,
+  /// the file is left as it was and a later call may succeed.
   [[nodiscard]] std::optional<base::Failure> Append(std::int64_t step,
                                                     std::span<const Scalar> scalars);
 

@@ -33,7 +33,7 @@ std::optional<Address> Parse(std::string_view text) {
   if (host.starts_with('[') && host.ends_with(']')) {
     host = host.substr(1, host.size() - 2);
   } else if (host.find(':') != std::string_view::npos) {
-    return std::nullopt;  // IPv6 without brackets: where the port begins is anyone's guess.
+    return std::nullopt;  // IPv6 without brackets: it is not clear where the port begins.
   }
   Address address{std::string(host), -1};
   const auto [end, error] =
@@ -47,7 +47,7 @@ std::optional<Address> Parse(std::string_view text) {
   throw base::Error(fmt::format("cannot show metrics on '{}': {}", address, reason));
 }
 
-/// A socket that listens at the address.
+/// Opens a socket that listens at the address.
 int Listen(const std::string& text) {
   const auto address = Parse(text);
   if (!address) {
@@ -74,7 +74,7 @@ int Listen(const std::string& text) {
   Refuse(text, std::strerror(error));
 }
 
-/// Of a socket that is bound; the port is at the same place in addresses of IPv4 and IPv6.
+/// The port of a bound socket. It lies at the same place in IPv4 and IPv6 addresses.
 int PortOf(int socket) {
   sockaddr_storage address{};
   socklen_t length = sizeof address;

@@ -7,22 +7,23 @@
 
 namespace slalom::metrics {
 
-/// Answers HTTP GET (and HEAD) on an address of its own, in a thread of its own:
+/// Answers HTTP GET and HEAD requests on its own address, in its own thread:
 ///
 /// - `/metrics`: the registry's `Text`;
-/// - `/healthy`: 200 and "ok", or 503 and the registry's `fault`; for health checks of containers;
+/// - `/healthy`, for health checks of containers: 200 and "ok", or 503 and the registry's `fault`;
 /// - anything else: 404; another method: 405.
 ///
-/// Headers and bodies of requests are bounded and a peer that is slow to send is cut off after
-/// seconds. There is no encryption and no password: listen on loopback or a network of one's own.
+/// The size of a request is bounded, and a peer that sends too slowly is cut off after a few
+/// seconds. There is no encryption and no password, so listen on loopback or a private network
+/// only.
 class Exposer {
  public:
-  /// `address`: HOST:PORT, as "127.0.0.1:9400", "[::1]:9400", "0.0.0.0:9400" (every interface of
-  /// IPv4) or "localhost:9400"; port 0: any free one. `registry` must outlive the exposer. Throws
-  /// `base::Error` where the address has another form, its host is not known, or it cannot be
-  /// listened on, with the reason.
+  /// `address`: HOST:PORT, such as "127.0.0.1:9400", "[::1]:9400", "0.0.0.0:9400" (every IPv4
+  /// interface) or "localhost:9400". Port 0 stands for any free port. `registry` must outlive the
+  /// exposer. Throws `base::Error` with the reason if the address has another form, its host is not
+  /// known, or it cannot be listened on.
   Exposer(const std::string& address, const Registry& registry);
-  /// Waits for answers under way.
+  /// Waits until answers under way are sent.
   ~Exposer();
 
   int port() const;

@@ -65,12 +65,12 @@ struct HttpServer::Connection {
   int socket;
   steady_clock::time_point end;
   std::string request;
-  std::string answer;  // Empty: still reading.
+  std::string answer;  // Empty while the request is read.
   std::size_t sent = 0;
 
   bool reading() const { return answer.empty(); }
 
-  /// False: done with, or broken.
+  /// Returns false if the connection is finished or broken.
   bool Read(const Handler& handler) {
     std::array<char, 4096> bytes;
     const ssize_t size = ::recv(socket, bytes.data(), bytes.size(), 0);
@@ -88,7 +88,7 @@ struct HttpServer::Connection {
     if (size < 0) return errno == EAGAIN || errno == EINTR;
     sent += static_cast<std::size_t>(size);
     if (sent < answer.size()) return true;
-    // What the peer still sends must not turn the answer into a reset.
+    // Reads on, because unread bytes of the peer would turn the answer into a reset.
     ::shutdown(socket, SHUT_WR);
     std::array<char, 4096> rest;
     for (int i = 0; i < kMaxReadsAfter; ++i) {
@@ -117,7 +117,7 @@ void HttpServer::Run() {
   ::fcntl(listener_, F_SETFL, ::fcntl(listener_, F_GETFL) | O_NONBLOCK);
   std::vector<Connection> connections;
   std::vector<pollfd> polled;
-  bool exhausted = false;  // No descriptor was left for who connects: looked at again in a moment.
+  bool exhausted = false;  // No descriptor was left for a new connection. Tried again soon.
   while (true) {
     polled = {{wake_, POLLIN, 0}, {listener_, static_cast<short>(exhausted ? 0 : POLLIN), 0}};
     for (const Connection& connection : connections) {

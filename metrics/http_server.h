@@ -8,7 +8,7 @@
 
 namespace slalom::metrics {
 
-/// What is answered to a request.
+/// The answer to a request.
 struct HttpAnswer {
   int status = 200;
   std::string reason = "OK";
@@ -16,18 +16,20 @@ struct HttpAnswer {
   std::string body;
 };
 
-/// Answers HTTP GET and HEAD requests, each on a connection of its own, in one thread. Anything
-/// else is 405 or 400.
+/// Answers HTTP GET and HEAD requests, each on its own connection, in one thread. It answers
+/// anything else with 405 or 400.
 ///
-/// Our own because what libraries there are start threads with small stacks, on which nothing runs
-/// that links LibTorch (its thread-local storage alone is larger), or bring a TLS stack along.
-/// Bounded: so many connections, so many bytes and seconds for each. No encryption, no password.
+/// Why not a library: those available either bring a TLS stack along or start threads with small
+/// stacks. No program that links LibTorch runs on those, because LibTorch's thread-local storage
+/// alone is larger. Connections, and the bytes and seconds of each, are bounded. There is no
+/// encryption and no password.
 class HttpServer {
  public:
-  /// The answer to a path, without what follows a `?`. Called by the server's thread.
+  /// Returns the answer to a path, which excludes `?` and what follows it. Called by the server's
+  /// thread.
   using Handler = std::function<HttpAnswer(std::string_view path)>;
 
-  /// `listener`: a bound and listening TCP socket, which is the server's from here on.
+  /// `listener`: a bound and listening TCP socket, which the server takes over.
   HttpServer(int listener, Handler handler);
   /// Ends all connections.
   ~HttpServer();
@@ -45,8 +47,8 @@ class HttpServer {
   std::jthread thread_;
 };
 
-/// What a connection sends for the bytes of a request, which may be anything. Thread-safe as the
-/// handler is.
+/// The bytes with which a connection answers `request`, which may hold anything. As thread-safe as
+/// the handler.
 std::string AnswerHttp(std::string_view request, const HttpServer::Handler& handler);
 
 }  // namespace slalom::metrics

@@ -14,8 +14,8 @@
 namespace slalom::metrics {
 namespace {
 
-// Places in /proc/self/stat after the program's name, which stands in parentheses and may hold
-// anything (proc(5), where they count from 3).
+// Positions of fields in /proc/self/stat (proc(5), which counts them from 3), counted from after
+// the program's name. The name stands in parentheses and may hold any character.
 constexpr std::size_t kUserTicks = 11;
 constexpr std::size_t kSystemTicks = 12;
 constexpr std::size_t kThreads = 17;
@@ -49,7 +49,7 @@ std::optional<double> CountDescriptors() {
   std::error_code error;
   std::filesystem::directory_iterator it("/proc/self/fd", error);
   if (error) return std::nullopt;
-  double count = -1.0;  // The one that the directory is read through.
+  double count = -1.0;  // Leaves out the descriptor through which the directory is read.
   for (const auto end = std::filesystem::directory_iterator(); it != end; it.increment(error)) {
     if (error) return std::nullopt;
     ++count;

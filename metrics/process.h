@@ -4,8 +4,8 @@
 
 namespace slalom::metrics {
 
-/// Figures of this process, as the kernel counts them. A value; none: could not be read, for
-/// example when no descriptor is left to read with.
+/// Numbers about this process, as the kernel counts them. A number that could not be read is empty,
+/// for example because the process has no descriptor left to read with. A value.
 struct ProcessFigures {
   std::optional<double> resident_bytes;
   std::optional<double> virtual_bytes;
@@ -16,7 +16,7 @@ struct ProcessFigures {
   std::optional<double> max_descriptors;
 };
 
-/// Reads /proc/self. Thread-safe. Cost: some 50 us, and 1 us for each open descriptor.
+/// Reads /proc/self. Thread-safe. Cost: about 50 us, and 1 us for each open descriptor.
 ProcessFigures ReadProcessFigures();
 
 }  // namespace slalom::metrics

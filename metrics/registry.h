@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-/// What a role shows to Prometheus. `metrics/catalogue.h` lists every metric that exists, once;
-/// docs/metrics.md is made from it.
+/// The metrics that a role shows to Prometheus. metrics/catalogue.h lists every metric that exists,
+/// and docs/metrics.md is made from it.
 
 namespace prometheus {
 class Counter;
@@ -20,24 +20,27 @@ namespace slalom::metrics {
 enum class Type { kCounter, kGauge, kHistogram };
 std::string_view ToString(Type type);
 
-/// What a metric is, by Prometheus conventions: `slalom_` prefix, base units, `_total`.
+/// Describes a metric. Names follow Prometheus' conventions: prefix `slalom_`, base units,
+/// `_total`.
 struct Spec {
   std::string_view name;
   Type type = Type::kCounter;
-  std::string_view roles;                ///< "actor, learner": who shows it; for the documentation.
-  std::string_view help;                 ///< A sentence: what it is, with the values of its labels.
-  std::vector<std::string_view> labels;  ///< Beside `run`, `role` and `name`, which all have.
-  std::vector<double> buckets;           ///< Of a histogram: upper bounds, rising.
+  std::string_view roles;  ///< The roles that show it, for the documentation: "actor, learner".
+  std::string_view help;   ///< A sentence that says what it is and what its labels hold.
+  std::vector<std::string_view>
+      labels;                   ///< Besides `run`, `role` and `name`, which all metrics have.
+  std::vector<double> buckets;  ///< Of a histogram: upper bounds, ascending.
 };
 
-/// Handles: a value each, valid as long as their registry. Thread-safe. One made by its default
-/// constructor is there to be assigned to; to use it before is a mistake that ends the program.
+/// The handles `Counter`, `Gauge` and `Histogram` are values. They are valid as long as their
+/// registry, and thread-safe. A default-constructed handle must be assigned to before it is used;
+/// using it earlier ends the program.
 class Counter {
  public:
   /// Requires: by >= 0.
   void Increment(double by = 1.0);
-  /// Follows a total that is counted elsewhere (in a file that survives restarts, in a library):
-  /// raises the value to it; never lowers it. Of one thread at a time.
+  /// Follows a total that is counted elsewhere, such as in a library or in a file that survives
+  /// restarts: raises the value to `total` and never lowers it. Call it from one thread at a time.
   void RaiseTo(double total);
   double value() const;
 
@@ -48,7 +51,7 @@ class Counter {
 
 class Gauge {
  public:
-  /// NaN: not known.
+  /// NaN stands for "not known".
   void Set(double value);
   double value() const;
 
@@ -66,41 +69,44 @@ class Histogram {
   prometheus::Histogram* histogram_ = nullptr;
 };
 
-/// Whose metrics they are. The first three become labels of every metric; the rest is what
-/// `slalom_build_info` shows.
+/// Whose metrics they are. The first three become labels of every metric; `slalom_build_info` and
+/// `slalom_blas_info` show the rest.
 struct Identity {
-  std::string role;         ///< "actor", "replay", "learner", "evaluator".
-  std::string name;         ///< Of this process among those of its role; the same after a restart.
-  std::string run = "run";  ///< `run.name` of its config: tells services side by side.
-  std::string version = "unknown";   ///< Of the program.
-  std::string commit = "unknown";    ///< Of the program.
-  std::string blas_kernel = "none";  ///< Of the library that multiplies matrices; none: not used.
+  std::string role;                 ///< "actor", "replay", "learner", "evaluator".
+  std::string name;                 ///< Of this process within its role; the same after a restart.
+  std::string run = "run";          ///< `run.name` of its config, which tells services apart.
+  std::string version = "unknown";  ///< Of the program.
+  std::string commit = "unknown";   ///< Of the program.
+  std::string blas_kernel =
+      "none";  ///< Of the library that multiplies matrices; "none" if not used.
 };
 
 /// The metrics of one role in one process. Thread-safe.
 class Registry {
  public:
-  /// Process metrics (memory, descriptors, CPU time, start time) and build info are there from the
-  /// start; the former are read anew whenever the metrics are.
+  /// Process metrics (memory, descriptors, CPU time, start time) and build info exist from the
+  /// start. The process metrics are read anew whenever `Text` is called.
   explicit Registry(Identity identity);
   Registry(std::string role, std::string name);
   ~Registry();
   Registry(const Registry&) = delete;
   Registry& operator=(const Registry&) = delete;
 
-  /// The handle of a metric and these values of its labels, made at the first call (at 0, so that
-  /// it shows at once). Take the handles of all label values that are known when a role starts: a
-  /// rate needs the 0 before the first event. Keep them; a call takes locks and searches.
-  /// Requires: the spec's type, as many values as it has labels, and values that are UTF-8 and come
-  /// from a short list: never what a peer sent.
+  /// The handle of a metric with these values of its labels. The first call makes the metric, with
+  /// value 0, so that it shows at once. When a role starts, take the handles of all label values
+  /// that are known, since a rate needs the 0 before the first event. Keep the handles, because a
+  /// call takes locks and searches.
+  ///
+  /// Requires: the spec has the type of the function, and there are as many values as labels. The
+  /// values are UTF-8 and come from a short list, never from what a peer sent.
   Counter counter(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
   Gauge gauge(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
   Histogram histogram(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
 
-  /// All of it in Prometheus' text format.
+  /// All metrics in Prometheus' text format.
   std::string Text() const;
 
-  /// What is wrong with the role now, in words, of which `/healthy` tells; empty: nothing.
+  /// What is wrong with the role now, in words, which `/healthy` shows; empty if nothing is.
   void SetFault(std::string fault);
   std::string fault() const;
 

@@ -5,8 +5,8 @@
 
 namespace slalom::planners {
 
-/// ROS's TrajectoryPlannerROS with `dwa` on and the settings of original-system.md §8.1. The BARN
-/// Challenge's "Fast DWA" has max_speed 1 and speed_samples 12.
+/// ROS's TrajectoryPlannerROS with `dwa` on and the settings of docs/original-system.md,
+/// section 8.1. The BARN Challenge's "Fast DWA" has max_speed 1 and speed_samples 12.
 struct DwaConfig {
   PlannerNavigationConfig navigation;
   double max_speed = 0.5;

@@ -6,9 +6,9 @@
 namespace slalom::planners {
 
 /// The elastic band of eband_local_planner for a differential drive, with the plug-in's defaults
-/// (original-system.md §8.3). The plug-in's settings k_damp, virtual_mass, Ctrl_Rate and the
-/// accelerations are absent, as its controller for that drive does not use them. RJ-bench has
-/// max_speed 2 and max_turn_rate 3.14.
+/// (docs/original-system.md, section 8.3). The plug-in's settings k_damp, virtual_mass, Ctrl_Rate
+/// and the accelerations are absent, as its controller for that drive does not use them. RJ-bench
+/// has max_speed 2 and max_turn_rate 3.14.
 struct ElasticBandConfig {
   PlannerNavigationConfig navigation{.goal_tolerance = 0.1};
   double min_overlap = 0.7;

@@ -12,7 +12,7 @@
 
 namespace slalom::planners {
 
-/// The robot's outline as a navigation system assumes it (original-system.md §8.2).
+/// The robot's outline as a navigation system assumes it (docs/original-system.md, section 8.2).
 struct FootprintConfig {
   double length = 0.42;
   double width = 0.33;

@@ -3,9 +3,9 @@
 #include "base/config_field.h"
 #include "planners/navigation_config.h"
 
-/// Defaults are the settings with which PRIEST's authors ran TEB on BARN (original-system.md §8.4;
-/// no TEB configuration is in the repositories of the benchmark's authors), and where §8.4 gives
-/// none, those of teb_local_planner itself.
+/// Defaults are the settings with which PRIEST's authors ran TEB on BARN (docs/original-system.md,
+/// section 8.4; no TEB configuration is in the repositories of the benchmark's authors), and where
+/// section 8.4 gives none, those of teb_local_planner itself.
 
 namespace slalom::planners {
 

@@ -14,8 +14,8 @@
 
 namespace slalom::policy {
 
-/// What a transition model is (original-system.md §5.1, docs/models.md), whose networks read frames
-/// by the encoder of the actor and critics. Part of a policy that carries one.
+/// What a transition model is (docs/original-system.md, section 5.1; docs/models.md), whose
+/// networks read frames by the encoder of the actor and critics. Part of a policy that carries one.
 struct TransitionModelConfig {
   std::string kind = "none";
   std::string targets = "difference";

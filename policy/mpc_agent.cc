@@ -116,7 +116,7 @@ struct MpcAgent::Planner {
   }
 
   /// Fills `actions` and `returns`: R_s = sum_t gamma^t alive_t r_t + gamma^T alive_T Q(s_T,
-  /// pi(s_T)) (mpc_agent.h; original-system.md §5.2, with what M1 left out of it).
+  /// pi(s_T)) (mpc_agent.h; docs/original-system.md, section 5.2, with what M1 left out of it).
   void RollOut(const float* from, bool by_policy, base::Random& random) {
     const std::int64_t stride = input.stride(0);
     float* const rows = input.data_ptr<float>();

@@ -19,7 +19,7 @@ namespace slalom::policy {
 /// actions of sequence s are a_t = clip(pi(s_t) + noise) on the way, without noise in sequence 0:
 /// the policy's own. In later ones, and in `cem`, they are drawn around the last one's mean.
 /// Sources: MPPI (Williams et al. 2017, equation 6 for the weights), CEM (Chua et al. 2018, §5),
-/// original-system.md §5.2 and its faults M1, M2.
+/// docs/original-system.md, section 5.2; for its faults M1 and M2, section 5.3.
 ///
 /// What it chooses depends on seed, policy and the frames it saw in the episode, not on its place
 /// in a batch nor on what it chose before: its random numbers follow from the frame. So it has no

@@ -7,8 +7,8 @@
 
 namespace slalom::policy {
 
-/// How an agent plans. The defaults are those of the paper's experiments (original-system.md §5.2),
-/// done right.
+/// How an agent plans. The defaults are those of the paper's experiments (docs/original-system.md,
+/// section 5.2), done right.
 struct MpcConfig {
   bool enabled = false;
   int horizon = 5;

@@ -7,8 +7,8 @@
 
 namespace slalom::policy {
 
-/// What an actor or a critic is made of. The defaults are the paper's (original-system.md §3.3).
-/// Part of every saved policy.
+/// What an actor or a critic is made of. The defaults are the paper's (docs/original-system.md,
+/// section 3.3). Part of every saved policy.
 ///
 /// Actor: encoder -> head -> 2 outputs, tanh. Critic: encoder, then the action beside its features
 /// -> head -> 1; without encoder layers the action stands beside the input itself. docs/networks.md

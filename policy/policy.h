@@ -32,7 +32,7 @@ struct ActionDistribution {
   bool is_deterministic() const { return kind == "deterministic"; }
   int num_outputs() const { return is_deterministic() ? 2 : 4; }
   /// Logarithm of the standard deviation, from the network's output x: between the bounds by
-  /// tanh(x) (original-system.md §3.2).
+  /// tanh(x) (docs/original-system.md, section 3.2).
   float log_std(float x) const {
     return static_cast<float>(log_std_min) +
            0.5f * static_cast<float>(log_std_max - log_std_min) * (std::tanh(x) + 1.0f);

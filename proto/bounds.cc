@@ -15,7 +15,7 @@ constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
 
 bool IsPrintable(char c) { return c >= ' ' && c <= '~'; }
 
-/// The first field that is out of bounds. Each call looks at one.
+/// Finds the first field that is out of bounds. Each call checks one field.
 class FaultFinder {
  public:
   explicit FaultFinder(Way way) : way_(way) {}
@@ -148,7 +148,7 @@ class FieldWalk {
  public:
   explicit FieldWalk(std::span<const std::byte> bytes) : rest_(bytes) {}
 
-  /// Goes on to the next field that has bytes of its own (strings, messages). False: no more.
+  /// Moves to the next field that holds bytes (a string or message). Returns false at the end.
   bool NextWithBytes() {
     std::uint64_t tag = 0;
     std::uint64_t value = 0;
@@ -165,7 +165,7 @@ class FieldWalk {
           if (!Varint(&value) || value > rest_.size()) return false;
           bytes_ = rest_.first(value);
           return Skip(value);
-        case 3:  // Groups: their fields count as those around them, which can only be stricter.
+        case 3:  // Groups: their fields are counted with those around them, which is only stricter.
         case 4:
           break;
         case 5:

@@ -7,19 +7,20 @@
 
 namespace slalom::proto {
 
-/// Whether a header came from a peer, or is to be sent and `Encode` makes its texts and lists fit.
+/// Whether a header was received from a peer, or is to be sent, in which case `Encode` makes its
+/// texts and lists fit.
 enum class Way { kReceived, kToBeSent };
 
-/// What in a header is not within the bounds of messages.h: its field, what was found and what was
-/// expected. Empty: nothing.
+/// Checks a header against the bounds in proto/messages.h. Returns what is wrong (the field, what
+/// was found and what was expected), or an empty text if everything is within bounds.
 std::string FindFault(const Header& header, Way way);
 
-/// Cuts a text to `kMaxTextBytes` and puts '?' for what is not printable ASCII.
+/// Cuts a text to `kMaxTextBytes` and replaces what is not printable ASCII by '?'.
 std::string FitText(std::string_view text);
 
-/// Whether the lists in the protobuf of a report or a status are within their bounds, by a walk
-/// over the bytes that allocates nothing: the parser would first make all of a list. Bytes that are
-/// no protobuf pass; the parser refuses them.
+/// Whether the lists in the protobuf of a report or a status are within their bounds. These walk
+/// over the bytes and do not allocate, whereas the parser would first build the whole list. Bytes
+/// that are not a protobuf pass; the parser refuses them.
 bool ReportListsFit(std::span<const std::byte> protobuf);
 bool StatusListsFit(std::span<const std::byte> protobuf);
 

@@ -16,8 +16,8 @@
 namespace slalom::proto {
 namespace {
 
-/// A number from the wire as an int; one that does not fit becomes the largest, which is out of all
-/// bounds.
+/// Converts a number from the wire to an int. One that does not fit becomes the largest int, which
+/// exceeds every bound.
 int ToInt(std::uint32_t value) {
   return static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
 }
@@ -199,7 +199,7 @@ wire::StatusRequest ToWire(const StatusRequest&) { return {}; }
 StatusRequest FromWire(const wire::StatusRequest&) { return {}; }
 
 wire::StatusReply ToWire(const StatusReply& m) {
-  // Beside its own bytes a role takes a tag and a length; so does `omitted`.
+  // Besides its own bytes, a role takes a tag and a length, and so does `omitted`.
   constexpr std::size_t kMargin = 8;
   wire::StatusReply w;
   std::size_t size = kMargin;
@@ -271,7 +271,7 @@ constexpr std::array<Parser, sizeof...(kIndex)> MakeParsers(std::index_sequence<
 void AppendProtobuf(const Header& header, std::string* out) {
   google::protobuf::io::StringOutputStream stream(out);
   google::protobuf::io::CodedOutputStream coded(&stream);
-  coded.SetSerializationDeterministic(true);  // Else maps come in an order of their own.
+  coded.SetSerializationDeterministic(true);  // Otherwise the order of maps varies.
   const bool is_whole = std::visit(
       [&](const auto& message) { return ToWire(message).SerializeToCodedStream(&coded); }, header);
   SLALOM_CHECK(is_whole);
@@ -280,7 +280,7 @@ void AppendProtobuf(const Header& header, std::string* out) {
 std::optional<Header> ParseProtobuf(std::size_t index, std::span<const std::byte> bytes) {
   static constexpr auto kParsers =
       MakeParsers(std::make_index_sequence<std::variant_size_v<Header>>());
-  // A peer's bytes are refused with one answer, and write nothing to our standard error.
+  // Bad bytes from a peer get one answer. They must not make protobuf write to standard error.
   static const auto replaced = google::protobuf::SetLogHandler(nullptr);
   (void)replaced;
   SLALOM_CHECK_LT(index, kParsers.size());

@@ -9,12 +9,13 @@
 
 namespace slalom::proto {
 
-/// Appends the header as protobuf. The same header gives the same bytes. Texts and a status are
-/// made to fit, as `Encode` says.
+/// Appends the header as protobuf to `out`. The same header always gives the same bytes. Texts and
+/// the lists of a status are made to fit, as `Encode` describes.
 void AppendProtobuf(const Header& header, std::string* out);
 
-/// The header of this index in the list, with values that may be out of bounds. None: the bytes are
-/// no protobuf of it, or its lists are too long. Requires: index < std::variant_size_v<Header>.
+/// Parses a header of the type at `index` in the list of `Header`. Its values may be out of bounds.
+/// Returns nothing if the bytes are not a protobuf of that type, or if its lists are too long.
+/// Requires: index < std::variant_size_v<Header>.
 std::optional<Header> ParseProtobuf(std::size_t index, std::span<const std::byte> bytes);
 
 }  // namespace slalom::proto

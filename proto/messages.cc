@@ -16,7 +16,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the prefix is little-endian");
 
-/// The first bytes of a header's frame, as they are sent.
+/// The prefix of a header's frame, in the order of its bytes.
 struct Prefix {
   char magic[4] = {'S', 'L', 'L', 'M'};
   std::uint8_t major = kMajorVersion;
@@ -31,7 +31,8 @@ constexpr std::array<std::string_view, std::variant_size_v<Header>> kNames = {
     "SampleRequest", "SampleReply",   "PriorityUpdate", "SnapshotRequest", "Snapshot",
     "Report",        "StatusRequest", "StatusReply",    "Refusal"};
 
-/// Of the prefix up to the checksum, the protobuf and the payload, each seeded with the one before.
+/// The checksum of the prefix (up to the checksum), the protobuf and the payload, each seeded with
+/// that of the part before.
 std::uint64_t ChecksumOf(const Prefix& prefix, std::span<const std::byte> protobuf,
                          std::span<const std::byte> payload) {
   const auto start = std::as_bytes(std::span(&prefix, 1)).first(offsetof(Prefix, checksum));
@@ -120,8 +121,8 @@ base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
   const std::size_t index = prefix.number - 1u;
   std::optional<Header> header = ParseProtobuf(index, protobuf);
   if (!header) {
-    return Bad(fmt::format("{}: the header is no protobuf of it, or a list in it is too long",
-                           kNames[index]));
+    return Bad(
+        fmt::format("{}: the header cannot be parsed, or a list in it is too long", kNames[index]));
   }
   if (const std::string fault = FindFault(*header, Way::kReceived); !fault.empty()) {
     return Bad(fmt::format("{}: {}", kNames[index], fault));

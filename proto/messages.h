@@ -11,21 +11,22 @@
 
 #include "base/result.h"
 
-/// The messages between roles, as plain structs: protobuf types never leave this folder.
-/// docs/protocol.md gives their bytes, and who sends which. A message is a header, which is encoded
-/// and decoded here, and a payload of raw bytes (rows, samples, a policy) that never is.
+/// The messages between roles, as plain structs; protobuf types never leave this folder.
+/// docs/protocol.md gives their bytes and says who sends which. A message consists of a header,
+/// which is encoded and decoded here, and a payload of raw bytes (rows, samples, a policy), which
+/// is not.
 
 namespace slalom::proto {
 
-/// A peer of another major version is refused. A newer minor version adds fields, which older
-/// peers pass over, and messages, which they refuse as `kUnknownMessage` and nothing else happens.
+/// A peer with another major version is refused. A newer minor version may add fields, which older
+/// peers ignore, and messages, which they refuse with `kUnknownMessage`, without any other effect.
 inline constexpr int kMajorVersion = 1;
 inline constexpr int kMinorVersion = 0;
 
-/// Bytes before the header's protobuf.
+/// The number of bytes before the header's protobuf.
 inline constexpr std::size_t kPrefixBytes = 16;
 
-/// Bounds on what a header may hold; more is refused as `kBadMessage`.
+/// Bounds on what a header may hold. A header beyond them is refused with `kBadMessage`.
 inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;  ///< Of protobuf.
 inline constexpr std::size_t kMaxTextBytes = 1024;
 inline constexpr int kMaxBeams = 4096;
@@ -35,22 +36,22 @@ inline constexpr int kMaxBatch = 1 << 16;
 inline constexpr int kMaxHistory = 256;
 inline constexpr int kMaxFrames = 1 << 17;  ///< Batch times history of a sample.
 inline constexpr int kMaxNStep = 1024;
-inline constexpr int kMaxFigures = 256;  ///< Of a report, and as many facts.
+inline constexpr int kMaxFigures = 256;  ///< Of a report. The same bound holds for its facts.
 inline constexpr int kMaxRoles = 4096;   ///< Of a status.
 
-/// Why a message was refused; also on the wire.
+/// Why a message was refused. The numbers are part of the protocol.
 enum class RefusalCode : std::uint32_t {
   kBadMessage = 1,      ///< Cut short, damaged, or a value out of range.
   kWrongVersion = 2,    ///< Another major version of the protocol.
-  kUnknownMessage = 3,  ///< Of a newer minor version.
-  kNotAllowed = 4,      ///< The sender's role may not send it.
+  kUnknownMessage = 3,  ///< A message of a newer minor version.
+  kNotAllowed = 4,      ///< The sender's role may not send this message.
   kWrongSpec = 5,       ///< Observations or actions are not those of this service.
-  kNoSession = 6,       ///< Insert before hello, or of a session that is not open: say hello.
-  kOutOfOrder = 7,      ///< A chunk is missing before this one: say hello.
+  kNoSession = 6,       ///< An insert without an open session. Say hello first.
+  kOutOfOrder = 7,      ///< A chunk before this one is missing. Say hello again.
   kOverWindow = 8,      ///< More unacknowledged payload than the window.
   kTooFast = 9,         ///< More messages than the rate bound.
   kNotReady = 10,       ///< Not now, for example while loading.
-  kReplaced = 11,       ///< Hello of a session that a newer one replaced, whose number is `about`.
+  kReplaced = 11,       ///< A hello of a session that session `about` replaced.
 };
 /// "bad_message", ...; "other" for one of a newer minor version.
 inline constexpr RefusalCode kRefusalCodes[] = {
@@ -60,8 +61,8 @@ inline constexpr RefusalCode kRefusalCodes[] = {
     RefusalCode::kNotReady};
 std::string_view ToString(RefusalCode code);
 
-/// What the fields mean stands in proto/slalom.proto. A `role`, a `name` and the keys of a report
-/// are names (`IsName`). `software`, `text` and the values of facts are texts: printable ASCII, at
+/// proto/slalom.proto says what the fields mean. A `role`, a `name` and the keys of a report are
+/// names (`IsName`). `software`, `text` and the values of facts are texts: printable ASCII, at
 /// most `kMaxTextBytes`.
 struct Hello {
   std::string role;
@@ -166,23 +167,25 @@ struct Refusal {
   std::uint64_t about = 0;
 };
 
-/// All headers; the place in the list, from 1, is the message's number on the wire.
+/// All headers. Their places in the list, counted from 1, are the messages' numbers on the wire.
 using Header = std::variant<Hello, Welcome, Insert, InsertAck, Goodbye, SampleRequest, SampleReply,
                             PriorityUpdate, SnapshotRequest, Snapshot, Report, StatusRequest,
                             StatusReply, Refusal>;
 
-/// "Hello", "Insert", ...: for logs and metrics.
+/// The name of a message for logs and metrics: "Hello", "Insert", ...
 std::string_view NameOf(const Header& header);
 
-/// The header's frame: `kPrefixBytes`, which hold a checksum of header and payload, then protobuf.
-/// The same header gives the same bytes. Texts are made to fit: cut, and '?' for what is not
-/// printable ASCII; so is a status, the roles that do not fit being counted in `omitted`. Requires:
-/// the rest is within the bounds above.
+/// Encodes a header's frame: a prefix of `kPrefixBytes`, which holds a checksum of header and
+/// payload, and then protobuf. The same header always gives the same bytes.
+///
+/// Texts are made to fit: they are cut, and '?' replaces what is not printable ASCII. A status is
+/// made to fit, too: roles for which there is no room are counted in `omitted`.
+/// Requires: everything else is within the bounds above.
 std::string Encode(const Header& header, std::span<const std::byte> payload);
 
-/// Reads a header's frame and compares its checksum with the payload. The `Refusal` that it gives
-/// where the bytes are not a message of this protocol is the answer to send. Whatever `frame`
-/// holds, allocates at most 64 bytes for each of its bytes and 1 MiB.
+/// Decodes a header's frame and compares its checksum with the payload. If the bytes are not a
+/// message of this protocol, returns the `Refusal` to answer with. Whatever `frame` holds, at most
+/// 1 MiB and 64 bytes for each of its bytes are allocated.
 base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
                                      std::span<const std::byte> payload);
 

@@ -44,7 +44,8 @@ struct ReplayConfig {
 /// `history` frames; before the start of the episode, copies of its first frame stand in.
 ///
 /// Thread-compatible: one owner. Movable. Memory: 48 + 2 N bytes per row, taken as rows come.
-/// Source: n-step TD3 of original-system.md §3.1 without the faults F2-F4 of §3.4.
+/// Source: n-step TD3 of docs/original-system.md, section 3.1 without the faults F2 to F4 of
+/// section 3.4.
 class Table {
  public:
   /// Requires: config.capacity >= 2, num_beams >= 1. Throws `base::Error` if there is not enough

@@ -45,7 +45,7 @@ ROWS = {name: (f"configs/fast/{preset}.toml", "static", changes) for name, prese
     ("td3-with-model", "mpc-probabilistic-mlp", ["mpc.enabled=false", "run.updates_per_step=0.015625"]),
     ("td3-without-mirror", "td3-mlp", ["learner.mirror=false"]),
     ("td3-prioritized", "td3-mlp", ["learner.prioritized=true"]),
-    # The published code's faults, one at a time (original-system.md §3.4, §5.3).
+    # The published code's faults, one at a time (docs/original-system.md, sections 3.4 and 5.3).
     ("td3-without-noise", "td3-mlp", ["actor.noise_min=0", "actor.noise_max=0"]),
     ("td3-extra-discount", "td3-mlp", ["learner.extra_discount_steps=1"]),
     ("td3-time-limit-terminates", "td3-mlp", ["actor.time_limit_terminates=true"]),

@@ -10,9 +10,10 @@
 
 #include "sim/course.h"
 
-/// The lattice that all static BARN courses lie on (original-system.md §1.5): a field of 30 x 30
-/// cells of 0.15 m behind a start pen of 34 cells. Rows run across the course (x), columns along it
-/// (y, the way of travel); column 0 of the field touches the pen, column 29 opens towards the goal.
+/// The lattice that all static BARN courses lie on (docs/original-system.md, section 1.5): a field
+/// of 30 x 30 cells of 0.15 m behind a start pen of 34 cells. Rows run across the course (x),
+/// columns along it (y, the way of travel); column 0 of the field touches the pen, column 29 opens
+/// towards the goal.
 
 namespace slalom::sim {
 
@@ -33,7 +34,8 @@ constexpr bool IsInField(Cell cell) {
   return cell.row >= 0 && cell.row < kFieldSize && cell.col >= 0 && cell.col < kFieldSize;
 }
 
-/// A set of cells of the field: the obstacles, or where the robot's centre may not be. A value.
+/// A set of cells of the field: the obstacles, or the cells where the robot's centre must not be. A
+/// value.
 class FieldGrid {
  public:
   /// Requires: IsInField(cell).
@@ -57,24 +59,24 @@ class FieldGrid {
   std::array<std::uint32_t, kFieldSize> rows_{};
 };
 
-/// Where the centre of the robot may not be, so that the 5 x 5 cells round it are free of
-/// `obstacles`. Cells beyond the field count as free.
+/// The cells where the robot's centre must not be: those with an obstacle among the 5 x 5 cells
+/// round them. Cells beyond the field count as free.
 FieldGrid InflateByRobot(const FieldGrid& obstacles);
 
-/// The centre of a cell. Coordinates are the doubles nearest to their decimals, as read from the
-/// world files. Columns below 0 are those of the pen: -1 the last, -kPenColumns the first.
+/// The centre of a cell. Its coordinates are rounded to the doubles nearest to the decimals in the
+/// world files. Columns below 0 belong to the pen: -1 is its last column, -kPenColumns its first.
 base::Vec2 CellCentre(Cell cell);
 
-/// The cell of the field or pen whose centre is within 1e-4 m of `p_W`. None: `p_W` is off the
-/// lattice.
+/// The cell of the field or pen whose centre is within 1e-4 m of `p_W`, or nothing if `p_W` is off
+/// the lattice.
 std::optional<Cell> CellAt(base::Vec2 p_W);
 
-/// The static course with these obstacles: pen, field, start, goal, and difficulty along the path.
-/// Cells whose 8 neighbours are all filled are left out, as in the world files; they can be neither
-/// seen nor hit.
+/// Makes the static course with these obstacles: pen, field, start, goal, and difficulty along the
+/// path. Cells whose 8 neighbours are all filled are left out, as in the world files, because they
+/// can be neither seen nor hit.
 Course MakeBarnCourse(std::string name, const FieldGrid& obstacles, std::span<const Cell> path);
 
-/// What all static courses share.
+/// Start, goal and bounds, which all static courses share.
 base::Pose2 BarnStart();
 base::Vec2 BarnGoal();
 Bounds BarnBounds();

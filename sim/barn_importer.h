@@ -16,14 +16,14 @@
 
 namespace slalom::sim {
 
-/// What a directory of the original data set gave. A value.
+/// What was imported from a directory of the original data set. A value.
 struct BarnImport {
   std::map<int, std::shared_ptr<const Course>> courses;  ///< By the N of world_N.world.
   std::vector<std::string> warnings;  ///< One sentence each: mended files, worlds without a path.
   std::vector<std::string> skipped;   ///< One sentence each: worlds that became no course, and why.
 };
 
-/// The course of one world. `path`: (row, col) cells of the field, null: none.
+/// Makes the course of one world. `path` holds (row, col) cells of the field and may be null.
 ///
 /// Start, goal and bounds are those of the static courses. A world whose obstacles all lie on the
 /// lattice gets its difficulty measured along the path. Throws `Error` that names `source` where

@@ -45,20 +45,20 @@ struct FootprintPose {
 
 FootprintPose MakeFootprintPose(float x, float y, float yaw);
 
-/// Distance from the footprint to a circle at (x, y), [m]; below 0 where they overlap.
+/// Distance from the footprint to a circle at (x, y), [m]. It is negative if they overlap.
 float CircleClearance(float x, float y, float radius, const Footprint& footprint,
                       const FootprintPose& X_WR);
 
-/// Distance from the footprint to a box along the axis that keeps them farthest apart, [m]: never
-/// more than the real distance, with its sign.
+/// Distance from the footprint to a box along the axis that separates them most, [m]. It never
+/// exceeds the real distance and has the same sign: negative if they overlap.
 float BoxClearance(const PlacedBox& box, const Footprint& footprint, const FootprintPose& X_WR);
 
-/// The fixed obstacles of a course, laid out for the LiDAR and the collision test: circles as
-/// arrays sorted by cell (row by row), so that a neighbourhood is a few contiguous runs; boxes,
-/// which are few, as a list.
+/// The fixed obstacles of a course, laid out for the LiDAR and the collision test. Circles are held
+/// in arrays sorted by cell (row by row), so that a neighbourhood is a few contiguous runs. Boxes,
+/// which are few, are held in a list.
 ///
-/// Single precision: coordinates are exact to 1e-6 m within 16 m of the course's origin.
-/// Immutable after construction. Allocates nothing afterwards.
+/// Coordinates have single precision: they are exact to 1e-6 m within 16 m of the course's origin.
+/// Immutable after construction; later calls do not allocate.
 class CollisionMap {
  public:
   static constexpr int kMaxRows = 128;
@@ -68,7 +68,7 @@ class CollisionMap {
     int begin = 0;
     int end = 0;
   };
-  /// A neighbourhood: runs in ascending order.
+  /// A neighbourhood, as runs in ascending order.
   struct Runs {
     std::array<Run, kMaxRows> runs;
     int size = 0;
@@ -78,20 +78,20 @@ class CollisionMap {
 
   explicit CollisionMap(const Course& course);
 
-  /// All circles that come within `reach` [m] of the point (x, y), and perhaps some others.
+  /// Finds all circles that come within `reach` [m] of the point (x, y), and possibly some others.
   void FindCircles(float x, float y, float reach, Runs& found) const;
 
-  /// Distance from the footprint at the pose (x, y [m], yaw [rad]) to the nearest obstacle, [m],
-  /// never more than it really is and at most `limit`; above 0 exactly where nothing is touched.
-  /// Exact for circles; for boxes that are not beside an edge it may be less than the real
-  /// distance.
+  /// Distance from the footprint at the pose (x, y [m], yaw [rad]) to the nearest obstacle, [m], at
+  /// most `limit`. It never exceeds the real distance, and it is positive if and only if nothing is
+  /// touched. The distance to a circle is exact; that to a box is exact beside its edges and may be
+  /// too small at its corners.
   ///
   /// Requires: limit > 0.
   float Clearance(const Footprint& footprint, float x, float y, float yaw, float limit) const;
 
   int num_circles() const { return num_circles_; }
-  /// Arrays of the circles' centres and radii, [num_circles], then kLanes far-away ones, so that a
-  /// run may be read in whole vectors. [m]
+  /// Arrays of the circles' centres and radii, [num_circles], [m]. kLanes far-away circles follow,
+  /// so that a run may be read in whole vectors.
   const float* x() const { return x_.data(); }
   const float* y() const { return y_.data(); }
   const float* radius() const { return radius_.data(); }

@@ -7,8 +7,9 @@ namespace {
 
 constexpr int kVelocityIterations = 8;
 constexpr int kPositionIterations = 3;
-constexpr float kFriction = 0.5f;  // The wheels' in the original (original-system.md §1.1).
-constexpr float kMargin = 0.01f;   // Obstacles this near are given to Box2D, [m].
+// The friction of the original's wheels (docs/original-system.md, section 1.1).
+constexpr float kFriction = 0.5f;
+constexpr float kMargin = 0.01f;  // Obstacles this near are given to Box2D, [m].
 
 }  // namespace
 

@@ -35,13 +35,14 @@ struct KeyFrame {
   friend bool operator==(const KeyFrame&, const KeyFrame&) = default;
 };
 
-/// What follows the last key frame: a jump back to the first, or the way back.
+/// What an obstacle does after its last key frame: kLoop jumps back to the first, kPingPong drives
+/// the same way back.
 enum class Playback { kLoop, kPingPong };
 
-/// A cylinder or an upright box that follows key frames for ever and is stopped by nothing
-/// (original-system.md §7.4).
+/// A cylinder or an upright box that follows its key frames for ever. Nothing stops it
+/// (docs/original-system.md, section 7.4).
 struct MovingObstacle {
-  double radius = 0.0;               ///< Of a cylinder, [m]; 0: a box.
+  double radius = 0.0;               ///< Of a cylinder, [m]; 0 for a box.
   base::Vec2 half_size;              ///< Of a box, along B's x and y, [m].
   std::vector<KeyFrame> key_frames;  ///< Two or more, times strictly ascending from 0.
   Playback playback = Playback::kLoop;
@@ -49,7 +50,7 @@ struct MovingObstacle {
   friend bool operator==(const MovingObstacle&, const MovingObstacle&) = default;
 };
 
-/// Smallest and largest corner of what a course covers, [m].
+/// The corners of the area that a course covers, [m].
 struct Bounds {
   base::Vec2 min_W;
   base::Vec2 max_W;
@@ -61,8 +62,8 @@ struct Bounds {
 Bounds Including(Bounds bounds, const Circle& circle);
 Bounds Including(Bounds bounds, const Box& box);
 
-/// Mean over the reference path of the five measures of Perille et al. 2020 (original-system.md
-/// §7.1), in cells of 0.15 m, not normalised.
+/// Mean over the reference path of the five measures of Perille et al. 2020
+/// (docs/original-system.md, section 7.1), in cells of 0.15 m, not normalised.
 struct Difficulty {
   double distance_to_obstacle = 0.0;
   double visibility = 0.0;
@@ -73,7 +74,8 @@ struct Difficulty {
   friend bool operator==(const Difficulty&, const Difficulty&) = default;
 };
 
-/// An obstacle course: data only, immutable once made, so any number of threads may share it.
+/// An obstacle course. It is plain data and never changes once made, so any number of threads may
+/// share it.
 struct Course {
   std::string name;  ///< Unique in its set; letters, digits, '-', '_', '.'.
   base::Pose2 start;
@@ -89,8 +91,8 @@ struct Course {
   friend bool operator==(const Course&, const Course&) = default;
 };
 
-/// Length of start, reference path, goal, [m]; the straight line where the course has no path. The
-/// optimal time of the BARN score is this over 2 m/s.
+/// Length of the way from the start along the reference path to the goal, [m], or of the straight
+/// line if the course has no path. The BARN score's optimal time is this length divided by 2 m/s.
 double ReferenceLength(const Course& course);
 
 /// A named list of courses.

@@ -65,8 +65,8 @@ bool OutlineCollides(const Course& course, const base::Pose2& X_WR) {
                      [&](const Box& box) { return BoxesTouch(outline, box); });
 }
 
-/// Whether the obstacle, on its way, ever touches the outline. It is looked at every 0.02 m, more
-/// than 3.6e5 times on no way.
+/// Whether the obstacle ever touches the outline on its way. Checks a position every 0.02 m, at
+/// most 3.6e5 in all.
 bool EverTouches(const MovingObstacle& obstacle, const Motion& motion, const Box& outline) {
   constexpr double kStep = 0.02;  // [m]
   constexpr double kMaxSteps = 3.6e5;
@@ -83,7 +83,7 @@ bool EverTouches(const MovingObstacle& obstacle, const Motion& motion, const Box
   return false;
 }
 
-/// Where the centre of a disc of the robot's width may be.
+/// A grid of the cells where the centre of a disc of the robot's width may be.
 class ClearanceGrid {
  public:
   explicit ClearanceGrid(const Course& course)
@@ -179,7 +179,8 @@ bool AreFinite(std::initializer_list<double> numbers) {
   return std::all_of(numbers.begin(), numbers.end(), [](double v) { return std::isfinite(v); });
 }
 
-/// What makes `course` no course at all: numbers that are none, sizes that are not above 0.
+/// Why the data of `course` are not valid: numbers that are not finite, sizes that are not
+/// positive.
 std::optional<std::string> WhyMalformed(const Course& course) {
   const auto is_pose = [](const base::Pose2& X) { return AreFinite({X.p.x, X.p.y, X.yaw}); };
   const auto is_size = [](double size) { return size > 0.0 && std::isfinite(size); };
@@ -192,15 +193,15 @@ std::optional<std::string> WhyMalformed(const Course& course) {
   for (std::size_t i = 0; i < course.circles.size(); ++i) {
     const Circle& circle = course.circles[i];
     if (!AreFinite({circle.p_W.x, circle.p_W.y}) || !is_size(circle.radius)) {
-      return fmt::format("its cylinder {} is none: centre ({}, {}), radius {}", i, circle.p_W.x,
-                         circle.p_W.y, circle.radius);
+      return fmt::format("its cylinder {} is not valid: centre ({}, {}), radius {}", i,
+                         circle.p_W.x, circle.p_W.y, circle.radius);
     }
   }
   for (std::size_t i = 0; i < course.boxes.size(); ++i) {
     const Box& box = course.boxes[i];
     if (!is_pose(box.X_WB) || !is_size(box.half_size.x) || !is_size(box.half_size.y)) {
-      return fmt::format("its box {} is none: centre ({}, {}), yaw {}, half sizes {} and {}", i,
-                         box.X_WB.p.x, box.X_WB.p.y, box.X_WB.yaw, box.half_size.x,
+      return fmt::format("its box {} is not valid: centre ({}, {}), yaw {}, half sizes {} and {}",
+                         i, box.X_WB.p.x, box.X_WB.p.y, box.X_WB.yaw, box.half_size.x,
                          box.half_size.y);
     }
   }
@@ -250,7 +251,7 @@ std::optional<std::string> WhyBadKeyFrame(const MovingObstacle& obstacle, std::s
   const double way = std::max(base::Norm(X_WB.p - last.X_WB.p),
                               std::abs(base::WrapAngle(X_WB.yaw - last.X_WB.yaw)));
   if (way > kMaxObstacleSpeed * duration) {
-    return fmt::format("key frame {} is reached at {:g} m/s or rad/s; at most {} is believed", i,
+    return fmt::format("key frame {} is reached at {:g} m/s or rad/s, expected at most {}", i,
                        way / duration, kMaxObstacleSpeed);
   }
   return std::nullopt;
@@ -299,8 +300,8 @@ std::vector<std::string> CourseWarnings(const Course& course) {
   }
   if (!still.empty()) {
     warnings.push_back(
-        fmt::format("{} of {} moving obstacles stand still, but are not looked at when a way from "
-                    "start to goal is sought: number {}",
+        fmt::format("{} of {} moving obstacles stand still; the check for a way from start to goal "
+                    "ignores them: number {}",
                     still.size(), course.moving.size(), fmt::join(still, ", ")));
   }
   return warnings;

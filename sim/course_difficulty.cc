@@ -51,7 +51,7 @@ double DistanceToObstacle(const FieldGrid& blocked, Cell cell) {
       best = std::min(best, rows * rows + cols * cols);
     }
   }
-  // A field without walls: as far as the field's middle is from its sides.
+  // In a field without walls: the distance from the middle of the field to its sides.
   if (best == std::numeric_limits<int>::max()) return 0.5 * (kFieldSize - 1);
   return std::sqrt(static_cast<double>(best));
 }

@@ -29,23 +29,23 @@ void SetColour(cairo_t* cairo, Colour colour, double alpha = 1.0);
 /// `bounds`, and all that a moving obstacle covers on its way.
 Bounds IncludingSweep(Bounds bounds, const MovingObstacle& obstacle);
 
-/// Draws in the course's frame W: the caller has set up a transformation from metres, y up, to the
+/// Draws in the course's frame W. The caller has set up a transformation from metres, y up, to the
 /// page. Confined to the thread that owns the context.
 class CoursePainter {
  public:
   explicit CoursePainter(cairo_t* cairo) : cairo_(cairo) {}
 
-  /// Floor, obstacles, goal and reference path.
+  /// Draws floor, obstacles, goal and reference path.
   void PaintCourse(const Course& course);
-  /// Filled where it begins, its outline each second, its centre's way with an arrow at the end (at
-  /// both ends with ping-pong).
+  /// Draws the obstacle filled where it begins, its outline at each second, and the way of its
+  /// centre with an arrow at the end (with ping-pong playback, at both ends).
   void PaintMoving(const MovingObstacle& obstacle);
-  /// The robot at the start, with an arrow ahead.
+  /// Draws the robot at the start, with an arrow ahead.
   void PaintStart(const base::Pose2& X_WR);
-  /// Line, outline every metre, outline and mark at the end.
+  /// Draws the line of the track, the robot's outline every metre and at the end, and an end mark.
   void PaintTrack(const EpisodeTrack& track);
 
-  // Symbols, also used by the legend. `radius` in the unit of the context.
+  // Symbols, also used by the legend. `radius` is in the unit of the context.
   void PaintEndMark(base::Vec2 p, double radius, env::Outcome outcome);
   void PaintGoal(base::Vec2 p, double radius);
   void PaintDashes(std::span<const base::Vec2> points, double width);
@@ -55,7 +55,7 @@ class CoursePainter {
   void PaintArrow(std::span<const base::Vec2> points, double size, double width);
 
  private:
-  /// A pixel of a PNG, a point of an SVG, in the unit of the context.
+  /// The size of a pixel of a PNG or a point of an SVG, in the unit of the context.
   double PixelSize() const;
   /// `width`, but never so thin that it cannot be seen.
   void SetLineWidth(double width);

@@ -26,11 +26,11 @@ constexpr double kTitleHeight = 24.0;
 constexpr double kLegendRow = 20.0;
 constexpr double kFontSize = 12.0;
 constexpr double kMaxSide = 20000.0;
-constexpr double kPageScale = 64.0;   // Per metre, one course,
-constexpr double kPageSide = 2000.0;  // or what fits the larger side into this.
-constexpr double kSheetScale = 22.0;  // The same, contact sheet.
+constexpr double kPageScale = 64.0;   // Per metre, for one course;
+constexpr double kPageSide = 2000.0;  // less if the larger side would exceed this.
+constexpr double kSheetScale = 22.0;  // Per metre, for a contact sheet.
 constexpr double kSheetSide = 480.0;
-constexpr double kMinScale = 4.0;  // Per metre; below, nothing can be made out.
+constexpr double kMinScale = 4.0;  // Per metre. A smaller picture shows nothing.
 
 struct Size {
   double width = 0.0;
@@ -43,8 +43,8 @@ class Page {
   Page(Size size, PictureFormat format) : format_(format) {
     if (!(size.width <= kMaxSide && size.height <= kMaxSide)) {
       throw base::Error(
-          fmt::format("the picture would be {:.0f} x {:.0f} pixels large; at most {:.0f} "
-                      "each way can be drawn",
+          fmt::format("the picture would have {:.0f} x {:.0f} pixels; expected at most {:.0f} "
+                      "in each direction",
                       size.width, size.height, kMaxSide));
     }
     surface_.reset(
@@ -70,7 +70,7 @@ class Page {
     cairo_new_path(cairo());
   }
 
-  /// The bytes of the picture; nothing can be drawn any more.
+  /// Returns the bytes of the picture. Nothing can be drawn afterwards.
   std::string Finish() {
     const cairo_status_t drawn = cairo_status(cairo());
     context_.reset();

@@ -19,23 +19,23 @@ int NumCourses(CourseKind kind);
 /// The N of the first world_N.world of this kind: 0, 300, 400.
 int FirstWorld(CourseKind kind);
 
-/// A set by its courses. A value.
+/// The courses of a set. A value.
 struct CourseSplit {
   CourseKind kind = CourseKind::kStatic;
-  std::vector<int> indices;  ///< Of 0 to NumCourses(kind) - 1, in the order of the paper's lists.
+  std::vector<int> indices;  ///< From 0 to NumCourses(kind) - 1, in the paper's order.
 
   friend bool operator==(const CourseSplit&, const CourseSplit&) = default;
 };
 
-/// The paper's sets (original-system.md §7.5), the same for the imported original courses and for
-/// generated ones:
+/// The paper's sets (docs/original-system.md, section 7.5), the same for the imported original
+/// courses and for generated ones:
 ///
 /// - `static`: all 300; `static-test`: 50, for final figures only; `static-train-5`, `-10`, `-50`,
 ///   `-100`, `-250`: nested; the last is all that are not in static-test;
 /// - `dynamic-box`: all 100; `dynamic-box-train`: the first 50; `dynamic-box-test`: the others;
 /// - `dynamic-wall`, `dynamic-wall-train`, `dynamic-wall-test`: likewise;
 ///
-/// the 50 that the BARN Challenge is scored on (original-system.md §8.6):
+/// the 50 that the BARN Challenge is scored on (docs/original-system.md, section 8.6):
 ///
 /// - `static-challenge`: 0, 6, ..., 294;
 ///
@@ -48,7 +48,7 @@ std::span<const std::string_view> SplitNames();
 
 inline constexpr int kNumValidationCourses = 40;
 
-/// The set of this name. None: no set of `SplitNames` has it.
+/// The set of this name, or nothing if `SplitNames` does not hold the name.
 std::optional<CourseSplit> FindSplit(std::string_view name);
 
 }  // namespace slalom::sim

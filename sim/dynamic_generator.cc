@@ -69,7 +69,7 @@ Course DynamicBoxArena(std::string name) {
   course.name = std::move(name);
   course.start = BarnStart();
   course.goal_W = BarnGoal();
-  // 0.4 m beyond the ends, more than a box of 0.5 m reaches from its centre.
+  // The bounds reach 0.4 m beyond the ends, more than a box of 0.5 m reaches from its centre.
   course.bounds = {{-9.4, 0.1}, {4.9, 14.4}};
   const base::Vec2 half_size = {0.5 * kWallThickness, 0.5 * (kFront - kBack)};
   const base::Vec2 middle = {0.5 * (kLeft + kRight), 0.5 * (kBack + kFront)};
@@ -119,7 +119,7 @@ Course GenerateBoxCourse(std::string name, const DynamicBoxRecipe& recipe,
   Course course = DynamicBoxArena(std::move(name));
   const auto choices = static_cast<std::uint64_t>(recipe.max_boxes - recipe.min_boxes) + 1;
   const auto num_boxes = static_cast<std::size_t>(recipe.min_boxes) + random.UniformInt(choices);
-  // The first of a shuffle (Fisher and Yates), so that none comes twice.
+  // Takes the first of a shuffle (Fisher and Yates), so that none is drawn twice.
   std::vector<std::size_t> order(trajectories.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   for (std::size_t i = 0; i < num_boxes; ++i) {

@@ -15,7 +15,7 @@
 
 namespace slalom::sim {
 
-/// What never moves in a world. A value.
+/// The obstacles of a world that do not move. A value.
 struct FixedObstacles {
   std::vector<Circle> circles;
   std::vector<Box> boxes;

@@ -6,7 +6,8 @@
 #include "env/action.h"
 #include "env/observation.h"
 
-/// Defaults are the numbers of the original system (original-system.md §1 and §2).
+/// The task's settings. Defaults are the numbers of the original system (docs/original-system.md,
+/// sections 1 and 2).
 
 namespace slalom::sim {
 
@@ -42,13 +43,14 @@ struct RobotConfig {
     v("yaw_inertia", yaw_inertia, base::Range{0.001, 1000.0}, "kg m^2",
       "Moment of inertia of chassis and wheels about the vertical.");
     v("drive", drive, base::OneOf{"skid-steer", "ideal"}, "",
-      "How wheels move the body: four that slip, with dry friction, or without any slip.");
+      "How the wheels move the body: four wheels that slip, with dry friction (skid-steer), or "
+      "without any slip (ideal).");
     v("wheel_base", wheel_base, base::Range{0.01, 2.0}, "m",
-      "From the front to the back axle (skid-steer).");
+      "Distance from the front axle to the rear axle (skid-steer).");
     v("track", track, base::Range{0.01, 2.0}, "m",
-      "From the middle of the left to that of the right wheels (skid-steer).");
+      "Distance between the middles of the left and the right wheels (skid-steer).");
     v("wheel_separation_multiplier", wheel_separation_multiplier, base::Range{0.5, 4.0}, "",
-      "The drive's controller takes the track for this many times as wide, to make up for slip "
+      "The drive's controller assumes a track this many times as wide, to compensate for slip "
       "(skid-steer).");
     v("wheel_friction", wheel_friction, base::Range{0.01, 10.0}, "",
       "Friction coefficient of wheels on the ground (skid-steer).");
@@ -62,19 +64,21 @@ struct RobotConfig {
     v("linear_acceleration", linear_acceleration, base::Range{0.1, 1000.0}, "m/s^2",
       "Largest change of the wheels' forward speed, speeding up and braking.");
     v("angular_acceleration", angular_acceleration, base::Range{0.1, 1000.0}, "rad/s^2",
-      "Largest change of the turn rate asked of the wheels.");
+      "Largest change of the turn rate demanded of the wheels.");
     v("speed_gain", speed_gain, base::Range{0.1, 2.0}, "",
-      "Forward speed asked of the wheels per speed commanded: worn tyres, another limit.");
+      "Forward speed demanded of the wheels, per forward speed commanded; below 1 for worn tyres, "
+      "for example.");
     v("yaw_gain", yaw_gain, base::Range{0.1, 2.0}, "",
-      "Turn rate asked of the wheels per turn rate commanded.");
+      "Turn rate demanded of the wheels, per turn rate commanded.");
     v("wheel_imbalance", wheel_imbalance, base::Range{-0.5, 0.5}, "",
-      "By which fraction right wheels run faster than left ones, as larger wheels do "
+      "Fraction by which the right wheels run faster than the left ones, as larger wheels would "
       "(skid-steer).");
     v("command_delay", command_delay, base::Range{0.0, 1.0}, "s",
-      "From choosing an action to the drive acting on it; rounded to a multiple of 1 / "
+      "Time from the choice of an action until the drive acts on it; rounded to a multiple of 1 / "
       "control_rate.");
     v("command_jitter", command_jitter, base::Range{0.0, 1.0}, "s",
-      "Each command takes up to this much longer, uniformly, but overtakes none before it.");
+      "Each command is delayed further by up to this, uniformly, but never overtakes the one "
+      "before it.");
   }
 };
 
@@ -104,19 +108,19 @@ struct LidarConfig {
       "Place of the sensor to the left of the robot's centre.");
     v("min_range", min_range, base::Range{0.0, 10.0}, "m", "Shorter ranges are reported as this.");
     v("max_range", max_range, base::Range{0.1, 600.0}, "m",
-      "Reported where nothing is hit; the observation clips it further.");
+      "Range reported if nothing is hit; the observation clips it further.");
     v("resolution", resolution, base::Range{0.01, 1.0}, "m",
       "Ranges are rounded to a multiple of this, and stored in centimetres.");
     v("noise_std", noise_std, base::Range{0.0, 1.0}, "m",
       "Standard deviation of the Gaussian noise of each range.");
     v("noise_per_metre", noise_per_metre, base::Range{0.0, 0.1}, "",
-      "Grows that standard deviation per metre of range.");
+      "Increase of that standard deviation per metre of range.");
     v("dropout_probability", dropout_probability, base::Range{0.0, 1.0}, "",
-      "Of a beam that comes back without an echo: max_range is reported.");
+      "Probability that a beam returns no echo and reports max_range.");
   }
 };
 
-/// How the robot's belief of where it is departs from the truth, step by step: random walks.
+/// How far the robot's belief of where it is drifts from the truth at each step, as random walks.
 struct LocalisationConfig {
   double position_drift = 0.0;
   double heading_drift = 0.0;
@@ -133,7 +137,7 @@ struct LocalisationConfig {
   }
 };
 
-/// What of the scan and the goal the networks see.
+/// How the networks see the scan and the goal.
 struct ObservationConfig {
   double range_clip = 5.0;
   double goal_scale = 5.0;
@@ -147,7 +151,7 @@ struct ObservationConfig {
   }
 };
 
-/// Equation 1 of the paper.
+/// Equation 1 of the paper (Xu et al., section III-C).
 struct RewardConfig {
   double success = 20.0;
   double progress = 1.0;
@@ -182,11 +186,11 @@ struct EpisodeConfig {
     v("step", step, base::Range{0.005, 2.0}, "s",
       "Control step: simulated time for which an action is held.");
     v("max_steps", max_steps, base::Range{1, 1000000}, "",
-      "Step limit (a truncation: the value beyond it counts).");
+      "Step limit. It is a truncation: the value beyond it counts.");
     v("goal_tolerance", goal_tolerance, base::Range{0.01, 10.0}, "m",
-      "The goal is reached nearer than this.");
+      "The goal counts as reached at a distance below this.");
     v("collision_ends", collision_ends,
-      "A contact ends the episode; else it costs at each control step that it lasts.");
+      "A contact ends the episode. If false, it has a cost at each control step that it lasts.");
     v("start_position_jitter", start_position_jitter, base::Range{0.0, 1.0}, "m",
       "Start x and y are moved by up to this, uniformly.");
     v("start_yaw_jitter", start_yaw_jitter, base::Range{0.0, 3.1416}, "rad",
@@ -211,14 +215,13 @@ struct EnvironmentConfig {
     v.Section("localisation", localisation,
               "Drift of the odometry and, with it, of the goal that is observed.");
     v.Section("action", action, "What an action means.");
-    v.Section("observation", observation, "What of scan and goal the networks see.");
+    v.Section("observation", observation, "How the networks see scan and goal.");
     v.Section("reward", reward, "Reward of a step.");
     v.Section("episode", episode, "Clock, start and end of an episode.");
   }
 };
 
-/// Throws `base::Error` where fields contradict each other (single fields are checked by
-/// `config/`).
+/// Throws `base::Error` if fields contradict each other. config/config.h checks single fields.
 void CheckConsistent(const EnvironmentConfig& config);
 
 /// How frames of this task become observations.

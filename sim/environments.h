@@ -19,29 +19,35 @@ namespace slalom::sim {
 
 /// The paper's task on a list of courses: B simulated robots stepped as a batch.
 ///
-/// A step holds the command for `episode.step`, then looks: contact at any of the rigid-body steps
-/// is a collision (from the first step on), which ends the episode if `episode.collision_ends`, and
-/// else costs at each control step in which a contact begins or lasts; else nearer to the goal than
-/// the tolerance at the end of the step is success; else the step limit is a timeout. Frames are
-/// taken at the end of the step, and show moving obstacles where they are then.
+/// A step holds the command for `episode.step` and then decides the outcome, in this order:
 ///
-/// In the original, moving obstacles keep running while the robot is put back, so every episode
-/// meets them in another phase: here an episode's seed draws the motion time at which it begins,
-/// uniformly from 1000 s (0 on a course where nothing moves).
+/// - Contact at any of the rigid-body steps, the first included, is a collision. It ends the
+///   episode if `episode.collision_ends`; if not, every control step in which a contact begins or
+///   lasts has a cost.
+/// - A robot nearer to the goal than the tolerance at the end of the step has succeeded.
+/// - At the step limit the episode ends in a timeout.
 ///
-/// Odometry and the goal that is observed come from where the robot believes to be
-/// (sim/localisation.h); rewards and success from where it is.
+/// Frames are taken at the end of the step and show moving obstacles where they are then.
 ///
-/// An episode is a value of (config, course, seed, actions), bit for bit, whatever the batch, its
-/// order or the number of threads. `Reset` and `Step` allocate nothing, save that the first
+/// In the original, moving obstacles keep running while the robot is put back to the start, so
+/// every episode meets them in another phase. Here an episode's seed draws the motion time at which
+/// it begins, uniformly from 1000 s (0 on a course where nothing moves).
+///
+/// Odometry and the observed goal follow from where the robot believes it is (sim/localisation.h),
+/// rewards and success from where it really is.
+///
+/// An episode is a function of (config, course, seed, actions), bit for bit, whatever the batch,
+/// its order and the number of threads. `Reset` and `Step` do not allocate, except that the first
 /// contacts grow Box2D's own pools. Confined to one thread at a time.
 class CourseEnvironments : public env::BatchEnvironment {
  public:
-  /// `parallel`: runs the batch on its threads; null: on the caller's. It must outlive this object.
+  /// `parallel`: runs the batch on its threads and must outlive this object. Null: the batch runs
+  /// on the caller's thread.
   ///
-  /// Throws `base::Error` where the config contradicts itself or where the robot would touch a
-  /// fixed obstacle at the start of a course, or moving ones there at nearly any time. Requires:
-  /// batch_size >= 1, at least one scene, none null.
+  /// Throws `base::Error` if the config contradicts itself, or if at the start of a course the
+  /// robot would touch a fixed obstacle, or moving ones at nearly any time.
+  ///
+  /// Requires: batch_size >= 1, at least one scene, none of them null.
   CourseEnvironments(const EnvironmentConfig& config,
                      std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
                      base::ParallelFor* parallel,
@@ -50,9 +56,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   int batch_size() const override { return static_cast<int>(environments_.size()); }
   int num_courses() const override { return static_cast<int>(scenes_.size()); }
 
-  /// The start pose is jittered as configured; a draw of pose and motion time in which the robot
-  /// touches an obstacle is drawn again; after 1000 of them the course's own start pose and motion
-  /// time 0 are taken.
+  /// Draws the start pose, jittered as configured, and the motion time, until the robot touches no
+  /// obstacle. After 1000 draws it takes the course's own start pose and motion time 0.
   /// Requires: 0 <= i < batch_size(), 0 <= spec.course < num_courses().
   void Reset(int i, const env::EpisodeSpec& spec) override;
 

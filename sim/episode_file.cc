@@ -33,7 +33,7 @@ bool IsNumber(const json& value) {
   return value.is_number() && std::abs(value.get<double>()) <= 1e5;
 }
 
-/// -0 becomes 0: it is printed as an integer, which has no sign.
+/// Turns -0 into 0, because zeros are printed as integers, which have no negative zero.
 double Number(const json& value) { return value.get<double>() + 0.0; }
 
 bool IsNumbers(const json& value, std::size_t count) {
@@ -47,7 +47,7 @@ bool IsScan(const json& value) {
          });
 }
 
-/// Reads the number `key` into `value` where it is there. False: it is no such number.
+/// Reads the number `key` into `value` if there is one. Returns false if it is not such a number.
 bool ReadNumber(const json& object, const char* key, double& value) {
   const auto it = object.find(key);
   if (it == object.end()) return true;
@@ -56,7 +56,7 @@ bool ReadNumber(const json& object, const char* key, double& value) {
   return true;
 }
 
-/// Reads the keys that a track may lack. What is wrong with them; empty: nothing.
+/// Reads the optional keys of a track. Returns what is wrong with them, or an empty text.
 std::string ReadOptionalKeys(const json& object, EpisodeTrack& track) {
   double episode = 0.0;
   for (const auto& [key, value] : {std::pair{"episode", &episode},
@@ -90,7 +90,7 @@ std::string ReadOptionalKeys(const json& object, EpisodeTrack& track) {
   return "";
 }
 
-/// The track of one line, or what is wrong with it.
+/// Parses the track of one line, or returns what is wrong with it.
 std::variant<EpisodeTrack, std::string> ParseLine(std::string_view line) {
   const json object = json::parse(line, nullptr, /*allow_exceptions=*/false);
   if (!object.is_object()) return "not a JSON object";

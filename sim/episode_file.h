@@ -13,7 +13,7 @@
 
 namespace slalom::sim {
 
-/// Where the beams of a track's scans point: beam k at angle_min + k angle_step, S at p_RS.
+/// Where the beams of a track's scans point: beam k leaves the sensor at angle_min + k angle_step.
 struct TrackBeams {
   base::Vec2 p_RS;          ///< The sensor in the robot's frame, [m].
   double angle_min = 0.0;   ///< Of the first beam, counter-clockwise from ahead, [rad].
@@ -28,29 +28,30 @@ struct EpisodeTrack {
   env::Outcome outcome = env::Outcome::kRunning;
   std::vector<base::Pose2> poses{};   ///< X_WR at the start and after each control step.
   int episode = 0;                    ///< Number of the episode on its course.
-  double step = 0.0;                  ///< Time between poses, [s]; 0: not known.
+  double step = 0.0;                  ///< Time between poses, [s]; 0 if not known.
   double motion_start = 0.0;          ///< Moving obstacles' clock at the first pose, [s].
-  std::optional<TrackBeams> beams{};  ///< None: the scans were not kept.
+  std::optional<TrackBeams> beams{};  ///< Set if the scans were kept.
   std::vector<std::vector<std::uint16_t>> scans_cm{};  ///< One per pose, alike in size, [cm].
 
   friend bool operator==(const EpisodeTrack&, const EpisodeTrack&) = default;
 };
 
-/// The tracks as JSON lines, one object each, numbers exact:
+/// Prints the tracks as JSON lines, one object each, with exact numbers. An object, shown here on
+/// several lines:
 ///
-///     {"course": "barn-007", "outcome": "success", "episode": 0, "step_s": 0.2, "motion_start_s":
-///     0, "poses": [[-2.0, 3.0, 1.57], ...], "sensor": [0.12, 0], "angle_min_rad": -2.35619,
-///     "angle_step_rad": 0.05243, "scans_cm": [[120, 131, ...], ...]}
+///     {"course": "barn-007", "outcome": "success", "episode": 0, "step_s": 0.2,
+///      "motion_start_s": 0, "poses": [[-2.0, 3.0, 1.57], ...], "sensor": [0.12, 0],
+///      "angle_min_rad": -2.35619, "angle_step_rad": 0.05243, "scans_cm": [[120, 131, ...], ...]}
 ///
-/// outcome: success, collision, timeout or running; pose: x [m], y [m], yaw [rad]; the last four
-/// keys only where scans were kept. Only course, outcome and poses must be there.
+/// An outcome is success, collision, timeout or running. A pose is x [m], y [m], yaw [rad]. The
+/// last four keys are there only if scans were kept. Readers require course, outcome and poses.
 std::string PrintEpisodes(std::span<const EpisodeTrack> tracks);
 
-/// The tracks in `text`. Unknown keys of an object are passed over, blank lines too. Throws `Error`
-/// that names `source` and line where a line is not such an object.
+/// Parses the tracks in `text`. Ignores unknown keys and blank lines. Throws `Error` that names
+/// `source` and the line if a line is not such an object.
 std::vector<EpisodeTrack> ParseEpisodes(std::string_view text, std::string_view source);
 
-/// Reads or atomically writes a file of them. Throw `Error` where that fails.
+/// Reads a file of tracks, or writes one atomically. Both throw `Error` if that fails.
 std::vector<EpisodeTrack> ReadEpisodes(const std::filesystem::path& path);
 void WriteEpisodes(const std::filesystem::path& path, std::span<const EpisodeTrack> tracks);
 

@@ -68,7 +68,7 @@ struct Circles {
 SLALOM_VECTOR_CLONES
 void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs,
                  const Sensor& sensor, float* ranges) {
-  // Beyond rounding and the error of Atan2, in beams.
+  // A margin for rounding and the error of Atan2, in beams.
   const float pad = 1e-3f * sensor.beams_per_radian;
   const float turn = 6.28318531f * sensor.beams_per_radian;
   const float last_beam = static_cast<float>(sensor.num_beams - 1);
@@ -81,7 +81,7 @@ void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs
       const Floats y = sensor.cos_yaw * dy - sensor.sin_yaw * dx;
       const Floats squared = x * x + y * y;
       const Floats far = radius + sensor.reach;
-      // Half the angle it fills, asin(sine), from above.
+      // An upper bound of half the angle that it fills, asin(sine).
       const Floats sine = radius / Sqrt(Max(squared, Fill(1e-12f)));
       const Floats wide =
           sine < Fill(0.5f) ? sine * (1.0f + 0.19f * (sine * sine)) : Fill(1.5707964f);
@@ -91,7 +91,7 @@ void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs
       const Floats low = middle - half, high = middle + half;
       const Ints in_reach = squared < far * far;
       const Ints seen = in_reach & (high >= Floats{}) & (low <= Fill(last_beam));
-      // Where the span reaches past the direction backwards, its other end is a turn away.
+      // If the span crosses the backward direction, its other end is a full turn away.
       const Ints wraps = in_reach & ((low + turn <= Fill(last_beam)) | (high - turn >= Floats{}));
       alignas(32) float xs[kLanes], ys[kLanes], lows[kLanes], highs[kLanes];
       alignas(32) int firsts[kLanes], lasts[kLanes], seen_flags[kLanes], wrap_flags[kLanes];
@@ -138,7 +138,7 @@ void CastBox(const Sensor& sensor, const SensedBox& box, int first, int last, fl
     const Floats s = Load(sensor.beam_sin + i);
     Floats dx = box.cos_yaw * c - box.sin_yaw * s;
     Floats dy = box.sin_yaw * c + box.cos_yaw * s;
-    // A beam along a side: nudged, so that its slab has two finite crossings.
+    // A beam along a side is turned a little, so that it crosses its slab at two finite points.
     dx = Abs(dx) < tiny ? tiny : dx;
     dy = Abs(dy) < tiny ? tiny : dy;
     const Floats x_low = (-box.half_x - box.x) / dx, x_high = (box.half_x - box.x) / dx;
@@ -191,12 +191,12 @@ void CastBoxes(std::span<const PlacedBox> boxes, const Sensor& sensor, float* ra
     const float beyond_x = std::max(std::abs(sensed.x) - box.half_x, 0.0f);
     const float beyond_y = std::max(std::abs(sensed.y) - box.half_y, 0.0f);
     if (beyond_x * beyond_x + beyond_y * beyond_y > sensor.reach * sensor.reach) continue;
-    constexpr float kNear = 1e-3f;  // Nearer than this, directions are not to be trusted, [m].
+    constexpr float kNear = 1e-3f;  // Nearer than this, directions are not reliable, [m].
     if (beyond_x < kNear && beyond_y < kNear) {
       CastBox(sensor, sensed, 0, sensor.num_beams - 1, ranges);
       continue;
     }
-    constexpr double kPad = 1e-3;  // Beyond rounding and the error of Atan2, [rad].
+    constexpr double kPad = 1e-3;  // A margin for rounding and the error of Atan2, [rad].
     const AngularSpan span = SpanOfBox(sensed);
     for (const double shift : {-2.0 * base::kPi, 0.0, 2.0 * base::kPi}) {
       const double low = (span.low - kPad + shift - sensor.first_angle) * sensor.beams_per_radian;

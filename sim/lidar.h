@@ -16,28 +16,31 @@ namespace slalom::sim {
 
 /// The range finder: casts planar scans against a `CollisionMap` and moving obstacles.
 ///
-/// For each obstacle only the beams inside its angular span are tested. Immutable after
-/// construction, so one instance may serve many threads. Allocates nothing afterwards.
+/// For each obstacle, only the beams inside its angular span are tested. Immutable after
+/// construction, so one instance may serve many threads. Scans do not allocate.
 class Lidar {
  public:
-  /// `clip`: ranges beyond this are reported as this, [m].
+  /// `clip`: longer ranges are reported as this, [m].
   Lidar(const LidarConfig& config, double clip);
 
   /// Writes one scan, as the sensor reports it, taken with the robot at `X_WR`.
   ///
-  /// `ranges_cm`: [num_beams] [cm], counter-clockwise, with noise and lost beams drawn from
-  /// `noise`, not below min_range, rounded to the resolution, clipped. Nothing hit: max_range (then
-  /// noise and clip). `moving`: at the time of the scan; null: none. Requires: ranges_cm.size() ==
-  /// num_beams(). Cost: about 3 us on the courses of the paper; O(num_beams + obstacles in reach *
+  /// `ranges_cm`: [num_beams] [cm], counter-clockwise. A beam that hits nothing has max_range.
+  /// Noise and lost beams are drawn from `noise`; then ranges are raised to min_range, rounded to
+  /// the resolution and clipped.
+  /// `moving`: the moving obstacles at the time of the scan, or null if there are none.
+  /// Requires: ranges_cm.size() == num_beams().
+  /// Cost: about 3 us on the courses of the paper; O(num_beams + sum over obstacles in reach of the
   /// beams they span).
   void Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
             std::span<std::uint16_t> ranges_cm, const MovingShapes* moving = nullptr) const;
 
   /// Writes the distances from the sensor to the nearest obstacle, before noise, rounding and clip.
   ///
-  /// `ranges`: [num_beams] [m], counter-clockwise; within 1e-4 m save where a beam grazes an
-  /// obstacle. 0: the sensor is inside an obstacle. max_range: nothing nearer than clip and noise
-  /// can matter to. Requires: ranges.size() == num_beams().
+  /// `ranges`: [num_beams] [m], counter-clockwise, exact to 1e-4 m except where a beam grazes an
+  /// obstacle. They are 0 if the sensor is inside an obstacle. An obstacle so far away that neither
+  /// clip nor noise lets it change a report counts as not hit and gives max_range.
+  /// Requires: ranges.size() == num_beams().
   void Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<float> ranges,
             const MovingShapes* moving = nullptr) const;
 

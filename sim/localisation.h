@@ -6,26 +6,26 @@
 #include "base/random.h"
 #include "sim/environment_config.h"
 
-/// Frames: `W` the course's own frame, `R` the robot, `O` the robot's own frame when the episode
-/// began.
+/// Frames: `W` the course's own frame, `R` the robot, `O` the frame of the robot at the beginning
+/// of the episode.
 
 namespace slalom::sim {
 
-/// Where the robot believes to be: the true motion with an error added at each step, so that the
-/// belief walks away from the truth and comes back by chance alone. A value; a copy goes on alike.
+/// Where the robot believes it is: its true motion, with an error added at each step, so that the
+/// belief drifts away from the truth. A value; a copy continues with the same errors.
 class Localisation {
  public:
   explicit Localisation(const LocalisationConfig& config) : config_(config), random_(0) {}
 
-  /// Knows to be at `X_WR`, the origin of O.
+  /// Starts at `X_WR`, which becomes the frame O. Belief and truth agree there.
   void Reset(const base::Pose2& X_WR, std::uint64_t seed);
 
-  /// The robot has moved on to `X_WR`. Without drift the belief is the truth.
+  /// Tells that the robot has moved to `X_WR`. Without drift the belief stays equal to the truth.
   void Advance(const base::Pose2& X_WR);
 
-  /// Pose that the robot believes to have, heading in [-pi, pi).
+  /// The pose that the robot believes it has, with a heading in [-pi, pi).
   const base::Pose2& X_OR() const { return X_OR_; }
-  /// The point p_W in the frame of the robot, where it believes to be.
+  /// The point p_W in the frame of the robot as it believes it stands.
   base::Vec2 InRobotFrame(base::Vec2 p_W) const;
 
  private:

@@ -11,39 +11,42 @@ namespace slalom::sim {
 
 /// Where a moving obstacle is and how it moves. A value.
 struct MotionState {
-  base::Pose2 X_WB;       ///< The heading goes on within a round, beyond pi too.
+  base::Pose2 X_WB;       ///< The heading is not wrapped within a round: it may exceed pi.
   base::Vec2 v_B;         ///< Velocity of B's origin in W, [m/s].
   double yaw_rate = 0.0;  ///< [rad/s]
 };
 
 /// The motion of an obstacle through its key frames, as Gazebo plays an animation
-/// (original-system.md §7.4; gazebo/common/Animation.cc, gz-math Spline.cc and RotationSpline.cc).
+/// (docs/original-system.md, section 7.4; gazebo/common/Animation.cc, gz-math Spline.cc and
+/// RotationSpline.cc).
 ///
-/// Between two key frames x and y are cubics of the fraction u of time gone by. Their slope per u
-/// at a key frame is half the way from the one before to the one after; at the first and the last,
-/// half the way to their only neighbour, or, where these two are at one place, half the way from
-/// the last but one to the second (a closed round). So two key frames alone give the fraction 0.5 u
-/// + 1.5 u^2 - u^3 of the way. Headings turn evenly, the shorter way: the rotation spline takes its
-/// cubic only where roll, pitch and yaw all differ, which in the plane they never do.
+/// Between two key frames, x and y are cubics of the elapsed fraction u of the time between them.
+/// Their slope per u at a key frame is half the way from the key frame before it to the one after
+/// it. At the first and the last key frame it is half the way to the only neighbour, unless these
+/// two are at the same place (a closed round): then it is half the way from the last but one to the
+/// second. With two key frames alone the obstacle has therefore gone 0.5 u + 1.5 u^2 - u^3 of the
+/// way. The heading turns at a constant rate, the shorter way round: Gazebo's rotation spline is
+/// cubic only where roll, pitch and yaw all differ, which they never do in the plane.
 ///
-/// Motion time 0 is the first key frame. After the last a looping obstacle jumps to the first; with
-/// ping-pong it goes the same way back.
+/// Motion time 0 is the first key frame. After the last one, a looping obstacle jumps to the first,
+/// and a ping-pong obstacle goes the same way back.
 ///
-/// Immutable. The same bits on every machine. `At` allocates nothing.
+/// Immutable. Gives the same bits on every machine. `At` does not allocate.
 class Motion {
  public:
   /// Requires: two or more key frames, times strictly ascending from 0.
   explicit Motion(const MovingObstacle& obstacle);
 
-  /// At motion time `time` [s]. At the very time of a jump the obstacle is already at the first key
-  /// frame. Requires: time >= 0. Cost: about 20 ns, and the log of the number of key frames.
+  /// The state at motion time `time` [s]. At the exact time of a jump the obstacle is already at
+  /// the first key frame. Requires: time >= 0. Cost: about 20 ns, growing with the logarithm of the
+  /// number of key frames.
   MotionState At(double time) const;
 
-  /// Time of a round, [s]: there, or with ping-pong there and back.
+  /// Duration of a round, [s]: one way, or with ping-pong both ways.
   double period() const { return period_; }
-  /// Speed that B's origin never exceeds, a jump apart, [m/s].
+  /// Speed that B's origin never exceeds, apart from jumps, [m/s].
   double max_speed() const { return max_speed_; }
-  /// Turn rate that is never exceeded, a jump apart, [rad/s].
+  /// Turn rate that is never exceeded, apart from jumps, [rad/s].
   double max_yaw_rate() const { return max_yaw_rate_; }
   /// Whether a looping obstacle begins a new round in (time, time + duration], both in [s].
   bool BeginsRound(double time, double duration) const;

@@ -17,7 +17,7 @@ constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::size_t kMaxValues = 1u << 24;
 
 [[noreturn]] void Fail(std::string_view source, std::string_view what) {
-  throw base::Error(fmt::format("{}: not a .npy file that can be read: {}", source, what));
+  throw base::Error(fmt::format("{}: cannot be read as a .npy file: {}", source, what));
 }
 
 /// `size` bytes of `bytes` from `offset` as an unsigned number, least significant byte first.
@@ -57,7 +57,8 @@ void TakeText(std::string_view& text, std::string_view expected, std::string_vie
 }  // namespace
 
 IntegerTable ParseNpy(std::string_view bytes, std::string_view source) {
-  if (bytes.size() < 12 || !bytes.starts_with(kMagic)) Fail(source, "it does not begin as one");
+  if (bytes.size() < 12 || !bytes.starts_with(kMagic))
+    Fail(source, "it does not begin with the bytes of such a file");
   const int version = static_cast<unsigned char>(bytes[6]);
   if (version != 1 && version != 2) Fail(source, fmt::format("its format version is {}", version));
   const std::size_t length_size = version == 1 ? 2 : 4;
@@ -78,7 +79,7 @@ IntegerTable ParseNpy(std::string_view bytes, std::string_view source) {
   TakeText(shape, ")", source);
 
   const std::size_t size = table.num_rows * table.num_cols;
-  if (size > kMaxValues) Fail(source, "it is larger than a table of this program can be");
+  if (size > kMaxValues) Fail(source, "its table is too large for this program");
   if (data.size() != 8 * size) {
     Fail(source,
          fmt::format("it holds {} bytes of data, its shape needs {}", data.size(), 8 * size));

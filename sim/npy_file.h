@@ -17,12 +17,12 @@ struct IntegerTable {
   std::int64_t at(std::size_t row, std::size_t col) const { return values[row * num_cols + col]; }
 };
 
-/// The table in the bytes of a .npy file: format version 1 or 2, type int64 little-endian ('<i8'),
-/// two dimensions, C or Fortran order. Throws `Error` that names `source` where it is anything
-/// else, or cut short.
+/// Parses the bytes of a .npy file of format version 1 or 2 that holds a two-dimensional table of
+/// int64, little-endian ('<i8'), in C or Fortran order. Throws `Error` that names `source` if it
+/// holds anything else or is cut short.
 IntegerTable ParseNpy(std::string_view bytes, std::string_view source);
 
-/// Reads a .npy file. Throws `Error` as `ParseNpy` does, or where it cannot be read.
+/// Reads a .npy file. Throws `Error` as `ParseNpy` does, or if the file cannot be read.
 IntegerTable ReadNpy(const std::filesystem::path& path);
 
 }  // namespace slalom::sim

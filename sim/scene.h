@@ -9,10 +9,8 @@
 
 namespace slalom::sim {
 
-/// A course made ready for driving: its data and its obstacles laid out for LiDAR and collision
-/// test.
-///
-/// Immutable, so all environments and threads share one.
+/// A course made ready for driving: its data, and its obstacles laid out for the LiDAR and the
+/// collision test. Immutable, so all environments and threads share one.
 class Scene {
  public:
   /// Requires: course is not null.

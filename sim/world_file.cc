@@ -73,7 +73,7 @@ class WorldReader {
     if (kind == "plane") return;
     const XMLElement* is_static = model.FirstChildElement("static");
     if (is_static == nullptr || !is_static->BoolText(false)) {
-      Fail(model, "a model is not static and has no plugin either");
+      Fail(model, "a model is neither static nor driven by a plugin");
     }
     if (kind == "cylinder") {
       const double radius = ReadNumbers<1>(*shape, "radius")[0];
@@ -84,7 +84,7 @@ class WorldReader {
       if (!(size[0] > 0.0 && size[1] > 0.0)) Fail(*shape, "the size of a box is not above 0");
       world_.boxes.push_back({X_WC, {0.5 * size[0], 0.5 * size[1]}});
     } else {
-      Fail(*shape, fmt::format("a shape <{}>, where a course can have cylinders and boxes", kind));
+      Fail(*shape, fmt::format("a shape is a <{}>, expected <cylinder> or <box>", kind));
     }
   }
 

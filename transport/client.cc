@@ -32,7 +32,7 @@ constexpr int kEvents = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_CONNECT_RETRIED | ZMQ_EV
 constexpr char kNobody[] = "nobody listens there";
 constexpr char kBroke[] = "the connection broke";
 constexpr char kSilent[] =
-    "the handshake failed: the other side has other keys, or is no server of Slalom";
+    "the handshake failed: the other side has other keys or is not a server of Slalom";
 constexpr char kRefused[] = "our key is not on the server's allow list";
 
 }  // namespace
@@ -80,8 +80,8 @@ void Client::Open() {
 
 void Client::Reconnect() { Open(); }
 
-// After some failures ZeroMQ never tries again: where the server refused our key, and where what it
-// sent is no message. A server may have learnt better since.
+// After some failures ZeroMQ never tries again: if the server refused our key, or if it sent
+// something that is not a message. The server may have been corrected since, so we try again.
 void Client::Update() {
   while (const auto event = monitor_->Next()) {
     switch (event->type) {
@@ -117,7 +117,7 @@ void Client::Update() {
   }
 }
 
-/// Of what waiting does not mend, once until it is mended.
+/// Warns of trouble that does not go away by waiting, once until it is resolved.
 void Client::Warn(const char* trouble) {
   trouble_ = trouble;
   if (warned_ == trouble) return;
@@ -127,10 +127,10 @@ void Client::Warn(const char* trouble) {
 
 bool Client::Send(Message&& message) {
   Update();
-  // ZeroMQ takes messages a moment before it says that it is connected.
+  // ZeroMQ accepts messages a moment before it reports that it is connected.
   if (!connected_) return false;
-  // Only the first part can be refused. Where the connection breaks between the parts, ZeroMQ drops
-  // both: they are lost on their way.
+  // Only the first part can be refused. If the connection breaks between the parts, ZeroMQ drops
+  // both of them, and the message is lost.
   const int flags = ZMQ_SNDMORE | ZMQ_DONTWAIT;
   if (zmq_msg_send(message.header.message_.handle(), socket_.handle(), flags) < 0) return false;
   const int sent = zmq_msg_send(message.payload.message_.handle(), socket_.handle(), 0);

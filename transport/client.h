@@ -16,49 +16,53 @@ namespace slalom::transport {
 
 struct ClientOptions {
   std::string endpoint;          ///< "tcp://HOST:PORT", "ipc://PATH" or "inproc://NAME".
-  ClientSecurity security = {};  ///< Not for inproc.
-  std::int64_t max_message_bytes = 256 << 20;  ///< Larger parts end the connection.
-  int queue_messages = 256;                    ///< To be sent.
-  std::chrono::milliseconds heartbeat{
-      2000};  ///< Of a silent connection; gone after three. At most half an hour.
+  ClientSecurity security = {};  ///< Not used over inproc.
+  std::int64_t max_message_bytes = 256 << 20;  ///< A larger part ends the connection.
+  int queue_messages = 256;                    ///< Messages that may wait to be sent.
+  /// Interval of heartbeats on a silent connection, at most half an hour. After three without an
+  /// answer the connection counts as lost.
+  std::chrono::milliseconds heartbeat{2000};
 };
 
-/// The connecting end (DEALER). Connects in the background and again whenever the connection
-/// breaks, after 0.1 s at first and 1 s at last; then whatever was on its way is lost, which those
-/// above must notice and mend. Host names are looked up each time. Over inproc it counts as
-/// connected from the start, and only `Reconnect` connects it again.
+/// The connecting end (a ZeroMQ DEALER socket).
+///
+/// It connects in the background, and again whenever the connection breaks, with pauses that grow
+/// from 0.1 s to 1 s. Host names are looked up each time. Messages that were on their way when the
+/// connection broke are lost; the layer above must notice this and send them again. Over inproc the
+/// client counts as connected from the start, and only `Reconnect` connects it again.
 ///
 /// Confined to the thread that made it.
 class Client {
  public:
-  /// Throws `base::Error` where the endpoint is none.
+  /// Throws `base::Error` if the endpoint is not valid.
   Client(Context& context, const ClientOptions& options);
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
 
-  /// False, with `message` as it was: the queue is full, or there is no connection yet. Never
-  /// waits.
+  /// Sends a message without waiting. Returns false and leaves `message` unchanged if the queue is
+  /// full or there is no connection yet.
   [[nodiscard]] bool Send(Message&& message);
 
-  /// The next message, after at most `timeout`. None: none came, or a signal came. Messages that
-  /// have not two parts are passed over.
+  /// Waits for at most `timeout` and returns the next message, or nothing if none arrived or a
+  /// signal interrupted the wait. Messages that do not have two parts are dropped.
   std::optional<Message> Receive(std::chrono::milliseconds timeout);
 
-  /// Times the connection was (re)established, by now; a change means: say hello again.
+  /// How often the connection has been established so far. After a change, the caller must say
+  /// hello again.
   int connections();
 
-  /// Whether there is a connection, by now.
+  /// Whether there is a connection now.
   bool connected();
 
-  /// Why there is no connection, in words for a log; empty where there is one.
+  /// Why there is no connection, in words for a log; empty if there is one.
   std::string trouble();
 
-  /// Throws the connection and all that is queued away and starts anew, for a peer that accepts and
-  /// does not answer.
+  /// Drops the connection and everything queued, and connects anew. For a peer that accepts
+  /// connections but does not answer.
   void Reconnect();
 
-  /// Of several clients of one thread, waits until any has something to receive, or `timeout`, or a
-  /// signal.
+  /// Waits until any of several clients of one thread has something to receive, until `timeout`, or
+  /// until a signal arrives.
   static void WaitForAny(std::initializer_list<Client*> clients, std::chrono::milliseconds timeout);
 
  private:
@@ -71,12 +75,12 @@ class Client {
   Context& context_;
   const ClientOptions options_;
   zmq::socket_t socket_;
-  std::optional<Monitor> monitor_;  // After its socket, to go before it.
+  std::optional<Monitor> monitor_;  // Declared after its socket, to be destroyed before it.
   int connections_ = 0;
   bool connected_ = false;
   std::string trouble_;
-  std::string warned_;  // The last trouble that was said.
-  /// When ZeroMQ last lost the connection without saying that it will try again.
+  std::string warned_;  // The last trouble that was logged.
+  /// When ZeroMQ last lost the connection without announcing that it will try again.
   std::optional<Clock::time_point> given_up_;
 };
 

@@ -33,7 +33,7 @@ std::string Z85(std::string_view key) {
 
 }  // namespace
 
-/// Answers ZeroMQ's questions whether a connection may stand, in a thread of its own.
+/// Decides for ZeroMQ, in its own thread, which connections are allowed.
 class Context::Authenticator {
  public:
   explicit Authenticator(zmq::context_t& context) : socket_(context, zmq::socket_type::rep) {
@@ -85,7 +85,7 @@ class Context::Authenticator {
     }
   }
 
-  /// The role that a peer has, as text; "": plaintext. None: it may not connect.
+  /// The role of a peer, as text, or "" for plaintext. Returns nothing if it may not connect.
   std::optional<std::string> UserOf(const std::vector<std::string>& request) EXCLUDES(mutex_) {
     const bool is_curve = request[kMechanism] == "CURVE";
     const std::string key = is_curve ? Z85(request[kCredentials]) : "";
@@ -104,7 +104,7 @@ class Context::Authenticator {
     return std::nullopt;
   }
 
-  /// Says who was refused, but not more often than anybody reads it: peers try again and again.
+  /// Logs who was refused, but only now and then, because refused peers try again and again.
   void Warn(const std::string& address, const std::string& key) {
     const auto now = std::chrono::steady_clock::now();
     if (now < next_warning_) {
@@ -121,7 +121,7 @@ class Context::Authenticator {
 
   base::Mutex mutex_;
   std::map<std::string, std::optional<AllowList>> domains_ GUARDED_BY(mutex_);
-  // Of the thread, once it runs:
+  // Used by the thread alone once it runs:
   zmq::socket_t socket_;
   std::chrono::steady_clock::time_point next_warning_;
   std::int64_t num_unsaid_ = 0;

@@ -11,12 +11,13 @@
 
 namespace slalom::transport {
 
-/// The sockets' common ground: ZeroMQ's threads and, once there is a server that listens beyond the
-/// process, the thread that answers who may connect to it (ZAP, RFC 27). Must outlive its sockets.
+/// What all sockets of a process share: ZeroMQ's threads and, once a server listens beyond the
+/// process, the thread that decides who may connect to it (ZAP, RFC 27). Must outlive its sockets.
 /// Thread-safe.
 class Context {
  public:
-  /// `io_threads` >= 1: threads that copy between sockets and the kernel and encrypt.
+  /// `io_threads`: the number of threads that encrypt and copy data between sockets and the kernel.
+  /// Requires: io_threads >= 1.
   explicit Context(int io_threads = 1);
   ~Context();
   Context(const Context&) = delete;
@@ -28,12 +29,12 @@ class Context {
   friend class Monitor;
   class Authenticator;
 
-  /// Lets the server of this ZAP domain accept the keys of `allowed` and no others; none: whoever
-  /// connects in plaintext. A domain that is not named is closed to all.
+  /// Lets the server of this ZAP domain accept the keys in `allowed` and no others, or, without a
+  /// list, everybody who connects in plaintext. A domain that was never given is closed to all.
   void Authenticate(const std::string& domain, std::optional<AllowList> allowed);
   void Forget(const std::string& domain);
 
-  /// "PREFIX-N" that was not given before.
+  /// Returns a new name of the form "PREFIX-N".
   std::string NewName(const std::string& prefix);
   zmq::context_t& zmq() { return context_; }
 

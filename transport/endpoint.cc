@@ -24,7 +24,7 @@ struct Address {
 
 Address Split(std::string_view endpoint) {
   endpoint.remove_prefix(kTcp.size());
-  // ZeroMQ allows to name the address to connect from: "tcp://FROM;HOST:PORT".
+  // ZeroMQ lets an endpoint name the address to connect from: "tcp://FROM;HOST:PORT".
   endpoint.remove_prefix(endpoint.rfind(';') + 1);
   const auto colon = endpoint.rfind(':');
   if (colon == std::string_view::npos) return {std::string(endpoint), ""};
@@ -48,8 +48,9 @@ void CheckEndpoint(const std::string& endpoint) {
              (endpoint.starts_with(kIpc) && endpoint.size() > kIpc.size())) {
     return;
   }
-  throw base::Error(fmt::format(
-      "'{}' is no endpoint; expected tcp://HOST:PORT with a port of 0 to {}", endpoint, kMaxPort));
+  throw base::Error(
+      fmt::format("'{}' is not an endpoint; expected tcp://HOST:PORT with a port of 0 to {}",
+                  endpoint, kMaxPort));
 }
 
 bool IsTcp(const std::string& endpoint) { return endpoint.starts_with(kTcp); }

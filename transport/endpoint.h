@@ -4,9 +4,8 @@
 
 namespace slalom::transport {
 
-/// Throws `base::Error`, which names the endpoint and what is expected, where it is none of
-/// "tcp://HOST:PORT" (port 0 to 65535 or *), "ipc://PATH" and "inproc://NAME". Whether the host
-/// exists is not looked at.
+/// Throws `base::Error` unless the endpoint has one of the forms "tcp://HOST:PORT" (port 0 to 65535
+/// or *), "ipc://PATH" and "inproc://NAME". Does not check whether the host exists.
 void CheckEndpoint(const std::string& endpoint);
 
 bool IsTcp(const std::string& endpoint);
@@ -16,7 +15,7 @@ bool IsInproc(const std::string& endpoint);
 /// localhost.
 bool IsLocal(const std::string& endpoint);
 
-/// Of tcp: whether its host is an IPv6 address, "[...]".
+/// Whether it is a tcp endpoint whose host is an IPv6 address, "[...]".
 bool IsIpv6(const std::string& endpoint);
 
 }  // namespace slalom::transport

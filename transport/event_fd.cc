@@ -20,13 +20,13 @@ EventFd::~EventFd() { close(fd_); }
 
 void EventFd::Set() {
   const std::uint64_t one = 1;
-  // Refused only where the count is at its largest, and so is set.
+  // This fails only if the count is at its maximum, and then the flag is set.
   [[maybe_unused]] const ssize_t ignored = write(fd_, &one, sizeof one);
 }
 
 void EventFd::Clear() {
   std::uint64_t count = 0;
-  // Refused only where it is clear.
+  // This fails only if the flag is clear already.
   [[maybe_unused]] const ssize_t ignored = read(fd_, &count, sizeof count);
 }
 

@@ -2,11 +2,11 @@
 
 namespace slalom::transport {
 
-/// A flag that a thread can wait for together with sockets. `Set` from any thread and from signal
-/// handlers.
+/// A flag that a thread can wait for together with sockets. `Set` may be called from any thread and
+/// in signal handlers.
 class EventFd {
  public:
-  /// Throws `base::Error` where the process has no descriptor left.
+  /// Throws `base::Error` if the process has no descriptor left.
   EventFd();
   ~EventFd();
   EventFd(const EventFd&) = delete;
@@ -15,7 +15,7 @@ class EventFd {
   void Set();
   void Clear();
 
-  /// Readable while it is set.
+  /// A descriptor that is readable while the flag is set.
   int fd() const { return fd_; }
 
  private:

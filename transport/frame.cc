@@ -34,7 +34,7 @@ Frame::Frame(zmq::message_t message) {
     message_ = std::move(message);
     return;
   }
-  // Small parts may point into the buffer that several of them were read into.
+  // ZeroMQ reads several small parts into one buffer, into which they then point.
   message_.rebuild(message.data(), message.size());
 }
 

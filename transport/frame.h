@@ -7,13 +7,13 @@
 
 namespace slalom::transport {
 
-/// One part of a message: bytes that move through ZeroMQ without being copied. Movable; `Share`
-/// gives another reference to the same bytes, which must then not be changed. Starts on a multiple
-/// of 8 bytes in memory.
+/// One part of a message: bytes that move through ZeroMQ without being copied. They start on a
+/// multiple of 8 bytes in memory. Movable. `Share` gives another reference to the same bytes, which
+/// must not be changed from then on.
 class Frame {
  public:
   Frame() = default;
-  /// Bytes that the caller writes before it sends them.
+  /// A frame of `size` bytes, which the caller writes before it sends them.
   explicit Frame(std::size_t size) : message_(size) {}
   static Frame Copy(std::span<const std::byte> bytes);
   static Frame Copy(std::string_view bytes);
@@ -27,13 +27,13 @@ class Frame {
  private:
   friend class Server;
   friend class Client;
-  /// Takes a part as it was received, and copies it where it does not start on 8 bytes.
+  /// Takes over a received part, or copies it if it does not start on a multiple of 8 bytes.
   explicit Frame(zmq::message_t message);
 
   mutable zmq::message_t message_;
 };
 
-/// What is sent: always two parts, the second often empty.
+/// A message always has two parts; the payload is often empty.
 struct Message {
   Frame header;
   Frame payload;

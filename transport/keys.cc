@@ -34,7 +34,7 @@ fs::path PublicFile(const fs::path& directory, Role role) {
   return directory / fmt::format("{}.pub", ToString(role));
 }
 
-/// Z85: what 32 bytes are, in 40 characters of 85.
+/// Z85 writes 32 bytes as 40 characters out of 85.
 bool IsKey(std::string_view text) {
   constexpr std::string_view kAlphabet =
       "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#";
@@ -53,15 +53,16 @@ std::string_view WithoutSpaces(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(kSpaces) - begin + 1);
 }
 
-/// The one key in a file.
+/// Reads a file that holds one key.
 std::string ReadKey(const fs::path& path) {
   const std::string content = base::ReadFile(path);
   const std::string_view key = WithoutSpaces(content);
   if (!IsKey(key)) {
-    throw base::Error(fmt::format(
-        "{}: holds {} characters that are no key; expected one line with one key of 40 characters "
-        "(Z85), as `slalom keys new DIR` writes it",
-        path.string(), key.size()));
+    throw base::Error(
+        fmt::format("{}: holds {} characters that are not a key; expected one line with one key of "
+                    "40 characters "
+                    "(Z85), as `slalom keys new DIR` writes it",
+                    path.string(), key.size()));
   }
   return std::string(key);
 }
@@ -72,13 +73,13 @@ std::string PublicOf(const std::string& secret_key) {
   return public_key.data();
 }
 
-/// A file with its mode from the first moment. Throws where it exists.
+/// Creates a file that has its mode from the first moment. Throws if it exists.
 void WriteNewFile(const fs::path& path, std::string_view content, mode_t mode) {
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
   if (fd < 0) {
     throw base::Error(fmt::format("{}: cannot create ({})", path.string(), std::strerror(errno)));
   }
-  // Whatever the umask is.
+  // The umask may have taken bits away.
   const bool written =
       ::fchmod(fd, mode) == 0 &&
       ::write(fd, content.data(), content.size()) == static_cast<ssize_t>(content.size()) &&
@@ -117,22 +118,24 @@ void AddAllowed(std::string_view line, const std::string& place, AllowList& list
   const std::string_view name = line.substr(0, space);
   const auto role = ParseRole(name);
   if (!role) {
-    throw base::Error(fmt::format("{}: '{}' is no role; expected one of {}", place, name,
+    throw base::Error(fmt::format("{}: '{}' is not a role; expected one of {}", place, name,
                                   fmt::join(kRoleNames, ", ")));
   }
   const std::string key(space == std::string_view::npos ? "" : WithoutSpaces(line.substr(space)));
   if (!IsKey(key)) {
     throw base::Error(fmt::format(
-        "{}: '{}' is no key; expected a role and a public key of 40 characters (Z85)", place, key));
+        "{}: '{}' is not a key; expected a role and a public key of 40 characters (Z85)", place,
+        key));
   }
   const auto [other, added] = list.emplace(key, *role);
   if (!added && other->second != *role) {
-    throw base::Error(fmt::format("{}: this key has the role {} already; expected one role a key",
-                                  place, ToString(other->second)));
+    throw base::Error(
+        fmt::format("{}: this key has the role {} already; expected one role for each key", place,
+                    ToString(other->second)));
   }
 }
 
-/// Adds what there is of a role and what is wrong with it.
+/// Adds to the report which keys of a role there are and what is wrong with them.
 void CheckRole(const fs::path& directory, Role role, const std::optional<AllowList>& allowed,
                KeysReport& report) {
   std::optional<KeyPair> keys;
@@ -159,9 +162,9 @@ void CheckRole(const fs::path& directory, Role role, const std::optional<AllowLi
   if (!allowed) return;
   const auto entry = allowed->find(key);
   if (entry == allowed->end()) {
-    report.faults.push_back(fmt::format("{}: lacks the key of the role {}; expected a line '{} {}'",
-                                        (directory / kAllowed).string(), ToString(role),
-                                        ToString(role), key));
+    report.faults.push_back(
+        fmt::format("{}: does not list the key of the role {}; expected a line '{} {}'",
+                    (directory / kAllowed).string(), ToString(role), ToString(role), key));
   } else if (entry->second != role) {
     report.faults.push_back(fmt::format("{}: gives the key of {} the role {}",
                                         (directory / kAllowed).string(), ToString(role),
@@ -193,15 +196,16 @@ void WriteNewKeys(const fs::path& directory) {
     std::error_code ignored;
     if (fs::exists(fs::symlink_status(file.path, ignored))) {
       throw base::Error(fmt::format(
-          "{}: exists already; expected a directory without keys, as those in use would be lost",
+          "{}: exists already; expected a directory without keys, because new keys would replace "
+          "those in use",
           file.path.string()));
     }
   }
   const bool is_new = !fs::exists(directory);
   base::MakeDirectories(directory);
   if (is_new && ::chmod(directory.c_str(), 0700) != 0) {
-    throw base::Error(fmt::format("{}: cannot be closed to others ({})", directory.string(),
-                                  std::strerror(errno)));
+    throw base::Error(
+        fmt::format("{}: cannot be made private ({})", directory.string(), std::strerror(errno)));
   }
   std::size_t num_written = 0;
   try {
@@ -222,10 +226,10 @@ KeyPair LoadKeyPair(const fs::path& directory, Role role) {
   keys.secret_key = ReadKey(path);
   struct stat status {};
   if (::stat(path.c_str(), &status) == 0 && (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
-    throw base::Error(
-        fmt::format("{}: is a secret key with mode {:04o}, which others may use; expected 0600: "
-                    "chmod 600 {}",
-                    path.string(), status.st_mode & 07777, path.string()));
+    throw base::Error(fmt::format(
+        "{}: is a secret key that other users can open (mode {:04o}); expected mode 0600: "
+        "chmod 600 {}",
+        path.string(), status.st_mode & 07777, path.string()));
   }
   keys.public_key = PublicOf(keys.secret_key);
   return keys;
@@ -249,8 +253,8 @@ AllowList LoadAllowList(const fs::path& directory) {
     AddAllowed(line, fmt::format("{}:{}", path.string(), line_number), list);
   }
   if (list.empty()) {
-    throw base::Error(
-        fmt::format("{}: allows nobody; expected lines of a role and a public key", path.string()));
+    throw base::Error(fmt::format(
+        "{}: allows nobody; expected lines with a role and a public key each", path.string()));
   }
   return list;
 }
@@ -258,7 +262,7 @@ AllowList LoadAllowList(const fs::path& directory) {
 KeysReport CheckKeys(const fs::path& directory) {
   if (!fs::is_directory(directory)) {
     throw base::Error(
-        fmt::format("{}: is no directory; `slalom keys new {}` makes one with new keys",
+        fmt::format("{}: is not a directory; `slalom keys new {}` makes one with new keys",
                     directory.string(), directory.string()));
   }
   KeysReport report;

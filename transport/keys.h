@@ -17,41 +17,42 @@ enum class Role { kReplay, kLearner, kActor, kEvaluator, kOperator };
 inline constexpr Role kRoles[] = {Role::kReplay, Role::kLearner, Role::kActor, Role::kEvaluator,
                                   Role::kOperator};
 std::string_view ToString(Role role);
-/// None: no role has this name.
+/// The role of this name, or nothing if there is none.
 std::optional<Role> ParseRole(std::string_view name);
 
-/// Both as Z85 text of 40 characters.
+/// Both keys are Z85 text of 40 characters.
 struct KeyPair {
   std::string public_key;
   std::string secret_key;
 };
 KeyPair NewKeyPair();
 
-/// Public keys and the role of who holds them.
+/// Public keys, and the roles of those who hold them.
 using AllowList = std::map<std::string, Role>;
 
-/// What `slalom keys new DIR` makes, in a directory of mode 0700: ROLE.key (secret, mode 0600) and
-/// ROLE.pub for each role, one line with one key each, and `allowed`, lines "ROLE PUBLIC-KEY", to
-/// which more may be added by hand; there empty lines and lines that begin with # are passed over.
-/// Throws `base::Error` where a file of that name exists already or cannot be written; then nothing
-/// was written.
+/// Writes new keys to a directory of mode 0700, as `slalom keys new DIR` does.
+///
+/// Each role gets a file ROLE.key (secret, mode 0600) and a file ROLE.pub, which hold one line with
+/// one key. The file `allowed` holds lines "ROLE PUBLIC-KEY", to which more may be added by hand;
+/// empty lines and lines that begin with # are ignored there. If one of the files exists already or
+/// cannot be written, throws `base::Error` and leaves no new file behind.
 void WriteNewKeys(const std::filesystem::path& directory);
 
-/// Throw `base::Error` naming the file, the line and what was expected, and where a secret key can
-/// be read by others than its owner.
+/// These throw `base::Error`, which names the file, the line and what was expected, if a file is
+/// not valid or if others than its owner can read a secret key.
 KeyPair LoadKeyPair(const std::filesystem::path& directory, Role role);
 std::string LoadPublicKey(const std::filesystem::path& directory, Role role);
 AllowList LoadAllowList(const std::filesystem::path& directory);
 
-/// What is in a directory of keys, in words.
+/// Describes a directory of keys in words.
 struct KeysReport {
   std::vector<std::string> found;
   std::vector<std::string> faults;  ///< Files and what is wrong with them.
 };
 
-/// Looks at each file that is there, whether it can be used and agrees with the others; a machine
-/// needs only those of its roles. Throws `base::Error` where there is no such directory, or no key
-/// in it.
+/// Checks whether each file in the directory can be used and agrees with the others. Files may be
+/// missing, since a machine needs only those of its roles. Throws `base::Error` if there is no such
+/// directory, or no key in it.
 KeysReport CheckKeys(const std::filesystem::path& directory);
 
 }  // namespace slalom::transport

@@ -8,26 +8,27 @@
 
 namespace slalom::transport {
 
-/// Reads what ZeroMQ says of a socket's connections. Confined to the thread of its socket.
+/// Reads the events that ZeroMQ reports of a socket's connections. Confined to the thread of its
+/// socket.
 class Monitor {
  public:
   struct Event {
     int type = 0;            ///< One of ZMQ_EVENT_...
-    std::int64_t value = 0;  ///< A descriptor, an errno, an interval, a reason: by type.
+    std::int64_t value = 0;  ///< A descriptor, errno, interval or reason, depending on the type.
   };
 
-  /// Of `socket`, which must outlive it and not be connected or bound yet. `events`: those to read,
-  /// as an or of ZMQ_EVENT_...
+  /// Watches `socket`, which must outlive the monitor and must not be connected or bound yet.
+  /// `events` are those to read, a bitwise or of ZMQ_EVENT_...
   Monitor(Context& context, zmq::socket_t& socket, int events);
   ~Monitor();
   Monitor(const Monitor&) = delete;
   Monitor& operator=(const Monitor&) = delete;
 
-  /// The next event that is there; does not wait. ZeroMQ holds 10,000 of them, then it makes no
-  /// connection until some are read.
+  /// Returns the next event, or nothing if there is none yet; does not wait. ZeroMQ holds up to
+  /// 10,000 events. Then it makes no more connections until some are read.
   std::optional<Event> Next();
 
-  /// To poll for input.
+  /// A socket to poll for input.
   void* handle() { return reader_.handle(); }
 
  private:

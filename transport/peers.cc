@@ -10,7 +10,7 @@ namespace slalom::transport {
 namespace {
 
 constexpr std::chrono::milliseconds kCheckInterval{100};
-/// More than what framing, encryption and heartbeats add to a message.
+/// An upper bound of what framing, encryption and heartbeats add to a message.
 constexpr std::int64_t kFramingBytes = 256;
 
 }  // namespace
@@ -74,8 +74,8 @@ void Peers::ReadEvents(Clock::time_point now) {
   if (any) CountRejected(now);
 }
 
-// ZeroMQ reports some failed handshakes and passes over others, so they are counted as what is
-// neither established nor can still be under way.
+// ZeroMQ does not report every failed handshake. So a handshake counts as failed if it is neither
+// established nor can still be under way.
 void Peers::CountRejected(Clock::time_point now) {
   const auto may_be_shaking = [&](const auto& entry) {
     return entry.second.peer.empty() && now - entry.second.accepted < limits_.handshake;
@@ -99,9 +99,10 @@ void Peers::EndOverfull() {
   }
 }
 
-// ZeroMQ's thread, which owns the descriptor, then reads the end of the stream and closes it. Where
-// it has just done so for another reason and the number is in use again, that connection is ended
-// in its place and comes again; on what is no socket this does nothing.
+// ZeroMQ's thread, which owns the descriptor, then reads the end of the stream and closes it. It
+// may have closed it a moment ago for another reason. If another connection uses the number by now,
+// that one is ended instead and connects again; if something that is not a socket uses it, the call
+// has no effect.
 void Peers::End(int fd) {
   if (shutdown(fd, SHUT_RDWR) == 0) ++ended_;
 }
@@ -113,7 +114,7 @@ std::int64_t Peers::Pending(int fd, const Connection& connection) {
   const auto received = static_cast<std::int64_t>(info.tcpi_bytes_received);
   const auto peer = peers_.find(connection.peer);
   if (peer == peers_.end()) return received;
-  // What the allowance was too large by is no credit for later.
+  // The allowance may have been too large; the rest must not become a credit for later.
   peer->second.delivered = std::min(peer->second.delivered, received);
   return received - peer->second.delivered;
 }

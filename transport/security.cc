@@ -9,21 +9,21 @@
 namespace slalom::transport {
 namespace {
 
-/// Whether connections of this endpoint have keys. Throws, or warns, as the header says.
+/// Whether connections of this endpoint need keys. Throws or warns as the header says.
 bool NeedsKeys(const SecurityConfig& config, const std::string& endpoint) {
   CheckEndpoint(endpoint);
   if (IsInproc(endpoint)) return false;
   if (!config.keys.empty()) return true;
   if (IsLocal(endpoint)) return false;
   if (!config.allow_plaintext) {
-    throw base::Error(
-        fmt::format("{}: is not on this machine alone and security.keys is empty; expected a "
-                    "directory made by `slalom keys new DIR`, or security.allow_plaintext = true",
-                    endpoint));
+    throw base::Error(fmt::format(
+        "{}: can be reached from other machines, and security.keys is empty; expected a "
+        "directory made by `slalom keys new DIR`, or security.allow_plaintext = true",
+        endpoint));
   }
   spdlog::warn(
-      "{}: in plaintext, as security.allow_plaintext asks: whoever reaches this port can read and "
-      "write everything",
+      "{}: connections are in plaintext, because security.allow_plaintext is set: anybody who can "
+      "reach this port can read and write everything",
       endpoint);
   return false;
 }

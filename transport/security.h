@@ -23,21 +23,21 @@ struct SecurityConfig {
   }
 };
 
-/// Keys of a listening role; none: plaintext.
+/// Keys of a listening role. Without keys it accepts plaintext.
 struct ServerSecurity {
   std::optional<KeyPair> keys;
   AllowList allowed;
 };
 
-/// Keys of a connecting role; none: plaintext.
+/// Keys of a connecting role. Without keys it connects in plaintext.
 struct ClientSecurity {
   std::optional<KeyPair> keys;
-  std::string server_key;  ///< Public.
+  std::string server_key;  ///< The server's public key.
 };
 
-/// Loads what `config` names for a role. Throw `base::Error` for unusable keys, for what is no
-/// endpoint, and for plaintext on an endpoint beyond loopback that was not asked for; warn where it
-/// was.
+/// Load the keys that `config` names for a role. They throw `base::Error` if the keys cannot be
+/// used, if the endpoint is not valid, and if the connection would be in plaintext beyond loopback
+/// though `allow_plaintext` is not set. If it is set, they log a warning.
 ServerSecurity MakeServerSecurity(const SecurityConfig& config, Role own,
                                   const std::string& endpoint);
 ClientSecurity MakeClientSecurity(const SecurityConfig& config, Role own, Role server,

@@ -18,7 +18,7 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = Peers::Clock;
 
-/// How long it may take until somebody looks after the bounds.
+/// The longest time between two checks of the bounds.
 constexpr milliseconds kUpdateInterval{100};
 constexpr milliseconds kCloseTimeout{1000};
 constexpr std::int64_t kTotalOverPeer = 4;
@@ -50,8 +50,9 @@ Server::Server(Context& context, const ServerOptions& options)
   socket_.set(zmq::sockopt::linger, 0);
   socket_.set(zmq::sockopt::router_mandatory, true);
   socket_.set(zmq::sockopt::sndhwm, options.queue_messages);
-  // No bound in messages, as bytes are bounded (`max_pending_bytes`): where ZeroMQ 4.3 stops
-  // reading at one and the connection breaks, its next heartbeat aborts the process.
+  // The number of messages is not bounded, since bytes are (`max_pending_bytes`). If ZeroMQ 4.3
+  // stops reading at such a bound and the connection then breaks, its next heartbeat aborts the
+  // process.
   socket_.set(zmq::sockopt::rcvhwm, domain_.empty() ? options.queue_messages : 0);
   socket_.set(zmq::sockopt::maxmsgsize, options.max_message_bytes);
   socket_.set(zmq::sockopt::heartbeat_ivl, heartbeat);
@@ -61,7 +62,8 @@ Server::Server(Context& context, const ServerOptions& options)
               static_cast<int>(HandshakeTime(options.heartbeat).count()));
   socket_.set(zmq::sockopt::ipv6, IsIpv6(options.endpoint));
   if (!domain_.empty()) {
-    // In plaintext, too: ZeroMQ then does not take arbitrary bytes for its oldest protocol.
+    // For plaintext, too, because ZeroMQ then does not take arbitrary bytes for its oldest
+    // protocol.
     socket_.set(zmq::sockopt::zap_domain, domain_);
     if (options.security.keys) {
       socket_.set(zmq::sockopt::curve_server, true);
@@ -74,10 +76,11 @@ Server::Server(Context& context, const ServerOptions& options)
   if (zmq_bind(socket_.handle(), options.endpoint.c_str()) != 0) {
     const int error = zmq_errno();
     context_.Forget(domain_);
-    throw base::Error(fmt::format(
-        "{}: cannot listen there ({}); expected tcp://ADDRESS:PORT of this machine with a free "
-        "port",
-        options.endpoint, zmq_strerror(error)));
+    throw base::Error(
+        fmt::format("{}: cannot listen ({}); expected tcp://ADDRESS:PORT with an address of this "
+                    "machine and a free "
+                    "port",
+                    options.endpoint, zmq_strerror(error)));
   }
   endpoint_ = socket_.get(zmq::sockopt::last_endpoint);
 }
@@ -87,7 +90,7 @@ Server::~Server() {
   if (!domain_.empty()) context_.Forget(domain_);
 }
 
-// ZeroMQ closes the port in its own thread, some time later.
+// ZeroMQ closes the port in its own thread some time later, so this waits for it.
 void Server::WaitUntilFree() {
   if (zmq_unbind(socket_.handle(), endpoint_.c_str()) != 0) return;
   const auto deadline = Clock::now() + kCloseTimeout;
@@ -157,7 +160,7 @@ Server::Taken Server::Take(std::optional<Received>& received) {
 }
 
 Server::Sent Server::Send(const PeerId& peer, Message&& message) {
-  // Only the first part can be refused: then the connection is chosen, and has room.
+  // Only the first part can be refused. Once it is accepted, the connection is chosen and has room.
   if (zmq_send(socket_.handle(), peer.data(), peer.size(), ZMQ_SNDMORE | ZMQ_DONTWAIT) < 0) {
     return zmq_errno() == EAGAIN ? Sent::kFull : Sent::kGone;
   }

@@ -62,7 +62,7 @@ TEST_F(KeysCommandTest, EveryFaultIsNamedAndTheCheckFails) {
 TEST_F(KeysCommandTest, WhatIsNoDirectoryOfKeysIsNamed) {
   const ProgramResult none = Run("check", "none");
   EXPECT_EQ(none.exit_code, 1);
-  EXPECT_THAT(none.err, HasSubstr("none: is no directory"));
+  EXPECT_THAT(none.err, HasSubstr("none: is not a directory"));
   base::WriteFileAtomically(scratch_.path() / "file", "");
   const ProgramResult file = Run("new", "file");
   EXPECT_EQ(file.exit_code, 1);

@@ -17,7 +17,7 @@ TEST(ActionTest, BoundsMapTheEndsToTheSpeedsOfThePaper) {
   EXPECT_DOUBLE_EQ(bounds.linear_mps({-1.0f, 0.0f}), -1.0);
   EXPECT_DOUBLE_EQ(bounds.linear_mps({1.0f, 0.0f}), 2.0);
   EXPECT_DOUBLE_EQ(bounds.angular_radps({0.0f, -1.0f}), -3.14);
-  // At rest, (0, 0) m/s, the linear part is not 0 but -1/3 (original-system.md §1.3).
+  // At rest, (0, 0) m/s, the linear part is not 0 but -1/3 (docs/original-system.md, section 1.3).
   EXPECT_FLOAT_EQ(bounds.Normalise(0.0, 0.0).linear, -1.0f / 3.0f);
   EXPECT_EQ(bounds.Normalise(0.0, 0.0).angular, 0.0f);
 }

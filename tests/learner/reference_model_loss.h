@@ -12,9 +12,10 @@ struct ReferenceModelLoss {
   at::Tensor z;     ///< [B, M], (target - mean) / sigma, detached; undefined where deterministic.
 };
 
-/// What a transition model of `config` is trained by, as original-system.md §5.1 has it, from
-/// what its network gave, by LibTorch's own operations in float64, through which autograd goes.
-/// Shares no code with `ModelLoss`. Success counts as `targets` say: that is left to the caller.
+/// What a transition model of `config` is trained by, as in docs/original-system.md, section 5.1,
+/// from what its network gave, by LibTorch's own operations in float64, through which autograd
+/// goes. Shares no code with `ModelLoss`. Success counts as `targets` say: that is left to the
+/// caller.
 ///
 /// `raw`: [B, outputs].
 ReferenceModelLoss ReferenceLossOf(const policy::TransitionModelConfig& config, double state_scale,

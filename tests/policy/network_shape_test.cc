@@ -17,7 +17,8 @@ TEST(NetworkShape, PaperActorHasItsNumberOfParameters) {
   EXPECT_EQ(ActorShape({}, 724).num_parameters(), 1'160'194);
 }
 
-// Worked out by hand from original-system.md §3.3: W = 512, frames of F = 724, H of them.
+// Worked out by hand from docs/original-system.md, section 3.3: W = 512, frames of F = 724, H of
+// them.
 TEST(NetworkShape, PaperEncodersHaveTheirNumbersOfParameters) {
   constexpr std::int64_t kW = 512, kF = 724;
   constexpr std::int64_t kHead = 2 * (kW * kW + kW) + 2 * kW + 2;

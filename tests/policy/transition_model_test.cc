@@ -203,7 +203,7 @@ TEST(ModelShape, IsTheOriginals) {
   config.predict_last_action = true;
   const ModelShape shape = MakeModelShape(config, NetworkConfig{}, 724);
   // Encoder 724 -> 512 -> 512, the action, head 514 -> 512 -> 512, then mean and log-std of 724
-  // numbers, reward and termination (original-system.md §5.1).
+  // numbers, reward and termination (docs/original-system.md, section 5.1).
   constexpr std::int64_t kEncoder = (724 + 1) * 512 + (512 + 1) * 512;
   constexpr std::int64_t kHead = (514 + 1) * 512 + (512 + 1) * 512;
   constexpr std::int64_t kOutputs = (512 + 1) * (2 * 724 + 2);

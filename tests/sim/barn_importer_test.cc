@@ -59,15 +59,14 @@ void ExpectSameObstacles(const Course& a, const Course& b) {
   }
 }
 
-TEST(BarnImporter, WholeDataSetIsTheOneInTheTextGrids) {
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
+TEST_F(PublishedWorlds, ImportAsTheTextGrids) {
   const test::ScratchDirectory scratch;
-  const std::string command = "tar -xJf '" + (BarnDirectory() / "barn_worlds.tar.xz").string() +
+  const std::string command = "tar -xJf '" + (directory() / "barn_worlds.tar.xz").string() +
                               "' -C '" + scratch.path().string() + "'";
   ASSERT_EQ(std::system(command.c_str()), 0) << command;
 
-  const BarnImport import = ImportBarn(scratch.path(), BarnDirectory());
-  const std::vector<BarnWorld> worlds = ReadBarnWorlds();
+  const BarnImport import = ImportBarn(scratch.path(), directory());
+  const std::vector<BarnWorld> worlds = ReadBarnWorlds(directory());
   ASSERT_EQ(import.courses.size(), 500u);
   ASSERT_EQ(worlds.size(), 300u);
   double shortest = 1e9, longest = 0.0;
@@ -86,14 +85,14 @@ TEST(BarnImporter, WholeDataSetIsTheOneInTheTextGrids) {
     fewest = std::min(fewest, course.circles.size());
     most = std::max(most, course.circles.size());
   }
-  // original-system.md §1.5.
+  // docs/original-system.md, section 1.5.
   EXPECT_NEAR(shortest, 10.03, 0.005);
   EXPECT_NEAR(longest, 13.73, 0.005);
   EXPECT_EQ(fewest, 181u);
   EXPECT_EQ(most, 365u);
   EXPECT_THAT(import.warnings, ElementsAre(HasSubstr("300 to 399 (100 in all)")));
   EXPECT_TRUE(import.skipped.empty());
-  for (const auto& [number, course] : ImportBarn(BarnDirectory(), std::nullopt).courses) {
+  for (const auto& [number, course] : ImportBarn(directory(), std::nullopt).courses) {
     ExpectSameObstacles(*import.courses.at(number), *course);
   }
 
@@ -106,9 +105,8 @@ TEST(BarnImporter, WholeDataSetIsTheOneInTheTextGrids) {
   EXPECT_EQ(*set.courses[0], *import.courses.at(153));
 }
 
-TEST(BarnImporter, SampleDirectoryWithPathsBesideWorlds) {
-  const std::filesystem::path samples = BarnDirectory() / "sample_worlds";
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
+TEST_F(PublishedWorlds, ImportWithPathsBesideThem) {
+  const std::filesystem::path samples = directory() / "sample_worlds";
   const BarnImport import = ImportBarn(samples, std::nullopt);
   ASSERT_EQ(import.courses.size(), 2u);
   EXPECT_EQ(import.courses.at(0)->name, "barn-000");
@@ -192,7 +190,7 @@ TEST(WorldFile, WhatACourseCannotHoldIsRefusedWithFileLineAndReason) {
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder><radius>-1</radius></cylinder>")),
               HasSubstr("radius"));
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder/>")), HasSubstr("has no <radius>"));
-  EXPECT_THAT(refusal(Model("0 0 0 0 0 0", kBox, "")), HasSubstr("not static"));
+  EXPECT_THAT(refusal(Model("0 0 0 0 0 0", kBox, "")), HasSubstr("neither static"));
   EXPECT_THAT(ErrorOf([] { ParseWorld("<html></html>", "x.world"); }), HasSubstr("no <sdf>"));
 }
 

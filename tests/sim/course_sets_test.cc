@@ -59,9 +59,8 @@ std::string ErrorOf(const std::string& spec,
   return "";
 }
 
-TEST(CourseSplits, AreThePapers) {
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  const auto json = nlohmann::json::parse(base::ReadFile(BarnDirectory() / "splits.json"));
+TEST_F(PublishedWorlds, AreSplitAsInThePaper) {
+  const auto json = nlohmann::json::parse(base::ReadFile(directory() / "splits.json"));
   for (const auto& [name, worlds] : json.items()) {
     const CourseSplit split = FindSplit(name).value();
     std::vector<int> numbers;

@@ -125,9 +125,8 @@ constexpr int kNumCompared = 2000;  // Courses, so 20 pools of 100 ways.
 
 using Names = std::set<std::string>;
 
-TEST(DynamicGenerator, BoxesResembleTheOriginal) {
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  const Sample original = BoxSample(ReadBarnMotions("dynamic_box.csv"));
+TEST_F(PublishedWorlds, ResembleGeneratedBoxes) {
+  const Sample original = BoxSample(ReadBarnMotions(directory() / "dynamic_box.csv"));
   ASSERT_EQ(original.values.at("speed").size(), 100u);  // The pool.
   ASSERT_EQ(original.values.at("size x").size(), 1207u);
   const Sample generated = BoxSample(Motions(GenerateBoxCourses(1, 0, kNumCompared)));
@@ -139,9 +138,8 @@ TEST(DynamicGenerator, BoxesResembleTheOriginal) {
 
 // The recipe of the published script, which did not make the published worlds, and others that are
 // not far off must be told apart.
-TEST(DynamicGenerator, WrongBoxesAreToldApart) {
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  const Sample original = BoxSample(ReadBarnMotions("dynamic_box.csv"));
+TEST_F(PublishedWorlds, DifferFromWrongBoxes) {
+  const Sample original = BoxSample(ReadBarnMotions(directory() / "dynamic_box.csv"));
   const auto sample_of = [](const DynamicBoxRecipe& recipe) {
     std::vector<std::vector<MovingObstacle>> worlds;
     for (std::uint64_t pool = 0; pool < 20; ++pool) {
@@ -162,9 +160,8 @@ TEST(DynamicGenerator, WrongBoxesAreToldApart) {
   EXPECT_FALSE(AreUniform(sample_of({.min_boxes = 10, .max_boxes = 15}).counts, 2000));
 }
 
-TEST(DynamicGenerator, WallsResembleTheOriginal) {
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  const Sample original = WallSample(ReadBarnMotions("dynamic_wall.csv"));
+TEST_F(PublishedWorlds, ResembleGeneratedWalls) {
+  const Sample original = WallSample(ReadBarnMotions(directory() / "dynamic_wall.csv"));
   ASSERT_EQ(original.values.at("length").size(), 200u);
   const Sample generated = WallSample(Motions(GenerateWallCourses(1, 0, kNumCompared)));
   EXPECT_EQ(Differences(original, generated), Names());
@@ -182,22 +179,26 @@ TEST(DynamicGenerator, WallsResembleTheOriginal) {
   EXPECT_TRUE(Differences(original, sample_of({.max_speed = 1.8})).contains("speed"));
 }
 
-TEST(DynamicGenerator, NoCourseHasAWayTwice) {
-  const auto repeats = [](const std::vector<std::vector<MovingObstacle>>& worlds) {
-    std::size_t total = 0;
-    for (const auto& world : worlds) {
-      std::set<std::pair<double, double>> ways;
-      for (const MovingObstacle& box : world) {
-        ways.insert({box.key_frames.front().X_WB.p.x, box.key_frames.back().time});
-      }
-      total += world.size() - ways.size();
+/// How often a world holds a way that it already has.
+std::size_t NumRepeats(const std::vector<std::vector<MovingObstacle>>& worlds) {
+  std::size_t total = 0;
+  for (const auto& world : worlds) {
+    std::set<std::pair<double, double>> ways;
+    for (const MovingObstacle& box : world) {
+      ways.insert({box.key_frames.front().X_WB.p.x, box.key_frames.back().time});
     }
-    return total;
-  };
-  EXPECT_EQ(repeats(Motions(GenerateBoxCourses(3, 0, 300))), 0u);
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  // With repetition, 100 worlds of 12 ways of 100 would have 66 repeats in the mean.
-  EXPECT_EQ(repeats(ReadBarnMotions("dynamic_box.csv")), 0u);
+    total += world.size() - ways.size();
+  }
+  return total;
+}
+
+TEST(DynamicGenerator, NoCourseHasAWayTwice) {
+  EXPECT_EQ(NumRepeats(Motions(GenerateBoxCourses(3, 0, 300))), 0u);
+}
+
+TEST_F(PublishedWorlds, HaveNoWayTwice) {
+  // Draws with repetition, 100 worlds of 12 ways out of 100, would have 66 repeats on average.
+  EXPECT_EQ(NumRepeats(ReadBarnMotions(directory() / "dynamic_box.csv")), 0u);
 }
 
 TEST(DynamicGenerator, BoxesDriveTowardsTheRobotThroughTheWholeSquare) {

@@ -35,12 +35,12 @@ std::string ErrorOf(const Call& call) {
   return "";
 }
 
-TEST(DynamicImporter, MotionsAreThoseOfTheFiles) {
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  const std::vector<DynamicMotions> all = ReadMotions(BarnDirectory());
+TEST_F(PublishedWorlds, MoveAsTheFilesSay) {
+  const std::vector<DynamicMotions> all = ReadMotions(directory());
   ASSERT_EQ(all.size(), 2u);
   for (std::size_t kind = 0; kind < 2; ++kind) {
-    const auto expected = ReadBarnMotions(kind == 0 ? "dynamic_box.csv" : "dynamic_wall.csv");
+    const auto expected =
+        ReadBarnMotions(directory() / (kind == 0 ? "dynamic_box.csv" : "dynamic_wall.csv"));
     ASSERT_EQ(all[kind].worlds.size(), 100u);
     for (int i = 0; i < 100; ++i) {
       EXPECT_EQ(all[kind].worlds.at(FirstWorld(all[kind].kind) + i),
@@ -56,9 +56,8 @@ TEST(DynamicImporter, MotionsAreThoseOfTheFiles) {
   EXPECT_EQ(box.playback, Playback::kLoop);
 }
 
-TEST(DynamicImporter, GeneratedArenasAreTheOriginalOnes) {
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  const std::vector<DynamicMotions> all = ReadMotions(BarnDirectory());
+TEST_F(PublishedWorlds, HaveTheGeneratedArenas) {
+  const std::vector<DynamicMotions> all = ReadMotions(directory());
   const auto sorted = [](std::vector<Circle> circles) {
     std::sort(circles.begin(), circles.end(), [](const Circle& a, const Circle& b) {
       return std::pair(a.p_W.x, a.p_W.y) < std::pair(b.p_W.x, b.p_W.y);
@@ -77,9 +76,8 @@ TEST(DynamicImporter, GeneratedArenasAreTheOriginalOnes) {
   }
 }
 
-TEST(DynamicImporter, MotionsAloneMakeTheDynamicSets) {
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  const BarnImport import = ImportBarn(BarnDirectory(), std::nullopt);
+TEST_F(PublishedWorlds, MotionsAloneMakeTheDynamicSets) {
+  const BarnImport import = ImportBarn(directory(), std::nullopt);
   EXPECT_EQ(import.courses.size(), 200u);
   EXPECT_THAT(import.warnings, IsEmpty());
   EXPECT_THAT(import.skipped, IsEmpty());
@@ -96,10 +94,9 @@ TEST(DynamicImporter, MotionsAloneMakeTheDynamicSets) {
             "barn-box-349");
 }
 
-TEST(DynamicImporter, FixedObstaclesComeFromTheWorldWhereItIsThere) {
-  const std::filesystem::path samples = BarnDirectory() / "sample_worlds";
-  if (!HasBarnData()) GTEST_SKIP() << "the original data set is not at " << BarnDirectory();
-  const BarnImport import = ImportBarn(samples, BarnDirectory());
+TEST_F(PublishedWorlds, FixedObstaclesComeFromTheWorldWhereItIsThere) {
+  const std::filesystem::path samples = directory() / "sample_worlds";
+  const BarnImport import = ImportBarn(samples, directory());
   EXPECT_EQ(import.courses.size(), 202u);
   EXPECT_THAT(import.skipped, IsEmpty());
   // World 300 of the samples has its walls' yaw to more digits than dynamic_box_fixed.csv.

@@ -54,7 +54,7 @@ TEST(Presets, ThereIsOneForEachRowOfThePaper) {
   const std::vector<std::string> presets = Presets();
   for (const char* folder : {"fast", "paper", "paper/as-published"}) {
     for (const std::string& row : RowsOfThePaper()) {
-      // The original's cannot run (original-system.md §5.3, M4).
+      // The original's cannot run (docs/original-system.md, section 5.3, M4).
       if (folder == std::string("paper/as-published") && row == "mbpo-mlp") continue;
       const std::string preset = fmt::format("{}/{}", folder, row);
       EXPECT_TRUE(std::binary_search(presets.begin(), presets.end(), preset)) << preset;

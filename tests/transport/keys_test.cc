@@ -101,8 +101,9 @@ TEST_F(KeysTest, ASecretThatOthersCanReadIsRefused) {
   for (const perms more : {perms::group_read, perms::others_read, perms::others_write}) {
     std::filesystem::permissions(directory_ / "actor.key",
                                  perms::owner_read | perms::owner_write | more);
-    EXPECT_THAT(ErrorOf([&] { LoadKeyPair(directory_, Role::kActor); }),
-                AllOf(HasSubstr("actor.key"), HasSubstr("expected 0600"), HasSubstr("chmod 600")));
+    EXPECT_THAT(
+        ErrorOf([&] { LoadKeyPair(directory_, Role::kActor); }),
+        AllOf(HasSubstr("actor.key"), HasSubstr("expected mode 0600"), HasSubstr("chmod 600")));
   }
   std::filesystem::permissions(directory_ / "actor.key", perms::owner_read);
   EXPECT_EQ(ErrorOf([&] { LoadKeyPair(directory_, Role::kActor); }), "no error");
@@ -140,11 +141,11 @@ TEST_F(KeysTest, ALineOfTheListThatSaysNothingIsNamed) {
     return ErrorOf([&] { LoadAllowList(directory_); });
   };
   EXPECT_THAT(error_of("admin " + key),
-              AllOf(HasSubstr("allowed:3: 'admin' is no role"), HasSubstr("operator")));
+              AllOf(HasSubstr("allowed:3: 'admin' is not a role"), HasSubstr("operator")));
   EXPECT_THAT(error_of(key), HasSubstr("allowed:3:"));
-  EXPECT_THAT(error_of("actor"), HasSubstr("allowed:3: '' is no key"));
-  EXPECT_THAT(error_of("actor " + key.substr(1)), HasSubstr("is no key"));
-  EXPECT_THAT(error_of("actor " + key + " " + key), HasSubstr("is no key"));
+  EXPECT_THAT(error_of("actor"), HasSubstr("allowed:3: '' is not a key"));
+  EXPECT_THAT(error_of("actor " + key.substr(1)), HasSubstr("is not a key"));
+  EXPECT_THAT(error_of("actor " + key + " " + key), HasSubstr("is not a key"));
   EXPECT_THAT(error_of("actor " + key + "\nlearner " + key),
               HasSubstr("allowed:4: this key has the role actor already"));
   Write("allowed", "# nobody\n");
@@ -167,13 +168,13 @@ TEST_F(KeysTest, CheckFindsWhatDoesNotFitTogether) {
   std::string changed = allowed;
   changed.replace(changed.find(line), line.size(), "");
   Write("allowed", changed);
-  EXPECT_THAT(faults(), ElementsAre(HasSubstr("allowed: lacks the key of the role actor")));
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("allowed: does not list the key of the role actor")));
   changed = allowed;
   changed.replace(changed.find(line), line.size(), "learner " + actor.public_key);
   Write("allowed", changed);
   EXPECT_THAT(faults(), ElementsAre(HasSubstr("gives the key of actor the role learner")));
   Write("allowed", "nonsense");
-  EXPECT_THAT(faults(), ElementsAre(HasSubstr("allowed:1: 'nonsense' is no role")));
+  EXPECT_THAT(faults(), ElementsAre(HasSubstr("allowed:1: 'nonsense' is not a role")));
   Write("allowed", allowed);
   std::filesystem::permissions(directory_ / "learner.key", std::filesystem::perms::all);
   EXPECT_THAT(faults(), ElementsAre(HasSubstr("learner.key")));
@@ -192,8 +193,8 @@ TEST_F(KeysTest, AMachineNeedsOnlyTheKeysOfItsRoles) {
 }
 
 TEST_F(KeysTest, CheckOfWhatIsNoDirectoryOfKeysSaysSo) {
-  EXPECT_THAT(ErrorOf([&] { CheckKeys(directory_ / "none"); }), HasSubstr("is no directory"));
-  EXPECT_THAT(ErrorOf([&] { CheckKeys(directory_ / "allowed"); }), HasSubstr("is no directory"));
+  EXPECT_THAT(ErrorOf([&] { CheckKeys(directory_ / "none"); }), HasSubstr("is not a directory"));
+  EXPECT_THAT(ErrorOf([&] { CheckKeys(directory_ / "allowed"); }), HasSubstr("is not a directory"));
   EXPECT_THAT(ErrorOf([&] { CheckKeys(scratch_.path()); }), HasSubstr("holds no keys"));
 }
 

@@ -359,13 +359,15 @@ TEST(EndpointTest, OneThatCannotBeUsedIsNamedWithTheReason) {
   for (const std::string endpoint :
        {"", "nonsense", "tcp://", "tcp://127.0.0.1", "tcp://127.0.0.1:x", "tcp://127.0.0.1:99999",
         "tcp://127.0.0.1:-1", "tcp://:5550", "udp://127.0.0.1:5550", "inproc://", "ipc://"}) {
-    EXPECT_THAT(serve(endpoint), HasSubstr("'" + endpoint + "' is no endpoint; expected tcp://"));
-    EXPECT_THAT(connect(endpoint), HasSubstr("'" + endpoint + "' is no endpoint; expected tcp://"));
+    EXPECT_THAT(serve(endpoint),
+                HasSubstr("'" + endpoint + "' is not an endpoint; expected tcp://"));
+    EXPECT_THAT(connect(endpoint),
+                HasSubstr("'" + endpoint + "' is not an endpoint; expected tcp://"));
   }
   EXPECT_THAT(connect("tcp://no host:1"), HasSubstr("tcp://no host:1: cannot connect ("));
   Server server(context, {.endpoint = "tcp://127.0.0.1:*"});
   EXPECT_THAT(serve(server.endpoint()), HasSubstr("Address already in use"));
-  EXPECT_THAT(serve("tcp://192.0.2.1:5550"), HasSubstr("cannot listen there ("));
+  EXPECT_THAT(serve("tcp://192.0.2.1:5550"), HasSubstr("cannot listen ("));
 }
 
 }  // namespace
