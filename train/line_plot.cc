@@ -16,7 +16,7 @@ constexpr double kWidth = 760.0;
 constexpr double kLeft = 64.0;
 constexpr double kRight = 150.0;
 constexpr double kTop = 40.0;           // The title.
-constexpr double kTopScale = 40.0;      // The second scale.
+constexpr double kTopScale = 30.0;      // The second scale.
 constexpr double kPanelHeight = 150.0;  // Its lines.
 constexpr double kPanelTitle = 30.0;
 constexpr double kBottom = 48.0;  // The x axis.
@@ -27,17 +27,12 @@ constexpr int kNumYTicks = 4;
 constexpr std::string_view kStyle =
     "<style>\n"
     ".paper{fill:#ffffff}text{fill:#1d2530}.faint{fill:#5f6a78}.grid{stroke:#dde2e8}\n"
-    ".line{fill:none;stroke-width:1.8}\n"
-    ".green{stroke:#2a7f3f}.red{stroke:#c0392b}.amber{stroke:#a86a12}.blue{stroke:#1f6fb2}\n"
-    "text.green{fill:#2a7f3f}text.red{fill:#c0392b}text.amber{fill:#a86a12}text.blue{fill:#1f6fb2}"
-    "\n"
-    "text{stroke:none}\n"
+    ".green{color:#2a7f3f}.red{color:#c0392b}.amber{color:#a86a12}.blue{color:#1f6fb2}\n"
+    ".line{fill:none;stroke:currentColor;stroke-width:1.8}\n"
+    ".interval{stroke:currentColor;opacity:0.5}circle,.name{fill:currentColor}\n"
     "@media (prefers-color-scheme:dark){\n"
     ".paper{fill:#171c22}text{fill:#e4e9ef}.faint{fill:#9aa6b4}.grid{stroke:#2e3741}\n"
-    ".green{stroke:#5cc47a}.red{stroke:#f07b6c}.amber{stroke:#e3b04b}.blue{stroke:#62b0ee}\n"
-    "text.green{fill:#5cc47a}text.red{fill:#f07b6c}text.amber{fill:#e3b04b}text.blue{fill:#62b0ee}"
-    "\n"
-    "text{stroke:none}}\n"
+    ".green{color:#5cc47a}.red{color:#f07b6c}.amber{color:#e3b04b}.blue{color:#62b0ee}}\n"
     "</style>\n";
 
 std::string_view ClassOf(PlotColour colour) {
@@ -219,7 +214,7 @@ class Drawing {
             y(last));
       }
       if (!series.low.empty() && std::isfinite(series.low[i]) && std::isfinite(series.high[i])) {
-        Add("<line class=\"{}\" opacity=\"0.5\" x1=\"{x:.1f}\" x2=\"{x:.1f}\" y1=\"{:.1f}\" "
+        Add("<line class=\"interval {}\" x1=\"{x:.1f}\" x2=\"{x:.1f}\" y1=\"{:.1f}\" "
             "y2=\"{:.1f}\"/>",
             colour, y(series.low[i]), y(series.high[i]), fmt::arg("x", x_(series.x[i])));
       }
@@ -229,7 +224,7 @@ class Drawing {
     Text(kLeft + kPlotWidth + 10.0, label_y,
          is_rate ? fmt::format("{} {:.1f} %", series.name, 100.0 * last)
                  : fmt::format("{} {:.4g}", series.name, last),
-         fmt::format("class=\"{}\"", colour));
+         fmt::format("class=\"name {}\"", colour));
   }
 
   Scale x_;

@@ -28,8 +28,8 @@ TEST(TrainingFigureTest, ShowsEpisodesReturnAndScoresOverSecondsAndSteps) {
                            ">training time [s]<", ">steps<", ">10k<"}) {
     EXPECT_THAT(svg, HasSubstr(text));
   }
-  // The first panel's success: 0.5 at half of the time, 0.9 at its end; y from 260 to 110.
-  EXPECT_THAT(svg, HasSubstr("class=\"line green\" d=\"M337.0 185.0L610.0 125.0\""));
+  // The first panel's success: 0.5 at half of the time, 0.9 at its end; y from 250 to 100.
+  EXPECT_THAT(svg, HasSubstr("class=\"line green\" d=\"M337.0 175.0L610.0 115.0\""));
 }
 
 TEST(TrainingFigureTest, WithoutScoresHasNoPanelForThem) {
