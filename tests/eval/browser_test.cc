@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <regex>
@@ -307,10 +308,18 @@ TEST_F(BrowserTest, FollowsTheSystemsColoursAndTheButtonAndPrintsInLight) {
 
 TEST_F(BrowserTest, OnAPhoneNothingRunsOutOrOverlaps) {
   const std::vector<double> half(40, 0.5);
-  const std::vector<Result> results =
+  std::vector<Result> results =
       Read({{"a-policy-with-quite-a-long-name", testing::MakeEvaluation(half)},
             {"another-policy-with-a-long-name", testing::MakeEvaluation(half)},
             {"teb", testing::MakeEvaluation(half)}});
+  // Numbers of obstacles with four digits, which make long labels.
+  sim::CourseSet courses = results[0].course_set_data;
+  for (std::size_t c = 0; c < courses.courses.size(); ++c) {
+    sim::Course course = *courses.courses[c];
+    course.circles.resize(1000 + 25 * c, course.circles.front());
+    courses.courses[c] = std::make_shared<const sim::Course>(std::move(course));
+  }
+  for (Result& result : results) result.course_set_data = courses;
   for (const int width : {390, 1280}) {
     Window window;
     window.width = width;
