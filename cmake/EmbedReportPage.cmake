@@ -1,4 +1,4 @@
-# Writes OUTPUT (a C++ source) with the page of a report: HTML, the STYLES and the SCRIPTS (each joined in order; "|" between them).
+# Writes OUTPUT (a C++ source) with the page of a report: HTML, STYLE and the SCRIPTS (joined in order; "|" between them).
 # The delimiter of the raw strings must not occur in the files; g++ takes strings of any length.
 function(read_part variable)
   set(text "")
@@ -14,9 +14,8 @@ function(read_part variable)
 endfunction()
 
 string(REPLACE "|" ";" scripts "${SCRIPTS}")
-string(REPLACE "|" ";" styles "${STYLES}")
 read_part(html ${HTML})
-read_part(style ${styles})
+read_part(style ${STYLE})
 read_part(script ${scripts})
 file(WRITE ${OUTPUT} "#include \"eval/report_page_parts.h\"\n
 namespace slalom::eval {\n

@@ -270,6 +270,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
     result.profiles.push_back(profile.get<std::string>());
   }
   const std::size_t num_courses = reader.List("courses").size();
+  if (num_courses == 0) reader.Fail("courses", reader.List("courses"), "at least one course");
   for (std::size_t c = 0; c < num_courses; ++c) {
     result.courses.push_back(ReadCourse(reader.Element("courses", c)));
   }
