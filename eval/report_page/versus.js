@@ -77,7 +77,7 @@ class Versus {
         figure, element('td', {}, element('span', {class: 'value'}, text(value) + unit)),
         element('td', {}, interval, element('span', {class: 'sub'}, verdict)));
     });
-    const head = element('tr', {}, ...['Figure', 'Difference', '95 % interval'].map((title) => element('th', {}, title)));
+    const head = element('tr', {}, ...['Score', 'Difference', '95 % interval'].map((title) => element('th', {}, title)));
     document.getElementById('versus-table').replaceChildren(element('thead', {}, head), element('tbody', {}, ...rows));
     document.getElementById('versus-note').textContent =
       `${this.a.label} minus ${this.b.label}, course by course, which leaves out how courses differ from each other.` +
