@@ -4,31 +4,18 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <limits>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
 #include "cli/evaluate_policy.h"
-#include "train/line_plot.h"
+#include "train/training_figure.h"
 
 namespace slalom::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::vector<std::string> SplitCells(const std::string& line) {
-  std::vector<std::string> cells;
-  std::istringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
-  return cells;
-}
-
-double Number(const std::string& cell) {
-  return cell.empty() ? std::numeric_limits<double>::quiet_NaN() : std::stod(cell);
-}
 
 std::string Provenance(const policy::LoadedPolicy& policy, const std::string& key) {
   const auto it = policy.metadata.find(key);
@@ -39,7 +26,9 @@ std::string Provenance(const policy::LoadedPolicy& policy, const std::string& ke
 /// time.
 class Curve {
  public:
-  Curve() {
+  /// `prints`: not where the table would have one line alone, which stands above it already.
+  explicit Curve(bool prints) : prints_(prints) {
+    if (!prints) return;
     fmt::print("\n{:>10} {:>12} {:>10} {:>9} {:>17} {:>11}\n", "seconds", "steps", "updates",
                "success", "95 % interval", "traversal");
   }
@@ -54,6 +43,7 @@ class Curve {
     csv_ += fmt::format("{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{}\n", seconds, steps, updates,
                         set.success_rate.value, interval.low, interval.high,
                         set.collision_rate.value, set.timeout_rate.value, traversal);
+    if (!prints_) return;
     fmt::print("{:>10} {:>12} {:>10} {:>8.1f}% {:>8.1f}-{:>5.1f} % {:>9} s\n", seconds, steps,
                updates, 100.0 * set.success_rate.value, 100.0 * interval.low, 100.0 * interval.high,
                traversal);
@@ -65,6 +55,7 @@ class Curve {
   std::string csv_ =
       "training_s,steps,updates,success_rate,success_low,success_high,collision_rate,timeout_rate,"
       "traversal_time_s\n";
+  const bool prints_;
 };
 
 std::vector<fs::path> ListSnapshots(const run::RunDirectory& directory) {
@@ -80,32 +71,11 @@ std::vector<fs::path> ListSnapshots(const run::RunDirectory& directory) {
 }  // namespace
 
 void DrawTraining(const run::RunDirectory& directory) {
-  std::istringstream lines(base::ReadFile(directory.metrics()));
-  std::string line;
-  std::getline(lines, line);
-  const std::vector<std::string> header = SplitCells(line);
-  const auto column = [&header](const char* name) {
-    return static_cast<std::size_t>(std::find(header.begin(), header.end(), name) - header.begin());
-  };
-  train::PlotSeries success{"success", "#2a7f3f", {}, {}};
-  train::PlotSeries collision{"collision", "#c0392b", {}, {}};
-  train::PlotSeries timeout{"timeout", "#b7791f", {}, {}};
-  const std::size_t seconds = column("training_s");
-  while (std::getline(lines, line)) {
-    const std::vector<std::string> cells = SplitCells(line);
-    if (cells.size() + 1 < header.size()) continue;
-    const auto add = [&](train::PlotSeries& series, const char* name) {
-      series.x.push_back(Number(cells[seconds]));
-      series.y.push_back(Number(cells[column(name)]));
-    };
-    add(success, "success_rate");
-    add(collision, "collision_rate");
-    add(timeout, "timeout_rate");
-  }
+  const std::string curve = fs::exists(directory.curve()) ? base::ReadFile(directory.curve()) : "";
+  const std::string name = fs::absolute(directory.root).lexically_normal().filename().string();
   base::WriteFileAtomically(
       directory.training_picture(),
-      train::DrawRatePlot("Training episodes, with exploration noise", "training time [s]",
-                          {success, collision, timeout}));
+      train::DrawTrainingFigure(name, base::ReadFile(directory.metrics()), curve));
 }
 
 bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,
@@ -117,18 +87,18 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   if (!result) return false;
   WriteScoredRun(*result, directory.root);
   fmt::print("{}", eval::TextReport(result->evaluation));
-  if (const auto snapshots = ListSnapshots(directory); !snapshots.empty()) {
-    Curve curve;
-    for (const fs::path& path : snapshots) {
-      const policy::LoadedPolicy kept = policy::LoadPolicy(path);
-      const auto scored =
-          EvaluatePolicy(kept.snapshot, path.string(), config, config.courses.test, parallel, stop);
-      if (!scored) return false;
-      curve.Add(kept, scored->evaluation.summary.set);
-    }
-    curve.Add(policy, result->evaluation.summary.set);
-    base::WriteFileAtomically(directory.curve(), curve.csv());
+  const std::vector<fs::path> snapshots = ListSnapshots(directory);
+  Curve curve(!snapshots.empty());
+  for (const fs::path& path : snapshots) {
+    const policy::LoadedPolicy kept = policy::LoadPolicy(path);
+    const auto scored =
+        EvaluatePolicy(kept.snapshot, path.string(), config, config.courses.test, parallel, stop);
+    if (!scored) return false;
+    curve.Add(kept, scored->evaluation.summary.set);
   }
+  curve.Add(policy, result->evaluation.summary.set);
+  base::WriteFileAtomically(directory.curve(), curve.csv());
+  DrawTraining(directory);  // Again, with the scores.
   const std::string root = directory.root.string();
   const std::string collection =
       config.courses.collection.empty() ? "" : " --collection " + config.courses.collection;

@@ -8,7 +8,8 @@
 
 namespace slalom::cli {
 
-/// Draws metrics.csv as training.svg. Throws `base::Error` where a file cannot be read or written.
+/// Draws metrics.csv, and curve.csv where there is one, as training.svg. Throws `base::Error` where
+/// a file cannot be read or written.
 void DrawTraining(const run::RunDirectory& directory);
 
 /// Scores the run's policy, and those of its snapshots (curve.csv), on its test courses; prints the

@@ -130,6 +130,15 @@ std::string SizeText(const ResultGroup& group, std::span<const Result> results) 
   return fmt::format("{} course{}", first.courses.size(), first.courses.size() == 1 ? "" : "s");
 }
 
+/// What a reader of the table must know of a policy that had been trained on its test; else "".
+std::string OverlapNote(const Result& result, const std::string& label) {
+  const auto& overlap = result.training_overlap;
+  if (!overlap || overlap->num_courses == 0) return "";
+  return fmt::format("\n**Trained on its test:** {} was trained on {} of these {} courses ({}).\n",
+                     EscapeMarkdown(label), overlap->num_courses, overlap->num_scored,
+                     EscapeMarkdown(overlap->trained_on));
+}
+
 }  // namespace
 
 std::vector<ResultGroup> GroupByCourses(std::span<const Result> results) {
@@ -218,6 +227,7 @@ std::string MarkdownComparison(std::span<const Result> results) {
       }
       text += '\n';
     }
+    for (const std::size_t r : group.results) text += OverlapNote(results[r], labels[r]);
   }
   return text;
 }

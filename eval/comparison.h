@@ -27,7 +27,8 @@ std::vector<std::string> Labels(std::span<const Result> results);
 /// The rules of the results' common protocol, a sentence. Requires: at least one.
 std::string ProtocolSentence(const Result& result);
 
-/// A table per group, in Markdown, with 95 % intervals.
+/// A table per group, in Markdown, with 95 % intervals, and a note below it on each policy that was
+/// trained on courses of the group.
 std::string MarkdownComparison(std::span<const Result> results);
 
 /// One line per result, all figures with the ends of their intervals; empty where there is none.

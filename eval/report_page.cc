@@ -12,6 +12,7 @@
 #include "eval/comparison.h"
 #include "eval/difficulty_bins.h"
 #include "eval/packed_numbers.h"
+#include "eval/paired_comparison.h"
 #include "eval/report_page_parts.h"
 #include "sim/motion.h"
 
@@ -140,6 +141,25 @@ Json MeasuresJson(const ResultGroup& group, std::span<const Result> results) {
   return json;
 }
 
+/// Every two results of a group, the earlier minus the later.
+Json PairsJson(const ResultGroup& group, std::span<const Result> results) {
+  Json json = Json::array();
+  for (std::size_t i = 0; i < group.results.size(); ++i) {
+    for (std::size_t j = i + 1; j < group.results.size(); ++j) {
+      const auto [first, second] = std::pair(group.results[i], group.results[j]);
+      const PairedComparison pair = CompareInPairs(results[first], results[second]);
+      json.push_back({{"first", first},
+                      {"second", second},
+                      {"same_starts", pair.same_starts},
+                      {"traversal_courses", pair.num_traversal_courses},
+                      {"success_rate", ToJson(std::optional(pair.success_rate))},
+                      {"traversal_time_s", ToJson(pair.traversal_time)},
+                      {"barn_score", ToJson(std::optional(pair.barn_score))}});
+    }
+  }
+  return json;
+}
+
 Json GroupJson(const ResultGroup& group, std::span<const Result> results, double frame_time) {
   const Result& first = results[group.results.front()];
   Json courses = Json::array();
@@ -149,7 +169,8 @@ Json GroupJson(const ResultGroup& group, std::span<const Result> results, double
   return {{"title", group.title},
           {"results", group.results},
           {"courses", std::move(courses)},
-          {"measures", MeasuresJson(group, results)}};
+          {"measures", MeasuresJson(group, results)},
+          {"pairs", PairsJson(group, results)}};
 }
 
 // ---- Tracks
@@ -257,16 +278,22 @@ Json ResultJson(const Result& result, const std::string& label, const Thinning& 
   for (const sim::EpisodeTrack& track : result.tracks) {
     tracks.push_back(TrackJson(track, course_of.at(track.course), thinning));
   }
-  return {{"label", label},
-          {"kind", result.kind},
-          {"source", result.source},
-          {"commit", result.commit},
-          {"episodes", result.set.num_episodes},
-          {"robot", {result.robot_length, result.robot_width}},
-          {"figures", FiguresJson(result.set)},
-          {"outcomes", std::move(outcomes)},
-          {"times_cs", std::move(times)},
-          {"tracks", std::move(tracks)}};
+  Json json = {{"label", label},
+               {"kind", result.kind},
+               {"source", result.source},
+               {"commit", result.commit},
+               {"episodes", result.set.num_episodes},
+               {"robot", {result.robot_length, result.robot_width}},
+               {"figures", FiguresJson(result.set)},
+               {"outcomes", std::move(outcomes)},
+               {"times_cs", std::move(times)},
+               {"tracks", std::move(tracks)}};
+  if (const auto& overlap = result.training_overlap; overlap && overlap->num_courses > 0) {
+    json["training_overlap"] = {{"courses", overlap->num_courses},
+                                {"of", overlap->num_scored},
+                                {"trained_on", overlap->trained_on}};
+  }
+  return json;
 }
 
 void Replace(std::string& text, std::string_view mark, std::string_view content) {

@@ -140,7 +140,7 @@ def result(directory):
         curve = list(csv.DictReader((directory / "curve.csv").open())) if (directory / "curve.csv").exists() else []
     except FileNotFoundError:
         return None
-    at_100k = [100 * float(c["success_rate"]) for c in curve[:1]]
+    at_100k = [100 * float(c["success_rate"]) for c in curve[:-1][:1]]  # The last is the finished policy.
     late = [float(r["collision_rate"]) for r in rows[-max(1, len(rows) // 10):] if r["collision_rate"]]
     return {"success": 100 * own["success_rate"], "collision": 100 * own["collision_rate"], "timeout": 100 * own["timeout_rate"],
             "survival": own["survival_time_s"], "traversal": own["traversal_time_s"], "fresh": 100 * fresh["success_rate"],

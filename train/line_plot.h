@@ -5,17 +5,40 @@
 
 namespace slalom::train {
 
-/// One line of a plot.
+/// A colour with a darker and a lighter shade, for light and dark viewers.
+enum class PlotColour { kGreen, kRed, kAmber, kBlue };
+
+/// One line of a panel.
 struct PlotSeries {
   std::string name;
-  std::string colour;  ///< As SVG takes it, "#1f77b4".
+  PlotColour colour = PlotColour::kBlue;
   std::vector<double> x;
-  std::vector<double> y;  ///< Same length as x; NaN leaves a gap.
+  std::vector<double> y;         ///< Same length as x; NaN leaves a gap.
+  std::vector<double> low = {};  ///< Ends of intervals, each as long as x; empty: none.
+  std::vector<double> high = {};
+  bool has_dots = false;  ///< Each point stands out: few, measured one by one.
 };
 
-/// A plot of lines over a common x axis, y from 0 to 1 shown as percent, as a self-contained SVG
-/// document.
-std::string DrawRatePlot(const std::string& title, const std::string& x_label,
-                         const std::vector<PlotSeries>& series);
+/// Lines over the figure's x axis.
+struct PlotPanel {
+  std::string title;
+  bool is_rate = false;  ///< y from 0 to 1, shown as percent; else from the least to the largest.
+  std::vector<PlotSeries> series;
+};
+
+/// Panels below each other with one x axis.
+struct PlotFigure {
+  std::string title;
+  std::string x_label;
+  std::string top_label;  ///< Of a second scale above the panels.
+  /// What the second scale reads at which x, in the order of x; empty: no second scale.
+  std::vector<double> top_x;
+  std::vector<double> top_values;
+  std::vector<PlotPanel> panels;  ///< Those without any known y are left out.
+};
+
+/// The figure as a self-contained SVG document, which follows the viewer's light or dark scheme.
+/// All texts are escaped. With no panel left, a figure that says so.
+std::string DrawFigure(const PlotFigure& figure);
 
 }  // namespace slalom::train

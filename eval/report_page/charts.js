@@ -14,7 +14,7 @@ function drawWhisker(estimate, factor, full, colour) {
   const width = 104;
   const x = linear(0, full, 4, width - 4);
   const drawing = svg('svg', {width, height: 12, viewBox: `0 0 ${width} 12`});
-  drawing.append(svg('line', {x1: x(0), x2: x(full), y1: 6, y2: 6, stroke: '#e6eaee', 'stroke-width': 2}));
+  drawing.append(svg('line', {x1: x(0), x2: x(full), y1: 6, y2: 6, stroke: 'var(--grid)', 'stroke-width': 2}));
   const [value, low, high] = estimate.map((number) => (number === null ? null : factor * number));
   if (low !== null) {
     drawing.append(svg('line', {x1: x(low), x2: x(high), y1: 6, y2: 6, stroke: colour, 'stroke-width': 3, opacity: 0.45}));
@@ -26,16 +26,21 @@ function drawWhisker(estimate, factor, full, colour) {
 function drawFigures(data, group) {
   const table = document.getElementById('figures-table');
   const results = group.results.map((index) => data.results[index]);
-  const columns = FIGURES.filter((figure) => figure.key !== 'contact_rate' || !data.collision_ends);
-  const head = element('tr', {}, element('th', {}, 'Agent'), ...columns.map((figure) =>
-    element('th', {}, figure.unit ? `${figure.title} [${figure.unit}]` : figure.title)));
+  const columns = FIGURES.filter((figure) => (figure.key !== 'contact_rate' || !data.collision_ends) &&
+    results.some((result) => result.figures[figure.key] !== null));
+  const titleOf = (figure) => (figure.unit ? `${figure.title} [${figure.unit}]` : figure.title);
+  const head = element('tr', {}, element('th', {}, 'Agent'),
+    ...columns.map((figure) => element('th', {}, titleOf(figure))));
   const rows = results.map((result, place) => {
     const agent = element('td', {class: 'agent', title: result.label}, swatch(result.colour), result.label,
       element('span', {class: 'sub'}, `${result.kind}, ${result.episodes} episodes`));
+    if (result.training_overlap) {
+      agent.append(element('span', {class: 'sub caution'}, `trained on ${overlapText(result)}`));
+    }
     const cells = columns.map((figure) => {
       const estimate = result.figures[figure.key];
       const cell = element('td', {'data-result': group.results[place], 'data-figure': figure.key,
-        'data-value': estimate === null ? '' : estimate[0]});
+        'data-title': titleOf(figure), 'data-value': estimate === null ? '' : estimate[0]});
       if (estimate === null) {
         cell.append(element('span', {class: 'sub'}, 'none'));
         return cell;
@@ -57,9 +62,11 @@ function drawFigures(data, group) {
 
 // ---- Success by course.
 
-// From brown (no success) over a light grey to blue, as people who see few colours tell apart.
+// From brown (no success) over a pale or dark middle to blue, as people who see few colours tell
+// apart.
 function successColour(rate) {
-  const stops = [[166, 78, 8], [236, 224, 205], [28, 100, 168]];
+  const stops = isDark() ? [[206, 112, 36], [74, 74, 76], [70, 150, 226]] :
+    [[166, 78, 8], [236, 224, 205], [28, 100, 168]];
   const place = Math.min(Math.max(rate, 0), 1) * 2;
   const i = Math.min(Math.floor(place), 1);
   const mix = stops[i].map((from, k) => Math.round(from + (place - i) * (stops[i + 1][k] - from)));
@@ -84,42 +91,60 @@ function courseTip(result, group, course) {
     (times.length ? `\nmean traversal ${mean.toFixed(1)} s` : '');
 }
 
+// Where the cells lie: in one row for each agent, or, where that makes them too narrow for a finger,
+// in as many as it takes, with the agent's name above.
+function layOutCourseMap(width, numCourses) {
+  const left = width < 560 ? 90 : 150;
+  const smallest = 14;
+  const wrapped = width < 560 && (width - left) / numCourses < smallest;
+  if (!wrapped) {
+    return {left, top: 0, perRow: numCourses, cell: Math.min(46, (width - left) / numCourses), cellHeight: 26, height: 26};
+  }
+  const perRow = Math.floor(width / smallest);
+  const numRows = Math.ceil(numCourses / perRow);
+  return {left: 0, top: 20, perRow, cell: width / perRow, cellHeight: 20, height: 28 + 20 * numRows, wrapped};
+}
+
 function drawCourseMap(data, group, onCourse) {
   const box = document.getElementById('course-map');
   const width = widthOf(box);
   const results = group.results.map((index) => data.results[index]);
   const order = orderCourses(data, group, document.getElementById('course-order').value);
-  const left = width < 560 ? 90 : 150;
-  const cell = Math.min(46, (width - left) / order.length);
-  const rowHeight = 26;
-  const named = cell >= 11;
+  const layout = layOutCourseMap(width, order.length);
+  const {left, cell, cellHeight} = layout;
+  const named = !layout.wrapped && cell >= 11;
   const longest = Math.max(...group.courses.map((course) => Math.min(course.name.length, 15)));
   const bottom = named ? 14 + 6 * longest : 22;
-  const drawing = plotIn(box, results.length * rowHeight + bottom, width);
+  const base = results.length * layout.height;
+  const drawing = plotIn(box, base + (layout.wrapped ? 0 : bottom), width);
   results.forEach((result, row) => {
-    drawing.append(svgText(left - 8, row * rowHeight + 17, shorten(result.label, left / 7), {'text-anchor': 'end'}));
-    order.forEach((course, column) => {
+    const top = row * layout.height;
+    drawing.append(layout.wrapped ? svgText(0, top + 14, shorten(result.label, width / 7)) :
+      svgText(left - 8, top + 17, shorten(result.label, left / 7), {'text-anchor': 'end'}));
+    order.forEach((course, place) => {
       const rate = successRate(result, course);
       const gap = cell > 6 ? 1 : 0.3;
-      const rect = svg('rect', {class: 'course', x: left + column * cell, y: row * rowHeight + 2,
-        width: Math.max(cell - gap, 0.5), height: rowHeight - 4, rx: cell > 8 ? 2 : 0, fill: successColour(rate)});
+      const x = left + (place % layout.perRow) * cell;
+      const y = top + layout.top + Math.floor(place / layout.perRow) * cellHeight;
+      const rect = svg('rect', {class: 'course clickable', x, y: y + 2, width: Math.max(cell - gap, 0.5),
+        height: cellHeight - 4, rx: cell > 8 ? 2 : 0, fill: successColour(rate)});
       setTip(rect, courseTip(result, group, course));
       rect.addEventListener('click', () => onCourse(course, result));
       drawing.append(rect);
       if (cell >= 17) {
-        drawing.append(svgText(left + (column + 0.5) * cell - 0.5, row * rowHeight + 17, countOutcomes(result.outcomes[course]).S,
-          {'text-anchor': 'middle', 'font-size': 10, 'pointer-events': 'none', style: `fill:${rate > 0.8 || rate < 0.12 ? '#fff' : '#1d2530'}`}));
+        const pale = isDark() || rate > 0.8 || rate < 0.12;
+        drawing.append(svgText(x + cell / 2 - 0.5, y + cellHeight / 2 + 4, countOutcomes(result.outcomes[course]).S,
+          {'text-anchor': 'middle', 'font-size': 10, 'pointer-events': 'none', style: `fill:${pale ? '#fff' : '#1d2530'}`}));
       }
     });
   });
-  const base = results.length * rowHeight;
   if (named) {
     order.forEach((course, column) => {
       const x = left + (column + 0.5) * cell + 3;
       drawing.append(svgText(x, base + 8, shorten(group.courses[course].name, 15),
         {class: 'faint', 'font-size': 10, 'text-anchor': 'end', transform: `rotate(-90 ${x} ${base + 8})`}));
     });
-  } else {
+  } else if (!layout.wrapped) {
     drawing.append(svgText(left, base + 16, `${order.length} courses; point at one for its name`, {class: 'faint'}));
   }
   document.getElementById('course-note').textContent =
@@ -135,28 +160,30 @@ function drawDifficulty(data, group) {
   const box = document.getElementById('difficulty-plot');
   const measure = group.measures.find((m) => m.key === document.getElementById('measure').value);
   const results = group.results.map((index) => data.results[index]);
-  if (!measure) {
-    box.replaceChildren(element('p', {class: 'note'}, 'These courses are too few or too alike to be told apart by difficulty.'));
-    return;
-  }
+  if (!measure) return;
   fillAgentLegend(document.getElementById('difficulty-legend'), results);
   const width = widthOf(box);
   const height = 300;
-  const [left, right, top, bottom] = [46, 10, 10, 44];
+  const [left, right, top] = [46, 10, 10];
+  const binWidth = (width - left - right) / measure.bins.length;
+  const narrow = binWidth < 100;  // Each end of a bin and its number of courses has its own line.
+  const bottom = narrow ? 56 : 44;
   const drawing = plotIn(box, height, width);
   const y = linear(0, 1, height - bottom, top);
   for (const tick of [0, 0.25, 0.5, 0.75, 1]) {
-    drawing.append(svg('line', {x1: left, x2: width - right, y1: y(tick), y2: y(tick), stroke: '#e6eaee'}));
+    drawing.append(svg('line', {x1: left, x2: width - right, y1: y(tick), y2: y(tick), class: 'grid'}));
     drawing.append(svgText(left - 8, y(tick) + 4, percent(tick), {'text-anchor': 'end', class: 'faint'}));
   }
-  const binWidth = (width - left - right) / measure.bins.length;
   const dodge = Math.min(22, binWidth * 0.7 / results.length);
   const place = (bin, agent) => left + (bin + 0.5) * binWidth + (agent - (results.length - 1) / 2) * dodge;
   const whole = measure.bins.every((bin) => Number.isInteger(bin.low) && Number.isInteger(bin.high));
   const number = (value) => (whole || Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3));
   measure.bins.forEach((bin, b) => {
-    drawing.append(svgText(left + (b + 0.5) * binWidth, height - bottom + 18, `${number(bin.low)} – ${number(bin.high)}`, {'text-anchor': 'middle'}));
-    drawing.append(svgText(left + (b + 0.5) * binWidth, height - bottom + 34, `${bin.courses} courses`, {'text-anchor': 'middle', class: 'faint', 'font-size': 11}));
+    const lines = narrow ? [`${number(bin.low)} –`, number(bin.high)] : [`${number(bin.low)} – ${number(bin.high)}`];
+    lines.forEach((line, k) => drawing.append(
+      svgText(left + (b + 0.5) * binWidth, height - bottom + 18 + 14 * k, line, {'text-anchor': 'middle'})));
+    drawing.append(svgText(left + (b + 0.5) * binWidth, height - bottom + 20 + 14 * lines.length,
+      `${bin.courses} courses`, {'text-anchor': 'middle', class: 'faint', 'font-size': narrow ? 10 : 11}));
   });
   results.forEach((result, agent) => {
     const points = measure.bins.map((bin, b) => `${place(b, agent)},${y(bin.rates[agent][0])}`).join(' ');
@@ -193,12 +220,13 @@ function drawTimes(data, group, id, wanted) {
   const all = results.map((result) => timesOf(result, wanted));
   const ticks = niceTicks(Math.max(1, ...all.map((times) => (times.length ? times[times.length - 1] : 0))));
   const full = ticks[ticks.length - 1];
-  const [left, right, rowHeight, bottom] = [width < 400 ? 100 : 150, 30, 46, 34];
+  const narrow = width < 460;  // Names stand above their rows.
+  const [left, right, rowHeight, bottom] = narrow ? [6, 16, 62, 34] : [150, 30, 46, 34];
   const height = results.length * rowHeight + bottom;
   const drawing = plotIn(box, height, width);
   const x = linear(0, full, left, width - right);
   for (const tick of ticks) {
-    drawing.append(svg('line', {x1: x(tick), x2: x(tick), y1: 4, y2: height - bottom, stroke: '#e6eaee'}));
+    drawing.append(svg('line', {x1: x(tick), x2: x(tick), y1: 4, y2: height - bottom, class: 'grid'}));
     drawing.append(svgText(x(tick), height - bottom + 16, tick, {'text-anchor': 'middle', class: 'faint'}));
   }
   drawing.append(svgText(width - right, height - 4, 'seconds', {'text-anchor': 'end', class: 'faint'}));
@@ -206,22 +234,30 @@ function drawTimes(data, group, id, wanted) {
   results.forEach((result, row) => {
     const times = all[row];
     const base = (row + 1) * rowHeight - 4;
-    drawing.append(svgText(left - 8, base - 12, shorten(result.label, left / 7.5), {'text-anchor': 'end'}));
-    drawing.append(svgText(left - 8, base + 1, `${times.length} episodes`, {'text-anchor': 'end', class: 'faint', 'font-size': 11}));
-    drawing.append(svg('line', {x1: left, x2: width - right, y1: base, y2: base, stroke: '#c7ced6'}));
+    const count = `${times.length} episodes`;
+    if (narrow) {
+      drawing.append(svgText(left, base - 44, shorten(`${result.label}, ${count}`, width / 7)));
+    } else {
+      drawing.append(svgText(left - 8, base - 12, shorten(result.label, left / 7.5), {'text-anchor': 'end'}));
+      drawing.append(svgText(left - 8, base + 1, count, {'text-anchor': 'end', class: 'faint', 'font-size': 11}));
+    }
+    drawing.append(svg('line', {x1: left, x2: width - right, y1: base, y2: base, class: 'axis'}));
     if (times.length === 0) return;
     const counts = new Array(numBins).fill(0);
     for (const time of times) ++counts[Math.min(numBins - 1, Math.floor(time / full * numBins))];
     const tallest = Math.max(...counts);
+    const barHeight = 34;
     counts.forEach((count, bin) => {
       if (count === 0) return;
       const bar = svg('rect', {x: x(bin * full / numBins) + 0.4, width: Math.max(1, (x(full) - x(0)) / numBins - 0.8),
-        y: base - count / tallest * (rowHeight - 12), height: count / tallest * (rowHeight - 12), fill: result.colour, opacity: 0.75});
+        y: base - count / tallest * barHeight, height: count / tallest * barHeight, fill: result.colour, opacity: 0.75});
       setTip(bar, `${result.label}\n${count} episodes, ${(bin * full / numBins).toFixed(1)} to ${((bin + 1) * full / numBins).toFixed(1)} s`);
       drawing.append(bar);
     });
     const median = (times[(times.length - 1) >> 1] + times[times.length >> 1]) / 2;
-    drawing.append(svg('line', {x1: x(median), x2: x(median), y1: base - rowHeight + 10, y2: base + 3, stroke: '#1d2530', 'stroke-width': 2}));
-    drawing.append(svgText(x(median) + 5, base - rowHeight + 18, median.toFixed(1), {'font-size': 11}));
+    drawing.append(svg('line', {x1: x(median), x2: x(median), y1: base - barHeight - 2, y2: base + 3, class: 'mark'}));
+    const side = x(median) > width - right - 40 ? -1 : 1;  // Of the mark: its number stays in the drawing.
+    drawing.append(svgText(x(median) + 5 * side, base - barHeight + 6, median.toFixed(1),
+      {'font-size': 11, 'text-anchor': side < 0 ? 'end' : 'start'}));
   });
 }

@@ -29,7 +29,6 @@ class CourseView {
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     this.canvas.width = width * ratio;
     this.canvas.height = height * ratio;
-    this.canvas.style.height = `${height}px`;
     this.size = [width, height];
     this.scale = Math.min(width / across, height / down);
     this.context = this.canvas.getContext('2d');
@@ -71,15 +70,15 @@ class CourseView {
     const {context, course} = this;
     const shapes = courseShapes(course);
     const [x0, y0, x1, y1] = course.bounds;
-    context.fillStyle = '#ffffff';
+    context.fillStyle = themeColour('--floor');
     context.fillRect(x0, y0, x1 - x0, y1 - y0);
-    context.fillStyle = '#3d4652';
+    context.fillStyle = themeColour('--obstacle');
     context.beginPath();
     for (const c of shapes.circles) this.circle(c.x, c.y, c.radius);
     for (const b of shapes.boxes) this.box(b.x, b.y, b.yaw, b.hx, b.hy);
     context.fill();
-    context.fillStyle = 'rgba(0, 158, 115, 0.18)';
-    context.strokeStyle = '#00805d';
+    context.fillStyle = themeColour('--goal-area');
+    context.strokeStyle = themeColour('--goal');
     context.lineWidth = this.pixels(1.5);
     context.beginPath();
     this.circle(course.goal[0], course.goal[1], goalTolerance);
@@ -92,7 +91,7 @@ class CourseView {
     const {context, course} = this;
     const points = [{x: course.start[0], y: course.start[1]}, ...courseShapes(course).path,
       {x: course.goal[0], y: course.goal[1]}];
-    context.strokeStyle = '#98a2ae';
+    context.strokeStyle = themeColour('--path');
     context.lineWidth = this.pixels(1.2);
     context.setLineDash([this.pixels(2), this.pixels(5)]);
     context.beginPath();
@@ -105,7 +104,7 @@ class CourseView {
   drawMoving(time) {
     const {context} = this;
     for (const obstacle of courseShapes(this.course).moving) {
-      context.strokeStyle = 'rgba(120, 80, 160, 0.25)';
+      context.strokeStyle = themeColour('--moving-way');
       context.lineWidth = this.pixels(1);
       context.beginPath();
       for (let i = 0; i < obstacle.points.length; i += 2) {
@@ -113,7 +112,7 @@ class CourseView {
       }
       context.stroke();
       const pose = motionPose(obstacle, time);
-      context.fillStyle = '#7a519e';
+      context.fillStyle = themeColour('--moving');
       context.beginPath();
       if (obstacle.radius > 0) this.circle(pose.x, pose.y, obstacle.radius);
       else this.box(pose.x, pose.y, pose.yaw, obstacle.half[0], obstacle.half[1]);
@@ -125,7 +124,7 @@ class CourseView {
     const {context} = this;
     const {points} = trackFrames(track);
     const last = Number.isFinite(untilTime) ? frameAt(track, untilTime) : points.length / 2 - 1;
-    context.strokeStyle = colour;
+    context.strokeStyle = themeColour(colour);
     context.lineWidth = this.pixels(2);
     context.beginPath();
     for (let i = 0; i <= last; ++i) {
@@ -145,8 +144,8 @@ class CourseView {
     const [x, y] = [points[points.length - 2], points[points.length - 1]];
     const r = this.pixels(6);
     context.lineWidth = this.pixels(3);
-    context.strokeStyle = colour;
-    context.fillStyle = colour;
+    context.strokeStyle = themeColour(colour);
+    context.fillStyle = themeColour(colour);
     context.beginPath();
     if (track.outcome === 'S') {
       this.circle(x, y, r * 0.8);
@@ -164,8 +163,8 @@ class CourseView {
 
   drawRobot(pose, [length, width], colour) {
     const {context} = this;
-    context.fillStyle = colour;
-    context.strokeStyle = '#1d2530';
+    context.fillStyle = themeColour(colour);
+    context.strokeStyle = themeColour('--ink');
     context.lineWidth = this.pixels(1.2);
     context.beginPath();
     this.box(pose.x, pose.y, pose.yaw, length / 2, width / 2);
@@ -173,7 +172,7 @@ class CourseView {
     context.stroke();
     const [c, s] = [Math.cos(pose.yaw), Math.sin(pose.yaw)];
     const at = (u, v) => [pose.x + c * u - s * v, pose.y + s * u + c * v];
-    context.fillStyle = '#ffffff';
+    context.fillStyle = themeColour('--floor');
     context.beginPath();
     context.moveTo(...at(length * 0.38, 0));
     context.lineTo(...at(-length * 0.05, width * 0.28));
@@ -195,12 +194,12 @@ class CourseView {
       const angle = yaw + angleMin + b * angleStep;
       ends.push({x: sx + range * Math.cos(angle), y: sy + range * Math.sin(angle), hit: ranges[k * beams + b] < 254});
     }
-    context.fillStyle = 'rgba(230, 159, 0, 0.13)';
+    context.fillStyle = themeColour('--scan');
     context.beginPath();
     context.moveTo(sx, sy);
     for (const end of ends) context.lineTo(end.x, end.y);
     context.fill();
-    context.fillStyle = '#c04a00';
+    context.fillStyle = themeColour('--hit');
     context.beginPath();
     for (const end of ends) if (end.hit) this.circle(end.x, end.y, this.pixels(2.6));
     context.fill();
@@ -212,8 +211,8 @@ class CourseView {
     context.save();
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     const [width, height] = this.size;
-    context.strokeStyle = '#667180';
-    context.fillStyle = '#667180';
+    context.strokeStyle = themeColour('--muted');
+    context.fillStyle = themeColour('--muted');
     context.lineWidth = 2;
     context.beginPath();
     context.moveTo(width - 14 - this.scale, height - 12);

@@ -32,11 +32,7 @@ function unpack([scale, base64]) {
 
 // ---- What is drawn, unpacked when it is first asked for.
 
-// Okabe and Ito's colours, then Tol's: told apart by most people who see few colours.
-const AGENT_COLOURS = [
-  '#0072b2', '#d55e00', '#009e73', '#cc79a7', '#b78a00', '#56b4e9', '#332288', '#882255',
-  '#8a8a2e', '#555555',
-];
+const NUM_AGENT_COLOURS = 10;  // Of page.css.
 
 const OUTCOMES = {S: 'success', C: 'collision', T: 'timeout'};
 
@@ -45,7 +41,7 @@ function readData() {
   // An agent has one colour, whatever the courses.
   const labels = [...new Set(data.results.map((result) => result.label))];
   for (const result of data.results) {
-    result.colour = AGENT_COLOURS[labels.indexOf(result.label) % AGENT_COLOURS.length];
+    result.colour = `var(--agent-${labels.indexOf(result.label) % NUM_AGENT_COLOURS})`;
   }
   return data;
 }

@@ -7,8 +7,17 @@ class Page {
     this.hidden = new Set();  // Results whose trajectories are not shown.
     this.group = data.groups[0];
     this.course = 0;
+    const toCourse = (course, result) => {
+      this.showCourse(course, result);
+      document.getElementById('trajectories').scrollIntoView();
+    };
+    this.toCourse = toCourse;
+    this.failures = new FailureList(data, (failure) => this.playFailure(failure));
+    this.versus = new Versus(data, toCourse);
+    this.theme = new Theme(() => this.redraw());
     this.listen();
     this.fillGroups();
+    drawWarnings(data);
     document.getElementById('protocol').textContent =
       `${data.protocol} ${data.results.length} evaluation${data.results.length === 1 ? '' : 's'}.`;
     this.showGroup(0);
@@ -28,10 +37,14 @@ class Page {
     window.addEventListener('resize', () => {
       if (window.innerWidth === width) return;
       width = window.innerWidth;
-      this.drawPlots();
-      this.drawTrajectories();
-      this.player.layOut();
+      this.redraw();
     });
+  }
+
+  redraw() {
+    this.drawPlots();
+    this.drawTrajectories();
+    this.player.layOut();
   }
 
   fillGroups() {
@@ -50,12 +63,52 @@ class Page {
     const measure = document.getElementById('measure');
     measure.replaceChildren(...this.group.measures.map((m) =>
       element('option', {value: m.key}, m.unit ? `${m.name} [${m.unit}]` : m.name)));
-    measure.disabled = this.group.measures.length === 0;
     document.getElementById('course').replaceChildren(...this.group.courses.map((course, c) =>
       element('option', {value: c}, course.name)));
     this.fillAgents();
+    this.failures.show(this.group);
+    this.versus.show(this.group);
+    this.hideEmpty();
     this.drawPlots();
     this.showCourse(this.firstCourse());
+  }
+
+  // Sections, plots and controls with nothing in them are left out, and so are the links to them.
+  // Before anything is drawn, as what is left takes the room.
+  hideEmpty() {
+    const hide = (id, isEmpty) => {
+      document.getElementById(id).hidden = isEmpty;
+    };
+    const none = (letters) => this.results().every((result) =>
+      result.outcomes.every((course) => ![...course].some((letter) => letters.includes(letter))));
+    hide('versus', this.group.results.length < 2);
+    hide('failures', none('CT'));
+    hide('difficulty', this.group.measures.length === 0);
+    hide('traversal', none('S'));
+    hide('survival', none('CT'));
+    hide('agent-choice', this.group.results.length < 2);
+    for (const id of ['order-choice', 'previous-course', 'next-course']) hide(id, this.group.courses.length < 2);
+    const hasTracks = this.results().some((result) => result.tracks.length > 0);
+    document.getElementById('trajectories-title').textContent = hasTracks ? 'Trajectories' : 'Course';
+    this.hideLinks();
+  }
+
+  hideLinks() {
+    for (const link of document.querySelectorAll('nav a')) {
+      link.hidden = document.querySelector(link.getAttribute('href')).hidden;
+    }
+    document.querySelector('nav a[href="#trajectories"]').textContent =
+      document.getElementById('trajectories-title').textContent;
+  }
+
+  // A failure of the list: its episode is played, or, where it was not recorded, its course shown.
+  playFailure({result, course, track}) {
+    this.toCourse(course, result);
+    const index = this.tracksHere().findIndex((here) => here.track === track);
+    if (index < 0) return;
+    this.showTrack(index);
+    document.getElementById('episode').scrollIntoView();
+    this.player.play();
   }
 
   // The hardest of the courses on which a scan was kept, else the hardest.
@@ -82,10 +135,8 @@ class Page {
 
   drawPlots() {
     drawFigures(this.data, this.group);
-    drawCourseMap(this.data, this.group, (course, result) => {
-      this.showCourse(course, result);
-      document.getElementById('trajectories').scrollIntoView();
-    });
+    this.versus.draw();
+    drawCourseMap(this.data, this.group, this.toCourse);
     drawDifficulty(this.data, this.group);
     drawTimes(this.data, this.group, 'traversal-plot', 'S');
     drawTimes(this.data, this.group, 'survival-plot', 'CT');
@@ -116,14 +167,15 @@ class Page {
   showTrack(index) {
     const chosen = this.tracksHere()[index];
     const select = document.getElementById('track');
-    select.disabled = !chosen;
     if (chosen) select.value = index;
+    document.getElementById('episode').hidden = !chosen;
+    this.hideLinks();
     const course = this.group.courses[this.course];
+    document.getElementById('scan-choice').hidden = !chosen || !chosen.track.scans;
     this.player.load(course, chosen ? chosen.result : null, chosen ? chosen.track : null);
     const note = document.getElementById('episode-note');
-    if (!chosen) {
-      note.textContent = `No episode on ${course.name} was recorded.`;
-    } else if (chosen.track.scans) {
+    if (!chosen) return;
+    if (chosen.track.scans) {
       note.textContent = `${course.name}: orange is what the range finder saw, ${chosen.track.scans.beams} of its beams.`;
     } else {
       note.textContent = `${course.name}: the scans of this episode were not kept.`;
@@ -142,11 +194,12 @@ class Page {
     view.drawReferencePath();
     for (const {result, track} of shown) view.drawTrack(track, result.colour);
     for (const {result, track} of shown) view.drawEnd(track, result.colour);
-    view.drawRobot({x: course.start[0], y: course.start[1], yaw: course.start[2]}, this.results()[0].robot, '#667180');
+    view.drawRobot({x: course.start[0], y: course.start[1], yaw: course.start[2]}, this.results()[0].robot, '--start');
     canvas.dataset.obstacles = courseShapes(course).circles.length + courseShapes(course).boxes.length;
     canvas.dataset.tracks = shown.length;
     document.getElementById('trajectory-note').textContent =
-      `${course.name}, reference path ${course.length.toFixed(2)} m (dotted). Ends: ● success, ✕ collision, ■ timeout.` +
+      `${course.name}, reference path ${course.length.toFixed(2)} m (dotted).` +
+      (shown.length > 0 ? ' Ends: ● success, ✕ collision, ■ timeout.' : ' No episode shown.') +
       (course.moving.length > 0 ? ' Moving obstacles stand where their motion begins.' : '');
   }
 
@@ -154,6 +207,24 @@ class Page {
     document.getElementById('provenance').replaceChildren(...this.data.results.map((result) =>
       element('div', {}, `${result.label}: ${result.source}, made by commit `, element('code', {}, result.commit || 'unknown'))));
   }
+}
+
+// ---- What a reader must know before any figure.
+
+// "40 of these 50 courses"
+function overlapText({training_overlap: overlap}) {
+  return overlap.courses === overlap.of ? `all of these ${overlap.of} courses` :
+    `${overlap.courses} of these ${overlap.of} courses`;
+}
+
+function drawWarnings(data) {
+  const warned = data.groups.flatMap((group) => group.results.map((index) => ({group, result: data.results[index]})))
+    .filter(({result}) => result.training_overlap);
+  document.getElementById('warnings').replaceChildren(...warned.map(({group, result}) =>
+    element('div', {class: 'warning', role: 'note', 'data-overlap': result.training_overlap.courses},
+      element('strong', {}, 'Trained on its test. '),
+      `${result.label} was trained on ${overlapText(result)} of ${group.title} (its training set is ` +
+      `${result.training_overlap.trained_on}). What it scores on them says what it remembers, not how it drives where it has never been.`)));
 }
 
 // Opened as report.html#play, the episode plays at once.

@@ -84,10 +84,11 @@ class Player {
     view.drawTrack(track, result.colour, time);
     const beams = withScan ? view.drawScan(track, frame) : 0;
     view.drawRobot(trackPose(track, time), result.robot, result.colour);
-    if (time >= track.duration) view.drawEnd(track, '#1d2530');
+    if (time >= track.duration) view.drawEnd(track, '--ink');
     this.scrub.value = Math.round(1000 * this.time / Math.max(track.duration, 1e-9));
     this.clock.textContent = `${this.time.toFixed(1)} of ${track.duration.toFixed(1)} s`;
     this.canvas.dataset.time = this.time;
+    this.canvas.dataset.episode = `${result.label}/${this.course.name}/${track.episode}`;
     this.canvas.dataset.beams = beams;
     this.canvas.dataset.moving = courseShapes(this.course).moving.length;
   }

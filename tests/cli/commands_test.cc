@@ -83,6 +83,10 @@ TEST(CommandsTest, ATrainingLeavesWhatTheManualSaysAndItsPolicyScoresTheSameAgai
         "courses.png", "courses.svg", "training.svg", "curve.csv", "checkpoints", "snapshots"}) {
     EXPECT_TRUE(std::filesystem::exists(run / name)) << name;
   }
+  // The picture is drawn again when the scores are there.
+  const std::string picture = base::ReadFile(run / "training.svg");
+  EXPECT_THAT(picture, HasSubstr(">tiny</text>"));
+  EXPECT_THAT(picture, HasSubstr(">Scores on the test courses, with 95 % intervals</text>"));
   const auto events = ReadRun(run);
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events.back().scalars.at("training/steps"), static_cast<float>(events.back().step));

@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <regex>
 
 #include "base/file.h"
+#include "eval/paired_comparison.h"
 #include "eval/report_page.h"
 #include "tests/eval/made_evaluation.h"
 #include "tests/support/scratch_directory.h"
@@ -45,18 +47,43 @@ class BrowserTest : public ::testing::Test {
     return results;
   }
 
+  /// How a page is opened.
+  struct Window {
+    int width = 1280;
+    bool is_dark = false;
+    std::string script = "";  ///< Run at the end of the page's own.
+  };
+
   /// The page as it stands after its scripts ran for three seconds of the browser's own time.
-  std::string Render(const std::string& page, const std::string& hash = "") {
+  std::string Render(std::string page, const std::string& hash = "") {
+    return Render(std::move(page), hash, Window{});
+  }
+  std::string Render(std::string page, const std::string& hash, const Window& window) {
+    page.insert(page.rfind("</body>"), "<script>" + window.script + "</script>");
     const auto file = scratch_.path() / "report.html";
     const auto dom = scratch_.path() / "dom.html";
     base::WriteFileAtomically(file, page);
     const std::string command = fmt::format(
         "HOME={0} {1} --headless --no-sandbox --disable-gpu --user-data-dir={0}/profile "
-        "--host-resolver-rules='MAP * ~NOTFOUND' --window-size=1280,2000 "
+        "--host-resolver-rules='MAP * ~NOTFOUND' --window-size={5},2000 {6} "
         "--virtual-time-budget=3000 --dump-dom 'file://{2}{3}' >{4} 2>{0}/log",
-        scratch_.path().string(), *browser_, file.string(), hash, dom.string());
+        scratch_.path().string(), *browser_, file.string(), hash, dom.string(), window.width,
+        window.is_dark ? "--force-dark-mode" : "");
     EXPECT_EQ(std::system(command.c_str()), 0) << base::ReadFile(scratch_.path() / "log");
     return base::ReadFile(dom);
+  }
+
+  /// What the script of `window` posts to the page around it, in which the page is a frame of the
+  /// window's width: a window of its own is never as narrow as a phone.
+  std::string RenderInFrame(std::string page, const Window& window) {
+    page.insert(page.rfind("</body>"), "<script>" + window.script + "</script>");
+    base::WriteFileAtomically(scratch_.path() / "framed.html", page);
+    const std::string dom = Render(
+        fmt::format("<!doctype html><body><iframe src=\"framed.html\" width=\"{}\" height=\"844\" "
+                    "frameborder=\"0\"></iframe><script>onmessage = (event) => {{ "
+                    "document.body.dataset.posted = event.data; }};</script></body>",
+                    window.width));
+    return Attribute(dom, "data-posted=", "data-posted");
   }
 
   static int Count(const std::string& text, const std::string& what) {
@@ -95,7 +122,7 @@ TEST_F(BrowserTest, DrawsEverySectionWithTheFiguresOfTheResults) {
   }
   EXPECT_THAT(dom, HasSubstr("data-ready=\"true\""));
   EXPECT_THAT(dom, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
-  EXPECT_EQ(Count(dom, "data-drawn=\"true\""), 6);
+  EXPECT_EQ(Count(dom, "data-drawn=\"true\""), 8);
   for (std::size_t r = 0; r < 2; ++r) {
     const auto expect = [&](const std::string& key, const Estimate& estimate) {
       const std::string cell = Attribute(
@@ -116,7 +143,7 @@ TEST_F(BrowserTest, DrawsEverySectionWithTheFiguresOfTheResults) {
   // The third result is on other courses, which are chosen in the header.
   EXPECT_EQ(Attribute(dom, "data-result=\"2\"", "data-value"), "");
   EXPECT_EQ(Count(dom, "<option value=\"1\">driven</option>"), 1);
-  EXPECT_EQ(Count(dom, "class=\"course\""), 20);
+  EXPECT_EQ(Count(dom, "class=\"course clickable\""), 20);
   EXPECT_EQ(Count(dom, "2 courses</text>") + Count(dom, "5 courses</text>"), 2);
   EXPECT_GE(Count(dom, "episodes</text>"), 4);
   EXPECT_EQ(Attribute(dom, "id=\"trajectory-canvas\"", "data-tracks"), "2");
@@ -139,6 +166,195 @@ TEST_F(BrowserTest, PlaysAnEpisodeWithScanAndMovingObstacles) {
   EXPECT_THAT(played, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
   // Three seconds of the browser's clock went by, which runs as fast as it can and is not exact.
   EXPECT_GT(std::stod(of_canvas(played, "data-time")), 1.0);
+}
+
+TEST_F(BrowserTest, HidesWhatIsEmpty) {
+  // One agent that never failed, on courses too few for bins of difficulty.
+  std::vector<Result> results = Read({{"perfect", testing::MakeEvaluation({1.0, 1.0})}});
+  const std::string dom = Render(ReportPage(results));
+  EXPECT_THAT(dom, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
+  const auto is_hidden = [&dom](const std::string& near) {
+    const std::size_t at = dom.find(near);
+    EXPECT_NE(at, std::string::npos) << near;
+    return dom.substr(at, dom.find('>', at) - at).find(" hidden=\"\"") != std::string::npos;
+  };
+  for (const char* id : {"versus", "failures", "difficulty", "survival", "agent-choice"}) {
+    EXPECT_TRUE(is_hidden(fmt::format(" id=\"{}\"", id))) << id;
+  }
+  for (const char* id : {"figures", "courses", "times", "traversal", "trajectories", "episode"}) {
+    EXPECT_FALSE(is_hidden(fmt::format(" id=\"{}\"", id))) << id;
+  }
+  for (const char* link : {"versus", "failures", "difficulty"}) {
+    EXPECT_TRUE(is_hidden(fmt::format("href=\"#{}\"", link))) << link;
+  }
+  EXPECT_FALSE(is_hidden("href=\"#times\""));
+  EXPECT_EQ(Count(dom, "data-figure=\"survival_time_s\""), 0);
+  EXPECT_EQ(Count(dom, "data-overlap="), 0);
+  // Where no episode was recorded there is none to play.
+  results[0].tracks.clear();
+  const std::string untracked = Render(ReportPage(results));
+  EXPECT_THAT(untracked, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
+  EXPECT_THAT(untracked, HasSubstr("<section id=\"episode\" hidden=\"\""));
+  EXPECT_THAT(untracked, HasSubstr("<a href=\"#episode\" hidden=\"\""));
+}
+
+TEST_F(BrowserTest, ListsEveryFailureAndPlaysTheOneThatIsClicked) {
+  const std::vector<Result> results =
+      Read({{"dwa", testing::MakeEvaluation({0.0, 0.0, 0.5, 1.0})},
+            {"teb", testing::MakeEvaluation({0.3, 0.3, 1.0, 0.9})}});
+  // What the list must hold, and the last of those that were recorded, which is clicked.
+  std::vector<std::string> failures;
+  std::string recorded;
+  for (std::size_t c = 0; c < 4; ++c) {
+    for (const Result& result : results) {
+      for (std::size_t k = 0; k < result.courses[c].episodes.size(); ++k) {
+        if (result.courses[c].episodes[k].outcome == env::Outcome::kSuccess) continue;
+        failures.push_back(fmt::format("{}/{}/{}", result.agent, result.courses[c].name, k));
+        for (const sim::EpisodeTrack& track : result.tracks) {
+          const bool is_it =
+              track.course == result.courses[c].name && track.episode == static_cast<int>(k);
+          if (is_it) recorded = failures.back();
+        }
+      }
+    }
+  }
+  ASSERT_GT(failures.size(), 12u);
+  ASSERT_NE(recorded, "");
+  Window window;
+  window.script = fmt::format(
+      "document.getElementById('more-failures').click();"
+      "document.querySelector('button[data-episode=\"{}\"]').click();",
+      recorded);
+  const std::string dom = Render(ReportPage(results), "", window);
+  EXPECT_THAT(dom, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
+  EXPECT_EQ(Count(dom, "class=\"link\" data-episode=\""), static_cast<int>(failures.size()));
+  for (const std::string& failure : failures) {
+    EXPECT_THAT(dom, HasSubstr(fmt::format("data-episode=\"{}\"", failure)));
+  }
+  const std::string canvas = "id=\"episode-canvas\"";
+  EXPECT_EQ(Attribute(dom, canvas, "data-episode"), recorded);
+  EXPECT_GT(std::stod(Attribute(dom, canvas, "data-time")), 0.0);
+}
+
+TEST_F(BrowserTest, SetsOneAgentAgainstAnother) {
+  const std::vector<double> easy(10, 0.9);
+  const std::vector<double> hard{0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9};
+  const std::vector<Result> results = Read({{"dwa", testing::MakeEvaluation(easy)},
+                                            {"teb", testing::MakeEvaluation(hard)},
+                                            {"mppi", testing::MakeEvaluation(easy)}});
+  const auto expect = [](const std::string& dom, const std::string& key, const Estimate& estimate) {
+    const auto number = [&](const char* name) {
+      return std::stod(Attribute(dom, fmt::format("data-difference=\"{}\"", key), name));
+    };
+    EXPECT_NEAR(number("data-value"), estimate.value, 1e-12) << key;
+    EXPECT_NEAR(number("data-low"), estimate.interval->low, 1e-12) << key;
+    EXPECT_NEAR(number("data-high"), estimate.interval->high, 1e-12) << key;
+  };
+  const std::string page = ReportPage(results);
+  const std::string dom = Render(page);
+  const PairedComparison pair = CompareInPairs(results[0], results[1]);
+  expect(dom, "success_rate", pair.success_rate);
+  expect(dom, "traversal_time_s", *pair.traversal_time);
+  expect(dom, "barn_score", pair.barn_score);
+  // Every course is in one dot, and in a bar if it tells them apart.
+  int num_courses = 0;
+  int num_dots = 0;
+  const std::regex dot("data-courses=\"([0-9]+)\"");
+  for (std::sregex_iterator it(dom.begin(), dom.end(), dot), end; it != end; ++it, ++num_dots) {
+    num_courses += std::stoi((*it)[1]);
+  }
+  EXPECT_EQ(num_courses, 10);
+  EXPECT_EQ(Count(dom, "class=\"pair-dot clickable\""), num_dots);
+  int num_different = 0;
+  int only_first = 0;
+  for (std::size_t c = 0; c < 10; ++c) {
+    int difference = 0;
+    for (std::size_t k = 0; k < 5; ++k) {
+      const bool first = results[0].courses[c].episodes[k].outcome == env::Outcome::kSuccess;
+      const bool second = results[1].courses[c].episodes[k].outcome == env::Outcome::kSuccess;
+      difference += first - second;
+      only_first += first && !second;
+    }
+    num_different += difference != 0;
+  }
+  EXPECT_EQ(Count(dom, "class=\"pair-bar clickable\""), num_different);
+  EXPECT_THAT(dom, HasSubstr(fmt::format("only dwa in {},", only_first)));
+  // The other way round, chosen on the page.
+  Window window;
+  window.script =
+      "const b = document.getElementById('versus-b'); b.value = '0';"
+      "b.dispatchEvent(new Event('change'));";
+  const std::string turned = Render(page, "", window);
+  expect(turned, "success_rate", CompareInPairs(results[1], results[0]).success_rate);
+}
+
+TEST_F(BrowserTest, FollowsTheSystemsColoursAndTheButtonAndPrintsInLight) {
+  const std::string page = ReportPage(Read({{"dwa", testing::MakeEvaluation({0.5, 0.5})}}));
+  const std::string note =
+      "document.body.dataset.ground += getComputedStyle(document.body).backgroundColor;";
+  Window window;
+  window.script = "document.body.dataset.ground = '';" + note +
+                  "document.getElementById('theme').click();" + note +
+                  "dispatchEvent(new Event('beforeprint'));" + note +
+                  "dispatchEvent(new Event('afterprint'));" + note;
+  const std::string light = "rgb(245, 247, 249)";
+  const std::string dark = "rgb(15, 19, 23)";
+  EXPECT_EQ(Attribute(Render(page, "", window), "data-ground", "data-ground"),
+            light + dark + light + dark);
+  window.is_dark = true;
+  EXPECT_EQ(Attribute(Render(page, "", window), "data-ground", "data-ground"),
+            dark + light + light + light);
+}
+
+TEST_F(BrowserTest, OnAPhoneNothingRunsOutOrOverlaps) {
+  const std::vector<double> half(40, 0.5);
+  std::vector<Result> results =
+      Read({{"a-policy-with-quite-a-long-name", testing::MakeEvaluation(half)},
+            {"another-policy-with-a-long-name", testing::MakeEvaluation(half)},
+            {"teb", testing::MakeEvaluation(half)}});
+  // Numbers of obstacles with four digits, which make long labels.
+  sim::CourseSet courses = results[0].course_set_data;
+  for (std::size_t c = 0; c < courses.courses.size(); ++c) {
+    sim::Course course = *courses.courses[c];
+    course.circles.resize(1000 + 25 * c, course.circles.front());
+    courses.courses[c] = std::make_shared<const sim::Course>(std::move(course));
+  }
+  for (Result& result : results) result.course_set_data = courses;
+  for (const int width : {390, 1280}) {
+    Window window;
+    window.width = width;
+    // Texts of one drawing whose boxes share more than a pixel each way.
+    window.script = R"(
+      let clashes = '';
+      for (const drawing of document.querySelectorAll('.plot svg')) {
+        const boxes = [...drawing.querySelectorAll('text')].map((t) => [t, t.getBoundingClientRect()]);
+        boxes.forEach(([t, a], i) => boxes.slice(i + 1).forEach(([u, b]) => {
+          const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+          const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+          if (across > 1 && down > 4) clashes += `${t.textContent} / ${u.textContent}; `;
+        }));
+        for (const [t, a] of boxes) {
+          if (a.left < -1 || a.right > innerWidth + 1) clashes += `${t.textContent} runs out; `;
+        }
+      }
+      const root = document.documentElement;
+      if (root.scrollWidth > root.clientWidth) clashes += 'the page runs out; ';
+      const table = document.getElementById('figures-table').parentNode;
+      if (table.scrollWidth > table.clientWidth) clashes += 'the table is cut; ';
+      parent.postMessage(`${innerWidth} px: ${clashes}none else`, '*');)";
+    EXPECT_EQ(RenderInFrame(ReportPage(results), window), fmt::format("{} px: none else", width));
+  }
+}
+
+TEST_F(BrowserTest, WarnsOfAPolicyThatWasTrainedOnItsTest) {
+  std::vector<Result> results = Read({{"td3", testing::MakeEvaluation({0.5, 0.5})}});
+  results[0].training_overlap = TrainingOverlap{1, 2, "<i>static-train</i>"};
+  const std::string dom = Render(ReportPage(results));
+  EXPECT_EQ(Attribute(dom, "data-overlap=", "data-overlap"), "1");
+  EXPECT_THAT(dom, HasSubstr("td3 was trained on 1 of these 2 courses of made"));
+  EXPECT_THAT(dom, HasSubstr("&lt;i&gt;static-train&lt;/i&gt;"));
+  results[0].training_overlap = TrainingOverlap{0, 2, "static-train"};
+  EXPECT_EQ(Count(Render(ReportPage(results)), "data-overlap="), 0);
 }
 
 TEST_F(BrowserTest, SaysOnThePageWhatWentWrong) {

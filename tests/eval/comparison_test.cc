@@ -51,6 +51,18 @@ TEST(Comparison, MarkdownHasValuesAndIntervals) {
   EXPECT_THAT(text, Not(HasSubstr("touched")));
 }
 
+TEST(Comparison, MarkdownNotesATestThatWasTrainedOn) {
+  std::vector<Result> results{MakeResult("td3"), MakeResult("mppi")};
+  EXPECT_THAT(MarkdownComparison(results), Not(HasSubstr("Trained")));
+  results[0].training_overlap = TrainingOverlap{40, 50, "static-train*"};
+  results[1].training_overlap = TrainingOverlap{0, 50, "static-train"};
+  const std::string text = MarkdownComparison(results);
+  EXPECT_THAT(text,
+              HasSubstr("\n\n**Trained on its test:** td3 was trained on 40 of these 50 courses "
+                        "(static-train\\*).\n"));
+  EXPECT_THAT(text, Not(HasSubstr("mppi was trained")));
+}
+
 TEST(Comparison, ShowsContactsWhereCollisionsEndNothing) {
   std::vector<Result> results{MakeResult("dwa")};
   results[0].protocol["collision_ends"] = "false";

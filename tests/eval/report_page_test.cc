@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/random.h"
+#include "eval/paired_comparison.h"
 #include "sim/motion.h"
 #include "tests/eval/made_evaluation.h"
 #include "tests/support/scratch_directory.h"
@@ -72,6 +73,30 @@ TEST(ReportPageData, HasTheResultsFigures) {
       }
     }
   }
+}
+
+TEST(ReportPageData, HasEveryPairOfAGroupAndWhatWasTrainedOnItsTest) {
+  std::vector<Result> results = Read({{"dwa", testing::MakeEvaluation({0.2, 0.5, 0.8})},
+                                      {"alone", testing::MakeEvaluation({0.5}, {}, "other-")},
+                                      {"teb", testing::MakeEvaluation({0.9, 0.9, 0.1})},
+                                      {"mppi", testing::MakeEvaluation({0.9, 0.1, 0.1})}});
+  results[2].training_overlap = TrainingOverlap{2, 3, "static-train"};
+  results[3].training_overlap = TrainingOverlap{0, 3, "static-train"};
+  const json data = json::parse(ReportPageData(results));
+  ASSERT_EQ(data["groups"].size(), 2u);
+  EXPECT_TRUE(data["groups"][1]["pairs"].empty());
+  const json& pairs = data["groups"][0]["pairs"];
+  ASSERT_EQ(pairs.size(), 3u);
+  EXPECT_EQ(pairs[1]["first"], 0);
+  EXPECT_EQ(pairs[1]["second"], 3);
+  const PairedComparison last = CompareInPairs(results[2], results[3]);
+  EXPECT_EQ(pairs[2]["success_rate"][0], last.success_rate.value);
+  EXPECT_EQ(pairs[2]["success_rate"][1], last.success_rate.interval->low);
+  EXPECT_EQ(pairs[2]["barn_score"][2], last.barn_score.interval->high);
+  EXPECT_EQ(pairs[2]["same_starts"], true);
+  EXPECT_EQ(data["results"][2]["training_overlap"],
+            json({{"courses", 2}, {"of", 3}, {"trained_on", "static-train"}}));
+  for (const int r : {0, 1, 3}) EXPECT_FALSE(data["results"][r].contains("training_overlap")) << r;
 }
 
 TEST(ReportPageData, TracksCoursesAndMotionsAreTheResultsWithinTheirResolution) {

@@ -144,6 +144,8 @@ TEST_F(ResultTest, BadValuesAreNamedByKey) {
               HasSubstr("an outcome is \"lost\", expected success, collision or timeout"));
   EXPECT_THAT(ErrorAfter([](json& o) { o["courses"][2].erase("course"); }),
               HasSubstr("courses[2].course is missing"));
+  EXPECT_THAT(ErrorAfter([](json& o) { o["courses"] = json::array(); }),
+              HasSubstr("courses is [], expected at least one course"));
   EXPECT_THAT(ErrorAfter([](json& o) { o["courses"][0]["times_s"].erase(0); }),
               HasSubstr("one for each outcome"));
   EXPECT_THAT(ErrorAfter([](json& o) { o["run"]["step_s"] = 0; }), HasSubstr("run.step_s is 0"));
