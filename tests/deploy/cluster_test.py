@@ -18,7 +18,7 @@ SUCCESS_RATE = 0.6  # An untrained policy has 0.
 
 def main():
     with running_engine() as engine, tempfile.TemporaryDirectory() as scratch:
-        engine.build_images()
+        engine.build_images(sys.argv[1])
         environment = dict(os.environ, SLALOM_IMAGE=IMAGE, SLALOM_PROMETHEUS_IMAGE=PROMETHEUS_IMAGE, SLALOM_PROMETHEUS_PORT="0",
                            SLALOM_KEYS=str(pathlib.Path(scratch) / "keys"))
         run(ROOT / "deploy/new-keys", env=dict(environment, PATH=f"{os.path.dirname(engine.docker)}:{os.environ['PATH']}"))

@@ -1,12 +1,15 @@
 """A Docker engine for tests: the machine's own or, as root, one that is started here and stopped at the end.
 
-Nothing is pulled from a registry: base images are made of Debian's packages where they are missing.
+Nothing is pulled from a registry: base images are made of Debian's packages where they are missing. The image of Slalom is made
+from the program that the tests were built with, on the Debian that they run on. With SLALOM_IMAGE_FROM=source it is compiled once
+more, as users do it: on Debian 13, against its LibTorch 2.x.
 """
 
 import contextlib
 import json
 import os
 import pathlib
+import platform
 import shutil
 import subprocess
 import sys
@@ -14,7 +17,9 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-BASE = "debian:trixie-slim"
+FROM_SOURCE = os.environ.get("SLALOM_IMAGE_FROM") == "source"
+SUITE = "trixie" if FROM_SOURCE else platform.freedesktop_os_release()["VERSION_CODENAME"]
+BASE = f"debian:{SUITE}-slim"
 IMAGE = "slalom:test"
 PROMETHEUS_IMAGE = "slalom-prometheus:test"
 SKIPPED = 77  # ctest's SKIP_RETURN_CODE.
@@ -116,24 +121,38 @@ class Engine:
         if shutil.which("mmdebstrap") is None:
             self("pull", BASE)
             return
-        suite = BASE.split(":")[1].split("-")[0]
         with tempfile.TemporaryDirectory() as scratch:
             archive = pathlib.Path(scratch) / "root.tar"
             without = [f"--dpkgopt=path-exclude=/usr/share/{part}/*" for part in ("doc", "man", "locale")]  # As in Debian's own.
-            run("mmdebstrap", "--quiet", "--variant=minbase", *without, suite, archive)
+            run("mmdebstrap", "--quiet", "--variant=minbase", *without, SUITE, archive)
             self("import", "--change", 'CMD ["bash"]', archive, BASE)
 
-    def build_images(self):
-        """As docs/operations.md says, under the tests' names; optimised less, as that compiles in two thirds of the time. Cold: minutes;
-        with the compiler's cache: seconds."""
+    def build_images(self, program):
+        """The images under the tests' names."""
         self.make_base_image()
-        commit = run("git", "-C", ROOT, "rev-parse", "--short=12", "HEAD", check=False).strip() or "unknown"
         say("building the images")
-        self("build", "--tag", IMAGE, "--file", ROOT / "deploy/Dockerfile", "--build-arg", f"COMMIT={commit}",
-             "--build-arg", "OPTIMISATION=-O1", ROOT)
-        self("build", "--tag", PROMETHEUS_IMAGE, ROOT / "deploy/prometheus")
+        if FROM_SOURCE:
+            # Optimised less than users have it, as that compiles in two thirds of the time.
+            commit = run("git", "-C", ROOT, "rev-parse", "--short=12", "HEAD", check=False).strip() or "unknown"
+            self("build", "--tag", IMAGE, "--file", ROOT / "deploy/Dockerfile", "--build-arg", f"COMMIT={commit}",
+                 "--build-arg", "OPTIMISATION=-O1", ROOT)
+        else:
+            self.build_image_of(program)
+        self("build", "--tag", PROMETHEUS_IMAGE, "--build-arg", f"BASE={BASE}", ROOT / "deploy/prometheus")
         size = int(self.inspect(IMAGE, "{{.Size}}"))
         say(f"{IMAGE} has {size / 1e6:.0f} MB")
+
+    def build_image_of(self, program):
+        with tempfile.TemporaryDirectory() as scratch:
+            context = pathlib.Path(scratch)
+            base_packages = context / "base-packages"
+            base_packages.write_text(self("run", "--rm", BASE, "dpkg-query", "-W", "-f", "${Package} ${Version}\\n"))
+            run(ROOT / "deploy/image/collect", program, base_packages, context / "collected")
+            for folder in ("configs", "courses"):
+                shutil.copytree(ROOT / folder, context / "collected/program/usr/share/slalom" / folder)
+            shutil.copytree(ROOT / "deploy/image", context / "deploy/image")
+            self("build", "--tag", IMAGE, "--file", ROOT / "deploy/Dockerfile", "--build-arg", f"BASE={BASE}",
+                 "--build-arg", "BUILT=prebuilt", context)
 
 
 @contextlib.contextmanager

@@ -19,7 +19,7 @@ def main():
     with running_engine() as engine, tempfile.TemporaryDirectory() as scratch:
         if engine("info", "--format", "{{.Swarm.LocalNodeState}}").strip() != "inactive":
             skip("this engine is part of a swarm already")
-        engine.build_images()
+        engine.build_images(sys.argv[1])
         environment = dict(os.environ, SLALOM_IMAGE=IMAGE, SLALOM_PROMETHEUS_IMAGE=PROMETHEUS_IMAGE,
                            SLALOM_KEYS=str(pathlib.Path(scratch) / "keys"))
         run(ROOT / "deploy/new-keys", env=dict(environment, PATH=f"{os.path.dirname(engine.docker)}:{os.environ['PATH']}"))

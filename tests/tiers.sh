@@ -1,0 +1,241 @@
+# The tiers of `./slalom test`, read by the wrapper: what each part builds and runs, and the summary at the end.
+# docs/testing.md says what a tier is for and how long each part takes.
+
+build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3)
+all_packages=(libbenchmark-dev clang clang-tidy prometheus docker.io docker-compose mmdebstrap)
+
+test_help() {
+  cat <<'HELP'
+./slalom test [--all | --soak] [--part PART]... [--label LABEL] [--record FILE] [CTEST ARGUMENT...]
+
+Builds and tests Slalom, and ends with one line per part. Without options: what every change must pass, in 15 minutes on two cores.
+
+  --all          what continuous integration runs, in 45 minutes: adds sanitizers, clang-tidy, live fuzzing, all drills, containers, and
+                 the first command on a bare root
+  --soak         hours, before a release: the long drills, a hundred random faults, the image compiled for Debian 13, long fuzzing
+  --part PART    only this part; may be given more than once
+  --label LABEL  only tests with this label (their folder, or slow, drill, deploy), in part release; other arguments go to ctest, for
+                 example -R NAME
+  --record FILE  writes the summary as a Markdown table, too
+
+Parts:
+  format    clang-format changes nothing                                                                      in every tier
+  release   all tests, optimised; with --all the drills, containers and the bare root, and the benchmarks build   in every tier
+  dev       an unoptimised simulator drives the same episodes, bit for bit                                           --all
+  asan      the tests of the folders without LibTorch under AddressSanitizer and UndefinedBehaviorSanitizer         --all
+  tsan      those of them with threads under ThreadSanitizer                                                        --all
+  tidy      clang-tidy with clang's thread-safety analysis                                                          --all
+  fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
+  soak      tests/soak: hours                                                                                       --soak
+HELP
+}
+
+# run_ctest PRESET ARGUMENT...: the tests whose programs are built. Those of GoogleTest are left out where they are not built; a part
+# that builds none of another kind leaves that kind out by its label.
+run_ctest() {
+  local preset=$1
+  shift
+  ctest --test-dir "$root/build/$preset" --output-on-failure -j "$jobs" --no-tests=error -E '_NOT_BUILT$' "$@" |
+    tee "$root/build/$preset.ctest.log"
+}
+
+# ctest_result PRESET: "123 passed, 0 failed, 1 skipped", out of what ctest wrote.
+ctest_result() {
+  awk '
+    / tests failed out of / { failed = $(NF - 5); total = $NF }
+    /\*\*\*Skipped/ { ++skipped }
+    END { if (total) printf "%d passed, %d failed%s", total - failed - skipped, failed, skipped ? ", " skipped " skipped" : "" }
+  ' "$root/build/$1.ctest.log" 2>/dev/null || true
+}
+
+# skipped_tests PRESET: "NAME: REASON" for each test that ctest says was skipped.
+skipped_tests() {
+  local log=$root/build/$1.ctest.log details=$root/build/$1/Testing/Temporary/LastTest.log
+  [[ -f $log ]] || return 0
+  sed -n 's/^ *[0-9]*\/[0-9]* *Test *#[0-9]*: \(.*[^ .]\) \.*\*\*\*Skipped.*/\1/p' "$log" | sort | while IFS= read -r name; do
+    awk -v name="$name" '
+      /^[0-9]+\/[0-9]+ (Test|Testing): / { here = substr($0, index($0, ": ") + 2) == name }
+      here && /: Skipped$/ { getline; print name ": " $0; found = 1; exit }
+      here && /^SKIPPED: / { print name ": " substr($0, 10); found = 1; exit }
+      END { if (!found) print name ": no reason given" }' "$details" 2>/dev/null
+  done
+}
+
+part_format() {
+  local files
+  mapfile -t files < <(cd "$root" && git ls-files --cached --others --exclude-standard '*.h' '*.cc')
+  (cd "$root" && clang-format --dry-run -Werror "${files[@]}")
+}
+part_release() {
+  if [[ $tier == quick ]]; then
+    configure release SLALOM_TESTS=ON
+  else
+    configure release SLALOM_TESTS=ON SLALOM_BENCHMARKS=ON
+  fi
+  build_targets release all
+  if (($# > 0)); then
+    run_ctest release "$@"
+  elif [[ $tier == quick ]]; then
+    run_ctest release -LE 'long'
+  else
+    run_ctest release
+  fi
+}
+part_dev() {
+  configure dev
+  build_targets dev environments_test
+  run_ctest dev -L sim
+}
+part_asan() {
+  configure asan
+  build_targets asan all
+  run_ctest asan -LE deploy
+}
+part_tsan() {
+  configure tsan
+  build_targets tsan base_test environments_test actor_test actor_service_test eval_test transport_test replay_service_test
+  run_ctest tsan -LE 'deploy|fuzz'
+}
+part_tidy() {
+  configure tidy
+  build_targets tidy slalom_proto_wire slalom_version
+  # What the preset compiles: the sources of a library some at a time, so that their headers are parsed once.
+  (cd "$root" && sed -n 's/^  "file": "\(.*\)",\?$/\1/p' build/tidy/compile_commands.json |
+    grep -vE '/generated/|slalom_proto_wire|_parts\.cc|_headers\.cc|small_gemm_avx' | tr '\n' '\0' |
+    xargs -0 -n 1 -P "$jobs" clang-tidy --quiet --warnings-as-errors='*' -p build/tidy 2> >(grep -v ' warnings generated' >&2))
+}
+
+# fuzz NAME: what it finds stays in build/fuzz/found/NAME, and what crashes it in build/fuzz/NAME-crash-*.
+fuzz() {
+  local root=$1 seconds=$2 name=$3
+  local new=$root/build/fuzz/found/$name log=$root/build/fuzz/$name.log
+  mkdir -p "$new"
+  if "$root/build/asan/fuzzers/${name}_fuzz" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=1024 \
+    -artifact_prefix="$root/build/fuzz/$name-" "$new" "$root/tests/fuzz/corpus/$name" >"$log" 2>&1; then
+    echo "$name: $(grep -a '^Done' "$log")"
+  else
+    tail -n 40 "$log"
+    echo "$name: FAILED; the whole log is in $log"
+    return 1
+  fi
+}
+fuzz_all() {
+  configure asan
+  build_targets asan slalom_fuzzers
+  export -f fuzz
+  find "$root/tests/fuzz/corpus" -mindepth 1 -maxdepth 1 -printf '%f\0' |
+    xargs -0 -P "$jobs" -I NAME bash -c 'fuzz "$1" "$2" NAME' - "$root" "$1"
+}
+part_fuzz() { fuzz_all 10; }
+
+# Drills at the lengths of docs/reliability.md; the image compiled from source on Debian 13, against its LibTorch 2.x.
+part_soak() {
+  local drill failed=0
+  configure release SLALOM_TESTS=ON
+  build_targets release all
+  for drill in "kill 100" "stop 20" "hostile 60" "network 60" "disk" "crowd 64 60" "soak 3600"; do
+    say "soak: $drill"
+    # shellcheck disable=SC2086 # The arguments of a drill are words.
+    set -- $drill
+    python3 "$root/tests/drills/$1_drill.py" "$program" "${@:2}" || { say "drill $drill FAILED"; failed=1; }
+  done
+  SLALOM_IMAGE_FROM=source run_ctest release -R '_in_containers' || failed=1
+  fuzz_all 600 || failed=1
+  return "$failed"
+}
+
+# write_record FILE LINE...: the summary as a table.
+write_record() {
+  local file=$1
+  shift
+  {
+    echo "# How long the tests take"
+    echo
+    echo "Made by \`./slalom test${tier_option:+ $tier_option} --record\` on $(nproc) cores" \
+      "($(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1)), commit" \
+      "$(git -C "$root" rev-parse --short HEAD 2>/dev/null || echo unknown), $(((SECONDS + 30) / 60)) minutes in all."
+    echo
+    echo "| part | result | minutes | tests |"
+    echo "|---|---|---|---|"
+    printf '%s\n' "$@" | awk '{ printf "| %s | %s | %.1f |", $2, $1, $3 / 60; for (i = 5; i <= NF; ++i) printf " %s", $i; print " |" }'
+  } >"$file"
+}
+
+# Each part in a shell of its own, so that one which fails does not keep the others from running.
+run_tests() {
+  local parts=(format release dev asan tsan tidy fuzz soak) chosen=() ctest_arguments=() record=""
+  tier=quick tier_option=""
+  while (($# > 0)); do
+    case $1 in
+      -h | --help) test_help; return 0 ;;
+      --all) tier=all tier_option=--all ;;
+      --soak) tier=soak tier_option=--soak ;;
+      --part)
+        [[ " ${parts[*]} " == *" ${2-} "* ]] || fail "--part ${2-}: expected one of ${parts[*]}"
+        chosen+=("$2"); shift ;;
+      --label) ctest_arguments+=(-L "${2?--label needs a label}"); shift ;;
+      --record) record=${2?--record needs a file}; shift ;;
+      --*) fail "unknown option $1; ./slalom test --help lists them" ;;
+      *)
+        [[ " ${parts[*]} " != *" $1 "* ]] || fail "$1 is a part: --part $1"
+        ctest_arguments+=("$1") ;;
+    esac
+    shift
+  done
+  if ((${#chosen[@]} == 0)); then
+    if ((${#ctest_arguments[@]} > 0)); then
+      chosen=(release)
+    elif [[ $tier == quick ]]; then
+      chosen=(format release)
+    elif [[ $tier == all ]]; then
+      chosen=(format release dev asan fuzz tsan tidy)
+    else
+      chosen=(soak)
+    fi
+  fi
+  local packages=("${run_packages[@]}" "${build_packages[@]}")
+  [[ "$tier ${chosen[*]}" =~ ^quick\ (format|release|\ )*$ ]] || packages+=("${all_packages[@]}")
+  install_packages "${packages[@]}"
+  check_blas
+
+  local part summary=() skipped=() failed=0 start status
+  for part in "${chosen[@]}"; do
+    say "test: $part"
+    rm -f "$root/build/$part.ctest.log"
+    start=$SECONDS
+    status=0
+    local arguments=()
+    [[ $part != release ]] || arguments=("${ctest_arguments[@]}")
+    set +e
+    (set -e; "part_$part" "${arguments[@]}")
+    status=$?
+    set -e
+    if ((status == 0)); then
+      summary+=("$(printf 'passed  %-8s %5d s  %s' "$part" $((SECONDS - start)) "$(ctest_result "$part")")")
+    else
+      ((failed += 1))
+      summary+=("$(printf 'FAILED  %-8s %5d s  %s' "$part" $((SECONDS - start)) "$(ctest_result "$part")")")
+    fi
+    local line
+    while IFS= read -r line; do skipped+=("$part: $line"); done < <(skipped_tests "$part")
+  done
+  echo
+  if ((${#skipped[@]} > 0)); then
+    echo "${#skipped[@]} tests were skipped:"
+    printf '  %s\n' "${skipped[@]}"
+    # Where everything is installed only the machine's own properties may keep a test from running.
+    if [[ ${CI-} == true ]]; then
+      local unexpected
+      unexpected=$(printf '%s\n' "${skipped[@]}" | grep -vE -f <(grep -v '^#' "$root/tests/may_skip.txt") || true)
+      if [[ -n $unexpected ]]; then
+        printf 'FAILED: these must not be skipped here (tests/may_skip.txt lists those that may):\n%s\n' "$unexpected"
+        ((failed += 1))
+      fi
+    fi
+    echo
+  fi
+  printf '%s\n' "${summary[@]}"
+  [[ -z $record ]] || write_record "$record" "${summary[@]}"
+  echo "slalom test: ${#chosen[@]} parts, $failed failed, in $SECONDS s"
+  ((failed == 0))
+}
