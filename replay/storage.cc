@@ -26,6 +26,9 @@ static_assert(sizeof(env::Action) == 2 * sizeof(float));
 constexpr char kMagic[8] = {'S', 'L', 'R', 'P', 'L', 'S', 'E', 'G'};
 constexpr std::uint32_t kVersion = 1;
 constexpr std::int64_t kBlockRows = 1024;
+// Of one segment file. A segment goes when its last row is overwritten, so that this bounds what
+// rows which are overwritten already take on disk.
+constexpr std::int64_t kSegmentRows = 32 * kBlockRows;
 constexpr std::string_view kPrefix = "replay-";
 constexpr std::string_view kSuffix = ".rows";
 
@@ -124,7 +127,9 @@ std::string Storage::Save(const Table& table) {
   SLALOM_CHECK_LE(written, table.total_inserted());
   const std::int64_t begin = std::max(written, table.first_sequence());
   if (begin > written) segments.clear();  // All that was written has been overwritten in the table.
-  if (begin < table.total_inserted()) segments.push_back(WriteSegment(table, begin));
+  for (std::int64_t s = begin; s < table.total_inserted(); s = segments.back().end) {
+    segments.push_back(WriteSegment(table, s, std::min(s + kSegmentRows, table.total_inserted())));
+  }
   std::erase_if(segments, [&](const Segment& s) { return s.end <= table.first_sequence(); });
   segments_ = segments;
 
@@ -138,10 +143,10 @@ std::string Storage::Save(const Table& table) {
   return PrintManifest(manifest);
 }
 
-Storage::Segment Storage::WriteSegment(const Table& table, std::int64_t begin) {
+Storage::Segment Storage::WriteSegment(const Table& table, std::int64_t begin, std::int64_t end) {
   Segment segment{.name = fmt::format("{}{:06}{}", kPrefix, next_index_, kSuffix),
                   .begin = begin,
-                  .end = table.total_inserted(),
+                  .end = end,
                   .digest = 0};
   Header header{.magic = {},
                 .version = kVersion,

@@ -15,7 +15,7 @@ namespace slalom::replay {
 /// Keeps a `Table` on disk, in a directory of its own, at the cost of what is new since the last
 /// time.
 ///
-/// Each `Save` writes the rows that no earlier one wrote into a new segment file, never changed
+/// Each `Save` writes the rows that no earlier one wrote into new segment files, never changed
 /// again, and returns a manifest: a short text that names the segments which make up the table. The
 /// caller puts it into its checkpoint, and when that is safely on disk calls `Commit` with the
 /// manifests of all checkpoints that are still to be loadable. So a crash, a full disk or a kill at
@@ -50,7 +50,7 @@ class Storage {
   };
 
  private:
-  Segment WriteSegment(const Table& table, std::int64_t begin);
+  Segment WriteSegment(const Table& table, std::int64_t begin, std::int64_t end);
   void ReadSegment(const Segment& segment, std::size_t num_streams, Table* table) const;
 
   const std::filesystem::path directory_;
