@@ -90,7 +90,7 @@ struct RunSettings {
     v("log_interval", log_interval, base::Range{0.05, 3600.0}, "s",
       "Time between rows of metrics.csv.");
     v("checkpoint_seconds", checkpoint_seconds, base::Range{0.0, 1.0e6}, "s",
-      "Training time between checkpoints; 0: only at the end. Deterministic runs use "
+      "Time between checkpoints; 0: only at the end. Deterministic runs use "
       "checkpoint_steps.");
     v("checkpoint_steps", checkpoint_steps, base::Range{0, 1.0e12}, "",
       "Environment steps between checkpoints; 0: by time alone.");

@@ -219,8 +219,7 @@ bool Trainer::CheckpointDue() const {
     return true;
   }
   const double every_s = config_.run.checkpoint_seconds;
-  return every_s > 0.0 && !config_.run.deterministic &&
-         training_s() - run_.last_checkpoint_s() >= every_s;
+  return every_s > 0.0 && !config_.run.deterministic && run_.since_checkpoint_s() >= every_s;
 }
 
 void Trainer::TryCheckpoint() {

@@ -49,6 +49,7 @@ void LearnerRun::OpenLog() {
   last_row_.training_s = training_s();
   last_row_.steps = steps_;
   last_row_.updates = updates();
+  MarkCheckpoint();
   logged_at_s_ = wall_s();
 }
 
@@ -189,7 +190,6 @@ void LearnerRun::RestoreFrom(
   } catch (const nlohmann::json::exception&) {
     throw base::Error(fmt::format("{}: damaged, or no state of a checkpoint", path.string()));
   }
-  last_checkpoint_s_ = training_s();
   last_snapshot_s_ = training_s();
   last_snapshot_steps_ = steps_;
 }

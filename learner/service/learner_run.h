@@ -104,11 +104,13 @@ class LearnerRun {
   const run::CheckpointStore& store() const { return *store_; }
   /// Removes all but the newest `num_kept` checkpoints.
   void KeepCheckpoints(std::size_t num_kept) { store_->Keep(num_kept); }
-  double last_checkpoint_s() const { return last_checkpoint_s_; }
+  /// Time since a checkpoint was last tried or the log was opened, by the wall clock, [s]: what was
+  /// learned before an outage is saved while it lasts.
+  double since_checkpoint_s() const { return wall_s() - checkpoint_at_s_; }
   /// A checkpoint was tried now, with or without success.
   void MarkCheckpoint() {
     LookAtClock();
-    last_checkpoint_s_ = training_s();
+    checkpoint_at_s_ = wall_s();
   }
 
  private:
@@ -124,11 +126,11 @@ class LearnerRun {
   std::unique_ptr<run::MetricsLog> log_;
 
   std::int64_t steps_ = 0;
-  double last_checkpoint_s_ = 0.0;
   double last_snapshot_s_ = 0.0;
   std::int64_t last_snapshot_steps_ = 0;
   run::MetricsRow last_row_;
-  double logged_at_s_ = 0.0;  // By `wall_s`.
+  double logged_at_s_ = 0.0;      // By `wall_s`.
+  double checkpoint_at_s_ = 0.0;  // By `wall_s`.
   run::LearningWatch watch_;
 };
 

@@ -94,8 +94,7 @@ LearnerEnd LearnerService::Run(std::stop_token stop) {
     }
     if (finished_) continue;
     run_.KeepSnapshots();
-    if (job_.checkpoint_seconds > 0.0 &&
-        run_.training_s() - run_.last_checkpoint_s() >= job_.checkpoint_seconds) {
+    if (job_.checkpoint_seconds > 0.0 && run_.since_checkpoint_s() >= job_.checkpoint_seconds) {
       TryCheckpoint();
     }
     if (run_.AtLimit()) {

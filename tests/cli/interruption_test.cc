@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <signal.h>
 
@@ -100,10 +101,11 @@ TEST(InterruptionTest, ASecondHangupDoesNotKeepARunFromSaving) {
 
 TEST(InterruptionTest, NohupOutlivesAHangup) {
   const ScratchDirectory scratch;
-  WriteTinyConfig(scratch.path(), 2000);
-  const ProgramResult result =
-      RunShell("trap '' HUP; \"$SLALOM\" train tiny.toml --no-evaluation & kill -HUP $!; wait $!",
-               scratch.path());
+  WriteTinyConfig(scratch.path(), 20000);
+  const ProgramResult result = RunShell(
+      "trap '' HUP; \"$SLALOM\" train tiny.toml --no-evaluation & "
+      "until [[ -e runs/tiny/metrics.csv ]]; do :; done; kill -HUP $!; wait $!",
+      scratch.path());
   EXPECT_EQ(result.exit_code, 0) << result.err;
 }
 
@@ -121,10 +123,10 @@ TEST(ResumeTest, PrintedCommandsWorkWhenPastedWhereverTheRunLies) {
   // The script `slalom` says how it was called in this variable.
   const std::string program = scratch.path() / "a program";
   fs::create_symlink(SLALOM_PROGRAM, program);
-  const std::string train =
-      "SLALOM_COMMAND='" + program +
-      "' ./'a program' train tiny.toml --no-evaluation --output \"it's $HOME\" "
-      "--name 'a name'";
+  const std::string train = fmt::format(
+      "SLALOM_COMMAND='{}' ./'a program' train tiny.toml --no-evaluation --output \"it's $HOME\" "
+      "--name 'a name'",
+      program);
   ASSERT_EQ(RunShell(train, scratch.path()).exit_code, 0);
   const ProgramResult finished = RunShell(train + " --resume", scratch.path());
   ASSERT_EQ(finished.exit_code, 0) << finished.err;
