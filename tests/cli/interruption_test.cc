@@ -94,9 +94,14 @@ TEST(InterruptionTest, ASecondHangupDoesNotKeepARunFromSaving) {
   const fs::path run = scratch.path() / "runs/tiny";
   BackgroundProgram program({"train", "tiny.toml"}, scratch.path());
   WaitUntil([&] { return fs::exists(run / "metrics.csv"); });
-  for (int i = 0; i < 5; ++i) program.Signal(SIGHUP);
+  program.Signal(SIGHUP);
+  WaitUntil([&] {
+    return base::ReadFile(scratch.path() / "err").find("terminal is gone") != std::string::npos;
+  });
+  program.Signal(SIGHUP);
   EXPECT_EQ(program.Wait(), 128 + SIGHUP);
-  EXPECT_TRUE(HasCheckpoint(run / "checkpoints"));
+  EXPECT_TRUE(fs::exists(run / "policy.safetensors"));
+  EXPECT_THAT(base::ReadFile(scratch.path() / "out"), testing::HasSubstr("--resume"));
 }
 
 TEST(InterruptionTest, NohupOutlivesAHangup) {
