@@ -180,10 +180,11 @@ bool IsScored(const run::RunDirectory& directory) {
 int FailToLearn(const TrainOptions& options, const run::RunDirectory& directory,
                 const train::RunConfig& config, const train::Trainer& trainer) {
   if (trainer.updates() > 0) {
+    const std::string fault = trainer.watch().fault();
     fmt::print(stderr,
                "slalom: nothing was learned: {}. No policy was kept; begin anew with other "
                "settings\n",
-               trainer.watch().fault());
+               fault.empty() ? "a network had no gradient when the run ended" : fault);
     return kExitLearnedNothing;
   }
   const auto why = train::ExplainNoUpdate(config, trainer.steps(), trainer.training_s());
@@ -241,8 +242,9 @@ int Train(const TrainOptions& options) {
                           train::LongerLimit(config, trainer.steps(), trainer.training_s()));
   const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
   if (end == train::TrainingEnd::kWasFinished && (!is_to_be_scored || IsScored(directory))) {
-    Say(fmt::format("{} is finished: its limit was reached, nothing was changed\nto go on: {}",
-                    directory.root.string(), longer));
+    Say(fmt::format("{} is finished: its limit was reached, nothing was changed",
+                    directory.root.string()));
+    if (!longer.empty()) Say("to go on: " + longer);
     return kExitOk;
   }
   if (is_to_be_scored) return Score(options, directory, config, longer, signals);

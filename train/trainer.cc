@@ -106,7 +106,7 @@ TrainingEnd Trainer::Run(std::stop_token stop) {
 
 TrainingEnd Trainer::Train(std::stop_token stop) {
   if (run_.AtLimit()) {
-    if (updates() == 0) return TrainingEnd::kLearnedNothing;
+    if (updates() == 0 || had_learned_nothing_) return TrainingEnd::kLearnedNothing;
     if (!HasNewestPolicy()) run_.SavePolicy();
     PruneCheckpoints();
     return TrainingEnd::kWasFinished;
@@ -239,6 +239,7 @@ void Trainer::Checkpoint() {
   const std::string manifest = storage_.Save(table_);
   const nlohmann::json state = {{"updates_due", limiter_.updates()},
                                 {"observed_episodes", observed_episodes_},
+                                {"nothing_learned", watch().nothing_learned()},
                                 {"sampling", sampling_.state()}};
   run_.Checkpoint(limiter_.steps(), state, [&](const fs::path& directory) {
     policy::SavePolicy(directory / kActingFile, agent_->snapshot(),
@@ -291,6 +292,8 @@ void Trainer::ReadCheckpoint(const fs::path& checkpoint, const nlohmann::json& s
   const auto updates = state.at("updates_due").get<std::int64_t>();
   const auto observed_episodes = state.at("observed_episodes").get<std::int64_t>();
   const auto sampling = state.at("sampling").get<base::Random::State>();
+  // Checkpoints from before do not say it.
+  had_learned_nothing_ = state.value("nothing_learned", false);
   const std::string acting_path = (checkpoint / kActingFile).string();
   const auto acting = policy::LoadPolicy(acting_path);
   policy::RequireSameSpec(acting_path, acting.snapshot.spec, agent_->snapshot().spec);

@@ -102,6 +102,7 @@ class Trainer {
   std::unique_ptr<Collector> collector_;
 
   std::int64_t last_checkpoint_steps_ = 0;
+  bool had_learned_nothing_ = false;  // As of the checkpoint that the run goes on from.
 };
 
 }  // namespace slalom::train

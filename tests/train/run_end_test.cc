@@ -97,12 +97,12 @@ TEST(RunEndTest, ANetworkWithoutGradientHasLearnedNothing) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.updates_per_step = 0.25;
-  config.run.max_steps = 12000;
-  config.run.log_interval = 0.0;
+  config.run.max_steps = 20000;
   config.method.learner.actor_learning_rate = 1.0;
   config.method.learner.critic_learning_rate = 1.0;
   const run::RunDirectory directory{scratch.path() / "run"};
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kLearnedNothing);
+  EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kLearnedNothing);
   EXPECT_FALSE(fs::exists(directory.policy()));
 }
 
