@@ -203,6 +203,31 @@ int Score(const TrainOptions& options, const run::RunDirectory& directory,
   return kExitSignalBase + signals.received();
 }
 
+/// Says what became of a run that reached its limit, and scores it where that is still to be done.
+int Finish(const TrainOptions& options, const run::RunDirectory& directory,
+           const train::RunConfig& config, const train::Trainer& trainer, bool was_finished,
+           const StopSignals& signals) {
+  if (const std::string fault = trainer.watch().fault(); !fault.empty()) {
+    spdlog::warn("the policy is probably of no use: {}", fault);
+  }
+  if (fs::exists(directory.metrics())) DrawTraining(directory);
+  const std::string longer =
+      config.run.keep_checkpoints == "none"
+          ? ""
+          : ResumeCommand(options, directory,
+                          train::LongerLimit(config, trainer.steps(), trainer.training_s()));
+  const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
+  if (was_finished && (!is_to_be_scored || IsScored(directory))) {
+    Say(fmt::format("{} is finished: its limit was reached, nothing was changed",
+                    directory.root.string()));
+    if (!longer.empty()) Say("to go on: " + longer);
+    return kExitOk;
+  }
+  if (is_to_be_scored) return Score(options, directory, config, longer, signals);
+  Say("policy: " + directory.policy().string());
+  return kExitOk;
+}
+
 int Train(const TrainOptions& options) {
   // So that a log shows each line when it was printed.
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
@@ -218,7 +243,6 @@ int Train(const TrainOptions& options) {
                directory.root.string(), config.courses.train,
                config.courses.test.empty() ? "nothing" : config.courses.test);
   train::Trainer trainer(config, directory, std::string(Commit()), options.resume);
-  spdlog::info("training in {}", directory.root.string());
   const train::TrainingEnd end = trainer.Run(signals.token());
   if (end == train::TrainingEnd::kDiverged) return kExitDiverged;
   spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),
@@ -231,25 +255,8 @@ int Train(const TrainOptions& options) {
     Say("stopped and saved; to go on: " + ResumeCommand(options, directory));
     return kExitSignalBase + signals.received();
   }
-  if (const std::string fault = trainer.watch().fault(); !fault.empty()) {
-    spdlog::warn("the policy is probably of no use: {}", fault);
-  }
-  if (fs::exists(directory.metrics())) DrawTraining(directory);
-  const std::string longer =
-      config.run.keep_checkpoints == "none"
-          ? ""
-          : ResumeCommand(options, directory,
-                          train::LongerLimit(config, trainer.steps(), trainer.training_s()));
-  const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
-  if (end == train::TrainingEnd::kWasFinished && (!is_to_be_scored || IsScored(directory))) {
-    Say(fmt::format("{} is finished: its limit was reached, nothing was changed",
-                    directory.root.string()));
-    if (!longer.empty()) Say("to go on: " + longer);
-    return kExitOk;
-  }
-  if (is_to_be_scored) return Score(options, directory, config, longer, signals);
-  Say("policy: " + directory.policy().string());
-  return kExitOk;
+  return Finish(options, directory, config, trainer, end == train::TrainingEnd::kWasFinished,
+                signals);
 }
 
 }  // namespace

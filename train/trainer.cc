@@ -112,6 +112,7 @@ TrainingEnd Trainer::Train(std::stop_token stop) {
     return TrainingEnd::kWasFinished;
   }
   run_.OpenLog();
+  spdlog::info("training in {}", directory_.root.string());
   StartCollector();
   base::ProgressLine progress;
   run_.StartClock();
