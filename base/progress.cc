@@ -4,20 +4,26 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace slalom::base {
 namespace {
 
-constexpr double kTerminalInterval = 0.2;  // [s]
-constexpr double kPlainInterval = 10.0;    // [s]
+constexpr double kTerminalInterval = 0.2;       // [s]
+constexpr double kFirstPlainInterval = 10.0;    // [s]
+constexpr double kLongestPlainInterval = 60.0;  // [s]
 
-/// A line that were longer would wrap, and could not be rewritten in place.
-std::size_t TerminalWidth() {
+std::size_t TerminalColumns(std::FILE* out) {
   winsize size{};
-  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col < 2) return 79;
-  return size.ws_col - 1u;
+  if (ioctl(fileno(out), TIOCGWINSZ, &size) != 0 || size.ws_col < 2) return 80;
+  return size.ws_col;
+}
+
+/// Unlike fmt::print this does not throw where the other end is gone.
+void Write(std::FILE* out, const std::string& text) {
+  std::fwrite(text.data(), 1, text.size(), out);
+  std::fflush(out);
 }
 
 }  // namespace
@@ -34,29 +40,55 @@ std::string FormatDuration(double seconds) {
   return fmt::format("{}:{:02}", s / 60, s % 60);
 }
 
-ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) == 1) {}
+ProgressLine::ProgressLine() : ProgressLine(stderr, isatty(STDERR_FILENO) == 1) {}
+
+ProgressLine::ProgressLine(std::FILE* out, bool terminal)
+    : out_(out),
+      terminal_(terminal),
+      interval_s_(terminal ? kTerminalInterval : kFirstPlainInterval) {}
 
 ProgressLine::~ProgressLine() { End(); }
 
 void ProgressLine::Show(const std::string& text, double now_s) {
-  // In a log, work that is over within the interval leaves no line.
-  if (!terminal_ && !shown_before_) last_shown_s_ = now_s;
-  shown_before_ = true;
-  if (now_s - last_shown_s_ < (terminal_ ? kTerminalInterval : kPlainInterval)) return;
+  last_text_ = text;
+  if (!timed_) {
+    timed_ = true;
+    // A terminal shows the first text at once. A log has none of work that is over soon.
+    last_shown_s_ = terminal_ ? now_s - interval_s_ : now_s;
+  }
+  if (now_s - last_shown_s_ < interval_s_) return;
   last_shown_s_ = now_s;
+  shown_ = true;
   if (terminal_) {
-    open_line_ = text.substr(0, TerminalWidth());
-    fmt::print(stderr, "\r\x1b[K{}", open_line_);
-    std::fflush(stderr);
+    Rewrite(text);
   } else {
-    fmt::print(stderr, "{}\n", text);
+    Write(out_, text + "\n");
+    interval_s_ = std::min(2.0 * interval_s_, kLongestPlainInterval);
+    last_text_.clear();
   }
 }
 
+void ProgressLine::Rewrite(const std::string& text) {
+  // A line of the terminal's full width would wrap. If the terminal has become narrower since the
+  // last time, then the line that stands there has wrapped: its first row is further up.
+  const std::size_t columns = TerminalColumns(out_);
+  const std::size_t rows_above = line_width_ > 0 ? (line_width_ - 1) / columns : 0;
+  const std::string up = rows_above > 0 ? fmt::format("\x1b[{}A", rows_above) : "";
+  const std::string line = text.substr(0, columns - 1);
+  Write(out_, "\r" + up + "\x1b[J" + line);
+  line_width_ = line.size();
+}
+
 void ProgressLine::End() {
-  // Once more, as a message may have taken its place.
-  if (!open_line_.empty()) fmt::print(stderr, "\r\x1b[K{}\n", open_line_);
-  open_line_.clear();
+  if (shown_ && terminal_) {
+    Rewrite(last_text_);
+    Write(out_, "\n");
+  } else if (shown_ && !last_text_.empty()) {
+    Write(out_, last_text_ + "\n");
+  }
+  line_width_ = 0;
+  shown_ = false;
+  last_text_.clear();
 }
 
 }  // namespace slalom::base

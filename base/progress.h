@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdio>
 #include <string>
 
 namespace slalom::base {
@@ -10,27 +12,40 @@ std::string FormatCount(double count);
 /// "2:05", "1:02:03": a duration in seconds for people.
 std::string FormatDuration(double seconds);
 
-/// Shows how long work goes on standard error: one line rewritten in place on a terminal, a plain
-/// line every ten seconds elsewhere, so none for short work. Confined to one thread.
+/// Shows on standard error how long work goes on. On a terminal it rewrites one line in place, at
+/// most five times a second. Elsewhere (a file, nohup, a batch system) it writes plain lines: the
+/// first after ten seconds, later ones at intervals that grow to a minute, so that short work
+/// leaves no line and long work one a minute. What cannot be written, as to a terminal that was
+/// closed, is left out. Confined to one thread.
 class ProgressLine {
  public:
   ProgressLine();
+  /// As above, with the destination given: a stream, and whether it is a terminal. Tests use it.
+  ProgressLine(std::FILE* out, bool terminal);
+  /// As `End`.
   ~ProgressLine();
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  /// Shows `text` if it is time to, cut to the terminal's width; `now_s` [s] is any clock that goes
-  /// forward.
+  /// Shows `text` if it is time to, on a terminal cut to its present width; `now_s` [s] is any
+  /// clock that goes forward.
   void Show(const std::string& text, double now_s);
 
-  /// Ends the rewritten line so that other output starts on a fresh one.
+  /// Ends the line so that other output starts on a fresh one. If an earlier text was shown, then
+  /// the last one given stands there at the end, whether it was time to show it or not.
   void End();
 
  private:
+  void Rewrite(const std::string& text);
+
+  std::FILE* const out_;
   const bool terminal_;
-  std::string open_line_;  ///< Empty where the cursor stands on a fresh line.
-  bool shown_before_ = false;
-  double last_shown_s_ = -1e9;
+  std::string last_text_;       ///< Given to `Show`, and not shown yet.
+  std::size_t line_width_ = 0;  ///< Of the line on the terminal; 0: the cursor is on a fresh line.
+  bool shown_ = false;          ///< Anything, since the beginning or the last `End`.
+  bool timed_ = false;
+  double last_shown_s_ = 0.0;
+  double interval_s_ = 0.0;  ///< Until the next plain line.
 };
 
 }  // namespace slalom::base

@@ -23,6 +23,7 @@
 #include "sim/environments.h"
 #include "sim/scene.h"
 #include "train/begin_run.h"
+#include "train/run_limits.h"
 
 /// The processes of the distributed service, each until a signal stops it.
 
@@ -75,9 +76,10 @@ int RunLearner(const ServiceOptions& options) {
   learner::LearnerJob job;
   job.name = process.name();
   job.plan.directory.root = process.state() / "learner";
-  const run::RunLock lock = fs::exists(job.plan.directory.config())
-                                ? train::ResumeRun(job.plan.directory, config)
-                                : train::BeginRun(job.plan.directory, config);
+  const bool resume = fs::exists(job.plan.directory.config());
+  if (!resume) train::RequireLearnable(config);
+  const run::RunLock lock = resume ? train::ResumeRun(job.plan.directory, config)
+                                   : train::BeginRun(job.plan.directory, config);
   job.plan.config = config::ToToml(config);
   job.plan.commit = Commit();
   job.plan.seed = config.run.seed;
@@ -183,7 +185,8 @@ void AddRole(CLI::App& app, int* exit_code, const std::string& name, const std::
   command->add_option("--name", options->name,
                       "Of this process among those of its role [service.name of the config]");
   command->footer(
-      "Runs until SIGINT or SIGTERM, then saves and ends within seconds; started again it goes "
+      "Runs until SIGINT, SIGTERM or SIGHUP, then saves and ends within seconds; started again it "
+      "goes "
       "on.\n"
       "docs/operations.md has a first cluster run.");
   command->callback([options, exit_code, run] { *exit_code = run(*options); });

@@ -25,8 +25,9 @@ namespace {
 std::atomic<int>* received_signal = nullptr;
 sem_t* signal_arrived = nullptr;
 
-extern "C" void OnStopSignal(int signal) {
-  *received_signal = signal;
+extern "C" void OnStopSignal(int number) {
+  if (number == SIGHUP) signal(SIGPIPE, SIG_IGN);
+  *received_signal = number;
   sem_post(signal_arrived);
 }
 
@@ -42,18 +43,26 @@ StopSignals::StopSignals() : impl_(new Impl) {
   action.sa_flags = SA_RESETHAND | SA_RESTART;  // The second one does what it does by default.
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction before = {};
+  sigaction(SIGHUP, nullptr, &before);
+  takes_hangup_ = before.sa_handler != SIG_IGN;
+  action.sa_flags = SA_RESTART;
+  if (takes_hangup_) sigaction(SIGHUP, &action, nullptr);
   impl_->waiter = std::thread([impl = impl_] {
     while (sem_wait(&impl->arrived) != 0) {
     }
     if (impl->received == 0) return;
     impl->source.request_stop();
-    spdlog::info("stopping; the same signal again ends at once");
+    spdlog::info(impl->received == SIGHUP ? "stopping; the terminal is gone"
+                                          : "stopping; the same signal again ends at once");
   });
 }
 
 StopSignals::~StopSignals() {
   signal(SIGINT, SIG_DFL);
   signal(SIGTERM, SIG_DFL);
+  // After a hangup another one must not end the program, which still has to say where things lie.
+  if (takes_hangup_) signal(SIGHUP, received() == SIGHUP ? SIG_IGN : SIG_DFL);
   sem_post(&impl_->arrived);
   impl_->waiter.join();
   received_signal = nullptr;

@@ -4,8 +4,12 @@
 
 namespace slalom::cli {
 
-/// Turns SIGINT and SIGTERM into a stop request for as long as it lives; the same signal again ends
-/// the program at once, as it would without this. One at a time.
+/// Turns SIGINT, SIGTERM and SIGHUP (the terminal was closed, the connection lost) into a stop
+/// request for as long as it lives. SIGINT or SIGTERM again ends the program at once, as it would
+/// without this. SIGHUP again does nothing, since a shell that loses its terminal sends another one
+/// after the kernel's; and from the first one on SIGPIPE is ignored, so that a reader of the output
+/// which died with the terminal does not end the program before it has saved. Where SIGHUP is
+/// ignored, as under nohup, it stays so. One at a time.
 class StopSignals {
  public:
   StopSignals();
@@ -21,6 +25,7 @@ class StopSignals {
  private:
   struct Impl;
   Impl* const impl_;
+  bool takes_hangup_ = false;
 };
 
 }  // namespace slalom::cli

@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -13,14 +14,15 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
+#include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/evaluate_policy.h"
-#include "cli/process_start.h"
 #include "cli/signals.h"
 #include "cli/training_results.h"
 #include "cli/version.h"
 #include "config/config.h"
 #include "sim/course_sets.h"
+#include "train/run_limits.h"
 #include "train/trainer.h"
 
 namespace slalom::cli {
@@ -28,28 +30,119 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kRuns[] = "runs";           // Where runs lie unless --output says otherwise.
+constexpr double kLargestUsualRate = 0.1;  // Of the learning rates that cause no warning.
+
 struct TrainOptions {
   std::string config;
   std::vector<std::string> overrides;
   std::optional<std::string> name;
   std::optional<std::int64_t> seed;
-  std::string output = "runs";
+  std::optional<std::string> output;
   bool resume = false;
   bool deterministic = false;
   bool no_evaluation = false;
 };
 
-train::RunConfig LoadConfig(const TrainOptions& options) {
-  auto config = config::Load<train::RunConfig>(options.config, options.overrides);
+/// The config file that the options name, and the run's directory where they name that, too.
+struct Source {
+  std::string config;
+  std::optional<fs::path> run;
+};
+
+/// A path of a directory that ends in its name, whatever way it was written.
+fs::path Named(const fs::path& directory) {
+  const fs::path normal = directory.lexically_normal();
+  const fs::path named = normal.has_filename() ? normal : normal.parent_path();
+  return named.empty() || named == "." ? fs::current_path() : named;
+}
+
+/// With --resume, CONFIG may be the run's directory or the config.toml in it, wherever the run lies
+/// now; else the run is the one that CONFIG, --name and --output name.
+Source FindSource(const TrainOptions& options) {
+  const fs::path given = options.config;
+  if (fs::is_directory(given)) {
+    const run::RunDirectory directory{Named(given)};
+    if (!options.resume) {
+      throw base::Error(
+          fmt::format("{}: is a directory, expected a TOML file; to go on with the run there: {}",
+                      options.config, CommandLine({"train", directory.root.string(), "--resume"})));
+    }
+    if (!fs::exists(directory.config())) {
+      throw base::Error(
+          fmt::format("{}: no run to resume here, as there is no config.toml", options.config));
+    }
+    return {directory.config().string(), directory.root};
+  }
+  const run::RunDirectory around{Named(given.parent_path())};
+  const bool is_of_run =
+      given.filename() == around.config().filename() && fs::is_directory(around.checkpoints());
+  if (options.resume && is_of_run && !options.name && !options.output) {
+    return {options.config, around.root};
+  }
+  return {options.config, std::nullopt};
+}
+
+train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path) {
+  auto config = config::Load<train::RunConfig>(path, options.overrides);
   if (options.name) config.run.name = *options.name;
   if (options.seed) config.run.seed = *options.seed;
   if (options.deterministic) config.run.deterministic = true;
   if (config.run.name.empty() || config.run.name.find('/') != std::string::npos ||
       config.run.name.starts_with('.')) {
     throw base::Error(fmt::format("run.name is '{}', expected the name of a directory below {}/",
-                                  config.run.name, options.output));
+                                  config.run.name, options.output.value_or(kRuns)));
   }
   return config;
+}
+
+/// The command line of these options with more overrides, each in place of one of the same key.
+std::string WithOverrides(const TrainOptions& options, const std::vector<std::string>& more) {
+  std::vector<std::string> arguments = {"train", options.config};
+  const auto add = [&arguments](const std::string& key, const std::string& value) {
+    arguments.insert(arguments.end(), {key, value});
+  };
+  if (options.name) add("--name", *options.name);
+  if (options.seed) add("--seed", std::to_string(*options.seed));
+  if (options.output) add("--output", *options.output);
+  for (const std::string& given : options.overrides) {
+    const std::string key = given.substr(0, given.find('=') + 1);
+    const bool is_replaced = std::any_of(
+        more.begin(), more.end(), [&key](const std::string& m) { return m.starts_with(key); });
+    if (!is_replaced) add("--set", given);
+  }
+  for (const std::string& override : more) add("--set", override);
+  if (options.resume) arguments.emplace_back("--resume");
+  if (options.deterministic) arguments.emplace_back("--deterministic");
+  if (options.no_evaluation) arguments.emplace_back("--no-evaluation");
+  return CommandLine(arguments);
+}
+
+/// One message for all that stands in the way of a deterministic run, with the command to use.
+void CheckDeterminism(const TrainOptions& options, const train::RunConfig& config) {
+  if (!config.run.deterministic) return;
+  const auto needed = train::OverridesForDeterminism(config);
+  if (needed.empty()) return;
+  throw base::Error(fmt::format(
+      "a deterministic run ends by steps and not by seconds, and does without priorities. Use:\n  "
+      "{}",
+      WithOverrides(options, needed)));
+}
+
+/// Step sizes that are allowed and hardly ever meant.
+void WarnOfLearningRates(const learner::LearnerConfig& config) {
+  const auto warn = [](const char* who, double rate) {
+    if (rate > kLargestUsualRate) {
+      spdlog::warn(
+          "learner.{}_learning_rate is {}: Adam moves each weight by about as much in an update; "
+          "usual are 1e-5 to 1e-3",
+          who, rate);
+    } else if (rate == 0.0) {
+      spdlog::warn("learner.{0}_learning_rate is 0: the {0} never changes", who);
+    }
+  };
+  warn("actor", config.actor_learning_rate);
+  warn("critic", config.critic_learning_rate);
 }
 
 /// Says before the training, and not after, that it could not be scored.
@@ -61,48 +154,109 @@ void CheckTestCourses(const train::CoursesConfig& courses) {
   courses.Resolve(courses.test);
 }
 
-/// The run's own config holds every --set, --name and --seed that it was begun with.
-std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& directory) {
-  const std::string output = options.output == "runs" ? "" : " --output " + options.output;
-  return fmt::format("./slalom train {}{} --resume", directory.config().string(), output);
+/// The command that goes on with the run. Its own config holds every --set, --name and --seed that
+/// it was begun with.
+std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& directory,
+                          const std::string& override = "") {
+  std::string root = directory.root.string();
+  if (root.starts_with('-')) root.insert(0, "./");
+  std::vector<std::string> arguments = {"train", root, "--resume"};
+  if (!override.empty()) arguments.insert(arguments.end(), {"--set", override});
+  if (options.no_evaluation) arguments.emplace_back("--no-evaluation");
+  return CommandLine(arguments);
+}
+
+/// Prints a line, or nothing where the terminal is gone.
+void Say(const std::string& line) { std::fputs((line + "\n").c_str(), stdout); }
+
+/// Whether the scores there are those of the policy there.
+bool IsScored(const run::RunDirectory& directory) {
+  const fs::path scores = directory.root / "evaluation.json";
+  return fs::exists(scores) &&
+         fs::last_write_time(scores) >= fs::last_write_time(directory.policy());
+}
+
+/// Says why the run learned nothing and how to go on.
+int FailToLearn(const TrainOptions& options, const run::RunDirectory& directory,
+                const train::RunConfig& config, const train::Trainer& trainer) {
+  if (trainer.updates() > 0) {
+    const std::string fault = trainer.watch().fault();
+    fmt::print(stderr,
+               "slalom: nothing was learned: {}. No policy was kept; begin anew with other "
+               "settings\n",
+               fault.empty() ? "a network had no gradient when the run ended" : fault);
+    return kExitLearnedNothing;
+  }
+  const auto why = train::ExplainNoUpdate(config, trainer.steps(), trainer.training_s());
+  fmt::print(stderr, "slalom: nothing was learned: {}. To go on: {}\n", why.reason,
+             ResumeCommand(options, directory, why.override));
+  return kExitLearnedNothing;
+}
+
+int Score(const TrainOptions& options, const run::RunDirectory& directory,
+          const train::RunConfig& config, const std::string& train_longer,
+          const StopSignals& signals) {
+  base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
+  if (ScoreTraining(directory, config, train_longer, parallel, signals.token())) return kExitOk;
+  Say(fmt::format("the policy is trained but not scored: {}\nto score it: {}",
+                  directory.policy().string(), ResumeCommand(options, directory)));
+  return kExitSignalBase + signals.received();
+}
+
+/// Says what became of a run that reached its limit, and scores it where that is still to be done.
+int Finish(const TrainOptions& options, const run::RunDirectory& directory,
+           const train::RunConfig& config, const train::Trainer& trainer, bool was_finished,
+           const StopSignals& signals) {
+  if (const std::string fault = trainer.watch().fault(); !fault.empty()) {
+    spdlog::warn("the policy is probably of no use: {}", fault);
+  }
+  if (fs::exists(directory.metrics())) DrawTraining(directory);
+  const std::string longer =
+      config.run.keep_checkpoints == "none"
+          ? ""
+          : ResumeCommand(options, directory,
+                          train::LongerLimit(config, trainer.steps(), trainer.training_s()));
+  const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
+  if (was_finished && (!is_to_be_scored || IsScored(directory))) {
+    Say(fmt::format("{} is finished: its limit was reached, nothing was changed",
+                    directory.root.string()));
+    if (!longer.empty()) Say("to go on: " + longer);
+    return kExitOk;
+  }
+  if (is_to_be_scored) return Score(options, directory, config, longer, signals);
+  Say("policy: " + directory.policy().string());
+  return kExitOk;
 }
 
 int Train(const TrainOptions& options) {
+  // So that a log shows each line when it was printed.
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
   StopSignals signals;
-  const train::RunConfig config = LoadConfig(options);
-  const run::RunDirectory directory{fs::path(options.output) / config.run.name};
+  const Source source = FindSource(options);
+  const train::RunConfig config = LoadConfig(options, source.config);
+  const run::RunDirectory directory{
+      source.run.value_or(fs::path(options.output.value_or(kRuns)) / config.run.name)};
+  CheckDeterminism(options, config);
   if (!options.no_evaluation) CheckTestCourses(config.courses);
-  train::Trainer trainer(config, directory, std::string(Commit()), options.resume, ProcessStart());
-  spdlog::info("training on {}, test on {}, run directory {}", config.courses.train,
-               config.courses.test.empty() ? "nothing" : config.courses.test,
-               directory.root.string());
+  WarnOfLearningRates(config.method.learner);
+  spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
+               directory.root.string(), config.courses.train,
+               config.courses.test.empty() ? "nothing" : config.courses.test);
+  train::Trainer trainer(config, directory, std::string(Commit()), options.resume);
   const train::TrainingEnd end = trainer.Run(signals.token());
   if (end == train::TrainingEnd::kDiverged) return kExitDiverged;
   spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),
                base::FormatCount(static_cast<double>(trainer.steps())),
                base::FormatCount(static_cast<double>(trainer.updates())));
-  if (trainer.updates() == 0) {
-    spdlog::warn(
-        "nothing was learned: run.learning_starts is {}, the replay holds at most "
-        "replay.capacity = {} steps",
-        config.run.learning_starts, config.replay.capacity);
+  if (end == train::TrainingEnd::kLearnedNothing) {
+    return FailToLearn(options, directory, config, trainer);
   }
   if (end == train::TrainingEnd::kStopped) {
-    fmt::print("stopped and saved; to go on: {}\n", ResumeCommand(options, directory));
+    Say("stopped and saved; to go on: " + ResumeCommand(options, directory));
     return kExitSignalBase + signals.received();
   }
-  DrawTraining(directory);
-  if (config.courses.test.empty() || options.no_evaluation) {
-    fmt::print("policy: {}\n", directory.policy().string());
-    return kExitOk;
-  }
-  base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
-  if (!ScoreTraining(directory, config, parallel, signals.token())) {
-    fmt::print("the policy is trained but not scored: {}\nto score it: {}\n",
-               directory.policy().string(), ResumeCommand(options, directory));
-    return kExitSignalBase + signals.received();
-  }
-  return kExitOk;
+  return Finish(options, directory, config, trainer, end == train::TrainingEnd::kWasFinished,
+                signals);
 }
 
 }  // namespace
@@ -112,12 +266,15 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
   command->footer(
       "Writes runs/NAME/: config, policy, metrics, checkpoints, scores and pictures "
       "(docs/operations.md).\n"
-      "Ctrl-C saves and stops; --resume goes on. Examples:\n\n"
+      "Ctrl-C saves and stops; --resume goes on, and takes the run's directory, too. Examples:\n\n"
       "  slalom train configs/quickstart.toml\n"
       "  slalom train configs/fast.toml --name mine --seed 2 --set run.max_seconds=60\n"
-      "  slalom train configs/paper/td3-mlp.toml --resume\n");
+      "  slalom train runs/mine --resume --set run.max_seconds=120\n");
   auto options = std::make_shared<TrainOptions>();
-  command->add_option("CONFIG", options->config, "TOML file; configs/ has presets")->required();
+  command
+      ->add_option("CONFIG", options->config,
+                   "TOML file (configs/ has presets); with --resume also a run's directory")
+      ->required();
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
   command->add_option("--name", options->name, "Name of the run [run.name of the config]");

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "cli/command_line.h"
 #include "cli/evaluate_policy.h"
 #include "train/training_figure.h"
 
@@ -68,6 +69,34 @@ std::vector<fs::path> ListSnapshots(const run::RunDirectory& directory) {
   return paths;
 }
 
+/// Where everything lies, and what to do next.
+std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig& config,
+                     const std::string& course, const std::string& train_longer) {
+  const std::string root = directory.root.string();
+  const std::string policy = directory.policy().string();
+  std::vector<std::string> render = {"courses", "render", "--courses", config.courses.test};
+  if (!config.courses.collection.empty()) {
+    render.insert(render.end(), {"--collection", config.courses.collection});
+  }
+  render.insert(render.end(), {"--course", course, "--episodes", root + "/evaluation-tracks.jsonl",
+                               "--output", "one.svg"});
+  std::string text = fmt::format(
+      "\npolicy    {0}\n"
+      "scores    {1}/evaluation.json, evaluation-courses.csv, metrics.csv\n"
+      "pictures  {1}/courses.png (what it drove), {1}/training.svg\n"
+      "\nnext\n"
+      "  on fresh courses   {2}\n"
+      "  one course         {3}\n",
+      policy, root, CommandLine({"evaluate", "--policy", policy, "--courses", "generated:7:100"}),
+      CommandLine(render));
+  if (!train_longer.empty()) text += fmt::format("  train longer       {}\n", train_longer);
+  // The presets are named by paths from the repository's root.
+  if (const std::string lifelike = "configs/lifelike.toml"; fs::exists(lifelike)) {
+    text += fmt::format("  a lifelike drive   {}\n", CommandLine({"train", lifelike}));
+  }
+  return text;
+}
+
 }  // namespace
 
 void DrawTraining(const run::RunDirectory& directory) {
@@ -79,7 +108,8 @@ void DrawTraining(const run::RunDirectory& directory) {
 }
 
 bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,
-                   base::ParallelFor& parallel, std::stop_token stop) {
+                   const std::string& train_longer, base::ParallelFor& parallel,
+                   std::stop_token stop) {
   const std::string policy_path = directory.policy().string();
   const policy::LoadedPolicy policy = policy::LoadPolicy(directory.policy());
   const auto result =
@@ -99,21 +129,8 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   curve.Add(policy, result->evaluation.summary.set);
   base::WriteFileAtomically(directory.curve(), curve.csv());
   DrawTraining(directory);  // Again, with the scores.
-  const std::string root = directory.root.string();
-  const std::string collection =
-      config.courses.collection.empty() ? "" : " --collection " + config.courses.collection;
-  fmt::print(
-      "\npolicy    {0}\n"
-      "figures   {1}/evaluation.json, evaluation-courses.csv, metrics.csv\n"
-      "pictures  {1}/courses.png (what it drove), {1}/training.svg\n"
-      "\nnext\n"
-      "  on fresh courses   ./slalom evaluate --policy {0} --courses generated:7:100\n"
-      "  one course         ./slalom courses render --courses {2}{3} --course {4} --episodes "
-      "{1}/evaluation-tracks.jsonl --output one.svg\n"
-      "  train longer       ./slalom train configs/fast.toml\n"
-      "  a lifelike drive   ./slalom train configs/lifelike.toml\n",
-      policy_path, root, config.courses.test, collection,
-      result->evaluation.courses.courses.front()->name);
+  fmt::print("{}", WhatNext(directory, config, result->evaluation.courses.courses.front()->name,
+                            train_longer));
   return true;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <stop_token>
+#include <string>
 
 #include "base/parallel.h"
 #include "run/run_directory.h"
@@ -13,9 +14,10 @@ namespace slalom::cli {
 void DrawTraining(const run::RunDirectory& directory);
 
 /// Scores the run's policy, and those of its snapshots (curve.csv), on its test courses; prints the
-/// table, where everything lies and what to do next. False: stopped first. Throws `base::Error` as
-/// its parts do.
+/// table, where everything lies and what to do next. `train_longer`: the command that goes on with
+/// the run; empty: none can. False: stopped first. Throws `base::Error` as its parts do.
 [[nodiscard]] bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,
-                                 base::ParallelFor& parallel, std::stop_token stop);
+                                 const std::string& train_longer, base::ParallelFor& parallel,
+                                 std::stop_token stop);
 
 }  // namespace slalom::cli

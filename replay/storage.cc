@@ -26,6 +26,9 @@ static_assert(sizeof(env::Action) == 2 * sizeof(float));
 constexpr char kMagic[8] = {'S', 'L', 'R', 'P', 'L', 'S', 'E', 'G'};
 constexpr std::uint32_t kVersion = 1;
 constexpr std::int64_t kBlockRows = 1024;
+// Of one part file. A part file goes when its last row is overwritten, so that this bounds what
+// rows which are overwritten already take on disk.
+constexpr std::int64_t kPartFileRows = 32 * kBlockRows;
 constexpr std::string_view kPrefix = "replay-";
 constexpr std::string_view kSuffix = ".rows";
 
@@ -124,9 +127,12 @@ std::string Storage::Save(const Table& table) {
   const std::int64_t written = part_files.empty() ? 0 : part_files.back().end;
   SLALOM_CHECK_LE(written, table.total_inserted());
   const std::int64_t begin = std::max(written, table.first_sequence());
-  if (begin > written)
-    part_files.clear();  // All that was written has been overwritten in the table.
-  if (begin < table.total_inserted()) part_files.push_back(WritePartFile(table, begin));
+  // All that was written has been overwritten in the table.
+  if (begin > written) part_files.clear();
+  for (std::int64_t s = begin; s < table.total_inserted(); s = part_files.back().end) {
+    part_files.push_back(
+        WritePartFile(table, s, std::min(s + kPartFileRows, table.total_inserted())));
+  }
   std::erase_if(part_files, [&](const PartFile& s) { return s.end <= table.first_sequence(); });
   part_files_ = part_files;
 
@@ -140,10 +146,11 @@ std::string Storage::Save(const Table& table) {
   return PrintManifest(manifest);
 }
 
-Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin) {
+Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin,
+                                         std::int64_t end) {
   PartFile part{.name = fmt::format("{}{:06}{}", kPrefix, next_index_, kSuffix),
                 .begin = begin,
-                .end = table.total_inserted(),
+                .end = end,
                 .digest = 0};
   Header header{.magic = {},
                 .version = kVersion,

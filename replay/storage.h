@@ -14,7 +14,7 @@ namespace slalom::replay {
 
 /// Saves a `Table` incrementally to a directory of its own.
 ///
-/// Each `Save` writes the rows that no earlier one wrote to a new part file, which never changes
+/// Each `Save` writes the rows that no earlier one wrote to new part files, which never change
 /// again. It returns a manifest: a short text that names the part files of the table. The caller
 /// stores the manifest in its checkpoint and, once that is safely on disk, calls `Commit` with the
 /// manifests of all checkpoints that must remain loadable. So a crash, a full disk or a kill at any
@@ -49,7 +49,7 @@ class Storage {
   };
 
  private:
-  PartFile WritePartFile(const Table& table, std::int64_t begin);
+  PartFile WritePartFile(const Table& table, std::int64_t begin, std::int64_t end);
   void ReadPartFile(const PartFile& part, std::size_t num_streams, Table* table) const;
 
   const std::filesystem::path directory_;

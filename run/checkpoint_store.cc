@@ -80,8 +80,13 @@ void CheckpointStore::Write(std::int64_t steps, const std::function<void(const f
     fs::remove_all(unfinished, ec);
     throw;
   }
+  Keep(kNumKept);
+}
+
+void CheckpointStore::Keep(std::size_t num_kept) {
   const auto all = List();
-  for (std::size_t i = kNumKept; i < all.size(); ++i) fs::remove_all(all[i], ec);
+  std::error_code ignored;
+  for (std::size_t i = num_kept; i < all.size(); ++i) fs::remove_all(all[i], ignored);
 }
 
 void CheckpointStore::SetAside(const fs::path& checkpoint) {

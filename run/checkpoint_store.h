@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -23,6 +24,9 @@ class CheckpointStore {
   /// Renames a checkpoint that turned out damaged to `step-N.damaged`, so that it counts no more.
   /// Throws `base::Error` where that fails.
   void SetAside(const std::filesystem::path& checkpoint);
+
+  /// Removes all but the newest `num_kept` checkpoints. One that cannot be removed stays.
+  void Keep(std::size_t num_kept);
 
   /// Directories of the checkpoints, newest first.
   std::vector<std::filesystem::path> List() const;

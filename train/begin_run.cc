@@ -16,11 +16,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 16> kMayChange = {
-    "run.max_steps",        "run.max_seconds",      "run.log_interval",   "run.checkpoint_seconds",
-    "run.checkpoint_steps", "run.snapshot_seconds", "run.snapshot_steps", "run.simulation_threads",
-    "courses.test",         "evaluation.",          "service.",           "security.",
-    "replay_server.",       "learner_service.",     "actor_service.",     "evaluator_service."};
+constexpr std::array<std::string_view, 17> kMayChange = {"run.max_steps",
+                                                         "run.max_seconds",
+                                                         "run.log_interval",
+                                                         "run.checkpoint_seconds",
+                                                         "run.checkpoint_steps",
+                                                         "run.snapshot_seconds",
+                                                         "run.snapshot_steps",
+                                                         "run.simulation_threads",
+                                                         "run.keep_checkpoints",
+                                                         "courses.test",
+                                                         "evaluation.",
+                                                         "service.",
+                                                         "security.",
+                                                         "replay_server.",
+                                                         "learner_service.",
+                                                         "actor_service.",
+                                                         "evaluator_service."};
 
 bool MayChange(std::string_view key) {
   return std::any_of(kMayChange.begin(), kMayChange.end(), [key](std::string_view allowed) {

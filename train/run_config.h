@@ -61,6 +61,7 @@ struct RunSettings {
   double log_interval = 1.0;
   double checkpoint_seconds = 60.0;
   std::int64_t checkpoint_steps = 0;
+  std::string keep_checkpoints = "newest";
   std::vector<double> snapshot_seconds;
   std::vector<int> snapshot_steps;
 
@@ -89,10 +90,15 @@ struct RunSettings {
     v("log_interval", log_interval, base::Range{0.05, 3600.0}, "s",
       "Time between rows of metrics.csv.");
     v("checkpoint_seconds", checkpoint_seconds, base::Range{0.0, 1.0e6}, "s",
-      "Training time between checkpoints; 0: only at the end. Deterministic runs use "
+      "Time between checkpoints; 0: only at the end. Deterministic runs use "
       "checkpoint_steps.");
     v("checkpoint_steps", checkpoint_steps, base::Range{0, 1.0e12}, "",
       "Environment steps between checkpoints; 0: by time alone.");
+    v("keep_checkpoints", keep_checkpoints, base::OneOf{"newest", "all", "none"}, "",
+      "What stays of checkpoints/ when the run has finished. newest: the newest one and its "
+      "replay, "
+      "which is what a resumed run with a larger limit needs; all: both; none: neither, and the "
+      "run cannot be resumed.");
     v("snapshot_seconds", snapshot_seconds, base::Range{0.0, 1.0e7}, "s",
       "Training times at which the policy is kept and, after training, scored on the test courses "
       "(curve.csv).");

@@ -14,12 +14,12 @@
 #include "policy/policy_spec.h"
 #include "sim/scene.h"
 #include "train/begin_run.h"
+#include "train/run_limits.h"
 
 namespace slalom::train {
 namespace {
 
 namespace fs = std::filesystem;
-using std::chrono::steady_clock;
 
 constexpr char kActorFile[] = "actor.bin";
 constexpr char kActingFile[] = "acting.safetensors";
@@ -35,18 +35,14 @@ run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config, 
   return resume ? ResumeRun(directory, config) : BeginRun(directory, config);
 }
 
-const RunConfig& Checked(const RunConfig& config) {
+const RunConfig& Checked(const RunConfig& config, bool resume) {
   RequireCombination(config);
-  if (config.run.deterministic && config.run.max_seconds > 0.0) {
-    throw base::Error(fmt::format(
-        "run.max_seconds is {}, expected 0 in a deterministic run: what it learns in that time "
-        "depends on the machine; end it by run.max_steps",
-        config.run.max_seconds));
-  }
-  if (config.run.deterministic && config.method.learner.prioritized) {
+  // A resumed run has learned already, and may be given a limit that ends it at once.
+  if (!resume) RequireLearnable(config);
+  if (!config.run.deterministic) return config;
+  if (const auto needed = OverridesForDeterminism(config); !needed.empty()) {
     throw base::Error(
-        "learner.prioritized is true, expected false in a deterministic run: priorities are not "
-        "part of a checkpoint");
+        fmt::format("run.deterministic is true, expected with it {}", fmt::join(needed, ", ")));
   }
   return config;
 }
@@ -72,14 +68,15 @@ std::int64_t CountSteps(const replay::Chunk& chunk) {
 }  // namespace
 
 Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
-                 bool resume, steady_clock::time_point begin)
-    : config_(Checked(config)),
+                 bool resume, run::TrainingClock clock)
+    : config_(Checked(config, resume)),
+      directory_(directory),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
       environments_(config.environment,
                     sim::MakeScenes(config.courses.Resolve(config.courses.train)),
                     config.actor.num_environments, &parallel_),
       run_(MakePlan(config, directory, std::move(commit)), config.method, MakePolicySpec(config),
-           Seed(config, "learner"), begin),
+           Seed(config, "learner"), std::move(clock)),
       agent_(policy::MakePolicyAgent(run_.learner().Snapshot(), config.mpc, Seed(config, "mpc"))),
       actor_(config.actor, environments_, *agent_, Seed(config, "actor")),
       table_(config.replay, config.environment.lidar.num_beams),
@@ -89,11 +86,10 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       lock_(Begin(directory, config, resume)),
       storage_(directory.checkpoints() / kReplayDirectory) {
   run_.Open();
-  if (resume) Restore(directory);
+  if (resume) Restore();
   if (config_.method.learner.prioritized) {
     table_.UsePriorities(config_.replay_server.priority_exponent);
   }
-  run_.OpenLog();
 }
 
 Trainer::~Trainer() = default;
@@ -109,8 +105,17 @@ TrainingEnd Trainer::Run(std::stop_token stop) {
 }
 
 TrainingEnd Trainer::Train(std::stop_token stop) {
+  if (run_.AtLimit()) {
+    if (updates() == 0 || had_learned_nothing_) return TrainingEnd::kLearnedNothing;
+    if (!HasNewestPolicy()) run_.SavePolicy();
+    PruneCheckpoints();
+    return TrainingEnd::kWasFinished;
+  }
+  run_.OpenLog();
+  spdlog::info("training in {}", directory_.root.string());
   StartCollector();
   base::ProgressLine progress;
+  run_.StartClock();
   while (!run_.AtLimit() && !stop.stop_requested()) {
     if (budget_.update_due()) {
       Update();
@@ -120,17 +125,26 @@ TrainingEnd Trainer::Train(std::stop_token stop) {
       run_.KeepSnapshots();
       Collect();
     }
+    run_.LookAtClock();
     if (!run_.LogDue()) continue;
     if (!Log()) return TrainingEnd::kDiverged;
-    progress.Show(run_.Progress(), training_s());
+    progress.Show(run_.Progress(), run_.wall_s());
   }
+  const bool finished = run_.AtLimit();
   StopCollector();
+  run_.StopClock();
   if (!Log()) return TrainingEnd::kDiverged;
   run_.KeepSnapshots();
+  progress.Show(run_.Progress(), run_.wall_s());
   progress.End();
   Checkpoint();
+  if (finished && (updates() == 0 || watch().nothing_learned())) {
+    return TrainingEnd::kLearnedNothing;
+  }
   run_.SavePolicy();
-  return run_.AtLimit() ? TrainingEnd::kFinished : TrainingEnd::kStopped;
+  if (!finished) return TrainingEnd::kStopped;
+  PruneCheckpoints();
+  return TrainingEnd::kFinished;
 }
 
 void Trainer::StartCollector() {
@@ -206,8 +220,7 @@ bool Trainer::CheckpointDue() const {
     return true;
   }
   const double every_s = config_.run.checkpoint_seconds;
-  return every_s > 0.0 && !config_.run.deterministic &&
-         training_s() - run_.last_checkpoint_s() >= every_s;
+  return every_s > 0.0 && !config_.run.deterministic && run_.since_checkpoint_s() >= every_s;
 }
 
 void Trainer::TryCheckpoint() {
@@ -227,6 +240,7 @@ void Trainer::Checkpoint() {
   const std::string manifest = storage_.Save(table_);
   const nlohmann::json state = {{"updates_due", budget_.updates()},
                                 {"observed_episodes", observed_episodes_},
+                                {"nothing_learned", watch().nothing_learned()},
                                 {"sampling", sampling_.state()}};
   run_.Checkpoint(budget_.steps(), state, [&](const fs::path& directory) {
     policy::SavePolicy(directory / kActingFile, agent_->snapshot(),
@@ -234,6 +248,23 @@ void Trainer::Checkpoint() {
     base::WriteFileAtomically(directory / kActorFile, actor_.Save().Serialize());
     base::WriteFileAtomically(directory / kReplayFile, manifest);
   });
+  CommitReplay();
+}
+
+void Trainer::PruneCheckpoints() {
+  const std::string& kept = config_.run.keep_checkpoints;
+  if (kept == "all") return;
+  run_.KeepCheckpoints(kept == "newest" ? 1 : 0);
+  CommitReplay();
+}
+
+bool Trainer::HasNewestPolicy() const {
+  const fs::path path = directory_.policy();
+  return fs::exists(path) &&
+         policy::LoadPolicy(path).metadata["updates"] == fmt::format("{}", updates());
+}
+
+void Trainer::CommitReplay() {
   std::vector<std::string> manifests;
   for (const fs::path& checkpoint : run_.store().List()) {
     manifests.push_back(base::ReadFile(checkpoint / kReplayFile));
@@ -241,15 +272,15 @@ void Trainer::Checkpoint() {
   storage_.Commit(manifests);
 }
 
-void Trainer::Restore(const run::RunDirectory& directory) {
+void Trainer::Restore() {
   const bool found = run_.Restore([this](const fs::path& checkpoint, const nlohmann::json& state) {
     ReadCheckpoint(checkpoint, state);
   });
-  if (!found && fs::exists(directory.policy())) {
+  if (!found && fs::exists(directory_.policy())) {
     throw base::Error(fmt::format(
         "{}: no checkpoint to go on from, and {} would be overwritten; without --resume the run "
         "there is moved aside and a new one begins",
-        directory.checkpoints().string(), directory.policy().string()));
+        directory_.checkpoints().string(), directory_.policy().string()));
   }
   if (!found) {
     spdlog::warn("{}: no checkpoint yet, the run begins anew", run_.store().directory().string());
@@ -262,6 +293,8 @@ void Trainer::ReadCheckpoint(const fs::path& checkpoint, const nlohmann::json& s
   const auto updates = state.at("updates_due").get<std::int64_t>();
   const auto observed_episodes = state.at("observed_episodes").get<std::int64_t>();
   const auto sampling = state.at("sampling").get<base::Random::State>();
+  // Checkpoints from before do not say it.
+  had_learned_nothing_ = state.value("nothing_learned", false);
   const std::string acting_path = (checkpoint / kActingFile).string();
   const auto acting = policy::LoadPolicy(acting_path);
   policy::RequireSameSpec(acting_path, acting.snapshot.spec, agent_->snapshot().spec);

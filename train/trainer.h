@@ -1,6 +1,5 @@
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
@@ -29,6 +28,10 @@ enum class TrainingEnd {
   kStopped,   ///< On request; saved.
   kDiverged,  ///< At NaN or values beyond bounds; the last good checkpoint is kept, nothing newer
               ///< saved.
+  kLearnedNothing,  ///< At its limit, without an update or with a dead network
+                    ///< (`run::LearningWatch`). A checkpoint is saved, but no policy.
+  kWasFinished,     ///< A resumed run that stood at its limit already. What a crash at its end may
+                    ///< have left undone was done (policy, checkpoints), nothing else.
 };
 
 /// One training run in one process: actor, replay table and learner, with checkpoints and figures.
@@ -39,21 +42,24 @@ class Trainer {
  public:
   /// Builds everything, then begins the run's directory (`BeginRun`), or where `resume` checks it
   /// (`ResumeRun`) and continues from its newest checkpoint that is whole. `commit`: of the
-  /// program, for provenance. `begin`: when the process began, as training time counts from there.
-  /// Throws `base::Error` where courses, config or checkpoint are unusable, or another process
-  /// trains there.
+  /// program, for provenance. `clock`: measures training time, which counts from `Run` on; tests
+  /// give their own. Throws `base::Error` where courses, config or checkpoint are unusable, a new
+  /// run could not learn anything (`RequireLearnable`), or another process trains there.
   Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
-          bool resume, std::chrono::steady_clock::time_point begin);
+          bool resume, run::TrainingClock clock = run::TrainingClock());
   ~Trainer();
 
   /// Trains to the end of the run, or until `stop`. Writes metrics.csv, checkpoints, snapshots and
-  /// policy.safetensors. Throws `base::Error` where what must be kept cannot be written.
+  /// policy.safetensors; of a finished run's checkpoints keeps what `run.keep_checkpoints` says.
+  /// Throws `base::Error` where what must be kept cannot be written.
   TrainingEnd Run(std::stop_token stop);
 
-  /// Wall-clock spent on the run, over all its sessions, [s].
+  /// Time spent training, over all sessions of the run, [s].
   double training_s() const { return run_.training_s(); }
   std::int64_t steps() const { return budget_.steps(); }
   std::int64_t updates() const { return run_.updates(); }
+  /// What this session's metrics say of whether the run learns.
+  const run::LearningWatch& watch() const { return run_.watch(); }
 
  private:
   void StartCollector();
@@ -67,10 +73,16 @@ class Trainer {
   bool CheckpointDue() const;
   void TryCheckpoint();
   void Checkpoint();
-  void Restore(const run::RunDirectory& directory);
+  /// Deletes the replay segments that no checkpoint stands on.
+  void CommitReplay();
+  /// Whether policy.safetensors is that of the updates made so far.
+  bool HasNewestPolicy() const;
+  void PruneCheckpoints();
+  void Restore();
   void ReadCheckpoint(const std::filesystem::path& checkpoint, const nlohmann::json& state);
 
   const RunConfig config_;
+  const run::RunDirectory directory_;
 
   base::ParallelFor parallel_;
   sim::CourseEnvironments environments_;
@@ -90,6 +102,7 @@ class Trainer {
   std::unique_ptr<Collector> collector_;
 
   std::int64_t last_checkpoint_steps_ = 0;
+  bool had_learned_nothing_ = false;  // As of the checkpoint that the run goes on from.
 };
 
 }  // namespace slalom::train

@@ -15,7 +15,6 @@ namespace slalom::learner {
 namespace {
 
 namespace fs = std::filesystem;
-using std::chrono::steady_clock;
 
 constexpr char kStateFile[] = "state.json";
 constexpr char kLearnerFile[] = "learner.safetensors";
@@ -36,12 +35,8 @@ bool Passed(const std::vector<Number>& thresholds, double last, double now) {
 }  // namespace
 
 LearnerRun::LearnerRun(RunPlan plan, const MethodConfig& method, const policy::PolicySpec& spec,
-                       std::uint64_t learner_seed, steady_clock::time_point begin)
-    : plan_(std::move(plan)), begin_(begin), learner_(method, spec, learner_seed) {}
-
-double LearnerRun::training_s() const {
-  return earlier_s_ + std::chrono::duration<double>(steady_clock::now() - begin_).count();
-}
+                       std::uint64_t learner_seed, run::TrainingClock clock)
+    : plan_(std::move(plan)), clock_(std::move(clock)), learner_(method, spec, learner_seed) {}
 
 double LearnerRun::Fraction() const {
   const double by_steps = static_cast<double>(steps_) / static_cast<double>(plan_.max_steps);
@@ -54,6 +49,8 @@ void LearnerRun::OpenLog() {
   last_row_.training_s = training_s();
   last_row_.steps = steps_;
   last_row_.updates = updates();
+  MarkCheckpoint();
+  logged_at_s_ = wall_s();
 }
 
 run::MetricsRow LearnerRun::Complete(run::MetricsRow row) {
@@ -61,9 +58,11 @@ run::MetricsRow LearnerRun::Complete(run::MetricsRow row) {
   row.training_s = training_s();
   row.steps = steps_;
   row.updates = updates();
-  const double elapsed = std::max(1e-9, row.training_s - last_row_.training_s);
-  row.steps_per_s = static_cast<double>(row.steps - last_row_.steps) / elapsed;
-  row.updates_per_s = static_cast<double>(row.updates - last_row_.updates) / elapsed;
+  const double elapsed = row.training_s - last_row_.training_s;
+  if (elapsed > 0.0) {
+    row.steps_per_s = static_cast<double>(row.steps - last_row_.steps) / elapsed;
+    row.updates_per_s = static_cast<double>(row.updates - last_row_.updates) / elapsed;
+  }
   row.critic_loss = learning.critic_loss;
   row.mean_q = learning.q_mean;
   row.actor_q = learning.actor_q_mean;
@@ -83,6 +82,8 @@ run::MetricsRow LearnerRun::Complete(run::MetricsRow row) {
   row.model_inside_50 = learning.model.inside_50;
   row.model_inside_90 = learning.model.inside_90;
   last_row_ = row;
+  logged_at_s_ = wall_s();
+  if (const auto warning = watch_.Observe(row, Fraction())) spdlog::warn("{}", *warning);
   return row;
 }
 
@@ -157,7 +158,7 @@ bool LearnerRun::Restore(
       for (const fs::path& newer : damaged) store_->SetAside(newer);
       spdlog::info("resumed from {} ({} steps, {} updates, {})", checkpoint.string(),
                    base::FormatCount(static_cast<double>(steps_)), updates(),
-                   base::FormatDuration(earlier_s_));
+                   base::FormatDuration(training_s()));
       return true;
     } catch (const base::Error& error) {
       if (checkpoint == checkpoints.back()) throw;
@@ -180,17 +181,16 @@ void LearnerRun::RestoreFrom(
           fmt::format("{}: its checksum does not match; the checkpoint is damaged", path.string()));
     }
     const auto steps = state.at("steps").get<std::int64_t>();
-    const auto earlier_s = state.at("training_s").get<double>();
+    const auto training_s = state.at("training_s").get<double>();
     const auto tensors = policy::LoadTensors(checkpoint / kLearnerFile);
     read_more(checkpoint, state);
     learner_.LoadState(tensors);
     steps_ = steps;
-    earlier_s_ = earlier_s;
+    clock_.Restore(training_s);
   } catch (const nlohmann::json::exception&) {
     throw base::Error(fmt::format("{}: damaged, or no state of a checkpoint", path.string()));
   }
-  last_checkpoint_s_ = earlier_s_;
-  last_snapshot_s_ = earlier_s_;
+  last_snapshot_s_ = training_s();
   last_snapshot_steps_ = steps_;
 }
 

@@ -21,6 +21,9 @@ using std::chrono::steady_clock;
 // Longest wait for a batch before policies are looked after.
 constexpr milliseconds kBatchWait{5};
 constexpr milliseconds kServeWait{100};
+// A wait for a batch counts as training time up to this [s]: the rate limiter holds batches back
+// for moments while actors make the steps that earn them. A longer one is an outage, or a start.
+constexpr double kCountedWaitS = 1.0;
 
 std::uint64_t LearnerSeed(std::int64_t run_seed) {
   return base::DeriveSeed(static_cast<std::uint64_t>(run_seed), "learner");
@@ -48,11 +51,12 @@ std::int64_t DirectoryBytes(const fs::path& directory) {
 
 LearnerService::LearnerService(const LearnerServiceConfig& config, const MethodConfig& method,
                                const policy::PolicySpec& spec, LearnerJob job,
-                               transport::Context& context, metrics::Registry& registry)
+                               transport::Context& context, metrics::Registry& registry,
+                               run::TrainingClock clock)
     : config_(config),
       prioritized_(method.learner.prioritized),
       job_(std::move(job)),
-      run_(job_.plan, method, spec, LearnerSeed(job_.plan.seed), steady_clock::now()),
+      run_(job_.plan, method, spec, LearnerSeed(job_.plan.seed), std::move(clock)),
       policies_(context, job_.policies, job_.spec_hash, registry),
       metrics_(registry) {
   run_.Open();
@@ -72,24 +76,29 @@ LearnerEnd LearnerService::Run(std::stop_token stop) {
       batches_->link().Receive(milliseconds(0));
     } else if (const RemoteBatches* batches = batches_->Next(kBatchWait)) {
       waited_s_ += std::chrono::duration<double>(steady_clock::now() - waiting).count();
+      run_.StartClock();
+      waiting_since_s_.reset();
       LearnFrom(*batches);
     } else {
       waited_s_ += std::chrono::duration<double>(steady_clock::now() - waiting).count();
+      if (!waiting_since_s_) waiting_since_s_ = run_.wall_s();
+      if (run_.wall_s() - *waiting_since_s_ >= kCountedWaitS) run_.StopClock();
       Say(batches_->link().welcomed() ? "" : "waiting for the replay server");
     }
     policies_.Poll(milliseconds(0));
     PublishIfDue();
+    run_.LookAtClock();
     if (run_.LogDue()) {
       if (!Log()) return LearnerEnd::kDiverged;
-      if (!finished_) progress.Show(run_.Progress(), run_.training_s());
+      if (!finished_) progress.Show(run_.Progress(), run_.wall_s());
     }
     if (finished_) continue;
     run_.KeepSnapshots();
-    if (job_.checkpoint_seconds > 0.0 &&
-        run_.training_s() - run_.last_checkpoint_s() >= job_.checkpoint_seconds) {
+    if (job_.checkpoint_seconds > 0.0 && run_.since_checkpoint_s() >= job_.checkpoint_seconds) {
       TryCheckpoint();
     }
     if (run_.AtLimit()) {
+      run_.StopClock();
       progress.End();
       if (!run_.IsWell()) return LearnerEnd::kDiverged;
       finished_ = true;
@@ -101,6 +110,9 @@ LearnerEnd LearnerService::Run(std::stop_token stop) {
                    base::FormatCount(static_cast<double>(run_.steps())),
                    base::FormatCount(static_cast<double>(updates())),
                    job_.plan.directory.policy().string());
+      if (const std::string fault = run_.watch().fault(); !fault.empty()) {
+        spdlog::warn("the run may have learned nothing: {}", fault);
+      }
     }
   }
   progress.End();
@@ -179,7 +191,9 @@ bool LearnerService::Log() {
   report.facts = {{"state", finished_ ? "finished" : "training"}};
   batches_->link().ReportEverySecond([&] { return report; });
   if (finished_) return true;
-  run_.Append(row);
+  // While the learner waits for the replay server there is nothing new to write down.
+  if (row.training_s > appended_at_s_) run_.Append(row);
+  appended_at_s_ = row.training_s;
   return run_.IsWell();
 }
 
@@ -211,6 +225,7 @@ void LearnerService::Restore() {
     finished = state.at("finished").get<bool>();
   });
   finished_ = finished && run_.AtLimit();
+  appended_at_s_ = run_.training_s();
 }
 
 void LearnerService::Say(const std::string& what) {

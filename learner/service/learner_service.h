@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -44,11 +45,13 @@ enum class LearnerEnd {
 class LearnerService {
  public:
   /// Goes on from the newest checkpoint in the directory that is whole; where there is none, begins
-  /// anew. Publishes the policy it starts with. Throws `base::Error` where config, checkpoints or
-  /// endpoint are unusable.
+  /// anew. Publishes the policy it starts with. `clock` measures training time, which counts while
+  /// batches come: not before the first one, nor in an outage of the replay server or of the
+  /// actors. Tests give their own clock. Throws `base::Error` where config, checkpoints or endpoint
+  /// are unusable.
   LearnerService(const LearnerServiceConfig& config, const MethodConfig& method,
                  const policy::PolicySpec& spec, LearnerJob job, transport::Context& context,
-                 metrics::Registry& registry);
+                 metrics::Registry& registry, run::TrainingClock clock = run::TrainingClock());
 
   /// Learns to the end of the run, goes on serving its policy, and saves at `stop`. Throws
   /// `base::Error` where the replay server refuses this process for good, or what must be kept
@@ -56,6 +59,7 @@ class LearnerService {
   LearnerEnd Run(std::stop_token stop);
 
   std::int64_t updates() const { return run_.updates(); }
+  double training_s() const { return run_.training_s(); }
   const std::string& endpoint() const { return policies_.endpoint(); }
 
  private:
@@ -84,7 +88,9 @@ class LearnerService {
   bool finished_ = false;
   std::int64_t published_updates_ = 0;
   std::chrono::steady_clock::time_point published_at_;
-  double waited_s_ = 0.0;                              ///< For batches, since the last row.
+  double waited_s_ = 0.0;                  ///< For batches, since the last row.
+  std::optional<double> waiting_since_s_;  ///< For a batch, by the run's wall clock.
+  double appended_at_s_ = 0.0;             ///< Training time of the last row of metrics.csv.
   double model_steps_error_ = run::MetricsRow::kNone;  ///< The newest.
   std::string said_;
 };

@@ -1,7 +1,10 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <signal.h>
 
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "base/file.h"
 #include "policy/policy.h"
@@ -82,7 +85,111 @@ TEST_P(SignalTest, StopsSavesAndGoesOn) {
       0);
 }
 
-INSTANTIATE_TEST_SUITE_P(BothSignals, SignalTest, testing::Values(SIGINT, SIGTERM));
+INSTANTIATE_TEST_SUITE_P(AllSignals, SignalTest, testing::Values(SIGINT, SIGTERM, SIGHUP));
+
+// The kernel sends SIGHUP when a terminal goes, and the shell on it another one.
+TEST(InterruptionTest, ASecondHangupDoesNotKeepARunFromSaving) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 100000000);
+  const fs::path run = scratch.path() / "runs/tiny";
+  BackgroundProgram program({"train", "tiny.toml"}, scratch.path());
+  WaitUntil([&] { return fs::exists(run / "metrics.csv"); });
+  program.Signal(SIGHUP);
+  WaitUntil([&] {
+    return base::ReadFile(scratch.path() / "err").find("terminal is gone") != std::string::npos;
+  });
+  program.Signal(SIGHUP);
+  EXPECT_EQ(program.Wait(), 128 + SIGHUP);
+  EXPECT_TRUE(fs::exists(run / "policy.safetensors"));
+  EXPECT_THAT(base::ReadFile(scratch.path() / "out"), testing::HasSubstr("--resume"));
+}
+
+TEST(InterruptionTest, NohupOutlivesAHangup) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 20000);
+  const ProgramResult result = RunShell(
+      "trap '' HUP; \"$SLALOM\" train tiny.toml --no-evaluation & "
+      "until [[ -e runs/tiny/metrics.csv ]]; do :; done; kill -HUP $!; wait $!",
+      scratch.path());
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+}
+
+/// The last line of `text` after `label`: a command to paste.
+std::string CommandAfter(const std::string& text, const std::string& label) {
+  const auto at = text.rfind(label);
+  if (at == std::string::npos) return "echo no command after: " + label + "; false";
+  const auto begin = at + label.size();
+  return text.substr(begin, text.find('\n', begin) - begin);
+}
+
+TEST(ResumeTest, PrintedCommandsWorkWhenPastedWhereverTheRunLies) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 2000);
+  // The script `slalom` says how it was called in this variable.
+  const std::string program = scratch.path() / "a program";
+  fs::create_symlink(SLALOM_PROGRAM, program);
+  const std::string train = fmt::format(
+      "SLALOM_COMMAND='{}' ./'a program' train tiny.toml --no-evaluation --output \"it's $HOME\" "
+      "--name 'a name'",
+      program);
+  ASSERT_EQ(RunShell(train, scratch.path()).exit_code, 0);
+  const ProgramResult finished = RunShell(train + " --resume", scratch.path());
+  ASSERT_EQ(finished.exit_code, 0) << finished.err;
+  EXPECT_THAT(finished.out, testing::HasSubstr("is finished"));
+  const ProgramResult longer = RunShell(CommandAfter(finished.out, "to go on: "), scratch.path());
+  ASSERT_EQ(longer.exit_code, 0) << longer.err;
+  EXPECT_THAT(longer.err, testing::HasSubstr("4000 steps"));
+
+  // Another name, another place: the directory holds all that belongs to the run.
+  RunShell("mv \"it's $HOME/a name\" elsewhere", scratch.path());
+  for (const char* source : {"elsewhere", "elsewhere/", "elsewhere/config.toml"}) {
+    const ProgramResult moved =
+        RunProgram({"train", source, "--resume", "--set", "run.max_steps=4500", "--no-evaluation"},
+                   scratch.path());
+    ASSERT_EQ(moved.exit_code, 0) << moved.err;
+    EXPECT_THAT(moved.err, testing::HasSubstr("4504 steps"));
+    EXPECT_FALSE(fs::exists(scratch.path() / "runs"));
+  }
+}
+
+TEST(ResumeTest, ADirectoryIsResumedAndNotBegun) {
+  const ScratchDirectory scratch;
+  fs::create_directories(scratch.path() / "empty");
+  const ProgramResult fresh = RunProgram({"train", "empty"}, scratch.path());
+  EXPECT_EQ(fresh.exit_code, 1);
+  EXPECT_THAT(fresh.err, testing::HasSubstr("train empty --resume"));
+  const ProgramResult resumed = RunProgram({"train", "empty", "--resume"}, scratch.path());
+  EXPECT_EQ(resumed.exit_code, 1);
+  EXPECT_THAT(resumed.err, testing::HasSubstr("empty: no run to resume here"));
+}
+
+TEST(TrainingEndTest, ARunThatLearnedNothingSaysWhatToChangeAndHowToGoOn) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 100000000);
+  const ProgramResult result =
+      RunProgram({"train", "tiny.toml", "--set", "run.deterministic=false", "--set",
+                  "run.max_seconds=0.001", "--set", "run.learning_starts=5000"},
+                 scratch.path());
+  EXPECT_EQ(result.exit_code, 4);
+  EXPECT_EQ(result.out, "") << "it was scored";
+  EXPECT_THAT(result.err, testing::AllOf(testing::HasSubstr("nothing was learned"),
+                                         testing::HasSubstr("run.max_seconds = 0.001"),
+                                         testing::HasSubstr("run.learning_starts = 5000")));
+  EXPECT_THAT(CommandAfter(result.err, "To go on: "),
+              testing::HasSubstr("train runs/tiny --resume --set run.max_seconds="));
+}
+
+TEST(TrainingEndTest, ADeterministicRunNamesAllThatItNeedsInACommandThatWorks) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 2000);
+  const ProgramResult refused =
+      RunProgram({"train", "tiny.toml", "--deterministic", "--set", "run.max_seconds=90", "--set",
+                  "learner.prioritized=true", "--no-evaluation"},
+                 scratch.path());
+  EXPECT_EQ(refused.exit_code, 1);
+  const ProgramResult result = RunShell(CommandAfter(refused.err, "Use:\n  "), scratch.path());
+  EXPECT_EQ(result.exit_code, 0) << refused.err << result.err;
+}
 
 }  // namespace
 }  // namespace slalom::test

@@ -14,15 +14,11 @@
 #include <thread>
 #include <vector>
 
-#include "actor/actor.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "metrics/catalogue.h"
-#include "replay/rows.h"
-#include "replay/service/server.h"
 #include "service/policy_link.h"
-#include "service/replay_link.h"
-#include "tests/support/fake_environment.h"
+#include "tests/learner/filled_replay.h"
 #include "tests/support/scratch_directory.h"
 
 /// The learner as a process would be, against a real replay server whose table stands still: the
@@ -33,80 +29,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using std::chrono::milliseconds;
-using std::chrono::steady_clock;
-
-constexpr int kBeams = 8;
-constexpr int kStreams = 4;
-constexpr std::uint64_t kSpecHash = 3;
-constexpr std::int64_t kSteps = 8000;
-constexpr std::int64_t kUpdates = 4000;  // What so many steps earn.
-
-void WaitUntil(const std::function<bool()>& condition) {
-  const auto give_up = steady_clock::now() + std::chrono::seconds(60);
-  while (!condition()) {
-    ASSERT_LT(steady_clock::now(), give_up) << "what was waited for did not come";
-    std::this_thread::yield();
-  }
-}
-
-/// A replay server that holds `kSteps` steps, the same ones each time.
-class FilledReplay {
- public:
-  FilledReplay()
-      : registry_("replay", "replay"),
-        server_({},
-                {.endpoint = "tcp://127.0.0.1:*",
-                 .table = {.capacity = 10000},
-                 .num_beams = kBeams,
-                 .spec_hash = kSpecHash,
-                 .seed = 4,
-                 .updates_per_step = 0.5,
-                 .learning_starts = 0},
-                context_, registry_),
-        thread_([this](std::stop_token stop) { server_.Run(stop); }) {
-    testing::FakeEnvironment environments(kStreams, {0.5}, 20, kBeams);
-    testing::SummingAgent agent(kStreams);
-    actor::ActorConfig config;
-    config.num_environments = kStreams;
-    actor::Actor actor(config, environments, agent, 1);
-    replay::Chunk chunk(kBeams);
-    while (actor.stats().num_steps < kSteps) actor.Step(&chunk);
-
-    transport::Context context;
-    proto::Hello hello;
-    hello.role = "actor";
-    hello.name = "a";
-    hello.session = 1;
-    hello.spec_hash = kSpecHash;
-    hello.num_beams = kBeams;
-    hello.num_streams = kStreams;
-    service::ReplayLink link(context, {.endpoint = endpoint()}, hello);
-    transport::Frame rows(replay::RowBytes::Size(chunk.num_rows(), kBeams));
-    replay::RowBytes::Write(chunk, rows.mutable_bytes());
-    bool sent = false;
-    for (bool safe = false; !safe;) {
-      const auto received = link.Receive(milliseconds(100));
-      if (link.welcomed() && !sent) {
-        sent = link.Send(proto::Insert{.session = 1,
-                                       .sequence = 0,
-                                       .num_rows = chunk.num_rows(),
-                                       .num_beams = kBeams,
-                                       .num_steps = static_cast<int>(kSteps)},
-                         rows.Share());
-      }
-      safe = received && std::holds_alternative<proto::InsertAck>(received->header);
-    }
-  }
-
-  const std::string& endpoint() const { return server_.endpoint(); }
-  double priorities_updated() { return registry_.counter(metrics::kPrioritiesUpdated).value(); }
-
- private:
-  transport::Context context_;
-  metrics::Registry registry_;
-  replay::ReplayServer server_;
-  std::jthread thread_;
-};
 
 policy::PolicySpec Spec() {
   policy::PolicySpec spec;
@@ -120,7 +42,8 @@ using Meanwhile = std::function<void(const std::string& endpoint)>;
 
 /// A learner that runs in a thread until `updates` or more, then is stopped as by SIGTERM.
 void Learn(const std::string& replay, const fs::path& directory, std::int64_t updates,
-           const Meanwhile& meanwhile = {}, const MethodConfig& base_method = {}) {
+           const Meanwhile& meanwhile = {}, const MethodConfig& base_method = {},
+           const run::TrainingClock& clock = run::TrainingClock(), double max_seconds = 0.0) {
   base::MakeDirectories(directory);
   transport::Context context;
   metrics::Registry registry("learner", "learner");
@@ -135,6 +58,7 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   job.plan.seed = 6;
   job.spec_hash = kSpecHash;
   job.plan.max_steps = 1000000;
+  job.plan.max_seconds = max_seconds;
   job.plan.log_interval = 0.05;
   job.replay.endpoint = replay;
   job.policies.endpoint = "tcp://127.0.0.1:*";
@@ -143,7 +67,7 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   std::string error;
   std::jthread thread([&](std::stop_token stop) {
     try {
-      LearnerService learner({}, method, spec, job, context, registry);
+      LearnerService learner({}, method, spec, job, context, registry, clock);
       endpoint = learner.endpoint();
       ready = true;
       EXPECT_EQ(learner.Run(stop), LearnerEnd::kStopped);
@@ -180,6 +104,48 @@ TEST(LearnerServiceTest, ARestartGoesOnAsIfNothingHadHappened) {
   EXPECT_LT(first_stop, kUpdates) << "it was not stopped in the middle";
   EXPECT_EQ(parts.snapshot.version, kUpdates);
   EXPECT_EQ(*parts.snapshot.weights, *whole.snapshot.weights);
+}
+
+/// A clock that goes forward by a second at each look. `looks` counts them.
+run::TrainingClock ASecondALook(std::atomic<int>& looks) {
+  return run::TrainingClock([&looks] {
+    const double now = ++looks;
+    return run::ClockReading{.wall_s = now, .processor_s = now};
+  });
+}
+
+double TrainingSeconds(const fs::path& directory) {
+  return std::stod(Policy(directory).metadata.at("training_s"));
+}
+
+// Nothing listens where the replay server should be.
+TEST(LearnerServiceTest, WaitingForTheReplayServerTakesNothingFromTheLimit) {
+  const test::ScratchDirectory scratch;
+  std::atomic<int> looks = 0;
+  Learn(
+      "tcp://127.0.0.1:9", scratch.path(), 0,
+      [&](const std::string&) { WaitUntil([&] { return looks > 50; }); }, {}, ASecondALook(looks),
+      10.0);
+  EXPECT_EQ(TrainingSeconds(scratch.path()), 0.0);
+  const std::string metrics = base::ReadFile(run::RunDirectory{scratch.path()}.metrics());
+  EXPECT_EQ(std::count(metrics.begin(), metrics.end(), '\n'), 1) << "the header alone";
+}
+
+// The steps earn kUpdates batches; then the server gives none, as where all actors are gone.
+TEST(LearnerServiceTest, AnOutageInTheMiddleTakesNothingFromTheLimit) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  std::atomic<int> looks = 0;
+  int looks_at_outage = 0;
+  Learn(
+      replay.endpoint(), scratch.path(), kUpdates,
+      [&](const std::string&) {
+        looks_at_outage = looks;
+        WaitUntil([&] { return looks > looks_at_outage + 100; });
+      },
+      {}, ASecondALook(looks));
+  EXPECT_GE(TrainingSeconds(scratch.path()), static_cast<double>(kUpdates));
+  EXPECT_LT(TrainingSeconds(scratch.path()), looks_at_outage + 10.0);
 }
 
 TEST(LearnerServiceTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {

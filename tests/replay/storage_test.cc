@@ -135,6 +135,36 @@ TEST_F(StorageTest, ASaveWritesOnlyWhatIsNewAndCommitDeletesWhatIsOld) {
   ASSERT_EQ(Files().size(), 1u);
 }
 
+// The disk may hold no more than the table and the overwritten rows of a single part file.
+TEST_F(StorageTest, RowsThatAreOverwrittenLeaveTheDiskFileByFile) {
+  constexpr std::int64_t kCapacity = 100000;
+  constexpr std::int64_t kMostRows = 32768;  // In a part file (docs/replay.md).
+  const std::vector<std::uint16_t> scan(kBeams, 1);
+  const std::vector<float> state(env::kStateSize, 0.0f);
+  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  Table table({.capacity = kCapacity}, kBeams);
+  Storage storage(directory_);
+  Chunk chunk(kBeams);
+  const auto save = [&](int rows) {
+    chunk.Clear();
+    for (int i = 0; i < rows; ++i) {
+      chunk.AddStep(0, table.total_inserted() + i == 0, frame, {}, {});
+    }
+    table.Insert(chunk);
+    const std::string manifest = storage.Save(table);
+    storage.Commit(std::vector{manifest});
+    EXPECT_EQ(LoadError(manifest), "");
+    std::int64_t bytes = 0;
+    for (const fs::path& file : Files()) bytes += static_cast<std::int64_t>(fs::file_size(file));
+    return bytes;
+  };
+  const double full = static_cast<double>(save(kCapacity));
+  EXPECT_EQ(Files().size(), 4u);
+  const double most = full * static_cast<double>(kCapacity + kMostRows) / kCapacity;
+  EXPECT_LE(static_cast<double>(save(80000)), most);
+  EXPECT_LE(static_cast<double>(save(17)), most);
+}
+
 TEST_F(StorageTest, CutAndLongSilentStreamsComeBackAsTheyWere) {
   const std::vector<std::uint16_t> scan(kBeams, 1);
   const std::vector<float> state(env::kStateSize, 0.0f);

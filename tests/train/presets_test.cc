@@ -12,6 +12,7 @@
 #include "policy/policy_agent.h"
 #include "tests/learner/random_rows.h"
 #include "train/run_config.h"
+#include "train/run_limits.h"
 
 namespace slalom::train {
 namespace {
@@ -80,6 +81,7 @@ TEST_P(PresetTest, PrintsToItself) {
 TEST_P(PresetTest, LearnsFromABatchAndActs) {
   const RunConfig config = Load();
   RequireCombination(config);
+  RequireLearnable(config);
   learner::Learner learner(config.method, MakePolicySpec(config), 1);
   const int num_beams = config.environment.lidar.num_beams;
   const learner::RandomBatches drawn(learner.sample_specs(), num_beams, 7);

@@ -8,45 +8,12 @@
 #include "base/file.h"
 #include "config/config.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/train/small_run.h"
 
 namespace slalom::train {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A run of some seconds: few courses, a small net, everything else as in the fast preset.
-RunConfig SmallRun() {
-  RunConfig config;
-  config.run.deterministic = true;
-  config.run.max_steps = 6000;
-  config.run.updates_per_step = 1.0 / 32;
-  config.run.learning_starts = 500;
-  config.run.publish_interval = 7;
-  config.run.log_interval = 0.05;
-  config.courses.train = "static-train-5";
-  config.actor.num_environments = 8;
-  config.actor.warmup_steps = 300;
-  config.replay.capacity = 2000;
-  config.network.encoder_layers = {};
-  config.network.head_layers = {16, 16};
-  config.network.sectors = 72;
-  config.method.learner.batch_size = 32;
-  config.method.learner.mirror = true;
-  config.method.learner.average_rate = 0.01;
-  config.method.learner.actor_learning_rate = 1e-3;
-  config.method.learner.critic_learning_rate = 1e-3;
-  return config;
-}
-
-policy::PolicySnapshot Policy(const run::RunDirectory& directory) {
-  return policy::LoadPolicy(directory.policy()).snapshot;
-}
-
-TrainingEnd RunOnce(const RunConfig& config, const run::RunDirectory& directory,
-                    bool resume = false, std::stop_token stop = {}) {
-  Trainer trainer(config, directory, "test", resume, std::chrono::steady_clock::now());
-  return trainer.Run(stop);
-}
 
 TEST(TrainerTest, TheSameSeedGivesTheSamePolicyAndAnotherSeedAnother) {
   const test::ScratchDirectory scratch;
@@ -66,6 +33,7 @@ TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.checkpoint_steps = 1000;
+  config.run.keep_checkpoints = "all";
   const run::RunDirectory whole{scratch.path() / "whole"};
   EXPECT_EQ(RunOnce(config, whole), TrainingEnd::kFinished);
 
@@ -101,7 +69,7 @@ TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
   config.run.simulation_threads = 2;
   config.run.checkpoint_steps = 2000;
   const run::RunDirectory directory{scratch.path() / "run"};
-  Trainer trainer(config, directory, "test", false, std::chrono::steady_clock::now());
+  Trainer trainer(config, directory, "test", false);
   EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
   // The actor may end up to its queue, the chunk in hand and the one free ahead of the learner.
   const double ahead = 8.0 * (config.run.queue_length + 3);
@@ -222,6 +190,7 @@ TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.checkpoint_steps = 2000;
+  config.run.keep_checkpoints = "all";
   const run::RunDirectory directory{scratch.path() / "run"};
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
   const std::vector<float> weights = *Policy(directory).weights;

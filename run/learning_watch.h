@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "run/metrics_log.h"
+
+namespace slalom::run {
+
+/// Looks at the rows of a run for learning that is dead, and says so once for each reason:
+///
+/// - The actor's or the critics' gradient was exactly 0 for `kStillUpdates` updates in a row. A
+///   network whose activations are saturated or dead has no gradient and never gets one again;
+///   learning rates that are far too high do this. In a healthy run a gradient is small, not 0.
+/// - Half of the run is over, and none of the training episodes, at least `kEpisodes` of them,
+///   reached its goal. A slow start looks the same for long, so this is no proof.
+///
+/// A value; thread-compatible. It knows one session of a run; a session that resumes begins anew.
+class LearningWatch {
+ public:
+  static constexpr std::int64_t kStillUpdates = 1000;
+  static constexpr std::int64_t kEpisodes = 200;
+
+  /// Takes the next row. `fraction`: part of the run that is done. Returns a warning where there is
+  /// reason for one that was not given before.
+  std::optional<std::string> Observe(const MetricsRow& row, double fraction);
+
+  /// What is still wrong as of the last row, in a sentence. Empty where nothing is.
+  std::string fault() const;
+
+  /// Nothing was learned beyond doubt: a network has no gradient, and no training episode of this
+  /// session ever reached its goal.
+  bool nothing_learned() const;
+
+ private:
+  bool is_actor_still() const { return actor_still_updates_ >= kStillUpdates; }
+  bool is_critic_still() const { return critic_still_updates_ >= kStillUpdates; }
+
+  std::optional<MetricsRow> first_;
+  MetricsRow last_;
+  double fraction_ = 0.0;
+  std::int64_t actor_still_updates_ = 0;  // Updates since the last gradient that was not 0.
+  std::int64_t critic_still_updates_ = 0;
+  bool has_succeeded_ = false;
+  std::string said_;  // The last warning.
+};
+
+}  // namespace slalom::run

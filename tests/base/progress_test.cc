@@ -1,0 +1,125 @@
+#include "base/progress.h"
+
+#include <gtest/gtest.h>
+#include <pty.h>
+#include <sys/ioctl.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <string>
+
+namespace slalom::base {
+namespace {
+
+/// A log file: what was written to it.
+class LogFile {
+ public:
+  ~LogFile() { std::fclose(file_); }
+  std::FILE* file() { return file_; }
+  std::string text() {
+    std::rewind(file_);
+    std::string text;
+    for (int c = std::fgetc(file_); c != EOF; c = std::fgetc(file_)) text += static_cast<char>(c);
+    return text;
+  }
+
+ private:
+  std::FILE* file_ = std::tmpfile();
+};
+
+/// A terminal that hands on what it gets unchanged.
+class Terminal {
+ public:
+  explicit Terminal(int columns) {
+    int slave = -1;
+    EXPECT_EQ(openpty(&master_, &slave, nullptr, nullptr, nullptr), 0);
+    termios mode{};
+    tcgetattr(slave, &mode);
+    cfmakeraw(&mode);
+    tcsetattr(slave, TCSANOW, &mode);
+    out_ = fdopen(slave, "w");
+    Resize(columns);
+  }
+  ~Terminal() {
+    std::fclose(out_);
+    Close();
+  }
+  void Resize(int columns) const {
+    winsize size{};
+    size.ws_col = static_cast<unsigned short>(columns);
+    size.ws_row = 24;
+    ioctl(master_, TIOCSWINSZ, &size);
+  }
+  /// What has come since the last call.
+  std::string Read() const {
+    std::array<char, 4096> buffer{};
+    const ssize_t n = ::read(master_, buffer.data(), buffer.size());
+    return n > 0 ? std::string(buffer.data(), static_cast<std::size_t>(n)) : "";
+  }
+  void Close() {
+    if (master_ >= 0) ::close(master_);
+    master_ = -1;
+  }
+  std::FILE* out() { return out_; }
+
+ private:
+  int master_ = -1;
+  std::FILE* out_ = nullptr;
+};
+
+TEST(ProgressLineTest, ALogHasNoLineOfShortWork) {
+  LogFile log;
+  {
+    ProgressLine line(log.file(), false);
+    for (int s = 0; s < 10; ++s) line.Show("work", 1000.0 + s);
+  }
+  EXPECT_EQ(log.text(), "");
+}
+
+TEST(ProgressLineTest, ALogHasALineAMinuteAndTheLastState) {
+  LogFile log;
+  {
+    ProgressLine line(log.file(), false);
+    for (int s = 0; s <= 200; ++s) line.Show(std::to_string(s), 1000.0 + s);
+  }
+  EXPECT_EQ(log.text(), "10\n30\n70\n130\n190\n200\n");
+}
+
+TEST(ProgressLineTest, TheLastTextStandsOnATerminalAtTheEnd) {
+  Terminal terminal(80);
+  ProgressLine line(terminal.out(), true);
+  line.Show("0 of 500", 0.0);
+  EXPECT_EQ(terminal.Read(), "\r\x1b[J0 of 500");
+  line.Show("500 of 500", 0.1);
+  line.End();
+  EXPECT_EQ(terminal.Read(), "\r\x1b[J500 of 500\n");
+}
+
+TEST(ProgressLineTest, FollowsTheWidthOfTheTerminal) {
+  Terminal terminal(30);
+  ProgressLine line(terminal.out(), true);
+  const std::string text = "abcdefghijklmnopqrstuvwxyz0123456789";
+  line.Show(text, 0.0);
+  EXPECT_EQ(terminal.Read(), "\r\x1b[J" + text.substr(0, 29));
+  // The 29 characters that stand there now take three rows of ten, and the cursor is in the third.
+  terminal.Resize(10);
+  line.Show(text, 1.0);
+  EXPECT_EQ(terminal.Read(), "\r\x1b[2A\x1b[J" + text.substr(0, 9));
+  terminal.Resize(80);
+  line.Show(text, 2.0);
+  EXPECT_EQ(terminal.Read(), "\r\x1b[J" + text);
+  line.End();
+}
+
+TEST(ProgressLineTest, ATerminalThatWasClosedIsNoError) {
+  Terminal terminal(80);
+  ProgressLine line(terminal.out(), true);
+  terminal.Close();
+  line.Show("nobody reads this", 0.0);
+  line.End();
+}
+
+}  // namespace
+}  // namespace slalom::base

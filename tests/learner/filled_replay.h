@@ -1,0 +1,94 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <thread>
+#include <variant>
+
+#include "actor/actor.h"
+#include "metrics/catalogue.h"
+#include "replay/rows.h"
+#include "replay/service/server.h"
+#include "service/replay_link.h"
+#include "tests/support/fake_environment.h"
+
+namespace slalom::learner {
+
+inline constexpr int kBeams = 8;
+inline constexpr int kStreams = 4;
+inline constexpr std::uint64_t kSpecHash = 3;
+inline constexpr std::int64_t kSteps = 8000;
+inline constexpr std::int64_t kUpdates = 4000;  // What so many steps earn.
+
+inline void WaitUntil(const std::function<bool()>& condition) {
+  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (!condition()) {
+    ASSERT_LT(std::chrono::steady_clock::now(), give_up) << "what was waited for did not come";
+    std::this_thread::yield();
+  }
+}
+
+/// A replay server that holds `kSteps` steps, the same ones each time.
+class FilledReplay {
+ public:
+  FilledReplay()
+      : registry_("replay", "replay"),
+        server_({},
+                {.endpoint = "tcp://127.0.0.1:*",
+                 .table = {.capacity = 10000},
+                 .num_beams = kBeams,
+                 .spec_hash = kSpecHash,
+                 .seed = 4,
+                 .updates_per_step = 0.5,
+                 .learning_starts = 0},
+                context_, registry_),
+        thread_([this](std::stop_token stop) { server_.Run(stop); }) {
+    testing::FakeEnvironment environments(kStreams, {0.5}, 20, kBeams);
+    testing::SummingAgent agent(kStreams);
+    actor::ActorConfig config;
+    config.num_environments = kStreams;
+    actor::Actor actor(config, environments, agent, 1);
+    replay::Chunk chunk(kBeams);
+    while (actor.stats().num_steps < kSteps) actor.Step(&chunk);
+
+    transport::Context context;
+    proto::Hello hello;
+    hello.role = "actor";
+    hello.name = "a";
+    hello.session = 1;
+    hello.spec_hash = kSpecHash;
+    hello.num_beams = kBeams;
+    hello.num_streams = kStreams;
+    service::ReplayLink link(context, {.endpoint = endpoint()}, hello);
+    transport::Frame rows(replay::RowBytes::Size(chunk.num_rows(), kBeams));
+    replay::RowBytes::Write(chunk, rows.mutable_bytes());
+    bool sent = false;
+    for (bool safe = false; !safe;) {
+      const auto received = link.Receive(std::chrono::milliseconds(100));
+      if (link.welcomed() && !sent) {
+        sent = link.Send(proto::Insert{.session = 1,
+                                       .sequence = 0,
+                                       .num_rows = chunk.num_rows(),
+                                       .num_beams = kBeams,
+                                       .num_steps = static_cast<int>(kSteps)},
+                         rows.Share());
+      }
+      safe = received && std::holds_alternative<proto::InsertAck>(received->header);
+    }
+  }
+
+  const std::string& endpoint() const { return server_.endpoint(); }
+  double priorities_updated() { return registry_.counter(metrics::kPrioritiesUpdated).value(); }
+
+ private:
+  transport::Context context_;
+  metrics::Registry registry_;
+  replay::ReplayServer server_;
+  std::jthread thread_;
+};
+
+}  // namespace slalom::learner
