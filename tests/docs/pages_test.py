@@ -26,7 +26,6 @@ from page import Page, words
 ROOT = wrapper.ROOT
 HERE = Path(__file__).resolve().parent
 SECONDS = 280
-LONGEST_LINE = 200  # of prose; tables and blocks may be wider
 
 
 def free_ports(count):
@@ -134,9 +133,6 @@ def check_pages(program, tested):
             fault = asked.fault(arguments) if arguments else None
             if fault:
                 faults.append(f"{name}:{line}: {fault}: {command.strip()}")
-        for number, line in enumerate(page.path.read_text(encoding="utf-8").splitlines(), 1):
-            if len(line) > LONGEST_LINE and not line.startswith("|"):
-                faults.append(f"{name}:{number}: a line of {len(line)} characters; at most {LONGEST_LINE}")
     print("\n".join(faults))
     return len(faults)
 
