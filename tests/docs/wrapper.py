@@ -7,7 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "slalom"
-COMMANDS = re.findall(r"^  ([a-z]+)\) ", SCRIPT.read_text()[SCRIPT.read_text().rindex("\ncase "):], re.MULTILINE)
+COMMANDS = re.findall(r"^  ([a-z]+)\)", SCRIPT.read_text()[SCRIPT.read_text().rindex("\ncase "):], re.MULTILINE)
 
 
 @lru_cache
