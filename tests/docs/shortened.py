@@ -1,0 +1,92 @@
+"""Stands in for ./slalom while a page is tried: the same command with so little to do that it ends within seconds.
+
+    shortened.py PROGRAM PAGE ARGUMENT...
+
+Training takes a few thousand steps, evaluations drive one episode on a few courses (always those that the page names),
+processes of a service listen on ports of this try alone. What only the wrapper knows (`./slalom test`) is looked up, not run.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import wrapper
+
+STEPS = {False: 4096, True: 8192}  # of a run from its start; of one that is resumed
+COURSES = 4
+ROLES = ("replay", "learner", "actor", "evaluator", "status")
+
+
+def option(arguments, name):
+    for index, argument in enumerate(arguments):
+        if argument == name and index + 1 < len(arguments):
+            return arguments[index + 1]
+        if argument.startswith(name + "="):
+            return argument[len(name) + 1:]
+    return None
+
+
+def without(arguments, name):
+    kept, skip = [], False
+    for argument in arguments:
+        if skip:
+            skip = False
+        elif argument == name:
+            skip = True
+        elif not argument.startswith(name + "="):
+            kept.append(argument)
+    return kept
+
+
+def few_courses(program, page, arguments):
+    """Replaces the value of --courses by a file with a few of them, under the set's own name."""
+    name, collection = option(arguments, "--courses"), option(arguments, "--collection")
+    if name is None:
+        return arguments
+    directory = Path(".short")
+    directory.mkdir(exist_ok=True)
+    whole = directory / "whole.courses"
+    whole.unlink(missing_ok=True)
+    made = subprocess.run([program, "courses", "generate", "--courses", name, "--output", str(whole)] +
+                          (["--collection", collection] if collection else []), capture_output=True, text=True)
+    if made.returncode != 0:
+        return arguments  # the command itself says what is wrong
+    head, *courses = re.split(r"^(?=course )", whole.read_text(), flags=re.MULTILINE)
+    courses[-1] = courses[-1][:courses[-1].index("\nend\n") + 5]
+    named = [course for course in courses if re.search(r"\b" + re.escape(course.split()[1]) + r"\b", page)]
+    chosen = named + [course for course in courses if course not in named][:max(0, COURSES - len(named))]
+    short = directory / (re.sub(r"[^\w.-]", "-", name) + ".courses")
+    short.write_text(head + "".join(chosen) + "checksum none\n")
+    return without(arguments, "--courses") + ["--courses", str(short)]
+
+
+def shortened(program, page, arguments):
+    command, rest = arguments[0], arguments[1:]
+    if "--help" in rest or "-h" in rest:
+        return arguments
+    if command == "train":
+        return arguments + ["--set", "run.max_seconds=0", f"run.max_steps={STEPS['--resume' in rest]}", "evaluation.episodes_per_course=1"] + (
+            [] if "--resume" in rest else ["run.learning_starts=1024", "actor.warmup_steps=1024"])
+    if command == "evaluate":
+        return few_courses(program, page, without(arguments, "--episodes")) + ["--episodes", "1"]
+    if command in ROLES:
+        ports = os.environ["SLALOM_PORTS"].split()
+        return arguments + ["--set", f"service.replay=tcp://127.0.0.1:{ports[0]}", f"service.learner=tcp://127.0.0.1:{ports[1]}"]
+    return arguments
+
+
+def main():
+    program, page, *arguments = sys.argv[1:]
+    if arguments and arguments[0] in wrapper.COMMANDS:
+        fault = wrapper.fault(arguments)
+        if fault:
+            sys.exit(f"slalom: {fault}")
+        return
+    if not arguments:
+        os.execv(program, [program])
+    os.execv(program, [program] + shortened(program, Path(page).read_text(encoding="utf-8"), arguments))
+
+
+main()
