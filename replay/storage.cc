@@ -146,8 +146,7 @@ std::string Storage::Save(const Table& table) {
   return PrintManifest(manifest);
 }
 
-Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin,
-                                         std::int64_t end) {
+Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin, std::int64_t end) {
   PartFile part{.name = fmt::format("{}{:06}{}", kPrefix, next_index_, kSuffix),
                 .begin = begin,
                 .end = end,
