@@ -43,6 +43,12 @@ class ObjectReader {
     return *it;
   }
 
+  /// Whether the key is there and not null.
+  [[nodiscard]] bool HasValue(const char* key) const {
+    const auto it = object_.find(key);
+    return it != object_.end() && !it->is_null();
+  }
+
   ObjectReader Object(const char* key) const { return {Get(key), file_, place_ + key + "."}; }
 
   const Json& List(const char* key) const {
@@ -193,6 +199,13 @@ void RequireConsistent(const Result& result, const ObjectReader& reader) {
   }
 }
 
+/// None: null, or the file is older than this key.
+std::optional<TrainingOverlap> ReadOverlap(const ObjectReader& provenance) {
+  if (!provenance.HasValue("training_overlap")) return std::nullopt;
+  const ObjectReader overlap = provenance.Object("training_overlap");
+  return TrainingOverlap{overlap.Count("courses"), overlap.Count("of"), overlap.Text("trained_on")};
+}
+
 void ReadCoursesAndTracks(const fs::path& courses_file, const fs::path& tracks_file,
                           Result& result) {
   result.course_set_data = sim::ReadCourseSet(courses_file);
@@ -251,6 +264,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
   result.source = provenance.Text("source");
   result.collection = provenance.Text("collection");
   result.commit = provenance.Text("commit");
+  result.training_overlap = ReadOverlap(provenance);
   for (const Json& profile : provenance.List("profiles")) {
     if (!profile.is_string()) provenance.Fail("a profile", profile, "a text");
     result.profiles.push_back(profile.get<std::string>());

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -10,6 +11,7 @@
 
 #include "env/episode.h"
 #include "eval/summary.h"
+#include "eval/training_overlap.h"
 #include "sim/course.h"
 #include "sim/episode_file.h"
 
@@ -41,7 +43,8 @@ struct Result {
   std::string course_set;
   std::string collection;  ///< Empty: the built-in courses.
   std::string commit;
-  std::map<std::string, std::string> protocol;  ///< As JSON texts, by key.
+  std::optional<TrainingOverlap> training_overlap;  ///< None: not known, or of no policy.
+  std::map<std::string, std::string> protocol;      ///< As JSON texts, by key.
   std::int64_t seed = 0;
   double step = 0.0;          ///< Control step, [s].
   double robot_length = 0.0;  ///< [m]

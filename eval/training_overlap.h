@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+
+namespace slalom::eval {
+
+/// How many of the courses that a policy is scored on it was trained on. A value.
+struct TrainingOverlap {
+  int num_courses = 0;     ///< Scored courses that were trained on, too.
+  int num_scored = 0;      ///< Scored courses.
+  std::string trained_on;  ///< The set that it was trained on, as its config names it.
+
+  friend bool operator==(const TrainingOverlap&, const TrainingOverlap&) = default;
+};
+
+/// "40 of the 50 courses are among those that the policy was trained on (static-train-250): ...", a
+/// sentence to warn people with. Requires: num_courses > 0.
+std::string DescribeOverlap(const TrainingOverlap& overlap);
+
+}  // namespace slalom::eval
