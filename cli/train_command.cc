@@ -17,6 +17,7 @@
 #include "cli/evaluate_policy.h"
 #include "cli/process_start.h"
 #include "cli/signals.h"
+#include "cli/training_overlap.h"
 #include "cli/training_results.h"
 #include "cli/version.h"
 #include "config/config.h"
@@ -58,7 +59,7 @@ void CheckTestCourses(const train::CoursesConfig& courses) {
   const bool is_built_in = courses.collection.empty() && std::find(built_in.begin(), built_in.end(),
                                                                    courses.test) != built_in.end();
   if (courses.test.empty() || is_built_in) return;
-  courses.Resolve(courses.test);
+  courses.ResolveTest();
 }
 
 /// The run's own config holds every --set, --name and --seed that it was begun with.
@@ -72,6 +73,9 @@ int Train(const TrainOptions& options) {
   const train::RunConfig config = LoadConfig(options);
   const run::RunDirectory directory{fs::path(options.output) / config.run.name};
   if (!options.no_evaluation) CheckTestCourses(config.courses);
+  if (!options.no_evaluation && !config.courses.test.empty()) {
+    WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
+  }
   train::Trainer trainer(config, directory, std::string(Commit()), options.resume, ProcessStart());
   spdlog::info("training on {}, test on {}, run directory {}", config.courses.train,
                config.courses.test.empty() ? "nothing" : config.courses.test,

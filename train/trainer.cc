@@ -75,8 +75,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
                  bool resume, steady_clock::time_point begin)
     : config_(Checked(config)),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
-      environments_(config.environment,
-                    sim::MakeScenes(config.courses.Resolve(config.courses.train)),
+      environments_(config.environment, sim::MakeScenes(config.courses.ResolveTrain()),
                     config.actor.num_environments, &parallel_),
       run_(MakePlan(config, directory, std::move(commit)), config.method, MakePolicySpec(config),
            Seed(config, "learner"), begin),
