@@ -9,17 +9,30 @@
 #include <cstring>
 #include <fstream>
 #include <sstream>
+#include <vector>
 
 #include "base/error.h"
 
 namespace slalom::base {
 namespace {
 
+/// False: an error, which `errno` says.
+[[nodiscard]] bool WriteAll(int fd, std::span<const std::byte> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return false;
+    bytes = bytes.subspan(static_cast<std::size_t>(n));
+  }
+  return true;
+}
+
 /// Owns a file being written; removes it unless it was committed.
 class TemporaryFile {
  public:
-  explicit TemporaryFile(const std::filesystem::path& target)
-      : target_(target), path_(target.string() + ".tmp") {
+  /// `named`: what errors call the target, which may be a link to it.
+  TemporaryFile(const std::filesystem::path& target, const std::filesystem::path& named)
+      : named_(named), target_(target), path_(target.string() + ".tmp") {
     fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
     if (fd_ < 0) Fail("cannot create");
   }
@@ -31,12 +44,7 @@ class TemporaryFile {
   TemporaryFile& operator=(const TemporaryFile&) = delete;
 
   void Append(std::span<const std::byte> bytes) {
-    while (!bytes.empty()) {
-      const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) Fail("cannot write");
-      bytes = bytes.subspan(static_cast<std::size_t>(n));
-    }
+    if (!WriteAll(fd_, bytes)) Fail("cannot write");
   }
 
   void Commit() {
@@ -51,14 +59,87 @@ class TemporaryFile {
 
  private:
   [[noreturn]] void Fail(const char* what) {
-    throw Error(fmt::format("{}: {} ({})", target_.string(), what, std::strerror(errno)));
+    throw Error(fmt::format("{}: {} ({})", named_.string(), what, std::strerror(errno)));
   }
 
+  const std::filesystem::path named_;
   const std::filesystem::path target_;
   const std::filesystem::path path_;
   int fd_ = -1;
   bool committed_ = false;
 };
+
+/// Some devices never end. Throws `Error` where `in`, which is at `path`, is one.
+void CopyBounded(std::istream& in, const std::filesystem::path& path, std::ostream& out) {
+  constexpr std::size_t kMaxBytes = 1 << 28;
+  std::vector<char> piece(1 << 16);
+  std::size_t num_bytes = 0;
+  while (in.read(piece.data(), static_cast<std::streamsize>(piece.size())) || in.gcount() > 0) {
+    out.write(piece.data(), in.gcount());
+    num_bytes += static_cast<std::size_t>(in.gcount());
+    if (num_bytes <= kMaxBytes) continue;
+    throw Error(fmt::format("{}: is no regular file and gives more than {} bytes, expected a file",
+                            path.string(), kMaxBytes));
+  }
+}
+
+/// A device, a pipe or a file that another process holds open, written to as it is.
+class Stream {
+ public:
+  explicit Stream(const std::filesystem::path& path)
+      : path_(path), fd_(::open(path.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NOCTTY)) {
+    if (fd_ < 0) Fail("cannot open");
+  }
+  ~Stream() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Stream(const Stream&) = delete;
+  Stream& operator=(const Stream&) = delete;
+
+  void Append(std::span<const std::byte> bytes) {
+    if (!WriteAll(fd_, bytes)) Fail("cannot write");
+  }
+
+  void Close() {
+    const int closed = ::close(fd_);
+    fd_ = -1;
+    if (closed != 0) Fail("cannot write");
+  }
+
+ private:
+  [[noreturn]] void Fail(const char* what) {
+    throw Error(fmt::format("{}: {} ({})", path_.string(), what, std::strerror(errno)));
+  }
+
+  const std::filesystem::path path_;
+  int fd_ = -1;
+};
+
+/// What a path leads to once its links are followed.
+struct Target {
+  std::filesystem::path path;  ///< The regular file to replace or make, where it is no stream.
+  bool is_stream = false;
+};
+
+/// Throws `Error` where the path leads to a directory.
+Target FollowLinks(const std::filesystem::path& path) {
+  namespace fs = std::filesystem;
+  constexpr int kMaxLinks = 40;  // As Linux itself.
+  std::error_code ec;
+  Target target{path, false};
+  for (int i = 0; i < kMaxLinks && fs::is_symlink(target.path, ec); ++i) {
+    // Links of /proc (/dev/stdout is one) stand for open files: their texts need not be paths.
+    const fs::path directory = fs::weakly_canonical(target.path.parent_path(), ec);
+    if (directory.native().starts_with("/proc/")) return {path, true};
+    target.path = target.path.parent_path() / fs::read_symlink(target.path, ec);
+  }
+  const fs::file_status status = fs::status(target.path, ec);
+  if (fs::is_directory(status)) {
+    throw Error(fmt::format("{}: is a directory, expected a file", path.string()));
+  }
+  target.is_stream = fs::exists(status) && !fs::is_regular_file(status);
+  return target;
+}
 
 }  // namespace
 
@@ -68,9 +149,16 @@ std::string ReadFile(const std::filesystem::path& path) {
     throw Error(fmt::format("{}: is a directory, expected a file", path.string()));
   }
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw Error(fmt::format("{}: cannot open ({})", path.string(), std::strerror(errno)));
+  if (!in) {
+    throw Error(fmt::format("{}: cannot open ({})", path.empty() ? "''" : path.string(),
+                            std::strerror(errno)));
+  }
   std::ostringstream content;
-  content << in.rdbuf();
+  if (std::filesystem::is_regular_file(path, ec)) {
+    content << in.rdbuf();
+  } else {
+    CopyBounded(in, path, content);
+  }
   if (in.bad()) throw Error(fmt::format("{}: cannot read", path.string()));
   return std::move(content).str();
 }
@@ -82,10 +170,19 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view con
 
 void WriteFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const AppendBytes&)>& write) {
-  TemporaryFile file(path);
+  const Target target = FollowLinks(path);
+  if (target.is_stream) {
+    Stream stream(path);
+    write([&stream](std::span<const std::byte> bytes) { stream.Append(bytes); });
+    stream.Close();
+    return;
+  }
+  TemporaryFile file(target.path, path);
   write([&file](std::span<const std::byte> bytes) { file.Append(bytes); });
   file.Commit();
 }
+
+bool IsStream(const std::filesystem::path& path) { return FollowLinks(path).is_stream; }
 
 void SyncDirectory(const std::filesystem::path& path) {
   if (const int fd = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); fd >= 0) {

@@ -10,12 +10,16 @@
 
 namespace slalom::base {
 
-/// The whole of a file. Throws `Error` that names it where it cannot be read.
+/// The whole of a file. Throws `Error` that names it where it cannot be read, or never ends.
 std::string ReadFile(const std::filesystem::path& path);
 
 /// Replaces `path` by `content` so that after a crash at any moment either the old or the new file
 /// is there whole: written beside it, synced, renamed. Throws `Error` where that fails (no space,
 /// no permission); the old file is then untouched and no temporary is left.
+///
+/// A symbolic link stays, and the file that it points to is replaced. What is there and is no
+/// regular file (a device, a pipe, /dev/stdout) is not replaced but written to, which is not
+/// atomic.
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view content);
 
 /// As above for content in several pieces that need not lie in memory at once: `write` is called
@@ -23,6 +27,10 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view con
 using AppendBytes = std::function<void(std::span<const std::byte>)>;
 void WriteFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const AppendBytes&)>& write);
+
+/// Whether `WriteFileAtomically` would write to what is at `path` and not replace it. Throws
+/// `Error` where a directory is there.
+[[nodiscard]] bool IsStream(const std::filesystem::path& path);
 
 /// Makes the names in a directory outlast a loss of power, as far as its file system can.
 void SyncDirectory(const std::filesystem::path& path);

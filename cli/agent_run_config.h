@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 
 #include "base/config_field.h"
@@ -48,5 +49,10 @@ struct AgentRunConfig {
     planners.Visit(v);
   }
 };
+
+/// Reads a TOML file for a planner, over the defaults. It may be a training run's: keys that only
+/// training reads are checked and passed over, which a line on standard error says. Throws
+/// `base::Error` as `config::ReadTomlFile`.
+AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path);
 
 }  // namespace slalom::cli

@@ -30,7 +30,8 @@ constexpr char kAgentPageHead[] =
     "\n# Classical planners\n\n"
     "`slalom evaluate --agent NAME --config FILE` takes the sections `[environment]` and "
     "`[evaluation]` above, of `[courses]`\n"
-    "`collection` and `generator_seed`, and those below. Where its defaults are others: ";
+    "`collection` and `generator_seed`, and those below; keys that only\n"
+    "training reads are passed over. Where its defaults are others: ";
 
 /// "`environment.episode.step` 0.05 s, ...": the defaults of an agent's run that a training run's
 /// are not.
@@ -73,8 +74,12 @@ void AddConfigCommand(CLI::App& app) {
                   "As `slalom evaluate --agent` reads it; without, as `slalom train` does");
   print->callback([options] {
     if (options->for_agent) {
-      fmt::print("{}",
-                 config::ToToml(config::Load<AgentRunConfig>(options->file, options->overrides)));
+      AgentRunConfig agent = options->file ? ReadAgentRunConfig(*options->file) : AgentRunConfig{};
+      const config::FieldList fields = config::ListFields(agent);
+      for (const std::string& assignment : options->overrides) {
+        config::ApplyOverride(assignment, fields);
+      }
+      fmt::print("{}", config::PrintToml(fields));
     } else {
       fmt::print("{}",
                  config::ToToml(config::Load<train::RunConfig>(options->file, options->overrides)));

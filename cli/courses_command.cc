@@ -16,6 +16,8 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/suggestion.h"
+#include "cli/output.h"
 #include "sim/barn_importer.h"
 #include "sim/course_check.h"
 #include "sim/course_file.h"
@@ -45,10 +47,13 @@ struct Selection {
     command.add_option(
         "--collection", collection,
         "Directory written by `slalom courses import`; without it, the built-in courses");
-    command.add_option("--seed", seed, "Seed of the built-in courses")->capture_default_str();
+    command.add_option("--seed", seed, "Seed of the built-in courses")
+        ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}))
+        ->capture_default_str();
   }
 
   std::optional<fs::path> collection_path() const {
+    if (collection) RequireCollection(*collection);
     return collection ? std::optional<fs::path>(*collection) : std::nullopt;
   }
 
@@ -60,8 +65,11 @@ struct Selection {
       const bool is_there = std::any_of(set.courses.begin(), set.courses.end(),
                                         [&](const auto& c) { return c->name == name; });
       if (!is_there) {
-        throw base::Error(fmt::format("{}: holds no course {}; it has {} courses, the first is {}",
-                                      spec, name, set.courses.size(), set.courses.front()->name));
+        std::vector<std::string> there;
+        for (const auto& course : set.courses) there.push_back(course->name);
+        throw base::Error(
+            fmt::format("{}: holds no course {}{}; it has {} courses, the first is {}", spec, name,
+                        base::Suggestion(name, there), there.size(), there.front()));
       }
     }
     std::erase_if(set.courses, [&](const auto& course) {
@@ -159,6 +167,7 @@ struct RenderOptions {
   std::optional<std::string> format;
   std::optional<std::string> episodes;
   int num_columns = 10;
+  bool force = false;
 };
 
 sim::PictureFormat FormatOf(const RenderOptions& options) {
@@ -189,6 +198,7 @@ std::map<std::string, std::vector<sim::EpisodeTrack>> ReadTracks(const std::stri
 
 void Render(const RenderOptions& options) {
   const sim::PictureFormat format = FormatOf(options);
+  RequireOutputFile(options.output, options.force);
   const sim::CourseSet set = options.selection.Resolve();
   std::map<std::string, std::vector<sim::EpisodeTrack>> tracks;
   if (options.episodes) tracks = ReadTracks(*options.episodes, set);
@@ -210,6 +220,7 @@ void AddRender(CLI::App& courses) {
   command->add_option("--course", options->selection.names,
                       "Draw only this course of it (repeatable)");
   command->add_option("--output", options->output, "File to write")->required();
+  command->add_flag("--force", options->force, kForceHelp);
   command->add_option("--format", options->format, "svg or png; without, as the output's name ends")
       ->check(CLI::IsMember({"svg", "png"}));
   command
@@ -229,14 +240,17 @@ void AddGenerate(CLI::App& courses) {
   struct Options {
     Selection selection;
     std::string output;
+    bool force = false;
   };
   auto options = std::make_shared<Options>();
   options->selection.spec = "static";
   command->add_option("--courses", options->selection.spec, kSpecHelp)->capture_default_str();
   command->add_option("--output", options->output, "Course file to write, best named *.courses")
       ->required();
+  command->add_flag("--force", options->force, kForceHelp);
   options->selection.AddSource(*command);
   command->callback([options] {
+    RequireOutputFile(options->output, options->force);
     sim::CourseSet set = options->selection.Resolve();
     std::replace(set.name.begin(), set.name.end(), ':', '-');
     sim::WriteCourseSet(options->output, set);
@@ -253,6 +267,7 @@ void AddImport(CLI::App& courses) {
     std::string directory;
     std::optional<std::string> motions;
     std::string output;
+    bool force = false;
   };
   auto options = std::make_shared<Options>();
   command->add_option("DIR", options->directory, "Directory of the original worlds")
@@ -265,7 +280,12 @@ void AddImport(CLI::App& courses) {
       ->check(CLI::ExistingDirectory);
   command->add_option("--output", options->output, "Directory to write the collection to")
       ->required();
+  command->add_flag("--force", options->force, kForceHelp);
   command->callback([options] {
+    RequireOutputDirectory(options->output,
+                           {"slalom courses import",
+                            {"static.courses", "dynamic-box.courses", "dynamic-wall.courses"}},
+                           options->force);
     const sim::BarnImport import = sim::ImportBarn(options->directory, options->motions);
     for (const std::string& warning : import.warnings) fmt::print(stderr, "warning: {}\n", warning);
     for (const std::string& reason : import.skipped) fmt::print(stderr, "skipped: {}\n", reason);
@@ -285,6 +305,13 @@ void AddImport(CLI::App& courses) {
 }
 
 }  // namespace
+
+void RequireCollection(const std::string& directory) {
+  std::error_code error;
+  if (directory.empty() || fs::is_directory(directory, error)) return;
+  throw base::Error(fmt::format(
+      "--collection {}: is no directory, expected what `slalom courses import` wrote", directory));
+}
 
 void AddCoursesCommand(CLI::App& app) {
   CLI::App* courses =

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/App.hpp>
+#include <string>
 
 namespace slalom::cli {
 
@@ -8,5 +9,9 @@ namespace slalom::cli {
 /// asked for to standard output or files, notes to standard error, and throw `base::Error` for what
 /// the user can mend.
 void AddCoursesCommand(CLI::App& app);
+
+/// Throws `base::Error` where `--collection` names no directory, also if no set of it is asked for.
+/// Empty: the built-in courses.
+void RequireCollection(const std::string& directory);
 
 }  // namespace slalom::cli

@@ -4,20 +4,25 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <stop_token>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/log.h"
 #include "cli/commands.h"
+#include "cli/courses_command.h"
 #include "cli/evaluate_planner.h"
 #include "cli/evaluate_policy.h"
+#include "cli/output.h"
 #include "cli/signals.h"
 #include "config/config.h"
 
@@ -37,6 +42,7 @@ struct EvaluateOptions {
   std::optional<int> episodes;
   std::optional<std::int64_t> seed;
   std::optional<std::string> output;
+  bool force = false;
   bool json = false;
   int threads = 0;
 };
@@ -94,20 +100,55 @@ void RefusePlanningKeys(const std::vector<std::string>& overrides, const policy:
   }
 }
 
+/// Every key that any TOML file of this program may hold.
+struct AnyConfig {
+  train::RunConfig run;
+  planners::PlannersConfig planners;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    run.Visit(v);
+    planners.Visit(v);
+  }
+};
+
+/// Lays the [environment] of the profiles over `environment`.
+void ApplyProfiles(const std::vector<std::string>& files, sim::EnvironmentConfig& environment) {
+  Profile profile{environment};
+  for (const std::string& file : files) {
+    AnyConfig others;
+    std::vector<std::string> passed_over;
+    try {
+      passed_over =
+          config::ReadSharedTomlFile(file, config::ListFields(profile), config::ListFields(others));
+    } catch (const base::Error& error) {
+      throw base::Error(fmt::format("{} (of a profile, [environment] alone counts)", error.what()));
+    }
+    if (passed_over.empty()) continue;
+    spdlog::info("{}: of a profile, [environment] alone counts; passed over: {}", file,
+                 fmt::join(passed_over, ", "));
+  }
+}
+
+/// A key of the other kind of driver would be set in vain.
+void RefuseKeysOfOthers(const EvaluateOptions& options, const config::FieldList& fields) {
+  AnyConfig any;
+  const config::FieldList others = config::ListFields(any);
+  for (const std::string& assignment : options.overrides) {
+    const std::string key = assignment.substr(0, assignment.find('='));
+    if (config::HasKey(fields, key) || !config::HasKey(others, key)) continue;
+    throw base::Error(fmt::format("--set {}: {} does not read this key", assignment,
+                                  options.policy ? "a policy" : "a planner"));
+  }
+}
+
 /// Lays profiles, overrides and options over `config`, in this order.
 template <class Config>
 void ApplyOptions(const EvaluateOptions& options, Config& config) {
-  Profile profile{config.environment};
-  for (const std::string& file : options.profiles) {
-    try {
-      config::ReadTomlFile(file, config::ListFields(profile));
-    } catch (const base::Error& error) {
-      throw base::Error(
-          fmt::format("{} (a profile holds keys of [environment] alone)", error.what()));
-    }
-  }
+  ApplyProfiles(options.profiles, config.environment);
   const auto fields = config::ListFields(config);
   RefuseRulesOfTheTask(options.overrides);
+  RefuseKeysOfOthers(options, fields);
   for (const std::string& assignment : options.overrides) {
     config::ApplyOverride(assignment, fields);
   }
@@ -119,19 +160,59 @@ void ApplyOptions(const EvaluateOptions& options, Config& config) {
   if (options.seed) config.evaluation.seed = *options.seed;
 }
 
+/// The config that the policy was trained with. None: the file does not say, or in a way that this
+/// program does not read, and `--config` is given in its place.
+std::optional<train::RunConfig> TrainedConfig(const EvaluateOptions& options,
+                                              const policy::LoadedPolicy& loaded) {
+  const auto it = loaded.metadata.find("config");
+  if (it == loaded.metadata.end()) return std::nullopt;
+  try {
+    return config::FromToml<train::RunConfig>(it->second, *options.policy + " (its config)");
+  } catch (const base::Error& error) {
+    if (!options.config) throw;
+    spdlog::warn("what the policy was trained on cannot be told: {}", error.what());
+    return std::nullopt;
+  }
+}
+
 /// The config that the policy was trained with, or the file given in its place, with the options.
-train::RunConfig TaskOf(const EvaluateOptions& options, const policy::LoadedPolicy& loaded) {
-  train::RunConfig config;
-  const auto fields = config::ListFields(config);
+train::RunConfig TaskOf(const EvaluateOptions& options,
+                        const std::optional<train::RunConfig>& trained) {
+  train::RunConfig config = trained.value_or(train::RunConfig{});
   if (options.config) {
-    config::ReadTomlFile(*options.config, fields);
-  } else if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
-    config::ReadToml(it->second, *options.policy + " (its config)", fields);
+    config = {};
+    planners::PlannersConfig others;
+    const auto passed_over = config::ReadSharedTomlFile(*options.config, config::ListFields(config),
+                                                        config::ListFields(others));
+    if (!passed_over.empty()) {
+      spdlog::info("{}: a policy does not read {}", *options.config, fmt::join(passed_over, ", "));
+    }
   }
   ApplyOptions(options, config);
   RefuseKeysOfTraining(options.overrides);
   RefusePlanningKeys(options.overrides, config.mpc);
   return config;
+}
+
+/// Who names a run means its policy, but says so.
+void RequireNoRunDirectory(const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path policy = fs::path(path) / "policy.safetensors";
+  if (!fs::is_directory(path, error) || !fs::exists(policy, error)) return;
+  throw base::Error(fmt::format("{}: is a directory; did you mean '{}'?", path, policy.string()));
+}
+
+/// A network knows its beams by their numbers, so each must look where it looked in training.
+void RequireSameFieldOfView(const EvaluateOptions& options, const train::RunConfig& trained,
+                            const train::RunConfig& config) {
+  const double expected = trained.environment.lidar.field_of_view;
+  const double found = config.environment.lidar.field_of_view;
+  if (found == expected) return;
+  throw base::Error(fmt::format(
+      "{}: environment.lidar.field_of_view is {} rad, expected {}, which the policy was trained "
+      "with: its beams would look elsewhere",
+      *options.policy, found, expected));
 }
 
 /// Throws `base::Error` where planning is asked of a policy that cannot.
@@ -156,17 +237,21 @@ void RequirePlannable(const std::string& path, const policy::PolicySnapshot& pol
 
 std::optional<ScoredRun> DrivePolicy(const EvaluateOptions& options, base::ParallelFor& parallel,
                                      std::stop_token stop) {
+  RequireNoRunDirectory(*options.policy);
   const policy::LoadedPolicy loaded = policy::LoadPolicy(*options.policy);
-  const train::RunConfig config = TaskOf(options, loaded);
+  const auto trained = TrainedConfig(options, loaded);
+  const train::RunConfig config = TaskOf(options, trained);
+  if (trained) RequireSameFieldOfView(options, *trained, config);
   RequirePlannable(*options.policy, loaded.snapshot, config);
-  return EvaluatePolicy(loaded.snapshot, *options.policy, config, options.courses, parallel,
+  return EvaluatePolicy(loaded.snapshot, *options.policy, config, options.courses,
+                        trained ? std::optional(trained->courses) : std::nullopt, parallel,
                         std::move(stop));
 }
 
 std::optional<ScoredRun> DrivePlanner(const EvaluateOptions& options, base::ParallelFor& parallel,
                                       std::stop_token stop) {
   AgentRunConfig config;
-  if (options.config) config::ReadTomlFile(*options.config, config::ListFields(config));
+  if (options.config) config = ReadAgentRunConfig(*options.config);
   ApplyOptions(options, config);
   return EvaluatePlanner(*options.agent, config, options.courses, parallel, std::move(stop));
 }
@@ -176,7 +261,12 @@ int Evaluate(const EvaluateOptions& options) {
   const int threads = options.threads > 0
                           ? options.threads
                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  if (options.output) base::MakeDirectories(*options.output);
+  if (options.collection) RequireCollection(*options.collection);
+  if (options.output) {
+    RequireOutputDirectory(*options.output, {"slalom evaluate", {"evaluation.json"}},
+                           options.force);
+    base::MakeDirectories(*options.output);
+  }
   base::ParallelFor parallel(threads);
   auto result = options.policy ? DrivePolicy(options, parallel, signals.token())
                                : DrivePlanner(options, parallel, signals.token());
@@ -239,6 +329,7 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
   command->add_option("--output", options->output,
                       "Directory for JSON, CSV, trajectories and pictures");
+  command->add_flag("--force", options->force, kForceHelp);
   command->add_flag("--json", options->json, "Print one JSON object instead of the table");
   command->add_option("--config", options->config,
                       "Take the task from this TOML file, not from the policy or the defaults");

@@ -6,6 +6,7 @@
 
 #include "base/log.h"
 #include "base/random.h"
+#include "cli/training_overlap.h"
 #include "cli/version.h"
 #include "config/config.h"
 #include "policy/policy_agent.h"
@@ -26,6 +27,7 @@ std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
                                         const std::string& policy_source,
                                         const train::RunConfig& config,
                                         const std::string& courses_spec,
+                                        const std::optional<train::CoursesConfig>& trained,
                                         base::ParallelFor& parallel, std::stop_token stop) {
   policy::RequireSameInterface(policy_source, policy.spec,
                                sim::MakeObservationSpec(config.environment),
@@ -36,6 +38,11 @@ std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
         policy_source, policy.version, config.mpc.learning_starts);
   }
   const sim::CourseSet courses = config.courses.Resolve(courses_spec);
+  std::optional<eval::TrainingOverlap> overlap;
+  if (trained) overlap = FindTrainingOverlap(courses, *trained);
+  if (overlap && overlap->num_courses > 0) {
+    spdlog::warn("{}: {}", policy_source, eval::DescribeOverlap(*overlap));
+  }
   eval::Provenance provenance;
   provenance.agent = AgentName(policy_source);
   provenance.kind = "policy";
@@ -46,12 +53,14 @@ std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
   provenance.config = config::ToToml(config);
   const std::uint64_t seed =
       base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc of evaluations");
-  return RunScored(
+  auto run = RunScored(
       config.evaluation, config.environment, courses,
       [&](int, const sim::EnvironmentConfig&) {
         return policy::MakePolicyAgent(policy, config.mpc, seed);
       },
       std::move(provenance), parallel, std::move(stop));
+  if (run) run->evaluation.training_overlap = std::move(overlap);
+  return run;
 }
 
 }  // namespace slalom::cli

@@ -8,6 +8,7 @@
 
 #include "base/file.h"
 #include "cli/commands.h"
+#include "cli/output.h"
 #include "eval/comparison.h"
 #include "eval/report_page.h"
 #include "eval/result.h"
@@ -18,6 +19,7 @@ namespace {
 struct ReportOptions {
   std::vector<std::string> results;
   std::string output;
+  bool force = false;
 };
 
 void Report(const ReportOptions& options) {
@@ -25,6 +27,7 @@ void Report(const ReportOptions& options) {
   for (const std::string& path : options.results) results.push_back(eval::ReadResult(path));
   eval::RequireSameProtocol(results);
   const std::filesystem::path directory = options.output;
+  RequireOutputDirectory(directory, {"slalom report", {"report.html"}}, options.force);
   base::MakeDirectories(directory);
   const std::string markdown = eval::MarkdownComparison(results);
   base::WriteFileAtomically(directory / "report.md", markdown);
@@ -54,6 +57,7 @@ void AddReportCommand(CLI::App& app) {
                    "Directories that evaluate wrote, or their evaluation.json")
       ->required();
   command->add_option("--output", options->output, "Directory to write the report to")->required();
+  command->add_flag("--force", options->force, kForceHelp);
   command->callback([options] { Report(*options); });
 }
 

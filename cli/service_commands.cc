@@ -13,6 +13,7 @@
 #include "cli/commands.h"
 #include "cli/service_process.h"
 #include "cli/signals.h"
+#include "cli/training_overlap.h"
 #include "cli/version.h"
 #include "config/config.h"
 #include "eval/service/evaluator_service.h"
@@ -108,9 +109,9 @@ int RunActor(const ServiceOptions& options) {
   ServiceProcess process(transport::Role::kActor, options);
   const train::RunConfig& config = process.config();
   base::ParallelFor parallel(config.run.simulation_threads);
-  sim::CourseEnvironments environments(
-      config.environment, sim::MakeScenes(config.courses.Resolve(config.courses.train)),
-      config.actor.num_environments, &parallel);
+  sim::CourseEnvironments environments(config.environment,
+                                       sim::MakeScenes(config.courses.ResolveTrain()),
+                                       config.actor.num_environments, &parallel);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
   // Drives nothing before the learner's first policy takes its place.
   const auto agent =
@@ -148,6 +149,8 @@ int RunEvaluator(const ServiceOptions& options) {
         "courses.test and evaluator_service.courses are empty, expected courses to score policies "
         "on");
   }
+  const sim::CourseSet scored = config.courses.Resolve(courses);
+  WarnOfTrainingOverlap(scored, config.courses);
   base::ParallelFor parallel(config.run.simulation_threads);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
   const std::uint64_t seed =
@@ -168,8 +171,8 @@ int RunEvaluator(const ServiceOptions& options) {
   identity.replay = process.replay();
   identity.learner = process.learner();
   eval::EvaluatorService evaluator(config.evaluator_service, config.evaluation, config.environment,
-                                   config.courses.Resolve(courses), std::move(identity),
-                                   read_policy, parallel, process.context(), process.registry());
+                                   scored, std::move(identity), read_policy, parallel,
+                                   process.context(), process.registry());
   evaluator.Run(signals.token());
   return kExitOk;
 }

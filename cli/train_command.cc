@@ -18,6 +18,7 @@
 #include "cli/commands.h"
 #include "cli/evaluate_policy.h"
 #include "cli/signals.h"
+#include "cli/training_overlap.h"
 #include "cli/training_results.h"
 #include "cli/version.h"
 #include "config/config.h"
@@ -151,7 +152,7 @@ void CheckTestCourses(const train::CoursesConfig& courses) {
   const bool is_built_in = courses.collection.empty() && std::find(built_in.begin(), built_in.end(),
                                                                    courses.test) != built_in.end();
   if (courses.test.empty() || is_built_in) return;
-  courses.Resolve(courses.test);
+  courses.ResolveTest();
 }
 
 /// The command that goes on with the run. Its own config holds every --set, --name and --seed that
@@ -239,6 +240,9 @@ int Train(const TrainOptions& options) {
   CheckDeterminism(options, config);
   if (!options.no_evaluation) CheckTestCourses(config.courses);
   WarnOfLearningRates(config.method.learner);
+  if (!options.no_evaluation && !config.courses.test.empty()) {
+    WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
+  }
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
                directory.root.string(), config.courses.train,
                config.courses.test.empty() ? "nothing" : config.courses.test);

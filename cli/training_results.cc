@@ -112,8 +112,8 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
                    std::stop_token stop) {
   const std::string policy_path = directory.policy().string();
   const policy::LoadedPolicy policy = policy::LoadPolicy(directory.policy());
-  const auto result =
-      EvaluatePolicy(policy.snapshot, policy_path, config, config.courses.test, parallel, stop);
+  const auto result = EvaluatePolicy(policy.snapshot, policy_path, config, config.courses.test,
+                                     config.courses, parallel, stop);
   if (!result) return false;
   WriteScoredRun(*result, directory.root);
   fmt::print("{}", eval::TextReport(result->evaluation));
@@ -121,8 +121,8 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   Curve curve(!snapshots.empty());
   for (const fs::path& path : snapshots) {
     const policy::LoadedPolicy kept = policy::LoadPolicy(path);
-    const auto scored =
-        EvaluatePolicy(kept.snapshot, path.string(), config, config.courses.test, parallel, stop);
+    const auto scored = EvaluatePolicy(kept.snapshot, path.string(), config, config.courses.test,
+                                       std::nullopt, parallel, stop);
     if (!scored) return false;
     curve.Add(kept, scored->evaluation.summary.set);
   }

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/suggestion.h"
 
 namespace slalom::config {
 namespace {
@@ -28,38 +29,27 @@ bool IsSection(const FieldList& list, std::string_view key) {
                      [key](const Section& section) { return section.key == key; });
 }
 
-/// Levenshtein distance, to suggest the key that was meant.
-std::size_t EditDistance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t substitution = diagonal + (a[i - 1] != b[j - 1]);
-      diagonal = row[j];
-      row[j] = std::min({substitution, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
-
-std::string Suggest(const FieldList& list, std::string_view key) {
+/// The key that was meant, of any of the lists.
+std::string Suggest(std::span<const FieldList* const> lists, std::string_view key) {
   std::string_view best;
   std::size_t best_distance = key.size() / 2 + 1;
   const auto consider = [&](std::string_view candidate) {
-    const std::size_t distance = EditDistance(key, candidate);
+    const std::size_t distance = base::EditDistance(key, candidate);
     if (distance < best_distance) {
       best_distance = distance;
       best = candidate;
     }
   };
-  for (const Field& field : list.fields) consider(field.key);
-  for (const Section& section : list.sections) consider(section.key);
+  for (const FieldList* list : lists) {
+    for (const Field& field : list->fields) consider(field.key);
+    for (const Section& section : list->sections) consider(section.key);
+  }
   // A right name in the wrong section, too.
   const auto last = key.substr(key.rfind('.') + 1);
-  for (const Field& field : list.fields) {
-    if (std::string_view(field.key).substr(field.key.rfind('.') + 1) == last) best = field.key;
+  for (const FieldList* list : lists) {
+    for (const Field& field : list->fields) {
+      if (std::string_view(field.key).substr(field.key.rfind('.') + 1) == last) best = field.key;
+    }
   }
   return best.empty() ? "see docs/config.md for all keys" : fmt::format("did you mean '{}'?", best);
 }
@@ -155,21 +145,52 @@ std::string Where(std::string_view source, const toml::node& node) {
   return fmt::format("{}:{}", source, node.source().begin.line);
 }
 
+/// Where the keys of a file go.
+struct Readers {
+  const FieldList& list;
+  const FieldList* others = nullptr;                ///< Keys that are checked and passed over.
+  std::vector<std::string>* passed_over = nullptr;  ///< Of `others`, as `ReadSharedTomlFile`.
+
+  bool IsSection(std::string_view key) const {
+    return config::IsSection(list, key) || (others != nullptr && config::IsSection(*others, key));
+  }
+  /// Null: there is no such key.
+  const Field* Find(std::string_view key) const {
+    const Field* field = config::Find(list, key);
+    if (field != nullptr || others == nullptr) return field;
+    field = config::Find(*others, key);
+    if (field != nullptr) Note(std::string(key));
+    return field;
+  }
+  std::string Suggest(std::string_view key) const {
+    const FieldList* const lists[] = {&list, others};
+    return config::Suggest(std::span(lists, others == nullptr ? 1 : 2), key);
+  }
+
+ private:
+  void Note(std::string name) const {
+    const std::string section = name.substr(0, name.find('.'));
+    if (!config::IsSection(list, section)) name = section;
+    const bool is_new = std::ranges::find(*passed_over, name) == passed_over->end();
+    if (is_new) passed_over->push_back(std::move(name));
+  }
+};
+
 void ReadTable(const toml::table& table, const std::string& prefix, std::string_view source,
-               const FieldList& list) {
+               const Readers& readers) {
   for (const auto& [name, node] : table) {
     const std::string key = prefix + std::string(name.str());
     if (key == "base") continue;
     const std::string where = fmt::format(
         "{}:{}", source, name.source().begin ? name.source().begin.line : node.source().begin.line);
-    if (node.is_table() && IsSection(list, key)) {
-      ReadTable(*node.as_table(), key + ".", source, list);
-    } else if (const Field* field = Find(list, key)) {
+    if (node.is_table() && readers.IsSection(key)) {
+      ReadTable(*node.as_table(), key + ".", source, readers);
+    } else if (const Field* field = readers.Find(key)) {
       std::visit(Assign(*field, node, where), field->value);
-    } else if (IsSection(list, key)) {
+    } else if (readers.IsSection(key)) {
       throw Error(fmt::format("{}: '{}' is a section, expected a table [{}]", where, key, key));
     } else {
-      throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Suggest(list, key)));
+      throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, readers.Suggest(key)));
     }
   }
 }
@@ -183,8 +204,31 @@ toml::table Parse(std::string_view text, std::string_view source) {
   }
 }
 
-void ReadFileWithBases(const std::filesystem::path& path, const FieldList& list, int depth) {
+/// "; did you mean 'configs/fast.toml'?": the preset, beside the file that is not there or in
+/// configs/, whose name is nearest. Empty: none is near.
+std::string SuggestFile(const std::filesystem::path& path) {
+  namespace fs = std::filesystem;
+  std::vector<std::string> files, stems;
+  for (const fs::path& directory : {path.parent_path(), fs::path("configs")}) {
+    std::error_code ec;
+    for (const auto& entry : fs::directory_iterator(directory.empty() ? "." : directory, ec)) {
+      if (entry.path().extension() != ".toml") continue;
+      files.push_back((directory / entry.path().filename()).string());
+      stems.push_back(entry.path().stem().string());
+    }
+  }
+  const auto nearest = base::NearestName(path.stem().string(), stems);
+  if (!nearest) return "";
+  const auto index = std::ranges::find(stems, *nearest) - stems.begin();
+  return fmt::format("; did you mean '{}'?", files[static_cast<std::size_t>(index)]);
+}
+
+void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers, int depth) {
   const std::string source = path.string();
+  std::error_code ec;
+  if (!std::filesystem::exists(path, ec)) {
+    throw Error(fmt::format("{}: there is no such file{}", source, SuggestFile(path)));
+  }
   const toml::table table = Parse(base::ReadFile(path), source);
   if (const toml::node* base = table.get("base")) {
     const auto name = base->value_exact<std::string>();
@@ -195,9 +239,9 @@ void ReadFileWithBases(const std::filesystem::path& path, const FieldList& list,
       throw Error(fmt::format("{}: more than {} bases in a row; is there a circle?",
                               Where(source, *base), kMaxBases));
     }
-    ReadFileWithBases(path.parent_path() / *name, list, depth + 1);
+    ReadFileWithBases(path.parent_path() / *name, readers, depth + 1);
   }
-  ReadTable(table, "", source, list);
+  ReadTable(table, "", source, readers);
 }
 
 std::string PrintNumber(double value) {
@@ -232,11 +276,20 @@ std::string NameOf(std::string_view key) { return std::string(key.substr(key.rfi
 }  // namespace
 
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list) {
-  ReadFileWithBases(path, list, 0);
+  ReadFileWithBases(path, {list}, 0);
 }
 
+std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
+                                            const FieldList& list, const FieldList& others) {
+  std::vector<std::string> passed_over;
+  ReadFileWithBases(path, {list, &others, &passed_over}, 0);
+  return passed_over;
+}
+
+bool HasKey(const FieldList& list, std::string_view key) { return Find(list, key) != nullptr; }
+
 void ReadToml(std::string_view text, std::string_view source, const FieldList& list) {
-  ReadTable(Parse(text, source), "", source, list);
+  ReadTable(Parse(text, source), "", source, {list});
 }
 
 void ApplyOverride(std::string_view assignment, const FieldList& list) {
@@ -249,7 +302,7 @@ void ApplyOverride(std::string_view assignment, const FieldList& list) {
   const std::string where = fmt::format("--set {}", assignment);
   const Field* field = Find(list, key);
   if (field == nullptr) {
-    throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Suggest(list, key)));
+    throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Readers{list}.Suggest(key)));
   }
   toml::table table;
   try {

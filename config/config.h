@@ -86,8 +86,18 @@ FieldList ListFields(Config& config) {
 }
 
 /// Reads `path` (and its bases) into the listed fields; keys that it does not hold keep their
-/// values.
+/// values. Where there is no such file, the error names the one that was probably meant.
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list);
+
+/// As above for a file that other programs read, too: keys that `list` lacks and `others` has are
+/// checked and put into the fields of `others`, which the caller passes over. Returns what was
+/// passed over, each once, in the file's order: sections of which `list` has no key by their names,
+/// else keys.
+std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
+                                            const FieldList& list, const FieldList& others);
+
+/// Whether a field of this key is listed.
+[[nodiscard]] bool HasKey(const FieldList& list, std::string_view key);
 
 /// As above from text; `source` names it in errors.
 void ReadToml(std::string_view text, std::string_view source, const FieldList& list);

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <utility>
 
 #include "base/check.h"
 #include "base/error.h"
@@ -29,6 +31,38 @@ bool KeepsScans(int c, int num_courses, int num_kept) {
   return rank(c + 1) > rank(c);
 }
 
+/// Keeps the tracks of one course that are most worth watching: failures before successes, of each
+/// the first. Which these are does not depend on the order in which the episodes end.
+class CourseRecorder {
+ public:
+  explicit CourseRecorder(std::size_t capacity) : capacity_(capacity) {}
+
+  void Add(sim::EpisodeTrack track) {
+    const auto place = std::ranges::upper_bound(tracks_, Rank(track), {}, Rank);
+    tracks_.insert(place, std::move(track));
+    if (tracks_.size() > capacity_) tracks_.pop_back();
+    // Only the first keeps its scans, which take more room than all the rest.
+    for (std::size_t k = 1; k < tracks_.size(); ++k) {
+      tracks_[k].beams.reset();
+      tracks_[k].scans_cm.clear();
+    }
+  }
+
+  /// Appends them in the order of their episodes.
+  void MoveTo(std::vector<sim::EpisodeTrack>& tracks) {
+    std::ranges::sort(tracks_, {}, &sim::EpisodeTrack::episode);
+    std::ranges::move(tracks_, std::back_inserter(tracks));
+  }
+
+ private:
+  static std::pair<bool, int> Rank(const sim::EpisodeTrack& track) {
+    return {track.outcome == env::Outcome::kSuccess, track.episode};
+  }
+
+  std::size_t capacity_;
+  std::vector<sim::EpisodeTrack> tracks_;  // By rank, the most worth watching first.
+};
+
 /// Hands the episodes out in order to whichever environment is free, and writes each into its own
 /// place.
 class Driver {
@@ -48,8 +82,9 @@ class Driver {
         running_(environments.batch_size()) {
     count_.all = static_cast<int>(courses.courses.size()) * config.episodes_per_course;
     episodes_.records.resize(static_cast<std::size_t>(count_.all));
-    num_recorded_ = std::min(config.recorded_episodes_per_course, config.episodes_per_course);
-    episodes_.tracks.resize(courses.courses.size() * static_cast<std::size_t>(num_recorded_));
+    recorders_.assign(
+        courses.courses.size(),
+        CourseRecorder(static_cast<std::size_t>(config.recorded_episodes_per_course)));
     for (int i = 0; i < environments_.batch_size(); ++i) StartNext(i);
   }
 
@@ -69,7 +104,10 @@ class Driver {
     }
   }
 
-  Episodes TakeEpisodes() { return std::move(episodes_); }
+  Episodes TakeEpisodes() {
+    for (CourseRecorder& recorder : recorders_) recorder.MoveTo(episodes_.tracks);
+    return std::move(episodes_);
+  }
 
  private:
   /// What is known of the episode that an environment drives.
@@ -121,8 +159,9 @@ class Driver {
     track.step = step_;
     track.motion_start = environments_.motion_time(i);
     track.poses.assign(1, environments_.robot_pose(i));
-    if (r.episode == 0 && KeepsScans(r.course, static_cast<int>(courses_.courses.size()),
-                                     config_.recorded_scan_courses)) {
+    // Which episode is worth its scans shows when it ends.
+    if (KeepsScans(r.course, static_cast<int>(courses_.courses.size()),
+                   config_.recorded_scan_courses)) {
       track.beams = beams_;
     }
     RecordScan(i);
@@ -167,11 +206,8 @@ class Driver {
   void Finish(int i, const env::Agent& agent) {
     EpisodeRecord& r = record(i);
     r.agent_status = agent.Status(i);
-    if (r.episode < num_recorded_) {
-      running_[i].track.outcome = r.outcome;
-      episodes_.tracks[static_cast<std::size_t>(r.course) * num_recorded_ + r.episode] =
-          std::move(running_[i].track);
-    }
+    running_[i].track.outcome = r.outcome;
+    recorders_[r.course].Add(std::move(running_[i].track));
     ++count_.ended;
     if (r.outcome == env::Outcome::kSuccess) ++count_.successes;
     if (r.num_collisions > 0) ++count_.collisions;
@@ -190,7 +226,7 @@ class Driver {
   std::vector<Running> running_;          // [B]
   Episodes episodes_;
   EpisodeCount count_;
-  int num_recorded_ = 0;  // Episodes of each course whose track is kept.
+  std::vector<CourseRecorder> recorders_;  // [number of courses]
   int num_started_ = 0;
 };
 

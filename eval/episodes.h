@@ -41,7 +41,8 @@ struct EpisodeRecord {
 /// All episodes of an evaluation, ordered by course, then episode.
 struct Episodes {
   std::vector<EpisodeRecord> records;
-  /// Of the first `recorded_episodes_per_course` of each course, in the same order.
+  /// Of `recorded_episodes_per_course` of each course, in the same order: its first failures, and
+  /// where it has too few, its first successes too.
   std::vector<sim::EpisodeTrack> tracks;
 };
 

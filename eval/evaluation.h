@@ -12,6 +12,7 @@
 #include "eval/evaluation_config.h"
 #include "eval/protocol.h"
 #include "eval/summary.h"
+#include "eval/training_overlap.h"
 #include "sim/course.h"
 #include "sim/environment_config.h"
 
@@ -24,6 +25,8 @@ struct Evaluation {
   sim::CourseSet courses;              ///< With the protocol applied (`WithProtocol`).
   Episodes episodes;
   Summary summary;
+  /// None: nothing was trained, or what on is not known.
+  std::optional<TrainingOverlap> training_overlap = std::nullopt;
 };
 
 /// Returns how many environments to make: `num_environments`, but at most the number of episodes.

@@ -39,9 +39,11 @@ struct EvaluationConfig {
     v("num_environments", num_environments, base::Range{1, 4096}, "",
       "Episodes driven side by side; changes the speed, not the episodes.");
     v("recorded_episodes_per_course", recorded_episodes_per_course, base::Range{0, 100000}, "",
-      "Episodes of each course whose trajectory is kept for pictures.");
+      "Episodes of each course whose trajectory is kept: the first that failed, then the first "
+      "that succeeded.");
     v("recorded_scan_courses", recorded_scan_courses, base::Range{0, 100000}, "",
-      "Courses, evenly spread over the set, whose first recorded episode keeps its scans.");
+      "Courses, evenly spread over the set, of which one episode (the first that failed, else the "
+      "first) keeps its scans.");
     v("recorded_beams", recorded_beams, base::Range{2, 4096}, "",
       "About how many beams of a scan are kept: every n-th.");
   }

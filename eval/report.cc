@@ -60,6 +60,13 @@ std::string ContactLine(const Evaluation& evaluation) {
               fmt::format("{} contacts, which end nothing here", set.num_contacts));
 }
 
+/// A score on courses that were trained on says little; this line says so.
+std::string OverlapLine(const Evaluation& evaluation) {
+  const auto& overlap = evaluation.training_overlap;
+  if (!overlap || overlap->num_courses == 0) return "";
+  return fmt::format("  warning: {}\n", DescribeOverlap(*overlap));
+}
+
 /// The courses with failures, those with most of them first, in the set's order among equals.
 std::vector<const CourseFigures*> CoursesWithFailures(const Summary& summary) {
   std::vector<const CourseFigures*> courses;
@@ -140,10 +147,21 @@ OrderedJson RunJson(const Evaluation& evaluation) {
           {"confidence", 0.95}};
 }
 
-OrderedJson ProvenanceJson(const Provenance& provenance) {
-  return {{"source", provenance.source},         {"profiles", provenance.profiles},
-          {"course_set", provenance.course_set}, {"collection", provenance.collection},
-          {"commit", provenance.commit},         {"config", provenance.config}};
+OrderedJson OverlapJson(const std::optional<TrainingOverlap>& overlap) {
+  if (!overlap) return nullptr;
+  return {{"courses", overlap->num_courses},
+          {"of", overlap->num_scored},
+          {"trained_on", overlap->trained_on}};
+}
+
+OrderedJson ProvenanceJson(const Evaluation& evaluation, const Provenance& provenance) {
+  return {{"source", provenance.source},
+          {"profiles", provenance.profiles},
+          {"course_set", provenance.course_set},
+          {"collection", provenance.collection},
+          {"training_overlap", OverlapJson(evaluation.training_overlap)},
+          {"commit", provenance.commit},
+          {"config", provenance.config}};
 }
 
 /// How each episode of each course ended. [number of courses]
@@ -195,7 +213,8 @@ std::string TextReport(const Evaluation& evaluation, int max_courses) {
              protocol.time_limit, protocol.goal_tolerance,
              protocol.collision_ends ? "a collision ends the episode" : "collisions end nothing",
              "", "", "95 % interval") +
-         SetLines(summary.set) + ContactLine(evaluation) + CourseLines(summary, max_courses);
+         SetLines(summary.set) + ContactLine(evaluation) + OverlapLine(evaluation) +
+         CourseLines(summary, max_courses);
 }
 
 std::string JsonReport(const Evaluation& evaluation, const Provenance& provenance) {
@@ -207,7 +226,7 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
   PutFigures(report, evaluation.summary.set);
   report["protocol"] = ProtocolJson(evaluation.config);
   report["run"] = RunJson(evaluation);
-  report["provenance"] = ProvenanceJson(provenance);
+  report["provenance"] = ProvenanceJson(evaluation, provenance);
   report["files"] = {{"courses", kCoursesFile}, {"tracks", kTracksFile}};
   OrderedJson courses = OrderedJson::array();
   std::vector<OrderedJson> lists = EpisodeLists(evaluation);

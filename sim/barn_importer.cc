@@ -23,6 +23,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// Where the data are published: by Perille et al. 2020, and with the obstacles that move by Xu et
+/// al.
+constexpr std::string_view kDataSetUrl = "https://www.cs.utexas.edu/~xiao/BARN/BARN.html";
+constexpr std::string_view kRepositoryUrl = "https://github.com/Daffan/ros_jackal";
+
 /// The N of "world_N.world".
 std::optional<int> WorldNumber(const fs::path& path) {
   const std::string name = path.filename().string();
@@ -50,12 +55,23 @@ std::map<int, fs::path> ListWorlds(const fs::path& directory) {
   return worlds;
 }
 
-std::optional<fs::path> FindPathFile(const fs::path& directory, int number) {
+/// `worlds`: where world_N.world lie.
+std::optional<fs::path> FindPathFile(const fs::path& worlds, int number) {
   const std::string name = fmt::format("path_{}.npy", number);
-  for (const fs::path& path : {directory / "path_files" / name, directory / name}) {
-    if (fs::exists(path)) return path;
+  for (const fs::path& path :
+       {worlds / "path_files" / name, worlds / name, worlds / ".." / "path_files" / name}) {
+    std::error_code error;
+    if (fs::exists(path, error)) return path;
   }
   return std::nullopt;
+}
+
+/// Where world_N.world lie: in `directory` itself or, as in the data set of Perille et al., in its
+/// world_files/.
+fs::path WorldsIn(const fs::path& directory) {
+  const fs::path inside = directory / "world_files";
+  std::error_code error;
+  return fs::is_directory(inside, error) && ListWorlds(directory).empty() ? inside : directory;
 }
 
 /// "3, 300 to 399, 401".
@@ -149,7 +165,8 @@ void Describe(const Remarks& remarks, BarnImport& import) {
   add(import.warnings, remarks.without_path, "worlds without a path_N.npy have no reference path");
   add(import.skipped, remarks.without_motion,
       "worlds with moving obstacles, whose motion is not in the world files but in compiled "
-      "plugins, and not in dynamic_box.csv or dynamic_wall.csv either");
+      "plugins, and not in dynamic_box.csv or dynamic_wall.csv either (docs/courses.md says what "
+      "these hold and where it comes from)");
   add(import.skipped, remarks.without_fixed,
       "motions without a world file or dynamic_box_fixed.csv or dynamic_wall_fixed.csv, which "
       "would say what stands fixed");
@@ -185,13 +202,17 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
   const std::vector<DynamicMotions> all_motions = ReadMotions(motions.value_or(directory));
   if (motions && all_motions.empty()) {
     throw base::Error(
-        fmt::format("{}: holds neither dynamic_box.csv nor dynamic_wall.csv", motions->string()));
+        fmt::format("{}: holds neither dynamic_box.csv nor dynamic_wall.csv; docs/courses.md says "
+                    "what they hold and where it comes from",
+                    motions->string()));
   }
-  const std::map<int, fs::path> worlds = ListWorlds(directory);
+  const fs::path worlds_directory = WorldsIn(directory);
+  const std::map<int, fs::path> worlds = ListWorlds(worlds_directory);
   if (worlds.empty() && all_motions.empty()) {
     throw base::Error(fmt::format(
-        "{}: holds no world_N.world file; expected the directory of the original worlds",
-        directory.string()));
+        "{}: holds no world_N.world file, nor does its world_files/; expected the directory of the "
+        "original worlds: jackal_helper/worlds/BARN of {}, or the data set of {}",
+        directory.string(), kRepositoryUrl, kDataSetUrl));
   }
   BarnImport import;
   Remarks remarks;
@@ -214,7 +235,7 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
       continue;
     }
     std::optional<IntegerTable> path;
-    if (const auto path_file = FindPathFile(directory, number)) {
+    if (const auto path_file = FindPathFile(worlds_directory, number)) {
       path = ReadNpy(*path_file);
     } else {
       remarks.without_path.push_back(number);

@@ -32,8 +32,9 @@ struct BarnImport {
 Course MakeImportedCourse(std::string name, const World& world, const IntegerTable* path,
                           const std::string& source);
 
-/// Imports every world_N.world of `directory`, as course "barn-NNN"; its path is sought in
-/// path_files/ and beside it.
+/// Imports every world_N.world of `directory`, or of its world_files/ where it has none itself, as
+/// course "barn-NNN"; its path is sought in path_files/, beside it, and in a path_files/ beside its
+/// directory.
 ///
 /// Moving obstacles are played as the files of `motions` say (`ReadMotions`; none: those in
 /// `directory`, if there are any), as courses "barn-box-NNN" and "barn-wall-NNN" with the fixed

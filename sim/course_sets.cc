@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <charconv>
+#include <initializer_list>
 #include <memory>
 #include <system_error>
 #include <utility>
 
 #include "base/error.h"
 #include "base/random.h"
+#include "base/suggestion.h"
 #include "sim/course_check.h"
 #include "sim/course_file.h"
 #include "sim/course_generator.h"
@@ -47,8 +49,9 @@ void CheckSolvable(const CourseSet& set, const fs::path& source) {
   }
 }
 
-/// Files of `directory` with this extension, by name.
-std::vector<fs::path> ListFiles(const fs::path& directory, std::string_view extension) {
+/// Files of `directory` with one of these extensions, by name.
+std::vector<fs::path> ListFiles(const fs::path& directory,
+                                std::initializer_list<std::string_view> extensions) {
   std::vector<fs::path> files;
   std::error_code error;
   fs::directory_iterator entries(directory, error);
@@ -56,7 +59,10 @@ std::vector<fs::path> ListFiles(const fs::path& directory, std::string_view exte
     throw base::Error(fmt::format("{}: cannot be listed: {}", directory.string(), error.message()));
   }
   for (const fs::directory_entry& entry : entries) {
-    if (entry.path().extension() == extension) files.push_back(entry.path());
+    const std::string extension = entry.path().extension().string();
+    if (std::ranges::find(extensions, extension) != extensions.end()) {
+      files.push_back(entry.path());
+    }
   }
   std::sort(files.begin(), files.end());
   return files;
@@ -64,10 +70,11 @@ std::vector<fs::path> ListFiles(const fs::path& directory, std::string_view exte
 
 CourseSet ReadDirectory(const fs::path& directory) {
   CourseSet set{fs::absolute(directory).lexically_normal().filename().string(), {}};
-  const std::vector<fs::path> files = ListFiles(directory, kCourseExtension);
+  const std::vector<fs::path> files = ListFiles(directory, {kCourseExtension, kCourseSetExtension});
   if (files.empty()) {
-    throw base::Error(fmt::format("{}: the directory holds no *{} file, so the course set is empty",
-                                  directory.string(), kCourseExtension));
+    throw base::Error(
+        fmt::format("{}: the directory holds no *{} or *{} file, so the course set is empty",
+                    directory.string(), kCourseExtension, kCourseSetExtension));
   }
   for (const fs::path& file : files) {
     const CourseSet part = ReadCourseSet(file);
@@ -76,8 +83,10 @@ CourseSet ReadDirectory(const fs::path& directory) {
       const bool is_known = std::any_of(set.courses.begin(), set.courses.end(),
                                         [&](const auto& c) { return c->name == course->name; });
       if (is_known) {
-        throw base::Error(fmt::format("{}: another file of the directory holds a course {} already",
-                                      file.string(), course->name));
+        throw base::Error(fmt::format(
+            "{}: another file of the directory holds a course {} already; to choose one of its "
+            "sets, give the set's file, or its name with the directory as the collection",
+            file.string(), course->name));
       }
       set.courses.push_back(course);
     }
@@ -164,14 +173,21 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
     CheckSolvable(set, path);
     return set;
   }
+  if (collection && !collection->empty() && !fs::is_directory(*collection, error)) {
+    throw base::Error(
+        fmt::format("{}: is no directory, expected a collection that `slalom courses import` wrote",
+                    collection->string()));
+  }
+  const std::vector<std::string> names = ListCourseSets(collection);
+  const std::string suggestion = base::Suggestion(spec, names);
   throw base::Error(fmt::format(
-      "\"{}\" is neither a course set nor a file{}; there are: {}, generated:SEED:COUNT, "
+      "\"{}\" is neither a course set nor a file{}{}{}here are: {}, generated:SEED:COUNT, "
       "generated-box:SEED:COUNT, generated-wall:SEED:COUNT, or the path of a course file, a "
       "course-set file or a directory of course files",
       spec,
       collection && !collection->empty() ? fmt::format(" (in collection {})", collection->string())
                                          : "",
-      fmt::join(ListCourseSets(collection), ", ")));
+      suggestion, suggestion.empty() ? "; t" : " T", fmt::join(names, ", ")));
 }
 
 std::vector<std::string> ListCourseSets(const std::optional<fs::path>& collection) {
@@ -179,7 +195,7 @@ std::vector<std::string> ListCourseSets(const std::optional<fs::path>& collectio
   for (const std::string_view name : SplitNames()) names.emplace_back(name);
   if (collection && !collection->empty()) {
     std::vector<std::string> others;
-    for (const fs::path& file : ListFiles(*collection, kCourseSetExtension)) {
+    for (const fs::path& file : ListFiles(*collection, {kCourseSetExtension})) {
       others.push_back(file.stem().string());
     }
     // The paper's sets first, in their own order, as far as the collection has them.

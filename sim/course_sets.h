@@ -21,8 +21,8 @@ namespace slalom::sim {
 /// - "real-world-1", "-2", "-3": the one `RealWorldCourse`, with or without a collection;
 /// - "generated:SEED:COUNT", "generated-box:SEED:COUNT", "generated-wall:SEED:COUNT": fresh courses
 ///   of `GenerateFreshCourses` and its like, with or without a collection;
-/// - else a path: a course or course-set file, or a directory whose *.course files, by name, are
-///   the set.
+/// - else a path: a course or course-set file, or a directory whose *.course and *.courses files,
+///   by name, are the set.
 ///
 /// Without a collection, "static-validation" is 40 fresh courses of `generator_seed`, so it is
 /// unseen by what trains on any of the sets; with one, see `SplitNames`. An empty `collection` path

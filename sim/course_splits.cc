@@ -27,11 +27,22 @@ constexpr int kTest[] = {250, 292, 97,  162, 219, 125, 142, 289, 1,   106, 227, 
 constexpr int kNumStatic = 300;
 constexpr int kNumDynamic = 100;  // Of each kind; the first half is for training.
 
-constexpr std::string_view kNames[] = {"static",           "static-test",      "static-train-5",
-                                       "static-train-10",  "static-train-50",  "static-train-100",
-                                       "static-train-250", "static-train-210", "static-validation",
-                                       "static-challenge", "dynamic-box",      "dynamic-box-train",
-                                       "dynamic-box-test", "dynamic-wall",     "dynamic-wall-train",
+constexpr std::string_view kNames[] = {"static",
+                                       "static-test",
+                                       "static-train-5",
+                                       "static-train-10",
+                                       "static-train-50",
+                                       "static-train-100",
+                                       "static-train-250",
+                                       "static-train-210",
+                                       "static-train-no-challenge",
+                                       "static-validation",
+                                       "static-challenge",
+                                       "dynamic-box",
+                                       "dynamic-box-train",
+                                       "dynamic-box-test",
+                                       "dynamic-wall",
+                                       "dynamic-wall-train",
                                        "dynamic-wall-test"};
 
 std::vector<int> First(int n) { return {kTrain100, kTrain100 + n}; }
@@ -78,6 +89,7 @@ std::optional<std::vector<int>> StaticIndices(std::string_view name) {
   if (name == "static-train-100") return First(100);
   if (name == "static-train-250") return AllBut(kTest, {});
   if (name == "static-train-210") return AllBut(kTest, Validation());
+  if (name == "static-train-no-challenge") return AllBut(kTest, EverySixth());
   if (name == "static-validation") return Validation();
   if (name == "static-challenge") return EverySixth();
   return std::nullopt;

@@ -39,11 +39,15 @@ struct CourseSplit {
 ///
 /// - `static-challenge`: 0, 6, ..., 294;
 ///
-/// and two of our own, for choosing settings without a look at static-test:
+/// two of our own, for choosing settings without a look at static-test:
 ///
 /// - `static-validation`: 40 of static-train-250, every third or fourth that is not in
 ///   static-train-100, so it is unseen by what trains on static-train-100 or less;
-/// - `static-train-210`: static-train-250 without static-validation.
+/// - `static-train-210`: static-train-250 without static-validation;
+///
+/// and one for scores on static-challenge, of which 40 are in static-train-250:
+///
+/// - `static-train-no-challenge`: the 210 of static-train-250 that are not in static-challenge.
 std::span<const std::string_view> SplitNames();
 
 inline constexpr int kNumValidationCourses = 40;

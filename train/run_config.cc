@@ -40,6 +40,15 @@ std::string Differences(const Section& section) {
   return differences;
 }
 
+sim::CourseSet ResolveKey(std::string_view key, const CoursesConfig& courses,
+                          const std::string& spec) {
+  try {
+    return courses.Resolve(spec);
+  } catch (const base::Error& error) {
+    throw base::Error(fmt::format("{}: {}", key, error.what()));
+  }
+}
+
 /// When the run's episodes end in success.
 policy::GoalRule GoalOf(const RunConfig& config) {
   return {.radius = config.environment.episode.goal_tolerance,
@@ -50,6 +59,14 @@ policy::GoalRule GoalOf(const RunConfig& config) {
 
 sim::CourseSet CoursesConfig::Resolve(const std::string& spec) const {
   return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
+}
+
+sim::CourseSet CoursesConfig::ResolveTrain() const {
+  return ResolveKey("courses.train", *this, train);
+}
+
+sim::CourseSet CoursesConfig::ResolveTest() const {
+  return ResolveKey("courses.test", *this, test);
 }
 
 policy::PolicySpec MakePolicySpec(const RunConfig& config) {

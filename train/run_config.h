@@ -33,6 +33,9 @@ struct CoursesConfig {
   /// The set that `spec` names (`sim::ResolveCourses`, with its errors) under this collection and
   /// seed.
   sim::CourseSet Resolve(const std::string& spec) const;
+  /// The sets of `train` and `test`. Errors name the key, too.
+  sim::CourseSet ResolveTrain() const;
+  sim::CourseSet ResolveTest() const;
 
   template <class Visitor>
   void Visit(Visitor& v) {

@@ -1,10 +1,13 @@
 #include "base/file.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <csignal>
 #include <filesystem>
 #include <stdexcept>
@@ -92,6 +95,80 @@ TEST_F(FileTest, AFullDiskLeavesTheOldFileAndNoOther) {
   EXPECT_THAT(error, HasSubstr(path.string()));
   EXPECT_EQ(ReadFile(path), "old");
   EXPECT_EQ(NumFiles(), 1);
+}
+
+TEST_F(FileTest, APipeIsWrittenToAndStays) {
+  const fs::path pipe = directory_ / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const int reader = ::open(pipe.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  ASSERT_GE(reader, 0);
+  EXPECT_TRUE(IsStream(pipe));
+  WriteFileAtomically(pipe, "through");
+  std::string read(100, ' ');
+  const ssize_t size = ::read(reader, read.data(), read.size());
+  ASSERT_EQ(size, 7);
+  EXPECT_EQ(read.substr(0, 7), "through");
+  ::close(reader);
+  EXPECT_TRUE(fs::is_fifo(pipe));
+  EXPECT_EQ(NumFiles(), 1);
+}
+
+TEST_F(FileTest, ADeviceStaysAndItsErrorIsSaid) {
+  // A link, so that a mistake costs the link and not the machine's device.
+  const fs::path link = directory_ / "full";
+  fs::create_symlink("/dev/full", link);
+  EXPECT_THAT(ErrorOf([&] { WriteFileAtomically(link, "x"); }),
+              testing::AllOf(HasSubstr(link.string()), HasSubstr("No space left")));
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_TRUE(fs::is_character_file(link));
+  EXPECT_EQ(NumFiles(), 1);
+}
+
+TEST_F(FileTest, AnOpenFileNamedByProcIsAppendedTo) {
+  // As /dev/stdout is where the shell has sent standard output to a file.
+  const fs::path file = directory_ / "file";
+  const int fd = ::open(file.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+  ASSERT_GE(fd, 0);
+  ASSERT_EQ(::write(fd, "before ", 7), 7);
+  const fs::path link = directory_ / "stdout";
+  fs::create_symlink("/proc/self/fd/" + std::to_string(fd), link);
+  EXPECT_TRUE(IsStream(link));
+  WriteFileAtomically(link, "after");
+  ::close(fd);
+  EXPECT_EQ(ReadFile(file), "before after");
+  EXPECT_TRUE(fs::is_symlink(link));
+}
+
+TEST_F(FileTest, ALinkStaysAndItsFileIsReplaced) {
+  const fs::path file = directory_ / "there" / "file";
+  MakeDirectories(file.parent_path());
+  WriteFileAtomically(file, "old");
+  const fs::path link = directory_ / "link";
+  fs::create_symlink("there/file", link);
+  EXPECT_FALSE(IsStream(link));
+  WriteFileAtomically(link, "new");
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_EQ(ReadFile(file), "new");
+  fs::remove(file);
+  WriteFileAtomically(link, "made anew");
+  EXPECT_EQ(ReadFile(file), "made anew");
+}
+
+TEST_F(FileTest, AnEndlessFileIsRefusedAndAPipeIsRead) {
+  EXPECT_THAT(ErrorOf([] { ReadFile("/dev/zero"); }),
+              testing::AllOf(HasSubstr("/dev/zero"), HasSubstr("no regular file")));
+  EXPECT_EQ(ReadFile("/dev/null"), "");
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe(ends.data()), 0);
+  ASSERT_EQ(::write(ends[1], "piped", 5), 5);
+  ::close(ends[1]);
+  EXPECT_EQ(ReadFile("/proc/self/fd/" + std::to_string(ends[0])), "piped");
+  ::close(ends[0]);
+}
+
+TEST_F(FileTest, ADirectoryIsNoFile) {
+  EXPECT_THAT(ErrorOf([&] { WriteFileAtomically(directory_, "x"); }),
+              testing::AllOf(HasSubstr(directory_.string()), HasSubstr("is a directory")));
 }
 
 TEST_F(FileTest, ErrorsNameTheFile) {

@@ -230,8 +230,9 @@ TEST_F(BadInputTest, WhatAnEvaluationDoesNotKnowIsNamedWithWhatThereIs) {
   evaluate({"--set", "navigation.wings=2"}, HasSubstr("navigation.wings"));
   evaluate({"--profile", "none.toml"}, HasSubstr("none.toml"));
   Write("profile.toml", "[environment.robot]\nmass = 3.0\n[dwa]\nwings = 2\n");
-  evaluate({"--profile", "profile.toml"}, AllOf(HasSubstr("profile.toml:3"), HasSubstr("'dwa'"),
-                                                HasSubstr("[environment] alone")));
+  evaluate({"--profile", "profile.toml"},
+           AllOf(HasSubstr("profile.toml:4"), HasSubstr("'dwa.wings'"),
+                 HasSubstr("[environment] alone")));
 }
 
 TEST_F(BadInputTest, ResultsThatCannotBeComparedAreRefused) {

@@ -74,6 +74,9 @@ TEST_F(CoursesTest, WhatCannotBeImportedOrFoundIsNamed) {
   EXPECT_EQ(show.exit_code, 1);
   EXPECT_THAT(show.err, AllOf(HasSubstr("\"dynamic-bx\""), HasSubstr("dynamic-box-test"),
                               HasSubstr("real-world-2"), HasSubstr("generated-wall:SEED:COUNT")));
+  EXPECT_THAT(Courses({"show", "static-test", "static-1-25"}).err,
+              HasSubstr("did you mean 'static-1-250'?"));
+  EXPECT_EQ(Courses({"list", "--seed", "-1"}).exit_code, 2);
 }
 
 }  // namespace

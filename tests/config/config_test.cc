@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
+#include "tests/support/scratch_directory.h"
 
 namespace slalom::config {
 namespace {
@@ -255,6 +256,89 @@ TEST(ConfigPrintTest, SectionsFollowTheirFields) {
   const std::string text = ToToml(Outer{});
   EXPECT_THAT(text, StartsWith("flag = false\ncount = 3\n"));
   EXPECT_THAT(text, EndsWith("[inner]\nspeed = 1.5\nkind = \"fast\"\n"));
+}
+
+class FilesTest : public testing::Test {
+ protected:
+  void Write(const std::string& name, const std::string& text) {
+    std::ofstream(scratch_.path() / name) << text;
+  }
+  fs::path Path(const std::string& name) const { return scratch_.path() / name; }
+
+  test::ScratchDirectory scratch_;
+};
+
+/// A program that reads the inner section alone.
+struct Half {
+  Inner inner;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("inner", inner, "The inner one.");
+  }
+};
+
+TEST_F(FilesTest, KeysOfOthersInASharedFileAreCheckedAndPassedOver) {
+  Write("base.toml", "flag = true\n");
+  Write("shared.toml", "base = \"base.toml\"\ncount = 7\nsizes = [9]\n[inner]\nspeed = 2.5\n");
+  Half half;
+  Outer others;
+  EXPECT_THAT(ReadSharedTomlFile(Path("shared.toml"), ListFields(half), ListFields(others)),
+              testing::UnorderedElementsAre("flag", "count", "sizes"));
+  EXPECT_EQ(half.inner.speed, 2.5);
+  EXPECT_EQ(others.inner.speed, 1.5) << "what the reader itself knows is its own";
+
+  Outer outer;
+  Half other_half;
+  EXPECT_THAT(ReadSharedTomlFile(Path("shared.toml"), ListFields(outer), ListFields(other_half)),
+              testing::IsEmpty());
+  EXPECT_EQ(outer.count, 7);
+
+  const auto error_of = [&](const std::string& text) -> std::string {
+    Write("bad.toml", text);
+    try {
+      ReadSharedTomlFile(Path("bad.toml"), ListFields(half), ListFields(others));
+      return "";
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+  };
+  EXPECT_THAT(error_of("\ncuont = 7\n"),
+              AllOf(HasSubstr("bad.toml:2: unknown key 'cuont'"), HasSubstr("'count'")));
+  EXPECT_THAT(error_of("count = 1000\n"), HasSubstr("expected an integer in [-100, 100]"));
+}
+
+TEST_F(FilesTest, ASectionOfOthersIsNamedOnce) {
+  struct Flat {
+    int count = 3;
+    void Visit(FieldCollector& v) { v("count", count, base::Range{0, 9}, "", "How many."); }
+  } flat;
+  Outer others;
+  Write("shared.toml", "count = 5\n[inner]\nspeed = 2.5\nkind = \"slow\"\n");
+  EXPECT_THAT(ReadSharedTomlFile(Path("shared.toml"), ListFields(flat), ListFields(others)),
+              ElementsAre("inner"));
+  EXPECT_EQ(flat.count, 5);
+}
+
+TEST_F(FilesTest, OfAMissingFileTheNearestIsNamed) {
+  Write("quickstart.toml", "");
+  Write("fast.toml", "");
+  const auto error_of = [&](const std::string& name) -> std::string {
+    Outer outer;
+    try {
+      ReadTomlFile(Path(name), ListFields(outer));
+      return "";
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+  };
+  for (const char* name : {"quikstart.toml", "quickstart", "quickstrat.toml"}) {
+    EXPECT_THAT(error_of(name),
+                AllOf(StartsWith(Path(name).string()), HasSubstr("there is no such file"),
+                      HasSubstr("did you mean '" + Path("quickstart.toml").string() + "'?")));
+  }
+  EXPECT_THAT(error_of("mine.toml"), EndsWith("there is no such file"));
+  EXPECT_THAT(error_of("none/mine.toml"), EndsWith("there is no such file"));
 }
 
 }  // namespace

@@ -54,6 +54,7 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
   const Episodes episodes = RunFake(5, config);
   const sim::CourseSet courses = MakeCourses(3);
   testing::FakeEnvironment environment(1, {0.1, 0.5, 0.9});
+  int num_compared = 0;
   for (int k = 0; k < 18; ++k) {
     EpisodeRecord expected;
     expected.course = k / 6;
@@ -65,7 +66,7 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
     sim::EpisodeTrack track{courses.courses[expected.course]->name};
     std::vector<base::Pose2>& X_WR = track.poses;
     // Of the 8 beams of the fake every second is kept.
-    if (expected.course != 2 && expected.episode == 0) {
+    if (expected.course != 2) {
       track.beams = sim::TrackBeams{{0.12, 0.0}, -0.5 * 4.71238, 4.71238 / 7 * 2};
     }
     const auto look = [&] {
@@ -97,10 +98,60 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
     track.outcome = result[0].outcome;
     expected.num_collisions = result[0].outcome == env::Outcome::kCollision ? 1 : 0;
     EXPECT_EQ(episodes.records[k], expected) << k;
-    if (expected.episode < 2) {
-      EXPECT_EQ(episodes.tracks[expected.course * 2 + expected.episode], track);
+    for (const sim::EpisodeTrack& kept : episodes.tracks) {
+      if (kept.course != track.course || kept.episode != track.episode) continue;
+      ++num_compared;
+      if (!kept.beams) {
+        track.beams.reset();
+        track.scans_cm.clear();
+      }
+      EXPECT_EQ(kept, track);
     }
   }
+  EXPECT_EQ(num_compared, 6);
+}
+
+/// The episodes of course `c` whose tracks are kept, and that with scans, or -1.
+std::pair<std::vector<int>, int> KeptOf(const Episodes& episodes, int c) {
+  std::pair<std::vector<int>, int> kept{{}, -1};
+  for (const sim::EpisodeTrack& track : episodes.tracks) {
+    if (track.course != "course-" + std::to_string(c)) continue;
+    kept.first.push_back(track.episode);
+    if (track.beams) kept.second = track.episode;
+  }
+  return kept;
+}
+
+TEST(RunEpisodes, KeepsTheTracksOfFailuresFirst) {
+  EvaluationConfig config = MakeConfig();
+  config.episodes_per_course = 20;
+  config.recorded_scan_courses = 5;
+  const std::vector<double> success_probability = {0.0, 0.5, 0.9, 0.97, 1.0};
+  bool is_late_failure_seen = false;
+  for (const int num_kept : {0, 1, 3, 40}) {
+    config.recorded_episodes_per_course = num_kept;
+    testing::FakeEnvironment environments(7, success_probability);
+    testing::SummingAgent agent(7);
+    const Episodes episodes = RunEpisodes(config, {}, MakeCourses(5), environments, agent).value();
+    for (int c = 0; c < 5; ++c) {
+      // Failures in order, then successes in order: the first of them, in the order of episodes.
+      std::vector<int> expected;
+      for (const bool wants_success : {false, true}) {
+        for (int e = 0; e < 20; ++e) {
+          const bool success = episodes.records[c * 20 + e].outcome == env::Outcome::kSuccess;
+          if (success == wants_success) expected.push_back(e);
+        }
+      }
+      const int best = expected.front();
+      is_late_failure_seen = is_late_failure_seen || best > 0;
+      expected.resize(std::min<std::size_t>(expected.size(), num_kept));
+      std::ranges::sort(expected);
+      const auto [kept, with_scans] = KeptOf(episodes, c);
+      EXPECT_EQ(kept, expected) << "course " << c << ", " << num_kept << " kept";
+      EXPECT_EQ(with_scans, num_kept == 0 ? -1 : best);
+    }
+  }
+  EXPECT_TRUE(is_late_failure_seen);
 }
 
 TEST(RunEpisodes, ReportsProgressUpToTheEnd) {

@@ -84,6 +84,31 @@ TEST_F(ResultTest, GivesBackWhatWasWritten) {
   EXPECT_EQ(result.tracks, evaluation.episodes.tracks);
 }
 
+TEST_F(ResultTest, WhatWasTrainedOnIsGivenBack) {
+  Evaluation evaluation = testing::MakeEvaluation({0.2, 0.5, 0.8});
+  evaluation.training_overlap = TrainingOverlap{2, 3, "static-train-250"};
+  WriteReports(evaluation, testing::MakeProvenance("x"), scratch_.path());
+  EXPECT_EQ(ReadResult(scratch_.path()).training_overlap, evaluation.training_overlap);
+  EXPECT_THAT(TextReport(evaluation),
+              AllOf(HasSubstr("warning: 2 of the 3 courses are among those that the policy was"),
+                    HasSubstr("(static-train-250)")));
+  evaluation.training_overlap->num_courses = 0;
+  EXPECT_THAT(TextReport(evaluation), ::testing::Not(HasSubstr("warning")));
+
+  const auto without = Write("without");
+  EXPECT_EQ(ReadResult(without).training_overlap, std::nullopt);
+  // Files of before this key.
+  json object = json::parse(base::ReadFile(without / "evaluation.json"));
+  ASSERT_TRUE(object.at("provenance").at("training_overlap").is_null());
+  object["provenance"].erase("training_overlap");
+  base::WriteFileAtomically(without / "evaluation.json", object.dump());
+  EXPECT_EQ(ReadResult(without).training_overlap, std::nullopt);
+  EXPECT_THAT(ErrorAfter([](json& changed) {
+                changed["provenance"]["training_overlap"] = {{"courses", -1}, {"of", 3}};
+              }),
+              HasSubstr("provenance.training_overlap.courses is -1"));
+}
+
 TEST_F(ResultTest, TakesTheDirectoryOrTheFile) {
   const auto directory = Write("a");
   EXPECT_EQ(ReadResult(directory).file, (directory / "evaluation.json").string());

@@ -98,7 +98,7 @@ TEST_F(PublishedWorlds, ImportAsTheTextGrids) {
 
   const std::filesystem::path output = scratch.path() / "collection";
   const WrittenCollection written = WriteCollection(import, output);
-  EXPECT_EQ(written.sets.size(), 16u);
+  EXPECT_EQ(written.sets.size(), 17u);
   EXPECT_TRUE(written.incomplete.empty());
   const CourseSet set = ResolveCourses("static-train-10", output, 1);
   ASSERT_EQ(set.courses.size(), 10u);
@@ -116,7 +116,7 @@ TEST_F(PublishedWorlds, ImportWithPathsBesideThem) {
   const test::ScratchDirectory scratch;
   const WrittenCollection written = WriteCollection(import, scratch.path());
   EXPECT_THAT(written.sets, ElementsAre("static"));
-  EXPECT_EQ(written.incomplete.size(), 15u);
+  EXPECT_EQ(written.incomplete.size(), 16u);
 }
 
 std::string Model(const std::string& pose, const std::string& geometry,
@@ -279,6 +279,31 @@ TEST(BarnImporter, BadDirectoriesPathsAndWorldsAreNamed) {
               HasSubstr("leaves the field at cell 2 (99, 2)"));
   base::WriteFileAtomically(path, "nothing");
   EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path(), std::nullopt); }), HasSubstr("path_7.npy"));
+}
+
+TEST(BarnImporter, WorldsMayLieInWorldFilesBesidePathFiles) {
+  const test::ScratchDirectory scratch;
+  const std::filesystem::path worlds = scratch.path() / "world_files";
+  base::MakeDirectories(worlds);
+  base::MakeDirectories(scratch.path() / "path_files");
+  base::WriteFileAtomically(worlds / "world_7.world", Sdf(Model("-1 7 0 0 0 0", kCylinder)));
+  base::WriteFileAtomically(scratch.path() / "path_files" / "path_7.npy",
+                            Npy(1, kRowOrder, {3, 0, 3, 1, 3, 2}));
+  for (const std::filesystem::path& given : {scratch.path(), worlds}) {
+    const BarnImport import = ImportBarn(given, std::nullopt);
+    ASSERT_EQ(import.courses.size(), 1u) << given;
+    EXPECT_EQ(import.courses.at(7)->reference_path_W.size(), 3u) << given;
+    EXPECT_TRUE(import.warnings.empty());
+  }
+}
+
+TEST(BarnImporter, WhereTheDataAreIsSaid) {
+  const test::ScratchDirectory scratch;
+  EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path(), std::nullopt); }),
+              AllOf(HasSubstr("https://www.cs.utexas.edu/~xiao/BARN/BARN.html"),
+                    HasSubstr("https://github.com/Daffan/ros_jackal")));
+  EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path(), scratch.path()); }),
+              HasSubstr("docs/courses.md"));
 }
 
 }  // namespace

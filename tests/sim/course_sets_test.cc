@@ -27,6 +27,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 std::set<int> Indices(std::string_view name) {
   const std::vector<int> list = FindSplit(name).value().indices;
@@ -91,6 +92,10 @@ TEST(CourseSplits, AreNestedAndKeepTestAndValidationApart) {
   EXPECT_EQ(Indices("static-train-210").size(), 210u);
   EXPECT_TRUE(Contains(Indices("static-train-250"), Indices("static-train-210")));
   EXPECT_TRUE(AreDisjoint(validation, Indices("static-train-210")));
+  // All of static-train-250 that is not the Challenge's: 40 of its 50 are, the others are tests.
+  EXPECT_EQ(Indices("static-train-no-challenge").size(), 210u);
+  EXPECT_TRUE(Contains(Indices("static-train-250"), Indices("static-train-no-challenge")));
+  EXPECT_TRUE(AreDisjoint(Indices("static-challenge"), Indices("static-train-no-challenge")));
 }
 
 TEST(CourseSets, BuiltInSetsAreSlicesOfTheGeneratedCollection) {
@@ -208,7 +213,10 @@ TEST(CourseSets, GeneratedHasAsManyAsAsked) {
 TEST(CourseSets, UnknownNameListsWhatThereIs) {
   EXPECT_THAT(ErrorOf("static-tset"), AllOf(HasSubstr("static-tset"), HasSubstr("static-test"),
                                             HasSubstr("generated:SEED:COUNT")));
-  EXPECT_THAT(ErrorOf(""), HasSubstr("static-test"));
+  EXPECT_THAT(ErrorOf("static-tset"), HasSubstr("; did you mean 'static-test'? There are: "));
+  EXPECT_THAT(ErrorOf("nowhere"),
+              AllOf(HasSubstr("a file; there are: "), Not(HasSubstr("did you mean"))));
+  EXPECT_THAT(ErrorOf(""), AllOf(HasSubstr("static-test"), Not(HasSubstr("did you mean"))));
 }
 
 TEST(CourseSets, CollectionFilesAndDirectoriesAreRead) {
@@ -236,6 +244,11 @@ TEST(CourseSets, CollectionFilesAndDirectoriesAreRead) {
   EXPECT_EQ(set.name, "single");
   ASSERT_EQ(set.courses.size(), 2u);
   EXPECT_EQ(*set.courses[0], *made.courses[2]);
+  WriteCourseSet(directory / "bb.courses", {"", {made.courses[0]}});
+  base::WriteFileAtomically(directory / "notes.txt", "no course");
+  const CourseSet both = ResolveCourses(directory, std::nullopt, 1);
+  ASSERT_EQ(both.courses.size(), 3u);
+  EXPECT_EQ(*both.courses[2], *made.courses[0]);
   WriteCourseSet(directory / "c.course", {"", {made.courses[1]}});
   EXPECT_THAT(ErrorOf(directory), AllOf(HasSubstr("c.course"), HasSubstr(made.courses[1]->name)));
 }

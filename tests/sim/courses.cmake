@@ -1,7 +1,7 @@
 slalom_add_test(course_generator_test SOURCES course_generator_test.cc course_path_test.cc
     course_difficulty_test.cc barn_data.cc
   DEPS slalom::sim)
-slalom_add_test(course_sets_test SOURCES course_sets_test.cc course_file_test.cc course_check_test.cc
+slalom_add_test(course_sets_test SOURCES course_sets_test.cc course_overlap_test.cc course_file_test.cc course_check_test.cc
     barn_data.cc
     ${PROJECT_SOURCE_DIR}/tests/support/fontconfig_leaks.cc
   DEPS slalom::sim)
