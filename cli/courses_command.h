@@ -4,9 +4,9 @@
 
 namespace slalom::cli {
 
-/// Adds `courses` with its subcommands list, show, render, generate and import. They write what was
-/// asked for to standard output or files, notes to standard error, and throw `base::Error` for what
-/// the user can mend.
+/// Adds `courses` with its subcommands list, show, render, animate, generate and import. They write
+/// what was asked for to standard output or files, notes to standard error, and throw `base::Error`
+/// for what the user can mend.
 void AddCoursesCommand(CLI::App& app);
 
 }  // namespace slalom::cli
