@@ -92,7 +92,7 @@ std::string EncodeFrames(const sim::Animation& animation, VideoFormat format,
   frames.height = pictures.height();
   frames.frames_per_second = frames_per_second;
   frames.num_frames =
-      std::max(1, static_cast<int>(std::ceil(animation.loop_time() * frames_per_second)));
+      std::max(1, static_cast<int>(std::ceil(animation.loop_time() * frames_per_second - 1e-6)));
   frames.draw = [&](int i) {
     return pictures.Draw(static_cast<double>(i) / static_cast<double>(frames_per_second));
   };

@@ -312,7 +312,7 @@ class Writer {
       polygons.push_back(std::move(points));
     }
     times.push_back(std::max(DurationOf(track), times.back()));
-    polygons.emplace_back();
+    polygons.emplace_back("0 0");  // Nothing: the drive is over.
     Add("<polygon class=\"scan\"><animate attributeName=\"points\" calcMode=\"discrete\"{}"
         "</polygon>\n",
         Timing(times, polygons));

@@ -30,9 +30,9 @@ MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows);
 
 /// What `slalom watch` says of a config.
 struct RunFacts {
-  std::int64_t max_steps = 0;                              ///< 0: not known.
-  double max_seconds = 0.0;                                ///< 0: no limit.
-  std::vector<std::pair<std::string, std::string>> lines;  ///< Name and value, in order.
+  std::int64_t max_steps = 0;                                ///< 0: not known.
+  double max_seconds = 0.0;                                  ///< 0: no limit.
+  std::vector<std::pair<std::string, std::string>> lines{};  ///< Name and value, in order.
 };
 
 enum class RunState {
