@@ -138,11 +138,12 @@ struct AnimationFrames::Impl {
       if (!animation.options.shows_scans || !track.beams || time >= DurationOf(track)) continue;
       PaintScan(cairo, track, time);
     }
+    for (const EpisodeTrack& track : panel.tracks) PaintDrive(painter, track, time);
+    // Above the robots, so that a small one that hits is seen.
     for (std::size_t i = 0; i < panel.course->moving.size(); ++i) {
       const double motion_time = panel.tracks.front().motion_start + std::min(time, end);
       painter.PaintMovingAt(panel.course->moving[i], motions[number][i].At(motion_time).X_WB);
     }
-    for (const EpisodeTrack& track : panel.tracks) PaintDrive(painter, track, time);
     cairo_restore(cairo);
     if (time < end) return;
     PaintText(cairo, CaptionOf(panel), place.left + 0.5 * place.width,

@@ -205,6 +205,8 @@ class Writer {
     for (const EpisodeTrack& track : panel.tracks) {
       if (animation_.options.shows_scans && track.beams) AddScans(track);
     }
+    for (const EpisodeTrack& track : panel.tracks) AddTrack(track, KeysOf(track, tolerance));
+    // Above the robots, so that a small one that hits is seen.
     for (const MovingObstacle& obstacle : panel.course->moving) {
       const auto keys =
           KeysOf(obstacle, panel.tracks.front().motion_start, DurationOf(panel), tolerance);
@@ -213,7 +215,6 @@ class Writer {
                                         Short(animation_.scale * obstacle.radius, 1))
                           : BoxShape("moving", obstacle.half_size));
     }
-    for (const EpisodeTrack& track : panel.tracks) AddTrack(track, KeysOf(track, tolerance));
     Add("</g>\n");
     const std::string_view style =
         panel.tracks.size() == 1 ? ToString(panel.tracks.front().outcome) : "count";
