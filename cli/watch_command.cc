@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <exception>
 #include <filesystem>
 #include <memory>
 #include <stop_token>
@@ -109,8 +110,14 @@ void Watch(const WatchOptions& options) {
   const watch::WatchPages pages(root, {.facts = FactsOf, .drives = [&drives](const fs::path& run) {
                                          return drives.Newest(run);
                                        }});
-  const metrics::HttpServer server(listener.socket,
-                                   [&pages](std::string_view path) { return pages.Answer(path); });
+  const metrics::HttpServer server(
+      listener.socket, [&pages](std::string_view path) -> metrics::HttpAnswer {
+        try {
+          return pages.Answer(path);
+        } catch (const std::exception& error) {
+          return {500, "Internal Server Error", "text/plain; charset=utf-8", error.what()};
+        }
+      });
   fmt::print("watching {} at http://{}:{}/ (Ctrl-C ends)\n", options.run, host, listener.port);
   std::fflush(stdout);
   WaitForStop(signals.token());

@@ -17,6 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 class PicturesTest : public ::testing::Test {
@@ -40,6 +41,17 @@ class PicturesTest : public ::testing::Test {
   }
 
   std::string Read(const std::string& file) { return base::ReadFile(scratch_.path() / file); }
+
+  /// The port that `watch` says it serves at, once it does.
+  int PortOf(const std::string& file) {
+    std::string out;
+    while (out.find('\n') == std::string::npos) {
+      std::this_thread::yield();
+      if (fs::exists(scratch_.path() / file)) out = Read(file);
+    }
+    const auto at = out.find("127.0.0.1:");
+    return at == std::string::npos ? 0 : std::atoi(out.c_str() + at + 10);
+  }
 
   const ScratchDirectory scratch_;
 };
@@ -114,13 +126,8 @@ TEST_F(PicturesTest, WatchServesThePageUntilItIsStopped) {
                             "training_s,steps\n1,100\n2,2");
   base::WriteFileAtomically(scratch_.path() / "runs/mine/config.toml", "[run]\nmax_steps = 400\n");
   BackgroundProgram program({"watch", "runs/mine", "--port", "0"}, scratch_.path());
-  std::string out;
-  while (out.find('\n') == std::string::npos) {
-    std::this_thread::yield();
-    if (fs::exists(scratch_.path() / "out")) out = Read("out");
-  }
-  const int port = std::atoi(out.c_str() + out.find("127.0.0.1:") + 10);
-  ASSERT_GT(port, 0) << out;
+  const int port = PortOf("out");
+  ASSERT_GT(port, 0);
   EXPECT_THAT(Exchange(port, "GET / HTTP/1.1\r\n\r\n"), HasSubstr("<title>Slalom watch</title>"));
   const std::string run = Exchange(port, "GET /run/mine.json HTTP/1.1\r\n\r\n");
   EXPECT_THAT(run, HasSubstr("\"steps\":100"));
@@ -132,6 +139,28 @@ TEST_F(PicturesTest, WatchServesThePageUntilItIsStopped) {
   EXPECT_EQ(busy.exit_code, 1);
   EXPECT_THAT(busy.err, HasSubstr("Address already in use"));
   program.Signal(SIGINT);
+  EXPECT_EQ(program.Wait(), 0);
+}
+
+TEST_F(PicturesTest, WatchDrivesTheNewestPolicy) {
+  WriteTinyConfig(scratch_.path(), 1000);
+  ASSERT_EQ(RunProgram({"train", "tiny.toml", "--name", "tiny", "--no-evaluation"}, scratch_.path())
+                .exit_code,
+            0);
+  BackgroundProgram program({"watch", "runs/tiny", "--port", "0"}, scratch_.path());
+  const int port = PortOf("out");
+  std::string run;
+  while (run.find("\"number\":1") == std::string::npos) {
+    run = Exchange(port, "GET /run/tiny.json HTTP/1.1\r\n\r\n");
+    ASSERT_THAT(run, Not(HasSubstr("cannot be driven")));
+  }
+  EXPECT_THAT(run, HasSubstr("The policy after"));
+  EXPECT_THAT(run, HasSubstr("\"state\":\"finished\""));
+  const std::string picture = Exchange(port, "GET /run/tiny.svg?1 HTTP/1.1\r\n\r\n");
+  EXPECT_THAT(picture, StartsWith("HTTP/1.1 200 OK"));
+  EXPECT_THAT(picture, HasSubstr("Content-Type: image/svg+xml"));
+  EXPECT_THAT(picture, HasSubstr("class=\"robot\""));
+  program.Signal(SIGTERM);
   EXPECT_EQ(program.Wait(), 0);
 }
 

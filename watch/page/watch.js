@@ -131,11 +131,16 @@ async function update() {
       history.replaceState(null, '', `#${encodeURIComponent(newest.name)}`);
     }
     showRuns(runs);
+    if (chosen() === '') {
+      fail('There is no run here any more.');
+      return;
+    }
     const answer = await ask(`/run/${encodeURIComponent(chosen())}.json`);
     if (answer.status === 404) {
       fail(`The run ${chosen()} is no longer there${latest ? '; this is what it was.' : '.'}`);
       return;
     }
+    if (!answer.ok) throw new Error(await answer.text());
     show(await answer.json());
     fail('');
   } catch (error) {
