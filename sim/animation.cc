@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <utility>
@@ -11,6 +10,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "sim/course_painter.h"
+#include "sim/motion.h"
 
 namespace slalom::sim {
 namespace {

@@ -1,14 +1,12 @@
 #pragma once
 
 #include <memory>
-#include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
+#include "base/geometry.h"
 #include "sim/course.h"
 #include "sim/episode_file.h"
-#include "sim/motion.h"
 
 /// Recorded drives as moving pictures: what is shown, where and when. sim/animation_svg.h and
 /// sim/animation_frames.h draw it.
