@@ -151,7 +151,8 @@ std::string RunFfmpeg(const std::vector<std::string>& conversion, const VideoFra
   if (status == 0 && !content.empty()) return content;
   const std::string text = Content(messages);
   throw base::Error(
-      fmt::format("ffmpeg failed (status {}): {}", status,
+      fmt::format("ffmpeg failed (exit code {}): {}",
+                  WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
                   text.empty() ? "it said nothing" : text.substr(0, text.find('\n'))));
 }
 

@@ -177,10 +177,10 @@ Animation PlaceAnimation(std::vector<AnimationPanel> panels, const AnimationOpti
   animation.width = EvenlyUp(width);
   animation.height = EvenlyUp(top + 0.5 * kPanelMargin + kAnimationFooter);
   if (animation.width > kMaxSide || animation.height > kMaxSide) {
-    throw base::Error(fmt::format(
-        "{} courses side by side would make a picture of {:.0f} x {:.0f} pixels, expected at most "
-        "{:.0f} each way; choose fewer courses with --course",
-        animation.panels.size(), animation.width, animation.height, kMaxSide));
+    throw base::Error(
+        fmt::format("{} pictures would make one of {:.0f} x {:.0f} pixels, expected at most "
+                    "{:.0f} each way; choose fewer with --course, or more --columns",
+                    animation.panels.size(), animation.width, animation.height, kMaxSide));
   }
   return animation;
 }
