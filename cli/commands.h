@@ -23,6 +23,7 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code);
 void AddReportCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 void AddServiceCommands(CLI::App& app, int* exit_code);
+void AddWatchCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
 void AddKeysCommand(CLI::App& app);
 void AddMetricsCommand(CLI::App& app);

@@ -5,7 +5,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -16,7 +15,8 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "base/suggestion.h"
+#include "cli/animate_command.h"
+#include "cli/course_selection.h"
 #include "cli/output.h"
 #include "sim/barn_importer.h"
 #include "sim/course_check.h"
@@ -30,54 +30,6 @@ namespace slalom::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr char kSpecHelp[] =
-    "Set name (see `slalom courses list`), generated:SEED:COUNT, generated-box:SEED:COUNT, "
-    "generated-wall:SEED:COUNT, or the path of a course file, a set file or a directory of course "
-    "files";
-
-/// What a command works on: the words that choose a course set.
-struct Selection {
-  std::string spec;
-  std::optional<std::string> collection;
-  std::uint64_t seed = 1;
-  std::vector<std::string> names;  ///< Of courses in the set; empty: all.
-
-  void AddSource(CLI::App& command) {
-    command.add_option(
-        "--collection", collection,
-        "Directory written by `slalom courses import`; without it, the built-in courses");
-    command.add_option("--seed", seed, "Seed of the built-in courses")
-        ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}))
-        ->capture_default_str();
-  }
-
-  std::optional<fs::path> collection_path() const {
-    if (collection) RequireCollection(*collection);
-    return collection ? std::optional<fs::path>(*collection) : std::nullopt;
-  }
-
-  /// The chosen courses, in the order of the set.
-  sim::CourseSet Resolve() const {
-    sim::CourseSet set = sim::ResolveCourses(spec, collection_path(), seed);
-    if (names.empty()) return set;
-    for (const std::string& name : names) {
-      const bool is_there = std::any_of(set.courses.begin(), set.courses.end(),
-                                        [&](const auto& c) { return c->name == name; });
-      if (!is_there) {
-        std::vector<std::string> there;
-        for (const auto& course : set.courses) there.push_back(course->name);
-        throw base::Error(
-            fmt::format("{}: holds no course {}{}; it has {} courses, the first is {}", spec, name,
-                        base::Suggestion(name, there), there.size(), there.front()));
-      }
-    }
-    std::erase_if(set.courses, [&](const auto& course) {
-      return std::find(names.begin(), names.end(), course->name) == names.end();
-    });
-    return set;
-  }
-};
 
 void PrintTable(const sim::CourseSet& set) {
   fmt::print("{:<24} {:>9} {:>6} {:>9} {:>10} {:>10} {:>10} {:>10} {:>10}\n", "course", "obstacles",
@@ -122,7 +74,7 @@ void PrintWarnings(const std::vector<std::shared_ptr<const sim::Course>>& course
 
 void AddList(CLI::App& courses) {
   CLI::App* command = courses.add_subcommand("list", "List the course sets that can be named");
-  auto selection = std::make_shared<Selection>();
+  auto selection = std::make_shared<CourseSelection>();
   selection->AddSource(*command);
   command->callback([selection] {
     fmt::print("{:<20} {:>8}\n", "set", "courses");
@@ -139,8 +91,8 @@ void AddList(CLI::App& courses) {
 void AddShow(CLI::App& courses) {
   CLI::App* command =
       courses.add_subcommand("show", "Print the courses of a set, or a picture and facts of one");
-  auto selection = std::make_shared<Selection>();
-  command->add_option("SET", selection->spec, kSpecHelp)->required();
+  auto selection = std::make_shared<CourseSelection>();
+  command->add_option("SET", selection->spec, kCourseSpecHelp)->required();
   command->add_option("COURSE", selection->names, "Courses to show; without, a table of the set");
   selection->AddSource(*command);
   command->callback([selection] {
@@ -162,7 +114,7 @@ void AddShow(CLI::App& courses) {
 
 /// The options of `render`.
 struct RenderOptions {
-  Selection selection;
+  CourseSelection selection;
   std::string output;
   std::optional<std::string> format;
   std::optional<std::string> episodes;
@@ -216,7 +168,7 @@ void AddRender(CLI::App& courses) {
   CLI::App* command =
       courses.add_subcommand("render", "Draw one course, or several in a grid, as SVG or PNG");
   auto options = std::make_shared<RenderOptions>();
-  command->add_option("--courses", options->selection.spec, kSpecHelp)->required();
+  command->add_option("--courses", options->selection.spec, kCourseSpecHelp)->required();
   command->add_option("--course", options->selection.names,
                       "Draw only this course of it (repeatable)");
   command->add_option("--output", options->output, "File to write")->required();
@@ -238,13 +190,13 @@ void AddGenerate(CLI::App& courses) {
   CLI::App* command =
       courses.add_subcommand("generate", "Write a set of courses to one course file");
   struct Options {
-    Selection selection;
+    CourseSelection selection;
     std::string output;
     bool force = false;
   };
   auto options = std::make_shared<Options>();
   options->selection.spec = "static";
-  command->add_option("--courses", options->selection.spec, kSpecHelp)->capture_default_str();
+  command->add_option("--courses", options->selection.spec, kCourseSpecHelp)->capture_default_str();
   command->add_option("--output", options->output, "Course file to write, best named *.courses")
       ->required();
   command->add_flag("--force", options->force, kForceHelp);
@@ -306,20 +258,14 @@ void AddImport(CLI::App& courses) {
 
 }  // namespace
 
-void RequireCollection(const std::string& directory) {
-  std::error_code error;
-  if (directory.empty() || fs::is_directory(directory, error)) return;
-  throw base::Error(fmt::format(
-      "--collection {}: is no directory, expected what `slalom courses import` wrote", directory));
-}
-
 void AddCoursesCommand(CLI::App& app) {
   CLI::App* courses =
-      app.add_subcommand("courses", "List, show, draw, write and import obstacle courses");
+      app.add_subcommand("courses", "List, show, draw, animate, write and import obstacle courses");
   courses->require_subcommand(1);
   AddList(*courses);
   AddShow(*courses);
   AddRender(*courses);
+  AddAnimateCommand(*courses);
   AddGenerate(*courses);
   AddImport(*courses);
   // Last, as the commands above would inherit it.
@@ -328,6 +274,8 @@ void AddCoursesCommand(CLI::App& app) {
       "(docs/courses.md). Examples:\n\n"
       "  slalom courses show static-test static-1-250        a picture in characters, and facts\n"
       "  slalom courses render --courses generated:7:20 --output courses.png\n"
+      "  slalom courses animate --courses static-test --course static-1-250 --episodes "
+      "out/evaluation-tracks.jsonl --output drive.svg\n"
       "  slalom courses import DIR --motions DIR --output barn   the paper's own courses");
 }
 

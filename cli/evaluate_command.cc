@@ -19,7 +19,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "cli/commands.h"
-#include "cli/courses_command.h"
+#include "cli/course_selection.h"
 #include "cli/evaluate_planner.h"
 #include "cli/evaluate_policy.h"
 #include "cli/output.h"

@@ -3,7 +3,7 @@
 #include <string_view>
 
 /// The files of eval/report_page/, put into the program at build time
-/// (cmake/EmbedReportPage.cmake).
+/// (cmake/EmbedPage.cmake).
 
 namespace slalom::eval {
 

@@ -13,7 +13,6 @@
 namespace slalom::sim {
 namespace {
 
-constexpr Colour kFloor{0.955, 0.96, 0.965};
 constexpr Colour kObstacle{0.26, 0.30, 0.36};
 constexpr Colour kEnds{0.13, 0.39, 0.83};  // Start and goal.
 constexpr double kGoalTolerance = 0.4;     // [m], within which the goal counts as reached.
@@ -53,6 +52,23 @@ Bounds IncludingSweep(Bounds bounds, const MovingObstacle& obstacle) {
   return Including(bounds, Box{obstacle.key_frames.back().X_WB, obstacle.half_size});
 }
 
+Bounds ViewOf(const CourseScene& scene) {
+  constexpr double kReach = 0.35;  // [m] round each pose.
+  Bounds view = scene.course->bounds;
+  for (const MovingObstacle& obstacle : scene.course->moving) {
+    view = IncludingSweep(view, obstacle);
+  }
+  for (const EpisodeTrack& track : scene.tracks) {
+    for (const base::Pose2& pose : track.poses) {
+      view.min_W.x = std::min(view.min_W.x, pose.p.x - kReach);
+      view.min_W.y = std::min(view.min_W.y, pose.p.y - kReach);
+      view.max_W.x = std::max(view.max_W.x, pose.p.x + kReach);
+      view.max_W.y = std::max(view.max_W.y, pose.p.y + kReach);
+    }
+  }
+  return view;
+}
+
 Colour OutcomeColour(env::Outcome outcome) {
   switch (outcome) {
     case env::Outcome::kSuccess:
@@ -72,6 +88,11 @@ void SetColour(cairo_t* cairo, Colour colour, double alpha) {
 }
 
 void CoursePainter::PaintCourse(const Course& course) {
+  PaintFixed(course);
+  for (const MovingObstacle& obstacle : course.moving) PaintMoving(obstacle);
+}
+
+void CoursePainter::PaintFixed(const Course& course) {
   const Bounds& bounds = course.bounds;
   cairo_rectangle(cairo_, bounds.min_W.x, bounds.min_W.y, bounds.max_W.x - bounds.min_W.x,
                   bounds.max_W.y - bounds.min_W.y);
@@ -88,7 +109,16 @@ void CoursePainter::PaintCourse(const Course& course) {
   for (const Circle& circle : course.circles) TraceCircle(circle);
   for (const Box& box : course.boxes) TraceBox(box);
   cairo_fill(cairo_);
-  for (const MovingObstacle& obstacle : course.moving) PaintMoving(obstacle);
+}
+
+void CoursePainter::PaintMovingAt(const MovingObstacle& obstacle, const base::Pose2& X_WB) {
+  if (obstacle.radius > 0.0) {
+    TraceCircle({X_WB.p, obstacle.radius});
+  } else {
+    TraceBox({X_WB, obstacle.half_size});
+  }
+  SetColour(cairo_, kMoving);
+  cairo_fill(cairo_);
 }
 
 void CoursePainter::PaintMoving(const MovingObstacle& obstacle) {
@@ -199,6 +229,30 @@ void CoursePainter::PaintStart(const base::Pose2& X_WR) {
     cairo_line_to(cairo_, p.x, p.y);
   }
   cairo_close_path(cairo_);
+  cairo_fill(cairo_);
+}
+
+void CoursePainter::PaintTrail(std::span<const base::Vec2> points, Colour colour) {
+  for (const base::Vec2& p : points) cairo_line_to(cairo_, p.x, p.y);
+  SetColour(cairo_, colour, 0.85);
+  SetLineWidth(0.05);
+  cairo_set_line_join(cairo_, CAIRO_LINE_JOIN_ROUND);
+  cairo_stroke(cairo_);
+}
+
+void CoursePainter::PaintRobot(const base::Pose2& X_WR, Colour colour) {
+  TraceOutline(X_WR);
+  SetColour(cairo_, colour);
+  cairo_fill_preserve(cairo_);
+  SetColour(cairo_, {1.0, 1.0, 1.0});
+  SetLineWidth(0.02);
+  cairo_stroke(cairo_);
+  for (const base::Vec2 nose : {base::Vec2{0.16, 0.0}, {-0.04, 0.11}, {-0.04, -0.11}}) {
+    const base::Vec2 p = base::Transform(X_WR, nose);
+    cairo_line_to(cairo_, p.x, p.y);
+  }
+  cairo_close_path(cairo_);
+  SetColour(cairo_, {1.0, 1.0, 1.0}, 0.9);
   cairo_fill(cairo_);
 }
 

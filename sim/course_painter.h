@@ -17,6 +17,7 @@ struct Colour {
   double blue;
 };
 
+inline constexpr Colour kFloor{0.955, 0.96, 0.965};
 inline constexpr Colour kInk{0.15, 0.17, 0.20};
 inline constexpr Colour kMoving{0.70, 0.36, 0.10};  ///< Obstacles that move.
 inline constexpr Colour kMuted{0.45, 0.48, 0.52};
@@ -29,6 +30,10 @@ void SetColour(cairo_t* cairo, Colour colour, double alpha = 1.0);
 /// `bounds`, and all that a moving obstacle covers on its way.
 Bounds IncludingSweep(Bounds bounds, const MovingObstacle& obstacle);
 
+/// Returns the part of the plane that a scene needs: the course's bounds, the ways of its moving
+/// obstacles and a margin round each pose of the tracks.
+Bounds ViewOf(const CourseScene& scene);
+
 /// Draws in the course's frame W. The caller has set up a transformation from metres, y up, to the
 /// page. Confined to the thread that owns the context.
 class CoursePainter {
@@ -37,6 +42,14 @@ class CoursePainter {
 
   /// Draws floor, obstacles, goal and reference path.
   void PaintCourse(const Course& course);
+  /// Draws the same without moving obstacles.
+  void PaintFixed(const Course& course);
+  /// Draws a moving obstacle at one of its poses.
+  void PaintMovingAt(const MovingObstacle& obstacle, const base::Pose2& X_WB);
+  /// Draws a line through where the robot was.
+  void PaintTrail(std::span<const base::Vec2> points, Colour colour);
+  /// Draws the robot filled, with a mark that points ahead.
+  void PaintRobot(const base::Pose2& X_WR, Colour colour);
   /// Draws the obstacle filled where it begins, its outline at each second, and the way of its
   /// centre with an arrow at the end (with ping-pong playback, at both ends).
   void PaintMoving(const MovingObstacle& obstacle);

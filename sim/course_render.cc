@@ -104,24 +104,6 @@ class Page {
   std::unique_ptr<cairo_t, Destroy> context_;
 };
 
-/// The part of the plane that a scene needs.
-Bounds ViewOf(const CourseScene& scene) {
-  constexpr double kReach = 0.35;  // [m] round each pose.
-  Bounds view = scene.course->bounds;
-  for (const MovingObstacle& obstacle : scene.course->moving) {
-    view = IncludingSweep(view, obstacle);
-  }
-  for (const EpisodeTrack& track : scene.tracks) {
-    for (const base::Pose2& pose : track.poses) {
-      view.min_W.x = std::min(view.min_W.x, pose.p.x - kReach);
-      view.min_W.y = std::min(view.min_W.y, pose.p.y - kReach);
-      view.max_W.x = std::max(view.max_W.x, pose.p.x + kReach);
-      view.max_W.y = std::max(view.max_W.y, pose.p.y + kReach);
-    }
-  }
-  return view;
-}
-
 Size SizeOf(const Bounds& view, double scale) {
   return {scale * (view.max_W.x - view.min_W.x), scale * (view.max_W.y - view.min_W.y)};
 }

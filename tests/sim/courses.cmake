@@ -13,3 +13,6 @@ slalom_add_test(dynamic_courses_test SOURCES dynamic_generator_test.cc dynamic_i
     real_world_courses_test.cc
     barn_data.cc
   DEPS slalom::sim)
+slalom_add_test(animation_test SOURCES animation_test.cc
+    ${PROJECT_SOURCE_DIR}/tests/support/fontconfig_leaks.cc
+  DEPS slalom::sim)

@@ -1,4 +1,5 @@
-# Writes OUTPUT (a C++ source) with the page of a report: HTML, STYLE and the SCRIPTS (joined in order; "|" between them).
+# Writes OUTPUT (a C++ source) with a page: HTML, the STYLE files and the SCRIPTS (each joined in order; "|" between them).
+# HEADER declares what it defines in NAMESPACE: NAMEHtml, NAMEStyle and NAMEScript.
 # The delimiter of the raw strings must not occur in the files; g++ takes strings of any length.
 function(read_part variable)
   set(text "")
@@ -13,13 +14,14 @@ function(read_part variable)
   set(${variable} "R\"slalompage(${text})slalompage\"" PARENT_SCOPE)
 endfunction()
 
+string(REPLACE "|" ";" styles "${STYLE}")
 string(REPLACE "|" ";" scripts "${SCRIPTS}")
 read_part(html ${HTML})
-read_part(style ${STYLE})
+read_part(style ${styles})
 read_part(script ${scripts})
-file(WRITE ${OUTPUT} "#include \"eval/report_page_parts.h\"\n
-namespace slalom::eval {\n
-const std::string_view kReportPageHtml = ${html};\n
-const std::string_view kReportPageStyle = ${style};\n
-const std::string_view kReportPageScript = ${script};\n
-}  // namespace slalom::eval\n")
+file(WRITE ${OUTPUT} "#include \"${HEADER}\"\n
+namespace ${NAMESPACE} {\n
+const std::string_view ${NAME}Html = ${html};\n
+const std::string_view ${NAME}Style = ${style};\n
+const std::string_view ${NAME}Script = ${script};\n
+}  // namespace ${NAMESPACE}\n")

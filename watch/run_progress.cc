@@ -1,0 +1,191 @@
+#include "watch/run_progress.h"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <system_error>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "run/run_directory.h"
+
+namespace slalom::watch {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kFresh = 15.0;      // A file written within so many seconds has a writer.
+constexpr double kComplete = 0.995;  // Of a limit; a run ends a moment before or after it.
+
+std::vector<std::string_view> Split(std::string_view line) {
+  std::vector<std::string_view> cells;
+  while (true) {
+    const auto comma = line.find(',');
+    cells.push_back(line.substr(0, comma));
+    if (comma == std::string_view::npos) return cells;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+/// The numbers of a line; none: it is not a whole row.
+std::optional<std::vector<double>> ParseRow(std::string_view line, std::size_t num_columns) {
+  const std::vector<std::string_view> cells = Split(line);
+  if (cells.size() != num_columns) return std::nullopt;
+  std::vector<double> numbers;
+  for (const std::string_view cell : cells) {
+    double number = kNone;
+    if (!cell.empty()) {
+      const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), number);
+      if (error != std::errc{} || end != cell.data() + cell.size()) return std::nullopt;
+    }
+    numbers.push_back(number);
+  }
+  return numbers;
+}
+
+/// Whether a process holds the directory as `run::RunLock` does. Asked of the kernel's list of
+/// locks, so that watching never holds one, were it for a moment. Not found where the kernel shows
+/// no list or the holder is on another machine.
+bool IsHeld(const fs::path& directory) {
+  struct stat status {};
+  if (::stat(directory.c_str(), &status) != 0) return false;
+  const std::string place =
+      fmt::format(" {:02x}:{:02x}:{} ", major(status.st_dev), minor(status.st_dev), status.st_ino);
+  std::ifstream locks("/proc/locks");
+  for (std::string line; std::getline(locks, line);) {
+    if (line.find("FLOCK") != std::string::npos && line.find(place) != std::string::npos) {
+      return true;
+    }
+  }
+  return false;
+}
+
+/// The part of the run that is behind it, from 0 to 1.
+double FractionOf(const MetricsTable& metrics, const RunFacts& facts) {
+  double fraction = 0.0;
+  const double steps = metrics.Last("steps");
+  const double seconds = metrics.Last("training_s");
+  if (facts.max_steps > 0 && steps > 0.0) {
+    fraction = steps / static_cast<double>(facts.max_steps);
+  }
+  if (facts.max_seconds > 0.0 && seconds > 0.0) {
+    fraction = std::max(fraction, seconds / facts.max_seconds);
+  }
+  return std::min(1.0, fraction);
+}
+
+/// Keeps `max_rows` of the rows.
+void Thin(MetricsTable& table, std::size_t max_rows) {
+  const std::size_t num_rows = table.num_rows();
+  if (num_rows <= max_rows) return;
+  for (std::vector<double>& column : table.columns) {
+    for (std::size_t i = 0; i < max_rows; ++i) {
+      column[i] = column[i * (num_rows - 1) / (max_rows - 1)];
+    }
+    column.resize(max_rows);
+  }
+}
+
+}  // namespace
+
+double MetricsTable::Last(std::string_view name) const {
+  const auto it = std::find(names.begin(), names.end(), name);
+  if (it == names.end() || num_rows() == 0) return kNone;
+  return columns[static_cast<std::size_t>(it - names.begin())].back();
+}
+
+MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows) {
+  MetricsTable table;
+  for (std::size_t end = 0; (end = text.find('\n')) != std::string_view::npos;) {
+    const std::string_view line = text.substr(0, end);
+    text.remove_prefix(end + 1);
+    if (table.names.empty()) {
+      for (const std::string_view name : Split(line)) table.names.emplace_back(name);
+      table.columns.resize(table.names.size());
+      continue;
+    }
+    const auto row = ParseRow(line, table.names.size());
+    if (!row) continue;
+    for (std::size_t i = 0; i < row->size(); ++i) table.columns[i].push_back((*row)[i]);
+  }
+  if (max_rows > 1) Thin(table, max_rows);
+  return table;
+}
+
+std::string_view ToString(RunState state) {
+  switch (state) {
+    case RunState::kStarting:
+      return "starting";
+    case RunState::kTraining:
+      return "training";
+    case RunState::kFinished:
+      return "finished";
+    default:
+      return "stopped";
+  }
+}
+
+bool IsRun(const fs::path& directory) {
+  const run::RunDirectory files{directory};
+  std::error_code ignored;  // What cannot be looked at is no run.
+  return fs::is_regular_file(files.config(), ignored) ||
+         fs::is_regular_file(files.metrics(), ignored);
+}
+
+std::optional<RunProgress> ReadRun(const fs::path& directory, const RunFacts& facts,
+                                   std::size_t max_rows) {
+  if (!IsRun(directory)) return std::nullopt;
+  const fs::path file = run::RunDirectory{directory}.metrics();
+  RunProgress progress;
+  progress.name = NameOf(directory);
+  std::error_code missing;
+  const auto written = fs::last_write_time(file, missing);
+  if (!missing) {
+    const auto age = fs::file_time_type::clock::now() - written;
+    progress.age_s = std::max(0.0, std::chrono::duration<double>(age).count());
+    try {
+      progress.metrics = ParseMetrics(base::ReadFile(file), max_rows);
+    } catch (const base::Error&) {
+      if (!IsRun(directory)) return std::nullopt;  // Deleted since.
+    }
+  }
+  const double fraction = FractionOf(progress.metrics, facts);
+  const bool held = IsHeld(directory);
+  const bool fresh = !missing && progress.age_s < kFresh;
+  if (held || (fresh && fraction < kComplete)) {
+    progress.state = progress.metrics.num_rows() > 0 ? RunState::kTraining : RunState::kStarting;
+  } else {
+    progress.state = fraction >= kComplete ? RunState::kFinished : RunState::kStopped;
+  }
+  if (progress.state == RunState::kTraining && fraction > 0.0) {
+    progress.left_s = progress.metrics.Last("training_s") * (1.0 / fraction - 1.0);
+  }
+  return progress;
+}
+
+std::vector<fs::path> ListRuns(const fs::path& root) {
+  if (IsRun(root)) return {root};
+  std::vector<fs::path> runs;
+  std::error_code ended;
+  for (fs::directory_iterator it(root, ended); !ended && it != fs::directory_iterator();
+       it.increment(ended)) {
+    if (IsRun(it->path())) runs.push_back(it->path());
+  }
+  std::sort(runs.begin(), runs.end());
+  return runs;
+}
+
+std::string NameOf(const fs::path& run) {
+  const fs::path normal = fs::absolute(run).lexically_normal();
+  return (normal.has_filename() ? normal : normal.parent_path()).filename().string();
+}
+
+}  // namespace slalom::watch
