@@ -1,10 +1,11 @@
 #pragma once
 
-// Makes the standard library's vector as C++17 has it, for clang (preset tidy) and nothing that runs.
+// Makes the standard library's vector as C++17 has it, for clang (preset tidy) and nothing that
+// runs.
 //
-// LibTorch 1.13 declares a vector of a type that is incomplete there. As C++20 has vector's members constexpr, clang
-// instantiates them at once and refuses that; g++ does not. stl_bvector.h defines a function that was declared constexpr
-// before: under another name it is one of its own.
+// LibTorch 1.13 declares a vector of a type that is incomplete there. As C++20 has vector's members
+// constexpr, clang instantiates them at once and refuses that; g++ does not. stl_bvector.h defines
+// a function that was declared constexpr before: under another name it is one of its own.
 
 #include <memory>
 #include <string>

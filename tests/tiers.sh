@@ -68,7 +68,7 @@ part_format() {
 }
 part_release() {
   if [[ $tier == quick ]]; then
-    configure release SLALOM_TESTS=ON
+    configure release SLALOM_TESTS=ON SLALOM_BENCHMARKS=OFF
   else
     configure release SLALOM_TESTS=ON SLALOM_BENCHMARKS=ON
   fi

@@ -198,6 +198,22 @@ std::vector<std::string> IncludeFaults(const SourceFile& file) {
   return faults;
 }
 
+/// A source includes its own header first, so that each header is compiled with nothing before it.
+std::vector<std::string> OwnHeaderFaults(const SourceFile& file) {
+  fs::path header = file.path;
+  header.replace_extension(".h");
+  if (file.path.extension() != ".cc" || !fs::exists(fs::path(SLALOM_SOURCE_DIR) / header)) {
+    return {};
+  }
+  for (std::size_t i = 0; i < file.lines.size(); ++i) {
+    const std::string target = ParseInclude(file.lines[i]).target;
+    if (target.empty()) continue;
+    if (target == header.string()) return {};
+    return {Place(file, i) + ": <" + target + "> stands before \"" + header.string() + "\""};
+  }
+  return {file.path.string() + ": does not include \"" + header.string() + "\""};
+}
+
 /// The rules on names and text that a file breaks.
 std::vector<std::string> TextFaults(const SourceFile& file) {
   std::vector<std::string> faults;
@@ -256,6 +272,10 @@ TEST(ArchitectureTest, TheTreeIsRead) {
 
 TEST(ArchitectureTest, IncludesFollowTheMap) { EXPECT_EQ(FaultsOfTree(IncludeFaults), ""); }
 
+TEST(ArchitectureTest, EverySourceIncludesItsOwnHeaderFirst) {
+  EXPECT_EQ(FaultsOfTree(OwnHeaderFaults), "");
+}
+
 TEST(ArchitectureTest, NamesLengthsAndTextFollowTheStyle) {
   EXPECT_EQ(FaultsOfTree(TextFaults), "");
 }
@@ -309,6 +329,12 @@ TEST(ArchitectureTest, EveryRuleRefusesWhatItForbids) {
   EXPECT_THAT(include("sim/a.cc", "#include <box2d/box2d.h>"), IsEmpty());
   EXPECT_THAT(include("learner/a.cc", "#include \"replay/table.h\""), IsEmpty());
   EXPECT_THAT(include("tests/sim/a.cc", "#include \"replay/table.h\""), IsEmpty());
+
+  const std::string own = "#include \"base/file.h\"";
+  EXPECT_THAT(OwnHeaderFaults({"base/file.cc", {"// text", own, "#include <map>"}}), IsEmpty());
+  EXPECT_THAT(OwnHeaderFaults({"base/file.cc", {"#include <map>", own}}), Not(IsEmpty()));
+  EXPECT_THAT(OwnHeaderFaults({"base/file.cc", {}}), Not(IsEmpty()));
+  EXPECT_THAT(OwnHeaderFaults({"cli/main.cc", {"#include <map>"}}), IsEmpty());
 
   const auto text = [](const std::string& path, const std::string& line) {
     return TextFaults({path, {"#pragma once", line}});

@@ -39,7 +39,7 @@ const Values& ValuesOf(std::string_view label) {
 struct StandIn {
   explicit StandIn(std::string_view role_name)
       : role(role_name), registry(std::string(role), std::string(role) + "-1") {
-    for (const metrics::Section& section : metrics::Catalogue()) {
+    for (const metrics::CatalogueSection& section : metrics::Catalogue()) {
       for (const Spec* spec : section.specs) Add(*spec);
     }
     exposer = std::make_unique<metrics::Exposer>("127.0.0.1:0", registry);

@@ -85,7 +85,7 @@ TEST_F(PublishedWorlds, MotionsAloneMakeTheDynamicSets) {
   const WrittenCollection written = WriteCollection(import, scratch.path());
   EXPECT_THAT(written.sets, ElementsAre("dynamic-box", "dynamic-box-train", "dynamic-box-test",
                                         "dynamic-wall", "dynamic-wall-train", "dynamic-wall-test"));
-  EXPECT_EQ(written.incomplete.size(), 10u);
+  EXPECT_EQ(written.incomplete.size(), 11u);
   const CourseSet set = ResolveCourses("dynamic-wall-test", scratch.path(), 1);
   ASSERT_EQ(set.courses.size(), 50u);
   EXPECT_EQ(*set.courses[0], *import.courses.at(450));
