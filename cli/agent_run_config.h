@@ -13,7 +13,7 @@ namespace slalom::cli {
 
 /// Where set names look.
 struct CollectionConfig {
-  std::string collection = "";
+  std::string collection;
   std::int64_t generator_seed = 1;
 
   template <class Visitor>

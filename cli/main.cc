@@ -51,6 +51,7 @@ NamedCommand FindCommand(const CLI::App& app, std::span<char* const> words) {
         commands, [&](const CLI::App* command) { return command->check_name(word); });
     if (it == commands.end()) {
       std::vector<std::string> names;
+      names.reserve(commands.size());
       for (const CLI::App* command : commands) names.push_back(command->get_name());
       const std::string suggestion = slalom::base::Suggestion(word, names);
       named.mistake = fmt::format(
@@ -144,11 +145,15 @@ int Run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  slalom::policy::RestartWithBetterBlasKernel(argv);
-  slalom::policy::SetMathThreads(1);
-  slalom::base::InitLog();
-  const int exit_code = Run(argc, argv);
-  if (FlushOutput() || exit_code != slalom::cli::kExitOk) return exit_code;
-  fmt::print(stderr, "slalom: standard output cannot be written ({})\n", std::strerror(errno));
+  try {
+    slalom::policy::RestartWithBetterBlasKernel(argv);
+    slalom::policy::SetMathThreads(1);
+    slalom::base::InitLog();
+    const int exit_code = Run(argc, argv);
+    if (FlushOutput() || exit_code != slalom::cli::kExitOk) return exit_code;
+    fmt::print(stderr, "slalom: standard output cannot be written ({})\n", std::strerror(errno));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "slalom: %s\n", error.what());
+  }
   return slalom::cli::kExitError;
 }

@@ -57,7 +57,7 @@ double CountEarlierStarts(const std::filesystem::path& state, std::string_view r
 }
 
 train::RunConfig LoadConfig(const ServiceOptions& options) {
-  const auto config = config::Load<train::RunConfig>(options.config, options.overrides);
+  auto config = config::Load<train::RunConfig>(options.config, options.overrides);
   train::RequireCombination(config);
   train::RequireServable(config);
   return config;

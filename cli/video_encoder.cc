@@ -84,6 +84,7 @@ pid_t Start(const std::vector<std::string>& arguments, int input, int output, in
   posix_spawn_file_actions_adddup2(&actions, output, kOutput);
   if (palette >= 0) posix_spawn_file_actions_adddup2(&actions, palette, kPalette);
   std::vector<char*> pointers;
+  pointers.reserve(arguments.size() + 1);
   for (const std::string& argument : arguments) {
     pointers.push_back(const_cast<char*>(argument.c_str()));
   }
@@ -158,6 +159,7 @@ std::string RunFfmpeg(const std::vector<std::string>& conversion, const VideoFra
 
 std::vector<int> Numbers(int count, int num_frames) {
   std::vector<int> numbers;
+  numbers.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
     numbers.push_back(
         count == 1 ? 0 : static_cast<int>(std::int64_t{i} * (num_frames - 1) / (count - 1)));

@@ -35,6 +35,7 @@ CourseMeans MeansOf(const ResultCourse& course) {
 /// The mean of one difference per course. None: no course.
 std::optional<Estimate> MeanDifference(const std::vector<double>& differences) {
   std::vector<CourseTotal> totals;
+  totals.reserve(differences.size());
   for (const double difference : differences) totals.push_back({difference, 1.0});
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   auto estimate = EstimateMean(totals, {-kInfinity, kInfinity});

@@ -126,7 +126,7 @@ void ReferenceLoss(const policy::ModelShape& shape, const ModelTargets& targets,
     figures.select(0, figure).add_(value.sum().to(at::kDouble));
   };
   if (shape.probabilistic) {
-    const at::Tensor log_std = pass.log_std();
+    const at::Tensor& log_std = pass.log_std();
     const at::Tensor z = error * (-log_std).exp();
     d_mean = -z * (-log_std).exp();
     state = (log_std + 0.5 * z.square() + kHalfLog2Pi).sum(1);

@@ -202,7 +202,7 @@ bool BandOptimizer::DescendFrom(const BandSurroundings& surroundings, double obs
         predicted += step_[i] * (damping * step_[i] + system_.gradient(i));
       }
       for (int i = 0; i <= last_pose; ++i) {
-        const double* const d = &step_[static_cast<std::size_t>(kUnknownsPerPose * i)];
+        const double* const d = &step_[static_cast<std::size_t>(i) * std::size_t{kUnknownsPerPose}];
         base::Pose2& pose = tried_.poses[i];
         pose.p = pose.p + base::Vec2{d[0], d[1]};
         if (d[2] != 0.0) pose.yaw = base::WrapAngle(pose.yaw + std::clamp(d[2], -1e4, 1e4));

@@ -32,8 +32,8 @@ class ClearanceMap {
     const float row = (y - origin_y_) * cells_per_metre_;
     // Written so that NaN is off the map.
     if (!(column >= 0.0f && row >= 0.0f && column < width_ && row < height_)) return max_distance_;
-    return distances_[static_cast<std::size_t>(static_cast<int>(row) * size_x_ +
-                                               static_cast<int>(column))];
+    const int cell = static_cast<int>(row) * size_x_ + static_cast<int>(column);
+    return distances_[static_cast<std::size_t>(cell)];
   }
 
   float max_distance() const { return max_distance_; }

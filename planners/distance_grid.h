@@ -24,7 +24,8 @@ class DistanceGrid {
 
   /// Requires: c is on the map.
   std::uint16_t distance(CellIndex c) const {
-    return distances_[static_cast<std::size_t>((c.y + 1) * stride_ + c.x + 1)];
+    const int cell = (c.y + 1) * stride_ + c.x + 1;
+    return distances_[static_cast<std::size_t>(cell)];
   }
 
  private:

@@ -18,7 +18,7 @@
 namespace slalom::policy {
 
 template <class T>
-inline constexpr std::string_view kTensorType = "";
+inline constexpr std::string_view kTensorType{};
 template <>
 inline constexpr std::string_view kTensorType<float> = "F32";
 template <>

@@ -12,7 +12,7 @@ namespace {
 constexpr std::int64_t kMaxPanel = 32;
 
 /// Room for a panel. One per thread, as products are computed on several.
-alignas(64) thread_local float scratch[kMaxSmallDepth * kMaxPanel];
+alignas(64) thread_local float panel_scratch[kMaxSmallDepth * kMaxPanel];
 
 }  // namespace
 
@@ -20,9 +20,9 @@ bool SmallGemm(const GemmTask& task, const CpuFeatures& cpu) {
 #if defined(__x86_64__)
   if (!cpu.avx2_fma || task.k > kMaxSmallDepth) return false;
   if (cpu.avx512) {
-    SmallGemmAvx512(task, scratch);
+    SmallGemmAvx512(task, panel_scratch);
   } else {
-    SmallGemmAvx2(task, scratch);
+    SmallGemmAvx2(task, panel_scratch);
   }
   return true;
 #else

@@ -282,6 +282,7 @@ class Writer {
     }
     if (!(lengths.back() > 0.0)) return;
     std::vector<std::string> offsets;
+    offsets.reserve(lengths.size());
     for (const double length : lengths) {
       offsets.push_back(Short(1000.0 * (1.0 - length / lengths.back()), 0));
     }

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <limits>
 #include <string_view>
+#include <vector>
 
 namespace slalom::train {
 namespace {
@@ -97,6 +98,15 @@ bool HasValues(const PlotPanel& panel) {
   });
 }
 
+/// low, low + tick, ... up to `high`.
+std::vector<double> Ticks(double low, double high, double tick) {
+  const int last = static_cast<int>(std::floor((high - low) / tick + 1e-6));
+  std::vector<double> ticks;
+  ticks.reserve(static_cast<std::size_t>(last + 1));
+  for (int i = 0; i <= last; ++i) ticks.push_back(low + i * tick);
+  return ticks;
+}
+
 struct Axis {
   double low = 0.0;
   double high = 1.0;
@@ -144,7 +154,7 @@ class Drawing {
     const Axis axis = YAxis(panel);
     const Scale y{axis.low, axis.high, top + kPanelHeight, top};
     Text(kLeft, top - 9.0, panel.title, "font-weight=\"bold\"");
-    for (double value = axis.low; value <= axis.high + 1e-6 * axis.tick; value += axis.tick) {
+    for (const double value : Ticks(axis.low, axis.high, axis.tick)) {
       Add("<line class=\"grid\" x1=\"{}\" y1=\"{y:.1f}\" x2=\"{}\" y2=\"{y:.1f}\"/>", kLeft,
           kLeft + kPlotWidth, fmt::arg("y", y(value)));
       const double shown = std::abs(value) < 1e-6 * axis.tick ? 0.0 : value;
@@ -152,7 +162,7 @@ class Drawing {
            panel.is_rate ? fmt::format("{:.0f} %", 100.0 * value) : fmt::format("{:.6g}", shown),
            "class=\"faint\" text-anchor=\"end\"");
     }
-    for (double x = 0.0; x <= x_.from_high * (1.0 + 1e-9); x += x_tick) {
+    for (const double x : Ticks(0.0, x_.from_high, x_tick)) {
       Add("<line class=\"grid\" x1=\"{x:.1f}\" y1=\"{}\" x2=\"{x:.1f}\" y2=\"{}\"/>\n", top,
           top + kPanelHeight, fmt::arg("x", x_(x)));
     }
@@ -164,7 +174,7 @@ class Drawing {
   }
 
   void BottomScale(double y, double tick, std::string_view label) {
-    for (double x = 0.0; x <= x_.from_high * (1.0 + 1e-9); x += tick) {
+    for (const double x : Ticks(0.0, x_.from_high, tick)) {
       Text(x_(x), y + 16.0, fmt::format("{:g}", x), "class=\"faint\" text-anchor=\"middle\"");
     }
     Text(kLeft + kPlotWidth / 2.0, y + 36.0, label, "class=\"faint\" text-anchor=\"middle\"");
@@ -173,7 +183,7 @@ class Drawing {
   /// What the second scale reads at the ticks of the first, between its points in proportion.
   void TopScale(const PlotFigure& figure, double y, double tick) {
     const auto& xs = figure.top_x;
-    for (double x = 0.0; x <= x_.from_high * (1.0 + 1e-9); x += tick) {
+    for (const double x : Ticks(0.0, x_.from_high, tick)) {
       const auto after = std::ranges::lower_bound(xs, x);
       if (after == xs.end()) break;
       const auto i = static_cast<std::size_t>(after - xs.begin());

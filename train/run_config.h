@@ -27,7 +27,7 @@ namespace slalom::train {
 struct CoursesConfig {
   std::string train = "static-train-50";
   std::string test = "static-test";
-  std::string collection = "";
+  std::string collection;
   std::int64_t generator_seed = 1;
 
   /// The set that `spec` names (`sim::ResolveCourses`, with its errors) under this collection and

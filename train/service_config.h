@@ -8,11 +8,11 @@ namespace slalom::train {
 
 /// Where the processes of the distributed service find each other, and where each keeps its state.
 struct ServiceConfig {
-  std::string name = "";
+  std::string name;
   std::string replay = "tcp://127.0.0.1:5550";
-  std::string replay_bind = "";
+  std::string replay_bind;
   std::string learner = "tcp://127.0.0.1:5551";
-  std::string learner_bind = "";
+  std::string learner_bind;
   std::string metrics = "127.0.0.1:0";
   std::string state = "state";
   int io_threads = 1;
