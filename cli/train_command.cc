@@ -22,7 +22,6 @@
 #include "cli/training_results.h"
 #include "cli/version.h"
 #include "config/config.h"
-#include "sim/course_sets.h"
 #include "train/run_limits.h"
 #include "train/trainer.h"
 
@@ -146,15 +145,6 @@ void WarnOfLearningRates(const learner::LearnerConfig& config) {
   warn("critic", config.critic_learning_rate);
 }
 
-/// Says before the training, and not after, that it could not be scored.
-void CheckTestCourses(const train::CoursesConfig& courses) {
-  const auto built_in = sim::ListCourseSets(std::nullopt);
-  const bool is_built_in = courses.collection.empty() && std::find(built_in.begin(), built_in.end(),
-                                                                   courses.test) != built_in.end();
-  if (courses.test.empty() || is_built_in) return;
-  courses.ResolveTest();
-}
-
 /// The command that goes on with the run. Its own config holds every --set, --name and --seed that
 /// it was begun with.
 std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& directory,
@@ -238,9 +228,9 @@ int Train(const TrainOptions& options) {
   const run::RunDirectory directory{
       source.run.value_or(fs::path(options.output.value_or(kRuns)) / config.run.name)};
   CheckDeterminism(options, config);
-  if (!options.no_evaluation) CheckTestCourses(config.courses);
   WarnOfLearningRates(config.method.learner);
   if (!options.no_evaluation && !config.courses.test.empty()) {
+    // Test courses that cannot be had are an error now, and not after the training.
     WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
   }
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
