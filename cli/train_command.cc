@@ -160,10 +160,13 @@ std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& 
 /// Prints a line, or nothing where the terminal is gone.
 void Say(const std::string& line) { std::fputs((line + "\n").c_str(), stdout); }
 
-/// Whether the scores there are those of the policy there.
-bool IsScored(const run::RunDirectory& directory) {
+/// Whether the scores there are those of the policy there. Not if other ones are asked for.
+bool IsScored(const TrainOptions& options, const run::RunDirectory& directory) {
+  const bool asks_for_others = std::ranges::any_of(options.overrides, [](const std::string& set) {
+    return set.starts_with("courses.test=") || set.starts_with("evaluation.");
+  });
   const fs::path scores = directory.root / "evaluation.json";
-  return fs::exists(scores) &&
+  return !asks_for_others && fs::exists(scores) &&
          fs::last_write_time(scores) >= fs::last_write_time(directory.policy());
 }
 
@@ -208,7 +211,7 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
           : ResumeCommand(options, directory,
                           train::LongerLimit(config, trainer.steps(), trainer.training_s()));
   const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
-  if (was_finished && (!is_to_be_scored || IsScored(directory))) {
+  if (was_finished && (!is_to_be_scored || IsScored(options, directory))) {
     Say(fmt::format("{} is finished: its limit was reached, nothing was changed",
                     directory.root.string()));
     if (!longer.empty()) Say("to go on: " + longer);
