@@ -40,7 +40,8 @@ std::string FirstFile(const fs::path& directory) {
   std::error_code error;
   std::string first;
   for (const auto& entry : fs::directory_iterator(directory, error)) {
-    if (entry.is_directory(error)) continue;
+    std::error_code dangling;  // A link that leads nowhere is no directory.
+    if (entry.is_directory(dangling)) continue;
     const std::string name = entry.path().filename().string();
     if (first.empty() || name < first) first = name;
   }

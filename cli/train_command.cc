@@ -22,7 +22,6 @@
 #include "cli/training_results.h"
 #include "cli/version.h"
 #include "config/config.h"
-#include "sim/course_sets.h"
 #include "train/run_limits.h"
 #include "train/trainer.h"
 
@@ -146,15 +145,6 @@ void WarnOfLearningRates(const learner::LearnerConfig& config) {
   warn("critic", config.critic_learning_rate);
 }
 
-/// Says before the training, and not after, that it could not be scored.
-void CheckTestCourses(const train::CoursesConfig& courses) {
-  const auto built_in = sim::ListCourseSets(std::nullopt);
-  const bool is_built_in = courses.collection.empty() && std::find(built_in.begin(), built_in.end(),
-                                                                   courses.test) != built_in.end();
-  if (courses.test.empty() || is_built_in) return;
-  courses.ResolveTest();
-}
-
 /// The command that goes on with the run. Its own config holds every --set, --name and --seed that
 /// it was begun with.
 std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& directory,
@@ -170,10 +160,13 @@ std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& 
 /// Prints a line, or nothing where the terminal is gone.
 void Say(const std::string& line) { std::fputs((line + "\n").c_str(), stdout); }
 
-/// Whether the scores there are those of the policy there.
-bool IsScored(const run::RunDirectory& directory) {
+/// Whether the scores there are those of the policy there. Not if other ones are asked for.
+bool IsScored(const TrainOptions& options, const run::RunDirectory& directory) {
+  const bool asks_for_others = std::ranges::any_of(options.overrides, [](const std::string& set) {
+    return set.starts_with("courses.test=") || set.starts_with("evaluation.");
+  });
   const fs::path scores = directory.root / "evaluation.json";
-  return fs::exists(scores) &&
+  return !asks_for_others && fs::exists(scores) &&
          fs::last_write_time(scores) >= fs::last_write_time(directory.policy());
 }
 
@@ -218,7 +211,7 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
           : ResumeCommand(options, directory,
                           train::LongerLimit(config, trainer.steps(), trainer.training_s()));
   const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
-  if (was_finished && (!is_to_be_scored || IsScored(directory))) {
+  if (was_finished && (!is_to_be_scored || IsScored(options, directory))) {
     Say(fmt::format("{} is finished: its limit was reached, nothing was changed",
                     directory.root.string()));
     if (!longer.empty()) Say("to go on: " + longer);
@@ -238,9 +231,9 @@ int Train(const TrainOptions& options) {
   const run::RunDirectory directory{
       source.run.value_or(fs::path(options.output.value_or(kRuns)) / config.run.name)};
   CheckDeterminism(options, config);
-  if (!options.no_evaluation) CheckTestCourses(config.courses);
   WarnOfLearningRates(config.method.learner);
   if (!options.no_evaluation && !config.courses.test.empty()) {
+    // Test courses that cannot be had are an error now, and not after the training.
     WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
   }
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",

@@ -79,7 +79,7 @@ std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop
   const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
   train::RunConfig config;
   if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
-    config::ReadToml(it->second, file.path.string() + " (its config)", config::ListFields(config));
+    config = config::FromToml<train::RunConfig>(it->second, file.path.string() + " (its config)");
   }
   policy::RequireSameInterface(file.path.string(), loaded.snapshot.spec,
                                sim::MakeObservationSpec(config.environment),

@@ -41,8 +41,8 @@ function(slalom_add_precompiled_headers NAME)
 endfunction()
 
 # slalom_add_library(NAME HEADERS ... SOURCES ... DEPS ... [PRECOMPILED ...])
-# One folder is one library: target slalom_NAME, alias slalom::NAME. Every header is compiled on its own
-# (CMAKE_VERIFY_INTERFACE_HEADER_SETS) so that it is proved self-contained.
+# One folder is one library: target slalom_NAME, alias slalom::NAME. In preset dev the target all_verify_interface_header_sets
+# compiles every header on its own, which proves that it is self-contained.
 function(slalom_add_library NAME)
   cmake_parse_arguments(ARG "" "PRECOMPILED" "HEADERS;SOURCES;DEPS" ${ARGN})
   if(ARG_SOURCES)

@@ -15,7 +15,7 @@ namespace slalom::run {
 /// last row; episode figures are over the actor's last episodes. NaN: not known yet (an empty
 /// cell).
 struct MetricsRow {
-  double training_s = 0.0;  ///< Wall-clock spent training, over all resumes, [s].
+  double training_s = 0.0;  ///< Time spent training (`TrainingClock`), over all sessions, [s].
   std::int64_t steps = 0;
   std::int64_t updates = 0;
   std::int64_t episodes = 0;

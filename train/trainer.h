@@ -73,7 +73,7 @@ class Trainer {
   bool CheckpointDue() const;
   void TryCheckpoint();
   void Checkpoint();
-  /// Deletes the replay segments that no checkpoint stands on.
+  /// Deletes the replay's part files that no checkpoint needs.
   void CommitReplay();
   /// Whether policy.safetensors is that of the updates made so far.
   bool HasNewestPolicy() const;

@@ -5,11 +5,9 @@
 #include <sys/sysmacros.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <fstream>
-#include <limits>
 #include <system_error>
 
 #include "base/error.h"
@@ -21,35 +19,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kFresh = 15.0;      // A file written within so many seconds has a writer.
 constexpr double kComplete = 0.995;  // Of a limit; a run ends a moment before or after it.
-
-std::vector<std::string_view> Split(std::string_view line) {
-  std::vector<std::string_view> cells;
-  while (true) {
-    const auto comma = line.find(',');
-    cells.push_back(line.substr(0, comma));
-    if (comma == std::string_view::npos) return cells;
-    line.remove_prefix(comma + 1);
-  }
-}
-
-/// The numbers of a line; none: it is not a whole row.
-std::optional<std::vector<double>> ParseRow(std::string_view line, std::size_t num_columns) {
-  const std::vector<std::string_view> cells = Split(line);
-  if (cells.size() != num_columns) return std::nullopt;
-  std::vector<double> numbers;
-  for (const std::string_view cell : cells) {
-    double number = kNone;
-    if (!cell.empty()) {
-      const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), number);
-      if (error != std::errc{} || end != cell.data() + cell.size()) return std::nullopt;
-    }
-    numbers.push_back(number);
-  }
-  return numbers;
-}
 
 /// Whether a process holds the directory as `run::RunLock` does. Asked of the kernel's list of
 /// locks, so that watching never holds one, were it for a moment. Not found where the kernel shows
@@ -69,7 +40,7 @@ bool IsHeld(const fs::path& directory) {
 }
 
 /// The part of the run that is behind it, from 0 to 1.
-double FractionOf(const MetricsTable& metrics, const RunFacts& facts) {
+double FractionOf(const run::MetricsTable& metrics, const RunFacts& facts) {
   double fraction = 0.0;
   const double steps = metrics.Last("steps");
   const double seconds = metrics.Last("training_s");
@@ -82,43 +53,7 @@ double FractionOf(const MetricsTable& metrics, const RunFacts& facts) {
   return std::min(1.0, fraction);
 }
 
-/// Keeps `max_rows` of the rows.
-void Thin(MetricsTable& table, std::size_t max_rows) {
-  const std::size_t num_rows = table.num_rows();
-  if (num_rows <= max_rows) return;
-  for (std::vector<double>& column : table.columns) {
-    for (std::size_t i = 0; i < max_rows; ++i) {
-      column[i] = column[i * (num_rows - 1) / (max_rows - 1)];
-    }
-    column.resize(max_rows);
-  }
-}
-
 }  // namespace
-
-double MetricsTable::Last(std::string_view name) const {
-  const auto it = std::find(names.begin(), names.end(), name);
-  if (it == names.end() || num_rows() == 0) return kNone;
-  return columns[static_cast<std::size_t>(it - names.begin())].back();
-}
-
-MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows) {
-  MetricsTable table;
-  for (std::size_t end = 0; (end = text.find('\n')) != std::string_view::npos;) {
-    const std::string_view line = text.substr(0, end);
-    text.remove_prefix(end + 1);
-    if (table.names.empty()) {
-      for (const std::string_view name : Split(line)) table.names.emplace_back(name);
-      table.columns.resize(table.names.size());
-      continue;
-    }
-    const auto row = ParseRow(line, table.names.size());
-    if (!row) continue;
-    for (std::size_t i = 0; i < row->size(); ++i) table.columns[i].push_back((*row)[i]);
-  }
-  if (max_rows > 1) Thin(table, max_rows);
-  return table;
-}
 
 std::string_view ToString(RunState state) {
   switch (state) {
@@ -152,7 +87,7 @@ std::optional<RunProgress> ReadRun(const fs::path& directory, const RunFacts& fa
     const auto age = fs::file_time_type::clock::now() - written;
     progress.age_s = std::max(0.0, std::chrono::duration<double>(age).count());
     try {
-      progress.metrics = ParseMetrics(base::ReadFile(file), max_rows);
+      progress.metrics = run::ParseMetrics(base::ReadFile(file), max_rows);
     } catch (const base::Error&) {
       if (!IsRun(directory)) return std::nullopt;  // Deleted since.
     }

@@ -68,7 +68,7 @@ Json Summary(const RunProgress& run) {
 }
 
 /// The columns in which anything stands.
-Json Curves(const MetricsTable& metrics) {
+Json Curves(const run::MetricsTable& metrics) {
   Json curves = Json::object();
   for (std::size_t c = 0; c < metrics.names.size(); ++c) {
     Json values = Json::array();

@@ -1,18 +1,4 @@
-// ---- Building the page: elements, and the parts of plots.
-
-function element(tag, attributes = {}, ...children) {
-  const node = document.createElement(tag);
-  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-  node.append(...children);
-  return node;
-}
-
-function svg(tag, attributes = {}, ...children) {
-  const node = document.createElementNS('http://www.w3.org/2000/svg', tag);
-  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-  node.append(...children);
-  return node;
-}
+// ---- Parts of plots.
 
 function svgText(x, y, text, attributes = {}) {
   return svg('text', {x, y, 'font-size': 12, ...attributes}, String(text));

@@ -152,6 +152,19 @@ TEST(ResumeTest, PrintedCommandsWorkWhenPastedWhereverTheRunLies) {
   }
 }
 
+TEST(ResumeTest, AFinishedRunIsScoredAgainWhereOtherScoresAreAskedFor) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 1000);
+  ASSERT_EQ(RunProgram({"train", "tiny.toml"}, scratch.path()).exit_code, 0);
+  std::vector<std::string> resume = {"train", "runs/tiny", "--resume"};
+  EXPECT_THAT(RunProgram(resume, scratch.path()).out, testing::HasSubstr("nothing was changed"));
+  resume.insert(resume.end(), {"--set", "courses.test=generated:5:2"});
+  const ProgramResult scored = RunProgram(resume, scratch.path());
+  EXPECT_EQ(scored.exit_code, 0) << scored.err;
+  EXPECT_THAT(base::ReadFile(scratch.path() / "runs/tiny/evaluation.json"),
+              testing::HasSubstr("generated:5:2"));
+}
+
 TEST(ResumeTest, ADirectoryIsResumedAndNotBegun) {
   const ScratchDirectory scratch;
   fs::create_directories(scratch.path() / "empty");

@@ -127,6 +127,9 @@ TEST_F(OutputTest, ADirectoryOfOthersIsRefusedAndAnEarlierOutputIsNot) {
   EXPECT_EQ(report("scored").exit_code, 0) << "directories in it cannot be replaced";
   EXPECT_EQ(report("scored").exit_code, 0) << "its own";
   ExpectRefused({"report", "scored/dwa", "--output", "mine"}, "mine/report.md", "mine: holds");
+  base::MakeDirectories(scratch_.path() / "links");
+  fs::create_symlink("nowhere", scratch_.path() / "links/dangling");
+  EXPECT_THAT(report("links").err, HasSubstr("links: holds dangling, but no output"));
 }
 
 TEST_F(OutputTest, ACollectionIsImportedAgainButNotOverOtherFiles) {

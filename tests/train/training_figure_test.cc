@@ -40,7 +40,7 @@ TEST(TrainingFigureTest, LeavesOutWhatCannotBeRead) {
   // A cell that is no number, a row cut short, a last line still being written, no such column.
   const std::string svg = DrawTrainingFigure(
       "r", "training_s,success_rate\n10,0.5\n20,oops\n30\nx,0.5\n40,1.0\n50,0.7", "");
-  EXPECT_THAT(svg, HasSubstr("d=\"M200.5 155.0M610.0 80.0\""));  // 10 and 40 of 40 s.
+  EXPECT_THAT(svg, HasSubstr("d=\"M200.5 155.0L610.0 80.0\""));  // 10 and 40 of 40 s.
   EXPECT_THAT(svg, Not(HasSubstr("Return")));
   EXPECT_THAT(svg, Not(HasSubstr("nan")));
   EXPECT_THAT(DrawTrainingFigure("r", "", ""), HasSubstr("No episode has ended yet."));

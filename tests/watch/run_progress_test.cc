@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <cmath>
 #include <optional>
 #include <string>
 
@@ -22,31 +21,6 @@ using ::testing::IsEmpty;
 
 void Age(const fs::path& file) {
   fs::last_write_time(file, fs::file_time_type::clock::now() - std::chrono::hours(1));
-}
-
-TEST(MetricsTableTest, LinesThatAreNotWholeAreLeftOut) {
-  const std::string whole = "training_s,steps,loss\n1.5,100,\n2.5,200,0.5\n";
-  const MetricsTable table = ParseMetrics(whole, 100);
-  EXPECT_THAT(table.names, ElementsAre("training_s", "steps", "loss"));
-  EXPECT_THAT(table.columns[1], ElementsAre(100.0, 200.0));
-  EXPECT_TRUE(std::isnan(table.columns[2][0]));
-  EXPECT_EQ(table.Last("loss"), 0.5);
-  EXPECT_TRUE(std::isnan(table.Last("none")));
-  // However far the writer has come.
-  for (std::size_t size = 0; size <= whole.size(); ++size) {
-    const MetricsTable part = ParseMetrics(whole.substr(0, size), 100);
-    EXPECT_EQ(part.num_rows(), size < 31 ? 0u : size < whole.size() ? 1u : 2u) << size;
-    EXPECT_TRUE(part.num_rows() == 0 || part.columns[0][0] == 1.5);
-  }
-  EXPECT_EQ(ParseMetrics(whole + "3.5,30\n4.5,x,1\n\n5.5,300,1,9\n6.5,400,1\n", 100).columns[1],
-            (std::vector<double>{100.0, 200.0, 400.0}));
-}
-
-TEST(MetricsTableTest, OfManyRowsSomeAreKeptTheLastAmongThem) {
-  std::string text = "steps\n";
-  for (int i = 0; i < 1000; ++i) text += std::to_string(i) + "\n";
-  EXPECT_THAT(ParseMetrics(text, 4).columns[0], ElementsAre(0.0, 333.0, 666.0, 999.0));
-  EXPECT_EQ(ParseMetrics(text, 1000).num_rows(), 1000u);
 }
 
 TEST(RunProgressTest, ReadsWhatARunWrites) {

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace slalom::run {
+
+/// The rows of a metrics.csv or curve.csv by column. A value.
+struct MetricsTable {
+  std::vector<std::string> names;
+  std::vector<std::vector<double>> columns;  ///< One for each name, alike in size. NaN: empty.
+
+  std::size_t num_rows() const { return columns.empty() ? 0 : columns.front().size(); }
+  /// The values of a column. Where there is no such column, NaN for each row.
+  std::vector<double> Column(std::string_view name) const;
+  /// The last value of a column; NaN: there is none.
+  double Last(std::string_view name) const;
+};
+
+/// The table in `text`, however much of it is there: a last line without its end, and lines that do
+/// not have a number or nothing in each cell, are left out. `max_rows` > 1: of more rows than this,
+/// so many are kept, evenly spread, the last one among them.
+MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows);
+
+}  // namespace slalom::run
