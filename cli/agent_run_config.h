@@ -19,7 +19,8 @@ struct CollectionConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("collection", collection,
-      "Directory of imported courses that set names refer to. Empty: the built-in generator.");
+      "Directory of imported courses in which set names are looked up. Empty: they name sets of "
+      "the built-in generator.");
     v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
       "Seed of the built-in generator.");
   }

@@ -145,7 +145,7 @@ void AddStatusCommand(CLI::App& app) {
   command->add_option("--config", options->config, "The service's TOML file")->required();
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
-  command->add_flag("--json", options->json, "All that the processes report, as JSON");
+  command->add_flag("--json", options->json, "Print everything that the processes report, as JSON");
   command->callback([options] { Status(*options); });
 }
 

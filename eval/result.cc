@@ -193,7 +193,7 @@ void RequireConsistent(const Result& result, const ObjectReader& reader) {
   }
   if (num_episodes != result.set.num_episodes || num_successes != result.set.num_successes) {
     throw base::Error(fmt::format(
-        "{}: says {} successes of {} episodes, but its courses hold {} of {}; it was changed",
+        "{}: says {} successes of {} episodes, but its courses hold {} of {}; the file was changed",
         reader.file(), result.set.num_successes, result.set.num_episodes, num_successes,
         num_episodes));
   }

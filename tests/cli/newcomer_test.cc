@@ -127,8 +127,8 @@ TEST_F(NewcomerTest, ATrainingSetThatIsGoneIsSaid) {
   std::filesystem::remove(scratch_.path() / "mine.courses");
   const ProgramResult result = Evaluate(kPolicy, "generated:3:2");
   EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_THAT(result.err,
-              AllOf(HasSubstr("cannot be told: courses.train"), HasSubstr("mine.courses")));
+  EXPECT_THAT(result.err, AllOf(HasSubstr("trained on these courses: courses.train"),
+                                HasSubstr("mine.courses")));
 }
 
 TEST_F(NewcomerTest, APlannerAndAPolicyShareATaskFile) {
