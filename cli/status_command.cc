@@ -60,7 +60,7 @@ proto::StatusReply AskStatus(const train::RunConfig& config) {
                                 trouble.empty() ? "" : ": ", trouble));
 }
 
-/// "1.2M", "0.93", "-": a figure for people.
+/// "1.2M", "0.93", "-": a number for people.
 std::string Figure(const proto::Report& report, const std::string& key) {
   const auto it = report.figures.find(key);
   if (it == report.figures.end() || std::isnan(it->second)) return "-";

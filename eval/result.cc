@@ -89,7 +89,7 @@ class ObjectReader {
     Fail(what, value, "a whole number from 0 to 1e9");
   }
 
-  /// A figure and its interval, either of which may be null.
+  /// A number and its interval, either of which may be null.
   std::optional<Estimate> OptionalEstimate(const std::string& key, double max) const {
     const Json& value = Get(key.c_str());
     if (value.is_null()) return std::nullopt;

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-/// What the files of a run tell while it trains and afterwards. Nothing here writes, locks or waits
-/// for the run.
+/// Reads the state of a run from its files, while it trains and afterwards. Nothing here writes,
+/// locks or waits for the run.
 
 namespace slalom::watch {
 
@@ -19,16 +19,16 @@ struct MetricsTable {
   std::vector<std::vector<double>> columns;  ///< One for each name, alike in size. NaN: empty.
 
   std::size_t num_rows() const { return columns.empty() ? 0 : columns.front().size(); }
-  /// The last value of a column; NaN: there is none.
+  /// Returns the last value of a column; NaN: there is none.
   double Last(std::string_view name) const;
 };
 
-/// The table in `text`, however much of it is there: a last line without its end, and lines that do
-/// not have a number or nothing in each cell, are left out. `max_rows` > 1: of more rows than this,
-/// so many are kept, evenly spread, the last one among them.
+/// Parses the table in `text`, of which the end may be missing. A last line without a line end is
+/// left out, and so is a line with a cell that is neither a number nor empty. `max_rows` > 1: if
+/// there are more rows, this many are kept, evenly spread, the last one among them.
 MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows);
 
-/// What `slalom watch` says of a config.
+/// What `slalom watch` shows of a run's config.
 struct RunFacts {
   std::int64_t max_steps = 0;                                ///< 0: not known.
   double max_seconds = 0.0;                                  ///< 0: no limit.
@@ -39,7 +39,7 @@ enum class RunState {
   kStarting,  ///< No row of metrics.csv yet.
   kTraining,
   kFinished,  ///< Came to one of its limits.
-  kStopped,   ///< Nobody trains, and no limit was reached.
+  kStopped,   ///< No process trains it, and no limit was reached.
 };
 
 std::string_view ToString(RunState state);
@@ -49,22 +49,23 @@ struct RunProgress {
   std::string name;
   RunState state = RunState::kStarting;
   double age_s = 0.0;  ///< Since metrics.csv was written last, [s].
-  /// At the rate so far, [s]; none: not known, or not training.
+  /// Time left at the rate so far, [s]; none: not known, or not training.
   std::optional<double> left_s;
   MetricsTable metrics;
 };
 
-/// Whether a directory is one of a run: it holds config.toml or metrics.csv.
+/// Returns whether a directory is that of a run: it holds config.toml or metrics.csv.
 bool IsRun(const std::filesystem::path& directory);
 
-/// The run in `directory`. None: it is no longer there. `max_rows`: as in `ParseMetrics`.
+/// Reads the run in `directory`. Returns nothing if it no longer exists. `max_rows`: as in
+/// `ParseMetrics`.
 std::optional<RunProgress> ReadRun(const std::filesystem::path& directory, const RunFacts& facts,
                                    std::size_t max_rows);
 
-/// The runs to watch: `root` itself where it is one, else those directly in it, by name.
+/// Returns the runs to watch: `root` itself if it is a run, else those directly in it, by name.
 std::vector<std::filesystem::path> ListRuns(const std::filesystem::path& root);
 
-/// The directory's name in lists and addresses.
+/// Returns the name of a run in lists and addresses.
 std::string NameOf(const std::filesystem::path& run);
 
 }  // namespace slalom::watch
