@@ -37,15 +37,15 @@ const Spec kSuccessRate =
     GaugeOf("slalom_success_rate", "actor",
             "Share of the most recent training episodes, with exploration noise, that reached the "
             "goal. NaN before the first episode has ended.");
-const Spec kCollisionRate = GaugeOf(
-    "slalom_collision_rate", "actor",
-    "Share of the most recent training episodes that ended in a collision. NaN before the first.");
+const Spec kCollisionRate =
+    GaugeOf("slalom_collision_rate", "actor",
+            "Share of the most recent training episodes that collided. NaN before the first.");
 const Spec kEpisodeReturn =
     GaugeOf("slalom_episode_return", "actor",
             "Mean return of the most recent training episodes. NaN before the first.");
-const Spec kEpisodeSteps = GaugeOf("slalom_episode_steps", "actor",
-                                   "Mean length of the most recent training episodes, in "
-                                   "environment steps. NaN before the first.");
+const Spec kEpisodeSteps =
+    GaugeOf("slalom_episode_steps", "actor",
+            "Mean steps of the most recent training episodes. NaN before the first.");
 const Spec kEnvironments = GaugeOf("slalom_environments", "actor",
                                    "Number of environments that the actor steps side by side.");
 
@@ -61,8 +61,7 @@ const Spec kStepsLost =
               "ended. server: acknowledged by a server that no longer has them.",
               {"reason"});
 const Spec kStepsPending =
-    GaugeOf("slalom_steps_pending", "actor",
-            "Environment steps that were made and are not yet acknowledged.");
+    GaugeOf("slalom_steps_pending", "actor", "Environment steps made but not yet acknowledged.");
 const Spec kStepsAccepted =
     CounterOf("slalom_steps_accepted_total", "replay",
               "Environment steps put into the table and the journal, over all restarts.");
@@ -139,15 +138,13 @@ const Spec kSamplesPerInsertTarget =
             "`run.updates_per_step` times the transitions of a batch.");
 const Spec kPrioritiesUpdated =
     CounterOf("slalom_priorities_updated_total", "replay", "Priorities set by the learner.");
-const Spec kPrioritiesStale =
-    CounterOf("slalom_priorities_stale_total", "replay",
-              "Priorities that came for rows which were no longer in the table.");
+const Spec kPrioritiesStale = CounterOf("slalom_priorities_stale_total", "replay",
+                                        "Priorities for rows that had left the table.");
 
 // Journal of the replay server
 const Spec kJournalBytes =
     GaugeOf("slalom_journal_bytes", "replay", "Bytes of all segments on disk.");
-const Spec kJournalSegments =
-    GaugeOf("slalom_journal_segments", "replay", "Segment files on disk.");
+const Spec kJournalSegments = GaugeOf("slalom_journal_segments", "replay", "Segment files.");
 const Spec kJournalWrittenBytes =
     CounterOf("slalom_journal_written_bytes_total", "replay", "Bytes written to the journal.");
 const Spec kJournalSyncSeconds =
@@ -168,8 +165,7 @@ const Spec kJournalRecoveredSteps =
             "Environment steps that the server read from disk into the table when it started.");
 const Spec kJournalDamagedSteps =
     GaugeOf("slalom_journal_damaged_steps", "replay",
-            "Acknowledged environment steps that the server could not read back when it started, "
-            "because files are damaged.");
+            "Acknowledged environment steps lost at this start because files are damaged.");
 
 // Sessions and connections
 const Spec kSessions = GaugeOf("slalom_sessions", "replay", "Open sessions of actors.");
@@ -192,9 +188,8 @@ const Spec kRejectedConnections = CounterOf(
     "Handshakes that failed: the peer had wrong keys or none, or speaks another protocol.");
 const Spec kMessages = CounterOf("slalom_messages_total", "replay, learner",
                                  "Messages received, by kind (Hello, Insert, ...).", {"message"});
-const Spec kMessagesMalformed =
-    CounterOf("slalom_messages_malformed_total", "replay, learner",
-              "Messages that lack the two parts which every message has.");
+const Spec kMessagesMalformed = CounterOf("slalom_messages_malformed_total", "replay, learner",
+                                          "Messages that lack one of their two parts.");
 const Spec kMessagesRefused = CounterOf("slalom_messages_refused_total", "replay, learner",
                                         "Refusals sent, by the reason that they give.", {"reason"});
 
@@ -214,9 +209,8 @@ const Spec kCriticGradientNorm =
     GaugeOf("slalom_critic_gradient_norm", "learner", "Norm of the critics' gradient.");
 const Spec kActorGradientNorm =
     GaugeOf("slalom_actor_gradient_norm", "learner", "Norm of the actor's gradient.");
-const Spec kPolicyEntropy =
-    GaugeOf("slalom_policy_entropy_nats", "learner",
-            "Entropy of a stochastic policy (SAC). NaN for other policies.");
+const Spec kPolicyEntropy = GaugeOf("slalom_policy_entropy_nats", "learner",
+                                    "Entropy of the policy (SAC). NaN without one.");
 const Spec kTemperature =
     GaugeOf("slalom_temperature", "learner", "Weight of the entropy (SAC). NaN without one.");
 const Spec kCostQMean =
@@ -228,18 +222,18 @@ const Spec kConstraintMultiplier =
 const Spec kConstraintViolation = GaugeOf(
     "slalom_constraint_violation", "learner",
     "Collisions per training episode above the constraint's limit. NaN without a constraint.");
-const Spec kModelLoss = GaugeOf("slalom_model_loss", "learner",
-                                "Loss of the transition model on its training batches. NaN without "
-                                "a model, like all metrics of the model.");
+const Spec kModelLoss =
+    GaugeOf("slalom_model_loss", "learner",
+            "Loss of the transition model. NaN without a model, as for all its metrics.");
 const Spec kModelError = GaugeOf(
     "slalom_model_error", "learner",
     "Root mean squared error of the model per number of the next frame, on held-out transitions.");
-const Spec kModelChange = GaugeOf("slalom_model_change", "learner",
-                                  "The same error of a model that predicts no change; "
-                                  "slalom_model_error must be smaller to be of use.");
-const Spec kModelStepsError = GaugeOf("slalom_model_steps_error", "learner",
-                                      "The model's error per number when it predicts five steps "
-                                      "ahead, given the actions that were taken.");
+const Spec kModelChange =
+    GaugeOf("slalom_model_change", "learner",
+            "The same error of predicting no change. A useful model's error is smaller.");
+const Spec kModelStepsError =
+    GaugeOf("slalom_model_steps_error", "learner",
+            "The model's error per number five steps ahead, given the actions taken.");
 const Spec kModelLikelihood =
     GaugeOf("slalom_model_likelihood_nats", "learner",
             "Negative log-likelihood per number of the next frame, on held-out transitions.");
@@ -249,11 +243,10 @@ const Spec kModelRewardError =
 const Spec kModelTermination =
     GaugeOf("slalom_model_termination_nats", "learner",
             "Cross-entropy of the predicted termination, on held-out transitions.");
-const Spec kModelCovered =
-    GaugeOf("slalom_model_covered_ratio", "learner",
-            "Share of held-out numbers that lie in the central interval of their predicted "
-            "distribution that should hold the share `expected`.",
-            {"expected"});
+const Spec kModelCovered = GaugeOf("slalom_model_covered_ratio", "learner",
+                                   "Share of held-out numbers in the central interval of the "
+                                   "prediction that should hold the share `expected`.",
+                                   {"expected"});
 const Spec kUpdateSeconds =
     HistogramOf("slalom_update_seconds", "learner",
                 "Time of one update, not counting the wait for its batch.", kWait);
@@ -266,9 +259,9 @@ const Spec kPolicyVersion = GaugeOf(
 const Spec kPolicyTimestamp = GaugeOf("slalom_policy_timestamp_seconds", "actor, learner",
                                       "When that policy was published, in seconds since 1970; its "
                                       "age is `time()` minus this. 0: there is none yet.");
-const Spec kPolicyLag = GaugeOf("slalom_policy_lag_versions", "learner",
-                                "How many versions the policies that drove the last sampled batch "
-                                "are behind the learner's, on average.");
+const Spec kPolicyLag =
+    GaugeOf("slalom_policy_lag_versions", "learner",
+            "How many versions the last sampled batch's policies are behind, on average.");
 const Spec kReaderLag = GaugeOf(
     "slalom_reader_lag_versions", "learner",
     "How many versions the oldest policy of a connected reader is behind the published one.");
@@ -276,8 +269,7 @@ const Spec kPoliciesPublished =
     CounterOf("slalom_policies_published_total", "learner", "Policies published.");
 const Spec kPoliciesReceived =
     CounterOf("slalom_policies_received_total", "actor, evaluator", "Policies received.");
-const Spec kPolicyBytes =
-    GaugeOf("slalom_policy_bytes", "learner", "Size of the published policy.");
+const Spec kPolicyBytes = GaugeOf("slalom_policy_bytes", "learner", "Size of the newest policy.");
 const Spec kPublishToActing =
     HistogramOf("slalom_publish_to_acting_seconds", "actor",
                 "Time from a policy's publication until an actor has installed it and takes its "
@@ -300,9 +292,9 @@ const Spec kCheckpointBytes =
 const Spec kCheckpointUpdates =
     GaugeOf("slalom_checkpoint_updates", "learner",
             "Number of updates in the newest checkpoint, from which a restart continues.");
-const Spec kRunFinished = GaugeOf("slalom_run_finished", "learner",
-                                  "1 once the run has reached the steps or seconds that its config "
-                                  "allows; from then on all roles rest.");
+const Spec kRunFinished =
+    GaugeOf("slalom_run_finished", "learner",
+            "1 once the run has reached its limit of steps or seconds; all roles then rest.");
 
 // Evaluation
 const Spec kEvaluations = CounterOf("slalom_evaluations_total", "evaluator", "Policies scored.");
