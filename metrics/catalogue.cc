@@ -125,10 +125,9 @@ const Spec kSamples =
     CounterOf("slalom_samples_total", "replay", "Transitions sampled, over all batches.");
 const Spec kSampleSeconds = HistogramOf("slalom_sample_seconds", "replay",
                                         "Time to draw one batch and gather its rows.", kWait);
-const Spec kInsertSeconds = HistogramOf(
-    "slalom_insert_seconds", "replay",
-    "Time from a chunk's arrival to its acknowledgement, including the time for which it was held.",
-    kWait);
+const Spec kInsertSeconds =
+    HistogramOf("slalom_insert_seconds", "replay",
+                "Time from a chunk's arrival to its acknowledgement, time held included.", kWait);
 const Spec kSamplesPerInsert =
     GaugeOf("slalom_samples_per_insert", "replay",
             "Transitions sampled per environment step after `run.learning_starts`. NaN before.");
@@ -172,17 +171,15 @@ const Spec kSessions = GaugeOf("slalom_sessions", "replay", "Open sessions of ac
 const Spec kSessionsStarted = CounterOf("slalom_sessions_started_total", "replay",
                                         "Sessions begun, each by an actor that started.");
 const Spec kReconnections =
-    CounterOf("slalom_reconnections_total", "replay",
-              "Times that an actor resumed its session after a lost connection.");
+    CounterOf("slalom_reconnections_total", "replay", "Sessions resumed after a lost connection.");
 const Spec kEpisodesCut = CounterOf("slalom_episodes_cut_total", "replay",
                                     "Open episodes cut off because their session ended.");
 const Spec kConnectedPeers =
     GaugeOf("slalom_connected_peers", "replay, learner",
             "Peers that were heard from recently, by role (`peer_role`).", {"peer_role"});
-const Spec kConnections = CounterOf("slalom_connections_total", "actor, learner, evaluator",
-                                    "Times that the connection to a server (replay, learner) was "
-                                    "made. More than 1 means that it broke.",
-                                    {"server"});
+const Spec kConnections = CounterOf(
+    "slalom_connections_total", "actor, learner, evaluator",
+    "Connections made to a server (replay, learner). More than 1: one broke.", {"server"});
 const Spec kRejectedConnections = CounterOf(
     "slalom_rejected_connections_total", "replay, learner",
     "Handshakes that failed: the peer had wrong keys or none, or speaks another protocol.");
@@ -200,11 +197,9 @@ const Spec kCriticLoss =
     GaugeOf("slalom_critic_loss", "learner",
             "Mean squared error of one critic, averaged over the updates since the last reading.");
 const Spec kQMean =
-    GaugeOf("slalom_q_mean", "learner",
-            "Mean value that the critics give to the replayed actions, in scaled rewards.");
+    GaugeOf("slalom_q_mean", "learner", "Mean value of replayed actions, in scaled rewards.");
 const Spec kActorQMean =
-    GaugeOf("slalom_actor_q_mean", "learner",
-            "Mean value that the first critic gives to the actor's present actions.");
+    GaugeOf("slalom_actor_q_mean", "learner", "Mean value of the actor's own actions.");
 const Spec kCriticGradientNorm =
     GaugeOf("slalom_critic_gradient_norm", "learner", "Norm of the critics' gradient.");
 const Spec kActorGradientNorm =
@@ -262,9 +257,8 @@ const Spec kPolicyTimestamp = GaugeOf("slalom_policy_timestamp_seconds", "actor,
 const Spec kPolicyLag =
     GaugeOf("slalom_policy_lag_versions", "learner",
             "How many versions the last sampled batch's policies are behind, on average.");
-const Spec kReaderLag = GaugeOf(
-    "slalom_reader_lag_versions", "learner",
-    "How many versions the oldest policy of a connected reader is behind the published one.");
+const Spec kReaderLag = GaugeOf("slalom_reader_lag_versions", "learner",
+                                "How many versions the oldest connected reader is behind.");
 const Spec kPoliciesPublished =
     CounterOf("slalom_policies_published_total", "learner", "Policies published.");
 const Spec kPoliciesReceived =
@@ -291,7 +285,7 @@ const Spec kCheckpointBytes =
     GaugeOf("slalom_checkpoint_bytes", "learner", "Size of the last checkpoint.");
 const Spec kCheckpointUpdates =
     GaugeOf("slalom_checkpoint_updates", "learner",
-            "Number of updates in the newest checkpoint, from which a restart continues.");
+            "Updates of the newest checkpoint, where a restart continues.");
 const Spec kRunFinished =
     GaugeOf("slalom_run_finished", "learner",
             "1 once the run has reached its limit of steps or seconds; all roles then rest.");
@@ -326,9 +320,8 @@ const Spec kBlasInfo = GaugeOf("slalom_blas_info", "all",
                                "Always 1. The label names the BLAS kernel that multiplies the "
                                "matrices (none: no BLAS is used).",
                                {"kernel"});
-const Spec kRestarts =
-    CounterOf("slalom_restarts_total", "all",
-              "Starts of this process on the same state directory, not counting the first.");
+const Spec kRestarts = CounterOf("slalom_restarts_total", "all",
+                                 "Restarts of this process on the same state directory.");
 const Spec kProcessResidentBytes =
     GaugeOf("process_resident_memory_bytes", "all", "Resident memory of the process.");
 const Spec kProcessVirtualBytes =
