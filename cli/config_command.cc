@@ -33,7 +33,7 @@ constexpr char kAgentPageHead[] =
     "`[evaluation]` above, the keys\n"
     "`collection` and `generator_seed` of `[courses]`, and the sections below. It checks keys that "
     "only training reads, and\n"
-    "ignores them. For planners, some keys of the sections above have other defaults: ";
+    "ignores them. For planners, some keys of the sections above have other defaults:\n";
 
 /// "`environment.episode.step` 0.05 s, ...": the defaults of an agent's run that a training run's
 /// are not.

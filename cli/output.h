@@ -10,7 +10,7 @@
 namespace slalom::cli {
 
 /// The help text of every `--force`.
-inline constexpr char kForceHelp[] = "Replace what is there, whoever made it";
+inline constexpr char kForceHelp[] = "Replace files that exist, whatever made them";
 
 /// Throws `base::Error` that names `path` unless a command may write this file. For a new file, the
 /// directory must exist and be writable. A file that exists must be writable and, unless `force` is

@@ -236,7 +236,7 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
       throw Error(fmt::format("{}: base must be the path of a TOML file", Where(source, *base)));
     }
     if (depth >= kMaxBases) {
-      throw Error(fmt::format("{}: more than {} base files in a row; does one of them name itself?",
+      throw Error(fmt::format("{}: more than {} base files in a row; do they form a circle?",
                               Where(source, *base), kMaxBases));
     }
     ReadFileWithBases(path.parent_path() / *name, readers, depth + 1);
