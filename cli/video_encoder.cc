@@ -96,7 +96,7 @@ pid_t Start(const std::vector<std::string>& arguments, int input, int output, in
   if (error == ENOENT) {
     throw base::Error(
         "a video needs the program ffmpeg, which is not installed: apt-get install ffmpeg; an "
-        "animated .svg needs no program");
+        "animation named *.svg needs none");
   }
   throw base::Error(fmt::format("ffmpeg cannot be started: {}", std::strerror(error)));
 }
