@@ -25,17 +25,19 @@ struct ActorConfig {
       "Standard deviation of the Gaussian noise on the normalised action in the first "
       "environment.");
     v("noise_max", noise_max, base::Range{0.0, 5.0}, "",
-      "The same in the last environment; those between lie evenly between.");
+      "The same in the last environment. The environments between them get values spaced as "
+      "noise_spread says.");
     v("noise_spread", noise_spread, base::OneOf{"geometric", "linear"}, "",
-      "Whether even means equal ratios or equal differences.");
+      "How the noise is spaced from the first environment to the last: by equal ratios (geometric) "
+      "or by equal differences (linear).");
     v("warmup_steps", warmup_steps, base::Range{0, 1.0e12}, "",
       "Environment steps with uniformly random actions before the policy drives; 0: it drives from "
       "the start.");
     v("time_limit_terminates", time_limit_terminates,
-      "Transitions that the time limit ended are stored as terminal, as the original's code does "
-      "(docs/original-system.md, section 3.4, F3): the value after them counts 0.");
+      "Store transitions that the time limit ended as terminal, so that the value after them "
+      "counts as 0. The original's code does so (docs/original-system.md, section 3.4, F3).");
     v("stats_episodes", stats_episodes, base::Range{1, 100000}, "",
-      "Last episodes over which training success and return are averaged.");
+      "Number of most recent episodes over which training success and return are averaged.");
   }
 };
 

@@ -11,7 +11,7 @@
 
 namespace slalom::cli {
 
-/// Where set names look.
+/// Where set names are looked up.
 struct CollectionConfig {
   std::string collection;
   std::int64_t generator_seed = 1;
@@ -19,16 +19,17 @@ struct CollectionConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("collection", collection,
-      "Directory of imported courses that set names refer to. Empty: the built-in generator.");
+      "Directory of imported courses in which set names are looked up. Empty: they name sets of "
+      "the built-in generator.");
     v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
       "Seed of the built-in generator.");
   }
 };
 
-/// Everything that `slalom evaluate --agent` is made of. Defaults that are others than a training
-/// run's: classical systems are asked for a command 20 times a second, as move_base asks them
-/// (docs/original-system.md, section 8.1), and the drive's controller runs at 100 Hz, as 50 Hz is
-/// no multiple.
+/// All settings of `slalom evaluate --agent`. Some defaults differ from those of a training run:
+/// classical systems are asked for a command 20 times a second, as move_base asks them
+/// (docs/original-system.md, section 8.1), and the drive's controller therefore runs at 100 Hz, as
+/// 50 Hz is not a multiple of that.
 struct AgentRunConfig {
   AgentRunConfig() {
     environment.episode.step = 0.05;
@@ -43,16 +44,16 @@ struct AgentRunConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v.Section("courses", courses, "Where set names look.");
+    v.Section("courses", courses, "Where set names are looked up.");
     v.Section("environment", environment, "The robot, its sensor and the task.");
     v.Section("evaluation", evaluation, "What an evaluation drives and keeps.");
     planners.Visit(v);
   }
 };
 
-/// Reads a TOML file for a planner, over the defaults. It may be a training run's: keys that only
-/// training reads are checked and passed over, which a line on standard error says. Throws
-/// `base::Error` as `config::ReadTomlFile`.
+/// Reads a TOML file for a planner on top of the defaults. The file may be that of a training run:
+/// keys that only training reads are checked, then ignored, and a line on standard error names
+/// them. Throws `base::Error` like `config::ReadTomlFile`.
 AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path);
 
 }  // namespace slalom::cli

@@ -148,22 +148,22 @@ void AddAnimateCommand(CLI::App& courses) {
   command->add_option("--courses", options->specs, std::string(kCourseSpecHelp) + " (repeatable)")
       ->required();
   command->add_option("--course", options->selection.names,
-                      "Show only this course of them (repeatable)");
+                      "Show only this course of the sets (repeatable)");
   command
-      ->add_option("--episodes", options->episode_files,
-                   "JSON lines of episodes: the evaluation-tracks.jsonl of an evaluation "
-                   "(repeatable)")
+      ->add_option(
+          "--episodes", options->episode_files,
+          "File of recorded episodes: the evaluation-tracks.jsonl of an evaluation (repeatable)")
       ->required()
       ->check(CLI::ExistingFile);
   command->add_option("--episode", options->episodes,
-                      "Show only the episodes of this number on their courses (repeatable)");
+                      "Show only the episodes with this number (repeatable)");
   command->add_option("--output", options->output, "File to write")->required();
   command->add_flag("--force", options->force, kForceHelp);
   command
-      ->add_option("--format", options->format,
-                   "svg, gif, webm or mp4; without, as the output's name ends")
+      ->add_option("--format", options->format, "svg, gif, webm or mp4 [as the output's name ends]")
       ->check(CLI::IsMember({"svg", "gif", "webm", "mp4"}));
-  command->add_option("--speed", options->shown.speed, "Times as fast as driven")
+  command
+      ->add_option("--speed", options->shown.speed, "Playback speed; 2 is twice as fast as driven")
       ->check(CLI::Range(0.05, 100.0))
       ->capture_default_str();
   command->add_option("--columns", options->shown.num_columns, "Courses side by side")
@@ -174,9 +174,9 @@ void AddAnimateCommand(CLI::App& courses) {
       ->capture_default_str();
   command
       ->add_option("--around", options->shown.around,
-                   "Show only what lies within so many metres of a drive [whole courses]")
+                   "Show only what lies within this many metres of a drive [whole courses]")
       ->check(CLI::Range(0.5, 1000.0));
-  command->add_option("--hold", options->shown.hold, "How long the end stays [s]")
+  command->add_option("--hold", options->shown.hold, "How long the last picture stays [s]")
       ->check(CLI::Range(0.0, 60.0))
       ->capture_default_str();
   command

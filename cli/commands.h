@@ -5,7 +5,7 @@
 #include "cli/courses_command.h"
 
 /// The commands of the program. Each `Add...Command` adds a subcommand whose callback does the work
-/// and throws `base::Error` for what its user can mend.
+/// and throws `base::Error` for mistakes that the user can correct.
 
 namespace slalom::cli {
 

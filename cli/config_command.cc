@@ -19,19 +19,21 @@ namespace {
 constexpr char kPageHead[] =
     "# Configuration\n\n"
     "Every key of a Slalom TOML file, with its default, the values it may take, its unit and its "
-    "meaning. Made by\n"
-    "`./slalom config docs > docs/config.md` from the field lists in the code; a test checks that "
-    "it is fresh.\n\n"
+    "meaning.\n"
+    "`./slalom config docs > docs/config.md` makes this page from the field lists in the code; a "
+    "test checks that it is up\n"
+    "to date.\n\n"
     "A file may start from another with `base = \"other.toml\"` (a path relative to itself). On "
     "the command line\n"
     "`--set section.key=value` overrides both. Unknown keys and values out of range are errors.\n";
 
 constexpr char kAgentPageHead[] =
     "\n# Classical planners\n\n"
-    "`slalom evaluate --agent NAME --config FILE` takes the sections `[environment]` and "
-    "`[evaluation]` above, of `[courses]`\n"
-    "`collection` and `generator_seed`, and those below; keys that only\n"
-    "training reads are passed over. Where its defaults are others: ";
+    "`slalom evaluate --agent NAME --config FILE` reads the sections `[environment]` and "
+    "`[evaluation]` above, the keys\n"
+    "`collection` and `generator_seed` of `[courses]`, and the sections below. It checks keys that "
+    "only training reads, and\n"
+    "ignores them. For planners, some keys of the sections above have other defaults:\n";
 
 /// "`environment.episode.step` 0.05 s, ...": the defaults of an agent's run that a training run's
 /// are not.
@@ -60,18 +62,20 @@ struct PrintOptions {
 }  // namespace
 
 void AddConfigCommand(CLI::App& app) {
-  CLI::App* config =
-      app.add_subcommand("config", "Print a configuration as resolved, or the page of all keys");
+  CLI::App* config = app.add_subcommand(
+      "config",
+      "Print all settings with the values that a run would use, or the page that explains them");
   config->require_subcommand(1);
 
   CLI::App* print =
-      config->add_subcommand("print", "Print every key with the value a run would use");
+      config->add_subcommand("print", "Print every key with the value that a run would use");
   auto options = std::make_shared<PrintOptions>();
-  print->add_option("CONFIG", options->file, "TOML file; without one, the defaults");
+  print->add_option("CONFIG", options->file, "TOML file [none: print the defaults]");
   print->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
-  print->add_flag("--agent", options->for_agent,
-                  "As `slalom evaluate --agent` reads it; without, as `slalom train` does");
+  print->add_flag(
+      "--agent", options->for_agent,
+      "Print what `slalom evaluate --agent` would use instead of what `slalom train` would");
   print->callback([options] {
     if (options->for_agent) {
       AgentRunConfig agent = options->file ? ReadAgentRunConfig(*options->file) : AgentRunConfig{};

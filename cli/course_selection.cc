@@ -12,9 +12,8 @@
 namespace slalom::cli {
 
 void CourseSelection::AddSource(CLI::App& command) {
-  command.add_option(
-      "--collection", collection,
-      "Directory written by `slalom courses import`; without it, the built-in courses");
+  command.add_option("--collection", collection,
+                     "Directory that `slalom courses import` wrote [the built-in courses]");
   command.add_option("--seed", seed, "Seed of the built-in courses")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}))
       ->capture_default_str();
@@ -37,9 +36,9 @@ sim::CourseSet CourseSelection::Choose(sim::CourseSet set, const std::string& so
     if (!is_there) {
       std::vector<std::string> there;
       for (const auto& course : set.courses) there.push_back(course->name);
-      throw base::Error(fmt::format("{}: holds no course {}{}; it has {} courses, the first is {}",
-                                    source, name, base::Suggestion(name, there), there.size(),
-                                    there.front()));
+      throw base::Error(
+          fmt::format("{}: holds no course named {}{}; it has {} courses, the first is {}", source,
+                      name, base::Suggestion(name, there), there.size(), there.front()));
     }
   }
   std::erase_if(set.courses, [&](const auto& course) {
@@ -52,7 +51,8 @@ void RequireCollection(const std::string& directory) {
   std::error_code error;
   if (directory.empty() || std::filesystem::is_directory(directory, error)) return;
   throw base::Error(fmt::format(
-      "--collection {}: is no directory, expected what `slalom courses import` wrote", directory));
+      "--collection {}: is not a directory, expected one that `slalom courses import` wrote",
+      directory));
 }
 
 }  // namespace slalom::cli

@@ -17,28 +17,29 @@ inline constexpr char kCourseSpecHelp[] =
     "generated-wall:SEED:COUNT, or the path of a course file, a set file or a directory of course "
     "files";
 
-/// What a command works on: the words that choose a course set.
+/// The part of a command line that chooses courses.
 struct CourseSelection {
   std::string spec;
   std::optional<std::string> collection;
   std::uint64_t seed = 1;
-  std::vector<std::string> names;  ///< Of courses in the set; empty: all.
+  std::vector<std::string> names;  ///< Names of courses in the set; empty: all.
 
-  /// Adds --collection and --seed, which write into this.
+  /// Adds the options --collection and --seed, which write into this object.
   void AddSource(CLI::App& command);
 
   std::optional<std::filesystem::path> collection_path() const;
 
-  /// The chosen courses, in the order of the set. Throws `base::Error` where the set cannot be had
-  /// or has no course of one of the names.
+  /// Returns the chosen courses, in the order of the set. Throws `base::Error` if there is no such
+  /// set or if it lacks a course of one of the names.
   sim::CourseSet Resolve() const;
 
-  /// Those of `set` that `names` choose. Throws `base::Error` naming `source` as `Resolve`.
+  /// Returns the courses of `set` that `names` choose. Throws like `Resolve`; the error names
+  /// `source`.
   sim::CourseSet Choose(sim::CourseSet set, const std::string& source) const;
 };
 
-/// Throws `base::Error` where `--collection` names no directory, also if no set of it is asked for.
-/// Empty: the built-in courses.
+/// Throws `base::Error` if `--collection` does not name a directory, even if no set from it is
+/// used. An empty name stands for the built-in courses and is accepted.
 void RequireCollection(const std::string& directory);
 
 }  // namespace slalom::cli

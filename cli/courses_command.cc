@@ -73,7 +73,7 @@ void PrintWarnings(const std::vector<std::shared_ptr<const sim::Course>>& course
 }
 
 void AddList(CLI::App& courses) {
-  CLI::App* command = courses.add_subcommand("list", "List the course sets that can be named");
+  CLI::App* command = courses.add_subcommand("list", "List the course sets that have names");
   auto selection = std::make_shared<CourseSelection>();
   selection->AddSource(*command);
   command->callback([selection] {
@@ -83,17 +83,18 @@ void AddList(CLI::App& courses) {
       fmt::print("{:<20} {:>8}{}\n", name, set.courses.size(), RemarkOn(set));
     }
     fmt::print(
-        "Fresh courses, in no other set: generated:SEED:COUNT, generated-box:SEED:COUNT, "
+        "Fresh courses, which are in no other set: generated:SEED:COUNT, generated-box:SEED:COUNT, "
         "generated-wall:SEED:COUNT\n");
   });
 }
 
 void AddShow(CLI::App& courses) {
-  CLI::App* command =
-      courses.add_subcommand("show", "Print the courses of a set, or a picture and facts of one");
+  CLI::App* command = courses.add_subcommand(
+      "show", "Print the courses of a set, or one course as a text picture with its measures");
   auto selection = std::make_shared<CourseSelection>();
   command->add_option("SET", selection->spec, kCourseSpecHelp)->required();
-  command->add_option("COURSE", selection->names, "Courses to show; without, a table of the set");
+  command->add_option("COURSE", selection->names,
+                      "Courses to show; without any, a table of the whole set");
   selection->AddSource(*command);
   command->callback([selection] {
     const sim::CourseSet set = selection->Resolve();
@@ -170,14 +171,15 @@ void AddRender(CLI::App& courses) {
   auto options = std::make_shared<RenderOptions>();
   command->add_option("--courses", options->selection.spec, kCourseSpecHelp)->required();
   command->add_option("--course", options->selection.names,
-                      "Draw only this course of it (repeatable)");
+                      "Draw only this course of the set (repeatable)");
   command->add_option("--output", options->output, "File to write")->required();
   command->add_flag("--force", options->force, kForceHelp);
-  command->add_option("--format", options->format, "svg or png; without, as the output's name ends")
+  command->add_option("--format", options->format, "svg or png [as the output's name ends]")
       ->check(CLI::IsMember({"svg", "png"}));
   command
       ->add_option("--episodes", options->episodes,
-                   "JSON lines of episodes (an evaluation's trajectories) to draw on the courses")
+                   "File of recorded episodes to draw on the courses: the evaluation-tracks.jsonl "
+                   "of an evaluation")
       ->check(CLI::ExistingFile);
   command->add_option("--columns", options->num_columns, "Courses side by side")
       ->check(CLI::Range(1, 100))
@@ -197,7 +199,9 @@ void AddGenerate(CLI::App& courses) {
   auto options = std::make_shared<Options>();
   options->selection.spec = "static";
   command->add_option("--courses", options->selection.spec, kCourseSpecHelp)->capture_default_str();
-  command->add_option("--output", options->output, "Course file to write, best named *.courses")
+  command
+      ->add_option("--output", options->output,
+                   "Course file to write; its name should end in .courses")
       ->required();
   command->add_flag("--force", options->force, kForceHelp);
   options->selection.AddSource(*command);
@@ -227,8 +231,7 @@ void AddImport(CLI::App& courses) {
       ->check(CLI::ExistingDirectory);
   command
       ->add_option("--motions", options->motions,
-                   "Directory of dynamic_box.csv and dynamic_wall.csv; without, DIR if they are "
-                   "there")
+                   "Directory of dynamic_box.csv and dynamic_wall.csv [DIR, if they are there]")
       ->check(CLI::ExistingDirectory);
   command->add_option("--output", options->output, "Directory to write the collection to")
       ->required();
@@ -248,11 +251,13 @@ void AddImport(CLI::App& courses) {
     fmt::print("{}: {} courses; sets {}\n", options->output, import.courses.size(),
                fmt::join(written.sets, ", "));
     if (!written.incomplete.empty()) {
-      fmt::print(stderr, "not written, as worlds of theirs are not there: {}\n",
+      fmt::print(stderr, "sets not written, because some of their worlds are missing: {}\n",
                  fmt::join(written.incomplete, ", "));
     }
-    fmt::print("Use them: --set courses.collection={} when training, --collection {} here\n",
-               options->output, options->output);
+    fmt::print(
+        "To use them: --set courses.collection={} with `slalom train`, --collection {} with other "
+        "commands\n",
+        options->output, options->output);
   });
 }
 
@@ -272,7 +277,7 @@ void AddCoursesCommand(CLI::App& app) {
   courses->footer(
       "A course is data: obstacles, start, goal and, if there is one, a reference path "
       "(docs/courses.md). Examples:\n\n"
-      "  slalom courses show static-test static-1-250        a picture in characters, and facts\n"
+      "  slalom courses show static-test static-1-250        a text picture and its measures\n"
       "  slalom courses render --courses generated:7:20 --output courses.png\n"
       "  slalom courses animate --courses static-test --course static-1-250 --episodes "
       "out/evaluation-tracks.jsonl --output drive.svg\n"

@@ -5,8 +5,8 @@
 namespace slalom::cli {
 
 /// Adds `courses` with its subcommands list, show, render, animate, generate and import. They write
-/// what was asked for to standard output or files, notes to standard error, and throw `base::Error`
-/// for what the user can mend.
+/// results to standard output or files and notes to standard error, and throw `base::Error` for
+/// mistakes that the user can correct.
 void AddCoursesCommand(CLI::App& app);
 
 }  // namespace slalom::cli

@@ -69,7 +69,7 @@ void RefuseRulesOfTheTask(const std::vector<std::string>& overrides) {
           {"environment.episode.start_yaw_jitter", "--set evaluation.start_yaw_jitter"}}) {
       if (key != theirs) continue;
       throw base::Error(fmt::format(
-          "--set {}: the protocol of an evaluation says this, not the task; use {}", key, ours));
+          "--set {}: in an evaluation the protocol decides this, not the task; use {}", key, ours));
     }
   }
 }
@@ -83,7 +83,7 @@ void RefuseKeysOfTraining(const std::vector<std::string>& overrides) {
     if (is_read) continue;
     throw base::Error(
         fmt::format("--set {}: expected a key of [environment], [evaluation], [courses] or [mpc], "
-                    "or run.seed; all else about a policy is as it was trained",
+                    "or run.seed; everything else about a policy was fixed when it was trained",
                     assignment));
   }
 }
@@ -95,7 +95,7 @@ void RefusePlanningKeys(const std::vector<std::string>& overrides, const policy:
       continue;
     }
     throw base::Error(fmt::format(
-        "--set {}: expected --set mpc.enabled=true beside it, as nothing is planned else",
+        "--set {}: expected --set mpc.enabled=true as well, as nothing is planned without it",
         assignment));
   }
 }
@@ -122,10 +122,10 @@ void ApplyProfiles(const std::vector<std::string>& files, sim::EnvironmentConfig
       passed_over =
           config::ReadSharedTomlFile(file, config::ListFields(profile), config::ListFields(others));
     } catch (const base::Error& error) {
-      throw base::Error(fmt::format("{} (of a profile, [environment] alone counts)", error.what()));
+      throw base::Error(fmt::format("{} (only [environment] of a profile is used)", error.what()));
     }
     if (passed_over.empty()) continue;
-    spdlog::info("{}: of a profile, [environment] alone counts; passed over: {}", file,
+    spdlog::info("{}: only [environment] of a profile is used; ignored: {}", file,
                  fmt::join(passed_over, ", "));
   }
 }
@@ -170,7 +170,7 @@ std::optional<train::RunConfig> TrainedConfig(const EvaluateOptions& options,
     return config::FromToml<train::RunConfig>(it->second, *options.policy + " (its config)");
   } catch (const base::Error& error) {
     if (!options.config) throw;
-    spdlog::warn("what the policy was trained on cannot be told: {}", error.what());
+    spdlog::warn("cannot tell what the policy was trained on: {}", error.what());
     return std::nullopt;
   }
 }
@@ -209,10 +209,10 @@ void RequireSameFieldOfView(const EvaluateOptions& options, const train::RunConf
   const double expected = trained.environment.lidar.field_of_view;
   const double found = config.environment.lidar.field_of_view;
   if (found == expected) return;
-  throw base::Error(fmt::format(
-      "{}: environment.lidar.field_of_view is {} rad, expected {}, which the policy was trained "
-      "with: its beams would look elsewhere",
-      *options.policy, found, expected));
+  throw base::Error(
+      fmt::format("{}: environment.lidar.field_of_view is {} rad, expected {}, which the policy "
+                  "was trained with: its beams would point elsewhere",
+                  *options.policy, found, expected));
 }
 
 /// Throws `base::Error` where planning is asked of a policy that cannot.
@@ -222,16 +222,16 @@ void RequirePlannable(const std::string& path, const policy::PolicySnapshot& pol
   if (!mpc.enabled) return;
   train::RequireNoConstraint(config);
   if (!policy.spec.planning.is_carried()) {
-    throw base::Error(fmt::format(
-        "{}: carries no transition model, expected one where mpc.enabled is true: train "
-        "with model.kind = \"deterministic\" or \"probabilistic\"",
-        path));
+    throw base::Error(
+        fmt::format("{}: carries no transition model, expected one because mpc.enabled is true: "
+                    "train with model.kind = \"deterministic\" or \"probabilistic\"",
+                    path));
   }
   if (policy.version < mpc.learning_starts) {
-    throw base::Error(fmt::format(
-        "{}: has had {} updates, expected at least mpc.learning_starts = {} where mpc.enabled is "
-        "true: its model has seen too little to plan with",
-        path, policy.version, mpc.learning_starts));
+    throw base::Error(
+        fmt::format("{}: has had {} updates, expected at least mpc.learning_starts = {} because "
+                    "mpc.enabled is true: its model has seen too little to plan with",
+                    path, policy.version, mpc.learning_starts));
   }
 }
 
@@ -291,51 +291,54 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
   CLI::App* command =
       app.add_subcommand("evaluate", "Score a policy or a classical planner on courses");
   command->footer(
-      "Each course is driven --episodes times, from jittered starts and with sensor noise on "
-      "random streams that\ntraining never uses (docs/evaluation.md). A policy's task is the one "
-      "it "
-      "was trained for, a planner's the default at\n20 Hz, unless --config, --profile or --set "
-      "changes it; the protocol says when an episode ends. Examples:\n\n"
+      "Drives each course --episodes times, from jittered starts and with sensor noise whose "
+      "random numbers training\n"
+      "never uses (docs/evaluation.md). A policy drives the task that it was trained for, a "
+      "planner the default task at 20 Hz,\n"
+      "unless --config, --profile or --set changes it. The protocol decides when an episode ends. "
+      "Examples:\n\n"
       "  slalom evaluate --policy runs/quickstart/policy.safetensors --courses static-test\n"
       "  slalom evaluate --agent dwa --courses static-test --output out/dwa\n"
       "  slalom evaluate --agent mppi --courses static-challenge --protocol barn-challenge\n"
       "  slalom evaluate --agent dwa --courses static-test --set "
       "environment.robot.command_delay=0.04\n");
   auto options = std::make_shared<EvaluateOptions>();
-  CLI::Option_group* driver = command->add_option_group("driver", "Who drives, one of");
+  CLI::Option_group* driver = command->add_option_group("driver", "Who drives");
   driver->add_option("--policy", options->policy, "Policy file (policy.safetensors)");
   driver->add_option(
       "--agent", options->agent,
       fmt::format("Classical planner: {}", fmt::join(planners::PlannerNames(), ", ")));
   driver->require_option(1);
   command
-      ->add_option(
-          "--courses", options->courses,
-          "A set's name (slalom courses list), generated:SEED:COUNT, or a course or set file")
+      ->add_option("--courses", options->courses,
+                   "Name of a set (see `slalom courses list`), generated:SEED:COUNT, or a course "
+                   "or set file")
       ->required();
   command->add_option("--collection", options->collection,
-                      "Directory of imported courses that set names refer to");
+                      "Directory of imported courses in which set names are looked up");
   command->add_option("--protocol", options->protocol,
-                      "Whose rules: paper, dwa-runs or barn-challenge [paper]");
+                      "The rules: paper, dwa-runs or barn-challenge [paper]");
   command
       ->add_option("--profile", options->profiles,
                    "Lay the [environment] keys of this TOML file over the task (repeatable), for "
                    "example configs/real-robot.toml")
       ->type_name("FILE");
-  command->add_option("--name", options->name, "What to call the agent in reports");
+  command->add_option("--name", options->name, "Name of the agent in reports");
   command->add_option("--episodes", options->episodes, "Episodes per course [10]")
       ->check(CLI::Range(1, 100000));
-  command->add_option("--seed", options->seed, "Root of the evaluation's random streams [1]")
+  command->add_option("--seed", options->seed, "Seed of the evaluation's random streams [1]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
   command->add_option("--output", options->output,
                       "Directory for JSON, CSV, trajectories and pictures");
   command->add_flag("--force", options->force, kForceHelp);
   command->add_flag("--json", options->json, "Print one JSON object instead of the table");
   command->add_option("--config", options->config,
-                      "Take the task from this TOML file, not from the policy or the defaults");
+                      "Take the task from this TOML file instead of the policy or the defaults");
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
-  command->add_option("--threads", options->threads, "Threads; changes the speed only [all]")
+  command
+      ->add_option("--threads", options->threads,
+                   "Number of threads, which changes only the speed [one per core]")
       ->check(CLI::Range(0, 256));
   command->callback([options, exit_code] { *exit_code = Evaluate(*options); });
 }

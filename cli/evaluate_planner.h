@@ -11,8 +11,8 @@
 namespace slalom::cli {
 
 /// Drives the classical planner `name` over the courses of `courses_spec`, as `EvaluatePolicy` does
-/// a policy. None: stopped first. Throws `base::Error` where there is no such planner (the error
-/// lists them) or the courses cannot be had.
+/// a policy. Returns nothing if it was stopped before the end. Throws `base::Error` if there is no
+/// such planner (the error lists them) or the courses cannot be read.
 std::optional<ScoredRun> EvaluatePlanner(const std::string& name, const AgentRunConfig& config,
                                          const std::string& courses_spec,
                                          base::ParallelFor& parallel, std::stop_token stop);

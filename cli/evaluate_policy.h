@@ -12,10 +12,10 @@
 namespace slalom::cli {
 
 /// Drives a policy over the courses of `courses_spec` with the task, collection and protocol of
-/// `config`, showing progress on standard error. `trained`: the courses of its training, of which a
-/// warning says how many are driven here; none: not known, or of no interest. Returns none where it
-/// was stopped first. Throws `base::Error` where the policy does not fit the task (naming
-/// `policy_source`) or the courses cannot be had.
+/// `config`, showing progress on standard error. `trained`: the courses that it was trained on; a
+/// warning says how many of them are driven here. Give none if they are not known or do not matter.
+/// Returns nothing if it was stopped before the end. Throws `base::Error` if the policy does not
+/// fit the task (the error names `policy_source`) or the courses cannot be read.
 std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
                                         const std::string& policy_source,
                                         const train::RunConfig& config,

@@ -15,7 +15,8 @@ void AddNew(CLI::App& keys) {
   CLI::App* command = keys.add_subcommand(
       "new", "Make a directory with a new key of each role and the list of who may connect");
   auto directory = std::make_shared<std::string>();
-  command->add_option("DIR", *directory, "Directory; made if it is not there")->required();
+  command->add_option("DIR", *directory, "Directory to write; it is made if it does not exist")
+      ->required();
   command->callback([directory] {
     transport::WriteNewKeys(*directory);
     fmt::print(

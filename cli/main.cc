@@ -91,10 +91,11 @@ std::string UnknownOptions(const NamedCommand& named, std::span<char* const> wor
 
 /// Does what the command line says. Returns the exit code.
 int Run(int argc, char** argv) {
-  CLI::App app{"Slalom trains robots to drive through obstacle courses, and measures them.",
-               "slalom"};
+  CLI::App app{
+      "Slalom trains robots to drive through obstacle courses, and scores how well they drive.",
+      "slalom"};
   app.set_version_flag("--version", std::string(slalom::cli::Version()));
-  app.set_help_all_flag("--help-all", "Help of every command");
+  app.set_help_all_flag("--help-all", "Print the help of every command and exit");
   app.require_subcommand(1);
   app.fallthrough(false);
   int exit_code = slalom::cli::kExitOk;
@@ -151,7 +152,7 @@ int main(int argc, char** argv) {
     slalom::base::InitLog();
     const int exit_code = Run(argc, argv);
     if (FlushOutput() || exit_code != slalom::cli::kExitOk) return exit_code;
-    fmt::print(stderr, "slalom: standard output cannot be written ({})\n", std::strerror(errno));
+    fmt::print(stderr, "slalom: cannot write to standard output ({})\n", std::strerror(errno));
   } catch (const std::exception& error) {
     std::fprintf(stderr, "slalom: %s\n", error.what());
   }

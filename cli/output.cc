@@ -83,7 +83,7 @@ void RequireOutputDirectory(const fs::path& path, const OwnOutput& own, bool for
   const fs::path there = NearestThere(path);
   std::error_code error;
   if (!fs::is_directory(there, error)) {
-    throw base::Error(fmt::format("{}: {}is no directory, expected one", path.string(),
+    throw base::Error(fmt::format("{}: {}is not a directory, expected one", path.string(),
                                   there == path ? "" : there.string() + " "));
   }
   RequireWritable(there, path);

@@ -4,29 +4,29 @@
 #include <initializer_list>
 #include <string_view>
 
-/// What `--output` may replace. Asked before a command's work, so that nobody waits for what then
-/// cannot be written.
+/// Rules for what `--output` may replace. A command checks them before it starts to work, so that
+/// nobody waits for output that then cannot be written.
 
 namespace slalom::cli {
 
 /// The help text of every `--force`.
-inline constexpr char kForceHelp[] = "Replace what is there, whoever made it";
+inline constexpr char kForceHelp[] = "Replace files that exist, whatever made them";
 
-/// Throws `base::Error` that names `path` unless a command may write this file: its directory is
-/// there and may be written to, and it is new, or no regular file (a pipe, a device, /dev/stdout,
-/// which are written to and not replaced), or `force` is given.
+/// Throws `base::Error` that names `path` unless a command may write this file. For a new file, the
+/// directory must exist and be writable. A file that exists must be writable and, unless `force` is
+/// given, not be a regular file; pipes, devices and /dev/stdout are written to, not replaced.
 void RequireOutputFile(const std::filesystem::path& path, bool force);
 
-/// By what a command knows its own output again.
+/// How a command recognises its own output.
 struct OwnOutput {
   std::string_view command;                         ///< "slalom evaluate".
-  std::initializer_list<std::string_view> markers;  ///< Files, of which its output has one or more.
+  std::initializer_list<std::string_view> markers;  ///< Its output has one or more of these files.
 };
 
-/// Throws `base::Error` that names `path` unless a command may write its files into this directory:
-/// it can be made or written to, and it holds no file, or it has one of the markers and is not the
-/// directory of a training run, or `force` is given. Directories in it do not matter, as they
-/// cannot be replaced. Makes nothing.
+/// Throws `base::Error` that names `path` unless a command may write its files into this directory.
+/// It must be possible to make it or write to it. Unless `force` is given, it must also hold no
+/// file, or have one of the markers and not be the directory of a training run. Directories in it
+/// do not matter, as they cannot be replaced. Makes nothing.
 void RequireOutputDirectory(const std::filesystem::path& path, const OwnOutput& own, bool force);
 
 }  // namespace slalom::cli

@@ -42,11 +42,12 @@ void Report(const ReportOptions& options) {
 
 void AddReportCommand(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("report", "Compare evaluations: tables and one page with plots");
+      app.add_subcommand("report", "Compare evaluations in tables and on one page with plots");
   command->footer(
-      "Takes what `slalom evaluate --output` wrote, any number of agents and course sets under one "
-      "protocol, and writes\nreport.html (opens without a network), report.md, report.csv and "
-      "report.tex (docs/evaluation.md). Example:\n\n"
+      "Takes what `slalom evaluate --output` wrote, for any number of agents and course sets under "
+      "one protocol, and writes\n"
+      "report.html (which opens without a network), report.md, report.csv and report.tex "
+      "(docs/evaluation.md). Example:\n\n"
       "  slalom evaluate --agent dwa --courses static-test --output out/dwa\n"
       "  slalom evaluate --policy runs/fast/policy.safetensors --courses static-test --output "
       "out/fast\n"
@@ -54,7 +55,7 @@ void AddReportCommand(CLI::App& app) {
   auto options = std::make_shared<ReportOptions>();
   command
       ->add_option("RESULT", options->results,
-                   "Directories that evaluate wrote, or their evaluation.json")
+                   "Directories that `slalom evaluate --output` wrote, or their evaluation.json")
       ->required();
   command->add_option("--output", options->output, "Directory to write the report to")->required();
   command->add_flag("--force", options->force, kForceHelp);

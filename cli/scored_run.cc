@@ -19,8 +19,8 @@ namespace {
 constexpr std::size_t kMaxPictures = 60;
 constexpr int kPictureColumns = 10;
 
-/// Shows how many episodes have ended, at what rate, the time left and the figures so far. These
-/// say less than at the end: the episodes that end early are the short ones.
+/// Shows how many episodes have ended, at what rate, the time left and the success so far. This
+/// says less than the final score, because the episodes that end early are the short ones.
 class EpisodeProgress {
  public:
   explicit EpisodeProgress(std::string what) : what_(std::move(what)) {}

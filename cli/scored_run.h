@@ -17,8 +17,9 @@ struct ScoredRun {
   eval::Provenance provenance;
 };
 
-/// `eval::EvaluateOnCourses`, with its errors, and a line of progress on standard error: episodes,
-/// rate, time left, and how it goes so far. None: stopped first.
+/// Runs `eval::EvaluateOnCourses`, with its errors, and shows a line of progress on standard error:
+/// episodes, rate, time left and the success so far. Returns nothing if it was stopped before the
+/// end.
 std::optional<ScoredRun> RunScored(const eval::EvaluationConfig& config,
                                    const sim::EnvironmentConfig& environment,
                                    const sim::CourseSet& courses, const eval::MakeAgent& make_agent,
@@ -26,7 +27,7 @@ std::optional<ScoredRun> RunScored(const eval::EvaluationConfig& config,
                                    std::stop_token stop);
 
 /// Writes the reports, the trajectories and a picture of the courses with them (courses.png,
-/// courses.svg) into `directory`. Throws `base::Error` where that fails.
+/// courses.svg) into `directory`. Throws `base::Error` if that fails.
 void WriteScoredRun(const ScoredRun& run, const std::filesystem::path& directory);
 
 }  // namespace slalom::cli

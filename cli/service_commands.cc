@@ -186,25 +186,27 @@ void AddRole(CLI::App& app, int* exit_code, const std::string& name, const std::
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
   command->add_option("--name", options->name,
-                      "Of this process among those of its role [service.name of the config]");
+                      "Name of this process among those of its role [service.name of the config]");
   command->footer(
-      "Runs until SIGINT, SIGTERM or SIGHUP, then saves and ends within seconds; started again it "
-      "goes "
-      "on.\n"
-      "docs/operations.md has a first cluster run.");
+      "Runs until SIGINT, SIGTERM or SIGHUP, then saves and ends within seconds. Started again, it "
+      "continues.\n"
+      "docs/operations.md explains a first run on a cluster.");
   command->callback([options, exit_code, run] { *exit_code = run(*options); });
 }
 
 }  // namespace
 
 void AddServiceCommands(CLI::App& app, int* exit_code) {
-  AddRole(app, exit_code, "replay", "Serve replay: take what actors send, give batches to learners",
+  AddRole(app, exit_code, "replay",
+          "Run the replay server: store what actors send, and give batches to the learner",
           RunReplay);
-  AddRole(app, exit_code, "learner", "Learn from a replay server and publish policies", RunLearner);
-  AddRole(app, exit_code, "actor", "Drive training episodes and send them to a replay server",
-          RunActor);
-  AddRole(app, exit_code, "evaluator", "Score the learner's policies, one after the other",
-          RunEvaluator);
+  AddRole(app, exit_code, "learner",
+          "Run the learner: learn from the replay server's batches and publish policies",
+          RunLearner);
+  AddRole(app, exit_code, "actor",
+          "Run an actor: drive training episodes and send them to the replay server", RunActor);
+  AddRole(app, exit_code, "evaluator",
+          "Run an evaluator: score the learner's policies, one after the other", RunEvaluator);
 }
 
 }  // namespace slalom::cli

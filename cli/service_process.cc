@@ -32,8 +32,8 @@ std::string ChooseName(transport::Role role, const train::ServiceConfig& config,
   }
   if (!base::IsName(name) || name.starts_with('.')) {
     throw base::Error(fmt::format(
-        "service.name is '{}', expected 1 to {} letters, digits, '-_.:@' and no '.' in front", name,
-        base::kMaxNameBytes));
+        "service.name is '{}', expected 1 to {} letters, digits or '-_.:@', not beginning with '.'",
+        name, base::kMaxNameBytes));
   }
   return name;
 }

@@ -15,7 +15,7 @@
 
 namespace slalom::cli {
 
-/// What every process of the service is given on its command line.
+/// The command-line options of every process of the service.
 struct ServiceOptions {
   std::optional<std::string> config;
   std::vector<std::string> overrides;
@@ -26,8 +26,8 @@ struct ServiceOptions {
 /// Confined to the main thread.
 class ServiceProcess {
  public:
-  /// Loads the config and shows metrics where it says. Throws `base::Error` where config or address
-  /// are unusable.
+  /// Loads the config and serves metrics at the address that it names. Throws `base::Error` if the
+  /// config or the address is unusable.
   ServiceProcess(transport::Role role, const ServiceOptions& options);
 
   const train::RunConfig& config() const { return config_; }
@@ -50,7 +50,8 @@ class ServiceProcess {
   std::unique_ptr<metrics::Exposer> exposer_;
 };
 
-/// Where a server listens: `bind`, or where that is empty what the others connect to.
+/// Returns the address at which a server listens: `bind` or, if that is empty, the address to which
+/// the others connect.
 const std::string& BindAddress(const std::string& bind, const std::string& reached);
 
 }  // namespace slalom::cli

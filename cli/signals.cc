@@ -53,8 +53,9 @@ StopSignals::StopSignals() : impl_(new Impl) {
     }
     if (impl->received == 0) return;
     impl->source.request_stop();
-    spdlog::info(impl->received == SIGHUP ? "stopping; the terminal is gone"
-                                          : "stopping; the same signal again ends at once");
+    spdlog::info(impl->received == SIGHUP
+                     ? "stopping; the terminal is gone"
+                     : "stopping; the same signal again ends the program at once");
   });
 }
 

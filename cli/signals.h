@@ -8,8 +8,8 @@ namespace slalom::cli {
 /// request for as long as it lives. SIGINT or SIGTERM again ends the program at once, as it would
 /// without this. SIGHUP again does nothing, since a shell that loses its terminal sends another one
 /// after the kernel's; and from the first one on SIGPIPE is ignored, so that a reader of the output
-/// which died with the terminal does not end the program before it has saved. Where SIGHUP is
-/// ignored, as under nohup, it stays so. One at a time.
+/// which died with the terminal does not end the program before it has saved. If SIGHUP is ignored,
+/// as under nohup, it stays ignored. Only one object may exist at a time.
 class StopSignals {
  public:
   StopSignals();
@@ -19,7 +19,7 @@ class StopSignals {
 
   std::stop_token token() const;
 
-  /// The signal that came; 0: none.
+  /// Returns the signal that arrived; 0: none has.
   int received() const;
 
  private:

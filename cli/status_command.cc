@@ -60,7 +60,7 @@ proto::StatusReply AskStatus(const train::RunConfig& config) {
                                 trouble.empty() ? "" : ": ", trouble));
 }
 
-/// "1.2M", "0.93", "-": a figure for people.
+/// "1.2M", "0.93", "-": a number for people.
 std::string Figure(const proto::Report& report, const std::string& key) {
   const auto it = report.figures.find(key);
   if (it == report.figures.end() || std::isnan(it->second)) return "-";
@@ -145,7 +145,7 @@ void AddStatusCommand(CLI::App& app) {
   command->add_option("--config", options->config, "The service's TOML file")->required();
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
-  command->add_flag("--json", options->json, "All that the processes report, as JSON");
+  command->add_flag("--json", options->json, "Print everything that the processes report, as JSON");
   command->callback([options] { Status(*options); });
 }
 

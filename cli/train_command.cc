@@ -69,8 +69,8 @@ Source FindSource(const TrainOptions& options) {
                       options.config, CommandLine({"train", directory.root.string(), "--resume"})));
     }
     if (!fs::exists(directory.config())) {
-      throw base::Error(
-          fmt::format("{}: no run to resume here, as there is no config.toml", options.config));
+      throw base::Error(fmt::format("{}: there is no run to resume here, as config.toml is missing",
+                                    options.config));
     }
     return {directory.config().string(), directory.root};
   }
@@ -123,10 +123,11 @@ void CheckDeterminism(const TrainOptions& options, const train::RunConfig& confi
   if (!config.run.deterministic) return;
   const auto needed = train::OverridesForDeterminism(config);
   if (needed.empty()) return;
-  throw base::Error(fmt::format(
-      "a deterministic run ends by steps and not by seconds, and does without priorities. Use:\n  "
-      "{}",
-      WithOverrides(options, needed)));
+  throw base::Error(
+      fmt::format("a deterministic run must end by steps, not by seconds, and cannot use "
+                  "prioritized replay. Use:\n"
+                  "  {}",
+                  WithOverrides(options, needed)));
 }
 
 /// Step sizes that are allowed and hardly ever meant.
@@ -134,8 +135,8 @@ void WarnOfLearningRates(const learner::LearnerConfig& config) {
   const auto warn = [](const char* who, double rate) {
     if (rate > kLargestUsualRate) {
       spdlog::warn(
-          "learner.{}_learning_rate is {}: Adam moves each weight by about as much in an update; "
-          "usual are 1e-5 to 1e-3",
+          "learner.{}_learning_rate is {}: Adam moves each weight by about this much in an update; "
+          "usual values are 1e-5 to 1e-3",
           who, rate);
     } else if (rate == 0.0) {
       spdlog::warn("learner.{0}_learning_rate is 0: the {0} never changes", who);
@@ -212,7 +213,7 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
                           train::LongerLimit(config, trainer.steps(), trainer.training_s()));
   const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
   if (was_finished && (!is_to_be_scored || IsScored(options, directory))) {
-    Say(fmt::format("{} is finished: its limit was reached, nothing was changed",
+    Say(fmt::format("{} is finished: it has reached its limit, and nothing was changed",
                     directory.root.string()));
     if (!longer.empty()) Say("to go on: " + longer);
     return kExitOk;
@@ -263,25 +264,27 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
   command->footer(
       "Writes runs/NAME/: config, policy, metrics, checkpoints, scores and pictures "
       "(docs/operations.md).\n"
-      "Ctrl-C saves and stops; --resume goes on, and takes the run's directory, too. Examples:\n\n"
+      "Ctrl-C saves and stops; --resume continues, also with the run's directory as CONFIG. "
+      "Examples:\n\n"
       "  slalom train configs/quickstart.toml\n"
       "  slalom train configs/fast.toml --name mine --seed 2 --set run.max_seconds=60\n"
       "  slalom train runs/mine --resume --set run.max_seconds=120\n");
   auto options = std::make_shared<TrainOptions>();
   command
       ->add_option("CONFIG", options->config,
-                   "TOML file (configs/ has presets); with --resume also a run's directory")
+                   "TOML file (configs/ has presets); with --resume, also a run's directory")
       ->required();
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
   command->add_option("--name", options->name, "Name of the run [run.name of the config]");
   command
-      ->add_option("--seed", options->seed, "Root of all random streams [run.seed of the config]")
+      ->add_option("--seed", options->seed, "Seed of all random streams [run.seed of the config]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
-  command->add_option("--output", options->output, "Directory that holds runs [runs]");
-  command->add_flag("--resume", options->resume, "Go on from the run's newest checkpoint");
+  command->add_option("--output", options->output,
+                      "Directory in which the run's directory is made [runs]");
+  command->add_flag("--resume", options->resume, "Continue from the run's newest checkpoint");
   command->add_flag("--deterministic", options->deterministic,
-                    "One thread in lockstep: the same seed gives the same policy, bit for bit");
+                    "Use one thread, so that the same seed gives the same policy, bit for bit");
   command->add_flag("--no-evaluation", options->no_evaluation,
                     "Do not score the policy at the end");
   command->callback([options, exit_code] { *exit_code = Train(*options); });

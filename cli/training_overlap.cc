@@ -20,8 +20,7 @@ std::optional<eval::TrainingOverlap> FindTrainingOverlap(const sim::CourseSet& s
   try {
     return Count(scored, trained.ResolveTrain(), trained.train);
   } catch (const base::Error& error) {
-    spdlog::warn("whether the policy was trained on these courses cannot be told: {}",
-                 error.what());
+    spdlog::warn("cannot tell whether the policy was trained on these courses: {}", error.what());
     return std::nullopt;
   }
 }

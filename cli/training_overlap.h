@@ -8,13 +8,14 @@
 
 namespace slalom::cli {
 
-/// How many courses of `scored` are among those of `trained`, by their obstacles. None: the
-/// training courses cannot be had any more (a set file was moved), which a warning says.
+/// Counts the courses of `scored` that are also among those of `trained`, comparing their
+/// obstacles. Returns nothing, after a warning, if the training courses can no longer be read (for
+/// example because a set file was moved).
 std::optional<eval::TrainingOverlap> FindTrainingOverlap(const sim::CourseSet& scored,
                                                          const train::CoursesConfig& trained);
 
-/// Warns, before a training, where courses that its policies will be scored on are among its
-/// training courses. Throws `base::Error` where these cannot be had.
+/// Warns, before a training, if courses on which its policies will be scored are among its training
+/// courses. Throws `base::Error` if these cannot be read.
 void WarnOfTrainingOverlap(const sim::CourseSet& scored, const train::CoursesConfig& training);
 
 }  // namespace slalom::cli

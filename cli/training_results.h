@@ -9,13 +9,14 @@
 
 namespace slalom::cli {
 
-/// Draws metrics.csv, and curve.csv where there is one, as training.svg. Throws `base::Error` where
-/// a file cannot be read or written.
+/// Draws metrics.csv, and curve.csv if there is one, as training.svg. Throws `base::Error` if a
+/// file cannot be read or written.
 void DrawTraining(const run::RunDirectory& directory);
 
 /// Scores the run's policy, and those of its snapshots (curve.csv), on its test courses; prints the
-/// table, where everything lies and what to do next. `train_longer`: the command that goes on with
-/// the run; empty: none can. False: stopped first. Throws `base::Error` as its parts do.
+/// table, where everything lies and what to do next. `train_longer`: the command that continues the
+/// run; empty: none can. Returns false if it was stopped before the end. Throws `base::Error` if a
+/// file cannot be read or written.
 [[nodiscard]] bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,
                                  const std::string& train_longer, base::ParallelFor& parallel,
                                  std::stop_token stop);

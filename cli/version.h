@@ -8,7 +8,7 @@ namespace slalom::cli {
 /// type.
 std::string_view Version();
 
-/// The commit alone; "unknown" where the source was no git checkout.
+/// Returns the commit alone; "unknown" if the source was not a git checkout.
 std::string_view Commit();
 
 }  // namespace slalom::cli

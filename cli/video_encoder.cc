@@ -96,8 +96,8 @@ pid_t Start(const std::vector<std::string>& arguments, int input, int output, in
   if (error == 0) return child;
   if (error == ENOENT) {
     throw base::Error(
-        "a video needs the program ffmpeg, which is not here: apt-get install ffmpeg; an output "
-        "named *.svg moves as well and needs none");
+        "a video needs the program ffmpeg, which is not installed: apt-get install ffmpeg; an "
+        "animation named *.svg needs none");
   }
   throw base::Error(fmt::format("ffmpeg cannot be started: {}", std::strerror(error)));
 }

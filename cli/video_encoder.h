@@ -13,18 +13,19 @@ enum class VideoFormat { kGif, kWebm, kMp4 };
 struct VideoFrames {
   int width = 0;               ///< [pixels], even.
   int height = 0;              ///< The same.
-  int frames_per_second = 25;  ///< A GIF can say 100, 50, 33, 25, 20 and so on alone.
+  int frames_per_second = 25;  ///< A GIF can only have 100, 50, 33, 25, 20, ...
   int num_frames = 0;
   /// Picture `i`: height x width pixels of four bytes, blue, green, red and one without a meaning.
   /// May be called more than once for a picture.
   std::function<std::span<const std::byte>(int i)> draw;
 };
 
-/// The bytes of a file that plays the frames, a GIF for ever. The program `ffmpeg` makes it, as a
-/// child process; nothing touches the disk.
+/// Returns the bytes of a file that plays the frames; a GIF repeats for ever. The program `ffmpeg`
+/// encodes it in a child process. Nothing is written to disk.
 ///
-/// Throws `base::Error` where there is no `ffmpeg` (naming Debian's package and what needs none) or
-/// where it fails, with its first words. Requires: num_frames >= 1.
+/// Throws `base::Error` if there is no `ffmpeg` (the error names Debian's package and a format that
+/// does not need it), or if it fails (with the first line of its message).
+/// Requires: num_frames >= 1.
 std::string EncodeVideo(VideoFormat format, const VideoFrames& frames);
 
 }  // namespace slalom::cli

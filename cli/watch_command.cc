@@ -127,23 +127,25 @@ void Watch(const WatchOptions& options) {
 
 void AddWatchCommand(CLI::App& app) {
   CLI::App* command =
-      app.add_subcommand("watch", "Show a running training, or one that is over, as a live page");
+      app.add_subcommand("watch", "Show a training, running or finished, as a live page");
   auto options = std::make_shared<WatchOptions>();
   command->add_option("RUN", options->run, "Directory of a run, or one that holds runs")
       ->required();
   command
-      ->add_option("--bind", options->bind,
-                   "Address to serve at; whoever reaches it can read the page, without a password")
+      ->add_option(
+          "--bind", options->bind,
+          "Address to serve at; anyone who reaches it can read the page, without a password")
       ->capture_default_str();
   command->add_option("--port", options->port, "Port to serve at; 0: any free one")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();
   command->footer(
       "Prints the address of a page with curves, rates, time left and the newest policy's drives, "
-      "which stays up to date\nuntil Ctrl-C. Reads the run's files and changes none. Examples:\n\n"
+      "which stays up to date\n"
+      "until Ctrl-C. Reads the run's files and changes none. Examples:\n\n"
       "  slalom watch runs/quickstart\n"
       "  slalom watch runs --port 8080             all runs\n"
-      "  ssh -L 7600:127.0.0.1:7600 HOST           look from elsewhere at "
+      "  ssh -L 7600:127.0.0.1:7600 HOST           to look from another machine, at "
       "http://127.0.0.1:7600/\n");
   command->callback([options] { Watch(*options); });
 }

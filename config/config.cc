@@ -63,7 +63,7 @@ std::string Expected(const Field& field) {
     std::string operator()(int*) { return "an integer"; }
     std::string operator()(std::int64_t*) { return "an integer"; }
     std::string operator()(double*) { return "a number"; }
-    std::string operator()(std::string*) { return "a text"; }
+    std::string operator()(std::string*) { return "a string"; }
     std::string operator()(std::vector<int>*) { return "a list of integers"; }
     std::string operator()(std::vector<double>*) { return "a list of numbers"; }
   };
@@ -236,7 +236,7 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
       throw Error(fmt::format("{}: base must be the path of a TOML file", Where(source, *base)));
     }
     if (depth >= kMaxBases) {
-      throw Error(fmt::format("{}: more than {} bases in a row; is there a circle?",
+      throw Error(fmt::format("{}: more than {} base files in a row; do they form a circle?",
                               Where(source, *base), kMaxBases));
     }
     ReadFileWithBases(path.parent_path() / *name, readers, depth + 1);

@@ -85,37 +85,37 @@ FieldList ListFields(Config& config) {
   return list;
 }
 
-/// Reads `path` (and its bases) into the listed fields; keys that it does not hold keep their
-/// values. Where there is no such file, the error names the one that was probably meant.
+/// Reads `path` (and its bases) into the listed fields. Fields that the file does not name keep
+/// their values. If there is no such file, the error names the one that was probably meant.
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list);
 
-/// As above for a file that other programs read, too: keys that `list` lacks and `others` has are
-/// checked and put into the fields of `others`, which the caller passes over. Returns what was
-/// passed over, each once, in the file's order: sections of which `list` has no key by their names,
-/// else keys.
+/// Like `ReadTomlFile`, for a file that other commands read, too: keys that only `others` has are
+/// checked and put into the fields of `others`, which the caller ignores. Returns what is ignored,
+/// each once, in the file's order: the name of a section if `list` has no key of that section, else
+/// the key.
 std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
                                             const FieldList& list, const FieldList& others);
 
-/// Whether a field of this key is listed.
+/// Returns whether the list has a field with this key.
 [[nodiscard]] bool HasKey(const FieldList& list, std::string_view key);
 
-/// As above from text; `source` names it in errors.
+/// Reads TOML from a text. Errors call it `source`.
 void ReadToml(std::string_view text, std::string_view source, const FieldList& list);
 
 /// Applies one command-line override "a.b=value". The value is TOML; a bare word is a string.
 void ApplyOverride(std::string_view assignment, const FieldList& list);
 
-/// The value of a field as TOML.
+/// Returns the value of a field as TOML.
 std::string PrintValue(const Field& field);
 
-/// The listed fields as TOML, complete, that reads back to the same values.
+/// Returns all listed fields as TOML that reads back to the same values.
 std::string PrintToml(const FieldList& list);
 
-/// The listed fields as a Markdown page: a table per section with key, default, range, unit,
-/// meaning.
+/// Returns the listed fields as a Markdown page: a table per section with key, default, range, unit
+/// and meaning.
 std::string PrintMarkdown(const FieldList& list);
 
-/// A config struct from an optional file and `--set` overrides, in this order.
+/// Makes a config struct from the defaults, then an optional file, then `--set` overrides.
 template <class Config>
 Config Load(const std::optional<std::filesystem::path>& path,
             std::span<const std::string> overrides) {

@@ -16,25 +16,26 @@ struct ResultGroup {
   std::vector<std::size_t> results;  ///< Indices.
 };
 
-/// Groups of results that were driven on the same courses (name of the set, collection, and the
-/// courses themselves), in the order in which they first appear.
+/// Groups the results that were driven on the same courses (name of the set, collection, and the
+/// courses themselves). The groups are in the order in which they first appear.
 std::vector<ResultGroup> GroupByCourses(std::span<const Result> results);
 
-/// A name for each result, unique among those of its group: the agent, the profiles laid over its
-/// task, and where that is not enough the directory or a number.
+/// Returns a name for each result that is unique in its group: the agent and the profiles laid over
+/// its task and, if that is not unique, the directory or a number.
 std::vector<std::string> Labels(std::span<const Result> results);
 
-/// The rules of the results' common protocol, a sentence. Requires: at least one.
+/// Returns a sentence with the rules of the result's protocol.
 std::string ProtocolSentence(const Result& result);
 
-/// A table per group, in Markdown, with 95 % intervals, and a note below it on each policy that was
-/// trained on courses of the group.
+/// Returns a Markdown table per group, with 95 % intervals. Below it, a note names each policy that
+/// was trained on courses of the group.
 std::string MarkdownComparison(std::span<const Result> results);
 
-/// One line per result, all figures with the ends of their intervals; empty where there is none.
+/// Returns CSV with one line per result: every statistic with both ends of its interval. The cells
+/// of a statistic that does not exist are empty.
 std::string CsvComparison(std::span<const Result> results);
 
-/// A booktabs table per group.
+/// Returns a LaTeX table (booktabs) per group.
 std::string LatexComparison(std::span<const Result> results);
 
 }  // namespace slalom::eval

@@ -21,11 +21,11 @@ namespace slalom::eval {
 struct EpisodeRecord {
   int course = 0;          ///< Index in the course set.
   int episode = 0;         ///< 0 ... episodes_per_course - 1.
-  std::uint64_t seed = 0;  ///< Of the `EpisodeSpec`.
+  std::uint64_t seed = 0;  ///< The seed in its `EpisodeSpec`.
   env::Outcome outcome = env::Outcome::kRunning;
   int num_steps = 0;         ///< Control steps until it ended.
   int clock_start_step = 0;  ///< Steps before the protocol's clock started.
-  /// Times that a contact began: as seen at control steps, so two within one step count once.
+  /// How often a contact began, as seen at control steps: two within one step count once.
   int num_collisions = 0;
   double path_length = 0.0;     ///< Driven, along the poses at the control steps, [m].
   double min_range = 0.0;       ///< Smallest range that the LiDAR reported, [m].
@@ -41,8 +41,8 @@ struct EpisodeRecord {
 /// All episodes of an evaluation, ordered by course, then episode.
 struct Episodes {
   std::vector<EpisodeRecord> records;
-  /// Of `recorded_episodes_per_course` of each course, in the same order: its first failures, and
-  /// where it has too few, its first successes too.
+  /// Tracks of `recorded_episodes_per_course` episodes of each course, in the same order: the first
+  /// failures and, if there are too few, the first successes.
   std::vector<sim::EpisodeTrack> tracks;
 };
 
@@ -54,25 +54,26 @@ struct EpisodeCount {
   int collisions = 0;  ///< Episodes with one, whether it ended them or not.
 };
 
-/// Told after each control step.
+/// Called after each control step.
 using Progress = std::function<void(const EpisodeCount&)>;
 
-/// Seed of one evaluation episode. It depends on the course's name, not on its place, so a course
-/// meets the same starts and the same noise in whatever set it appears, and two policies are
-/// compared on the same. The purpose "evaluation" keeps it apart from every training stream of the
-/// same root seed.
+/// Returns the seed of one evaluation episode. It depends on the course's name, not on its index,
+/// so that a course has the same starts and the same noise in every set, and two policies are
+/// compared on equal terms. The purpose "evaluation" keeps it apart from every training stream of
+/// the same root seed.
 std::uint64_t EvaluationSeed(std::int64_t root_seed, const sim::Course& course, int episode);
 
-/// Drives `episodes_per_course` episodes on each course and records them. None: `stop` was
-/// requested first (the episodes that end early are the short ones, so a part would mislead).
+/// Drives `episodes_per_course` episodes on each course and records them. Returns nothing if `stop`
+/// was requested before the end: the episodes that end early are the short ones, so a partial
+/// result would mislead.
 ///
-/// `environment` is the config of `environments`, `WithProtocol`. Where the protocol's clock starts
-/// late, an episode times out at its time limit on that clock, or if the robot has not set off
-/// within the time limit.
+/// `environment` is the config of `environments`, with the protocol applied (`WithProtocol`). If
+/// the protocol's clock starts late, an episode times out at its time limit on that clock, or if
+/// the robot has not set off within the time limit.
 ///
-/// The records do not depend on the batch size or the threads of `environments`, as far as the
-/// agent chooses the action of one environment without regard to the others.
-/// Throws `base::Error` where the agent chooses an action that is not finite.
+/// The records do not depend on the batch size or the threads of `environments`, provided that the
+/// agent chooses the action of each environment without regard to the others.
+/// Throws `base::Error` if the agent chooses an action that is not finite.
 /// Requires: environments.num_courses() == courses.courses.size(), at least one course.
 [[nodiscard]] std::optional<Episodes> RunEpisodes(const EvaluationConfig& config,
                                                   const sim::EnvironmentConfig& environment,

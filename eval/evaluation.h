@@ -25,7 +25,7 @@ struct Evaluation {
   sim::CourseSet courses;              ///< With the protocol applied (`WithProtocol`).
   Episodes episodes;
   Summary summary;
-  /// None: nothing was trained, or what on is not known.
+  /// None: the agent was not trained, or its training courses are not known.
   std::optional<TrainingOverlap> training_overlap = std::nullopt;
 };
 

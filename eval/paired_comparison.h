@@ -10,12 +10,13 @@ namespace slalom::eval {
 /// How far two agents differ on the same courses, `first` minus `second`. A value.
 ///
 /// Differences are taken course by course, so how hard a course is cancels out: the 95 % intervals
-/// are narrower than those of the two figures and say which agent is better on further courses of
-/// the same kind. Each course counts alike. No interval: fewer than two courses, or all of them
-/// show the very same difference, so that their spread is not known.
+/// are narrower than those of the agents' own scores, and say which agent is better on further
+/// courses of the same kind. Every course has the same weight. There is no interval if there are
+/// fewer than two courses, or if all of them show exactly the same difference, so that the spread
+/// is not known.
 struct PairedComparison {
   Estimate success_rate;                   ///< -1 to 1.
-  std::optional<Estimate> traversal_time;  ///< [s]; none where no course was passed by both.
+  std::optional<Estimate> traversal_time;  ///< [s]; none: no course was passed by both.
   Estimate barn_score;                     ///< -0.5 to 0.5.
   int num_traversal_courses = 0;           ///< Courses that both passed at least once.
   /// Episodes of the same number on a course began at the same place, so they can be compared one

@@ -11,10 +11,11 @@
 
 namespace slalom::eval {
 
-/// The version of evaluation.json and what lies beside it. 1 had neither format nor version.
+/// The version of evaluation.json and of the files beside it. Version 1 had neither of the keys
+/// `format` and `version`.
 inline constexpr int kResultVersion = 2;
 
-/// What drove and where the figures come from, for the JSON report; empty where not known.
+/// What drove and where the scores come from, for the JSON report. What is not known is empty.
 struct Provenance {
   std::string agent;                  ///< What to call it in tables.
   std::string kind;                   ///< "policy" or "planner".
@@ -26,23 +27,23 @@ struct Provenance {
   std::string config;                 ///< TOML, every key.
 };
 
-/// A table for the terminal: the set's figures with their intervals, then the courses that were
-/// most often not mastered, at most `max_courses`.
+/// Returns a table for the terminal: the set's statistics with their intervals, then the courses
+/// with the most failures, at most `max_courses`.
 std::string TextReport(const Evaluation& evaluation, int max_courses = 5);
 
-/// One JSON object, indented, ending in a newline.
+/// Returns one JSON object, indented, that ends in a newline.
 std::string JsonReport(const Evaluation& evaluation, const Provenance& provenance);
 
-/// One line per course.
+/// Returns CSV with one line per course.
 std::string CourseCsv(const Evaluation& evaluation);
 
-/// One line per episode.
+/// Returns CSV with one line per episode.
 std::string EpisodeCsv(const Evaluation& evaluation);
 
 /// Writes evaluation-courses.csv, evaluation-episodes.csv, evaluation-tracks.jsonl
 /// (`sim::WriteEpisodes`), evaluation.courses (`sim::WriteCourseSet`, the courses as they were
-/// driven) and, last, evaluation.json into `directory`, each atomically. `ReadResult` takes them
-/// back. Throws `base::Error` where that fails.
+/// driven) and, last, evaluation.json into `directory`, each atomically. `ReadResult` reads them
+/// back. Throws `base::Error` if a file cannot be written.
 void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
                   const std::filesystem::path& directory);
 

@@ -7,14 +7,15 @@
 
 namespace slalom::eval {
 
-/// What the page of a report shows, as compact JSON (docs/evaluation.md, "The page"): figures as
-/// they stand in the results; tracks, scans, courses and motions rounded and thinned so that the
-/// page stays a few MB, whatever the number of results and courses.
+/// Returns what the page of a report shows, as compact JSON (docs/evaluation.md, "The page").
+/// Statistics are as in the results; tracks, scans, courses and motions are rounded and thinned, so
+/// that the page has a few MB whatever the number of results and courses.
 /// Requires: at least one result, one protocol (`RequireSameProtocol`).
 std::string ReportPageData(std::span<const Result> results);
 
-/// One HTML page with everything in it, which opens without a network: table, success by course and
-/// by difficulty, times, trajectories, and episodes played back. With its requirements.
+/// Returns one HTML page with everything in it, which opens without a network: a table, success by
+/// course and by difficulty, times, trajectories, and episodes that can be played. Requires the
+/// same as `ReportPageData`.
 std::string ReportPage(std::span<const Result> results);
 
 }  // namespace slalom::eval

@@ -89,7 +89,7 @@ class ObjectReader {
     Fail(what, value, "a whole number from 0 to 1e9");
   }
 
-  /// A figure and its interval, either of which may be null.
+  /// A number and its interval, either of which may be null.
   std::optional<Estimate> OptionalEstimate(const std::string& key, double max) const {
     const Json& value = Get(key.c_str());
     if (value.is_null()) return std::nullopt;
@@ -193,7 +193,7 @@ void RequireConsistent(const Result& result, const ObjectReader& reader) {
   }
   if (num_episodes != result.set.num_episodes || num_successes != result.set.num_successes) {
     throw base::Error(fmt::format(
-        "{}: says {} successes of {} episodes, but its courses hold {} of {}; it was changed",
+        "{}: says {} successes of {} episodes, but its courses hold {} of {}; the file was changed",
         reader.file(), result.set.num_successes, result.set.num_episodes, num_successes,
         num_episodes));
   }

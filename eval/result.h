@@ -26,7 +26,7 @@ struct ResultEpisode {
   int num_collisions = 0;
 };
 
-/// What was driven on one course.
+/// The episodes on one course.
 struct ResultCourse {
   std::string name;
   double optimal_time = 0.0;  ///< [s]
@@ -43,7 +43,7 @@ struct Result {
   std::string course_set;
   std::string collection;  ///< Empty: the built-in courses.
   std::string commit;
-  std::optional<TrainingOverlap> training_overlap;  ///< None: not known, or of no policy.
+  std::optional<TrainingOverlap> training_overlap;  ///< None: not known, or a planner.
   std::map<std::string, std::string> protocol;      ///< As JSON texts, by key.
   std::int64_t seed = 0;
   double step = 0.0;          ///< Control step, [s].
@@ -61,7 +61,7 @@ struct Result {
 /// and the files that it names.
 ///
 /// Throws `base::Error` that names the file and what is wrong with it: missing, no JSON (cut
-/// short), not an evaluation, of another version, a key missing or out of range, figures that
+/// short), not an evaluation, of another version, a key missing or out of range, statistics that
 /// contradict its episodes, courses or tracks of another evaluation.
 Result ReadResult(const std::filesystem::path& path);
 
@@ -72,7 +72,7 @@ struct ParsedResult {
   std::string tracks_file;
 };
 
-/// The text of an evaluation.json. Throws as `ReadResult`; `source` names it.
+/// Parses the text of an evaluation.json. Throws like `ReadResult`; errors call the text `source`.
 ParsedResult ParseResult(std::string_view text, const std::string& source);
 
 /// Throws `base::Error` that names two files and the first difference between their protocols.

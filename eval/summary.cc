@@ -11,7 +11,7 @@ namespace {
 constexpr double kReferenceSpeed = 2.0;  // [m/s]
 constexpr double kHighestBarnLimit = 8.0;
 
-/// What the episodes of one course add up to, for each figure.
+/// The totals of one course's episodes for each statistic.
 struct Totals {
   CourseTotal success;
   CourseTotal collision;

@@ -4,7 +4,7 @@
 
 namespace slalom::eval {
 
-/// How many of the courses that a policy is scored on it was trained on. A value.
+/// How many of the courses on which a policy is scored it was also trained on. A value.
 struct TrainingOverlap {
   int num_courses = 0;     ///< Scored courses that were trained on, too.
   int num_scored = 0;      ///< Scored courses.
@@ -14,7 +14,7 @@ struct TrainingOverlap {
 };
 
 /// "40 of the 50 courses are among those that the policy was trained on (static-train-250): ...", a
-/// sentence to warn people with. Requires: num_courses > 0.
+/// sentence for warnings. Requires: num_courses > 0.
 std::string DescribeOverlap(const TrainingOverlap& overlap);
 
 }  // namespace slalom::eval

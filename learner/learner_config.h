@@ -42,54 +42,59 @@ struct LearnerConfig {
   void Visit(Visitor& v) {
     v("algorithm", algorithm, AlgorithmChoices(), "", "The update rule (docs/algorithms.md).");
     v("device", device, base::OneOf{"auto", "cpu", "cuda"}, "",
-      "Where the learner computes; auto: a GPU where LibTorch finds one.");
+      "Where the learner computes. auto: on a GPU if LibTorch finds one.");
     v("actor_learning_rate", actor_learning_rate, base::Range{0.0, 1.0}, "",
-      "Adam's step size for the actor.");
+      "Adam's learning rate for the actor.");
     v("critic_learning_rate", critic_learning_rate, base::Range{0.0, 1.0}, "",
-      "Adam's step size for the critics.");
+      "Adam's learning rate for the critics.");
     v("final_learning_rate_fraction", final_learning_rate_fraction, base::Range{0.0, 1.0}, "",
-      "Both step sizes fall linearly to this fraction of their value at the end of training.");
+      "Both learning rates fall linearly, from their full values at the start of training to this "
+      "fraction of them at its end.");
     v("batch_size", batch_size, base::Range{1, 65536}, "", "Transitions per update.");
     v("gamma", gamma, base::Range{0.0, 1.0}, "", "Discount per control step.");
-    v("n_step", n_step, base::Range{1, 100}, "steps", "Longest window of a return.");
+    v("n_step", n_step, base::Range{1, 100}, "steps",
+      "Most steps whose rewards an n-step return sums.");
     v("extra_discount_steps", extra_discount_steps, base::Range{0, 10}, "steps",
-      "Steps by which the value after a window is discounted beyond the window's length. The "
-      "original's code: 1 (docs/original-system.md, section 3.4, F2).");
+      "The value after an n-step window is discounted by this many steps more than the window has. "
+      "The original's code: 1 (docs/original-system.md, section 3.4, F2).");
     v("tau", tau, base::Range{0.0, 1.0}, "",
-      "Rate of the Polyak average that makes the target networks, per actor update.");
+      "Rate at which the target networks follow the trained networks (Polyak averaging), per actor "
+      "update.");
     v("target_noise", target_noise, base::Range{0.0, 10.0}, "",
       "TD3: standard deviation of the noise on target actions.");
     v("noise_clip", noise_clip, base::Range{0.0, 10.0}, "",
-      "TD3: largest noise on target actions.");
+      "TD3: the noise on target actions is clipped to this.");
     v("policy_delay", policy_delay, base::Range{1, 100}, "",
-      "TD3: critic updates per update of actor and targets.");
+      "TD3: critic updates per update of the actor and the target networks.");
     v("preactivation_penalty", preactivation_penalty, base::Range{0.0, 100.0}, "",
       "TD3, DDPG: weight of the squared inputs of tanh in the actor's loss, so that the actor does "
       "not get stuck at the largest actions (docs/networks.md).");
     v("temperature", temperature, base::Range{1e-6, 1e3}, "",
-      "SAC: initial temperature, which is the weight of the entropy.");
+      "SAC: initial temperature, that is, weight of the entropy.");
     v("temperature_learning_rate", temperature_learning_rate, base::Range{0.0, 1.0}, "",
-      "SAC: Adam's step size for the temperature's logarithm; 0: the temperature is constant.");
+      "SAC: Adam's learning rate for the logarithm of the temperature. 0: the temperature is "
+      "constant.");
     v("target_entropy", target_entropy, base::Range{-100.0, 100.0}, "nats",
-      "SAC: entropy of the policy that the temperature is adapted to.");
+      "SAC: entropy of the policy that adapting the temperature aims at.");
     v("log_std_min", log_std_min, base::Range{-20.0, 2.0}, "",
-      "SAC: least logarithm of the policy's standard deviation, before tanh. The original's: -1.");
+      "SAC: smallest logarithm of the policy's standard deviation, before tanh. The original's: "
+      "-1.");
     v("log_std_max", log_std_max, base::Range{-20.0, 5.0}, "",
-      "SAC: largest logarithm of it. The original's: 1.");
+      "SAC: largest logarithm of that standard deviation. The original's: 1.");
     v("reward_scale", reward_scale, base::Range{1e-6, 1e6}, "",
-      "Factor that rewards are multiplied by before they are learned from.");
-    v("mirror", mirror, "Replace each sample, with probability 1/2, by its mirror image.");
+      "Rewards are multiplied by this before they are learned from.");
+    v("mirror", mirror,
+      "Replace each sample, with probability 1/2, by its mirror image (left and right swapped).");
     v("average_rate", average_rate, base::Range{0.0, 1.0}, "",
-      "Rate of the Polyak average that makes the averaged actor, per actor update; 0: no "
-      "averaging. "
-      "Early on the average covers about the last fifth of the updates.");
+      "Rate of the Polyak average of the actor's weights, per actor update. Early in training, the "
+      "average covers about the last fifth of the updates. 0: no averaging.");
     v("prioritized", prioritized,
       "Draw transitions in proportion to their last temporal-difference error (Schaul et al. 2016; "
       "alpha is replay_server.priority_exponent).");
     v("importance_exponent", importance_exponent, base::Range{0.0, 1.0}, "",
-      "beta of the importance weights, where prioritized.");
+      "Exponent beta of the importance weights, with prioritized sampling.");
     v("divergence_limit", divergence_limit, base::Range{1.0, 1e30}, "",
-      "Mean action value, scaled, beyond which training counts as diverged.");
+      "Mean action value, in scaled rewards, beyond which training counts as diverged.");
   }
 };
 
@@ -108,22 +113,25 @@ struct ConstraintConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("kind", kind, base::OneOf{"none", "lagrangian", "fixed"}, "",
-      "lagrangian: a multiplier that rises while the policy collides more often than the limit "
-      "(dual ascent). fixed: a constant multiplier, as the original's code.");
+      "none: no constraint. lagrangian: a multiplier that rises while the policy collides more "
+      "often than the limit (dual ascent). fixed: a constant multiplier, as in the original's "
+      "code.");
     v("limit", limit, base::Range{0.0, 1000.0}, "collisions/episode",
-      "Most collisions per training episode, exploration included.");
+      "Collisions that are allowed per training episode, on average, with exploration noise.");
     v("multiplier", multiplier, base::Range{0.0, 1e6}, "",
-      "lambda at the start; the constant where the kind is \"fixed\" (the original's: 2, 5 or "
-      "10).");
+      "The multiplier, lambda, at the start; if the kind is \"fixed\", throughout (the original's: "
+      "2, 5 or 10).");
     v("multiplier_max", multiplier_max, base::Range{0.0, 1e6}, "", "Largest lambda.");
     v("learning_rate", learning_rate, base::Range{0.0, 100.0}, "",
-      "By how much lambda moves per finished episode and unit of violation: the integral gain.");
+      "Integral gain: how much lambda moves per finished episode and unit of violation.");
     v("proportional_gain", proportional_gain, base::Range{0.0, 1e6}, "",
-      "lambda also has this times the violation (PID-Lagrangian, Stooke et al. 2020).");
+      "Proportional gain: this times the violation is added to lambda (PID-Lagrangian, Stooke et "
+      "al. 2020).");
     v("derivative_gain", derivative_gain, base::Range{0.0, 1e6}, "",
-      "And this times the rise of the collisions since the last look, where positive.");
+      "Derivative gain: this times the rise in collisions since lambda last moved is added, too; a "
+      "fall adds nothing.");
     v("learning_starts", learning_starts, base::Range{0.0, 1e9}, "episodes",
-      "Episodes before lambda moves.");
+      "Finished episodes before lambda starts to move.");
   }
 };
 

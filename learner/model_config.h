@@ -20,19 +20,21 @@ struct ModelTrainingConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("learning_rate", learning_rate, base::Range{0.0, 1.0}, "", "Adam's step size for the model.");
+    v("learning_rate", learning_rate, base::Range{0.0, 1.0}, "",
+      "Adam's learning rate for the model.");
     v("weight_decay", weight_decay, base::Range{0.0, 1.0}, "",
-      "Decoupled weight decay: each step subtracts this times the step size times the weight.");
+      "Decoupled weight decay: each update subtracts this times the learning rate times the "
+      "weight.");
     v("batch_size", batch_size, base::Range{1, 65536}, "", "Transitions per update of the model.");
     v("updates_per_update", updates_per_update, base::Range{1, 1000}, "",
       "Updates of the model per update of the policy.");
     v("state_loss", state_loss, base::OneOf{"sum", "mean"}, "",
       "Whether the error of the next frame is summed or averaged over its features. The "
-      "original's: sum where probabilistic, mean where deterministic.");
+      "original's: sum if probabilistic, mean if deterministic.");
     v("held_out", held_out, base::Range{0.0, 0.5}, "",
       "Fraction of transitions that are never trained on, to measure the model's error.");
     v("elites", elites, base::Range{0, 64}, "",
-      "Members of the ensemble that predict: those with the least held-out error; 0: all.");
+      "Members of the ensemble that predict: those with the smallest held-out error. 0: all.");
   }
 };
 
@@ -55,31 +57,32 @@ struct ImaginationConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("kind", kind, base::OneOf{"none", "dyna", "mbpo"}, "",
-      "dyna: updates from n-step transitions that are imagined from replayed states. mbpo: "
-      "rollouts "
-      "that branch off replayed states fill a buffer of one-step transitions (docs/models.md).");
+      "none: nothing is imagined. dyna: updates from n-step transitions that are imagined from "
+      "replayed states. mbpo: rollouts that branch off replayed states fill a buffer of one-step "
+      "transitions (docs/models.md).");
     v("imagined_batches", imagined_batches, base::Range{0, 1000}, "",
       "Updates from imagined batches per update from a replayed batch.");
     v("rollout_steps", rollout_steps, base::Range{1, 100}, "steps",
-      "Steps imagined from a replayed state: n of Dyna's returns, length of MBPO's rollouts at the "
-      "start.");
+      "Steps imagined from a replayed state: n of Dyna's n-step returns, or the length of MBPO's "
+      "rollouts at the start.");
     v("noise", noise, base::Range{0.0, 10.0}, "",
       "Standard deviation of the noise on the policy's actions while imagining.");
     v("learning_starts", learning_starts, base::Range{0, 1e12}, "",
       "Updates of the model before the policy learns from its rollouts.");
     v("as_published", as_published,
-      "Dyna's fault M3 (docs/original-system.md, section 5.3): the imagined state is not advanced, "
-      "the first action goes with the last reward and frame, and the return is thrown away.");
+      "Reproduce Dyna's published fault M3 (docs/original-system.md, section 5.3): the imagined "
+      "state is not advanced, the first action goes with the last reward and frame, and the return "
+      "is thrown away.");
     v("final_rollout_steps", final_rollout_steps, base::Range{0, 100}, "steps",
-      "MBPO: length of rollouts at the end of the schedule; 0: as at the start.");
+      "MBPO: length of rollouts at the end of the schedule. 0: as at the start.");
     v("schedule_begin", schedule_begin, base::Range{0, 1e12}, "updates",
       "MBPO: updates of the policy at which rollouts begin to grow.");
     v("schedule_end", schedule_end, base::Range{0, 1e12}, "updates",
-      "MBPO: updates of the policy at which they have their final length.");
+      "MBPO: updates of the policy at which rollouts reach their final length.");
     v("rollouts", rollouts, base::Range{1, 65536}, "",
       "MBPO: rollouts per replayed batch; a multiple of learner.batch_size.");
     v("buffer_capacity", buffer_capacity, base::Range{1, 1e9}, "",
-      "MBPO: imagined transitions kept, oldest overwritten first.");
+      "MBPO: imagined transitions kept, the oldest overwritten first.");
     v("real_ratio", real_ratio, base::Range{0.0, 1.0}, "",
       "MBPO: fraction of each batch that is replayed, not imagined.");
   }

@@ -26,41 +26,42 @@ Spec HistogramOf(std::string_view name, std::string_view roles, std::string_view
 }  // namespace
 
 // Environments and episodes
-const Spec kEnvironmentSteps = CounterOf("slalom_environment_steps_total", "actor",
-                                         "Environment steps made, in all sessions of this actor: "
-                                         "acknowledged, pending and lost ones together.");
+const Spec kEnvironmentSteps = CounterOf(
+    "slalom_environment_steps_total", "actor",
+    "Environment steps made in all sessions of this actor, whether acknowledged, pending or lost.");
 const Spec kEpisodes = CounterOf(
     "slalom_episodes_total", "actor",
     "Training episodes that ended, by outcome (success, collision, timeout) and course set.",
     {"outcome", "course_set"});
-const Spec kSuccessRate = GaugeOf("slalom_success_rate", "actor",
-                                  "Share of the last training episodes that reached the goal, "
-                                  "exploration noise included; NaN before the first.");
+const Spec kSuccessRate =
+    GaugeOf("slalom_success_rate", "actor",
+            "Share of the most recent training episodes, with exploration noise, that reached the "
+            "goal. NaN before the first episode has ended.");
 const Spec kCollisionRate =
     GaugeOf("slalom_collision_rate", "actor",
-            "Share of the last training episodes that collided; NaN before the first.");
+            "Share of the most recent training episodes that collided. NaN before the first.");
 const Spec kEpisodeReturn =
     GaugeOf("slalom_episode_return", "actor",
-            "Mean return of the last training episodes; NaN before the first.");
-const Spec kEpisodeSteps = GaugeOf(
-    "slalom_episode_steps", "actor",
-    "Mean length of the last training episodes, in environment steps; NaN before the first.");
-const Spec kEnvironments =
-    GaugeOf("slalom_environments", "actor", "Environments that run side by side.");
+            "Mean return of the most recent training episodes. NaN before the first.");
+const Spec kEpisodeSteps =
+    GaugeOf("slalom_episode_steps", "actor",
+            "Mean steps of the most recent training episodes. NaN before the first.");
+const Spec kEnvironments = GaugeOf("slalom_environments", "actor",
+                                   "Number of environments that the actor steps side by side.");
 
 // Accounting of steps
-const Spec kStepsAcknowledged = CounterOf(
-    "slalom_steps_acknowledged_total", "actor",
-    "Environment steps that the replay server acknowledged, in all sessions of this actor; those "
-    "that it lost later stay counted.");
-const Spec kStepsLost = CounterOf(
-    "slalom_steps_lost_total", "actor",
-    "Environment steps that never reached the table, by reason, in all sessions (killed: "
-    "unacknowledged when the actor was killed; replaced: unacknowledged when its session ended; "
-    "server: acknowledged by a server that has them no longer).",
-    {"reason"});
+const Spec kStepsAcknowledged =
+    CounterOf("slalom_steps_acknowledged_total", "actor",
+              "Environment steps that the replay server acknowledged in all sessions of this "
+              "actor. Steps that the server lost later still count.");
+const Spec kStepsLost =
+    CounterOf("slalom_steps_lost_total", "actor",
+              "Environment steps that are not in the table, by reason, in all sessions. killed: "
+              "unacknowledged when the actor was killed. replaced: unacknowledged when its session "
+              "ended. server: acknowledged by a server that no longer has them.",
+              {"reason"});
 const Spec kStepsPending =
-    GaugeOf("slalom_steps_pending", "actor", "Environment steps made and not yet acknowledged.");
+    GaugeOf("slalom_steps_pending", "actor", "Environment steps made but not yet acknowledged.");
 const Spec kStepsAccepted =
     CounterOf("slalom_steps_accepted_total", "replay",
               "Environment steps put into the table and the journal, over all restarts.");
@@ -74,14 +75,14 @@ const Spec kChunksAcknowledged = CounterOf("slalom_chunks_acknowledged_total", "
                                            "Chunks that the replay server acknowledged.");
 const Spec kChunksAccepted =
     CounterOf("slalom_chunks_accepted_total", "replay", "Chunks put into the table.");
-const Spec kChunksDuplicate =
-    CounterOf("slalom_chunks_duplicate_total", "replay",
-              "Chunks that had been accepted before: acknowledged again, not inserted again.");
-const Spec kChunksRejected =
-    CounterOf("slalom_chunks_rejected_total", "actor, replay",
-              "Chunks refused, by the reason on the wire (bad message, out of order, ...): sent by "
-              "the replay server, received by the actor.",
-              {"reason"});
+const Spec kChunksDuplicate = CounterOf(
+    "slalom_chunks_duplicate_total", "replay",
+    "Chunks that had been accepted before. They are acknowledged again, but not inserted again.");
+const Spec kChunksRejected = CounterOf(
+    "slalom_chunks_rejected_total", "actor, replay",
+    "Refused chunks, by the reason given in the refusal (bad message, out of order, ...). The "
+    "replay server counts the refusals that it sent, the actor those that it received.",
+    {"reason"});
 const Spec kStepsSent = CounterOf("slalom_steps_sent_total", "actor",
                                   "Environment steps in chunks sent for the first time.");
 const Spec kStepsResent =
@@ -93,20 +94,22 @@ const Spec kStepsRejected = CounterOf(
     "Environment steps in chunks that were refused; an actor may send them again.", {"reason"});
 
 // Queues
-const Spec kQueueDepth = GaugeOf(
-    "slalom_queue_depth", "actor, replay, learner",
-    "Items in a queue: unacknowledged (chunks, actor), inserts, samples and journal (chunks held, "
-    "sample requests held, chunks not yet written, replay), batches (prefetched, learner).",
-    {"queue"});
+const Spec kQueueDepth =
+    GaugeOf("slalom_queue_depth", "actor, replay, learner",
+            "Items in a queue. Of the actor: unacknowledged (chunks). Of the replay server: "
+            "inserts (chunks held), samples (sample requests held), journal (chunks not yet "
+            "written). Of the learner: batches (prefetched).",
+            {"queue"});
 const Spec kQueueBytes =
     GaugeOf("slalom_queue_bytes", "actor, replay", "Bytes in a queue.", {"queue"});
 const Spec kQueueLimitBytes =
     GaugeOf("slalom_queue_limit_bytes", "actor, replay", "Bytes that a queue may hold.", {"queue"});
-const Spec kBlockedSeconds = CounterOf(
-    "slalom_blocked_seconds_total", "actor, replay, learner",
-    "Time that work waited at a queue: actor at unacknowledged (no room), replay at inserts and "
-    "samples (held by the rate limiter) and journal (disk), learner at batches (none there).",
-    {"queue"});
+const Spec kBlockedSeconds =
+    CounterOf("slalom_blocked_seconds_total", "actor, replay, learner",
+              "Time for which work waited at a queue. The actor waits at unacknowledged (no room); "
+              "the replay server at inserts and samples (held by the rate limiter) and at journal "
+              "(the disk); the learner at batches (none has arrived).",
+              {"queue"});
 
 // Replay table
 const Spec kTableRows = GaugeOf("slalom_table_rows", "replay", "Rows in the table.");
@@ -114,186 +117,186 @@ const Spec kTableSteps = GaugeOf("slalom_table_steps", "replay", "Environment st
 const Spec kTableCapacityRows =
     GaugeOf("slalom_table_capacity_rows", "replay", "Rows that the table can hold.");
 const Spec kTableBytes =
-    GaugeOf("slalom_table_bytes", "replay", "Memory of the table, once it is full.");
+    GaugeOf("slalom_table_bytes", "replay", "Memory that the table takes once it is full.");
 const Spec kBatches =
     CounterOf("slalom_batches_total", "replay, learner",
               "Batches sampled: granted by the replay server, received by the learner.");
 const Spec kSamples =
     CounterOf("slalom_samples_total", "replay", "Transitions sampled, over all batches.");
-const Spec kSampleSeconds =
-    HistogramOf("slalom_sample_seconds", "replay", "Time to draw and gather one batch.", kWait);
+const Spec kSampleSeconds = HistogramOf("slalom_sample_seconds", "replay",
+                                        "Time to draw one batch and gather its rows.", kWait);
 const Spec kInsertSeconds =
     HistogramOf("slalom_insert_seconds", "replay",
                 "Time from a chunk's arrival to its acknowledgement, time held included.", kWait);
-const Spec kSamplesPerInsert = GaugeOf(
-    "slalom_samples_per_insert", "replay",
-    "Transitions sampled for each environment step after `run.learning_starts`; NaN before.");
-const Spec kSamplesPerInsertTarget = GaugeOf(
-    "slalom_samples_per_insert_target", "replay",
-    "What the rate limiter holds it to: `run.updates_per_step` times the transitions of a batch.");
+const Spec kSamplesPerInsert =
+    GaugeOf("slalom_samples_per_insert", "replay",
+            "Transitions sampled per environment step after `run.learning_starts`. NaN before.");
+const Spec kSamplesPerInsertTarget =
+    GaugeOf("slalom_samples_per_insert_target", "replay",
+            "The value at which the rate limiter keeps slalom_samples_per_insert: "
+            "`run.updates_per_step` times the transitions of a batch.");
 const Spec kPrioritiesUpdated =
     CounterOf("slalom_priorities_updated_total", "replay", "Priorities set by the learner.");
-const Spec kPrioritiesStale =
-    CounterOf("slalom_priorities_stale_total", "replay", "Priorities for rows that were gone.");
+const Spec kPrioritiesStale = CounterOf("slalom_priorities_stale_total", "replay",
+                                        "Priorities for rows that had left the table.");
 
 // Journal of the replay server
 const Spec kJournalBytes =
     GaugeOf("slalom_journal_bytes", "replay", "Bytes of all segments on disk.");
 const Spec kJournalSegments = GaugeOf("slalom_journal_segments", "replay", "Segment files.");
 const Spec kJournalWrittenBytes =
-    CounterOf("slalom_journal_written_bytes_total", "replay", "Bytes written.");
+    CounterOf("slalom_journal_written_bytes_total", "replay", "Bytes written to the journal.");
 const Spec kJournalSyncSeconds =
-    HistogramOf("slalom_journal_sync_seconds", "replay", "Time of one fdatasync.", kWait);
+    HistogramOf("slalom_journal_sync_seconds", "replay", "Duration of one fdatasync.", kWait);
 const Spec kJournalSyncTimestamp =
     GaugeOf("slalom_journal_sync_timestamp_seconds", "replay",
-            "When the last fdatasync ended, in seconds since 1970; everything acknowledged before "
-            "survives a loss of power.");
-const Spec kJournalFailing = GaugeOf(
-    "slalom_journal_failing", "replay",
-    "1 while the journal cannot be written (nothing is acknowledged then) or synced (what is "
-    "acknowledged may not outlive a loss of power), else 0.");
+            "When the last fdatasync ended, in seconds since 1970. Everything acknowledged before "
+            "then survives a power failure.");
+const Spec kJournalFailing =
+    GaugeOf("slalom_journal_failing", "replay",
+            "1 while the journal cannot be written or synced, else 0. While it cannot be written, "
+            "nothing is acknowledged; while it cannot be synced, what is acknowledged may not "
+            "survive a power failure.");
 const Spec kJournalErrors =
-    CounterOf("slalom_journal_errors_total", "replay", "Writes and syncs that failed.");
+    CounterOf("slalom_journal_errors_total", "replay", "Failed writes and syncs.");
 const Spec kJournalRecoveredSteps =
     GaugeOf("slalom_journal_recovered_steps", "replay",
-            "Environment steps in the table that this start read from disk.");
-const Spec kJournalDamagedSteps = GaugeOf(
-    "slalom_journal_damaged_steps", "replay",
-    "Acknowledged environment steps that this start could not read back from damaged files.");
+            "Environment steps that the server read from disk into the table when it started.");
+const Spec kJournalDamagedSteps =
+    GaugeOf("slalom_journal_damaged_steps", "replay",
+            "Acknowledged environment steps lost at this start because files are damaged.");
 
 // Sessions and connections
-const Spec kSessions = GaugeOf("slalom_sessions", "replay", "Actors' sessions that are open.");
-const Spec kSessionsStarted =
-    CounterOf("slalom_sessions_started_total", "replay", "Sessions begun: an actor started.");
+const Spec kSessions = GaugeOf("slalom_sessions", "replay", "Open sessions of actors.");
+const Spec kSessionsStarted = CounterOf("slalom_sessions_started_total", "replay",
+                                        "Sessions begun, each by an actor that started.");
 const Spec kReconnections =
-    CounterOf("slalom_reconnections_total", "replay", "Sessions taken up again by the same actor.");
+    CounterOf("slalom_reconnections_total", "replay", "Sessions resumed after a lost connection.");
 const Spec kEpisodesCut = CounterOf("slalom_episodes_cut_total", "replay",
                                     "Open episodes cut off because their session ended.");
 const Spec kConnectedPeers =
     GaugeOf("slalom_connected_peers", "replay, learner",
-            "Peers heard of lately, by role (`peer_role`).", {"peer_role"});
+            "Peers that were heard from recently, by role (`peer_role`).", {"peer_role"});
 const Spec kConnections = CounterOf(
     "slalom_connections_total", "actor, learner, evaluator",
-    "Times that the connection to a server (replay, learner) was made; more than 1: it broke.",
-    {"server"});
-const Spec kRejectedConnections =
-    CounterOf("slalom_rejected_connections_total", "replay, learner",
-              "Handshakes that failed: wrong keys, no keys, not of this protocol.");
+    "Connections made to a server (replay, learner). More than 1: one broke.", {"server"});
+const Spec kRejectedConnections = CounterOf(
+    "slalom_rejected_connections_total", "replay, learner",
+    "Handshakes that failed: the peer had wrong keys or none, or speaks another protocol.");
 const Spec kMessages = CounterOf("slalom_messages_total", "replay, learner",
                                  "Messages received, by kind (Hello, Insert, ...).", {"message"});
 const Spec kMessagesMalformed = CounterOf("slalom_messages_malformed_total", "replay, learner",
-                                          "Messages without the two parts that every message has.");
+                                          "Messages that lack one of their two parts.");
 const Spec kMessagesRefused = CounterOf("slalom_messages_refused_total", "replay, learner",
-                                        "Refusals sent, by the reason on the wire.", {"reason"});
+                                        "Refusals sent, by the reason that they give.", {"reason"});
 
 // Learning
 const Spec kUpdates =
     CounterOf("slalom_updates_total", "learner", "Updates of the critics, over all restarts.");
 const Spec kCriticLoss =
     GaugeOf("slalom_critic_loss", "learner",
-            "Mean squared error of one critic, mean over the updates since the last reading.");
-const Spec kQMean = GaugeOf("slalom_q_mean", "learner",
-                            "Mean value of both critics on what was done, scaled as the rewards.");
-const Spec kActorQMean = GaugeOf("slalom_actor_q_mean", "learner",
-                                 "Mean value of the first critic on what the actor would do.");
+            "Mean squared error of one critic, averaged over the updates since the last reading.");
+const Spec kQMean =
+    GaugeOf("slalom_q_mean", "learner", "Mean value of replayed actions, in scaled rewards.");
+const Spec kActorQMean =
+    GaugeOf("slalom_actor_q_mean", "learner", "Mean value of the actor's own actions.");
 const Spec kCriticGradientNorm =
     GaugeOf("slalom_critic_gradient_norm", "learner", "Norm of the critics' gradient.");
 const Spec kActorGradientNorm =
     GaugeOf("slalom_actor_gradient_norm", "learner", "Norm of the actor's gradient.");
 const Spec kPolicyEntropy = GaugeOf("slalom_policy_entropy_nats", "learner",
-                                    "Entropy of a stochastic policy (SAC); NaN of others.");
+                                    "Entropy of the policy (SAC). NaN without one.");
 const Spec kTemperature =
-    GaugeOf("slalom_temperature", "learner", "Weight of the entropy (SAC); NaN without one.");
+    GaugeOf("slalom_temperature", "learner", "Weight of the entropy (SAC). NaN without one.");
 const Spec kCostQMean =
     GaugeOf("slalom_cost_q_mean", "learner",
-            "Mean value of the cost critics, discounted collisions; NaN without a constraint.");
+            "Mean value of the cost critics, in discounted collisions. NaN without a constraint.");
 const Spec kConstraintMultiplier =
     GaugeOf("slalom_constraint_multiplier", "learner",
-            "Lagrange multiplier of the constraint on collisions; NaN without one.");
-const Spec kConstraintViolation =
-    GaugeOf("slalom_constraint_violation", "learner",
-            "Collisions per training episode above the constraint's limit; NaN without one.");
-const Spec kModelLoss = GaugeOf(
-    "slalom_model_loss", "learner",
-    "Loss of the transition model on what it learns from; NaN without one, like all of it.");
-const Spec kModelError =
-    GaugeOf("slalom_model_error", "learner",
-            "Root of the mean squared error of one number of the next frame, held out.");
+            "Lagrange multiplier of the constraint on collisions. NaN without a constraint.");
+const Spec kConstraintViolation = GaugeOf(
+    "slalom_constraint_violation", "learner",
+    "Collisions per training episode above the constraint's limit. NaN without a constraint.");
+const Spec kModelLoss =
+    GaugeOf("slalom_model_loss", "learner",
+            "Loss of the transition model. NaN without a model, as for all its metrics.");
+const Spec kModelError = GaugeOf(
+    "slalom_model_error", "learner",
+    "Root mean squared error of the model per number of the next frame, on held-out transitions.");
 const Spec kModelChange =
     GaugeOf("slalom_model_change", "learner",
-            "The same of a model that says that nothing changes: what the error has to beat.");
+            "The same error of predicting no change. A useful model's error is smaller.");
 const Spec kModelStepsError =
     GaugeOf("slalom_model_steps_error", "learner",
-            "Error of one number five steps ahead, with the actions that were taken.");
+            "The model's error per number five steps ahead, given the actions taken.");
 const Spec kModelLikelihood =
     GaugeOf("slalom_model_likelihood_nats", "learner",
-            "Negative log-likelihood of one number of the next frame, held out.");
-const Spec kModelRewardError = GaugeOf("slalom_model_reward_error", "learner",
-                                       "Root of the mean squared error of the scaled reward.");
+            "Negative log-likelihood per number of the next frame, on held-out transitions.");
+const Spec kModelRewardError =
+    GaugeOf("slalom_model_reward_error", "learner",
+            "Root mean squared error of the predicted scaled reward, on held-out transitions.");
 const Spec kModelTermination =
-    GaugeOf("slalom_model_termination_nats", "learner", "Cross-entropy of termination, held out.");
-const Spec kModelCovered =
-    GaugeOf("slalom_model_covered_ratio", "learner",
-            "Part of the held-out numbers inside the middle of the prediction that should hold "
-            "`expected` of them.",
-            {"expected"});
+    GaugeOf("slalom_model_termination_nats", "learner",
+            "Cross-entropy of the predicted termination, on held-out transitions.");
+const Spec kModelCovered = GaugeOf("slalom_model_covered_ratio", "learner",
+                                   "Share of held-out numbers in the central interval of the "
+                                   "prediction that should hold the share `expected`.",
+                                   {"expected"});
 const Spec kUpdateSeconds =
     HistogramOf("slalom_update_seconds", "learner",
-                "Time of one update, without waiting for its batch.", kWait);
+                "Time of one update, not counting the wait for its batch.", kWait);
 
 // Policies
-const Spec kPolicyVersion =
-    GaugeOf("slalom_policy_version", "actor, learner, evaluator",
-            "Version of the policy: published (learner), driving (actor), last received "
-            "(evaluator). A version is the number of updates it has seen.");
+const Spec kPolicyVersion = GaugeOf(
+    "slalom_policy_version", "actor, learner, evaluator",
+    "Version of the policy that the learner published last, that the actor drives with, or that "
+    "the evaluator received last. A policy's version is the number of updates behind it.");
 const Spec kPolicyTimestamp = GaugeOf("slalom_policy_timestamp_seconds", "actor, learner",
                                       "When that policy was published, in seconds since 1970; its "
-                                      "age is `time()` less this. 0: none yet.");
-const Spec kPolicyLag = GaugeOf("slalom_policy_lag_versions", "learner",
-                                "Versions between the learner's policy and the mean of those that "
-                                "the last sampled batch was driven with.");
-const Spec kReaderLag =
-    GaugeOf("slalom_reader_lag_versions", "learner",
-            "Versions between the policy published and the oldest that a connected reader holds.");
+                                      "age is `time()` minus this. 0: there is none yet.");
+const Spec kPolicyLag =
+    GaugeOf("slalom_policy_lag_versions", "learner",
+            "How many versions the last sampled batch's policies are behind, on average.");
+const Spec kReaderLag = GaugeOf("slalom_reader_lag_versions", "learner",
+                                "How many versions the oldest connected reader is behind.");
 const Spec kPoliciesPublished =
     CounterOf("slalom_policies_published_total", "learner", "Policies published.");
 const Spec kPoliciesReceived =
     CounterOf("slalom_policies_received_total", "actor, evaluator", "Policies received.");
-const Spec kPolicyBytes =
-    GaugeOf("slalom_policy_bytes", "learner", "Size of the policy published.");
-const Spec kPublishToActing = HistogramOf("slalom_publish_to_acting_seconds", "actor",
-                                          "Time from a policy's publication until an actor has "
-                                          "installed it, so that its next action is the policy's; "
-                                          "by the clocks of both machines.",
-                                          kLatency);
+const Spec kPolicyBytes = GaugeOf("slalom_policy_bytes", "learner", "Size of the newest policy.");
+const Spec kPublishToActing =
+    HistogramOf("slalom_publish_to_acting_seconds", "actor",
+                "Time from a policy's publication until an actor has installed it and takes its "
+                "next action from it. Measured with the clocks of both machines.",
+                kLatency);
 
 // Checkpoints of the learner
 const Spec kCheckpoints = CounterOf("slalom_checkpoints_total", "learner", "Checkpoints written.");
 const Spec kCheckpointFailures =
     CounterOf("slalom_checkpoint_failures_total", "learner",
-              "Checkpoints that could not be written; the earlier one stays.");
+              "Checkpoints that could not be written. The earlier one is kept.");
 const Spec kCheckpointTimestamp =
     GaugeOf("slalom_checkpoint_timestamp_seconds", "learner",
             "When the newest checkpoint was written, in seconds since 1970; its age is `time()` "
-            "less this. Before the first: when the learner started.");
+            "minus this. Before the first checkpoint: when the learner started.");
 const Spec kCheckpointSeconds =
     GaugeOf("slalom_checkpoint_seconds", "learner", "Time that the last checkpoint took.");
 const Spec kCheckpointBytes =
     GaugeOf("slalom_checkpoint_bytes", "learner", "Size of the last checkpoint.");
 const Spec kCheckpointUpdates =
     GaugeOf("slalom_checkpoint_updates", "learner",
-            "Updates at which the newest checkpoint stands: what a restart goes on from.");
-const Spec kRunFinished = GaugeOf(
-    "slalom_run_finished", "learner",
-    "1 once the run has the steps or seconds that its config allows: all rest from then on.");
+            "Updates of the newest checkpoint, where a restart continues.");
+const Spec kRunFinished =
+    GaugeOf("slalom_run_finished", "learner",
+            "1 once the run has reached its limit of steps or seconds; all roles then rest.");
 
 // Evaluation
 const Spec kEvaluations = CounterOf("slalom_evaluations_total", "evaluator", "Policies scored.");
 const Spec kEvaluationVersion = GaugeOf("slalom_evaluation_policy_version", "evaluator",
                                         "Version of the policy that was scored last.");
 const Spec kEvaluationSuccessRate = GaugeOf("slalom_evaluation_success_rate", "evaluator",
-                                            "Share of the evaluation's episodes that reached the "
-                                            "goal, on a course set, without exploration.",
+                                            "Share of the evaluation's episodes on a course set "
+                                            "that reached the goal, without exploration noise.",
                                             {"course_set"});
 const Spec kEvaluationCollisionRate =
     GaugeOf("slalom_evaluation_collision_rate", "evaluator",
@@ -301,9 +304,9 @@ const Spec kEvaluationCollisionRate =
 const Spec kEvaluationTimeoutRate =
     GaugeOf("slalom_evaluation_timeout_rate", "evaluator",
             "Share of the evaluation's episodes that ran out of time.", {"course_set"});
-const Spec kEvaluationTime = GaugeOf(
-    "slalom_evaluation_time_seconds", "evaluator",
-    "Mean time to the goal of successful episodes; NaN where there is none.", {"course_set"});
+const Spec kEvaluationTime =
+    GaugeOf("slalom_evaluation_time_seconds", "evaluator",
+            "Mean time to the goal in successful episodes. NaN if there is none.", {"course_set"});
 const Spec kEvaluationScore = GaugeOf("slalom_evaluation_score", "evaluator",
                                       "Mean BARN score of the episodes, 0 to 0.5.", {"course_set"});
 const Spec kEvaluationDuration = GaugeOf("slalom_evaluation_duration_seconds", "evaluator",
@@ -311,23 +314,23 @@ const Spec kEvaluationDuration = GaugeOf("slalom_evaluation_duration_seconds", "
 
 // Processes
 const Spec kBuildInfo =
-    GaugeOf("slalom_build_info", "all", "Always 1; the labels say which program runs.",
-            {"version", "commit"});
+    GaugeOf("slalom_build_info", "all",
+            "Always 1. The labels say which version of the program runs.", {"version", "commit"});
 const Spec kBlasInfo = GaugeOf("slalom_blas_info", "all",
-                               "Always 1; the label is the BLAS kernel that the matrices are "
-                               "multiplied with (none: not used).",
+                               "Always 1. The label names the BLAS kernel that multiplies the "
+                               "matrices (none: no BLAS is used).",
                                {"kernel"});
-const Spec kRestarts =
-    CounterOf("slalom_restarts_total", "all",
-              "Starts of this role on the same state directory, the first not counted.");
+const Spec kRestarts = CounterOf("slalom_restarts_total", "all",
+                                 "Restarts of this process on the same state directory.");
 const Spec kProcessResidentBytes =
-    GaugeOf("process_resident_memory_bytes", "all", "Resident memory.");
-const Spec kProcessVirtualBytes = GaugeOf("process_virtual_memory_bytes", "all", "Virtual memory.");
+    GaugeOf("process_resident_memory_bytes", "all", "Resident memory of the process.");
+const Spec kProcessVirtualBytes =
+    GaugeOf("process_virtual_memory_bytes", "all", "Virtual memory of the process.");
 const Spec kProcessCpuSeconds = CounterOf("process_cpu_seconds_total", "all",
-                                          "Processor time, user and system, of all threads.");
+                                          "Processor time of all threads, user and system.");
 const Spec kProcessStartTime = GaugeOf("process_start_time_seconds", "all",
                                        "When the process started, in seconds since 1970.");
-const Spec kProcessThreads = GaugeOf("process_threads", "all", "Threads.");
+const Spec kProcessThreads = GaugeOf("process_threads", "all", "Number of threads.");
 const Spec kProcessOpenDescriptors = GaugeOf("process_open_fds", "all", "Open file descriptors.");
 const Spec kProcessMaxDescriptors =
     GaugeOf("process_max_fds", "all", "File descriptors that may be open.");

@@ -8,18 +8,21 @@ namespace {
 
 constexpr std::string_view kHead =
     "# Metrics\n\n"
-    "Every metric that a role shows to Prometheus. Made by `./slalom metrics docs > "
-    "docs/metrics.md` from the list in\n"
-    "the code (`metrics/catalogue.h`); a test checks that it is fresh.\n\n"
+    "Every metric that a role shows to Prometheus. `./slalom metrics docs > docs/metrics.md` makes "
+    "this page from the\n"
+    "list in the code (`metrics/catalogue.h`); a test checks that it is up to date.\n\n"
     "Each role answers `GET /metrics` on its own address (`service.metrics`); operations.md says "
-    "how Prometheus and Grafana\n"
-    "are set up. All metrics have the labels `run` (`run.name` of the config), `role` (actor, "
+    "how to set up Prometheus\n"
+    "and Grafana. Every metric has the labels `run` (`run.name` of the config), `role` (actor, "
     "replay, learner, evaluator)\n"
-    "and `name` (of the process; the same after a restart), and those of the column besides. Units "
-    "are seconds, bytes and\n"
-    "plain ratios (0 to 1). Names begin with `slalom_`, but for `process_`, which Prometheus gives "
-    "the same name in every\n"
-    "program. Counters that are kept on disk go on over restarts; the others begin at 0, as "
+    "and `name` (of the process; the same after a restart), besides those in the column "
+    "\"labels\". "
+    "Units are seconds, bytes\n"
+    "and plain ratios (0 to 1). Names begin with `slalom_`, except for those with `process_`, "
+    "which "
+    "Prometheus calls the\n"
+    "same in every program. Counters that are kept on disk continue after a restart; the others "
+    "begin at 0 again, which\n"
     "`rate()` expects.\n";
 
 std::string Buckets(const Spec& spec) {

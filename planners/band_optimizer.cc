@@ -11,13 +11,13 @@ namespace slalom::planners {
 namespace {
 
 constexpr int kUnknownsPerPose = 4;
-/// No time becomes shorter, [s].
+/// The shortest time between two poses, [s].
 constexpr double kLeastTime = 1e-3;
-/// Of the first damping, by the largest diagonal element.
+/// The first damping, as a share of the largest diagonal element.
 constexpr double kFirstDamping = 1e-5;
 constexpr int kMaxTrials = 10;
 
-/// The system (null: none) that errors are added to, and their sum.
+/// The system to which errors are added (null: none), and the sum of the errors.
 struct Sink {
   BandedSystem* system;
   double sum = 0.0;

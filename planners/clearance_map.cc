@@ -15,7 +15,7 @@ void TakeNearer(const float* row, float dy_squared, int size, float* nearest) {
   }
 }
 
-/// Square roots, in metres, no larger than `max_distance`.
+/// Takes square roots, in metres, and limits them to `max_distance`.
 SLALOM_VECTOR_CLONES
 void ToMetres(float* squared_cells, int size, float resolution, float max_distance) {
   for (int i = 0; i < size; ++i) {

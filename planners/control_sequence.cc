@@ -9,7 +9,7 @@
 namespace slalom::planners {
 namespace {
 
-/// Of the quadratic filter over 9 points, times 231.
+/// Coefficients of the quadratic filter over 9 points, times 231.
 constexpr float kSavitzkyGolay[9] = {-21, 14, 39, 54, 59, 54, 39, 14, -21};
 
 /// Sum of weights[b] * values[b], in eight partial sums, so that it runs on vectors.

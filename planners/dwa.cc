@@ -79,7 +79,7 @@ DwaPlanner::Window DwaPlanner::DynamicWindow(const LocalView& view) const {
   const double period = 1.0 / config_.navigation.control_rate;
   const double v = view.velocity.linear, w = view.velocity.angular;
   const double dv = config_.acceleration * period, dw = config_.turn_acceleration * period;
-  // Not so fast that it would drive beyond the end of the path within the simulated time.
+  // The robot must not drive beyond the end of the path within the simulated time.
   const double max_speed =
       std::min(config_.max_speed, base::Norm(local_end_O_ - view.X_OR.p) / config_.sim_time);
   return {.min = {std::max(config_.min_speed, v - dv), std::max(-config_.max_turn_rate, w - dw)},
@@ -104,8 +104,8 @@ DwaPlanner::Trajectory DwaPlanner::BestAhead(const LocalView& view, const Window
       add({speed, window.min.angular + j * turn_step});
     }
   }
-  // The first sample of least cost wins. Outlines are dear: they are laid in the order of what a
-  // sample costs without, for as long as that can still win.
+  // The first sample of least cost wins. Outlines are expensive: samples are checked in the order
+  // of their other costs, and only while they can still win.
   const auto num = candidates_.size();
   order_.resize(num);
   for (std::size_t i = 0; i < num; ++i) order_[i] = i;

@@ -33,41 +33,46 @@ struct DwaConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v.Section("navigation", navigation, "Rate, inflation and goal tolerance with DWA.");
-    v("max_speed", max_speed, base::Range{0.01, 5.0}, "m/s", "Fastest sample ahead.");
-    v("min_speed", min_speed, base::Range{0.0, 5.0}, "m/s", "Slowest sample ahead.");
+    v("max_speed", max_speed, base::Range{0.01, 5.0}, "m/s",
+      "Largest forward speed that is sampled.");
+    v("min_speed", min_speed, base::Range{0.0, 5.0}, "m/s",
+      "Smallest forward speed that is sampled.");
     v("max_turn_rate", max_turn_rate, base::Range{0.01, 10.0}, "rad/s",
-      "Fastest turn sample, left and right.");
+      "Largest turn rate that is sampled, left and right.");
     v("min_turn_rate_in_place", min_turn_rate_in_place, base::Range{0.0, 10.0}, "rad/s",
-      "Slowest turn on the spot.");
+      "Smallest turn rate on the spot.");
     v("acceleration", acceleration, base::Range{0.01, 1000.0}, "m/s^2",
-      "Bounds the window of speeds and the simulated speed-up.");
+      "Acceleration that bounds the window of sampled speeds and the simulated change of speed.");
     v("turn_acceleration", turn_acceleration, base::Range{0.01, 1000.0}, "rad/s^2",
-      "Likewise for turn rates.");
-    v("sim_time", sim_time, base::Range{0.1, 10.0}, "s", "How far samples are simulated.");
+      "The same for turn rates.");
+    v("sim_time", sim_time, base::Range{0.1, 10.0}, "s", "How far ahead each sample is simulated.");
     v("sim_granularity", sim_granularity, base::Range{0.005, 0.5}, "m",
       "Distance between the simulated poses.");
     v("angular_sim_granularity", angular_sim_granularity, base::Range{0.005, 0.5}, "rad",
-      "A sample has at least turn rate / this poses.");
-    v("speed_samples", speed_samples, base::Range{2, 100}, "", "Speeds sampled.");
-    v("turn_samples", turn_samples, base::Range{2, 200}, "", "Turn rates sampled.");
+      "Each sample is simulated in at least as many poses as its turn rate divided by this.");
+    v("speed_samples", speed_samples, base::Range{2, 100}, "",
+      "Number of speeds that are sampled.");
+    v("turn_samples", turn_samples, base::Range{2, 200}, "",
+      "Number of turn rates that are sampled.");
     v("path_distance_scale", path_distance_scale, base::Range{0.0, 100.0}, "",
-      "Weight of the end's distance from the path (pdist_scale).");
+      "Weight of the distance from a sample's end to the path (pdist_scale).");
     v("goal_distance_scale", goal_distance_scale, base::Range{0.0, 100.0}, "",
-      "Weight of the end's distance from the local goal (gdist_scale).");
+      "Weight of the distance from a sample's end to the local goal (gdist_scale).");
     v("obstacle_cost_scale", obstacle_cost_scale, base::Range{0.0, 100.0}, "",
       "Weight of the highest cost under the outline (occdist_scale).");
     v("meter_scoring", meter_scoring,
       "Multiply the three weights by the map's resolution, as if distances were in metres.");
     v("heading_lookahead", heading_lookahead, base::Range{0.0, 5.0}, "m",
-      "Turns on the spot are compared by the distance to the goal this far ahead.");
+      "Turns on the spot are compared by the distance to the goal from a point this far ahead of "
+      "the robot.");
     v("oscillation_reset_distance", oscillation_reset_distance, base::Range{0.0, 5.0}, "m",
-      "After this way, a turn direction that was given up may be tried again.");
+      "After driving this far, the robot may again turn in a direction that it had given up.");
     v("escape_speed", escape_speed, base::Range{-5.0, 0.0}, "m/s",
-      "Driven when nothing else is admissible, unchecked.");
+      "Speed of an escape, which is driven without any check when no sample is admissible.");
     v("escape_reset_distance", escape_reset_distance, base::Range{0.0, 5.0}, "m",
-      "An escape ends after this way,");
+      "An escape ends after driving this far ...");
     v("escape_reset_angle", escape_reset_angle, base::Range{0.0, 6.3}, "rad",
-      "or after this turn.");
+      "... or after turning by this much.");
   }
 };
 

@@ -105,7 +105,7 @@ bool ElasticBand::Refine(const BandField& field) {
   return true;
 }
 
-/// Appends the refined band from bubble `first` up to, but without, bubble `last`.
+/// Appends the refined band from bubble `first` up to, but not including, bubble `last`.
 bool ElasticBand::RefineBetween(const BandField& field, std::size_t first, std::size_t last,
                                 std::vector<Bubble>& out) const {
   const Bubble& begin = bubbles_[first];
@@ -149,7 +149,7 @@ bool ElasticBand::Connected(const BandField& field, const Bubble& a, const Bubbl
   return Overlap(a, b) || FillGap(field, a, b, filled_);
 }
 
-/// Moves bubble i by the force on it, where it stays free and connected.
+/// Moves bubble i by the force on it if it stays free and connected there.
 void ElasticBand::Move(const BandField& field, std::size_t i) {
   const Bubble& old = bubbles_[i];
   const base::Vec2 force = Force(field, i, old);
@@ -167,7 +167,7 @@ void ElasticBand::Move(const BandField& field, std::size_t i) {
   bubbles_[i] = moved;
 }
 
-/// Walks by ever smaller steps to where the force turns round, as a whole step went too far.
+/// Walks in ever smaller steps to where the force turns around, because a whole step went too far.
 Bubble ElasticBand::TowardsEquilibrium(const BandField& field, std::size_t i, base::Vec2 force,
                                        base::Vec2 step, Bubble overshot) const {
   Bubble best = overshot;

@@ -33,8 +33,9 @@ struct ElasticBandConfig {
   void Visit(Visitor& v) {
     v.Section("navigation", navigation, "Rate, inflation and goal tolerance with E-band.");
     v("min_overlap", min_overlap, base::Range{0.01, 1.0}, "",
-      "Bubbles are connected where their distance is below this times the sum of their radii.");
-    v("tiny_bubble", tiny_bubble, base::Range{0.0, 1.0}, "m", "A smaller bubble is a collision.");
+      "Bubbles are connected if their distance is below this times the sum of their radii.");
+    v("tiny_bubble", tiny_bubble, base::Range{0.0, 1.0}, "m",
+      "A bubble with a smaller radius counts as a collision.");
     v("internal_force", internal_force, base::Range{0.0, 100.0}, "",
       "Gain of the force that straightens the band.");
     v("external_force", external_force, base::Range{0.0, 100.0}, "",
@@ -42,28 +43,29 @@ struct ElasticBandConfig {
     v("num_iterations", num_iterations, base::Range{0, 100}, "",
       "Passes over the band per control cycle.");
     v("max_equilibrium_depth", max_equilibrium_depth, base::Range{0, 20}, "",
-      "Halvings on the way to a bubble's place of rest.");
+      "How often the step towards a bubble's equilibrium may be halved.");
     v("equilibrium_overshoot", equilibrium_overshoot, base::Range{0.0, 10.0}, "",
-      "A force that turned round and is above this share of what it was calls for halving.");
+      "The step is halved if the force has turned around and still has more than this share of its "
+      "strength.");
     v("significant_force", significant_force, base::Range{0.0, 100.0}, "",
       "Weaker forces are ignored.");
     v("costmap_weight", costmap_weight, base::Range{0.1, 100.0}, "1/m",
-      "A cost c is read as a distance of ln(252 / c) / this, a cost of 0 as 1.");
-    v("max_speed", max_speed, base::Range{0.01, 5.0}, "m/s", "Fastest drive.");
-    v("min_speed", min_speed, base::Range{0.0, 5.0}, "m/s", "Slowest drive.");
-    v("max_turn_rate", max_turn_rate, base::Range{0.01, 10.0}, "rad/s", "Fastest turn.");
+      "A cost c counts as a distance of ln(252 / c) / costmap_weight; a cost of 0 counts as 1.");
+    v("max_speed", max_speed, base::Range{0.01, 5.0}, "m/s", "Largest forward speed.");
+    v("min_speed", min_speed, base::Range{0.0, 5.0}, "m/s", "Smallest forward speed.");
+    v("max_turn_rate", max_turn_rate, base::Range{0.01, 10.0}, "rad/s", "Largest turn rate.");
     v("min_turn_rate", min_turn_rate, base::Range{0.0, 10.0}, "rad/s",
-      "Slowest turn while driving.");
+      "Smallest turn rate while driving.");
     v("min_turn_rate_in_place", min_turn_rate_in_place, base::Range{0.0, 10.0}, "rad/s",
-      "Slowest turn on the spot.");
+      "Smallest turn rate on the spot.");
     v("turn_gain", turn_gain, base::Range{0.0, 100.0}, "1/s",
       "Turn rate per angle to the next bubble (k_prop).");
     v("speed_per_radius", speed_per_radius, base::Range{0.0, 100.0}, "1/m",
-      "Share of the fastest drive per metre of 0.7 bubble radii (bubble_velocity_multiplier).");
+      "Share of max_speed per metre of 0.7 times the bubble's radius "
+      "(bubble_velocity_multiplier).");
     v("turn_threshold_scale", turn_threshold_scale, base::Range{0.0, 100.0}, "",
-      "Times the angle under which 0.7 of the next bubble's radius is seen: beyond, the robot "
-      "turns "
-      "on the spot.");
+      "The robot turns on the spot if the next bubble is off its heading by more than this times "
+      "the angle that 0.7 times the bubble's radius spans.");
   }
 };
 

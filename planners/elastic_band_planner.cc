@@ -33,7 +33,7 @@ std::optional<Twist> ElasticBandPlanner::ComputeCommand(const LocalView& view) {
   return FollowBand(view.X_OR);
 }
 
-/// Lays a new band where the path is new, or reaches farther since the map moved on.
+/// Lays a new band if the path is new, or if it reaches farther because the map has moved.
 bool ElasticBandPlanner::LayBand(const LocalView& view, bool& blind) {
   const double reach =
       0.5 * view.costmap.resolution() * std::max(view.costmap.size_x(), view.costmap.size_y());
@@ -52,7 +52,7 @@ bool ElasticBandPlanner::LayBand(const LocalView& view, bool& blind) {
       return false;
     }
   }
-  // A new band is smoothed once before it is followed; where that fails, it stays as it is.
+  // A new band is smoothed once before it is followed. If that fails, it stays as it is.
   std::ignore = band_.Optimise(BandField(view.costmap, config_.costmap_weight, blind));
   return true;
 }

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kWholeLine = std::numeric_limits<int>::max();
 
-/// The cells of the corners; none where one is off the map.
+/// Returns the cells of the corners; none if a corner is off the map.
 std::optional<std::array<CellIndex, 4>> CornerCells(const Costmap& costmap,
                                                     const PaddedFootprint& footprint,
                                                     const base::Pose2& X_OR) {

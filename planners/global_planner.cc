@@ -14,12 +14,12 @@ constexpr float kInfinite = std::numeric_limits<float>::infinity();
 constexpr float kNeutralCost = 50.0f;  // Of crossing a free cell.
 constexpr float kCostFactor = 0.8f;
 constexpr double kPathStep = 0.5;  // [cells]
-// Below what a free cell can cost per cell of straight line, the approximation's error included.
+// Less than a free cell can cost per cell of a straight line, even with the approximation's error.
 constexpr float kHeuristicCost = 0.95f * kNeutralCost;
 // Less than a cell's potential is above its lowest neighbour's, so that cells are mostly updated
 // once.
 constexpr float kBucketWidth = 25.0f;
-// Where the robot has not been reached, so much dearer paths are looked for next.
+// If the robot was not reached, paths that cost this much more are searched next.
 constexpr float kBoundGrowth = 1.2f;
 // Cells whose paths cost this much more than the best are settled too: the descent's gradients look
 // up to two cells beside the path, where a cell costs 251 at most.
@@ -189,7 +189,7 @@ void GlobalPlanner::Relax(int n) {
   Push(n);
 }
 
-/// What a path from the robot over this cell costs at least.
+/// Returns a lower bound of the cost of a path from the robot over this cell.
 float GlobalPlanner::Key(int n) const {
   const int y = n / size_x_, x = n - y * size_x_;
   const float dx = static_cast<float>(x - start_.x), dy = static_cast<float>(y - start_.y);

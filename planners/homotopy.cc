@@ -8,7 +8,8 @@
 namespace slalom::planners {
 namespace {
 
-/// Depth-first over all ways through a roadmap without dead ends, whose edges lead forwards only.
+/// Searches depth-first all paths through a roadmap without dead ends whose edges only lead
+/// forwards.
 class RoadmapSearch {
  public:
   RoadmapSearch(const std::vector<base::Vec2>& nodes, const std::vector<std::vector<int>>& edges,

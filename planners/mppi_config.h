@@ -16,7 +16,7 @@ struct CriticWeight {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("weight", weight, base::Range{0.0, 1e6}, "", "Factor of what the critic measures.");
+    v("weight", weight, base::Range{0.0, 1e6}, "", "Factor on what the critic measures.");
     v("power", power, base::Range{1, 4}, "", "Exponent of weight times measure.");
   }
 };
@@ -27,10 +27,9 @@ struct MppiConstraintConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v.Section(
-        "cost", cost,
-        "Integral of the speed beyond the limits, [m], and of the lateral acceleration beyond "
-        "its own, [m/s].");
+    v.Section("cost", cost,
+              "Integral of the speed beyond the limits, [m], and of the lateral acceleration "
+              "beyond its limit, [m/s].");
   }
 };
 
@@ -50,19 +49,20 @@ struct MppiObstacleConfig {
     v("collision_cost", collision_cost, base::Range{0.0, 1e9}, "",
       "Cost of a rollout whose outline meets an obstacle.");
     v("critical_weight", critical_weight, base::Range{0.0, 1e6}, "1/m",
-      "Per metre, summed over the points, by which the outline is nearer than collision_margin.");
+      "Cost per metre by which the outline is nearer than collision_margin, summed over the "
+      "points.");
     v("repulsion_weight", repulsion_weight, base::Range{0.0, 1e6}, "1/m",
-      "Per metre, averaged over the points, by which the inscribed circle is nearer than "
-      "inflation_radius.");
+      "Cost per metre by which the inscribed circle is nearer than inflation_radius, averaged over "
+      "the points.");
     v("power", power, base::Range{1, 4}, "", "Exponent of the two terms' sum.");
     v("collision_margin", collision_margin, base::Range{0.0, 1.0}, "m",
       "Clearance of the outline below which a point is critical.");
     v("inflation_radius", inflation_radius, base::Range{0.01, 2.0}, "m",
       "Clearance of the inscribed circle below which obstacles repel.");
     v("near_goal_distance", near_goal_distance, base::Range{0.0, 100.0}, "m",
-      "With the goal nearer than this, only critical points and collisions count.");
+      "If the goal is nearer than this, only critical points and collisions count.");
     v("point_step", point_step, base::Range{1, 50}, "",
-      "Every so many points of a rollout are looked at.");
+      "Only every n-th point of a rollout is examined, with this n.");
   }
 };
 
@@ -75,7 +75,7 @@ struct MppiGoalConfig {
   void Visit(Visitor& v) {
     v.Section("cost", cost, "Mean distance of the rollout's points to the goal, [m].");
     v("threshold", threshold, base::Range{0.0, 100.0}, "m",
-      "Counts with the goal nearer than this.");
+      "The critic counts only if the goal is nearer than this.");
   }
 };
 
@@ -90,17 +90,18 @@ struct MppiPathAlignConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v.Section("cost", cost, "Mean distance of the rollout's points to the path's, [m].");
+    v.Section("cost", cost,
+              "Mean distance between the rollout's points and those of the path, [m].");
     v("threshold", threshold, base::Range{0.0, 100.0}, "m",
-      "Counts with more than this of the path left.");
+      "The critic counts only if more than this of the path is left.");
     v("offset_from_furthest", offset_from_furthest, base::Range{0, 1000}, "",
-      "Counts once a rollout ends as many path points ahead.");
+      "The critic counts only once a rollout gets this many path points ahead.");
     v("point_step", point_step, base::Range{1, 50}, "",
-      "Every so many points of a rollout are looked at.");
+      "Only every n-th point of a rollout is examined, with this n.");
     v("max_occupancy_ratio", max_occupancy_ratio, base::Range{0.0, 1.0}, "",
-      "Does not count where more of the path than this share is blocked.");
+      "The critic does not count if more than this share of the path is blocked.");
     v("occupancy_check_distance", occupancy_check_distance, base::Range{0.0, 100.0}, "m",
-      "Part of the path that is looked at for that, at least.");
+      "Least length of the path that is examined for max_occupancy_ratio.");
   }
 };
 
@@ -116,9 +117,9 @@ struct MppiPathFollowConfig {
               "Distance from the rollout's end to a path point ahead of the furthest one that any "
               "rollout reaches, [m].");
     v("threshold", threshold, base::Range{0.0, 100.0}, "m",
-      "Counts with more than this of the path left.");
+      "The critic counts only if more than this of the path is left.");
     v("offset_from_furthest", offset_from_furthest, base::Range{0, 1000}, "",
-      "By how many path points that point is ahead.");
+      "How many path points that point is ahead of the furthest one.");
   }
 };
 
@@ -132,13 +133,14 @@ struct MppiPathAngleConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v.Section("cost", cost,
-              "Angle at the rollout's end between heading and a path point ahead, [rad].");
+              "Angle at the rollout's end between its heading and the direction to a path point "
+              "ahead, [rad].");
     v("threshold", threshold, base::Range{0.0, 100.0}, "m",
-      "Counts with the goal farther than this.");
+      "The critic counts only if the goal is farther away than this.");
     v("offset_from_furthest", offset_from_furthest, base::Range{0, 1000}, "",
-      "By how many path points that point is ahead of the furthest one reached.");
+      "How many path points that point is ahead of the furthest one reached.");
     v("max_angle", max_angle, base::Range{0.0, 3.1416}, "rad",
-      "Counts where the robot's own heading is off that point by more than this.");
+      "The critic counts only if the robot's own heading is off that point by more than this.");
   }
 };
 
@@ -149,9 +151,9 @@ struct MppiPreferForwardConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v.Section("cost", cost, "Way driven backwards, [m].");
+    v.Section("cost", cost, "Distance driven backwards, [m].");
     v("threshold", threshold, base::Range{0.0, 100.0}, "m",
-      "Counts with the goal farther than this.");
+      "The critic counts only if the goal is farther away than this.");
   }
 };
 
@@ -195,8 +197,8 @@ struct MppiConfig {
   void Visit(Visitor& v) {
     v.Section("navigation", navigation, "Rate, inflation and goal tolerance with MPPI.");
     v("outline_length", outline_length, base::Range{0.05, 3.0}, "m",
-      "Rectangle that must stay clear, along the driving direction.");
-    v("outline_width", outline_width, base::Range{0.05, 3.0}, "m", "And across.");
+      "Length of the rectangle that must stay clear.");
+    v("outline_width", outline_width, base::Range{0.05, 3.0}, "m", "Width of that rectangle.");
     v("max_linear", max_linear, base::Range{0.01, 5.0}, "m/s", "Forward speed limit.");
     v("min_linear", min_linear, base::Range{-5.0, 0.0}, "m/s", "Backward speed limit.");
     v("max_angular", max_angular, base::Range{0.01, 10.0}, "rad/s", "Turn rate limit.");
@@ -205,35 +207,37 @@ struct MppiConfig {
     v("max_angular_acceleration", max_angular_acceleration, base::Range{0.01, 1000.0}, "rad/s^2",
       "Largest change of turn rate.");
     v("max_lateral_acceleration", max_lateral_acceleration, base::Range{0.1, 1000.0}, "m/s^2",
-      "Speed times turn rate beyond which the constraint critic charges: a skid-steered robot "
-      "slides "
-      "then. Nav2 has no such limit.");
+      "Lateral acceleration (speed times turn rate) beyond which the constraint critic adds a "
+      "cost, as a skid-steered robot then slides. Nav2 has no such limit.");
     v("batch_size", batch_size, base::Range{1, 100000}, "", "Rollouts per iteration.");
     v("num_steps", num_steps, base::Range{10, 1000}, "", "Points of a rollout.");
     v("model_dt", model_dt, base::Range{0.001, 1.0}, "s",
       "Time between two points; should be the control period, as the sequence is shifted by one "
       "each cycle.");
     v("num_iterations", num_iterations, base::Range{1, 100}, "",
-      "Updates of the sequence a cycle.");
+      "Updates of the sequence per cycle.");
     v("num_retries", num_retries, base::Range{0, 100}, "",
-      "Fresh starts where all rollouts collide.");
+      "How often to start afresh if all rollouts collide.");
     v("linear_std", linear_std, base::Range{1e-3, 10.0}, "m/s",
       "Standard deviation of the sampled speeds.");
     v("angular_std", angular_std, base::Range{1e-3, 10.0}, "rad/s",
       "Standard deviation of the sampled turn rates.");
     v("temperature", temperature, base::Range{1e-6, 1e6}, "",
-      "Of the softmax: low takes the best rollout, high the mean of all.");
+      "Temperature of the softmax over rollouts: a low one takes the best rollout, a high one the "
+      "mean of all.");
     v("gamma", gamma, base::Range{0.0, 1e3}, "",
       "Weight of smooth against low-energy control in the information-theoretic term.");
     v("validation_time", validation_time, base::Range{0.0, 100.0}, "s",
-      "Part of the averaged rollout that must be free of collisions; else the best one is driven.");
+      "First part of the averaged rollout that must be free of collisions; otherwise the best "
+      "rollout is driven.");
     v("prune_distance", prune_distance, base::Range{0.1, 100.0}, "m",
       "Length of the path ahead that the critics see.");
-    v("path_spacing", path_spacing, base::Range{0.01, 1.0}, "m", "Between its points.");
+    v("path_spacing", path_spacing, base::Range{0.01, 1.0}, "m",
+      "Distance between the points of that path.");
     v.Section("constraint", constraint, "Speeds beyond the limits.");
     v.Section("obstacle", obstacle, "Nearness to obstacles.");
     v.Section("goal", goal, "Distance to the goal.");
-    v.Section("path_align", path_align, "Distance between rollout and path.");
+    v.Section("path_align", path_align, "Distance between the rollout and the path.");
     v.Section("path_follow", path_follow, "Progress along the path.");
     v.Section("path_angle", path_angle, "Heading towards the path.");
     v.Section("prefer_forward", prefer_forward, "Backward driving.");

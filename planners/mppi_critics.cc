@@ -88,7 +88,8 @@ void WalkOn(const float* x, const float* y, const float* last_x, const float* la
   }
 }
 
-/// The path point at `offset` points behind the furthest one reached that is free, or the last one.
+/// Returns the first free path point from `offset` points beyond the furthest one reached, or the
+/// last.
 int TargetOnPath(const CriticPath& path, int offset, bool must_be_free) {
   const int last = static_cast<int>(path.x.size()) - 1;
   int target = std::min(path.furthest + offset, last);
@@ -96,7 +97,7 @@ int TargetOnPath(const CriticPath& path, int offset, bool must_be_free) {
   return target;
 }
 
-/// Whether too much of the path is blocked to hold the robot to it.
+/// Returns whether so much of the path is blocked that the robot need not keep to it.
 bool IsBlocked(const MppiPathAlignConfig& config, const CriticPath& path) {
   const int reach = static_cast<int>(config.occupancy_check_distance / path.spacing);
   const int num_checked =

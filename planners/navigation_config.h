@@ -38,43 +38,45 @@ struct NavigationConfig {
     v("resolution", resolution, base::Range{0.01, 0.5}, "m", "Cell size of both costmaps.");
     v("local_map_size", local_map_size, base::Range{1.0, 50.0}, "m",
       "Side of the costmap that follows the robot.");
-    v("local_map_rate", local_map_rate, base::Range{0.5, 100.0}, "Hz", "Updates of the local map.");
+    v("local_map_rate", local_map_rate, base::Range{0.5, 100.0}, "Hz",
+      "Rate at which the local map is updated.");
     v("global_map_size", global_map_size, base::Range{2.0, 200.0}, "m",
-      "Side of the costmap that stays, centred on the start; larger where the goal is farther "
-      "away.");
+      "Side of the costmap that stays in place, centred on the start. It is larger if the goal is "
+      "too far away.");
     v("global_map_rate", global_map_rate, base::Range{0.5, 100.0}, "Hz",
-      "Updates of the global map.");
+      "Rate at which the global map is updated.");
     v("obstacle_range", obstacle_range, base::Range{0.1, 30.0}, "m",
-      "Obstacles seen from nearer than this are marked.");
+      "Obstacles that are seen nearer than this are marked in the maps.");
     v("raytrace_range", raytrace_range, base::Range{0.1, 30.0}, "m",
-      "Beams clear the cells they cross up to here.");
-    v("planner_rate", planner_rate, base::Range{0.1, 100.0}, "Hz", "Global plans.");
+      "Beams clear the cells that they cross up to this distance.");
+    v("planner_rate", planner_rate, base::Range{0.1, 100.0}, "Hz", "Rate of global planning.");
     v("planner_patience", planner_patience, base::Range{0.0, 1000.0}, "s",
-      "Without a plan for longer than this, the robot recovers.");
+      "The robot starts a recovery after this time without a plan.");
     v("controller_patience", controller_patience, base::Range{0.0, 1000.0}, "s",
-      "Without an admissible command for longer than this, the robot recovers.");
+      "The robot starts a recovery after this time without an admissible command.");
     v("command_timeout", command_timeout, base::Range{0.0, 100.0}, "s",
       "While it waits for a plan, the robot keeps its last command for this long, then stops.");
     v("goal_resend_rate", goal_resend_rate, base::Range{0.0, 100.0}, "Hz",
-      "The goal is sent anew this often, which restarts patience and recoveries, as the BARN "
-      "Challenge's launch files do at 10 Hz; 0: sent once, and a robot that gave up stays there.");
-    v("recovery", recovery, "Recover (clear, rotate, clear, rotate) before giving up.");
+      "Rate at which the goal is sent anew, which restarts patience and recoveries; the BARN "
+      "Challenge's launch files do so at 10 Hz. 0: it is sent once, and a robot that gave up stays "
+      "where it is.");
+    v("recovery", recovery, "Try to recover (clear, rotate, clear, rotate) before giving up.");
     v("recovery_clears", recovery_clears,
-      "Recoveries clear the maps. The original's did not: they clear a layer named 'obstacles', "
-      "its layer is named 'obstacles_layer'.");
+      "Whether recoveries clear the maps. The original's do not: they clear a layer named "
+      "'obstacles', but its layer is named 'obstacles_layer'.");
     v("conservative_reset", conservative_reset, base::Range{0.1, 50.0}, "m",
-      "The first clearing keeps a square of this side round the robot.");
+      "The first clearing keeps a square of this side around the robot.");
     v("aggressive_reset", aggressive_reset, base::Range{0.1, 50.0}, "m",
       "The second clearing keeps a square of this side (4 x 0.46 m).");
-    v("recovery_rotates", recovery_rotates, "Recoveries turn the robot once round.");
+    v("recovery_rotates", recovery_rotates, "Whether recoveries turn the robot once around.");
     v("recovery_max_turn_rate", recovery_max_turn_rate, base::Range{0.01, 10.0}, "rad/s",
       "Fastest turn of a recovery.");
     v("recovery_min_turn_rate", recovery_min_turn_rate, base::Range{0.01, 10.0}, "rad/s",
       "Slowest turn of a recovery.");
     v("recovery_turn_acceleration", recovery_turn_acceleration, base::Range{0.01, 100.0}, "rad/s^2",
-      "With which a recovery's turn can be stopped.");
+      "Deceleration with which a recovery plans to stop its turn.");
     v("recovery_yaw_tolerance", recovery_yaw_tolerance, base::Range{0.001, 1.0}, "rad",
-      "A recovery's turn ends this near to where it began.");
+      "A recovery's turn ends once the heading is within this angle of where it began.");
   }
 };
 
@@ -89,13 +91,14 @@ struct PlannerNavigationConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("control_rate", control_rate, base::Range{0.5, 100.0}, "Hz",
-      "Control cycles; a command is held between them. At most one a step of the environment.");
+      "Rate of control cycles; a command is held between them. There is at most one cycle per step "
+      "of the environment.");
     v("inflation_radius", inflation_radius, base::Range{0.0, 5.0}, "m",
-      "Costs spread this far round obstacles.");
+      "Costs spread this far around obstacles.");
     v("cost_scaling", cost_scaling, base::Range{0.0, 1000.0}, "1/m",
       "How fast costs fall beyond the robot's inscribed radius.");
     v("goal_tolerance", goal_tolerance, base::Range{0.01, 10.0}, "m",
-      "The robot stops this near to the goal.");
+      "The robot stops within this distance of the goal.");
   }
 };
 

@@ -13,8 +13,7 @@ namespace {
 // base_local_planner, [m].
 constexpr double kPruneDistance = 1.0;
 
-// What the global map shows beyond a goal that it is enlarged for, so that ways round are on it,
-// [m].
+// How far an enlarged global map reaches beyond the goal, so that detours are on it, [m].
 constexpr double kGoalMargin = 5.0;
 
 // move_base's recovery behaviours, in this order.

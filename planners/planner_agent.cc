@@ -44,7 +44,7 @@ void PlannerAgent::Act(const env::ObservationBatch& observations, std::span<env:
     navigators_.resize(actions.size());
     for (auto& navigator : navigators_) navigator = MakeNavigator();
   }
-  // One after another, as each thread gets to it: a plan takes far longer than a command.
+  // Each thread takes the next one when it is free: a plan takes far longer than a command.
   std::atomic<int> next{0};
   const auto act_on_next = [&](int) {
     for (int i; (i = next++) < observations.batch_size;) {

@@ -27,7 +27,7 @@ void DriveStep(const float* control_linear, const float* control_angular, const 
   for (int b = 0; b < batch_size; ++b) {
     const float v = LimitChange(control_linear[b], last_linear[b], l.max_linear_step);
     const float w = LimitChange(control_angular[b], last_angular[b], l.max_angular_step);
-    // Half the step's turn, by Taylor series: below 1e-8 in error for |half| <= 0.5.
+    // Half the step's turn, by Taylor series; the error is below 1e-8 for |half| <= 0.5.
     const float half = 0.5f * w * l.dt, h2 = half * half;
     const float c = 1.0f - h2 * (0.5f - h2 * (1.0f / 24.0f - h2 * (1.0f / 720.0f)));
     const float s =

@@ -10,17 +10,17 @@
 namespace slalom::planners {
 namespace {
 
-/// Between the points of the plan that a band is made from, [m].
+/// Distance between the points of the plan from which a band is made, [m].
 constexpr double kPlanSpacing = 0.05;
 /// Segments of the plan whose direction is that of the local goal.
 constexpr int kGoalSegments = 3;
 /// Share of the costmap's half width that the horizon may reach.
 constexpr double kMapShare = 0.85;
-/// Of the way from a band's start by which its first direction is told, [m].
+/// Length of a band's start that defines its first direction, [m].
 constexpr double kStartLength = 0.4;
 /// A band nearer than this to an obstacle point passes through it, [m].
 constexpr double kTornDistance = 0.06;
-/// Infeasible cycles in a row from which on the horizon is quartered.
+/// After this many infeasible cycles in a row, the horizon is quartered.
 constexpr int kManyInfeasible = 9;
 
 std::vector<base::Vec2> PointsOf(const TimedBand& band) {
@@ -29,7 +29,7 @@ std::vector<base::Vec2> PointsOf(const TimedBand& band) {
   return points;
 }
 
-/// From the first pose to the first one at kStartLength or the last.
+/// Returns the direction from the first pose to the first one beyond kStartLength, or to the last.
 base::Vec2 StartDirection(const TimedBand& band) {
   for (const base::Pose2& pose : band.poses) {
     const base::Vec2 d = pose.p - band.poses.front().p;
@@ -38,7 +38,7 @@ base::Vec2 StartDirection(const TimedBand& band) {
   return band.poses.back().p - band.poses.front().p;
 }
 
-/// The speeds that lead to the second pose in time.
+/// Returns the speeds that reach the second pose in time.
 Twist FirstMotion(const TimedBand& band) {
   const base::Pose2 &a = band.poses[0], &b = band.poses[1];
   const double dt = band.dts[0];
@@ -65,7 +65,7 @@ bool IsTorn(const TimedBand& band, std::span<const base::Vec2> obstacles) {
   return false;
 }
 
-/// `points`, with more of them where they are farther apart than kPlanSpacing.
+/// Returns `points`, with more points wherever two are farther apart than kPlanSpacing.
 std::vector<base::Vec2> Densify(std::span<const base::Vec2> points) {
   std::vector<base::Vec2> dense = {points.front()};
   for (std::size_t i = 1; i < points.size(); ++i) {
@@ -252,7 +252,7 @@ void TebPlanner::AddIfNew(const Cycle& cycle, std::span<const base::Vec2> points
     candidate.is_plans |= is_plans;
     return;
   }
-  // The plan is never left out for want of room.
+  // The plan is never left out for lack of room.
   if (is_plans && !config_.homotopy.enabled) candidates_.clear();
   const std::vector<base::Vec2> dense = Densify(points);
   candidates_.push_back(

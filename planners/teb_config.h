@@ -29,9 +29,9 @@ struct TebRobotConfig {
     v("max_angular_acceleration", max_angular_acceleration, base::Range{0.01, 1000.0}, "rad/s^2",
       "Largest change of turn rate.");
     v("outline_length", outline_length, base::Range{0.05, 3.0}, "m",
-      "Rectangle of the check before driving, along the driving direction; the optimiser itself "
-      "takes the robot for a point.");
-    v("outline_width", outline_width, base::Range{0.05, 3.0}, "m", "And across.");
+      "Length of the rectangle that is checked for collisions before driving. The optimiser itself "
+      "treats the robot as a point.");
+    v("outline_width", outline_width, base::Range{0.05, 3.0}, "m", "Width of that rectangle.");
   }
 };
 
@@ -52,26 +52,27 @@ struct TebTrajectoryConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("dt_ref", dt_ref, base::Range{0.01, 2.0}, "s", "Wanted time between two poses.");
+    v("dt_ref", dt_ref, base::Range{0.01, 2.0}, "s", "Desired time between two poses.");
     v("dt_hysteresis", dt_hysteresis, base::Range{0.001, 1.0}, "s",
-      "By how much more or less it may be before a pose is put in or taken out.");
-    v("min_samples", min_samples, base::Range{3, 1000}, "", "Least number of poses.");
+      "How far the time between two poses may be from dt_ref before a pose is inserted or "
+      "removed.");
+    v("min_samples", min_samples, base::Range{3, 1000}, "", "Smallest number of poses.");
     v("max_samples", max_samples, base::Range{3, 10000}, "", "Largest number of poses.");
     v("look_ahead", look_ahead, base::Range{0.1, 100.0}, "m",
       "Length of the global plan that the band spans.");
     v("via_point_separation", via_point_separation, base::Range{0.0, 100.0}, "m",
-      "Between points of the plan that draw the band; 0: none do.");
+      "Distance between the points of the global plan that attract the band. 0: none do.");
     v("reinit_distance", reinit_distance, base::Range{0.0, 100.0}, "m",
-      "A band is made anew where its goal moved by more than this.");
+      "A band is made anew if its goal has moved by more than this.");
     v("reinit_angle", reinit_angle, base::Range{0.0, 3.1416}, "rad",
-      "A band is made anew where its goal turned by more than this.");
+      "A band is made anew if its goal has turned by more than this.");
     v("feasibility_check_poses", feasibility_check_poses, base::Range{1, 1000}, "",
       "Poses of the chosen band at which the robot's outline must be free.");
     v("shrink_horizon", shrink_horizon, "Halve the horizon for a while after an infeasible band.");
     v("shrink_horizon_duration", shrink_horizon_duration, base::Range{0.0, 1000.0}, "s",
-      "For how long, at least.");
+      "Shortest time for which the horizon stays halved.");
     v("control_period", control_period, base::Range{0.001, 1.0}, "s",
-      "Time between two cycles, by which that is counted.");
+      "Time between two control cycles, with which shrink_horizon_duration is counted.");
   }
 };
 
@@ -87,17 +88,18 @@ struct TebObstacleConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("min_distance", min_distance, base::Range{0.0, 10.0}, "m",
-      "Wanted between the robot's centre and a lethal cell.");
+      "Desired distance between the robot's centre and a lethal cell.");
     v("inflation_distance", inflation_distance, base::Range{0.0, 10.0}, "m",
-      "Below this, obstacles push softly.");
+      "Obstacles nearer than this push the band softly.");
     v("cost_exponent", cost_exponent, base::Range{1.0, 10.0}, "",
-      "Of the share by which min_distance is violated.");
+      "Exponent of the share by which min_distance is violated.");
     v("behind_robot_distance", behind_robot_distance, base::Range{0.0, 100.0}, "m",
-      "Lethal cells farther behind the robot are left out.");
+      "Lethal cells farther behind the robot than this are ignored.");
     v("force_inclusion_factor", force_inclusion_factor, base::Range{0.0, 100.0}, "",
-      "Cells nearer to a pose than this many min_distances act on it.");
+      "All cells nearer to a pose than this times min_distance act on the pose.");
     v("cutoff_factor", cutoff_factor, base::Range{0.0, 100.0}, "",
-      "Of those up to this many, the nearest to the left and to the right do.");
+      "Of the other cells nearer than this times min_distance, only the nearest on the left and on "
+      "the right do.");
   }
 };
 
@@ -122,30 +124,33 @@ struct TebOptimizerConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("inner_iterations", inner_iterations, base::Range{1, 100}, "",
-      "Levenberg-Marquardt steps between two resizings.");
-    v("outer_iterations", outer_iterations, base::Range{1, 100}, "", "Resizings a cycle.");
+      "Levenberg-Marquardt steps between two resizings of the band.");
+    v("outer_iterations", outer_iterations, base::Range{1, 100}, "", "Resizings per cycle.");
     v("penalty_epsilon", penalty_epsilon, base::Range{0.0, 1.0}, "",
-      "Margin, in a limit's own unit, from which on coming near it costs.");
-    v("weight_max_linear", weight_max_linear, base::Range{0.0, 1e6}, "", "Of the speed limits.");
-    v("weight_max_angular", weight_max_angular, base::Range{0.0, 1e6}, "", "Of the turn rate's.");
+      "Margin before a limit, in the limit's own unit, in which a cost already arises.");
+    v("weight_max_linear", weight_max_linear, base::Range{0.0, 1e6}, "",
+      "Weight of the speed limits.");
+    v("weight_max_angular", weight_max_angular, base::Range{0.0, 1e6}, "",
+      "Weight of the turn rate limit.");
     v("weight_acceleration", weight_acceleration, base::Range{0.0, 1e6}, "",
-      "Of the acceleration limit.");
+      "Weight of the acceleration limit.");
     v("weight_angular_acceleration", weight_angular_acceleration, base::Range{0.0, 1e6}, "",
-      "Of the turn rate's change.");
+      "Weight of the limit on the turn rate's change.");
     v("weight_nonholonomic", weight_nonholonomic, base::Range{0.0, 1e6}, "",
-      "Of two poses lying on a common arc.");
+      "Weight of successive poses lying on a common arc.");
     v("weight_forward_drive", weight_forward_drive, base::Range{0.0, 1e6}, "",
-      "Of driving forwards.");
-    v("weight_time", weight_time, base::Range{0.0, 1e6}, "", "Of each time difference.");
+      "Weight of driving forwards.");
+    v("weight_time", weight_time, base::Range{0.0, 1e6}, "", "Weight of each time difference.");
     v("weight_shortest_path", weight_shortest_path, base::Range{0.0, 1e6}, "",
-      "Of each distance between poses.");
-    v("weight_obstacle", weight_obstacle, base::Range{0.0, 1e6}, "", "Of the least distance.");
+      "Weight of each distance between poses.");
+    v("weight_obstacle", weight_obstacle, base::Range{0.0, 1e6}, "",
+      "Weight of keeping min_distance.");
     v("weight_inflation", weight_inflation, base::Range{0.0, 1e6}, "",
-      "Of the inflation distance.");
+      "Weight of keeping inflation_distance.");
     v("weight_via_point", weight_via_point, base::Range{0.0, 1e6}, "",
-      "Of nearness to via-points.");
+      "Weight of passing near via-points.");
     v("weight_adapt_factor", weight_adapt_factor, base::Range{1.0, 100.0}, "",
-      "weight_obstacle grows by this with every resizing.");
+      "Factor by which weight_obstacle grows with every resizing.");
   }
 };
 
@@ -166,27 +171,28 @@ struct TebHomotopyConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("enabled", enabled, "Else only the global plan's class is followed.");
-    v("max_classes", max_classes, base::Range{1, 20}, "", "Bands at a time.");
-    v("roadmap_samples", roadmap_samples, base::Range{0, 200}, "", "Points drawn a cycle.");
+    v("enabled", enabled, "Whether to search. Otherwise only the global plan's class is followed.");
+    v("max_classes", max_classes, base::Range{1, 20}, "", "Largest number of bands at a time.");
+    v("roadmap_samples", roadmap_samples, base::Range{0, 200}, "", "Points drawn per cycle.");
     v("roadmap_width", roadmap_width, base::Range{0.1, 100.0}, "m",
-      "Of the area between robot and local goal in which they are drawn.");
+      "Width of the area between the robot and the local goal in which points are drawn.");
     v("heading_threshold", heading_threshold, base::Range{0.0, 1.0}, "",
       "Cosine above which an edge counts as leading towards the goal.");
     v("max_roadmap_paths", max_roadmap_paths, base::Range{1, 1000000}, "",
-      "Ways through the roadmap that are looked at in a cycle.");
+      "Most paths through the roadmap that are examined per cycle.");
     v("cost_hysteresis", cost_hysteresis, base::Range{0.0, 1.0}, "",
-      "The present band's cost counts this much when another might be chosen.");
+      "Factor on the current band's cost when bands are compared; below 1, the band is kept more "
+      "readily.");
     v("prefer_initial_plan", prefer_initial_plan, base::Range{0.0, 1.0}, "",
-      "The cost of the global plan's class counts this much.");
+      "Factor on the cost of the global plan's class when bands are compared.");
     v("obstacle_cost_scale", obstacle_cost_scale, base::Range{0.0, 1e6}, "",
-      "Factor of the obstacles' part of the cost when bands are compared.");
+      "Factor on the obstacles' part of the cost when bands are compared.");
     v("switching_blocking_period", switching_blocking_period, base::Range{0.0, 1000.0}, "s",
-      "Between two changes of class.");
+      "Least time between two changes of class.");
     v("detour_angle", detour_angle, base::Range{0.0, 3.1416}, "rad",
-      "A band that starts off turned away from the best one by more than this is dropped.");
+      "A band is dropped if its start points away from that of the best band by more than this.");
     v("max_detour_ratio", max_detour_ratio, base::Range{1.0, 1000.0}, "",
-      "A band that takes this many times as long as the best one is dropped.");
+      "A band is dropped if it takes this many times as long as the best one.");
   }
 };
 
@@ -201,12 +207,12 @@ struct TebConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v.Section("robot", robot, "The robot's limits as TEB is told them.");
+    v.Section("robot", robot, "The robot's limits as TEB assumes them.");
     v.Section("trajectory", trajectory, "The band and its horizon.");
     v.Section("obstacle", obstacle, "Distances that the band keeps.");
     v.Section("optimizer", optimizer, "The least-squares problem and its solver.");
     v.Section("homotopy", homotopy, "Search for bands on other sides of obstacles.");
-    v.Section("navigation", navigation, "What this planner sets of navigation.");
+    v.Section("navigation", navigation, "Rate, inflation and goal tolerance with TEB.");
   }
 };
 

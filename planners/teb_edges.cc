@@ -8,7 +8,7 @@ namespace {
 /// How fast the sign of a motion changes around standstill, [1/m].
 constexpr double kSignSteepness = 100.0;
 
-// Places of the unknowns of a pair.
+// Indices of the unknowns of a pair.
 constexpr int kAx = 0, kAy = 1, kAyaw = 2, kDt = 3, kBx = 4, kBy = 5, kByaw = 6;
 
 struct Way {

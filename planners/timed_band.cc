@@ -9,9 +9,9 @@
 namespace slalom::planners {
 namespace {
 
-/// Poses passed since the last cycle are looked for among so many.
+/// The poses that were passed since the last cycle are searched among this many.
 constexpr int kMaxPassed = 10;
-/// No time is shorter, [s].
+/// The shortest time between two poses, [s].
 constexpr double kLeastTime = 1e-3;
 
 double TimeBetween(const base::Pose2& from, const base::Pose2& to, double max_linear,

@@ -33,32 +33,34 @@ struct TransitionModelConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("kind", kind, base::OneOf{"none", "deterministic", "probabilistic"}, "",
-      "none: no model. deterministic: the next frame. probabilistic: mean and standard deviation "
-      "of "
-      "each of its numbers.");
+      "What the model predicts. none: there is no model. deterministic: the next frame. "
+      "probabilistic: mean and standard deviation of each number of the next frame.");
     v("targets", targets, base::OneOf{"difference", "absolute"}, "",
-      "What the network gives: the change of the newest frame, or the next frame itself.");
-    v("ensemble", ensemble, base::Range{1, 64}, "", "Networks, trained apart.");
+      "What the network computes: the change from the newest frame to the next, or the next frame "
+      "itself.");
+    v("ensemble", ensemble, base::Range{1, 64}, "",
+      "Networks in the ensemble, each trained independently.");
     v("encoder_layers", encoder_layers, base::Range{1, 8192}, "",
       "Widths of the layers before the action enters; [] for none.");
     v("head_layers", head_layers, base::Range{1, 8192}, "",
-      "Widths of the layers after it; [] for none.");
+      "Widths of the layers after the action has entered; [] for none.");
     v("layer_norm", layer_norm, "LayerNorm before each ReLU.");
     v("log_std", log_std, base::OneOf{"bounded", "published"}, "",
-      "bounded: all within log_std_min and log_std_max, smoothly. published: tanh of the ranges', "
-      "no bound on the others'.");
+      "How the logarithms of the standard deviations are bounded. bounded: all lie between "
+      "log_std_min and log_std_max, smoothly. published: those of the ranges go through tanh, the "
+      "others have no bound.");
     v("log_std_min", log_std_min, base::Range{-20.0, 20.0}, "",
-      "Least logarithm of a standard deviation, in units of the features.");
-    v("log_std_max", log_std_max, base::Range{-20.0, 20.0}, "", "The largest.");
+      "Smallest logarithm of a standard deviation, in units of the features.");
+    v("log_std_max", log_std_max, base::Range{-20.0, 20.0}, "",
+      "Largest logarithm of a standard deviation, in the same units.");
     v("bound_ranges", bound_ranges,
-      "The ranges' means go through tanh, as published; else what is predicted is clipped to what "
-      "a "
-      "range can be.");
+      "Pass the predicted means of the ranges through tanh, as published. Otherwise predictions "
+      "are clipped to the values that a range can have.");
     v("predict_last_action", predict_last_action,
-      "Predict the next frame's last action, too, as published, though it is known.");
+      "Predict the next frame's last action, too, as published, although it is known.");
     v("success", success, base::OneOf{"learned", "known"}, "",
-      "learned: the heads of reward and termination predict it, as the paper's. known: an imagined "
-      "episode ends in success where the predicted goal lies within "
+      "How an imagined episode ends in success. learned: the heads for reward and termination "
+      "predict it, as in the paper. known: it ends so if the predicted goal lies within "
       "environment.episode.goal_tolerance; the heads predict the rest.");
   }
 

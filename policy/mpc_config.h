@@ -28,25 +28,31 @@ struct MpcConfig {
     v("enabled", enabled,
       "Actors, evaluations and `slalom evaluate` plan with the policy's transition model.");
     v("horizon", horizon, base::Range{1, 100}, "steps", "Steps that a plan looks ahead.");
-    v("samples", samples, base::Range{1, 100000}, "", "Action sequences per plan and iteration.");
+    v("samples", samples, base::Range{1, 100000}, "",
+      "Action sequences sampled per plan and iteration.");
     v("iterations", iterations, base::Range{1, 100}, "",
       "Rounds of sampling; those after the first sample around the plan so far.");
     v("noise", noise, base::Range{0.0, 10.0}, "",
       "Standard deviation of the noise on the policy's normalised actions.");
     v("update", update, base::OneOf{"mppi", "cem", "sample"}, "",
-      "mppi: mean weighted by the exponential of the return. cem: mean and deviation of the best. "
-      "sample: one drawn by these weights, as published.");
+      "How the samples make a plan. mppi: their mean, weighted by the exponential of the return. "
+      "cem: mean and standard deviation of the best. sample: one of them, drawn with mppi's "
+      "weights, as published.");
     v("temperature", temperature, base::Range{1e-9, 1e9}, "",
-      "Difference of return, scaled as the learner's rewards, that weighs e times as much.");
-    v("elite_fraction", elite_fraction, base::Range{1e-6, 1.0}, "", "cem: part that is the best.");
+      "A sequence whose return is higher by this, in the learner's scaled rewards, weighs e times "
+      "as much.");
+    v("elite_fraction", elite_fraction, base::Range{1e-6, 1.0}, "",
+      "cem: fraction of the samples that counts as the best.");
     v("model_noise", model_noise,
       "Sample a probabilistic model's frames instead of taking their means, as published.");
     v("learning_starts", learning_starts, base::Range{0, 1e12}, "updates",
-      "Updates of the policy before it plans; until then it drives by itself.");
+      "Updates of the policy before planning starts; until then the policy drives by itself.");
     v("no_planning", no_planning,
-      "The original's fault M1: all sequences count alike, which is the policy with noise.");
+      "Reproduce the original's fault M1: all sequences weigh the same, so that the policy drives "
+      "with noise instead of a plan.");
     v("unscaled_action", unscaled_action,
-      "The original's fault M2: the normalised action is taken for [m/s] and [rad/s].");
+      "Reproduce the original's fault M2: normalised actions are taken for actions in [m/s] and "
+      "[rad/s].");
   }
 };
 

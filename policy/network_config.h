@@ -30,30 +30,34 @@ struct NetworkConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("encoder", encoder, base::OneOf{"mlp", "cnn", "gru", "transformer"}, "",
-      "How the frames are read.");
+      "The network that reads the observed frames (docs/networks.md).");
     v("encoder_layers", encoder_layers, base::Range{1, 8192}, "",
-      "Widths of the encoder's layers. mlp: ReLU layers, [] for none; cnn: two convolutions over "
-      "time, or convolutions over beams and a last layer; gru: one for each layer; transformer: "
-      "one for each block, all equal.");
+      "Widths of the encoder's layers. mlp: ReLU layers, [] for none. cnn: two convolutions over "
+      "time, or convolutions over beams and a last layer. gru: one width per layer. transformer: "
+      "one width per block, all equal.");
     v("cnn_axis", cnn_axis, base::OneOf{"time", "beams"}, "",
-      "What a cnn's windows move along: time, as the paper's, or the beams.");
+      "The axis along which a cnn convolves: time, as in the paper, or the beams.");
     v("attention_heads", attention_heads, base::Range{1, 256}, "",
-      "Heads of a transformer, a divisor of its width.");
+      "Attention heads of a transformer; must divide its width.");
     v("dropout", dropout, base::Range{0.0, 0.9}, "",
-      "Share of a transformer's embeddings, attention weights and residuals that training drops.");
+      "Share of a transformer's embeddings, attention weights and residuals that is dropped in "
+      "training.");
     v("dropout_everywhere", dropout_everywhere,
-      "Drop them in target networks and when acting, too, as the paper's code does.");
+      "Apply dropout in the target networks and when acting, too, as the paper's code does.");
     v("head_layers", head_layers, base::Range{1, 8192}, "",
       "Widths of the head's ReLU layers; [] for none.");
-    v("history", history, base::Range{1, 64}, "frames", "Frames seen at once, the newest last.");
+    v("history", history, base::Range{1, 64}, "frames",
+      "Successive frames that the networks see at once, the newest last.");
     v("sectors", sectors, base::Range{0, 4096}, "",
-      "Sectors whose nearest range is seen, a divisor of the number of beams; 0: every beam.");
+      "Sectors into which a scan is divided; the networks see the nearest range of each. Must "
+      "divide the number of beams. 0: they see every beam.");
     v("range_transform", range_transform, base::OneOf{"linear", "inverse"}, "",
-      "linear: 0 -> -1, clip -> +1, as the interface. inverse: 0.6 / (r + 0.2) - 0.8, finer near "
-      "by.");
+      "How a range r in metres is scaled. linear: from -1 at 0 to +1 at range_clip, as it is "
+      "observed. inverse: 0.6 / (r + 0.2) - 0.8, which resolves near ranges more finely.");
     v("goal_transform", goal_transform, base::OneOf{"linear", "centred"}, "",
-      "linear: g / scale - 1 for x and y, as the interface. centred: the same for x, y / scale, so "
-      "that left and right mirror.");
+      "How the goal's coordinates are scaled. linear: x / goal_scale - 1 and y / goal_scale - 1, "
+      "as they are observed. centred: x / goal_scale - 1 and y / goal_scale, so that left and "
+      "right are mirror images.");
     v("layer_norm", layer_norm, "LayerNorm before each ReLU of the critics.");
   }
 

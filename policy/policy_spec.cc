@@ -194,7 +194,7 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
 void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* snapshot) {
   json object = json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (!object.is_object()) {
-    throw base::Error(fmt::format("{}: its spec is no JSON object", source));
+    throw base::Error(fmt::format("{}: its spec is not a JSON object", source));
   }
   AddLaterFields<NetworkConfig>("network", kLaterNetworkFields, object);
   AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
@@ -203,7 +203,7 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
                         version.get<std::uint64_t>() <= std::numeric_limits<std::int64_t>::max();
   if (!is_count) {
     throw base::Error(
-        fmt::format("{}: 'version' in its spec is no whole number from 0 on", source));
+        fmt::format("{}: 'version' in its spec is not a whole number of 0 or more", source));
   }
   snapshot->version = version.get<std::int64_t>();
   PolicySpec& spec = snapshot->spec;

@@ -26,8 +26,8 @@ struct ReplayConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("capacity", capacity, base::Range{16, 1e9}, "rows",
-      "Rows kept, oldest overwritten first; a step takes one, the end of an episode one more (1.5 "
-      "kB each).");
+      "Rows that the buffer keeps, the oldest overwritten first. A step takes one row of about 1.5 "
+      "kB, the end of an episode one more.");
   }
 };
 

@@ -40,7 +40,7 @@ std::string LearningWatch::fault() const {
     const bool actor = is_actor_still();
     return fmt::format(
         "{} had a gradient of exactly 0 in the last {} updates, so {} and never will again: the "
-        "network is saturated, mostly because learner.{}_learning_rate is too high",
+        "network is saturated, usually because learner.{}_learning_rate is too high",
         actor ? "the actor" : "the critics", actor ? actor_still_updates_ : critic_still_updates_,
         actor ? "it does not learn" : "they do not learn", actor ? "actor" : "critic");
   }
@@ -48,8 +48,8 @@ std::string LearningWatch::fault() const {
   const std::int64_t episodes = last_.episodes - first_->episodes;
   if (episodes < kEpisodes || last_.updates == 0) return "";
   return fmt::format(
-      "none of {} training episodes has reached its goal; docs/training.md says what to look at "
-      "when training does not work",
+      "none of {} training episodes has reached its goal; docs/training.md says what to check when "
+      "training does not work",
       episodes);
 }
 

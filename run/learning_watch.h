@@ -8,13 +8,13 @@
 
 namespace slalom::run {
 
-/// Looks at the rows of a run for learning that is dead, and says so once for each reason:
+/// Recognises from the rows of a run that learning is dead, and warns once for each reason:
 ///
 /// - The actor's or the critics' gradient was exactly 0 for `kStillUpdates` updates in a row. A
 ///   network whose activations are saturated or dead has no gradient and never gets one again;
 ///   learning rates that are far too high do this. In a healthy run a gradient is small, not 0.
 /// - Half of the run is over, and none of the training episodes, at least `kEpisodes` of them,
-///   reached its goal. A slow start looks the same for long, so this is no proof.
+/// reached its goal. A slow start looks the same for a long time, so this is not a proof.
 ///
 /// A value; thread-compatible. It knows one session of a run; a session that resumes begins anew.
 class LearningWatch {
@@ -22,15 +22,15 @@ class LearningWatch {
   static constexpr std::int64_t kStillUpdates = 1000;
   static constexpr std::int64_t kEpisodes = 200;
 
-  /// Takes the next row. `fraction`: part of the run that is done. Returns a warning where there is
-  /// reason for one that was not given before.
+  /// Takes the next row. `fraction`: part of the run that is done, 0 to 1. Returns a warning if
+  /// there is a reason for one that was not given before.
   std::optional<std::string> Observe(const MetricsRow& row, double fraction);
 
-  /// What is still wrong as of the last row, in a sentence. Empty where nothing is.
+  /// Returns a sentence that says what is wrong as of the last row; empty: nothing is.
   std::string fault() const;
 
-  /// Nothing was learned beyond doubt: a network has no gradient, and no training episode of this
-  /// session ever reached its goal.
+  /// Returns whether nothing was learned beyond doubt: a network has no gradient, and no training
+  /// episode of this session has reached its goal.
   bool nothing_learned() const;
 
  private:

@@ -12,8 +12,8 @@
 namespace slalom::run {
 
 /// One row of `metrics.csv`, and what the progress line shows. Rates are over the time since the
-/// last row; episode figures are over the actor's last episodes. NaN: not known yet (an empty
-/// cell).
+/// last row; statistics of episodes are over the actor's most recent episodes. NaN: not known yet
+/// (an empty cell).
 struct MetricsRow {
   double training_s = 0.0;  ///< Time spent training (`TrainingClock`), over all sessions, [s].
   std::int64_t steps = 0;
@@ -27,8 +27,8 @@ struct MetricsRow {
   double mean_return = 0.0;
   double mean_episode_steps = 0.0;
   double critic_loss = 0.0;
-  double mean_q = 0.0;   ///< Of the critics on what was done, scaled as the rewards.
-  double actor_q = 0.0;  ///< Of the first critic on what the actor would do.
+  double mean_q = 0.0;   ///< Of the critics for replayed actions, in scaled rewards.
+  double actor_q = 0.0;  ///< Of the first critic for the actor's own actions.
   double critic_gradient_norm = 0.0;
   double actor_gradient_norm = 0.0;
   std::int64_t replay_steps = 0;
@@ -39,10 +39,11 @@ struct MetricsRow {
   double cost_q = kNone;       ///< Mean of the cost critics, [discounted collisions].
   double multiplier = kNone;   ///< lambda of a constraint.
   double violation = kNone;    ///< Collisions per episode above the constraint's limit.
-  double model_loss = kNone;   ///< Of a transition model, on what it learns from.
-  /// On transitions that are held out from it: root of the mean squared error of a feature, the
-  /// same of a model that says that nothing changes, negative log-likelihood per feature, error of
-  /// the scaled reward, cross-entropy of termination [nats], part inside the middle 50 % and 90 %.
+  double model_loss = kNone;   ///< Of a transition model, on its training batches.
+  /// Of the transition model on held-out transitions, in this order: root mean squared error per
+  /// feature, the same error of a model that predicts no change, negative log-likelihood per
+  /// feature, error of the scaled reward, cross-entropy of termination [nats], and the shares of
+  /// numbers inside the central 50 % and 90 % of the prediction.
   double model_error = kNone;
   double model_change = kNone;
   double model_likelihood = kNone;
@@ -53,7 +54,7 @@ struct MetricsRow {
   double model_steps_error = kNone;  ///< As `model_error`, five steps ahead, on what was replayed.
 };
 
-/// The row as a progress line. `remaining_s`: time left, [s]; negative: not known.
+/// Returns the row as a progress line. `remaining_s`: time left, [s]; negative: not known.
 std::string FormatProgress(const MetricsRow& row, double remaining_s);
 
 /// Appends rows to `metrics.csv`, each written at once, so that a killed run keeps what it had, and
@@ -62,12 +63,12 @@ std::string FormatProgress(const MetricsRow& row, double remaining_s);
 class MetricsLog {
  public:
   /// Opens or makes the file. Rows after `keep_until_step` are dropped first: a resumed run writes
-  /// them anew, and its event file supersedes them. Throws `base::Error` where a file cannot be
+  /// them anew, and its event file supersedes them. Throws `base::Error` if a file cannot be
   /// written.
   MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step);
 
-  /// A row that cannot be written is left out, whole, and the log says so for the first of several:
-  /// a disk that is full ends no training.
+  /// Appends a row. One that cannot be written is left out as a whole, and the first of several
+  /// such rows is logged: a full disk does not end the training.
   void Append(const MetricsRow& row);
 
  private:

@@ -4,7 +4,7 @@
 
 namespace slalom::run {
 
-/// The files of a run (docs/operations.md). A value; makes nothing.
+/// The paths of a run's files (docs/operations.md). A value; makes no file.
 struct RunDirectory {
   std::filesystem::path root;
 
@@ -17,12 +17,12 @@ struct RunDirectory {
   std::filesystem::path training_picture() const { return root / "training.svg"; }
 };
 
-/// Holds a run's directory against other processes for as long as it lives, however it ends. The
-/// directory keeps it when renamed. Movable.
+/// Locks a run's directory against other processes for as long as this object exists, however the
+/// process ends. The lock stays with a directory that is renamed. Movable.
 class RunLock {
  public:
-  /// Throws `base::Error` where another process holds it. Where the file system knows no locks
-  /// nothing is held.
+  /// Throws `base::Error` if another process holds the lock. On a file system without locks,
+  /// nothing is locked.
   explicit RunLock(const std::filesystem::path& root);
   ~RunLock();
   RunLock(RunLock&& other) noexcept;

@@ -4,7 +4,7 @@
 
 namespace slalom::run {
 
-/// What the two clocks that training time is made from show. Their zero does not matter.
+/// The readings of the two clocks from which training time is computed. Their zero does not matter.
 struct ClockReading {
   double wall_s = 0.0;       ///< A clock that only goes forward, [s].
   double processor_s = 0.0;  ///< Processor time that this process has used, all threads, [s].
@@ -37,9 +37,9 @@ class TrainingClock {
   /// Sets the time that earlier sessions trained, [s]. Requires: the clock does not run.
   void Restore(double training_s);
 
-  /// Starts to count. Nothing where the clock runs already.
+  /// Starts to count. Does nothing if the clock runs already.
   void Start();
-  /// Counts up to now, then stops. Nothing where the clock does not run.
+  /// Counts up to now, then stops. Does nothing if the clock does not run.
   void Stop();
 
   /// Counts up to now, if the clock runs. Call it once in each turn of the training loop.

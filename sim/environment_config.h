@@ -36,9 +36,9 @@ struct RobotConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("length", length, base::Range{0.05, 2.0}, "m",
-      "Outline along the driving direction, wheels included.");
+      "Length of the robot's outline, along the driving direction, wheels included.");
     v("width", width, base::Range{0.05, 2.0}, "m",
-      "Outline across the driving direction, wheels included.");
+      "Width of the robot's outline, across the driving direction, wheels included.");
     v("mass", mass, base::Range{0.1, 1000.0}, "kg", "Mass of chassis and wheels.");
     v("yaw_inertia", yaw_inertia, base::Range{0.001, 1000.0}, "kg m^2",
       "Moment of inertia of chassis and wheels about the vertical.");
@@ -55,21 +55,21 @@ struct RobotConfig {
     v("wheel_friction", wheel_friction, base::Range{0.01, 10.0}, "",
       "Friction coefficient of wheels on the ground (skid-steer).");
     v("control_rate", control_rate, base::Range{10.0, 1000.0}, "Hz",
-      "Rate of the drive's velocity controller and of the rigid-body steps; times episode.step it "
-      "must be a whole number.");
+      "Rate of the drive's velocity controller and of the rigid-body steps. Its product with "
+      "episode.step must be a whole number.");
     v("linear_speed_limit", linear_speed_limit, base::Range{0.0, 5.0}, "m/s",
-      "The drive clips commands to this, forwards and backwards.");
+      "Largest speed that the drive takes, forwards and backwards; it clips commands to this.");
     v("angular_speed_limit", angular_speed_limit, base::Range{0.0, 10.0}, "rad/s",
-      "The drive clips commands to this, left and right.");
+      "Largest turn rate that the drive takes, left and right; it clips commands to this.");
     v("linear_acceleration", linear_acceleration, base::Range{0.1, 1000.0}, "m/s^2",
       "Largest change of the wheels' forward speed, speeding up and braking.");
     v("angular_acceleration", angular_acceleration, base::Range{0.1, 1000.0}, "rad/s^2",
       "Largest change of the turn rate demanded of the wheels.");
     v("speed_gain", speed_gain, base::Range{0.1, 2.0}, "",
-      "Forward speed demanded of the wheels, per forward speed commanded; below 1 for worn tyres, "
-      "for example.");
+      "Factor from the commanded forward speed to the speed demanded of the wheels. Worn tyres, "
+      "for example, have less than 1.");
     v("yaw_gain", yaw_gain, base::Range{0.1, 2.0}, "",
-      "Turn rate demanded of the wheels, per turn rate commanded.");
+      "Factor from the commanded turn rate to the turn rate demanded of the wheels.");
     v("wheel_imbalance", wheel_imbalance, base::Range{-0.5, 0.5}, "",
       "Fraction by which the right wheels run faster than the left ones, as larger wheels would "
       "(skid-steer).");
@@ -77,8 +77,8 @@ struct RobotConfig {
       "Time from the choice of an action until the drive acts on it; rounded to a multiple of 1 / "
       "control_rate.");
     v("command_jitter", command_jitter, base::Range{0.0, 1.0}, "s",
-      "Each command is delayed further by up to this, uniformly, but never overtakes the one "
-      "before it.");
+      "Largest additional delay of a command, drawn uniformly for each. A command never overtakes "
+      "the one before it.");
   }
 };
 
@@ -99,14 +99,15 @@ struct LidarConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("num_beams", num_beams, base::Range{2, kMaxBeams}, "", "Beams of a scan.");
+    v("num_beams", num_beams, base::Range{2, kMaxBeams}, "", "Beams per scan.");
     v("field_of_view", field_of_view, base::Range{0.01, 6.2831}, "rad",
       "Arc from the first beam to the last, both included, centred on the driving direction.");
     v("offset_x", offset_x, base::Range{-2.0, 2.0}, "m",
-      "Place of the sensor ahead of the robot's centre.");
+      "How far ahead of the robot's centre the sensor is mounted.");
     v("offset_y", offset_y, base::Range{-2.0, 2.0}, "m",
-      "Place of the sensor to the left of the robot's centre.");
-    v("min_range", min_range, base::Range{0.0, 10.0}, "m", "Shorter ranges are reported as this.");
+      "How far to the left of the robot's centre the sensor is mounted.");
+    v("min_range", min_range, base::Range{0.0, 10.0}, "m",
+      "Smallest range that is reported; shorter ones are reported as this.");
     v("max_range", max_range, base::Range{0.1, 600.0}, "m",
       "Range reported if nothing is hit; the observation clips it further.");
     v("resolution", resolution, base::Range{0.01, 1.0}, "m",
@@ -186,15 +187,17 @@ struct EpisodeConfig {
     v("step", step, base::Range{0.005, 2.0}, "s",
       "Control step: simulated time for which an action is held.");
     v("max_steps", max_steps, base::Range{1, 1000000}, "",
-      "Step limit. It is a truncation: the value beyond it counts.");
+      "Control steps after which the episode ends. Reaching this limit is a truncation, not a "
+      "terminal state: learning counts the value of what would come after it.");
     v("goal_tolerance", goal_tolerance, base::Range{0.01, 10.0}, "m",
       "The goal counts as reached at a distance below this.");
     v("collision_ends", collision_ends,
-      "A contact ends the episode. If false, it has a cost at each control step that it lasts.");
+      "Whether a contact ends the episode. If not, the contact costs reward at each control step "
+      "that it lasts.");
     v("start_position_jitter", start_position_jitter, base::Range{0.0, 1.0}, "m",
-      "Start x and y are moved by up to this, uniformly.");
+      "The start is shifted by up to this along x and along y, uniformly at random.");
     v("start_yaw_jitter", start_yaw_jitter, base::Range{0.0, 3.1416}, "rad",
-      "The start heading is turned by up to this, uniformly.");
+      "The start heading is turned by up to this to either side, uniformly at random.");
   }
 };
 
@@ -213,9 +216,9 @@ struct EnvironmentConfig {
     v.Section("robot", robot, "The robot's body and drive.");
     v.Section("lidar", lidar, "The range finder.");
     v.Section("localisation", localisation,
-              "Drift of the odometry and, with it, of the goal that is observed.");
+              "Drift of the odometry and, with it, of the observed goal.");
     v.Section("action", action, "What an action means.");
-    v.Section("observation", observation, "How the networks see scan and goal.");
+    v.Section("observation", observation, "How the networks see the scan and the goal.");
     v.Section("reward", reward, "Reward of a step.");
     v.Section("episode", episode, "Clock, start and end of an episode.");
   }

@@ -69,7 +69,7 @@ run::RunLock BeginRun(const run::RunDirectory& directory, const RunConfig& confi
 
 run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& config) {
   if (!fs::exists(directory.config())) {
-    throw base::Error(fmt::format("{}: no run to resume here", directory.root.string()));
+    throw base::Error(fmt::format("{}: there is no run to resume here", directory.root.string()));
   }
   run::RunLock lock(directory.root);
   RequireResumable(base::ReadFile(directory.config()), directory.config().string(), config);
@@ -87,8 +87,9 @@ void RequireResumable(const std::string& earlier, const std::string& source,
     const std::string was = config::PrintValue(old_fields[i]);
     const std::string is = config::PrintValue(new_fields[i]);
     if (was != is && !MayChange(new_fields[i].key)) {
-      throw base::Error(fmt::format("{}: {} was {} in the run, is {} now; a resumed run keeps it",
-                                    source, new_fields[i].key, was, is));
+      throw base::Error(
+          fmt::format("{}: {} was {} when the run began and is {} now; a resumed run must keep it",
+                      source, new_fields[i].key, was, is));
     }
   }
 }

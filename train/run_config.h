@@ -41,9 +41,12 @@ struct CoursesConfig {
   void Visit(Visitor& v) {
     v("train", train,
       "Courses to train on: a set's name, generated:SEED:COUNT, or a file (docs/courses.md).");
-    v("test", test, "Courses to score the trained policy on, never trained on. Empty: none.");
+    v("test", test,
+      "Courses on which the trained policy is scored; they should not be among the training "
+      "courses. Empty: it is not scored.");
     v("collection", collection,
-      "Directory of imported courses that set names refer to. Empty: the built-in generator.");
+      "Directory of imported courses in which set names are looked up. Empty: they name sets of "
+      "the built-in generator.");
     v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
       "Seed of the built-in generator.");
   }
@@ -71,42 +74,42 @@ struct RunSettings {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("name", name, "The run's directory below runs/.");
-    v("seed", seed, base::Range{0, 9.0e15}, "", "Root of all random streams of the run.");
+    v("seed", seed, base::Range{0, 9.0e15}, "",
+      "Seed from which all random streams of the run are derived.");
     v("deterministic", deterministic,
-      "One thread in lockstep: the same seed gives the same policy, bit for bit, however often "
-      "resumed.");
+      "Simulate and learn in turn, on one thread: the same seed then gives the same policy, bit "
+      "for bit, however often the run is resumed.");
     v("max_steps", max_steps, base::Range{1, 1.0e12}, "",
       "Environment steps after which training ends.");
     v("max_seconds", max_seconds, base::Range{0.0, 1.0e7}, "s",
-      "Training time after which training ends, over all resumes, evaluations not counted; 0: no "
-      "limit.");
+      "Training time after which training ends. Resumed sessions add up; evaluations do not count. "
+      "0: no limit.");
     v("updates_per_step", updates_per_step, base::Range{1e-6, 100.0}, "",
-      "Learner updates per environment step, held by the rate limiter.");
+      "Learner updates per environment step. The rate limiter keeps this ratio.");
     v("learning_starts", learning_starts, base::Range{0, 1.0e9}, "",
       "Environment steps before the first update.");
     v("publish_interval", publish_interval, base::Range{1, 1000000}, "updates",
-      "How often the actor gets new weights.");
+      "The actor gets new weights each time that this many updates were made.");
     v("queue_length", queue_length, base::Range{1, 1024}, "",
-      "Batch steps that simulation may run ahead of the learner.");
+      "Batch steps by which the simulation may run ahead of the learner.");
     v("simulation_threads", simulation_threads, base::Range{1, 256}, "",
       "Threads that step environments.");
     v("log_interval", log_interval, base::Range{0.05, 3600.0}, "s",
       "Time between rows of metrics.csv.");
     v("checkpoint_seconds", checkpoint_seconds, base::Range{0.0, 1.0e6}, "s",
-      "Time between checkpoints; 0: only at the end. Deterministic runs use "
-      "checkpoint_steps.");
+      "Time between checkpoints. 0: only at the end. Deterministic runs use checkpoint_steps "
+      "instead.");
     v("checkpoint_steps", checkpoint_steps, base::Range{0, 1.0e12}, "",
-      "Environment steps between checkpoints; 0: by time alone.");
+      "Environment steps between checkpoints. 0: only checkpoint_seconds counts.");
     v("keep_checkpoints", keep_checkpoints, base::OneOf{"newest", "all", "none"}, "",
-      "What stays of checkpoints/ when the run has finished. newest: the newest one and its "
-      "replay, "
-      "which is what a resumed run with a larger limit needs; all: both; none: neither, and the "
-      "run cannot be resumed.");
+      "What stays in checkpoints/ when the run has finished. newest: the newest checkpoint and its "
+      "replay data, which a run that is resumed with a larger limit needs. all: both checkpoints. "
+      "none: no checkpoint, so that the run cannot be resumed.");
     v("snapshot_seconds", snapshot_seconds, base::Range{0.0, 1.0e7}, "s",
-      "Training times at which the policy is kept and, after training, scored on the test courses "
-      "(curve.csv).");
+      "Training times at which a copy of the policy is kept. After training, each copy is scored "
+      "on the test courses (curve.csv).");
     v("snapshot_steps", snapshot_steps, base::Range{0.0, 2.0e9}, "",
-      "The same at numbers of environment steps.");
+      "Numbers of environment steps at which a copy of the policy is kept and scored likewise.");
   }
 };
 
@@ -139,18 +142,19 @@ struct RunConfig {
     v.Section("learner", method.learner, "The algorithm (docs/algorithms.md).");
     v.Section("constraint", method.constraint, "Safe RL: how often the robot may collide.");
     v.Section("model", method.model, "The transition model (docs/models.md).");
-    v.Section("model_training", method.model_training, "How it is trained.");
-    v.Section("imagination", method.imagination, "Learning from what it imagines.");
-    v.Section("mpc", mpc, "Planning with it.");
+    v.Section("model_training", method.model_training, "How the transition model is trained.");
+    v.Section("imagination", method.imagination,
+              "Learning from transitions that the model imagines.");
+    v.Section("mpc", mpc, "Planning with the transition model.");
     v.Section("evaluation", evaluation, "The protocol of evaluations.");
     v.Section("service", service,
-              "Addresses and state of the distributed service; `slalom train` needs none of this "
-              "and of the sections below.");
+              "Addresses and state of the distributed service. `slalom train` needs neither this "
+              "section nor those below.");
     v.Section("security", security, "Keys of the distributed service.");
     v.Section("replay_server", replay_server, "The replay server.");
     v.Section("learner_service", learner_service, "The learner as a process of its own.");
     v.Section("actor_service", actor_service, "The actor as a process of its own.");
-    v.Section("evaluator_service", evaluator_service, "The evaluator.");
+    v.Section("evaluator_service", evaluator_service, "The evaluator as a process of its own.");
   }
 };
 

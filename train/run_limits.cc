@@ -43,11 +43,12 @@ std::string SecondsOverride(double seconds) {
 
 void RequireLearnable(const RunConfig& config) {
   if (config.run.max_steps <= FirstUpdate(config)) {
-    throw base::Error(fmt::format(
-        "run.max_steps is {}, expected more than {}, or nothing is learned: the first update comes "
-        "after run.learning_starts = {} steps and those that earn it (run.updates_per_step = {})",
-        config.run.max_steps, FirstUpdate(config), config.run.learning_starts,
-        config.run.updates_per_step));
+    throw base::Error(
+        fmt::format("run.max_steps is {}, expected more than {}, or nothing is learned: the first "
+                    "update comes after run.learning_starts = {} steps and the steps that pay for "
+                    "it (run.updates_per_step = {})",
+                    config.run.max_steps, FirstUpdate(config), config.run.learning_starts,
+                    config.run.updates_per_step));
   }
   if (config.replay.capacity < WindowFrames(config)) {
     throw base::Error(fmt::format(

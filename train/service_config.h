@@ -20,13 +20,13 @@ struct ServiceConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("name", name,
-      "Of this process among those of its role, the same after a restart. Empty: the machine's "
-      "name for an actor or evaluator, else the role.");
+      "Name of this process among those of its role, the same after a restart. Empty: the "
+      "machine's name for an actor or evaluator, else the role.");
     v("replay", replay, "Where the replay server is reached.");
     v("replay_bind", replay_bind,
-      "Where the replay server listens, such as tcp://*:5550. Empty: as service.replay.");
+      "Where the replay server listens, such as tcp://*:5550. Empty: at service.replay.");
     v("learner", learner, "Where the learner's policies are fetched.");
-    v("learner_bind", learner_bind, "Where the learner listens. Empty: as service.learner.");
+    v("learner_bind", learner_bind, "Where the learner listens. Empty: at service.learner.");
     v("metrics", metrics,
       "Address at which this process shows /metrics to Prometheus and answers /healthy; port 0: "
       "any free one. Empty: none.");

@@ -19,8 +19,8 @@ struct Drives {
   int number = 0;    ///< Goes up with every new picture.
 };
 
-/// Where the pages get what is not in metrics.csv. Called by the server's thread: must be quick,
-/// must not throw.
+/// Where the pages get what is not in metrics.csv. The server's thread calls these functions, which
+/// must be quick and must not throw.
 struct RunSources {
   std::function<RunFacts(const std::filesystem::path& run)> facts;
   std::function<Drives(const std::filesystem::path& run)> drives;

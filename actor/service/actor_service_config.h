@@ -15,12 +15,14 @@ struct ActorServiceConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("chunk_rows", chunk_rows, base::Range{1, 16384}, "rows",
-      "A message is sent when it holds so many rows (or a batch step's, if those are more) ...");
+      "A message is sent once it holds this many rows (or those of a batch step, if they are more) "
+      "...");
     v("chunk_seconds", chunk_seconds, base::Range{0.0, 60.0}, "s",
-      "... or when its first row is so old.");
+      "... or once its first row is this old.");
     v("unacknowledged_bytes", unacknowledged_bytes, base::Range{1 << 20, 1e12}, "bytes",
-      "Rows kept while the replay server is away; when so many wait, the actor stops and waits. "
-      "While it is there, no more than its window (replay_server.window_bytes) waits.");
+      "Rows that an actor keeps while the replay server is away. When they fill this, the actor "
+      "stops and waits for the server. While the server is there, no more than the actor's share "
+      "of replay_server.window_bytes is kept.");
   }
 };
 

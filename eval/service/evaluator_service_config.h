@@ -13,9 +13,10 @@ struct EvaluatorServiceConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("courses", courses, "Courses to score policies on. Empty: courses.test.");
+    v("courses", courses, "Courses on which policies are scored. Empty: courses.test.");
     v("interval", interval, base::Range{0.0, 1e6}, "s",
-      "Least time between the starts of two evaluations; 0: always the newest policy, at once.");
+      "Least time between the starts of two evaluations. 0: the newest policy is scored as soon as "
+      "the evaluator is free.");
   }
 };
 

@@ -13,11 +13,12 @@ struct LearnerServiceConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("prefetch", prefetch, base::Range{1, 256}, "batches",
-      "Batches asked for ahead of the one that is learned from.");
+      "Batches that are requested ahead of the one being learned from.");
     v("publish_seconds", publish_seconds, base::Range{0.0, 3600.0}, "s",
-      "Policies are published no more often than this, and than run.publish_interval.");
+      "Least time between two published policies; run.publish_interval limits them, too.");
     v("exit_when_finished", exit_when_finished,
-      "End the process at run.max_steps or run.max_seconds; else it goes on serving the policy.");
+      "End the process at run.max_steps or run.max_seconds. Otherwise it goes on serving the "
+      "policy.");
   }
 };
 

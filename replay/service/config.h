@@ -25,20 +25,21 @@ struct ReplayServerConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("directory", directory,
-      "Where the journal is kept, from which the table and all sessions come back after a restart. "
-      "Empty: in memory only; what was acknowledged is lost with the process.");
+      "Directory of the journal, from which the table and all sessions are restored after a "
+      "restart. Empty: replay/ below service.state.");
     v("sync_interval", sync_interval, base::Range{0.01, 3600.0}, "s",
-      "Time between two syncs of the journal. A loss of power may lose this much, a kill nothing.");
+      "Time between two syncs of the journal. If the power fails, the rows of this time may be "
+      "lost; if the process is killed, none.");
     v("segment_bytes", segment_bytes, base::Range{65536.0, 1073741824.0}, "bytes",
       "Size at which a segment of the journal is sealed and the next begins.");
     v("max_ahead_steps", max_ahead_steps, base::Range{0, 1e12}, "steps",
-      "Steps by which inserts may be ahead of the updates that were made; beyond, they are held "
-      "until "
-      "the learner catches up. 0: never. It counts as at least the steps of one update.");
+      "Steps by which inserts may run ahead of the learner's updates; further ones are held until "
+      "it catches up. Less than the steps of one update counts as these. 0: inserts are never "
+      "held.");
     v("window_bytes", window_bytes, base::Range{1048576.0, 68719476736.0}, "bytes",
       "Flow-control window: the payload that all actors together may have sent without an "
-      "acknowledgement. Each actor has an equal share, at least one message. A larger window means "
-      "rows of older policies.");
+      "acknowledgement. Each actor has an equal share, at least one message. With a larger window, "
+      "rows come from older policies.");
     v("max_message_bytes", max_message_bytes, base::Range{65536.0, 268435456.0}, "bytes",
       "Largest message that is accepted.");
     v("max_sample_bytes", max_sample_bytes, base::Range{65536.0, 268435456.0}, "bytes",
@@ -46,7 +47,7 @@ struct ReplayServerConfig {
     v("max_messages_per_second", max_messages_per_second, base::Range{10.0, 1e6}, "1/s",
       "Messages accepted from one peer; more are refused.");
     v("priority_exponent", priority_exponent, base::Range{0.0, 1.0}, "",
-      "alpha of prioritized sampling: how much priorities count, 0 being uniform.");
+      "Exponent alpha of prioritized sampling: how much priorities count. 0: sampling is uniform.");
     v("silence", silence, base::Range{1.0, 3600.0}, "s",
       "A peer that sends nothing for this long counts as gone: the status shows it as not "
       "connected, "

@@ -155,7 +155,7 @@ TEST_F(BadInputTest, WhatAPolicyWasTrainedWithCannotBeSetAnew) {
                 matcher);
   };
   for (const char* assignment : {"network.history=4", "network.sectors=6", "learner.gamma=0.5"}) {
-    refuse(assignment, AllOf(HasSubstr(assignment), HasSubstr("as it was trained")));
+    refuse(assignment, AllOf(HasSubstr(assignment), HasSubstr("when it was trained")));
   }
   refuse("network.wings=2", HasSubstr("network.wings"));
   refuse("mpc.horizon=9", AllOf(HasSubstr("mpc.horizon=9"), HasSubstr("mpc.enabled=true")));
@@ -232,7 +232,7 @@ TEST_F(BadInputTest, WhatAnEvaluationDoesNotKnowIsNamedWithWhatThereIs) {
   Write("profile.toml", "[environment.robot]\nmass = 3.0\n[dwa]\nwings = 2\n");
   evaluate({"--profile", "profile.toml"},
            AllOf(HasSubstr("profile.toml:4"), HasSubstr("'dwa.wings'"),
-                 HasSubstr("[environment] alone")));
+                 HasSubstr("only [environment]")));
 }
 
 TEST_F(BadInputTest, ResultsThatCannotBeComparedAreRefused) {
@@ -263,7 +263,7 @@ TEST_F(BadInputTest, ResultsThatCannotBeComparedAreRefused) {
 TEST_F(BadInputTest, AResumedRunRefusesOtherSettings) {
   Train();
   ExpectError({"train", "tiny.toml", "--resume", "--set", "learner.gamma=0.9"},
-              HasSubstr("learner.gamma was 0.99 in the run, is 0.9 now"));
+              HasSubstr("learner.gamma was 0.99 when the run began and is 0.9 now"));
 }
 
 TEST_F(BadInputTest, NoPermissionIsSaid) {

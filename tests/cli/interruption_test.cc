@@ -173,7 +173,7 @@ TEST(ResumeTest, ADirectoryIsResumedAndNotBegun) {
   EXPECT_THAT(fresh.err, testing::HasSubstr("train empty --resume"));
   const ProgramResult resumed = RunProgram({"train", "empty", "--resume"}, scratch.path());
   EXPECT_EQ(resumed.exit_code, 1);
-  EXPECT_THAT(resumed.err, testing::HasSubstr("empty: no run to resume here"));
+  EXPECT_THAT(resumed.err, testing::HasSubstr("empty: there is no run to resume here"));
 }
 
 TEST(TrainingEndTest, ARunThatLearnedNothingSaysWhatToChangeAndHowToGoOn) {

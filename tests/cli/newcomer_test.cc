@@ -127,8 +127,8 @@ TEST_F(NewcomerTest, ATrainingSetThatIsGoneIsSaid) {
   std::filesystem::remove(scratch_.path() / "mine.courses");
   const ProgramResult result = Evaluate(kPolicy, "generated:3:2");
   EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_THAT(result.err,
-              AllOf(HasSubstr("cannot be told: courses.train"), HasSubstr("mine.courses")));
+  EXPECT_THAT(result.err, AllOf(HasSubstr("trained on these courses: courses.train"),
+                                HasSubstr("mine.courses")));
 }
 
 TEST_F(NewcomerTest, APlannerAndAPolicyShareATaskFile) {
@@ -171,7 +171,7 @@ TEST_F(NewcomerTest, ARunInThePlaceOfItsPolicyIsPointedOut) {
 TEST_F(NewcomerTest, ACollectionThatIsNotThereIsSaidThoughNoSetOfItIsAskedFor) {
   const ProgramResult result = Evaluate("dwa", "generated:3:1", {"--collection", "none"});
   EXPECT_EQ(result.exit_code, 1);
-  EXPECT_THAT(result.err, HasSubstr("--collection none: is no directory"));
+  EXPECT_THAT(result.err, HasSubstr("--collection none: is not a directory"));
   EXPECT_EQ(Evaluate("dwa", "generated:3:1", {"--collection", ""}).exit_code, 0);
 }
 

@@ -102,7 +102,7 @@ TEST_F(OutputTest, WhereNothingCanBeWrittenIsSaidBeforeTheWork) {
     evaluate[4] = "generated:1:100000";
     const ProgramResult result = Run(evaluate);
     EXPECT_EQ(result.exit_code, 1);
-    EXPECT_THAT(result.err, HasSubstr("is no directory, expected one"));
+    EXPECT_THAT(result.err, HasSubstr("is not a directory, expected one"));
   }
   EXPECT_EQ(Read("file"), "precious");
 }

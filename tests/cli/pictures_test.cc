@@ -99,7 +99,7 @@ TEST_F(PicturesTest, WhatCannotBeShownIsRefused) {
   };
   EXPECT_THAT(error("a.svg", "static-1-292"), HasSubstr("has no step_s"));
   EXPECT_THAT(error("a.svg", "static-1-097"), HasSubstr("holds no episode"));
-  EXPECT_THAT(error("a.svg", "nowhere"), HasSubstr("holds no course nowhere"));
+  EXPECT_THAT(error("a.svg", "nowhere"), HasSubstr("holds no course named nowhere"));
   EXPECT_THAT(error("a.avi", "static-1-250"), HasSubstr("format is not clear"));
 }
 

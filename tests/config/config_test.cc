@@ -130,7 +130,7 @@ TEST(ConfigTest, ErrorsNameFileLineKeyFoundAndExpected) {
                     HasSubstr("an integer in [-100, 100]")));
   EXPECT_THAT(ErrorOf("count = 1.5"), HasSubstr("count is 1.5, expected an integer"));
   EXPECT_THAT(ErrorOf("flag = 1"), HasSubstr("expected true or false"));
-  EXPECT_THAT(ErrorOf("name = 1"), HasSubstr("expected a text"));
+  EXPECT_THAT(ErrorOf("name = 1"), HasSubstr("expected a string"));
   EXPECT_THAT(ErrorOf("sizes = [1, 200]"), HasSubstr("expected a list of integers in [-100, 100]"));
   EXPECT_THAT(ErrorOf("weights = [\"a\"]"), HasSubstr("expected a list of numbers"));
   EXPECT_THAT(

@@ -179,7 +179,7 @@ TEST_F(ResultTest, BadValuesAreNamedByKey) {
 }
 
 TEST_F(ResultTest, PartsOfDifferentEvaluationsAreRefused) {
-  EXPECT_THAT(ErrorAfter([](json& o) { o["successes"] = 2; }), HasSubstr("it was changed"));
+  EXPECT_THAT(ErrorAfter([](json& o) { o["successes"] = 2; }), HasSubstr("the file was changed"));
   EXPECT_THAT(ErrorAfter([](json& o) { o["courses"][0]["course"] = "other"; }),
               AllOf(HasSubstr("evaluation.courses"), HasSubstr("does not hold the 3 courses")));
   const auto directory = Write("mixed");

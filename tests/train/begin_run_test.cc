@@ -39,7 +39,8 @@ TEST(RunDirectoryTest, AResumedRunMayGoOnLongerButNotOtherwise) {
     ResumeRun(directory, config);
     FAIL() << "expected an error";
   } catch (const base::Error& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("learner.gamma was 0.99 in the run, is 0.9 now"));
+    EXPECT_THAT(error.what(),
+                testing::HasSubstr("learner.gamma was 0.99 when the run began and is 0.9 now"));
   }
 }
 

@@ -169,9 +169,11 @@ TEST(TrainerTest, ACheckpointOfAnotherConfigIsRefused) {
   EXPECT_THAT(
       RefusalAfterAnEdit([](RunConfig& config) { config.method.learner.algorithm = "sac"; }),
       HasSubstr("distribution.kind is \"deterministic\", expected \"gaussian\""));
-  EXPECT_THAT(RefusalAfterAnEdit([](RunConfig& config) { config.method.constraint = {}; }),
-              AllOf(HasSubstr("acting.safetensors"),
-                    HasSubstr("constraint.kind was \"lagrangian\" in the run, is \"none\" now")));
+  EXPECT_THAT(
+      RefusalAfterAnEdit([](RunConfig& config) { config.method.constraint = {}; }),
+      AllOf(
+          HasSubstr("acting.safetensors"),
+          HasSubstr("constraint.kind was \"lagrangian\" when the run began and is \"none\" now")));
 }
 
 TEST(TrainerTest, AFinishedRunWithoutCheckpointsIsNotOverwritten) {
