@@ -280,7 +280,7 @@ int Evaluate(const EvaluateOptions& options) {
   }
   if (options.output) {
     WriteScoredRun(*result, *options.output);
-    if (!options.json) fmt::print("\nreports and pictures: {}/\n", *options.output);
+    if (!options.json) fmt::print("\nscores and pictures: {}/\n", *options.output);
   }
   return kExitOk;
 }

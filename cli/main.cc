@@ -25,7 +25,8 @@ constexpr char kFooter[] =
     "Then:        slalom evaluate --policy runs/quickstart/policy.safetensors --courses "
     "static-test\n"
     "             slalom courses render --courses static-test --output courses.png\n"
-    "Settings:    slalom config print configs/fast.toml, docs/config.md";
+    "Settings:    slalom config print configs/fast.toml, docs/config.md\n"
+    "Manual:      docs/tutorial.md to begin with, docs/README.md for everything else";
 
 /// The commands below `parent`, or its groups of options, which CLI11 takes for commands without a
 /// name.

@@ -107,6 +107,11 @@ void Status(const StatusOptions& options) {
   const auto config = config::Load<train::RunConfig>(options.config, options.overrides);
   const proto::StatusReply status = AskStatus(config);
   if (options.json) return PrintJson(status);
+  if (status.roles.empty()) {
+    fmt::print(
+        "the replay server answers, but no process has reported yet; ask again in a few "
+        "seconds\n");
+  }
   PrintTable(status, "replay", "replay server",
              {{"steps", "steps"},
               {"steps/s", "steps_per_s"},

@@ -69,6 +69,14 @@ std::vector<fs::path> ListSnapshots(const run::RunDirectory& directory) {
   return paths;
 }
 
+/// The course with the lowest success rate; the set's first among equals.
+std::string WorstCourse(const eval::Summary& summary) {
+  return std::ranges::min_element(
+             summary.courses, {},
+             [](const eval::CourseFigures& course) { return course.figures.success_rate.value; })
+      ->name;
+}
+
 /// Where everything lies, and what to do next.
 std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig& config,
                      const std::string& course, const std::string& train_longer) {
@@ -79,16 +87,18 @@ std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig&
     render.insert(render.end(), {"--collection", config.courses.collection});
   }
   render.insert(render.end(), {"--course", course, "--episodes", root + "/evaluation-tracks.jsonl",
-                               "--output", "one.svg"});
+                               "--output", root + "/" + course + ".svg"});
   std::string text = fmt::format(
       "\npolicy    {0}\n"
       "scores    {1}/evaluation.json, evaluation-courses.csv, metrics.csv\n"
       "pictures  {1}/courses.png (what it drove), {1}/training.svg\n"
       "\nnext\n"
-      "  on fresh courses   {2}\n"
-      "  one course         {3}\n",
-      policy, root, CommandLine({"evaluate", "--policy", policy, "--courses", "generated:7:100"}),
-      CommandLine(render));
+      "  a page with plots  {2}\n"
+      "  the worst course   {3}\n"
+      "  on fresh courses   {4}\n",
+      policy, root, CommandLine({"report", root, "--output", root + "/report"}),
+      CommandLine(render),
+      CommandLine({"evaluate", "--policy", policy, "--courses", "generated:7:100"}));
   if (!train_longer.empty()) text += fmt::format("  train longer       {}\n", train_longer);
   // The presets are named by paths from the repository's root.
   if (const std::string lifelike = "configs/lifelike.toml"; fs::exists(lifelike)) {
@@ -129,8 +139,8 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   curve.Add(policy, result->evaluation.summary.set);
   base::WriteFileAtomically(directory.curve(), curve.csv());
   DrawTraining(directory);  // Again, with the scores.
-  fmt::print("{}", WhatNext(directory, config, result->evaluation.courses.courses.front()->name,
-                            train_longer));
+  fmt::print("{}",
+             WhatNext(directory, config, WorstCourse(result->evaluation.summary), train_longer));
   return true;
 }
 

@@ -205,12 +205,13 @@ std::string TextReport(const Evaluation& evaluation, int max_courses) {
   const EvaluationConfig& config = evaluation.config;
   const Protocol protocol = ResolveProtocol(config);
   return fmt::format(
-             "{}: {} courses x {} episodes, seed {}, start within {} m and {} rad\n"
+             "{}: {} course{} x {} episode{}, seed {}, start within {} m and {} rad\n"
              "  protocol {}: {} s, goal within {} m, {}\n"
              "  {:<16}{:>10}   {}\n",
-             evaluation.courses.name, summary.courses.size(), config.episodes_per_course,
-             config.seed, config.start_position_jitter, config.start_yaw_jitter, protocol.name,
-             protocol.time_limit, protocol.goal_tolerance,
+             evaluation.courses.name, summary.courses.size(),
+             summary.courses.size() == 1 ? "" : "s", config.episodes_per_course,
+             config.episodes_per_course == 1 ? "" : "s", config.seed, config.start_position_jitter,
+             config.start_yaw_jitter, protocol.name, protocol.time_limit, protocol.goal_tolerance,
              protocol.collision_ends ? "a collision ends the episode" : "collisions end nothing",
              "", "", "95 % interval") +
          SetLines(summary.set) + ContactLine(evaluation) + OverlapLine(evaluation) +

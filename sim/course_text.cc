@@ -124,14 +124,18 @@ std::string DrawText(const Course& course) {
 std::string DescribeText(const Course& course) {
   std::string text;
   auto out = std::back_inserter(text);
+  fmt::format_to(out, "map:             S start, G goal, # obstacle{}{}\n",
+                 course.reference_path_W.empty() ? "" : ", o reference path",
+                 course.moving.empty() ? "" : ", m moving obstacle, : its way");
   fmt::format_to(out, "name:            {}\n", course.name);
   fmt::format_to(out, "start:           x {} m, y {} m, yaw {} rad\n", course.start.p.x,
                  course.start.p.y, course.start.yaw);
   fmt::format_to(out, "goal:            x {} m, y {} m\n", course.goal_W.x, course.goal_W.y);
   fmt::format_to(out, "bounds:          x {} to {} m, y {} to {} m\n", course.bounds.min_W.x,
                  course.bounds.max_W.x, course.bounds.min_W.y, course.bounds.max_W.y);
-  fmt::format_to(out, "obstacles:       {} cylinders, {} boxes\n", course.circles.size(),
-                 course.boxes.size());
+  fmt::format_to(out, "obstacles:       {} cylinder{}, {} box{}\n", course.circles.size(),
+                 course.circles.size() == 1 ? "" : "s", course.boxes.size(),
+                 course.boxes.size() == 1 ? "" : "es");
   if (!course.moving.empty()) {
     fmt::format_to(out, "                 {}\n", DescribeMoving(course.moving));
   }

@@ -12,8 +12,8 @@ namespace slalom::sim {
 /// 120 characters. It shows an obstacle if an obstacle takes any part of that area.
 std::string DrawText(const Course& course);
 
-/// Describes the course in lines "name: value": start, goal, obstacles, length of the reference
-/// path, difficulty.
+/// Describes the course in lines "name: value": the characters of `DrawText`, start, goal,
+/// obstacles, length of the reference path, difficulty.
 std::string DescribeText(const Course& course);
 
 }  // namespace slalom::sim

@@ -166,7 +166,7 @@ function drawDifficulty(data, group) {
   const height = 300;
   const [left, right, top] = [46, 10, 10];
   const binWidth = (width - left - right) / measure.bins.length;
-  const narrow = binWidth < 100;  // Each end of a bin and its number of courses has its own line.
+  const narrow = binWidth < 100;  // Each end of a bin has its own line, and 'courses' is said once.
   const bottom = narrow ? 56 : 44;
   const drawing = plotIn(box, height, width);
   const y = linear(0, 1, height - bottom, top);
@@ -183,8 +183,11 @@ function drawDifficulty(data, group) {
     lines.forEach((line, k) => drawing.append(
       svgText(left + (b + 0.5) * binWidth, height - bottom + 18 + 14 * k, line, {'text-anchor': 'middle'})));
     drawing.append(svgText(left + (b + 0.5) * binWidth, height - bottom + 20 + 14 * lines.length,
-      `${bin.courses} courses`, {'text-anchor': 'middle', class: 'faint', 'font-size': narrow ? 10 : 11}));
+      narrow ? bin.courses : `${bin.courses} courses`, {'text-anchor': 'middle', class: 'faint', 'font-size': narrow ? 10 : 11}));
   });
+  if (narrow) {
+    drawing.append(svgText(left - 6, height - bottom + 48, 'courses', {'text-anchor': 'end', class: 'faint', 'font-size': 10}));
+  }
   results.forEach((result, agent) => {
     const points = measure.bins.map((bin, b) => `${place(b, agent)},${y(bin.rates[agent][0])}`).join(' ');
     drawing.append(svg('polyline', {points, fill: 'none', stroke: result.colour, 'stroke-width': 1.2, opacity: 0.45}));

@@ -43,11 +43,8 @@ class FailureList {
     const rows = shown.map((failure) => this.row(failure, several));
     document.getElementById('failure-table').replaceChildren(
       element('thead', {}, head), element('tbody', {}, ...rows));
-    const recorded = chosen.filter(({track}) => track).length;
     document.getElementById('failure-note').textContent =
-      `${chosen.length} failed episodes. ` + (recorded === chosen.length ? 'Click one to see it driven.' :
-        recorded === 0 ? 'None of them was recorded; click one to see its course.' :
-        `${recorded} of them were recorded and stand first: click one to see it driven.`);
+      describeFailures(chosen.length, chosen.filter(({track}) => track).length);
     const more = document.getElementById('more-failures');
     more.hidden = shown.length === chosen.length;
     more.textContent = `Show all ${chosen.length}`;
@@ -63,6 +60,18 @@ class FailureList {
       ...(several ? [element('td', {title: result.label}, swatch(result.colour), result.label)] : []),
       element('td', {}, OUTCOMES[outcome]), element('td', {}, `${time.toFixed(1)} s`));
   }
+}
+
+function describeFailures(count, recorded) {
+  if (count === 1) {
+    return `1 failed episode. ${recorded === 1 ? 'Click it to see it driven.' :
+      'It was not recorded; click it to see its course.'}`;
+  }
+  const which = recorded === count ? 'Click one to see it driven.' :
+    recorded === 0 ? 'None of them was recorded; click one to see its course.' :
+    recorded === 1 ? 'One of them was recorded and stands first (▶): click it to see it driven.' :
+    `${recorded} of them were recorded and stand first (▶): click one to see it driven.`;
+  return `${count} failed episodes. ${which}`;
 }
 
 // Those that were recorded first, each part in the courses' order.

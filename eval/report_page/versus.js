@@ -2,8 +2,8 @@
 
 // What is compared, in the order of the table.
 const DIFFERENCES = [
-  {key: 'success_rate', title: 'Success', unit: ' points', factor: 100, digits: 1},
-  {key: 'traversal_time_s', title: 'Traversal', unit: ' s', factor: 1, digits: 2},
+  {key: 'success_rate', title: 'Success', unit: '\u00a0points', factor: 100, digits: 1},
+  {key: 'traversal_time_s', title: 'Traversal', unit: '\u00a0s', factor: 1, digits: 2},
   {key: 'barn_score', title: 'BARN score', unit: '', factor: 1, digits: 4},
 ];
 

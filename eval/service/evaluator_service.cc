@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -133,10 +134,11 @@ void EvaluatorService::Record(const Evaluation& evaluation, std::int64_t version
   success_rate_ = set.success_rate.value;
   ++num_scored_;
   spdlog::info(
-      "policy {}: success {:.1f} % ({:.1f}-{:.1f}), collision {:.1f} %, time {:.2f} s on "
+      "policy {}: success {:.1f} % ({:.1f}-{:.1f}), collision {:.1f} %, time {} on "
       "{} ({} episodes, {:.1f} s)",
       version, 100.0 * success_rate_, 100.0 * interval.low, 100.0 * interval.high,
-      100.0 * set.collision_rate.value, time, courses, set.num_episodes, seconds);
+      100.0 * set.collision_rate.value, std::isnan(time) ? "-" : fmt::format("{:.2f} s", time),
+      courses, set.num_episodes, seconds);
 }
 
 proto::Report EvaluatorService::MakeReport() const {

@@ -106,6 +106,35 @@ TEST(CommandsTest, ATrainingLeavesWhatTheManualSaysAndItsPolicyScoresTheSameAgai
   EXPECT_EQ(again.at("episodes"), 8);
 }
 
+// The first course starts on its goal; the second cannot be driven within the time limit.
+TEST(CommandsTest, ATrainingEndsWithCommandsThatWorkAndTheWorstCourse) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 1500);
+  base::WriteFileAtomically(scratch.path() / "two.courses",
+                            "slalom-courses 1\nset two\n"
+                            "course near\nstart 0 0 0\ngoal 0.2 0\nbounds -2 -2 4 2\nend\n"
+                            "course far\nstart 0 0 0\ngoal 10 0\nbounds -2 -2 12 2\nend\n"
+                            "checksum none\n");
+  const ProgramResult trained = RunProgram(
+      {"train", "tiny.toml", "--set", "courses.test=two.courses", "evaluation.time_limit=1"},
+      scratch.path());
+  ASSERT_EQ(trained.exit_code, 0) << trained.err;
+  const auto run = [&](const std::string& label) {
+    const std::string start = "\n  " + label + "  ";
+    const std::size_t begin = trained.out.find(start);
+    if (begin == std::string::npos) return ProgramResult{-1, "", trained.out};
+    const std::size_t command = begin + start.size();
+    const std::size_t end = trained.out.find('\n', command);
+    return RunShell(trained.out.substr(command, end - command), scratch.path());
+  };
+  const ProgramResult page = run("a page with plots");
+  EXPECT_EQ(page.exit_code, 0) << page.err;
+  EXPECT_TRUE(std::filesystem::exists(scratch.path() / "runs/tiny/report/report.html"));
+  const ProgramResult picture = run("the worst course ");
+  EXPECT_EQ(picture.exit_code, 0) << picture.err;
+  EXPECT_TRUE(std::filesystem::exists(scratch.path() / "runs/tiny/far.svg")) << trained.out;
+}
+
 TEST(CommandsTest, APlannersEvaluationIsTheSameOnAnyThreadsAndMakesAReport) {
   const ScratchDirectory scratch;
   base::WriteFileAtomically(scratch.path() / "heavy.toml", "[environment.robot]\nmass = 40.0\n");

@@ -59,5 +59,24 @@ TEST(FirstCommandTest, ASlowBuildTakesNothingFromTheTraining) {
   EXPECT_GT(std::count(metrics.begin(), metrics.end(), '\n'), 3);
 }
 
+// The stub builds until the other command says that it waits, or builds, too.
+TEST(FirstCommandTest, CommandsThatStartAtOnceBuildOneAfterTheOther) {
+  const ScratchDirectory scratch;
+  const fs::path clone = scratch.path();
+  MakeClone(clone);
+  WriteScript(clone / "bin/cmake", R"(cd "$(dirname "$0")/.."
+mkdir building 2>/dev/null || touch clash
+until [[ -e clash ]] || grep -q 'waiting for another' first.err second.err; do sleep 0.05; done
+rmdir building
+)");
+  const ProgramResult result = RunShell(
+      "export PATH=\"$PWD/bin:$PATH\"; touch first.err second.err; "
+      "./slalom --version 2>first.err & ./slalom --version 2>second.err && wait $!",
+      clone);
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_FALSE(fs::exists(clone / "clash")) << "two builds ran at once";
+  EXPECT_EQ(std::count(result.out.begin(), result.out.end(), '\n'), 2) << result.out;
+}
+
 }  // namespace
 }  // namespace slalom::test

@@ -219,7 +219,8 @@ TEST(CourseText, DrawsWhatIsThere) {
             "o.#...\n"
             "######\n"
             "S.....\n");
-  EXPECT_THAT(DescribeText(course), HasSubstr("1 cylinders, 1 boxes"));
+  EXPECT_THAT(DescribeText(course), ::testing::AllOf(HasSubstr("1 cylinder, 1 box\n"),
+                                                     HasSubstr("# obstacle, o reference path\n")));
 }
 
 TEST(CourseText, DrawsWhatMovesAndItsWay) {
