@@ -276,8 +276,9 @@ std::vector<std::string> BrokenSections(const Repository& repository) {
          at = text.find(kPage, at + 1)) {
       // What may stand between the page and the numbers, over a line break, too: ", sections ".
       std::size_t i = at + kPage.size();
+      const std::string& body = text;  // clang 14 lets no lambda use a structured binding.
       const auto skip = [&](std::string_view characters) {
-        while (i < text.size() && characters.find(text[i]) != std::string_view::npos) ++i;
+        while (i < body.size() && characters.find(body[i]) != std::string_view::npos) ++i;
       };
       skip("),` \n/#");
       if (text.compare(i, 7, "section") != 0) continue;
