@@ -102,7 +102,7 @@ bool HasValues(const PlotPanel& panel) {
 std::vector<double> Ticks(double low, double high, double tick) {
   const int last = static_cast<int>(std::floor((high - low) / tick + 1e-6));
   std::vector<double> ticks;
-  ticks.reserve(static_cast<std::size_t>(last + 1));
+  ticks.reserve(static_cast<std::size_t>(last) + 1);
   for (int i = 0; i <= last; ++i) ticks.push_back(low + i * tick);
   return ticks;
 }
