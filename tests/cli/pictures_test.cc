@@ -46,7 +46,8 @@ class PicturesTest : public ::testing::Test {
   /// The port that `watch` says it serves at, once it does.
   int PortOf(const std::string& file) {
     std::string out;
-    while (out.find('\n') == std::string::npos) {
+    // What a program wrote before may still stand there.
+    while (out.find("http://127.0.0.1:") == std::string::npos || !out.ends_with('\n')) {
       std::this_thread::yield();
       if (fs::exists(scratch_.path() / file)) out = Read(file);
     }
