@@ -17,8 +17,8 @@ import sys
 import tempfile
 import time
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-SKIPPED = 77  # ctest's SKIP_RETURN_CODE.
+from engine import ROOT, say, skip
+
 LEAST_SUCCESS = 0.95
 FIRST_COMMAND = ["train", "configs/quickstart.toml"]
 
@@ -34,18 +34,6 @@ root=$1 checkout=$2
 shift 3
 exec chroot "$root" /usr/bin/env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin "$@"
 """
-
-
-def say(text):
-    print(f"[{time.monotonic() - START:6.1f} s] {text}", flush=True)
-
-
-START = time.monotonic()
-
-
-def skip(why):
-    print(f"SKIPPED: {why}")
-    sys.exit(SKIPPED)
 
 
 def copy_checkout(checkout):
