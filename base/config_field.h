@@ -2,6 +2,7 @@
 
 #include <array>
 #include <initializer_list>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -14,14 +15,34 @@
 ///       v("save_replay", save_replay, "Keep the replay buffer in checkpoints.");
 ///       v("name", name, "Free text.");
 ///       v.Section("lidar", lidar, "The range finder.");
+///       v.Tables("axis", axes, "One axis each: [[axis]], any number of times.");
 ///     }
 ///
 /// which gives for each field its key, the field itself, its range or choices (none for bool and
 /// free text), its unit and its meaning. From this list config/config.h reads, checks, prints and
-/// documents the struct. A field is a bool, int, std::int64_t, double, std::string,
-/// std::vector<int> or std::vector<double>.
+/// documents the struct. A field is a bool, int, std::int64_t, double, std::string, a std::vector
+/// of int, double, std::string or `TomlValue`, or `TomlAssignments`. What `Tables` takes is a
+/// std::vector of structs with a `Visit` of their own.
 
 namespace slalom::base {
+
+/// A TOML value whose type only the reader of the struct knows.
+struct TomlValue {
+  std::string text;   ///< As TOML: `0.5`, `"static-train-50"`, `[256, 256]`.
+  std::string where;  ///< Where it was read, for errors: "plan.toml:7". Empty: nowhere.
+
+  friend bool operator==(const TomlValue& a, const TomlValue& b) { return a.text == b.text; }
+};
+
+/// Keys of another config and their values, in the order of the file. Tables inside are flattened:
+/// `{learner.gamma = 0.99}` has the key `learner.gamma`.
+struct TomlAssignment {
+  std::string key;
+  TomlValue value;
+
+  friend bool operator==(const TomlAssignment&, const TomlAssignment&) = default;
+};
+using TomlAssignments = std::vector<TomlAssignment>;
 
 /// The closed interval in which a numeric field, or each element of a list, must lie.
 struct Range {

@@ -43,6 +43,7 @@ std::string Suggest(std::span<const FieldList* const> lists, std::string_view ke
   for (const FieldList* list : lists) {
     for (const Field& field : list->fields) consider(field.key);
     for (const Section& section : list->sections) consider(section.key);
+    for (const Tables& tables : list->tables) consider(tables.key);
   }
   // A right name in the wrong section, too.
   const auto last = key.substr(key.rfind('.') + 1);
@@ -66,16 +67,31 @@ std::string Expected(const Field& field) {
     std::string operator()(std::string*) { return "a string"; }
     std::string operator()(std::vector<int>*) { return "a list of integers"; }
     std::string operator()(std::vector<double>*) { return "a list of numbers"; }
+    std::string operator()(std::vector<std::string>*) { return "a list of strings"; }
+    std::string operator()(std::vector<base::TomlValue>*) { return "a list"; }
+    std::string operator()(base::TomlAssignments*) { return "a table of keys and values"; }
   };
   if (!field.choices.empty()) return fmt::format("one of '{}'", fmt::join(field.choices, "', '"));
   return std::visit(Name{}, field.value) + range + unit;
 }
 
-/// Puts a TOML node into a field. Throws `Error` with `where` and what was expected.
+std::string Where(std::string_view source, const toml::node& node) {
+  return fmt::format("{}:{}", source, node.source().begin.line);
+}
+
+std::string PrintNode(const toml::node& node) {
+  std::ostringstream text;
+  node.visit([&text](const auto& n) { text << n; });
+  return text.str();
+}
+
+/// Puts a TOML node into a field. Throws `Error` with `where` and what was expected. `source`: the
+/// file of the node; empty: it is from a command line.
 class Assign {
  public:
-  Assign(const Field& field, const toml::node& node, std::string_view where)
-      : field_(field), node_(node), where_(where) {}
+  Assign(const Field& field, const toml::node& node, std::string_view source,
+         std::string_view where)
+      : field_(field), node_(node), source_(source), where_(where) {}
 
   void operator()(bool* target) { *target = Value<bool>(node_); }
   void operator()(int* target) { *target = static_cast<int>(Integer(node_, INT32_MIN, INT32_MAX)); }
@@ -101,13 +117,40 @@ class Assign {
     for (const toml::node& node : Array()) list.push_back(Number(node));
     *target = std::move(list);
   }
+  void operator()(std::vector<std::string>* target) {
+    std::vector<std::string> list;
+    for (const toml::node& node : Array()) list.push_back(Value<std::string>(node));
+    *target = std::move(list);
+  }
+  void operator()(std::vector<base::TomlValue>* target) {
+    std::vector<base::TomlValue> list;
+    for (const toml::node& node : Array()) list.push_back(Keep(node));
+    *target = std::move(list);
+  }
+  void operator()(base::TomlAssignments* target) {
+    if (!node_.is_table()) Fail();
+    Flatten(*node_.as_table(), "", *target);
+  }
 
  private:
   [[noreturn]] void Fail() const {
-    std::ostringstream found;
-    node_.visit([&found](const auto& n) { found << n; });
-    throw Error(fmt::format("{}: {} is {}, expected {}", where_, field_.key, found.str(),
+    throw Error(fmt::format("{}: {} is {}, expected {}", where_, field_.key, PrintNode(node_),
                             Expected(field_)));
+  }
+  base::TomlValue Keep(const toml::node& node) const {
+    return {PrintNode(node), source_.empty() ? std::string(where_) : Where(source_, node)};
+  }
+  void Flatten(const toml::table& table, const std::string& prefix,
+               base::TomlAssignments& target) const {
+    for (const auto& [name, node] : table) {
+      const std::string key = prefix + std::string(name.str());
+      if (node.is_table()) {
+        Flatten(*node.as_table(), key + ".", target);
+        continue;
+      }
+      std::erase_if(target, [&key](const auto& earlier) { return earlier.key == key; });
+      target.push_back({key, Keep(node)});
+    }
   }
   template <class T>
   T Value(const toml::node& node) const {
@@ -138,12 +181,9 @@ class Assign {
 
   const Field& field_;
   const toml::node& node_;
+  const std::string_view source_;
   const std::string_view where_;
 };
-
-std::string Where(std::string_view source, const toml::node& node) {
-  return fmt::format("{}:{}", source, node.source().begin.line);
-}
 
 /// Where the keys of a file go.
 struct Readers {
@@ -177,6 +217,30 @@ struct Readers {
 };
 
 void ReadTable(const toml::table& table, const std::string& prefix, std::string_view source,
+               const Readers& readers);
+
+/// Reads an array of tables, `[[key]]`.
+void ReadTables(const toml::node& node, const Tables& tables, const std::string& where,
+                std::string_view source) {
+  const toml::array* array = node.as_array();
+  if (array == nullptr ||
+      !std::ranges::all_of(*array, [](const auto& n) { return n.is_table(); })) {
+    throw Error(
+        fmt::format("{}: {} must be written as tables, [[{}]]", where, tables.key, tables.key));
+  }
+  tables.clear();
+  for (const toml::node& element : *array) {
+    const FieldList fields = tables.add();
+    ReadTable(*element.as_table(), "", source, {fields});
+  }
+}
+
+const Tables* FindTables(const FieldList& list, std::string_view key) {
+  const auto it = std::ranges::find(list.tables, key, &Tables::key);
+  return it == list.tables.end() ? nullptr : &*it;
+}
+
+void ReadTable(const toml::table& table, const std::string& prefix, std::string_view source,
                const Readers& readers) {
   for (const auto& [name, node] : table) {
     const std::string key = prefix + std::string(name.str());
@@ -186,7 +250,9 @@ void ReadTable(const toml::table& table, const std::string& prefix, std::string_
     if (node.is_table() && readers.IsSection(key)) {
       ReadTable(*node.as_table(), key + ".", source, readers);
     } else if (const Field* field = readers.Find(key)) {
-      std::visit(Assign(*field, node, where), field->value);
+      std::visit(Assign(*field, node, source, where), field->value);
+    } else if (const Tables* tables = FindTables(readers.list, key)) {
+      ReadTables(node, *tables, where, source);
     } else if (readers.IsSection(key)) {
       throw Error(fmt::format("{}: '{}' is a section, expected a table [{}]", where, key, key));
     } else {
@@ -244,35 +310,6 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
   ReadTable(table, "", source, readers);
 }
 
-std::string PrintNumber(double value) {
-  std::string text = fmt::format("{}", value);
-  return text.find_first_of(".en") == std::string::npos ? text + ".0" : text;
-}
-
-/// As a TOML basic string on one line.
-std::string Quote(std::string_view text) {
-  std::string quoted = "\"";
-  for (const char c : text) {
-    const auto code = static_cast<unsigned char>(c);
-    if (c == '"' || c == '\\') {
-      quoted += {'\\', c};
-    } else if (code < 0x20 || code == 0x7f) {
-      quoted += fmt::format("\\u{:04X}", code);
-    } else {
-      quoted += c;
-    }
-  }
-  return quoted + '"';
-}
-
-/// The section that a field belongs to: its key less the last part.
-std::string SectionOf(std::string_view key) {
-  const auto dot = key.rfind('.');
-  return dot == std::string_view::npos ? "" : std::string(key.substr(0, dot));
-}
-
-std::string NameOf(std::string_view key) { return std::string(key.substr(key.rfind('.') + 1)); }
-
 }  // namespace
 
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list) {
@@ -297,16 +334,19 @@ void ApplyOverride(std::string_view assignment, const FieldList& list) {
   if (equals == std::string_view::npos || equals == 0) {
     throw Error(fmt::format("--set {}: expected KEY=VALUE, for example run.seed=2", assignment));
   }
-  const std::string key(assignment.substr(0, equals));
-  const std::string value(assignment.substr(equals + 1));
-  const std::string where = fmt::format("--set {}", assignment);
+  SetField(assignment.substr(0, equals), assignment.substr(equals + 1),
+           fmt::format("--set {}", assignment), list);
+}
+
+void SetField(std::string_view key, std::string_view value, std::string_view where,
+              const FieldList& list) {
   const Field* field = Find(list, key);
   if (field == nullptr) {
     throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Readers{list}.Suggest(key)));
   }
   toml::table table;
   try {
-    table = toml::parse("value = " + value);
+    table = toml::parse(fmt::format("value = {}", value));
   } catch (const toml::parse_error&) {
     table.clear();
   }
@@ -317,63 +357,7 @@ void ApplyOverride(std::string_view assignment, const FieldList& list) {
     table.insert_or_assign("value", value);
     node = table.get("value");
   }
-  std::visit(Assign(*field, *node, where), field->value);
-}
-
-std::string PrintValue(const Field& field) {
-  struct Printer {
-    std::string operator()(const bool* v) { return *v ? "true" : "false"; }
-    std::string operator()(const int* v) { return fmt::format("{}", *v); }
-    std::string operator()(const std::int64_t* v) { return fmt::format("{}", *v); }
-    std::string operator()(const double* v) { return PrintNumber(*v); }
-    std::string operator()(const std::string* v) { return Quote(*v); }
-    std::string operator()(const std::vector<int>* v) {
-      return fmt::format("[{}]", fmt::join(*v, ", "));
-    }
-    std::string operator()(const std::vector<double>* v) {
-      std::vector<std::string> texts;
-      for (const double number : *v) texts.push_back(PrintNumber(number));
-      return fmt::format("[{}]", fmt::join(texts, ", "));
-    }
-  };
-  return std::visit(Printer{}, field.value);
-}
-
-std::string PrintToml(const FieldList& list) {
-  std::string text;
-  const auto print_fields = [&](const std::string& section) {
-    for (const Field& field : list.fields) {
-      if (SectionOf(field.key) != section) continue;
-      text += fmt::format("{} = {}\n", NameOf(field.key), PrintValue(field));
-    }
-  };
-  print_fields("");
-  for (const Section& section : list.sections) {
-    text += fmt::format("\n[{}]\n", section.key);
-    print_fields(section.key);
-  }
-  return text;
-}
-
-std::string PrintMarkdown(const FieldList& list) {
-  std::string text;
-  const auto print_section = [&](const std::string& key, std::string_view meaning) {
-    const bool any = std::any_of(list.fields.begin(), list.fields.end(),
-                                 [&](const Field& f) { return SectionOf(f.key) == key; });
-    text += fmt::format("\n## `[{}]`\n\n{}\n", key, meaning);
-    if (!any) return;
-    text += "\n| key | default | range | unit | meaning |\n|---|---|---|---|---|\n";
-    for (const Field& field : list.fields) {
-      if (SectionOf(field.key) != key) continue;
-      std::string range;
-      if (field.range) range = fmt::format("{} to {}", field.range->min, field.range->max);
-      if (!field.choices.empty()) range = fmt::format("`{}`", fmt::join(field.choices, "`, `"));
-      text += fmt::format("| `{}` | `{}` | {} | {} | {} |\n", NameOf(field.key), PrintValue(field),
-                          range, field.unit, field.meaning);
-    }
-  };
-  for (const Section& section : list.sections) print_section(section.key, section.meaning);
-  return text;
+  std::visit(Assign(*field, *node, "", where), field->value);
 }
 
 }  // namespace slalom::config

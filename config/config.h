@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -23,7 +24,8 @@ namespace slalom::config {
 /// One field of a config struct, found by walking its `Visit`.
 struct Field {
   using Pointer = std::variant<bool*, int*, std::int64_t*, double*, std::string*, std::vector<int>*,
-                               std::vector<double>*>;
+                               std::vector<double>*, std::vector<std::string>*,
+                               std::vector<base::TomlValue>*, base::TomlAssignments*>;
   std::string key;  ///< Dotted from the root, "lidar.num_beams".
   Pointer value;
   std::optional<base::Range> range;
@@ -38,10 +40,22 @@ struct Section {
   std::string_view meaning;
 };
 
+struct FieldList;
+
+/// A list of structs, which TOML writes as an array of tables, `[[axis]]`.
+struct Tables {
+  std::string key;  ///< Dotted.
+  std::string_view meaning;
+  std::function<void()> clear;
+  std::function<FieldList()> add;  ///< Appends an element; earlier lists of elements are invalid.
+  std::function<std::vector<FieldList>()> elements;
+};
+
 /// The fields of a config struct in the order of its `Visit`, pointing into the struct.
 struct FieldList {
   std::vector<Field> fields;
   std::vector<Section> sections;
+  std::vector<Tables> tables;
 };
 
 /// The visitor that makes a `FieldList`.
@@ -71,6 +85,8 @@ class FieldCollector {
     config.Visit(*this);
     prefix_ = outer;
   }
+  template <class Config>
+  void Tables(std::string_view key, std::vector<Config>& list, std::string_view meaning);
 
  private:
   FieldList& list_;
@@ -85,8 +101,21 @@ FieldList ListFields(Config& config) {
   return list;
 }
 
+template <class Config>
+void FieldCollector::Tables(std::string_view key, std::vector<Config>& list,
+                            std::string_view meaning) {
+  list_.tables.push_back({prefix_ + std::string(key), meaning, [&list] { list.clear(); },
+                          [&list] { return ListFields(list.emplace_back()); },
+                          [&list] {
+                            std::vector<FieldList> elements;
+                            for (Config& element : list) elements.push_back(ListFields(element));
+                            return elements;
+                          }});
+}
+
 /// Reads `path` (and its bases) into the listed fields. Fields that the file does not name keep
-/// their values. If there is no such file, the error names the one that was probably meant.
+/// their values; an array of tables in the file takes the place of what was there. If there is no
+/// such file, the error names the one that was probably meant.
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list);
 
 /// Like `ReadTomlFile`, for a file that other commands read, too: keys that only `others` has are
@@ -104,6 +133,11 @@ void ReadToml(std::string_view text, std::string_view source, const FieldList& l
 
 /// Applies one command-line override "a.b=value". The value is TOML; a bare word is a string.
 void ApplyOverride(std::string_view assignment, const FieldList& list);
+
+/// Puts `value`, as TOML, into the field of this key, as `ApplyOverride` does. Errors begin with
+/// `where`.
+void SetField(std::string_view key, std::string_view value, std::string_view where,
+              const FieldList& list);
 
 /// Returns the value of a field as TOML.
 std::string PrintValue(const Field& field);
