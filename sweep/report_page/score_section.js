@@ -1,0 +1,141 @@
+// ---- The section of one score: its table, and figures of what no axis shows.
+
+const QUANTITIES = [
+  {key: 'success_rate', title: 'Success', unit: '%', factor: 100},
+  {key: 'collision_rate', title: 'Collision', unit: '%', factor: 100},
+  {key: 'survival_time_s', title: 'Survival', unit: 's', factor: 1},
+  {key: 'traversal_time_s', title: 'Traversal', unit: 's', factor: 1},
+];
+
+function valueCell(title, estimate, factor, attributes = {}) {
+  const cell = element('td', {'data-title': title, ...attributes});
+  if (estimate === null) {
+    cell.append(element('span', {class: 'sub'}, 'none'));
+    return cell;
+  }
+  const text = (number) => (factor * number).toFixed(1);
+  cell.append(element('span', {class: 'value'}, text(estimate[0])));
+  if (estimate[1] !== null) cell.append(element('span', {class: 'interval'}, `${text(estimate[1])} – ${text(estimate[2])}`));
+  return cell;
+}
+
+function seedsNode({seeds, planned, episodes}) {
+  const text = seeds === planned ? `${seeds} seed${seeds === 1 ? '' : 's'}` : `${seeds} of ${planned} seeds`;
+  return element('span', {class: seeds === planned ? 'sub' : 'sub partial'}, episodes > 0 ? `${text}, ${episodes} episodes` : text);
+}
+
+function trainingCells({steps, training_s}) {
+  return [element('td', {'data-title': 'Steps'}, steps === null ? '–' : count(steps)),
+    element('td', {'data-title': 'Training'}, training_s === null ? '–' : duration(training_s))];
+}
+
+function scoreTable(page, score) {
+  const titleOf = ({title, unit}) => `${title} [${unit}]`;
+  const head = ['Row', titleOf(QUANTITIES[0]), 'IQM [%]', ...QUANTITIES.slice(1).map(titleOf), 'Steps', 'Training'];
+  const rows = score.rows.map((row) => {
+    const agent = element('td', {class: 'agent'}, swatch(lookOf(row.row).colour), page.data.rows[row.row].name, seedsNode(row));
+    const cells = QUANTITIES.map((quantity) => {
+      const {estimate} = row.figures[quantity.key];
+      const cell = valueCell(titleOf(quantity), estimate, quantity.factor,
+        {'data-score': score.name, 'data-row': row.row, 'data-figure': quantity.key, 'data-value': estimate === null ? '' : estimate[0]});
+      for (const published of row.published[quantity.key]) {
+        cell.append(element('span', {class: 'sub'}, `${published.source}: `,
+          element('span', {class: 'published-value'}, publishedText(published, quantity.factor))));
+      }
+      return cell;
+    });
+    return element('tr', {}, agent, cells[0], valueCell('IQM [%]', row.iqm, 100), ...cells.slice(1), ...trainingCells(row));
+  });
+  return element('div', {class: 'scroll'}, element('table', {class: 'figures-table'},
+    element('thead', {}, element('tr', {}, ...head.map((title) => element('th', {}, title)))), element('tbody', {}, ...rows)));
+}
+
+// A chart with its heading and key, drawn whenever the page is.
+function addChart(page, section, name, caption, lines, draw) {
+  const box = element('div', {class: 'plot', 'data-figure': name});
+  section.append(element('figure', {}, ...(caption ? [element('figcaption', {}, caption)] : []), box, ...(lines ? [keyOf(lines, [])] : [])));
+  page.onDraw(() => draw(box));
+}
+
+function addDots(page, section, score) {
+  const onAxis = new Set(numericAxes(page.data).flatMap(({a}) =>
+    page.data.rows.map((row, r) => (row.labels.length > a ? r : -1))));
+  const rows = score.rows.filter((row) => !onAxis.has(row.row)).map((row) => ({label: page.data.rows[row.row].name,
+    colour: lookOf(row.row).colour, estimate: row.figures.success_rate.estimate, seeds: row.seed_success,
+    published: row.published.success_rate}));
+  if (rows.length < 2) return;
+  section.append(element('h3', {}, 'Success'));
+  addChart(page, section, 'dots', rows.some((row) => row.published.length > 0) ?
+    'Dots are means, bars 95 % intervals, ticks seeds, diamonds published numbers.' :
+    'Dots are means, bars 95 % intervals, ticks seeds.', null, (box) => drawDots(box, rows));
+}
+
+function addCurves(page, section, score) {
+  if (score.curves.length === 0) return;
+  const lines = (key) => score.curves.filter((curve) => curve.points.every((point) => point[key] !== null)).map((curve) => ({
+    label: page.data.rows[curve.row].name, ...lookOf(curve.row),
+    points: curve.points.map((point) => ({x: point[key], estimate: point.success,
+      name: `${count(point.steps)} steps${point.seconds === null ? '' : `, ${duration(point.seconds)}`}`}))}));
+  section.append(element('h3', {}, 'Sample efficiency'));
+  const pair = element('div', {class: 'pair'});
+  section.append(pair);
+  addChart(page, pair, 'steps', 'Success over environment steps', lines('steps'), (box) =>
+    drawLines(box, lines('steps'), {title: 'environment steps', begin: 0, show: count}));
+  if (lines('seconds').length > 0) {
+    addChart(page, pair, 'seconds', 'Success over training time', lines('seconds'), (box) =>
+      drawLines(box, lines('seconds'), {title: 'training time', begin: 0, show: duration}));
+  }
+  const rows = score.curves.map((curve) => element('tr', {},
+    element('td', {class: 'wrap'}, page.data.rows[curve.row].name, seedsNode({...curve, episodes: 0})),
+    valueCell('', curve.area_over_steps, 100), valueCell('', curve.area_over_seconds, 100)));
+  const head = ['Area under the curve [%]', 'over steps', 'over seconds'];
+  section.append(element('div', {class: 'scroll'}, element('table', {class: 'compact'},
+    element('thead', {}, element('tr', {}, ...head.map((title) => element('th', {}, title)))), element('tbody', {}, ...rows))),
+  element('p', {class: 'note'}, 'The area is the mean height of the curve from its first to its last snapshot.'));
+}
+
+function addProfiles(page, section, score) {
+  if (score.profiles.length === 0) return;
+  const lines = score.profiles.map((profile) => ({label: page.data.rows[profile.row].name, ...lookOf(profile.row),
+    points: profile.shares.map((estimate, i) => ({x: page.data.thresholds[i], estimate,
+      name: `more than ${percent(page.data.thresholds[i])} on a course`}))}));
+  section.append(element('h3', {}, 'Performance profile'));
+  addChart(page, section, 'profile', 'Share of courses and seeds with more success than the number below', lines, (box) =>
+    drawLines(box, lines, {title: 'success on a course', begin: 0, marks: [0, 0.2, 0.4, 0.6, 0.8, 1], show: percent},
+      {dots: false, yTitle: 'share'}));
+}
+
+function addPairs(page, section, score) {
+  if (score.pairs.length === 0 && score.pairs_note === '') return;
+  section.append(element('h3', {}, 'Row against row'));
+  if (score.pairs.length > 0) {
+    const signed = (number) => `${number > 0 ? '+' : ''}${(100 * number).toFixed(1)}`.replace('-', '−');
+    const pValue = (p) => (p === null ? '–' : p < 0.001 ? '< 0.001' : p.toFixed(3));
+    const rows = score.pairs.map((pair) => {
+      const [value, low, high] = pair.difference;
+      return element('tr', {'data-pair': `${pair.first} ${pair.second}`},
+        element('td', {class: 'wrap'}, page.data.rows[pair.first].name, element('span', {class: 'sub'}, `against ${page.data.rows[pair.second].name}`)),
+        element('td', {}, element('span', {class: 'value'}, signed(value)),
+          element('span', {class: 'sub'}, low === null ? '' : `${signed(low)} to ${signed(high)}`)),
+        element('td', {'data-p': pair.p}, pValue(pair.p), element('span', {class: 'sub'}, pair.p < 0.05 ? 'a clear difference' : 'could be chance')),
+        element('td', {}, pValue(pair.training_p)), element('td', {}, percent(pair.improvement[0])));
+    });
+    const head = ['Row', 'Difference [points]', 'p, courses', 'p, trainings', 'Better on a course'];
+    section.append(element('p', {class: 'note'}, 'Success of one row minus that of the other on the same courses and starts. ' +
+      'p-values are of permutation tests, corrected by Holm for the number of pairs: over courses for these trained policies, ' +
+      'over trainings for the two ways to train. Few seeds cannot give a small one.'),
+    element('div', {class: 'scroll'}, element('table', {class: 'compact'},
+      element('thead', {}, element('tr', {}, ...head.map((title) => element('th', {}, title)))), element('tbody', {}, ...rows))));
+  }
+  if (score.pairs_note) section.append(element('p', {class: 'note'}, score.pairs_note));
+}
+
+function addScoreSection(page, score) {
+  if (score.rows.length === 0) return;
+  const section = page.addSection(`score-${score.name}`, score.label, score.label);
+  section.append(element('p', {class: 'note'}, `Courses: ${score.courses}. ${score.protocol}`), scoreTable(page, score));
+  addDots(page, section, score);
+  addCurves(page, section, score);
+  addProfiles(page, section, score);
+  addPairs(page, section, score);
+}
