@@ -9,33 +9,33 @@
 namespace slalom::sweep {
 namespace {
 
-using Json = nlohmann::json;
+using PageJson = nlohmann::json;
 
 /// [value, low, high], or null.
-Json ToJson(const std::optional<eval::Estimate>& estimate) {
+PageJson ToJson(const std::optional<eval::Estimate>& estimate) {
   if (!estimate) return nullptr;
   if (!estimate->interval) return {estimate->value, nullptr, nullptr};
   return {estimate->value, estimate->interval->low, estimate->interval->high};
 }
 
-Json ToJson(const std::optional<double>& number) { return number ? Json(*number) : Json(nullptr); }
+PageJson ToJson(const std::optional<double>& number) { return number ? PageJson(*number) : PageJson(nullptr); }
 
-Json RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
-  Json figures = Json::object();
-  Json published = Json::object();
+PageJson RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
+  PageJson figures = PageJson::object();
+  PageJson published = PageJson::object();
   for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
     const std::string key(kQuantities[q].key);
     figures[key] = {{"estimate", ToJson(row.quantities[q].estimate)},
                     {"mean", ToJson(row.quantities[q].seed_mean)},
                     {"deviation", ToJson(row.quantities[q].seed_deviation)}};
-    published[key] = Json::array();
+    published[key] = PageJson::array();
     for (const Published& one : row.published[q]) {
       published[key].push_back({{"source", one.source},
                                 {"value", one.value},
                                 {"deviation", ToJson(one.deviation)}});
     }
   }
-  Json seeds = Json::array();
+  PageJson seeds = PageJson::array();
   for (const CellScore& seed : std::ranges::find(results, row.row, &RowScore::row)->seeds) {
     seeds.push_back(seed.result.set.success_rate.value);
   }
@@ -53,8 +53,8 @@ Json RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
           {"training_s", ToJson(row.training_s)}};
 }
 
-Json CurveJson(const LearningCurve& curve) {
-  Json points = Json::array();
+PageJson CurveJson(const LearningCurve& curve) {
+  PageJson points = PageJson::array();
   for (const LearningCurve::Point& point : curve.points) {
     points.push_back({{"steps", point.steps},
                       {"seconds", ToJson(point.seconds)},
@@ -68,7 +68,7 @@ Json CurveJson(const LearningCurve& curve) {
           {"area_over_seconds", ToJson(curve.area_over_seconds)}};
 }
 
-Json PairJson(const RowPair& pair) {
+PageJson PairJson(const RowPair& pair) {
   return {{"first", pair.first},
           {"second", pair.second},
           {"difference", ToJson(std::optional(pair.test.difference))},
@@ -77,16 +77,16 @@ Json PairJson(const RowPair& pair) {
           {"improvement", ToJson(std::optional(pair.improvement))}};
 }
 
-Json ScoreJson(const ScoreContent& score, const ScoreResults& results) {
-  Json json = {{"name", score.name},         {"label", score.label},
+PageJson ScoreJson(const ScoreContent& score, const ScoreResults& results) {
+  PageJson json = {{"name", score.name},         {"label", score.label},
                {"courses", score.courses},   {"protocol", score.protocol},
-               {"rows", Json::array()},      {"curves", Json::array()},
-               {"profiles", Json::array()},  {"pairs", Json::array()},
+               {"rows", PageJson::array()},      {"curves", PageJson::array()},
+               {"profiles", PageJson::array()},  {"pairs", PageJson::array()},
                {"pairs_note", score.pairs.note}};
   for (const RowFigures& row : score.rows) json["rows"].push_back(RowJson(row, results.rows));
   for (const LearningCurve& curve : score.curves) json["curves"].push_back(CurveJson(curve));
   for (const Profile& profile : score.profiles) {
-    Json shares = Json::array();
+    PageJson shares = PageJson::array();
     for (const eval::Estimate& share : profile.shares) {
       shares.push_back(ToJson(std::optional(share)));
     }
@@ -96,8 +96,8 @@ Json ScoreJson(const ScoreContent& score, const ScoreResults& results) {
   return json;
 }
 
-Json FailuresJson(const ReportContent& content) {
-  Json failures = Json::array();
+PageJson FailuresJson(const ReportContent& content) {
+  PageJson failures = PageJson::array();
   for (std::size_t c = 0; c < content.results.statuses.size(); ++c) {
     const CellStatus& status = content.results.statuses[c];
     if (status.state != CellState::kFailed || !status.failure) continue;
@@ -112,16 +112,16 @@ Json FailuresJson(const ReportContent& content) {
 }  // namespace
 
 std::string SweepPageData(const ReportContent& content) {
-  Json data = {{"title", content.title},
+  PageJson data = {{"title", content.title},
                {"progress", ProgressText(content.results)},
                {"provenance", content.provenance},
                {"warnings", content.warnings},
                {"axes", content.cells.axis_names},
-               {"rows", Json::array()},
-               {"scores", Json::array()},
+               {"rows", PageJson::array()},
+               {"scores", PageJson::array()},
                {"thresholds", ProfileThresholds()},
                {"failures", FailuresJson(content)},
-               {"missing", Json::array()}};
+               {"missing", PageJson::array()}};
   for (const Row& row : content.results.rows) {
     data["rows"].push_back({{"name", row.name}, {"labels", row.labels}});
   }
