@@ -9,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
@@ -131,6 +132,11 @@ std::optional<int> ChildProcess::Wait(std::chrono::milliseconds time) {
 
 void ChildProcess::Signal(int signal) {
   if (!exit_code_) ::kill(pid_, signal);
+}
+
+std::string HostName() {
+  std::array<char, 256> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "host";
 }
 
 std::vector<int> AvailableCores() {

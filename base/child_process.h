@@ -14,9 +14,9 @@ namespace slalom::base {
 struct ChildOptions {
   std::vector<std::string> arguments;  ///< The first one is the program, sought in PATH.
   std::filesystem::path
-      log;                 ///< Gets what it prints, at its end; empty: this program's own output.
-  std::vector<int> cores;  ///< Processors that it may use; empty: all that this program may.
-  std::vector<std::string> environment;  ///< "NAME=VALUE", besides this program's own.
+      log;                   ///< Gets what it prints, at its end; empty: this program's own output.
+  std::vector<int> cores{};  ///< Processors that it may use; empty: all that this program may.
+  std::vector<std::string> environment{};  ///< "NAME=VALUE", besides this program's own.
 };
 
 /// A program that runs beside this one. If this program ends for whatever reason, the child is
@@ -43,6 +43,9 @@ class ChildProcess {
   int pidfd_;
   std::optional<int> exit_code_;
 };
+
+/// The name of this machine; "host" if it has none.
+std::string HostName();
 
 /// The processors that this program may use, ascending.
 std::vector<int> AvailableCores();

@@ -1,10 +1,8 @@
 #include "sweep/cell_work.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <chrono>
 #include <csignal>
@@ -35,12 +33,6 @@ constexpr int kAttempts = 3;
 constexpr int kDiverged = 3;
 constexpr int kLearnedNothing = 4;
 constexpr std::chrono::seconds kTimeToSave{120};
-
-std::string HostName() {
-  std::array<char, 256> name{};
-  ::gethostname(name.data(), name.size() - 1);
-  return name.data();
-}
 
 double SecondsSince(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
@@ -154,7 +146,7 @@ class Work {
                               .updates = Provenance<std::int64_t>(metadata, "updates"),
                               .training_s = Provenance<double>(metadata, "training_s"),
                               .wall_s = SecondsSince(begin),
-                              .host = HostName(),
+                              .host = base::HostName(),
                               .platform = options_.platform,
                               .commit = options_.commit,
                               .at_once = options_.at_once});

@@ -14,11 +14,11 @@ namespace slalom::sweep {
 struct WorkOptions {
   std::filesystem::path store;
   std::filesystem::path program;  ///< `slalom` itself, which trains and scores as a child.
-  std::string commit;             ///< Of it.
-  std::string platform;           ///< `train::Describe` of this machine.
+  std::string commit{};           ///< Of it.
+  std::string platform{};         ///< `train::Describe` of this machine.
   int at_once = 1;                ///< Cells that this worker works on at the same time.
   int threads = 1;                ///< That a child may use.
-  std::vector<int> cores;         ///< Processors that children are pinned to; empty: none.
+  std::vector<int> cores{};       ///< Processors that children are pinned to; empty: none.
 };
 
 enum class WorkEnd {

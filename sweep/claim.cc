@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <charconv>
 #include <cstring>
@@ -15,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/child_process.h"
 #include "base/error.h"
 #include "base/file.h"
 
@@ -61,15 +61,9 @@ std::string NewToken() {
   return fmt::format("{:08x}{:08x}", random(), random());
 }
 
-std::string HostName() {
-  std::array<char, 256> name{};
-  ::gethostname(name.data(), name.size() - 1);
-  return name.data();
-}
-
 std::string PrintOwner(const std::string& token) {
   const nlohmann::ordered_json owner = {{"token", token},
-                                        {"host", HostName()},
+                                        {"host", base::HostName()},
                                         {"machine", ThisMachine()},
                                         {"pid", ::getpid()},
                                         {"start", StartOf(::getpid())}};

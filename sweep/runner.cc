@@ -46,6 +46,7 @@ class Worker {
          const std::stop_token& stop)
       : cells_(cells), options_(options), slots_(slots), stop_(stop), ends_(cells.size()) {
     working_.resize(static_cast<std::size_t>(slots.at_once));
+    NoteWhatEndedBefore();
   }
 
   SweepEnd Run(const std::function<void()>& on_done) {
@@ -67,6 +68,19 @@ class Worker {
   }
 
  private:
+  void NoteWhatEndedBefore() {
+    int num_done = 0;
+    int num_failed = 0;
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      if (!EndedElsewhere(i)) continue;
+      ++(ends_[i] == WorkEnd::kDone ? num_done : num_failed);
+      rates_.Observe(cells_[i], ReadCellStatus(options_.store, cells_[i]));
+    }
+    news_.clear();
+    if (num_done > 0) spdlog::info("{} cells were done before", num_done);
+    if (num_failed > 0) spdlog::warn("{} cells have failed before", num_failed);
+  }
+
   struct Taken {
     std::size_t index = 0;
     std::unique_ptr<Claim> claim;

@@ -13,10 +13,10 @@ namespace slalom::sweep {
 
 /// How the work on one machine is shared out.
 struct Slots {
-  int at_once = 1;         ///< Cells at the same time.
-  int threads = 1;         ///< For each.
-  std::vector<int> cores;  ///< Of this machine.
-  bool pinned = false;     ///< Each cell keeps to its own cores.
+  int at_once = 1;           ///< Cells at the same time.
+  int threads = 1;           ///< For each.
+  std::vector<int> cores{};  ///< Of this machine.
+  bool pinned = false;       ///< Each cell keeps to its own cores.
 };
 
 /// `at_once`: 0: as many as there are cores in lockstep, half as many if trainings use threads.

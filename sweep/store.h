@@ -58,9 +58,9 @@ struct TrainedCell {
   std::int64_t updates = 0;
   double training_s = 0.0;  ///< Time spent training, over all sessions, [s].
   double wall_s = 0.0;      ///< The last session as a whole, loading included, [s].
-  std::string host;         ///< Machine of the last session.
-  std::string platform;     ///< `train::Describe` of it.
-  std::string commit;       ///< Of the program.
+  std::string host{};       ///< Machine of the last session.
+  std::string platform{};   ///< `train::Describe` of it.
+  std::string commit{};     ///< Of the program.
   int at_once = 1;          ///< Cells that the last session's worker ran at the same time.
 };
 
