@@ -173,9 +173,8 @@ std::vector<Published> FindPublished(const Plan& plan, const std::string& score,
     for (std::size_t i = 0; i < reference.rows.size(); ++i) {
       if (reference.rows[i] != row || i >= reference.values.size()) continue;
       const bool has_deviation = i < reference.deviations.size();
-      published.push_back(
-          {reference.source, reference.values[i],
-           has_deviation ? std::optional(reference.deviations[i]) : std::nullopt});
+      published.push_back({reference.source, reference.values[i],
+                           has_deviation ? std::optional(reference.deviations[i]) : std::nullopt});
     }
   }
   return published;
@@ -193,8 +192,7 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
   }
   for (const Quantity& quantity : kQuantities) {
     figures.quantities.push_back(FiguresOf(row, quantity));
-    figures.published.push_back(
-        FindPublished(plan, score, results.rows[row.row].name, quantity));
+    figures.published.push_back(FindPublished(plan, score, results.rows[row.row].name, quantity));
   }
   if (!row.seeds.empty()) {
     figures.interquartile_mean = eval::BootstrapInterquartileMean(RateTable(row, kSuccess));
@@ -255,9 +253,10 @@ RowPairs CompareRows(const ScoreResults& score) {
     if (!row.seeds.empty()) rows.push_back(&row);
   }
   if (rows.size() > kMaxPairedRows) {
-    return {{}, fmt::format("{} rows make too many pairs to compare each with each; `slalom "
-                            "compare` compares the two that you name.",
-                            rows.size())};
+    return {{},
+            fmt::format("{} rows make too many pairs to compare each with each; `slalom "
+                        "compare` compares the two that you name.",
+                        rows.size())};
   }
   RowPairs compared;
   int num_different = 0;
@@ -282,7 +281,8 @@ RowPairs CompareRows(const ScoreResults& score) {
   if (!compared.pairs.empty()) CorrectPValues(compared.pairs);
   if (num_different > 0) {
     compared.note = fmt::format(
-        "{} pair{} of rows {} left out, as {} evaluated on different courses or by different rules.",
+        "{} pair{} of rows {} left out, as {} evaluated on different courses or by different "
+        "rules.",
         num_different, num_different == 1 ? "" : "s", num_different == 1 ? "is" : "are",
         num_different == 1 ? "it was" : "they were");
   }

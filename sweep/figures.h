@@ -36,9 +36,9 @@ struct RowFigures {
   std::size_t row = 0;  ///< Index in `SweepResults::rows`.
   int num_seeds = 0;    ///< That were evaluated.
   int num_planned = 0;
-  int num_courses = 0;   ///< 0: no seed.
-  int num_episodes = 0;  ///< Of all seeds.
-  std::vector<QuantityFigures> quantities;  ///< As `kQuantities`.
+  int num_courses = 0;                               ///< 0: no seed.
+  int num_episodes = 0;                              ///< Of all seeds.
+  std::vector<QuantityFigures> quantities;           ///< As `kQuantities`.
   std::optional<eval::Estimate> interquartile_mean;  ///< Of success. None: no seed.
   std::vector<std::vector<Published>> published;     ///< For each quantity.
   /// Means over the seeds that were trained. None: there is none.
@@ -65,7 +65,7 @@ struct LearningCurve {
     eval::Estimate success;
   };
   std::size_t row = 0;
-  int num_seeds = 0;    ///< That have every snapshot. The others are not in the curve.
+  int num_seeds = 0;  ///< That have every snapshot. The others are not in the curve.
   int num_planned = 0;
   std::vector<Point> points;  ///< By steps, at least two.
   /// The curve's mean height between its first and last point, over steps and over seconds.
@@ -90,8 +90,8 @@ struct RowPair {
   std::size_t first = 0;  ///< Index in `SweepResults::rows`.
   std::size_t second = 0;
   eval::PairedTest test;
-  double corrected_p_value = 1.0;                     ///< By Holm, for the number of pairs.
-  std::optional<double> corrected_training_p_value;   ///< Likewise; none: a single seed.
+  double corrected_p_value = 1.0;                    ///< By Holm, for the number of pairs.
+  std::optional<double> corrected_training_p_value;  ///< Likewise; none: a single seed.
   eval::Estimate improvement;  ///< How likely the first is better on a course.
 };
 struct RowPairs {

@@ -53,11 +53,11 @@ std::string LatexCell(const GridCell& cell) {
 std::string PrintGrid(const Grid& grid) {
   std::size_t num_columns = 0;
   for (const GridBlock& block : grid.blocks) num_columns += block.columns.size();
-  std::string text = fmt::format(
-      "\\begin{{table*}}[!htb]\n\\centering\n\\begin{{tabular}}{{l{}}}\n\\toprule\n",
-      std::string(num_columns, 'c'));
-  const bool has_heads = std::ranges::any_of(
-      grid.blocks, [](const GridBlock& block) { return !block.head.empty(); });
+  std::string text =
+      fmt::format("\\begin{{table*}}[!htb]\n\\centering\n\\begin{{tabular}}{{l{}}}\n\\toprule\n",
+                  std::string(num_columns, 'c'));
+  const bool has_heads =
+      std::ranges::any_of(grid.blocks, [](const GridBlock& block) { return !block.head.empty(); });
   text += has_heads ? BlockHeads(grid) : "  " + grid.corner;
   for (const GridBlock& block : grid.blocks) {
     for (const std::string& column : block.columns) text += " & " + column;
@@ -69,9 +69,10 @@ std::string PrintGrid(const Grid& grid) {
       text += "\\quad \\textit{" + eval::EscapeLatex(source) + "}" + CellsText(cells);
     }
   }
-  fmt::format_to(std::back_inserter(text),
-                 "\\bottomrule\n\\end{{tabular}}\n\\caption{{{}}}\n\\label{{{}}}\n\\end{{table*}}\n\n",
-                 grid.caption, grid.label);
+  fmt::format_to(
+      std::back_inserter(text),
+      "\\bottomrule\n\\end{{tabular}}\n\\caption{{{}}}\n\\label{{{}}}\n\\end{{table*}}\n\n",
+      grid.caption, grid.label);
   return text;
 }
 

@@ -41,6 +41,15 @@ std::set<std::string> CommitsOf(const SweepResults& results) {
   return commits;
 }
 
+std::set<std::string> PlatformsOf(const SweepResults& results) {
+  std::set<std::string> platforms;
+  for (const CellStatus& status : results.statuses) {
+    if (status.trained) platforms.insert(status.trained->platform);
+  }
+  platforms.erase("");
+  return platforms;
+}
+
 /// "node-1 (4 cells at a time)" for each machine that trained.
 std::set<std::string> MachinesOf(const SweepResults& results) {
   std::map<std::string, int> most_at_once;
@@ -73,6 +82,10 @@ std::vector<std::pair<std::string, std::string>> ProvenanceOf(const Plan& plan, 
     facts.emplace_back(machines.size() == 1 ? "Machine" : "Machines",
                        fmt::format("{}", fmt::join(machines, ", ")));
   }
+  const auto platforms = PlatformsOf(results);
+  if (!platforms.empty()) {
+    facts.emplace_back("Arithmetic", fmt::format("{}", fmt::join(platforms, "; ")));
+  }
   const auto commits = CommitsOf(results);
   if (!commits.empty()) {
     facts.emplace_back(commits.size() == 1 ? "Commit" : "Commits",
@@ -89,11 +102,11 @@ std::vector<std::string> WarningsOf(const Plan& plan, const SweepResults& result
                                    failed == 1 ? "its log stands" : "their logs stands"));
   }
   if (!results.missing.empty()) {
-    warnings.push_back(
-        fmt::format("{} evaluation{} of the plan {} missing and listed below. A row's column \"seeds\" says "
-                    "how many of its seeds are in its numbers.",
-                    results.missing.size(), results.missing.size() == 1 ? "" : "s",
-                    results.missing.size() == 1 ? "is" : "are"));
+    warnings.push_back(fmt::format(
+        "{} evaluation{} of the plan {} missing and listed below. A row's column \"seeds\" says "
+        "how many of its seeds are in its numbers.",
+        results.missing.size(), results.missing.size() == 1 ? "" : "s",
+        results.missing.size() == 1 ? "is" : "are"));
   }
   if (plan.budget.seconds > 0.0) {
     warnings.push_back(fmt::format(
@@ -149,10 +162,10 @@ ReportContent MakeContent(const Plan& plan, const Cells& cells, const fs::path& 
 }
 
 std::string ProgressText(const SweepResults& results) {
-  std::string text = fmt::format("{} of {} done", results.num_cells(CellState::kDone),
-                                 results.statuses.size());
-  for (const CellState state : {CellState::kTraining, CellState::kScoring, CellState::kWaiting,
-                                CellState::kFailed}) {
+  std::string text =
+      fmt::format("{} of {} done", results.num_cells(CellState::kDone), results.statuses.size());
+  for (const CellState state :
+       {CellState::kTraining, CellState::kScoring, CellState::kWaiting, CellState::kFailed}) {
     if (const int count = results.num_cells(state); count > 0) {
       text += fmt::format(", {} {}", count, ToString(state));
     }

@@ -23,7 +23,7 @@ struct ScoreContent {
   std::string courses;   ///< As the plan has them.
   std::string protocol;  ///< A sentence with its rules; empty: nothing was evaluated.
   std::vector<RowFigures> rows;
-  std::vector<RowFigures> snapshots;  ///< Row by row, by steps, the finished policies last.
+  std::vector<RowFigures> snapshots;         ///< Row by row, by steps, the finished policies last.
   std::vector<std::int64_t> snapshot_steps;  ///< Of each of `snapshots`; 0: finished.
   std::vector<LearningCurve> curves;
   std::vector<Profile> profiles;

@@ -61,9 +61,9 @@ Evaluations EvaluationsOf(const SweepResults& results) {
 }
 
 std::string ResultFields(const eval::Result* result) {
-  std::string fields = result ? fmt::format("{},{}", result->courses.size(),
-                                            result->set.num_episodes)
-                              : std::string(",");
+  std::string fields = result
+                           ? fmt::format("{},{}", result->courses.size(), result->set.num_episodes)
+                           : std::string(",");
   for (const Quantity& quantity : kQuantities) {
     fields += "," + (result ? Field(ValueOf(*result, quantity)) : "");
   }
@@ -102,7 +102,10 @@ std::string RowLine(const ReportContent& content, const ScoreContent& score, con
   line += "," + EstimateFields(row.interquartile_mean);
   line += "," + Field(row.steps) + "," + Field(row.updates) + "," + Field(row.training_s);
   for (const std::string& source : sources) {
-    line += "," + CsvField(source);
+    const bool has_any = std::ranges::any_of(row.published, [&](const auto& published) {
+      return std::ranges::find(published, source, &Published::source) != published.end();
+    });
+    line += "," + (has_any ? CsvField(source) : "");
     for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
       const auto published = FindPublished(row, {q, source});
       line += "," + (published ? Field(published->value) : "") + "," +
@@ -127,12 +130,12 @@ std::string CellCsv(const ReportContent& content) {
       for (const ScoreTask& task : cell.scores) {
         const auto found = evaluations.find({c, task.name, task.snapshot_steps});
         const eval::Result* result = found == evaluations.end() ? nullptr : found->second;
-        fmt::format_to(
-            std::back_inserter(text), "{},{},{},{},{},{},{},{},{}\n", cell.id,
-            CsvField(cell.group), LabelFields(row, content.cells), cell.seed, CsvField(task.name),
-            task.snapshot_steps > 0 ? fmt::format("{}", task.snapshot_steps) : "",
-            result ? "done" : ToString(status.state), ResultFields(result),
-            TrainingFields(status.trained));
+        fmt::format_to(std::back_inserter(text), "{},{},{},{},{},{},{},{},{}\n", cell.id,
+                       CsvField(cell.group), LabelFields(row, content.cells), cell.seed,
+                       CsvField(task.name),
+                       task.snapshot_steps > 0 ? fmt::format("{}", task.snapshot_steps) : "",
+                       result ? "done" : ToString(status.state), ResultFields(result),
+                       TrainingFields(status.trained));
       }
     }
   }

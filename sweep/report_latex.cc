@@ -14,7 +14,7 @@ namespace {
 
 using eval::EscapeLatex;
 
-constexpr std::size_t kMaxColumns = 12;       // Of one table: what fits across a page.
+constexpr std::size_t kMaxColumns = 12;  // Of one table: what fits across a page.
 constexpr std::size_t kMaxRowsSideBySide = 6;
 
 /// "Success rate (\%) ($\uparrow$)"
@@ -22,7 +22,8 @@ std::string QuantityHead(const Quantity& quantity) {
   std::string head(quantity.title);
   head.front() = static_cast<char>(head.front() - 'a' + 'A');
   return fmt::format("{} {} ({}) ($\\{}$)", head, quantity.is_rate ? "rate" : "time",
-                     EscapeLatex(quantity.unit), quantity.higher_is_better ? "uparrow" : "downarrow");
+                     EscapeLatex(quantity.unit),
+                     quantity.higher_is_better ? "uparrow" : "downarrow");
 }
 
 GridCell CellOf(const RowFigures& row, std::size_t q) {
@@ -69,9 +70,9 @@ GridLine MakeLine(std::string head, const std::vector<Place>& places) {
   for (const std::string& source : sources) {
     std::vector<GridCell> cells;
     for (const Place& place : places) {
-      cells.push_back(place.row ? CellOf(FindPublished(*place.row, {place.quantity, source}),
-                                         place.quantity)
-                                : GridCell{});
+      cells.push_back(
+          place.row ? CellOf(FindPublished(*place.row, {place.quantity, source}), place.quantity)
+                    : GridCell{});
       cells.back().num_columns = place.num_columns;
     }
     line.published.push_back({source, std::move(cells)});
@@ -200,7 +201,8 @@ std::string AxesTables(const ReportContent& content) {
     if (!score.rows.empty()) scores.push_back(&score);
   }
   const std::size_t columns = Axes(content).columns.size();
-  const std::size_t at_once = std::max<std::size_t>(1, kMaxColumns / std::max<std::size_t>(1, columns));
+  const std::size_t at_once =
+      std::max<std::size_t>(1, kMaxColumns / std::max<std::size_t>(1, columns));
   std::string text;
   for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
     for (std::size_t s = 0; s < scores.size(); s += at_once) {
@@ -269,8 +271,8 @@ std::string SnapshotTable(const ReportContent& content, const ScoreContent& scor
   grid.corner = "Steps";
   grid.blocks.push_back({"", {}});
   for (const std::int64_t at : steps) {
-    grid.blocks.front().columns.push_back(
-        at > 0 ? EscapeLatex(FormatCount(static_cast<double>(at))) : "end");
+    grid.blocks.front().columns.push_back(at > 0 ? EscapeLatex(FormatCount(static_cast<double>(at)))
+                                                 : "end");
   }
   for (std::size_t i = 0; i < score.snapshots.size();) {
     const std::size_t row = score.snapshots[i].row;
@@ -288,10 +290,10 @@ std::string SnapshotTable(const ReportContent& content, const ScoreContent& scor
     for (GridLine& line : grid.lines) cells.push_back(&line.cells[column]);
     EmboldenBest(cells, true);
   }
-  grid.caption = fmt::format("{}: {} on {} after so many environment steps.",
-                             EscapeLatex(content.title), QuantityHead(kQuantities[0]),
-                             EscapeLatex(score.label)) +
-                 Explain(grid.lines);
+  grid.caption =
+      fmt::format("{}: {} on {} after so many environment steps.", EscapeLatex(content.title),
+                  QuantityHead(kQuantities[0]), EscapeLatex(score.label)) +
+      Explain(grid.lines);
   grid.label = fmt::format("tab::{}-steps", score.name);
   return PrintGrid(grid);
 }

@@ -55,15 +55,16 @@ std::string RowTable(const ReportContent& content, const std::vector<RowFigures>
   add_column("training");
   for (const PublishedColumn& column : published) {
     const Quantity& quantity = kQuantities[column.quantity];
-    add_column(fmt::format("{}: {} [{}]", EscapeMarkdown(column.source), quantity.title,
-                           quantity.unit));
+    add_column(
+        fmt::format("{}: {} [{}]", EscapeMarkdown(column.source), quantity.title, quantity.unit));
   }
   text += "\n" + rule + "\n";
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const RowFigures& row = rows[i];
     text += "| " + EscapeMarkdown(content.row(row).name) + " | ";
     if (has_snapshots) {
-      text += snapshot_steps[i] > 0 ? FormatCount(static_cast<double>(snapshot_steps[i])) : "the end";
+      text +=
+          snapshot_steps[i] > 0 ? FormatCount(static_cast<double>(snapshot_steps[i])) : "the end";
       text += " | ";
     }
     text += SeedsText(row) + " |";
@@ -90,13 +91,13 @@ std::string PairTable(const ReportContent& content, const RowPairs& compared) {
       "| first | second | difference [points] | p, courses | p, trainings | first better |\n"
       "|---|---|---:|---:|---:|---:|\n";
   for (const RowPair& pair : compared.pairs) {
-    fmt::format_to(std::back_inserter(text), "| {} | {} | {} | {} | {} | {} |\n",
-                   EscapeMarkdown(content.results.rows[pair.first].name),
-                   EscapeMarkdown(content.results.rows[pair.second].name),
-                   EstimateText(pair.test.difference, 100.0, 1), PValueText(pair.corrected_p_value),
-                   pair.corrected_training_p_value ? PValueText(*pair.corrected_training_p_value)
-                                                   : "–",
-                   EstimateText(pair.improvement, 1.0, 2));
+    fmt::format_to(
+        std::back_inserter(text), "| {} | {} | {} | {} | {} | {} |\n",
+        EscapeMarkdown(content.results.rows[pair.first].name),
+        EscapeMarkdown(content.results.rows[pair.second].name),
+        EstimateText(pair.test.difference, 100.0, 1), PValueText(pair.corrected_p_value),
+        pair.corrected_training_p_value ? PValueText(*pair.corrected_training_p_value) : "–",
+        EstimateText(pair.improvement, 1.0, 2));
   }
   return text;
 }
@@ -118,20 +119,21 @@ std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
                                  EscapeMarkdown(score.courses), EscapeMarkdown(score.protocol));
   text += RowTable(content, score.rows, {});
   if (!score.snapshots.empty()) {
-    text += "\n### While learning\n\n" +
-            RowTable(content, score.snapshots, score.snapshot_steps);
+    text += "\n### While learning\n\n" + RowTable(content, score.snapshots, score.snapshot_steps);
   }
   if (!score.curves.empty()) {
-    text += "\nThe area under a curve of success is its mean height between its first and last "
-            "snapshot.\n\n" +
-            CurveTable(content, score);
+    text +=
+        "\nThe area under a curve of success is its mean height between its first and last "
+        "snapshot.\n\n" +
+        CurveTable(content, score);
   }
   if (!score.pairs.pairs.empty()) {
-    text += "\n### Row against row\n\nSuccess of the first minus that of the second on the same "
-            "courses and starts. p-values are of permutation tests, corrected by Holm for the "
-            "number of pairs: over courses for these trained policies, over trainings for the two "
-            "ways to train. The last column is how likely the first is better on a course.\n\n" +
-            PairTable(content, score.pairs);
+    text +=
+        "\n### Row against row\n\nSuccess of the first minus that of the second on the same "
+        "courses and starts. p-values are of permutation tests, corrected by Holm for the "
+        "number of pairs: over courses for these trained policies, over trainings for the two "
+        "ways to train. The last column is how likely the first is better on a course.\n\n" +
+        PairTable(content, score.pairs);
   }
   if (!score.pairs.note.empty()) text += "\n" + score.pairs.note + "\n";
   return text;

@@ -18,7 +18,9 @@ PageJson ToJson(const std::optional<eval::Estimate>& estimate) {
   return {estimate->value, estimate->interval->low, estimate->interval->high};
 }
 
-PageJson ToJson(const std::optional<double>& number) { return number ? PageJson(*number) : PageJson(nullptr); }
+PageJson ToJson(const std::optional<double>& number) {
+  return number ? PageJson(*number) : PageJson(nullptr);
+}
 
 PageJson RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
   PageJson figures = PageJson::object();
@@ -30,9 +32,8 @@ PageJson RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
                     {"deviation", ToJson(row.quantities[q].seed_deviation)}};
     published[key] = PageJson::array();
     for (const Published& one : row.published[q]) {
-      published[key].push_back({{"source", one.source},
-                                {"value", one.value},
-                                {"deviation", ToJson(one.deviation)}});
+      published[key].push_back(
+          {{"source", one.source}, {"value", one.value}, {"deviation", ToJson(one.deviation)}});
     }
   }
   PageJson seeds = PageJson::array();
@@ -78,11 +79,15 @@ PageJson PairJson(const RowPair& pair) {
 }
 
 PageJson ScoreJson(const ScoreContent& score, const ScoreResults& results) {
-  PageJson json = {{"name", score.name},         {"label", score.label},
-               {"courses", score.courses},   {"protocol", score.protocol},
-               {"rows", PageJson::array()},      {"curves", PageJson::array()},
-               {"profiles", PageJson::array()},  {"pairs", PageJson::array()},
-               {"pairs_note", score.pairs.note}};
+  PageJson json = {{"name", score.name},
+                   {"label", score.label},
+                   {"courses", score.courses},
+                   {"protocol", score.protocol},
+                   {"rows", PageJson::array()},
+                   {"curves", PageJson::array()},
+                   {"profiles", PageJson::array()},
+                   {"pairs", PageJson::array()},
+                   {"pairs_note", score.pairs.note}};
   for (const RowFigures& row : score.rows) json["rows"].push_back(RowJson(row, results.rows));
   for (const LearningCurve& curve : score.curves) json["curves"].push_back(CurveJson(curve));
   for (const Profile& profile : score.profiles) {
@@ -113,15 +118,15 @@ PageJson FailuresJson(const ReportContent& content) {
 
 std::string SweepPageData(const ReportContent& content) {
   PageJson data = {{"title", content.title},
-               {"progress", ProgressText(content.results)},
-               {"provenance", content.provenance},
-               {"warnings", content.warnings},
-               {"axes", content.cells.axis_names},
-               {"rows", PageJson::array()},
-               {"scores", PageJson::array()},
-               {"thresholds", ProfileThresholds()},
-               {"failures", FailuresJson(content)},
-               {"missing", PageJson::array()}};
+                   {"progress", ProgressText(content.results)},
+                   {"provenance", content.provenance},
+                   {"warnings", content.warnings},
+                   {"axes", content.cells.axis_names},
+                   {"rows", PageJson::array()},
+                   {"scores", PageJson::array()},
+                   {"thresholds", ProfileThresholds()},
+                   {"failures", FailuresJson(content)},
+                   {"missing", PageJson::array()}};
   for (const Row& row : content.results.rows) {
     data["rows"].push_back({{"name", row.name}, {"labels", row.labels}});
   }

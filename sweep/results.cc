@@ -58,8 +58,8 @@ void Add(const Cells& cells, std::size_t cell, const ScoreTask& task, const fs::
   if (read.result && !score.seeds.empty()) {
     const std::size_t expected = score.seeds.front().result.courses.size();
     if (const std::size_t found = read.result->courses.size(); found != expected) {
-      read = {std::nullopt, fmt::format("it has {} courses, and the row's first evaluation {}",
-                                        found, expected)};
+      read = {std::nullopt,
+              fmt::format("it has {} courses, and the row's first evaluation {}", found, expected)};
     }
   }
   if (read.result) {

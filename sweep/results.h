@@ -44,9 +44,9 @@ struct ScoreResults {
 
 /// Cells that differ only in their seed.
 struct Row {
-  std::string name;                  ///< "TD3 / 50".
-  std::vector<std::string> labels;   ///< As `Cell::row`.
-  std::vector<std::size_t> cells;    ///< Indices in `Cells::cells`.
+  std::string name;                 ///< "TD3 / 50".
+  std::vector<std::string> labels;  ///< As `Cell::row`.
+  std::vector<std::size_t> cells;   ///< Indices in `Cells::cells`.
   bool is_planner = false;
 };
 

@@ -25,18 +25,19 @@ function axisLines(data, scores, a) {
   for (const score of scores) {
     for (const row of score.rows) {
       const {estimate} = row.figures.success_rate;
-      if (estimate === null) continue;
+      const published = row.published.success_rate;
+      if (estimate === null && published.length === 0) continue;
       const {name, labels} = data.rows[row.row];
       const others = labels.filter((_, i) => i !== a);
       const label = [...others, ...(scores.length > 1 || others.length === 0 ? [score.label] : [])].join(' / ');
       if (labels.length <= a) {
+        if (estimate === null) continue;
         lines.set(`${score.name} ${name}`, {label: scores.length > 1 ? `${name} / ${score.label}` : name, level: estimate});
         continue;
       }
       const key = JSON.stringify([score.name, others]);
       if (!lines.has(key)) lines.set(key, {label, points: []});
-      lines.get(key).points.push({x: Number(labels[a]), name: `${data.axes[a]} ${labels[a]}`, estimate,
-        published: row.published.success_rate[0] || null});
+      lines.get(key).points.push({x: Number(labels[a]), name: `${data.axes[a]} ${labels[a]}`, estimate, published});
     }
   }
   return [...lines.values()].map((line, i) => {
@@ -46,8 +47,7 @@ function axisLines(data, scores, a) {
 }
 
 function sourcesOf(lines) {
-  return [...new Set(lines.flatMap((line) => (line.points || [])
-    .filter((point) => point.published).map((point) => point.published.source)))];
+  return [...new Set(lines.flatMap((line) => (line.points || []).flatMap((point) => point.published.map(({source}) => source))))];
 }
 
 // The figures of one axis: one for all scores, or one for each where there would be too many lines.

@@ -64,23 +64,23 @@ function marker(shape, x, y, attributes) {
   return svg('circle', {cx: x, cy: y, r: size, ...attributes});
 }
 
-// Each y as a hollow diamond, with its standard deviation, and a dotted line through them.
+// The published numbers of a line as hollow diamonds with their standard deviations, and a dotted line through those of a source.
 function drawPublished(drawing, line, place, y) {
-  const points = line.points.filter((point) => point.published);
-  if (points.length === 0) return;
-  const at = points.map((point) => [place(point.x), y(point.published.value)]);
-  drawing.append(svg('path', {class: 'published-line', d: `M${at.map((xy) => xy.join(' ')).join('L')}`, stroke: line.colour}));
-  points.forEach((point, i) => {
-    const {source, value, deviation} = point.published;
-    const [x0] = at[i];
+  const all = line.points.flatMap(({x, name, published}) => (published || []).map((number) => ({...number, name, x: place(x), y: y(number.value)})));
+  for (const source of new Set(all.map((number) => number.source))) {
+    const way = all.filter((number) => number.source === source).map((number) => `${number.x} ${number.y}`).join('L');
+    drawing.append(svg('path', {class: 'published-line', d: `M${way}`, stroke: line.colour}));
+  }
+  for (const number of all) {
+    const {value, deviation} = number;
     if (deviation !== null) {
-      drawing.append(svg('line', {x1: x0, x2: x0, y1: y(Math.max(0, value - deviation)), y2: y(Math.min(1, value + deviation)),
-        stroke: line.colour, 'stroke-width': 1.2, 'stroke-dasharray': '2 3'}));
+      drawing.append(svg('line', {x1: number.x, x2: number.x, y1: y(Math.max(0, value - deviation)), y2: y(Math.min(1, value + deviation)),
+        stroke: line.colour, 'stroke-width': 1.2}));
     }
-    const dot = marker('diamond', x0, at[i][1], {class: 'published', stroke: line.colour, 'data-published': value});
-    setTip(dot, `${source}\n${line.label}, ${point.name}: ${publishedText(point.published, 100)} %`);
+    const dot = marker('diamond', number.x, number.y, {class: 'published', stroke: line.colour, 'data-published': value});
+    setTip(dot, `${number.source}\n${line.label}, ${number.name}: ${publishedText(number, 100)} %`);
     drawing.append(dot);
-  });
+  }
 }
 
 // Lines over a number. `lines`: {label, colour, dash, points: [{x, name, estimate, published}]}; a level has one estimate
@@ -91,8 +91,8 @@ function drawLines(box, lines, axis, {dots = true, yTitle = 'success'} = {}) {
   const [left, right, top, bottom] = [46, 16, 18, 46];
   const drawing = plotIn(box, height, width);
   const curves = lines.filter((line) => line.points);
-  const estimates = lines.flatMap((line) => (line.level ? [line.level] : line.points.map((point) => point.estimate)));
-  const published = curves.flatMap((line) => line.points.filter((p) => p.published).map((p) => p.published.value));
+  const estimates = lines.flatMap((line) => (line.level ? [line.level] : line.points.map((point) => point.estimate))).filter(Boolean);
+  const published = curves.flatMap((line) => line.points.flatMap((p) => (p.published || []).map(({value}) => value)));
   const lowest = lowestTick([...estimates.map(([value, low]) => (low === null ? value : low)), ...published]);
   const y = linear(lowest, 1, height - bottom, top);
   const [place, ticks] = horizontalScale(curves.flatMap((line) => line.points.map((p) => p.x)), axis, left + 8, width - right - 8);
@@ -128,7 +128,7 @@ function drawLevel(drawing, line, left, right, y) {
 }
 
 function drawBand(drawing, line, place, y) {
-  const points = line.points.filter(({estimate}) => estimate[1] !== null);
+  const points = line.points.filter(({estimate}) => estimate && estimate[1] !== null);
   if (points.length < 2) return;
   const upper = points.map(({x, estimate}) => `${place(x)} ${y(estimate[2])}`);
   const lower = points.map(({x, estimate}) => `${place(x)} ${y(estimate[1])}`).reverse();
@@ -136,9 +136,11 @@ function drawBand(drawing, line, place, y) {
 }
 
 function drawCurve(drawing, line, place, y, dots) {
-  const path = line.points.map(({x, estimate}) => `${place(x)} ${y(estimate[0])}`).join('L');
+  const points = line.points.filter(({estimate}) => estimate);
+  if (points.length === 0) return;
+  const path = points.map(({x, estimate}) => `${place(x)} ${y(estimate[0])}`).join('L');
   drawing.append(svg('path', {class: 'line', d: `M${path}`, stroke: line.colour, 'stroke-dasharray': line.dash}));
-  for (const {x, name, estimate} of line.points) {
+  for (const {x, name, estimate} of points) {
     const tip = `${line.label}\n${name}: ${estimateText(estimate)}`;
     const dot = dots ? svg('circle', {cx: place(x), cy: y(estimate[0]), r: 4, fill: line.colour, 'data-point': estimate[0]}) :
       svg('circle', {cx: place(x), cy: y(estimate[0]), r: 9, fill: 'transparent'});

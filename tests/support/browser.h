@@ -1,0 +1,72 @@
+#pragma once
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "base/file.h"
+
+namespace slalom::test {
+
+/// A headless Chromium that opens pages without a network.
+class Browser {
+ public:
+  /// Keeps its files in `directory`. Requires: there is a browser (`Find`).
+  explicit Browser(std::filesystem::path directory) : directory_(std::move(directory)) {}
+
+  /// The browser's name; none: none is installed (Debian: apt-get install chromium).
+  static std::optional<std::string> Find() {
+    for (const char* name : {"chromium", "chromium-browser", "google-chrome"}) {
+      if (std::system(fmt::format("command -v {} >/dev/null 2>&1", name).c_str()) == 0) return name;
+    }
+    return std::nullopt;
+  }
+
+  /// The page as it stands after its scripts, and then `script`, ran for three seconds of the
+  /// browser's own time.
+  std::string Render(std::string page, const std::string& script = "") const {
+    Write("page.html", std::move(page), script);
+    return Dump("page.html");
+  }
+
+  /// What `script` posts to the page around it, in which the page is a frame of this width: a
+  /// window of its own is never as narrow as a phone.
+  std::string PostedInFrame(std::string page, int width, const std::string& script) const {
+    Write("framed.html", std::move(page), script);
+    Write("page.html",
+          fmt::format("<!doctype html><body><iframe src=\"framed.html\" width=\"{}\" "
+                      "height=\"844\" frameborder=\"0\"></iframe></body>",
+                      width),
+          "onmessage = (event) => { document.body.dataset.posted = `<${event.data}>`; };");
+    const std::string dom = Dump("page.html");
+    const std::string mark = "data-posted=\"&lt;";
+    const std::size_t at = dom.find(mark);
+    if (at == std::string::npos) return "nothing was posted";
+    const std::size_t begin = at + mark.size();
+    return dom.substr(begin, dom.find("&gt;\"", begin) - begin);
+  }
+
+ private:
+  void Write(const std::string& file, std::string page, const std::string& script) const {
+    page.insert(page.rfind("</body>"), "<script>" + script + "</script>");
+    base::WriteFileAtomically(directory_ / file, page);
+  }
+
+  std::string Dump(const std::string& file) const {
+    const std::string command = fmt::format(
+        "HOME={0} {1} --headless --no-sandbox --disable-gpu --user-data-dir={0}/profile "
+        "--host-resolver-rules='MAP * ~NOTFOUND' --window-size=1280,2000 "
+        "--virtual-time-budget=3000 --dump-dom 'file://{0}/{2}' >{0}/dom.html 2>{0}/log",
+        directory_.string(), Find().value(), file);
+    EXPECT_EQ(std::system(command.c_str()), 0) << base::ReadFile(directory_ / "log");
+    return base::ReadFile(directory_ / "dom.html");
+  }
+
+  const std::filesystem::path directory_;
+};
+
+}  // namespace slalom::test
