@@ -21,6 +21,7 @@ inline constexpr int kExitSignalBase =
 void AddTrainCommand(CLI::App& app, int* exit_code);
 void AddEvaluateCommand(CLI::App& app, int* exit_code);
 void AddReportCommand(CLI::App& app);
+void AddCompareCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 void AddServiceCommands(CLI::App& app, int* exit_code);
 void AddWatchCommand(CLI::App& app);

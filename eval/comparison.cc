@@ -10,6 +10,8 @@
 #include <optional>
 #include <string_view>
 
+#include "eval/table_text.h"
+
 namespace slalom::eval {
 namespace {
 
@@ -68,61 +70,11 @@ std::string CellText(const Column& column, const Figures& figures, std::string_v
   return text;
 }
 
-/// `text` with a backslash before each of `special`.
-std::string Escape(std::string_view text, std::string_view special) {
-  std::string escaped;
-  for (const char c : text) {
-    if (special.find(c) != std::string_view::npos) escaped += '\\';
-    escaped += c == '\n' || c == '\r' ? ' ' : c;
-  }
-  return escaped;
-}
-
-std::string EscapeMarkdown(std::string_view text) { return Escape(text, "\\|`*_[]<>#"); }
-
-std::string EscapeLatex(std::string_view text) {
-  std::string escaped;
-  for (const char c : text) {
-    switch (c) {
-      case '\\':
-        escaped += "\\textbackslash{}";
-        break;
-      case '~':
-        escaped += "\\textasciitilde{}";
-        break;
-      case '^':
-        escaped += "\\textasciicircum{}";
-        break;
-      case '\n':
-      case '\r':
-        escaped += ' ';
-        break;
-      default:
-        escaped += Escape(std::string_view(&c, 1), "&%$#_{}");
-    }
-  }
-  return escaped;
-}
-
-std::string CsvField(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + '"';
-}
-
 std::string BaseLabel(const Result& result) {
   std::vector<std::string> profiles;
   for (const std::string& profile : result.profiles) profiles.push_back(fs::path(profile).stem());
   return profiles.empty() ? result.agent
                           : fmt::format("{} ({})", result.agent, fmt::join(profiles, ", "));
-}
-
-bool IsSameCourses(const Result& a, const Result& b) {
-  const auto& left = a.course_set_data.courses;
-  const auto& right = b.course_set_data.courses;
-  return a.course_set == b.course_set && a.collection == b.collection &&
-         std::ranges::equal(left, right, [](const auto& x, const auto& y) { return *x == *y; });
 }
 
 std::string SizeText(const ResultGroup& group, std::span<const Result> results) {
@@ -141,11 +93,18 @@ std::string OverlapNote(const Result& result, const std::string& label) {
 
 }  // namespace
 
+bool HaveSameCourses(const Result& a, const Result& b) {
+  const auto& left = a.course_set_data.courses;
+  const auto& right = b.course_set_data.courses;
+  return a.course_set == b.course_set && a.collection == b.collection &&
+         std::ranges::equal(left, right, [](const auto& x, const auto& y) { return *x == *y; });
+}
+
 std::vector<ResultGroup> GroupByCourses(std::span<const Result> results) {
   std::vector<ResultGroup> groups;
   for (std::size_t r = 0; r < results.size(); ++r) {
     const auto group = std::ranges::find_if(groups, [&](const ResultGroup& g) {
-      return IsSameCourses(results[g.results.front()], results[r]);
+      return HaveSameCourses(results[g.results.front()], results[r]);
     });
     if (group != groups.end()) {
       group->results.push_back(r);

@@ -16,8 +16,12 @@ struct ResultGroup {
   std::vector<std::size_t> results;  ///< Indices.
 };
 
-/// Groups the results that were driven on the same courses (name of the set, collection, and the
-/// courses themselves). The groups are in the order in which they first appear.
+/// Whether both were driven on the same courses: name of the set, collection, and the courses
+/// themselves.
+[[nodiscard]] bool HaveSameCourses(const Result& a, const Result& b);
+
+/// Groups the results that were driven on the same courses (`HaveSameCourses`). The groups are in
+/// the order in which they first appear.
 std::vector<ResultGroup> GroupByCourses(std::span<const Result> results);
 
 /// Returns a name for each result that is unique in its group: the agent and the profiles laid over

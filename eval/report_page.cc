@@ -8,9 +8,9 @@
 #include <string_view>
 #include <vector>
 
-#include "base/check.h"
 #include "eval/comparison.h"
 #include "eval/difficulty_bins.h"
+#include "eval/embedded_page.h"
 #include "eval/packed_numbers.h"
 #include "eval/paired_comparison.h"
 #include "eval/report_page_parts.h"
@@ -296,12 +296,6 @@ Json ResultJson(const Result& result, const std::string& label, const Thinning& 
   return json;
 }
 
-void Replace(std::string& text, std::string_view mark, std::string_view content) {
-  const std::size_t at = text.find(mark);
-  SLALOM_CHECK(at != std::string::npos);
-  text.replace(at, mark.size(), content);
-}
-
 }  // namespace
 
 std::string ReportPageData(std::span<const Result> results) {
@@ -321,20 +315,11 @@ std::string ReportPageData(std::span<const Result> results) {
   for (const ResultGroup& group : groups) {
     data["groups"].push_back(GroupJson(group, results, frame_time));
   }
-  // What is not UTF-8 in a name is replaced; "<" must not end the element that the text stands in.
-  std::string text = data.dump(-1, ' ', false, Json::error_handler_t::replace);
-  for (std::size_t at = 0; (at = text.find('<', at)) != std::string::npos;) {
-    text.replace(at, 1, "\\u003c");
-  }
-  return text;
+  return JsonForPage(data);
 }
 
 std::string ReportPage(std::span<const Result> results) {
-  std::string page(kReportPageHtml);
-  Replace(page, "/*STYLE*/", kReportPageStyle);
-  Replace(page, "/*SCRIPT*/", kReportPageScript);
-  Replace(page, "/*DATA*/", ReportPageData(results));
-  return page;
+  return FillPage(kReportPageHtml, kReportPageStyle, kReportPageScript, ReportPageData(results));
 }
 
 }  // namespace slalom::eval

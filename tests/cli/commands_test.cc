@@ -19,6 +19,7 @@ TEST(CommandsTest, EveryCommandHasHelp) {
                                                           {"train"},
                                                           {"evaluate"},
                                                           {"report"},
+                                                          {"compare"},
                                                           {"courses"},
                                                           {"courses", "list"},
                                                           {"courses", "show"},

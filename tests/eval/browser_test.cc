@@ -9,6 +9,7 @@
 #include <regex>
 
 #include "base/file.h"
+#include "eval/agent_comparison_page.h"
 #include "eval/paired_comparison.h"
 #include "eval/report_page.h"
 #include "tests/eval/made_evaluation.h"
@@ -22,6 +23,24 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
+
+/// Lists the texts of one drawing whose boxes share more than a pixel each way, and what runs out.
+constexpr char kFindClashes[] = R"(
+      let clashes = '';
+      for (const drawing of document.querySelectorAll('.plot svg')) {
+        const boxes = [...drawing.querySelectorAll('text')].map((t) => [t, t.getBoundingClientRect()]);
+        boxes.forEach(([t, a], i) => boxes.slice(i + 1).forEach(([u, b]) => {
+          const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+          const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+          if (across > 1 && down > 4) clashes += `${t.textContent} / ${u.textContent}; `;
+        }));
+        for (const [t, a] of boxes) {
+          if (a.left < -1 || a.right > innerWidth + 1) clashes += `${t.textContent} runs out; `;
+        }
+      }
+      const root = document.documentElement;
+      if (root.scrollWidth > root.clientWidth) clashes += 'the page runs out; ';
+)";
 
 std::optional<std::string> FindBrowser() {
   for (const char* name : {"chromium", "chromium-browser", "google-chrome"}) {
@@ -323,26 +342,37 @@ TEST_F(BrowserTest, OnAPhoneNothingRunsOutOrOverlaps) {
   for (const int width : {390, 1280}) {
     Window window;
     window.width = width;
-    // Texts of one drawing whose boxes share more than a pixel each way.
-    window.script = R"(
-      let clashes = '';
-      for (const drawing of document.querySelectorAll('.plot svg')) {
-        const boxes = [...drawing.querySelectorAll('text')].map((t) => [t, t.getBoundingClientRect()]);
-        boxes.forEach(([t, a], i) => boxes.slice(i + 1).forEach(([u, b]) => {
-          const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-          const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-          if (across > 1 && down > 4) clashes += `${t.textContent} / ${u.textContent}; `;
-        }));
-        for (const [t, a] of boxes) {
-          if (a.left < -1 || a.right > innerWidth + 1) clashes += `${t.textContent} runs out; `;
-        }
-      }
-      const root = document.documentElement;
-      if (root.scrollWidth > root.clientWidth) clashes += 'the page runs out; ';
+    window.script = std::string(kFindClashes) + R"(
       const table = document.getElementById('figures-table').parentNode;
       if (table.scrollWidth > table.clientWidth) clashes += 'the table is cut; ';
       parent.postMessage(`${innerWidth} px: ${clashes}none else`, '*');)";
     EXPECT_EQ(RenderInFrame(ReportPage(results), window), fmt::format("{} px: none else", width));
+  }
+}
+
+TEST_F(BrowserTest, ComparesAgentsOnAPageThatFitsAPhone) {
+  const std::vector<double> some{0.2, 0.4, 0.6, 0.8, 0.9, 0.5};
+  const std::vector<Result> results =
+      Read({{"a", testing::MakeEvaluation(some)},
+            {"b", testing::MakeEvaluation(std::vector<double>(6, 0.5))},
+            {"c", testing::MakeEvaluation(std::vector<double>(6, 0.7))}});
+  const std::vector<AgentResults> agents{{"a-policy-with-quite-a-long-name", {0, 1}},
+                                         {"<b>c</b>", {2}}};
+  const AgentComparison comparison = CompareAgents(results, agents);
+  const std::string page = ComparisonPage(comparison);
+  const std::string dom = Render(page);
+  EXPECT_THAT(dom, HasSubstr("data-ready=\"true\""));
+  EXPECT_THAT(dom, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
+  EXPECT_EQ(Count(dom, "data-drawn=\"true\""), 7);
+  EXPECT_EQ(Count(dom, "<b>"), 0);
+  EXPECT_EQ(std::stod(Attribute(dom, "data-difference", "data-difference")),
+            comparison.pairs[0].test.difference.value);
+  for (const int width : {390, 1280}) {
+    Window window;
+    window.width = width;
+    window.script = std::string(kFindClashes) +
+                    "parent.postMessage(`${innerWidth} px: ${clashes}none else`, '*');";
+    EXPECT_EQ(RenderInFrame(page, window), fmt::format("{} px: none else", width));
   }
 }
 

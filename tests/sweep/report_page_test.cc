@@ -73,7 +73,7 @@ TEST_F(SweepPageTest, DrawsSuccessOverANumericAxisBesideThePublishedNumbers) {
   EXPECT_EQ(Count(dom, "data-figure=\"axis\""), 1);
   // Two rows with results on each of two scores; the published numbers of rows that have some.
   EXPECT_EQ(Count(dom, "data-point=\""), 4);
-  EXPECT_THAT(dom, HasSubstr("data-point=\"0.6\""));
+  EXPECT_THAT(dom, HasSubstr("data-point=\"0.6"));
   EXPECT_THAT(dom, HasSubstr("data-published=\"0.43\""));
   EXPECT_EQ(Count(dom, "data-figure=\"dots\""), 0);
   EXPECT_EQ(Count(dom, "data-figure=\"profile\""), 2);
