@@ -202,6 +202,12 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
   std::vector<double> seconds;
   for (const CellScore& seed : row.seeds) {
     const auto& trained = results.statuses[seed.cell].trained;
+    if (row.snapshot_steps > 0) {
+      steps.push_back(static_cast<double>(row.snapshot_steps));
+      const auto found = results.snapshot_seconds.find({seed.cell, row.snapshot_steps});
+      if (found != results.snapshot_seconds.end()) seconds.push_back(found->second);
+      continue;
+    }
     if (!trained) continue;
     steps.push_back(static_cast<double>(trained->steps));
     updates.push_back(static_cast<double>(trained->updates));

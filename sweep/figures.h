@@ -41,7 +41,7 @@ struct RowFigures {
   std::vector<QuantityFigures> quantities;           ///< As `kQuantities`.
   std::optional<eval::Estimate> interquartile_mean;  ///< Of success. None: no seed.
   std::vector<std::vector<Published>> published;     ///< For each quantity.
-  /// Means over the seeds that were trained. None: there is none.
+  /// Of the training until then: means over the seeds of which they are known. None: of none.
   std::optional<double> steps;
   std::optional<double> updates;
   std::optional<double> training_s;

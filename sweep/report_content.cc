@@ -138,7 +138,10 @@ ScoreContent MakeScore(const Plan& plan, const SweepResults& results, const Scor
     content.rows.push_back(FiguresOf(plan, results, score.name, row));
   }
   for (const RowScore& row : score.snapshots) {
-    content.snapshots.push_back(FiguresOf(plan, results, score.name, row));
+    RowFigures figures = FiguresOf(plan, results, score.name, row);
+    // Published numbers are of finished policies, whose table has them.
+    for (auto& published : figures.published) published.clear();
+    content.snapshots.push_back(std::move(figures));
     content.snapshot_steps.push_back(row.snapshot_steps);
   }
   content.curves = LearningCurves(results, score);

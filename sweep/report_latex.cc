@@ -213,10 +213,16 @@ std::string AxesTables(const ReportContent& content) {
   return text;
 }
 
+/// What the rows' names say, as a head.
+std::string RowHead(const ReportContent& content) {
+  const auto& names = content.cells.axis_names;
+  return names.empty() ? "Methods" : EscapeLatex(fmt::format("{}", fmt::join(names, " / ")));
+}
+
 /// Rows side by side, quantities below one another.
 std::string SideBySide(const ReportContent& content, const ScoreContent& score) {
   Grid grid;
-  grid.corner = "Methods";
+  grid.corner = RowHead(content);
   grid.blocks.push_back({"", {}});
   for (const RowFigures& row : score.rows) {
     grid.blocks.front().columns.push_back(EscapeLatex(content.row(row).name));
@@ -238,7 +244,7 @@ std::string SideBySide(const ReportContent& content, const ScoreContent& score) 
 /// Rows below one another, quantities side by side.
 std::string Downwards(const ReportContent& content, const ScoreContent& score) {
   Grid grid;
-  grid.corner = "Methods";
+  grid.corner = RowHead(content);
   grid.blocks.push_back({"", {}});
   for (const Quantity& quantity : kQuantities) {
     grid.blocks.front().columns.push_back(QuantityHead(quantity));
@@ -282,8 +288,6 @@ std::string SnapshotTable(const ReportContent& content, const ScoreContent& scor
       places[column].row = &score.snapshots[i];
     }
     grid.lines.push_back(MakeLine(EscapeLatex(content.results.rows[row].name), places));
-    // Published numbers are of finished policies, which the other tables have.
-    grid.lines.back().published.clear();
   }
   for (std::size_t column = 0; column < steps.size(); ++column) {
     std::vector<GridCell*> cells;

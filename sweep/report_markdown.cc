@@ -1,6 +1,7 @@
 #include "sweep/report_markdown.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <iterator>
 
@@ -41,7 +42,10 @@ std::string RowTable(const ReportContent& content, const std::vector<RowFigures>
                      const std::vector<std::int64_t>& snapshot_steps) {
   const std::vector<PublishedColumn> published = PublishedColumns(rows);
   const bool has_snapshots = !snapshot_steps.empty();
-  std::string text = has_snapshots ? "| row | after | seeds |" : "| row | seeds |";
+  const auto& axes = content.cells.axis_names;
+  const std::string head =
+      axes.empty() ? "row" : EscapeMarkdown(fmt::format("{}", fmt::join(axes, " / ")));
+  std::string text = "| " + head + (has_snapshots ? " | after | seeds |" : " | seeds |");
   std::string rule = has_snapshots ? "|---|---:|---:|" : "|---|---:|";
   const auto add_column = [&](const std::string& title) {
     text += " " + title + " |";

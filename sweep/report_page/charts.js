@@ -23,6 +23,12 @@ function duration(seconds) {
   return `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)} h`;
 }
 
+// An axis of times up to `highest`, whose ticks are round numbers of hours, minutes or seconds.
+function timeAxis(highest) {
+  const [size, name] = highest > 7200 ? [3600, 'h'] : highest > 120 ? [60, 'min'] : [1, 's'];
+  return {title: `training time [${name}]`, begin: 0, unit: size, show: (value) => String(Number((value / size).toPrecision(3)))};
+}
+
 // "74.2 % (70.1 – 78.0 %)" of [value, low, high].
 function estimateText([value, low, high], digits = 1) {
   return percent(value, digits) + (low === null ? '' : ` (${(100 * low).toFixed(digits)} – ${percent(high, digits)})`);
@@ -39,14 +45,14 @@ function lowestTick(values) {
   return low < 0.35 ? 0 : Math.floor((low - 0.02) * 10) / 10;
 }
 
-// A place for each x: [function, ticks]. `marks`: x that should have ticks, or none for round numbers.
-function horizontalScale(xs, {log, marks, begin}, left, right) {
+// A place for each x: [function, ticks]. `marks`: x that should have ticks, or none for round numbers of units.
+function horizontalScale(xs, {log, marks, begin, unit = 1}, left, right) {
   const [low, high] = [begin === undefined ? Math.min(...xs) : begin, Math.max(...xs)];
   const place = log ? (() => {
     const scale = linear(Math.log(low), Math.log(high), left, right);
     return (value) => scale(Math.log(value));
   })() : linear(low, high, left, right);
-  const wanted = marks || niceTicks(high).filter((tick) => tick >= low && tick <= high);
+  const wanted = marks || niceTicks(high / unit).map((tick) => tick * unit).filter((tick) => tick >= low && tick <= high);
   let last = -Infinity;
   const ticks = wanted.filter((tick) => {  // Numbers do not touch each other.
     if (place(tick) - last < 44) return false;
@@ -84,11 +90,12 @@ function drawPublished(drawing, line, place, y) {
 }
 
 // Lines over a number. `lines`: {label, colour, dash, points: [{x, name, estimate, published}]}; a level has one estimate
-// for all x instead: {label, colour, level}. `axis`: {title, log, marks, begin, show}. `dots`: whether to mark points.
-function drawLines(box, lines, axis, {dots = true, yTitle = 'success'} = {}) {
+// for all x instead: {label, colour, level}. `axis`: {title, log, marks, begin, unit, show}. `steps`: a value holds until
+// the next point.
+function drawLines(box, lines, axis, {steps = false, yTitle = 'success'} = {}) {
   const width = widthOf(box);
   const height = Math.min(380, Math.max(250, width * 0.5));
-  const [left, right, top, bottom] = [46, 16, 18, 46];
+  const [left, right, top, bottom] = [46, 16, 26, 46];
   const drawing = plotIn(box, height, width);
   const curves = lines.filter((line) => line.points);
   const estimates = lines.flatMap((line) => (line.level ? [line.level] : line.points.map((point) => point.estimate))).filter(Boolean);
@@ -102,7 +109,7 @@ function drawLines(box, lines, axis, {dots = true, yTitle = 'success'} = {}) {
     drawing.append(svg('line', {x1: left, x2: width - right, y1: y(tick), y2: y(tick), class: 'grid'}),
       svgText(left - 8, y(tick) + 4, percent(tick), {'text-anchor': 'end', class: 'faint'}));
   }
-  drawing.append(svgText(2, 9, yTitle, {class: 'faint', 'font-size': 11}));
+  drawing.append(svgText(2, 12, yTitle, {class: 'faint', 'font-size': 11}));
   for (const tick of ticks) {
     drawing.append(svg('line', {x1: place(tick), x2: place(tick), y1: height - bottom, y2: height - bottom + 4, class: 'axis'}),
       svgText(place(tick), height - bottom + 18, axis.show(tick), {'text-anchor': 'middle', class: 'faint'}));
@@ -113,10 +120,10 @@ function drawLines(box, lines, axis, {dots = true, yTitle = 'success'} = {}) {
     if (line.level) {
       drawLevel(drawing, line, left, width - right, y);
     } else {
-      drawBand(drawing, line, place, y);
+      drawBand(drawing, line, place, y, steps, lines.length > 4 ? 0.08 : 0.15);
     }
   }
-  for (const line of curves) drawCurve(drawing, line, place, y, dots);
+  for (const line of curves) drawCurve(drawing, line, place, y, steps);
   for (const line of curves) drawPublished(drawing, line, place, y);
 }
 
@@ -127,29 +134,34 @@ function drawLevel(drawing, line, left, right, y) {
   drawing.append(level);
 }
 
-function drawBand(drawing, line, place, y) {
-  const points = line.points.filter(({estimate}) => estimate && estimate[1] !== null);
-  if (points.length < 2) return;
-  const upper = points.map(({x, estimate}) => `${place(x)} ${y(estimate[2])}`);
-  const lower = points.map(({x, estimate}) => `${place(x)} ${y(estimate[1])}`).reverse();
-  drawing.append(svg('path', {class: 'band', d: `M${[...upper, ...lower].join('L')}Z`, fill: line.colour}));
+// The way through [x, y], or, in steps, along each y until the next x.
+function wayThrough(points, steps) {
+  return points.map(([x, y], i) => (steps && i > 0 ? `${x} ${points[i - 1][1]}L${x} ${y}` : `${x} ${y}`)).join('L');
 }
 
-function drawCurve(drawing, line, place, y, dots) {
+function drawBand(drawing, line, place, y, steps, opacity) {
+  const points = line.points.filter(({estimate}) => estimate && estimate[1] !== null);
+  if (points.length < 2) return;
+  const upper = wayThrough(points.map(({x, estimate}) => [place(x), y(estimate[2])]), steps);
+  const lower = wayThrough(points.map(({x, estimate}) => [place(x), y(estimate[1])]), steps).split('L').reverse().join('L');
+  drawing.append(svg('path', {class: 'band', d: `M${upper}L${lower}Z`, fill: line.colour, opacity}));
+}
+
+// In steps, points are not marked but show their values where the pointer is.
+function drawCurve(drawing, line, place, y, steps) {
   const points = line.points.filter(({estimate}) => estimate);
   if (points.length === 0) return;
-  const path = points.map(({x, estimate}) => `${place(x)} ${y(estimate[0])}`).join('L');
-  drawing.append(svg('path', {class: 'line', d: `M${path}`, stroke: line.colour, 'stroke-dasharray': line.dash}));
+  const way = wayThrough(points.map(({x, estimate}) => [place(x), y(estimate[0])]), steps);
+  drawing.append(svg('path', {class: 'line', d: `M${way}`, stroke: line.colour, 'stroke-dasharray': line.dash}));
   for (const {x, name, estimate} of points) {
-    const tip = `${line.label}\n${name}: ${estimateText(estimate)}`;
-    const dot = dots ? svg('circle', {cx: place(x), cy: y(estimate[0]), r: 4, fill: line.colour, 'data-point': estimate[0]}) :
-      svg('circle', {cx: place(x), cy: y(estimate[0]), r: 9, fill: 'transparent'});
-    setTip(dot, tip);
+    const dot = svg('circle', {cx: place(x), cy: y(estimate[0]), ...(steps ? {r: 9, fill: 'transparent'} :
+      {r: 4, fill: line.colour, 'data-point': estimate[0]})});
+    setTip(dot, `${line.label}\n${name}: ${estimateText(estimate)}`);
     drawing.append(dot);
   }
 }
 
-// The key below a chart. `source`: of published numbers; empty: none are drawn.
+// The key below a chart. `sources`: of published numbers; empty: none are drawn.
 function keyOf(lines, sources) {
   const sample = (node) => svg('svg', {width: 26, height: 12, viewBox: '0 0 26 12'}, ...node);
   const entries = lines.map((line) => element('span', {class: 'entry'}, sample([

@@ -32,6 +32,17 @@ class Page {
     return section;
   }
 
+  // What the names of rows say, for the head of their column.
+  rowHead() {
+    return this.data.axes.length > 0 ? this.data.axes.join(' / ') : 'Row';
+  }
+
+  // The row's name where nothing else says what its numbers are.
+  rowTitle(row) {
+    const {name, labels} = this.data.rows[row];
+    return labels.length === 1 && isNumber(labels[0]) ? `${this.data.axes[0]} ${name}` : name;
+  }
+
   // Calls `action` whenever the page is drawn.
   onDraw(action) {
     this.drawings.push(action);

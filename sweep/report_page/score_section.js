@@ -31,9 +31,9 @@ function trainingCells({steps, training_s}) {
 
 function scoreTable(page, score) {
   const titleOf = ({title, unit}) => `${title} [${unit}]`;
-  const head = ['Row', titleOf(QUANTITIES[0]), 'IQM [%]', ...QUANTITIES.slice(1).map(titleOf), 'Steps', 'Training'];
+  const head = [page.rowHead(), titleOf(QUANTITIES[0]), 'IQM [%]', ...QUANTITIES.slice(1).map(titleOf), 'Steps', 'Training'];
   const rows = score.rows.map((row) => {
-    const agent = element('td', {class: 'agent'}, swatch(lookOf(row.row).colour), page.data.rows[row.row].name, seedsNode(row));
+    const agent = element('td', {class: 'agent', 'data-title': page.rowHead()}, swatch(lookOf(row.row).colour), page.data.rows[row.row].name, seedsNode(row));
     const cells = QUANTITIES.map((quantity) => {
       const {estimate} = row.figures[quantity.key];
       const cell = valueCell(titleOf(quantity), estimate, quantity.factor,
@@ -60,7 +60,7 @@ function addChart(page, section, name, caption, lines, draw) {
 function addDots(page, section, score) {
   const onAxis = new Set(numericAxes(page.data).flatMap(({a}) =>
     page.data.rows.map((row, r) => (row.labels.length > a ? r : -1))));
-  const rows = score.rows.filter((row) => !onAxis.has(row.row)).map((row) => ({label: page.data.rows[row.row].name,
+  const rows = score.rows.filter((row) => !onAxis.has(row.row)).map((row) => ({label: page.rowTitle(row.row),
     colour: lookOf(row.row).colour, estimate: row.figures.success_rate.estimate, seeds: row.seed_success,
     published: row.published.success_rate}));
   if (rows.length < 2) return;
@@ -73,20 +73,21 @@ function addDots(page, section, score) {
 function addCurves(page, section, score) {
   if (score.curves.length === 0) return;
   const lines = (key) => score.curves.filter((curve) => curve.points.every((point) => point[key] !== null)).map((curve) => ({
-    label: page.data.rows[curve.row].name, ...lookOf(curve.row),
+    label: page.rowTitle(curve.row), ...lookOf(curve.row),
     points: curve.points.map((point) => ({x: point[key], estimate: point.success,
       name: `${count(point.steps)} steps${point.seconds === null ? '' : `, ${duration(point.seconds)}`}`}))}));
   section.append(element('h3', {}, 'Sample efficiency'));
   const pair = element('div', {class: 'pair'});
   section.append(pair);
-  addChart(page, pair, 'steps', 'Success over environment steps', lines('steps'), (box) =>
+  addChart(page, pair, 'steps', 'Success over environment steps', null, (box) =>
     drawLines(box, lines('steps'), {title: 'environment steps', begin: 0, show: count}));
   if (lines('seconds').length > 0) {
-    addChart(page, pair, 'seconds', 'Success over training time', lines('seconds'), (box) =>
-      drawLines(box, lines('seconds'), {title: 'training time', begin: 0, show: duration}));
+    addChart(page, pair, 'seconds', 'Success over training time', null, (box) =>
+      drawLines(box, lines('seconds'), timeAxis(Math.max(...lines('seconds').flatMap((line) => line.points.map(({x}) => x))))));
   }
+  section.append(keyOf(lines('steps'), []));
   const rows = score.curves.map((curve) => element('tr', {},
-    element('td', {class: 'wrap'}, page.data.rows[curve.row].name, seedsNode({...curve, episodes: 0})),
+    element('td', {class: 'wrap'}, page.rowTitle(curve.row), seedsNode({...curve, episodes: 0})),
     valueCell('', curve.area_over_steps, 100), valueCell('', curve.area_over_seconds, 100)));
   const head = ['Area under the curve [%]', 'over steps', 'over seconds'];
   section.append(element('div', {class: 'scroll'}, element('table', {class: 'compact'},
@@ -96,13 +97,13 @@ function addCurves(page, section, score) {
 
 function addProfiles(page, section, score) {
   if (score.profiles.length === 0) return;
-  const lines = score.profiles.map((profile) => ({label: page.data.rows[profile.row].name, ...lookOf(profile.row),
+  const lines = score.profiles.map((profile) => ({label: page.rowTitle(profile.row), ...lookOf(profile.row),
     points: profile.shares.map((estimate, i) => ({x: page.data.thresholds[i], estimate,
       name: `more than ${percent(page.data.thresholds[i])} on a course`}))}));
   section.append(element('h3', {}, 'Performance profile'));
   addChart(page, section, 'profile', 'Share of courses and seeds with more success than the number below', lines, (box) =>
     drawLines(box, lines, {title: 'success on a course', begin: 0, marks: [0, 0.2, 0.4, 0.6, 0.8, 1], show: percent},
-      {dots: false, yTitle: 'share'}));
+      {steps: true, yTitle: 'share'}));
 }
 
 function addPairs(page, section, score) {
@@ -114,13 +115,13 @@ function addPairs(page, section, score) {
     const rows = score.pairs.map((pair) => {
       const [value, low, high] = pair.difference;
       return element('tr', {'data-pair': `${pair.first} ${pair.second}`},
-        element('td', {class: 'wrap'}, page.data.rows[pair.first].name, element('span', {class: 'sub'}, `against ${page.data.rows[pair.second].name}`)),
+        element('td', {class: 'wrap'}, page.rowTitle(pair.first), element('span', {class: 'sub'}, `against ${page.rowTitle(pair.second)}`)),
         element('td', {}, element('span', {class: 'value'}, signed(value)),
           element('span', {class: 'sub'}, low === null ? '' : `${signed(low)} to ${signed(high)}`)),
         element('td', {'data-p': pair.p}, pValue(pair.p), element('span', {class: 'sub'}, pair.p < 0.05 ? 'a clear difference' : 'could be chance')),
         element('td', {}, pValue(pair.training_p)), element('td', {}, percent(pair.improvement[0])));
     });
-    const head = ['Row', 'Difference [points]', 'p, courses', 'p, trainings', 'Better on a course'];
+    const head = ['', 'Difference [points]', 'p, courses', 'p, trainings', 'Better on a course'];
     section.append(element('p', {class: 'note'}, 'Success of one row minus that of the other on the same courses and starts. ' +
       'p-values are of permutation tests, corrected by Holm for the number of pairs: over courses for these trained policies, ' +
       'over trainings for the two ways to train. Few seeds cannot give a small one.'),

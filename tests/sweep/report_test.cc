@@ -104,7 +104,7 @@ TEST(SweepReportTest, TheCsvOfRowsHasMeansIntervalsAndThePublishedNumbers) {
 
 TEST(SweepReportTest, LatexOfOneAxisSetsRowsSideBySide) {
   const std::string text = test::MakeTrainingSets().Report("report.tex");
-  EXPECT_THAT(text, HasSubstr("Methods & 5 & 10 & 50 \\\\ \\midrule\n"
+  EXPECT_THAT(text, HasSubstr("training courses & 5 & 10 & 50 \\\\ \\midrule\n"
                               "Success rate (\\%) ($\\uparrow$) & $60.0 \\pm 10.0$ & "
                               "$\\boldsymbol{90.0}^{1/3}$ & - \\\\\n"
                               "\\quad \\textit{the paper} & $43.0 \\pm 2.0$ & $50.0 \\pm 3.0$ & "
