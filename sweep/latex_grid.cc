@@ -85,7 +85,9 @@ void EmboldenBest(const std::vector<GridCell*>& cells, bool higher_is_better) {
   const double sign = higher_is_better ? 1.0 : -1.0;
   double best = sign * Rounded(*numbers.front()->mean);
   for (const GridCell* cell : numbers) best = std::max(best, sign * Rounded(*cell->mean));
-  for (GridCell* cell : numbers) cell->is_bold = sign * Rounded(*cell->mean) == best;
+  const auto is_best = [&](const GridCell* cell) { return sign * Rounded(*cell->mean) == best; };
+  if (std::ranges::all_of(numbers, is_best)) return;
+  for (GridCell* cell : numbers) cell->is_bold = is_best(cell);
 }
 
 }  // namespace slalom::sweep

@@ -53,7 +53,7 @@ std::string LatexCell(const GridCell& cell);
 std::string PrintGrid(const Grid& grid);
 
 /// Makes the best number of `cells` bold, and those that print alike; null pointers are passed
-/// over. Nothing is bold if there is only one number.
+/// over. Nothing is bold if all numbers print alike.
 void EmboldenBest(const std::vector<GridCell*>& cells, bool higher_is_better);
 
 }  // namespace slalom::sweep

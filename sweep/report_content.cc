@@ -127,6 +127,23 @@ std::string ProtocolOf(const ScoreResults& score) {
   return "";
 }
 
+std::string OverlapOf(const SweepResults& results, const ScoreResults& score) {
+  std::vector<std::string> rows;
+  for (const RowScore& row : score.rows) {
+    int most = 0;
+    for (const CellScore& seed : row.seeds) {
+      if (const auto& overlap = seed.result.training_overlap) {
+        most = std::max(most, overlap->num_courses);
+      }
+    }
+    if (most == 0) continue;
+    rows.push_back(fmt::format("{} ({} of {})", results.rows[row.row].name, most,
+                               row.seeds.front().result.courses.size()));
+  }
+  if (rows.empty()) return "";
+  return fmt::format("Trained on some of these courses: {}.", fmt::join(rows, ", "));
+}
+
 ScoreContent MakeScore(const Plan& plan, const SweepResults& results, const ScoreResults& score,
                        const std::string& courses) {
   ScoreContent content;
@@ -134,6 +151,7 @@ ScoreContent MakeScore(const Plan& plan, const SweepResults& results, const Scor
   content.label = score.label;
   content.courses = courses;
   content.protocol = ProtocolOf(score);
+  if (courses != "training") content.overlap = OverlapOf(results, score);
   for (const RowScore& row : score.rows) {
     content.rows.push_back(FiguresOf(plan, results, score.name, row));
   }

@@ -22,6 +22,9 @@ struct ScoreContent {
   std::string label;
   std::string courses;   ///< As the plan has them.
   std::string protocol;  ///< A sentence with its rules; empty: nothing was evaluated.
+  /// A sentence that names the rows that were trained on some of the courses; empty: none was, or
+  /// the score is meant to be on the courses of the training.
+  std::string overlap;
   std::vector<RowFigures> rows;
   std::vector<RowFigures> snapshots;         ///< Row by row, by steps, the finished policies last.
   std::vector<std::int64_t> snapshot_steps;  ///< Of each of `snapshots`; 0: finished.

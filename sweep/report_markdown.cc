@@ -122,6 +122,7 @@ std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
   std::string text = fmt::format("\n## {}\n\nCourses: {}. {}\n\n", EscapeMarkdown(score.label),
                                  EscapeMarkdown(score.courses), EscapeMarkdown(score.protocol));
   text += RowTable(content, score.rows, {});
+  if (!score.overlap.empty()) text += "\n" + EscapeMarkdown(score.overlap) + "\n";
   if (!score.snapshots.empty()) {
     text += "\n### While learning\n\n" + RowTable(content, score.snapshots, score.snapshot_steps);
   }

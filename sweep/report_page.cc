@@ -79,15 +79,11 @@ PageJson PairJson(const RowPair& pair) {
 }
 
 PageJson ScoreJson(const ScoreContent& score, const ScoreResults& results) {
-  PageJson json = {{"name", score.name},
-                   {"label", score.label},
-                   {"courses", score.courses},
-                   {"protocol", score.protocol},
-                   {"rows", PageJson::array()},
-                   {"curves", PageJson::array()},
-                   {"profiles", PageJson::array()},
-                   {"pairs", PageJson::array()},
-                   {"pairs_note", score.pairs.note}};
+  PageJson json = {{"name", score.name},          {"label", score.label},
+                   {"courses", score.courses},    {"protocol", score.protocol},
+                   {"overlap", score.overlap},    {"rows", PageJson::array()},
+                   {"curves", PageJson::array()}, {"profiles", PageJson::array()},
+                   {"pairs", PageJson::array()},  {"pairs_note", score.pairs.note}};
   for (const RowFigures& row : score.rows) json["rows"].push_back(RowJson(row, results.rows));
   for (const LearningCurve& curve : score.curves) json["curves"].push_back(CurveJson(curve));
   for (const Profile& profile : score.profiles) {

@@ -143,8 +143,11 @@ void FakeSweep::Evaluate(std::size_t index, const std::string& score,
   provenance.kind = cell(index).planner.empty() ? "policy" : "planner";
   provenance.course_set = "made";
   provenance.commit = "abc123";
+  eval::Evaluation evaluation = MakeEvaluation(outcomes, success_time);
+  evaluation.training_overlap = eval::TrainingOverlap{
+      training_overlap_, static_cast<int>(outcomes.size()), "static-train-50"};
   eval::WriteReports(
-      MakeEvaluation(outcomes, success_time), provenance,
+      evaluation, provenance,
       sweep::CellDirectory(store(), cell(index).id).score(Task(index, score, snapshot_steps)));
 }
 

@@ -33,6 +33,8 @@ class FakeSweep {
   void Evaluate(std::size_t cell, const std::string& score,
                 const std::vector<std::string>& outcomes, double success_time = 10.0,
                 std::int64_t snapshot_steps = 0);
+  /// Of the evaluations that follow: how many of their courses the policy was trained on.
+  void SetTrainingOverlap(int num_courses) { training_overlap_ = num_courses; }
 
   /// A file of the report.
   std::string Report(const std::string& file) const;
@@ -49,6 +51,7 @@ class FakeSweep {
   const sweep::ScoreTask& Task(std::size_t cell, const std::string& score,
                                std::int64_t snapshot_steps) const;
 
+  int training_overlap_ = 0;
   std::unique_ptr<ScratchDirectory> scratch_ = std::make_unique<ScratchDirectory>();
 };
 

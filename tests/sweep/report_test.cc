@@ -144,6 +144,46 @@ TEST(SweepReportTest, TheSummaryNamesSeedsThatAreMissing) {
   for (const std::string& line : lines) EXPECT_EQ(line.size(), lines[0].size());
 }
 
+TEST(SweepReportTest, NothingIsBoldWhereAllNumbersAreAlike) {
+  test::FakeSweep fake({"method"}, {"test"});
+  for (const char* method : {"TD3", "SAC"}) {
+    fake.Evaluate(fake.AddTraining({method}, 1), "test", {"SSC", "SCC"});
+  }
+  EXPECT_THAT(fake.Report("report.tex"), Not(HasSubstr("boldsymbol")));
+}
+
+TEST(SweepReportTest, RowsThatWereTrainedOnTheirTestAreNamed) {
+  test::FakeSweep fake({"method"}, {"test", "training"});
+  fake.plan.scores[1].courses = "training";
+  const std::size_t td3 = fake.AddTraining({"TD3"}, 1);
+  const std::size_t sac = fake.AddTraining({"SAC"}, 1);
+  fake.Evaluate(td3, "test", {"SSC", "SCC"});
+  fake.SetTrainingOverlap(1);
+  fake.Evaluate(sac, "test", {"SSC", "SCC"});
+  fake.Evaluate(sac, "training", {"SSC", "SCC"});
+  const std::string text = fake.Report("report.md");
+  const std::string note = "Trained on some of these courses: SAC (1 of 2).";
+  EXPECT_THAT(text, HasSubstr(note));
+  EXPECT_EQ(text.find(note), text.rfind(note));
+}
+
+TEST(SweepReportTest, SnapshotsHaveATableByTheirSteps) {
+  test::FakeSweep fake({"method"}, {"test"});
+  const std::size_t cell = fake.AddTraining({"TD3"}, 1);
+  fake.AddSnapshot(cell, 1000);
+  fake.FinishTraining(cell);
+  fake.Evaluate(cell, "test", {"SCC", "CCC"}, 10.0, 1000);
+  fake.Evaluate(cell, "test", {"SSS", "SSC"});
+  EXPECT_THAT(fake.Report("report.tex"),
+              HasSubstr("Steps & 1k & end \\\\ \\midrule\nTD3 & $16.7$ & $83.3$ \\\\\n"));
+  EXPECT_THAT(fake.Report("report.md"), HasSubstr("| TD3 | 1k | 1 | 16.7 ("));
+  const std::string rows = fake.Report("report-rows.csv");
+  EXPECT_EQ(CsvCell(rows, 2, "snapshot_steps"), "1000");
+  EXPECT_EQ(CsvCell(rows, 2, "steps"), "1000");
+  EXPECT_EQ(CsvCell(rows, 2, "success_rate"), "0.166667");
+  EXPECT_EQ(CsvCell(rows, 1, "steps"), "4000");
+}
+
 TEST(SweepReportTest, ASweepThatHasNotBegunHasAReport) {
   test::FakeSweep fake({"method"}, {"test"});
   fake.AddTraining({"TD3"}, 1);
