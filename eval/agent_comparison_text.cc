@@ -44,14 +44,14 @@ struct Form {
 constexpr Form kMarkdown{"–", "%", "\\<"};
 constexpr Form kLatex{"--", "\\%", "$<$"};
 
-/// "93.5 (90.1-96.0)". A sign stands before differences.
+/// "93.5 (90.1-96.0)". `with_sign`: a sign stands before what is more than 0.
 std::string CellText(const std::optional<Estimate>& estimate, double factor, const Form& form,
                      bool with_sign = false) {
   if (!estimate) return std::string(form.dash);
   const auto number = [&](double value) {
     // No "-0.0".
     const double shown = std::abs(factor * value) < 0.05 ? 0.0 : factor * value;
-    return with_sign ? fmt::format("{:+.1f}", shown) : fmt::format("{:.1f}", shown);
+    return with_sign && shown != 0.0 ? fmt::format("{:+.1f}", shown) : fmt::format("{:.1f}", shown);
   };
   std::string text = number(estimate->value);
   if (!estimate->interval) return text;
