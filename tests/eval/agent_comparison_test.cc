@@ -207,6 +207,7 @@ TEST(LatexOf, IsTwoBooktabsTables) {
   EXPECT_THAT(text, HasSubstr("td3 & 2 & 68.8 ("));
   EXPECT_THAT(text, HasSubstr("a|b, 5 \\% <dwa> & 1 & 25.0 ("));
   EXPECT_THAT(text, HasSubstr("success [\\%]"));
+  EXPECT_THAT(text, HasSubstr("+43.8 ($-$"));
   std::size_t num_tables = 0;
   for (std::size_t at = 0; (at = text.find("\\bottomrule", at)) != std::string::npos; ++at) {
     ++num_tables;
