@@ -151,7 +151,7 @@ void AddCompareCommand(CLI::App& app) {
           [options](const std::vector<std::string>& agent) { options->agents.push_back(agent); },
           "A label, then the results of this agent's seeds (repeatable)")
       ->trigger_on_parse()
-      ->type_name("LABEL RESULT...");
+      ->type_name("LABEL RESULT");
   command->add_option("--output", options->output,
                       "Directory to write compare.html, .md, .csv and .tex to");
   command->add_flag("--force", options->force, kForceHelp);

@@ -118,7 +118,22 @@ void CorrectPValues(std::vector<AgentPair>& pairs) {
   }
 }
 
-std::vector<std::string> NotesFor(const AgentComparison& comparison) {
+void AddToList(const std::string& item, std::string& list) {
+  list += (list.empty() ? "" : ", ") + item;
+}
+
+/// The agent, and in brackets what of it has no interval. Empty: everything has.
+std::string WithoutInterval(const AgentFigures& agent) {
+  std::string names;
+  if (!agent.success_rate.interval) AddToList("success", names);
+  if (!agent.interquartile_success.interval) AddToList("IQM", names);
+  if (!agent.collision_rate.interval) AddToList("collision", names);
+  return names.empty() ? "" : fmt::format("{} ({})", agent.label, names);
+}
+
+/// `trained`: whether each agent was trained, which a planner was not.
+std::vector<std::string> NotesFor(const AgentComparison& comparison,
+                                  const std::vector<bool>& trained) {
   std::vector<std::string> notes;
   if (comparison.num_courses == 1) {
     notes.push_back(
@@ -127,9 +142,11 @@ std::vector<std::string> NotesFor(const AgentComparison& comparison) {
   }
   std::string single;
   std::string alike;
-  for (const AgentFigures& agent : comparison.agents) {
-    if (agent.num_seeds == 1) single += (single.empty() ? "" : ", ") + agent.label;
-    if (!agent.success_rate.interval) alike += (alike.empty() ? "" : ", ") + agent.label;
+  for (std::size_t a = 0; a < comparison.agents.size(); ++a) {
+    const AgentFigures& agent = comparison.agents[a];
+    if (agent.num_seeds == 1 && trained[a]) AddToList(agent.label, single);
+    const std::string without = WithoutInterval(agent);
+    if (!without.empty()) AddToList(without, alike);
   }
   if (!single.empty()) {
     notes.push_back(fmt::format(
@@ -139,8 +156,8 @@ std::vector<std::string> NotesFor(const AgentComparison& comparison) {
   }
   if (!alike.empty() && comparison.num_courses > 1) {
     notes.push_back(
-        fmt::format("No interval: {}. All scores are alike, so resampling them shows no "
-                    "spread. That does not mean there is none.",
+        fmt::format("No interval: {}. These scores are alike, so resampling them shows no spread. "
+                    "That does not mean there is none.",
                     alike));
   }
   return notes;
@@ -178,9 +195,12 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
   comparison.title = GroupByCourses(std::span(&first_result, 1)).front().title;
   comparison.protocol = ProtocolSentence(first_result);
   comparison.num_courses = static_cast<int>(first_result.courses.size());
-  for (int k = 0; k <= 20; ++k) comparison.thresholds.push_back(k / 20.0);
+  // Nothing lies above 1.
+  for (int k = 0; k < 20; ++k) comparison.thresholds.push_back(k / 20.0);
   std::vector<ScoreTable> successes;
+  std::vector<bool> trained;
   for (const AgentResults& agent : agents) {
+    trained.push_back(results[agent.results.front()].kind == "policy");
     comparison.agents.push_back(FiguresOf(results, agent, comparison.thresholds, bootstrap));
     successes.push_back(OutcomeTable(results, agent, env::Outcome::kSuccess));
   }
@@ -195,7 +215,7 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
     }
   }
   CorrectPValues(comparison.pairs);
-  comparison.notes = NotesFor(comparison);
+  comparison.notes = NotesFor(comparison, trained);
   for (const AgentResults& agent : agents) {
     for (const std::size_t r : agent.results) {
       const auto& overlap = results[r].training_overlap;

@@ -39,19 +39,21 @@ struct Form {
   std::string_view dash;
   std::string_view percent;
   std::string_view less;
+  std::string_view minus;
 };
 
-constexpr Form kMarkdown{"–", "%", "\\<"};
-constexpr Form kLatex{"--", "\\%", "$<$"};
+constexpr Form kMarkdown{"–", "%", "\\<", "-"};
+constexpr Form kLatex{"--", "\\%", "$<$", "$-$"};
 
-/// "93.5 (90.1-96.0)". A sign stands before differences.
+/// "93.5 (90.1-96.0)". `with_sign`: a sign stands before what is more than 0.
 std::string CellText(const std::optional<Estimate>& estimate, double factor, const Form& form,
                      bool with_sign = false) {
   if (!estimate) return std::string(form.dash);
   const auto number = [&](double value) {
-    // No "-0.0".
-    const double shown = std::abs(factor * value) < 0.05 ? 0.0 : factor * value;
-    return with_sign ? fmt::format("{:+.1f}", shown) : fmt::format("{:.1f}", shown);
+    const double shown = factor * value;
+    const std::string digits = fmt::format("{:.1f}", std::abs(shown));
+    if (digits == "0.0") return digits;  // Of neither sign.
+    return fmt::format("{}{}", shown < 0.0 ? form.minus : with_sign ? "+" : "", digits);
   };
   std::string text = number(estimate->value);
   if (!estimate->interval) return text;
@@ -82,9 +84,9 @@ constexpr std::array<std::string_view, 6> kPairTitles = {"difference [points]", 
 constexpr std::string_view kLegend =
     "In brackets 95 % bootstrap intervals over courses and, where an agent has several, seeds. IQM "
     "is the interquartile mean. The difference is of success, the first agent minus the second. "
-    "\"First better\" is the chance that a policy of the first scores higher on a course; draws "
+    "First better is the chance that a policy of the first scores higher on a course; draws "
     "count half. p of these policies is that of flipping signs of the courses' differences, and p "
-    "of the trainings that of relabelling the seeds. \"Corrected\" is after Holm, for the number "
+    "of the trainings that of relabelling the seeds. Corrected is after Holm, for the number "
     "of pairs.";
 
 std::string CourseCount(const AgentComparison& comparison) {

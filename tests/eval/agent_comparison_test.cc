@@ -119,8 +119,12 @@ TEST(CompareAgents, NotesSayWhatTheNumbersCannot) {
   ASSERT_EQ(notes.size(), 3u);
   EXPECT_THAT(notes[0], AllOf(HasSubstr("One seed: a|b, 5 % <dwa>, perfect."),
                               HasSubstr("do not cover the noise of training")));
-  EXPECT_THAT(notes[1], HasSubstr("No interval: perfect."));
+  EXPECT_THAT(notes[1], HasSubstr("No interval: perfect (success, IQM, collision)."));
   EXPECT_THAT(notes[2], HasSubstr("trained on 3 of these 4 courses"));
+
+  study.results[2].kind = "planner";
+  EXPECT_THAT(study.Compare().notes[0], HasSubstr("One seed: perfect."))
+      << "planners learn nothing";
 
   const std::vector<Result> one_course{MakeResult("a", {"SSC"}), MakeResult("b", {"SCC"})};
   const std::vector<AgentResults> both{{"a", {0}}, {"b", {1}}};
@@ -189,8 +193,8 @@ TEST(CsvOf, HasALineForEveryNumber) {
     if (line.find('"') != std::string::npos) continue;  // The agent with a comma in its name.
     EXPECT_EQ(std::ranges::count(line, ','), 6) << line;
   }
-  // A head; for each of two agents 5 figures and 21 shares; 6 of the pair.
-  EXPECT_EQ(num_lines, 1 + 2 * (5 + 21) + 6);
+  // A head; for each of two agents 5 figures and 20 shares; 6 of the pair.
+  EXPECT_EQ(num_lines, 1 + 2 * (5 + 20) + 6);
   EXPECT_THAT(text, HasSubstr("agent,against,quantity,threshold,value,low,high\n"));
   EXPECT_THAT(text, HasSubstr("td3,,success_rate,,0.687500,0."));
   EXPECT_THAT(text, HasSubstr("td3,,share_of_success_rates_above,0.500000,0.500000,"));
@@ -203,6 +207,7 @@ TEST(LatexOf, IsTwoBooktabsTables) {
   EXPECT_THAT(text, HasSubstr("td3 & 2 & 68.8 ("));
   EXPECT_THAT(text, HasSubstr("a|b, 5 \\% <dwa> & 1 & 25.0 ("));
   EXPECT_THAT(text, HasSubstr("success [\\%]"));
+  EXPECT_THAT(text, HasSubstr("+43.8 ($-$"));
   std::size_t num_tables = 0;
   for (std::size_t at = 0; (at = text.find("\\bottomrule", at)) != std::string::npos; ++at) {
     ++num_tables;
