@@ -174,6 +174,12 @@ TEST(SweepReportTest, SnapshotsHaveATableByTheirSteps) {
   fake.FinishTraining(cell);
   fake.Evaluate(cell, "test", {"SCC", "CCC"}, 10.0, 1000);
   fake.Evaluate(cell, "test", {"SSS", "SSC"});
+  Reference reference;
+  reference.source = "the paper";
+  reference.score = "test";
+  reference.rows = {"TD3"};
+  reference.values = {0.65};
+  fake.plan.references.push_back(reference);
   EXPECT_THAT(fake.Report("report.tex"),
               HasSubstr("Steps & 1k & end \\\\ \\midrule\nTD3 & $16.7$ & $83.3$ \\\\\n"));
   EXPECT_THAT(fake.Report("report.md"), HasSubstr("| TD3 | 1k | 1 | 16.7 ("));
@@ -181,7 +187,9 @@ TEST(SweepReportTest, SnapshotsHaveATableByTheirSteps) {
   EXPECT_EQ(CsvCell(rows, 2, "snapshot_steps"), "1000");
   EXPECT_EQ(CsvCell(rows, 2, "steps"), "1000");
   EXPECT_EQ(CsvCell(rows, 2, "success_rate"), "0.166667");
+  EXPECT_EQ(CsvCell(rows, 2, "published"), "");
   EXPECT_EQ(CsvCell(rows, 1, "steps"), "4000");
+  EXPECT_EQ(CsvCell(rows, 1, "published_success_rate"), "0.65");
 }
 
 TEST(SweepReportTest, ASweepThatHasNotBegunHasAReport) {

@@ -129,7 +129,7 @@ test::FakeSweep MakeSnapshots() {
   fake.Evaluate(0, "test", {"SCCCC", "SCCCC"}, 10.0, 1000);
   fake.Evaluate(0, "test", {"SSSCC", "SSSCC"}, 10.0, 2000);
   fake.Evaluate(0, "test", {"SSSSC", "SSSSC"});
-  fake.Evaluate(1, "test", {"SSCCC", "SSCCC"}, 10.0, 2000);
+  fake.Evaluate(1, "test", {"SSCCC", "SSCCC"}, 10.0, 1000);
   fake.Evaluate(1, "test", {"SSSSS", "SSSSS"});
   return fake;
 }
@@ -139,7 +139,7 @@ TEST(SweepFiguresTest, ACurveHasTheAreaComputedByHand) {
   const SweepResults results = fake.Results();
   const auto curves = LearningCurves(results, results.scores[0]);
   ASSERT_EQ(curves.size(), 1u);
-  // The second seed's first snapshot is missing, so it is not in the curve.
+  // The second seed's second snapshot is missing, so it is not in the curve.
   EXPECT_EQ(curves[0].num_seeds, 1);
   EXPECT_EQ(curves[0].num_planned, 2);
   ASSERT_EQ(curves[0].points.size(), 3u);
