@@ -56,7 +56,7 @@ function axisFigures(data, {a, name, numbers}) {
   const together = axisLines(data, shown, a).length <= MAX_LINES;
   const positive = numbers[0] > 0;
   const axis = {title: name, log: positive && numbers[numbers.length - 1] / numbers[0] > LOG_RATIO, marks: numbers,
-    show: (value) => String(value)};
+    show: (value) => data.rows.map((row) => row.labels[a]).find((label) => Number(label) === value)};  // As the plan writes it.
   return (together ? [shown] : shown.map((score) => [score])).map((scores) => ({
     title: together ? '' : scores[0].label, lines: axisLines(data, scores, a), axis}))
     .filter(({lines}) => lines.some((line) => line.points));

@@ -101,6 +101,15 @@ TEST_F(SweepPageTest, DrawsDotsWhereNoAxisIsNumeric) {
   EXPECT_EQ(Count(dom, "data-point=\"0.5\""), 2);
 }
 
+TEST_F(SweepPageTest, AnAxisIsLabelledAsInThePlan) {
+  const std::string dom = browser_.Render(MakeWide().Report("report.html"));
+  EXPECT_THAT(dom, HasSubstr("class=\"faint\">1e-4</text>"));
+  // Nine lines are too many for one figure.
+  EXPECT_EQ(Count(dom, "data-figure=\"axis\""), 3);
+  EXPECT_EQ(Count(dom, "data-figure=\"steps\""), 3);
+  EXPECT_EQ(Count(dom, "data-figure=\"seconds\""), 3);
+}
+
 TEST_F(SweepPageTest, ASweepThatHasNotBegunHasAPage) {
   test::FakeSweep fake({"courses"}, {"test"});
   fake.AddTraining({"5"}, 1);
