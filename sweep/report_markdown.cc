@@ -32,7 +32,8 @@ std::string PublishedText(const std::optional<Published>& published, const Quant
   return text;
 }
 
-std::string SeedsText(const RowFigures& row) {
+std::string SeedsText(const RowFigures& row, bool is_planner) {
+  if (is_planner && row.num_seeds == row.num_planned) return "–";  // It has none.
   return row.num_seeds == row.num_planned
              ? fmt::format("{}", row.num_seeds)
              : fmt::format("**{} of {}**", row.num_seeds, row.num_planned);
@@ -71,7 +72,7 @@ std::string RowTable(const ReportContent& content, const std::vector<RowFigures>
           snapshot_steps[i] > 0 ? FormatCount(static_cast<double>(snapshot_steps[i])) : "the end";
       text += " | ";
     }
-    text += SeedsText(row) + " |";
+    text += SeedsText(row, content.row(row).is_planner) + " |";
     for (std::size_t q = 0; q < row.quantities.size(); ++q) {
       text += " " + EstimateText(row.quantities[q].estimate, kQuantities[q].factor, 1) + " |";
       if (q == 0) text += " " + EstimateText(row.interquartile_mean, 100.0, 1) + " |";

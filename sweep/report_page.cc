@@ -124,7 +124,8 @@ std::string SweepPageData(const ReportContent& content) {
                    {"failures", FailuresJson(content)},
                    {"missing", PageJson::array()}};
   for (const Row& row : content.results.rows) {
-    data["rows"].push_back({{"name", row.name}, {"labels", row.labels}});
+    data["rows"].push_back(
+        {{"name", row.name}, {"labels", row.labels}, {"is_planner", row.is_planner}});
   }
   for (std::size_t s = 0; s < content.scores.size(); ++s) {
     data["scores"].push_back(ScoreJson(content.scores[s], content.results.scores[s]));

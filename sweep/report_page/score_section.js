@@ -19,8 +19,8 @@ function valueCell(title, estimate, factor, attributes = {}) {
   return cell;
 }
 
-function seedsNode({seeds, planned, episodes}) {
-  const text = seeds === planned ? `${seeds} seed${seeds === 1 ? '' : 's'}` : `${seeds} of ${planned} seeds`;
+function seedsNode({seeds, planned, episodes}, isPlanner = false) {
+  const text = seeds === planned ? (isPlanner ? 'planner' : `${seeds} seed${seeds === 1 ? '' : 's'}`) : `${seeds} of ${planned} seeds`;
   return element('span', {class: seeds === planned ? 'sub' : 'sub partial'}, episodes > 0 ? `${text}, ${episodes} episodes` : text);
 }
 
@@ -33,7 +33,8 @@ function scoreTable(page, score) {
   const titleOf = ({title, unit}) => `${title} [${unit}]`;
   const head = [page.rowHead(), titleOf(QUANTITIES[0]), 'IQM [%]', ...QUANTITIES.slice(1).map(titleOf), 'Steps', 'Training'];
   const rows = score.rows.map((row) => {
-    const agent = element('td', {class: 'agent', 'data-title': page.rowHead()}, swatch(lookOf(row.row).colour), page.data.rows[row.row].name, seedsNode(row));
+    const agent = element('td', {class: 'agent', 'data-title': page.rowHead()}, swatch(lookOf(row.row).colour), page.data.rows[row.row].name,
+      seedsNode(row, page.data.rows[row.row].is_planner));
     const cells = QUANTITIES.map((quantity) => {
       const {estimate} = row.figures[quantity.key];
       const cell = valueCell(titleOf(quantity), estimate, quantity.factor,

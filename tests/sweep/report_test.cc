@@ -132,6 +132,12 @@ TEST(SweepReportTest, LatexOfTwoAxesHasColumnsBelowTheScores) {
                         "\\multicolumn{2}{c}{$\\boldsymbol{83.3}$} \\\\\n\\bottomrule"));
 }
 
+TEST(SweepReportTest, APlannerHasNoSeeds) {
+  const std::string text = test::MakeArchitectures().Report("report.md");
+  EXPECT_THAT(text, HasSubstr("| DWA | – | 50.0 ("));
+  EXPECT_THAT(text, HasSubstr("| GRU / 4 | 2 | 83.3 ("));
+}
+
 TEST(SweepReportTest, TheSummaryNamesSeedsThatAreMissing) {
   const test::FakeSweep fake = test::MakeTrainingSets();
   const std::string text = SweepSummary(fake.plan, fake.cells, fake.store());
