@@ -19,6 +19,7 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/signals.h"
+#include "cli/sweep_serve.h"
 #include "cli/version.h"
 #include "sweep/calibration.h"
 #include "sweep/cell.h"
@@ -44,6 +45,7 @@ struct SweepOptions {
   std::vector<std::string> ids;
   std::string shard;
   int at_once = 0;
+  std::string metrics = kSweepMetricsAddress;
   bool no_trial = false;
   bool retry_failed = false;
 };
@@ -315,6 +317,17 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   CLI::App* status = sweep->add_subcommand("status", "Print what has become of a plan's cells");
   AddPlanOptions(*status, *options);
   status->callback([options] { PrintStatus(*options); });
+
+  CLI::App* serve = sweep->add_subcommand(
+      "serve", "Show a plan's cells to Prometheus while others work on them (docs/operations.md)");
+  AddPlanOptions(*serve, *options);
+  serve->add_option("--metrics", options->metrics, "Address of /metrics, HOST:PORT; port 0: any")
+      ->capture_default_str();
+  serve->callback([options, exit_code] {
+    const Sweep loaded = Load(*options);
+    *exit_code = ServeSweep(loaded.plan, {loaded.chosen, loaded.all.axis_names}, options->store,
+                            options->metrics);
+  });
 
   sweep->footer(
       "A plan names a preset, axes, seeds, a budget and what is scored (docs/sweeps.md). Several "

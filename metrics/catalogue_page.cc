@@ -11,20 +11,17 @@ constexpr std::string_view kHead =
     "Every metric that a role shows to Prometheus. `./slalom metrics docs > docs/metrics.md` makes "
     "this page from the\n"
     "list in the code (`metrics/catalogue.h`); a test checks that it is up to date.\n\n"
-    "Each role answers `GET /metrics` on its own address (`service.metrics`, for a sweep "
-    "`--metrics`); operations.md says\n"
-    "how to set up Prometheus and Grafana. Every metric has the labels `run` (`run.name` of the "
-    "config), `role` (actor, "
-    "replay, learner, evaluator,\n"
-    "sweep) and `name` (of the process; the same after a restart), besides those in the column "
-    "\"labels\". "
-    "Units are seconds, bytes\n"
-    "and plain ratios (0 to 1). Names begin with `slalom_`, except for those with `process_`, "
-    "which "
-    "Prometheus calls the\n"
-    "same in every program. Counters that are kept on disk continue after a restart; the others "
-    "begin at 0 again, which\n"
-    "`rate()` expects.\n";
+    "Each role answers `GET /metrics` on its own address (`service.metrics`; for a sweep that of "
+    "`slalom sweep serve`).\n"
+    "operations.md says how to set up Prometheus and Grafana. Every metric has the labels `run` "
+    "(`run.name` of the config;\n"
+    "the sweep's name), `role` (actor, replay, learner, evaluator, sweep) and `name` (of the "
+    "process; the same after a\n"
+    "restart), besides those in the column \"labels\". Units are seconds, bytes and plain ratios "
+    "(0 to 1). Names begin with\n"
+    "`slalom_`, except for those with `process_`, which Prometheus calls the same in every "
+    "program. Counters that are kept\n"
+    "on disk continue after a restart; the others begin at 0 again, which `rate()` expects.\n";
 
 std::string Buckets(const Spec& spec) {
   if (spec.buckets.empty()) return "";
