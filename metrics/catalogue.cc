@@ -320,7 +320,7 @@ const Spec kBlasInfo = GaugeOf("slalom_blas_info", "all",
                                "Always 1. The label names the BLAS kernel that multiplies the "
                                "matrices (none: no BLAS is used).",
                                {"kernel"});
-const Spec kRestarts = CounterOf("slalom_restarts_total", "all",
+const Spec kRestarts = CounterOf("slalom_restarts_total", "actor, replay, learner, evaluator",
                                  "Restarts of this process on the same state directory.");
 const Spec kProcessResidentBytes =
     GaugeOf("process_resident_memory_bytes", "all", "Resident memory of the process.");
