@@ -162,7 +162,7 @@ def wrong_figures(store, prometheus):
     shown = {(labels["cell"], labels["courses"]): value for labels, value in prometheus.values(collisions)}
     if len(expected) != 9 or not any(expected.values()) or shown != expected:
         faults.append(f"{collisions} is {shown}, in the files {expected}")
-    groups = {(labels["training_courses"], labels["courses"])
+    groups = {(labels.get("training_courses"), labels.get("courses"))
               for labels, _ in prometheus.values(monitoring.as_grafana_sends(first["targets"][0]["expr"]))}
     wanted = {(number, courses) for number in ("2", "10") for courses in ("test", "training", "training episodes")}
     if groups != wanted:
