@@ -45,7 +45,7 @@ struct SweepOptions {
   std::vector<std::string> ids;
   std::string shard;
   int at_once = 0;
-  std::string metrics = kSweepMetricsAddress;
+  std::string metrics;
   bool no_trial = false;
   bool retry_failed = false;
 };
@@ -253,6 +253,10 @@ int RunSweep(const SweepOptions& options) {
   spdlog::info("{}: {} cells in {}, {} at once{}", sweep.plan.sweep.name, sweep.chosen.size(),
                options.store, slots.at_once,
                sweep.plan.sweep.lockstep ? ", in lockstep" : ", with threads");
+  std::optional<SweepExposer> exposer;
+  if (!options.metrics.empty()) {
+    exposer.emplace(sweep.plan, sweep.all, options.store, options.metrics);
+  }
   const sweep::WorkOptions work = {.store = options.store,
                                    .program = Program(),
                                    .commit = std::string(Commit()),
@@ -312,6 +316,8 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
       "run", "Work on a plan's cells until all are done; start it again to go on");
   AddPlanOptions(*run, *options);
   run->add_flag("--retry-failed", options->retry_failed, "Try cells again that have failed");
+  run->add_option("--metrics", options->metrics,
+                  "Show the cells to Prometheus meanwhile, at this HOST:PORT, as `serve` does");
   run->callback([options, exit_code] { *exit_code = RunSweep(*options); });
 
   CLI::App* status = sweep->add_subcommand("status", "Print what has become of a plan's cells");
@@ -321,12 +327,13 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   CLI::App* serve = sweep->add_subcommand(
       "serve", "Show a plan's cells to Prometheus while others work on them (docs/operations.md)");
   AddPlanOptions(*serve, *options);
-  serve->add_option("--metrics", options->metrics, "Address of /metrics, HOST:PORT; port 0: any")
-      ->capture_default_str();
+  serve->add_option(
+      "--metrics", options->metrics,
+      fmt::format("Address of /metrics; port 0: any free one [{}]", kSweepMetricsAddress));
   serve->callback([options, exit_code] {
     const Sweep loaded = Load(*options);
     *exit_code = ServeSweep(loaded.plan, {loaded.chosen, loaded.all.axis_names}, options->store,
-                            options->metrics);
+                            options->metrics.empty() ? kSweepMetricsAddress : options->metrics);
   });
 
   sweep->footer(
