@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <system_error>
+#include <utility>
 
 #include "base/error.h"
 #include "base/file.h"
