@@ -19,6 +19,7 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/signals.h"
+#include "cli/sweep_serve.h"
 #include "cli/version.h"
 #include "sweep/calibration.h"
 #include "sweep/cell.h"
@@ -44,6 +45,7 @@ struct SweepOptions {
   std::vector<std::string> ids;
   std::string shard;
   int at_once = 0;
+  std::string metrics;
   bool no_trial = false;
   bool retry_failed = false;
 };
@@ -251,6 +253,10 @@ int RunSweep(const SweepOptions& options) {
   spdlog::info("{}: {} cells in {}, {} at once{}", sweep.plan.sweep.name, sweep.chosen.size(),
                options.store, slots.at_once,
                sweep.plan.sweep.lockstep ? ", in lockstep" : ", with threads");
+  std::optional<SweepExposer> exposer;
+  if (!options.metrics.empty()) {
+    exposer.emplace(sweep.plan, sweep.all, options.store, options.metrics);
+  }
   const sweep::WorkOptions work = {.store = options.store,
                                    .program = Program(),
                                    .commit = std::string(Commit()),
@@ -310,11 +316,25 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
       "run", "Work on a plan's cells until all are done; start it again to go on");
   AddPlanOptions(*run, *options);
   run->add_flag("--retry-failed", options->retry_failed, "Try cells again that have failed");
+  run->add_option("--metrics", options->metrics,
+                  "Show the cells to Prometheus meanwhile, at this HOST:PORT, as `serve` does");
   run->callback([options, exit_code] { *exit_code = RunSweep(*options); });
 
   CLI::App* status = sweep->add_subcommand("status", "Print what has become of a plan's cells");
   AddPlanOptions(*status, *options);
   status->callback([options] { PrintStatus(*options); });
+
+  CLI::App* serve = sweep->add_subcommand(
+      "serve", "Show a plan's cells to Prometheus while others work on them (docs/operations.md)");
+  AddPlanOptions(*serve, *options);
+  serve->add_option(
+      "--metrics", options->metrics,
+      fmt::format("Address of /metrics; port 0: any free one [{}]", kSweepMetricsAddress));
+  serve->callback([options, exit_code] {
+    const Sweep loaded = Load(*options);
+    *exit_code = ServeSweep(loaded.plan, {loaded.chosen, loaded.all.axis_names}, options->store,
+                            options->metrics.empty() ? kSweepMetricsAddress : options->metrics);
+  });
 
   sweep->footer(
       "A plan names a preset, axes, seeds, a budget and what is scored (docs/sweeps.md). Several "

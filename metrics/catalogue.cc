@@ -320,7 +320,7 @@ const Spec kBlasInfo = GaugeOf("slalom_blas_info", "all",
                                "Always 1. The label names the BLAS kernel that multiplies the "
                                "matrices (none: no BLAS is used).",
                                {"kernel"});
-const Spec kRestarts = CounterOf("slalom_restarts_total", "all",
+const Spec kRestarts = CounterOf("slalom_restarts_total", "actor, replay, learner, evaluator",
                                  "Restarts of this process on the same state directory.");
 const Spec kProcessResidentBytes =
     GaugeOf("process_resident_memory_bytes", "all", "Resident memory of the process.");
@@ -334,64 +334,5 @@ const Spec kProcessThreads = GaugeOf("process_threads", "all", "Number of thread
 const Spec kProcessOpenDescriptors = GaugeOf("process_open_fds", "all", "Open file descriptors.");
 const Spec kProcessMaxDescriptors =
     GaugeOf("process_max_fds", "all", "File descriptors that may be open.");
-
-std::span<const CatalogueSection> Catalogue() {
-  static const std::vector<CatalogueSection> sections = {
-      {"Environments and episodes",
-       {&kEnvironmentSteps, &kEpisodes, &kSuccessRate, &kCollisionRate, &kEpisodeReturn,
-        &kEpisodeSteps, &kEnvironments}},
-      {"Accounting of steps", {&kStepsAcknowledged, &kStepsLost, &kStepsPending, &kStepsAccepted}},
-      {"Chunks on their way",
-       {&kChunksSent, &kChunksResent, &kChunksAcknowledged, &kChunksAccepted, &kChunksDuplicate,
-        &kChunksRejected, &kStepsSent, &kStepsResent, &kStepsDuplicate, &kStepsRejected}},
-      {"Queues", {&kQueueDepth, &kQueueBytes, &kQueueLimitBytes, &kBlockedSeconds}},
-      {"Replay table",
-       {&kTableRows, &kTableSteps, &kTableCapacityRows, &kTableBytes, &kBatches, &kSamples,
-        &kSampleSeconds, &kInsertSeconds, &kSamplesPerInsert, &kSamplesPerInsertTarget,
-        &kPrioritiesUpdated, &kPrioritiesStale}},
-      {"Journal of the replay server",
-       {&kJournalBytes, &kJournalSegments, &kJournalWrittenBytes, &kJournalSyncSeconds,
-        &kJournalSyncTimestamp, &kJournalFailing, &kJournalErrors, &kJournalRecoveredSteps,
-        &kJournalDamagedSteps}},
-      {"Sessions and connections",
-       {&kSessions, &kSessionsStarted, &kReconnections, &kEpisodesCut, &kConnectedPeers,
-        &kConnections, &kRejectedConnections, &kMessages, &kMessagesMalformed, &kMessagesRefused}},
-      {"Learning",
-       {&kUpdates,
-        &kCriticLoss,
-        &kQMean,
-        &kActorQMean,
-        &kCriticGradientNorm,
-        &kActorGradientNorm,
-        &kPolicyEntropy,
-        &kTemperature,
-        &kCostQMean,
-        &kConstraintMultiplier,
-        &kConstraintViolation,
-        &kModelLoss,
-        &kModelError,
-        &kModelChange,
-        &kModelStepsError,
-        &kModelLikelihood,
-        &kModelRewardError,
-        &kModelTermination,
-        &kModelCovered,
-        &kUpdateSeconds}},
-      {"Policies",
-       {&kPolicyVersion, &kPolicyTimestamp, &kPolicyLag, &kReaderLag, &kPoliciesPublished,
-        &kPoliciesReceived, &kPolicyBytes, &kPublishToActing}},
-      {"Checkpoints of the learner",
-       {&kCheckpoints, &kCheckpointFailures, &kCheckpointTimestamp, &kCheckpointSeconds,
-        &kCheckpointBytes, &kCheckpointUpdates, &kRunFinished}},
-      {"Evaluation",
-       {&kEvaluations, &kEvaluationVersion, &kEvaluationSuccessRate, &kEvaluationCollisionRate,
-        &kEvaluationTimeoutRate, &kEvaluationTime, &kEvaluationScore, &kEvaluationDuration}},
-      {"Processes",
-       {&kBuildInfo, &kBlasInfo, &kRestarts, &kProcessResidentBytes, &kProcessVirtualBytes,
-        &kProcessCpuSeconds, &kProcessStartTime, &kProcessThreads, &kProcessOpenDescriptors,
-        &kProcessMaxDescriptors}},
-  };
-  return sections;
-}
 
 }  // namespace slalom::metrics

@@ -133,6 +133,20 @@ extern const Spec kEvaluationTime;
 extern const Spec kEvaluationScore;
 extern const Spec kEvaluationDuration;
 
+// Sweeps. All but the first three are of a cell; metrics/catalogue_sweep.cc has their labels.
+extern const Spec kSweepCells;
+extern const Spec kSweepScores;
+extern const Spec kSweepScoresDone;
+extern const Spec kSweepCellState;
+extern const Spec kSweepFailed;
+extern const Spec kSweepSteps;
+extern const Spec kSweepUpdates;
+extern const Spec kSweepTrainingSeconds;
+extern const Spec kSweepTrainingSuccessRate;
+extern const Spec kSweepTrainingCourses;
+extern const Spec kSweepSuccessRate;
+extern const Spec kSweepCollisionRate;
+
 // Processes
 extern const Spec kBuildInfo;
 extern const Spec kBlasInfo;

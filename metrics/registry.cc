@@ -6,6 +6,7 @@
 #include <prometheus/registry.h>
 #include <prometheus/text_serializer.h>
 
+#include <map>
 #include <utility>
 
 #include "base/check.h"
@@ -81,6 +82,9 @@ struct Registry::Impl {
   prometheus::Labels labels;
   prometheus::Registry registry;
 
+  base::Mutex samples_mutex;
+  std::vector<prometheus::MetricFamily> samples GUARDED_BY(samples_mutex);
+
   base::Mutex fault_mutex;
   std::string fault GUARDED_BY(fault_mutex);
 
@@ -153,9 +157,39 @@ Histogram Registry::histogram(const Spec& spec,
   return handle;
 }
 
+void Registry::Replace(const std::vector<Sample>& samples) {
+  std::map<std::string_view, prometheus::MetricFamily> families;
+  for (const Sample& sample : samples) {
+    const Spec& spec = *sample.spec;
+    SLALOM_CHECK(spec.type != Type::kHistogram);
+    SLALOM_CHECK_EQ(spec.labels.size(), sample.label_values.size());
+    prometheus::ClientMetric series;
+    for (const auto& [name, value] : impl_->labels) series.label.push_back({name, value});
+    for (std::size_t i = 0; i < spec.labels.size(); ++i) {
+      series.label.push_back({std::string(spec.labels[i]), sample.label_values[i]});
+    }
+    series.counter.value = series.gauge.value = sample.value;
+    prometheus::MetricFamily& family = families[spec.name];
+    family.name = spec.name;
+    family.help = spec.help;
+    family.type = spec.type == Type::kCounter ? prometheus::MetricType::Counter
+                                              : prometheus::MetricType::Gauge;
+    family.metric.push_back(std::move(series));
+  }
+  std::vector<prometheus::MetricFamily> shown;
+  for (auto& [name, family] : families) shown.push_back(std::move(family));
+  base::MutexLock lock(impl_->samples_mutex);
+  impl_->samples = std::move(shown);
+}
+
 std::string Registry::Text() const {
   impl_->ReadProcess();
-  return prometheus::TextSerializer().Serialize(impl_->registry.Collect());
+  std::vector<prometheus::MetricFamily> families = impl_->registry.Collect();
+  {
+    base::MutexLock lock(impl_->samples_mutex);
+    families.insert(families.end(), impl_->samples.begin(), impl_->samples.end());
+  }
+  return prometheus::TextSerializer().Serialize(families);
 }
 
 void Registry::SetFault(std::string fault) {

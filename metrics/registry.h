@@ -69,10 +69,17 @@ class Histogram {
   prometheus::Histogram* histogram_ = nullptr;
 };
 
+/// One series of a metric whose label values come and go. A value.
+struct Sample {
+  const Spec* spec = nullptr;
+  std::vector<std::string> label_values;  ///< One for each of the spec's labels.
+  double value = 0.0;
+};
+
 /// Whose metrics they are. The first three become labels of every metric; `slalom_build_info` and
 /// `slalom_blas_info` show the rest.
 struct Identity {
-  std::string role;                 ///< "actor", "replay", "learner", "evaluator".
+  std::string role;                 ///< "actor", "replay", "learner", "evaluator", "sweep".
   std::string name;                 ///< Of this process within its role; the same after a restart.
   std::string run = "run";          ///< `run.name` of its config, which tells services apart.
   std::string version = "unknown";  ///< Of the program.
@@ -102,6 +109,13 @@ class Registry {
   Counter counter(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
   Gauge gauge(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
   Histogram histogram(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
+
+  /// Shows these series, in place of those of the last call. For what is read from files that
+  /// appear and vanish: with a handle, a series would stay for ever.
+  ///
+  /// Requires: no histograms; as many values as labels, in UTF-8; no two samples of one metric with
+  /// the same values, and no metric of which a handle was taken.
+  void Replace(const std::vector<Sample>& samples);
 
   /// All metrics in Prometheus' text format.
   std::string Text() const;

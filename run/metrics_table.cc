@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <charconv>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <optional>
+#include <string>
 #include <system_error>
 
 namespace slalom::run {
@@ -79,6 +82,21 @@ MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows) {
   }
   if (max_rows > 1) Thin(table, max_rows);
   return table;
+}
+
+MetricsTable ReadLastMetrics(const std::filesystem::path& path) {
+  constexpr std::streamoff kTail = 2000;
+  std::ifstream file(path);
+  std::string head;
+  if (!std::getline(file, head)) return {};
+  const std::streamoff begin = file.tellg();
+  file.seekg(0, std::ios::end);
+  const std::streamoff end = file.tellg();
+  file.seekg(std::max(begin, end - kTail));
+  std::string rows(std::istreambuf_iterator<char>(file), {});
+  // A row that the tail cuts off begins in its middle.
+  if (end - kTail > begin) rows.erase(0, std::min(rows.size(), rows.find('\n') + 1));
+  return ParseMetrics(head + "\n" + rows, 0);
 }
 
 }  // namespace slalom::run

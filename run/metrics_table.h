@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,5 +24,9 @@ struct MetricsTable {
 /// not have a number or nothing in each cell, are left out. `max_rows` > 1: of more rows than this,
 /// so many are kept, evenly spread, the last one among them.
 MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows);
+
+/// The last few rows of a metrics.csv, which may be long and still be written: only its ends are
+/// read. No rows: there is no such file, or no whole row in it.
+MetricsTable ReadLastMetrics(const std::filesystem::path& path);
 
 }  // namespace slalom::run

@@ -70,21 +70,9 @@ std::optional<CellFailure> ReadFailure(const fs::path& path) {
   }
 }
 
-/// The steps of a run so far: the last row of its metrics.csv, of which only the ends are read.
+/// The steps of a run so far.
 std::int64_t StepsSoFar(const fs::path& metrics) {
-  constexpr std::streamoff kTail = 2000;
-  std::ifstream file(metrics);
-  std::string head;
-  if (!std::getline(file, head)) return 0;
-  const std::streamoff begin = file.tellg();
-  file.seekg(0, std::ios::end);
-  const std::streamoff end = file.tellg();
-  file.seekg(std::max(begin, end - kTail));
-  std::string rows(std::istreambuf_iterator<char>(file), {});
-  // A row that the tail cuts off begins in its middle.
-  if (end - kTail > begin) rows.erase(0, std::min(rows.size(), rows.find('\n') + 1));
-  const run::MetricsTable table = run::ParseMetrics(head + "\n" + rows, 0);
-  const double steps = table.Last("steps");
+  const double steps = run::ReadLastMetrics(metrics).Last("steps");
   return steps > 0.0 ? static_cast<std::int64_t>(steps) : 0;
 }
 

@@ -7,8 +7,9 @@ import json
 import pathlib
 import sys
 
-from panels import (ACTOR, BYTES, COUNT, PER_SECOND, RATIO, RUN, SECONDS, bars, dashboard, graph,
-                    number, quantiles, row)
+import panels
+from panels import (ACTOR, BYTES, COUNT, PER_SECOND, RATIO, RUN, SECONDS, bar_chart, bars, dashboard,
+                    graph, number, quantiles, row)
 
 R = 'run=~"$run"'
 A = 'run=~"$run", name=~"$name"'
@@ -232,34 +233,70 @@ ACTORS = dashboard("actors", "actors", "Each actor: what it drives, sends and wa
           (f'slalom_connections_total{{{A}, role="actor"}}', "{{run}} {{name}} {{server}}")),
 ], (RUN, ACTOR))
 
-SWEEP = dashboard("sweep", "sweep", "Runs side by side: choose them above.", [
-    bars("Best success rate", RATIO, "Of any policy scored within the time shown.",
-         f"max by (run) (max_over_time(slalom_evaluation_success_rate{{{R}}}[$__range]))",
-         "{{run}}"),
-    bars("Environment steps", COUNT, "So far.",
-         f"sum by (run) (slalom_environment_steps_total{{{R}}})", "{{run}}"),
-    graph("Success rate, evaluated", RATIO, "Newest policy of each run.",
-          (largest("slalom_evaluation_success_rate"), "{{run}}"), maximum=1, width=12),
-    graph("Success rate, training", RATIO, "Of all actors of each run.",
-          (f"run:slalom_episodes_success:ratio_rate5m{{{R}}}", "{{run}}"), maximum=1, width=12),
-    graph("Score", COUNT, "Mean BARN score, 0 to 0.5.",
-          (largest("slalom_evaluation_score"), "{{run}}"), maximum=0.5),
-    graph("Time to the goal", SECONDS, "Mean of successful episodes.",
-          (largest("slalom_evaluation_time_seconds"), "{{run}}")),
-    graph("Return", COUNT, "Mean over the actors.",
-          (f"avg by (run) (slalom_episode_return{{{R}}})", "{{run}}"), minimum=None),
-    graph("Critic loss", COUNT, "Mean squared error of one critic.",
-          (largest("slalom_critic_loss"), "{{run}}")),
-    graph("Values", COUNT, "Mean of the critics on what was done.",
-          (largest("slalom_q_mean"), "{{run}}"), minimum=None),
-    graph("Updates", COUNT, "So far.", (largest("slalom_updates_total"), "{{run}}")),
-    graph("Environment steps", PER_SECOND, "Of all actors of each run.",
-          (f"run:slalom_environment_steps:rate1m{{{R}}}", "{{run}}")),
-    graph("Updates", PER_SECOND, "Of each learner.",
-          (f"run:slalom_updates:rate1m{{{R}}}", "{{run}}")),
-    graph("Memory", BYTES, "Of all processes of each run.",
-          (f"sum by (run) (process_resident_memory_bytes{{{R}}})", "{{run}}")),
-])
+# Of a sweep. Several workers may show the same cells, so a cell's figure is the largest of theirs before anything else is done
+# with it. Scores of snapshots are not shown.
+C = 'sweep=~"$sweep", method=~"$method"'
+S = f'{C}, courses=~"$courses", snapshot_steps="0"'
+CELL = "sweep, cell, row, method, training_courses, seed"
+
+
+def cells(metric, labels=CELL, where=C):
+    """The figure of each cell, whoever shows it."""
+    return f"max by ({labels}) ({metric}{{{where}}})"
+
+
+SUCCESS = cells("slalom_sweep_success_rate", f"{CELL}, courses", S)
+COLLISION = cells("slalom_sweep_collision_rate", f"{CELL}, courses", S)
+TRAINING = cells("slalom_sweep_training_success_rate")
+# Planners have no training courses.
+TRAINED_SUCCESS = cells("slalom_sweep_success_rate", f"{CELL}, courses", f'{S}, training_courses!="0"')
+
+SWEEP = dashboard("sweep", "sweep", "The cells of a sweep while they are trained and scored.", [
+    bar_chart("Success against the number of training courses", RATIO,
+              "Mean over seeds. In training episodes: with exploration, before any score is there.",
+              f"avg by (training_courses, courses) ({TRAINED_SUCCESS}) or label_replace(avg by (training_courses) "
+              f'({TRAINING}), "courses", "training episodes", "", "")', "training_courses", "courses"),
+    bars("Cells", COUNT, "In each state.", 'max by (sweep, state) (slalom_sweep_cells{sweep=~"$sweep"})',
+         "{{sweep}} {{state}}", width=8),
+    row("Progress"),
+    number("Done", RATIO, "Cells that are trained and scored.",
+           'sum(max by (sweep) (slalom_sweep_cells{sweep=~"$sweep", state="done"})) / '
+           'sum(max by (sweep, state) (slalom_sweep_cells{sweep=~"$sweep"}))'),
+    number("Scores", RATIO, "Of those that the plan asks for.",
+           'sum(max by (sweep) (slalom_sweep_scores_done{sweep=~"$sweep"})) / '
+           'sum(max by (sweep) (slalom_sweep_scores{sweep=~"$sweep"}))'),
+    number("Running", COUNT, "Cells in training or being scored.",
+           'sum(max by (sweep, state) (slalom_sweep_cells{sweep=~"$sweep", state=~"training|scoring"}))'),
+    number("Failed", COUNT, "Cells whose last attempt failed; `slalom sweep status` says why.",
+           f"sum({cells('slalom_sweep_failed')})", bad_above=1),
+    number("Environment steps", PER_SECOND, "Of all cells.",
+           'sum(sweep:slalom_sweep_steps:rate1m{sweep=~"$sweep"})'),
+    number("Training time", SECONDS, "Of all cells.", f"sum({cells('slalom_sweep_training_seconds')})"),
+    row("Success"),
+    graph("Success rate by method", RATIO, "Mean over the scores that are there.",
+          (f"avg by (sweep, method, courses) ({SUCCESS})", "{{sweep}} {{method}} {{courses}}"), maximum=1, width=12),
+    graph("Success rate of training episodes by method", RATIO, "Mean over cells, exploration included.",
+          (f"avg by (sweep, method) ({TRAINING})", "{{sweep}} {{method}}"), maximum=1, width=12),
+    bars("Success rate by row", RATIO, "Mean over seeds.", f"avg by (sweep, row, courses) ({SUCCESS})",
+         "{{sweep}} {{row}}: {{courses}}"),
+    bars("Spread over seeds", RATIO, "Success rate of the best seed less that of the worst.",
+         f"max by (sweep, row, courses) ({SUCCESS}) - min by (sweep, row, courses) ({SUCCESS})",
+         "{{sweep}} {{row}}: {{courses}}"),
+    graph("Collision rate by method", RATIO, "Mean over the scores that are there.",
+          (f"avg by (sweep, method, courses) ({COLLISION})", "{{sweep}} {{method}} {{courses}}"), maximum=1, width=12),
+    graph("Success rate of training episodes", RATIO, "Of each cell, exploration included.",
+          (TRAINING, "{{row}}, seed {{seed}}"), maximum=1, width=12),
+    row("Work"),
+    graph("Environment steps", PER_SECOND, "Of all cells.",
+          ('sweep:slalom_sweep_steps:rate1m{sweep=~"$sweep"}', "{{sweep}}")),
+    graph("Steps of each cell", COUNT, "So far.", (cells("slalom_sweep_steps"), "{{row}}, seed {{seed}}")),
+    graph("Updates", COUNT, "So far, of all cells.",
+          (f"sum by (sweep) ({cells('slalom_sweep_updates')})", "{{sweep}}")),
+    graph("States", COUNT, "Cells in each state.",
+          ('max by (sweep, state) (slalom_sweep_cells{sweep=~"$sweep"})', "{{sweep}} {{state}}"), width=12),
+    graph("Failures", COUNT, "Cells whose last attempt failed.",
+          (f"sum by (sweep, method) ({cells('slalom_sweep_failed')})", "{{sweep}} {{method}}"), width=12),
+], (panels.SWEEP, panels.COURSES, panels.METHOD))
 
 if __name__ == "__main__":
     directory = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else

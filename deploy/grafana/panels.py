@@ -77,6 +77,29 @@ def bars(title, unit, description, expression, legend, width=12):
                  defaults={"color": {"mode": "palette-classic"}, "min": 0}, options=options)
 
 
+def bar_chart(title, unit, description, expression, x, series, width=16):
+    """Groups of bars over the label `x`, which holds numbers, with one bar in each for every value of the label `series`. The
+    newest values: Grafana makes the table of them into one with a column for each series."""
+    one = panel("barchart", title, unit, description, [(expression, f"{{{{{series}}}}}")], width, 10,
+                defaults={"color": {"mode": "palette-classic"}, "min": 0, "max": 1,
+                          "custom": {"fillOpacity": 80, "lineWidth": 1, "axisSoftMin": 0}},
+                options={"xField": f"{x}\\{series}", "orientation": "vertical", "groupWidth": 0.7, "barWidth": 0.9,
+                         "showValue": "always", "stacking": "none", "xTickLabelRotation": 0,
+                         "legend": {"displayMode": "list", "placement": "bottom", "showLegend": True},
+                         "tooltip": {"mode": "multi", "sort": "none"}})
+    one["targets"][0].update({"format": "table", "instant": True, "range": False})
+    one["transformations"] = [
+        {"id": "convertFieldType",
+         "options": {"conversions": [{"targetField": x, "destinationType": "number"}], "fields": {}}},
+        {"id": "sortBy", "options": {"fields": {}, "sort": [{"field": x}]}},
+        {"id": "groupingToMatrix",
+         "options": {"rowField": x, "columnField": series, "valueField": "Value", "emptyValue": "null"}},
+        {"id": "convertFieldType",
+         "options": {"conversions": [{"targetField": f"{x}\\{series}", "destinationType": "string"}], "fields": {}}},
+    ]
+    return one
+
+
 def row(title):
     return {"type": "row", "title": title, "collapsed": False, "panels": [],
             "gridPos": {"w": WIDTH, "h": 1}}
@@ -125,6 +148,12 @@ def variable(name, label, query, many):
 RUN = variable("run", "Run", "label_values(slalom_build_info, run)", True)
 ACTOR = variable("name", "Actor",
                  'label_values(slalom_build_info{run=~"$run", role="actor"}, name)', True)
+
+SWEEP = variable("sweep", "Sweep", "label_values(slalom_sweep_cells, sweep)", True)
+COURSES = variable("courses", "Courses",
+                   'label_values(slalom_sweep_success_rate{sweep=~"$sweep"}, courses)', True)
+METHOD = variable("method", "Method",
+                  'label_values(slalom_sweep_cell_state{sweep=~"$sweep"}, method)', True)
 
 
 def dashboard(uid, title, description, panels, variables=(RUN,)):

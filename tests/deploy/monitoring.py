@@ -60,7 +60,8 @@ def metrics_and_roles():
 
 def as_grafana_sends(expression):
     """With the variables filled in."""
-    for variable, value in (("$__rate_interval", "1m"), ("$__range", "10m"), ("$run", ".*"), ("$name", ".*")):
+    for variable, value in (("$__rate_interval", "1m"), ("$__range", "10m"), ("$run", ".*"), ("$name", ".*"),
+                            ("$sweep", ".*"), ("$courses", ".*"), ("$method", ".*")):
         expression = expression.replace(variable, value)
     return expression
 
@@ -119,10 +120,14 @@ class Prometheus:
                 raise
             raise ValueError(json.load(error)["error"]) from None
 
-    def has_data(self, expression):
-        """Whether any series of it has a number. ValueError: Prometheus does not take it."""
+    def values(self, expression):
+        """(labels, number) of each series of it. ValueError: Prometheus does not take it."""
         result = self._get("/api/v1/query", query=expression)["data"]["result"]
-        return any(not math.isnan(float(series["value"][1])) for series in result)
+        return [(series["metric"], float(series["value"][1])) for series in result]
+
+    def has_data(self, expression):
+        """Whether any series of it has a number."""
+        return any(not math.isnan(number) for _, number in self.values(expression))
 
     def without_data(self, queries, seconds):
         """Those of `queries` ({name: expression}) that have given no number within a time."""

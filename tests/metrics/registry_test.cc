@@ -102,6 +102,23 @@ TEST(RegistryTest, BuildAndProcessAreThereFromTheStart) {
   EXPECT_THAT(text, Not(HasSubstr("process_open_fds{" + kLabels + "} 0\n")));
 }
 
+TEST(RegistryTest, ReplacedSeriesAreNoLongerShown) {
+  const Spec level{"slalom_level", Type::kGauge, "test", "Level.", {"cell", "state"}, {}};
+  Registry registry = MakeRegistry();
+  registry.counter(kThings, {"red"});
+  registry.Replace({{&level, {"c1", "done"}, 1.0}, {&level, {"c\"2", "failed"}, 2.5}});
+  auto lines = Lines(registry);
+  EXPECT_THAT(lines, Contains("# HELP slalom_level Level."));
+  EXPECT_THAT(lines, Contains("# TYPE slalom_level gauge").Times(1));
+  EXPECT_THAT(lines, Contains("slalom_level{" + kLabels + R"(,cell="c1",state="done"} 1)"));
+  EXPECT_THAT(lines, Contains("slalom_level{" + kLabels + R"(,cell="c\"2",state="failed"} 2.5)"));
+  registry.Replace({{&level, {"c1", "training"}, 1.0}});
+  lines = Lines(registry);
+  EXPECT_THAT(lines, Contains("slalom_level{" + kLabels + R"(,cell="c1",state="training"} 1)"));
+  EXPECT_THAT(lines, Contains(testing::StartsWith("slalom_level{")).Times(1));
+  EXPECT_THAT(lines, Contains("slalom_things_total{" + kLabels + R"(,kind="red"} 0)"));
+}
+
 TEST(RegistryTest, WhatALabelMayHoldIsEscaped) {
   Registry registry = MakeRegistry();
   registry.counter(kThings, {"a\"b\\c\nd"});
@@ -138,6 +155,8 @@ TEST(RegistryDeathTest, MistakesOfOursEndTheProgram) {
   EXPECT_DEATH(registry.counter(kLevel), "check failed");
   EXPECT_DEATH(registry.counter(kThings, {"red"}).Increment(-1.0), "check failed");
   EXPECT_DEATH(Counter().Increment(), "check failed");
+  EXPECT_DEATH(registry.Replace({{&kThings, {}, 1.0}}), "check failed");
+  EXPECT_DEATH(registry.Replace({{&kWait, {}, 1.0}}), "check failed");
 }
 
 }  // namespace

@@ -6,6 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "base/file.h"
+#include "tests/support/scratch_directory.h"
+
 namespace slalom::run {
 namespace {
 
@@ -37,6 +40,23 @@ TEST(MetricsTableTest, OfManyRowsSomeAreKeptTheLastAmongThem) {
   for (int i = 0; i < 1000; ++i) text += std::to_string(i) + "\n";
   EXPECT_THAT(ParseMetrics(text, 4).columns[0], ElementsAre(0.0, 333.0, 666.0, 999.0));
   EXPECT_EQ(ParseMetrics(text, 1000).num_rows(), 1000u);
+}
+
+TEST(MetricsTableTest, TheLastRowOfALongFileIsWhole) {
+  const test::ScratchDirectory scratch;
+  const std::filesystem::path path = scratch.path() / "metrics.csv";
+  EXPECT_EQ(ReadLastMetrics(path).num_rows(), 0u) << "there is no file";
+  std::string text = "steps,loss\n";
+  for (int i = 1; i <= 5000; ++i) text += std::to_string(i) + ",0." + std::to_string(i) + "\n";
+  // Wherever the part that is read begins within a row, and however far the writer has come.
+  for (int more = 0; more < 20; ++more) {
+    base::WriteFileAtomically(path, text + std::string(static_cast<std::size_t>(more), '7'));
+    const MetricsTable table = ReadLastMetrics(path);
+    EXPECT_EQ(table.Last("steps"), 5000.0);
+    EXPECT_EQ(table.Last("loss"), 0.5);
+    EXPECT_EQ(table.Column("steps").front() + static_cast<double>(table.num_rows()), 5001.0);
+    EXPECT_LT(table.num_rows(), 300u);
+  }
 }
 
 }  // namespace
