@@ -25,6 +25,7 @@ void AddConfigCommand(CLI::App& app);
 void AddServiceCommands(CLI::App& app, int* exit_code);
 void AddWatchCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
+void AddSweepCommand(CLI::App& app, int* exit_code);
 void AddKeysCommand(CLI::App& app);
 void AddMetricsCommand(CLI::App& app);
 

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "cli/agent_run_config.h"
 #include "cli/commands.h"
 #include "config/config.h"
+#include "train/agent_run_config.h"
 #include "train/run_config.h"
 
 namespace slalom::cli {
@@ -38,7 +38,7 @@ constexpr char kAgentPageHead[] =
 /// "`environment.episode.step` 0.05 s, ...": the defaults of an agent's run that a training run's
 /// are not.
 std::string OtherDefaults() {
-  AgentRunConfig agent;
+  train::AgentRunConfig agent;
   train::RunConfig run;
   const config::FieldList run_fields = config::ListFields(run);
   std::vector<std::string> texts;
@@ -78,7 +78,8 @@ void AddConfigCommand(CLI::App& app) {
       "Print what `slalom evaluate --agent` would use instead of what `slalom train` would");
   print->callback([options] {
     if (options->for_agent) {
-      AgentRunConfig agent = options->file ? ReadAgentRunConfig(*options->file) : AgentRunConfig{};
+      train::AgentRunConfig agent =
+          options->file ? train::ReadAgentRunConfig(*options->file) : train::AgentRunConfig{};
       const config::FieldList fields = config::ListFields(agent);
       for (const std::string& assignment : options->overrides) {
         config::ApplyOverride(assignment, fields);

@@ -25,6 +25,7 @@
 #include "cli/output.h"
 #include "cli/signals.h"
 #include "config/config.h"
+#include "train/profile.h"
 
 namespace slalom::cli {
 namespace {
@@ -45,16 +46,6 @@ struct EvaluateOptions {
   bool force = false;
   bool json = false;
   int threads = 0;
-};
-
-/// What a profile may set: the keys of the task.
-struct Profile {
-  sim::EnvironmentConfig& environment;
-
-  template <class Visitor>
-  void Visit(Visitor& v) {
-    v.Section("environment", environment, "The robot, its sensor and the task.");
-  }
 };
 
 /// An evaluation's rules come from its protocol, so a task's own would be set in vain.
@@ -100,39 +91,9 @@ void RefusePlanningKeys(const std::vector<std::string>& overrides, const policy:
   }
 }
 
-/// Every key that any TOML file of this program may hold.
-struct AnyConfig {
-  train::RunConfig run;
-  planners::PlannersConfig planners;
-
-  template <class Visitor>
-  void Visit(Visitor& v) {
-    run.Visit(v);
-    planners.Visit(v);
-  }
-};
-
-/// Lays the [environment] of the profiles over `environment`.
-void ApplyProfiles(const std::vector<std::string>& files, sim::EnvironmentConfig& environment) {
-  Profile profile{environment};
-  for (const std::string& file : files) {
-    AnyConfig others;
-    std::vector<std::string> passed_over;
-    try {
-      passed_over =
-          config::ReadSharedTomlFile(file, config::ListFields(profile), config::ListFields(others));
-    } catch (const base::Error& error) {
-      throw base::Error(fmt::format("{} (only [environment] of a profile is used)", error.what()));
-    }
-    if (passed_over.empty()) continue;
-    spdlog::info("{}: only [environment] of a profile is used; ignored: {}", file,
-                 fmt::join(passed_over, ", "));
-  }
-}
-
 /// A key of the other kind of driver would be set in vain.
 void RefuseKeysOfOthers(const EvaluateOptions& options, const config::FieldList& fields) {
-  AnyConfig any;
+  train::AnyConfig any;
   const config::FieldList others = config::ListFields(any);
   for (const std::string& assignment : options.overrides) {
     const std::string key = assignment.substr(0, assignment.find('='));
@@ -145,7 +106,7 @@ void RefuseKeysOfOthers(const EvaluateOptions& options, const config::FieldList&
 /// Lays profiles, overrides and options over `config`, in this order.
 template <class Config>
 void ApplyOptions(const EvaluateOptions& options, Config& config) {
-  ApplyProfiles(options.profiles, config.environment);
+  for (const std::string& file : options.profiles) train::LayProfile(file, config.environment);
   const auto fields = config::ListFields(config);
   RefuseRulesOfTheTask(options.overrides);
   RefuseKeysOfOthers(options, fields);
@@ -250,8 +211,8 @@ std::optional<ScoredRun> DrivePolicy(const EvaluateOptions& options, base::Paral
 
 std::optional<ScoredRun> DrivePlanner(const EvaluateOptions& options, base::ParallelFor& parallel,
                                       std::stop_token stop) {
-  AgentRunConfig config;
-  if (options.config) config = ReadAgentRunConfig(*options.config);
+  train::AgentRunConfig config;
+  if (options.config) config = train::ReadAgentRunConfig(*options.config);
   ApplyOptions(options, config);
   return EvaluatePlanner(*options.agent, config, options.courses, parallel, std::move(stop));
 }

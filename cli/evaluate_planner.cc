@@ -10,7 +10,8 @@
 
 namespace slalom::cli {
 
-std::optional<ScoredRun> EvaluatePlanner(const std::string& name, const AgentRunConfig& config,
+std::optional<ScoredRun> EvaluatePlanner(const std::string& name,
+                                         const train::AgentRunConfig& config,
                                          const std::string& courses_spec,
                                          base::ParallelFor& parallel, std::stop_token stop) {
   (void)planners::NavigationOf(name, config.planners);  // Before any work, that there is one.

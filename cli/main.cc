@@ -103,6 +103,7 @@ int Run(int argc, char** argv) {
   slalom::cli::AddTrainCommand(app, &exit_code);
   slalom::cli::AddEvaluateCommand(app, &exit_code);
   slalom::cli::AddReportCommand(app);
+  slalom::cli::AddSweepCommand(app, &exit_code);
   slalom::cli::AddWatchCommand(app);
   slalom::cli::AddCoursesCommand(app);
   slalom::cli::AddServiceCommands(app, &exit_code);

@@ -1,10 +1,8 @@
 #include "cli/service_process.h"
 
-#include <unistd.h>
-
-#include <array>
 #include <cstdlib>
 
+#include "base/child_process.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -18,17 +16,12 @@
 namespace slalom::cli {
 namespace {
 
-std::string HostName() {
-  std::array<char, 256> name{};
-  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "host";
-}
-
 std::string ChooseName(transport::Role role, const train::ServiceConfig& config,
                        const ServiceOptions& options) {
   std::string name = options.name.value_or(config.name);
   if (name.empty()) {
     const bool is_many = role == transport::Role::kActor || role == transport::Role::kEvaluator;
-    name = is_many ? HostName() : std::string(transport::ToString(role));
+    name = is_many ? base::HostName() : std::string(transport::ToString(role));
   }
   if (!base::IsName(name) || name.starts_with('.')) {
     throw base::Error(fmt::format(

@@ -79,7 +79,17 @@ std::string Where(std::string_view source, const toml::node& node) {
   return fmt::format("{}:{}", source, node.source().begin.line);
 }
 
+/// As TOML on one line, numbers with as many digits as they need.
 std::string PrintNode(const toml::node& node) {
+  if (const toml::array* array = node.as_array()) {
+    std::vector<std::string> texts;
+    for (const toml::node& element : *array) texts.push_back(PrintNode(element));
+    return fmt::format("[{}]", fmt::join(texts, ", "));
+  }
+  if (auto number = node.value_exact<double>()) {
+    return PrintValue(
+        {.key = "", .value = &*number, .range = {}, .choices = {}, .unit = "", .meaning = ""});
+  }
   std::ostringstream text;
   node.visit([&text](const auto& n) { text << n; });
   return text.str();

@@ -18,6 +18,7 @@ struct ScoreTask {
   std::string task;     ///< The config of the evaluation: TOML, every key.
   std::string courses;  ///< Course set as `--courses` takes it.
   int num_courses = 0;  ///< In that set.
+  std::int64_t num_episodes = 0;
   std::int64_t snapshot_steps = 0;  ///< Which snapshot of the training is scored; 0: its policy.
 };
 

@@ -2,43 +2,16 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
-#include <string_view>
-
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "config/config.h"
+#include "train/run_identity.h"
 
 namespace slalom::train {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::array<std::string_view, 17> kMayChange = {"run.max_steps",
-                                                         "run.max_seconds",
-                                                         "run.log_interval",
-                                                         "run.checkpoint_seconds",
-                                                         "run.checkpoint_steps",
-                                                         "run.snapshot_seconds",
-                                                         "run.snapshot_steps",
-                                                         "run.simulation_threads",
-                                                         "run.keep_checkpoints",
-                                                         "courses.test",
-                                                         "evaluation.",
-                                                         "service.",
-                                                         "security.",
-                                                         "replay_server.",
-                                                         "learner_service.",
-                                                         "actor_service.",
-                                                         "evaluator_service."};
-
-bool MayChange(std::string_view key) {
-  return std::any_of(kMayChange.begin(), kMayChange.end(), [key](std::string_view allowed) {
-    return allowed.ends_with('.') ? key.starts_with(allowed) : key == allowed;
-  });
-}
 
 void WriteConfig(const run::RunDirectory& directory, const RunConfig& config) {
   base::WriteFileAtomically(directory.config(), config::ToToml(config));
@@ -79,19 +52,11 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
 
 void RequireResumable(const std::string& earlier, const std::string& source,
                       const RunConfig& config) {
-  auto was_config = config::FromToml<RunConfig>(earlier, source);
-  RunConfig given = config;
-  const auto old_fields = config::ListFields(was_config).fields;
-  const auto new_fields = config::ListFields(given).fields;
-  for (std::size_t i = 0; i < new_fields.size(); ++i) {
-    const std::string was = config::PrintValue(old_fields[i]);
-    const std::string is = config::PrintValue(new_fields[i]);
-    if (was != is && !MayChange(new_fields[i].key)) {
-      throw base::Error(
-          fmt::format("{}: {} was {} when the run began and is {} now; a resumed run must keep it",
-                      source, new_fields[i].key, was, is));
-    }
-  }
+  const auto difference = FindDifference(config::FromToml<RunConfig>(earlier, source), config);
+  if (difference.key.empty()) return;
+  throw base::Error(
+      fmt::format("{}: {} was {} when the run began and is {} now; a resumed run must keep it",
+                  source, difference.key, difference.first, difference.second));
 }
 
 }  // namespace slalom::train

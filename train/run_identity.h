@@ -36,11 +36,10 @@ bool DecidesRun(std::string_view key);
 /// config if and only if the digests are equal.
 std::string RunDigest(const RunConfig& config);
 
-/// The first key that decides a run and differs, with both values, for an error: "learner.gamma was
-/// 0.99 ... and is 0.98". Empty: the digests are equal.
+/// The first key that decides a run and differs between two configs, for an error.
 struct KeyDifference {
-  std::string key;  ///< Empty: none.
-  std::string first;
+  std::string key;    ///< Empty: there is none, and the digests are equal.
+  std::string first;  ///< The values, as TOML.
   std::string second;
 };
 KeyDifference FindDifference(const RunConfig& first, const RunConfig& second);

@@ -9,7 +9,7 @@
 #include "planners/planner_registry.h"
 #include "sim/environment_config.h"
 
-namespace slalom::cli {
+namespace slalom::train {
 
 /// Where set names are looked up.
 struct CollectionConfig {
@@ -56,4 +56,4 @@ struct AgentRunConfig {
 /// them. Throws `base::Error` like `config::ReadTomlFile`.
 AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path);
 
-}  // namespace slalom::cli
+}  // namespace slalom::train

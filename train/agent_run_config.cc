@@ -1,4 +1,4 @@
-#include "cli/agent_run_config.h"
+#include "train/agent_run_config.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -7,11 +7,11 @@
 #include "config/config.h"
 #include "train/run_config.h"
 
-namespace slalom::cli {
+namespace slalom::train {
 
 AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path) {
   AgentRunConfig config;
-  train::RunConfig others;
+  RunConfig others;
   const auto passed_over =
       config::ReadSharedTomlFile(path, config::ListFields(config), config::ListFields(others));
   if (!passed_over.empty()) {
@@ -20,4 +20,4 @@ AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path) {
   return config;
 }
 
-}  // namespace slalom::cli
+}  // namespace slalom::train

@@ -1,0 +1,328 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/child_process.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/progress.h"
+#include "base/suggestion.h"
+#include "cli/command_line.h"
+#include "cli/commands.h"
+#include "cli/signals.h"
+#include "cli/version.h"
+#include "sweep/calibration.h"
+#include "sweep/cell.h"
+#include "sweep/estimate.h"
+#include "sweep/plan.h"
+#include "sweep/plan_record.h"
+#include "sweep/runner.h"
+#include "sweep/store.h"
+#include "train/run_identity.h"
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kStore[] = "runs/sweeps";
+
+struct SweepOptions {
+  std::string plan;
+  std::vector<std::string> overrides;
+  std::string store = kStore;
+  std::vector<std::string> groups;
+  std::vector<std::string> ids;
+  std::string shard;
+  int at_once = 0;
+  bool no_trial = false;
+  bool retry_failed = false;
+};
+
+/// A plan with its cells, and those that the options choose.
+struct Sweep {
+  sweep::Plan plan;
+  sweep::Cells all;
+  std::vector<sweep::Cell> chosen;  ///< In the order in which they are worked on.
+};
+
+std::pair<std::size_t, std::size_t> ParseShard(const std::string& text) {
+  unsigned long part = 0;
+  unsigned long parts = 0;
+  char end = 0;
+  if (std::sscanf(text.c_str(), "%lu/%lu%c", &part, &parts, &end) != 2 || part < 1 ||
+      part > parts) {
+    throw base::Error(fmt::format(
+        "--shard {}: expected PART/PARTS with PART from 1 to PARTS, such as 1/4", text));
+  }
+  return {part, parts};
+}
+
+/// The first seed of every row before the second one, so that the whole picture shows early.
+std::vector<sweep::Cell> BySeed(const sweep::Plan& plan, const std::vector<sweep::Cell>& cells) {
+  std::vector<sweep::Cell> sorted = cells;
+  const auto place = [&plan](const sweep::Cell& cell) {
+    return std::ranges::find(plan.sweep.seeds, cell.seed) - plan.sweep.seeds.begin();
+  };
+  std::ranges::stable_sort(
+      sorted, {}, [&](const sweep::Cell& cell) { return cell.planner.empty() ? place(cell) : 0; });
+  return sorted;
+}
+
+std::vector<sweep::Cell> Choose(const SweepOptions& options, const sweep::Plan& plan,
+                                const std::vector<sweep::Cell>& cells) {
+  std::vector<std::string> names;
+  for (const sweep::Group& group : plan.groups) names.push_back(group.name);
+  for (const std::string& group : options.groups) {
+    if (std::ranges::find(names, group) != names.end()) continue;
+    throw base::Error(fmt::format("--only {}: {} has no such group, expected one of {}{}", group,
+                                  options.plan, fmt::join(names, ", "),
+                                  base::Suggestion(group, names)));
+  }
+  for (const std::string& id : options.ids) {
+    if (std::ranges::find(cells, id, &sweep::Cell::id) != cells.end()) continue;
+    throw base::Error(fmt::format(
+        "--cell {}: {} has no such cell here ({}); was it planned by another version of slalom or "
+        "on another class of processor?",
+        id, options.plan, train::Describe(train::ThisPlatform())));
+  }
+  const auto [part, parts] =
+      options.shard.empty() ? std::pair<std::size_t, std::size_t>{1, 1} : ParseShard(options.shard);
+  std::vector<sweep::Cell> chosen;
+  const std::vector<sweep::Cell> sorted = BySeed(plan, cells);
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    const bool in_group =
+        options.groups.empty() ||
+        std::ranges::find(options.groups, sorted[i].group) != options.groups.end();
+    const bool is_named =
+        options.ids.empty() || std::ranges::find(options.ids, sorted[i].id) != options.ids.end();
+    if (in_group && is_named && i % parts == part - 1) chosen.push_back(sorted[i]);
+  }
+  return chosen;
+}
+
+Sweep Load(const SweepOptions& options) {
+  Sweep sweep;
+  sweep.plan = sweep::ReadPlan(options.plan, options.overrides);
+  sweep.all = sweep::ExpandPlan(sweep.plan, train::ThisPlatform());
+  sweep.chosen = Choose(options, sweep.plan, sweep.all.cells);
+  return sweep;
+}
+
+fs::path Program() { return fs::read_symlink("/proc/self/exe"); }
+
+std::string FormatBytes(std::int64_t bytes) {
+  return base::FormatCount(static_cast<double>(bytes)) + "B";
+}
+
+std::int64_t DiskNeeded(const std::vector<sweep::Cell>& cells, const fs::path& store, int at_once) {
+  std::vector<std::int64_t> training;
+  std::int64_t kept = 0;
+  for (const sweep::Cell& cell : cells) {
+    if (sweep::IsDone(store, cell)) continue;
+    training.push_back(sweep::BytesWhileTraining(cell));
+    kept += sweep::BytesKept(cell);
+  }
+  std::ranges::sort(training, std::greater());
+  training.resize(std::min(training.size(), static_cast<std::size_t>(at_once)));
+  for (const std::int64_t bytes : training) kept += bytes;
+  return kept;
+}
+
+/// Throws where the disk is too small for what is left to do.
+void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, int at_once) {
+  const std::int64_t needed = DiskNeeded(cells, store, at_once);
+  const auto available = static_cast<std::int64_t>(fs::space(store).available);
+  if (needed <= available) return;
+  throw base::Error(
+      fmt::format("{}: the sweep needs about {} here and {} are available; run fewer "
+                  "cells at once (--at-once) or choose another place (--output)",
+                  store.string(), FormatBytes(needed), FormatBytes(available)));
+}
+
+void PrintPlan(const SweepOptions& options) {
+  const Sweep sweep = Load(options);
+  const sweep::Slots slots =
+      sweep::ShareOut(base::AvailableCores(), options.at_once, sweep.plan.sweep.lockstep);
+  fmt::print("{}: {}\n\n", sweep.plan.sweep.name, sweep.plan.sweep.title);
+  fmt::print("{:<17} {:<9} {:>12} {:>7}  {}\n", "cell", "state", "steps", "scores", "what");
+  sweep::Rates rates;
+  int num_done = 0;
+  for (const sweep::Cell& cell : sweep.chosen) {
+    const sweep::CellStatus status = sweep::ReadCellStatus(options.store, cell);
+    rates.Observe(cell, status);
+    num_done += status.state == sweep::CellState::kDone ? 1 : 0;
+    const std::string steps = cell.config ? fmt::format("{}", cell.config->run.max_steps) : "-";
+    fmt::print("{:<17} {:<9} {:>12} {:>7}  {}\n", cell.id, sweep::ToString(status.state), steps,
+               cell.scores.size(), cell.name());
+  }
+  fmt::print("\n{} cells, {} done", sweep.chosen.size(), num_done);
+  const int num_stale = sweep::CountStale(options.store, sweep.plan, sweep.all);
+  if (num_stale > 0) {
+    fmt::print(
+        "; {} cells of the plan's last run are stale: they stay in {}/cells and no longer "
+        "count",
+        num_stale, options.store);
+  }
+  fmt::print("\ndisk: about {}\n",
+             FormatBytes(DiskNeeded(sweep.chosen, options.store, slots.at_once)));
+  double left_s = 0.0;
+  for (const sweep::Cell& cell : sweep.chosen) {
+    const sweep::CellStatus status = sweep::ReadCellStatus(options.store, cell);
+    if (status.state == sweep::CellState::kDone) continue;
+    if (cell.config && cell.config->run.max_seconds == 0.0 && !rates.knows(cell.group)) {
+      if (options.no_trial) {
+        fmt::print(
+            "time: not known, as nothing like '{}' was trained here; without --no-trial it "
+            "is measured\n",
+            cell.name());
+        return;
+      }
+      spdlog::info("measuring how fast '{}' trains", cell.name());
+      const auto seconds = sweep::MeasureSecondsPerStep(cell, Program());
+      if (!seconds) {
+        fmt::print("time: not known, as '{}' made no update in a short trial\n", cell.name());
+        return;
+      }
+      rates.Set(cell.group, *seconds);
+    }
+    left_s += rates.SecondsLeft(cell, status.steps, status.num_scores_done).value_or(0.0);
+  }
+  fmt::print("time: about {} with {} at once on this machine{}\n",
+             base::FormatDuration(left_s / slots.at_once), slots.at_once,
+             rates.knows_scores() ? "" : ", and the scores, which were never timed here");
+}
+
+void PrintStatus(const SweepOptions& options) {
+  const Sweep sweep = Load(options);
+  std::map<sweep::CellState, int> counts;
+  fmt::print("{:<17} {:<9} {:>12} {:>7}  {}\n", "cell", "state", "steps", "scores", "what");
+  for (const sweep::Cell& cell : sweep.chosen) {
+    const sweep::CellStatus status = sweep::ReadCellStatus(options.store, cell);
+    ++counts[status.state];
+    fmt::print("{:<17} {:<9} {:>12} {:>3} / {:<1}  {}{}\n", cell.id, sweep::ToString(status.state),
+               status.steps, status.num_scores_done, cell.scores.size(), cell.name(),
+               status.failure ? ": " + status.failure->what : "");
+  }
+  std::vector<std::string> texts;
+  for (const auto& [state, count] : counts) {
+    texts.push_back(fmt::format("{} {}", count, sweep::ToString(state)));
+  }
+  fmt::print("\n{} cells: {}\n", sweep.chosen.size(), fmt::join(texts, ", "));
+}
+
+/// The command that goes on with the sweep.
+std::string Again(const SweepOptions& options, const std::string& more = "") {
+  std::vector<std::string> arguments = {"sweep", "run", options.plan};
+  for (const std::string& set : options.overrides) {
+    arguments.insert(arguments.end(), {"--set", set});
+  }
+  if (options.store != kStore) arguments.insert(arguments.end(), {"--output", options.store});
+  if (!more.empty()) arguments.push_back(more);
+  return CommandLine(arguments);
+}
+
+int RunSweep(const SweepOptions& options) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  StopSignals signals;
+  const Sweep sweep = Load(options);
+  base::MakeDirectories(options.store);
+  sweep::RequireSharable(options.store);
+  const sweep::Slots slots =
+      sweep::ShareOut(base::AvailableCores(), options.at_once, sweep.plan.sweep.lockstep);
+  RequireDisk(sweep.chosen, options.store, slots.at_once);
+  const train::Platform platform = train::ThisPlatform();
+  sweep::BeginPlan(options.store, sweep.plan, sweep.all, platform, std::string(Commit()));
+  if (options.retry_failed) {
+    for (const sweep::Cell& cell : sweep.chosen) {
+      std::error_code ec;
+      fs::remove(sweep::CellDirectory(options.store, cell.id).failed(), ec);
+    }
+  }
+  spdlog::info("{}: {} cells in {}, {} at once{}", sweep.plan.sweep.name, sweep.chosen.size(),
+               options.store, slots.at_once,
+               sweep.plan.sweep.lockstep ? ", in lockstep" : ", with threads");
+  const sweep::WorkOptions work = {.store = options.store,
+                                   .program = Program(),
+                                   .commit = std::string(Commit()),
+                                   .platform = train::Describe(platform)};
+  const sweep::SweepEnd end = sweep::RunCells(sweep.chosen, work, slots, signals.token(), [] {});
+  if (end.stopped) {
+    fmt::print("stopped: {} of {} cells are done; to go on: {}\n", end.num_done,
+               sweep.chosen.size(), Again(options));
+    return kExitSignalBase + signals.received();
+  }
+  if (end.num_failed > 0) {
+    fmt::print(stderr, "slalom: {} of {} cells failed; to try them again: {}\n", end.num_failed,
+               sweep.chosen.size(), Again(options, "--retry-failed"));
+    return kExitError;
+  }
+  return kExitOk;
+}
+
+void AddPlanOptions(CLI::App& command, SweepOptions& options) {
+  command.add_option("PLAN", options.plan, "TOML file of the sweep (configs/sweeps has some)")
+      ->required();
+  command
+      .add_option("--set", options.overrides,
+                  "Override a key of the plan ([sweep], [budget], [slurm]), or of the config of "
+                  "every training (repeatable)")
+      ->type_name("KEY=VALUE");
+  command.add_option("--output", options.store,
+                     "Directory of all sweeps, which share their cells [runs/sweeps]");
+  command.add_option("--only", options.groups, "Only cells of this group (repeatable)")
+      ->type_name("GROUP");
+  command.add_option("--cell", options.ids, "Only the cell of this id (repeatable)")
+      ->type_name("ID");
+  command.add_option("--shard", options.shard, "Only one part of the cells, such as 1/4")
+      ->type_name("PART/PARTS");
+  command
+      .add_option("--at-once", options.at_once,
+                  "Cells at the same time [one per core; half as many where trainings use threads]")
+      ->check(CLI::Range(0, 4096));
+}
+
+}  // namespace
+
+void AddSweepCommand(CLI::App& app, int* exit_code) {
+  CLI::App* sweep = app.add_subcommand(
+      "sweep", "Train and score many settings and seeds from one plan, and compare them");
+  sweep->require_subcommand(1);
+  auto options = std::make_shared<SweepOptions>();
+
+  CLI::App* plan = sweep->add_subcommand(
+      "plan", "Print the cells of a plan, with the time and disk that they take");
+  AddPlanOptions(*plan, *options);
+  plan->add_flag("--no-trial", options->no_trial,
+                 "Do not measure the speed of trainings that were never run here");
+  plan->callback([options] { PrintPlan(*options); });
+
+  CLI::App* run = sweep->add_subcommand(
+      "run", "Work on a plan's cells until all are done; start it again to go on");
+  AddPlanOptions(*run, *options);
+  run->add_flag("--retry-failed", options->retry_failed, "Try cells again that have failed");
+  run->callback([options, exit_code] { *exit_code = RunSweep(*options); });
+
+  CLI::App* status = sweep->add_subcommand("status", "Print what has become of a plan's cells");
+  AddPlanOptions(*status, *options);
+  status->callback([options] { PrintStatus(*options); });
+
+  sweep->footer(
+      "A plan names a preset, axes, seeds, a budget and what is scored (docs/sweeps.md). Several "
+      "`sweep run` share the work\n"
+      "over one directory. Examples:\n\n"
+      "  slalom sweep plan configs/sweeps/training-sets.toml\n"
+      "  slalom sweep run configs/sweeps/training-sets.toml --set sweep.seeds=[1] --set "
+      "run.max_steps=200000\n");
+}
+
+}  // namespace slalom::cli

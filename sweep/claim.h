@@ -1,0 +1,74 @@
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+
+/// Who works on a cell, where several workers share a directory.
+///
+/// A claim is a file claim-N in the cell's directory, and the claim with the highest N counts. It
+/// is made by a hard link, which either succeeds or finds the name taken, on network file systems
+/// too, and never changes. Its owner shows that it lives by counting up in a file of its own,
+/// beat-TOKEN. Nobody compares clocks of different machines: a claim has expired once somebody has
+/// watched its count stand still for a minute, by their own clock, and then takes claim-(N+1).
+
+namespace slalom::sweep {
+
+/// Throws `base::Error` that names the directory unless its file system has what claims and atomic
+/// files need: hard links, and renaming that replaces.
+void RequireSharable(const std::filesystem::path& directory);
+
+/// The right to work on a cell, until this object ends. Thread-compatible.
+class Claim {
+ public:
+  static constexpr std::chrono::seconds kBeat{5};     ///< How often to `Renew`.
+  static constexpr std::chrono::seconds kExpiry{60};  ///< Time without a beat after which it ends.
+
+  /// Gives the claim back.
+  ~Claim();
+  Claim(const Claim&) = delete;
+  Claim& operator=(const Claim&) = delete;
+
+  /// Shows that the owner lives. Returns false if the claim was lost, because this process stood
+  /// still for too long and somebody else has taken the cell: stop to work on it.
+  [[nodiscard]] bool Renew();
+
+ private:
+  friend class ClaimTaker;
+  Claim(std::filesystem::path file, std::filesystem::path beat, std::string token, int number);
+
+  const std::filesystem::path file_;
+  const std::filesystem::path beat_;
+  const std::string token_;
+  const int number_;
+  long count_ = 0;
+};
+
+/// Takes claims, and remembers what it saw of those of others. Thread-compatible.
+class ClaimTaker {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// Takes the claim of a cell if nobody has it, if its owner has died (a process of this machine
+  /// that is no more), or if it has expired. Null: somebody else works on it. Throws `base::Error`
+  /// if the directory cannot be written. `now`: of this machine; tests give their own.
+  std::unique_ptr<Claim> Try(const std::filesystem::path& cell,
+                             Clock::time_point now = Clock::now());
+
+ private:
+  struct Sighting {
+    std::string beat;  ///< Token and count.
+    Clock::time_point since;
+  };
+  bool IsGone(const std::filesystem::path& cell, const std::filesystem::path& claim,
+              Clock::time_point now);
+
+  std::map<std::filesystem::path, Sighting> sightings_;
+};
+
+/// Whether somebody holds a claim on a cell and is not known to be dead.
+bool IsClaimed(const std::filesystem::path& cell);
+
+}  // namespace slalom::sweep
