@@ -22,7 +22,6 @@ namespace slalom::sweep {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
 
 // Slurm ends a task 30 seconds after SIGTERM where it decides, and at its time limit; the program
 // gets as many seconds before that to save itself.
@@ -41,10 +40,11 @@ std::vector<Submitted> ReadRecord(const fs::path& directory) {
   if (!fs::exists(file)) return {};
   std::vector<Submitted> arrays;
   try {
-    for (const Json& array : Json::parse(base::ReadFile(file)).at("arrays")) {
+    const auto json = nlohmann::json::parse(base::ReadFile(file));
+    for (const auto& array : json.at("arrays")) {
       arrays.push_back({array.at("job"), array.at("cells")});
     }
-  } catch (const Json::exception&) {
+  } catch (const nlohmann::json::exception&) {
     throw base::Error(fmt::format(
         "{} is damaged: expected the arrays that were submitted; once squeue shows no task of this "
         "sweep, delete the file",
@@ -54,7 +54,7 @@ std::vector<Submitted> ReadRecord(const fs::path& directory) {
 }
 
 void WriteRecord(const fs::path& directory, const std::vector<Submitted>& arrays) {
-  Json json = {{"arrays", Json::array()}};
+  nlohmann::json json = {{"arrays", nlohmann::json::array()}};
   for (const Submitted& array : arrays) {
     json["arrays"].push_back({{"job", array.job}, {"cells", array.cells}});
   }
@@ -124,8 +124,8 @@ TaskStates ReadTable(const std::string& table) {
 
 /// The answer of squeue: tasks that wait or run. Another sweep of the same name may be among them.
 ToolAnswer AskQueue(const std::string& sweep) {
-  return RunTool({"squeue", "--noheader", "--array", "--name=" + JobName(sweep),
-                  "--format=%F_%K|%T|%r"});
+  return RunTool(
+      {"squeue", "--noheader", "--array", "--name=" + JobName(sweep), "--format=%F_%K|%T|%r"});
 }
 
 TaskStates ReadQueue(const std::string& sweep) {
@@ -215,7 +215,7 @@ std::string AddEnded(std::vector<SlurmTask>& tasks) {
   }
   if (jobs.empty()) return "";
   const ToolAnswer answer =
-      RunTool({"sacct", "--noheader", "--parsable2", "--allocations", "--array",
+      RunTool({"sacct", "--noheader", "--parsable2", "--allocations",
                fmt::format("--jobs={}", fmt::join(jobs, ",")), "--format=JobID,State"});
   const std::string ended = "How tasks ended that have left the queue is not known: ";
   if (!answer.is_installed) return ended + NotInstalled("sacct") + ".";
@@ -257,8 +257,8 @@ SlurmSubmission SubmitToSlurm(const SlurmSweep& sweep, std::span<const std::stri
   const ToolAnswer answer = RunTool(SbatchCommand(sweep, array.cells.size(), script));
   if (!answer.is_installed) throw base::Error(NotInstalled("sbatch"));
   if (answer.exit_code != 0) {
-    throw base::Error(fmt::format("sbatch refused an array of {} cells: {}", array.cells.size(),
-                                  Words(answer)));
+    throw base::Error(
+        fmt::format("sbatch refused an array of {} cells: {}", array.cells.size(), Words(answer)));
   }
   array.job = JobNumber(answer.output);
   submission.job = array.job;

@@ -64,7 +64,7 @@ ToolAnswer RunTool(const std::vector<std::string>& arguments) {
   const int error =
       posix_spawnp(&child, pointers.front(), &actions, nullptr, pointers.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
-  if (error == ENOENT) return {.is_installed = false};
+  if (error == ENOENT) return {.is_installed = false, .exit_code = 0, .output = {}, .errors = {}};
   if (error != 0) {
     throw base::Error(
         fmt::format("{} cannot be started: {}", arguments.front(), std::strerror(error)));
