@@ -30,7 +30,7 @@ def main():
             except Failure as failure:
                 outputs = "\n".join(f"--- {path.name}\n{path.read_text()}" for path in store.glob("plans/*/slurm/*.txt"))
                 raise Failure(f"{failure}\n{outputs}\n{slurm.logs()}") from None
-        run_here(program, plan, folder / "local")
+        run_here(program, plan, folder / "local", slurm.environment)
         require_equal(store, results(folder / "local"), "Slurm")
         say("passed: the same bits as without Slurm")
 

@@ -50,8 +50,8 @@ def write_plan(folder, steps):
     return folder / "plan.toml"
 
 
-def run_here(program, plan, store):
-    run(program, "sweep", "run", plan, "--output", store)
+def run_here(program, plan, store, environment):
+    run(program, "sweep", "run", plan, "--output", store, env=environment)
 
 
 def results(store):
