@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <random>
 #include <sstream>
 #include <vector>
 
@@ -33,7 +34,13 @@ class TemporaryFile {
   /// `named`: what errors call the target, which may be a link to it.
   TemporaryFile(const std::filesystem::path& target, const std::filesystem::path& named)
       : named_(named), target_(target), path_(target.string() + ".tmp") {
-    fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    Open();
+    if (fd_ < 0 && errno == EEXIST) {
+      // Somebody else writes the same file, perhaps from another machine, or was killed at it.
+      std::random_device random;
+      path_ += fmt::format("-{:08x}{:08x}", random(), random());
+      Open();
+    }
     if (fd_ < 0) Fail("cannot create");
   }
   ~TemporaryFile() {
@@ -58,13 +65,14 @@ class TemporaryFile {
   }
 
  private:
+  void Open() { fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644); }
   [[noreturn]] void Fail(const char* what) {
     throw Error(fmt::format("{}: {} ({})", named_.string(), what, std::strerror(errno)));
   }
 
   const std::filesystem::path named_;
   const std::filesystem::path target_;
-  const std::filesystem::path path_;
+  std::filesystem::path path_;
   int fd_ = -1;
   bool committed_ = false;
 };

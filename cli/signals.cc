@@ -2,6 +2,7 @@
 
 #include <semaphore.h>
 #include <signal.h>
+#include <time.h>
 
 #include <atomic>
 #include <thread>
@@ -25,7 +26,23 @@ namespace {
 std::atomic<int>* received_signal = nullptr;
 sem_t* signal_arrived = nullptr;
 
+double SecondsNow() {
+  timespec now = {};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+std::atomic<double> first_stop_s = 0.0;  // When SIGINT or SIGTERM came; 0: it has not.
+
 extern "C" void OnStopSignal(int number) {
+  if (number != SIGHUP) {
+    if (first_stop_s == 0.0) {
+      first_stop_s = SecondsNow();
+    } else if (SecondsNow() - first_stop_s >= 1.0) {
+      signal(number, SIG_DFL);
+      raise(number);
+      return;
+    }
+  }
   if (number == SIGHUP) signal(SIGPIPE, SIG_IGN);
   *received_signal = number;
   sem_post(signal_arrived);
@@ -40,13 +57,13 @@ StopSignals::StopSignals() : impl_(new Impl) {
   signal_arrived = &impl_->arrived;
   struct sigaction action = {};
   action.sa_handler = OnStopSignal;
-  action.sa_flags = SA_RESETHAND | SA_RESTART;  // The second one does what it does by default.
+  action.sa_flags = SA_RESTART;
+  first_stop_s = 0.0;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   struct sigaction before = {};
   sigaction(SIGHUP, nullptr, &before);
   takes_hangup_ = before.sa_handler != SIG_IGN;
-  action.sa_flags = SA_RESTART;
   if (takes_hangup_) sigaction(SIGHUP, &action, nullptr);
   impl_->waiter = std::thread([impl = impl_] {
     while (sem_wait(&impl->arrived) != 0) {

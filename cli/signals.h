@@ -6,10 +6,12 @@ namespace slalom::cli {
 
 /// Turns SIGINT, SIGTERM and SIGHUP (the terminal was closed, the connection lost) into a stop
 /// request for as long as it lives. SIGINT or SIGTERM again ends the program at once, as it would
-/// without this. SIGHUP again does nothing, since a shell that loses its terminal sends another one
-/// after the kernel's; and from the first one on SIGPIPE is ignored, so that a reader of the output
-/// which died with the terminal does not end the program before it has saved. If SIGHUP is ignored,
-/// as under nohup, it stays ignored. Only one object may exist at a time.
+/// without this, unless less than a second has passed: a batch system signals every process of a
+/// job, and a parent that was told, too, passes it on. SIGHUP again does nothing, since a shell
+/// that loses its terminal sends another one after the kernel's; and from the first one on SIGPIPE
+/// is ignored, so that a reader of the output which died with the terminal does not end the program
+/// before it has saved. If SIGHUP is ignored, as under nohup, it stays ignored. Only one object may
+/// exist at a time.
 class StopSignals {
  public:
   StopSignals();

@@ -27,6 +27,7 @@
 #include "sweep/plan.h"
 #include "sweep/plan_record.h"
 #include "sweep/runner.h"
+#include "sweep/slurm.h"
 #include "sweep/store.h"
 #include "train/run_identity.h"
 
@@ -44,6 +45,7 @@ struct SweepOptions {
   std::vector<std::string> groups;
   std::vector<std::string> ids;
   std::string shard;
+  std::string engine = "local";
   int at_once = 0;
   std::string metrics;
   bool no_trial = false;
@@ -204,6 +206,28 @@ void PrintPlan(const SweepOptions& options) {
              rates.knows_scores() ? "" : ", and the scores, which were never timed here");
 }
 
+/// Where a sweep keeps what it tells and hears of Slurm.
+fs::path SlurmDirectory(const SweepOptions& options, const Sweep& sweep) {
+  return sweep::PlanDirectory(options.store, sweep.plan.sweep.name) / "slurm";
+}
+
+/// What Slurm says of the cells, if any were submitted.
+void PrintSlurmStatus(const SweepOptions& options, const Sweep& sweep) {
+  const sweep::SlurmStatus status =
+      sweep::ReadSlurmStatus(SlurmDirectory(options, sweep), sweep.plan.sweep.name);
+  if (status.tasks.empty()) return;
+  fmt::print("\n{:<17} {:<12} {:<13} {}\n", "cell", "Slurm's task", "state", "output");
+  for (const sweep::SlurmTask& task : status.tasks) {
+    if (std::ranges::find(sweep.chosen, task.cell, &sweep::Cell::id) == sweep.chosen.end()) {
+      continue;
+    }
+    fmt::print("{:<17} {:<12} {:<13} {}{}\n", task.cell, task.task,
+               task.state.empty() ? "ended" : task.state, task.output.string(),
+               task.reason.empty() ? "" : " (" + task.reason + ")");
+  }
+  for (const std::string& note : status.notes) fmt::print("{}\n", note);
+}
+
 void PrintStatus(const SweepOptions& options) {
   const Sweep sweep = Load(options);
   std::map<sweep::CellState, int> counts;
@@ -220,6 +244,7 @@ void PrintStatus(const SweepOptions& options) {
     texts.push_back(fmt::format("{} {}", count, sweep::ToString(state)));
   }
   fmt::print("\n{} cells: {}\n", sweep.chosen.size(), fmt::join(texts, ", "));
+  PrintSlurmStatus(options, sweep);
 }
 
 /// The command that goes on with the sweep.
@@ -231,6 +256,26 @@ std::string Again(const SweepOptions& options, const std::string& more = "") {
   if (options.store != kStore) arguments.insert(arguments.end(), {"--output", options.store});
   if (!more.empty()) arguments.push_back(more);
   return CommandLine(arguments);
+}
+
+/// Submits what is neither done nor given up, and returns at once.
+void SubmitSweep(const SweepOptions& options, const Sweep& sweep) {
+  std::vector<std::string> left;
+  for (const sweep::Cell& cell : sweep.chosen) {
+    const sweep::CellState state = sweep::ReadCellStatus(options.store, cell).state;
+    if (state != sweep::CellState::kDone && state != sweep::CellState::kFailed) {
+      left.push_back(cell.id);
+    }
+  }
+  std::vector<std::string> command = {Program().string(), "sweep", "run", options.plan};
+  for (const std::string& set : options.overrides) command.insert(command.end(), {"--set", set});
+  command.insert(command.end(), {"--output", options.store, "--at-once", "1"});
+  const sweep::SlurmSubmission submission = sweep::SubmitToSlurm(
+      {sweep.plan.sweep.name, sweep.plan.slurm, command, SlurmDirectory(options, sweep)}, left);
+  fmt::print("{}: {} of {} cells are done or failed, {} are in Slurm already, {} are submitted{}\n",
+             sweep.plan.sweep.name, sweep.chosen.size() - left.size(), sweep.chosen.size(),
+             submission.num_queued, submission.num_submitted,
+             submission.job.empty() ? "" : " as array " + submission.job);
 }
 
 int RunSweep(const SweepOptions& options) {
@@ -249,6 +294,10 @@ int RunSweep(const SweepOptions& options) {
       std::error_code ec;
       fs::remove(sweep::CellDirectory(options.store, cell.id).failed(), ec);
     }
+  }
+  if (options.engine == "slurm") {
+    SubmitSweep(options, sweep);
+    return kExitOk;
   }
   spdlog::info("{}: {} cells in {}, {} at once{}", sweep.plan.sweep.name, sweep.chosen.size(),
                options.store, slots.at_once,
@@ -318,6 +367,10 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   run->add_flag("--retry-failed", options->retry_failed, "Try cells again that have failed");
   run->add_option("--metrics", options->metrics,
                   "Show the cells to Prometheus meanwhile, at this HOST:PORT, as `serve` does");
+  run->add_option("--engine", options->engine,
+                  "Who runs the cells: local, this machine; slurm, a job array of a Slurm cluster "
+                  "(docs/sweeps-cluster.md) [local]")
+      ->check(CLI::IsMember({"local", "slurm"}));
   run->callback([options, exit_code] { *exit_code = RunSweep(*options); });
 
   CLI::App* status = sweep->add_subcommand("status", "Print what has become of a plan's cells");

@@ -228,7 +228,7 @@ class Work {
     for (;;) {
       const std::optional<int> exit_code = child.Wait(std::chrono::milliseconds(200));
       if (exit_code) {
-        if (stopped) return {*exit_code, WorkEnd::kStopped};
+        if (stopped || stop_.stop_requested()) return {*exit_code, WorkEnd::kStopped};
         return {*exit_code, std::nullopt};
       }
       if (Clock::now() - last_beat >= Claim::kBeat) {

@@ -2,7 +2,7 @@
 # docs/testing.md says what a tier is for and how long each part takes.
 
 build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3)
-all_packages=(libbenchmark-dev clang clang-tidy prometheus docker.io docker-compose mmdebstrap)
+all_packages=(libbenchmark-dev clang clang-tidy prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
 
 test_help() {
   cat <<'HELP'

@@ -81,6 +81,17 @@ TEST_F(FileTest, AWriterThatThrowsLeavesTheOldFile) {
   EXPECT_EQ(NumFiles(), 1);
 }
 
+TEST_F(FileTest, TwoWritersOfOneFileDoNotMeet) {
+  const fs::path path = directory_ / "file";
+  WriteFileAtomically(path, [&](const AppendBytes& append) {
+    append(std::as_bytes(std::span("outer", 5)));
+    WriteFileAtomically(path, "inner");
+    EXPECT_EQ(ReadFile(path), "inner");
+  });
+  EXPECT_EQ(ReadFile(path), "outer");
+  EXPECT_EQ(NumFiles(), 1);
+}
+
 TEST_F(FileTest, AFullDiskLeavesTheOldFileAndNoOther) {
   const fs::path path = directory_ / "file";
   WriteFileAtomically(path, "old");

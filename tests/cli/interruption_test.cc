@@ -87,6 +87,21 @@ TEST_P(SignalTest, StopsSavesAndGoesOn) {
 
 INSTANTIATE_TEST_SUITE_P(AllSignals, SignalTest, testing::Values(SIGINT, SIGTERM, SIGHUP));
 
+// A batch system tells every process of a job to end, and then a parent passes it on.
+TEST(InterruptionTest, TheSameSignalAtOnceDoesNotKeepARunFromSaving) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 100000000);
+  const fs::path run = scratch.path() / "runs/tiny";
+  BackgroundProgram program({"train", "tiny.toml"}, scratch.path());
+  WaitUntil([&] {
+    return fs::exists(run / "metrics.csv") && base::ReadFile(run / "metrics.csv").size() > 500;
+  });
+  for (int i = 0; i < 50; ++i) program.Signal(SIGTERM);
+  EXPECT_EQ(program.Wait(), 128 + SIGTERM);
+  EXPECT_TRUE(HasCheckpoint(run / "checkpoints"));
+  EXPECT_TRUE(fs::exists(run / "policy.safetensors"));
+}
+
 // The kernel sends SIGHUP when a terminal goes, and the shell on it another one.
 TEST(InterruptionTest, ASecondHangupDoesNotKeepARunFromSaving) {
   const ScratchDirectory scratch;
