@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -15,10 +16,10 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
-#include "base/suggestion.h"
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/signals.h"
+#include "cli/sweep_selection.h"
 #include "cli/sweep_serve.h"
 #include "cli/version.h"
 #include "sweep/calibration.h"
@@ -26,6 +27,7 @@
 #include "sweep/estimate.h"
 #include "sweep/plan.h"
 #include "sweep/plan_record.h"
+#include "sweep/report.h"
 #include "sweep/runner.h"
 #include "sweep/slurm.h"
 #include "sweep/store.h"
@@ -35,92 +37,6 @@ namespace slalom::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr char kStore[] = "runs/sweeps";
-
-struct SweepOptions {
-  std::string plan;
-  std::vector<std::string> overrides;
-  std::string store = kStore;
-  std::vector<std::string> groups;
-  std::vector<std::string> ids;
-  std::string shard;
-  std::string engine = "local";
-  int at_once = 0;
-  std::string metrics;
-  bool no_trial = false;
-  bool retry_failed = false;
-};
-
-/// A plan with its cells, and those that the options choose.
-struct Sweep {
-  sweep::Plan plan;
-  sweep::Cells all;
-  std::vector<sweep::Cell> chosen;  ///< In the order in which they are worked on.
-};
-
-std::pair<std::size_t, std::size_t> ParseShard(const std::string& text) {
-  unsigned long part = 0;
-  unsigned long parts = 0;
-  char end = 0;
-  if (std::sscanf(text.c_str(), "%lu/%lu%c", &part, &parts, &end) != 2 || part < 1 ||
-      part > parts) {
-    throw base::Error(fmt::format(
-        "--shard {}: expected PART/PARTS with PART from 1 to PARTS, such as 1/4", text));
-  }
-  return {part, parts};
-}
-
-/// The first seed of every row before the second one, so that the whole picture shows early.
-std::vector<sweep::Cell> BySeed(const sweep::Plan& plan, const std::vector<sweep::Cell>& cells) {
-  std::vector<sweep::Cell> sorted = cells;
-  const auto place = [&plan](const sweep::Cell& cell) {
-    return std::ranges::find(plan.sweep.seeds, cell.seed) - plan.sweep.seeds.begin();
-  };
-  std::ranges::stable_sort(
-      sorted, {}, [&](const sweep::Cell& cell) { return cell.planner.empty() ? place(cell) : 0; });
-  return sorted;
-}
-
-std::vector<sweep::Cell> Choose(const SweepOptions& options, const sweep::Plan& plan,
-                                const std::vector<sweep::Cell>& cells) {
-  std::vector<std::string> names;
-  for (const sweep::Group& group : plan.groups) names.push_back(group.name);
-  for (const std::string& group : options.groups) {
-    if (std::ranges::find(names, group) != names.end()) continue;
-    throw base::Error(fmt::format("--only {}: {} has no such group, expected one of {}{}", group,
-                                  options.plan, fmt::join(names, ", "),
-                                  base::Suggestion(group, names)));
-  }
-  for (const std::string& id : options.ids) {
-    if (std::ranges::find(cells, id, &sweep::Cell::id) != cells.end()) continue;
-    throw base::Error(fmt::format(
-        "--cell {}: {} has no such cell here ({}); was it planned by another version of slalom or "
-        "on another class of processor?",
-        id, options.plan, train::Describe(train::ThisPlatform())));
-  }
-  const auto [part, parts] =
-      options.shard.empty() ? std::pair<std::size_t, std::size_t>{1, 1} : ParseShard(options.shard);
-  std::vector<sweep::Cell> chosen;
-  const std::vector<sweep::Cell> sorted = BySeed(plan, cells);
-  for (std::size_t i = 0; i < sorted.size(); ++i) {
-    const bool in_group =
-        options.groups.empty() ||
-        std::ranges::find(options.groups, sorted[i].group) != options.groups.end();
-    const bool is_named =
-        options.ids.empty() || std::ranges::find(options.ids, sorted[i].id) != options.ids.end();
-    if (in_group && is_named && i % parts == part - 1) chosen.push_back(sorted[i]);
-  }
-  return chosen;
-}
-
-Sweep Load(const SweepOptions& options) {
-  Sweep sweep;
-  sweep.plan = sweep::ReadPlan(options.plan, options.overrides);
-  sweep.all = sweep::ExpandPlan(sweep.plan, train::ThisPlatform());
-  sweep.chosen = Choose(options, sweep.plan, sweep.all.cells);
-  return sweep;
-}
 
 fs::path Program() { return fs::read_symlink("/proc/self/exe"); }
 
@@ -154,7 +70,7 @@ void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, i
 }
 
 void PrintPlan(const SweepOptions& options) {
-  const Sweep sweep = Load(options);
+  const Sweep sweep = LoadSweep(options);
   const sweep::Slots slots =
       sweep::ShareOut(base::AvailableCores(), options.at_once, sweep.plan.sweep.lockstep);
   fmt::print("{}: {}\n\n", sweep.plan.sweep.name, sweep.plan.sweep.title);
@@ -229,7 +145,7 @@ void PrintSlurmStatus(const SweepOptions& options, const Sweep& sweep) {
 }
 
 void PrintStatus(const SweepOptions& options) {
-  const Sweep sweep = Load(options);
+  const Sweep sweep = LoadSweep(options);
   std::map<sweep::CellState, int> counts;
   fmt::print("{:<17} {:<9} {:>12} {:>7}  {}\n", "cell", "state", "steps", "scores", "what");
   for (const sweep::Cell& cell : sweep.chosen) {
@@ -253,7 +169,7 @@ std::string Again(const SweepOptions& options, const std::string& more = "") {
   for (const std::string& set : options.overrides) {
     arguments.insert(arguments.end(), {"--set", set});
   }
-  if (options.store != kStore) arguments.insert(arguments.end(), {"--output", options.store});
+  if (options.store != kSweepStore) arguments.insert(arguments.end(), {"--output", options.store});
   if (!more.empty()) arguments.push_back(more);
   return CommandLine(arguments);
 }
@@ -278,10 +194,44 @@ void SubmitSweep(const SweepOptions& options, const Sweep& sweep) {
              submission.job.empty() ? "" : " as array " + submission.job);
 }
 
+/// Writes a plan's report while its cells are worked on, now and then.
+class Reporter {
+ public:
+  Reporter(const Sweep& sweep, fs::path store) : sweep_(sweep), store_(std::move(store)) {}
+
+  /// Writes it if some time has passed since. A disk that is full does not end the sweep.
+  void Update() {
+    if (Clock::now() - last_ < kInterval) return;
+    try {
+      Write();
+    } catch (const base::Error& error) {
+      spdlog::warn("the report is not written: {}", error.what());
+    }
+    last_ = Clock::now();
+  }
+
+  void Write() const { sweep::WriteSweepReport(sweep_.plan, sweep_.all, store_); }
+
+  /// The table of the scores, and where the report lies.
+  std::string Summary() const {
+    const fs::path page = sweep::PlanDirectory(store_, sweep_.plan.sweep.name) / "report.html";
+    return fmt::format("{}\nreport: {}, and report.md, .csv, .tex beside it\n",
+                       sweep::SweepSummary(sweep_.plan, sweep_.all, store_), page.string());
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::seconds kInterval{20};
+
+  const Sweep& sweep_;
+  const fs::path store_;
+  Clock::time_point last_{};
+};
+
 int RunSweep(const SweepOptions& options) {
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   StopSignals signals;
-  const Sweep sweep = Load(options);
+  const Sweep sweep = LoadSweep(options);
   base::MakeDirectories(options.store);
   sweep::RequireSharable(options.store);
   const sweep::Slots slots =
@@ -310,40 +260,22 @@ int RunSweep(const SweepOptions& options) {
                                    .program = Program(),
                                    .commit = std::string(Commit()),
                                    .platform = train::Describe(platform)};
-  const sweep::SweepEnd end = sweep::RunCells(sweep.chosen, work, slots, signals.token(), [] {});
+  Reporter reporter(sweep, options.store);
+  const sweep::SweepEnd end = sweep::RunCells(sweep.chosen, work, slots, signals.token(),
+                                              [&reporter] { reporter.Update(); });
+  reporter.Write();
   if (end.stopped) {
     fmt::print("stopped: {} of {} cells are done; to go on: {}\n", end.num_done,
                sweep.chosen.size(), Again(options));
     return kExitSignalBase + signals.received();
   }
+  fmt::print("\n{}", reporter.Summary());
   if (end.num_failed > 0) {
     fmt::print(stderr, "slalom: {} of {} cells failed; to try them again: {}\n", end.num_failed,
                sweep.chosen.size(), Again(options, "--retry-failed"));
     return kExitError;
   }
   return kExitOk;
-}
-
-void AddPlanOptions(CLI::App& command, SweepOptions& options) {
-  command.add_option("PLAN", options.plan, "TOML file of the sweep (configs/sweeps has some)")
-      ->required();
-  command
-      .add_option("--set", options.overrides,
-                  "Override a key of the plan ([sweep], [budget], [slurm]), or of the config of "
-                  "every training (repeatable)")
-      ->type_name("KEY=VALUE");
-  command.add_option("--output", options.store,
-                     "Directory of all sweeps, which share their cells [runs/sweeps]");
-  command.add_option("--only", options.groups, "Only cells of this group (repeatable)")
-      ->type_name("GROUP");
-  command.add_option("--cell", options.ids, "Only the cell of this id (repeatable)")
-      ->type_name("ID");
-  command.add_option("--shard", options.shard, "Only one part of the cells, such as 1/4")
-      ->type_name("PART/PARTS");
-  command
-      .add_option("--at-once", options.at_once,
-                  "Cells at the same time [one per core; half as many where trainings use threads]")
-      ->check(CLI::Range(0, 4096));
 }
 
 }  // namespace
@@ -377,6 +309,16 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   AddPlanOptions(*status, *options);
   status->callback([options] { PrintStatus(*options); });
 
+  CLI::App* report = sweep->add_subcommand(
+      "report", "Write the report of what a plan's cells have come to, done or not");
+  AddPlanOptions(*report, *options);
+  report->callback([options] {
+    const Sweep loaded = LoadSweep(*options);
+    const Reporter reporter(loaded, options->store);
+    reporter.Write();
+    fmt::print("{}", reporter.Summary());
+  });
+
   CLI::App* serve = sweep->add_subcommand(
       "serve", "Show a plan's cells to Prometheus while others work on them (docs/operations.md)");
   AddPlanOptions(*serve, *options);
@@ -384,7 +326,7 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
       "--metrics", options->metrics,
       fmt::format("Address of /metrics; port 0: any free one [{}]", kSweepMetricsAddress));
   serve->callback([options, exit_code] {
-    const Sweep loaded = Load(*options);
+    const Sweep loaded = LoadSweep(*options);
     *exit_code = ServeSweep(loaded.plan, {loaded.chosen, loaded.all.axis_names}, options->store,
                             options->metrics.empty() ? kSweepMetricsAddress : options->metrics);
   });
