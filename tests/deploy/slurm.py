@@ -93,6 +93,12 @@ class Slurm:
         return self
 
     def __exit__(self, *_):
+        try:  # What still runs would outlive its slurmd.
+            if self.states():
+                self("scancel", *self.states())
+                wait_for("Slurm's tasks to end", lambda: not self.states(), 60)
+        except Failure as failure:
+            say(failure)
         for daemon in reversed(self.daemons):
             daemon.terminate()
             try:
