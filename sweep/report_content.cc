@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <set>
 
 #include "eval/comparison.h"
@@ -14,12 +15,30 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string BudgetText(const Plan& plan) {
-  const BudgetSettings& budget = plan.budget;
-  if (budget.steps > 0) return FormatCount(static_cast<double>(budget.steps)) + " steps";
-  if (budget.updates > 0) return FormatCount(static_cast<double>(budget.updates)) + " updates";
-  if (budget.seconds > 0.0) return FormatSeconds(budget.seconds) + " of training time";
-  return "as the presets say";
+/// "200k steps", "100k to 2M steps": the least and the most of what trainings were given.
+std::string Span(const std::set<double>& values, const std::function<std::string(double)>& print) {
+  const std::string least = print(*values.begin());
+  const std::string most = print(*values.rbegin());
+  return least == most ? least : fmt::format("{} to {}", least, most);
+}
+
+/// How long the trainings were to last.
+std::string BudgetText(const Cells& cells) {
+  std::set<double> steps;
+  std::set<double> seconds;
+  for (const Cell& cell : cells.cells) {
+    if (!cell.config) continue;
+    const train::RunSettings& run = cell.config->run;
+    if (run.max_seconds > 0.0) {
+      seconds.insert(run.max_seconds);
+    } else {
+      steps.insert(static_cast<double>(run.max_steps));
+    }
+  }
+  std::vector<std::string> texts;
+  if (!steps.empty()) texts.push_back(Span(steps, FormatCount) + " steps");
+  if (!seconds.empty()) texts.push_back(Span(seconds, FormatSeconds) + " of training time");
+  return fmt::format("{}", fmt::join(texts, ", "));
 }
 
 bool HasTrainings(const Cells& cells) {
@@ -69,10 +88,17 @@ std::vector<std::pair<std::string, std::string>> ProvenanceOf(const Plan& plan, 
                                                               const SweepResults& results) {
   std::vector<std::pair<std::string, std::string>> facts;
   facts.emplace_back("Plan", plan.file.string());
+  if (!plan.overrides.empty()) {
+    std::vector<std::string> sets;
+    for (const base::TomlAssignment& set : plan.overrides) {
+      sets.push_back(set.key + "=" + set.value.text);
+    }
+    facts.emplace_back("Changed by --set", fmt::format("{}", fmt::join(sets, ", ")));
+  }
   facts.emplace_back("Cells", ProgressText(results));
   if (HasTrainings(cells)) {
     facts.emplace_back("Seeds", fmt::format("{}", fmt::join(plan.sweep.seeds, ", ")));
-    facts.emplace_back("Budget of a training", BudgetText(plan));
+    facts.emplace_back("Budget of a training", BudgetText(cells));
     facts.emplace_back("Training", plan.sweep.lockstep
                                        ? "in lockstep: a result depends on plan and processor alone"
                                        : "with threads: a result depends on the machine's speed");
