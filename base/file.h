@@ -15,7 +15,8 @@ std::string ReadFile(const std::filesystem::path& path);
 
 /// Replaces `path` by `content` so that after a crash at any moment either the old or the new file
 /// is there whole: written beside it, synced, renamed. Throws `Error` where that fails (no space,
-/// no permission); the old file is then untouched and no temporary is left.
+/// no permission); the old file is then untouched and no temporary is left. Several processes may
+/// write one file at once: the last one to finish stays.
 ///
 /// A symbolic link stays, and the file that it points to is replaced. What is there and is no
 /// regular file (a device, a pipe, /dev/stdout) is not replaced but written to, which is not
