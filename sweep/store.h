@@ -12,7 +12,7 @@
 /// first, so that plans share cells:
 ///
 ///     ROOT/cells/ID/cell.json      what it is, for people and for the metrics
-///     ROOT/cells/ID/config.toml    what `slalom train` is given
+///     ROOT/cells/ID/training.toml  what `slalom train` is given
 ///     ROOT/cells/ID/run/           an ordinary run
 ///     ROOT/cells/ID/trained.json   written once the training is finished (`TrainedCell`)
 ///     ROOT/cells/ID/scores/DIGEST.toml   the config of an evaluation
@@ -33,7 +33,7 @@ class CellDirectory {
 
   const std::filesystem::path& root() const { return root_; }
   std::filesystem::path facts() const { return root_ / "cell.json"; }
-  std::filesystem::path config() const { return root_ / "config.toml"; }
+  std::filesystem::path config() const { return root_ / "training.toml"; }
   std::filesystem::path run() const { return root_ / "run"; }
   std::filesystem::path trained() const { return root_ / "trained.json"; }
   std::filesystem::path failed() const { return root_ / "failed.json"; }

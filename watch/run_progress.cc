@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "base/error.h"
@@ -19,6 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::string_view kRunOfCell = "run";  // In the directory of a sweep's cell.
 constexpr double kFresh = 15.0;      // A file written within so many seconds has a writer.
 constexpr double kComplete = 0.995;  // Of a limit; a run ends a moment before or after it.
 
@@ -110,9 +112,13 @@ std::vector<fs::path> ListRuns(const fs::path& root) {
   if (IsRun(root)) return {root};
   std::vector<fs::path> runs;
   std::error_code ended;
-  for (fs::directory_iterator it(root, ended); !ended && it != fs::directory_iterator();
+  const fs::path cells = root / "cells";
+  const fs::path& around = fs::is_directory(cells, ended) ? cells : root;
+  for (fs::directory_iterator it(around, ended); !ended && it != fs::directory_iterator();
        it.increment(ended)) {
-    if (IsRun(it->path())) runs.push_back(it->path());
+    for (const fs::path& place : {it->path(), it->path() / kRunOfCell}) {
+      if (IsRun(place)) runs.push_back(place);
+    }
   }
   std::sort(runs.begin(), runs.end());
   return runs;
@@ -120,7 +126,18 @@ std::vector<fs::path> ListRuns(const fs::path& root) {
 
 std::string NameOf(const fs::path& run) {
   const fs::path normal = fs::absolute(run).lexically_normal();
-  return (normal.has_filename() ? normal : normal.parent_path()).filename().string();
+  const fs::path named = normal.has_filename() ? normal : normal.parent_path();
+  std::error_code ec;
+  const fs::path cell = named.parent_path();
+  if (named.filename() != kRunOfCell || !fs::is_regular_file(cell / "cell.json", ec)) {
+    return named.filename().string();
+  }
+  std::ifstream file(cell / "cell.json");
+  const auto facts = nlohmann::json::parse(file, nullptr, false);
+  const std::string id = cell.filename().string();
+  if (!facts.is_object() || !facts.value("row", nlohmann::json()).is_string()) return id;
+  return fmt::format("{}, seed {} ({})", facts["row"].get<std::string>(),
+                     facts.value("seed", nlohmann::json()).dump(), id);
 }
 
 }  // namespace slalom::watch

@@ -49,10 +49,12 @@ bool IsRun(const std::filesystem::path& directory);
 std::optional<RunProgress> ReadRun(const std::filesystem::path& directory, const RunFacts& facts,
                                    std::size_t max_rows);
 
-/// Returns the runs to watch: `root` itself if it is a run, else those directly in it, by name.
+/// Returns the runs to watch: `root` itself if it is a run, else those directly in it, and those of
+/// the cells of a sweep if it is the directory of sweeps or cells (sweep/store.h), by path.
 std::vector<std::filesystem::path> ListRuns(const std::filesystem::path& root);
 
-/// Returns the name of a run in lists and addresses.
+/// Returns the name of a run in lists and addresses: that of its directory, or for the cell of a
+/// sweep its row, seed and id.
 std::string NameOf(const std::filesystem::path& run);
 
 }  // namespace slalom::watch

@@ -63,6 +63,21 @@ TEST(RunProgressTest, TellsTrainingFromStoppedAndFinished) {
   EXPECT_EQ(state(20.0), RunState::kStopped);
 }
 
+TEST(RunProgressTest, TheCellsOfASweepAreRunsWithNamesOfTheirRows) {
+  const test::ScratchDirectory scratch;
+  const fs::path cell = scratch.path() / "cells/0123";
+  base::MakeDirectories(cell / "run");
+  base::MakeDirectories(scratch.path() / "plans/p");
+  base::WriteFileAtomically(cell / "run/config.toml", "");
+  EXPECT_EQ(NameOf(cell / "run"), "run");
+  base::WriteFileAtomically(cell / "cell.json", R"({"row": "GRU / 4", "seed": 2})");
+  EXPECT_THAT(ListRuns(scratch.path()), ElementsAre(cell / "run"));
+  EXPECT_THAT(ListRuns(scratch.path() / "cells"), ElementsAre(cell / "run"));
+  EXPECT_EQ(NameOf(cell / "run"), "GRU / 4, seed 2 (0123)");
+  base::WriteFileAtomically(cell / "cell.json", "{}");
+  EXPECT_EQ(NameOf(cell / "run"), "0123");
+}
+
 TEST(RunProgressTest, ARunMayComeAndGo) {
   const test::ScratchDirectory scratch;
   const fs::path run = scratch.path() / "run";
