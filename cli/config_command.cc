@@ -10,6 +10,7 @@
 
 #include "cli/commands.h"
 #include "config/config.h"
+#include "sweep/plan.h"
 #include "train/agent_run_config.h"
 #include "train/run_config.h"
 
@@ -34,6 +35,14 @@ constexpr char kAgentPageHead[] =
     "`collection` and `generator_seed` of `[courses]`, and the sections below. It checks keys that "
     "only training reads, and\n"
     "ignores them. For planners, some keys of the sections above have other defaults:\n";
+
+constexpr char kPlanPageHead[] =
+    "\n# Sweep plans\n\n"
+    "The keys of a plan, which `slalom sweep` reads ([sweeps.md](sweeps.md)). A section in double "
+    "brackets may stand in a\n"
+    "file several times, once for each axis, group and so on. A plan may start from another with "
+    "`base`, as above; its\n"
+    "`[[axis]]` sections, say, then take the place of all that the other has.\n";
 
 /// "`environment.episode.step` 0.05 s, ...": the defaults of an agent's run that a training run's
 /// are not.
@@ -95,9 +104,11 @@ void AddConfigCommand(CLI::App& app) {
   docs->callback([] {
     train::RunConfig defaults;
     planners::PlannersConfig planner_defaults;
-    fmt::print("{}{}{}{}{}", kPageHead, config::PrintMarkdown(config::ListFields(defaults)),
+    sweep::Plan plan_defaults;
+    fmt::print("{}{}{}{}{}{}{}", kPageHead, config::PrintMarkdown(config::ListFields(defaults)),
                kAgentPageHead, OtherDefaults(),
-               config::PrintMarkdown(config::ListFields(planner_defaults)));
+               config::PrintMarkdown(config::ListFields(planner_defaults)), kPlanPageHead,
+               config::PrintMarkdown(config::ListFields(plan_defaults)));
   });
   // Last, as the commands above would inherit it.
   config->footer(

@@ -133,6 +133,12 @@ std::string PrintToml(const FieldList& list) {
 
 std::string PrintMarkdown(const FieldList& list) {
   std::string text;
+  const bool has_top_level = std::ranges::any_of(
+      list.fields, [](const Field& field) { return SectionOf(field.key).empty(); });
+  if (has_top_level) {
+    text += "\n## Top level\n\nThese keys stand before the first section.\n";
+    PrintFieldRows(list, "", text);
+  }
   for (const Section& section : list.sections) {
     text += fmt::format("\n## `[{}]`\n\n{}\n", section.key, section.meaning);
     PrintFieldRows(list, section.key, text);

@@ -247,6 +247,8 @@ TEST_F(ConfigFileTest, ErrorsNameTheFileThatIsWrong) {
 TEST(ConfigPrintTest, MarkdownHoldsEveryField) {
   Outer config;
   const std::string page = PrintMarkdown(ListFields(config));
+  EXPECT_THAT(page, HasSubstr("## Top level"));
+  EXPECT_THAT(page, HasSubstr("| `flag` | `false` |"));
   EXPECT_THAT(page, HasSubstr("## `[inner]`"));
   EXPECT_THAT(page, HasSubstr("| `speed` | `1.5` | -10 to 1e+300 | m/s | How fast. |"));
   EXPECT_THAT(page, HasSubstr("`fast`, `slow`"));

@@ -71,6 +71,9 @@ def shortened(program, page, arguments):
             [] if "--resume" in rest else ["run.learning_starts=1024", "actor.warmup_steps=1024"])
     if command == "evaluate":
         return few_courses(program, page, without(arguments, "--episodes")) + ["--episodes", "1"]
+    if command == "sweep":
+        return arguments + ["--set", "sweep.seeds=[1]", f"run.max_steps={STEPS[False]}", "run.learning_starts=1024", "actor.warmup_steps=1024",
+                            "evaluation.episodes_per_course=1"]
     if command in ROLES:
         ports = os.environ["SLALOM_PORTS"].split()
         return arguments + ["--set", f"service.replay=tcp://127.0.0.1:{ports[0]}", f"service.learner=tcp://127.0.0.1:{ports[1]}"]
