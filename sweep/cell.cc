@@ -237,10 +237,10 @@ class Expansion {
   }
 
   std::vector<const Score*> ScoresOf(const Group& group) const {
+    const auto& names = group.scores.empty() ? plan_.sweep.scores : group.scores;
     std::vector<const Score*> scores;
     for (const Score& score : plan_.scores) {
-      const bool wanted =
-          group.scores.empty() || std::ranges::find(group.scores, score.name) != group.scores.end();
+      const bool wanted = names.empty() || std::ranges::find(names, score.name) != names.end();
       if (wanted) scores.push_back(&score);
     }
     return scores;

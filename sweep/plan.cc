@@ -106,6 +106,10 @@ class Checker {
         Fail(fmt::format("[[score]] '{}' has no courses, expected a course set", score.name));
       }
     }
+    for (const std::string& score : plan_.sweep.scores) {
+      if (HasScore(score)) continue;
+      Fail(fmt::format("sweep.scores names '{}', expected the name of a [[score]]", score));
+    }
   }
 
   bool HasScore(const std::string& name) const {

@@ -19,6 +19,7 @@ struct SweepSettings {
   std::string title;
   std::string preset;
   std::vector<int> seeds = {1, 2, 3};
+  std::vector<std::string> scores;
   bool lockstep = true;
   bool mixed_platforms = false;
   std::int64_t checkpoint_steps = 100000;
@@ -33,6 +34,9 @@ struct SweepSettings {
       "own.");
     v("seeds", seeds, base::Range{0, 2.0e9}, "",
       "Each combination of the axes is trained once with each of these seeds (run.seed).");
+    v("scores", scores,
+      "Names of the scores for groups that list none. Empty: all. With --set, a plan can so be "
+      "scored on courses for choosing settings in place of the test courses.");
     v("lockstep", lockstep,
       "Train deterministically (run.deterministic), so that neither a kill nor another cell on the "
       "same machine changes a result. false: trainings use threads.");
@@ -105,7 +109,7 @@ struct Group {
       "A classical planner (dwa, teb, eband, mppi), which is scored without training and has no "
       "seeds. Empty: policies are trained.");
     v("set", set, "Keys of the config and their values, for this group.");
-    v("scores", scores, "Names of the scores for this group. Empty: all.");
+    v("scores", scores, "Names of the scores for this group. Empty: sweep.scores.");
     v.Tables("axis", axes, "An axis of this group, besides those of the plan.");
   }
 };
