@@ -14,7 +14,7 @@ namespace slalom::base {
 struct ChildOptions {
   std::vector<std::string> arguments;  ///< The first one is the program, sought in PATH.
   std::filesystem::path
-      log;                   ///< Gets what it prints, at its end; empty: this program's own output.
+      log{};                 ///< Gets what it prints, at its end; empty: this program's own output.
   std::vector<int> cores{};  ///< Processors that it may use; empty: all that this program may.
   std::vector<std::string> environment{};  ///< "NAME=VALUE", besides this program's own.
 };

@@ -41,7 +41,8 @@ namespace fs = std::filesystem;
 fs::path Program() { return fs::read_symlink("/proc/self/exe"); }
 
 std::string FormatBytes(std::int64_t bytes) {
-  return base::FormatCount(static_cast<double>(bytes)) + "B";
+  const double mb = 1e-6 * static_cast<double>(bytes);
+  return mb < 1000.0 ? fmt::format("{:.0f} MB", mb) : fmt::format("{:.1f} GB", 1e-3 * mb);
 }
 
 std::int64_t DiskNeeded(const std::vector<sweep::Cell>& cells, const fs::path& store, int at_once) {

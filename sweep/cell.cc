@@ -72,7 +72,10 @@ std::int64_t StepsForUpdates(const train::RunConfig& config, std::int64_t update
 class Expansion {
  public:
   Expansion(const Plan& plan, const train::Platform& platform)
-      : plan_(plan), platform_(plan.sweep.mixed_platforms ? "any" : train::Describe(platform)) {}
+      : plan_(plan),
+        platform_(plan.sweep.mixed_platforms
+                      ? fmt::format("numerics {}, any machine", platform.numerics)
+                      : train::Describe(platform)) {}
 
   Cells Run() {
     // Heads of tables: the group, if rows differ by it, then the axes.
@@ -321,9 +324,10 @@ class Expansion {
   void Add(Cell cell) {
     const auto same = std::ranges::find(cells_, cell.id, &Cell::id);
     if (same != cells_.end()) {
-      Fail(fmt::format("'{}' and '{}'", same->name(), cell.name()),
-           "are the same training, expected different settings; give one of them a label and the "
-           "scores of both");
+      throw base::Error(fmt::format(
+          "{}: '{}' and '{}' are the same training, expected different settings; give one of them "
+          "the scores of both",
+          plan_.file.string(), same->name(), cell.name()));
     }
     cells_.push_back(std::move(cell));
   }

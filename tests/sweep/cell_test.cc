@@ -98,6 +98,10 @@ TEST(CellTest, TheIdDependsOnAllThatDecidesTheResultAndOnNothingElse) {
   EXPECT_NE(ids(kPlan, {}, {.numerics = 99, .blas_kernel = "k", .processor = "p"}), base);
   EXPECT_EQ(ids(kPlan, {"sweep.mixed_platforms=true"}, {.blas_kernel = "a", .processor = "b"}),
             ids(kPlan, {"sweep.mixed_platforms=true"}, {.blas_kernel = "c", .processor = "d"}));
+  EXPECT_NE(ids(kPlan, {"sweep.mixed_platforms=true"},
+                {.numerics = 1, .blas_kernel = "a", .processor = "b"}),
+            ids(kPlan, {"sweep.mixed_platforms=true"},
+                {.numerics = 2, .blas_kernel = "a", .processor = "b"}));
 }
 
 TEST(CellTest, CoursesCountByWhatTheyAreNotByWhereTheyLie) {
