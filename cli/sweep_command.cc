@@ -157,6 +157,7 @@ void PrintStatus(const SweepOptions& options) {
                status.failure ? ": " + status.failure->what : "");
   }
   std::vector<std::string> texts;
+  texts.reserve(counts.size());
   for (const auto& [state, count] : counts) {
     texts.push_back(fmt::format("{} {}", count, sweep::ToString(state)));
   }

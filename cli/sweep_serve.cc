@@ -30,14 +30,12 @@ template <class Act>
 void RepeatUntilStop(const std::stop_token& stop, const Act& act) {
   base::Mutex mutex;
   base::CondVar changed;
-  bool stopped = false;
   const std::stop_callback wake(stop, [&] {
     const base::MutexLock lock(mutex);
-    stopped = true;
     changed.NotifyAll();
   });
   const base::MutexLock lock(mutex);
-  while (!stopped) {
+  while (!stop.stop_requested()) {
     act();
     changed.WaitFor(mutex, sweep::SweepMetrics::kInterval);
   }

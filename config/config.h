@@ -108,6 +108,7 @@ void FieldCollector::Tables(std::string_view key, std::vector<Config>& list,
                           [&list] { return ListFields(list.emplace_back()); },
                           [&list] {
                             std::vector<FieldList> elements;
+                            elements.reserve(list.size());
                             for (Config& element : list) elements.push_back(ListFields(element));
                             return elements;
                           }});

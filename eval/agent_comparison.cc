@@ -211,7 +211,7 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
       pair.second = j;
       pair.test = ComparePaired(successes[i], successes[j], bootstrap, permutation);
       pair.improvement = BootstrapProbabilityOfImprovement(successes[i], successes[j], bootstrap);
-      comparison.pairs.push_back(std::move(pair));
+      comparison.pairs.push_back(pair);
     }
   }
   CorrectPValues(comparison.pairs);

@@ -51,7 +51,7 @@ std::string CellText(const std::optional<Estimate>& estimate, double factor, con
   if (!estimate) return std::string(form.dash);
   const auto number = [&](double value) {
     const double shown = factor * value;
-    const std::string digits = fmt::format("{:.1f}", std::abs(shown));
+    std::string digits = fmt::format("{:.1f}", std::abs(shown));
     if (digits == "0.0") return digits;  // Of neither sign.
     return fmt::format("{}{}", shown < 0.0 ? form.minus : with_sign ? "+" : "", digits);
   };

@@ -107,10 +107,12 @@ std::vector<Estimate> Bootstrap(const std::vector<std::size_t>& sizes, std::size
                                 const BootstrapOptions& options) {
   SLALOM_CHECK_GE(options.num_samples, 100);
   std::vector<Drawn> all;
+  all.reserve(sizes.size());
   for (const std::size_t size : sizes) all.emplace_back(size, 1.0);
   std::vector<double> values(num_values);
   statistic(all, values);
   std::vector<Estimate> estimates;
+  estimates.reserve(values.size());
   for (const double value : values) estimates.push_back({value, std::nullopt});
   if (sizes.front() < 2) return estimates;
   const std::vector<Jackknife> jackknives = LeaveOneOut(all, num_values, statistic);

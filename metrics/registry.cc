@@ -177,6 +177,7 @@ void Registry::Replace(const std::vector<Sample>& samples) {
     family.metric.push_back(std::move(series));
   }
   std::vector<prometheus::MetricFamily> shown;
+  shown.reserve(families.size());
   for (auto& [name, family] : families) shown.push_back(std::move(family));
   base::MutexLock lock(impl_->samples_mutex);
   impl_->samples = std::move(shown);

@@ -134,7 +134,7 @@ std::string NameOf(const fs::path& run) {
   }
   std::ifstream file(cell / "cell.json");
   const auto facts = nlohmann::json::parse(file, nullptr, false);
-  const std::string id = cell.filename().string();
+  std::string id = cell.filename().string();
   if (!facts.is_object() || !facts.value("row", nlohmann::json()).is_string()) return id;
   return fmt::format("{}, seed {} ({})", facts["row"].get<std::string>(),
                      facts.value("seed", nlohmann::json()).dump(), id);
