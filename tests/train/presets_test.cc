@@ -29,7 +29,8 @@ std::vector<std::string> Presets() {
   std::vector<std::string> names;
   for (const auto& entry : fs::recursive_directory_iterator(Root())) {
     fs::path path = entry.path();
-    if (path.extension() != ".toml" || path.parent_path().filename() == "planners") continue;
+    const fs::path folder = path.parent_path().filename();
+    if (path.extension() != ".toml" || folder == "planners" || folder == "sweeps") continue;
     names.push_back(fs::relative(path.replace_extension(), Root()).string());
   }
   std::sort(names.begin(), names.end());
