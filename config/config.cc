@@ -241,6 +241,10 @@ void ReadTables(const toml::node& node, const Tables& tables, const std::string&
   tables.clear();
   for (const toml::node& element : *array) {
     const FieldList fields = tables.add();
+    if (const toml::node* base = element.as_table()->get("base"); base && !Find(fields, "base")) {
+      throw Error(fmt::format("{}: unknown key 'base'; {}", Where(source, *base),
+                              Readers{fields}.Suggest("base")));
+    }
     ReadTable(*element.as_table(), "", source, {fields});
   }
 }
