@@ -55,7 +55,9 @@ std::string Describe(const Platform& platform) {
                      platform.blas_kernel, platform.processor);
 }
 
-bool DecidesRun(std::string_view key) {
+bool DecidesRun(const RunConfig& config, std::string_view key) {
+  // A single process reads this key of the server, too.
+  if (key == "replay_server.priority_exponent") return config.method.learner.prioritized;
   return std::ranges::none_of(kFreeKeys, [key](std::string_view free) {
     return free.ends_with('.') ? key.starts_with(free) : key == free;
   });
@@ -65,7 +67,7 @@ std::string RunDigest(const RunConfig& config) {
   RunConfig copy = config;
   std::string text;
   for (const config::Field& field : config::ListFields(copy).fields) {
-    if (!DecidesRun(field.key)) continue;
+    if (!DecidesRun(config, field.key)) continue;
     text += fmt::format("{} = {}\n", field.key, config::PrintValue(field));
   }
   return Digest(text);
@@ -77,7 +79,7 @@ KeyDifference FindDifference(const RunConfig& first, const RunConfig& second) {
   const auto fields_a = config::ListFields(a).fields;
   const auto fields_b = config::ListFields(b).fields;
   for (std::size_t i = 0; i < fields_a.size(); ++i) {
-    if (!DecidesRun(fields_a[i].key)) continue;
+    if (!DecidesRun(first, fields_a[i].key)) continue;
     std::string was = config::PrintValue(fields_a[i]);
     std::string is = config::PrintValue(fields_b[i]);
     if (was != is) return {fields_a[i].key, std::move(was), std::move(is)};

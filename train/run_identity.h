@@ -28,9 +28,9 @@ Platform ThisPlatform();
 /// "numerics 1, Haswell, x86-64-v3", for people.
 std::string Describe(const Platform& platform);
 
-/// Whether a key of `RunConfig` decides what a run does up to any given step. Limits, logging,
-/// evaluation and addresses do not, so a run may be resumed with others.
-bool DecidesRun(std::string_view key);
+/// Whether a key of `RunConfig` decides what a run of this config does up to any given step.
+/// Limits, logging, evaluation and addresses do not, so a run may be resumed with others.
+bool DecidesRun(const RunConfig& config, std::string_view key);
 
 /// The digest of the keys that decide a run: 16 hexadecimal digits. A run can be resumed with a
 /// config if and only if the digests are equal.

@@ -120,8 +120,9 @@ TrainingEnd Trainer::Train(std::stop_token stop) {
       Update();
     } else {
       // No update is due here, so a checkpoint by steps falls on the same place in every run.
-      if (CheckpointDue()) TryCheckpoint();
+      // A run that resumes from this checkpoint does not make this snapshot again.
       run_.KeepSnapshots();
+      if (CheckpointDue()) TryCheckpoint();
       Collect();
     }
     run_.LookAtClock();
