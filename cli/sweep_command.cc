@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -97,9 +98,11 @@ void PrintPlan(const SweepOptions& options) {
   fmt::print("\ndisk: about {}\n",
              FormatBytes(DiskNeeded(sweep.chosen, options.store, slots.at_once)));
   double left_s = 0.0;
+  int num_left = 0;
   for (const sweep::Cell& cell : sweep.chosen) {
     const sweep::CellStatus status = sweep::ReadCellStatus(options.store, cell);
     if (status.state == sweep::CellState::kDone) continue;
+    ++num_left;
     if (cell.config && cell.config->run.max_seconds == 0.0 && !rates.knows(cell.group)) {
       if (options.no_trial) {
         fmt::print(
@@ -119,7 +122,7 @@ void PrintPlan(const SweepOptions& options) {
     left_s += rates.SecondsLeft(cell, status.steps, status.num_scores_done).value_or(0.0);
   }
   fmt::print("time: about {} with {} at once on this machine{}\n",
-             base::FormatDuration(left_s / slots.at_once), slots.at_once,
+             base::FormatDuration(left_s / std::clamp(num_left, 1, slots.at_once)), slots.at_once,
              rates.knows_scores() ? "" : ", and the scores, which were never timed here");
 }
 
@@ -171,7 +174,16 @@ std::string Again(const SweepOptions& options, const std::string& more = "") {
   for (const std::string& set : options.overrides) {
     arguments.insert(arguments.end(), {"--set", set});
   }
-  if (options.store != kSweepStore) arguments.insert(arguments.end(), {"--output", options.store});
+  const auto add = [&arguments](const std::string& key, const std::string& value) {
+    arguments.insert(arguments.end(), {key, value});
+  };
+  if (options.store != kSweepStore) add("--output", options.store);
+  for (const std::string& group : options.groups) add("--only", group);
+  for (const std::string& id : options.ids) add("--cell", id);
+  if (!options.shard.empty()) add("--shard", options.shard);
+  if (options.at_once > 0) add("--at-once", std::to_string(options.at_once));
+  if (options.threads > 0) add("--threads", std::to_string(options.threads));
+  if (!options.metrics.empty()) add("--metrics", options.metrics);
   if (!more.empty()) arguments.push_back(more);
   return CommandLine(arguments);
 }
@@ -187,7 +199,7 @@ void SubmitSweep(const SweepOptions& options, const Sweep& sweep) {
   }
   std::vector<std::string> command = {Program().string(), "sweep", "run", options.plan};
   for (const std::string& set : options.overrides) command.insert(command.end(), {"--set", set});
-  command.insert(command.end(), {"--output", options.store, "--at-once", "1"});
+  command.insert(command.end(), {"--output", options.store, "--at-once", "1", "--threads", "1"});
   const sweep::SlurmSubmission submission = sweep::SubmitToSlurm(
       {sweep.plan.sweep.name, sweep.plan.slurm, command, SlurmDirectory(options, sweep)}, left);
   fmt::print("{}: {} of {} cells are done or failed, {} are in Slurm already, {} are submitted{}\n",
@@ -236,8 +248,12 @@ int RunSweep(const SweepOptions& options) {
   const Sweep sweep = LoadSweep(options);
   base::MakeDirectories(options.store);
   sweep::RequireSharable(options.store);
-  const sweep::Slots slots =
+  sweep::Slots slots =
       sweep::ShareOut(base::AvailableCores(), options.at_once, sweep.plan.sweep.lockstep);
+  if (options.threads > 0 && options.threads != slots.threads) {
+    slots.threads = options.threads;
+    slots.pinned = false;
+  }
   RequireDisk(sweep.chosen, options.store, slots.at_once);
   const train::Platform platform = train::ThisPlatform();
   sweep::BeginPlan(options.store, sweep.plan, sweep.all, platform, std::string(Commit()));
@@ -259,7 +275,8 @@ int RunSweep(const SweepOptions& options) {
     exposer.emplace(sweep.plan, sweep.all, options.store, options.metrics);
   }
   const sweep::WorkOptions work = {.store = options.store,
-                                   .program = Program(),
+                                   // The file that runs, also once a newer one lies at its path.
+                                   .program = fmt::format("/proc/{}/exe", ::getpid()),
                                    .commit = std::string(Commit()),
                                    .platform = train::Describe(platform)};
   Reporter reporter(sweep, options.store);
@@ -301,6 +318,8 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   run->add_flag("--retry-failed", options->retry_failed, "Try cells again that have failed");
   run->add_option("--metrics", options->metrics,
                   "Show the cells to Prometheus meanwhile, at this HOST:PORT, as `serve` does");
+  run->add_option("--threads", options->threads, "Threads for each cell [its share of the cores]")
+      ->check(CLI::Range(0, 256));
   run->add_option("--engine", options->engine,
                   "Who runs the cells: local, this machine; slurm, a job array of a Slurm cluster "
                   "(docs/sweeps-cluster.md) [local]")

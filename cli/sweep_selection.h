@@ -22,6 +22,7 @@ struct SweepOptions {
   std::string shard;
   std::string engine = "local";
   int at_once = 0;
+  int threads = 0;
   std::string metrics;
   bool no_trial = false;
   bool retry_failed = false;

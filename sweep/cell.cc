@@ -7,15 +7,16 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <set>
 #include <utility>
 
 #include "base/error.h"
 #include "base/file.h"
 #include "config/config.h"
 #include "planners/planner_registry.h"
-#include "sim/course_file.h"
-#include "sim/course_sets.h"
 #include "sweep/axes.h"
+#include "sweep/cell_check.h"
+#include "sweep/course_facts.h"
 #include "train/agent_run_config.h"
 #include "train/profile.h"
 #include "train/run_limits.h"
@@ -25,47 +26,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A course set as far as a cell's identity needs it.
-struct CourseFacts {
-  int num_courses = 0;
-  std::string digest;
-};
-
-/// Course sets that were read once.
-class Courses {
- public:
-  template <class CoursesConfig>
-  const CourseFacts& Find(const CoursesConfig& config, const std::string& spec) {
-    const std::string key =
-        fmt::format("{}\n{}\n{}", config.collection, config.generator_seed, spec);
-    auto found = facts_.find(key);
-    if (found == facts_.end()) {
-      const sim::CourseSet set = sim::ResolveCourses(
-          spec, config.collection, static_cast<std::uint64_t>(config.generator_seed));
-      found = facts_
-                  .emplace(key, CourseFacts{static_cast<int>(set.courses.size()),
-                                            train::Digest(sim::PrintCourseSet(set))})
-                  .first;
-    }
-    return found->second;
-  }
-
- private:
-  std::map<std::string, CourseFacts> facts_;
-};
-
 void Apply(const base::TomlAssignments& set, const config::FieldList& fields) {
   for (const auto& [key, value] : set) config::SetField(key, value.text, value.where, fields);
 }
 
 bool Sets(const base::TomlAssignments& set, std::string_view key) {
   return std::ranges::find(set, key, &base::TomlAssignment::key) != set.end();
-}
-
-std::int64_t StepsForUpdates(const train::RunConfig& config, std::int64_t updates) {
-  return config.run.learning_starts +
-         static_cast<std::int64_t>(
-             std::ceil(static_cast<double>(updates) / config.run.updates_per_step));
 }
 
 /// Turns a plan into cells.
@@ -126,11 +92,14 @@ class Expansion {
     const config::FieldList fields = config::ListFields(config);
     bool limits_steps = false;
     for (const auto* set : {&plan_.set, &group.set, &point.set, &plan_.overrides}) {
+      RefuseKeysOfTheSweep(*set);
       Apply(*set, fields);
       limits_steps = limits_steps || Sets(*set, "run.max_steps");
-      // What the command line says stands above the budget.
-      if (set == &point.set) limits_steps = ApplyBudget(config) || limits_steps;
     }
+    // What the command line says stands above the budget, which needs all other keys.
+    const std::int64_t max_steps = config.run.max_steps;
+    limits_steps = ApplyBudget(config) || limits_steps;
+    if (Sets(plan_.overrides, "run.max_steps")) config.run.max_steps = max_steps;
     for (const base::TomlAssignment& override : plan_.overrides) {
       if (!Sets(point.set, override.key)) continue;
       Fail(override.value.where, "the key is an axis of the plan, whose values it would undo");
@@ -153,6 +122,27 @@ class Expansion {
     config.run.name = "run";
     config.run.keep_checkpoints = "newest";  // The runner removes it in the end.
     return config;
+  }
+
+  /// Keys that the sweep itself decides would be set in vain.
+  void RefuseKeysOfTheSweep(const base::TomlAssignments& set) const {
+    for (const auto& [key, value] : set) {
+      for (const auto& [theirs, ours] :
+           {std::pair{"run.seed", "sweep.seeds"},
+            {"run.deterministic", "sweep.lockstep"},
+            {"run.name", "labels, as a cell is named by its id"},
+            {"run.keep_checkpoints", "nothing, as checkpoints of finished cells are removed"}}) {
+        if (key == theirs) {
+          Fail(value.where, fmt::format("{} is the sweep's to decide; use {}", key, ours));
+        }
+      }
+      if (key == "run.max_seconds" && plan_.sweep.lockstep && value.text != "0" &&
+          value.text != "0.0") {
+        Fail(value.where,
+             "a training in lockstep ends by steps; use budget.steps, or budget.seconds "
+             "with sweep.lockstep = false");
+      }
+    }
   }
 
   /// Returns whether it limits the steps.
@@ -253,7 +243,7 @@ class Expansion {
   const CourseFacts& FindCourses(const std::string& who, const CoursesConfig& config,
                                  const std::string& spec) {
     try {
-      return courses_.Find(config, spec);
+      return courses_.Find(config.collection, config.generator_seed, spec);
     } catch (const base::Error& error) {
       Fail(who, error.what());
     }
@@ -261,7 +251,8 @@ class Expansion {
 
   /// Adds the evaluations of a score: one, and one for each snapshot if the score asks for them.
   template <class Config>
-  void AddScores(Cell& cell, const Score& score, Config task) {
+  void AddScores(Cell& cell, const Score& score, const Config& config) {
+    Config task = config;
     constexpr bool kIsPolicy = std::is_same_v<Config, train::RunConfig>;
     const std::string who = fmt::format("{}, score '{}'", cell.name(), score.name);
     const config::FieldList fields = config::ListFields(task);
@@ -298,7 +289,15 @@ class Expansion {
       }
       what_decides = config::ToToml(task.mpc);
       if (score.snapshots) snapshots = task.run.snapshot_steps;
-      std::erase_if(snapshots, [&](int steps) { return steps > task.run.max_steps; });
+      std::erase_if(snapshots, [&](int steps) { return steps <= 0 || steps > task.run.max_steps; });
+      std::ranges::sort(snapshots);
+      snapshots.erase(std::unique(snapshots.begin(), snapshots.end()), snapshots.end());
+      Check(who, task);
+      try {
+        RequireScorable(config, task, snapshots);
+      } catch (const base::Error& error) {
+        Fail(who, error.what());
+      }
     } else {
       Config anywhere = task;
       anywhere.courses = {};
@@ -329,6 +328,11 @@ class Expansion {
           "the scores of both",
           plan_.file.string(), same->name(), cell.name()));
     }
+    if (!names_.insert(cell.name()).second) {
+      throw base::Error(fmt::format(
+          "{}: two trainings are called '{}', expected different labels of groups or of an axis",
+          plan_.file.string(), cell.name()));
+    }
     cells_.push_back(std::move(cell));
   }
 
@@ -351,8 +355,9 @@ class Expansion {
   const Plan& plan_;
   const std::string platform_;
   std::map<std::string, train::RunConfig> presets_;
-  Courses courses_;
+  CourseFactsCache courses_;
   std::vector<Cell> cells_;
+  std::set<std::string> names_;
   std::vector<std::string> axis_names_;
 };
 

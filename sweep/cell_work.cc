@@ -29,6 +29,7 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr int kAttempts = 3;
+constexpr int kMostThreads = 256;  // That `slalom evaluate` takes.
 // Exit codes of `slalom train` (docs/operations.md).
 constexpr int kDiverged = 3;
 constexpr int kLearnedNothing = 4;
@@ -106,7 +107,8 @@ class Work {
 
   /// None: failed, and another attempt would fail alike.
   std::optional<WorkEnd> Attempt() {
-    if (cell_.config && !fs::exists(directory_.trained())) {
+    std::error_code ec;
+    if (cell_.config && !fs::exists(directory_.trained(), ec)) {
       const std::optional<WorkEnd> end = Train();
       if (!end || *end != WorkEnd::kDone) return end;
     }
@@ -115,6 +117,7 @@ class Work {
 
   std::optional<WorkEnd> Train() {
     const run::RunDirectory run{directory_.run()};
+    if (IsTrainedByAnother(run)) return WorkEnd::kLost;
     std::vector<std::string> arguments = {options_.program.string(), "train"};
     std::error_code ec;
     const bool resumes = fs::exists(run.config(), ec) && fs::exists(run.checkpoints(), ec) &&
@@ -154,17 +157,32 @@ class Work {
     return WorkEnd::kDone;
   }
 
+  /// Whether a process of a worker that lost its claim still writes to the run.
+  static bool IsTrainedByAnother(const run::RunDirectory& run) {
+    std::error_code ec;
+    if (!fs::exists(run.root, ec)) return false;
+    try {
+      const run::RunLock lock(run.root);
+      return false;
+    } catch (const base::Error&) {
+      return true;
+    }
+  }
+
   WorkEnd Score() {
     const Clock::time_point begin = Clock::now();
     std::int64_t episodes = 0;
     std::error_code ec;
     fs::remove_all(run::RunDirectory{directory_.run()}.checkpoints(), ec);
+    bool has_failed = false;
     for (const ScoreTask& task : cell_.scores) {
       if (IsScored(options_.store, cell_, task)) continue;
       const WorkEnd end = ScoreOn(task);
-      if (end != WorkEnd::kDone) return end;
+      if (end == WorkEnd::kStopped || end == WorkEnd::kLost) return end;
+      has_failed = has_failed || end == WorkEnd::kFailed;
       episodes += task.num_episodes;
     }
+    if (has_failed) return WorkEnd::kFailed;
     if (episodes > 0) {
       WriteScored(directory_, {.wall_s = SecondsSince(begin), .episodes = episodes});
     }
@@ -184,10 +202,11 @@ class Work {
     } else {
       arguments.insert(arguments.end(), {"--agent", cell_.planner});
     }
-    arguments.insert(arguments.end(),
-                     {"--config", directory_.score_task(task).string(), "--courses", task.courses,
-                      "--output", directory_.score(task).string(), "--force", "--name",
-                      cell_.row_name(), "--threads", std::to_string(options_.threads)});
+    arguments.insert(
+        arguments.end(),
+        {"--config", directory_.score_task(task).string(), "--courses", task.courses, "--output",
+         directory_.score(task).string(), "--force", "--name", cell_.row_name(), "--threads",
+         std::to_string(std::min(options_.threads, kMostThreads))});
     const Ended ended = RunChild(arguments);
     if (ended.end) return *ended.end;
     if (ended.exit_code == 0 && IsScored(options_.store, cell_, task)) return WorkEnd::kDone;
@@ -200,12 +219,23 @@ class Work {
   std::optional<fs::path> PolicyOf(const ScoreTask& task) const {
     const run::RunDirectory run{directory_.run()};
     if (task.snapshot_steps == 0) return run.policy();
-    const fs::path least =
-        run.snapshots() / fmt::format("step-{:012}.safetensors", task.snapshot_steps);
+    const auto file = [&run](std::int64_t steps) {
+      return run.snapshots() / fmt::format("step-{:012}.safetensors", steps);
+    };
+    // A training makes a snapshot in the first batch step at or after the number, and one of a
+    // later number does not stand in for it.
+    const int batch = cell_.config->actor.num_environments;
+    std::int64_t end = cell_.config->run.max_steps + batch;
+    for (const int steps : cell_.config->run.snapshot_steps) {
+      if (steps > task.snapshot_steps) end = std::min<std::int64_t>(end, steps);
+    }
+    end = std::max(end, task.snapshot_steps + batch);
     std::optional<fs::path> first;
     std::error_code ec;
     for (const auto& entry : fs::directory_iterator(run.snapshots(), ec)) {
-      if (entry.path() >= least && (!first || entry.path() < *first)) first = entry.path();
+      const fs::path& path = entry.path();
+      if (path.extension() != ".safetensors" || path < file(task.snapshot_steps)) continue;
+      if (path < file(end) && (!first || path < *first)) first = path;
     }
     return first;
   }

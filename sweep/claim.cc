@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <random>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -204,6 +206,31 @@ std::unique_ptr<Claim> ClaimTaker::Try(const fs::path& cell, Clock::time_point n
   }
   if (!claim->Renew()) return nullptr;
   return claim;
+}
+
+bool AreWorkedOn(const std::vector<fs::path>& cells, std::chrono::seconds patience) {
+  // What is seen of each claim; empty: nobody works on the cell.
+  const auto look = [&cells] {
+    std::vector<std::string> seen;
+    for (const fs::path& cell : cells) {
+      const int newest = NewestClaim(cell);
+      const std::string text = newest > 0 ? ContentOf(ClaimFile(cell, newest)) : "";
+      const nlohmann::json owner = ParseOwner(text);
+      const bool is_dead = text.empty() || IsKnownDead(owner);
+      seen.push_back(is_dead ? "" : text + ContentOf(cell / ("beat-" + owner.value("token", ""))));
+      if (!is_dead && owner.value("machine", "") == ThisMachine()) seen.back() = "here";
+    }
+    return seen;
+  };
+  const std::vector<std::string> first = look();
+  if (std::ranges::find(first, "here") != first.end()) return true;
+  const bool any = std::ranges::any_of(first, [](const auto& text) { return !text.empty(); });
+  const auto end = ClaimTaker::Clock::now() + patience;
+  while (any && ClaimTaker::Clock::now() < end) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    if (look() != first) return true;
+  }
+  return false;
 }
 
 bool IsClaimed(const fs::path& cell) {

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 /// Who works on a cell, where several workers share a directory.
 ///
@@ -70,5 +71,9 @@ class ClaimTaker {
 
 /// Whether somebody holds a claim on a cell and is not known to be dead.
 bool IsClaimed(const std::filesystem::path& cell);
+
+/// Whether somebody works on any of the cells for sure: a process of this machine, or one whose
+/// count goes up while this function waits, for `patience` at most.
+bool AreWorkedOn(const std::vector<std::filesystem::path>& cells, std::chrono::seconds patience);
 
 }  // namespace slalom::sweep

@@ -44,25 +44,37 @@ Record ReadRecord(const fs::path& path) {
 }  // namespace
 
 void BeginPlan(const fs::path& store, const Plan& plan, const Cells& cells,
-               const train::Platform& platform, const std::string& commit) {
+               const train::Platform& platform, const std::string& commit,
+               std::chrono::seconds patience) {
   const fs::path file = RecordFile(store, plan);
   const Record last = ReadRecord(file);
-  const bool is_worked_on = std::ranges::any_of(last.cells, [&](const std::string& id) {
-    return IsClaimed(CellDirectory(store, id).root());
-  });
-  if (is_worked_on && last.commit != commit) {
-    throw base::Error(fmt::format(
-        "{}: a worker of version {} works on this sweep, and this is version {}; expected the same "
-        "program everywhere",
-        file.string(), last.commit, commit));
-  }
   const std::string here = train::Describe(platform);
-  if (is_worked_on && last.platform != here && !plan.sweep.mixed_platforms) {
-    throw base::Error(fmt::format(
-        "{}: a worker on another kind of machine works on this sweep ({}, here {}), and results "
-        "would differ in their last bits; set sweep.mixed_platforms = true to allow it, or "
-        "OPENBLAS_CORETYPE to the same kernel everywhere",
-        file.string(), last.platform, here));
+  const bool is_other_version = !last.commit.empty() && last.commit != commit;
+  const bool is_other_platform =
+      !last.platform.empty() && last.platform != here && !plan.sweep.mixed_platforms;
+  if (is_other_version || is_other_platform) {
+    std::vector<fs::path> claimed;
+    for (const std::string& id : last.cells) {
+      const fs::path cell = CellDirectory(store, id).root();
+      if (IsClaimed(cell)) claimed.push_back(cell);
+    }
+    if (!claimed.empty()) {
+      spdlog::info("claims of {} cells may be of dead workers; looking for at most {} s",
+                   claimed.size(), patience.count());
+    }
+    if (AreWorkedOn(claimed, patience)) {
+      if (is_other_version) {
+        throw base::Error(fmt::format(
+            "{}: a worker of version {} works on this sweep, and this is version {}; expected the "
+            "same program everywhere",
+            file.string(), last.commit, commit));
+      }
+      throw base::Error(fmt::format(
+          "{}: a worker on another kind of machine works on this sweep ({}, here {}), and results "
+          "would differ in their last bits; set sweep.mixed_platforms = true to allow it, or "
+          "OPENBLAS_CORETYPE to the same kernel everywhere",
+          file.string(), last.platform, here));
+    }
   }
   if (const int num_stale = CountStale(store, plan, cells); num_stale > 0) {
     spdlog::info("{} cells of the last run are stale: they stay in {} and no longer count",

@@ -98,17 +98,19 @@ class Worker {
       while (const auto taken = Take(slot)) {
         const Cell& cell = cells_[taken->index];
         const WorkEnd end = WorkOnCell(cell, options, *taken->claim, stop_);
-        const std::scoped_lock lock(mutex_);
+        std::unique_lock lock(mutex_);
         working_[static_cast<std::size_t>(slot)].reset();
         if (end == WorkEnd::kDone || end == WorkEnd::kFailed) {
           ends_[taken->index] = end;
           news_.push_back(taken->index);
         } else if (end == WorkEnd::kLost) {
-          spdlog::warn("{}: another worker took it, as this one stood still", cell.name());
+          spdlog::warn("{}: another worker has it, or still writes to it", cell.name());
+          changed_.wait_for(lock, kLookAgain);
         }
         changed_.notify_all();
       }
-    } catch (const base::Error& error) {
+    } catch (const std::exception& error) {
+      spdlog::error("{}; this worker ends once its other cells have", error.what());
       const std::scoped_lock lock(mutex_);
       if (error_.empty()) error_ = error.what();
     }
@@ -146,9 +148,11 @@ class Worker {
 
   /// Whether a cell is done, or another worker gave it up; takes note of it.
   bool EndedElsewhere(std::size_t index) {
+    std::error_code ec;
     if (IsDone(options_.store, cells_[index])) {
       ends_[index] = WorkEnd::kDone;
-    } else if (std::filesystem::exists(CellDirectory(options_.store, cells_[index].id).failed())) {
+    } else if (std::filesystem::exists(CellDirectory(options_.store, cells_[index].id).failed(),
+                                       ec)) {
       ends_[index] = WorkEnd::kFailed;
     } else {
       return false;
@@ -217,10 +221,13 @@ class Worker {
       left_s += seconds.value_or(0.0);
       knows_left = knows_left && seconds.has_value();
     }
+    const int num_left = static_cast<int>(cells_.size()) - num_done - num_failed;
     std::string text =
         fmt::format("{} of {} cells done, {} running", num_done, cells_.size(), running.size());
     if (num_failed > 0) text += fmt::format(", {} failed", num_failed);
-    if (knows_left) text += ", " + base::FormatDuration(left_s / slots_.at_once) + " left";
+    if (knows_left)
+      text +=
+          ", " + base::FormatDuration(left_s / std::clamp(num_left, 1, slots_.at_once)) + " left";
     if (!running.empty()) text += fmt::format(" | {}", fmt::join(running, "; "));
     return text;
   }

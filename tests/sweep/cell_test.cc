@@ -114,8 +114,8 @@ TEST(CellTest, CoursesCountByWhatTheyAreNotByWhereTheyLie) {
   const std::string text =
       base::ReadFile(fs::path(SLALOM_SOURCE_DIR) / "courses/dynabarn-like.courses");
   const auto here = Ids(test::Expand(scratch.path(), kPlan, {write("a/x.courses", text)}));
-  const auto there = Ids(test::Expand(scratch.path(), kPlan, {write("b/x.courses", text)}));
-  EXPECT_EQ(here, there);
+  EXPECT_EQ(here, Ids(test::Expand(scratch.path(), kPlan, {write("b/x.courses", text)})));
+  EXPECT_EQ(here, Ids(test::Expand(scratch.path(), kPlan, {write("b/renamed.courses", text)})));
 }
 
 TEST(CellTest, AScoreIsNamedByAllThatDecidesIt) {
@@ -149,6 +149,23 @@ TEST(CellTest, ABudgetOfUpdatesBecomesSteps) {
   const test::ScratchDirectory scratch;
   const Cells cells = test::Expand(scratch.path(), kPlan, {"budget.updates=100"});
   EXPECT_EQ(cells.cells[0].config->run.max_steps, 500 + 100 * 100);
+}
+
+TEST(CellTest, ABudgetOfUpdatesCountsWithWhatTheCommandLineSays) {
+  const test::ScratchDirectory scratch;
+  const Cells cells =
+      test::Expand(scratch.path(), kPlan, {"budget.updates=100", "run.updates_per_step=0.1"});
+  EXPECT_EQ(cells.cells[0].config->run.max_steps, 500 + 100 * 10);
+}
+
+TEST(CellTest, PrioritiesDecideTheResultWhereTheyAreUsed) {
+  const test::ScratchDirectory scratch;
+  const std::string exponent = "replay_server.priority_exponent=0.9";
+  EXPECT_EQ(Ids(test::Expand(scratch.path(), kPlan)),
+            Ids(test::Expand(scratch.path(), kPlan, {exponent})));
+  const std::vector<std::string> used = {"sweep.lockstep=false", "learner.prioritized=true"};
+  EXPECT_NE(Ids(test::Expand(scratch.path(), kPlan, used)),
+            Ids(test::Expand(scratch.path(), kPlan, {used[0], used[1], exponent})));
 }
 
 TEST(CellTest, AnOverrideMustNotUndoAnAxis) {

@@ -95,6 +95,24 @@ TEST(ClaimTest, WhoStoodStillForTooLongLearnsThatItsClaimIsLost) {
   EXPECT_TRUE(IsClaimed(scratch.path())) << "the other's claim stays";
 }
 
+TEST(ClaimTest, WhoBeatsIsToldFromWhoDied) {
+  const test::ScratchDirectory scratch;
+  const std::vector<std::filesystem::path> cells = {scratch.path() / "a", scratch.path() / "b"};
+  EXPECT_FALSE(AreWorkedOn(cells, Claim::kExpiry)) << "nobody claims them";
+  WriteForeignClaim(cells[1], 1, "1");
+  EXPECT_FALSE(AreWorkedOn(cells, std::chrono::seconds(1))) << "its machine is gone";
+  {
+    std::jthread beats([&](const std::stop_token& stop) {
+      for (int i = 2; !stop.stop_requested(); ++i) {
+        base::WriteFileAtomically(cells[1] / "beat-t", std::to_string(i));
+      }
+    });
+    EXPECT_TRUE(AreWorkedOn(cells, Claim::kExpiry));
+  }
+  const auto own = ClaimTaker().Try(cells[0]);
+  EXPECT_TRUE(AreWorkedOn(cells, std::chrono::seconds(0))) << "a process of this machine";
+}
+
 TEST(ClaimTest, AnOrdinaryDirectoryCanBeShared) {
   const test::ScratchDirectory scratch;
   EXPECT_NO_THROW(RequireSharable(scratch.path()));

@@ -95,7 +95,20 @@ TEST(PlanTest, BadPlansAreOneErrorThatNamesWhatIsWrong) {
   EXPECT_THAT(ErrorOf(kPlan, {"budget.steps=5000", "budget.updates=5"}),
               HasSubstr("more than one limit"));
   EXPECT_THAT(ErrorOf(kPlan, {"budget.steps=200"}), HasSubstr("nothing is learned"));
-  EXPECT_THAT(ErrorOf(kPlan, {"run.max_seconds=5"}), HasSubstr("expected budget.steps"));
+  EXPECT_THAT(ErrorOf(kPlan, {"run.max_seconds=5"}), HasSubstr("use budget.steps"));
+  EXPECT_THAT(ErrorOf(kPlan, {"run.seed=5"}), HasSubstr("use sweep.seeds"));
+  EXPECT_THAT(ErrorOf(kPlan + "[[axis]]\nkeys = [\"learner.tau\"]\nvalues = [0.1, 0.2]\n"
+                              "labels = [\"a\", \"a\"]\n"),
+              HasSubstr("two trainings are called 'a, seed 1'"));
+  EXPECT_THAT(ErrorOf(kPlan + "[[group]]\nname = \"a\"\nlabel = \"x\"\n[[group]]\nname = \"b\"\n"
+                              "label = \"x\"\nset = {learner.tau = 0.1}\n"),
+              HasSubstr("two trainings are called 'x"));
+  EXPECT_THAT(ErrorOf(kPlan + "[[group]]\nname = \"a\"\nbase = \"tiny.toml\"\n"),
+              AllOf(HasSubstr("plan.toml:10"), HasSubstr("unknown key 'base'")));
+  EXPECT_THAT(ErrorOf(kPlan + "set = {environment.lidar.field_of_view = 3.0}\n"),
+              HasSubstr("which the policy is trained with"));
+  EXPECT_THAT(ErrorOf(kPlan + "set = {environment.lidar.num_beams = 360}\n"),
+              HasSubstr("the policy"));
   EXPECT_THAT(ErrorOf(kPlan, {"learner.prioritized=true"}),
               HasSubstr("expected false in lockstep"));
   EXPECT_THAT(ErrorOf(kPlan, {"courses.train=static-trian-5"}), HasSubstr("static-trian-5"));
