@@ -11,8 +11,8 @@
 #include "config/config.h"
 #include "learner/learner.h"
 #include "learner/minibatch.h"
-#include "policy/blas.h"
-#include "policy/feature_map.h"
+#include "nn/blas.h"
+#include "nn/feature_map.h"
 #include "policy/network_agent.h"
 #include "replay/table.h"
 #include "train/run_config.h"
@@ -72,8 +72,8 @@ constexpr Work kWorks[] = {{"td3", 2.0, 0.5, 0.5}, {"ddpg", 1.0, 1.0, 1.0}, {"sa
 
 /// The products of an update.
 Products ListProducts(const policy::PolicySpec& spec, const Work& work, std::int64_t batch) {
-  const policy::NetworkShape actor = spec.actor_shape();
-  const policy::NetworkShape critic = spec.critic_shape();
+  const nn::NetworkShape actor = spec.actor_shape();
+  const nn::NetworkShape critic = spec.critic_shape();
   Products products;
   // Q' and Q of all, then Q of pi(s).
   Add(ForwardProducts(critic, batch), 2 * work.critics + work.action_gradients, &products);
@@ -117,7 +117,7 @@ class Updates {
 };
 
 void RunUpdates(benchmark::State& state, const std::string& preset, const Work& work) {
-  policy::SetMathThreads(1);
+  nn::SetMathThreads(1);
   Updates learner(LoadPreset(preset, work.algorithm));
   const Products products = ListProducts(learner.spec(), work, learner.batch_size());
   double updates_seconds = 0.0;
@@ -156,7 +156,7 @@ void RunUpdates(benchmark::State& state, const std::string& preset, const Work& 
 /// Of a method that has more than its algorithm: a constraint, or a model that it learns from. One
 /// update is what one replayed batch leads to, with the model's updates and imagined batches.
 void RunMethod(benchmark::State& state, const std::string& preset) {
-  policy::SetMathThreads(1);
+  nn::SetMathThreads(1);
   train::RunConfig config = LoadPreset(preset);
   config.method.imagination.learning_starts = 0;
   Updates learner(config);
@@ -171,20 +171,20 @@ void RunMethod(benchmark::State& state, const std::string& preset) {
 
 /// By the clock, with so many threads in each product: whether a second one pays.
 void RunByThreads(benchmark::State& state, const std::string& preset) {
-  policy::SetMathThreads(static_cast<int>(state.range(0)));
+  nn::SetMathThreads(static_cast<int>(state.range(0)));
   Updates learner(LoadPreset(preset));
   for (auto _ : state) learner.Run();
-  policy::SetMathThreads(1);
+  nn::SetMathThreads(1);
 }
 
 /// Microseconds of an action of a preset's actor for so many environments, frames of 720 beams read
 /// included.
 void RunActing(benchmark::State& state, const std::string& preset) {
-  policy::SetMathThreads(1);
+  nn::SetMathThreads(1);
   const policy::PolicySpec spec = train::MakePolicySpec(LoadPreset(preset));
   base::Random random(1);
   std::vector<float> weights(spec.actor_shape().num_parameters());
-  policy::InitialiseParameters(spec.actor_shape(), random, weights);
+  nn::InitialiseParameters(spec.actor_shape(), random, weights);
   policy::NetworkAgent agent(
       {0, spec, std::make_shared<const std::vector<float>>(std::move(weights))});
   const auto batch = static_cast<int>(state.range(0));
@@ -240,7 +240,7 @@ const bool kRegistered = [] {
 void ReadMinibatch(benchmark::State& state) {
   const replay::Table table = MakeTable(300'000);
   const policy::PolicySpec spec = FastSpec();
-  const policy::FeatureMap features(spec.observation, spec.network);
+  const nn::FeatureMap features(spec.observation, spec.network);
   learner::MinibatchReader reader(features, 1, 1.0, /*mirror=*/true, 1.0);
   const replay::SampleSpec sample = {.batch = 128, .n_step = 4};
   learner::Minibatch minibatch(sample.batch, 1, features.frame_size(), at::kCPU);

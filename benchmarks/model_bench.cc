@@ -8,7 +8,7 @@
 #include "config/config.h"
 #include "learner/learner.h"
 #include "learner/model_trainer.h"
-#include "policy/blas.h"
+#include "nn/blas.h"
 #include "policy/policy_agent.h"
 #include "train/run_config.h"
 
@@ -26,7 +26,7 @@ train::RunConfig LoadPreset(const std::string& preset) {
 
 void Plan(benchmark::State& state, const std::string& preset) {
   constexpr int kEnvironments = 16;
-  policy::SetMathThreads(1);
+  nn::SetMathThreads(1);
   train::RunConfig config = LoadPreset(preset);
   config.mpc.samples = static_cast<int>(state.range(0));
   config.mpc.learning_starts = 0;
@@ -55,11 +55,11 @@ void Plan(benchmark::State& state, const std::string& preset) {
 }
 
 void UpdateModel(benchmark::State& state, const std::string& preset) {
-  policy::SetMathThreads(1);
+  nn::SetMathThreads(1);
   train::RunConfig config = LoadPreset(preset);
   config.method.model_training.updates_per_update = 1;
   const policy::PolicySpec spec = train::MakePolicySpec(config);
-  const policy::FeatureMap features(spec.observation, spec.network);
+  const nn::FeatureMap features(spec.observation, spec.network);
   learner::ModelTrainer trainer(config.method.model_training, spec.model_shape(), features, 1.0,
                                 false, at::kCPU, 1);
   // Learns from zeros, which cost what other numbers do.

@@ -7,8 +7,8 @@
 #include "base/random.h"
 #include "benchmarks/network_products.h"
 #include "benchmarks/thread_seconds.h"
-#include "policy/blas.h"
-#include "policy/network.h"
+#include "nn/blas.h"
+#include "nn/network.h"
 #include "policy/network_agent.h"
 
 /// Every network forward and backward, beside the matrix products that it cannot do without,
@@ -29,7 +29,7 @@ constexpr Size kFast = {"fast", 72, 128};
 
 policy::PolicySpec MakeSpec(const std::string& encoder, const Size& size, int history) {
   policy::PolicySpec spec;
-  policy::NetworkConfig& network = spec.network;
+  nn::NetworkConfig& network = spec.network;
   network.encoder = encoder == "beams" ? "cnn" : encoder;
   if (encoder == "beams") network.cnn_axis = "beams";
   network.encoder_layers = {size.width, size.width};
@@ -42,20 +42,19 @@ policy::PolicySpec MakeSpec(const std::string& encoder, const Size& size, int hi
 
 void RunPass(benchmark::State& state, const std::string& encoder, const Size& size, int history,
              bool backward) {
-  policy::SetMathThreads(1);
+  nn::SetMathThreads(1);
   const policy::PolicySpec spec = MakeSpec(encoder, size, history);
-  const policy::NetworkShape shape =
-      policy::CriticShape(spec.network, size.sectors == 0 ? 724 : size.sectors + 4);
+  const nn::NetworkShape shape =
+      nn::CriticShape(spec.network, size.sectors == 0 ? 724 : size.sectors + 4);
   std::vector<float> initial(shape.num_parameters());
   base::Random random(1);
-  policy::InitialiseParameters(shape, random, initial);
+  nn::InitialiseParameters(shape, random, initial);
   const at::Tensor parameters = at::from_blob(initial.data(), {shape.num_parameters()}, at::kFloat);
   at::Tensor gradient = at::zeros_like(parameters);
-  const policy::Network network(shape, parameters);
-  policy::Network network_gradient(shape, gradient);
+  const nn::Network network(shape, parameters);
+  nn::Network network_gradient(shape, gradient);
   const at::Tensor input = at::rand({kBatch, shape.num_inputs() + 2});
-  policy::NetworkPass pass(shape, input,
-                           backward ? policy::PassUse::kTraining : policy::PassUse::kInference);
+  nn::NetworkPass pass(shape, input, backward ? nn::PassUse::kTraining : nn::PassUse::kInference);
   Products products = ForwardProducts(shape, kBatch);
   if (backward) Add(BackwardProducts(shape, kBatch), 1.0, &products);
   const auto run = [&] {
@@ -93,11 +92,11 @@ void RunPass(benchmark::State& state, const std::string& encoder, const Size& si
 /// Microseconds of an action, features of 720 beams included.
 void RunAgent(benchmark::State& state, const std::string& encoder, const Size& size, int history,
               int batch) {
-  policy::SetMathThreads(1);
+  nn::SetMathThreads(1);
   const policy::PolicySpec spec = MakeSpec(encoder, size, history);
   base::Random random(1);
   std::vector<float> weights(spec.actor_shape().num_parameters());
-  policy::InitialiseParameters(spec.actor_shape(), random, weights);
+  nn::InitialiseParameters(spec.actor_shape(), random, weights);
   policy::NetworkAgent agent(
       {0, spec, std::make_shared<const std::vector<float>>(std::move(weights))});
   env::ObservationBatch observations;

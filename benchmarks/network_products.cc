@@ -2,9 +2,9 @@
 
 #include "benchmarks/thread_seconds.h"
 #include "env/observation.h"
-#include "policy/blas.h"
-#include "policy/encoder_slots.h"
-#include "policy/small_gemm.h"
+#include "nn/blas.h"
+#include "nn/encoder_slots.h"
+#include "nn/small_gemm.h"
 
 namespace slalom {
 namespace {
@@ -16,7 +16,7 @@ struct Layer {
   bool first = false;  // Nobody asks for the gradient by its input.
 };
 
-std::vector<Layer> GruLayers(const policy::NetworkShape& shape, std::int64_t batch) {
+std::vector<Layer> GruLayers(const nn::NetworkShape& shape, std::int64_t batch) {
   const std::int64_t history = shape.config.history;
   std::vector<Layer> layers;
   std::int64_t inputs = shape.frame_size;
@@ -28,7 +28,7 @@ std::vector<Layer> GruLayers(const policy::NetworkShape& shape, std::int64_t bat
   return layers;
 }
 
-std::vector<Layer> TransformerLayers(const policy::NetworkShape& shape, std::int64_t batch) {
+std::vector<Layer> TransformerLayers(const nn::NetworkShape& shape, std::int64_t batch) {
   const std::int64_t rows = batch * shape.config.history;
   const std::int64_t width = shape.config.encoder_layers.back();
   std::vector<Layer> layers = {{rows, width, shape.frame_size, 1.0, true}};
@@ -45,7 +45,7 @@ std::vector<Layer> TransformerLayers(const policy::NetworkShape& shape, std::int
   return layers;
 }
 
-std::vector<Layer> TimeCnnLayers(const policy::NetworkShape& shape, std::int64_t batch) {
+std::vector<Layer> TimeCnnLayers(const nn::NetworkShape& shape, std::int64_t batch) {
   const std::int64_t history = shape.config.history, frame = shape.frame_size;
   const std::int64_t first = shape.config.encoder_layers[0],
                      second = shape.config.encoder_layers[1];
@@ -55,23 +55,23 @@ std::vector<Layer> TimeCnnLayers(const policy::NetworkShape& shape, std::int64_t
           {batch, second, history * first}};
 }
 
-std::vector<Layer> BeamCnnLayers(const policy::NetworkShape& shape, std::int64_t batch) {
-  const std::vector<policy::BeamConvolution> convolutions =
-      policy::BeamConvolutions(shape.config, shape.frame_size);
+std::vector<Layer> BeamCnnLayers(const nn::NetworkShape& shape, std::int64_t batch) {
+  const std::vector<nn::BeamConvolution> convolutions =
+      nn::BeamConvolutions(shape.config, shape.frame_size);
   std::vector<Layer> layers;
-  for (const policy::BeamConvolution& c : convolutions) {
+  for (const nn::BeamConvolution& c : convolutions) {
     layers.push_back(
         {batch * c.out_positions, c.out_channels, c.width * c.in_channels, 1.0, layers.empty()});
   }
-  const policy::BeamConvolution& last = convolutions.back();
+  const nn::BeamConvolution& last = convolutions.back();
   layers.push_back({batch, shape.config.encoder_layers.back(),
                     last.out_positions * last.out_channels +
                         shape.config.history * static_cast<int>(env::kStateSize)});
   return layers;
 }
 
-std::vector<Layer> EncoderLayers(const policy::NetworkShape& shape, std::int64_t batch) {
-  const policy::NetworkConfig& config = shape.config;
+std::vector<Layer> EncoderLayers(const nn::NetworkShape& shape, std::int64_t batch) {
+  const nn::NetworkConfig& config = shape.config;
   if (config.encoder == "gru") return GruLayers(shape, batch);
   if (config.encoder == "transformer") return TransformerLayers(shape, batch);
   if (config.encoder == "cnn") {
@@ -80,7 +80,7 @@ std::vector<Layer> EncoderLayers(const policy::NetworkShape& shape, std::int64_t
   return {};  // An mlp's layers are all in shape.mlp.
 }
 
-std::vector<Layer> Layers(const policy::NetworkShape& shape, std::int64_t batch) {
+std::vector<Layer> Layers(const nn::NetworkShape& shape, std::int64_t batch) {
   std::vector<Layer> layers = EncoderLayers(shape, batch);
   for (int i = 0; i < shape.mlp.num_layers(); ++i) {
     layers.push_back({batch, shape.mlp.layer_outputs(i), shape.mlp.layer_inputs(i), 1,
@@ -92,7 +92,7 @@ std::vector<Layer> Layers(const policy::NetworkShape& shape, std::int64_t batch)
 
 }  // namespace
 
-Products ForwardProducts(const policy::NetworkShape& shape, std::int64_t batch) {
+Products ForwardProducts(const nn::NetworkShape& shape, std::int64_t batch) {
   Products products;
   for (const Layer& layer : Layers(shape, batch)) {
     products.push_back({layer.m, layer.n, layer.k, layer.count});
@@ -100,7 +100,7 @@ Products ForwardProducts(const policy::NetworkShape& shape, std::int64_t batch) 
   return products;
 }
 
-Products BackwardProducts(const policy::NetworkShape& shape, std::int64_t batch) {
+Products BackwardProducts(const nn::NetworkShape& shape, std::int64_t batch) {
   Products products;
   for (const Layer& layer : Layers(shape, batch)) {
     products.push_back({layer.n, layer.k, layer.m, layer.count});
@@ -109,8 +109,8 @@ Products BackwardProducts(const policy::NetworkShape& shape, std::int64_t batch)
   return products;
 }
 
-Products ActionGradientProducts(const policy::NetworkShape& shape, std::int64_t batch) {
-  const policy::MlpShape& head = shape.mlp;
+Products ActionGradientProducts(const nn::NetworkShape& shape, std::int64_t batch) {
+  const nn::MlpShape& head = shape.mlp;
   Products products = {{batch, head.num_extra, head.layer_outputs(head.extra_layer), 1.0}};
   for (int i = head.extra_layer + 1; i < head.num_layers(); ++i) {
     products.push_back({batch, head.layer_inputs(i), head.layer_outputs(i), 1.0});
@@ -132,22 +132,22 @@ double CountFlops(const Products& products) {
 }
 
 double MeasureProducts(const Products& products, bool small_gemm, double seconds_each) {
-  const policy::CpuFeatures cpu = policy::DetectCpuFeatures();
+  const nn::CpuFeatures cpu = nn::DetectCpuFeatures();
   double total = 0.0;
   for (const Product& p : products) {
     std::vector<float> a(p.m * p.k, 0.5f), b(p.k * p.n, 0.5f), c(p.m * p.n);
-    const policy::GemmTask task{.m = p.m,
-                                .n = p.n,
-                                .k = p.k,
-                                .a = a.data(),
-                                .lda = p.k,
-                                .b = b.data(),
-                                .ldb = p.n,
-                                .c = c.data(),
-                                .ldc = p.n};
+    const nn::GemmTask task{.m = p.m,
+                            .n = p.n,
+                            .k = p.k,
+                            .a = a.data(),
+                            .lda = p.k,
+                            .b = b.data(),
+                            .ldb = p.n,
+                            .c = c.data(),
+                            .ldc = p.n};
     const auto multiply = [&] {
       if (small_gemm && policy::SmallGemm(task, cpu)) return;
-      policy::Sgemm(false, false, p.m, p.n, p.k, a.data(), p.k, b.data(), p.n, c.data(), p.n);
+      nn::Sgemm(false, false, p.m, p.n, p.k, a.data(), p.k, b.data(), p.n, c.data(), p.n);
     };
     multiply();
     int count = 0;

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "policy/network_shape.h"
+#include "nn/network_shape.h"
 
 /// The matrix products that networks cannot do without: what the FLOPs "really needed" are counted
 /// from, and what the BLAS takes for them alone.
@@ -18,11 +18,11 @@ struct Product {
 using Products = std::vector<Product>;
 
 /// A pass through `shape` of so many rows.
-Products ForwardProducts(const policy::NetworkShape& shape, std::int64_t batch);
+Products ForwardProducts(const nn::NetworkShape& shape, std::int64_t batch);
 /// The gradient by all parameters.
-Products BackwardProducts(const policy::NetworkShape& shape, std::int64_t batch);
+Products BackwardProducts(const nn::NetworkShape& shape, std::int64_t batch);
 /// The gradient by a critic's action, which goes through its head only.
-Products ActionGradientProducts(const policy::NetworkShape& shape, std::int64_t batch);
+Products ActionGradientProducts(const nn::NetworkShape& shape, std::int64_t batch);
 
 /// Adds `more` to `products`, each `times` as often.
 void Add(const Products& more, double times, Products* products);

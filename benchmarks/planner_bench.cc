@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "planners/navigator.h"
+#include "planners/navigation/navigator.h"
 #include "planners/planner_agent.h"
-#include "sim/course_generator.h"
+#include "sim/courses/course_generator.h"
 #include "sim/environments.h"
 
 /// Speed of the classical systems on what a robot sees on generated courses of all recipes:

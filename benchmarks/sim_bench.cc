@@ -7,8 +7,8 @@
 
 #include "base/parallel.h"
 #include "base/random.h"
-#include "sim/course_generator.h"
-#include "sim/dynamic_generator.h"
+#include "sim/courses/course_generator.h"
+#include "sim/courses/dynamic_generator.h"
 #include "sim/environments.h"
 
 /// Simulator speed: whole environment steps, and its parts beside what a stock Box2D program would

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <vector>
 
-#include "planners/mppi.h"
-#include "planners/teb.h"
-#include "sim/course_generator.h"
+#include "planners/mppi/mppi.h"
+#include "planners/teb/teb.h"
+#include "sim/courses/course_generator.h"
 
 /// Control cycles per second of the local planners that optimise trajectories, each in the middle
 /// of generated courses, on one core.

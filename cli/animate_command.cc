@@ -18,11 +18,11 @@
 #include "cli/course_selection.h"
 #include "cli/output.h"
 #include "cli/video_encoder.h"
-#include "sim/animation.h"
-#include "sim/animation_frames.h"
-#include "sim/animation_svg.h"
-#include "sim/course_sets.h"
-#include "sim/episode_file.h"
+#include "sim/courses/animation.h"
+#include "sim/courses/animation_frames.h"
+#include "sim/courses/animation_svg.h"
+#include "sim/courses/course_sets.h"
+#include "sim/courses/episode_file.h"
 
 namespace slalom::cli {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "base/suggestion.h"
-#include "sim/course_sets.h"
+#include "sim/courses/course_sets.h"
 
 namespace slalom::cli {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/course.h"
+#include "sim/courses/course.h"
 
 namespace slalom::cli {
 

@@ -18,13 +18,13 @@
 #include "cli/animate_command.h"
 #include "cli/course_selection.h"
 #include "cli/output.h"
-#include "sim/barn_importer.h"
-#include "sim/course_check.h"
-#include "sim/course_file.h"
-#include "sim/course_render.h"
-#include "sim/course_sets.h"
-#include "sim/course_text.h"
-#include "sim/episode_file.h"
+#include "sim/courses/barn_importer.h"
+#include "sim/courses/course_check.h"
+#include "sim/courses/course_file.h"
+#include "sim/courses/course_render.h"
+#include "sim/courses/course_sets.h"
+#include "sim/courses/course_text.h"
+#include "sim/courses/episode_file.h"
 
 namespace slalom::cli {
 namespace {

@@ -6,7 +6,7 @@
 #include "cli/version.h"
 #include "config/config.h"
 #include "planners/planner_agent.h"
-#include "sim/course_sets.h"
+#include "sim/courses/course_sets.h"
 
 namespace slalom::cli {
 

@@ -15,7 +15,7 @@
 #include "base/suggestion.h"
 #include "cli/commands.h"
 #include "cli/version.h"
-#include "policy/blas.h"
+#include "nn/blas.h"
 
 namespace {
 
@@ -150,8 +150,8 @@ int Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
-    slalom::policy::RestartWithBetterBlasKernel(argv);
-    slalom::policy::SetMathThreads(1);
+    slalom::nn::RestartWithBetterBlasKernel(argv);
+    slalom::nn::SetMathThreads(1);
     slalom::base::InitLog();
     const int exit_code = Run(argc, argv);
     if (FlushOutput() || exit_code != slalom::cli::kExitOk) return exit_code;

@@ -11,7 +11,7 @@
 
 #include "base/file.h"
 #include "base/progress.h"
-#include "sim/course_render.h"
+#include "sim/courses/course_render.h"
 
 namespace slalom::cli {
 namespace {

@@ -7,7 +7,7 @@
 #include "base/parallel.h"
 #include "eval/evaluation.h"
 #include "eval/report.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 
 namespace slalom::cli {
 

@@ -10,7 +10,7 @@
 #include "cli/version.h"
 #include "config/config.h"
 #include "metrics/catalogue.h"
-#include "policy/blas.h"
+#include "nn/blas.h"
 #include "transport/security.h"
 
 namespace slalom::cli {
@@ -69,7 +69,7 @@ ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& optio
                             .run = config_.run.name,
                             .version = std::string(Version()),
                             .commit = std::string(Commit()),
-                            .blas_kernel = policy::BlasKernel()})) {
+                            .blas_kernel = nn::BlasKernel()})) {
   registry_->counter(metrics::kRestarts)
       .Increment(CountEarlierStarts(state(), transport::ToString(role), name_));
   spdlog::info("slalom {} {}, {} '{}'", Version(), transport::ToString(role),

@@ -2,7 +2,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
-#include "sim/course_overlap.h"
+#include "sim/courses/course_overlap.h"
 
 namespace slalom::cli {
 namespace {

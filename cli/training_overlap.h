@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "eval/training_overlap.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 #include "train/run_config.h"
 
 namespace slalom::cli {

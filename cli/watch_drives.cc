@@ -22,8 +22,8 @@
 #include "eval/evaluation.h"
 #include "policy/policy_agent.h"
 #include "run/run_directory.h"
-#include "sim/animation.h"
-#include "sim/animation_svg.h"
+#include "sim/courses/animation.h"
+#include "sim/courses/animation_svg.h"
 #include "train/run_config.h"
 
 namespace slalom::cli {

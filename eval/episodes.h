@@ -11,9 +11,9 @@
 #include "env/environment.h"
 #include "env/episode.h"
 #include "eval/evaluation_config.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
+#include "sim/courses/episode_file.h"
 #include "sim/environment_config.h"
-#include "sim/episode_file.h"
 
 namespace slalom::eval {
 

@@ -13,7 +13,7 @@
 #include "eval/protocol.h"
 #include "eval/summary.h"
 #include "eval/training_overlap.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 #include "sim/environment_config.h"
 
 namespace slalom::eval {

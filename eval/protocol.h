@@ -5,7 +5,7 @@
 
 #include "base/geometry.h"
 #include "eval/evaluation_config.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 #include "sim/environment_config.h"
 
 /// Evaluation protocols: the rules of an episode, whichever agent drives. docs/evaluation.md gives

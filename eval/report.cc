@@ -8,8 +8,8 @@
 
 #include "base/file.h"
 #include "eval/protocol.h"
-#include "sim/course_file.h"
-#include "sim/episode_file.h"
+#include "sim/courses/course_file.h"
+#include "sim/courses/episode_file.h"
 
 namespace slalom::eval {
 namespace {

@@ -14,7 +14,7 @@
 #include "eval/packed_numbers.h"
 #include "eval/paired_comparison.h"
 #include "eval/report_page_parts.h"
-#include "sim/motion.h"
+#include "sim/courses/motion.h"
 
 namespace slalom::eval {
 namespace {

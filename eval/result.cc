@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "eval/report.h"
-#include "sim/course_file.h"
+#include "sim/courses/course_file.h"
 
 namespace slalom::eval {
 namespace {

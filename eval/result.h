@@ -12,8 +12,8 @@
 #include "env/episode.h"
 #include "eval/summary.h"
 #include "eval/training_overlap.h"
-#include "sim/course.h"
-#include "sim/episode_file.h"
+#include "sim/courses/course.h"
+#include "sim/courses/episode_file.h"
 
 /// Evaluations read back from the files that `WriteReports` made, to be compared.
 

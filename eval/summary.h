@@ -7,7 +7,7 @@
 
 #include "eval/episodes.h"
 #include "eval/statistics.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 
 namespace slalom::eval {
 

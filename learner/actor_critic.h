@@ -21,11 +21,11 @@ class ActorCritic : public Algorithm {
         minibatch_(context.minibatch),
         totals_(context.totals),
         constraint_(context.constraint),
-        actor_(policy::ActorShape(context.spec.network, context.frame_size,
-                                  context.spec.distribution.num_outputs()),
+        actor_(nn::ActorShape(context.spec.network, context.frame_size,
+                              context.spec.distribution.num_outputs()),
                context.spec.distribution, context.initial_weights, context.minibatch),
-        critics_("critics", policy::CriticShape(context.spec.network, context.frame_size),
-                 num_critics, context.initial_weights, context.minibatch),
+        critics_("critics", nn::CriticShape(context.spec.network, context.frame_size), num_critics,
+                 context.initial_weights, context.minibatch),
         target_(at::zeros_like(context.minibatch.reward)),
         td_errors_(at::zeros_like(context.minibatch.reward)) {}
 
@@ -38,11 +38,11 @@ class ActorCritic : public Algorithm {
   }
   const at::Tensor& ActNext() override { return actor_.ActNext(); }
 
-  void SaveState(policy::TensorMap& tensors) const override {
+  void SaveState(nn::TensorMap& tensors) const override {
     actor_.SaveState(tensors);
     critics_.SaveState(tensors);
   }
-  void LoadState(const policy::TensorFile& file) override {
+  void LoadState(const nn::TensorFile& file) override {
     actor_.LoadState(file);
     critics_.LoadState(file);
   }

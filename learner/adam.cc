@@ -8,8 +8,8 @@
 
 #include "base/check.h"
 #include "learner/stored_state.h"
-#include "policy/layer_ops.h"
-#include "policy/simd.h"
+#include "nn/layer_ops.h"
+#include "nn/simd.h"
 
 namespace slalom::learner {
 namespace {
@@ -72,7 +72,7 @@ void Adam::Step(double learning_rate, std::span<const PolyakAverage> averages,
   const double t = static_cast<double>(num_steps_);
   const double step_size = learning_rate / (1.0 - std::pow(kBeta1, t));
   const double moment_scale = 1.0 / std::sqrt(1.0 - std::pow(kBeta2, t));
-  if (!policy::IsHostFloat(parameters_)) {
+  if (!nn::IsHostFloat(parameters_)) {
     norm_total.add_(gradient_.norm());
     first_moment_.mul_(kBeta1).add_(gradient_, 1.0 - kBeta1);
     second_moment_.mul_(kBeta2).addcmul_(gradient_, gradient_, 1.0 - kBeta2);
@@ -102,14 +102,14 @@ void Adam::Step(double learning_rate, std::span<const PolyakAverage> averages,
   *norm_total.data_ptr<double>() += std::sqrt(squared_norm);
 }
 
-void Adam::SaveState(const std::string& prefix, policy::TensorMap& tensors) const {
+void Adam::SaveState(const std::string& prefix, nn::TensorMap& tensors) const {
   tensors[prefix + ".first_moment"] = StoreTensor(first_moment_);
   tensors[prefix + ".second_moment"] = StoreTensor(second_moment_);
   tensors[prefix + ".num_steps"] =
-      policy::StoredTensor::Of(std::span<const std::int64_t>(&num_steps_, 1));
+      nn::StoredTensor::Of(std::span<const std::int64_t>(&num_steps_, 1));
 }
 
-void Adam::LoadState(const std::string& prefix, const policy::TensorFile& file) {
+void Adam::LoadState(const std::string& prefix, const nn::TensorFile& file) {
   ReadTensor(file, prefix + ".first_moment", first_moment_);
   ReadTensor(file, prefix + ".second_moment", second_moment_);
   file.Read(prefix + ".num_steps", std::span(&num_steps_, 1));

@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "policy/safetensors.h"
+#include "nn/safetensors.h"
 
 /// Shapes: `P` parameters of one or several networks.
 
@@ -31,8 +31,8 @@ class Adam {
   /// `norm_total`, a float64 tensor with one element.
   void Step(double learning_rate, std::span<const PolyakAverage> averages, at::Tensor& norm_total);
 
-  void SaveState(const std::string& prefix, policy::TensorMap& tensors) const;
-  void LoadState(const std::string& prefix, const policy::TensorFile& file);
+  void SaveState(const std::string& prefix, nn::TensorMap& tensors) const;
+  void LoadState(const std::string& prefix, const nn::TensorFile& file);
 
  private:
   at::Tensor parameters_;

@@ -11,8 +11,8 @@
 #include "learner/learner_config.h"
 #include "learner/learner_stats.h"
 #include "learner/minibatch.h"
+#include "nn/safetensors.h"
 #include "policy/policy.h"
-#include "policy/safetensors.h"
 
 namespace slalom::learner {
 
@@ -56,8 +56,8 @@ class Algorithm {
   virtual void Describe(LearnerStats& /*stats*/) const {}
 
   /// Saves and restores networks, optimisers and random streams.
-  virtual void SaveState(policy::TensorMap& tensors) const = 0;
-  virtual void LoadState(const policy::TensorFile& file) = 0;
+  virtual void SaveState(nn::TensorMap& tensors) const = 0;
+  virtual void LoadState(const nn::TensorFile& file) = 0;
 };
 
 /// Makes the algorithm that `context.config.algorithm` names, from the registry in algorithm.cc.

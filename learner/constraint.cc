@@ -12,7 +12,7 @@
 
 namespace slalom::learner {
 
-Constraint::Constraint(const ConstraintConfig& config, const policy::NetworkShape& critic_shape,
+Constraint::Constraint(const ConstraintConfig& config, const nn::NetworkShape& critic_shape,
                        base::Random& initial_weights, Minibatch& minibatch, Totals& totals)
     : config_(config),
       minibatch_(minibatch),
@@ -62,16 +62,15 @@ void Constraint::Describe(LearnerStats& stats) const {
   stats.violation = collisions_ - config_.limit;
 }
 
-void Constraint::SaveState(policy::TensorMap& tensors) const {
+void Constraint::SaveState(nn::TensorMap& tensors) const {
   critics_.SaveState(tensors);
   const std::array numbers = {integral_, multiplier_, collisions_};
-  tensors["constraint.state"] = policy::StoredTensor::Of(std::span<const double>(numbers));
+  tensors["constraint.state"] = nn::StoredTensor::Of(std::span<const double>(numbers));
   const std::array episodes = {num_episodes_};
-  tensors["constraint.episodes"] =
-      policy::StoredTensor::Of(std::span<const std::int64_t>(episodes));
+  tensors["constraint.episodes"] = nn::StoredTensor::Of(std::span<const std::int64_t>(episodes));
 }
 
-void Constraint::LoadState(const policy::TensorFile& file) {
+void Constraint::LoadState(const nn::TensorFile& file) {
   critics_.LoadState(file);
   std::array<double, 3> numbers{};
   file.Read("constraint.state", std::span(numbers));

@@ -9,7 +9,7 @@
 #include "learner/learner_config.h"
 #include "learner/learner_stats.h"
 #include "learner/minibatch.h"
-#include "policy/safetensors.h"
+#include "nn/safetensors.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action.
 
@@ -31,7 +31,7 @@ class Constraint {
 
   /// Requires: config.kind is not "none". Keeps references to `minibatch` and `totals`, which must
   /// outlive the constraint.
-  Constraint(const ConstraintConfig& config, const policy::NetworkShape& critic_shape,
+  Constraint(const ConstraintConfig& config, const nn::NetworkShape& critic_shape,
              base::Random& initial_weights, Minibatch& minibatch, Totals& totals);
 
   /// Takes one gradient step of the cost critics towards c + gamma^n max_k Q'_C,k(s', a'), with a'
@@ -52,8 +52,8 @@ class Constraint {
   void Describe(LearnerStats& stats) const;
   const at::Tensor& critic_parameters() const { return critics_.parameters(); }
 
-  void SaveState(policy::TensorMap& tensors) const;
-  void LoadState(const policy::TensorFile& file);
+  void SaveState(nn::TensorMap& tensors) const;
+  void LoadState(const nn::TensorFile& file);
 
  private:
   const ConstraintConfig config_;

@@ -8,7 +8,7 @@
 #include "learner/stored_state.h"
 
 namespace slalom::learner {
-Critics::Critics(std::string name, const policy::NetworkShape& shape, int num_critics,
+Critics::Critics(std::string name, const nn::NetworkShape& shape, int num_critics,
                  base::Random& random, const Minibatch& minibatch)
     : name_(std::move(name)),
       parameters_(InitialParameters(shape, num_critics, random, minibatch.input.device())),
@@ -18,12 +18,11 @@ Critics::Critics(std::string name, const policy::NetworkShape& shape, int num_cr
   const std::int64_t size = shape.num_parameters();
   for (int k = 0; k < num_critics; ++k) {
     critics_.push_back(
-        {policy::Network(shape, parameters_.narrow(0, k * size, size)),
-         policy::Network(shape, target_parameters_.narrow(0, k * size, size)),
-         policy::Network(shape, gradient_.narrow(0, k * size, size)),
-         policy::NetworkPass(shape, minibatch.input, policy::PassUse::kTraining, minibatch.dropout),
-         policy::NetworkPass(shape, minibatch.next_input, policy::PassUse::kInference,
-                             minibatch.dropout)});
+        {nn::Network(shape, parameters_.narrow(0, k * size, size)),
+         nn::Network(shape, target_parameters_.narrow(0, k * size, size)),
+         nn::Network(shape, gradient_.narrow(0, k * size, size)),
+         nn::NetworkPass(shape, minibatch.input, nn::PassUse::kTraining, minibatch.dropout),
+         nn::NetworkPass(shape, minibatch.next_input, nn::PassUse::kInference, minibatch.dropout)});
     target_values_.push_back(critics_.back().target_pass.output());
     values_.push_back(critics_.back().pass.output());
     value_gradients_.push_back(critics_.back().pass.output_gradient());
@@ -74,13 +73,13 @@ at::Tensor& Critics::MinActionGradient(at::Tensor& value_total) {
   return sum;
 }
 
-void Critics::SaveState(policy::TensorMap& tensors) const {
+void Critics::SaveState(nn::TensorMap& tensors) const {
   tensors[name_ + ".parameters"] = StoreTensor(parameters_);
   tensors[name_ + ".target_parameters"] = StoreTensor(target_parameters_);
   adam_.SaveState(name_ + ".adam", tensors);
 }
 
-void Critics::LoadState(const policy::TensorFile& file) {
+void Critics::LoadState(const nn::TensorFile& file) {
   ReadTensor(file, name_ + ".parameters", parameters_);
   ReadTensor(file, name_ + ".target_parameters", target_parameters_);
   adam_.LoadState(name_ + ".adam", file);

@@ -10,7 +10,7 @@
 #include "learner/adam.h"
 #include "learner/minibatch.h"
 #include "learner/value_ops.h"
-#include "policy/network.h"
+#include "nn/network.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `K` critics, `P` parameters of one.
 
@@ -23,8 +23,8 @@ class Critics {
  public:
   /// The target networks start as copies. Keeps a reference to `minibatch`, which must outlive the
   /// critics. Saved tensors get names that begin with `name`.
-  Critics(std::string name, const policy::NetworkShape& shape, int num_critics,
-          base::Random& random, const Minibatch& minibatch);
+  Critics(std::string name, const nn::NetworkShape& shape, int num_critics, base::Random& random,
+          const Minibatch& minibatch);
 
   /// Computes the TD target y = reward + discount * min_k (or max_k) Q'_k(s', a') with the target
   /// networks, a' being the action in the minibatch's next input. All [B].
@@ -56,16 +56,16 @@ class Critics {
   const at::Tensor& parameters() const { return parameters_; }                ///< [K * P]
   const at::Tensor& target_parameters() const { return target_parameters_; }  ///< [K * P]
 
-  void SaveState(policy::TensorMap& tensors) const;
-  void LoadState(const policy::TensorFile& file);
+  void SaveState(nn::TensorMap& tensors) const;
+  void LoadState(const nn::TensorFile& file);
 
  private:
   struct Critic {
-    policy::Network network;
-    policy::Network target;
-    policy::Network gradient;
-    policy::NetworkPass pass;
-    policy::NetworkPass target_pass;
+    nn::Network network;
+    nn::Network target;
+    nn::Network gradient;
+    nn::NetworkPass pass;
+    nn::NetworkPass target_pass;
   };
 
   const std::string name_;

@@ -7,10 +7,10 @@
 #include "learner/parameters.h"
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
-#include "policy/layer_ops.h"
+#include "nn/layer_ops.h"
 
 namespace slalom::learner {
-DeterministicActor::DeterministicActor(const policy::NetworkShape& shape,
+DeterministicActor::DeterministicActor(const nn::NetworkShape& shape,
                                        const policy::ActionDistribution& /*distribution*/,
                                        base::Random& random, const Minibatch& minibatch)
     : parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
@@ -21,20 +21,20 @@ DeterministicActor::DeterministicActor(const policy::NetworkShape& shape,
       network_(shape, parameters_),
       target_(shape, target_parameters_),
       network_gradient_(shape, gradient_),
-      pass_(shape, minibatch.features, policy::PassUse::kTraining, minibatch.dropout),
-      target_pass_(shape, minibatch.next_features, policy::PassUse::kInference, minibatch.dropout),
+      pass_(shape, minibatch.features, nn::PassUse::kTraining, minibatch.dropout),
+      target_pass_(shape, minibatch.next_features, nn::PassUse::kInference, minibatch.dropout),
       preactivation_(at::zeros_like(pass_.output())) {}
 
 const at::Tensor& DeterministicActor::Act() {
   network_.Forward(pass_);
   preactivation_.copy_(pass_.output());
-  policy::Tanh(pass_.output());
+  nn::Tanh(pass_.output());
   return pass_.output();
 }
 
 const at::Tensor& DeterministicActor::ActTarget() {
   target_.Forward(target_pass_);
-  policy::Tanh(target_pass_.output());
+  nn::Tanh(target_pass_.output());
   return target_pass_.output();
 }
 
@@ -43,7 +43,7 @@ void DeterministicActor::PolicyGradientStep(const at::Tensor& action_gradient,
                                             double polyak_rate, double average_rate,
                                             at::Tensor& norm_total) {
   CopyActions(action_gradient, pass_.output_gradient());
-  policy::TanhGradient(pass_.output(), pass_.output_gradient());
+  nn::TanhGradient(pass_.output(), pass_.output_gradient());
   if (preactivation_penalty > 0.0) {
     pass_.output_gradient().add_(
         preactivation_, 2.0 * preactivation_penalty / static_cast<double>(preactivation_.size(0)));
@@ -54,14 +54,14 @@ void DeterministicActor::PolicyGradientStep(const at::Tensor& action_gradient,
   adam_.Step(learning_rate, std::span(averages).first(average_rate > 0.0 ? 2 : 1), norm_total);
 }
 
-void DeterministicActor::SaveState(policy::TensorMap& tensors) const {
+void DeterministicActor::SaveState(nn::TensorMap& tensors) const {
   tensors["actor.parameters"] = StoreTensor(parameters_);
   tensors["actor.target_parameters"] = StoreTensor(target_parameters_);
   tensors["actor.average_parameters"] = StoreTensor(average_parameters_);
   adam_.SaveState("actor.adam", tensors);
 }
 
-void DeterministicActor::LoadState(const policy::TensorFile& file) {
+void DeterministicActor::LoadState(const nn::TensorFile& file) {
   ReadTensor(file, "actor.parameters", parameters_);
   ReadTensor(file, "actor.target_parameters", target_parameters_);
   ReadTensor(file, "actor.average_parameters", average_parameters_);

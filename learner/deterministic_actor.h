@@ -7,7 +7,7 @@
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"
-#include "policy/network.h"
+#include "nn/network.h"
 #include "policy/policy.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
@@ -20,9 +20,8 @@ class DeterministicActor {
  public:
   /// The target network and the average start as copies. Keeps a reference to `minibatch`, which
   /// must outlive the actor.
-  DeterministicActor(const policy::NetworkShape& shape,
-                     const policy::ActionDistribution& distribution, base::Random& random,
-                     const Minibatch& minibatch);
+  DeterministicActor(const nn::NetworkShape& shape, const policy::ActionDistribution& distribution,
+                     base::Random& random, const Minibatch& minibatch);
 
   /// Return pi(s), and pi'(s') of the target network, [B, A]. The next call overwrites them.
   const at::Tensor& Act();
@@ -42,8 +41,8 @@ class DeterministicActor {
   const at::Tensor& target_parameters() const { return target_parameters_; }    ///< [P]
   const at::Tensor& average_parameters() const { return average_parameters_; }  ///< [P]
 
-  void SaveState(policy::TensorMap& tensors) const;
-  void LoadState(const policy::TensorFile& file);
+  void SaveState(nn::TensorMap& tensors) const;
+  void LoadState(const nn::TensorFile& file);
 
  private:
   at::Tensor parameters_;
@@ -51,11 +50,11 @@ class DeterministicActor {
   at::Tensor average_parameters_;
   at::Tensor gradient_;
   Adam adam_;
-  policy::Network network_;
-  policy::Network target_;
-  policy::Network network_gradient_;
-  policy::NetworkPass pass_;
-  policy::NetworkPass target_pass_;
+  nn::Network network_;
+  nn::Network target_;
+  nn::Network network_gradient_;
+  nn::NetworkPass pass_;
+  nn::NetworkPass target_pass_;
   at::Tensor preactivation_;  // [B, A], inputs of tanh in the last `Act`.
 };
 

@@ -8,11 +8,11 @@
 #include "learner/parameters.h"
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
-#include "policy/layer_ops.h"
+#include "nn/layer_ops.h"
 
 namespace slalom::learner {
 
-GaussianActor::GaussianActor(const policy::NetworkShape& shape,
+GaussianActor::GaussianActor(const nn::NetworkShape& shape,
                              const policy::ActionDistribution& distribution, base::Random& random,
                              const Minibatch& minibatch)
     : distribution_(distribution),
@@ -22,12 +22,11 @@ GaussianActor::GaussianActor(const policy::NetworkShape& shape,
       adam_(parameters_, gradient_),
       network_(shape, parameters_),
       network_gradient_(shape, gradient_),
-      now_{policy::NetworkPass(shape, minibatch.features, policy::PassUse::kTraining,
-                               minibatch.dropout),
+      now_{nn::NetworkPass(shape, minibatch.features, nn::PassUse::kTraining, minibatch.dropout),
            at::zeros({minibatch.reward.size(0), env::kActionSize}, minibatch.reward.options()),
            at::zeros_like(minibatch.reward)},
-      next_{policy::NetworkPass(shape, minibatch.next_features, policy::PassUse::kInference,
-                                minibatch.dropout),
+      next_{nn::NetworkPass(shape, minibatch.next_features, nn::PassUse::kInference,
+                            minibatch.dropout),
             at::zeros_like(now_.actions), at::zeros_like(minibatch.reward)} {}
 
 SampledActions GaussianActor::Draw(Draws& draws, const at::Tensor& noise) {
@@ -40,7 +39,7 @@ SampledActions GaussianActor::Draw(Draws& draws, const at::Tensor& noise) {
 const at::Tensor& GaussianActor::ActNext() {
   network_.Forward(next_.pass);
   CopyActions(next_.pass.output().narrow(1, 0, env::kActionSize), next_.actions);
-  policy::Tanh(next_.actions);
+  nn::Tanh(next_.actions);
   return next_.actions;
 }
 
@@ -54,13 +53,13 @@ void GaussianActor::PolicyGradientStep(const at::Tensor& action_gradient,
   adam_.Step(learning_rate, std::span(&average, average_rate > 0.0 ? 1 : 0), norm_total);
 }
 
-void GaussianActor::SaveState(policy::TensorMap& tensors) const {
+void GaussianActor::SaveState(nn::TensorMap& tensors) const {
   tensors["actor.parameters"] = StoreTensor(parameters_);
   tensors["actor.average_parameters"] = StoreTensor(average_parameters_);
   adam_.SaveState("actor.adam", tensors);
 }
 
-void GaussianActor::LoadState(const policy::TensorFile& file) {
+void GaussianActor::LoadState(const nn::TensorFile& file) {
   ReadTensor(file, "actor.parameters", parameters_);
   ReadTensor(file, "actor.average_parameters", average_parameters_);
   adam_.LoadState("actor.adam", file);

@@ -6,7 +6,7 @@
 #include "learner/adam.h"
 #include "learner/gaussian_ops.h"
 #include "learner/minibatch.h"
-#include "policy/network.h"
+#include "nn/network.h"
 #include "policy/policy.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
@@ -25,7 +25,7 @@ class GaussianActor {
  public:
   /// `distribution` bounds the standard deviation. The average starts as a copy. Keeps a reference
   /// to `minibatch`, which must outlive the actor.
-  GaussianActor(const policy::NetworkShape& shape, const policy::ActionDistribution& distribution,
+  GaussianActor(const nn::NetworkShape& shape, const policy::ActionDistribution& distribution,
                 base::Random& random, const Minibatch& minibatch);
 
   /// Draw a ~ pi(.|s), and a' ~ pi(.|s'). `noise`: standard normal numbers, [B, A].
@@ -44,12 +44,12 @@ class GaussianActor {
   const at::Tensor& parameters() const { return parameters_; }                  ///< [P]
   const at::Tensor& average_parameters() const { return average_parameters_; }  ///< [P]
 
-  void SaveState(policy::TensorMap& tensors) const;
-  void LoadState(const policy::TensorFile& file);
+  void SaveState(nn::TensorMap& tensors) const;
+  void LoadState(const nn::TensorFile& file);
 
  private:
   struct Draws {
-    policy::NetworkPass pass;    // Output [B, 2 A]: means, then raw standard deviations.
+    nn::NetworkPass pass;        // Output [B, 2 A]: means, then raw standard deviations.
     at::Tensor actions;          // [B, A]
     at::Tensor log_probability;  // [B]
   };
@@ -61,8 +61,8 @@ class GaussianActor {
   at::Tensor average_parameters_;
   at::Tensor gradient_;
   Adam adam_;
-  policy::Network network_;
-  policy::Network network_gradient_;
+  nn::Network network_;
+  nn::Network network_gradient_;
   Draws now_;
   Draws next_;
   at::Tensor noise_;  // [B, A], of the last `Sample`.

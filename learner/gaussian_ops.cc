@@ -6,12 +6,12 @@
 #include <numbers>
 
 #include "env/action.h"
-#include "policy/layer_ops.h"
+#include "nn/layer_ops.h"
 
 namespace slalom::learner {
 namespace {
 
-using policy::IsHostFloat;
+using nn::IsHostFloat;
 
 const double kLogSqrtTwoPi = 0.5 * std::log(2.0 * std::numbers::pi);
 

@@ -225,12 +225,12 @@ void Imagination::RollOut(std::int64_t row, int steps) {
   }
 }
 
-void Imagination::SaveState(policy::TensorMap& tensors) const {
+void Imagination::SaveState(nn::TensorMap& tensors) const {
   tensors["imagination.random"] = StoreRandom(random_);
   if (config_.kind == "mbpo") transitions_.SaveState(tensors);
 }
 
-void Imagination::LoadState(const policy::TensorFile& file) {
+void Imagination::LoadState(const nn::TensorFile& file) {
   ReadRandom(file, "imagination.random", random_);
   if (config_.kind == "mbpo") transitions_.LoadState(file);
 }

@@ -57,8 +57,8 @@ class Imagination {
   /// Fills the minibatch with batch `k`, 0 <= k < num_batches(). Requires: `Begin` was called.
   void Fill(int k);
 
-  void SaveState(policy::TensorMap& tensors) const;
-  void LoadState(const policy::TensorFile& file);
+  void SaveState(nn::TensorMap& tensors) const;
+  void LoadState(const nn::TensorFile& file);
 
  private:
   void StartFrom(std::int64_t row);
@@ -73,7 +73,7 @@ class Imagination {
   Algorithm& algorithm_;
   Minibatch& minibatch_;
   base::Random random_;
-  policy::ModelPass pass_;           // Reads minibatch.next_input and is rolled forward in it.
+  nn::ModelPass pass_;               // Reads minibatch.next_input and is rolled forward in it.
   Noise action_noise_;               // [B, 2]
   Noise model_noise_;                // [B, M]
   at::Tensor alive_;                 // [B]

@@ -81,9 +81,9 @@ void ImaginedTransitions::Sample(std::int64_t begin, base::Random& random,
   rows(minibatch.weight).fill_(1.0);
 }
 
-void ImaginedTransitions::SaveState(policy::TensorMap& tensors) const {
+void ImaginedTransitions::SaveState(nn::TensorMap& tensors) const {
   const std::array<std::int64_t, 2> places = {size_, next_};
-  tensors["imagined.places"] = policy::StoredTensor::Of(std::span<const std::int64_t>(places));
+  tensors["imagined.places"] = nn::StoredTensor::Of(std::span<const std::int64_t>(places));
   tensors["imagined.features"] = StoreTensor(features_);
   tensors["imagined.frames"] = StoreTensor(frames_);
   tensors["imagined.actions"] = StoreTensor(actions_);
@@ -91,7 +91,7 @@ void ImaginedTransitions::SaveState(policy::TensorMap& tensors) const {
   tensors["imagined.discount"] = StoreTensor(discount_);
 }
 
-void ImaginedTransitions::LoadState(const policy::TensorFile& file) {
+void ImaginedTransitions::LoadState(const nn::TensorFile& file) {
   std::array<std::int64_t, 2> places;
   file.Read("imagined.places", std::span(places));
   ReadTensor(file, "imagined.features", features_);

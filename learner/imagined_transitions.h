@@ -6,7 +6,7 @@
 
 #include "base/random.h"
 #include "learner/minibatch.h"
-#include "policy/safetensors.h"
+#include "nn/safetensors.h"
 
 /// Shapes: `C` capacity, `B` batch, `H` frames of history, `F` numbers of a frame.
 
@@ -31,8 +31,8 @@ class ImaginedTransitions {
 
   std::int64_t size() const { return size_; }
 
-  void SaveState(policy::TensorMap& tensors) const;
-  void LoadState(const policy::TensorFile& file);
+  void SaveState(nn::TensorMap& tensors) const;
+  void LoadState(const nn::TensorFile& file);
 
  private:
   std::int64_t capacity_;

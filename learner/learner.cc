@@ -18,7 +18,7 @@
 #include "learner/model_trainer.h"
 #include "learner/prediction_error.h"
 #include "learner/stored_state.h"
-#include "policy/feature_map.h"
+#include "nn/feature_map.h"
 
 namespace slalom::learner {
 namespace {
@@ -138,9 +138,8 @@ struct Learner::Parts {
     minibatch.dropout = &dropout;
     if (method.constraint.kind != "none") {
       base::Random weights(base::DeriveSeed(seed, "cost critic weights"));
-      constraint.emplace(method.constraint,
-                         policy::CriticShape(spec.network, features.frame_size()), weights,
-                         minibatch, totals);
+      constraint.emplace(method.constraint, nn::CriticShape(spec.network, features.frame_size()),
+                         weights, minibatch, totals);
     }
     algorithm = MakeAlgorithm({.config = method.learner,
                                .spec = spec,
@@ -152,8 +151,8 @@ struct Learner::Parts {
                                .constraint = constraint ? &*constraint : nullptr});
     if (method.model.kind == "none") return;
     model.emplace(method.model_training,
-                  policy::MakeModelShape(method.model, spec.network, features.frame_size(),
-                                         spec.observation, spec.planning.goal),
+                  nn::MakeModelShape(method.model, spec.network, features.frame_size(),
+                                     spec.observation, spec.planning.goal),
                   features, method.learner.reward_scale, method.learner.mirror, device, seed,
                   NumStartingStates(method.imagination, method.learner.batch_size));
     if (method.imagination.kind == "none") return;
@@ -177,7 +176,7 @@ struct Learner::Parts {
   base::Random initial_weights;
   base::Random mirror;
   base::Random dropout;
-  policy::FeatureMap features;
+  nn::FeatureMap features;
   MinibatchReader reader;
   Minibatch minibatch;
   Totals totals;
@@ -215,7 +214,7 @@ std::vector<replay::SampleSpec> Learner::SampleSpecs(const MethodConfig& method,
   return specs;
 }
 
-policy::PlanningSpec PlanningOf(const MethodConfig& method, const policy::GoalRule& goal) {
+policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal) {
   if (method.model.kind == "none") return {};
   policy::PlanningSpec planning{.model = method.model, .gamma = method.learner.gamma, .goal = goal};
   planning.model.ensemble = NumElites(method.model_training, method.model.ensemble);
@@ -307,7 +306,7 @@ std::int64_t Learner::num_updates() const { return parts_->totals.num_updates();
 
 std::string Learner::device() const { return parts_->device.is_cpu() ? "cpu" : "cuda"; }
 
-void Learner::SaveState(policy::TensorMap& tensors) const {
+void Learner::SaveState(nn::TensorMap& tensors) const {
   const Parts& p = *parts_;
   p.algorithm->SaveState(tensors);
   if (p.constraint) p.constraint->SaveState(tensors);
@@ -318,7 +317,7 @@ void Learner::SaveState(policy::TensorMap& tensors) const {
   tensors["learner.dropout_random"] = StoreRandom(p.dropout);
 }
 
-void Learner::LoadState(const policy::TensorFile& file) {
+void Learner::LoadState(const nn::TensorFile& file) {
   Parts& p = *parts_;
   p.algorithm->LoadState(file);
   if (p.constraint) p.constraint->LoadState(file);

@@ -10,9 +10,9 @@
 #include "learner/learner_config.h"
 #include "learner/learner_stats.h"
 #include "learner/model_config.h"
-#include "policy/model_shape.h"
+#include "nn/model_shape.h"
+#include "nn/safetensors.h"
 #include "policy/policy.h"
-#include "policy/safetensors.h"
 #include "replay/batch.h"
 
 namespace slalom::learner {
@@ -21,14 +21,14 @@ namespace slalom::learner {
 struct MethodConfig {
   LearnerConfig learner;
   ConstraintConfig constraint;
-  policy::TransitionModelConfig model;
+  nn::TransitionModelConfig model;
   ModelTrainingConfig model_training;
   ImaginationConfig imagination;
 };
 
 /// Returns what agents that plan need to know about the method's model. It is stored in every
 /// policy file. `goal`: when the task's episodes end in success.
-policy::PlanningSpec PlanningOf(const MethodConfig& method, const policy::GoalRule& goal = {});
+policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal = {});
 
 /// Learns a policy from replayed transitions, by the algorithm that the config names and the parts
 /// that it combines with (constraint, transition model, imagination). docs/algorithms.md maps the
@@ -94,9 +94,9 @@ class Learner {
 
   /// Saves everything that an update depends on. After `LoadState`, updates continue bit for bit on
   /// the same kind of device.
-  void SaveState(policy::TensorMap& tensors) const;
+  void SaveState(nn::TensorMap& tensors) const;
   /// Throws `base::Error` if a tensor is missing or of another size.
-  void LoadState(const policy::TensorFile& file);
+  void LoadState(const nn::TensorFile& file);
 
  private:
   struct Parts;

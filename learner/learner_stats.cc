@@ -38,16 +38,16 @@ LearnerStats Totals::Read(int num_critics, int num_cost_critics) {
   return stats;
 }
 
-void Totals::SaveState(policy::TensorMap& tensors) const {
+void Totals::SaveState(nn::TensorMap& tensors) const {
   const std::array counters = {num_updates_, num_actor_updates_, updates_at_reading_,
                                actor_updates_at_reading_};
-  tensors["learner.counters"] = policy::StoredTensor::Of(std::span<const std::int64_t>(counters));
+  tensors["learner.counters"] = nn::StoredTensor::Of(std::span<const std::int64_t>(counters));
   const at::Tensor host = sums_.to(at::kCPU);
   tensors["learner.totals"] =
-      policy::StoredTensor::Of(std::span<const double>(host.data_ptr<double>(), kNumTotals));
+      nn::StoredTensor::Of(std::span<const double>(host.data_ptr<double>(), kNumTotals));
 }
 
-void Totals::LoadState(const policy::TensorFile& file) {
+void Totals::LoadState(const nn::TensorFile& file) {
   std::array<std::int64_t, 4> counters;
   file.Read("learner.counters", std::span(counters));
   std::tie(num_updates_, num_actor_updates_, updates_at_reading_, actor_updates_at_reading_) =

@@ -7,7 +7,7 @@
 #include <limits>
 #include <string>
 
-#include "policy/safetensors.h"
+#include "nn/safetensors.h"
 
 namespace slalom::learner {
 
@@ -80,8 +80,8 @@ class Totals {
   /// Returns the means and resets the sums. Waits for the device.
   LearnerStats Read(int num_critics, int num_cost_critics);
 
-  void SaveState(policy::TensorMap& tensors) const;
-  void LoadState(const policy::TensorFile& file);
+  void SaveState(nn::TensorMap& tensors) const;
+  void LoadState(const nn::TensorFile& file);
 
  private:
   static constexpr auto kNumTotals = static_cast<std::size_t>(Total::kCount);

@@ -30,7 +30,7 @@ Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device) 
   weight = at::ones({batch}, options);
 }
 
-MinibatchReader::MinibatchReader(policy::FeatureMap features, int history, double reward_scale,
+MinibatchReader::MinibatchReader(nn::FeatureMap features, int history, double reward_scale,
                                  bool mirror, double discount_factor)
     : features_(std::move(features)),
       history_(history),

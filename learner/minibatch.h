@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "base/random.h"
-#include "policy/feature_map.h"
+#include "nn/feature_map.h"
 #include "replay/batch.h"
 
 /// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `A` = 2 numbers of an action.
@@ -38,7 +38,7 @@ class MinibatchReader {
  public:
   /// `mirror`: whether to replace each sample, with probability 1/2, by its mirror image.
   /// `discount_factor`: every discount is multiplied by it.
-  MinibatchReader(policy::FeatureMap features, int history, double reward_scale, bool mirror,
+  MinibatchReader(nn::FeatureMap features, int history, double reward_scale, bool mirror,
                   double discount_factor);
 
   /// Fills `minibatch`. Draws from `random` only if mirroring is on. Requires: rows of B samples
@@ -46,7 +46,7 @@ class MinibatchReader {
   void Read(const replay::SampledRows& rows, base::Random& random, Minibatch& minibatch);
 
  private:
-  policy::FeatureMap features_;
+  nn::FeatureMap features_;
   int history_;
   float reward_scale_;
   bool mirror_;

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "policy/layer_ops.h"
-#include "policy/simd.h"
-#include "policy/smooth_math.h"
+#include "nn/layer_ops.h"
+#include "nn/simd.h"
+#include "nn/smooth_math.h"
 
 namespace slalom::learner {
 namespace {
@@ -70,7 +70,7 @@ SLALOM_SIMD double LikelihoodGradient(std::int64_t n, const float* __restrict lo
   std::int64_t j = 0;
   for (; j + kLanes <= n; j += kLanes) {
     for (std::int64_t l = 0; l < kLanes; ++l) {
-      const float inverse = policy::SmoothExp(-log_std[j + l]);
+      const float inverse = nn::SmoothExp(-log_std[j + l]);
       const float z = d[j + l] * inverse;
       d[j + l] = -z * inverse;
       d_log_std[j + l] = 1.0f - z * z;
@@ -78,7 +78,7 @@ SLALOM_SIMD double LikelihoodGradient(std::int64_t n, const float* __restrict lo
     }
   }
   for (; j < n; ++j) {
-    const float inverse = policy::SmoothExp(-log_std[j]);
+    const float inverse = nn::SmoothExp(-log_std[j]);
     const float z = d[j] * inverse;
     d[j] = -z * inverse;
     d_log_std[j] = 1.0f - z * z;
@@ -107,8 +107,8 @@ std::int64_t CountInside(float half, std::int64_t n, const float* d_log_std) {
 }
 
 /// The same with LibTorch's operations.
-void ReferenceLoss(const policy::ModelShape& shape, const ModelTargets& targets, double state_scale,
-                   policy::ModelPass& pass, at::Tensor& figures) {
+void ReferenceLoss(const nn::ModelShape& shape, const ModelTargets& targets, double state_scale,
+                   nn::ModelPass& pass, at::Tensor& figures) {
   const std::int64_t n = shape.num_predicted;
   const std::int64_t begin = shape.network.num_inputs() - shape.frame_size();
   const at::Tensor output = pass.output();
@@ -154,7 +154,7 @@ void ReferenceLoss(const policy::ModelShape& shape, const ModelTargets& targets,
   at::Tensor reward = targets.reward;
   if (shape.knows_success()) {
     const at::Tensor frames = targets.next_features.narrow(1, begin, shape.frame_size());
-    const at::Tensor success = ended * policy::AreSuccesses(shape, frames) * (targets.cost == 0);
+    const at::Tensor success = ended * nn::AreSuccesses(shape, frames) * (targets.cost == 0);
     reward = reward - success * shape.goal_reward;
     ended = ended - success;
   }
@@ -176,9 +176,9 @@ void ReferenceLoss(const policy::ModelShape& shape, const ModelTargets& targets,
 
 }  // namespace
 
-void ModelLoss(const policy::ModelShape& shape, const ModelTargets& targets, double state_scale,
-               policy::ModelPass& pass, at::Tensor& figures) {
-  if (!policy::IsHostFloat(pass.output())) {
+void ModelLoss(const nn::ModelShape& shape, const ModelTargets& targets, double state_scale,
+               nn::ModelPass& pass, at::Tensor& figures) {
+  if (!nn::IsHostFloat(pass.output())) {
     return ReferenceLoss(shape, targets, state_scale, pass, figures);
   }
   const std::int64_t batch = pass.output().size(0);
@@ -226,9 +226,9 @@ void ModelLoss(const policy::ModelShape& shape, const ModelTargets& targets, dou
     const float reward_error = output[shape.reward_column()] - reward;
     const float logit = output[shape.termination_column()];
     const float ended = terminated && !success ? 1.0f : 0.0f;
-    const double entropy = policy::Softplus(logit) - static_cast<double>(ended * logit);
+    const double entropy = nn::Softplus(logit) - static_cast<double>(ended * logit);
     d[shape.reward_column()] = 2.0f * share * reward_error;
-    d[shape.termination_column()] = share * (policy::SmoothSigmoid(logit) - ended);
+    d[shape.termination_column()] = share * (nn::SmoothSigmoid(logit) - ended);
 
     const double reward_square = static_cast<double>(reward_error) * reward_error;
     if (held) {

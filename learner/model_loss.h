@@ -2,7 +2,7 @@
 
 #include <ATen/core/Tensor.h>
 
-#include "policy/transition_model.h"
+#include "nn/transition_model.h"
 
 /// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `M` <= F of them predicted.
 
@@ -50,7 +50,7 @@ enum ModelFigure {
 /// Reads pass.output() and pass.log_std() as `TransitionModel::Forward` left them and writes
 /// pass.output_gradient(). Adds to `figures`; a deterministic model adds neither likelihood nor
 /// intervals. Allocates nothing for float32 on the CPU.
-void ModelLoss(const policy::ModelShape& shape, const ModelTargets& targets, double state_scale,
-               policy::ModelPass& pass, at::Tensor& figures);
+void ModelLoss(const nn::ModelShape& shape, const ModelTargets& targets, double state_scale,
+               nn::ModelPass& pass, at::Tensor& figures);
 
 }  // namespace slalom::learner

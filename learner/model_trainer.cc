@@ -20,7 +20,7 @@ namespace {
 /// 8,000 held-out transitions, and those that a member of an ensemble counts with weight 0.
 constexpr std::int64_t kElitePeriod = 250;
 
-at::Tensor InitialWeights(const policy::ModelShape& shape, std::uint64_t seed, at::Device device) {
+at::Tensor InitialWeights(const nn::ModelShape& shape, std::uint64_t seed, at::Device device) {
   base::Random random(base::DeriveSeed(seed, "model weights"));
   return InitialParameters(shape.network, shape.ensemble, random, device);
 }
@@ -52,8 +52,8 @@ int NumElites(const ModelTrainingConfig& config, int ensemble) {
   return config.elites > 0 ? config.elites : ensemble;
 }
 
-ModelTrainer::ModelTrainer(const ModelTrainingConfig& config, const policy::ModelShape& shape,
-                           const policy::FeatureMap& features, double reward_scale, bool mirror,
+ModelTrainer::ModelTrainer(const ModelTrainingConfig& config, const nn::ModelShape& shape,
+                           const nn::FeatureMap& features, double reward_scale, bool mirror,
                            at::Device device, std::uint64_t seed, int num_rows)
     : config_(config),
       shape_(shape),
@@ -140,7 +140,7 @@ void ModelTrainer::Update() {
   const double state_scale =
       config_.state_loss == "sum" ? 1.0 : 1.0 / static_cast<double>(shape_.num_predicted);
   for (int u = 0; u < updates; ++u) {
-    policy::ModelPass& pass = passes_[u];
+    nn::ModelPass& pass = passes_[u];
     ModelTargets& targets = targets_[u];
     for (int e = 0; e < shape_.ensemble; ++e) {
       targets.weight = weight_views_[e * updates + u];
@@ -209,23 +209,23 @@ ModelStats ModelTrainer::ReadStats() {
 
 bool ModelTrainer::is_finite() const { return at::isfinite(parameters_).all().item<bool>(); }
 
-void ModelTrainer::SaveState(policy::TensorMap& tensors) const {
+void ModelTrainer::SaveState(nn::TensorMap& tensors) const {
   tensors["model.parameters"] = StoreTensor(parameters_);
   for (int e = 0; e < shape_.ensemble; ++e) adam_[e].SaveState(AdamName(e), tensors);
   const std::array<std::int64_t, 2> counters = {num_updates_, updates_at_reading_};
-  tensors["model.counters"] = policy::StoredTensor::Of(std::span<const std::int64_t>(counters));
+  tensors["model.counters"] = nn::StoredTensor::Of(std::span<const std::int64_t>(counters));
   const std::vector<std::int64_t> elites(elites_.begin(), elites_.end());
-  tensors["model.elites"] = policy::StoredTensor::Of(std::span<const std::int64_t>(elites));
+  tensors["model.elites"] = nn::StoredTensor::Of(std::span<const std::int64_t>(elites));
   tensors["model.bootstrap_seed"] =
-      policy::StoredTensor::Of(std::span<const std::uint64_t>(&bootstrap_seed_, 1));
+      nn::StoredTensor::Of(std::span<const std::uint64_t>(&bootstrap_seed_, 1));
   tensors["model.mirror_random"] = StoreRandom(mirror_);
   const at::Tensor figures = at::cat({figures_.flatten().to(at::kCPU), norm_total_.to(at::kCPU),
                                       figures_at_choice_.flatten(), figures_at_reading_});
-  tensors["model.figures"] = policy::StoredTensor::Of(std::span<const double>(
+  tensors["model.figures"] = nn::StoredTensor::Of(std::span<const double>(
       figures.data_ptr<double>(), static_cast<std::size_t>(figures.numel())));
 }
 
-void ModelTrainer::LoadState(const policy::TensorFile& file) {
+void ModelTrainer::LoadState(const nn::TensorFile& file) {
   ReadTensor(file, "model.parameters", parameters_);
   for (int e = 0; e < shape_.ensemble; ++e) adam_[e].LoadState(AdamName(e), file);
   std::array<std::int64_t, 2> counters;

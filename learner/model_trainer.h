@@ -14,7 +14,7 @@
 #include "learner/minibatch.h"
 #include "learner/model_config.h"
 #include "learner/model_loss.h"
-#include "policy/transition_model.h"
+#include "nn/transition_model.h"
 #include "replay/batch.h"
 
 /// Shapes: `B` batch, `U` updates per load, `E` members of the ensemble, `P` parameters of one.
@@ -34,9 +34,9 @@ class ModelTrainer {
  public:
   /// Draws weights and mirroring from `seed`. `num_rows`: the least number of rows that `Load`
   /// takes, for callers (imagination) that need more rows than training does.
-  ModelTrainer(const ModelTrainingConfig& config, const policy::ModelShape& shape,
-               const policy::FeatureMap& features, double reward_scale, bool mirror,
-               at::Device device, std::uint64_t seed, int num_rows = 0);
+  ModelTrainer(const ModelTrainingConfig& config, const nn::ModelShape& shape,
+               const nn::FeatureMap& features, double reward_scale, bool mirror, at::Device device,
+               std::uint64_t seed, int num_rows = 0);
 
   /// What to sample for `Load`: U * B one-step transitions, or `num_rows` if that is more.
   replay::SampleSpec sample_spec() const { return SampleSpec(config_, history_, num_rows_); }
@@ -52,7 +52,7 @@ class ModelTrainer {
 
   /// The transitions that were loaded.
   const Minibatch& loaded() const { return loaded_; }
-  const policy::TransitionModel& model() const { return model_; }
+  const nn::TransitionModel& model() const { return model_; }
   const at::Tensor& parameters() const { return parameters_; }  ///< [E * P]
   /// The `NumElites` members that predict, best first, as last chosen; at first members 0, 1, ...
   std::span<const int> elites() const { return elites_; }
@@ -64,14 +64,14 @@ class ModelTrainer {
   std::int64_t num_updates() const { return num_updates_; }
   bool is_finite() const;
 
-  void SaveState(policy::TensorMap& tensors) const;
-  void LoadState(const policy::TensorFile& file);
+  void SaveState(nn::TensorMap& tensors) const;
+  void LoadState(const nn::TensorFile& file);
 
  private:
   void ChooseElites();
 
   const ModelTrainingConfig config_;
-  const policy::ModelShape shape_;
+  const nn::ModelShape shape_;
   const int num_rows_;
   const int history_;
   base::Random mirror_;
@@ -80,11 +80,11 @@ class ModelTrainer {
   Minibatch loaded_;
   at::Tensor parameters_;
   at::Tensor gradient_;
-  policy::TransitionModel model_;
-  policy::TransitionModel gradient_model_;
+  nn::TransitionModel model_;
+  nn::TransitionModel gradient_model_;
   std::vector<Adam> adam_;                 // [E], each with its own count of steps
   std::vector<at::Tensor> member_values_;  // [E], views [P]
-  std::vector<policy::ModelPass> passes_;  // [U]
+  std::vector<nn::ModelPass> passes_;      // [U]
   std::vector<ModelTargets> targets_;      // [U], without weights
   at::Tensor host_weights_;                // [E, U * B]
   at::Tensor weights_;

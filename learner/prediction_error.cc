@@ -9,10 +9,10 @@
 
 namespace slalom::learner {
 
-std::vector<double> PredictionErrors(const policy::TransitionModel& model, int member,
-                                     const policy::FeatureMap& features,
+std::vector<double> PredictionErrors(const nn::TransitionModel& model, int member,
+                                     const nn::FeatureMap& features,
                                      const replay::SampledRows& rows, at::Device device) {
-  const policy::ModelShape& shape = model.shape();
+  const nn::ModelShape& shape = model.shape();
   const int steps = rows.history - shape.history();
   SLALOM_CHECK_GE(steps, 1);
   const std::int64_t frame = shape.frame_size();
@@ -55,7 +55,7 @@ std::vector<double> PredictionErrors(const policy::TransitionModel& model, int m
   at::Tensor input = at::zeros({num_samples, width + 2}, frames.options());
   at::Tensor stack = input.narrow(1, 0, width);
   stack.copy_(frames.narrow(1, 0, shape.history()).reshape({num_samples, width}));
-  policy::ModelPass pass(shape, input);
+  nn::ModelPass pass(shape, input);
   std::vector<double> errors;
   for (int step = 0; step < steps; ++step) {
     input.narrow(1, width, 2).copy_(actions[step]);

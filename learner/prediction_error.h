@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "policy/feature_map.h"
-#include "policy/transition_model.h"
+#include "nn/feature_map.h"
+#include "nn/transition_model.h"
 #include "replay/batch.h"
 
 /// Shapes: `B` samples, `H` frames that the model reads, `K` steps.
@@ -20,8 +20,8 @@ namespace slalom::learner {
 /// each later frame holds, as its last action, the action that led to it. Samples less than H + K
 /// frames after the start of their episode are skipped. Predictions are the model's means, without
 /// noise. Computes on the model's device; allocates. Requires: `model` has float32 parameters.
-std::vector<double> PredictionErrors(const policy::TransitionModel& model, int member,
-                                     const policy::FeatureMap& features,
+std::vector<double> PredictionErrors(const nn::TransitionModel& model, int member,
+                                     const nn::FeatureMap& features,
                                      const replay::SampledRows& rows, at::Device device);
 
 }  // namespace slalom::learner

@@ -56,7 +56,7 @@ void Sac::Describe(LearnerStats& stats) const {
   stats.temperature = std::exp(log_temperature_.item<double>());
 }
 
-void Sac::SaveState(policy::TensorMap& tensors) const {
+void Sac::SaveState(nn::TensorMap& tensors) const {
   ActorCritic::SaveState(tensors);
   tensors["sac.policy_noise_random"] = StoreRandom(random_);
   tensors["sac.next_policy_noise_random"] = StoreRandom(next_random_);
@@ -64,7 +64,7 @@ void Sac::SaveState(policy::TensorMap& tensors) const {
   temperature_adam_.SaveState("sac.temperature_adam", tensors);
 }
 
-void Sac::LoadState(const policy::TensorFile& file) {
+void Sac::LoadState(const nn::TensorFile& file) {
   ActorCritic::LoadState(file);
   ReadRandom(file, "sac.policy_noise_random", random_);
   ReadRandom(file, "sac.next_policy_noise_random", next_random_);

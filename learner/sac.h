@@ -17,8 +17,8 @@ class Sac : public ActorCritic<GaussianActor> {
   void Update(double rate) override;
   void Describe(LearnerStats& stats) const override;
 
-  void SaveState(policy::TensorMap& tensors) const override;
-  void LoadState(const policy::TensorFile& file) override;
+  void SaveState(nn::TensorMap& tensors) const override;
+  void LoadState(const nn::TensorFile& file) override;
 
  private:
   base::Random random_;       // For actions in the states.

@@ -8,24 +8,24 @@
 
 namespace slalom::learner {
 
-policy::StoredTensor StoreTensor(const at::Tensor& values) {
+nn::StoredTensor StoreTensor(const at::Tensor& values) {
   const at::Tensor host = values.to(at::kCPU).contiguous();
-  return policy::StoredTensor::Of(
+  return nn::StoredTensor::Of(
       std::span<const float>(host.data_ptr<float>(), static_cast<std::size_t>(host.numel())),
       host.sizes().vec());
 }
 
-void ReadTensor(const policy::TensorFile& file, const std::string& name, at::Tensor& values) {
+void ReadTensor(const nn::TensorFile& file, const std::string& name, at::Tensor& values) {
   std::vector<float> host(static_cast<std::size_t>(values.numel()));
   file.Read(name, std::span(host));
   values.copy_(at::from_blob(host.data(), values.sizes(), at::kFloat));
 }
 
-policy::StoredTensor StoreRandom(const base::Random& random) {
-  return policy::StoredTensor::Of(std::span<const std::uint64_t>(random.state()));
+nn::StoredTensor StoreRandom(const base::Random& random) {
+  return nn::StoredTensor::Of(std::span<const std::uint64_t>(random.state()));
 }
 
-void ReadRandom(const policy::TensorFile& file, const std::string& name, base::Random& random) {
+void ReadRandom(const nn::TensorFile& file, const std::string& name, base::Random& random) {
   base::Random::State state;
   file.Read(name, std::span(state));
   random.set_state(state);

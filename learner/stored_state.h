@@ -5,7 +5,7 @@
 #include <string>
 
 #include "base/random.h"
-#include "policy/safetensors.h"
+#include "nn/safetensors.h"
 
 /// How tensors and random streams of a learner's state are stored in a checkpoint. Reading throws
 /// `base::Error` if a tensor is missing or of another size.
@@ -13,12 +13,12 @@
 namespace slalom::learner {
 
 /// Copy a float32 tensor on any device to and from a checkpoint.
-policy::StoredTensor StoreTensor(const at::Tensor& values);
-void ReadTensor(const policy::TensorFile& file, const std::string& name, at::Tensor& values);
+nn::StoredTensor StoreTensor(const at::Tensor& values);
+void ReadTensor(const nn::TensorFile& file, const std::string& name, at::Tensor& values);
 
 /// Copy the state of a random stream to and from a checkpoint, so that its next numbers are the
 /// same.
-policy::StoredTensor StoreRandom(const base::Random& random);
-void ReadRandom(const policy::TensorFile& file, const std::string& name, base::Random& random);
+nn::StoredTensor StoreRandom(const base::Random& random);
+void ReadRandom(const nn::TensorFile& file, const std::string& name, base::Random& random);
 
 }  // namespace slalom::learner

@@ -39,12 +39,12 @@ void Td3::Update(double rate) {
                             totals_[Total::kActorNorm]);
 }
 
-void Td3::SaveState(policy::TensorMap& tensors) const {
+void Td3::SaveState(nn::TensorMap& tensors) const {
   ActorCritic::SaveState(tensors);
   tensors["td3.target_noise_random"] = StoreRandom(random_);
 }
 
-void Td3::LoadState(const policy::TensorFile& file) {
+void Td3::LoadState(const nn::TensorFile& file) {
   ActorCritic::LoadState(file);
   ReadRandom(file, "td3.target_noise_random", random_);
 }

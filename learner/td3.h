@@ -14,8 +14,8 @@ class Td3 : public ActorCritic<DeterministicActor> {
 
   void Update(double rate) override;
 
-  void SaveState(policy::TensorMap& tensors) const override;
-  void LoadState(const policy::TensorFile& file) override;
+  void SaveState(nn::TensorMap& tensors) const override;
+  void LoadState(const nn::TensorFile& file) override;
 
  private:
   base::Random random_;  // For the target noise.

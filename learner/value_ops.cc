@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "policy/layer_ops.h"
+#include "nn/layer_ops.h"
 
 namespace slalom::learner {
 
-using policy::IsHostFloat;
+using nn::IsHostFloat;
 
 void CopyActions(const at::Tensor& from, at::Tensor& to) {
   if (!IsHostFloat(to)) {

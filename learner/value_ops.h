@@ -5,7 +5,7 @@
 #include <span>
 
 /// The arithmetic between networks: copying actions into inputs, TD targets, losses and their
-/// gradients. As in policy/layer_ops.h, it is fused for float32 on the CPU and uses LibTorch's
+/// gradients. As in nn/layer_ops.h, it is fused for float32 on the CPU and uses LibTorch's
 /// operations elsewhere.
 ///
 /// Shapes: `B` batch, `A` = 2 numbers of an action.

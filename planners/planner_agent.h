@@ -7,9 +7,9 @@
 #include "base/parallel.h"
 #include "env/action.h"
 #include "env/agent.h"
-#include "planners/navigator.h"
+#include "planners/navigation/navigator.h"
+#include "planners/navigation/scan.h"
 #include "planners/planner_registry.h"
-#include "planners/scan.h"
 
 namespace slalom::planners {
 

@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include "base/error.h"
-#include "planners/dwa.h"
-#include "planners/elastic_band_planner.h"
-#include "planners/mppi.h"
-#include "planners/teb.h"
+#include "planners/dwa/dwa.h"
+#include "planners/elastic_band/elastic_band_planner.h"
+#include "planners/mppi/mppi.h"
+#include "planners/teb/teb.h"
 
 namespace slalom::planners {
 namespace {

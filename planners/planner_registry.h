@@ -4,12 +4,12 @@
 #include <string>
 #include <vector>
 
-#include "planners/dwa_config.h"
-#include "planners/elastic_band_config.h"
-#include "planners/local_planner.h"
-#include "planners/mppi_config.h"
-#include "planners/navigation_config.h"
-#include "planners/teb_config.h"
+#include "planners/dwa/dwa_config.h"
+#include "planners/elastic_band/elastic_band_config.h"
+#include "planners/mppi/mppi_config.h"
+#include "planners/navigation/local_planner.h"
+#include "planners/navigation/navigation_config.h"
+#include "planners/teb/teb_config.h"
 
 namespace slalom::planners {
 

@@ -14,10 +14,10 @@
 #include "base/file.h"
 #include "base/random.h"
 #include "env/action.h"
-#include "policy/feature_map.h"
-#include "policy/layer_ops.h"
-#include "policy/network.h"
-#include "policy/transition_model.h"
+#include "nn/feature_map.h"
+#include "nn/layer_ops.h"
+#include "nn/network.h"
+#include "nn/transition_model.h"
 
 namespace slalom::policy {
 namespace {
@@ -59,10 +59,10 @@ struct MpcAgent::Planner {
                   ? at::zeros({mpc.samples, model_shape.num_predicted}, at::kFloat)
                   : at::Tensor()),
         alone(at::zeros({1, width}, at::kFloat)),
-        actor_pass(actor_shape, stack, PassUse::kInference),
-        alone_pass(actor_shape, alone, PassUse::kInference),
-        critic_pass(critic_shape, input, PassUse::kInference),
-        model_pass(model_shape, input, PassUse::kInference),
+        actor_pass(actor_shape, stack, nn::PassUse::kInference),
+        alone_pass(actor_shape, alone, nn::PassUse::kInference),
+        critic_pass(critic_shape, input, nn::PassUse::kInference),
+        model_pass(model_shape, input, nn::PassUse::kInference),
         actions(static_cast<std::size_t>(mpc.horizon) * mpc.samples * env::kActionSize),
         mean(static_cast<std::size_t>(mpc.horizon) * env::kActionSize),
         std(mean.size()),
@@ -75,9 +75,9 @@ struct MpcAgent::Planner {
 
   void SetWeights(const PolicySnapshot& snapshot) {
     plans = snapshot.version >= config.learning_starts;
-    actor.emplace(actor_shape, ViewWeights(*snapshot.weights));
-    critic.emplace(critic_shape, ViewWeights(*snapshot.critic_weights));
-    model.emplace(model_shape, ViewWeights(*snapshot.model_weights));
+    actor.emplace(actor_shape, nn::ViewWeights(*snapshot.weights));
+    critic.emplace(critic_shape, nn::ViewWeights(*snapshot.critic_weights));
+    model.emplace(model_shape, nn::ViewWeights(*snapshot.model_weights));
   }
 
   /// The action to take after a stack of frames, [width].
@@ -97,7 +97,7 @@ struct MpcAgent::Planner {
   env::Action PolicyWithNoise(const float* from, double deviation, base::Random& random) {
     std::copy_n(from, width, alone.data_ptr<float>());
     actor->Forward(alone_pass);
-    Tanh(alone_pass.output());
+    nn::Tanh(alone_pass.output());
     const float* const output = alone_pass.output().data_ptr<float>();
     env::Action action{output[0], output[1]};
     action.linear += static_cast<float>(deviation * random.Normal());
@@ -107,7 +107,7 @@ struct MpcAgent::Planner {
 
   void ActByPolicy() {
     actor->Forward(actor_pass);
-    Tanh(actor_pass.output());
+    nn::Tanh(actor_pass.output());
   }
   const float* policy_actions() { return actor_pass.output().data_ptr<float>(); }
   /// The actions at step `t`, [S, 2].
@@ -225,21 +225,21 @@ struct MpcAgent::Planner {
   const MpcConfig config;
   const PolicySpec spec;
   bool plans = false;  // Whether the policy has been trained enough.
-  const FeatureMap features;
-  const NetworkShape actor_shape;
-  const NetworkShape critic_shape;
-  const ModelShape model_shape;
+  const nn::FeatureMap features;
+  const nn::NetworkShape actor_shape;
+  const nn::NetworkShape critic_shape;
+  const nn::ModelShape model_shape;
   const int width;   // H * F
   at::Tensor input;  // [S, H * F + 2]
   at::Tensor stack;  // [S, H * F], its first columns
   at::Tensor noise;  // [S, M], where the model's is wanted
   at::Tensor alone;  // [1, H * F], where nothing is planned
-  NetworkPass actor_pass;
-  NetworkPass alone_pass;
-  NetworkPass critic_pass;
-  ModelPass model_pass;
-  std::optional<Network> actor, critic;
-  std::optional<TransitionModel> model;
+  nn::NetworkPass actor_pass;
+  nn::NetworkPass alone_pass;
+  nn::NetworkPass critic_pass;
+  nn::ModelPass model_pass;
+  std::optional<nn::Network> actor, critic;
+  std::optional<nn::TransitionModel> model;
   std::vector<float> actions;                  // [T, S, 2]
   std::vector<float> mean, std;                // [T, 2]
   std::vector<float> returns, alive, weights;  // [S]

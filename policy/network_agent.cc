@@ -9,9 +9,9 @@
 #include "base/check.h"
 #include "base/file.h"
 #include "base/random.h"
-#include "policy/feature_map.h"
-#include "policy/layer_ops.h"
-#include "policy/network.h"
+#include "nn/feature_map.h"
+#include "nn/layer_ops.h"
+#include "nn/network.h"
 
 namespace slalom::policy {
 
@@ -19,14 +19,14 @@ struct NetworkAgent::Network {
   explicit Network(const PolicySnapshot& snapshot)
       : features(snapshot.spec.observation, snapshot.spec.network),
         shape(snapshot.spec.actor_shape()),
-        network(shape, ViewWeights(*snapshot.weights)) {}
+        network(shape, nn::ViewWeights(*snapshot.weights)) {}
 
-  FeatureMap features;
-  NetworkShape shape;
-  policy::Network network;
+  nn::FeatureMap features;
+  nn::NetworkShape shape;
+  nn::Network network;
   at::Tensor input;         // [B, H * F]
   base::Random dropout{0};  // Of a policy that drops when acting; seeded by what is seen.
-  std::optional<NetworkPass> pass;
+  std::optional<nn::NetworkPass> pass;
 };
 
 NetworkAgent::NetworkAgent(PolicySnapshot snapshot)
@@ -38,7 +38,7 @@ void NetworkAgent::SetSnapshot(PolicySnapshot snapshot) {
   SLALOM_CHECK(snapshot.spec.network == snapshot_.spec.network);
   SLALOM_CHECK(snapshot.spec.observation == snapshot_.spec.observation);
   SLALOM_CHECK(snapshot.spec.distribution == snapshot_.spec.distribution);
-  network_->network = policy::Network(network_->shape, ViewWeights(*snapshot.weights));
+  network_->network = nn::Network(network_->shape, nn::ViewWeights(*snapshot.weights));
   snapshot_ = std::move(snapshot);
 }
 
@@ -50,7 +50,7 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
   if (batch == 0) return;
   if (!net.pass || net.input.size(0) != batch) {
     net.input = at::zeros({batch, net.shape.num_inputs()}, at::kFloat);
-    net.pass.emplace(net.shape, net.input, PassUse::kInference, &net.dropout);
+    net.pass.emplace(net.shape, net.input, nn::PassUse::kInference, &net.dropout);
   }
   float* const input = net.input.data_ptr<float>();
   net.features.PushFrames(observations, net.shape.config.history, input);
@@ -62,7 +62,7 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
   }
   net.network.Forward(*net.pass);
   const int outputs = snapshot_.spec.distribution.num_outputs();
-  if (outputs == 2) Tanh(net.pass->output());
+  if (outputs == 2) nn::Tanh(net.pass->output());
   const float* const output = net.pass->output().data_ptr<float>();
   for (int i = 0; i < batch; ++i) {
     const float* const row = output + static_cast<std::ptrdiff_t>(i) * outputs;

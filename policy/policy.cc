@@ -8,7 +8,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "policy/feature_map.h"
+#include "nn/feature_map.h"
 #include "policy/policy_spec.h"
 
 namespace slalom::policy {
@@ -21,19 +21,19 @@ constexpr const char* kFormat = "slalom-policy-1";
 /// Adds a network's parameters to `tensors`, which are named as its slots behind `prefix`.
 template <class Shape>
 void Store(const std::string& prefix, const Shape& shape, std::span<const float> weights,
-           TensorMap* tensors) {
-  for (const ParameterSlot& slot : shape.Slots()) {
+           nn::TensorMap* tensors) {
+  for (const nn::ParameterSlot& slot : shape.Slots()) {
     tensors->emplace(prefix + slot.name,
-                     StoredTensor::Of(weights.subspan(slot.offset, slot.size()), slot.shape));
+                     nn::StoredTensor::Of(weights.subspan(slot.offset, slot.size()), slot.shape));
   }
 }
 
 /// Appends them to `weights`. Throws `base::Error` where one is missing, of another shape or not
 /// finite.
 template <class Shape>
-void Read(const TensorFile& file, const std::string& prefix, const Shape& shape,
+void Read(const nn::TensorFile& file, const std::string& prefix, const Shape& shape,
           std::vector<float>* weights) {
-  for (const ParameterSlot& slot : shape.Slots()) {
+  for (const nn::ParameterSlot& slot : shape.Slots()) {
     const std::string name = prefix + slot.name;
     const auto tensor = file.tensors.find(name);
     if (tensor == file.tensors.end() || tensor->second.shape != slot.shape) {
@@ -55,18 +55,19 @@ std::string MemberPrefix(int member) { return fmt::format("model.{}.", member); 
 
 }  // namespace
 
-NetworkShape PolicySpec::actor_shape() const {
-  return ActorShape(network, FeatureMap(observation, network).frame_size(),
-                    distribution.num_outputs());
+nn::NetworkShape PolicySpec::actor_shape() const {
+  return nn::ActorShape(network, nn::FeatureMap(observation, network).frame_size(),
+                        distribution.num_outputs());
 }
 
-NetworkShape PolicySpec::critic_shape() const {
-  return CriticShape(network, FeatureMap(observation, network).frame_size());
+nn::NetworkShape PolicySpec::critic_shape() const {
+  return nn::CriticShape(network, nn::FeatureMap(observation, network).frame_size());
 }
 
-ModelShape PolicySpec::model_shape() const {
-  return MakeModelShape(planning.model, network, FeatureMap(observation, network).frame_size(),
-                        observation, planning.goal);
+nn::ModelShape PolicySpec::model_shape() const {
+  return nn::MakeModelShape(planning.model, network,
+                            nn::FeatureMap(observation, network).frame_size(), observation,
+                            planning.goal);
 }
 
 PolicySnapshot ZeroSnapshot(const PolicySpec& spec) {
@@ -81,13 +82,13 @@ PolicySnapshot ZeroSnapshot(const PolicySpec& spec) {
   return snapshot;
 }
 
-std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata) {
-  TensorMap tensors;
-  const NetworkShape shape = snapshot.spec.actor_shape();
+std::string PrintPolicy(const PolicySnapshot& snapshot, const nn::Metadata& metadata) {
+  nn::TensorMap tensors;
+  const nn::NetworkShape shape = snapshot.spec.actor_shape();
   SLALOM_CHECK_EQ(static_cast<std::int64_t>(snapshot.weights->size()), shape.num_parameters());
   Store("actor.", shape, *snapshot.weights, &tensors);
   if (snapshot.spec.planning.is_carried()) {
-    const ModelShape model = snapshot.spec.model_shape();
+    const nn::ModelShape model = snapshot.spec.model_shape();
     const std::span<const float> members(*snapshot.model_weights);
     SLALOM_CHECK_EQ(static_cast<std::int64_t>(members.size()), model.num_parameters());
     const auto size = static_cast<std::size_t>(model.num_member_parameters());
@@ -96,14 +97,14 @@ std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata
     }
     Store("critic.", snapshot.spec.critic_shape(), *snapshot.critic_weights, &tensors);
   }
-  Metadata all = metadata;
+  nn::Metadata all = metadata;
   all[kFormatKey] = kFormat;
   all[kSpecKey] = PrintSpec(snapshot.spec, snapshot.version);
-  return PrintTensors(tensors, all);
+  return nn::PrintTensors(tensors, all);
 }
 
 LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view source) {
-  TensorFile file = ParseTensors(bytes, source);
+  nn::TensorFile file = nn::ParseTensors(bytes, source);
   const auto format = file.metadata.extract(kFormatKey);
   const auto spec = file.metadata.extract(kSpecKey);
   if (format.empty() || format.mapped() != kFormat || spec.empty()) {
@@ -119,7 +120,7 @@ LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view sour
   Read(file, "actor.", snapshot.spec.actor_shape(), &actor);
   snapshot.weights = std::make_shared<const std::vector<float>>(std::move(actor));
   if (snapshot.spec.planning.is_carried()) {
-    const ModelShape shape = snapshot.spec.model_shape();
+    const nn::ModelShape shape = snapshot.spec.model_shape();
     for (int i = 0; i < shape.ensemble; ++i) Read(file, MemberPrefix(i), shape.network, &model);
     Read(file, "critic.", snapshot.spec.critic_shape(), &critic);
     snapshot.model_weights = std::make_shared<const std::vector<float>>(std::move(model));
@@ -130,7 +131,7 @@ LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view sour
 }
 
 void SavePolicy(const std::filesystem::path& path, const PolicySnapshot& snapshot,
-                const Metadata& metadata) {
+                const nn::Metadata& metadata) {
   base::WriteFileAtomically(path, PrintPolicy(snapshot, metadata));
 }
 

@@ -12,10 +12,10 @@
 
 #include "env/action.h"
 #include "env/observation.h"
-#include "policy/model_shape.h"
-#include "policy/network_config.h"
-#include "policy/network_shape.h"
-#include "policy/safetensors.h"
+#include "nn/model_shape.h"
+#include "nn/network_config.h"
+#include "nn/network_shape.h"
+#include "nn/safetensors.h"
 
 namespace slalom::policy {
 
@@ -51,9 +51,9 @@ struct ActionDistribution {
 /// What a policy carries so that agents can plan with it: a transition model, and how it values
 /// what lies ahead. A value. Without a model ("none") it carries nothing.
 struct PlanningSpec {
-  TransitionModelConfig model;
+  nn::TransitionModelConfig model;
   double gamma = 0.99;  ///< Discount per step that its critic was trained with.
-  GoalRule goal;        ///< Of the task that it was trained for.
+  nn::GoalRule goal;    ///< Of the task that it was trained for.
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -70,16 +70,16 @@ struct PlanningSpec {
 /// What a policy sees, is and commands. A value.
 struct PolicySpec {
   env::ObservationSpec observation;
-  NetworkConfig network;
+  nn::NetworkConfig network;
   env::ActionBounds actions;
   ActionDistribution distribution;
   PlanningSpec planning;
 
   /// These throw `base::Error` where the sectors do not divide the beams, or as `ActorShape`.
-  NetworkShape actor_shape() const;
-  NetworkShape critic_shape() const;
+  nn::NetworkShape actor_shape() const;
+  nn::NetworkShape critic_shape() const;
   /// Throws, too, where the model contradicts itself. Requires: planning.is_carried().
-  ModelShape model_shape() const;
+  nn::ModelShape model_shape() const;
 };
 
 /// A policy at one moment of its training. A value; the weights are shared and never
@@ -99,14 +99,14 @@ PolicySnapshot ZeroSnapshot(const PolicySpec& spec);
 
 struct LoadedPolicy {
   PolicySnapshot snapshot;
-  Metadata metadata;  ///< As given to `PrintPolicy`.
+  nn::Metadata metadata;  ///< As given to `PrintPolicy`.
 };
 
 /// A policy as the bytes of a safetensors file, which is also how it travels in messages: tensors
 /// "actor.encoder.0.weight" and so on, "critic...." and "model.0...." for each member of a model's
 /// ensemble where the policy carries them, and `metadata` (config, commit, seed, steps, ...) beside
 /// the spec.
-std::string PrintPolicy(const PolicySnapshot& snapshot, const Metadata& metadata);
+std::string PrintPolicy(const PolicySnapshot& snapshot, const nn::Metadata& metadata);
 
 /// Throws `base::Error` that begins with `source` where the bytes, which anybody may have sent, are
 /// cut short, damaged or no policy of this program, or a weight is not finite. Allocates a few
@@ -115,7 +115,7 @@ LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view sour
 
 /// Saves a policy as a file. Throws `base::Error` where it cannot be written.
 void SavePolicy(const std::filesystem::path& path, const PolicySnapshot& snapshot,
-                const Metadata& metadata);
+                const nn::Metadata& metadata);
 
 /// Throws `base::Error` naming the file where it is missing, or as `ParsePolicy`.
 LoadedPolicy LoadPolicy(const std::filesystem::path& path);

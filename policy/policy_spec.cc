@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "policy/encoder_slots.h"
+#include "nn/encoder_slots.h"
 
 namespace slalom::policy {
 namespace {
@@ -196,7 +196,7 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   if (!object.is_object()) {
     throw base::Error(fmt::format("{}: its spec is not a JSON object", source));
   }
-  AddLaterFields<NetworkConfig>("network", kLaterNetworkFields, object);
+  AddLaterFields<nn::NetworkConfig>("network", kLaterNetworkFields, object);
   AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
   const json& version = JsonReader::Find(object, "version", "version", source);
   const bool is_count = version.is_number_unsigned() &&
@@ -224,7 +224,7 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
     spec.planning.Visit(planning);
   }
   try {  // What the fields say together.
-    CheckNetwork(spec.network);
+    nn::CheckNetwork(spec.network);
     (void)spec.actor_shape();
     if (spec.planning.is_carried()) (void)spec.model_shape();
   } catch (const base::Error& error) {

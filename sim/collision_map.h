@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 
 /// Frames: `W` the course's own frame, `R` the robot, `B` a box.
 

@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "sim/collision_map.h"
-#include "sim/course.h"
-#include "sim/motion.h"
+#include "sim/courses/course.h"
+#include "sim/courses/motion.h"
 
 namespace slalom::sim {
 
@@ -31,8 +31,8 @@ struct MovingShapes {
   void Reserve(int num_obstacles);
 };
 
-/// The moving obstacles of a course, ready to be looked up at any motion time (sim/motion.h).
-/// Immutable.
+/// The moving obstacles of a course, ready to be looked up at any motion time
+/// (sim/courses/motion.h). Immutable.
 class MovingObstacles {
  public:
   explicit MovingObstacles(const Course& course);

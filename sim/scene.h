@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "sim/collision_map.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 #include "sim/moving_obstacles.h"
 
 namespace slalom::sim {

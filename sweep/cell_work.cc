@@ -54,7 +54,7 @@ std::string EndOfLog(const fs::path& path, std::uintmax_t begin) {
 
 /// A number that a policy carries about its training.
 template <class Number>
-Number Provenance(const policy::Metadata& metadata, const std::string& key) {
+Number Provenance(const nn::Metadata& metadata, const std::string& key) {
   Number number = 0;
   const auto found = metadata.find(key);
   if (found == metadata.end()) return number;
@@ -144,7 +144,7 @@ class Work {
       fault_ = fmt::format("`slalom train` ended with exit code {}", ended.exit_code);
       return WorkEnd::kFailed;
     }
-    const policy::Metadata metadata = policy::LoadPolicy(run.policy()).metadata;
+    const nn::Metadata metadata = policy::LoadPolicy(run.policy()).metadata;
     WriteTrained(directory_, {.steps = Provenance<std::int64_t>(metadata, "steps"),
                               .updates = Provenance<std::int64_t>(metadata, "updates"),
                               .training_s = Provenance<double>(metadata, "training_s"),

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
-#include "sim/course_file.h"
-#include "sim/course_sets.h"
+#include "sim/courses/course_file.h"
+#include "sim/courses/course_sets.h"
 #include "train/run_identity.h"
 
 namespace slalom::sweep {

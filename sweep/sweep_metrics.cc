@@ -62,7 +62,7 @@ std::string MethodName(const Cell& cell) {
 
 std::string NetworkName(const Cell& cell) {
   if (!cell.config) return "none";
-  const policy::NetworkConfig& network = cell.config->network;
+  const nn::NetworkConfig& network = cell.config->network;
   return network.history == 1 ? network.encoder
                               : fmt::format("{}-h{}", network.encoder, network.history);
 }

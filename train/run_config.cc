@@ -12,7 +12,7 @@
 #include "config/config.h"
 #include "learner/algorithm.h"
 #include "replay/rows.h"
-#include "sim/course_sets.h"
+#include "sim/courses/course_sets.h"
 #include "sim/scene.h"
 
 namespace slalom::train {
@@ -50,7 +50,7 @@ sim::CourseSet ResolveKey(std::string_view key, const CoursesConfig& courses,
 }
 
 /// When the run's episodes end in success.
-policy::GoalRule GoalOf(const RunConfig& config) {
+nn::GoalRule GoalOf(const RunConfig& config) {
   return {.radius = config.environment.episode.goal_tolerance,
           .reward = config.environment.reward.success * config.method.learner.reward_scale};
 }

@@ -11,12 +11,12 @@
 #include "eval/service/evaluator_service_config.h"
 #include "learner/learner.h"
 #include "learner/service/learner_service_config.h"
+#include "nn/network_config.h"
 #include "policy/mpc_config.h"
-#include "policy/network_config.h"
 #include "policy/policy.h"
 #include "replay/service/config.h"
 #include "replay/table.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 #include "sim/environment_config.h"
 #include "train/service_config.h"
 #include "transport/security.h"
@@ -120,7 +120,7 @@ struct RunConfig {
   sim::EnvironmentConfig environment;
   actor::ActorConfig actor;
   replay::ReplayConfig replay;
-  policy::NetworkConfig network;
+  nn::NetworkConfig network;
   learner::MethodConfig method;
   policy::MpcConfig mpc;
   eval::EvaluationConfig evaluation;

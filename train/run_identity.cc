@@ -7,7 +7,7 @@
 
 #include "base/file.h"
 #include "config/config.h"
-#include "policy/blas.h"
+#include "nn/blas.h"
 
 namespace slalom::train {
 namespace {
@@ -33,7 +33,7 @@ constexpr std::array<std::string_view, 17> kFreeKeys = {"run.max_steps",
 
 std::string ProcessorClass() {
 #if defined(__x86_64__)
-  const policy::CpuFeatures cpu = policy::DetectCpuFeatures();
+  const nn::CpuFeatures cpu = nn::DetectCpuFeatures();
   if (cpu.avx512) return "x86-64-v4";
   return cpu.avx2_fma ? "x86-64-v3" : "x86-64-v2";
 #elif defined(__aarch64__)
@@ -46,7 +46,7 @@ std::string ProcessorClass() {
 }  // namespace
 
 Platform ThisPlatform() {
-  const std::string kernel = policy::BlasKernel();
+  const std::string kernel = nn::BlasKernel();
   return {.blas_kernel = kernel.empty() ? "none" : kernel, .processor = ProcessorClass()};
 }
 

@@ -18,7 +18,7 @@ inline constexpr int kNumericsVersion = 1;
 /// between kernels and instruction sets. A value.
 struct Platform {
   int numerics = kNumericsVersion;
-  std::string blas_kernel;  ///< `policy::BlasKernel`; "none" where the BLAS does not say.
+  std::string blas_kernel;  ///< `nn::BlasKernel`; "none" where the BLAS does not say.
   std::string processor;    ///< "x86-64-v2", "x86-64-v3", "x86-64-v4", or the architecture's name.
 
   friend bool operator==(const Platform&, const Platform&) = default;

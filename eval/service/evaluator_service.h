@@ -19,7 +19,7 @@
 #include "metrics/registry.h"
 #include "service/policy_link.h"
 #include "service/replay_link.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 #include "sim/environment_config.h"
 #include "transport/client.h"
 #include "transport/context.h"

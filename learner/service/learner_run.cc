@@ -125,7 +125,7 @@ void LearnerRun::SavePolicy() const {
   policy::SavePolicy(plan_.directory.policy(), learner_.BestSnapshot(), Provenance());
 }
 
-policy::Metadata LearnerRun::Provenance() const {
+nn::Metadata LearnerRun::Provenance() const {
   return {{"config", plan_.config},
           {"commit", plan_.commit},
           {"seed", fmt::format("{}", plan_.seed)},
@@ -137,9 +137,9 @@ policy::Metadata LearnerRun::Provenance() const {
 void LearnerRun::Checkpoint(std::int64_t number, nlohmann::json state,
                             const std::function<void(const fs::path&)>& write_more) {
   store_->Write(number, [&](const fs::path& directory) {
-    policy::TensorMap tensors;
+    nn::TensorMap tensors;
     learner_.SaveState(tensors);
-    policy::SaveTensors(directory / kLearnerFile, tensors, {});
+    nn::SaveTensors(directory / kLearnerFile, tensors, {});
     write_more(directory);
     state["steps"] = steps_;
     state["training_s"] = training_s();
@@ -182,7 +182,7 @@ void LearnerRun::RestoreFrom(
     }
     const auto steps = state.at("steps").get<std::int64_t>();
     const auto training_s = state.at("training_s").get<double>();
-    const auto tensors = policy::LoadTensors(checkpoint / kLearnerFile);
+    const auto tensors = nn::LoadTensors(checkpoint / kLearnerFile);
     read_more(checkpoint, state);
     learner_.LoadState(tensors);
     steps_ = steps;

@@ -117,7 +117,7 @@ class LearnerRun {
   void RestoreFrom(
       const std::filesystem::path& checkpoint,
       const std::function<void(const std::filesystem::path&, const nlohmann::json&)>& read_more);
-  policy::Metadata Provenance() const;
+  nn::Metadata Provenance() const;
 
   const RunPlan plan_;
   run::TrainingClock clock_;

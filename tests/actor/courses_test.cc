@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "actor/actor.h"
-#include "sim/course_sets.h"
+#include "sim/courses/course_sets.h"
 #include "sim/environments.h"
 #include "tests/support/reactive_agent.h"
 

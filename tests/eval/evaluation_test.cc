@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/course_sets.h"
+#include "sim/courses/course_sets.h"
 #include "tests/support/reactive_agent.h"
 
 namespace slalom::eval {

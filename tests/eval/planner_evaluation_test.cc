@@ -4,7 +4,7 @@
 
 #include "eval/evaluation.h"
 #include "planners/planner_agent.h"
-#include "sim/course_sets.h"
+#include "sim/courses/course_sets.h"
 
 namespace slalom::eval {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "base/random.h"
 #include "eval/paired_comparison.h"
-#include "sim/motion.h"
+#include "sim/courses/motion.h"
 #include "tests/eval/made_evaluation.h"
 #include "tests/support/scratch_directory.h"
 

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "sim/course_file.h"
+#include "sim/courses/course_file.h"
 #include "tests/eval/made_evaluation.h"
 
 namespace slalom::eval {

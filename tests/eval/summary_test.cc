@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "sim/course.h"
+#include "sim/courses/course.h"
 
 namespace slalom::eval {
 namespace {

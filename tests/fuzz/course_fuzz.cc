@@ -1,7 +1,7 @@
 // Course files.
 
 #include "base/error.h"
-#include "sim/course_file.h"
+#include "sim/courses/course_file.h"
 #include "tests/fuzz/fuzz_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,7 +1,7 @@
 // Tracks of episodes, as JSON lines.
 
 #include "base/error.h"
-#include "sim/episode_file.h"
+#include "sim/courses/episode_file.h"
 #include "tests/fuzz/fuzz_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -13,8 +13,8 @@
 #include "replay/priority_bytes.h"
 #include "replay/rows.h"
 #include "replay/sample_bytes.h"
-#include "sim/course_file.h"
-#include "sim/episode_file.h"
+#include "sim/courses/course_file.h"
+#include "sim/courses/episode_file.h"
 
 namespace slalom::fuzz {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "learner/learner.h"
-#include "policy/network_shape.h"
+#include "nn/network_shape.h"
 
 namespace slalom::learner {
 namespace {
@@ -19,11 +19,11 @@ struct Fixture {
         totals(at::kCPU),
         constraint(config, Shape(), random, minibatch, totals) {}
 
-  static policy::NetworkShape Shape() {
-    policy::NetworkConfig network;
+  static nn::NetworkShape Shape() {
+    nn::NetworkConfig network;
     network.encoder_layers = {};
     network.head_layers = {4};
-    return policy::CriticShape(network, 6);
+    return nn::CriticShape(network, 6);
   }
 
   base::Random random;

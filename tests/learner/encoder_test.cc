@@ -44,8 +44,8 @@ class EncoderTest : public testing::TestWithParam<Combination> {
     }
   }
 
-  static policy::TensorFile Saved(const Learner& learner) {
-    policy::TensorFile file;
+  static nn::TensorFile Saved(const Learner& learner) {
+    nn::TensorFile file;
     file.source = "memory";
     learner.SaveState(file.tensors);
     return file;
@@ -57,7 +57,7 @@ class EncoderTest : public testing::TestWithParam<Combination> {
 
 TEST_P(EncoderTest, LearnsAndGoesOnBitForBitAfterARestore) {
   Learner whole(method_, spec_, 5);
-  const policy::TensorMap before = Saved(whole).tensors;
+  const nn::TensorMap before = Saved(whole).tensors;
   Train(whole, 0, 3);
   Learner resumed(method_, spec_, 99);
   resumed.LoadState(Saved(whole));

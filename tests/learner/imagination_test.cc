@@ -42,8 +42,8 @@ class StandIn : public Algorithm {
   const at::Tensor& actor_parameters() const override { return none_; }
   const at::Tensor& average_parameters() const override { return none_; }
   const at::Tensor& critic_parameters() const override { return none_; }
-  void SaveState(policy::TensorMap&) const override {}
-  void LoadState(const policy::TensorFile&) override {}
+  void SaveState(nn::TensorMap&) const override {}
+  void LoadState(const nn::TensorFile&) override {}
 
  private:
   Minibatch& minibatch_;
@@ -71,10 +71,9 @@ struct Scene {
   static ModelTrainer MakeTrainer(const std::string& kind) {
     env::ObservationSpec observation;
     observation.num_beams = kBeams;
-    const policy::NetworkConfig network{.history = kHistory};
-    const policy::FeatureMap features(observation, network);
-    const policy::TransitionModelConfig model{
-        .kind = kind, .encoder_layers = {}, .head_layers = {16}};
+    const nn::NetworkConfig network{.history = kHistory};
+    const nn::FeatureMap features(observation, network);
+    const nn::TransitionModelConfig model{.kind = kind, .encoder_layers = {}, .head_layers = {16}};
     return {{.batch_size = kBatch, .updates_per_update = 4},
             MakeModelShape(model, network, kFrame),
             features,
@@ -90,7 +89,7 @@ struct Scene {
   };
   Outcome Predict(const at::Tensor& stack, const at::Tensor& actions) const {
     const at::Tensor input = at::cat({stack, actions}, 1);
-    policy::ModelPass pass(trainer.model().shape(), input);
+    nn::ModelPass pass(trainer.model().shape(), input);
     at::Tensor next = at::zeros({stack.size(0), kWidth});
     trainer.model().Predict(pass, 0, {}, next);
     return {next, pass.reward(), pass.termination()};
@@ -251,7 +250,7 @@ TEST(Imagination, IsAFunctionOfItsSeedAndGoesOnAfterARestore) {
     }
     EXPECT_TRUE(at::equal(a.minibatch.input, b.minibatch.input));
     EXPECT_FALSE(at::equal(a.minibatch.input, c.minibatch.input));
-    policy::TensorFile file;
+    nn::TensorFile file;
     a.imagination.SaveState(file.tensors);
     resumed.imagination.LoadState(file);
     for (Scene* scene : {&a, &resumed}) {

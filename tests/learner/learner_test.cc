@@ -18,7 +18,7 @@
 #include "learner/ddpg.h"
 #include "learner/sac.h"
 #include "learner/td3.h"
-#include "policy/feature_map.h"
+#include "nn/feature_map.h"
 #include "tests/learner/random_rows.h"
 
 namespace slalom::learner {
@@ -51,8 +51,8 @@ void Train(Learner& learner, int begin, int end) {
   }
 }
 
-policy::TensorFile Saved(const Learner& learner) {
-  policy::TensorFile file;
+nn::TensorFile Saved(const Learner& learner) {
+  nn::TensorFile file;
   file.source = "memory";
   learner.SaveState(file.tensors);
   return file;
@@ -84,25 +84,25 @@ TEST(Learner, RefusesStateOfAnotherNetwork) {
   policy::PolicySpec other = SmallSpec();
   other.network.head_layers = {8};
   EXPECT_THROW(learner.LoadState(Saved(Learner(SmallConfig(), other, 5))), base::Error);
-  policy::TensorFile incomplete = Saved(learner);
+  nn::TensorFile incomplete = Saved(learner);
   incomplete.tensors.erase("critics.adam.second_moment");
   EXPECT_THROW(learner.LoadState(incomplete), base::Error);
 }
 
 TEST(Learner, TargetsStandStillBetweenActorUpdates) {
   Learner learner(SmallConfig(), SmallSpec(), 5);
-  const policy::TensorMap before = Saved(learner).tensors;
+  const nn::TensorMap before = Saved(learner).tensors;
   EXPECT_EQ(before.at("critics.parameters"), before.at("critics.target_parameters"));
   EXPECT_EQ(before.at("actor.parameters"), before.at("actor.target_parameters"));
   Train(learner, 0, 1);
-  const policy::TensorMap after_one = Saved(learner).tensors;
+  const nn::TensorMap after_one = Saved(learner).tensors;
   EXPECT_NE(after_one.at("critics.parameters"), before.at("critics.parameters"));
   for (const char* name : {"critics.target_parameters", "actor.parameters",
                            "actor.target_parameters", "actor.average_parameters"}) {
     EXPECT_EQ(after_one.at(name), before.at(name)) << name;
   }
   Train(learner, 1, 2);
-  const policy::TensorMap after_two = Saved(learner).tensors;
+  const nn::TensorMap after_two = Saved(learner).tensors;
   for (const char* name : {"critics.target_parameters", "actor.parameters",
                            "actor.target_parameters", "actor.average_parameters"}) {
     EXPECT_NE(after_two.at(name), before.at(name)) << name;
@@ -135,7 +135,7 @@ TYPED_TEST(AveragesTest, ShareNoStorageWithTheParameters) {
   method.learner.algorithm = std::is_same_v<TypeParam, Sac> ? "sac" : "td3";
   policy::PolicySpec spec = SmallSpec();
   spec.distribution = DistributionOf(method.learner);
-  const int frame_size = policy::FeatureMap(spec.observation, spec.network).frame_size();
+  const int frame_size = nn::FeatureMap(spec.observation, spec.network).frame_size();
   base::Random random(1);
   Minibatch minibatch(16, 1, frame_size, at::kCPU);
   Totals totals(at::kCPU);
@@ -171,7 +171,7 @@ TEST(Learner, AveragesItsLastPolicies) {
     spec.distribution = DistributionOf(config.learner);
     Learner learner(config, spec, 5);
     const auto read = [&](const char* name) {
-      const policy::StoredTensor stored = Saved(learner).tensors.at(name);
+      const nn::StoredTensor stored = Saved(learner).tensors.at(name);
       std::vector<float> numbers(stored.bytes.size() / sizeof(float));
       std::memcpy(numbers.data(), stored.bytes.data(), stored.bytes.size());
       return numbers;
@@ -195,7 +195,7 @@ TEST(Learner, LearningRatesFallWithProgress) {
   MethodConfig config = SmallConfig();
   config.learner.final_learning_rate_fraction = 0.0;
   Learner learner(config, SmallSpec(), 5);
-  const policy::TensorMap before = Saved(learner).tensors;
+  const nn::TensorMap before = Saved(learner).tensors;
   learner.Update(RandomRows(16, 1, 24, 1).batches(), /*progress=*/1.0);
   EXPECT_EQ(Saved(learner).tensors.at("critics.parameters"), before.at("critics.parameters"));
 }
@@ -245,7 +245,7 @@ TEST(Learner, WeightsOfOneChangeNothing) {
 }
 
 std::vector<float> Saved(const Learner& learner, const char* name) {
-  const policy::TensorFile file = Saved(learner);
+  const nn::TensorFile file = Saved(learner);
   std::vector<float> values(file.tensors.at(name).bytes.size() / sizeof(float));
   file.Read(name, std::span(values));
   return values;

@@ -11,8 +11,8 @@ constexpr int kBatch = 9;
 constexpr int kHistory = 3;
 constexpr int kBeams = 24;
 
-const policy::FeatureMap& Features() {
-  static const policy::FeatureMap features({.num_beams = kBeams}, {.sectors = 12});
+const nn::FeatureMap& Features() {
+  static const nn::FeatureMap features({.num_beams = kBeams}, {.sectors = 12});
   return features;
 }
 

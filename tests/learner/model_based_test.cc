@@ -56,8 +56,8 @@ void Train(Learner& learner, int begin, int end) {
   }
 }
 
-policy::TensorFile Saved(const Learner& learner) {
-  policy::TensorFile file;
+nn::TensorFile Saved(const Learner& learner) {
+  nn::TensorFile file;
   file.source = "memory";
   learner.SaveState(file.tensors);
   return file;
@@ -131,11 +131,11 @@ TEST_P(CombinationTest, ImaginesPlansAndGoesOnBitForBitAfterARestore) {
   spec.network.attention_heads = 2;
   spec.distribution = DistributionOf(method.learner);
   Learner whole(method, spec, 5);
-  const policy::TensorMap begin = Saved(whole).tensors;
+  const nn::TensorMap begin = Saved(whole).tensors;
   Train(whole, 0, 4);
   ASSERT_TRUE(whole.healthy()) << *whole.FindFault();
   EXPECT_GT(whole.num_updates(), 4) << "nothing was imagined";
-  const policy::TensorMap trained = Saved(whole).tensors;
+  const nn::TensorMap trained = Saved(whole).tensors;
   for (const char* name : {"actor.parameters", "critics.parameters"}) {
     EXPECT_NE(trained.at(name), begin.at(name)) << name;
   }

@@ -15,13 +15,13 @@ constexpr int kFrame = 21;  // Seventeen ranges and the state: more than sums ta
 
 struct Case {
   const char* name;
-  policy::TransitionModelConfig config;
-  policy::NetworkConfig network = {.history = 2};
+  nn::TransitionModelConfig config;
+  nn::NetworkConfig network = {.history = 2};
 };
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-policy::TransitionModelConfig Small(std::string kind, std::string targets, bool published) {
+nn::TransitionModelConfig Small(std::string kind, std::string targets, bool published) {
   return {.kind = std::move(kind),
           .targets = std::move(targets),
           .encoder_layers = {11},
@@ -32,22 +32,22 @@ policy::TransitionModelConfig Small(std::string kind, std::string targets, bool 
           .predict_last_action = published};
 }
 
-policy::TransitionModelConfig KnowingSuccess(std::string kind) {
-  policy::TransitionModelConfig config = Small(std::move(kind), "difference", false);
+nn::TransitionModelConfig KnowingSuccess(std::string kind) {
+  nn::TransitionModelConfig config = Small(std::move(kind), "difference", false);
   config.success = "known";
   return config;
 }
 
-constexpr policy::GoalRule kGoal = {.radius = 5.0, .reward = 2.5};
+constexpr nn::GoalRule kGoal = {.radius = 5.0, .reward = 2.5};
 
 /// For every encoder alike.
-policy::TransitionModelConfig OnEncoder(std::string kind) {
-  policy::TransitionModelConfig config = Small(std::move(kind), "difference", false);
+nn::TransitionModelConfig OnEncoder(std::string kind) {
+  nn::TransitionModelConfig config = Small(std::move(kind), "difference", false);
   config.encoder_layers = {8, 8};
   return config;
 }
 
-const policy::NetworkConfig kTransformer = {
+const nn::NetworkConfig kTransformer = {
     .encoder = "transformer", .attention_heads = 2, .history = 4};
 
 const Case kCases[] = {
@@ -108,8 +108,8 @@ class ModelLossTest : public testing::TestWithParam<Case> {
 
   /// What `ModelLoss` gives in one type, and what LibTorch gives in float64.
   void Check(at::ScalarType type, double tolerance) {
-    const policy::Network network(shape_.network, parameters_);
-    policy::NetworkPass network_pass(shape_.network, input_);
+    const nn::Network network(shape_.network, parameters_);
+    nn::NetworkPass network_pass(shape_.network, input_);
     network.Forward(network_pass);
     const at::Tensor raw = network_pass.output().clone().requires_grad_();
     ModelTargets targets = Targets(torch::kDouble);
@@ -123,9 +123,9 @@ class ModelLossTest : public testing::TestWithParam<Case> {
     const auto [losses, z] = ReferenceLossOf(GetParam().config, kStateScale, raw, targets);
     ((losses * weight_).sum() / weight_.sum()).backward();
 
-    const policy::TransitionModel model(shape_, parameters_.to(type));
+    const nn::TransitionModel model(shape_, parameters_.to(type));
     const at::Tensor input = input_.to(type);
-    policy::ModelPass pass(shape_, input);
+    nn::ModelPass pass(shape_, input);
     at::Tensor figures = torch::zeros({kNumModelFigures}, torch::kDouble);
     model.Forward(pass, 0);
     pass.output_gradient().fill_(1e3);
@@ -155,7 +155,7 @@ class ModelLossTest : public testing::TestWithParam<Case> {
     }
   }
 
-  policy::ModelShape shape_;
+  nn::ModelShape shape_;
   std::int64_t width_;   // Of a stack of frames.
   std::int64_t newest_;  // Column where its newest frame begins.
   at::Tensor parameters_, input_, next_, reward_, discount_, cost_, weight_;
@@ -170,9 +170,9 @@ TEST_P(ModelLossTest, FusedKernelsAreAutogradToTheirPrecision) { Check(torch::kF
 TEST_P(ModelLossTest, ParameterGradientIsThatOfFiniteDifferences) {
   at::Tensor parameters = parameters_.clone();
   at::Tensor gradient = torch::zeros_like(parameters);
-  const policy::TransitionModel model(shape_, parameters);
-  policy::TransitionModel gradient_model(shape_, gradient);
-  policy::ModelPass pass(shape_, input_);
+  const nn::TransitionModel model(shape_, parameters);
+  nn::TransitionModel gradient_model(shape_, gradient);
+  nn::ModelPass pass(shape_, input_);
   const ModelTargets targets = Targets(torch::kDouble);
   const auto loss = [&] {
     at::Tensor figures = torch::zeros({kNumModelFigures}, torch::kDouble);

@@ -21,8 +21,8 @@ constexpr std::uint64_t kSeed = 3;
 
 struct Case {
   const char* name;
-  policy::TransitionModelConfig model;
-  policy::NetworkConfig network = {.history = 2};
+  nn::TransitionModelConfig model;
+  nn::NetworkConfig network = {.history = 2};
   const char* state_loss = "mean";
   double weight_decay = 0.0;
 };
@@ -32,14 +32,14 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 class ModelReferenceTest : public testing::TestWithParam<Case> {};
 
 TEST_P(ModelReferenceTest, UpdatesAreThoseOfAdamW) {
-  const policy::TransitionModelConfig& model = GetParam().model;
-  policy::NetworkConfig network = GetParam().network;
+  const nn::TransitionModelConfig& model = GetParam().model;
+  nn::NetworkConfig network = GetParam().network;
   network.attention_heads = 2;
   network.sectors = 12;
   env::ObservationSpec observation;
   observation.num_beams = kBeams;
-  const policy::FeatureMap features(observation, network);
-  const policy::ModelShape shape = MakeModelShape(model, network, features.frame_size());
+  const nn::FeatureMap features(observation, network);
+  const nn::ModelShape shape = MakeModelShape(model, network, features.frame_size());
   ModelTrainingConfig training;
   // Small steps, for the reason given in reference_test.cc.
   training.learning_rate = 1e-4;
@@ -91,28 +91,28 @@ TEST_P(ModelReferenceTest, UpdatesAreThoseOfAdamW) {
   EXPECT_LE(difference.max().item<double>(), kUpdates * 2e-4);
 }
 
-policy::TransitionModelConfig Small(const char* kind, const char* targets = "difference") {
+nn::TransitionModelConfig Small(const char* kind, const char* targets = "difference") {
   return {.kind = kind, .targets = targets, .encoder_layers = {16}, .head_layers = {16, 16}};
 }
 
-policy::TransitionModelConfig AsPublished(const char* kind) {
-  policy::TransitionModelConfig model = Small(kind, "absolute");
+nn::TransitionModelConfig AsPublished(const char* kind) {
+  nn::TransitionModelConfig model = Small(kind, "absolute");
   model.log_std = "published";
   model.bound_ranges = true;
   model.predict_last_action = true;
   return model;
 }
 
-policy::TransitionModelConfig WithLayerNorm(const char* kind) {
-  policy::TransitionModelConfig model = Small(kind);
+nn::TransitionModelConfig WithLayerNorm(const char* kind) {
+  nn::TransitionModelConfig model = Small(kind);
   model.encoder_layers = {};
   model.layer_norm = true;
   return model;
 }
 
 /// For every encoder alike.
-policy::TransitionModelConfig OnEncoder(const char* kind) {
-  policy::TransitionModelConfig model = Small(kind);
+nn::TransitionModelConfig OnEncoder(const char* kind) {
+  nn::TransitionModelConfig model = Small(kind);
   model.encoder_layers = {16, 16};
   return model;
 }

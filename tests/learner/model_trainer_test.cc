@@ -16,7 +16,7 @@
 namespace slalom::learner {
 namespace {
 
-using policy::TransitionModelConfig;
+using nn::TransitionModelConfig;
 
 constexpr int kBeams = LinearWorld::kBeams;
 constexpr int kFrame = kBeams + env::kStateSize;
@@ -37,8 +37,8 @@ ModelTrainer MakeTrainer(const TransitionModelConfig& model, const ModelTraining
                          std::uint64_t seed = 1) {
   env::ObservationSpec observation;
   observation.num_beams = kBeams;
-  const policy::NetworkConfig network;
-  const policy::FeatureMap features(observation, network);
+  const nn::NetworkConfig network;
+  const nn::FeatureMap features(observation, network);
   return {training, MakeModelShape(model, network, features.frame_size()),
           features, 1.0,
           false,    at::kCPU,
@@ -54,8 +54,8 @@ void Train(ModelTrainer& trainer, int begin, int end) {
   }
 }
 
-policy::TensorFile Saved(const ModelTrainer& trainer) {
-  policy::TensorFile file;
+nn::TensorFile Saved(const ModelTrainer& trainer) {
+  nn::TensorFile file;
   file.source = "memory";
   trainer.SaveState(file.tensors);
   return file;
@@ -68,10 +68,10 @@ struct Prediction {
     LinearWorld::Fill(8, 0, rows);
     env::ObservationSpec observation;
     observation.num_beams = kBeams;
-    MinibatchReader reader(policy::FeatureMap(observation, {}), 1, 1.0, false, 1.0);
+    MinibatchReader reader(nn::FeatureMap(observation, {}), 1, 1.0, false, 1.0);
     base::Random unused(1);
     reader.Read(rows.rows, unused, batch);
-    policy::ModelPass pass(trainer.model().shape(), batch.input);
+    nn::ModelPass pass(trainer.model().shape(), batch.input);
     next = at::zeros({500, kFrame});
     trainer.model().Predict(pass, 0, {}, next);
     reward = pass.reward().clone();
@@ -203,12 +203,12 @@ TEST(ModelTrainer, ElitesAreThoseThatPredictBest) {
   training.batch_size = 16;
   training.held_out = 0.2;
   ModelTrainer trainer = MakeTrainer(Small("deterministic", 3), training);
-  policy::TensorFile state = Saved(trainer);
+  nn::TensorFile state = Saved(trainer);
   std::vector<float> parameters(state.tensors.at("model.parameters").bytes.size() / 4);
   state.Read("model.parameters", std::span(parameters));
   const std::size_t size = parameters.size() / 3;
   for (std::size_t i = 0; i < size; ++i) parameters[size + i] *= 10.0f;
-  state.tensors["model.parameters"] = policy::StoredTensor::Of(std::span<const float>(parameters));
+  state.tensors["model.parameters"] = nn::StoredTensor::Of(std::span<const float>(parameters));
   trainer.LoadState(state);
   EXPECT_THAT(trainer.elites(), testing::ElementsAre(0, 1));
   Train(trainer, 0, 250);
@@ -249,7 +249,7 @@ TEST(ModelTrainer, RefusesWhatMakesNoSense) {
   training.held_out = 0.0;
   training.elites = 1;
   EXPECT_THROW(MakeTrainer(Small("deterministic", 2), training), base::Error);
-  policy::TensorFile other = Saved(MakeTrainer(Small("deterministic", 3), Training()));
+  nn::TensorFile other = Saved(MakeTrainer(Small("deterministic", 3), Training()));
   EXPECT_THROW(MakeTrainer(Small("deterministic", 2), Training()).LoadState(other), base::Error);
 }
 

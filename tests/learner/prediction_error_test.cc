@@ -22,12 +22,12 @@ TEST(PredictionErrors, GrowsWithTheStepsAheadAndPassesPaddingOver) {
   for (const int history : {1, 2}) {
     env::ObservationSpec observation;
     observation.num_beams = kBeams;
-    const policy::NetworkConfig network{.history = history};
-    const policy::FeatureMap features(observation, network);
-    const policy::TransitionModelConfig config{
+    const nn::NetworkConfig network{.history = history};
+    const nn::FeatureMap features(observation, network);
+    const nn::TransitionModelConfig config{
         .kind = "deterministic", .encoder_layers = {}, .head_layers = {}};
-    const policy::ModelShape shape = MakeModelShape(config, network, kFrame);
-    const policy::TransitionModel model(shape, at::zeros({shape.num_parameters()}));
+    const nn::ModelShape shape = MakeModelShape(config, network, kFrame);
+    const nn::TransitionModel model(shape, at::zeros({shape.num_parameters()}));
     RandomRows random_rows(6, history + kSteps, kBeams, 1);
     replay::SampledRows& rows = random_rows.rows;
     for (int i = 0; i < 6; ++i) {
@@ -57,13 +57,13 @@ TEST(PredictionErrors, GrowsWithTheStepsAheadAndPassesPaddingOver) {
 TEST(PredictionErrors, RollsForwardByTheActionsTaken) {
   env::ObservationSpec observation;
   observation.num_beams = kBeams;
-  const policy::FeatureMap features(observation, {});
-  const policy::TransitionModelConfig config{
+  const nn::FeatureMap features(observation, {});
+  const nn::TransitionModelConfig config{
       .kind = "deterministic", .encoder_layers = {}, .head_layers = {}};
-  const policy::ModelShape shape = MakeModelShape(config, {}, kFrame);
+  const nn::ModelShape shape = MakeModelShape(config, {}, kFrame);
   at::Tensor parameters = at::zeros({shape.num_parameters()});
   parameters[kBeams * (kFrame + 2) + kFrame] = 0.1;  // Row: the goal's x; column: linear action.
-  const policy::TransitionModel model(shape, parameters);
+  const nn::TransitionModel model(shape, parameters);
   RandomRows random_rows(5, 1 + kSteps, kBeams, 1);
   replay::SampledRows& rows = random_rows.rows;
   for (int i = 0; i < 5; ++i) {

@@ -8,7 +8,7 @@ namespace slalom::learner {
 
 using at::Tensor;
 
-ReferenceModelLoss ReferenceLossOf(const policy::TransitionModelConfig& config, double state_scale,
+ReferenceModelLoss ReferenceLossOf(const nn::TransitionModelConfig& config, double state_scale,
                                    const Tensor& raw, const ModelTargets& targets) {
   const bool probabilistic = config.kind == "probabilistic";
   const std::int64_t n = (raw.size(1) - 2) / (probabilistic ? 2 : 1);

@@ -3,7 +3,7 @@
 #include <ATen/core/Tensor.h>
 
 #include "learner/model_loss.h"
-#include "policy/model_shape.h"
+#include "nn/model_shape.h"
 
 namespace slalom::learner {
 
@@ -18,7 +18,7 @@ struct ReferenceModelLoss {
 /// caller.
 ///
 /// `raw`: [B, outputs].
-ReferenceModelLoss ReferenceLossOf(const policy::TransitionModelConfig& config, double state_scale,
+ReferenceModelLoss ReferenceLossOf(const nn::TransitionModelConfig& config, double state_scale,
                                    const at::Tensor& raw, const ModelTargets& targets);
 
 }  // namespace slalom::learner

@@ -16,8 +16,8 @@ using at::Tensor;
 /// The parts of a flat parameter tensor, one after the other.
 class Parts {
  public:
-  Parts(const std::vector<policy::ParameterSlot>& slots, const Tensor& parameters) {
-    for (const policy::ParameterSlot& slot : slots) {
+  Parts(const std::vector<nn::ParameterSlot>& slots, const Tensor& parameters) {
+    for (const nn::ParameterSlot& slot : slots) {
       parts_.push_back(parameters.narrow(0, slot.offset, slot.size()).view(slot.shape));
     }
   }
@@ -52,7 +52,7 @@ Tensor TimeCnn(Parts& parts, const Tensor& frames) {
   return parts.Convolution(first, 1, 0).flatten(1);
 }
 
-Tensor BeamCnn(Parts& parts, const policy::NetworkConfig& config, const Tensor& frames) {
+Tensor BeamCnn(Parts& parts, const nn::NetworkConfig& config, const Tensor& frames) {
   const std::int64_t ranges = frames.size(2) - static_cast<std::int64_t>(env::kStateSize);
   Tensor x = frames.narrow(2, 0, ranges);
   for (std::size_t i = 0; i + 1 < config.encoder_layers.size(); ++i) {
@@ -62,7 +62,7 @@ Tensor BeamCnn(Parts& parts, const policy::NetworkConfig& config, const Tensor& 
   return torch::relu(parts.Linear(torch::cat({x.transpose(1, 2).flatten(1), state}, 1)));
 }
 
-Tensor Gru(Parts& parts, const policy::NetworkConfig& config, const Tensor& frames) {
+Tensor Gru(Parts& parts, const nn::NetworkConfig& config, const Tensor& frames) {
   const std::int64_t layers = std::ssize(config.encoder_layers);
   // Ours of a layer: weight and bias of the input, then of the state. LibTorch's: both weights
   // first.
@@ -94,7 +94,7 @@ Tensor Attention(Parts& parts, int heads, const Tensor& x) {
   return parts.Linear(seen.transpose(1, 2).reshape({batch, steps, width}));
 }
 
-Tensor Transformer(Parts& parts, const policy::NetworkConfig& config, const Tensor& frames) {
+Tensor Transformer(Parts& parts, const nn::NetworkConfig& config, const Tensor& frames) {
   const Tensor embedded = parts.Linear(frames);
   const Tensor time = parts.Take();
   Tensor x = parts.Norm(embedded + time);
@@ -108,9 +108,9 @@ Tensor Transformer(Parts& parts, const policy::NetworkConfig& config, const Tens
 
 }  // namespace
 
-Tensor ReferenceForward(const policy::NetworkShape& shape, const Tensor& parameters,
+Tensor ReferenceForward(const nn::NetworkShape& shape, const Tensor& parameters,
                         const Tensor& features, const Tensor& action) {
-  const policy::NetworkConfig& config = shape.config;
+  const nn::NetworkConfig& config = shape.config;
   Parts parts(shape.Slots(), parameters);
   const Tensor frames = features.view({features.size(0), config.history, shape.frame_size});
   Tensor x = features;

@@ -2,16 +2,16 @@
 
 #include <ATen/core/Tensor.h>
 
-#include "policy/network_shape.h"
+#include "nn/network_shape.h"
 
 namespace slalom::learner {
 
 /// What a network computes, as docs/networks.md has it, by LibTorch's own operations, through which
-/// autograd goes. Shares no code with `policy::Network`. No dropout.
+/// autograd goes. Shares no code with `nn::Network`. No dropout.
 ///
 /// `parameters`: [shape.num_parameters()]; `features`: [B, H * F]; `action`: [B, 2], or undefined
 /// where the network reads none. Returns [B, outputs].
-at::Tensor ReferenceForward(const policy::NetworkShape& shape, const at::Tensor& parameters,
+at::Tensor ReferenceForward(const nn::NetworkShape& shape, const at::Tensor& parameters,
                             const at::Tensor& features, const at::Tensor& action);
 
 }  // namespace slalom::learner

@@ -12,7 +12,7 @@
 #include "learner/adam.h"
 #include "learner/algorithm.h"
 #include "learner/learner.h"
-#include "policy/feature_map.h"
+#include "nn/feature_map.h"
 #include "tests/learner/random_rows.h"
 #include "tests/learner/reference_network.h"
 
@@ -57,9 +57,9 @@ TEST(Adam, KernelIsLibTorchsAdam) { CompareAdam(torch::kFloat, 2e-5); }
 TEST(Adam, OperationsAreLibTorchsAdam) { CompareAdam(torch::kDouble, 1e-13); }
 
 Tensor Read(const Learner& learner, const std::string& name) {
-  policy::TensorMap tensors;
+  nn::TensorMap tensors;
   learner.SaveState(tensors);
-  const policy::StoredTensor& stored = tensors.at(name);
+  const nn::StoredTensor& stored = tensors.at(name);
   std::vector<float> values(stored.bytes.size() / sizeof(float));
   std::memcpy(values.data(), stored.bytes.data(), stored.bytes.size());
   return torch::tensor(values).to(torch::kDouble);
@@ -75,7 +75,7 @@ Tensor Normal(base::Random& random, int batch) {
 
 /// Some critics with their targets.
 struct ReferenceCritics {
-  ReferenceCritics(Tensor initial, policy::NetworkShape of_shape, double learning_rate)
+  ReferenceCritics(Tensor initial, nn::NetworkShape of_shape, double learning_rate)
       : shape(std::move(of_shape)),
         parameters(initial.clone().requires_grad_()),
         target(initial.clone()),
@@ -103,7 +103,7 @@ struct ReferenceCritics {
     target = (1.0 - tau) * target + tau * parameters;
   }
 
-  policy::NetworkShape shape;
+  nn::NetworkShape shape;
   Tensor parameters, target;
   torch::optim::Adam optimiser;
 };
@@ -116,13 +116,12 @@ struct Reference {
         multiplier(method.constraint.multiplier),
         features(spec.observation, spec.network),
         distribution(spec.distribution),
-        actor_shape(policy::ActorShape(spec.network, features.frame_size(),
-                                       spec.distribution.num_outputs())),
+        actor_shape(
+            nn::ActorShape(spec.network, features.frame_size(), spec.distribution.num_outputs())),
         actor(Read(learner, "actor.parameters").requires_grad_()),
         actor_target(actor.detach().clone()),
         critics(Read(learner, "critics.parameters"),
-                policy::CriticShape(spec.network, features.frame_size()),
-                config.critic_learning_rate),
+                nn::CriticShape(spec.network, features.frame_size()), config.critic_learning_rate),
         cost_critics(
             Read(learner, multiplier > 0.0 ? "cost_critics.parameters" : "critics.parameters"),
             critics.shape, config.critic_learning_rate),
@@ -249,9 +248,9 @@ struct Reference {
 
   LearnerConfig config;
   double multiplier;
-  policy::FeatureMap features;
+  nn::FeatureMap features;
   policy::ActionDistribution distribution;
-  policy::NetworkShape actor_shape;
+  nn::NetworkShape actor_shape;
   Tensor actor, actor_target;
   ReferenceCritics critics, cost_critics;
   Tensor log_temperature;

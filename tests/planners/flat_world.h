@@ -3,8 +3,8 @@
 #include <cmath>
 #include <vector>
 
-#include "planners/clearance_map.h"
-#include "planners/local_planner.h"
+#include "planners/navigation/clearance_map.h"
+#include "planners/navigation/local_planner.h"
 
 namespace slalom::planners {
 

@@ -8,7 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "planners/navigator.h"
+#include "planners/navigation/navigator.h"
 #include "planners/planner_registry.h"
 
 namespace slalom::planners {

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "config/config.h"
-#include "sim/course_generator.h"
+#include "sim/courses/course_generator.h"
 #include "sim/environments.h"
 #include "tests/support/random_courses.h"
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "base/random.h"
-#include "planners/costmap.h"
+#include "planners/navigation/costmap.h"
 
 namespace slalom::planners {
 

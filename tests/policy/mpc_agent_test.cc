@@ -44,7 +44,7 @@ PolicySnapshot MakeSnapshot(const Hand& hand) {
   std::vector<float> actor(2 * kFrame + 2), critic(kFrame + 2 + 1);
   actor[2 * kFrame] = static_cast<float>(hand.bias);
   critic[kGoal] = static_cast<float>(hand.value);
-  const ModelShape shape = snapshot.spec.model_shape();
+  const nn::ModelShape shape = snapshot.spec.model_shape();
   const int inputs = kFrame + 2;
   const int outputs = shape.network.num_outputs();
   std::vector<float> model(shape.num_parameters());
@@ -256,9 +256,9 @@ TEST(Policy, CarriesModelAndCritic) {
   EXPECT_EQ(*read.weights, *snapshot.weights);
   EXPECT_EQ(*read.model_weights, both);
   EXPECT_EQ(*read.critic_weights, *snapshot.critic_weights);
-  TensorFile file = ParseTensors(std::as_bytes(std::span(bytes)), "memory");
+  nn::TensorFile file = nn::ParseTensors(std::as_bytes(std::span(bytes)), "memory");
   file.tensors.erase("model.1.head.0.bias");
-  const std::string damaged = PrintTensors(file.tensors, file.metadata);
+  const std::string damaged = nn::PrintTensors(file.tensors, file.metadata);
   EXPECT_THROW(ParsePolicy(std::as_bytes(std::span(damaged)), "memory"), base::Error);
 }
 

@@ -3,8 +3,8 @@
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
 
-#include "policy/feature_map.h"
-#include "policy/network.h"
+#include "nn/feature_map.h"
+#include "nn/network.h"
 
 namespace slalom::policy {
 namespace {
@@ -18,7 +18,7 @@ PolicySnapshot MakePolicy(int history, std::uint64_t seed) {
   snapshot.spec.network.sectors = 12;
   std::vector<float> weights(snapshot.spec.actor_shape().num_parameters());
   base::Random random(seed);
-  InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
+  nn::InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
   snapshot.weights = std::make_shared<const std::vector<float>>(std::move(weights));
   return snapshot;
 }
@@ -27,9 +27,9 @@ PolicySnapshot MakePolicy(int history, std::uint64_t seed) {
 env::Action Reference(const PolicySnapshot& snapshot, const std::vector<float>& features) {
   at::Tensor x = at::tensor(features).unsqueeze(0);
   const at::Tensor weights = at::tensor(*snapshot.weights);
-  const std::vector<ParameterSlot> slots = snapshot.spec.actor_shape().Slots();
+  const std::vector<nn::ParameterSlot> slots = snapshot.spec.actor_shape().Slots();
   for (std::size_t i = 0; i < slots.size(); i += 2) {
-    const auto part = [&](const ParameterSlot& slot) {
+    const auto part = [&](const nn::ParameterSlot& slot) {
       return weights.narrow(0, slot.offset, slot.size()).view(slot.shape);
     };
     x = at::linear(x, part(slots[i]), part(slots[i + 1]));
@@ -54,7 +54,7 @@ TEST(NetworkAgent, IsLibTorchsForwardOnTheLastFrames) {
   constexpr int kHistory = 3;
   const PolicySnapshot snapshot = MakePolicy(kHistory, 1);
   NetworkAgent agent(snapshot);
-  const FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
+  const nn::FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
   base::Random random(2);
   env::ObservationBatch observations;
   observations.Resize(kBatch, snapshot.spec.observation.num_beams);
@@ -84,13 +84,13 @@ TEST(NetworkAgent, IsLibTorchsForwardOnTheLastFrames) {
 /// A policy with an encoder of its own; "beams" is a cnn over beams.
 PolicySnapshot MakeEncoderPolicy(const std::string& encoder) {
   PolicySnapshot snapshot = MakePolicy(3, 1);
-  NetworkConfig& network = snapshot.spec.network;
+  nn::NetworkConfig& network = snapshot.spec.network;
   network.encoder = encoder == "beams" ? "cnn" : encoder;
   if (encoder == "beams") network.cnn_axis = "beams";
   network.encoder_layers = {16, 16};
   std::vector<float> weights(snapshot.spec.actor_shape().num_parameters());
   base::Random random(5);
-  InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
+  nn::InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
   snapshot.weights = std::make_shared<const std::vector<float>>(std::move(weights));
   return snapshot;
 }
@@ -101,9 +101,9 @@ class NetworkAgentEncoderTest : public testing::TestWithParam<const char*> {};
 // about twelve layers: 12 * 64 * 2^-24 = 5e-5.
 TEST_P(NetworkAgentEncoderTest, ActsOnTheStackOfFramesInEveryBatch) {
   const PolicySnapshot snapshot = MakeEncoderPolicy(GetParam());
-  const NetworkShape shape = snapshot.spec.actor_shape();
-  const FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
-  const Network network(shape, at::tensor(*snapshot.weights).to(at::kDouble));
+  const nn::NetworkShape shape = snapshot.spec.actor_shape();
+  const nn::FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
+  const nn::Network network(shape, at::tensor(*snapshot.weights).to(at::kDouble));
   base::Random random(4);
   for (const int batch : {1, 64}) {
     NetworkAgent agent(snapshot);
@@ -121,7 +121,7 @@ TEST_P(NetworkAgentEncoderTest, ActsOnTheStackOfFramesInEveryBatch) {
         features.Write(view.ranges_cm.data(), view.state.data(), false, frame[i].data_ptr<float>());
       }
       stack = step == 0 ? frame.repeat({1, 3, 1}) : at::cat({stack.narrow(1, 1, 2), frame}, 1);
-      NetworkPass pass(shape, stack.view({batch, -1}).to(at::kDouble), PassUse::kInference);
+      nn::NetworkPass pass(shape, stack.view({batch, -1}).to(at::kDouble), nn::PassUse::kInference);
       network.Forward(pass);
       const at::Tensor expected = at::tanh(pass.output());
       for (int i = 0; i < batch; ++i) {

@@ -24,7 +24,7 @@ PolicySnapshot SmallPolicy() {
   snapshot.spec.actions.linear_max = 1.5;
   std::vector<float> weights(snapshot.spec.actor_shape().num_parameters());
   base::Random random(1);
-  InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
+  nn::InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
   snapshot.weights = std::make_shared<const std::vector<float>>(std::move(weights));
   return snapshot;
 }
@@ -35,13 +35,13 @@ class PolicyFileTest : public testing::Test {
 
   /// Writes the file again with another text in its spec.
   void ReplaceInSpec(const std::string& old, const std::string& replacement) const {
-    const TensorFile file = LoadTensors(path_);
-    Metadata metadata = file.metadata;
+    const nn::TensorFile file = nn::LoadTensors(path_);
+    nn::Metadata metadata = file.metadata;
     std::string& spec = metadata["slalom_policy"];
     const std::size_t place = spec.find(old);
     ASSERT_NE(place, std::string::npos) << spec;
     spec.replace(place, old.size(), replacement);
-    SaveTensors(path_, file.tensors, metadata);
+    nn::SaveTensors(path_, file.tensors, metadata);
   }
 
   std::string Refusal() const {
@@ -62,7 +62,7 @@ TEST_F(PolicyFileTest, RoundTrips) {
   const PolicySnapshot saved = SmallPolicy();
   SavePolicy(path_, saved, {{"commit", "abc"}});
   const LoadedPolicy loaded = LoadPolicy(path_);
-  EXPECT_EQ(loaded.metadata, (Metadata{{"commit", "abc"}}));
+  EXPECT_EQ(loaded.metadata, (nn::Metadata{{"commit", "abc"}}));
   EXPECT_EQ(loaded.snapshot.version, 7);
   EXPECT_EQ(loaded.snapshot.spec.observation, saved.spec.observation);
   EXPECT_EQ(loaded.snapshot.spec.network, saved.spec.network);
@@ -72,7 +72,7 @@ TEST_F(PolicyFileTest, RoundTrips) {
 
 TEST_F(PolicyFileTest, NamesTensorsForReaders) {
   SavePolicy(path_, SmallPolicy(), {});
-  const TensorFile file = LoadTensors(path_);
+  const nn::TensorFile file = nn::LoadTensors(path_);
   std::vector<std::string> names;
   for (const auto& [name, tensor] : file.tensors) names.push_back(name);
   EXPECT_THAT(names, testing::ElementsAre("actor.encoder.0.bias", "actor.encoder.0.weight",
@@ -83,20 +83,20 @@ TEST_F(PolicyFileTest, NamesTensorsForReaders) {
 }
 
 TEST_F(PolicyFileTest, RefusesTensorFilesThatAreNoPolicy) {
-  SaveTensors(path_, {}, {});
+  nn::SaveTensors(path_, {}, {});
   EXPECT_THROW(LoadPolicy(path_), base::Error);
 }
 
 TEST_F(PolicyFileTest, RefusesSpecsThatDoNotFitTheTensors) {
   SavePolicy(path_, SmallPolicy(), {});
-  const TensorFile file = LoadTensors(path_);
+  const nn::TensorFile file = nn::LoadTensors(path_);
   const auto load_with = [&](const std::string& from, const std::string& to) {
-    Metadata metadata = file.metadata;
+    nn::Metadata metadata = file.metadata;
     std::string& spec = metadata["slalom_policy"];
     const std::size_t at = spec.find(from);
     ASSERT_NE(at, std::string::npos) << spec;
     spec.replace(at, from.size(), to);
-    SaveTensors(path_, file.tensors, metadata);
+    nn::SaveTensors(path_, file.tensors, metadata);
     EXPECT_THROW(LoadPolicy(path_), base::Error) << to;
   };
   load_with("\"sectors\":3", "\"sectors\":4");
@@ -192,7 +192,7 @@ TEST(PolicyBytesTest, AreThoseOfTheFile) {
   const std::string bytes = PrintPolicy(policy, {{"commit", "abc"}});
   const LoadedPolicy parsed = ParsePolicy(std::as_bytes(std::span(bytes)), "a message");
   EXPECT_EQ(*parsed.snapshot.weights, *policy.weights);
-  EXPECT_EQ(parsed.metadata, (Metadata{{"commit", "abc"}}));
+  EXPECT_EQ(parsed.metadata, (nn::Metadata{{"commit", "abc"}}));
   // Also where they do not begin on a multiple of anything.
   std::string shifted(1, 'x');
   shifted += bytes;

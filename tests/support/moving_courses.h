@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "base/random.h"
-#include "sim/course.h"
-#include "sim/motion.h"
+#include "sim/courses/course.h"
+#include "sim/courses/motion.h"
 
 /// Moving obstacles for tests, and courses in which they are held still.
 

@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "base/random.h"
-#include "sim/course.h"
+#include "sim/courses/course.h"
 
 /// Small courses for tests that must not change when the generators do.
 

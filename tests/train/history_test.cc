@@ -6,7 +6,7 @@
 
 #include "actor/actor.h"
 #include "learner/minibatch.h"
-#include "policy/network.h"
+#include "nn/network.h"
 #include "policy/network_agent.h"
 #include "replay/table.h"
 #include "tests/support/fake_environment.h"
@@ -29,10 +29,10 @@ TEST_P(HistoryTest, ThePolicyWouldActOnAStackFromTheReplayAsItDid) {
   snapshot.spec.network.head_layers = {16};
   snapshot.spec.network.history = GetParam();
   snapshot.spec.network.sectors = 12;
-  const policy::NetworkShape shape = snapshot.spec.actor_shape();
+  const nn::NetworkShape shape = snapshot.spec.actor_shape();
   std::vector<float> weights(shape.num_parameters());
   base::Random random(1);
-  policy::InitialiseParameters(shape, random, weights);
+  nn::InitialiseParameters(shape, random, weights);
   snapshot.weights = std::make_shared<const std::vector<float>>(std::move(weights));
 
   testing::FakeEnvironment environments(kBatch, {0.2, 0.8}, /*max_length=*/12, kBeams);
@@ -52,12 +52,12 @@ TEST_P(HistoryTest, ThePolicyWouldActOnAStackFromTheReplayAsItDid) {
   replay::SampledRows rows;
   ASSERT_TRUE(
       table.SampleRows({.batch = batch, .history = GetParam(), .n_step = 3}, random, &rows));
-  const policy::FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
+  const nn::FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
   learner::MinibatchReader reader(features, GetParam(), 1.0, /*mirror=*/false, 1.0);
   learner::Minibatch minibatch(batch, GetParam(), features.frame_size(), at::kCPU);
   reader.Read(rows, random, minibatch);
-  policy::NetworkPass pass(shape, minibatch.features, policy::PassUse::kInference);
-  const policy::Network network(shape, policy::ViewWeights(*snapshot.weights));
+  nn::NetworkPass pass(shape, minibatch.features, nn::PassUse::kInference);
+  const nn::Network network(shape, nn::ViewWeights(*snapshot.weights));
   network.Forward(pass);
   const at::Tensor acted = at::tanh(pass.output());
   EXPECT_LT((acted - minibatch.actions).abs().max().item<float>(), 1e-5f);

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <vector>
+
+#include "nn/network_config.h"
+#include "nn/parameter_slot.h"
+
+/// What encoders other than "mlp" are made of; docs/networks.md has the formulas.
+
+namespace slalom::nn {
+
+/// Throws `base::Error` that names the key where `config` makes no network.
+void CheckNetwork(const NetworkConfig& config);
+
+/// The encoder's parameters, named "encoder...". Requires: an encoder other than "mlp".
+/// Throws `base::Error` where frames of `frame_size` numbers are too small for it.
+std::vector<ParameterSlot> EncoderSlots(const NetworkConfig& config, int frame_size);
+
+/// One convolution over beams.
+struct BeamConvolution {
+  int width;        ///< Beams that one number is made of.
+  int stride;       ///< Beams from one number to the next.
+  int in_channels;  ///< Frames, or the numbers of the layer before.
+  int out_channels;
+  int in_positions;
+  int out_positions;  ///< floor((in_positions - width) / stride) + 1
+};
+
+/// The convolutions of an encoder "cnn" over beams, first to last. Throws as `EncoderSlots`.
+std::vector<BeamConvolution> BeamConvolutions(const NetworkConfig& config, int frame_size);
+
+}  // namespace slalom::nn

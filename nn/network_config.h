@@ -1,0 +1,67 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/config_field.h"
+
+namespace slalom::nn {
+
+/// What an actor or a critic is made of. The defaults are the paper's (docs/original-system.md,
+/// section 3.3). Part of every saved policy.
+///
+/// Actor: encoder -> head -> 2 outputs, tanh. Critic: encoder, then the action beside its features
+/// -> head -> 1; without encoder layers the action stands beside the input itself. docs/networks.md
+/// has the encoders' formulas. What makes no network is refused by `CheckNetwork`.
+struct NetworkConfig {
+  std::string encoder = "mlp";
+  std::vector<int> encoder_layers = {512, 512};
+  std::string cnn_axis = "time";
+  int attention_heads = 8;
+  double dropout = 0.0;
+  bool dropout_everywhere = false;
+  std::vector<int> head_layers = {512, 512};
+  int history = 1;
+  int sectors = 0;
+  std::string range_transform = "linear";
+  std::string goal_transform = "linear";
+  bool layer_norm = false;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("encoder", encoder, base::OneOf{"mlp", "cnn", "gru", "transformer"}, "",
+      "The network that reads the observed frames (docs/networks.md).");
+    v("encoder_layers", encoder_layers, base::Range{1, 8192}, "",
+      "Widths of the encoder's layers. mlp: ReLU layers, [] for none. cnn: two convolutions over "
+      "time, or convolutions over beams and a last layer. gru: one width per layer. transformer: "
+      "one width per block, all equal.");
+    v("cnn_axis", cnn_axis, base::OneOf{"time", "beams"}, "",
+      "The axis along which a cnn convolves: time, as in the paper, or the beams.");
+    v("attention_heads", attention_heads, base::Range{1, 256}, "",
+      "Attention heads of a transformer; must divide its width.");
+    v("dropout", dropout, base::Range{0.0, 0.9}, "",
+      "Share of a transformer's embeddings, attention weights and residuals that is dropped in "
+      "training.");
+    v("dropout_everywhere", dropout_everywhere,
+      "Apply dropout in the target networks and when acting, too, as the paper's code does.");
+    v("head_layers", head_layers, base::Range{1, 8192}, "",
+      "Widths of the head's ReLU layers; [] for none.");
+    v("history", history, base::Range{1, 64}, "frames",
+      "Successive frames that the networks see at once, the newest last.");
+    v("sectors", sectors, base::Range{0, 4096}, "",
+      "Sectors into which a scan is divided; the networks see the nearest range of each. Must "
+      "divide the number of beams. 0: they see every beam.");
+    v("range_transform", range_transform, base::OneOf{"linear", "inverse"}, "",
+      "How a range r in metres is scaled. linear: from -1 at 0 to +1 at range_clip, as it is "
+      "observed. inverse: 0.6 / (r + 0.2) - 0.8, which resolves near ranges more finely.");
+    v("goal_transform", goal_transform, base::OneOf{"linear", "centred"}, "",
+      "How the goal's coordinates are scaled. linear: x / goal_scale - 1 and y / goal_scale - 1, "
+      "as they are observed. centred: x / goal_scale - 1 and y / goal_scale, so that left and "
+      "right are mirror images.");
+    v("layer_norm", layer_norm, "LayerNorm before each ReLU of the critics.");
+  }
+
+  friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
+};
+
+}  // namespace slalom::nn

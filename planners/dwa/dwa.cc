@@ -1,0 +1,246 @@
+#include "planners/dwa/dwa.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace slalom::planners {
+namespace {
+
+/// Speed after `dt`, on the way from `now` to `wanted`.
+double Approach(double wanted, double now, double acceleration, double dt) {
+  return wanted >= now ? std::min(wanted, now + acceleration * dt)
+                       : std::max(wanted, now - acceleration * dt);
+}
+
+}  // namespace
+
+DwaPlanner::DwaPlanner(const DwaConfig& config, const FootprintConfig& footprint)
+    : config_(config), footprint_(footprint) {}
+
+void DwaPlanner::Reset(std::uint64_t /*seed*/) {
+  turned_left_ = turned_right_ = no_left_ = no_right_ = false;
+  last_turn_O_ = {};
+  escaping_ = false;
+  X_OE_ = {};
+}
+
+std::optional<Twist> DwaPlanner::ComputeCommand(const LocalView& view) {
+  if (!MeasureDistances(view)) return std::nullopt;
+  const Window window = DynamicWindow(view);
+  Trajectory best;
+  if (!escaping_) best = BestAhead(view, window);
+  best = BestOnTheSpot(view, window, best);
+  if (best.admissible()) {
+    NoteTurn(view, best);
+  } else {
+    best = BackUp(view);
+  }
+  ForgetTurns(view);
+  EndEscape(view);
+  if (!best.admissible()) return std::nullopt;
+  return best.command;
+}
+
+bool DwaPlanner::MeasureDistances(const LocalView& view) {
+  const Costmap& map = view.costmap;
+  const double reach = 0.5 * map.resolution() * std::max(map.size_x(), map.size_y());
+  path_cells_.clear();
+  local_end_O_ = view.X_OR.p;
+  const auto add = [&](base::Vec2 p_O) {
+    const CellIndex c = map.CellAt(p_O);
+    if (!map.Contains(c)) return false;
+    if (path_cells_.empty() || !(path_cells_.back() == c)) path_cells_.push_back(c);
+    return true;
+  };
+  for (std::size_t i = 0; i < view.path_O.size(); ++i) {
+    const base::Vec2 p_O = view.path_O[i];
+    const bool near = base::Norm(p_O - view.X_OR.p) < reach;
+    if (!near && path_cells_.empty()) continue;  // The path may come from farther away.
+    if (!near) break;
+    local_end_O_ = p_O;
+    // Where points are farther apart than a cell, the cells between them are on the path too.
+    if (!path_cells_.empty()) {
+      const base::Vec2 before_O = view.path_O[i - 1];
+      const int steps = static_cast<int>(std::ceil(base::Norm(p_O - before_O) / map.resolution()));
+      for (int j = 1; j < steps; ++j) {
+        add(before_O + (static_cast<double>(j) / steps) * (p_O - before_O));
+      }
+    }
+    if (!add(p_O) && !path_cells_.empty()) break;
+  }
+  if (path_cells_.empty()) return false;
+  CoveredCells(map, footprint_, view.X_OR, under_robot_);
+  to_path_.Compute(map, under_robot_, path_cells_);
+  to_goal_.Compute(map, under_robot_, std::span(path_cells_).last(1));
+  return true;
+}
+
+DwaPlanner::Window DwaPlanner::DynamicWindow(const LocalView& view) const {
+  const double period = 1.0 / config_.navigation.control_rate;
+  const double v = view.velocity.linear, w = view.velocity.angular;
+  const double dv = config_.acceleration * period, dw = config_.turn_acceleration * period;
+  // The robot must not drive beyond the end of the path within the simulated time.
+  const double max_speed =
+      std::min(config_.max_speed, base::Norm(local_end_O_ - view.X_OR.p) / config_.sim_time);
+  return {.min = {std::max(config_.min_speed, v - dv), std::max(-config_.max_turn_rate, w - dw)},
+          .max = {std::max(std::min(max_speed, v + dv), config_.min_speed),
+                  std::min(config_.max_turn_rate, w + dw)}};
+}
+
+DwaPlanner::Trajectory DwaPlanner::BestAhead(const LocalView& view, const Window& window) {
+  const double speed_step = (window.max.linear - window.min.linear) / (config_.speed_samples - 1);
+  const double turn_step = (window.max.angular - window.min.angular) / (config_.turn_samples - 1);
+  candidates_.clear();
+  const auto add = [&](Twist command) {
+    const base::Pose2 end = Simulate(view, command, [](const base::Pose2&) { return true; });
+    const auto cost = DistanceCost(view.costmap, end.p);
+    if (cost) candidates_.push_back({*cost, command});
+  };
+  for (int i = 0; i < config_.speed_samples; ++i) {
+    const double speed = window.min.linear + i * speed_step;
+    add({speed, 0.0});
+    // The last turn rate is left out, as in ROS.
+    for (int j = 0; j < config_.turn_samples - 1; ++j) {
+      add({speed, window.min.angular + j * turn_step});
+    }
+  }
+  // The first sample of least cost wins. Outlines are expensive: samples are checked in the order
+  // of their other costs, and only while they can still win.
+  const auto num = candidates_.size();
+  order_.resize(num);
+  for (std::size_t i = 0; i < num; ++i) order_[i] = i;
+  std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+    const double cost_a = candidates_[a].least_cost, cost_b = candidates_[b].least_cost;
+    return cost_a < cost_b || (cost_a == cost_b && a < b);
+  });
+  Trajectory best;
+  std::size_t best_index = num;
+  for (const std::size_t i : order_) {
+    if (best.admissible() && candidates_[i].least_cost > best.cost) break;
+    const Trajectory trajectory = Score(view, candidates_[i].command);
+    if (!trajectory.admissible()) continue;
+    if (!best.admissible() || trajectory.cost < best.cost ||
+        (trajectory.cost == best.cost && i < best_index)) {
+      best = trajectory;
+      best_index = i;
+    }
+  }
+  return best;
+}
+
+DwaPlanner::Trajectory DwaPlanner::BestOnTheSpot(const LocalView& view, const Window& window,
+                                                 const Trajectory& ahead) {
+  Trajectory best = ahead;
+  const double turn_step = (window.max.angular - window.min.angular) / (config_.turn_samples - 1);
+  const auto least_cost = DistanceCost(view.costmap, view.X_OR.p);
+  if (!least_cost) return best;
+  int nearest = std::numeric_limits<int>::max();  // To the goal, a look ahead after the turn.
+  for (int i = 0; i < config_.turn_samples; ++i) {
+    const double sample = window.min.angular + i * turn_step;
+    if (std::fabs(sample) <= turn_step) continue;  // Too slow to count as a turn.
+    if ((sample > 0.0 && no_left_) || (sample < 0.0 && no_right_)) continue;
+    if (best.admissible() && *least_cost > best.cost) continue;
+    const double rate = sample > 0.0 ? std::max(sample, config_.min_turn_rate_in_place)
+                                     : std::min(sample, -config_.min_turn_rate_in_place);
+    const Trajectory trajectory = Score(view, {0.0, rate});
+    if (!trajectory.admissible() || (best.admissible() && trajectory.cost > best.cost)) continue;
+    const CellIndex ahead_cell =
+        view.costmap.CellAt(base::Transform(trajectory.end, {config_.heading_lookahead, 0.0}));
+    if (!view.costmap.Contains(ahead_cell)) continue;
+    const int distance = to_goal_.distance(ahead_cell);
+    if (distance >= nearest) continue;
+    nearest = distance;
+    best = trajectory;
+  }
+  return best;
+}
+
+DwaPlanner::Trajectory DwaPlanner::BackUp(const LocalView& view) {
+  Trajectory back = Score(view, {config_.escape_speed, 0.0});
+  if (!escaping_ && back.cost > Trajectory::kNoWay) {
+    escaping_ = true;
+    X_OE_ = view.X_OR;
+  }
+  if (back.cost == Trajectory::kHits) back.cost = 1.0;  // Whatever is behind the robot.
+  return back;
+}
+
+DwaPlanner::Trajectory DwaPlanner::Score(const LocalView& view, Twist command) const {
+  Trajectory trajectory;
+  trajectory.command = command;
+  int highest = 0;
+  double distance_cost = 0.0;
+  bool admissible = true;
+  trajectory.end = Simulate(view, command, [&](const base::Pose2& X_OR) {
+    const int outline = OutlineCost(view.costmap, footprint_, X_OR);
+    if (outline < 0) {
+      trajectory.cost = Trajectory::kHits;
+      return admissible = false;
+    }
+    const auto cost = DistanceCost(view.costmap, X_OR.p);
+    if (!cost) {
+      trajectory.cost = Trajectory::kNoWay;
+      return admissible = false;
+    }
+    distance_cost = *cost;
+    highest = std::max<int>({highest, outline, view.costmap.cost(view.costmap.CellAt(X_OR.p))});
+    return true;
+  });
+  if (admissible) {
+    trajectory.cost = distance_cost + Scale(view.costmap) * config_.obstacle_cost_scale * highest;
+  }
+  return trajectory;
+}
+
+template <class Visit>
+base::Pose2 DwaPlanner::Simulate(const LocalView& view, Twist command, Visit&& visit) const {
+  const double poses =
+      std::max(std::fabs(command.linear) * config_.sim_time / config_.sim_granularity,
+               std::fabs(command.angular) / config_.angular_sim_granularity);
+  const int num_poses = std::max(1, static_cast<int>(std::lround(poses)));
+  const double dt = config_.sim_time / num_poses;
+  base::Pose2 X_OR = view.X_OR;
+  Twist velocity = view.velocity;
+  for (int i = 0;; ++i) {
+    if (!visit(X_OR) || i == num_poses - 1) return X_OR;
+    velocity.linear = Approach(command.linear, velocity.linear, config_.acceleration, dt);
+    velocity.angular = Approach(command.angular, velocity.angular, config_.turn_acceleration, dt);
+    const auto [s, c] = base::SinCos(X_OR.yaw);
+    X_OR.p = X_OR.p + (velocity.linear * dt) * base::Vec2{c, s};
+    X_OR.yaw += velocity.angular * dt;
+  }
+}
+
+std::optional<double> DwaPlanner::DistanceCost(const Costmap& costmap, base::Vec2 p_O) const {
+  const CellIndex c = costmap.CellAt(p_O);
+  if (!costmap.Contains(c)) return std::nullopt;
+  const std::uint16_t path = to_path_.distance(c), goal = to_goal_.distance(c);
+  if (path == DistanceGrid::kNoWay || goal == DistanceGrid::kNoWay) return std::nullopt;
+  return Scale(costmap) * (config_.path_distance_scale * path + config_.goal_distance_scale * goal);
+}
+
+void DwaPlanner::NoteTurn(const LocalView& view, const Trajectory& best) {
+  if (best.command.linear > 0.0) return;
+  if (best.command.angular > 0.0) {
+    if (turned_left_) no_right_ = true;
+    turned_left_ = true;
+  } else if (best.command.angular < 0.0) {
+    if (turned_right_) no_left_ = true;
+    turned_right_ = true;
+  }
+  last_turn_O_ = view.X_OR.p;
+}
+
+void DwaPlanner::ForgetTurns(const LocalView& view) {
+  if (base::Norm(view.X_OR.p - last_turn_O_) <= config_.oscillation_reset_distance) return;
+  turned_left_ = turned_right_ = no_left_ = no_right_ = false;
+}
+
+void DwaPlanner::EndEscape(const LocalView& view) {
+  if (base::Norm(view.X_OR.p - X_OE_.p) > config_.escape_reset_distance ||
+      std::fabs(base::WrapAngle(view.X_OR.yaw - X_OE_.yaw)) > config_.escape_reset_angle) {
+    escaping_ = false;
+  }
+}
+
+}  // namespace slalom::planners

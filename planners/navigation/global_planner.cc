@@ -1,0 +1,272 @@
+#include "planners/navigation/global_planner.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "base/check.h"
+
+namespace slalom::planners {
+namespace {
+
+constexpr float kInfinite = std::numeric_limits<float>::infinity();
+constexpr float kNeutralCost = 50.0f;  // Of crossing a free cell.
+constexpr float kCostFactor = 0.8f;
+constexpr double kPathStep = 0.5;  // [cells]
+// Less than a free cell can cost per cell of a straight line, even with the approximation's error.
+constexpr float kHeuristicCost = 0.95f * kNeutralCost;
+// Less than a cell's potential is above its lowest neighbour's, so that cells are mostly updated
+// once.
+constexpr float kBucketWidth = 25.0f;
+// If the robot was not reached, paths that cost this much more are searched next.
+constexpr float kBoundGrowth = 1.2f;
+// Cells whose paths cost this much more than the best are settled too: the descent's gradients look
+// up to two cells beside the path, where a cell costs 251 at most.
+constexpr float kMargin = 1000.0f;
+
+/// Cost of crossing a cell of each costmap value; infinite: a wall.
+const std::array<float, 256>& TraversalTable() {
+  static const std::array<float, 256> table = [] {
+    std::array<float, 256> t;
+    for (int c = 0; c < 256; ++c) {
+      t[c] = c < kInscribedCost ? std::floor(kNeutralCost + kCostFactor * c) : kInfinite;
+    }
+    return t;
+  }();
+  return table;
+}
+
+/// navfn's update of a cell that costs `crossing` from its lower neighbour in each direction. Its
+/// quadratic exceeds 1 by 0.005 where only one neighbour counts in the end; cut off there, a cell's
+/// potential does not depend on the order of updates.
+float PlaneWave(float a, float b, float crossing) {
+  const float low = std::min(a, b);
+  const float difference = std::max(a, b) - low;
+  if (!(difference < crossing)) return low + crossing;
+  const float d = difference / crossing;
+  return low + crossing * std::min(1.0f, -0.2301f * d * d + 0.5307f * d + 0.7040f);
+}
+
+}  // namespace
+
+const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap,
+                                                   const CellWindow& changed, base::Vec2 start_O,
+                                                   base::Vec2 goal_O) {
+  path_O_.clear();
+  const CellIndex start = costmap.CellAt(start_O);
+  const CellIndex goal = costmap.CellAt(goal_O);
+  const auto at_edge = [&](CellIndex c) {
+    return c.x < 1 || c.y < 1 || c.x > costmap.size_x() - 2 || c.y > costmap.size_y() - 2;
+  };
+  if (at_edge(start) || at_edge(goal) || costmap.cost(goal) >= kInscribedCost) {
+    valid_ = false;
+    return path_O_;
+  }
+  if (valid_ && goal == goal_ && costmap.size_x() == size_x_ && costmap.size_y() == size_y_) {
+    TakeIn(costmap, changed, start);
+  } else {
+    Begin(costmap, start, goal);
+  }
+  Spread();
+  if (potential_[Index(start_)] < kInfinite && Descend(costmap)) {
+    path_O_.push_back(goal_O);
+  } else {
+    path_O_.clear();
+  }
+  return path_O_;
+}
+
+void GlobalPlanner::Begin(const Costmap& costmap, CellIndex start, CellIndex goal) {
+  size_x_ = costmap.size_x();
+  size_y_ = costmap.size_y();
+  goal_ = goal;
+  costs_.assign(costmap.costs().begin(), costmap.costs().end());
+  for (int x = 0; x < size_x_; ++x) {
+    costs_[Index({x, 0})] = costs_[Index({x, size_y_ - 1})] = kUnknownCost;
+  }
+  for (int y = 0; y < size_y_; ++y) {
+    costs_[Index({0, y})] = costs_[Index({size_x_ - 1, y})] = kUnknownCost;
+  }
+  costs_[Index(start)] = kFreeCost;  // Wherever the robot is, it is.
+  potential_.assign(costs_.size(), kInfinite);
+  pending_.assign(costs_.size(), 0);
+  deferred_.clear();
+  start_ = start;
+  const int n = Index(goal);
+  potential_[n] = 0.0f;
+  touched_.assign(1, n);
+  const float dx = static_cast<float>(goal.x - start.x), dy = static_cast<float>(goal.y - start.y);
+  bound_ = kNeutralCost * std::sqrt(dx * dx + dy * dy) + kMargin;
+  Push(n);
+  valid_ = true;
+}
+
+void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex start) {
+  changed_.clear();
+  lowest_changed_ = kInfinite;
+  const CellIndex old_start = start_;
+  SetCost(Index(old_start), costmap.cost(old_start));
+  for (int y = std::max(1, changed.y0); y < std::min(size_y_ - 1, changed.y1); ++y) {
+    const int x0 = std::max(1, changed.x0), x1 = std::min(size_x_ - 1, changed.x1);
+    if (x0 >= x1) break;
+    const std::uint8_t* const now = costmap.costs().data() + costmap.Index({0, y});
+    const std::uint8_t* const before = costs_.data() + costmap.Index({0, y});
+    if (std::memcmp(now + x0, before + x0, static_cast<std::size_t>(x1 - x0)) == 0) continue;
+    for (int x = x0; x < x1; ++x) {
+      if (now[x] != before[x]) SetCost(Index({x, y}), now[x]);
+    }
+  }
+  SetCost(Index(start), kFreeCost);
+  if (!changed_.empty() || !(start == old_start)) SpreadAnew(start);
+}
+
+void GlobalPlanner::SetCost(int n, std::uint8_t cost) {
+  if (costs_[n] == cost) return;
+  costs_[n] = cost;
+  changed_.push_back(n);
+  // The cell's potential, before and after, is above its lowest neighbour's.
+  lowest_changed_ = std::min({lowest_changed_, potential_[n], potential_[n - 1], potential_[n + 1],
+                              potential_[n - size_x_], potential_[n + size_x_]});
+}
+
+/// Forgets the potentials that the change can matter to, and queues what can restore them.
+void GlobalPlanner::SpreadAnew(CellIndex start) {
+  const float before = potential_[Index(start_)];
+  if (before < kInfinite) bound_ = before + kMargin;
+  start_ = start;
+  waiting_.swap(deferred_);
+  deferred_.clear();
+  std::size_t num_kept = 0;
+  for (const int n : touched_) {
+    if (potential_[n] <= lowest_changed_) {
+      touched_[num_kept++] = n;
+    } else {
+      potential_[n] = kInfinite;
+      changed_.push_back(n);
+    }
+  }
+  touched_.resize(num_kept);
+  for (const int n : waiting_) {
+    if (potential_[n] < kInfinite) Push(n);
+  }
+  for (const int n : changed_) Relax(n);
+}
+
+void GlobalPlanner::Spread() {
+  const int start = Index(start_);
+  while (true) {
+    for (; bucket_ < buckets_.size(); ++bucket_) {
+      // The bucket grows while it is worked off.
+      for (std::size_t i = 0; i < buckets_[bucket_].size(); ++i) {
+        const int n = buckets_[bucket_][i];
+        if (pending_[n] == 0) continue;  // Was worked off with a lower potential.
+        pending_[n] = 0;
+        for (const int m : {n - 1, n + 1, n - size_x_, n + size_x_}) Relax(m);
+      }
+      buckets_[bucket_].clear();
+    }
+    const float wanted =
+        potential_[start] < kInfinite ? potential_[start] + kMargin : kBoundGrowth * bound_;
+    if (deferred_.empty() || bound_ >= wanted) return;
+    bound_ = wanted;
+    waiting_.swap(deferred_);
+    deferred_.clear();
+    for (const int n : waiting_) Push(n);
+  }
+}
+
+/// Lowers the potential of a cell to what its neighbours give it, and queues it where it fell.
+void GlobalPlanner::Relax(int n) {
+  const float crossing = TraversalTable()[costs_[n]];
+  if (!(crossing < kInfinite)) return;
+  const float potential =
+      PlaneWave(std::min(potential_[n - 1], potential_[n + 1]),
+                std::min(potential_[n - size_x_], potential_[n + size_x_]), crossing);
+  if (!(potential < potential_[n])) return;
+  if (potential_[n] == kInfinite) touched_.push_back(n);
+  potential_[n] = potential;
+  Push(n);
+}
+
+/// Returns a lower bound of the cost of a path from the robot over this cell.
+float GlobalPlanner::Key(int n) const {
+  const int y = n / size_x_, x = n - y * size_x_;
+  const float dx = static_cast<float>(x - start_.x), dy = static_cast<float>(y - start_.y);
+  return potential_[n] + kHeuristicCost * std::sqrt(dx * dx + dy * dy);
+}
+
+/// Queues a cell whose neighbours are to learn of its potential; for later, where no path that is
+/// wanted leads over it.
+void GlobalPlanner::Push(int n) {
+  if (extent_ == Extent::kPath && Key(n) > bound_) {
+    deferred_.push_back(n);
+    return;
+  }
+  const auto bucket = static_cast<std::size_t>(potential_[n] * (1.0f / kBucketWidth));
+  if (bucket >= buckets_.size()) buckets_.resize(bucket + 1);
+  bucket_ = std::min(bucket_, bucket);
+  pending_[n] = 1;
+  buckets_[bucket].push_back(n);
+}
+
+bool GlobalPlanner::Descend(const Costmap& costmap) {
+  path_O_.clear();
+  int n = start_.y * size_x_ + start_.x;
+  const int goal = goal_.y * size_x_ + goal_.x;
+  double dx = 0.0, dy = 0.0;  // Of the path's point from the middle of cell n, [cells].
+  const std::size_t max_points = 4 * static_cast<std::size_t>(std::max(size_x_, size_y_));
+  while (path_O_.size() < max_points) {
+    const int nearest =
+        n + static_cast<int>(std::lround(dx)) + size_x_ * static_cast<int>(std::lround(dy));
+    if (nearest == goal) return true;
+    const int y = n / size_x_, x = n - y * size_x_;
+    if (x < 1 || y < 1 || x > size_x_ - 2 || y > size_y_ - 2) return false;
+    const base::Vec2 centre_O = costmap.CentreOf({x, y});
+    path_O_.push_back(centre_O + costmap.resolution() * base::Vec2{dx, dy});
+
+    int lowest = n;
+    bool at_boundary = false;
+    for (int row = -1; row <= 1; ++row) {
+      for (int column = -1; column <= 1; ++column) {
+        const int m = n + row * size_x_ + column;
+        if (potential_[m] == kInfinite) at_boundary = true;
+        if (potential_[m] < potential_[lowest]) lowest = m;
+      }
+    }
+    if (at_boundary) {  // No gradient beside walls: to the lowest of the eight neighbours.
+      if (lowest == n) return false;
+      n = lowest;
+      dx = dy = 0.0;
+      continue;
+    }
+    const base::Vec2 g00 = Gradient(n), g10 = Gradient(n + 1);
+    const base::Vec2 g01 = Gradient(n + size_x_), g11 = Gradient(n + size_x_ + 1);
+    const base::Vec2 g =
+        (1.0 - dy) * ((1.0 - dx) * g00 + dx * g10) + dy * ((1.0 - dx) * g01 + dx * g11);
+    const double norm = base::Norm(g);
+    if (norm == 0.0) return false;
+    dx += kPathStep / norm * g.x;
+    dy += kPathStep / norm * g.y;
+    if (dx > 1.0) n += 1, dx -= 1.0;
+    if (dx < -1.0) n -= 1, dx += 1.0;
+    if (dy > 1.0) n += size_x_, dy -= 1.0;
+    if (dy < -1.0) n -= size_x_, dy += 1.0;
+  }
+  return false;
+}
+
+base::Vec2 GlobalPlanner::Gradient(int n) const {
+  const double here = potential_[n];
+  const auto slope = [&](int before, int after) {
+    double d = 0.0;
+    if (potential_[before] < kInfinite) d += potential_[before] - here;
+    if (potential_[after] < kInfinite) d += here - potential_[after];
+    return d;
+  };
+  const base::Vec2 g{slope(n - 1, n + 1), slope(n - size_x_, n + size_x_)};
+  const double norm = base::Norm(g);
+  return norm > 0.0 ? (1.0 / norm) * g : g;
+}
+
+}  // namespace slalom::planners

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "base/geometry.h"
+#include "planners/navigation/costmap.h"
+
+namespace slalom::planners {
+
+/// Plans over a costmap as navfn does. A potential spreads from the goal over the cells by a
+/// quadratic approximation to a plane wave; crossing a cell costs 50 + 0.8 times its costmap value.
+/// The path descends the interpolated gradient in steps of half a cell. Cells of kInscribedCost and
+/// above are walls, except the robot's own; so is the map's edge.
+///
+/// navfn spreads the potential from the robot, over every cell nearer than the goal. Here it
+/// spreads from the goal and, as in A*, only over cells that the path can touch, judged by the
+/// straight distance left to the robot. After a change of the map, only the potential behind the
+/// change is computed again. Neither changes the path. Confined to one thread at a time.
+class GlobalPlanner {
+ public:
+  /// How far the potential spreads: over the cells that the path needs, or, for tests, over all
+  /// that can be reached. The paths are the same.
+  enum class Extent { kPath, kEverywhere };
+
+  explicit GlobalPlanner(Extent extent = Extent::kPath) : extent_(extent) {}
+
+  /// Discards the potential, so that the next plan computes all of it.
+  void Reset() { valid_ = false; }
+
+  /// Returns a path from the middle of the cell of `start_O` to `goal_O`, about two points per
+  /// cell, or an empty one if there is no way. `changed` must contain all cells whose cost changed
+  /// since the last call, which must have been with the same map in the same place; the first call
+  /// after `Reset` ignores it. Cost: O(cells near the path, behind the change), a few 0.1 ms over
+  /// 10 m.
+  const std::vector<base::Vec2>& Plan(const Costmap& costmap, const CellWindow& changed,
+                                      base::Vec2 start_O, base::Vec2 goal_O);
+
+  /// Returns the potential of a cell; infinite where it has not spread.
+  float potential(CellIndex c) const {
+    return potential_[static_cast<std::size_t>(c.y) * static_cast<std::size_t>(size_x_) +
+                      static_cast<std::size_t>(c.x)];
+  }
+
+ private:
+  void Begin(const Costmap& costmap, CellIndex start, CellIndex goal);
+  void TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex start);
+  void SetCost(int n, std::uint8_t cost);
+  void SpreadAnew(CellIndex start);
+  void Spread();
+  void Relax(int n);
+  void Push(int n);
+  float Key(int n) const;
+  bool Descend(const Costmap& costmap);
+  base::Vec2 Gradient(int n) const;
+  int Index(CellIndex c) const { return c.y * size_x_ + c.x; }
+
+  const Extent extent_;
+  bool valid_ = false;  // The potential is that of costs_ and goal_.
+  int size_x_ = 0, size_y_ = 0;
+  CellIndex start_, goal_;
+  std::vector<std::uint8_t> costs_;  // [size_y, size_x], the edge unknown, the robot's cell free.
+  std::vector<float> potential_;     // [size_y, size_x]
+  std::vector<int> touched_;         // Cells that have a potential.
+  // Cells whose potential fell, by potential in steps of kBucketWidth; a cell may be in several.
+  std::vector<std::vector<int>> buckets_;
+  std::vector<std::uint8_t> pending_;  // [size_y, size_x], whether its neighbours must be updated.
+  std::size_t bucket_ = 0;             // All buckets before this one are empty.
+  std::vector<int> deferred_;          // Cells whose potential fell, with paths beyond bound_.
+  float bound_ = 0.0f;                 // Cost of the most expensive paths that are considered.
+  // The change being handled: its cells, and the potential below which it affects no cell.
+  std::vector<int> changed_, waiting_;
+  float lowest_changed_ = 0.0f;
+  std::vector<base::Vec2> path_O_;
+};
+
+}  // namespace slalom::planners

@@ -1,0 +1,114 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "base/geometry.h"
+#include "planners/navigation/footprint.h"
+#include "planners/navigation/global_planner.h"
+#include "planners/navigation/local_planner.h"
+#include "planners/navigation/navigation_config.h"
+#include "planners/navigation/obstacle_map.h"
+#include "planners/navigation/rotate_recovery.h"
+#include "planners/navigation/scan.h"
+
+/// Frames: `O` odometry, `R` the robot. Shapes: `N` beams.
+
+namespace slalom::planners {
+
+/// The state of a navigator.
+enum class NavigatorState : std::uint8_t {
+  kPlanning,     ///< Stands still, without a plan.
+  kControlling,  ///< The local planner drives.
+  kRecovering,   ///< Clears its maps or turns around.
+  kAborted,      ///< Gave up, as all recoveries failed.
+  kArrived,      ///< Is within the goal tolerance.
+};
+
+std::string_view ToString(NavigatorState state);
+
+/// Counts of what happened in an episode, to tell kinds of failure apart. A value.
+struct NavigatorRecord {
+  int num_cycles = 0;           ///< Control cycles.
+  int num_failed_plans = 0;     ///< Times the global planner found no way.
+  int num_failed_commands = 0;  ///< Times the local planner found no admissible command.
+  int num_recoveries = 0;       ///< Recovery behaviours begun.
+  int num_backwards = 0;        ///< Cycles that commanded a negative speed.
+  int num_turns_in_place = 0;   ///< Cycles that commanded a turn without a speed.
+  Twist last_command;           ///< Of the last control cycle.
+};
+
+/// The navigation system of one robot: ROS's move_base with a local and a global costmap, a global
+/// planner, recoveries and a local planner.
+///
+/// In each control cycle the maps are updated from the scan, the state machine acts, and then the
+/// global planner plans. Its plan is used from the next cycle on, as with move_base's planner
+/// thread. Confined to one thread at a time.
+class Navigator {
+ public:
+  /// `step`: time between two calls of `Step`, [s]. An activity with a configured rate runs in
+  /// every round(1 / (rate * step))-th call. Requires: planner is not null, step > 0.
+  Navigator(const NavigationConfig& config, const PlannerNavigationConfig& planner_config,
+            const ScanGeometry& geometry, double step, std::unique_ptr<LocalPlanner> planner);
+
+  /// Begins an episode with the robot at X_OR and a goal. Forgets everything before. `seed`: for
+  /// the local planner.
+  void Reset(const base::Pose2& X_OR, base::Vec2 goal_O, std::uint64_t seed);
+
+  /// Returns the command until the next call. `ranges_cm`: the present scan, [N] [cm].
+  Twist Step(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR, Twist velocity);
+
+  NavigatorState state() const { return state_; }
+  const NavigatorRecord& record() const { return record_; }
+  const Costmap& local_costmap() const { return local_map_.costmap(); }
+  /// Requires: an episode was begun.
+  const Costmap& global_costmap() const { return global_map_->costmap(); }
+  /// The plan being followed, from near the robot to the goal; empty if there is none.
+  std::span<const base::Vec2> path() const;
+
+ private:
+  enum class Trigger { kPlanning, kControlling };
+
+  double now() const { return num_steps_ * step_; }
+  bool Due(double rate) const;
+  void SizeGlobalMap(base::Vec2 way);
+  void SendGoal();
+  void Act(const base::Pose2& X_OR, Twist velocity);
+  void Control(const base::Pose2& X_OR, Twist velocity);
+  void Recover(const base::Pose2& X_OR);
+  void FinishRecovery();
+  void MakePlan(const base::Pose2& X_OR);
+  void Prune(base::Vec2 p_O);
+
+  const NavigationConfig config_;
+  const PlannerNavigationConfig planner_config_;
+  const double step_;  // [s]
+  const PaddedFootprint footprint_;
+  const ScanProjector projector_;
+  const std::unique_ptr<LocalPlanner> planner_;
+  ObstacleMap local_map_;
+  std::optional<ObstacleMap> global_map_;  // From the first Reset on.
+  GlobalPlanner global_planner_;
+  ScanRays rays_;
+
+  base::Vec2 goal_O_;
+  std::int64_t num_steps_ = 0;  // Since the episode began.
+  NavigatorState state_ = NavigatorState::kPlanning;
+  Trigger trigger_ = Trigger::kPlanning;  // What the recoveries were started by.
+  int recovery_index_ = 0;
+  std::optional<RotateRecovery> turn_;                     // The turn being made, if any.
+  double last_plan_time_ = 0.0, last_command_time_ = 0.0;  // Patience counts from here, [s].
+  double last_sent_time_ = 0.0;                            // Time of the last command, [s].
+  CellWindow global_change_;                               // Since the last plan.
+  std::vector<base::Vec2> path_O_;
+  std::size_t path_begin_ = 0;  // The first point that was not passed.
+  bool path_is_new_ = false;
+  Twist command_;
+  NavigatorRecord record_;
+};
+
+}  // namespace slalom::planners

@@ -1,0 +1,154 @@
+#include "sim/courses/course_difficulty.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "base/check.h"
+
+namespace slalom::sim {
+namespace {
+
+constexpr std::array<Cell, 8> kRays = {
+    {{-1, -1}, {-1, 0}, {-1, 1}, {0, -1}, {0, 1}, {1, -1}, {1, 0}, {1, 1}}};
+constexpr std::array<Cell, 4> kAxes = {{{0, 1}, {1, 1}, {1, 0}, {1, -1}}};
+// The 8 rays and one between each two, in angular order.
+constexpr std::array<Cell, 16> kFan = {{{0, 1},
+                                        {1, 2},
+                                        {1, 1},
+                                        {2, 1},
+                                        {1, 0},
+                                        {2, -1},
+                                        {1, -1},
+                                        {1, -2},
+                                        {0, -1},
+                                        {-1, -2},
+                                        {-1, -1},
+                                        {-2, -1},
+                                        {-1, 0},
+                                        {-2, 1},
+                                        {-1, 1},
+                                        {-1, 2}}};
+constexpr int kDispersionRadius = 3;
+
+Cell Step(Cell cell, Cell move) { return {cell.row + move.row, cell.col + move.col}; }
+
+double Distance(Cell a, Cell b) {
+  const int rows = a.row - b.row;
+  const int cols = a.col - b.col;
+  return std::sqrt(static_cast<double>(rows * rows + cols * cols));
+}
+
+double DistanceToObstacle(const FieldGrid& blocked, Cell cell) {
+  int best = std::numeric_limits<int>::max();
+  for (int row = 0; row < kFieldSize; ++row) {
+    for (int col = 0; col < kFieldSize; ++col) {
+      if (!blocked.filled({row, col})) continue;
+      const int rows = row - cell.row;
+      const int cols = col - cell.col;
+      best = std::min(best, rows * rows + cols * cols);
+    }
+  }
+  // In a field without walls: the distance from the middle of the field to its sides.
+  if (best == std::numeric_limits<int>::max()) return 0.5 * (kFieldSize - 1);
+  return std::sqrt(static_cast<double>(best));
+}
+
+double Visibility(const FieldGrid& blocked, Cell cell) {
+  int total = 0;
+  int num_rays = 0;
+  for (const Cell& ray : kRays) {
+    int free = 0;
+    Cell at = cell;
+    while (IsInField(at) && !blocked.filled(at)) {
+      ++free;
+      at = Step(at, ray);
+    }
+    if (!IsInField(at)) continue;
+    total += free;
+    ++num_rays;
+  }
+  return num_rays == 0 ? 0.0 : static_cast<double>(total) / num_rays;
+}
+
+bool EndsNearby(const FieldGrid& blocked, Cell cell, Cell ray) {
+  const int stride = std::max(std::abs(ray.row), std::abs(ray.col));
+  for (int gone = 0; gone < kDispersionRadius; gone += stride) {
+    cell = Step(cell, ray);
+    if (!IsInField(cell)) return false;
+    if (blocked.filled(cell)) return true;
+  }
+  return false;
+}
+
+int Dispersion(const FieldGrid& blocked, Cell cell) {
+  int changes = 0;
+  bool last = EndsNearby(blocked, cell, kFan.back());
+  for (const Cell& ray : kFan) {
+    const bool ends = EndsNearby(blocked, cell, ray);
+    changes += ends != last;
+    last = ends;
+  }
+  return changes;
+}
+
+double CharacteristicDimension(const FieldGrid& blocked, Cell cell) {
+  double best = 2.0 * kFieldSize;
+  for (const Cell& axis : kAxes) {
+    int free = 0;
+    for (const int way : {1, -1}) {
+      const Cell move{way * axis.row, way * axis.col};
+      for (Cell at = Step(cell, move); IsInField(at) && !blocked.filled(at); at = Step(at, move)) {
+        ++free;
+      }
+    }
+    best = std::min(best, free * Distance(axis, {0, 0}));
+  }
+  return best;
+}
+
+double Tortuosity(std::span<const Cell> path) {
+  double length = 0.0;
+  for (std::size_t i = 1; i < path.size(); ++i) length += Distance(path[i - 1], path[i]);
+  return length / Distance(path.front(), path.back());
+}
+
+constexpr std::array kMeasures = {&Difficulty::distance_to_obstacle, &Difficulty::visibility,
+                                  &Difficulty::dispersion, &Difficulty::characteristic_dimension,
+                                  &Difficulty::tortuosity};
+
+}  // namespace
+
+Difficulty MeasureDifficulty(const FieldGrid& blocked, std::span<const Cell> path) {
+  SLALOM_CHECK_GE(path.size(), 2u);
+  SLALOM_CHECK(path.front() != path.back());
+  Difficulty sum;
+  for (const Cell& cell : path) {
+    sum.distance_to_obstacle += DistanceToObstacle(blocked, cell);
+    sum.visibility += Visibility(blocked, cell);
+    sum.dispersion += Dispersion(blocked, cell);
+    sum.characteristic_dimension += CharacteristicDimension(blocked, cell);
+  }
+  const auto n = static_cast<double>(path.size());
+  return {sum.distance_to_obstacle / n, sum.visibility / n, sum.dispersion / n,
+          sum.characteristic_dimension / n, Tortuosity(path)};
+}
+
+Difficulty Normalise(const Difficulty& difficulty, std::span<const Difficulty> all) {
+  SLALOM_CHECK(!all.empty());
+  Difficulty normal;
+  for (const auto measure : kMeasures) {
+    double mean = 0.0;
+    for (const Difficulty& d : all) mean += d.*measure;
+    mean /= static_cast<double>(all.size());
+    double variance = 0.0;
+    for (const Difficulty& d : all) variance += (d.*measure - mean) * (d.*measure - mean);
+    variance /= static_cast<double>(all.size());
+    normal.*measure = variance > 0.0 ? (difficulty.*measure - mean) / std::sqrt(variance) : 0.0;
+  }
+  return normal;
+}
+
+}  // namespace slalom::sim

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "sim/courses/barn_field.h"
+
+/// How hard a course is, by the five measures of Perille et al. 2020, "Benchmarking Metric Ground
+/// Navigation" (docs/original-system.md, section 7.1). The unit of length is a cell of 0.15 m.
+
+namespace slalom::sim {
+
+/// Averages each measure over the cells of `path`, in the free space of the robot.
+///
+/// - Distance to obstacle: the distance from the cell to the nearest blocked cell.
+/// - Visibility: 8 rays leave the cell. The measure is the mean number of free cells, the cell
+///   itself included, along the rays that end at a blocked cell inside the field, or 0 if none
+///   does.
+/// - Dispersion: going round 16 rays, the number of changes between rays that meet a blocked cell
+///   within 3 cells and rays that do not.
+/// - Characteristic dimension: the shortest free width along 4 axes through the cell, measured
+///   between the centres of the outermost free cells.
+/// - Tortuosity: the length of the path divided by the distance between its ends.
+///
+/// The published code rounds visibility down to whole cells (Python 2 division); this function does
+/// not.
+/// Requires: path.size() >= 2, first cell != last cell, every cell in the field.
+Difficulty MeasureDifficulty(const FieldGrid& blocked, std::span<const Cell> path);
+
+/// Normalises a course's measures: subtracts their mean over `all` and divides by their standard
+/// deviation there, so that measures can be compared with one another. An average course has 0, and
+/// so does a measure that is the same in all courses. Requires: !all.empty().
+Difficulty Normalise(const Difficulty& difficulty, std::span<const Difficulty> all);
+
+}  // namespace slalom::sim

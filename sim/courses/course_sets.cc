@@ -1,0 +1,211 @@
+#include "sim/courses/course_sets.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <initializer_list>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "base/error.h"
+#include "base/random.h"
+#include "base/suggestion.h"
+#include "sim/courses/course_check.h"
+#include "sim/courses/course_file.h"
+#include "sim/courses/course_generator.h"
+#include "sim/courses/course_splits.h"
+#include "sim/courses/dynamic_generator.h"
+#include "sim/courses/real_world_courses.h"
+
+namespace slalom::sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// "PREFIX:SEED:COUNT" and what makes these courses.
+struct FreshSource {
+  std::string_view prefix;
+  CourseSet (*generate)(std::uint64_t seed, int count);
+};
+constexpr FreshSource kFreshSources[] = {{"generated:", GenerateFreshCourses},
+                                         {"generated-box:", GenerateFreshBoxCourses},
+                                         {"generated-wall:", GenerateFreshWallCourses}};
+constexpr std::string_view kRealWorldPrefix = "real-world-";
+constexpr std::string_view kValidation = "static-validation";
+constexpr int kMaxGenerated = 100000;
+
+void CheckSolvable(const CourseSet& set, const fs::path& source) {
+  if (set.courses.empty()) {
+    throw base::Error(fmt::format("{}: the course set is empty", source.string()));
+  }
+  for (const auto& course : set.courses) {
+    if (const auto reason = WhyUnsolvable(*course)) {
+      throw base::Error(fmt::format("{}: course {} cannot be driven: {}", source.string(),
+                                    course->name, *reason));
+    }
+  }
+}
+
+/// Files of `directory` with one of these extensions, by name.
+std::vector<fs::path> ListFiles(const fs::path& directory,
+                                std::initializer_list<std::string_view> extensions) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  fs::directory_iterator entries(directory, error);
+  if (error) {
+    throw base::Error(fmt::format("{}: cannot be listed: {}", directory.string(), error.message()));
+  }
+  for (const fs::directory_entry& entry : entries) {
+    const std::string extension = entry.path().extension().string();
+    if (std::ranges::find(extensions, extension) != extensions.end()) {
+      files.push_back(entry.path());
+    }
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+CourseSet ReadDirectory(const fs::path& directory) {
+  CourseSet set{fs::absolute(directory).lexically_normal().filename().string(), {}};
+  const std::vector<fs::path> files = ListFiles(directory, {kCourseExtension, kCourseSetExtension});
+  if (files.empty()) {
+    throw base::Error(
+        fmt::format("{}: the directory holds no *{} or *{} file, so the course set is empty",
+                    directory.string(), kCourseExtension, kCourseSetExtension));
+  }
+  for (const fs::path& file : files) {
+    const CourseSet part = ReadCourseSet(file);
+    CheckSolvable(part, file);
+    for (const auto& course : part.courses) {
+      const bool is_known = std::any_of(set.courses.begin(), set.courses.end(),
+                                        [&](const auto& c) { return c->name == course->name; });
+      if (is_known) {
+        throw base::Error(fmt::format(
+            "{}: another file of the directory holds a course {} already; to choose one of its "
+            "sets, give the set's file, or its name with the directory as the collection",
+            file.string(), course->name));
+      }
+      set.courses.push_back(course);
+    }
+  }
+  return set;
+}
+
+/// Whether the whole of `text` is a number of this type, which `number` then holds.
+template <class Number>
+[[nodiscard]] bool ParseWhole(std::string_view text, Number& number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+CourseSet ResolveGenerated(const std::string& spec, const FreshSource& source) {
+  const std::string_view rest = std::string_view(spec).substr(source.prefix.size());
+  const std::size_t colon = rest.find(':');
+  std::uint64_t seed = 0;
+  int count = 0;
+  const bool is_parsed = colon != std::string_view::npos &&
+                         ParseWhole(rest.substr(0, colon), seed) &&
+                         ParseWhole(rest.substr(colon + 1), count);
+  if (!is_parsed || count < 1 || count > kMaxGenerated) {
+    throw base::Error(fmt::format(
+        "\"{}\": expected {}SEED:COUNT with a seed of 0 or above and a count from 1 to {}", spec,
+        source.prefix, kMaxGenerated));
+  }
+  CourseSet set = source.generate(seed, count);
+  set.name = spec;
+  return set;
+}
+
+/// The number of "real-world-NUMBER", where there is such a course.
+std::optional<int> RealWorldNumber(std::string_view name) {
+  int number = 0;
+  if (!name.starts_with(kRealWorldPrefix)) return std::nullopt;
+  if (!ParseWhole(name.substr(kRealWorldPrefix.size()), number)) return std::nullopt;
+  if (number < 1 || number > kNumRealWorldCourses) return std::nullopt;
+  return number;
+}
+
+CourseSet BuiltInSet(const std::string& name, const CourseSplit& split, std::uint64_t seed) {
+  CourseSet set{name, {}};
+  if (name == kValidation) {
+    set.courses =
+        GenerateFreshCourses(base::DeriveSeed(seed, "static-validation"), kNumValidationCourses)
+            .courses;
+    return set;
+  }
+  const auto generate = split.kind == CourseKind::kStatic       ? GenerateStaticCourses
+                        : split.kind == CourseKind::kDynamicBox ? GenerateBoxCourses
+                                                                : GenerateWallCourses;
+  for (const int index : split.indices) {
+    set.courses.push_back(generate(seed, index, 1).courses.front());
+  }
+  return set;
+}
+
+}  // namespace
+
+CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>& collection,
+                         std::uint64_t generator_seed) {
+  for (const FreshSource& source : kFreshSources) {
+    if (spec.starts_with(source.prefix)) return ResolveGenerated(spec, source);
+  }
+  if (const auto number = RealWorldNumber(spec)) {
+    return {spec, {std::make_shared<const Course>(RealWorldCourse(*number))}};
+  }
+  if (collection && !collection->empty()) {
+    const fs::path file = *collection / (spec + std::string(kCourseSetExtension));
+    if (IsCourseName(spec) && fs::exists(file)) {
+      CourseSet set = ReadCourseSet(file);
+      CheckSolvable(set, file);
+      return set;
+    }
+  } else if (const auto split = FindSplit(spec)) {
+    return BuiltInSet(spec, *split, generator_seed);
+  }
+  const fs::path path(spec);
+  std::error_code error;
+  if (fs::is_directory(path, error)) return ReadDirectory(path);
+  if (!spec.empty() && fs::exists(path, error)) {
+    CourseSet set = ReadCourseSet(path);
+    CheckSolvable(set, path);
+    return set;
+  }
+  if (collection && !collection->empty() && !fs::is_directory(*collection, error)) {
+    throw base::Error(
+        fmt::format("{}: is no directory, expected a collection that `slalom courses import` wrote",
+                    collection->string()));
+  }
+  const std::vector<std::string> names = ListCourseSets(collection);
+  const std::string suggestion = base::Suggestion(spec, names);
+  throw base::Error(fmt::format(
+      "\"{}\" is neither a course set nor a file{}{}{}here are: {}, generated:SEED:COUNT, "
+      "generated-box:SEED:COUNT, generated-wall:SEED:COUNT, or the path of a course file, a "
+      "course-set file or a directory of course files",
+      spec,
+      collection && !collection->empty() ? fmt::format(" (in collection {})", collection->string())
+                                         : "",
+      suggestion, suggestion.empty() ? "; t" : " T", fmt::join(names, ", ")));
+}
+
+std::vector<std::string> ListCourseSets(const std::optional<fs::path>& collection) {
+  std::vector<std::string> names;
+  for (const std::string_view name : SplitNames()) names.emplace_back(name);
+  if (collection && !collection->empty()) {
+    std::vector<std::string> others;
+    for (const fs::path& file : ListFiles(*collection, {kCourseSetExtension})) {
+      others.push_back(file.stem().string());
+    }
+    // The paper's sets first, in their own order, as far as the collection has them.
+    std::erase_if(names, [&](const std::string& name) { return std::erase(others, name) == 0; });
+    names.insert(names.end(), others.begin(), others.end());
+  }
+  for (int number = 1; number <= kNumRealWorldCourses; ++number) {
+    names.push_back(fmt::format("{}{}", kRealWorldPrefix, number));
+  }
+  return names;
+}
+
+}  // namespace slalom::sim

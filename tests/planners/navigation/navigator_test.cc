@@ -1,0 +1,285 @@
+#include "planners/navigation/navigator.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace slalom::planners {
+namespace {
+
+using testing::ElementsAre;
+
+/// Does as it is told and notes what it sees.
+class FakePlanner : public LocalPlanner {
+ public:
+  void Reset(std::uint64_t seed) override { seed_ = seed; }
+  std::optional<Twist> ComputeCommand(const LocalView& view) override {
+    ++num_calls_;
+    path_length_ = view.path_O.size();
+    path_was_new_ = view.path_is_new;
+    return command_;
+  }
+
+  std::uint64_t seed_ = 0;
+  int num_calls_ = 0;
+  std::size_t path_length_ = 0;
+  bool path_was_new_ = false;
+  std::optional<Twist> command_ = Twist{0.3, 0.1};
+};
+
+/// A robot with a scan of 360 beams all round that stands or drives where the test says.
+class Robot {
+ public:
+  explicit Robot(NavigationConfig config = {}, double step = 0.05,
+                 PlannerNavigationConfig planner_config = {})
+      : ranges_(360, 500), step_(step) {
+    auto planner = std::make_unique<FakePlanner>();
+    planner_ = planner.get();
+    navigator_ = std::make_unique<Navigator>(
+        config, planner_config,
+        ScanGeometry{.num_beams = 360, .field_of_view = 6.2657, .p_RS = {}, .clip = 5.0}, step,
+        std::move(planner));
+    navigator_->Reset(pose_, {4.0, 0.0}, 7);
+  }
+
+  Twist Step() {
+    time_ += step_;
+    return navigator_->Step(ranges_, pose_, {});
+  }
+  /// Steps until the state changes or time runs out; what it was is returned with its duration.
+  std::string StepWhile(NavigatorState state, double max_time) {
+    const double from = time_;
+    while (navigator_->state() == state && time_ - from < max_time) Step();
+    return std::string(ToString(state)) + " " + std::to_string(std::lround(time_ - from));
+  }
+  void SeeNothing() { ranges_.assign(360, 500); }
+  void SeeWallAllRound(int range_cm) { ranges_.assign(360, static_cast<std::uint16_t>(range_cm)); }
+
+  FakePlanner& planner() { return *planner_; }
+  Navigator& navigator() { return *navigator_; }
+  base::Pose2& pose() { return pose_; }
+  double time() const { return time_; }
+
+ private:
+  std::vector<std::uint16_t> ranges_;
+  const double step_;
+  base::Pose2 pose_;
+  double time_ = 0.0;
+  FakePlanner* planner_ = nullptr;
+  std::unique_ptr<Navigator> navigator_;
+};
+
+TEST(Navigator, PlansThenDrivesThenArrives) {
+  Robot robot;
+  EXPECT_EQ(robot.planner().seed_, 7u);
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kPlanning);
+  EXPECT_EQ(robot.Step(), Twist{}) << "the plan of this cycle is for the next";
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kControlling);
+  EXPECT_EQ(robot.Step(), (Twist{0.3, 0.1}));
+  EXPECT_TRUE(robot.planner().path_was_new_);
+  EXPECT_GT(robot.planner().path_length_, 100u);  // 4 m in steps of 0.025 m.
+  robot.pose().p = {3.7, 0.0};
+  EXPECT_EQ(robot.Step(), (Twist{0.3, 0.1}));
+  robot.pose().p = {3.76, 0.0};
+  EXPECT_EQ(robot.Step(), Twist{});
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kArrived);
+  EXPECT_EQ(robot.navigator().record().num_cycles, 4);
+}
+
+// A goal 30 m away is beyond the edge of the configured 40 m, 20 m from the start.
+TEST(Navigator, EnlargesTheGlobalMapForAFarGoal) {
+  Robot robot;
+  EXPECT_EQ(robot.navigator().global_costmap().size_x(), 800);
+  robot.navigator().Reset({{1.0, 2.0}, 0.3}, {-29.0, 12.0}, 7);
+  EXPECT_EQ(robot.navigator().global_costmap().size_x(), 2 * (30 + 5) * 20);
+  robot.Step();
+  robot.Step();
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kControlling);
+  EXPECT_NEAR(base::Norm(robot.navigator().path().back() - base::Vec2{-29.0, 12.0}), 0.0, 0.05);
+  robot.navigator().Reset({}, {4.0, 0.0}, 7);
+  EXPECT_EQ(robot.navigator().global_costmap().size_x(), 800);
+}
+
+TEST(Navigator, GivesUpWithoutAPlan) {
+  Robot robot;
+  robot.SeeWallAllRound(70);  // Shut in, with room to turn.
+  robot.Step();
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kPlanning);
+  std::vector<std::string> story;
+  for (int i = 0; i < 4; ++i) {
+    story.push_back(robot.StepWhile(robot.navigator().state(), 30.0));
+  }
+  // Patience, clearing in a cycle, patience, a turn that the standing robot never completes.
+  EXPECT_THAT(story, ElementsAre("planning 5", "recovering 0", "planning 5", "recovering 30"));
+  EXPECT_NEAR(robot.navigator().record().num_turns_in_place, 20 * 30, 1);
+  EXPECT_EQ(robot.navigator().record().last_command, (Twist{0.0, 1.57}));
+  EXPECT_EQ(robot.navigator().record().num_recoveries, 2);
+}
+
+TEST(Navigator, AbortsAfterFourRecoveries) {
+  NavigationConfig config;
+  config.recovery_rotates = false;
+  Robot robot(config);
+  robot.SeeWallAllRound(70);
+  std::vector<std::string> story;
+  while (robot.navigator().state() != NavigatorState::kAborted) {
+    story.push_back(robot.StepWhile(robot.navigator().state(), 30.0));
+  }
+  EXPECT_THAT(story, ElementsAre("planning 5", "recovering 0", "planning 5", "recovering 0",
+                                 "planning 5", "recovering 0", "planning 5", "recovering 0",
+                                 "planning 5", "recovering 0"));
+  EXPECT_EQ(robot.navigator().record().num_recoveries, 4);
+  robot.SeeNothing();
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(robot.Step(), Twist{});
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kAborted) << "the goal was sent once";
+}
+
+TEST(Navigator, RecoversWhereThePlannerHasNoCommand) {
+  NavigationConfig config;
+  config.recovery_rotates = false;
+  Robot robot(config);
+  robot.planner().command_ = std::nullopt;
+  robot.Step();
+  // Each failure goes back to planning, which succeeds at once; patience counts from the start.
+  while (robot.navigator().state() != NavigatorState::kRecovering && robot.time() < 60.0) {
+    EXPECT_EQ(robot.Step(), Twist{});
+  }
+  EXPECT_NEAR(robot.time(), 15.0, 0.2);
+  EXPECT_EQ(robot.navigator().record().num_failed_plans, 0);
+  EXPECT_GT(robot.navigator().record().num_failed_commands, 100);
+  robot.planner().command_ = Twist{0.2, 0.0};
+  robot.Step();
+  robot.Step();
+  robot.Step();
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kControlling);
+  // A command starts patience anew and the recoveries with it.
+  robot.planner().command_ = std::nullopt;
+  while (robot.navigator().state() != NavigatorState::kAborted && robot.time() < 60.0) robot.Step();
+  EXPECT_NEAR(robot.time(), 30.0, 1.5);
+  EXPECT_EQ(robot.navigator().record().num_recoveries, 1 + 4);
+}
+
+TEST(Navigator, SendsTheGoalAnew) {
+  NavigationConfig config;
+  config.recovery_rotates = false;
+  config.goal_resend_rate = 0.5;
+  Robot robot(config);
+  robot.SeeWallAllRound(70);
+  for (int i = 0; i < 20 * 40; ++i) robot.Step();
+  EXPECT_EQ(robot.navigator().state(), NavigatorState::kPlanning) << "patience never runs out";
+  EXPECT_EQ(robot.navigator().record().num_recoveries, 0);
+  config.goal_resend_rate = 1.0 / 40.0;
+  Robot slow(config);
+  slow.SeeWallAllRound(70);
+  while (slow.navigator().state() != NavigatorState::kAborted) slow.Step();
+  EXPECT_NEAR(slow.time(), 25.0, 1.0);
+  while (slow.navigator().state() == NavigatorState::kAborted) slow.Step();
+  EXPECT_NEAR(slow.time(), 40.0, 0.1);
+}
+
+TEST(Navigator, StopsWithoutCommands) {
+  NavigationConfig config;
+  config.goal_resend_rate = 10.0;
+  Robot robot(config);
+  robot.Step();
+  ASSERT_EQ(robot.Step(), (Twist{0.3, 0.1}));
+  robot.SeeWallAllRound(70);  // From now on there is no plan; each new goal asks for one.
+  int num_moving = 0;
+  while (robot.Step() != Twist{}) ASSERT_LT(++num_moving, 100);
+  EXPECT_NEAR(num_moving, 5, 1);  // 0.25 s on the last command.
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(robot.Step(), Twist{});
+}
+
+TEST(Navigator, ClearsItsMapsIfToldTo) {
+  for (const bool clears : {false, true}) {
+    NavigationConfig config;
+    config.recovery_rotates = false;
+    config.recovery_clears = clears;
+    Robot robot(config);
+    robot.SeeWallAllRound(200);
+    robot.Step();
+    robot.SeeWallAllRound(70);
+    while (robot.navigator().state() != NavigatorState::kRecovering) robot.Step();
+    const auto count = [&](double from, double to) {
+      int num = 0;
+      for (const Costmap* map :
+           {&robot.navigator().local_costmap(), &robot.navigator().global_costmap()}) {
+        for (int y = 0; y < map->size_y(); ++y) {
+          for (int x = 0; x < map->size_x(); ++x) {
+            const base::Vec2 p = map->CentreOf({x, y});
+            const double size = std::max(std::fabs(p.x), std::fabs(p.y));
+            num += map->cost({x, y}) == kLethalCost && size >= from && size < to;
+          }
+        }
+      }
+      return num;
+    };
+    const int near = count(0.0, 1.4), far = count(1.6, 9.0);
+    EXPECT_GT(near, 100);
+    EXPECT_GT(far, 100);
+    robot.Step();
+    EXPECT_EQ(count(0.0, 1.4), near);  // The square of 3 m is kept.
+    EXPECT_EQ(count(1.6, 9.0), clears ? 0 : far);
+  }
+}
+
+TEST(Navigator, KeepsItsRates) {
+  NavigationConfig config;
+  PlannerNavigationConfig planner_config;
+  planner_config.control_rate = 5.0;
+  Robot robot(config, 0.05, planner_config);
+  for (int i = 0; i < 40; ++i) robot.Step();
+  EXPECT_EQ(robot.planner().num_calls_, 9) << "10 cycles in 2 s, of which the first plans";
+  Robot fast(config, 0.2, {});  // The steps are longer than a cycle: one each.
+  for (int i = 0; i < 10; ++i) fast.Step();
+  EXPECT_EQ(fast.planner().num_calls_, 9);
+}
+
+TEST(Navigator, DropsThePassedPartOfThePlan) {
+  NavigationConfig config;
+  config.planner_rate = 0.5;
+  Robot robot(config);
+  robot.Step();
+  robot.Step();
+  const std::size_t before = robot.planner().path_length_;
+  robot.pose().p = {2.0, 0.0};
+  robot.Step();
+  EXPECT_FALSE(robot.planner().path_was_new_);
+  // Points less than 1 m behind stay.
+  EXPECT_NEAR(static_cast<double>(before - robot.planner().path_length_), 40.0, 2.0);
+}
+
+TEST(RotateRecovery, TurnsOnceRound) {
+  const NavigationConfig config;
+  const PaddedFootprint footprint(config.footprint);
+  const Costmap map(60, 60, 0.05, {-1.5, -1.5});
+  for (const double start : {0.0, 2.0, -3.0}) {
+    RotateRecovery recovery(start);
+    double yaw = start;
+    int num_cycles = 0;
+    while (const auto rate =
+               recovery.TurnRate(config, footprint, map, {{}, base::WrapAngle(yaw)})) {
+      EXPECT_GE(*rate, 0.314);
+      EXPECT_LE(*rate, 1.57);
+      yaw += *rate * 0.05;
+      ASSERT_LT(++num_cycles, 200);
+    }
+    EXPECT_NEAR(yaw - start, 2.0 * base::kPi, 0.157 + 1e-9);
+  }
+}
+
+TEST(RotateRecovery, DoesNotTurnIntoObstacles) {
+  const NavigationConfig config;
+  const PaddedFootprint footprint(config.footprint);
+  Costmap map(60, 60, 0.05, {-1.5, -1.5});
+  map.set_cost(map.CellAt({0.0, 0.38}), kLethalCost);  // Free now; a corner will come by.
+  RotateRecovery recovery(0.0);
+  EXPECT_EQ(recovery.TurnRate(config, footprint, map, {}), std::nullopt);
+}
+
+}  // namespace
+}  // namespace slalom::planners
