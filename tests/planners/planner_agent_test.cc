@@ -17,7 +17,7 @@
 namespace slalom::planners {
 namespace {
 
-using testing::ElementsAre;
+using testing::IsSupersetOf;
 using testing::HasSubstr;
 
 sim::EnvironmentConfig TaskAt20Hz() {
@@ -152,7 +152,7 @@ TEST(PlannerAgent, DwaDrivesGeneratedCourses) {
 }
 
 TEST(PlannerRegistry, KnowsItsPlanners) {
-  EXPECT_THAT(PlannerNames(), ElementsAre("dwa", "eband", "teb", "mppi"));
+  EXPECT_THAT(PlannerNames(), IsSupersetOf({"dwa", "eband", "teb", "mppi"}));
   const PlannersConfig config;
   for (const std::string& name : PlannerNames()) {
     EXPECT_NE(MakeLocalPlanner(name, config), nullptr);
