@@ -17,8 +17,8 @@
 namespace slalom::planners {
 namespace {
 
-using testing::IsSupersetOf;
 using testing::HasSubstr;
+using testing::IsSupersetOf;
 
 sim::EnvironmentConfig TaskAt20Hz() {
   sim::EnvironmentConfig config;

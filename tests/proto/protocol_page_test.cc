@@ -57,6 +57,16 @@ TEST(ProtocolPageTest, ThePageIsFresh) {
       << "docs/protocol.md is stale: build/BUILD/tests/proto/write_protocol_page docs/protocol.md";
 }
 
+TEST(ProtocolPageTest, ThePageNumbersTheMessagesAsTheyAreOnTheWire) {
+  const std::string page = base::ReadFile(kSource / "docs/protocol.md");
+  const std::vector<MessageRows> messages = AllMessages();
+  for (std::size_t i = 0; i < std::variant_size_v<Header>; ++i) {
+    EXPECT_TRUE(page.find(fmt::format("\n| {} | `{}` |", i + 1, messages[i].name)) !=
+                std::string::npos)
+        << messages[i].name;
+  }
+}
+
 TEST(ProtocolPageTest, AStaleTableIsReplacedAndNothingElse) {
   const std::string page = base::ReadFile(kSource / "docs/protocol.md");
   std::string stale = page;
