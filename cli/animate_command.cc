@@ -145,8 +145,7 @@ void AddAnimateCommand(CLI::App& courses) {
   CLI::App* command = courses.add_subcommand(
       "animate", "Play recorded drives on their courses as SVG, GIF, WebM or MP4");
   auto options = std::make_shared<AnimateOptions>();
-  command->add_option("--courses", options->specs, std::string(kCourseSpecHelp) + " (repeatable)")
-      ->required();
+  command->add_option("--courses", options->specs, CourseSpecHelp() + " (repeatable)")->required();
   command->add_option("--course", options->selection.names,
                       "Show only this course of the sets (repeatable)");
   command

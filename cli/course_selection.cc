@@ -11,6 +11,13 @@
 
 namespace slalom::cli {
 
+std::string CourseSpecHelp() {
+  return fmt::format(
+      "Set name (see `slalom courses list`), {}, or the path of a course file, a set file or a "
+      "directory of course files",
+      sim::FreshCoursePatterns());
+}
+
 void CourseSelection::AddSource(CLI::App& command) {
   command.add_option("--collection", collection,
                      "Directory that `slalom courses import` wrote [the built-in courses]");

@@ -12,10 +12,7 @@
 namespace slalom::cli {
 
 /// The help text of an option that names a course set.
-inline constexpr char kCourseSpecHelp[] =
-    "Set name (see `slalom courses list`), generated:SEED:COUNT, generated-box:SEED:COUNT, "
-    "generated-wall:SEED:COUNT, or the path of a course file, a set file or a directory of course "
-    "files";
+std::string CourseSpecHelp();
 
 /// The part of a command line that chooses courses.
 struct CourseSelection {

@@ -82,9 +82,7 @@ void AddList(CLI::App& courses) {
       const auto set = sim::ResolveCourses(name, selection->collection_path(), selection->seed);
       fmt::print("{:<20} {:>8}{}\n", name, set.courses.size(), RemarkOn(set));
     }
-    fmt::print(
-        "Fresh courses, which are in no other set: generated:SEED:COUNT, generated-box:SEED:COUNT, "
-        "generated-wall:SEED:COUNT\n");
+    fmt::print("Fresh courses, which are in no other set: {}\n", sim::FreshCoursePatterns());
   });
 }
 
@@ -92,7 +90,7 @@ void AddShow(CLI::App& courses) {
   CLI::App* command = courses.add_subcommand(
       "show", "Print the courses of a set, or one course as a text picture with its measures");
   auto selection = std::make_shared<CourseSelection>();
-  command->add_option("SET", selection->spec, kCourseSpecHelp)->required();
+  command->add_option("SET", selection->spec, CourseSpecHelp())->required();
   command->add_option("COURSE", selection->names,
                       "Courses to show; without any, a table of the whole set");
   selection->AddSource(*command);
@@ -169,7 +167,7 @@ void AddRender(CLI::App& courses) {
   CLI::App* command =
       courses.add_subcommand("render", "Draw one course, or several in a grid, as SVG or PNG");
   auto options = std::make_shared<RenderOptions>();
-  command->add_option("--courses", options->selection.spec, kCourseSpecHelp)->required();
+  command->add_option("--courses", options->selection.spec, CourseSpecHelp())->required();
   command->add_option("--course", options->selection.names,
                       "Draw only this course of the set (repeatable)");
   command->add_option("--output", options->output, "File to write")->required();
@@ -198,7 +196,8 @@ void AddGenerate(CLI::App& courses) {
   };
   auto options = std::make_shared<Options>();
   options->selection.spec = "static";
-  command->add_option("--courses", options->selection.spec, kCourseSpecHelp)->capture_default_str();
+  command->add_option("--courses", options->selection.spec, CourseSpecHelp())
+      ->capture_default_str();
   command
       ->add_option("--output", options->output,
                    "Course file to write; its name should end in .courses")

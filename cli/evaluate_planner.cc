@@ -35,8 +35,8 @@ std::optional<ScoredRun> EvaluatePlanner(const std::string& name,
     return std::make_unique<planners::PlannerAgent>(
         name, config.planners, geometry, environment.action, environment.episode.step, &parallel);
   };
-  return RunScored(config.evaluation, config.environment, courses, make_agent,
-                   std::move(provenance), parallel, std::move(stop));
+  return RunScored(eval::ResolveEvaluation(config.evaluation, config.environment, courses),
+                   make_agent, std::move(provenance), parallel, std::move(stop));
 }
 
 }  // namespace slalom::cli

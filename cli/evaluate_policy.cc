@@ -54,7 +54,7 @@ std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
   const std::uint64_t seed =
       base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc of evaluations");
   auto run = RunScored(
-      config.evaluation, config.environment, courses,
+      eval::ResolveEvaluation(config.evaluation, config.environment, courses),
       [&](int, const sim::EnvironmentConfig&) {
         return policy::MakePolicyAgent(policy, config.mpc, seed);
       },

@@ -46,14 +46,12 @@ class EpisodeProgress {
 
 }  // namespace
 
-std::optional<ScoredRun> RunScored(const eval::EvaluationConfig& config,
-                                   const sim::EnvironmentConfig& environment,
-                                   const sim::CourseSet& courses, const eval::MakeAgent& make_agent,
-                                   eval::Provenance provenance, base::ParallelFor& parallel,
-                                   std::stop_token stop) {
+std::optional<ScoredRun> RunScored(const eval::EvaluationTask& task,
+                                   const eval::MakeAgent& make_agent, eval::Provenance provenance,
+                                   base::ParallelFor& parallel, std::stop_token stop) {
   EpisodeProgress progress(fmt::format("{} on {}", provenance.agent, provenance.course_set));
   auto evaluation = eval::EvaluateOnCourses(
-      config, environment, courses, make_agent, &parallel,
+      task, make_agent, &parallel,
       [&progress](const eval::EpisodeCount& count) { progress.Show(count); }, std::move(stop));
   if (!evaluation) return std::nullopt;
   return ScoredRun{std::move(*evaluation), std::move(provenance)};
@@ -62,7 +60,7 @@ std::optional<ScoredRun> RunScored(const eval::EvaluationConfig& config,
 void WriteScoredRun(const ScoredRun& run, const std::filesystem::path& directory) {
   eval::WriteReports(run.evaluation, run.provenance, directory);
 
-  const auto& courses = run.evaluation.courses.courses;
+  const auto& courses = run.evaluation.task.courses.courses;
   const std::span<const sim::EpisodeTrack> tracks = run.evaluation.episodes.tracks;
   // Tracks are ordered by course, so those of one course stand together.
   std::vector<sim::CourseScene> scenes;

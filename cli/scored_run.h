@@ -7,7 +7,6 @@
 #include "base/parallel.h"
 #include "eval/evaluation.h"
 #include "eval/report.h"
-#include "sim/courses/course.h"
 
 namespace slalom::cli {
 
@@ -20,11 +19,9 @@ struct ScoredRun {
 /// Runs `eval::EvaluateOnCourses`, with its errors, and shows a line of progress on standard error:
 /// episodes, rate, time left and the success so far. Returns nothing if it was stopped before the
 /// end.
-std::optional<ScoredRun> RunScored(const eval::EvaluationConfig& config,
-                                   const sim::EnvironmentConfig& environment,
-                                   const sim::CourseSet& courses, const eval::MakeAgent& make_agent,
-                                   eval::Provenance provenance, base::ParallelFor& parallel,
-                                   std::stop_token stop);
+std::optional<ScoredRun> RunScored(const eval::EvaluationTask& task,
+                                   const eval::MakeAgent& make_agent, eval::Provenance provenance,
+                                   base::ParallelFor& parallel, std::stop_token stop);
 
 /// Writes the reports, the trajectories and a picture of the courses with them (courses.png,
 /// courses.svg) into `directory`. Throws `base::Error` if that fails.

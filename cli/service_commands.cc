@@ -170,9 +170,10 @@ int RunEvaluator(const ServiceOptions& options) {
   identity.course_set = courses;
   identity.replay = process.replay();
   identity.learner = process.learner();
-  eval::EvaluatorService evaluator(config.evaluator_service, config.evaluation, config.environment,
-                                   scored, std::move(identity), read_policy, parallel,
-                                   process.context(), process.registry());
+  eval::EvaluatorService evaluator(
+      config.evaluator_service,
+      eval::ResolveEvaluation(config.evaluation, config.environment, scored), std::move(identity),
+      read_policy, parallel, process.context(), process.registry());
   evaluator.Run(signals.token());
   return kExitOk;
 }

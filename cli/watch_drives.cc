@@ -90,7 +90,8 @@ std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop
   policy::MpcConfig plain;  // Planning would take the processor from the run.
   plain.enabled = false;
   auto evaluation = eval::EvaluateOnCourses(
-      config.evaluation, config.environment, Some(config.courses.Resolve(config.courses.train)),
+      eval::ResolveEvaluation(config.evaluation, config.environment,
+                              Some(config.courses.Resolve(config.courses.train))),
       [&](int, const sim::EnvironmentConfig&) {
         return policy::MakePolicyAgent(loaded.snapshot, plain, 0);
       },
@@ -99,7 +100,7 @@ std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop
   sim::AnimationOptions options;
   options.num_columns = static_cast<int>(kNumCourses);
   options.hold = 1.5;
-  auto panels = sim::MakePanels(evaluation->courses, std::move(evaluation->episodes.tracks),
+  auto panels = sim::MakePanels(evaluation->task.courses, std::move(evaluation->episodes.tracks),
                                 file.path.string());
   double longest = 0.0;
   for (const sim::AnimationPanel& panel : panels) {

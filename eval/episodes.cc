@@ -11,7 +11,6 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/random.h"
-#include "eval/protocol.h"
 
 namespace slalom::eval {
 namespace {
@@ -67,24 +66,20 @@ class CourseRecorder {
 /// place.
 class Driver {
  public:
-  Driver(const EvaluationConfig& config, const sim::EnvironmentConfig& environment,
-         const sim::CourseSet& courses, env::BatchEnvironment& environments)
-      : config_(config),
-        protocol_(ResolveProtocol(config)),
-        step_(environment.episode.step),
-        limit_steps_(static_cast<int>(std::lround(protocol_.time_limit / step_))),
-        courses_(courses),
+  Driver(const EvaluationTask& task, env::BatchEnvironment& environments)
+      : task_(task),
+        step_(task.environment.episode.step),
+        limit_steps_(static_cast<int>(std::lround(task.protocol.time_limit / step_))),
         environments_(environments),
         beam_stride_(BeamStride()),
-        beams_(MakeBeams(environment.lidar)),
+        beams_(MakeBeams(task.environment.lidar)),
         results_(environments.batch_size()),
         actions_(environments.batch_size()),
         running_(environments.batch_size()) {
-    count_.all = static_cast<int>(courses.courses.size()) * config.episodes_per_course;
+    count_.all = task.num_episodes();
     episodes_.records.resize(static_cast<std::size_t>(count_.all));
-    recorders_.assign(
-        courses.courses.size(),
-        CourseRecorder(static_cast<std::size_t>(config.recorded_episodes_per_course)));
+    recorders_.assign(task.courses.courses.size(),
+                      CourseRecorder(static_cast<std::size_t>(task.recording.episodes_per_course)));
     for (int i = 0; i < environments_.batch_size(); ++i) StartNext(i);
   }
 
@@ -120,7 +115,7 @@ class Driver {
 
   int BeamStride() const {
     const double num_beams = environments_.observations().num_beams;
-    return std::max(1, static_cast<int>(std::lround(num_beams / config_.recorded_beams)));
+    return std::max(1, static_cast<int>(std::lround(num_beams / task_.recording.beams)));
   }
 
   sim::TrackBeams MakeBeams(const sim::LidarConfig& lidar) const {
@@ -135,7 +130,7 @@ class Driver {
       if (running_[i].record == kIdle || finite) continue;
       throw base::Error(fmt::format(
           "the agent chose the action ({}, {}) on course {}, episode {}; expected finite numbers",
-          action.linear, action.angular, courses_.courses[record(i).course]->name,
+          action.linear, action.angular, task_.courses.courses[record(i).course]->name,
           record(i).episode));
     }
   }
@@ -146,22 +141,23 @@ class Driver {
     running_[i].record = kIdle;
     if (num_started_ == count_.all) return;
     Running& running = running_[i];
-    running = {num_started_++, protocol_.clock_start_distance > 0.0 ? kNotStarted : 0, false, {}};
+    running = {
+        num_started_++, task_.protocol.clock_start_distance > 0.0 ? kNotStarted : 0, false, {}};
     EpisodeRecord& r = record(i);
-    r.course = running.record / config_.episodes_per_course;
-    r.episode = running.record % config_.episodes_per_course;
-    r.seed = EvaluationSeed(config_.seed, *courses_.courses[r.course], r.episode);
+    r.course = running.record / task_.episodes_per_course;
+    r.episode = running.record % task_.episodes_per_course;
+    r.seed = EvaluationSeed(task_.seed, *task_.courses.courses[r.course], r.episode);
     environments_.Reset(i, {r.course, r.seed});
     r.min_range = SmallestRange(environments_.observations().frame(i));
     sim::EpisodeTrack& track = running.track;
-    track.course = courses_.courses[r.course]->name;
+    track.course = task_.courses.courses[r.course]->name;
     track.episode = r.episode;
     track.step = step_;
     track.motion_start = environments_.motion_time(i);
     track.poses.assign(1, environments_.robot_pose(i));
     // Which episode is worth its scans shows when it ends.
-    if (KeepsScans(r.course, static_cast<int>(courses_.courses.size()),
-                   config_.recorded_scan_courses)) {
+    if (KeepsScans(r.course, static_cast<int>(task_.courses.courses.size()),
+                   task_.recording.scan_courses)) {
       track.beams = beams_;
     }
     RecordScan(i);
@@ -196,7 +192,7 @@ class Driver {
   void AdvanceClock(EpisodeRecord& r, Running& running) const {
     const std::vector<base::Pose2>& poses = running.track.poses;
     const bool far_enough =
-        base::Norm(poses.back().p - poses.front().p) >= protocol_.clock_start_distance;
+        base::Norm(poses.back().p - poses.front().p) >= task_.protocol.clock_start_distance;
     if (running.clock_start == kNotStarted && far_enough) running.clock_start = r.num_steps;
     r.clock_start_step = std::max(running.clock_start, 0);
     const bool is_time_up = r.num_steps - r.clock_start_step >= limit_steps_;
@@ -213,11 +209,9 @@ class Driver {
     if (r.num_collisions > 0) ++count_.collisions;
   }
 
-  const EvaluationConfig& config_;
-  const Protocol protocol_;
+  const EvaluationTask& task_;
   const double step_;      // [s]
   const int limit_steps_;  // Of the protocol's clock.
-  const sim::CourseSet& courses_;
   env::BatchEnvironment& environments_;
   const int beam_stride_;  // Every n-th beam is kept.
   const sim::TrackBeams beams_;
@@ -238,14 +232,12 @@ std::uint64_t EvaluationSeed(std::int64_t root_seed, const sim::Course& course, 
       {base::Checksum(std::string_view(course.name)), static_cast<std::uint64_t>(episode)});
 }
 
-std::optional<Episodes> RunEpisodes(const EvaluationConfig& config,
-                                    const sim::EnvironmentConfig& environment,
-                                    const sim::CourseSet& courses,
-                                    env::BatchEnvironment& environments, env::Agent& agent,
-                                    const Progress& progress, std::stop_token stop) {
-  SLALOM_CHECK_GE(courses.courses.size(), 1u);
-  SLALOM_CHECK_EQ(environments.num_courses(), static_cast<int>(courses.courses.size()));
-  Driver driver(config, environment, courses, environments);
+std::optional<Episodes> RunEpisodes(const EvaluationTask& task, env::BatchEnvironment& environments,
+                                    env::Agent& agent, const Progress& progress,
+                                    std::stop_token stop) {
+  SLALOM_CHECK_GE(task.courses.courses.size(), 1u);
+  SLALOM_CHECK_EQ(environments.num_courses(), static_cast<int>(task.courses.courses.size()));
+  Driver driver(task, environments);
   while (driver.count().ended < driver.count().all) {
     if (stop.stop_requested()) return std::nullopt;
     driver.Step(agent);

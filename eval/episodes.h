@@ -10,7 +10,7 @@
 #include "env/agent.h"
 #include "env/environment.h"
 #include "env/episode.h"
-#include "eval/evaluation_config.h"
+#include "eval/evaluation_task.h"
 #include "sim/courses/course.h"
 #include "sim/courses/episode_file.h"
 #include "sim/environment_config.h"
@@ -41,8 +41,8 @@ struct EpisodeRecord {
 /// All episodes of an evaluation, ordered by course, then episode.
 struct Episodes {
   std::vector<EpisodeRecord> records;
-  /// Tracks of `recorded_episodes_per_course` episodes of each course, in the same order: the first
-  /// failures and, if there are too few, the first successes.
+  /// Tracks of `Recording::episodes_per_course` episodes of each course, in the same order: the
+  /// first failures and, if there are too few, the first successes.
   std::vector<sim::EpisodeTrack> tracks;
 };
 
@@ -67,17 +67,14 @@ std::uint64_t EvaluationSeed(std::int64_t root_seed, const sim::Course& course, 
 /// was requested before the end: the episodes that end early are the short ones, so a partial
 /// result would mislead.
 ///
-/// `environment` is the config of `environments`, with the protocol applied (`WithProtocol`). If
-/// the protocol's clock starts late, an episode times out at its time limit on that clock, or if
+/// If the protocol's clock starts late, an episode times out at its time limit on that clock, or if
 /// the robot has not set off within the time limit.
 ///
 /// The records do not depend on the batch size or the threads of `environments`, provided that the
 /// agent chooses the action of each environment without regard to the others.
 /// Throws `base::Error` if the agent chooses an action that is not finite.
-/// Requires: environments.num_courses() == courses.courses.size(), at least one course.
-[[nodiscard]] std::optional<Episodes> RunEpisodes(const EvaluationConfig& config,
-                                                  const sim::EnvironmentConfig& environment,
-                                                  const sim::CourseSet& courses,
+/// Requires: `environments` are of the task's config and courses, and there is at least one course.
+[[nodiscard]] std::optional<Episodes> RunEpisodes(const EvaluationTask& task,
                                                   env::BatchEnvironment& environments,
                                                   env::Agent& agent, const Progress& progress = {},
                                                   std::stop_token stop = {});

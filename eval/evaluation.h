@@ -9,35 +9,25 @@
 #include "env/agent.h"
 #include "env/environment.h"
 #include "eval/episodes.h"
-#include "eval/evaluation_config.h"
-#include "eval/protocol.h"
+#include "eval/evaluation_task.h"
 #include "eval/summary.h"
 #include "eval/training_overlap.h"
-#include "sim/courses/course.h"
 #include "sim/environment_config.h"
 
 namespace slalom::eval {
 
 /// An evaluation with everything that its reports need. A value.
 struct Evaluation {
-  EvaluationConfig config;
-  sim::EnvironmentConfig environment;  ///< With the protocol applied (`WithProtocol`).
-  sim::CourseSet courses;              ///< With the protocol applied (`WithProtocol`).
+  EvaluationTask task;
   Episodes episodes;
   Summary summary;
   /// None: the agent was not trained, or its training courses are not known.
   std::optional<TrainingOverlap> training_overlap = std::nullopt;
 };
 
-/// Returns how many environments to make: `num_environments`, but at most the number of episodes.
-int NumEnvironments(const EvaluationConfig& config, const sim::CourseSet& courses);
-
-/// Drives the episodes (`RunEpisodes`, with its requirements) and summarises them. `environment` is
-/// the config of `environments`, with the protocol applied. Returns nothing if `stop` was requested
-/// before the end.
-[[nodiscard]] std::optional<Evaluation> Evaluate(const EvaluationConfig& config,
-                                                 const sim::EnvironmentConfig& environment,
-                                                 const sim::CourseSet& courses,
+/// Drives the episodes (`RunEpisodes`, with its requirements) and summarises them. Returns nothing
+/// if `stop` was requested before the end.
+[[nodiscard]] std::optional<Evaluation> Evaluate(const EvaluationTask& task,
                                                  env::BatchEnvironment& environments,
                                                  env::Agent& agent, const Progress& progress = {},
                                                  std::stop_token stop = {});
@@ -46,13 +36,13 @@ int NumEnvironments(const EvaluationConfig& config, const sim::CourseSet& course
 using MakeAgent = std::function<std::unique_ptr<env::Agent>(
     int batch_size, const sim::EnvironmentConfig& environment)>;
 
-/// Runs a complete evaluation in environments of its own. `environment` and `courses` are the
-/// task's; the protocol is applied here. `parallel` may be null (see `sim::CourseEnvironments`); it
-/// changes the speed, not the result. Returns nothing if `stop` was requested before the end.
-/// Throws `base::Error` if a course cannot be started.
-[[nodiscard]] std::optional<Evaluation> EvaluateOnCourses(
-    const EvaluationConfig& config, const sim::EnvironmentConfig& environment,
-    const sim::CourseSet& courses, const MakeAgent& make_agent, base::ParallelFor* parallel,
-    const Progress& progress = {}, std::stop_token stop = {});
+/// Runs a complete evaluation in environments of its own. `parallel` may be null (see
+/// `sim::CourseEnvironments`); it changes the speed, not the result. Returns nothing if `stop` was
+/// requested before the end. Throws `base::Error` if a course cannot be started.
+[[nodiscard]] std::optional<Evaluation> EvaluateOnCourses(const EvaluationTask& task,
+                                                          const MakeAgent& make_agent,
+                                                          base::ParallelFor* parallel,
+                                                          const Progress& progress = {},
+                                                          std::stop_token stop = {});
 
 }  // namespace slalom::eval

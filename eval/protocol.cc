@@ -30,21 +30,17 @@ Protocol ResolveProtocol(const EvaluationConfig& config) {
   return protocol;
 }
 
-sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment,
-                                    const EvaluationConfig& config) {
-  const Protocol protocol = ResolveProtocol(config);
+sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment, const Protocol& protocol) {
   sim::EpisodeConfig& episode = environment.episode;
   const double longest = (protocol.clock_start_distance > 0.0 ? 2.0 : 1.0) * protocol.time_limit;
   episode.max_steps = std::max(1, static_cast<int>(std::lround(longest / episode.step)));
   episode.goal_tolerance = protocol.goal_tolerance;
   episode.collision_ends = protocol.collision_ends;
-  episode.start_position_jitter = config.start_position_jitter;
-  episode.start_yaw_jitter = config.start_yaw_jitter;
   return environment;
 }
 
-sim::CourseSet WithProtocol(sim::CourseSet courses, const EvaluationConfig& config) {
-  const base::Vec2 shift_W = ResolveProtocol(config).start_shift_W;
+sim::CourseSet WithProtocol(sim::CourseSet courses, const Protocol& protocol) {
+  const base::Vec2 shift_W = protocol.start_shift_W;
   if (shift_W == base::Vec2{}) return courses;
   for (std::shared_ptr<const sim::Course>& course : courses.courses) {
     sim::Course shifted = *course;

@@ -36,16 +36,15 @@ struct Protocol {
 std::span<const Protocol> Protocols();
 
 /// Returns the protocol that `config` names, with the values that `config` gives instead of its
-/// own. Requires: config.protocol is the name of one (`config/` checks it).
+/// own. `ResolveEvaluation` calls it, once; what comes after is given its result.
+/// Requires: config.protocol is the name of one (`config/` checks it).
 Protocol ResolveProtocol(const EvaluationConfig& config);
 
-/// Returns `environment` with the protocol's time limit, goal tolerance and rule for collisions,
-/// and with the start errors of `config`. If the protocol's clock starts late, the robot gets the
-/// same time once more to start moving.
-sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment,
-                                    const EvaluationConfig& config);
+/// Returns `environment` with the protocol's time limit, goal tolerance and rule for collisions. If
+/// the protocol's clock starts late, the robot gets the same time once more to start moving.
+sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment, const Protocol& protocol);
 
 /// Returns the courses with start and goal moved as the protocol says.
-sim::CourseSet WithProtocol(sim::CourseSet courses, const EvaluationConfig& config);
+sim::CourseSet WithProtocol(sim::CourseSet courses, const Protocol& protocol);
 
 }  // namespace slalom::eval

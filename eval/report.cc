@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
-#include "eval/protocol.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/episode_file.h"
 
@@ -54,7 +53,7 @@ std::string SetLines(const Figures& set) {
 
 /// Collisions that did not end their episodes.
 std::string ContactLine(const Evaluation& evaluation) {
-  if (ResolveProtocol(evaluation.config).collision_ends) return "";
+  if (evaluation.task.protocol.collision_ends) return "";
   const Figures& set = evaluation.summary.set;
   return Line("touched", set.contact_rate, 100, 1, " %",
               fmt::format("{} contacts, which end nothing here", set.num_contacts));
@@ -126,24 +125,25 @@ void PutFigures(OrderedJson& object, const Figures& figures) {
   object["mean_path_length_m"] = figures.mean_path_length;
 }
 
-OrderedJson ProtocolJson(const EvaluationConfig& config) {
-  const Protocol protocol = ResolveProtocol(config);
+OrderedJson ProtocolJson(const EvaluationTask& task) {
+  const Protocol& protocol = task.protocol;
+  const sim::EpisodeConfig& episode = task.environment.episode;
   return {{"name", protocol.name},
           {"time_limit_s", protocol.time_limit},
           {"goal_tolerance_m", protocol.goal_tolerance},
           {"collision_ends", protocol.collision_ends},
           {"clock_start_distance_m", protocol.clock_start_distance},
           {"start_shift_m", {protocol.start_shift_W.x, protocol.start_shift_W.y}},
-          {"start_position_jitter_m", config.start_position_jitter},
-          {"start_yaw_jitter_rad", config.start_yaw_jitter}};
+          {"start_position_jitter_m", episode.start_position_jitter},
+          {"start_yaw_jitter_rad", episode.start_yaw_jitter}};
 }
 
 OrderedJson RunJson(const Evaluation& evaluation) {
-  return {{"episodes_per_course", evaluation.config.episodes_per_course},
-          {"seed", evaluation.config.seed},
-          {"step_s", evaluation.environment.episode.step},
-          {"robot_length_m", evaluation.environment.robot.length},
-          {"robot_width_m", evaluation.environment.robot.width},
+  return {{"episodes_per_course", evaluation.task.episodes_per_course},
+          {"seed", evaluation.task.seed},
+          {"step_s", evaluation.task.environment.episode.step},
+          {"robot_length_m", evaluation.task.environment.robot.length},
+          {"robot_width_m", evaluation.task.environment.robot.width},
           {"confidence", 0.95}};
 }
 
@@ -170,7 +170,7 @@ std::vector<OrderedJson> EpisodeLists(const Evaluation& evaluation) {
   for (const EpisodeRecord& record : evaluation.episodes.records) {
     OrderedJson& course = lists[record.course];
     course["outcomes"].push_back(env::ToString(record.outcome));
-    course["times_s"].push_back(record.time(evaluation.environment.episode.step));
+    course["times_s"].push_back(record.time(evaluation.task.environment.episode.step));
     course["collisions_per_episode"].push_back(record.num_collisions);
   }
   return lists;
@@ -202,16 +202,17 @@ void Append(std::string& text, const Estimate& rate) {
 
 std::string TextReport(const Evaluation& evaluation, int max_courses) {
   const Summary& summary = evaluation.summary;
-  const EvaluationConfig& config = evaluation.config;
-  const Protocol protocol = ResolveProtocol(config);
+  const EvaluationTask& task = evaluation.task;
+  const Protocol& protocol = task.protocol;
+  const sim::EpisodeConfig& episode = task.environment.episode;
   return fmt::format(
              "{}: {} course{} x {} episode{}, seed {}, start within {} m and {} rad\n"
              "  protocol {}: {} s, goal within {} m, {}\n"
              "  {:<16}{:>10}   {}\n",
-             evaluation.courses.name, summary.courses.size(),
-             summary.courses.size() == 1 ? "" : "s", config.episodes_per_course,
-             config.episodes_per_course == 1 ? "" : "s", config.seed, config.start_position_jitter,
-             config.start_yaw_jitter, protocol.name, protocol.time_limit, protocol.goal_tolerance,
+             evaluation.task.courses.name, summary.courses.size(),
+             summary.courses.size() == 1 ? "" : "s", task.episodes_per_course,
+             task.episodes_per_course == 1 ? "" : "s", task.seed, episode.start_position_jitter,
+             episode.start_yaw_jitter, protocol.name, protocol.time_limit, protocol.goal_tolerance,
              protocol.collision_ends ? "a collision ends the episode" : "collisions end nothing",
              "", "", "95 % interval") +
          SetLines(summary.set) + ContactLine(evaluation) + OverlapLine(evaluation) +
@@ -223,9 +224,9 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
   report["format"] = "slalom-evaluation";
   report["version"] = kResultVersion;
   report["agent"] = {{"name", provenance.agent}, {"kind", provenance.kind}};
-  report["course_set"] = evaluation.courses.name;
+  report["course_set"] = evaluation.task.courses.name;
   PutFigures(report, evaluation.summary.set);
-  report["protocol"] = ProtocolJson(evaluation.config);
+  report["protocol"] = ProtocolJson(evaluation.task);
   report["run"] = RunJson(evaluation);
   report["provenance"] = ProvenanceJson(evaluation, provenance);
   report["files"] = {{"courses", kCoursesFile}, {"tracks", kTracksFile}};
@@ -271,7 +272,7 @@ std::string EpisodeCsv(const Evaluation& evaluation) {
   std::string text =
       "course,episode,seed,outcome,steps,time_s,clock_start_s,collisions,path_length_m,min_range_m,"
       "return,barn_score,agent_status\n";
-  const double step = evaluation.environment.episode.step;
+  const double step = evaluation.task.environment.episode.step;
   for (const EpisodeRecord& record : evaluation.episodes.records) {
     const CourseFigures& course = evaluation.summary.courses[record.course];
     const double time = record.time(step);
@@ -292,7 +293,7 @@ void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
   base::WriteFileAtomically(directory / "evaluation-episodes.csv", EpisodeCsv(evaluation));
   sim::WriteEpisodes(directory / kTracksFile, evaluation.episodes.tracks);
   sim::WriteCourseSet(directory / kCoursesFile,
-                      {FileSetName(evaluation.courses.name), evaluation.courses.courses});
+                      {FileSetName(evaluation.task.courses.name), evaluation.task.courses.courses});
   base::WriteFileAtomically(directory / "evaluation.json", JsonReport(evaluation, provenance));
 }
 

@@ -2,48 +2,44 @@
 
 #include <fmt/format.h>
 
+#include <functional>
+#include <utility>
+
 #include "base/error.h"
-#include "planners/dwa/dwa.h"
-#include "planners/elastic_band/elastic_band_planner.h"
-#include "planners/mppi/mppi.h"
-#include "planners/teb/teb.h"
 
 namespace slalom::planners {
 namespace {
 
 struct Entry {
-  const char* name;
-  std::unique_ptr<LocalPlanner> (*make)(const PlannersConfig&);
-  const PlannerNavigationConfig& (*navigation)(const PlannersConfig&);
+  std::string name;
+  PlannerNavigationConfig navigation;
+  std::function<std::unique_ptr<LocalPlanner>()> make;
 };
 
-constexpr Entry kEntries[] = {
-    {"dwa",
-     [](const PlannersConfig& c) -> std::unique_ptr<LocalPlanner> {
-       return std::make_unique<DwaPlanner>(c.dwa, c.navigation.footprint);
-     },
-     [](const PlannersConfig& c) -> const PlannerNavigationConfig& { return c.dwa.navigation; }},
-    {"eband",
-     [](const PlannersConfig& c) -> std::unique_ptr<LocalPlanner> {
-       return std::make_unique<ElasticBandPlanner>(c.eband);
-     },
-     [](const PlannersConfig& c) -> const PlannerNavigationConfig& { return c.eband.navigation; }},
-    {"teb",
-     [](const PlannersConfig& c) -> std::unique_ptr<LocalPlanner> {
-       return std::make_unique<TebPlanner>(c.teb);
-     },
-     [](const PlannersConfig& c) -> const PlannerNavigationConfig& { return c.teb.navigation; }},
-    {"mppi",
-     [](const PlannersConfig& c) -> std::unique_ptr<LocalPlanner> {
-       return std::make_unique<MppiPlanner>(c.mppi);
-     },
-     [](const PlannersConfig& c) -> const PlannerNavigationConfig& { return c.mppi.navigation; }},
+/// Visits `PlannersConfig` and collects the sections that a planner can be made of.
+struct EntryVisitor {
+  const NavigationConfig& navigation;
+  std::vector<Entry> entries;
+
+  template <class Config>
+  void Section(const char* name, const Config& config, const char*) {
+    if constexpr (requires { MakePlanner(config, navigation); }) {
+      entries.push_back({name, config.navigation,
+                         [config, shared = navigation] { return MakePlanner(config, shared); }});
+    }
+  }
 };
 
-const Entry& Find(const std::string& name) {
+std::vector<Entry> Entries(PlannersConfig config) {
+  EntryVisitor visitor{config.navigation, {}};
+  config.Visit(visitor);
+  return std::move(visitor.entries);
+}
+
+Entry Find(const std::string& name, const PlannersConfig& config) {
   std::string names;
-  for (const Entry& entry : kEntries) {
-    if (name == entry.name) return entry;
+  for (Entry& entry : Entries(config)) {
+    if (name == entry.name) return std::move(entry);
     names += fmt::format("{}{}", names.empty() ? "" : ", ", entry.name);
   }
   throw base::Error(fmt::format("there is no planner '{}'; there are: {}", name, names));
@@ -53,17 +49,17 @@ const Entry& Find(const std::string& name) {
 
 std::vector<std::string> PlannerNames() {
   std::vector<std::string> names;
-  for (const Entry& entry : kEntries) names.emplace_back(entry.name);
+  for (Entry& entry : Entries({})) names.push_back(std::move(entry.name));
   return names;
 }
 
 std::unique_ptr<LocalPlanner> MakeLocalPlanner(const std::string& name,
                                                const PlannersConfig& config) {
-  return Find(name).make(config);
+  return Find(name, config).make();
 }
 
-const PlannerNavigationConfig& NavigationOf(const std::string& name, const PlannersConfig& config) {
-  return Find(name).navigation(config);
+PlannerNavigationConfig NavigationOf(const std::string& name, const PlannersConfig& config) {
+  return Find(name, config).navigation;
 }
 
 }  // namespace slalom::planners

@@ -14,7 +14,8 @@
 namespace slalom::planners {
 
 /// Settings of all classical systems: the navigation that they share, and each local planner with
-/// its own settings of navigation.
+/// its own settings of navigation. This is the list of planners, too: the registry knows each
+/// section whose config has a `MakePlanner`, by the section's name.
 struct PlannersConfig {
   NavigationConfig navigation;
   DwaConfig dwa;
@@ -40,6 +41,6 @@ std::unique_ptr<LocalPlanner> MakeLocalPlanner(const std::string& name,
                                                const PlannersConfig& config);
 
 /// Returns a planner's own settings of navigation. Throws like `MakeLocalPlanner`.
-const PlannerNavigationConfig& NavigationOf(const std::string& name, const PlannersConfig& config);
+PlannerNavigationConfig NavigationOf(const std::string& name, const PlannersConfig& config);
 
 }  // namespace slalom::planners

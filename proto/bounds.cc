@@ -5,143 +5,114 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <type_traits>
+#include <vector>
 
 #include "base/name.h"
 
 namespace slalom::proto {
 namespace {
 
-constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
-
 bool IsPrintable(char c) { return c >= ' ' && c <= '~'; }
 
-/// Finds the first field that is out of bounds. Each call checks one field.
+/// Visits the fields of a message and finds the first that is out of bounds.
 class FaultFinder {
  public:
   explicit FaultFinder(Way way) : way_(way) {}
 
+  template <class T, class Access, class Bound>
+  void operator()(int, std::string_view field, const T& value, const Access&, const Bound& bound,
+                  std::string_view) {
+    if constexpr (HasFields<T>) {
+      Look(value);
+    } else {
+      Check(field, value, bound);
+    }
+  }
+
+  /// Checks each field of a message, and then what holds between them.
+  template <class Message>
+  void Look(const Message& m) {
+    Message::Visit(m, *this);
+    CheckRelations(m);
+  }
+
+  std::string Take() { return std::move(fault_); }
+
+ private:
   template <class T>
-  void In(const char* field, T value, T low, T high) {
-    if (!fault_.empty() || (value >= low && value <= high)) return;  // NaN is not in any range.
-    fault_ = fmt::format("{} is {}, expected {} to {}", field, value, low, high);
+  void Check(std::string_view, const T&, const Any&) {}
+  template <class T>
+  void Check(std::string_view, const T&, const Related&) {}
+  template <class T>
+  void Check(std::string_view field, T value, const In& bound) {
+    Within(field, value, bound.low, bound.high);
   }
-  void NotNegative(const char* field, std::int64_t value) {
-    In<std::int64_t>(field, value, 0, kMost);
+  template <class T>
+  void Check(std::string_view field, T value, const AtLeast& bound) {
+    if constexpr (std::is_enum_v<T>) {
+      Check(field, static_cast<std::underlying_type_t<T>>(value), bound);
+    } else {
+      Within(field, value, static_cast<T>(bound.low), std::numeric_limits<T>::max());
+    }
   }
-  void Finite(const char* field, double value) {
+  void Check(std::string_view field, double value, const Finite&) {
     if (fault_.empty() && !std::isfinite(value)) fault_ = fmt::format("{} is not finite", field);
   }
-  void Name(const char* field, std::string_view value) {
+  void Check(std::string_view field, std::string_view value, const Name&) {
     if (!fault_.empty() || base::IsName(value)) return;
     fault_ = fmt::format("{} is '{}', expected 1 to {} letters, digits, '-_.:@'", field,
                          FitText(value.substr(0, base::kMaxNameBytes)), base::kMaxNameBytes);
   }
-  void Text(const char* field, std::string_view value) {
+  void Check(std::string_view field, std::string_view value, const Text&) {
     if (!fault_.empty() || way_ == Way::kToBeSent) return;
     if (value.size() > kMaxTextBytes || !std::ranges::all_of(value, IsPrintable)) {
       fault_ = fmt::format("{} is not a text of at most {} printable ASCII characters", field,
                            kMaxTextBytes);
     }
   }
+  template <class T>
+  void Check(std::string_view field, const std::vector<T>& list, const AtMost& bound) {
+    if (way_ == Way::kReceived) AtMostEntries(field, list.size(), bound);
+    for (const T& entry : list) Look(entry);
+  }
+  template <class T>
+  void Check(std::string_view field, const std::map<std::string, T>& map, const AtMost& bound) {
+    AtMostEntries(field, map.size(), bound);
+    const std::string_view one = field.substr(0, field.size() - 1);  // Without the plural's s.
+    for (const auto& [key, value] : map) {
+      Check(fmt::format("the key of a {}", one), key, Name{});
+      if constexpr (std::is_same_v<T, std::string>) Check(fmt::format("a {}", one), value, Text{});
+    }
+  }
 
-  Way way() const { return way_; }
-  std::string Take() { return std::move(fault_); }
+  void AtMostEntries(std::string_view field, std::size_t size, const AtMost& bound) {
+    Within(fmt::format("the number of {}", field), size, std::size_t{0}, bound.size);
+  }
 
- private:
+  template <class T, class Low, class High>
+  void Within(std::string_view field, T value, Low low, High high) {
+    if (!fault_.empty()) return;
+    const bool is_within = value >= low && value <= high;  // NaN is not.
+    if (!is_within) fault_ = fmt::format("{} is {}, expected {} to {}", field, value, low, high);
+  }
+
+  template <class Message>
+  void CheckRelations(const Message&) {}
+  void CheckRelations(const Insert& m) {
+    Within("num_steps", m.num_steps, 0, m.num_rows);
+    Within("oldest_version", m.oldest_version, -1, m.newest_version);
+  }
+  void CheckRelations(const SampleRequest& m) { CheckFrames(m.batch, m.history); }
+  void CheckRelations(const SampleReply& m) { CheckFrames(m.batch, m.history); }
+  void CheckFrames(int batch, int history) {
+    Within("batch times history", std::int64_t{batch} * history, 1, kMaxFrames);
+  }
+
   const Way way_;
   std::string fault_;
 };
-
-void Look(const Hello& m, FaultFinder& f) {
-  f.Name("role", m.role);
-  f.Name("name", m.name);
-  f.In("num_beams", m.num_beams, 0, kMaxBeams);
-  f.In("num_streams", m.num_streams, 0, kMaxStreams);
-  f.Text("software", m.software);
-}
-
-void Look(const Welcome& m, FaultFinder& f) {
-  f.NotNegative("window_bytes", m.window_bytes);
-  f.NotNegative("previous_accepted_steps", m.previous_accepted_steps);
-  f.Text("software", m.software);
-}
-
-void Look(const Insert& m, FaultFinder& f) {
-  f.In("num_rows", m.num_rows, 1, kMaxRows);
-  f.In("num_beams", m.num_beams, 1, kMaxBeams);
-  f.In("num_steps", m.num_steps, 0, m.num_rows);
-  f.In<std::int64_t>("newest_version", m.newest_version, -1, kMost);
-  f.In<std::int64_t>("oldest_version", m.oldest_version, -1, m.newest_version);
-}
-
-void Look(const InsertAck& m, FaultFinder& f) { f.NotNegative("window_bytes", m.window_bytes); }
-
-void Look(const Goodbye&, FaultFinder&) {}
-
-void LookAtSize(int batch, int history, FaultFinder& f) {
-  f.In("batch", batch, 1, kMaxBatch);
-  f.In("history", history, 1, kMaxHistory);
-  f.In<std::int64_t>("batch times history", std::int64_t{batch} * history, 1, kMaxFrames);
-}
-
-void Look(const SampleRequest& m, FaultFinder& f) {
-  LookAtSize(m.batch, m.history, f);
-  f.In("n_step", m.n_step, 1, kMaxNStep);
-  f.In("gamma", m.gamma, 0.0, 1.0);
-  f.In("importance_exponent", m.importance_exponent, 0.0, 1.0);
-}
-
-void Look(const SampleReply& m, FaultFinder& f) {
-  LookAtSize(m.batch, m.history, f);
-  f.In("num_beams", m.num_beams, 1, kMaxBeams);
-  f.NotNegative("inserted_steps", m.inserted_steps);
-  f.NotNegative("table_steps", m.table_steps);
-  f.Finite("acting_version", m.acting_version);
-}
-
-void Look(const PriorityUpdate& m, FaultFinder& f) { f.In("count", m.count, 1, kMaxBatch); }
-
-void Look(const SnapshotRequest& m, FaultFinder& f) {
-  f.In<std::int64_t>("held_version", m.held_version, -1, kMost);
-  f.Name("name", m.name);
-}
-
-void Look(const Snapshot& m, FaultFinder& f) {
-  f.NotNegative("version", m.version);
-  f.NotNegative("published_ns", m.published_ns);
-  f.NotNegative("learner_steps", m.learner_steps);
-}
-
-void Look(const Report& m, FaultFinder& f) {
-  f.Name("role", m.role);
-  f.Name("name", m.name);
-  f.In<std::size_t>("the number of figures", m.figures.size(), 0, kMaxFigures);
-  f.In<std::size_t>("the number of facts", m.facts.size(), 0, kMaxFigures);
-  for (const auto& [key, value] : m.figures) f.Name("the key of a figure", key);
-  for (const auto& [key, value] : m.facts) {
-    f.Name("the key of a fact", key);
-    f.Text("a fact", value);
-  }
-}
-
-void Look(const StatusRequest&, FaultFinder&) {}
-
-void Look(const StatusReply& m, FaultFinder& f) {
-  if (f.way() == Way::kReceived) {
-    f.In<std::size_t>("the number of roles", m.roles.size(), 0, kMaxRoles);
-  }
-  f.In("omitted", m.omitted, 0, std::numeric_limits<int>::max());
-  for (const RoleStatus& role : m.roles) {
-    Look(role.report, f);
-    f.In("age_s", role.age_s, 0.0, std::numeric_limits<double>::max());
-  }
-}
-
-void Look(const Refusal& m, FaultFinder& f) {
-  f.In<std::uint32_t>("code", static_cast<std::uint32_t>(m.code), 1,
-                      std::numeric_limits<std::uint32_t>::max());
-  f.Text("text", m.text);
-}
 
 /// Walks over the fields of one protobuf message. Stops at the first that is malformed.
 class FieldWalk {
@@ -219,7 +190,7 @@ std::string FitText(std::string_view text) {
 
 std::string FindFault(const Header& header, Way way) {
   FaultFinder finder(way);
-  std::visit([&](const auto& message) { Look(message, finder); }, header);
+  std::visit([&](const auto& message) { finder.Look(message); }, header);
   return finder.Take();
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <utility>
 
 #include "base/check.h"
 #include "base/file.h"
@@ -26,10 +27,12 @@ struct Prefix {
 };
 static_assert(sizeof(Prefix) == kPrefixBytes && std::is_trivially_copyable_v<Prefix>);
 
-constexpr std::array<std::string_view, std::variant_size_v<Header>> kNames = {
-    "Hello",         "Welcome",       "Insert",         "InsertAck",       "Goodbye",
-    "SampleRequest", "SampleReply",   "PriorityUpdate", "SnapshotRequest", "Snapshot",
-    "Report",        "StatusRequest", "StatusReply",    "Refusal"};
+template <std::size_t... kIndex>
+constexpr std::array<std::string_view, sizeof...(kIndex)> MakeNames(
+    std::index_sequence<kIndex...>) {
+  return {std::variant_alternative_t<kIndex, Header>::kName...};
+}
+constexpr auto kNames = MakeNames(std::make_index_sequence<std::variant_size_v<Header>>());
 
 /// The checksum of the prefix (up to the checksum), the protobuf and the payload, each seeded with
 /// that of the part before.
@@ -44,34 +47,6 @@ Refusal Bad(std::string text) {
 }
 
 }  // namespace
-
-std::string_view ToString(RefusalCode code) {
-  switch (code) {
-    case RefusalCode::kBadMessage:
-      return "bad_message";
-    case RefusalCode::kWrongVersion:
-      return "wrong_version";
-    case RefusalCode::kUnknownMessage:
-      return "unknown_message";
-    case RefusalCode::kNotAllowed:
-      return "not_allowed";
-    case RefusalCode::kWrongSpec:
-      return "wrong_spec";
-    case RefusalCode::kNoSession:
-      return "no_session";
-    case RefusalCode::kOutOfOrder:
-      return "out_of_order";
-    case RefusalCode::kOverWindow:
-      return "over_window";
-    case RefusalCode::kTooFast:
-      return "too_fast";
-    case RefusalCode::kNotReady:
-      return "not_ready";
-    case RefusalCode::kReplaced:
-      return "replaced";
-  }
-  return "other";
-}
 
 std::string_view NameOf(const Header& header) { return kNames[header.index()]; }
 

@@ -10,11 +10,18 @@
 #include <vector>
 
 #include "base/result.h"
+#include "proto/field.h"
+#include "proto/refusal_code.h"
 
 /// The messages between roles, as plain structs; protobuf types never leave this folder.
 /// docs/protocol.md gives their bytes and says who sends which. A message consists of a header,
 /// which is encoded and decoded here, and a payload of raw bytes (rows, samples, a policy), which
 /// is not.
+///
+/// Each message lists its fields once, in `Visit`, as configs do: number and name in
+/// proto/slalom.proto, the member, its bound (proto/field.h) and its meaning. The conversion from
+/// and to protobuf, the checks, the tables of docs/protocol.md and what tests compare follow from
+/// this list. `Self` is the message, const or not.
 
 namespace slalom::proto {
 
@@ -39,32 +46,8 @@ inline constexpr int kMaxNStep = 1024;
 inline constexpr int kMaxFigures = 256;  ///< Of a report. The same bound holds for its facts.
 inline constexpr int kMaxRoles = 4096;   ///< Of a status.
 
-/// Why a message was refused. The numbers are part of the protocol.
-enum class RefusalCode : std::uint32_t {
-  kBadMessage = 1,      ///< Cut short, damaged, or a value out of range.
-  kWrongVersion = 2,    ///< Another major version of the protocol.
-  kUnknownMessage = 3,  ///< A message of a newer minor version.
-  kNotAllowed = 4,      ///< The sender's role may not send this message.
-  kWrongSpec = 5,       ///< Observations or actions are not those of this service.
-  kNoSession = 6,       ///< An insert without an open session. Say hello first.
-  kOutOfOrder = 7,      ///< A chunk before this one is missing. Say hello again.
-  kOverWindow = 8,      ///< More unacknowledged payload than the window.
-  kTooFast = 9,         ///< More messages than the rate bound.
-  kNotReady = 10,       ///< Not now, for example while loading.
-  kReplaced = 11,       ///< A hello of a session that session `about` replaced.
-};
-/// "bad_message", ...; "other" for one of a newer minor version.
-inline constexpr RefusalCode kRefusalCodes[] = {
-    RefusalCode::kBadMessage, RefusalCode::kWrongVersion, RefusalCode::kUnknownMessage,
-    RefusalCode::kNotAllowed, RefusalCode::kWrongSpec,    RefusalCode::kNoSession,
-    RefusalCode::kOutOfOrder, RefusalCode::kOverWindow,   RefusalCode::kTooFast,
-    RefusalCode::kNotReady};
-std::string_view ToString(RefusalCode code);
-
-/// proto/slalom.proto says what the fields mean. A `role`, a `name` and the keys of a report are
-/// names (`IsName`). `software`, `text` and the values of facts are texts: printable ASCII, at
-/// most `kMaxTextBytes`.
 struct Hello {
+  static constexpr std::string_view kName = "Hello";
   std::string role;
   std::string name;
   std::uint64_t session = 0;
@@ -72,9 +55,23 @@ struct Hello {
   int num_beams = 0;
   int num_streams = 0;
   std::string software;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(role), Name{}, "role: actor, learner, evaluator, operator");
+    v(2, SLALOM_FIELD(name), Name{}, "name of the process, the same after a restart");
+    v(3, SLALOM_FIELD(session), Related{"an actor's: 1 or more"},
+      "session; rises with each start of an actor; 0 for who inserts nothing");
+    v(4, SLALOM_FIELD(spec_hash), Any{}, "spec hash: of what is observed and commanded");
+    v(5, SLALOM_FIELD(num_beams), In{0, kMaxBeams}, "beams in a scan");
+    v(6, SLALOM_FIELD(num_streams), In{0, kMaxStreams},
+      "streams: environments of an actor, which has 1 or more");
+    v(7, SLALOM_FIELD(software), Text{}, "software, for people");
+  }
 };
 
 struct Welcome {
+  static constexpr std::string_view kName = "Welcome";
   std::uint64_t server = 0;
   std::uint64_t session = 0;
   std::uint64_t next_sequence = 0;
@@ -82,9 +79,24 @@ struct Welcome {
   std::uint64_t previous_session = 0;
   std::int64_t previous_accepted_steps = 0;
   std::string software;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(server), Any{}, "server: drawn anew at each start of it");
+    v(2, SLALOM_FIELD(session), Any{}, "session, as in the hello");
+    v(3, SLALOM_FIELD(next_sequence), Any{},
+      "next sequence: chunks of this session before it are safe");
+    v(4, SLALOM_FIELD(window_bytes), AtLeast{0},
+      "window: payload that may be unacknowledged [bytes]");
+    v(5, SLALOM_FIELD(previous_session), Any{}, "previous session of this name; 0: none is known");
+    v(6, SLALOM_FIELD(previous_accepted_steps), AtLeast{0},
+      "steps of the previous session that were accepted");
+    v(7, SLALOM_FIELD(software), Text{}, "software");
+  }
 };
 
 struct Insert {
+  static constexpr std::string_view kName = "Insert";
   std::uint64_t session = 0;
   std::uint64_t sequence = 0;
   int num_rows = 0;
@@ -92,19 +104,46 @@ struct Insert {
   int num_steps = 0;
   std::int64_t oldest_version = 0;
   std::int64_t newest_version = 0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(session), Any{}, "session");
+    v(2, SLALOM_FIELD(sequence), Any{}, "sequence: 0, 1, 2, ... within the session");
+    v(3, SLALOM_FIELD(num_rows), In{1, kMaxRows}, "rows");
+    v(4, SLALOM_FIELD(num_beams), In{1, kMaxBeams}, "beams");
+    v(5, SLALOM_FIELD(num_steps), Related{"0 to rows"}, "steps: rows that are not final");
+    v(6, SLALOM_FIELD(oldest_version), Related{"-1 to the newest"},
+      "oldest version of the policies that chose the actions");
+    v(7, SLALOM_FIELD(newest_version), AtLeast{-1}, "newest version");
+  }
 };
 
 struct InsertAck {
+  static constexpr std::string_view kName = "InsertAck";
   std::uint64_t session = 0;
   std::uint64_t next_sequence = 0;
   std::int64_t window_bytes = 0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(session), Any{}, "session");
+    v(2, SLALOM_FIELD(next_sequence), Any{}, "next sequence: all chunks before it are safe");
+    v(3, SLALOM_FIELD(window_bytes), AtLeast{0}, "window [bytes]");
+  }
 };
 
 struct Goodbye {
+  static constexpr std::string_view kName = "Goodbye";
   std::uint64_t session = 0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(session), Any{}, "session");
+  }
 };
 
 struct SampleRequest {
+  static constexpr std::string_view kName = "SampleRequest";
   std::uint64_t cursor = 0;
   int batch = 0;
   int history = 0;
@@ -112,9 +151,22 @@ struct SampleRequest {
   double gamma = 0.0;
   bool prioritized = false;
   double importance_exponent = 0.0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(cursor), Any{},
+      "cursor: number of the batch; the same number draws with the same random numbers");
+    v(2, SLALOM_FIELD(batch), In{1, kMaxBatch}, "batch B");
+    v(3, SLALOM_FIELD(history), In{1, kMaxHistory}, "history H; B H is at most 131,072");
+    v(4, SLALOM_FIELD(n_step), In{1, kMaxNStep}, "n-step");
+    v(5, SLALOM_FIELD(gamma), In{0.0, 1.0}, "gamma");
+    v(6, SLALOM_FIELD(prioritized), Any{}, "prioritized");
+    v(7, SLALOM_FIELD(importance_exponent), In{0.0, 1.0}, "importance exponent, beta");
+  }
 };
 
 struct SampleReply {
+  static constexpr std::string_view kName = "SampleReply";
   std::uint64_t cursor = 0;
   int batch = 0;
   int history = 0;
@@ -123,48 +175,121 @@ struct SampleReply {
   std::int64_t inserted_steps = 0;
   std::int64_t table_steps = 0;
   double acting_version = 0.0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(cursor), Any{}, "cursor");
+    v(2, SLALOM_FIELD(batch), In{1, kMaxBatch}, "batch B");
+    v(3, SLALOM_FIELD(history), In{1, kMaxHistory}, "history H; B H is at most 131,072");
+    v(4, SLALOM_FIELD(num_beams), In{1, kMaxBeams}, "beams N");
+    v(5, SLALOM_FIELD(weighted), Any{}, "weighted: the payload holds importance weights");
+    v(6, SLALOM_FIELD(inserted_steps), AtLeast{0}, "environment steps ever accepted");
+    v(7, SLALOM_FIELD(table_steps), AtLeast{0}, "steps in the table");
+    v(8, SLALOM_FIELD(acting_version), Finite{}, "mean policy version of the newest chunks");
+  }
 };
 
 struct PriorityUpdate {
+  static constexpr std::string_view kName = "PriorityUpdate";
   int count = 0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(count), In{1, kMaxBatch}, "count C");
+  }
 };
 
 struct SnapshotRequest {
+  static constexpr std::string_view kName = "SnapshotRequest";
   std::int64_t held_version = -1;
   std::string name;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(held_version), AtLeast{-1}, "version held; -1: none");
+    v(2, SLALOM_FIELD(name), Name{}, "name of who asks");
+  }
 };
 
 struct Snapshot {
+  static constexpr std::string_view kName = "Snapshot";
   std::int64_t version = 0;
   std::uint64_t spec_hash = 0;
   std::int64_t published_ns = 0;
   std::int64_t learner_steps = 0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(version), AtLeast{0}, "version");
+    v(2, SLALOM_FIELD(spec_hash), Any{}, "spec hash");
+    v(3, SLALOM_FIELD(published_ns), AtLeast{0}, "when it was published, since 1970 [ns]");
+    v(4, SLALOM_FIELD(learner_steps), AtLeast{0}, "environment steps that the learner knew of");
+  }
 };
 
 struct Report {
+  static constexpr std::string_view kName = "Report";
   std::string role;
   std::string name;
   std::map<std::string, double> figures;
   std::map<std::string, std::string> facts;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(role), Name{}, "role");
+    v(2, SLALOM_FIELD(name), Name{}, "name");
+    v(3, SLALOM_FIELD(figures), AtMost{kMaxFigures}, "figures");
+    v(4, SLALOM_FIELD(facts), AtMost{kMaxFigures}, "facts");
+  }
 };
 
-struct StatusRequest {};
+struct StatusRequest {
+  static constexpr std::string_view kName = "StatusRequest";
 
+  template <class Self, class Visitor>
+  static void Visit(Self&, Visitor&) {}
+};
+
+/// A part of `StatusReply`.
 struct RoleStatus {
+  static constexpr std::string_view kName = "RoleStatus";
   Report report;
   double age_s = 0.0;
   bool connected = false;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(report), Any{}, "report, once");
+    v(2, SLALOM_FIELD(age_s), AtLeast{0}, "age: since the report came [s]");
+    v(3, SLALOM_FIELD(connected), Any{}, "connected");
+  }
 };
 
 struct StatusReply {
+  static constexpr std::string_view kName = "StatusReply";
   std::vector<RoleStatus> roles;
-  int omitted = 0;  ///< Roles that did not fit.
+  int omitted = 0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(roles), AtMost{kMaxRoles}, "roles");
+    v(2, SLALOM_FIELD(omitted), AtLeast{0}, "roles that did not fit");
+  }
 };
 
 struct Refusal {
+  static constexpr std::string_view kName = "Refusal";
   RefusalCode code = RefusalCode::kBadMessage;
   std::string text;
   std::uint64_t about = 0;
+
+  template <class Self, class Visitor>
+  static void Visit(Self& m, Visitor& v) {
+    v(1, SLALOM_FIELD(code), AtLeast{1}, "code, below");
+    v(2, SLALOM_FIELD(text), Text{}, "why, for people");
+    v(3, SLALOM_FIELD(about), Any{},
+      "sequence, cursor or session that was refused, where there is one");
+  }
 };
 
 /// All headers. Their places in the list, counted from 1, are the messages' numbers on the wire.

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "base/append_file.h"
-#include "metrics/event_file.h"
+#include "run/event_file.h"
 
 namespace slalom::run {
 
@@ -58,7 +58,7 @@ struct MetricsRow {
 std::string FormatProgress(const MetricsRow& row, double remaining_s);
 
 /// Appends rows to `metrics.csv`, each written at once, so that a killed run keeps what it had, and
-/// to a TensorBoard event file beside it (`metrics::EventFile`): every column as a scalar
+/// to a TensorBoard event file beside it (`EventFile`): every column as a scalar
 /// "training/COLUMN". Confined to one thread.
 class MetricsLog {
  public:
@@ -73,7 +73,7 @@ class MetricsLog {
 
  private:
   std::optional<base::AppendFile> file_;
-  std::optional<metrics::EventFile> events_;
+  std::optional<EventFile> events_;
   bool failing_ = false;
 };
 

@@ -4,8 +4,8 @@
 #include <limits>
 #include <vector>
 
+#include "plot/line_plot.h"
 #include "run/metrics_table.h"
-#include "train/line_plot.h"
 
 namespace slalom::train {
 namespace {
@@ -14,9 +14,9 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMaxPoints = 1000;  // Of a line; more cannot be seen.
 
 /// A line over training time. Points whose time is not known are unknown.
-PlotSeries SeriesOf(const run::MetricsTable& table, const std::string& name,
-                    const std::string& column, PlotColour colour) {
-  PlotSeries series{name, colour, table.Column("training_s"), table.Column(column)};
+plot::Series SeriesOf(const run::MetricsTable& table, const std::string& name,
+                      const std::string& column, plot::Colour colour) {
+  plot::Series series{name, colour, table.Column("training_s"), table.Column(column)};
   for (std::size_t i = 0; i < series.x.size(); ++i) {
     if (std::isfinite(series.x[i])) continue;
     series.x[i] = 0.0;
@@ -25,15 +25,15 @@ PlotSeries SeriesOf(const run::MetricsTable& table, const std::string& name,
   return series;
 }
 
-PlotPanel RatePanel(const std::string& title, const run::MetricsTable& table) {
+plot::Panel RatePanel(const std::string& title, const run::MetricsTable& table) {
   return {title,
           true,
-          {SeriesOf(table, "success", "success_rate", PlotColour::kGreen),
-           SeriesOf(table, "collision", "collision_rate", PlotColour::kRed),
-           SeriesOf(table, "timeout", "timeout_rate", PlotColour::kAmber)}};
+          {SeriesOf(table, "success", "success_rate", plot::Colour::kGreen),
+           SeriesOf(table, "collision", "collision_rate", plot::Colour::kRed),
+           SeriesOf(table, "timeout", "timeout_rate", plot::Colour::kAmber)}};
 }
 
-void AddStepScale(const run::MetricsTable& table, PlotFigure& figure) {
+void AddStepScale(const run::MetricsTable& table, plot::Figure& figure) {
   figure.top_label = "steps";
   const std::vector<double> seconds = table.Column("training_s");
   const std::vector<double> steps = table.Column("steps");
@@ -51,11 +51,11 @@ std::string DrawTrainingFigure(const std::string& run_name, const std::string& m
                                const std::string& curve) {
   const run::MetricsTable training = run::ParseMetrics(metrics, kMaxPoints);
   const run::MetricsTable scores = run::ParseMetrics(curve, kMaxPoints);
-  PlotPanel score_panel = RatePanel("Scores on the test courses, with 95 % intervals", scores);
-  for (PlotSeries& series : score_panel.series) series.has_dots = true;
+  plot::Panel score_panel = RatePanel("Scores on the test courses, with 95 % intervals", scores);
+  for (plot::Series& series : score_panel.series) series.has_dots = true;
   score_panel.series.front().low = scores.Column("success_low");
   score_panel.series.front().high = scores.Column("success_high");
-  PlotFigure figure{
+  plot::Figure figure{
       .title = run_name,
       .x_label = "training time [s]",
       .top_label = {},
@@ -64,10 +64,10 @@ std::string DrawTrainingFigure(const std::string& run_name, const std::string& m
       .panels = {RatePanel("Training episodes, with exploration noise", training),
                  {"Return of training episodes",
                   false,
-                  {SeriesOf(training, "mean return", "mean_return", PlotColour::kBlue)}},
+                  {SeriesOf(training, "mean return", "mean_return", plot::Colour::kBlue)}},
                  std::move(score_panel)}};
   AddStepScale(training, figure);
-  return DrawFigure(figure);
+  return plot::DrawFigure(figure);
 }
 
 }  // namespace slalom::train

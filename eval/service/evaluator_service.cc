@@ -32,22 +32,18 @@ proto::Hello MakeHello(const EvaluatorIdentity& identity, int num_beams) {
 
 }  // namespace
 
-EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config,
-                                   const EvaluationConfig& evaluation,
-                                   const sim::EnvironmentConfig& environment,
-                                   sim::CourseSet courses, EvaluatorIdentity identity,
-                                   ReadPolicy read_policy, base::ParallelFor& parallel,
-                                   transport::Context& context, metrics::Registry& registry)
+EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config, EvaluationTask task,
+                                   EvaluatorIdentity identity, ReadPolicy read_policy,
+                                   base::ParallelFor& parallel, transport::Context& context,
+                                   metrics::Registry& registry)
     : config_(config),
-      evaluation_(evaluation),
-      environment_(environment),
-      courses_(std::move(courses)),
+      task_(std::move(task)),
       identity_(std::move(identity)),
       read_policy_(std::move(read_policy)),
       parallel_(parallel),
       registry_(registry),
       scores_(identity_.state_directory / "scores.csv", identity_.course_set),
-      replay_(context, identity_.replay, MakeHello(identity_, environment.lidar.num_beams)),
+      replay_(context, identity_.replay, MakeHello(identity_, task_.environment.lidar.num_beams)),
       policy_(context, identity_.learner, identity_.name,
               [this](std::span<const std::byte> policy) {
                 // Read when it is scored: most are replaced before.
@@ -96,8 +92,7 @@ void EvaluatorService::Score(std::stop_token stop) {
   }
   const auto began = steady_clock::now();
   const auto evaluation = EvaluateOnCourses(
-      evaluation_, environment_, courses_, *make_agent, &parallel_,
-      [this](const EpisodeCount&) { Listen(); }, std::move(stop));
+      task_, *make_agent, &parallel_, [this](const EpisodeCount&) { Listen(); }, std::move(stop));
   if (!evaluation) return;
   Record(*evaluation, version, std::chrono::duration<double>(steady_clock::now() - began).count());
   const double success_rate = evaluation->summary.set.success_rate.value;

@@ -19,8 +19,6 @@
 #include "metrics/registry.h"
 #include "service/policy_link.h"
 #include "service/replay_link.h"
-#include "sim/courses/course.h"
-#include "sim/environment_config.h"
 #include "transport/client.h"
 #include "transport/context.h"
 
@@ -46,8 +44,7 @@ class EvaluatorService {
   using ReadPolicy = std::function<base::Result<MakeAgent>(std::span<const std::byte> policy)>;
 
   /// `parallel` must outlive it. Throws `base::Error` where the directory cannot be written.
-  EvaluatorService(const EvaluatorServiceConfig& config, const EvaluationConfig& evaluation,
-                   const sim::EnvironmentConfig& environment, sim::CourseSet courses,
+  EvaluatorService(const EvaluatorServiceConfig& config, EvaluationTask task,
                    EvaluatorIdentity identity, ReadPolicy read_policy, base::ParallelFor& parallel,
                    transport::Context& context, metrics::Registry& registry);
 
@@ -68,9 +65,7 @@ class EvaluatorService {
   std::filesystem::path best() const { return identity_.state_directory / "best.safetensors"; }
 
   const EvaluatorServiceConfig config_;
-  const EvaluationConfig evaluation_;
-  const sim::EnvironmentConfig environment_;
-  const sim::CourseSet courses_;
+  const EvaluationTask task_;
   const EvaluatorIdentity identity_;
   const ReadPolicy read_policy_;
   base::ParallelFor& parallel_;

@@ -243,4 +243,9 @@ void DwaPlanner::EndEscape(const LocalView& view) {
   }
 }
 
+std::unique_ptr<LocalPlanner> MakePlanner(const DwaConfig& config,
+                                          const NavigationConfig& navigation) {
+  return std::make_unique<DwaPlanner>(config, navigation.footprint);
+}
+
 }  // namespace slalom::planners

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <memory>
+
 #include "base/config_field.h"
+#include "planners/navigation/local_planner.h"
 #include "planners/navigation/navigation_config.h"
 
 namespace slalom::planners {
@@ -75,5 +78,9 @@ struct DwaConfig {
       "... or after turning by this much.");
   }
 };
+
+/// Makes the planner, for the registry.
+std::unique_ptr<LocalPlanner> MakePlanner(const DwaConfig& config,
+                                          const NavigationConfig& navigation);
 
 }  // namespace slalom::planners

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <memory>
+
 #include "base/config_field.h"
+#include "planners/navigation/local_planner.h"
 #include "planners/navigation/navigation_config.h"
 
 namespace slalom::planners {
@@ -68,5 +71,9 @@ struct ElasticBandConfig {
       "the angle that 0.7 times the bubble's radius spans.");
   }
 };
+
+/// Makes the planner, for the registry.
+std::unique_ptr<LocalPlanner> MakePlanner(const ElasticBandConfig& config,
+                                          const NavigationConfig& navigation);
 
 }  // namespace slalom::planners

@@ -78,4 +78,9 @@ Twist ElasticBandPlanner::FollowBand(const base::Pose2& X_OR) const {
   return {speed, ClampSize(turn, config_.min_turn_rate, config_.max_turn_rate)};
 }
 
+std::unique_ptr<LocalPlanner> MakePlanner(const ElasticBandConfig& config,
+                                          const NavigationConfig&) {
+  return std::make_unique<ElasticBandPlanner>(config);
+}
+
 }  // namespace slalom::planners

@@ -191,4 +191,8 @@ void MppiPlanner::TakeBestRollout() {
   }
 }
 
+std::unique_ptr<LocalPlanner> MakePlanner(const MppiConfig& config, const NavigationConfig&) {
+  return std::make_unique<MppiPlanner>(config);
+}
+
 }  // namespace slalom::planners

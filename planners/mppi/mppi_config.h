@@ -1,6 +1,9 @@
 #pragma once
 
+#include <memory>
+
 #include "base/config_field.h"
+#include "planners/navigation/local_planner.h"
 #include "planners/navigation/navigation_config.h"
 
 /// Defaults are those of Nav2's nav2_mppi_controller (its README and sources) save where a comment
@@ -243,5 +246,9 @@ struct MppiConfig {
     v.Section("prefer_forward", prefer_forward, "Backward driving.");
   }
 };
+
+/// Makes the planner, for the registry.
+std::unique_ptr<LocalPlanner> MakePlanner(const MppiConfig& config,
+                                          const NavigationConfig& navigation);
 
 }  // namespace slalom::planners

@@ -338,4 +338,8 @@ std::vector<TimedBand> TebPlanner::bands() const {
   return bands;
 }
 
+std::unique_ptr<LocalPlanner> MakePlanner(const TebConfig& config, const NavigationConfig&) {
+  return std::make_unique<TebPlanner>(config);
+}
+
 }  // namespace slalom::planners

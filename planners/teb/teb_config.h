@@ -1,6 +1,9 @@
 #pragma once
 
+#include <memory>
+
 #include "base/config_field.h"
+#include "planners/navigation/local_planner.h"
 #include "planners/navigation/navigation_config.h"
 
 /// Defaults are the settings with which PRIEST's authors ran TEB on BARN (docs/original-system.md,
@@ -215,5 +218,9 @@ struct TebConfig {
     v.Section("navigation", navigation, "Rate, inflation and goal tolerance with TEB.");
   }
 };
+
+/// Makes the planner, for the registry.
+std::unique_ptr<LocalPlanner> MakePlanner(const TebConfig& config,
+                                          const NavigationConfig& navigation);
 
 }  // namespace slalom::planners

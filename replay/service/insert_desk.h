@@ -46,7 +46,8 @@ class InsertDesk {
 
   /// Counts since the start. Plain data.
   struct Counts {
-    static constexpr std::size_t kReasons = 16;  ///< Arrays are indexed by RefusalCode.
+    /// Arrays are indexed by RefusalCode, whose numbers begin at 1.
+    static constexpr std::size_t kReasons = proto::kRefusalCodes.size() + 1;
     std::int64_t chunks_accepted = 0;
     std::int64_t chunks_duplicate = 0;
     std::int64_t steps_duplicate = 0;

@@ -10,14 +10,6 @@
 namespace slalom::replay {
 namespace {
 
-constexpr proto::RefusalCode kReasons[] = {
-    proto::RefusalCode::kBadMessage,     proto::RefusalCode::kWrongVersion,
-    proto::RefusalCode::kUnknownMessage, proto::RefusalCode::kNotAllowed,
-    proto::RefusalCode::kWrongSpec,      proto::RefusalCode::kNoSession,
-    proto::RefusalCode::kOutOfOrder,     proto::RefusalCode::kOverWindow,
-    proto::RefusalCode::kTooFast,        proto::RefusalCode::kNotReady,
-    proto::RefusalCode::kReplaced};
-
 template <std::size_t... kIndices>
 std::vector<metrics::Counter> MessageCounters(metrics::Registry& registry,
                                               std::index_sequence<kIndices...>) {
@@ -72,7 +64,7 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
       messages_(MessageCounters(registry,
                                 std::make_index_sequence<std::variant_size_v<proto::Header>>())),
       shown_(std::chrono::steady_clock::now()) {
-  for (const proto::RefusalCode code : kReasons) {
+  for (const proto::RefusalCode code : proto::kRefusalCodes) {
     const auto i = static_cast<std::size_t>(code);
     chunks_rejected_[i] = registry.counter(metrics::kChunksRejected, {ToString(code)});
     steps_rejected_[i] = registry.counter(metrics::kStepsRejected, {ToString(code)});
@@ -111,7 +103,7 @@ void ServerMetrics::Show(const Sources& sources, Time now) {
   sessions_started_.RaiseTo(static_cast<double>(in.sessions_started));
   reconnections_.RaiseTo(static_cast<double>(in.reconnections));
   episodes_cut_.RaiseTo(static_cast<double>(in.episodes_cut));
-  for (const proto::RefusalCode code : kReasons) {
+  for (const proto::RefusalCode code : proto::kRefusalCodes) {
     const auto i = static_cast<std::size_t>(code);
     chunks_rejected_[i].RaiseTo(static_cast<double>(in.chunks_rejected[i]));
     steps_rejected_[i].RaiseTo(static_cast<double>(in.steps_rejected[i]));

@@ -181,13 +181,22 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
   const std::vector<std::string> names = ListCourseSets(collection);
   const std::string suggestion = base::Suggestion(spec, names);
   throw base::Error(fmt::format(
-      "\"{}\" is neither a course set nor a file{}{}{}here are: {}, generated:SEED:COUNT, "
-      "generated-box:SEED:COUNT, generated-wall:SEED:COUNT, or the path of a course file, a "
+      "\"{}\" is neither a course set nor a file{}{}{}here are: {}, {}, or the path of a course "
+      "file, a "
       "course-set file or a directory of course files",
       spec,
       collection && !collection->empty() ? fmt::format(" (in collection {})", collection->string())
                                          : "",
-      suggestion, suggestion.empty() ? "; t" : " T", fmt::join(names, ", ")));
+      suggestion, suggestion.empty() ? "; t" : " T", fmt::join(names, ", "),
+      FreshCoursePatterns()));
+}
+
+std::string FreshCoursePatterns() {
+  std::string patterns;
+  for (const FreshSource& source : kFreshSources) {
+    patterns += fmt::format("{}{}SEED:COUNT", patterns.empty() ? "" : ", ", source.prefix);
+  }
+  return patterns;
 }
 
 std::vector<std::string> ListCourseSets(const std::optional<fs::path>& collection) {

@@ -34,6 +34,9 @@ CourseSet ResolveCourses(const std::string& spec,
                          const std::optional<std::filesystem::path>& collection,
                          std::uint64_t generator_seed);
 
+/// The patterns of fresh courses for people: "generated:SEED:COUNT, generated-box:SEED:COUNT, ...".
+std::string FreshCoursePatterns();
+
 /// The names that `ResolveCourses` knows without a path, in a sensible order.
 std::vector<std::string> ListCourseSets(const std::optional<std::filesystem::path>& collection);
 

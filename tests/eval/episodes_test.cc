@@ -33,10 +33,14 @@ EvaluationConfig MakeConfig() {
   return config;
 }
 
+EvaluationTask Task(const EvaluationConfig& config, int num_courses) {
+  return ResolveEvaluation(config, {}, MakeCourses(num_courses));
+}
+
 Episodes RunFake(int batch_size, const EvaluationConfig& config) {
   testing::FakeEnvironment environments(batch_size, {0.1, 0.5, 0.9});
   testing::SummingAgent agent(batch_size);
-  return RunEpisodes(config, {}, MakeCourses(3), environments, agent).value();
+  return RunEpisodes(Task(config, 3), environments, agent).value();
 }
 
 TEST(RunEpisodes, DoesNotDependOnTheBatchSize) {
@@ -132,7 +136,7 @@ TEST(RunEpisodes, KeepsTheTracksOfFailuresFirst) {
     config.recorded_episodes_per_course = num_kept;
     testing::FakeEnvironment environments(7, success_probability);
     testing::SummingAgent agent(7);
-    const Episodes episodes = RunEpisodes(config, {}, MakeCourses(5), environments, agent).value();
+    const Episodes episodes = RunEpisodes(Task(config, 5), environments, agent).value();
     for (int c = 0; c < 5; ++c) {
       // Failures in order, then successes in order: the first of them, in the order of episodes.
       std::vector<int> expected;
@@ -165,8 +169,7 @@ TEST(RunEpisodes, ReportsProgressUpToTheEnd) {
     last = now.ended;
     count = now;
   };
-  const auto episodes =
-      RunEpisodes(MakeConfig(), {}, MakeCourses(2), environments, agent, progress).value();
+  const auto episodes = RunEpisodes(Task(MakeConfig(), 2), environments, agent, progress).value();
   EXPECT_EQ(last, 12);
   const auto num = [&](env::Outcome outcome) {
     return std::ranges::count(episodes.records, outcome, &EpisodeRecord::outcome);
@@ -183,8 +186,7 @@ TEST(RunEpisodes, GivesNothingWhenStopped) {
   const auto progress = [&](const EpisodeCount& now) {
     if (now.ended >= 3) source.request_stop();
   };
-  EXPECT_FALSE(RunEpisodes(MakeConfig(), {}, MakeCourses(2), environments, agent, progress,
-                           source.get_token())
+  EXPECT_FALSE(RunEpisodes(Task(MakeConfig(), 2), environments, agent, progress, source.get_token())
                    .has_value());
   EXPECT_LT(environments.specs().size(), 12u);
 }
@@ -192,8 +194,7 @@ TEST(RunEpisodes, GivesNothingWhenStopped) {
 TEST(RunEpisodes, RefusesActionsThatAreNotFinite) {
   testing::FakeEnvironment environments(2, {0.5});
   testing::ConstantAgent agent({0.0f, std::nanf("")});
-  EXPECT_THROW((void)RunEpisodes(MakeConfig(), {}, MakeCourses(1), environments, agent),
-               base::Error);
+  EXPECT_THROW((void)RunEpisodes(Task(MakeConfig(), 1), environments, agent), base::Error);
 }
 
 /// One course; the robot goes along x as the script says, which also holds contacts. Never ends by
@@ -232,7 +233,7 @@ EpisodeRecord RunScript(const std::string& protocol,
   EvaluationConfig config;
   config.protocol = protocol;
   config.episodes_per_course = 1;
-  return RunEpisodes(config, {}, MakeCourses(1), environment, agent).value().records.front();
+  return RunEpisodes(Task(config, 1), environment, agent).value().records.front();
 }
 
 TEST(RunEpisodes, CountsEachContactOnce) {
@@ -267,7 +268,7 @@ TEST(RunEpisodes, KeepsScansOfCoursesSpreadOverTheSet) {
   for (const auto& [kept, courses] :
        {std::pair{0, std::vector<int>{}}, {1, {0}}, {3, {0, 3, 6}}, {5, {0, 2, 4, 6, 8}}}) {
     config.recorded_scan_courses = kept;
-    const Episodes episodes = RunEpisodes(config, {}, MakeCourses(10), environments, agent).value();
+    const Episodes episodes = RunEpisodes(Task(config, 10), environments, agent).value();
     std::vector<int> with_scans;
     for (std::size_t t = 0; t < episodes.tracks.size(); ++t) {
       const sim::EpisodeTrack& track = episodes.tracks[t];

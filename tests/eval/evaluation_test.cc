@@ -22,7 +22,8 @@ EvaluationConfig MakeProtocol(int num_environments) {
 
 Evaluation RunOnCourses(int num_environments, base::ParallelFor* parallel) {
   const sim::CourseSet courses = sim::ResolveCourses("generated:7:6", std::nullopt, 0);
-  return EvaluateOnCourses(MakeProtocol(num_environments), {}, courses, MakeReactive, parallel)
+  return EvaluateOnCourses(ResolveEvaluation(MakeProtocol(num_environments), {}, courses),
+                           MakeReactive, parallel)
       .value();
 }
 
@@ -61,7 +62,8 @@ TEST(EvaluateOnCourses, DrivesACourseAlikeInAnySet) {
   const sim::CourseSet last{"last", {courses.courses.back()}};
   const Evaluation all = RunOnCourses(64, nullptr);
   const Evaluation one =
-      EvaluateOnCourses(MakeProtocol(64), {}, last, MakeReactive, nullptr).value();
+      EvaluateOnCourses(ResolveEvaluation(MakeProtocol(64), {}, last), MakeReactive, nullptr)
+          .value();
   for (int k = 0; k < 3; ++k) {
     EpisodeRecord expected = all.episodes.records[15 + k];
     expected.course = 0;
@@ -69,10 +71,10 @@ TEST(EvaluateOnCourses, DrivesACourseAlikeInAnySet) {
   }
 }
 
-TEST(NumEnvironments, IsNoMoreThanThereAreEpisodes) {
+TEST(ResolveEvaluation, MakesNoMoreEnvironmentsThanThereAreEpisodes) {
   const sim::CourseSet courses{"three", std::vector(3, std::make_shared<const sim::Course>())};
-  EXPECT_EQ(NumEnvironments(MakeProtocol(64), courses), 9);
-  EXPECT_EQ(NumEnvironments(MakeProtocol(4), courses), 4);
+  EXPECT_EQ(ResolveEvaluation(MakeProtocol(64), {}, courses).num_environments, 9);
+  EXPECT_EQ(ResolveEvaluation(MakeProtocol(4), {}, courses).num_environments, 4);
 }
 
 }  // namespace

@@ -27,12 +27,10 @@ eval::Evaluation MakeEvaluation(std::vector<double> success_probability,
   eval::EvaluationConfig five = config;
   five.episodes_per_course = 5;
   five.num_environments = 4;
-  const int batch_size = eval::NumEnvironments(five, courses);
-  FakeEnvironment environments(batch_size, std::move(success_probability));
-  SummingAgent agent(batch_size);
-  return eval::Evaluate(five, eval::WithProtocol(sim::EnvironmentConfig{}, five), courses,
-                        environments, agent)
-      .value();
+  const eval::EvaluationTask task = eval::ResolveEvaluation(five, {}, courses);
+  FakeEnvironment environments(task.num_environments, std::move(success_probability));
+  SummingAgent agent(task.num_environments);
+  return eval::Evaluate(task, environments, agent).value();
 }
 
 eval::Evaluation DriveCourses(int num_courses) {
@@ -53,7 +51,8 @@ eval::Evaluation DriveCourses(int num_courses) {
   const auto make_agent = [](int, const sim::EnvironmentConfig&) {
     return std::make_unique<ReactiveAgent>();
   };
-  return eval::EvaluateOnCourses(config, {}, courses, make_agent, nullptr).value();
+  return eval::EvaluateOnCourses(eval::ResolveEvaluation(config, {}, courses), make_agent, nullptr)
+      .value();
 }
 
 eval::Provenance MakeProvenance(const std::string& agent) {

@@ -26,9 +26,8 @@ Evaluation Drive(int num_environments, base::ParallelFor* parallel) {
                                                     environment.action, environment.episode.step,
                                                     parallel);
   };
-  return EvaluateOnCourses(config, task, sim::ResolveCourses("generated:5:3", std::nullopt, 0),
-                           make_agent, parallel)
-      .value();
+  const sim::CourseSet courses = sim::ResolveCourses("generated:5:3", std::nullopt, 0);
+  return EvaluateOnCourses(ResolveEvaluation(config, task, courses), make_agent, parallel).value();
 }
 
 // A planner keeps maps from step to step, so it would betray episodes that share anything.

@@ -3,9 +3,16 @@
 #include <gtest/gtest.h>
 
 #include "config/config.h"
+#include "eval/evaluation_task.h"
 
 namespace slalom::eval {
 namespace {
+
+Protocol Resolved(const std::string& name) {
+  EvaluationConfig config;
+  config.protocol = name;
+  return ResolveProtocol(config);
+}
 
 EvaluationConfig Named(const std::string& name) {
   EvaluationConfig config;
@@ -37,9 +44,9 @@ TEST(Protocol, TimeLimitIsTheSameForAnyStep) {
   for (const auto& [step, paper, challenge] :
        {std::tuple{0.2, 400, 1000}, {0.05, 1600, 4000}, {0.1, 800, 2000}}) {
     environment.episode.step = step;
-    EXPECT_EQ(WithProtocol(environment, Named("paper")).episode.max_steps, paper);
+    EXPECT_EQ(WithProtocol(environment, Resolved("paper")).episode.max_steps, paper);
     // As long again to set off.
-    EXPECT_EQ(WithProtocol(environment, Named("barn-challenge")).episode.max_steps, challenge);
+    EXPECT_EQ(WithProtocol(environment, Resolved("barn-challenge")).episode.max_steps, challenge);
   }
 }
 
@@ -51,7 +58,8 @@ TEST(Protocol, ReplacesTheTasksOwnRules) {
   EvaluationConfig config = Named("barn-challenge");
   config.start_position_jitter = 0.25;
   config.start_yaw_jitter = 0.5;
-  const sim::EnvironmentConfig task = WithProtocol(environment, config);
+  const sim::EnvironmentConfig task =
+      ResolveEvaluation(config, environment, OneCourse()).environment;
   EXPECT_EQ(task.episode.goal_tolerance, 1.0);
   EXPECT_EQ(task.episode.start_position_jitter, 0.25);
   EXPECT_EQ(task.episode.start_yaw_jitter, 0.5);
@@ -67,16 +75,17 @@ TEST(Protocol, GivenValuesWin) {
   EXPECT_EQ(ResolveProtocol(config).time_limit, 30.0);
   EXPECT_EQ(ResolveProtocol(config).goal_tolerance, 0.9);
   EXPECT_FALSE(ResolveProtocol(config).collision_ends);
-  EXPECT_FALSE(WithProtocol(sim::EnvironmentConfig{}, config).episode.collision_ends);
-  EXPECT_TRUE(WithProtocol(sim::EnvironmentConfig{}, Named("paper")).episode.collision_ends);
+  EXPECT_FALSE(
+      WithProtocol(sim::EnvironmentConfig{}, ResolveProtocol(config)).episode.collision_ends);
+  EXPECT_TRUE(WithProtocol(sim::EnvironmentConfig{}, Resolved("paper")).episode.collision_ends);
 }
 
 TEST(Protocol, TheChallengeStartsFurtherLeftWithTheGoalTenMetresAhead) {
-  const sim::CourseSet shifted = WithProtocol(OneCourse(), Named("barn-challenge"));
+  const sim::CourseSet shifted = WithProtocol(OneCourse(), Resolved("barn-challenge"));
   EXPECT_EQ(shifted.courses[0]->start, (base::Pose2{{-2.25, 3.0}, 1.57}));
   EXPECT_EQ(shifted.courses[0]->goal_W, (base::Vec2{-2.25, 13.0}));
   EXPECT_EQ(shifted.courses[0]->reference_path_W, OneCourse().courses[0]->reference_path_W);
-  EXPECT_EQ(*WithProtocol(OneCourse(), Named("paper")).courses[0], *OneCourse().courses[0]);
+  EXPECT_EQ(*WithProtocol(OneCourse(), Resolved("paper")).courses[0], *OneCourse().courses[0]);
 }
 
 }  // namespace

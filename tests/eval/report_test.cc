@@ -86,6 +86,28 @@ TEST(JsonReport, SurvivesAPathThatIsNotUtf8) {
   EXPECT_TRUE(json::accept(text));
 }
 
+// The bytes of evaluation.json under each protocol, so that a change of what a protocol means, or
+// of how it is resolved, is seen.
+TEST(JsonReport, HasTheSameBytesForAFixedSeed) {
+  const std::map<std::string, std::uint64_t> golden = {
+      {"paper", 9334635843872435489ull},
+      {"dwa-runs", 196730729479940173ull},
+      {"barn-challenge", 16426457166624961545ull},
+      {"paper, 20 s, 0.9 m", 6313601959903428678ull}};
+  for (const auto& [name, checksum] : golden) {
+    EvaluationConfig config;
+    config.protocol = name.substr(0, name.find(','));
+    if (config.protocol != name) {
+      config.time_limit = 20.0;
+      config.goal_tolerance = 0.9;
+    }
+    EXPECT_EQ(base::Checksum(std::string_view(
+                  JsonReport(MakeEvaluation({0.0, 0.5, 1.0}, config), kProvenance))),
+              checksum)
+        << name;
+  }
+}
+
 TEST(CourseCsv, HasOneFullLinePerCourse) {
   const auto lines = Split(CourseCsv(MakeEvaluation({0.0, 0.5, 1.0})), '\n');
   ASSERT_EQ(lines.size(), 4u);
@@ -124,7 +146,7 @@ TEST(WriteReports, WritesEveryFile) {
   const sim::CourseSet courses = sim::ReadCourseSet(directory / "evaluation.courses");
   EXPECT_EQ(courses.name, "made");
   ASSERT_EQ(courses.courses.size(), 1u);
-  EXPECT_EQ(*courses.courses.front(), *evaluation.courses.courses.front());
+  EXPECT_EQ(*courses.courses.front(), *evaluation.task.courses.courses.front());
   EXPECT_THROW(WriteReports(evaluation, kProvenance, directory / "evaluation.json"), base::Error);
   std::filesystem::remove_all(directory);
 }
@@ -132,7 +154,9 @@ TEST(WriteReports, WritesEveryFile) {
 TEST(TextReport, CountsCollisionsThatEndNothing) {
   Evaluation evaluation = MakeEvaluation({0.5});
   EXPECT_THAT(TextReport(evaluation), ::testing::Not(HasSubstr("touched")));
-  evaluation.config.protocol = "dwa-runs";
+  EvaluationConfig config;
+  config.protocol = "dwa-runs";
+  evaluation.task.protocol = ResolveProtocol(config);
   EXPECT_THAT(TextReport(evaluation), HasSubstr("touched"));
   EXPECT_THAT(TextReport(evaluation), HasSubstr("protocol dwa-runs: 100 s"));
 }

@@ -80,7 +80,7 @@ TEST_F(ResultTest, GivesBackWhatWasWritten) {
     EXPECT_EQ(episode.time, record.time(0.2));
     EXPECT_EQ(episode.num_collisions, record.num_collisions);
   }
-  EXPECT_EQ(*result.course_set_data.courses[1], *evaluation.courses.courses[1]);
+  EXPECT_EQ(*result.course_set_data.courses[1], *evaluation.task.courses.courses[1]);
   EXPECT_EQ(result.tracks, evaluation.episodes.tracks);
 }
 

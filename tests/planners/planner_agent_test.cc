@@ -17,8 +17,8 @@
 namespace slalom::planners {
 namespace {
 
-using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsSupersetOf;
 
 sim::EnvironmentConfig TaskAt20Hz() {
   sim::EnvironmentConfig config;
@@ -152,7 +152,7 @@ TEST(PlannerAgent, DwaDrivesGeneratedCourses) {
 }
 
 TEST(PlannerRegistry, KnowsItsPlanners) {
-  EXPECT_THAT(PlannerNames(), ElementsAre("dwa", "eband", "teb", "mppi"));
+  EXPECT_THAT(PlannerNames(), IsSupersetOf({"dwa", "eband", "teb", "mppi"}));
   const PlannersConfig config;
   for (const std::string& name : PlannerNames()) {
     EXPECT_NE(MakeLocalPlanner(name, config), nullptr);

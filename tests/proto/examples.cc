@@ -1,62 +1,47 @@
 #include "tests/proto/examples.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <type_traits>
 
 #include "base/file.h"
 
 namespace slalom::proto {
 namespace {
 
-std::string PrintReport(const Report& m) {
-  std::string text = fmt::format("{} {}", m.role, m.name);
-  for (const auto& [key, value] : m.figures) text += fmt::format(" {}={}", key, value);
-  for (const auto& [key, value] : m.facts) text += fmt::format(" {}='{}'", key, value);
-  return text;
-}
-
-std::string PrintFields(const Hello& m) {
-  return fmt::format("{} {} {} {} {} {} {}", m.role, m.name, m.session, m.spec_hash, m.num_beams,
-                     m.num_streams, m.software);
-}
-std::string PrintFields(const Welcome& m) {
-  return fmt::format("{} {} {} {} {} {} {}", m.server, m.session, m.next_sequence, m.window_bytes,
-                     m.previous_session, m.previous_accepted_steps, m.software);
-}
-std::string PrintFields(const Insert& m) {
-  return fmt::format("{} {} {} {} {} {} {}", m.session, m.sequence, m.num_rows, m.num_beams,
-                     m.num_steps, m.oldest_version, m.newest_version);
-}
-std::string PrintFields(const InsertAck& m) {
-  return fmt::format("{} {} {}", m.session, m.next_sequence, m.window_bytes);
-}
-std::string PrintFields(const Goodbye& m) { return fmt::format("{}", m.session); }
-std::string PrintFields(const SampleRequest& m) {
-  return fmt::format("{} {} {} {} {} {} {}", m.cursor, m.batch, m.history, m.n_step, m.gamma,
-                     m.prioritized, m.importance_exponent);
-}
-std::string PrintFields(const SampleReply& m) {
-  return fmt::format("{} {} {} {} {} {} {} {}", m.cursor, m.batch, m.history, m.num_beams,
-                     m.weighted, m.inserted_steps, m.table_steps, m.acting_version);
-}
-std::string PrintFields(const PriorityUpdate& m) { return fmt::format("{}", m.count); }
-std::string PrintFields(const SnapshotRequest& m) {
-  return fmt::format("{} {}", m.held_version, m.name);
-}
-std::string PrintFields(const Snapshot& m) {
-  return fmt::format("{} {} {} {}", m.version, m.spec_hash, m.published_ns, m.learner_steps);
-}
-std::string PrintFields(const Report& m) { return PrintReport(m); }
-std::string PrintFields(const StatusRequest&) { return ""; }
-std::string PrintFields(const StatusReply& m) {
-  std::string text = fmt::format("{}", m.omitted);
-  for (const RoleStatus& role : m.roles) {
-    text += fmt::format(" [{} {} {}]", PrintReport(role.report), role.age_s, role.connected);
+/// Prints the values of a message's fields, each after a space.
+class Printer {
+ public:
+  template <class T, class Access, class Bound>
+  void operator()(int, std::string_view, const T& value, const Access&, const Bound&,
+                  std::string_view) {
+    text_ += ' ';
+    if constexpr (HasFields<T>) {
+      PutFields(value);
+    } else if constexpr (std::is_enum_v<T>) {
+      text_ += fmt::format("{}", static_cast<std::uint32_t>(value));
+    } else if constexpr (requires { typename T::mapped_type; }) {
+      text_ += fmt::format("{}", value);
+    } else if constexpr (std::is_same_v<T, std::vector<RoleStatus>>) {
+      for (const RoleStatus& entry : value) PutFields(entry);
+    } else {
+      text_ += fmt::format("{}", value);
+    }
   }
-  return text;
-}
-std::string PrintFields(const Refusal& m) {
-  return fmt::format("{} '{}' {}", static_cast<std::uint32_t>(m.code), m.text, m.about);
-}
+
+  template <class Message>
+  void PutFields(const Message& message) {
+    text_ += fmt::format("[{}", Message::kName);
+    Message::Visit(message, *this);
+    text_ += ']';
+  }
+
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+};
 
 }  // namespace
 
@@ -144,8 +129,9 @@ std::string FrameByHand(int major, int minor, int number, std::string_view proto
 }
 
 std::string Print(const Header& header) {
-  return std::string(NameOf(header)) + ": " +
-         std::visit([](const auto& message) { return PrintFields(message); }, header);
+  Printer printer;
+  std::visit([&](const auto& message) { printer.PutFields(message); }, header);
+  return printer.text();
 }
 
 }  // namespace slalom::proto

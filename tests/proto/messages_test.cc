@@ -263,11 +263,11 @@ TEST(MessagesTest, WhatIsOutOfBoundsIsNotSent) {
 
 TEST(MessagesTest, EveryRefusalHasAName) {
   std::set<std::string_view> names;
-  for (std::uint32_t code = 1; code <= 11; ++code) {
-    names.insert(ToString(static_cast<RefusalCode>(code)));
-  }
+  for (const RefusalCode code : kRefusalCodes) names.insert(ToString(code));
   EXPECT_EQ(names.size(), 11u);
+  EXPECT_TRUE(names.contains("replaced"));
   EXPECT_FALSE(names.contains("other"));
+  EXPECT_EQ(ToString(static_cast<RefusalCode>(0)), "other");
   EXPECT_EQ(ToString(static_cast<RefusalCode>(12)), "other");
 }
 

@@ -11,7 +11,6 @@
 
 #include "base/file.h"
 #include "eval/evaluation.h"
-#include "eval/protocol.h"
 #include "eval/report.h"
 #include "sweep/report.h"
 
@@ -33,22 +32,22 @@ eval::EpisodeRecord MakeRecord(int course, int episode, char letter, double succ
 
 eval::Evaluation MakeEvaluation(const std::vector<std::string>& outcomes, double success_time) {
   eval::Evaluation evaluation;
-  evaluation.config.episodes_per_course = static_cast<int>(outcomes.front().size());
-  evaluation.environment = eval::WithProtocol(sim::EnvironmentConfig{}, evaluation.config);
-  evaluation.courses.name = "made";
-  const double step = evaluation.environment.episode.step;
+  evaluation.task = eval::ResolveEvaluation({}, {}, {"made", {}});
+  evaluation.task.episodes_per_course = static_cast<int>(outcomes.front().size());
+  const double step = evaluation.task.environment.episode.step;
   for (std::size_t c = 0; c < outcomes.size(); ++c) {
     auto course = std::make_shared<sim::Course>();
     course->name = "course-" + std::to_string(c);
     course->goal_W = {10.0, 0.0};
     course->bounds = {{-1.0, -5.0}, {11.0, 5.0}};
-    evaluation.courses.courses.push_back(std::move(course));
+    evaluation.task.courses.courses.push_back(std::move(course));
     for (std::size_t k = 0; k < outcomes[c].size(); ++k) {
       evaluation.episodes.records.push_back(
           MakeRecord(static_cast<int>(c), static_cast<int>(k), outcomes[c][k], success_time, step));
     }
   }
-  evaluation.summary = eval::Summarise(evaluation.episodes.records, evaluation.courses, step, 80.0);
+  evaluation.summary =
+      eval::Summarise(evaluation.episodes.records, evaluation.task.courses, step, 80.0);
   return evaluation;
 }
 

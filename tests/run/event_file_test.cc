@@ -1,4 +1,4 @@
-#include "metrics/event_file.h"
+#include "run/event_file.h"
 
 #include <gmock/gmock.h>
 
@@ -11,9 +11,10 @@
 #include "tests/support/event_file_reader.h"
 #include "tests/support/scratch_directory.h"
 
-namespace slalom::metrics {
+namespace slalom::run {
 namespace {
 
+using proto::Scalar;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Pair;
@@ -114,4 +115,4 @@ TEST(EventFileTest, AnUnwritablePlaceIsNamed) {
 }
 
 }  // namespace
-}  // namespace slalom::metrics
+}  // namespace slalom::run

@@ -1,4 +1,4 @@
-#include "train/line_plot.h"
+#include "plot/line_plot.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-namespace slalom::train {
+namespace slalom::plot {
 namespace {
 
 // In pixels.
@@ -36,15 +36,15 @@ constexpr std::string_view kStyle =
     ".green{color:#5cc47a}.red{color:#f07b6c}.amber{color:#e3b04b}.blue{color:#62b0ee}}\n"
     "</style>\n";
 
-std::string_view ClassOf(PlotColour colour) {
+std::string_view ClassOf(Colour colour) {
   switch (colour) {
-    case PlotColour::kGreen:
+    case Colour::kGreen:
       return "green";
-    case PlotColour::kRed:
+    case Colour::kRed:
       return "red";
-    case PlotColour::kAmber:
+    case Colour::kAmber:
       return "amber";
-    case PlotColour::kBlue:
+    case Colour::kBlue:
       break;
   }
   return "blue";
@@ -92,8 +92,8 @@ struct Scale {
   }
 };
 
-bool HasValues(const PlotPanel& panel) {
-  return std::ranges::any_of(panel.series, [](const PlotSeries& series) {
+bool HasValues(const Panel& panel) {
+  return std::ranges::any_of(panel.series, [](const Series& series) {
     return std::ranges::any_of(series.y, [](double y) { return std::isfinite(y); });
   });
 }
@@ -114,11 +114,11 @@ struct Axis {
 };
 
 /// Round numbers around every known y of a panel.
-Axis YAxis(const PlotPanel& panel) {
+Axis YAxis(const Panel& panel) {
   if (panel.is_rate) return {};
   double low = std::numeric_limits<double>::infinity();
   double high = -low;
-  for (const PlotSeries& series : panel.series) {
+  for (const Series& series : panel.series) {
     for (const double y : series.y) {
       if (!std::isfinite(y)) continue;
       low = std::min(low, y);
@@ -150,7 +150,7 @@ class Drawing {
         attributes, Escape(text));
   }
 
-  void Panel(const PlotPanel& panel, double top, double x_tick) {
+  void AddPanel(const Panel& panel, double top, double x_tick) {
     const Axis axis = YAxis(panel);
     const Scale y{axis.low, axis.high, top + kPanelHeight, top};
     Text(kLeft, top - 9.0, panel.title, "font-weight=\"bold\"");
@@ -167,8 +167,8 @@ class Drawing {
           top + kPanelHeight, fmt::arg("x", x_(x)));
     }
     double label_y = top + 12.0;
-    for (const PlotSeries& series : panel.series) {
-      Series(series, y, panel.is_rate, label_y);
+    for (const Series& series : panel.series) {
+      AddSeries(series, y, panel.is_rate, label_y);
       label_y += 18.0;
     }
   }
@@ -181,7 +181,7 @@ class Drawing {
   }
 
   /// What the second scale reads at the ticks of the first, between its points in proportion.
-  void TopScale(const PlotFigure& figure, double y, double tick) {
+  void TopScale(const Figure& figure, double y, double tick) {
     const auto& xs = figure.top_x;
     for (const double x : Ticks(0.0, x_.from_high, tick)) {
       const auto after = std::ranges::lower_bound(xs, x);
@@ -205,7 +205,7 @@ class Drawing {
   }
 
   /// The line, its intervals and dots, and at the right its name with the last value.
-  void Series(const PlotSeries& series, const Scale& y, bool is_rate, double label_y) {
+  void AddSeries(const Series& series, const Scale& y, bool is_rate, double label_y) {
     const std::string_view colour = ClassOf(series.colour);
     std::string points;
     bool pen_down = false;
@@ -243,12 +243,12 @@ class Drawing {
 
 }  // namespace
 
-std::string DrawFigure(const PlotFigure& figure) {
-  std::vector<PlotPanel> panels;
+std::string DrawFigure(const Figure& figure) {
+  std::vector<Panel> panels;
   std::ranges::copy_if(figure.panels, std::back_inserter(panels), HasValues);
   double x_max = 0.0;
-  for (const PlotPanel& panel : panels) {
-    for (const PlotSeries& series : panel.series) {
+  for (const Panel& panel : panels) {
+    for (const Series& series : panel.series) {
       for (const double x : series.x) {
         if (std::isfinite(x)) x_max = std::max(x_max, x);
       }
@@ -268,10 +268,10 @@ std::string DrawFigure(const PlotFigure& figure) {
   }
   if (has_top_scale) drawing.TopScale(figure, kTop + 18.0, tick);
   for (std::size_t k = 0; k < panels.size(); ++k) {
-    drawing.Panel(panels[k], first + step * static_cast<double>(k) + kPanelTitle, tick);
+    drawing.AddPanel(panels[k], first + step * static_cast<double>(k) + kPanelTitle, tick);
   }
   drawing.BottomScale(end, tick, figure.x_label);
   return std::move(drawing).Finish();
 }
 
-}  // namespace slalom::train
+}  // namespace slalom::plot

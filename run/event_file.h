@@ -4,24 +4,18 @@
 #include <filesystem>
 #include <optional>
 #include <span>
-#include <string_view>
 
 #include "base/append_file.h"
 #include "base/result.h"
+#include "proto/tensorboard_event.h"
 
-namespace slalom::metrics {
-
-/// A value and the tag under which TensorBoard shows it.
-struct Scalar {
-  std::string_view tag;
-  double value = 0.0;
-};
+namespace slalom::run {
 
 /// A TensorBoard event file: records of
 ///
-///   length u64, masked CRC32C of these 8 bytes u32, Event (protobuf), masked CRC32C of it u32
+///   length u64, masked CRC32C of these 8 bytes u32, event (proto/), masked CRC32C of it u32
 ///
-/// in little-endian order. The first Event holds the format's version and the second a session
+/// in little-endian order. The first event holds the format's version and the second a session
 /// start. Each `Append` adds one more. Confined to one thread.
 class EventFile {
  public:
@@ -33,10 +27,10 @@ class EventFile {
   /// cannot be created.
   EventFile(const std::filesystem::path& directory, std::int64_t first_step);
 
-  /// Adds one Event with the finite ones among these values, as float32. If it cannot be written,
+  /// Adds one event with the finite ones among these values, as float32. If it cannot be written,
   /// the file is left as it was and a later call may succeed.
   [[nodiscard]] std::optional<base::Failure> Append(std::int64_t step,
-                                                    std::span<const Scalar> scalars);
+                                                    std::span<const proto::Scalar> scalars);
 
   const std::filesystem::path& path() const { return file_.path(); }
 
@@ -44,4 +38,4 @@ class EventFile {
   base::AppendFile file_;
 };
 
-}  // namespace slalom::metrics
+}  // namespace slalom::run

@@ -3,15 +3,15 @@
 #include <string>
 #include <vector>
 
-namespace slalom::train {
+namespace slalom::plot {
 
 /// A colour with a darker and a lighter shade, for light and dark viewers.
-enum class PlotColour { kGreen, kRed, kAmber, kBlue };
+enum class Colour { kGreen, kRed, kAmber, kBlue };
 
 /// One line of a panel.
-struct PlotSeries {
+struct Series {
   std::string name;
-  PlotColour colour = PlotColour::kBlue;
+  Colour colour = Colour::kBlue;
   std::vector<double> x;
   std::vector<double> y;         ///< Same length as x; NaN leaves a gap.
   std::vector<double> low = {};  ///< Ends of intervals, each as long as x; empty: none.
@@ -20,25 +20,25 @@ struct PlotSeries {
 };
 
 /// Lines over the figure's x axis.
-struct PlotPanel {
+struct Panel {
   std::string title;
   bool is_rate = false;  ///< y from 0 to 1, shown as percent; else from the least to the largest.
-  std::vector<PlotSeries> series;
+  std::vector<Series> series;
 };
 
 /// Panels below each other with one x axis.
-struct PlotFigure {
+struct Figure {
   std::string title;
   std::string x_label;
   std::string top_label;  ///< Of a second scale above the panels.
   /// What the second scale reads at which x, in the order of x; empty: no second scale.
   std::vector<double> top_x;
   std::vector<double> top_values;
-  std::vector<PlotPanel> panels;  ///< Those without any known y are left out.
+  std::vector<Panel> panels;  ///< Those without any known y are left out.
 };
 
 /// The figure as a self-contained SVG document, which follows the viewer's light or dark scheme.
 /// All texts are escaped. With no panel left, a figure that says so.
-std::string DrawFigure(const PlotFigure& figure);
+std::string DrawFigure(const Figure& figure);
 
-}  // namespace slalom::train
+}  // namespace slalom::plot

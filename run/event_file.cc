@@ -1,4 +1,4 @@
-#include "metrics/event_file.h"
+#include "run/event_file.h"
 
 #include <fmt/format.h>
 
@@ -6,34 +6,17 @@
 #include <array>
 #include <bit>
 #include <charconv>
-#include <chrono>
-#include <cmath>
-#include <limits>
 #include <string>
 
 #include "base/clock.h"
 #include "base/error.h"
 
-namespace slalom::metrics {
+namespace slalom::run {
 namespace {
 
 namespace fs = std::filesystem;
 
 constexpr std::string_view kNameHead = "events.out.tfevents.";
-constexpr std::string_view kVersion = "brain.Event:2";
-
-// Protobuf: the fields of tensorflow.Event, Summary and SessionLog that are used here.
-enum WireType : std::uint8_t { kVarint = 0, kFixed64 = 1, kBytes = 2, kFixed32 = 5 };
-constexpr int kEventWallTime = 1;     // double
-constexpr int kEventStep = 2;         // int64
-constexpr int kEventFileVersion = 3;  // string
-constexpr int kEventSummary = 5;      // Summary
-constexpr int kEventSessionLog = 7;   // SessionLog
-constexpr int kSummaryValue = 1;      // repeated Value
-constexpr int kValueTag = 1;          // string
-constexpr int kValueSimple = 2;       // float
-constexpr int kSessionStatus = 1;     // enum
-constexpr std::uint64_t kSessionStart = 1;
 
 constexpr std::array<std::uint32_t, 256> MakeCrcTable() {
   std::array<std::uint32_t, 256> table{};
@@ -65,27 +48,6 @@ std::string LittleEndian(Integer value) {
   return bytes;
 }
 
-std::string Varint(std::uint64_t value) {
-  std::string bytes;
-  for (; value >= 0x80; value >>= 7) bytes += static_cast<char>((value & 0x7f) | 0x80);
-  return bytes + static_cast<char>(value);
-}
-
-std::string Key(int field, WireType type) {
-  return Varint(static_cast<std::uint64_t>(field) << 3 | type);
-}
-
-std::string Text(int field, std::string_view text) {
-  return Key(field, kBytes) + Varint(text.size()) + std::string(text);
-}
-
-/// Wall time and step, with which every Event begins.
-std::string BeginEvent(std::int64_t step) {
-  return Key(kEventWallTime, kFixed64) +
-         LittleEndian(std::bit_cast<std::uint64_t>(base::UnixSeconds())) +
-         Key(kEventStep, kVarint) + Varint(static_cast<std::uint64_t>(step));
-}
-
 /// An Event between its length and checksums.
 std::string Record(std::string_view event) {
   const std::string length = LittleEndian(static_cast<std::uint64_t>(event.size()));
@@ -113,22 +75,15 @@ std::int64_t NextSeconds(const fs::path& directory) {
 EventFile::EventFile(const fs::path& directory, std::int64_t first_step)
     : file_(directory / fmt::format("{}{:010}.slalom", kNameHead, NextSeconds(directory)),
             base::AppendFile::Mode::kMakeNew) {
+  const double now = base::UnixSeconds();
   const std::string head =
-      Record(BeginEvent(0) + Text(kEventFileVersion, kVersion)) +
-      Record(BeginEvent(first_step) +
-             Text(kEventSessionLog, Key(kSessionStatus, kVarint) + Varint(kSessionStart)));
+      Record(proto::EncodeVersionEvent(now)) + Record(proto::EncodeSessionStart(now, first_step));
   if (const auto failure = file_.Append(head)) throw base::Error(failure->text);
 }
 
-std::optional<base::Failure> EventFile::Append(std::int64_t step, std::span<const Scalar> scalars) {
-  std::string summary;
-  for (const Scalar& scalar : scalars) {
-    if (!(std::abs(scalar.value) <= std::numeric_limits<float>::max())) continue;
-    const auto value = static_cast<float>(scalar.value);
-    summary += Text(kSummaryValue, Text(kValueTag, scalar.tag) + Key(kValueSimple, kFixed32) +
-                                       LittleEndian(std::bit_cast<std::uint32_t>(value)));
-  }
-  return file_.Append(Record(BeginEvent(step) + Text(kEventSummary, summary)));
+std::optional<base::Failure> EventFile::Append(std::int64_t step,
+                                               std::span<const proto::Scalar> scalars) {
+  return file_.Append(Record(proto::EncodeScalars(base::UnixSeconds(), step, scalars)));
 }
 
-}  // namespace slalom::metrics
+}  // namespace slalom::run

@@ -1,10 +1,10 @@
-#include "train/line_plot.h"
+#include "plot/line_plot.h"
 
 #include <gmock/gmock.h>
 
 #include <limits>
 
-namespace slalom::train {
+namespace slalom::plot {
 namespace {
 
 using ::testing::HasSubstr;
@@ -12,8 +12,8 @@ using ::testing::Not;
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-PlotFigure FigureOf(const PlotSeries& series, bool is_rate = true) {
-  PlotFigure figure;
+Figure FigureOf(const Series& series, bool is_rate = true) {
+  Figure figure;
   figure.title = "t";
   figure.x_label = "x";
   figure.panels = {{"panel", is_rate, {series}}};
@@ -22,7 +22,7 @@ PlotFigure FigureOf(const PlotSeries& series, bool is_rate = true) {
 
 TEST(LinePlotTest, PointsLieWhereTheirValuesSay) {
   const std::string svg =
-      DrawFigure(FigureOf({"line", PlotColour::kGreen, {0.0, 50.0, 100.0}, {0.0, 0.5, 1.0}}));
+      DrawFigure(FigureOf({"line", Colour::kGreen, {0.0, 50.0, 100.0}, {0.0, 0.5, 1.0}}));
   // Axes: x from 64 to 610 for 0 to 100, y from 230 to 80 for 0 to 1.
   EXPECT_THAT(svg, HasSubstr("class=\"line green\" d=\"M64.0 230.0L337.0 155.0L610.0 80.0\""));
   EXPECT_THAT(svg, HasSubstr(">line 100.0 %<"));
@@ -30,8 +30,8 @@ TEST(LinePlotTest, PointsLieWhereTheirValuesSay) {
 
 TEST(LinePlotTest, ValuesThatAreNoRatesGetRoundEnds) {
   // From -30 to 50 in steps of 20: -40 to 60, so 0 lies at 230 - 150 * 40 / 100.
-  const std::string svg = DrawFigure(
-      FigureOf({"line", PlotColour::kBlue, {0.0, 50.0, 100.0}, {-30.0, 0.0, 50.0}}, false));
+  const std::string svg =
+      DrawFigure(FigureOf({"line", Colour::kBlue, {0.0, 50.0, 100.0}, {-30.0, 0.0, 50.0}}, false));
   EXPECT_THAT(svg, HasSubstr("d=\"M64.0 215.0L337.0 170.0L610.0 95.0\""));
   EXPECT_THAT(svg, HasSubstr(">-40<"));
   EXPECT_THAT(svg, HasSubstr(">60<"));
@@ -39,13 +39,12 @@ TEST(LinePlotTest, ValuesThatAreNoRatesGetRoundEnds) {
 
 TEST(LinePlotTest, AnUnknownValueLeavesAGap) {
   const std::string svg =
-      DrawFigure(FigureOf({"line", PlotColour::kRed, {0.0, 50.0, 100.0}, {0.0, kUnknown, 1.0}}));
+      DrawFigure(FigureOf({"line", Colour::kRed, {0.0, 50.0, 100.0}, {0.0, kUnknown, 1.0}}));
   EXPECT_THAT(svg, HasSubstr("d=\"M64.0 230.0M610.0 80.0\""));
 }
 
 TEST(LinePlotTest, APointHasItsIntervalAndDot) {
-  PlotSeries series{"line",     PlotColour::kGreen, {50.0, 100.0},
-                    {0.5, 0.5}, {0.2, kUnknown},    {0.6, 1.0}};
+  Series series{"line", Colour::kGreen, {50.0, 100.0}, {0.5, 0.5}, {0.2, kUnknown}, {0.6, 1.0}};
   series.has_dots = true;
   const std::string svg = DrawFigure(FigureOf(series));
   EXPECT_THAT(svg, HasSubstr("x1=\"337.0\" x2=\"337.0\" y1=\"200.0\" y2=\"140.0\""));
@@ -54,7 +53,7 @@ TEST(LinePlotTest, APointHasItsIntervalAndDot) {
 }
 
 TEST(LinePlotTest, TheSecondScaleReadsAtTheFirstsTicks) {
-  PlotFigure figure = FigureOf({"line", PlotColour::kGreen, {0.0, 100.0}, {0.0, 1.0}});
+  Figure figure = FigureOf({"line", Colour::kGreen, {0.0, 100.0}, {0.0, 1.0}});
   figure.top_label = "steps";
   figure.top_x = {20.0, 100.0};
   figure.top_values = {1000.0, 1'001'000.0};
@@ -66,8 +65,8 @@ TEST(LinePlotTest, TheSecondScaleReadsAtTheFirstsTicks) {
 }
 
 TEST(LinePlotTest, EmptyPanelsAreLeftOut) {
-  PlotFigure figure = FigureOf({"line", PlotColour::kGreen, {0.0, 100.0}, {0.0, 1.0}});
-  figure.panels.push_back({"nothing known", false, {{"x", PlotColour::kRed, {1.0}, {kUnknown}}}});
+  Figure figure = FigureOf({"line", Colour::kGreen, {0.0, 100.0}, {0.0, 1.0}});
+  figure.panels.push_back({"nothing known", false, {{"x", Colour::kRed, {1.0}, {kUnknown}}}});
   EXPECT_THAT(DrawFigure(figure), Not(HasSubstr("nothing known")));
   figure.panels.erase(figure.panels.begin());
   EXPECT_THAT(DrawFigure(figure), HasSubstr("No episode has ended yet."));
@@ -75,7 +74,7 @@ TEST(LinePlotTest, EmptyPanelsAreLeftOut) {
 }
 
 TEST(LinePlotTest, TextsAreEscaped) {
-  PlotFigure figure = FigureOf({"<script>", PlotColour::kRed, {1.0}, {1.0}});
+  Figure figure = FigureOf({"<script>", Colour::kRed, {1.0}, {1.0}});
   figure.title = "a < b & c\x01";
   const std::string svg = DrawFigure(figure);
   EXPECT_THAT(svg, HasSubstr(">a &lt; b &amp; c<"));
@@ -83,4 +82,4 @@ TEST(LinePlotTest, TextsAreEscaped) {
 }
 
 }  // namespace
-}  // namespace slalom::train
+}  // namespace slalom::plot

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+
+#include "eval/evaluation_config.h"
+#include "eval/protocol.h"
+#include "sim/courses/course.h"
+#include "sim/environment_config.h"
+
+namespace slalom::eval {
+
+/// How much of an evaluation is recorded: the keys `recorded_...` of `EvaluationConfig`.
+struct Recording {
+  int episodes_per_course = 1;
+  int scan_courses = 6;
+  int beams = 90;
+};
+
+/// What an evaluation drives and by which rules: an `EvaluationConfig` resolved once. All that
+/// comes after (driving, summary, reports, the evaluator's service) is given this value and sees
+/// neither the config nor the name of a protocol. A value.
+struct EvaluationTask {
+  Protocol protocol;
+  sim::EnvironmentConfig environment;  ///< With the protocol applied.
+  sim::CourseSet courses;              ///< With start and goal where the protocol has them.
+  int episodes_per_course = 10;
+  std::int64_t seed = 1;
+  int num_environments = 1;  ///< Driven side by side; at most as many as there are episodes.
+  Recording recording;
+
+  int num_episodes() const {
+    return static_cast<int>(courses.courses.size()) * episodes_per_course;
+  }
+};
+
+/// Resolves what `config` names and applies it to the robot's task and the courses as they are.
+/// Requires: config.protocol is the name of a protocol (`config/` checks it).
+EvaluationTask ResolveEvaluation(const EvaluationConfig& config,
+                                 const sim::EnvironmentConfig& environment,
+                                 const sim::CourseSet& courses);
+
+}  // namespace slalom::eval
