@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "actor/actor_config.h"
@@ -158,8 +159,14 @@ struct RunConfig {
   }
 };
 
+/// The seed of one of the run's random streams.
+std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose);
+
 /// What the run's policies see, are and command.
 policy::PolicySpec MakePolicySpec(const RunConfig& config);
+
+/// Batches that an update learns from, one of each kind. The replay server counts batches.
+int BatchesPerUpdate(const RunConfig& config);
 
 /// Throws `base::Error` where sections that are each well do not go together, whichever program the
 /// config is for.

@@ -34,7 +34,7 @@ std::string Fault(const Spec& spec) {
   if (spec.help.find('|') != std::string::npos) return "its help breaks the table";
   static const std::regex roles(
       "(all|sweep|(actor|replay|learner|evaluator)"
-      "(, (actor|replay|learner|evaluator))*)");
+      "(, (actor|replay|learner|evaluator|train))*)");
   if (!std::regex_match(std::string(spec.roles), roles)) return "its roles are unknown";
   for (const std::string_view label : spec.labels) {
     static const std::regex word("[a-z]+(_[a-z]+)*");

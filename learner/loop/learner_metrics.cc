@@ -1,40 +1,38 @@
-#include "learner/service/learner_metrics.h"
-
-#include <fmt/format.h>
+#include "learner/loop/learner_metrics.h"
 
 #include "base/clock.h"
 #include "metrics/catalogue.h"
 
 namespace slalom::learner {
-namespace {
 
-// [s], longer than a restart of the replay server takes.
-constexpr double kPatience = 10.0;
-
-}  // namespace
+void DescribeLearning(const LearnerStats& learning, run::MetricsRow& row) {
+  row.critic_loss = learning.critic_loss;
+  row.mean_q = learning.q_mean;
+  row.actor_q = learning.actor_q_mean;
+  row.critic_gradient_norm = learning.critic_gradient_norm;
+  row.actor_gradient_norm = learning.actor_gradient_norm;
+  row.entropy = learning.entropy;
+  row.temperature = learning.temperature;
+  row.cost_q = learning.cost_q_mean;
+  row.multiplier = learning.multiplier;
+  row.violation = learning.violation;
+  row.model_loss = learning.model.loss;
+  row.model_error = learning.model.held_out_rmse;
+  row.model_change = learning.model.held_out_change;
+  row.model_likelihood = learning.model.held_out_likelihood;
+  row.model_reward_error = learning.model.held_out_reward_rmse;
+  row.model_termination = learning.model.held_out_termination;
+  row.model_inside_50 = learning.model.inside_50;
+  row.model_inside_90 = learning.model.inside_90;
+}
 
 LearnerMetrics::LearnerMetrics(metrics::Registry& registry)
     : registry_(registry),
-      batches_(registry.counter(metrics::kBatches)),
       updates_(registry.counter(metrics::kUpdates)),
-      waited_(registry.counter(metrics::kBlockedSeconds, {metrics::queue::kBatches})),
       update_seconds_(registry.histogram(metrics::kUpdateSeconds)) {
   registry_.counter(metrics::kCheckpoints);
   registry_.counter(metrics::kCheckpointFailures);
   registry_.gauge(metrics::kCheckpointTimestamp).Set(base::UnixSeconds());
-}
-
-void LearnerMetrics::AddBatch() {
-  batches_.Increment();
-  if (waiting_s_ >= kPatience) registry_.SetFault("");
-  waiting_s_ = 0.0;
-}
-
-void LearnerMetrics::AddWait(double seconds) {
-  waited_.Increment(seconds);
-  waiting_s_ += seconds;
-  if (waiting_s_ < kPatience) return;
-  registry_.SetFault(fmt::format("no batch came from the replay server for {:.0f} s", waiting_s_));
 }
 
 void LearnerMetrics::AddUpdate(double seconds) { update_seconds_.Observe(seconds); }
@@ -61,12 +59,6 @@ void LearnerMetrics::SetLearning(const run::MetricsRow& row) {
   registry_.gauge(metrics::kModelTermination).Set(row.model_termination);
   registry_.gauge(metrics::kModelCovered, {"0.5"}).Set(row.model_inside_50);
   registry_.gauge(metrics::kModelCovered, {"0.9"}).Set(row.model_inside_90);
-}
-
-void LearnerMetrics::SetStream(int in_flight, double policy_lag, int connections) {
-  registry_.gauge(metrics::kQueueDepth, {metrics::queue::kBatches}).Set(in_flight);
-  registry_.gauge(metrics::kPolicyLag).Set(policy_lag);
-  registry_.counter(metrics::kConnections, {"replay"}).RaiseTo(connections);
 }
 
 void LearnerMetrics::AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates) {

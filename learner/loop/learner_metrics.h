@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+
+#include "learner/learner_stats.h"
+#include "metrics/registry.h"
+#include "run/metrics_log.h"
+
+namespace slalom::learner {
+
+/// Sets the learner's columns of a row.
+void DescribeLearning(const LearnerStats& learning, run::MetricsRow& row);
+
+/// The metrics of whoever learns. Confined to one thread.
+class LearnerMetrics {
+ public:
+  explicit LearnerMetrics(metrics::Registry& registry);
+
+  void AddUpdate(double seconds);
+  /// Sets the learner's own columns of a row.
+  void SetLearning(const run::MetricsRow& row);
+  void AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates);
+  void AddFailedCheckpoint();
+  void SetFinished(bool finished);
+
+ private:
+  metrics::Registry& registry_;
+  metrics::Counter updates_;
+  metrics::Histogram update_seconds_;
+};
+
+}  // namespace slalom::learner
