@@ -197,55 +197,6 @@ const Spec kMessagesRefused = CounterOf("slalom_messages_refused_total", "replay
 // Learning
 const Spec kUpdates = CounterOf("slalom_updates_total", "learner, train",
                                 "Updates of the critics, over all restarts.");
-const Spec kCriticLoss =
-    GaugeOf("slalom_critic_loss", "learner, train",
-            "Mean squared error of one critic, averaged over the updates since the last reading.");
-const Spec kQMean = GaugeOf("slalom_q_mean", "learner, train",
-                            "Mean value of replayed actions, in scaled rewards.");
-const Spec kActorQMean =
-    GaugeOf("slalom_actor_q_mean", "learner, train", "Mean value of the actor's own actions.");
-const Spec kCriticGradientNorm =
-    GaugeOf("slalom_critic_gradient_norm", "learner, train", "Norm of the critics' gradient.");
-const Spec kActorGradientNorm =
-    GaugeOf("slalom_actor_gradient_norm", "learner, train", "Norm of the actor's gradient.");
-const Spec kPolicyEntropy = GaugeOf("slalom_policy_entropy_nats", "learner, train",
-                                    "Entropy of the policy (SAC). NaN without one.");
-const Spec kTemperature = GaugeOf("slalom_temperature", "learner, train",
-                                  "Weight of the entropy (SAC). NaN without one.");
-const Spec kCostQMean =
-    GaugeOf("slalom_cost_q_mean", "learner, train",
-            "Mean value of the cost critics, in discounted collisions. NaN without a constraint.");
-const Spec kConstraintMultiplier =
-    GaugeOf("slalom_constraint_multiplier", "learner, train",
-            "Lagrange multiplier of the constraint on collisions. NaN without a constraint.");
-const Spec kConstraintViolation = GaugeOf(
-    "slalom_constraint_violation", "learner, train",
-    "Collisions per training episode above the constraint's limit. NaN without a constraint.");
-const Spec kModelLoss =
-    GaugeOf("slalom_model_loss", "learner, train",
-            "Loss of the transition model. NaN without a model, as for all its metrics.");
-const Spec kModelError = GaugeOf(
-    "slalom_model_error", "learner, train",
-    "Root mean squared error of the model per number of the next frame, on held-out transitions.");
-const Spec kModelChange =
-    GaugeOf("slalom_model_change", "learner, train",
-            "The same error of predicting no change. A useful model's error is smaller.");
-const Spec kModelStepsError =
-    GaugeOf("slalom_model_steps_error", "learner, train",
-            "The model's error per number five steps ahead, given the actions taken.");
-const Spec kModelLikelihood =
-    GaugeOf("slalom_model_likelihood_nats", "learner, train",
-            "Negative log-likelihood per number of the next frame, on held-out transitions.");
-const Spec kModelRewardError =
-    GaugeOf("slalom_model_reward_error", "learner, train",
-            "Root mean squared error of the predicted scaled reward, on held-out transitions.");
-const Spec kModelTermination =
-    GaugeOf("slalom_model_termination_nats", "learner, train",
-            "Cross-entropy of the predicted termination, on held-out transitions.");
-const Spec kModelCovered = GaugeOf("slalom_model_covered_ratio", "learner, train",
-                                   "Share of held-out numbers in the central interval of the "
-                                   "prediction that should hold the share `expected`.",
-                                   {"expected"});
 const Spec kUpdateSeconds =
     HistogramOf("slalom_update_seconds", "learner, train",
                 "Time of one update, not counting the wait for its batch.", kWait);

@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include "metrics/catalogue.h"
+#include "metrics/learning_figures.h"
 
 namespace slalom::metrics {
 namespace {
@@ -13,7 +14,8 @@ constexpr std::string_view kHead =
     "list in the code (`metrics/catalogue.h`); a test checks that it is up to date.\n\n"
     "Each role answers `GET /metrics` on its own address (`service.metrics`; for a sweep that of "
     "`slalom sweep serve`,\n"
-    "for a training in one process that of `slalom train --metrics`). operations.md says how to set "
+    "for a training in one process that of `slalom train --metrics`). operations.md says how to "
+    "set "
     "up Prometheus and\n"
     "Grafana. Every metric has the labels `run` (`run.name` of the config; the sweep's name), "
     "`role` (actor, replay,\n"
@@ -28,6 +30,12 @@ constexpr std::string_view kHead =
 std::string Buckets(const Spec& spec) {
   if (spec.buckets.empty()) return "";
   return fmt::format(" Buckets from {} to {} s.", spec.buckets.front(), spec.buckets.back());
+}
+
+std::vector<const Spec*> Learning() {
+  std::vector<const Spec*> specs = {&kUpdates, &kUpdateSeconds};
+  for (const Spec& spec : LearningSpecs()) specs.push_back(&spec);
+  return specs;
 }
 
 }  // namespace
@@ -53,27 +61,7 @@ std::span<const CatalogueSection> Catalogue() {
       {"Sessions and connections",
        {&kSessions, &kSessionsStarted, &kReconnections, &kEpisodesCut, &kConnectedPeers,
         &kConnections, &kRejectedConnections, &kMessages, &kMessagesMalformed, &kMessagesRefused}},
-      {"Learning",
-       {&kUpdates,
-        &kCriticLoss,
-        &kQMean,
-        &kActorQMean,
-        &kCriticGradientNorm,
-        &kActorGradientNorm,
-        &kPolicyEntropy,
-        &kTemperature,
-        &kCostQMean,
-        &kConstraintMultiplier,
-        &kConstraintViolation,
-        &kModelLoss,
-        &kModelError,
-        &kModelChange,
-        &kModelStepsError,
-        &kModelLikelihood,
-        &kModelRewardError,
-        &kModelTermination,
-        &kModelCovered,
-        &kUpdateSeconds}},
+      {"Learning", Learning()},
       {"Policies",
        {&kPolicyVersion, &kPolicyTimestamp, &kPolicyLag, &kReaderLag, &kPoliciesPublished,
         &kPoliciesReceived, &kPolicyBytes, &kPublishToActing}},

@@ -132,9 +132,9 @@ void TableSource::Describe(run::MetricsRow& row) {
   row.success_rate = known(acting.success_rate);
   row.collision_rate = known(acting.collision_rate);
   row.timeout_rate = known(acting.timeout_rate);
-  row.mean_return = known(acting.mean_return);
-  row.mean_episode_steps = known(acting.mean_length);
-  row.replay_steps = table_.num_steps();
+  row.episode_return = known(acting.mean_return);
+  row.episode_steps = known(acting.mean_length);
+  row.table_steps = table_.num_steps();
 }
 
 void TableSource::Report(const run::MetricsRow& row, bool) {
@@ -142,9 +142,9 @@ void TableSource::Report(const run::MetricsRow& row, bool) {
   registry_.gauge(metrics::kEnvironments).Set(config_.actor.num_environments);
   registry_.gauge(metrics::kSuccessRate).Set(row.success_rate);
   registry_.gauge(metrics::kCollisionRate).Set(row.collision_rate);
-  registry_.gauge(metrics::kEpisodeReturn).Set(row.mean_return);
-  registry_.gauge(metrics::kEpisodeSteps).Set(row.mean_episode_steps);
-  registry_.gauge(metrics::kTableSteps).Set(static_cast<double>(row.replay_steps));
+  registry_.gauge(metrics::kEpisodeReturn).Set(row.episode_return);
+  registry_.gauge(metrics::kEpisodeSteps).Set(row.episode_steps);
+  registry_.gauge(metrics::kTableSteps).Set(static_cast<double>(row.table_steps));
   registry_.gauge(metrics::kTableRows).Set(static_cast<double>(table_.num_rows()));
   registry_.gauge(metrics::kTableCapacityRows).Set(static_cast<double>(config_.replay.capacity));
   registry_.gauge(metrics::kTableBytes).Set(static_cast<double>(table_.bytes()));

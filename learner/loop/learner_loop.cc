@@ -157,13 +157,13 @@ void LearnerLoop::Publish() {
 bool LearnerLoop::Log() {
   run::MetricsRow row;
   source_.Describe(row);
-  DescribeLearning(learner_.ReadStats(), row);
+  row.learning = learner_.ReadStats();
   if (learner_.has_model() && !finished_) {
     if (const auto* windows = source_.SampleForFigures(learner_.window_spec())) {
       model_steps_error_ = learner_.PredictionError(*windows);
     }
   }
-  row.model_steps_error = model_steps_error_;
+  row.learning.model.steps_error = model_steps_error_;
   row = run_.Log(row);
   metrics_.SetLearning(row);
   metrics_.SetFinished(finished_);

@@ -2,14 +2,10 @@
 
 #include <cstdint>
 
-#include "learner/learner_stats.h"
 #include "metrics/registry.h"
 #include "run/metrics_log.h"
 
 namespace slalom::learner {
-
-/// Sets the learner's columns of a row.
-void DescribeLearning(const LearnerStats& learning, run::MetricsRow& row);
 
 /// The metrics of whoever learns. Confined to one thread.
 class LearnerMetrics {

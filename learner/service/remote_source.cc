@@ -74,9 +74,9 @@ void RemoteSource::Describe(run::MetricsRow& row) {
   row.success_rate = acting.success_rate;
   row.collision_rate = acting.collision_rate;
   row.timeout_rate = acting.timeout_rate;
-  row.mean_return = acting.mean_return;
-  row.mean_episode_steps = acting.mean_length;
-  row.replay_steps = table_steps_;
+  row.episode_return = acting.mean_return;
+  row.episode_steps = acting.mean_length;
+  row.table_steps = table_steps_;
 }
 
 void RemoteSource::Report(const run::MetricsRow& row, bool finished) {
@@ -92,8 +92,8 @@ void RemoteSource::Report(const run::MetricsRow& row, bool finished) {
                     {"policy_version", version},
                     {"policy_lag", lag},
                     {"readers", static_cast<double>(policies_.num_readers())},
-                    {"critic_loss", row.critic_loss},
-                    {"mean_q", row.mean_q}};
+                    {"critic_loss", row.learning.critic_loss},
+                    {"q_mean", row.learning.q_mean}};
   report.facts = {{"state", finished ? "finished" : "training"}};
   stream_->link().ReportEverySecond([&] { return report; });
 }

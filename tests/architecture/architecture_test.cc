@@ -44,7 +44,7 @@ const std::map<std::string, Names>& AllowedEdges() {
         "planners/teb", "planners/mppi"}},
       {"nn", {"base", "env"}},
       {"policy", {"base", "env", "nn"}},
-      {"learner", {"base", "env", "nn", "policy", "replay"}},
+      {"learner", {"base", "env", "nn", "policy", "replay", "metrics"}},
       {"actor", {"base", "env", "sim", "sim/courses", "replay"}},
       {"eval", {"base", "env", "sim", "sim/courses", "replay"}},
       {"run", {"base", "metrics"}},

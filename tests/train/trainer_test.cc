@@ -134,7 +134,8 @@ TEST(TrainerTest, ShowsItsMetrics) {
   EXPECT_EQ(registry.gauge(metrics::kCheckpointUpdates).value(), log.Last("updates"));
   EXPECT_EQ(registry.gauge(metrics::kTableRows).value(), 2000.0);
   EXPECT_NEAR(registry.gauge(metrics::kSuccessRate).value(), log.Last("success_rate"), 1e-6);
-  EXPECT_GT(registry.gauge(metrics::kModelStepsError).value(), 0.0);
+  EXPECT_GT(log.Last("model_steps_error"), 0.0);
+  EXPECT_THAT(registry.Text(), testing::HasSubstr("slalom_model_steps_error"));
   EXPECT_EQ(registry.gauge(metrics::kRunFinished).value(), 1.0);
   const std::string text = registry.Text();
   for (const metrics::CatalogueSection& section : metrics::Catalogue()) {
