@@ -79,7 +79,7 @@ int RunLearner(const ServiceOptions& options) {
       resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
   learner::LearnerJob job;
   job.name = process.name();
-  job.loop = train::MakeLoopPlan(config, directory, std::string(Commit()));
+  job.loop.run = {directory, config.run, config::ToToml(config), std::string(Commit())};
   job.spec_hash = process.spec_hash();
   job.replay = process.replay();
   job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);

@@ -37,8 +37,10 @@ TrainingRun::TrainingRun(RunPlan plan, TrainingClock clock)
     : plan_(std::move(plan)), clock_(std::move(clock)), store_(plan_.directory.checkpoints()) {}
 
 double TrainingRun::Fraction() const {
-  const double by_steps = static_cast<double>(steps_) / static_cast<double>(plan_.max_steps);
-  const double by_time = plan_.max_seconds > 0.0 ? training_s() / plan_.max_seconds : 0.0;
+  const double by_steps =
+      static_cast<double>(steps_) / static_cast<double>(plan_.settings.max_steps);
+  const double by_time =
+      plan_.settings.max_seconds > 0.0 ? training_s() / plan_.settings.max_seconds : 0.0;
   return std::clamp(std::max(by_steps, by_time), 0.0, 1.0);
 }
 
@@ -73,8 +75,8 @@ std::string TrainingRun::Progress() const {
 
 bool TrainingRun::TakeSnapshotDue() {
   const double now = training_s();
-  const bool due = Passed(plan_.snapshot_seconds, last_snapshot_s_, now) ||
-                   Passed(plan_.snapshot_steps, static_cast<double>(last_snapshot_steps_),
+  const bool due = Passed(plan_.settings.snapshot_seconds, last_snapshot_s_, now) ||
+                   Passed(plan_.settings.snapshot_steps, static_cast<double>(last_snapshot_steps_),
                           static_cast<double>(steps_));
   last_snapshot_s_ = now;
   last_snapshot_steps_ = steps_;
@@ -88,16 +90,18 @@ fs::path TrainingRun::SnapshotPath() const {
 std::map<std::string, std::string> TrainingRun::Provenance() const {
   return {{"config", plan_.config},
           {"commit", plan_.commit},
-          {"seed", fmt::format("{}", plan_.seed)},
+          {"seed", fmt::format("{}", plan_.settings.seed)},
           {"steps", fmt::format("{}", steps_)},
           {"updates", fmt::format("{}", updates_)},
           {"training_s", fmt::format("{:.2f}", training_s())}};
 }
 
 bool TrainingRun::CheckpointDue() const {
-  const std::int64_t every_steps = plan_.checkpoint_steps;
-  if (every_steps > 0 && steps_ / every_steps != checkpoint_at_steps_ / every_steps) return true;
-  return plan_.checkpoint_seconds > 0.0 && wall_s() - checkpoint_at_s_ >= plan_.checkpoint_seconds;
+  const RunSettings& settings = plan_.settings;
+  const std::int64_t every = settings.checkpoint_steps;
+  if (every > 0 && steps_ / every != checkpoint_at_steps_ / every) return true;
+  return settings.checkpoint_seconds > 0.0 && !settings.deterministic &&
+         wall_s() - checkpoint_at_s_ >= settings.checkpoint_seconds;
 }
 
 void TrainingRun::MarkCheckpoint() {

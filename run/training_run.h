@@ -13,23 +13,17 @@
 #include "run/learning_watch.h"
 #include "run/metrics_log.h"
 #include "run/run_directory.h"
+#include "run/run_settings.h"
 #include "run/training_clock.h"
 
 namespace slalom::run {
 
-/// How long a run trains and what it keeps.
+/// What a run is to do, and where.
 struct RunPlan {
   RunDirectory directory;
+  RunSettings settings;
   std::string config;  ///< The run's, as TOML: goes with every policy that is kept.
   std::string commit;  ///< Of the program.
-  std::int64_t seed = 0;
-  std::int64_t max_steps = 0;
-  double max_seconds = 0.0;              ///< 0: no limit.
-  double log_interval = 1.0;             ///< [s]
-  double checkpoint_seconds = 0.0;       ///< 0: none by time.
-  std::int64_t checkpoint_steps = 0;     ///< 0: none by steps.
-  std::vector<double> snapshot_seconds;  ///< As in the run's config.
-  std::vector<int> snapshot_steps;
 };
 
 /// A run on its way: its clock and limits, metrics.csv, checkpoints, and when copies of the policy
@@ -72,7 +66,7 @@ class TrainingRun {
 
   /// Opens metrics.csv where the run goes on from. Once, after `Restore`.
   void OpenLog();
-  bool LogDue() const { return wall_s() - logged_at_s_ >= plan_.log_interval; }
+  bool LogDue() const { return wall_s() - logged_at_s_ >= plan_.settings.log_interval; }
   /// Adds the run's own figures to `row` and appends it to metrics.csv, unless the log is not open
   /// or nothing has happened since the last row. Returns the row. Warns if the rows show that
   /// learning is dead (`LearningWatch`).
@@ -89,8 +83,8 @@ class TrainingRun {
   /// What is kept with every policy: config, commit, seed, steps, updates and training time.
   std::map<std::string, std::string> Provenance() const;
 
-  /// Whether a checkpoint is due, by steps or by the wall clock: so what was learned before an
-  /// outage is saved while it lasts.
+  /// Whether a checkpoint is due, by steps or, unless the run is deterministic, by the wall clock:
+  /// so what was learned before an outage is saved while it lasts.
   bool CheckpointDue() const;
   /// A checkpoint was tried now, with or without success.
   void MarkCheckpoint();

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <utility>
-
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -50,23 +48,6 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
   RequireResumable(base::ReadFile(directory.config()), directory.config().string(), config);
   WriteConfig(directory, config);
   return lock;
-}
-
-learner::LoopPlan MakeLoopPlan(const RunConfig& config, const run::RunDirectory& directory,
-                               std::string commit) {
-  return {
-      .run = {.directory = directory,
-              .config = config::ToToml(config),
-              .commit = std::move(commit),
-              .seed = config.run.seed,
-              .max_steps = config.run.max_steps,
-              .max_seconds = config.run.max_seconds,
-              .log_interval = config.run.log_interval,
-              .checkpoint_seconds = config.run.deterministic ? 0.0 : config.run.checkpoint_seconds,
-              .checkpoint_steps = config.run.checkpoint_steps,
-              .snapshot_seconds = config.run.snapshot_seconds,
-              .snapshot_steps = config.run.snapshot_steps},
-      .publish_interval = config.run.publish_interval};
 }
 
 void RequireResumable(const std::string& earlier, const std::string& source,

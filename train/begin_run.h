@@ -2,7 +2,6 @@
 
 #include <string>
 
-#include "learner/loop/learner_loop.h"
 #include "run/run_directory.h"
 #include "train/run_config.h"
 
@@ -22,10 +21,5 @@ void RequireResumable(const std::string& earlier, const std::string& source,
 /// differ, and writes the new config. Throws `base::Error` where there is no run, another key
 /// differs, or another process trains there.
 run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& config);
-
-/// What the loop of a run with this config does besides learning. `commit`: of the program, for
-/// provenance.
-learner::LoopPlan MakeLoopPlan(const RunConfig& config, const run::RunDirectory& directory,
-                               std::string commit);
 
 }  // namespace slalom::train

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "config/config.h"
 #include "sim/scene.h"
 #include "train/begin_run.h"
 #include "train/run_limits.h"
@@ -46,8 +47,8 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       lock_(Begin(directory, config, resume)),
       source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),
               registry),
-      loop_(MakeLoopPlan(config, directory, std::move(commit)), learner_, source_, source_,
-            registry, std::move(clock)) {
+      loop_({.run = {directory, config.run, config::ToToml(config), std::move(commit)}}, learner_,
+            source_, source_, registry, std::move(clock)) {
   if (!resume || loop_.Restore()) return;
   if (std::filesystem::exists(directory.policy())) {
     throw base::Error(fmt::format(

@@ -119,7 +119,7 @@ void LearnerLoop::Turn() {
   run_.SetProgress(source_.steps(), learner_.num_updates());
   CountTime();
   if (batches) Learn(*batches);
-  if (unpublished_ >= plan_.publish_interval &&
+  if (unpublished_ >= plan_.run.settings.publish_interval &&
       SecondsSince(published_at_) >= plan_.publish_seconds) {
     const EndedEpisodes ended = source_.TakeEndedEpisodes();
     learner_.ObserveEpisodes(ended.collision_rate, ended.count);

@@ -19,7 +19,6 @@ namespace slalom::learner {
 /// What a loop does besides learning.
 struct LoopPlan {
   run::RunPlan run;
-  int publish_interval = 10;     ///< [calls of `Learner::Update`]
   double publish_seconds = 0.0;  ///< Least time between two published policies, [s].
   /// How checkpoints are numbered: by updates or by steps. The numbers must rise.
   bool numbers_by_updates = false;

@@ -24,6 +24,7 @@ proto::Hello MakeHello(const LearnerJob& job, const policy::PolicySpec& spec) {
 }
 
 LoopPlan MakePlan(LoopPlan plan, const LearnerServiceConfig& config) {
+  plan.run.settings.deterministic = false;  // Several processes never are; they go by the clock.
   plan.publish_seconds = config.publish_seconds;
   plan.lives_on = !config.exit_when_finished;
   // Steps are counted by the replay server, and go back where it loses some.
@@ -39,7 +40,7 @@ LearnerService::LearnerService(const LearnerServiceConfig& config, const MethodC
                                run::TrainingClock clock)
     : config_(config),
       learner_(method, spec,
-               base::DeriveSeed(static_cast<std::uint64_t>(job.loop.run.seed), "learner")),
+               base::DeriveSeed(static_cast<std::uint64_t>(job.loop.run.settings.seed), "learner")),
       policies_(context, job.policies, job.spec_hash, registry),
       source_(context, job.replay, MakeHello(job, spec), learner_.sample_specs(), config.prefetch,
               policies_, registry),

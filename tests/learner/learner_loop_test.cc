@@ -120,9 +120,10 @@ struct Loop {
   explicit Loop(const fs::path& directory, const MethodConfig& method = Method())
       : learner(method, Spec(), 4), source(learner.sample_specs()) {
     plan.run.directory.root = directory;
-    plan.run.max_steps = 100 * kStepsPerUpdate;
-    plan.run.log_interval = 0.0;
-    plan.publish_interval = 7;
+    plan.run.settings.max_steps = 100 * kStepsPerUpdate;
+    plan.run.settings.log_interval = 0.0;
+    plan.run.settings.checkpoint_seconds = 0.0;
+    plan.run.settings.publish_interval = 7;
     base::MakeDirectories(directory);
   }
 
@@ -182,8 +183,8 @@ TEST(LearnerLoopTest, PublishesNoMoreOftenThanTheSecondsSay) {
 TEST(LearnerLoopTest, CheckpointsAndSnapshotsWaitUntilTheSourceIsAtRest) {
   const test::ScratchDirectory scratch;
   Loop loop(scratch.path());
-  loop.plan.run.checkpoint_steps = 200;  // Of 8 steps a turn, and at rest every 16.
-  loop.plan.run.snapshot_steps = {300};
+  loop.plan.run.settings.checkpoint_steps = 200;  // Of 8 steps a turn, and at rest every 16.
+  loop.plan.run.settings.snapshot_steps = {300};
   EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
   EXPECT_THAT(loop.source.saved_at, ElementsAre(208, 400, 608, 800));
   EXPECT_EQ(loop.source.kept, 2u);
@@ -249,7 +250,7 @@ TEST(LearnerLoopTest, ACheckpointThatFailsEndsTheRunOnlyIfItIsTheLast) {
   for (const bool lives_on : {false, true}) {
     Loop loop(scratch.path() / (lives_on ? "service" : "process"));
     loop.plan.lives_on = lives_on;
-    loop.plan.run.checkpoint_steps = 400;
+    loop.plan.run.settings.checkpoint_steps = 400;
     loop.source.fails = true;
     if (lives_on) {
       EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);

@@ -55,11 +55,10 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   spec.planning = PlanningOf(method);
   LearnerJob job;
   job.loop.run.directory.root = directory;
-  job.loop.run.seed = 6;
-  job.loop.run.max_steps = 1000000;
-  job.loop.run.max_seconds = max_seconds;
-  job.loop.run.log_interval = 0.05;
-  job.loop.run.checkpoint_seconds = 60.0;
+  job.loop.run.settings.seed = 6;
+  job.loop.run.settings.max_steps = 1000000;
+  job.loop.run.settings.max_seconds = max_seconds;
+  job.loop.run.settings.log_interval = 0.05;
   job.spec_hash = kSpecHash;
   job.replay.endpoint = replay;
   job.policies.endpoint = "tcp://127.0.0.1:*";
