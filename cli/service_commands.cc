@@ -9,7 +9,6 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/parallel.h"
-#include "base/random.h"
 #include "cli/commands.h"
 #include "cli/service_process.h"
 #include "cli/signals.h"
@@ -59,9 +58,8 @@ int RunReplay(const ServiceOptions& options) {
   spec.num_beams = config.environment.lidar.num_beams;
   spec.spec_hash = process.spec_hash();
   spec.seed = static_cast<std::uint64_t>(config.run.seed);
-  // The server counts batches, of which an update may need several.
-  const auto kinds = learner::Learner::SampleSpecs(config.method, train::MakePolicySpec(config));
-  spec.updates_per_step = config.run.updates_per_step * static_cast<double>(kinds.size());
+  spec.updates_per_step = config.run.updates_per_step;
+  spec.batches_per_update = train::BatchesPerUpdate(config);
   spec.learning_starts = config.run.learning_starts;
   spec.software = fmt::format("slalom {}", Version());
   replay::ReplayServer server(server_config, spec, process.context(), process.registry());
@@ -74,24 +72,15 @@ int RunLearner(const ServiceOptions& options) {
   StopSignals signals;
   ServiceProcess process(transport::Role::kLearner, options);
   const train::RunConfig& config = process.config();
+  const run::RunDirectory directory{process.state() / "learner"};
+  const bool resume = fs::exists(directory.config());
+  if (!resume) train::RequireLearnable(config);
+  const run::RunLock lock =
+      resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
   learner::LearnerJob job;
   job.name = process.name();
-  job.plan.directory.root = process.state() / "learner";
-  const bool resume = fs::exists(job.plan.directory.config());
-  if (!resume) train::RequireLearnable(config);
-  const run::RunLock lock = resume ? train::ResumeRun(job.plan.directory, config)
-                                   : train::BeginRun(job.plan.directory, config);
-  job.plan.config = config::ToToml(config);
-  job.plan.commit = Commit();
-  job.plan.seed = config.run.seed;
+  job.loop.run = {directory, config.run, config::ToToml(config), std::string(Commit())};
   job.spec_hash = process.spec_hash();
-  job.plan.max_steps = config.run.max_steps;
-  job.plan.max_seconds = config.run.max_seconds;
-  job.plan.log_interval = config.run.log_interval;
-  job.checkpoint_seconds = config.run.checkpoint_seconds;
-  job.publish_interval = config.run.publish_interval;
-  job.plan.snapshot_seconds = config.run.snapshot_seconds;
-  job.plan.snapshot_steps = config.run.snapshot_steps;
   job.replay = process.replay();
   job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
   job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,
@@ -99,9 +88,15 @@ int RunLearner(const ServiceOptions& options) {
   learner::LearnerService learner(config.learner_service, config.method,
                                   train::MakePolicySpec(config), std::move(job), process.context(),
                                   process.registry());
-  spdlog::info("policies at {}, run directory {}", learner.endpoint(),
-               (process.state() / "learner").string());
-  return learner.Run(signals.token()) == learner::LearnerEnd::kDiverged ? kExitDiverged : kExitOk;
+  spdlog::info("policies at {}, run directory {}", learner.endpoint(), directory.root.string());
+  switch (learner.Run(signals.token())) {
+    case learner::TrainingEnd::kDiverged:
+      return kExitDiverged;
+    case learner::TrainingEnd::kLearnedNothing:
+      return kExitLearnedNothing;
+    default:
+      return kExitOk;
+  }
 }
 
 int RunActor(const ServiceOptions& options) {
@@ -115,8 +110,7 @@ int RunActor(const ServiceOptions& options) {
   const policy::PolicySpec spec = train::MakePolicySpec(config);
   // Drives nothing before the learner's first policy takes its place.
   const auto agent =
-      policy::MakePolicyAgent(policy::ZeroSnapshot(spec), config.mpc,
-                              base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc"));
+      policy::MakePolicyAgent(policy::ZeroSnapshot(spec), config.mpc, train::SeedOf(config, "mpc"));
   const auto install = [&](std::span<const std::byte> bytes) -> std::optional<base::Failure> {
     auto snapshot = ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();
@@ -153,8 +147,7 @@ int RunEvaluator(const ServiceOptions& options) {
   WarnOfTrainingOverlap(scored, config.courses);
   base::ParallelFor parallel(config.run.simulation_threads);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
-  const std::uint64_t seed =
-      base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc of evaluations");
+  const std::uint64_t seed = train::SeedOf(config, "mpc of evaluations");
   const auto read_policy = [&](std::span<const std::byte> bytes) -> base::Result<eval::MakeAgent> {
     const auto snapshot = ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();

@@ -1,6 +1,7 @@
 #include "cli/service_process.h"
 
 #include <cstdlib>
+#include <utility>
 
 #include "base/child_process.h"
 #include "base/error.h"
@@ -64,20 +65,12 @@ ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& optio
       name_(ChooseName(role, config_.service, options)),
       context_(config_.service.io_threads),
       registry_(std::make_unique<metrics::Registry>(
-          metrics::Identity{.role = std::string(transport::ToString(role)),
-                            .name = name_,
-                            .run = config_.run.name,
-                            .version = std::string(Version()),
-                            .commit = std::string(Commit()),
-                            .blas_kernel = nn::BlasKernel()})) {
+          MakeIdentity(std::string(transport::ToString(role)), name_, config_.run.name))) {
   registry_->counter(metrics::kRestarts)
       .Increment(CountEarlierStarts(state(), transport::ToString(role), name_));
   spdlog::info("slalom {} {}, {} '{}'", Version(), transport::ToString(role),
                transport::ToString(role), name_);
-  if (config_.service.metrics.empty()) return;
-  exposer_ = std::make_unique<metrics::Exposer>(config_.service.metrics, *registry_);
-  const auto host = config_.service.metrics.substr(0, config_.service.metrics.rfind(':'));
-  spdlog::info("metrics at http://{}:{}/metrics", host, exposer_->port());
+  if (!config_.service.metrics.empty()) exposer_ = ShowMetrics(config_.service.metrics, *registry_);
 }
 
 transport::ClientOptions ServiceProcess::replay() const {
@@ -92,6 +85,23 @@ transport::ClientOptions ServiceProcess::learner() const {
   return {.endpoint = endpoint,
           .security = transport::MakeClientSecurity(config_.security, role_,
                                                     transport::Role::kLearner, endpoint)};
+}
+
+metrics::Identity MakeIdentity(std::string role, std::string name, std::string run) {
+  return {.role = std::move(role),
+          .name = std::move(name),
+          .run = std::move(run),
+          .version = std::string(Version()),
+          .commit = std::string(Commit()),
+          .blas_kernel = nn::BlasKernel()};
+}
+
+std::unique_ptr<metrics::Exposer> ShowMetrics(const std::string& address,
+                                              metrics::Registry& registry) {
+  auto exposer = std::make_unique<metrics::Exposer>(address, registry);
+  spdlog::info("metrics at http://{}:{}/metrics", address.substr(0, address.rfind(':')),
+               exposer->port());
+  return exposer;
 }
 
 const std::string& BindAddress(const std::string& bind, const std::string& reached) {

@@ -50,6 +50,13 @@ class ServiceProcess {
   std::unique_ptr<metrics::Exposer> exposer_;
 };
 
+/// Returns whose metrics these are: those of this program in this role. `run`: `run.name`.
+metrics::Identity MakeIdentity(std::string role, std::string name, std::string run);
+
+/// Shows the metrics at `address` and says where (`metrics::Exposer`, with its errors).
+std::unique_ptr<metrics::Exposer> ShowMetrics(const std::string& address,
+                                              metrics::Registry& registry);
+
 /// Returns the address at which a server listens: `bind` or, if that is empty, the address to which
 /// the others connect.
 const std::string& BindAddress(const std::string& bind, const std::string& reached);

@@ -126,7 +126,7 @@ void Status(const StatusOptions& options) {
               {"policy", "policy_version"},
               {"policy lag", "policy_lag"},
               {"readers", "readers"},
-              {"mean Q", "mean_q"}});
+              {"mean Q", "q_mean"}});
   PrintTable(status, "actor", "actor",
              {{"steps made", "steps_made"},
               {"steps/s", "steps_per_s"},

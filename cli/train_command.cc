@@ -17,6 +17,7 @@
 #include "cli/command_line.h"
 #include "cli/commands.h"
 #include "cli/evaluate_policy.h"
+#include "cli/service_process.h"
 #include "cli/signals.h"
 #include "cli/training_overlap.h"
 #include "cli/training_results.h"
@@ -39,6 +40,7 @@ struct TrainOptions {
   std::optional<std::string> name;
   std::optional<std::int64_t> seed;
   std::optional<std::string> output;
+  std::optional<std::string> metrics;
   bool resume = false;
   bool deterministic = false;
   bool no_evaluation = false;
@@ -112,22 +114,20 @@ std::string WithOverrides(const TrainOptions& options, const std::vector<std::st
     if (!is_replaced) add("--set", given);
   }
   for (const std::string& override : more) add("--set", override);
+  if (options.metrics) add("--metrics", *options.metrics);
   if (options.resume) arguments.emplace_back("--resume");
   if (options.deterministic) arguments.emplace_back("--deterministic");
   if (options.no_evaluation) arguments.emplace_back("--no-evaluation");
   return CommandLine(arguments);
 }
 
-/// One message for all that stands in the way of a deterministic run, with the command to use.
+/// Says what a deterministic run needs besides, with the command to use.
 void CheckDeterminism(const TrainOptions& options, const train::RunConfig& config) {
   if (!config.run.deterministic) return;
   const auto needed = train::OverridesForDeterminism(config);
   if (needed.empty()) return;
-  throw base::Error(
-      fmt::format("a deterministic run must end by steps, not by seconds, and cannot use "
-                  "prioritized replay. Use:\n"
-                  "  {}",
-                  WithOverrides(options, needed)));
+  throw base::Error(fmt::format("a deterministic run must end by steps, not by seconds. Use:\n  {}",
+                                WithOverrides(options, needed)));
 }
 
 /// Step sizes that are allowed and hardly ever meant.
@@ -154,6 +154,7 @@ std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& 
   if (root.starts_with('-')) root.insert(0, "./");
   std::vector<std::string> arguments = {"train", root, "--resume"};
   if (!override.empty()) arguments.insert(arguments.end(), {"--set", override});
+  if (options.metrics) arguments.insert(arguments.end(), {"--metrics", *options.metrics});
   if (options.no_evaluation) arguments.emplace_back("--no-evaluation");
   return CommandLine(arguments);
 }
@@ -240,7 +241,9 @@ int Train(const TrainOptions& options) {
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
                directory.root.string(), config.courses.train,
                config.courses.test.empty() ? "nothing" : config.courses.test);
-  train::Trainer trainer(config, directory, std::string(Commit()), options.resume);
+  metrics::Registry registry(MakeIdentity("train", config.run.name, config.run.name));
+  const auto exposer = options.metrics ? ShowMetrics(*options.metrics, registry) : nullptr;
+  train::Trainer trainer(config, directory, std::string(Commit()), options.resume, registry);
   const train::TrainingEnd end = trainer.Run(signals.token());
   if (end == train::TrainingEnd::kDiverged) return kExitDiverged;
   spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),
@@ -282,6 +285,11 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
   command->add_option("--output", options->output,
                       "Directory in which the run's directory is made [runs]");
+  command
+      ->add_option("--metrics", options->metrics,
+                   "Address at which the training shows /metrics to Prometheus; port 0: any free "
+                   "one [shown nowhere]")
+      ->type_name("HOST:PORT");
   command->add_flag("--resume", options->resume, "Continue from the run's newest checkpoint");
   command->add_flag("--deterministic", options->deterministic,
                     "Use one thread, so that the same seed gives the same policy, bit for bit");

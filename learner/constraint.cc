@@ -58,8 +58,8 @@ void Constraint::Observe(double collisions, std::int64_t finished) {
 }
 
 void Constraint::Describe(LearnerStats& stats) const {
-  stats.multiplier = multiplier_;
-  stats.violation = collisions_ - config_.limit;
+  stats.constraint_multiplier = multiplier_;
+  stats.constraint_violation = collisions_ - config_.limit;
 }
 
 void Constraint::SaveState(nn::TensorMap& tensors) const {

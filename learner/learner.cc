@@ -253,7 +253,7 @@ void Learner::ObserveEpisodes(double collisions, std::int64_t finished) {
 LearnerStats Learner::ReadStats() {
   Parts& p = *parts_;
   LearnerStats stats = p.totals.Read(p.algorithm->num_critics(), Constraint::kNumCritics);
-  if (spec_.distribution.is_deterministic()) stats.entropy = LearnerStats::kNone;
+  if (spec_.distribution.is_deterministic()) stats.policy_entropy_nats = LearnerStats::kNone;
   p.algorithm->Describe(stats);
   if (p.constraint) {
     p.constraint->Describe(stats);

@@ -20,8 +20,8 @@ LearnerStats Totals::Read(int num_critics, int num_cost_critics) {
   const at::Tensor host = sums_.to(at::kCPU);
   const auto total = [&host](Total t) { return host.data_ptr<double>()[static_cast<int>(t)]; };
   LearnerStats stats;
-  stats.num_updates = num_updates_ - updates_at_reading_;
-  const auto updates = static_cast<double>(std::max<std::int64_t>(1, stats.num_updates));
+  const auto updates =
+      static_cast<double>(std::max<std::int64_t>(1, num_updates_ - updates_at_reading_));
   const auto actor_updates = static_cast<double>(
       std::max<std::int64_t>(1, num_actor_updates_ - actor_updates_at_reading_));
   stats.critic_loss = total(Total::kCriticLoss) / (updates * num_critics);
@@ -29,7 +29,7 @@ LearnerStats Totals::Read(int num_critics, int num_cost_critics) {
   stats.critic_gradient_norm = total(Total::kCriticNorm) / updates;
   stats.actor_q_mean = total(Total::kActorQ) / actor_updates;
   stats.actor_gradient_norm = total(Total::kActorNorm) / actor_updates;
-  stats.entropy = total(Total::kEntropy) / actor_updates;
+  stats.policy_entropy_nats = total(Total::kEntropy) / actor_updates;
   stats.cost_critic_loss = total(Total::kCostLoss) / (updates * num_cost_critics);
   stats.cost_q_mean = total(Total::kCostQ) / (updates * num_cost_critics);
   sums_.zero_();

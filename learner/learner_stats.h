@@ -4,50 +4,15 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
-#include <string>
 
+#include "metrics/learning_figures.h"
 #include "nn/safetensors.h"
 
 namespace slalom::learner {
 
-/// Statistics of a transition model: means over its updates since the last reading. A value is NaN
-/// if there is no model, nothing was held out, or this kind of model has no such statistic.
-struct ModelStats {
-  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  std::int64_t num_updates = 0;  ///< Updates of each ensemble member.
-  double loss = kNone;           ///< Training loss, mean over the members.
-  double gradient_norm = kNone;
-  double held_out_rmse = kNone;        ///< Root mean squared error per predicted feature.
-  double held_out_change = kNone;      ///< The same for predicting that nothing changes.
-  double held_out_likelihood = kNone;  ///< Negative log-likelihood per feature; probabilistic only.
-  double held_out_reward_rmse = kNone;  ///< In units of the scaled reward.
-  double held_out_termination = kNone;  ///< Cross-entropy, [nats].
-  /// Calibration of probabilistic models: the fraction of held-out features that lie in the middle
-  /// 50 % and 90 % of the predicted distribution.
-  double inside_50 = kNone;
-  double inside_90 = kNone;
-};
-
-/// Statistics of the updates since the last reading: means, unless said otherwise. A value is NaN
-/// if the method has no such statistic.
-struct LearnerStats {
-  std::int64_t num_updates = 0;  ///< Critic updates that the means are taken over.
-  double critic_loss = 0.0;      ///< Mean squared TD error per critic.
-  double q_mean = 0.0;           ///< Mean action value on the batch, in units of the scaled reward.
-  double critic_gradient_norm = 0.0;
-  double actor_q_mean = 0.0;  ///< The value that the actor maximises, such as Q_1(s, pi(s)).
-  double actor_gradient_norm = 0.0;
-
-  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  double entropy = kNone;      ///< Entropy of the policy, [nats] (SAC).
-  double temperature = kNone;  ///< alpha now, not a mean (SAC).
-  double cost_q_mean = kNone;  ///< Mean cost value on the batch, [discounted collisions].
-  double cost_critic_loss = kNone;
-  double multiplier = kNone;  ///< lambda now, not a mean.
-  double violation = kNone;   ///< Collisions per episode above the limit, when last observed.
-  ModelStats model;
-};
+/// What a learner says of its updates since the last reading.
+using LearnerStats = metrics::LearningFigures;
+using ModelStats = metrics::ModelFigures;
 
 /// The sums that updates add to.
 enum class Total {

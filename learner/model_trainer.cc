@@ -196,11 +196,11 @@ ModelStats ModelTrainer::ReadStats() {
                std::max(f[kModelWeight], 1.0);
   stats.gradient_norm = f[kNumModelFigures] / steps;
   const double held = f[kHeldOutCount];  // NaN where 0: 0 / 0.
-  stats.held_out_rmse = std::sqrt(f[kHeldOutSquares] / held);
-  stats.held_out_change = std::sqrt(f[kHeldOutChange] / held);
-  stats.held_out_likelihood = f[kHeldOutLikelihood] / held;
-  stats.held_out_reward_rmse = std::sqrt(f[kHeldOutReward] / held);
-  stats.held_out_termination = f[kHeldOutTermination] / held;
+  stats.error = std::sqrt(f[kHeldOutSquares] / held);
+  stats.change = std::sqrt(f[kHeldOutChange] / held);
+  stats.likelihood_nats = f[kHeldOutLikelihood] / held;
+  stats.reward_error = std::sqrt(f[kHeldOutReward] / held);
+  stats.termination_nats = f[kHeldOutTermination] / held;
   stats.inside_50 = f[kHeldOutInside50] / held;
   stats.inside_90 = f[kHeldOutInside90] / held;
   updates_at_reading_ = num_updates_;

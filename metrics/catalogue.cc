@@ -27,26 +27,27 @@ Spec HistogramOf(std::string_view name, std::string_view roles, std::string_view
 
 // Environments and episodes
 const Spec kEnvironmentSteps = CounterOf(
-    "slalom_environment_steps_total", "actor",
-    "Environment steps made in all sessions of this actor, whether acknowledged, pending or lost.");
+    "slalom_environment_steps_total", "actor, train",
+    "Environment steps made in all sessions of this actor or training, whether acknowledged, "
+    "pending or lost.");
 const Spec kEpisodes = CounterOf(
     "slalom_episodes_total", "actor",
     "Training episodes that ended, by outcome (success, collision, timeout) and course set.",
     {"outcome", "course_set"});
 const Spec kSuccessRate =
-    GaugeOf("slalom_success_rate", "actor",
+    GaugeOf("slalom_success_rate", "actor, train",
             "Share of the most recent training episodes, with exploration noise, that reached the "
             "goal. NaN before the first episode has ended.");
 const Spec kCollisionRate =
-    GaugeOf("slalom_collision_rate", "actor",
+    GaugeOf("slalom_collision_rate", "actor, train",
             "Share of the most recent training episodes that collided. NaN before the first.");
 const Spec kEpisodeReturn =
-    GaugeOf("slalom_episode_return", "actor",
+    GaugeOf("slalom_episode_return", "actor, train",
             "Mean return of the most recent training episodes. NaN before the first.");
 const Spec kEpisodeSteps =
-    GaugeOf("slalom_episode_steps", "actor",
+    GaugeOf("slalom_episode_steps", "actor, train",
             "Mean steps of the most recent training episodes. NaN before the first.");
-const Spec kEnvironments = GaugeOf("slalom_environments", "actor",
+const Spec kEnvironments = GaugeOf("slalom_environments", "actor, train",
                                    "Number of environments that the actor steps side by side.");
 
 // Accounting of steps
@@ -105,22 +106,25 @@ const Spec kQueueBytes =
 const Spec kQueueLimitBytes =
     GaugeOf("slalom_queue_limit_bytes", "actor, replay", "Bytes that a queue may hold.", {"queue"});
 const Spec kBlockedSeconds =
-    CounterOf("slalom_blocked_seconds_total", "actor, replay, learner",
+    CounterOf("slalom_blocked_seconds_total", "actor, replay, learner, train",
               "Time for which work waited at a queue. The actor waits at unacknowledged (no room); "
               "the replay server at inserts and samples (held by the rate limiter) and at journal "
-              "(the disk); the learner at batches (none has arrived).",
+              "(the disk); the learner and a training at batches (none has arrived, no step has "
+              "earned one).",
               {"queue"});
 
 // Replay table
-const Spec kTableRows = GaugeOf("slalom_table_rows", "replay", "Rows in the table.");
-const Spec kTableSteps = GaugeOf("slalom_table_steps", "replay", "Environment steps in the table.");
+const Spec kTableRows = GaugeOf("slalom_table_rows", "replay, train", "Rows in the table.");
+const Spec kTableSteps =
+    GaugeOf("slalom_table_steps", "replay, train", "Environment steps in the table.");
 const Spec kTableCapacityRows =
-    GaugeOf("slalom_table_capacity_rows", "replay", "Rows that the table can hold.");
+    GaugeOf("slalom_table_capacity_rows", "replay, train", "Rows that the table can hold.");
 const Spec kTableBytes =
-    GaugeOf("slalom_table_bytes", "replay", "Memory that the table takes once it is full.");
+    GaugeOf("slalom_table_bytes", "replay, train", "Memory that the table takes once it is full.");
 const Spec kBatches =
-    CounterOf("slalom_batches_total", "replay, learner",
-              "Batches sampled: granted by the replay server, received by the learner.");
+    CounterOf("slalom_batches_total", "replay, learner, train",
+              "Batches sampled: granted by the replay server, received by the learner, drawn by a "
+              "training.");
 const Spec kSamples =
     CounterOf("slalom_samples_total", "replay", "Transitions sampled, over all batches.");
 const Spec kSampleSeconds = HistogramOf("slalom_sample_seconds", "replay",
@@ -191,59 +195,10 @@ const Spec kMessagesRefused = CounterOf("slalom_messages_refused_total", "replay
                                         "Refusals sent, by the reason that they give.", {"reason"});
 
 // Learning
-const Spec kUpdates =
-    CounterOf("slalom_updates_total", "learner", "Updates of the critics, over all restarts.");
-const Spec kCriticLoss =
-    GaugeOf("slalom_critic_loss", "learner",
-            "Mean squared error of one critic, averaged over the updates since the last reading.");
-const Spec kQMean =
-    GaugeOf("slalom_q_mean", "learner", "Mean value of replayed actions, in scaled rewards.");
-const Spec kActorQMean =
-    GaugeOf("slalom_actor_q_mean", "learner", "Mean value of the actor's own actions.");
-const Spec kCriticGradientNorm =
-    GaugeOf("slalom_critic_gradient_norm", "learner", "Norm of the critics' gradient.");
-const Spec kActorGradientNorm =
-    GaugeOf("slalom_actor_gradient_norm", "learner", "Norm of the actor's gradient.");
-const Spec kPolicyEntropy = GaugeOf("slalom_policy_entropy_nats", "learner",
-                                    "Entropy of the policy (SAC). NaN without one.");
-const Spec kTemperature =
-    GaugeOf("slalom_temperature", "learner", "Weight of the entropy (SAC). NaN without one.");
-const Spec kCostQMean =
-    GaugeOf("slalom_cost_q_mean", "learner",
-            "Mean value of the cost critics, in discounted collisions. NaN without a constraint.");
-const Spec kConstraintMultiplier =
-    GaugeOf("slalom_constraint_multiplier", "learner",
-            "Lagrange multiplier of the constraint on collisions. NaN without a constraint.");
-const Spec kConstraintViolation = GaugeOf(
-    "slalom_constraint_violation", "learner",
-    "Collisions per training episode above the constraint's limit. NaN without a constraint.");
-const Spec kModelLoss =
-    GaugeOf("slalom_model_loss", "learner",
-            "Loss of the transition model. NaN without a model, as for all its metrics.");
-const Spec kModelError = GaugeOf(
-    "slalom_model_error", "learner",
-    "Root mean squared error of the model per number of the next frame, on held-out transitions.");
-const Spec kModelChange =
-    GaugeOf("slalom_model_change", "learner",
-            "The same error of predicting no change. A useful model's error is smaller.");
-const Spec kModelStepsError =
-    GaugeOf("slalom_model_steps_error", "learner",
-            "The model's error per number five steps ahead, given the actions taken.");
-const Spec kModelLikelihood =
-    GaugeOf("slalom_model_likelihood_nats", "learner",
-            "Negative log-likelihood per number of the next frame, on held-out transitions.");
-const Spec kModelRewardError =
-    GaugeOf("slalom_model_reward_error", "learner",
-            "Root mean squared error of the predicted scaled reward, on held-out transitions.");
-const Spec kModelTermination =
-    GaugeOf("slalom_model_termination_nats", "learner",
-            "Cross-entropy of the predicted termination, on held-out transitions.");
-const Spec kModelCovered = GaugeOf("slalom_model_covered_ratio", "learner",
-                                   "Share of held-out numbers in the central interval of the "
-                                   "prediction that should hold the share `expected`.",
-                                   {"expected"});
+const Spec kUpdates = CounterOf("slalom_updates_total", "learner, train",
+                                "Updates of the critics, over all restarts.");
 const Spec kUpdateSeconds =
-    HistogramOf("slalom_update_seconds", "learner",
+    HistogramOf("slalom_update_seconds", "learner, train",
                 "Time of one update, not counting the wait for its batch.", kWait);
 
 // Policies
@@ -271,23 +226,24 @@ const Spec kPublishToActing =
                 kLatency);
 
 // Checkpoints of the learner
-const Spec kCheckpoints = CounterOf("slalom_checkpoints_total", "learner", "Checkpoints written.");
+const Spec kCheckpoints =
+    CounterOf("slalom_checkpoints_total", "learner, train", "Checkpoints written.");
 const Spec kCheckpointFailures =
-    CounterOf("slalom_checkpoint_failures_total", "learner",
+    CounterOf("slalom_checkpoint_failures_total", "learner, train",
               "Checkpoints that could not be written. The earlier one is kept.");
 const Spec kCheckpointTimestamp =
-    GaugeOf("slalom_checkpoint_timestamp_seconds", "learner",
+    GaugeOf("slalom_checkpoint_timestamp_seconds", "learner, train",
             "When the newest checkpoint was written, in seconds since 1970; its age is `time()` "
             "minus this. Before the first checkpoint: when the learner started.");
 const Spec kCheckpointSeconds =
-    GaugeOf("slalom_checkpoint_seconds", "learner", "Time that the last checkpoint took.");
+    GaugeOf("slalom_checkpoint_seconds", "learner, train", "Time that the last checkpoint took.");
 const Spec kCheckpointBytes =
-    GaugeOf("slalom_checkpoint_bytes", "learner", "Size of the last checkpoint.");
+    GaugeOf("slalom_checkpoint_bytes", "learner, train", "Size of the last checkpoint.");
 const Spec kCheckpointUpdates =
-    GaugeOf("slalom_checkpoint_updates", "learner",
+    GaugeOf("slalom_checkpoint_updates", "learner, train",
             "Updates of the newest checkpoint, where a restart continues.");
 const Spec kRunFinished =
-    GaugeOf("slalom_run_finished", "learner",
+    GaugeOf("slalom_run_finished", "learner, train",
             "1 once the run has reached its limit of steps or seconds; all roles then rest.");
 
 // Evaluation

@@ -82,26 +82,8 @@ extern const Spec kMessages;
 extern const Spec kMessagesMalformed;
 extern const Spec kMessagesRefused;
 
-// Learning
+// Learning. metrics/learning_figures.h has the learner's figures.
 extern const Spec kUpdates;
-extern const Spec kCriticLoss;
-extern const Spec kQMean;
-extern const Spec kActorQMean;
-extern const Spec kCriticGradientNorm;
-extern const Spec kActorGradientNorm;
-extern const Spec kPolicyEntropy;
-extern const Spec kTemperature;
-extern const Spec kCostQMean;
-extern const Spec kConstraintMultiplier;
-extern const Spec kConstraintViolation;
-extern const Spec kModelLoss;
-extern const Spec kModelError;
-extern const Spec kModelChange;
-extern const Spec kModelStepsError;
-extern const Spec kModelLikelihood;
-extern const Spec kModelRewardError;
-extern const Spec kModelTermination;
-extern const Spec kModelCovered;
 extern const Spec kUpdateSeconds;
 
 // Policies

@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include "metrics/catalogue.h"
+#include "metrics/learning_figures.h"
 
 namespace slalom::metrics {
 namespace {
@@ -12,10 +13,13 @@ constexpr std::string_view kHead =
     "this page from the\n"
     "list in the code (`metrics/catalogue.h`); a test checks that it is up to date.\n\n"
     "Each role answers `GET /metrics` on its own address (`service.metrics`; for a sweep that of "
-    "`slalom sweep serve`).\n"
-    "operations.md says how to set up Prometheus and Grafana. Every metric has the labels `run` "
-    "(`run.name` of the config;\n"
-    "the sweep's name), `role` (actor, replay, learner, evaluator, sweep) and `name` (of the "
+    "`slalom sweep serve`,\n"
+    "for a training in one process that of `slalom train --metrics`). operations.md says how to "
+    "set "
+    "up Prometheus and\n"
+    "Grafana. Every metric has the labels `run` (`run.name` of the config; the sweep's name), "
+    "`role` (actor, replay,\n"
+    "learner, evaluator, sweep, train) and `name` (of the "
     "process; the same after a\n"
     "restart), besides those in the column \"labels\". Units are seconds, bytes and plain ratios "
     "(0 to 1). Names begin with\n"
@@ -26,6 +30,12 @@ constexpr std::string_view kHead =
 std::string Buckets(const Spec& spec) {
   if (spec.buckets.empty()) return "";
   return fmt::format(" Buckets from {} to {} s.", spec.buckets.front(), spec.buckets.back());
+}
+
+std::vector<const Spec*> Learning() {
+  std::vector<const Spec*> specs = {&kUpdates, &kUpdateSeconds};
+  for (const Spec& spec : LearningSpecs()) specs.push_back(&spec);
+  return specs;
 }
 
 }  // namespace
@@ -51,27 +61,7 @@ std::span<const CatalogueSection> Catalogue() {
       {"Sessions and connections",
        {&kSessions, &kSessionsStarted, &kReconnections, &kEpisodesCut, &kConnectedPeers,
         &kConnections, &kRejectedConnections, &kMessages, &kMessagesMalformed, &kMessagesRefused}},
-      {"Learning",
-       {&kUpdates,
-        &kCriticLoss,
-        &kQMean,
-        &kActorQMean,
-        &kCriticGradientNorm,
-        &kActorGradientNorm,
-        &kPolicyEntropy,
-        &kTemperature,
-        &kCostQMean,
-        &kConstraintMultiplier,
-        &kConstraintViolation,
-        &kModelLoss,
-        &kModelError,
-        &kModelChange,
-        &kModelStepsError,
-        &kModelLikelihood,
-        &kModelRewardError,
-        &kModelTermination,
-        &kModelCovered,
-        &kUpdateSeconds}},
+      {"Learning", Learning()},
       {"Policies",
        {&kPolicyVersion, &kPolicyTimestamp, &kPolicyLag, &kReaderLag, &kPoliciesPublished,
         &kPoliciesReceived, &kPolicyBytes, &kPublishToActing}},

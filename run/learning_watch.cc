@@ -19,8 +19,10 @@ std::optional<std::string> LearningWatch::Observe(const MetricsRow& row, double 
   }
   const std::int64_t updates = row.updates - last_.updates;
   if (updates > 0) {
-    actor_still_updates_ = CountStill(actor_still_updates_, updates, row.actor_gradient_norm);
-    critic_still_updates_ = CountStill(critic_still_updates_, updates, row.critic_gradient_norm);
+    actor_still_updates_ =
+        CountStill(actor_still_updates_, updates, row.learning.actor_gradient_norm);
+    critic_still_updates_ =
+        CountStill(critic_still_updates_, updates, row.learning.critic_gradient_norm);
   }
   has_succeeded_ = has_succeeded_ || row.success_rate > 0.0;
   last_ = row;

@@ -2,15 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <sstream>
 #include <string>
 #include <string_view>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
+#include "run/metrics_table.h"
 
 namespace slalom::run {
 namespace {
@@ -22,47 +27,23 @@ struct Column {
   double value = 0.0;  // NaN: not known.
 };
 
-/// Every column, in the file's order.
-std::vector<Column> Columns(const MetricsRow& row) {
-  std::vector<Column> columns;
-  const auto add = [&columns](std::string_view name, auto value, const char* format = "{}") {
+/// Makes the columns of a row.
+struct ListColumns {
+  template <class Number>
+  void operator()(std::string_view name, Number value, std::string_view /*meaning*/,
+                  const char* format = std::is_integral_v<Number> ? "{}" : "{:.6g}") {
     const auto number = static_cast<double>(value);
     columns.push_back({name, std::isnan(number) ? "" : fmt::format(fmt::runtime(format), value),
                        fmt::format("training/{}", name), number});
-  };
-  const char* const kFigure = "{:.6g}";
-  add("training_s", row.training_s, "{:.2f}");
-  add("steps", row.steps);
-  add("updates", row.updates);
-  add("episodes", row.episodes);
-  add("steps_per_s", row.steps_per_s, "{:.0f}");
-  add("updates_per_s", row.updates_per_s, "{:.1f}");
-  add("success_rate", row.success_rate, kFigure);
-  add("collision_rate", row.collision_rate, kFigure);
-  add("timeout_rate", row.timeout_rate, kFigure);
-  add("mean_return", row.mean_return, kFigure);
-  add("mean_episode_steps", row.mean_episode_steps, kFigure);
-  add("critic_loss", row.critic_loss, kFigure);
-  add("mean_q", row.mean_q, kFigure);
-  add("actor_q", row.actor_q, kFigure);
-  add("critic_gradient_norm", row.critic_gradient_norm, kFigure);
-  add("actor_gradient_norm", row.actor_gradient_norm, kFigure);
-  add("replay_steps", row.replay_steps);
-  add("entropy", row.entropy, kFigure);
-  add("temperature", row.temperature, kFigure);
-  add("cost_q", row.cost_q, kFigure);
-  add("multiplier", row.multiplier, kFigure);
-  add("violation", row.violation, kFigure);
-  add("model_loss", row.model_loss, kFigure);
-  add("model_error", row.model_error, kFigure);
-  add("model_change", row.model_change, kFigure);
-  add("model_likelihood", row.model_likelihood, kFigure);
-  add("model_reward_error", row.model_reward_error, kFigure);
-  add("model_termination", row.model_termination, kFigure);
-  add("model_inside_50", row.model_inside_50, kFigure);
-  add("model_inside_90", row.model_inside_90, kFigure);
-  add("model_steps_error", row.model_steps_error, kFigure);
-  return columns;
+  }
+  std::vector<Column> columns;
+};
+
+/// Every column, in the file's order.
+std::vector<Column> Columns(MetricsRow row) {
+  ListColumns list;
+  row.Visit(list);
+  return std::move(list.columns);
 }
 
 /// One line: the names, or the cells.
@@ -76,18 +57,26 @@ std::string Line(const std::vector<Column>& columns, bool names) {
   return line;
 }
 
-/// The rows of an earlier metrics file up to a step, and nothing of a half-written last line.
+/// The rows of an earlier metrics file up to a step, and nothing of a half-written last line. Cells
+/// of an earlier version go to their columns of today.
 std::string KeptRows(const std::filesystem::path& path, std::int64_t keep_until_step) {
-  std::string kept = Line(Columns({}), true);
+  const std::vector<Column> columns = Columns({});
+  std::string kept = Line(columns, true);
   if (keep_until_step <= 0 || !std::filesystem::exists(path)) return kept;
   std::istringstream lines(base::ReadFile(path));
   std::string line;
+  std::getline(lines, line);
+  const std::vector<std::string> names = SplitNames(line);
   while (std::getline(lines, line)) {
-    const auto comma = line.find(',');
-    if (comma == std::string::npos || lines.eof()) continue;
-    char* end = nullptr;
-    const long long steps = std::strtoll(line.c_str() + comma + 1, &end, 10);
-    if (*end == ',' && steps > 0 && steps <= keep_until_step) kept += line + "\n";
+    const std::vector<std::string_view> cells = SplitCells(line);
+    if (cells.size() != names.size() || lines.eof()) continue;
+    std::vector<Column> row = columns;
+    for (Column& column : row) {
+      const auto it = std::find(names.begin(), names.end(), column.name);
+      column.text = it == names.end() ? "" : cells[static_cast<std::size_t>(it - names.begin())];
+    }
+    const auto steps = std::strtoll(row[1].text.c_str(), nullptr, 10);
+    if (steps > 0 && steps <= keep_until_step) kept += Line(row, false);
   }
   return kept;
 }

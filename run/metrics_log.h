@@ -7,15 +7,18 @@
 #include <string>
 
 #include "base/append_file.h"
+#include "metrics/learning_figures.h"
 #include "run/event_file.h"
 
 namespace slalom::run {
 
 /// One row of `metrics.csv`, and what the progress line shows. Rates are over the time since the
 /// last row; statistics of episodes are over the actor's most recent episodes. NaN: not known yet
-/// (an empty cell).
+/// (an empty cell). `Visit` lists the columns in their order: name, value, meaning and, if it is
+/// not written as it is (whole numbers) or with six digits, its format.
 struct MetricsRow {
-  double training_s = 0.0;  ///< Time spent training (`TrainingClock`), over all sessions, [s].
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  double training_s = 0.0;
   std::int64_t steps = 0;
   std::int64_t updates = 0;
   std::int64_t episodes = 0;
@@ -24,34 +27,28 @@ struct MetricsRow {
   double success_rate = 0.0;
   double collision_rate = 0.0;
   double timeout_rate = 0.0;
-  double mean_return = 0.0;
-  double mean_episode_steps = 0.0;
-  double critic_loss = 0.0;
-  double mean_q = 0.0;   ///< Of the critics for replayed actions, in scaled rewards.
-  double actor_q = 0.0;  ///< Of the first critic for the actor's own actions.
-  double critic_gradient_norm = 0.0;
-  double actor_gradient_norm = 0.0;
-  std::int64_t replay_steps = 0;
+  double episode_return = 0.0;
+  double episode_steps = 0.0;
+  std::int64_t table_steps = 0;
+  metrics::LearningFigures learning;
 
-  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  double entropy = kNone;      ///< Of a stochastic policy, [nats].
-  double temperature = kNone;  ///< SAC's alpha.
-  double cost_q = kNone;       ///< Mean of the cost critics, [discounted collisions].
-  double multiplier = kNone;   ///< lambda of a constraint.
-  double violation = kNone;    ///< Collisions per episode above the constraint's limit.
-  double model_loss = kNone;   ///< Of a transition model, on its training batches.
-  /// Of the transition model on held-out transitions, in this order: root mean squared error per
-  /// feature, the same error of a model that predicts no change, negative log-likelihood per
-  /// feature, error of the scaled reward, cross-entropy of termination [nats], and the shares of
-  /// numbers inside the central 50 % and 90 % of the prediction.
-  double model_error = kNone;
-  double model_change = kNone;
-  double model_likelihood = kNone;
-  double model_reward_error = kNone;
-  double model_termination = kNone;
-  double model_inside_50 = kNone;
-  double model_inside_90 = kNone;
-  double model_steps_error = kNone;  ///< As `model_error`, five steps ahead, on what was replayed.
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("training_s", training_s, "Time spent training (`TrainingClock`), over all sessions.",
+      "{:.2f}");
+    v("steps", steps, "Environment steps.");
+    v("updates", updates, "Updates.");
+    v("episodes", episodes, "Training episodes that ended.");
+    v("steps_per_s", steps_per_s, "Environment steps a second.", "{:.0f}");
+    v("updates_per_s", updates_per_s, "Updates a second.", "{:.1f}");
+    v("success_rate", success_rate, "Share of episodes that reached the goal.");
+    v("collision_rate", collision_rate, "Share of episodes that collided.");
+    v("timeout_rate", timeout_rate, "Share of episodes that ran out of time.");
+    v("episode_return", episode_return, "Mean return of an episode.");
+    v("episode_steps", episode_steps, "Mean steps of an episode.");
+    v("table_steps", table_steps, "Environment steps in the replay table.");
+    learning.Visit(v);
+  }
 };
 
 /// Returns the row as a progress line. `remaining_s`: time left, [s]; negative: not known.

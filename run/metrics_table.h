@@ -20,6 +20,11 @@ struct MetricsTable {
   double Last(std::string_view name) const;
 };
 
+/// The cells of a line without its end.
+std::vector<std::string_view> SplitCells(std::string_view line);
+/// The names of a header line. Names that earlier versions wrote become those of today.
+std::vector<std::string> SplitNames(std::string_view line);
+
 /// The table in `text`, however much of it is there: a last line without its end, and lines that do
 /// not have a number or nothing in each cell, are left out. `max_rows` > 1: of more rows than this,
 /// so many are kept, evenly spread, the last one among them.

@@ -161,11 +161,6 @@ class Expansion {
     } catch (const base::Error& error) {
       Fail(who, error.what());
     }
-    if (config.run.deterministic && config.method.learner.prioritized) {
-      Fail(who,
-           "learner.prioritized is true, expected false in lockstep, as checkpoints do not "
-           "hold priorities");
-    }
   }
 
   void AddTrainings(const Group& group, const Point& point) {

@@ -28,7 +28,7 @@ std::string BudgetText(const Cells& cells) {
   std::set<double> seconds;
   for (const Cell& cell : cells.cells) {
     if (!cell.config) continue;
-    const train::RunSettings& run = cell.config->run;
+    const run::RunSettings& run = cell.config->run;
     if (run.max_seconds > 0.0) {
       seconds.insert(run.max_seconds);
     } else {

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/random.h"
 #include "config/config.h"
 #include "learner/algorithm.h"
 #include "replay/rows.h"
@@ -69,12 +70,21 @@ sim::CourseSet CoursesConfig::ResolveTest() const {
   return ResolveKey("courses.test", *this, test);
 }
 
+std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose) {
+  return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
+}
+
 policy::PolicySpec MakePolicySpec(const RunConfig& config) {
   return {.observation = sim::MakeObservationSpec(config.environment),
           .network = config.network,
           .actions = config.environment.action,
           .distribution = learner::DistributionOf(config.method.learner),
           .planning = learner::PlanningOf(config.method, GoalOf(config))};
+}
+
+int BatchesPerUpdate(const RunConfig& config) {
+  return static_cast<int>(
+      learner::Learner::SampleSpecs(config.method, MakePolicySpec(config)).size());
 }
 
 void RequireCombination(const RunConfig& config) {

@@ -96,7 +96,6 @@ std::vector<std::string> OverridesForDeterminism(const RunConfig& config) {
         fmt::format("run.max_steps={}",
                     std::min(config.run.max_steps, std::max(steps, 2 * FirstUpdate(config)))));
   }
-  if (config.method.learner.prioritized) overrides.emplace_back("learner.prioritized=false");
   return overrides;
 }
 

@@ -27,8 +27,7 @@ struct NothingLearned {
 NothingLearned ExplainNoUpdate(const RunConfig& config, std::int64_t steps, double training_s);
 
 /// The overrides that a deterministic run of this config needs besides, all of them. Empty: none.
-/// The run must end by steps, since what it learns in some seconds depends on the machine, and it
-/// must not use priorities, since checkpoints do not hold them.
+/// The run must end by steps, since what it learns in some seconds depends on the machine.
 std::vector<std::string> OverridesForDeterminism(const RunConfig& config);
 
 }  // namespace slalom::train

@@ -64,7 +64,7 @@ std::string DrawTrainingFigure(const std::string& run_name, const std::string& m
       .panels = {RatePanel("Training episodes, with exploration noise", training),
                  {"Return of training episodes",
                   false,
-                  {SeriesOf(training, "mean return", "mean_return", plot::Colour::kBlue)}},
+                  {SeriesOf(training, "mean return", "episode_return", plot::Colour::kBlue)}},
                  std::move(score_panel)}};
   AddStepScale(training, figure);
   return plot::DrawFigure(figure);

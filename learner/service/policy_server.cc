@@ -1,6 +1,7 @@
 #include "learner/service/policy_server.h"
 
 #include <algorithm>
+#include <string_view>
 #include <utility>
 
 #include "metrics/catalogue.h"
@@ -35,15 +36,17 @@ PolicyServer::PolicyServer(transport::Context& context, const transport::ServerO
   }
 }
 
-void PolicyServer::Publish(std::int64_t version, transport::Frame policy,
-                           std::int64_t learner_steps) {
+void PolicyServer::Publish(policy::PolicySnapshot published, std::int64_t steps) {
+  transport::Frame policy =
+      transport::Frame::Copy(std::string_view(policy::PrintPolicy(published, {})));
+  const std::int64_t version = published.version;
   proto::Snapshot snapshot;
   snapshot.version = version;
   snapshot.spec_hash = spec_hash_;
   snapshot.published_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(
                               std::chrono::system_clock::now().time_since_epoch())
                               .count();
-  snapshot.learner_steps = learner_steps;
+  snapshot.learner_steps = steps;
   header_ = transport::Frame::Copy(proto::Encode(snapshot, policy.bytes()));
   payload_ = std::move(policy);
   version_ = version;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "learner/loop/policy_sink.h"
 #include "metrics/registry.h"
 #include "proto/messages.h"
 #include "transport/context.h"
@@ -17,18 +18,21 @@ namespace slalom::learner {
 /// Hands policies to actors and evaluators. Each asks for one newer than it holds and is answered
 /// as soon as there is one. So a slow reader gets only the newest policy, and nothing queues,
 /// however many readers there are. Confined to one thread, which polls it.
-class PolicyServer {
+class PolicyServer final : public PolicySink {
  public:
   /// Throws `base::Error` if the endpoint cannot be bound.
   PolicyServer(transport::Context& context, const transport::ServerOptions& options,
                std::uint64_t spec_hash, metrics::Registry& registry);
 
-  /// Publishes `policy`, the bytes of a policy file, and answers the readers that wait.
-  void Publish(std::int64_t version, transport::Frame policy, std::int64_t learner_steps);
+  /// Publishes a policy as the bytes of a policy file, and answers the readers that wait.
+  void Publish(policy::PolicySnapshot snapshot, std::int64_t steps) override;
+  void Serve() override { Poll(std::chrono::milliseconds(0)); }
 
   /// Answers requests, waiting for one no longer than `timeout`.
   void Poll(std::chrono::milliseconds timeout);
 
+  /// The version that was published last; 0 before the first.
+  std::int64_t version() const { return version_.value_or(0); }
   const std::string& endpoint() const { return server_.endpoint(); }
   /// The number of readers that were heard from in the last seconds, and the oldest version among
   /// those that they hold.

@@ -64,6 +64,7 @@ struct ReplayServerSpec {
   std::uint64_t spec_hash = 0;  ///< Hash of the observation and action spec.
   std::uint64_t seed = 1;       ///< The run's seed; draws derive from it and the sample's cursor.
   double updates_per_step = 0.25;
+  int batches_per_update = 1;
   std::int64_t learning_starts = 4096;
   std::string software = "slalom";  ///< Name and version, shown to people.
 };

@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "proto/messages.h"
+#include "replay/rate_limiter.h"
 #include "replay/record_log.h"
 #include "replay/rows.h"
-#include "replay/service/rate_limiter.h"
 #include "replay/service/reply_sender.h"
 #include "replay/sessions.h"
 #include "replay/table.h"

@@ -11,7 +11,7 @@
 
 #include "proto/messages.h"
 #include "replay/batch.h"
-#include "replay/service/rate_limiter.h"
+#include "replay/rate_limiter.h"
 #include "replay/service/reply_sender.h"
 #include "replay/table.h"
 

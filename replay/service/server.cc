@@ -121,6 +121,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                                          state, [this] { server_->Wake(); });
   }
   limiter_.emplace(RateLimiter::Options{.updates_per_step = spec_.updates_per_step,
+                                        .batches_per_update = spec_.batches_per_update,
                                         .learning_starts = spec_.learning_starts,
                                         .max_ahead_steps = config_.max_ahead_steps},
                    sessions.accepted_steps());

@@ -125,7 +125,7 @@ void ServerMetrics::Show(const Sources& sources, Time now) {
   const double ratio = earning > 0.0 ? sources.limiter->granted() * batch / earning
                                      : std::numeric_limits<double>::quiet_NaN();
   samples_per_insert_.Set(ratio);
-  samples_per_insert_target_.Set(spec_.updates_per_step * batch);
+  samples_per_insert_target_.Set(sources.limiter->batches_per_step() * batch);
   inserts_depth_.Set(static_cast<double>(sources.inserts->num_held()));
   inserts_bytes_.Set(static_cast<double>(sources.inserts->unwritten_bytes()));
   samples_depth_.Set(static_cast<double>(sources.samples->num_held()));

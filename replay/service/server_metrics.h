@@ -10,9 +10,9 @@
 #include "metrics/registry.h"
 #include "proto/messages.h"
 #include "replay/journal.h"
+#include "replay/rate_limiter.h"
 #include "replay/service/config.h"
 #include "replay/service/insert_desk.h"
-#include "replay/service/rate_limiter.h"
 #include "replay/service/sample_desk.h"
 #include "replay/table.h"
 

@@ -33,7 +33,8 @@ const Map& OurMap() {
 
 /// Each heavy library, by how its headers begin, and the folders that may know it.
 const std::map<std::string, Names>& Homes() {
-  static const Names torch = {"nn", "policy", "learner", "learner/service", "train", "cli"};
+  static const Names torch = {"nn",    "policy", "learner", "learner/loop", "learner/service",
+                              "train", "cli"};
   static const std::map<std::string, Names> homes = {
       {"torch/", torch},
       {"ATen/", torch},

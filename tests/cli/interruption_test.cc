@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <signal.h>
 
+#include <cstdlib>
 #include <string>
 #include <thread>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "base/file.h"
 #include "policy/policy.h"
 #include "tests/cli/program.h"
+#include "tests/metrics/http.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::test {
@@ -119,6 +121,32 @@ TEST(InterruptionTest, ASecondHangupDoesNotKeepARunFromSaving) {
   EXPECT_THAT(base::ReadFile(scratch.path() / "out"), testing::HasSubstr("--resume"));
 }
 
+TEST(InterruptionTest, ATrainingShowsItsMetricsWhereItIsTold) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 100000000);
+  BackgroundProgram program({"train", "tiny.toml", "--metrics", "127.0.0.1:0"}, scratch.path());
+  int port = 0;
+  WaitUntil([&] {
+    const fs::path log = scratch.path() / "err";
+    const std::string text = fs::exists(log) ? base::ReadFile(log) : "";
+    const std::string before = "metrics at http://127.0.0.1:";
+    const auto at = text.find(before);
+    if (at != std::string::npos) port = std::atoi(text.c_str() + at + before.size());
+    return text.find("/metrics\n") != std::string::npos;
+  });
+  ASSERT_GT(port, 0);
+  const std::string labels = "{name=\"tiny\",role=\"train\",run=\"tiny\"} ";
+  WaitUntil([&] {
+    const std::string page = Exchange(port, "GET /metrics HTTP/1.1\r\nHost: test\r\n\r\n");
+    const auto at = page.find("slalom_updates_total" + labels);
+    return at != std::string::npos && std::atof(page.c_str() + at + 20 + labels.size()) > 10.0 &&
+           page.find("slalom_q_mean" + labels) != std::string::npos;
+  });
+  program.Signal(SIGINT);
+  EXPECT_EQ(program.Wait(), 128 + SIGINT);
+  EXPECT_THAT(base::ReadFile(scratch.path() / "out"), testing::HasSubstr("--metrics 127.0.0.1:0"));
+}
+
 TEST(InterruptionTest, NohupOutlivesAHangup) {
   const ScratchDirectory scratch;
   WriteTinyConfig(scratch.path(), 20000);
@@ -210,10 +238,9 @@ TEST(TrainingEndTest, ARunThatLearnedNothingSaysWhatToChangeAndHowToGoOn) {
 TEST(TrainingEndTest, ADeterministicRunNamesAllThatItNeedsInACommandThatWorks) {
   const ScratchDirectory scratch;
   WriteTinyConfig(scratch.path(), 2000);
-  const ProgramResult refused =
-      RunProgram({"train", "tiny.toml", "--deterministic", "--set", "run.max_seconds=90", "--set",
-                  "learner.prioritized=true", "--no-evaluation"},
-                 scratch.path());
+  const ProgramResult refused = RunProgram(
+      {"train", "tiny.toml", "--deterministic", "--set", "run.max_seconds=90", "--no-evaluation"},
+      scratch.path());
   EXPECT_EQ(refused.exit_code, 1);
   const ProgramResult result = RunShell(CommandAfter(refused.err, "Use:\n  "), scratch.path());
   EXPECT_EQ(result.exit_code, 0) << refused.err << result.err;

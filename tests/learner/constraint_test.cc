@@ -112,7 +112,7 @@ TEST(Constraint, AFixedMultiplierStays) {
   EXPECT_EQ(f.constraint.multiplier(), 2.0);
   LearnerStats stats;
   f.constraint.Describe(stats);
-  EXPECT_DOUBLE_EQ(stats.violation, 0.8);
+  EXPECT_DOUBLE_EQ(stats.constraint_violation, 0.8);
 }
 
 TEST(Constraint, TheMultiplierWaitsForItsFirstEpisodes) {

@@ -54,12 +54,12 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   policy::PolicySpec spec = Spec();
   spec.planning = PlanningOf(method);
   LearnerJob job;
-  job.plan.directory.root = directory;
-  job.plan.seed = 6;
+  job.loop.run.directory.root = directory;
+  job.loop.run.settings.seed = 6;
+  job.loop.run.settings.max_steps = 1000000;
+  job.loop.run.settings.max_seconds = max_seconds;
+  job.loop.run.settings.log_interval = 0.05;
   job.spec_hash = kSpecHash;
-  job.plan.max_steps = 1000000;
-  job.plan.max_seconds = max_seconds;
-  job.plan.log_interval = 0.05;
   job.replay.endpoint = replay;
   job.policies.endpoint = "tcp://127.0.0.1:*";
   std::atomic<bool> ready = false;
@@ -70,7 +70,7 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
       LearnerService learner({}, method, spec, job, context, registry, clock);
       endpoint = learner.endpoint();
       ready = true;
-      EXPECT_EQ(learner.Run(stop), LearnerEnd::kStopped);
+      EXPECT_EQ(learner.Run(stop), TrainingEnd::kStopped);
     } catch (const base::Error& e) {
       error = e.what();
       ready = true;
@@ -314,9 +314,9 @@ TEST(BatchStreamTest, WindowsDoNotPileUpWhileTheServerHoldsBack) {
   EXPECT_EQ(stream.link().num_welcomes(), welcomes);
 }
 
-TEST(LearnerMetricsTest, ALearnerThatWaitsForLongIsNotWellUntilABatchComes) {
+TEST(StreamMetricsTest, ALearnerThatWaitsForLongIsNotWellUntilABatchComes) {
   metrics::Registry registry("learner", "learner");
-  LearnerMetrics metrics(registry);
+  StreamMetrics metrics(registry);
   metrics.AddWait(6.0);
   metrics.AddBatch();
   metrics.AddWait(6.0);

@@ -328,7 +328,7 @@ TEST_P(MethodTest, GoesOnBitForBitAfterARestore) {
     learner->ObserveEpisodes(0.3, 20);
   }
   EXPECT_EQ(Saved(whole).tensors, Saved(resumed).tensors);
-  EXPECT_NE(whole.ReadStats().multiplier, 1.0);
+  EXPECT_NE(whole.ReadStats().constraint_multiplier, 1.0);
 }
 
 TEST_P(MethodTest, ASnapshotIsAPolicyThatLoads) {

@@ -122,9 +122,9 @@ TEST(ModelTrainer, LearnsALinearWorld) {
     EXPECT_EQ(stats.num_updates, 1000);
     // Of the six numbers predicted only x and y have noise: (0.1^2 + 0.02^2) / 6 = 0.0017, and
     // 0.041 is its root.
-    EXPECT_NEAR(stats.held_out_rmse, 0.041, 0.01) << kind;
-    EXPECT_GT(stats.held_out_change, 2 * stats.held_out_rmse) << "nothing to learn";
-    EXPECT_LT(stats.held_out_termination, 0.1);
+    EXPECT_NEAR(stats.error, 0.041, 0.01) << kind;
+    EXPECT_GT(stats.change, 2 * stats.error) << "nothing to learn";
+    EXPECT_LT(stats.termination_nats, 0.1);
     if (std::string_view(kind) == "deterministic") continue;
     EXPECT_NEAR(std::exp(predicted.log_std.select(1, kBeams).mean().item<double>()),
                 LinearWorld::kNoiseX, 0.02);
@@ -134,7 +134,7 @@ TEST(ModelTrainer, LearnsALinearWorld) {
     // inside; of x and y half, and 9 of 10.
     EXPECT_NEAR(stats.inside_50, (4.0 + 2 * 0.5) / 6.0, 0.03);
     EXPECT_NEAR(stats.inside_90, (4.0 + 2 * 0.9) / 6.0, 0.02);
-    EXPECT_LT(stats.held_out_likelihood, 0.0);
+    EXPECT_LT(stats.likelihood_nats, 0.0);
   }
 }
 
@@ -162,7 +162,7 @@ TEST(ModelTrainer, GoesOnBitForBitAfterARestore) {
   EXPECT_EQ(resumed.elites()[0], whole.elites()[0]);
   EXPECT_EQ(Saved(resumed).tensors, Saved(whole).tensors);
   const ModelStats stats = whole.ReadStats();
-  EXPECT_EQ(resumed.ReadStats().held_out_rmse, stats.held_out_rmse);
+  EXPECT_EQ(resumed.ReadStats().error, stats.error);
   EXPECT_EQ(stats.num_updates, 10);
 }
 

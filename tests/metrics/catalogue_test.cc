@@ -20,7 +20,7 @@ std::vector<const Spec*> All() {
 /// What Prometheus' conventions and our own say against a metric; empty: nothing.
 std::string Fault(const Spec& spec) {
   const std::string name(spec.name);
-  static const std::regex shape("(slalom|process)_[a-z]+(_[a-z]+)*");
+  static const std::regex shape("(slalom|process)_[a-z]+(_[a-z0-9]+)*");
   if (!std::regex_match(name, shape)) return "its name has another form";
   if (name.ends_with("_total") != (spec.type == Type::kCounter)) {
     return "counters end in _total, and nothing else does";
@@ -34,7 +34,7 @@ std::string Fault(const Spec& spec) {
   if (spec.help.find('|') != std::string::npos) return "its help breaks the table";
   static const std::regex roles(
       "(all|sweep|(actor|replay|learner|evaluator)"
-      "(, (actor|replay|learner|evaluator))*)");
+      "(, (actor|replay|learner|evaluator|train))*)");
   if (!std::regex_match(std::string(spec.roles), roles)) return "its roles are unknown";
   for (const std::string_view label : spec.labels) {
     static const std::regex word("[a-z]+(_[a-z]+)*");

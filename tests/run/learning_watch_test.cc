@@ -15,8 +15,8 @@ MetricsRow Healthy(int row) {
   metrics.updates = 100 * row;
   metrics.episodes = 20 * row;
   metrics.success_rate = 0.1;
-  metrics.actor_gradient_norm = 1e-12;
-  metrics.critic_gradient_norm = 2.0;
+  metrics.learning.actor_gradient_norm = 1e-12;
+  metrics.learning.critic_gradient_norm = 2.0;
   return metrics;
 }
 
@@ -35,7 +35,7 @@ TEST(LearningWatchTest, WarnsOnceOfAnActorWithoutAGradient) {
   for (int row = 0; row <= 30; ++row) {
     MetricsRow metrics = Healthy(row);
     metrics.success_rate = 0.0;
-    metrics.actor_gradient_norm = 0.0;
+    metrics.learning.actor_gradient_norm = 0.0;
     const auto warning = watch.Observe(metrics, row / 100.0);
     if (!warning) continue;
     ++warnings;
@@ -51,7 +51,7 @@ TEST(LearningWatchTest, NamesTheCritics) {
   LearningWatch watch;
   for (int row = 0; row <= 10; ++row) {
     MetricsRow metrics = Healthy(row);
-    metrics.critic_gradient_norm = 0.0;
+    metrics.learning.critic_gradient_norm = 0.0;
     watch.Observe(metrics, 0.1);
   }
   EXPECT_THAT(watch.fault(), HasSubstr("learner.critic_learning_rate"));
@@ -64,7 +64,7 @@ TEST(LearningWatchTest, RowsWithoutAnActorUpdateAreNoFault) {
   for (int row = 0; row <= 5000; ++row) {
     MetricsRow metrics = Healthy(row);
     metrics.updates = row;
-    metrics.actor_gradient_norm = row % 2 == 0 ? 0.3 : 0.0;
+    metrics.learning.actor_gradient_norm = row % 2 == 0 ? 0.3 : 0.0;
     EXPECT_EQ(watch.Observe(metrics, 0.1), std::nullopt);
   }
 }
@@ -73,7 +73,7 @@ TEST(LearningWatchTest, ANetworkThatWakesUpIsNoFaultAnyMore) {
   LearningWatch watch;
   for (int row = 0; row <= 20; ++row) {
     MetricsRow metrics = Healthy(row);
-    metrics.actor_gradient_norm = 0.0;
+    metrics.learning.actor_gradient_norm = 0.0;
     watch.Observe(metrics, 0.1);
   }
   EXPECT_NE(watch.fault(), "");

@@ -2,12 +2,14 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <limits>
 #include <map>
 #include <sstream>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "run/metrics_table.h"
 #include "tests/support/event_file_reader.h"
 #include "tests/support/scratch_directory.h"
 #include "tests/support/small_files.h"
@@ -71,12 +73,13 @@ TEST(MetricsLogTest, TheEventFileHoldsEveryCell) {
   const test::ScratchDirectory scratch;
   const auto path = scratch.path() / "metrics.csv";
   // Numbers that a cell and a float32 hold whole.
-  MetricsRow row{1.5,  640,   160,   12,   512.0, 128.0, 0.75,  0.125, 0.25,
-                 24.5, 120.0, 0.375, 11.5, 12.25, 3.5,   0.625, 600};
+  MetricsRow row{1.5, 640, 160, 12, 512.0, 128.0, 0.75, 0.125, 0.25, 24.5, 120.0, 600, {}};
+  row.learning.critic_loss = 0.375;
+  row.learning.model.inside_50 = 0.5;
   MetricsLog log(path, 0);
   log.Append(row);
   row.steps = 1280;
-  row.mean_return = std::numeric_limits<double>::quiet_NaN();
+  row.episode_return = std::numeric_limits<double>::quiet_NaN();
   log.Append(row);
 
   const auto lines = Lines(path);
@@ -90,9 +93,27 @@ TEST(MetricsLogTest, TheEventFileHoldsEveryCell) {
       if (!cells[c].empty()) expected["training/" + names[c]] = std::stof(cells[c]);
     }
     EXPECT_EQ(events[i].scalars, expected);
-    EXPECT_EQ(events[i].scalars.size(), 17u - i) << "the second row has an empty cell";
+    EXPECT_EQ(events[i].scalars.size(), 18u - i) << "the second row has an empty cell";
     EXPECT_EQ(events[i].step, std::stoll(cells.at(1)));
   }
+}
+
+TEST(MetricsLogTest, RowsOfAnEarlierVersionGoToTheColumnsOfToday) {
+  const test::ScratchDirectory scratch;
+  const auto path = scratch.path() / "metrics.csv";
+  base::WriteFileAtomically(path,
+                            "training_s,steps,mean_return,critic_loss,mean_q,replay_steps\n"
+                            "2.00,100,7.5,0.25,3,90\n4.00,200,8.5,,4,180\n");
+  const MetricsLog log(path, 100);
+  const MetricsTable table = ParseMetrics(base::ReadFile(path), 0);
+  ASSERT_EQ(table.num_rows(), 1u);
+  EXPECT_EQ(table.Last("training_s"), 2.0);
+  EXPECT_EQ(table.Last("steps"), 100.0);
+  EXPECT_EQ(table.Last("episode_return"), 7.5);
+  EXPECT_EQ(table.Last("critic_loss"), 0.25);
+  EXPECT_EQ(table.Last("q_mean"), 3.0);
+  EXPECT_EQ(table.Last("table_steps"), 90.0);
+  EXPECT_TRUE(std::isnan(table.Last("updates")));
 }
 
 TEST(MetricsLogTest, AResumedRunsEventsAreThoseOfItsRows) {

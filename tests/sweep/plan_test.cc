@@ -109,8 +109,6 @@ TEST(PlanTest, BadPlansAreOneErrorThatNamesWhatIsWrong) {
               HasSubstr("which the policy is trained with"));
   EXPECT_THAT(ErrorOf(kPlan + "set = {environment.lidar.num_beams = 360}\n"),
               HasSubstr("the policy"));
-  EXPECT_THAT(ErrorOf(kPlan, {"learner.prioritized=true"}),
-              HasSubstr("expected false in lockstep"));
   EXPECT_THAT(ErrorOf(kPlan, {"courses.train=static-trian-5"}), HasSubstr("static-trian-5"));
   EXPECT_THAT(ErrorOf(kPlan + "[[group]]\nname = \"a b\"\n"), HasSubstr("'a b'"));
   EXPECT_THAT(ErrorOf(kPlan + "[[group]]\nname = \"a\"\n[[group]]\nname = \"a\"\n"),

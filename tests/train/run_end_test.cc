@@ -50,7 +50,8 @@ TEST(RunEndTest, TimeBeforeTheTrainingCostsItNothing) {
   const run::RunDirectory directory{scratch.path() / "run"};
   for (const bool resume : {false, true}) {
     const FakeClock clock;
-    Trainer trainer(config, directory, "test", resume, clock.Make());
+    metrics::Registry registry("train", "test");
+    Trainer trainer(config, directory, "test", resume, registry, clock.Make());
     const std::int64_t before = trainer.updates();
     *clock.now_s += 3600.0;
     EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
@@ -77,7 +78,8 @@ TEST(RunEndTest, ARunThatEndsBeforeItsFirstUpdateHasLearnedNothingAndGoesOn) {
   config.run.deterministic = false;
   config.run.max_seconds = 0.2;
   const run::RunDirectory directory{scratch.path() / "run"};
-  EXPECT_EQ(Trainer(config, directory, "test", false, FakeClock().Make()).Run({}),
+  metrics::Registry registry("train", "test");
+  EXPECT_EQ(Trainer(config, directory, "test", false, registry, FakeClock().Make()).Run({}),
             TrainingEnd::kLearnedNothing);
   EXPECT_FALSE(fs::exists(directory.policy()));
   EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kLearnedNothing);

@@ -77,10 +77,8 @@ TEST(OverridesForDeterminismTest, ListsAllAtOnceAndTheyAreEnough) {
   RunConfig config = EightRobots();
   config.run.max_steps = 100000000;
   config.run.max_seconds = 90.0;
-  config.method.learner.prioritized = true;
   const auto overrides = OverridesForDeterminism(config);
-  EXPECT_THAT(overrides, ElementsAre("run.max_seconds=0", "run.max_steps=900000",
-                                     "learner.prioritized=false"));
+  EXPECT_THAT(overrides, ElementsAre("run.max_seconds=0", "run.max_steps=900000"));
   for (const std::string& override : overrides) {
     config::ApplyOverride(override, config::ListFields(config));
   }

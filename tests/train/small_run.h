@@ -37,7 +37,8 @@ inline policy::PolicySnapshot Policy(const run::RunDirectory& directory) {
 
 inline TrainingEnd RunOnce(const RunConfig& config, const run::RunDirectory& directory,
                            bool resume = false, std::stop_token stop = {}) {
-  Trainer trainer(config, directory, "test", resume);
+  metrics::Registry registry("train", "test");
+  Trainer trainer(config, directory, "test", resume, registry);
   return trainer.Run(stop);
 }
 

@@ -1,5 +1,6 @@
 #include "train/trainer.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <limits>
@@ -7,6 +8,8 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "config/config.h"
+#include "metrics/catalogue.h"
+#include "run/metrics_table.h"
 #include "tests/support/scratch_directory.h"
 #include "tests/train/small_run.h"
 
@@ -29,9 +32,9 @@ TEST(TrainerTest, TheSameSeedGivesTheSamePolicyAndAnotherSeedAnother) {
   EXPECT_NE(*Policy(a).weights, *Policy(c).weights);
 }
 
-TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) {
+/// Trains in parts, killed between them, and as a whole; expects the same policy.
+void ExpectAKillChangesNothing(RunConfig config) {
   const test::ScratchDirectory scratch;
-  RunConfig config = SmallRun();
   config.run.checkpoint_steps = 1000;
   config.run.keep_checkpoints = "all";
   const run::RunDirectory whole{scratch.path() / "whole"};
@@ -52,6 +55,35 @@ TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) {
   EXPECT_EQ(*Policy(whole).weights, *Policy(killed).weights);
 }
 
+TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) { ExpectAKillChangesNothing(SmallRun()); }
+
+TEST(TrainerTest, APrioritizedRunResumedAfterAKillEndsBitIdentical) {
+  RunConfig config = SmallRun();
+  config.method.learner.prioritized = true;
+  ExpectAKillChangesNothing(config);
+}
+
+TEST(TrainerTest, PrioritiesAreThoseOfTheCheckpointAfterAResume) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  config.method.learner.prioritized = true;
+  config.run.max_steps = 2500;
+  const run::RunDirectory directory{scratch.path() / "run"};
+  const auto newest = [&] {
+    return run::CheckpointStore(directory.checkpoints()).List().at(0) / "priorities";
+  };
+  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
+  const std::string before = base::ReadFile(newest());
+  config.run.max_steps = 5000;
+  std::stop_source stopped;
+  stopped.request_stop();
+  EXPECT_EQ(RunOnce(config, directory, true, stopped.get_token()), TrainingEnd::kStopped);
+  EXPECT_EQ(base::ReadFile(newest()), before);
+  base::WriteFileAtomically(newest(), before.substr(0, before.size() / 2));
+  EXPECT_THAT([&] { RunOnce(config, directory, true); },
+              testing::ThrowsMessage<base::Error>(testing::HasSubstr("priorities: damaged")));
+}
+
 TEST(TrainerTest, AStoppedRunIsSavedAndGoesOn) {
   const test::ScratchDirectory scratch;
   const RunConfig config = SmallRun();
@@ -69,7 +101,8 @@ TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
   config.run.simulation_threads = 2;
   config.run.checkpoint_steps = 2000;
   const run::RunDirectory directory{scratch.path() / "run"};
-  Trainer trainer(config, directory, "test", false);
+  metrics::Registry registry("train", "test");
+  Trainer trainer(config, directory, "test", false, registry);
   EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
   // The actor may end up to its queue, the chunk in hand and the one free ahead of the learner.
   const double ahead = 8.0 * (config.run.queue_length + 3);
@@ -78,6 +111,40 @@ TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
   EXPECT_LE(static_cast<double>(trainer.updates()), earned);
   EXPECT_GE(static_cast<double>(trainer.updates()),
             earned - 1.0 - config.run.updates_per_step * ahead);
+}
+
+// Whoever scrapes a training sees what metrics.csv says, and no metric that the catalogue does not
+// list for it.
+TEST(TrainerTest, ShowsItsMetrics) {
+  const test::ScratchDirectory scratch;
+  RunConfig config = SmallRun();
+  config.method.model.kind = "deterministic";
+  config.method.model.encoder_layers = {};
+  config.method.model.head_layers = {16};
+  config.run.checkpoint_steps = 2000;
+  const run::RunDirectory directory{scratch.path() / "run"};
+  metrics::Registry registry("train", "test");
+  Trainer trainer(config, directory, "test", false, registry);
+  EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
+  const auto log = run::ParseMetrics(base::ReadFile(directory.metrics()), 0);
+  EXPECT_EQ(registry.counter(metrics::kEnvironmentSteps).value(), log.Last("steps"));
+  EXPECT_EQ(registry.counter(metrics::kUpdates).value(), log.Last("updates"));
+  EXPECT_EQ(registry.counter(metrics::kBatches).value(), 2.0 * log.Last("updates"));
+  EXPECT_EQ(registry.counter(metrics::kCheckpoints).value(), 3.0);
+  EXPECT_EQ(registry.gauge(metrics::kCheckpointUpdates).value(), log.Last("updates"));
+  EXPECT_EQ(registry.gauge(metrics::kTableRows).value(), 2000.0);
+  EXPECT_NEAR(registry.gauge(metrics::kSuccessRate).value(), log.Last("success_rate"), 1e-6);
+  EXPECT_GT(log.Last("model_steps_error"), 0.0);
+  EXPECT_THAT(registry.Text(), testing::HasSubstr("slalom_model_steps_error"));
+  EXPECT_EQ(registry.gauge(metrics::kRunFinished).value(), 1.0);
+  const std::string text = registry.Text();
+  for (const metrics::CatalogueSection& section : metrics::Catalogue()) {
+    for (const metrics::Spec* spec : section.specs) {
+      const bool listed = spec->roles == "all" || spec->roles.ends_with("train");
+      const bool shown = text.find(fmt::format("# TYPE {} ", spec->name)) != std::string::npos;
+      EXPECT_EQ(shown, listed) << spec->name;
+    }
+  }
 }
 
 TEST(TrainerTest, DivergingTrainingStopsAndKeepsTheLastGoodCheckpoint) {

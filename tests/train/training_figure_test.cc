@@ -10,7 +10,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 const std::string kMetrics =
-    "training_s,steps,success_rate,collision_rate,timeout_rate,mean_return,entropy\n"
+    "training_s,steps,success_rate,collision_rate,timeout_rate,episode_return,policy_entropy_nats\n"
     "10,1000,,,,,\n"
     "50,5000,0.5,0.5,0,-20,\n"
     "100,10000,0.9,0.1,0,30,\n";

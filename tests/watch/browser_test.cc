@@ -34,7 +34,7 @@ class WatchBrowserTest : public ::testing::Test {
     if (!browser_) GTEST_SKIP() << "no chromium here: apt-get install chromium";
     base::MakeDirectories(root() / "<b>one");
     base::WriteFileAtomically(root() / "<b>one/metrics.csv",
-                              "training_s,steps,success_rate,mean_return,entropy\n"
+                              "training_s,steps,success_rate,episode_return,policy_entropy_nats\n"
                               "1,1000,,,\n2,20000,0.5,3,\n4,40000,0.75,12.5,\n");
   }
 

@@ -22,7 +22,7 @@ class WatchPagesTest : public ::testing::Test {
   void MakeRun(const std::string& name) {
     base::MakeDirectories(root() / name);
     base::WriteFileAtomically(root() / name / "metrics.csv",
-                              "training_s,steps,success_rate,entropy\n1,100,0.5,\n2,200,0.75,\n");
+                              "training_s,steps,success_rate,policy_entropy_nats\n1,100,0.5,\n2,200,0.75,\n");
   }
 
   fs::path root() const { return scratch_.path() / "runs"; }
@@ -59,7 +59,7 @@ TEST_F(WatchPagesTest, ARunIsShownWithItsCurvesAndFacts) {
   EXPECT_EQ(run["state"], "training");
   EXPECT_EQ(run["left_s"], 2.0);  // Half of the steps in 2 s.
   EXPECT_EQ(run["curves"]["success_rate"], Json({0.5, 0.75}));
-  EXPECT_FALSE(run["curves"].contains("entropy")) << "a column without a number";
+  EXPECT_FALSE(run["curves"].contains("policy_entropy_nats")) << "a column without a number";
   EXPECT_EQ(run["facts"][0][1], "td3");
   EXPECT_EQ(run["drives"]["number"], 0);
 }

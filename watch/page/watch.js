@@ -5,18 +5,18 @@ const kUnit = [0, 1];
 // Title, columns with their names, range, whether the values are rates.
 const kCharts = [
   ['Episodes', [['success_rate', 'success'], ['collision_rate', 'collision'], ['timeout_rate', 'timeout']], kUnit, true],
-  ['Return', [['mean_return', 'mean return']]],
-  ['Episode length', [['mean_episode_steps', 'steps']]],
+  ['Return', [['episode_return', 'mean return']]],
+  ['Episode length', [['episode_steps', 'steps']]],
   ['Simulation rate', [['steps_per_s', 'steps/s']]],
   ['Update rate', [['updates_per_s', 'updates/s']]],
   ['Critic loss', [['critic_loss', 'loss']]],
-  ['Values', [['mean_q', 'critics, on what was done'], ['actor_q', 'on what the actor would do']]],
+  ['Values', [['q_mean', 'critics, on what was done'], ['actor_q_mean', 'on what the actor would do']]],
   ['Gradient norms', [['critic_gradient_norm', 'critics'], ['actor_gradient_norm', 'actor']]],
-  ['Replay', [['replay_steps', 'steps held']]],
-  ['Entropy', [['entropy', 'nats'], ['temperature', 'temperature']]],
-  ['Constraint', [['cost_q', 'cost'], ['multiplier', 'multiplier'], ['violation', 'violation']]],
+  ['Replay', [['table_steps', 'steps held']]],
+  ['Entropy', [['policy_entropy_nats', 'nats'], ['temperature', 'temperature']]],
+  ['Constraint', [['cost_q_mean', 'cost'], ['constraint_multiplier', 'multiplier'], ['constraint_violation', 'violation']]],
   ['Model error', [['model_error', 'one step'], ['model_steps_error', 'five steps'], ['model_change', 'standing still']]],
-  ['Model loss', [['model_loss', 'loss'], ['model_likelihood', 'likelihood']]],
+  ['Model loss', [['model_loss', 'loss'], ['model_likelihood_nats', 'likelihood']]],
   ['Inside intervals', [['model_inside_50', 'of 50 %'], ['model_inside_90', 'of 90 %']], kUnit, true],
 ];
 

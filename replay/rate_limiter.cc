@@ -1,4 +1,4 @@
-#include "replay/service/rate_limiter.h"
+#include "replay/rate_limiter.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,8 +8,11 @@
 namespace slalom::replay {
 
 RateLimiter::RateLimiter(const Options& options, std::int64_t steps)
-    : options_(options), steps_(steps) {
+    : options_(options),
+      batches_per_step_(options.updates_per_step * options.batches_per_update),
+      steps_(steps) {
   SLALOM_CHECK_GT(options.updates_per_step, 0.0);
+  SLALOM_CHECK_GE(options.batches_per_update, 1);
   SLALOM_CHECK_GE(options.learning_starts, 0);
   SLALOM_CHECK_GE(options.max_ahead_steps, 0);
   SLALOM_CHECK_GE(steps, 0);
@@ -29,7 +32,7 @@ void RateLimiter::Ask(const std::string& learner, std::uint64_t cursor) {
 bool RateLimiter::MaySample(const std::string& learner) const {
   SLALOM_CHECK(learners_.contains(learner));
   return granted() + 1.0 <=
-         options_.updates_per_step * static_cast<double>(steps_ - options_.learning_starts);
+         batches_per_step_ * static_cast<double>(steps_ - options_.learning_starts);
 }
 
 void RateLimiter::Grant(const std::string& learner) {
@@ -43,10 +46,10 @@ void RateLimiter::Leave(const std::string& learner) {
 
 bool RateLimiter::MayInsert() const {
   if (options_.max_ahead_steps == 0 || starved_ || steps_ < options_.learning_starts) return true;
-  const double ahead = std::max(static_cast<double>(options_.max_ahead_steps),
-                                std::ceil(1.0 / options_.updates_per_step));
+  const double ahead =
+      std::max(static_cast<double>(options_.max_ahead_steps), std::ceil(1.0 / batches_per_step_));
   return static_cast<double>(steps_ - options_.learning_starts) <=
-         granted() / options_.updates_per_step + ahead;
+         granted() / batches_per_step_ + ahead;
 }
 
 // Peers may claim any name, so the one that has been silent for longest is dropped.

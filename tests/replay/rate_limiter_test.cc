@@ -1,7 +1,8 @@
-#include "replay/service/rate_limiter.h"
+#include "replay/rate_limiter.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <vector>
 
@@ -75,6 +76,28 @@ TEST(RateLimiterTest, AgreesWithCountingOneByOne) {
   }
   EXPECT_GT(held_samples, 1000);
   EXPECT_GT(held_inserts, 1000);
+}
+
+// As in a run in one process, which samples whenever it may.
+TEST(RateLimiterTest, AGreedyLearnerHoldsTheRatioWhateverTheChunks) {
+  base::Random random(1);
+  for (const double ratio : {1.0 / 64, 0.25, 1.0, 3.0}) {
+    for (const int kinds : {1, 2}) {
+      RateLimiter limiter({.updates_per_step = ratio,
+                           .batches_per_update = kinds,
+                           .learning_starts = 500,
+                           .max_ahead_steps = 0},
+                          0);
+      limiter.Ask("learner", 0);
+      for (int chunk = 0; chunk < 300; ++chunk) {
+        limiter.AddSteps(static_cast<std::int64_t>(random.UniformInt(100)));
+        while (limiter.MaySample("learner")) limiter.Grant("learner");
+        const double earned = ratio * kinds * static_cast<double>(limiter.steps() - 500);
+        EXPECT_LE(limiter.granted(), std::max(0.0, earned));
+        EXPECT_GT(limiter.granted(), earned - 1.0);
+      }
+    }
+  }
 }
 
 // A learner with an old checkpoint meets a new table: it waits for the steps, which may come.

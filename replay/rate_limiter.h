@@ -7,25 +7,28 @@
 namespace slalom::replay {
 
 /// Keeps samples and inserted steps at a fixed ratio by holding back whichever side is ahead, with
-/// one cursor per learner (as the rate limiter of Reverb). It only decides; the desks hold those
-/// who wait. Thread-compatible.
+/// one cursor per learner (as the rate limiter of Reverb). It only decides; its owner holds those
+/// who wait: the desks of a replay server, or the source of a run in one process.
+/// Thread-compatible.
 ///
 /// Granted batches, summed over the learners' cursors, never exceed what the steps have earned:
-/// updates_per_step * (steps - learning_starts). Steps never run more than `max_ahead_steps` ahead
-/// of those that earned the granted batches. This also holds while no learner is connected:
-/// otherwise an ever older policy would make steps that push better ones out of the table, and the
-/// learner would have to catch up.
+/// updates_per_step * batches_per_update * (steps - learning_starts). Steps never run more than
+/// `max_ahead_steps` ahead of those that earned the granted batches. This also holds while no
+/// learner is connected: otherwise an ever older policy would make steps that push better ones out
+/// of the table, and the learner would have to catch up.
 class RateLimiter {
  public:
   struct Options {
     double updates_per_step = 0.25;
-    std::int64_t learning_starts = 0;
+    int batches_per_update = 1;
+    std::int64_t learning_starts = 0;  ///< Steps before these earn nothing.
     std::int64_t max_ahead_steps = 0;  ///< 0: inserts are never held back.
   };
   static constexpr int kMaxLearners = 64;
 
-  /// Requires: updates_per_step > 0, the others >= 0. `max_ahead_steps` counts as at least the
-  /// steps that earn one batch: with fewer, both sides could wait for the other.
+  /// Requires: updates_per_step > 0, batches_per_update >= 1, the others >= 0. `max_ahead_steps`
+  /// counts as at least the steps that earn one batch: with fewer, both sides could wait for the
+  /// other.
   RateLimiter(const Options& options, std::int64_t steps);
 
   void AddSteps(std::int64_t n) { steps_ += n; }
@@ -51,6 +54,7 @@ class RateLimiter {
   std::int64_t steps() const { return steps_; }
   /// Number of granted batches: the sum of the learners' cursors.
   double granted() const;
+  double batches_per_step() const { return batches_per_step_; }
 
  private:
   struct Learner {
@@ -62,6 +66,7 @@ class RateLimiter {
   void MakeRoom();
 
   const Options options_;
+  const double batches_per_step_;
   std::int64_t steps_;
   bool starved_ = false;
   std::uint64_t calls_ = 0;

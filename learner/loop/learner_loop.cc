@@ -1,0 +1,247 @@
+#include "learner/loop/learner_loop.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+
+namespace slalom::learner {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::steady_clock;
+
+constexpr char kLearnerFile[] = "learner.safetensors";
+// A wait for another process counts as training time up to this [s]: a rate limiter holds batches
+// back for moments while actors make the steps that earn them. A longer one is an outage.
+constexpr double kCountedWaitS = 1.0;
+
+double SecondsSince(steady_clock::time_point begin) {
+  return std::chrono::duration<double>(steady_clock::now() - begin).count();
+}
+
+std::int64_t DirectoryBytes(const fs::path& directory) {
+  std::int64_t bytes = 0;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(directory, ignored)) {
+    bytes += static_cast<std::int64_t>(entry.file_size(ignored));
+  }
+  return bytes;
+}
+
+}  // namespace
+
+LearnerLoop::LearnerLoop(LoopPlan plan, Learner& learner, BatchSource& source, PolicySink& sink,
+                         metrics::Registry& registry, run::TrainingClock clock)
+    : plan_(std::move(plan)),
+      learner_(learner),
+      source_(source),
+      sink_(sink),
+      prioritized_(learner.sample_specs()[0].prioritized),
+      run_(plan_.run, std::move(clock)),
+      metrics_(registry) {}
+
+bool LearnerLoop::Restore() {
+  return run_.Restore([this](const fs::path& checkpoint, const nlohmann::json& state) {
+    // Checkpoints from before do not say these two.
+    had_learned_nothing_ = state.value("nothing_learned", false);
+    unpublished_ = state.value("unpublished", 0);
+    const nn::TensorFile tensors = nn::LoadTensors(checkpoint / kLearnerFile);
+    source_.Restore(checkpoint, state);
+    learner_.LoadState(tensors);
+    return learner_.num_updates();
+  });
+}
+
+TrainingEnd LearnerLoop::Run(std::stop_token stop) {
+  try {
+    return Train(stop);
+  } catch (const base::Error&) {
+    // An actor refuses what a network chooses that diverged since the last look at it.
+    if (IsWell()) throw;
+    return TrainingEnd::kDiverged;
+  }
+}
+
+TrainingEnd LearnerLoop::Train(std::stop_token stop) {
+  if (run_.AtLimit()) return EndAgain();
+  run_.OpenLog();
+  spdlog::info("training in {}", plan_.run.directory.root.string());
+  source_.Start();
+  base::ProgressLine progress;
+  CountTime();
+  while (!run_.AtLimit() && !stop.stop_requested()) {
+    if (source_.IsAtRest()) {
+      // A run that resumes from this checkpoint does not make this snapshot again.
+      KeepSnapshot();
+      if (run_.CheckpointDue()) TryCheckpoint();
+    }
+    Turn();
+    if (!run_.LogDue()) continue;
+    if (!Log()) return TrainingEnd::kDiverged;
+    progress.Show(run_.Progress(), run_.wall_s());
+  }
+  const bool finished = run_.AtLimit();
+  source_.Stop();
+  run_.SetProgress(source_.steps(), learner_.num_updates());
+  run_.StopClock();
+  if (!Log()) return TrainingEnd::kDiverged;
+  KeepSnapshot();
+  progress.Show(run_.Progress(), run_.wall_s());
+  progress.End();
+  if (finished && plan_.lives_on) {
+    TryCheckpoint();
+  } else {
+    Checkpoint();
+  }
+  finished_ = finished;
+  if (finished && HasLearnedNothing()) return TrainingEnd::kLearnedNothing;
+  SavePolicy();
+  metrics_.SetFinished(finished_);
+  return finished ? TrainingEnd::kFinished : TrainingEnd::kStopped;
+}
+
+TrainingEnd LearnerLoop::EndAgain() {
+  finished_ = true;
+  metrics_.SetFinished(true);
+  if (run_.updates() == 0 || had_learned_nothing_) return TrainingEnd::kLearnedNothing;
+  if (!HasNewestPolicy()) SavePolicy();
+  return TrainingEnd::kWasFinished;
+}
+
+void LearnerLoop::Turn() {
+  const auto* batches = source_.Next();
+  run_.SetProgress(source_.steps(), learner_.num_updates());
+  CountTime();
+  if (batches) Learn(*batches);
+  if (unpublished_ >= plan_.run.settings.publish_interval &&
+      SecondsSince(published_at_) >= plan_.publish_seconds) {
+    const EndedEpisodes ended = source_.TakeEndedEpisodes();
+    learner_.ObserveEpisodes(ended.collision_rate, ended.count);
+    Publish();
+  }
+  sink_.Serve();
+  run_.LookAtClock();
+}
+
+void LearnerLoop::Learn(const std::vector<replay::SampledRows>& batches) {
+  const auto began = steady_clock::now();
+  learner_.Update(batches, run_.Fraction());
+  if (prioritized_) source_.SetPriorities(batches[0].sequence, learner_.TdErrors());
+  metrics_.AddUpdate(SecondsSince(began));
+  run_.SetProgress(run_.steps(), learner_.num_updates());
+  ++unpublished_;
+}
+
+void LearnerLoop::CountTime() {
+  if (!source_.IsWaiting()) {
+    waiting_since_s_.reset();
+    run_.StartClock();
+    return;
+  }
+  if (!waiting_since_s_) waiting_since_s_ = run_.wall_s();
+  if (run_.wall_s() - *waiting_since_s_ >= kCountedWaitS) run_.StopClock();
+}
+
+void LearnerLoop::Publish() {
+  sink_.Publish(learner_.Snapshot(), run_.steps());
+  unpublished_ = 0;
+  published_at_ = steady_clock::now();
+}
+
+bool LearnerLoop::Log() {
+  run::MetricsRow row;
+  source_.Describe(row);
+  row.learning = learner_.ReadStats();
+  if (learner_.has_model() && !finished_) {
+    if (const auto* windows = source_.SampleForFigures(learner_.window_spec())) {
+      model_steps_error_ = learner_.PredictionError(*windows);
+    }
+  }
+  row.learning.model.steps_error = model_steps_error_;
+  row = run_.Log(row);
+  metrics_.SetLearning(row);
+  metrics_.SetFinished(finished_);
+  source_.Report(row, finished_);
+  return IsWell();
+}
+
+void LearnerLoop::ReportIfDue() {
+  run_.LookAtClock();
+  if (run_.LogDue()) static_cast<void>(Log());
+}
+
+bool LearnerLoop::IsWell() const {
+  const auto fault = learner_.FindFault();
+  if (!fault) return true;
+  spdlog::error(
+      "training diverged at {} steps, {} updates: {}; the last good checkpoint is kept in {}",
+      run_.steps(), run_.updates(), *fault, plan_.run.directory.checkpoints().string());
+  return false;
+}
+
+void LearnerLoop::KeepSnapshot() {
+  if (!run_.TakeSnapshotDue()) return;
+  try {
+    base::MakeDirectories(plan_.run.directory.snapshots());
+    policy::SavePolicy(run_.SnapshotPath(), learner_.BestSnapshot(), run_.Provenance());
+  } catch (const base::Error& error) {
+    spdlog::error("snapshot not kept: {}; training goes on", error.what());
+  }
+}
+
+void LearnerLoop::TryCheckpoint() {
+  source_.Stop();
+  run_.SetProgress(source_.steps(), learner_.num_updates());
+  try {
+    if (learner_.healthy()) Checkpoint();
+  } catch (const base::Error& error) {
+    metrics_.AddFailedCheckpoint();
+    spdlog::error("checkpoint not saved: {}; training goes on, the earlier one is kept",
+                  error.what());
+  }
+  run_.MarkCheckpoint();
+  source_.Start();
+}
+
+void LearnerLoop::Checkpoint() {
+  const auto began = steady_clock::now();
+  const std::int64_t number = plan_.numbers_by_updates ? run_.updates() : run_.steps();
+  run_.Checkpoint(number, [this](const fs::path& directory, nlohmann::json& state) {
+    nn::TensorMap tensors;
+    learner_.SaveState(tensors);
+    nn::SaveTensors(directory / kLearnerFile, tensors, {});
+    state["unpublished"] = unpublished_;
+    state["nothing_learned"] = run_.watch().nothing_learned();
+    source_.Save(directory, state);
+  });
+  const std::vector<fs::path> checkpoints = run_.store().List();
+  source_.KeepOnly(checkpoints);
+  metrics_.AddCheckpoint(SecondsSince(began), DirectoryBytes(checkpoints.front()), run_.updates());
+}
+
+void LearnerLoop::KeepCheckpoints(std::size_t num_kept) {
+  run_.KeepCheckpoints(num_kept);
+  source_.KeepOnly(run_.store().List());
+}
+
+bool LearnerLoop::HasLearnedNothing() const {
+  return run_.updates() == 0 || run_.watch().nothing_learned();
+}
+
+bool LearnerLoop::HasNewestPolicy() const {
+  const fs::path path = plan_.run.directory.policy();
+  return fs::exists(path) &&
+         policy::LoadPolicy(path).metadata["updates"] == fmt::format("{}", run_.updates());
+}
+
+void LearnerLoop::SavePolicy() const {
+  policy::SavePolicy(plan_.run.directory.policy(), learner_.BestSnapshot(), run_.Provenance());
+}
+
+}  // namespace slalom::learner

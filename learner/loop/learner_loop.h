@@ -1,0 +1,103 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <stop_token>
+#include <vector>
+
+#include "base/progress.h"
+#include "learner/learner.h"
+#include "learner/loop/batch_source.h"
+#include "learner/loop/learner_metrics.h"
+#include "learner/loop/policy_sink.h"
+#include "metrics/registry.h"
+#include "run/training_run.h"
+
+namespace slalom::learner {
+
+/// What a loop does besides learning.
+struct LoopPlan {
+  run::RunPlan run;
+  double publish_seconds = 0.0;  ///< Least time between two published policies, [s].
+  /// How checkpoints are numbered: by updates or by steps. The numbers must rise.
+  bool numbers_by_updates = false;
+  /// The process lives on when the run has finished: a last checkpoint that cannot be written then
+  /// is said and left out, instead of ending the process.
+  bool lives_on = false;
+};
+
+/// How a training ended.
+enum class TrainingEnd {
+  kFinished,  ///< At its limit of steps or seconds.
+  kStopped,   ///< On request; saved.
+  kDiverged,  ///< At NaN or values beyond bounds; the last good checkpoint is kept, nothing newer
+              ///< saved.
+  kLearnedNothing,  ///< At its limit, without an update or with a dead network
+                    ///< (`run::LearningWatch`). A checkpoint is saved, but no policy.
+  kWasFinished,     ///< A resumed run that stood at its limit already. What a crash at its end may
+                    ///< have left undone was done (policy), nothing else.
+};
+
+/// Trains a learner from a source of batches to the end of its run: updates, publishes policies,
+/// logs, keeps snapshots and checkpoints. All that trains goes through here, as one process and as
+/// a service. Confined to the thread that made it.
+class LearnerLoop {
+ public:
+  /// Opens the run's checkpoints. Keeps references to `learner`, `source`, `sink` and `registry`,
+  /// which must outlive the loop. Throws as `run::TrainingRun`.
+  LearnerLoop(LoopPlan plan, Learner& learner, BatchSource& source, PolicySink& sink,
+              metrics::Registry& registry, run::TrainingClock clock);
+
+  /// Goes on from the newest checkpoint that is whole (`run::TrainingRun::Restore`). Returns false
+  /// if there is none.
+  bool Restore();
+
+  /// Trains to the end of the run, or until `stop`. Writes metrics.csv, checkpoints, snapshots and
+  /// policy.safetensors. Throws `base::Error` if what must be kept at the end cannot be written, or
+  /// the source fails.
+  TrainingEnd Run(std::stop_token stop);
+
+  /// Shows the figures of a finished run again if the next row is due.
+  void ReportIfDue();
+  /// Publishes the learner's policy now.
+  void Publish();
+
+  const run::TrainingRun& run() const { return run_; }
+  /// Removes all but the newest `num_kept` checkpoints, and what only those needed.
+  void KeepCheckpoints(std::size_t num_kept);
+
+ private:
+  TrainingEnd Train(std::stop_token stop);
+  TrainingEnd EndAgain();
+  void Turn();
+  void Learn(const std::vector<replay::SampledRows>& batches);
+  void CountTime();
+  /// Writes and shows a row of metrics. Returns false if the learner has diverged.
+  [[nodiscard]] bool Log();
+  [[nodiscard]] bool IsWell() const;
+  void KeepSnapshot();
+  void TryCheckpoint();
+  void Checkpoint();
+  bool HasLearnedNothing() const;
+  bool HasNewestPolicy() const;
+  void SavePolicy() const;
+
+  const LoopPlan plan_;
+  Learner& learner_;
+  BatchSource& source_;
+  PolicySink& sink_;
+  const bool prioritized_;
+  run::TrainingRun run_;
+  LearnerMetrics metrics_;
+  base::ProgressLine progress_;
+
+  int unpublished_ = 0;  // Updates since the last published policy.
+  std::chrono::steady_clock::time_point published_at_;
+  std::optional<double> waiting_since_s_;              // By the run's wall clock.
+  double model_steps_error_ = run::MetricsRow::kNone;  // The newest.
+  bool had_learned_nothing_ = false;  // As of the checkpoint that the run goes on from.
+  bool finished_ = false;
+};
+
+}  // namespace slalom::learner

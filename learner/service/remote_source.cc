@@ -1,0 +1,118 @@
+#include "learner/service/remote_source.h"
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "base/log.h"
+
+namespace slalom::learner {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+// Longest wait for a batch before policies are looked after.
+constexpr milliseconds kBatchWait{5};
+
+}  // namespace
+
+RemoteSource::RemoteSource(transport::Context& context, transport::ClientOptions replay,
+                           proto::Hello hello, std::vector<replay::SampleSpec> specs, int prefetch,
+                           const PolicyServer& policies, metrics::Registry& registry)
+    : context_(context),
+      replay_(std::move(replay)),
+      hello_(std::move(hello)),
+      specs_(std::move(specs)),
+      prefetch_(prefetch),
+      policies_(policies),
+      metrics_(registry) {}
+
+void RemoteSource::Start() {
+  if (stream_) return;
+  stream_ = std::make_unique<BatchStream>(context_, replay_, hello_, specs_, prefetch_, cursor_);
+}
+
+const std::vector<replay::SampledRows>* RemoteSource::Next() {
+  const auto began = steady_clock::now();
+  const RemoteBatches* const batches = stream_->Next(kBatchWait);
+  waited_s_ += std::chrono::duration<double>(steady_clock::now() - began).count();
+  waiting_ = batches == nullptr;
+  if (waiting_) {
+    Say(stream_->link().welcomed() ? "" : "waiting for the replay server");
+    return nullptr;
+  }
+  steps_ = batches->header.inserted_steps;
+  table_steps_ = batches->header.table_steps;
+  acting_version_ = batches->header.acting_version;
+  metrics_.AddBatch();
+  return &batches->rows;
+}
+
+EndedEpisodes RemoteSource::TakeEndedEpisodes() {
+  return {ended_.collision_rate, std::exchange(ended_.count, 0)};
+}
+
+void RemoteSource::SetPriorities(std::span<const std::int64_t> sequence,
+                                 std::span<const float> priority) {
+  stream_->SetPriorities(sequence, priority);
+}
+
+const replay::SampledRows* RemoteSource::SampleForFigures(const replay::SampleSpec& spec) {
+  const replay::SampledRows* const came = stream_->TakeWindows();
+  stream_->AskWindows(spec);
+  return came;
+}
+
+void RemoteSource::Describe(run::MetricsRow& row) {
+  const proto::StatusReply status = stream_->status().value_or(proto::StatusReply{});
+  stream_->AskStatus();
+  const ActorFigures acting = Summarise(status);
+  ended_.collision_rate = acting.collision_rate;
+  ended_.count += finished_episodes_.Take(status);
+  row.episodes = acting.num_episodes;
+  row.success_rate = acting.success_rate;
+  row.collision_rate = acting.collision_rate;
+  row.timeout_rate = acting.timeout_rate;
+  row.episode_return = acting.mean_return;
+  row.episode_steps = acting.mean_length;
+  row.table_steps = table_steps_;
+}
+
+void RemoteSource::Report(const run::MetricsRow& row, bool finished) {
+  const auto version = static_cast<double>(policies_.version());
+  const double lag = version - acting_version_;
+  metrics_.SetStream(stream_->in_flight(), lag, stream_->link().connections());
+  metrics_.AddWait(std::exchange(waited_s_, 0.0));
+  proto::Report report;
+  report.role = hello_.role;
+  report.name = hello_.name;
+  report.figures = {{"updates", static_cast<double>(row.updates)},
+                    {"updates_per_s", row.updates_per_s},
+                    {"policy_version", version},
+                    {"policy_lag", lag},
+                    {"readers", static_cast<double>(policies_.num_readers())},
+                    {"critic_loss", row.learning.critic_loss},
+                    {"q_mean", row.learning.q_mean}};
+  report.facts = {{"state", finished ? "finished" : "training"}};
+  stream_->link().ReportEverySecond([&] { return report; });
+}
+
+void RemoteSource::Save(const std::filesystem::path&, nlohmann::json& state) {
+  state["cursor"] = stream_->cursor();
+}
+
+void RemoteSource::Restore(const std::filesystem::path&, const nlohmann::json& state) {
+  cursor_ = state.at("cursor").get<std::uint64_t>();
+  steps_ = state.at("steps").get<std::int64_t>();
+}
+
+void RemoteSource::Idle() { stream_->link().Receive(milliseconds(0)); }
+
+void RemoteSource::Say(const std::string& what) {
+  if (what == said_) return;
+  said_ = what;
+  if (!what.empty()) spdlog::info("{} at {}", what, replay_.endpoint);
+}
+
+}  // namespace slalom::learner

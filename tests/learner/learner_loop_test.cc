@@ -1,0 +1,266 @@
+#include "learner/loop/learner_loop.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "metrics/catalogue.h"
+#include "tests/learner/random_rows.h"
+#include "tests/support/scratch_directory.h"
+
+/// The loop between a source and a sink that only write down what they are asked.
+
+namespace slalom::learner {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+
+constexpr int kBeams = 8;
+constexpr std::int64_t kStepsPerUpdate = 8;
+
+policy::PolicySpec Spec() {
+  policy::PolicySpec spec;
+  spec.observation.num_beams = kBeams;
+  spec.network.encoder_layers = {};
+  spec.network.head_layers = {8};
+  return spec;
+}
+
+MethodConfig Method(bool prioritized = false) {
+  MethodConfig method;
+  method.learner.batch_size = 8;
+  method.learner.prioritized = prioritized;
+  return method;
+}
+
+/// Batch k is random numbers of seed k, and k updates are earned by 8 k steps. It is at rest after
+/// every second batch.
+class FakeSource final : public BatchSource {
+ public:
+  explicit FakeSource(std::vector<replay::SampleSpec> specs) : specs_(std::move(specs)) {}
+
+  void Start() override { started = true; }
+  void Stop() override { started = false; }
+  const std::vector<replay::SampledRows>* Next() override {
+    EXPECT_TRUE(started);
+    ++position;
+    if (on_next) on_next(position);
+    if (gives_none) return nullptr;
+    batches_ =
+        std::make_unique<RandomBatches>(specs_, kBeams, static_cast<std::uint64_t>(position));
+    replay::SampledRows& rows = batches_->batches[0];
+    for (int i = 0; i < rows.batch; ++i) rows.n_step_return[i] *= scale;
+    return &batches_->batches;
+  }
+  bool IsWaiting() const override { return false; }
+  bool IsAtRest() const override { return position % 2 == 0; }
+  std::int64_t steps() const override { return position * kStepsPerUpdate; }
+  EndedEpisodes TakeEndedEpisodes() override { return {}; }
+  void SetPriorities(std::span<const std::int64_t> sequence,
+                     std::span<const float> priority) override {
+    EXPECT_EQ(sequence.size(), 8u);
+    EXPECT_EQ(priority.size(), 8u);
+    ++num_priorities;
+  }
+  const replay::SampledRows* SampleForFigures(const replay::SampleSpec&) override {
+    return nullptr;
+  }
+  void Describe(run::MetricsRow& row) override { row.episodes = 3; }
+  void Report(const run::MetricsRow& row, bool) override { reported = row; }
+  void Save(const fs::path&, nlohmann::json& state) override {
+    EXPECT_FALSE(started);
+    if (fails) throw base::Error("no space");
+    state["position"] = position;
+    saved_at.push_back(steps());
+  }
+  void Restore(const fs::path&, const nlohmann::json& state) override {
+    position = state.at("position").get<std::int64_t>();
+  }
+  void KeepOnly(const std::vector<fs::path>& checkpoints) override { kept = checkpoints.size(); }
+
+  std::int64_t position = 0;
+  bool started = false;
+  bool gives_none = false;
+  bool fails = false;
+  float scale = 1.0f;
+  int num_priorities = 0;
+  std::size_t kept = 0;
+  run::MetricsRow reported;
+  std::vector<std::int64_t> saved_at;
+  std::function<void(std::int64_t)> on_next;
+
+ private:
+  const std::vector<replay::SampleSpec> specs_;
+  std::unique_ptr<RandomBatches> batches_;
+};
+
+struct FakeSink final : PolicySink {
+  void Publish(policy::PolicySnapshot snapshot, std::int64_t) override {
+    versions.push_back(snapshot.version);
+  }
+  void Serve() override { ++num_served; }
+
+  std::vector<std::int64_t> versions;
+  int num_served = 0;
+};
+
+/// A run of 100 updates in a directory of its own, unless told otherwise.
+struct Loop {
+  explicit Loop(const fs::path& directory, const MethodConfig& method = Method())
+      : learner(method, Spec(), 4), source(learner.sample_specs()) {
+    plan.run.directory.root = directory;
+    plan.run.settings.max_steps = 100 * kStepsPerUpdate;
+    plan.run.settings.log_interval = 0.0;
+    plan.run.settings.checkpoint_seconds = 0.0;
+    plan.run.settings.publish_interval = 7;
+    base::MakeDirectories(directory);
+  }
+
+  TrainingEnd Run(bool resume = false, std::stop_token stop = {}) {
+    // A clock that goes forward by 10 ms at each look.
+    const run::TrainingClock clock([this] {
+      now_s += 0.01;
+      return run::ClockReading{.wall_s = now_s, .processor_s = now_s};
+    });
+    LearnerLoop loop(plan, learner, source, sink, registry, clock);
+    if (resume) {
+      EXPECT_TRUE(loop.Restore());
+    }
+    return loop.Run(stop);
+  }
+
+  bool HasPolicy() const { return fs::exists(plan.run.directory.policy()); }
+
+  LoopPlan plan;
+  Learner learner;
+  FakeSource source;
+  FakeSink sink;
+  metrics::Registry registry{"learner", "test"};
+  double now_s = 0.0;
+};
+
+TEST(LearnerLoopTest, PublishesLogsAndEndsAtItsLimit) {
+  const test::ScratchDirectory scratch;
+  Loop loop(scratch.path());
+  EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  std::vector<std::int64_t> expected;
+  for (std::int64_t version = 7; version <= 100; version += 7) expected.push_back(version);
+  EXPECT_EQ(loop.sink.versions, expected);
+  EXPECT_EQ(loop.sink.num_served, 100);
+  const auto policy = policy::LoadPolicy(loop.plan.run.directory.policy());
+  EXPECT_EQ(policy.snapshot.version, 100);
+  EXPECT_EQ(policy.metadata.at("steps"), "800");
+  // A row after each turn; the last one says nothing new but its time.
+  const std::string rows = base::ReadFile(loop.plan.run.directory.metrics());
+  EXPECT_GE(std::count(rows.begin(), rows.end(), '\n'), 101);
+  EXPECT_EQ(loop.source.reported.updates, 100);
+  EXPECT_EQ(loop.source.reported.episodes, 3);
+  EXPECT_EQ(loop.registry.counter(metrics::kUpdates).value(), 100.0);
+  EXPECT_EQ(loop.registry.gauge(metrics::kRunFinished).value(), 1.0);
+  EXPECT_EQ(loop.registry.gauge(metrics::kCheckpointUpdates).value(), 100.0);
+  EXPECT_EQ(loop.source.num_priorities, 0);
+}
+
+TEST(LearnerLoopTest, PublishesNoMoreOftenThanTheSecondsSay) {
+  const test::ScratchDirectory scratch;
+  Loop loop(scratch.path());
+  loop.plan.publish_seconds = 3600.0;
+  EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  EXPECT_THAT(loop.sink.versions, ElementsAre(7));
+}
+
+TEST(LearnerLoopTest, CheckpointsAndSnapshotsWaitUntilTheSourceIsAtRest) {
+  const test::ScratchDirectory scratch;
+  Loop loop(scratch.path());
+  loop.plan.run.settings.checkpoint_steps = 200;  // Of 8 steps a turn, and at rest every 16.
+  loop.plan.run.settings.snapshot_steps = {300};
+  EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  EXPECT_THAT(loop.source.saved_at, ElementsAre(208, 400, 608, 800));
+  EXPECT_EQ(loop.source.kept, 2u);
+  EXPECT_TRUE(fs::exists(loop.plan.run.directory.snapshots() / "step-000000000304.safetensors"));
+}
+
+TEST(LearnerLoopTest, ARunStoppedAndResumedEndsWithTheSameBitsAndPublishedTheSame) {
+  const test::ScratchDirectory scratch;
+  Loop whole(scratch.path() / "whole");
+  EXPECT_EQ(whole.Run(), TrainingEnd::kFinished);
+  std::stop_source stop;
+  Loop part(scratch.path() / "parts");
+  part.source.on_next = [&stop](std::int64_t position) {
+    if (position == 38) stop.request_stop();
+  };
+  EXPECT_EQ(part.Run(false, stop.get_token()), TrainingEnd::kStopped);
+  Loop rest(scratch.path() / "parts");
+  EXPECT_EQ(rest.Run(true), TrainingEnd::kFinished);
+  EXPECT_EQ(*rest.learner.Snapshot().weights, *whole.learner.Snapshot().weights);
+  std::vector<std::int64_t> published = part.sink.versions;
+  published.insert(published.end(), rest.sink.versions.begin(), rest.sink.versions.end());
+  EXPECT_EQ(published, whole.sink.versions);
+  // At its limit already: nothing is done again but what a crash may have left undone.
+  fs::remove(rest.plan.run.directory.policy());
+  Loop again(scratch.path() / "parts");
+  EXPECT_EQ(again.Run(true), TrainingEnd::kWasFinished);
+  EXPECT_TRUE(again.HasPolicy());
+  EXPECT_EQ(again.sink.num_served, 0);
+}
+
+TEST(LearnerLoopTest, DivergenceEndsItWithoutAPolicyOrACheckpoint) {
+  const test::ScratchDirectory scratch;
+  MethodConfig method = Method();
+  method.learner.divergence_limit = 1.0;
+  method.learner.critic_learning_rate = 0.1;
+  Loop loop(scratch.path(), method);
+  loop.source.scale = 1e6f;
+  EXPECT_EQ(loop.Run(), TrainingEnd::kDiverged);
+  EXPECT_LT(loop.source.position, 100);
+  EXPECT_FALSE(loop.HasPolicy());
+  EXPECT_THAT(loop.source.saved_at, ElementsAre());
+}
+
+TEST(LearnerLoopTest, ARunWithoutAnUpdateHasLearnedNothing) {
+  const test::ScratchDirectory scratch;
+  Loop loop(scratch.path());
+  loop.source.gives_none = true;
+  EXPECT_EQ(loop.Run(), TrainingEnd::kLearnedNothing);
+  EXPECT_FALSE(loop.HasPolicy());
+  EXPECT_THAT(loop.source.saved_at, ElementsAre(800));
+  EXPECT_EQ(Loop(scratch.path()).Run(true), TrainingEnd::kLearnedNothing);
+}
+
+TEST(LearnerLoopTest, PrioritiesGoBackAfterEachUpdate) {
+  const test::ScratchDirectory scratch;
+  Loop loop(scratch.path(), Method(/*prioritized=*/true));
+  EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  EXPECT_EQ(loop.source.num_priorities, 100);
+}
+
+TEST(LearnerLoopTest, ACheckpointThatFailsEndsTheRunOnlyIfItIsTheLast) {
+  const test::ScratchDirectory scratch;
+  for (const bool lives_on : {false, true}) {
+    Loop loop(scratch.path() / (lives_on ? "service" : "process"));
+    loop.plan.lives_on = lives_on;
+    loop.plan.run.settings.checkpoint_steps = 400;
+    loop.source.fails = true;
+    if (lives_on) {
+      EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+      EXPECT_EQ(loop.registry.counter(metrics::kCheckpointFailures).value(), 2.0);
+    } else {
+      EXPECT_THROW(loop.Run(), base::Error);
+      EXPECT_EQ(loop.registry.counter(metrics::kCheckpointFailures).value(), 1.0);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace slalom::learner
