@@ -146,7 +146,7 @@ double MeasureProducts(const Products& products, bool small_gemm, double seconds
                             .c = c.data(),
                             .ldc = p.n};
     const auto multiply = [&] {
-      if (small_gemm && policy::SmallGemm(task, cpu)) return;
+      if (small_gemm && nn::SmallGemm(task, cpu)) return;
       nn::Sgemm(false, false, p.m, p.n, p.k, a.data(), p.k, b.data(), p.n, c.data(), p.n);
     };
     multiply();
