@@ -16,7 +16,8 @@ namespace slalom::learner {
 template <class Actor>
 class ActorCritic : public Algorithm {
  public:
-  ActorCritic(const AlgorithmContext& context, int num_critics)
+  /// `critic_outputs`: numbers that a critic gives, such as quantiles.
+  ActorCritic(const AlgorithmContext& context, int num_critics, int critic_outputs = 1)
       : config_(context.config),
         minibatch_(context.minibatch),
         totals_(context.totals),
@@ -24,8 +25,9 @@ class ActorCritic : public Algorithm {
         actor_(nn::ActorShape(context.spec.network, context.frame_size,
                               context.spec.distribution.num_outputs()),
                context.spec.distribution, context.initial_weights, context.minibatch),
-        critics_("critics", nn::CriticShape(context.spec.network, context.frame_size), num_critics,
-                 context.initial_weights, context.minibatch),
+        critics_("critics",
+                 nn::CriticShape(context.spec.network, context.frame_size, critic_outputs),
+                 num_critics, context.initial_weights, context.minibatch),
         target_(at::zeros_like(context.minibatch.reward)),
         td_errors_(at::zeros_like(context.minibatch.reward)) {}
 
@@ -48,13 +50,18 @@ class ActorCritic : public Algorithm {
   }
 
  protected:
-  /// Takes one gradient step on mean (Q_k(s, a) - y)^2 with y = target_, then updates the target
-  /// networks at `polyak_rate`.
-  void UpdateCritics(double rate, double polyak_rate) {
+  /// Takes one gradient step on mean (Q_k(s, a) - y)^2 with y = target_, and one of a constraint's
+  /// critics on the same transitions with the next action a', then updates the target networks at
+  /// `polyak_rate`.
+  void UpdateCritics(const at::Tensor& next_action, double rate, double polyak_rate) {
     const Critics::Importance importance{minibatch_.weight, td_errors_};
-    critics_.GradientStep(target_, rate * config_.critic_learning_rate, polyak_rate,
+    critics_.GradientStep(minibatch_.features, minibatch_.actions, target_,
+                          rate * config_.critic_learning_rate, polyak_rate,
                           totals_[Total::kCriticLoss], totals_[Total::kQ],
                           totals_[Total::kCriticNorm], config_.prioritized ? &importance : nullptr);
+    if (constraint_) {
+      constraint_->UpdateCritics(next_action, rate * config_.critic_learning_rate, polyak_rate);
+    }
   }
 
   /// The averaged actor's rate for the n-th actor update, which was just counted. It is at least

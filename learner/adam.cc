@@ -100,6 +100,8 @@ void Adam::Step(double learning_rate, std::span<const PolyakAverage> averages,
     }
   }
   *norm_total.data_ptr<double>() += std::sqrt(squared_norm);
+  // So that autograd refuses to differentiate what was computed with the old parameters.
+  parameters_.unsafeGetTensorImpl()->bump_version();
 }
 
 void Adam::SaveState(const std::string& prefix, nn::TensorMap& tensors) const {

@@ -33,8 +33,8 @@ class Algorithm {
  public:
   virtual ~Algorithm() = default;
 
-  /// Does one update from the context's minibatch, whose actions it may overwrite. All learning
-  /// rates are multiplied by `rate`. Allocates nothing on the CPU, and does not wait for a GPU.
+  /// Does one update from the context's minibatch. All learning rates are multiplied by `rate`.
+  /// Does not wait for a GPU. TD3, DDPG and SAC allocate nothing on the CPU.
   virtual void Update(double rate) = 0;
 
   /// The absolute TD errors |Q(s, a) - y| of the last minibatch, averaged over the critics, [B].
@@ -60,7 +60,10 @@ class Algorithm {
   virtual void LoadState(const nn::TensorFile& file) = 0;
 };
 
-/// Makes the algorithm that `context.config.algorithm` names, from the registry in algorithm.cc.
+/// Returns the registry's entry for `config.algorithm`.
+const AlgorithmEntry& AlgorithmOf(const LearnerConfig& config);
+
+/// Makes the algorithm that `context.config.algorithm` names.
 std::unique_ptr<Algorithm> MakeAlgorithm(const AlgorithmContext& context);
 
 /// Returns how the algorithm's policies choose actions. It is stored in every policy file.

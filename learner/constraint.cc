@@ -25,17 +25,25 @@ Constraint::Constraint(const ConstraintConfig& config, const nn::NetworkShape& c
   SLALOM_CHECK(config.kind != "none");
 }
 
-void Constraint::UpdateCritics(double learning_rate, double polyak_rate) {
-  critics_.ComputeTdTarget(minibatch_.cost, minibatch_.discount, TargetReduction::kMax, target_);
+void Constraint::UpdateCritics(const at::Tensor& next_action, double learning_rate,
+                               double polyak_rate) {
+  critics_.ComputeTdTarget(minibatch_.next_features, next_action, minibatch_.cost,
+                           minibatch_.discount, TargetReduction::kMax, target_);
   // Samples are drawn by the TD errors of the reward critics; the same importance weights apply.
   const Critics::Importance importance{minibatch_.weight, td_errors_};
-  critics_.GradientStep(target_, learning_rate, polyak_rate, totals_[Total::kCostLoss],
-                        totals_[Total::kCostQ], totals_[Total::kCostNorm], &importance);
+  critics_.GradientStep(minibatch_.features, minibatch_.actions, target_, learning_rate,
+                        polyak_rate, totals_[Total::kCostLoss], totals_[Total::kCostQ],
+                        totals_[Total::kCostNorm], &importance);
 }
 
-void Constraint::AddActionGradient(at::Tensor& action_gradient) {
+void Constraint::AddActionGradient(const at::Tensor& state, const at::Tensor& action,
+                                   at::Tensor& action_gradient) {
   // `Critics` gives the gradient of -mean Q.
-  action_gradient.sub_(critics_.ActionGradient(nullptr), multiplier_);
+  action_gradient.sub_(critics_.ActionGradient(state, action, nullptr), multiplier_);
+}
+
+at::Tensor Constraint::Penalty(const at::Tensor& state, const at::Tensor& action) const {
+  return multiplier_ * critics_.Values(state, action).select(1, 0).mean();
 }
 
 void Constraint::Observe(double collisions, std::int64_t finished) {

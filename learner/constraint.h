@@ -34,14 +34,19 @@ class Constraint {
   Constraint(const ConstraintConfig& config, const nn::NetworkShape& critic_shape,
              base::Random& initial_weights, Minibatch& minibatch, Totals& totals);
 
-  /// Takes one gradient step of the cost critics towards c + gamma^n max_k Q'_C,k(s', a'), with a'
-  /// from minibatch.next_actions. The maximum guards against underestimated costs (the original
-  /// takes the minimum of negative costs).
-  void UpdateCritics(double learning_rate, double polyak_rate);
+  /// Takes one gradient step of the cost critics towards c + gamma^n max_k Q'_C,k(s', a') on the
+  /// minibatch. The maximum guards against underestimated costs (the original takes the minimum of
+  /// negative costs). next_action: a', [B, A].
+  void UpdateCritics(const at::Tensor& next_action, double learning_rate, double polyak_rate);
 
-  /// Adds lambda mean_i grad_a Q_C,1(s_i, a_i) to the gradient [B, A] of the actor's loss, with a
-  /// from minibatch.actions.
-  void AddActionGradient(at::Tensor& action_gradient);
+  /// Adds lambda mean_i grad_a Q_C,1(s_i, a_i) to the gradient [B, A] of the actor's loss. state:
+  /// the minibatch's; action: [B, A].
+  void AddActionGradient(const at::Tensor& state, const at::Tensor& action,
+                         at::Tensor& action_gradient);
+
+  /// Returns lambda mean_i Q_C,1(s_i, a_i), which an actor's loss that autograd differentiates
+  /// adds.
+  at::Tensor Penalty(const at::Tensor& state, const at::Tensor& action) const;
 
   /// Updates lambda from recent training episodes: `collisions` is their mean per episode (NaN if
   /// unknown), `finished` the number that ended since the last call. Without finished episodes,

@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "base/check.h"
 #include "learner/parameters.h"
 #include "learner/stored_state.h"
 
@@ -11,10 +12,16 @@ namespace slalom::learner {
 Critics::Critics(std::string name, const nn::NetworkShape& shape, int num_critics,
                  base::Random& random, const Minibatch& minibatch)
     : name_(std::move(name)),
+      state_(minibatch.features),
+      next_state_(minibatch.next_features),
+      room_(minibatch.room),
+      next_room_(minibatch.next_room),
       parameters_(InitialParameters(shape, num_critics, random, minibatch.input.device())),
       target_parameters_(parameters_.clone()),
       gradient_(at::zeros_like(parameters_)),
-      adam_(parameters_, gradient_) {
+      adam_(parameters_, gradient_),
+      functions_(shape, parameters_, minibatch.dropout),
+      target_functions_(shape, target_parameters_, minibatch.dropout) {
   const std::int64_t size = shape.num_parameters();
   for (int k = 0; k < num_critics; ++k) {
     critics_.push_back(
@@ -29,15 +36,45 @@ Critics::Critics(std::string name, const nn::NetworkShape& shape, int num_critic
   }
 }
 
-void Critics::ComputeTdTarget(const at::Tensor& reward, const at::Tensor& discount,
+at::Tensor Critics::Values(const at::Tensor& state, const at::Tensor& action) const {
+  return functions_(state, action);
+}
+
+at::Tensor Critics::TargetValues(const at::Tensor& state, const at::Tensor& action) const {
+  const at::NoGradGuard no_grad;
+  return target_functions_(state, action);
+}
+
+void Critics::Descend(const at::Tensor& loss, double learning_rate, double polyak_rate,
+                      at::Tensor& norm_total) {
+  functions_.Differentiate(loss, gradient_);
+  Step(learning_rate, polyak_rate, norm_total);
+}
+
+void Critics::Step(double learning_rate, double polyak_rate, at::Tensor& norm_total) {
+  const PolyakAverage target_networks{target_parameters_, polyak_rate};
+  adam_.Step(learning_rate, std::span(&target_networks, polyak_rate > 0.0 ? 1 : 0), norm_total);
+}
+
+void Critics::SetAction(const at::Tensor& state, const at::Tensor& action) {
+  SLALOM_CHECK(state.is_same(state_));
+  CopyActions(action, room_);
+}
+
+void Critics::ComputeTdTarget(const at::Tensor& next_state, const at::Tensor& next_action,
+                              const at::Tensor& reward, const at::Tensor& discount,
                               TargetReduction reduction, at::Tensor& y) {
+  SLALOM_CHECK(next_state.is_same(next_state_));
+  CopyActions(next_action, next_room_);
   for (Critic& critic : critics_) critic.target.Forward(critic.target_pass);
   TdTarget(target_values_, reduction, reward, discount, y);
 }
 
-void Critics::GradientStep(const at::Tensor& y, double learning_rate, double polyak_rate,
-                           at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
+void Critics::GradientStep(const at::Tensor& state, const at::Tensor& action, const at::Tensor& y,
+                           double learning_rate, double polyak_rate, at::Tensor& loss_total,
+                           at::Tensor& value_total, at::Tensor& norm_total,
                            const Importance* importance) {
+  SetAction(state, action);
   if (importance != nullptr) importance->td_error.zero_();
   for (Critic& critic : critics_) {
     critic.network.Forward(critic.pass);
@@ -49,11 +86,12 @@ void Critics::GradientStep(const at::Tensor& y, double learning_rate, double pol
     }
     critic.network.ParameterGradient(critic.pass, critic.gradient);
   }
-  const PolyakAverage target_networks{target_parameters_, polyak_rate};
-  adam_.Step(learning_rate, std::span(&target_networks, polyak_rate > 0.0 ? 1 : 0), norm_total);
+  Step(learning_rate, polyak_rate, norm_total);
 }
 
-at::Tensor& Critics::ActionGradient(at::Tensor* value_total) {
+at::Tensor& Critics::ActionGradient(const at::Tensor& state, const at::Tensor& action,
+                                    at::Tensor* value_total) {
+  SetAction(state, action);
   Critic& critic = critics_.front();
   critic.network.Forward(critic.pass);
   if (value_total != nullptr) AddMean(critic.pass.output(), *value_total);
@@ -62,7 +100,9 @@ at::Tensor& Critics::ActionGradient(at::Tensor* value_total) {
   return critic.pass.extra_gradient();
 }
 
-at::Tensor& Critics::MinActionGradient(at::Tensor& value_total) {
+at::Tensor& Critics::MinActionGradient(const at::Tensor& state, const at::Tensor& action,
+                                       at::Tensor& value_total) {
+  SetAction(state, action);
   for (Critic& critic : critics_) critic.network.Forward(critic.pass);
   MinGradient(values_, value_gradients_, value_total);
   at::Tensor& sum = critics_.front().pass.extra_gradient();

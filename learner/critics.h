@@ -10,13 +10,21 @@
 #include "learner/adam.h"
 #include "learner/minibatch.h"
 #include "learner/value_ops.h"
+#include "nn/autograd_networks.h"
 #include "nn/network.h"
 
-/// Shapes: `B` batch, `A` = 2 numbers of an action, `K` critics, `P` parameters of one.
+/// Shapes: `B` batch, `A` = 2 numbers of an action, `K` critics, `P` parameters and `O` outputs of
+/// one.
 
 namespace slalom::learner {
 
 /// K independent action-value networks Q_k and a target network for each. Thread-compatible.
+///
+/// They are trained in one of two ways. The first is for losses that are written in LibTorch's
+/// operations: `Values` and `TargetValues` are functions, and `Descend` takes the loss. The second
+/// is for the losses of TD3, DDPG and SAC, whose gradients are written by hand: it records nothing,
+/// allocates nothing, and computes just what is asked for; it takes states that are the minibatch's
+/// own tensors, in whose memory the networks read them.
 ///
 /// The parameters of all K networks are one tensor [K * P]; those of the target networks another.
 class Critics {
@@ -26,9 +34,22 @@ class Critics {
   Critics(std::string name, const nn::NetworkShape& shape, int num_critics, base::Random& random,
           const Minibatch& minibatch);
 
+  /// Return Q_k(s, a), and Q'_k(s, a) of the target networks, [B, K, O], for losses. `Values` is
+  /// recorded by autograd: a gradient reaches the parameters and the actions
+  /// (nn/autograd_networks.h). state: [B, H * F]; action: [B, A].
+  at::Tensor Values(const at::Tensor& state, const at::Tensor& action) const;
+  at::Tensor TargetValues(const at::Tensor& state, const at::Tensor& action) const;
+
+  /// Takes one step of Adam on `loss`, a tensor with one element that depends on `Values`, then
+  /// updates the target networks at `polyak_rate` (0: they stay). Adds the gradient's norm to
+  /// `norm_total`, a float64 tensor with one element.
+  void Descend(const at::Tensor& loss, double learning_rate, double polyak_rate,
+               at::Tensor& norm_total);
+
   /// Computes the TD target y = reward + discount * min_k (or max_k) Q'_k(s', a') with the target
-  /// networks, a' being the action in the minibatch's next input. All [B].
-  void ComputeTdTarget(const at::Tensor& reward, const at::Tensor& discount,
+  /// networks. next_state: the minibatch's; next_action: [B, A]; the others: [B].
+  void ComputeTdTarget(const at::Tensor& next_state, const at::Tensor& next_action,
+                       const at::Tensor& reward, const at::Tensor& discount,
                        TargetReduction reduction, at::Tensor& y);
 
   /// Needed for samples that were drawn by priority.
@@ -40,17 +61,20 @@ class Critics {
   /// Takes one step of Adam on sum_k mean (Q_k(s, a) - y)^2, then updates the target networks at
   /// `polyak_rate` (0: they stay). Adds loss, mean Q and gradient norm to their totals (float64
   /// tensors with one element). With `importance`, each sample's gradient is multiplied by its
-  /// weight, and the TD errors are written.
-  void GradientStep(const at::Tensor& y, double learning_rate, double polyak_rate,
-                    at::Tensor& loss_total, at::Tensor& value_total, at::Tensor& norm_total,
+  /// weight, and the TD errors are written. state: the minibatch's; action: [B, A].
+  void GradientStep(const at::Tensor& state, const at::Tensor& action, const at::Tensor& y,
+                    double learning_rate, double polyak_rate, at::Tensor& loss_total,
+                    at::Tensor& value_total, at::Tensor& norm_total,
                     const Importance* importance = nullptr);
 
-  /// Returns the gradient of -mean Q_1(s, a) with respect to the actions in the minibatch's input,
-  /// [B, A]. The next call overwrites it. Adds mean Q_1 to `value_total`, unless null.
-  at::Tensor& ActionGradient(at::Tensor* value_total);
+  /// Returns the gradient of -mean Q_1(s, a) with respect to the actions, [B, A]. The next call
+  /// overwrites it. Adds mean Q_1 to `value_total`, unless null. state: the minibatch's.
+  at::Tensor& ActionGradient(const at::Tensor& state, const at::Tensor& action,
+                             at::Tensor* value_total);
 
   /// As `ActionGradient`, for -mean min_k Q_k(s, a).
-  at::Tensor& MinActionGradient(at::Tensor& value_total);
+  at::Tensor& MinActionGradient(const at::Tensor& state, const at::Tensor& action,
+                                at::Tensor& value_total);
 
   int size() const { return static_cast<int>(critics_.size()); }
   const at::Tensor& parameters() const { return parameters_; }                ///< [K * P]
@@ -68,7 +92,14 @@ class Critics {
     nn::NetworkPass target_pass;
   };
 
+  /// Puts the action behind the state, where the networks read it. Requires: the minibatch's state.
+  void SetAction(const at::Tensor& state, const at::Tensor& action);
+  /// Takes the step down `gradient_`.
+  void Step(double learning_rate, double polyak_rate, at::Tensor& norm_total);
+
   const std::string name_;
+  const at::Tensor state_, next_state_;  // The minibatch's.
+  at::Tensor room_, next_room_;          // Behind them, where the networks read actions.
   at::Tensor parameters_;
   at::Tensor target_parameters_;
   at::Tensor gradient_;
@@ -77,6 +108,8 @@ class Critics {
   std::vector<at::Tensor> target_values_;  // [B, 1] each, outputs of the target networks
   std::vector<at::Tensor> values_;         // [B, 1] each, outputs of the networks
   std::vector<at::Tensor> value_gradients_;
+  nn::AutogradNetworks functions_;
+  nn::AutogradNetworks target_functions_;
 };
 
 }  // namespace slalom::learner

@@ -4,6 +4,7 @@
 
 #include <array>
 
+#include "base/check.h"
 #include "learner/parameters.h"
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
@@ -13,7 +14,9 @@ namespace slalom::learner {
 DeterministicActor::DeterministicActor(const nn::NetworkShape& shape,
                                        const policy::ActionDistribution& /*distribution*/,
                                        base::Random& random, const Minibatch& minibatch)
-    : parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
+    : state_(minibatch.features),
+      next_state_(minibatch.next_features),
+      parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
       target_parameters_(parameters_.clone()),
       average_parameters_(parameters_.clone()),
       gradient_(at::zeros_like(parameters_)),
@@ -23,16 +26,35 @@ DeterministicActor::DeterministicActor(const nn::NetworkShape& shape,
       network_gradient_(shape, gradient_),
       pass_(shape, minibatch.features, nn::PassUse::kTraining, minibatch.dropout),
       target_pass_(shape, minibatch.next_features, nn::PassUse::kInference, minibatch.dropout),
-      preactivation_(at::zeros_like(pass_.output())) {}
+      preactivation_(at::zeros_like(pass_.output())),
+      functions_(shape, parameters_, minibatch.dropout),
+      target_functions_(shape, target_parameters_, minibatch.dropout) {}
 
-const at::Tensor& DeterministicActor::Act() {
+at::Tensor DeterministicActor::Actions(const at::Tensor& state) const {
+  return functions_(state).squeeze(1).tanh();
+}
+
+at::Tensor DeterministicActor::TargetActions(const at::Tensor& state) const {
+  const at::NoGradGuard no_grad;
+  return target_functions_(state).squeeze(1).tanh();
+}
+
+void DeterministicActor::Descend(const at::Tensor& loss, double learning_rate, double polyak_rate,
+                                 double average_rate, at::Tensor& norm_total) {
+  functions_.Differentiate(loss, gradient_);
+  Step(learning_rate, polyak_rate, average_rate, norm_total);
+}
+
+const at::Tensor& DeterministicActor::Act(const at::Tensor& state) {
+  SLALOM_CHECK(state.is_same(state_));
   network_.Forward(pass_);
   preactivation_.copy_(pass_.output());
   nn::Tanh(pass_.output());
   return pass_.output();
 }
 
-const at::Tensor& DeterministicActor::ActTarget() {
+const at::Tensor& DeterministicActor::ActTarget(const at::Tensor& next_state) {
+  SLALOM_CHECK(next_state.is_same(next_state_));
   target_.Forward(target_pass_);
   nn::Tanh(target_pass_.output());
   return target_pass_.output();
@@ -49,6 +71,11 @@ void DeterministicActor::PolicyGradientStep(const at::Tensor& action_gradient,
         preactivation_, 2.0 * preactivation_penalty / static_cast<double>(preactivation_.size(0)));
   }
   network_.ParameterGradient(pass_, network_gradient_);
+  Step(learning_rate, polyak_rate, average_rate, norm_total);
+}
+
+void DeterministicActor::Step(double learning_rate, double polyak_rate, double average_rate,
+                              at::Tensor& norm_total) {
   const std::array averages = {PolyakAverage{target_parameters_, polyak_rate},
                                PolyakAverage{average_parameters_, average_rate}};
   adam_.Step(learning_rate, std::span(averages).first(average_rate > 0.0 ? 2 : 1), norm_total);

@@ -7,6 +7,7 @@
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"
+#include "nn/autograd_networks.h"
 #include "nn/network.h"
 #include "policy/policy.h"
 
@@ -15,7 +16,8 @@
 namespace slalom::learner {
 
 /// The policy a = pi(s) of TD3 and DDPG, its target network, and the average of its weights, which
-/// drives more steadily than the weights of any single update. Thread-compatible.
+/// drives more steadily than the weights of any single update. It is trained in one of two ways, as
+/// `Critics` are. Thread-compatible.
 class DeterministicActor {
  public:
   /// The target network and the average start as copies. Keeps a reference to `minibatch`, which
@@ -23,10 +25,21 @@ class DeterministicActor {
   DeterministicActor(const nn::NetworkShape& shape, const policy::ActionDistribution& distribution,
                      base::Random& random, const Minibatch& minibatch);
 
-  /// Return pi(s), and pi'(s') of the target network, [B, A]. The next call overwrites them.
-  const at::Tensor& Act();
-  const at::Tensor& ActTarget();
-  const at::Tensor& ActNext() { return ActTarget(); }
+  /// Return pi(s), and pi'(s) of the target network, [B, A], for losses; `Actions` is recorded by
+  /// autograd (nn/autograd_networks.h). state: [B, H * F].
+  at::Tensor Actions(const at::Tensor& state) const;
+  at::Tensor TargetActions(const at::Tensor& state) const;
+
+  /// Takes one step of Adam on `loss`, a tensor with one element that depends on `Actions`, then
+  /// updates target network, average and total as `PolicyGradientStep` does.
+  void Descend(const at::Tensor& loss, double learning_rate, double polyak_rate,
+               double average_rate, at::Tensor& norm_total);
+
+  /// Return pi(s), and pi'(s') of the target network, [B, A]. The next call overwrites them. state,
+  /// next_state: the minibatch's.
+  const at::Tensor& Act(const at::Tensor& state);
+  const at::Tensor& ActTarget(const at::Tensor& next_state);
+  const at::Tensor& ActNext() { return ActTarget(next_state_); }
 
   /// Takes one step of Adam. The loss has the gradient `action_gradient` [B, A] with respect to the
   /// actions that `Act` returned, plus `preactivation_penalty` times the mean of |u|^2, where u is
@@ -45,6 +58,10 @@ class DeterministicActor {
   void LoadState(const nn::TensorFile& file);
 
  private:
+  /// Takes the step down `gradient_`.
+  void Step(double learning_rate, double polyak_rate, double average_rate, at::Tensor& norm_total);
+
+  const at::Tensor state_, next_state_;  // The minibatch's.
   at::Tensor parameters_;
   at::Tensor target_parameters_;
   at::Tensor average_parameters_;
@@ -56,6 +73,8 @@ class DeterministicActor {
   nn::NetworkPass pass_;
   nn::NetworkPass target_pass_;
   at::Tensor preactivation_;  // [B, A], inputs of tanh in the last `Act`.
+  nn::AutogradNetworks functions_;
+  nn::AutogradNetworks target_functions_;
 };
 
 }  // namespace slalom::learner

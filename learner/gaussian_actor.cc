@@ -4,6 +4,7 @@
 
 #include <span>
 
+#include "base/check.h"
 #include "env/action.h"
 #include "learner/parameters.h"
 #include "learner/stored_state.h"
@@ -16,6 +17,8 @@ GaussianActor::GaussianActor(const nn::NetworkShape& shape,
                              const policy::ActionDistribution& distribution, base::Random& random,
                              const Minibatch& minibatch)
     : distribution_(distribution),
+      state_(minibatch.features),
+      next_state_(minibatch.next_features),
       parameters_(InitialParameters(shape, 1, random, minibatch.input.device())),
       average_parameters_(parameters_.clone()),
       gradient_(at::zeros_like(parameters_)),
@@ -27,12 +30,33 @@ GaussianActor::GaussianActor(const nn::NetworkShape& shape,
            at::zeros_like(minibatch.reward)},
       next_{nn::NetworkPass(shape, minibatch.next_features, nn::PassUse::kInference,
                             minibatch.dropout),
-            at::zeros_like(now_.actions), at::zeros_like(minibatch.reward)} {}
+            at::zeros_like(now_.actions), at::zeros_like(minibatch.reward)},
+      functions_(shape, parameters_, minibatch.dropout) {}
 
-SampledActions GaussianActor::Draw(Draws& draws, const at::Tensor& noise) {
+DrawnActions GaussianActor::Draw(const at::Tensor& state, const at::Tensor& noise) const {
+  return SquashedDraw(distribution_, functions_(state).squeeze(1), noise);
+}
+
+void GaussianActor::Descend(const at::Tensor& loss, double learning_rate, double average_rate,
+                            at::Tensor& norm_total) {
+  functions_.Differentiate(loss, gradient_);
+  Step(learning_rate, average_rate, norm_total);
+}
+
+SampledActions GaussianActor::Sample(const at::Tensor& state, const at::Tensor& noise) {
+  SLALOM_CHECK(state.is_same(state_));
+  noise_ = noise;
+  return Sample(now_, noise);
+}
+
+SampledActions GaussianActor::SampleNext(const at::Tensor& next_state, const at::Tensor& noise) {
+  SLALOM_CHECK(next_state.is_same(next_state_));
+  return Sample(next_, noise);
+}
+
+SampledActions GaussianActor::Sample(Draws& draws, const at::Tensor& noise) {
   network_.Forward(draws.pass);
   SquashedSample(distribution_, draws.pass.output(), noise, draws.actions, draws.log_probability);
-  if (&draws == &now_) noise_ = noise;
   return {draws.actions, draws.log_probability};
 }
 
@@ -49,6 +73,10 @@ void GaussianActor::PolicyGradientStep(const at::Tensor& action_gradient,
   SquashedGradient(distribution_, now_.pass.output(), noise_, now_.actions, action_gradient,
                    log_temperature, now_.pass.output_gradient());
   network_.ParameterGradient(now_.pass, network_gradient_);
+  Step(learning_rate, average_rate, norm_total);
+}
+
+void GaussianActor::Step(double learning_rate, double average_rate, at::Tensor& norm_total) {
   const PolyakAverage average{average_parameters_, average_rate};
   adam_.Step(learning_rate, std::span(&average, average_rate > 0.0 ? 1 : 0), norm_total);
 }

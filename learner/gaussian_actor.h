@@ -6,6 +6,7 @@
 #include "learner/adam.h"
 #include "learner/gaussian_ops.h"
 #include "learner/minibatch.h"
+#include "nn/autograd_networks.h"
 #include "nn/network.h"
 #include "policy/policy.h"
 
@@ -13,14 +14,15 @@
 
 namespace slalom::learner {
 
-/// Actions drawn from a policy and their log densities: views, which the next draw overwrites.
+/// As `DrawnActions`: views, which the next draw overwrites.
 struct SampledActions {
-  const at::Tensor& actions;          ///< [B, A]
-  const at::Tensor& log_probability;  ///< [B], log pi(a|s)
+  const at::Tensor& action;
+  const at::Tensor& log_probability;
 };
 
 /// The stochastic policy of SAC, a = tanh(mean(s) + std(s) * noise) with independent components,
-/// and the average of its weights. It has no target network. Thread-compatible.
+/// and the average of its weights. It has no target network. It is trained in one of two ways, as
+/// `Critics` are. Thread-compatible.
 class GaussianActor {
  public:
   /// `distribution` bounds the standard deviation. The average starts as a copy. Keeps a reference
@@ -28,9 +30,19 @@ class GaussianActor {
   GaussianActor(const nn::NetworkShape& shape, const policy::ActionDistribution& distribution,
                 base::Random& random, const Minibatch& minibatch);
 
-  /// Draw a ~ pi(.|s), and a' ~ pi(.|s'). `noise`: standard normal numbers, [B, A].
-  SampledActions Sample(const at::Tensor& noise) { return Draw(now_, noise); }
-  SampledActions SampleNext(const at::Tensor& noise) { return Draw(next_, noise); }
+  /// Draws a ~ pi(.|s), for losses: recorded by autograd (nn/autograd_networks.h), and a function
+  /// of `noise`, standard normal numbers, [B, A]. state: [B, H * F].
+  DrawnActions Draw(const at::Tensor& state, const at::Tensor& noise) const;
+
+  /// Takes one step of Adam on `loss`, a tensor with one element that depends on `Draw`, then
+  /// updates average and total as `PolicyGradientStep` does.
+  void Descend(const at::Tensor& loss, double learning_rate, double average_rate,
+               at::Tensor& norm_total);
+
+  /// Draw a ~ pi(.|s), and a' ~ pi(.|s'). `noise`: standard normal numbers, [B, A]. state,
+  /// next_state: the minibatch's.
+  SampledActions Sample(const at::Tensor& state, const at::Tensor& noise);
+  SampledActions SampleNext(const at::Tensor& next_state, const at::Tensor& noise);
 
   /// Returns the mode tanh(mean(s')), [B, A]. The next call overwrites it.
   const at::Tensor& ActNext();
@@ -54,9 +66,12 @@ class GaussianActor {
     at::Tensor log_probability;  // [B]
   };
 
-  SampledActions Draw(Draws& draws, const at::Tensor& noise);
+  SampledActions Sample(Draws& draws, const at::Tensor& noise);
+  /// Takes the step down `gradient_`.
+  void Step(double learning_rate, double average_rate, at::Tensor& norm_total);
 
   const policy::ActionDistribution distribution_;
+  const at::Tensor state_, next_state_;  // The minibatch's.
   at::Tensor parameters_;
   at::Tensor average_parameters_;
   at::Tensor gradient_;
@@ -66,6 +81,7 @@ class GaussianActor {
   Draws now_;
   Draws next_;
   at::Tensor noise_;  // [B, A], of the last `Sample`.
+  nn::AutogradNetworks functions_;
 };
 
 }  // namespace slalom::learner

@@ -29,15 +29,21 @@ at::Tensor LogStd(const policy::ActionDistribution& distribution, const at::Tens
 
 }  // namespace
 
+DrawnActions SquashedDraw(const policy::ActionDistribution& distribution, const at::Tensor& output,
+                          const at::Tensor& noise) {
+  const at::Tensor log_std =
+      LogStd(distribution, output.narrow(1, env::kActionSize, env::kActionSize));
+  const at::Tensor u = output.narrow(1, 0, env::kActionSize) + log_std.exp() * noise;
+  const at::Tensor log_slope = 2.0 * (std::numbers::ln2 - u - at::softplus(-2.0 * u));
+  return {u.tanh(), (-0.5 * noise.square() - log_std - kLogSqrtTwoPi - log_slope).sum(1)};
+}
+
 void SquashedSample(const policy::ActionDistribution& distribution, const at::Tensor& output,
                     const at::Tensor& noise, at::Tensor& actions, at::Tensor& log_probability) {
   if (!IsHostFloat(output)) {
-    const at::Tensor log_std =
-        LogStd(distribution, output.narrow(1, env::kActionSize, env::kActionSize));
-    const at::Tensor u = output.narrow(1, 0, env::kActionSize) + log_std.exp() * noise;
-    const at::Tensor log_slope = 2.0 * (std::numbers::ln2 - u - at::softplus(-2.0 * u));
-    actions.copy_(u.tanh());
-    log_probability.copy_((-0.5 * noise.square() - log_std - kLogSqrtTwoPi - log_slope).sum(1));
+    const DrawnActions drawn = SquashedDraw(distribution, output, noise);
+    actions.copy_(drawn.action);
+    log_probability.copy_(drawn.log_probability);
     return;
   }
   const float* const row = output.data_ptr<float>();

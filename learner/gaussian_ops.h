@@ -11,11 +11,21 @@
 
 namespace slalom::learner {
 
+/// Actions drawn from a policy and their log densities.
+struct DrawnActions {
+  at::Tensor action;           ///< [B, A]
+  at::Tensor log_probability;  ///< [B], log pi(a|s)
+};
+
 /// a = tanh(u), u = mean + std * noise, and
 /// log pi = sum -noise^2 / 2 - log std - log sqrt(2 pi) - log(1 - a^2)
-/// (Haarnoja et al. 2018, appendix C). output: [B, 2 A], the means, then raw values that
-/// `policy::ActionDistribution` maps to standard deviations; noise, actions: [B, A];
-/// log_probability: [B].
+/// (Haarnoja et al. 2018, appendix C), in LibTorch's operations, through which autograd goes.
+/// output: [B, 2 A], the means, then raw values that `policy::ActionDistribution` maps to standard
+/// deviations; noise: [B, A].
+DrawnActions SquashedDraw(const policy::ActionDistribution& distribution, const at::Tensor& output,
+                          const at::Tensor& noise);
+
+/// The same into memory that is there. actions: [B, A]; log_probability: [B].
 void SquashedSample(const policy::ActionDistribution& distribution, const at::Tensor& output,
                     const at::Tensor& noise, at::Tensor& actions, at::Tensor& log_probability);
 

@@ -16,8 +16,8 @@ namespace slalom::learner {
 namespace {
 
 /// Views of all tensors that make up the transitions of a minibatch.
-std::array<at::Tensor, 6> Columns(const Minibatch& m) {
-  return {m.input, m.next_features, m.reward, m.cost, m.discount, m.weight};
+std::array<at::Tensor, 7> Columns(const Minibatch& m) {
+  return {m.features, m.actions, m.next_features, m.reward, m.cost, m.discount, m.weight};
 }
 
 /// Returns the number of replayed transitions in a batch of MBPO.
@@ -153,13 +153,13 @@ void Imagination::StartFrom(std::int64_t row) {
 }
 
 /// Does one model step in place, from minibatch.next_features to the predicted next state. The
-/// policy's action with noise is left in minibatch.next_actions.
+/// policy's action with noise is left in minibatch.next_room, where the model reads it.
 void Imagination::Step(bool clip) {
   const at::Tensor noise = action_noise_.Draw(random_).mul_(config_.noise);
   if (clip) {
-    AddClippedNoise(algorithm_.ActNext(), noise, minibatch_.next_actions);
+    AddClippedNoise(algorithm_.ActNext(), noise, minibatch_.next_room);
   } else {
-    minibatch_.next_actions.copy_(algorithm_.ActNext()).add_(noise);
+    minibatch_.next_room.copy_(algorithm_.ActNext()).add_(noise);
   }
   const auto elites = trainer_.elites();
   const int member = elites[random_.UniformInt(elites.size())];
@@ -177,7 +177,7 @@ void Imagination::FillDyna(int k) {
   double discount = 1.0;
   for (int i = 0; i < config_.rollout_steps; ++i) {
     Step(/*clip=*/true);
-    if (i == 0) minibatch_.actions.copy_(minibatch_.next_actions);
+    if (i == 0) minibatch_.actions.copy_(minibatch_.next_room);
     minibatch_.reward.addcmul_(alive_, pass_.reward(), discount);
     alive_.addcmul_(alive_, pass_.termination(), -1.0);
     discount *= gamma_;
@@ -193,7 +193,7 @@ void Imagination::FillAsPublished(int k) {
   for (int i = 0; i < config_.rollout_steps; ++i) {
     minibatch_.next_features.copy_(minibatch_.features);
     Step(/*clip=*/false);
-    if (i == 0) minibatch_.actions.copy_(minibatch_.next_actions);
+    if (i == 0) minibatch_.actions.copy_(minibatch_.next_room);
     alive_.addcmul_(alive_, pass_.termination(), -1.0);
     minibatch_.discount.mul_(at::pow(gamma_, alive_));
   }
@@ -209,7 +209,7 @@ void Imagination::RollOut(std::int64_t row, int steps) {
   for (int i = 0; i < steps; ++i) {
     minibatch_.features.copy_(minibatch_.next_features);
     Step(/*clip=*/true);
-    minibatch_.actions.copy_(minibatch_.next_actions);
+    minibatch_.actions.copy_(minibatch_.next_room);
     minibatch_.reward.copy_(pass_.reward());
     for (std::int64_t j = 0; j < uniform.numel(); ++j) {
       uniform.data_ptr<float>()[j] = static_cast<float>(random_.Uniform());

@@ -34,7 +34,7 @@ at::Device ChooseDevice(const std::string& choice) {
 
 const MethodConfig& Checked(const MethodConfig& method) {
   const LearnerConfig& learner = method.learner;
-  if (learner.algorithm == "sac" && learner.log_std_min > learner.log_std_max) {
+  if (AlgorithmOf(learner).is_stochastic && learner.log_std_min > learner.log_std_max) {
     throw base::Error(
         fmt::format("learner.log_std_min is {}, expected at most learner.log_std_max = {}",
                     learner.log_std_min, learner.log_std_max));

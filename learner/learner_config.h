@@ -1,12 +1,37 @@
 #pragma once
 
+#include <memory>
 #include <string>
+#include <string_view>
 
 #include "base/config_field.h"
 
 namespace slalom::learner {
 
-/// The values that `LearnerConfig::algorithm` may have: the names in algorithm.cc's registry.
+class Algorithm;
+struct AlgorithmContext;
+
+/// An algorithm, as the registry lists it.
+struct AlgorithmEntry {
+  std::string_view name;  ///< The value of `learner.algorithm`.
+  bool is_stochastic;     ///< Its policy draws actions from a Gaussian.
+  std::unique_ptr<Algorithm> (*make)(const AlgorithmContext& context);
+};
+
+std::unique_ptr<Algorithm> MakeTd3(const AlgorithmContext& context);
+std::unique_ptr<Algorithm> MakeDdpg(const AlgorithmContext& context);
+std::unique_ptr<Algorithm> MakeSac(const AlgorithmContext& context);
+std::unique_ptr<Algorithm> MakeTqc(const AlgorithmContext& context);
+
+/// The registry of all algorithms.
+inline constexpr AlgorithmEntry kAlgorithms[] = {
+    {"td3", false, MakeTd3},
+    {"ddpg", false, MakeDdpg},
+    {"sac", true, MakeSac},
+    {"tqc", true, MakeTqc},
+};
+
+/// The values that `LearnerConfig::algorithm` may have: the registry's names.
 base::OneOf AlgorithmChoices();
 
 /// The algorithm and its parameters. The defaults are the original's TD3 (docs/original-system.md,
@@ -37,6 +62,9 @@ struct LearnerConfig {
   bool prioritized = false;
   double importance_exponent = 0.4;
   double divergence_limit = 1e5;
+  int quantile_critics = 5;
+  int quantiles = 25;
+  int dropped_quantiles = 2;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -70,17 +98,18 @@ struct LearnerConfig {
       "TD3, DDPG: weight of the squared inputs of tanh in the actor's loss, so that the actor does "
       "not get stuck at the largest actions (docs/networks.md).");
     v("temperature", temperature, base::Range{1e-6, 1e3}, "",
-      "SAC: initial temperature, that is, weight of the entropy.");
+      "SAC, TQC: initial temperature, that is, weight of the entropy.");
     v("temperature_learning_rate", temperature_learning_rate, base::Range{0.0, 1.0}, "",
-      "SAC: Adam's learning rate for the logarithm of the temperature. 0: the temperature is "
+      "SAC, TQC: Adam's learning rate for the logarithm of the temperature. 0: the temperature is "
       "constant.");
     v("target_entropy", target_entropy, base::Range{-100.0, 100.0}, "nats",
-      "SAC: entropy of the policy that adapting the temperature aims at.");
+      "SAC, TQC: entropy of the policy that adapting the temperature aims at.");
     v("log_std_min", log_std_min, base::Range{-20.0, 2.0}, "",
-      "SAC: smallest logarithm of the policy's standard deviation, before tanh. The original's: "
+      "SAC, TQC: smallest logarithm of the policy's standard deviation, before tanh. The "
+      "original's: "
       "-1.");
     v("log_std_max", log_std_max, base::Range{-20.0, 5.0}, "",
-      "SAC: largest logarithm of that standard deviation. The original's: 1.");
+      "SAC, TQC: largest logarithm of that standard deviation. The original's: 1.");
     v("reward_scale", reward_scale, base::Range{1e-6, 1e6}, "",
       "Rewards are multiplied by this before they are learned from.");
     v("mirror", mirror,
@@ -95,6 +124,11 @@ struct LearnerConfig {
       "Exponent beta of the importance weights, with prioritized sampling.");
     v("divergence_limit", divergence_limit, base::Range{1.0, 1e30}, "",
       "Mean action value, in scaled rewards, beyond which training counts as diverged.");
+    v("quantile_critics", quantile_critics, base::Range{1, 20}, "", "TQC: number of critics.");
+    v("quantiles", quantiles, base::Range{1, 200}, "",
+      "TQC: quantiles of the return that a critic gives.");
+    v("dropped_quantiles", dropped_quantiles, base::Range{0, 199}, "",
+      "TQC: largest quantiles per critic that targets leave out; must be less than quantiles.");
   }
 };
 

@@ -22,8 +22,9 @@ Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device) 
   next_input = at::zeros({batch, width + env::kActionSize}, options);
   features = input.narrow(1, 0, width);
   next_features = next_input.narrow(1, 0, width);
-  actions = input.narrow(1, width, env::kActionSize);
-  next_actions = next_input.narrow(1, width, env::kActionSize);
+  room = input.narrow(1, width, env::kActionSize);
+  next_room = next_input.narrow(1, width, env::kActionSize);
+  actions = at::zeros({batch, env::kActionSize}, options);
   reward = at::zeros({batch}, options);
   cost = at::zeros({batch}, options);
   discount = at::zeros({batch}, options);
@@ -52,6 +53,7 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
   const std::size_t stride = static_cast<std::size_t>(host.input.stride(0));
   float* const input = host.input.data_ptr<float>();
   float* const next_input = host.next_input.data_ptr<float>();
+  float* const actions = host.actions.data_ptr<float>();
   float* const reward = host.reward.data_ptr<float>();
   float* const discount = host.discount.data_ptr<float>();
   std::copy_n(rows.cost_return.data(), rows.batch, host.cost.data_ptr<float>());
@@ -70,8 +72,8 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
     if (age == 0) {
       mirrored = mirror_ && (random.NextU64() >> 63) != 0;
       const env::Action action = rows.action[sample];
-      row[history * frame] = action.linear;
-      row[history * frame + 1] = mirrored ? -action.angular : action.angular;
+      actions[sample * env::kActionSize] = action.linear;
+      actions[sample * env::kActionSize + 1] = mirrored ? -action.angular : action.angular;
       reward[sample] = reward_scale_ * rows.n_step_return[sample];
       discount[sample] = discount_factor_ * rows.discount[sample];
     }
@@ -83,6 +85,7 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
   if (!on_host) {
     minibatch.input.copy_(host.input);
     minibatch.next_input.copy_(host.next_input);
+    minibatch.actions.copy_(host.actions);
     minibatch.reward.copy_(host.reward);
     minibatch.cost.copy_(host.cost);
     minibatch.discount.copy_(host.discount);

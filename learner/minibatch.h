@@ -18,13 +18,15 @@ struct Minibatch {
   /// `batch`: B; `history`: H; `frame_size`: F.
   Minibatch(int batch, int history, int frame_size, at::Device device);
 
-  /// Critics read states and actions of an input, actors only the states.
-  at::Tensor input;                 ///< [B, H * F + A], s and a
-  at::Tensor next_input;            ///< [B, H * F + A], s', and room for the action in s'
+  /// What networks read: a state, and behind it room for an action, into which those that read one
+  /// copy it.
+  at::Tensor input;                 ///< [B, H * F + A], s and room
+  at::Tensor next_input;            ///< [B, H * F + A], s' and room
   at::Tensor features;              ///< [B, H * F], s, a view
   at::Tensor next_features;         ///< [B, H * F], s', a view
-  at::Tensor actions;               ///< [B, A], a, a view
-  at::Tensor next_actions;          ///< [B, A], a view
+  at::Tensor room;                  ///< [B, A], behind s, a view
+  at::Tensor next_room;             ///< [B, A], behind s', a view
+  at::Tensor actions;               ///< [B, A], a
   at::Tensor reward;                ///< [B], scaled n-step return
   at::Tensor cost;                  ///< [B], n-step cost
   at::Tensor discount;              ///< [B], gamma^n, or 0 where the window terminated

@@ -119,6 +119,7 @@ replay::SampleSpec ModelTrainer::SampleSpec(const ModelTrainingConfig& config, i
 
 void ModelTrainer::Load(const replay::SampledRows& rows) {
   reader_.Read(rows, mirror_, loaded_);
+  loaded_.room.copy_(loaded_.actions);
   const std::int64_t learned = host_weights_.size(1);
   for (int e = 0; e < shape_.ensemble; ++e) {
     float* const weights = host_weights_.data_ptr<float>() + e * learned;

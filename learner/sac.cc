@@ -9,8 +9,8 @@
 
 namespace slalom::learner {
 
-Sac::Sac(const AlgorithmContext& context)
-    : ActorCritic(context, /*num_critics=*/2),
+Sac::Sac(const AlgorithmContext& context, int num_critics, int critic_outputs)
+    : ActorCritic(context, num_critics, critic_outputs),
       random_(base::DeriveSeed(context.seed, "policy noise")),
       next_random_(base::DeriveSeed(context.seed, "next policy noise")),
       noise_(context.config.batch_size, 2, context.minibatch.input.device()),
@@ -24,28 +24,32 @@ Sac::Sac(const AlgorithmContext& context)
 void Sac::Update(double rate) {
   totals_.CountUpdate();
   totals_.CountActorUpdate();
+  const at::Tensor& state = minibatch_.features;
+  const at::Tensor& next_state = minibatch_.next_features;
 
   // a', log pi(a'|s') ~ pi(.|s')
-  const SampledActions next = actor_.SampleNext(next_noise_.Draw(next_random_));
-  CopyActions(next.actions, minibatch_.next_actions);
+  const auto& [next_action, next_log_probability] =
+      actor_.SampleNext(next_state, next_noise_.Draw(next_random_));
   // Soft value, equations 3 and 6: y = r + gamma^n (min_k Q'_k(s', a') - alpha log pi(a'|s'))
-  critics_.ComputeTdTarget(minibatch_.reward, minibatch_.discount, TargetReduction::kMin, target_);
-  AddEntropyBonus(minibatch_.discount, log_temperature_, next.log_probability, target_);
-  // Equation 5: theta_k <- argmin mean (Q_k(s, a) - y)^2; theta'_k <- tau theta_k + (1-tau)
-  // theta'_k
-  UpdateCritics(rate, config_.tau);
-  if (constraint_) constraint_->UpdateCritics(rate * config_.critic_learning_rate, config_.tau);
+  critics_.ComputeTdTarget(next_state, next_action, minibatch_.reward, minibatch_.discount,
+                           TargetReduction::kMin, target_);
+  AddEntropyBonus(minibatch_.discount, log_temperature_, next_log_probability, target_);
+  // Equation 5: theta_k <- argmin mean (Q_k(s, a) - y)^2;
+  // theta'_k <- tau theta_k + (1 - tau) theta'_k
+  UpdateCritics(next_action, rate, config_.tau);
 
   // Equation 9: phi <- argmin mean alpha log pi(a|s) - min_k Q_k(s, a), a reparametrised
-  const SampledActions now = actor_.Sample(noise_.Draw(random_));
-  CopyActions(now.actions, minibatch_.actions);
-  at::Tensor& action_gradient = critics_.MinActionGradient(totals_[Total::kActorQ]);
-  if (constraint_) constraint_->AddActionGradient(action_gradient);
+  const auto& [action, log_probability] = actor_.Sample(state, noise_.Draw(random_));
+  at::Tensor& action_gradient = critics_.MinActionGradient(state, action, totals_[Total::kActorQ]);
+  if (constraint_) constraint_->AddActionGradient(state, action, action_gradient);
   actor_.PolicyGradientStep(action_gradient, log_temperature_, rate * config_.actor_learning_rate,
                             AverageRate(), totals_[Total::kActorNorm]);
 
-  // Equation 18, in log alpha: log alpha <- argmin -log alpha mean (log pi(a|s) + target entropy)
-  TemperatureGradient(now.log_probability, config_.target_entropy, log_temperature_gradient_,
+  UpdateTemperature(log_probability);
+}
+
+void Sac::UpdateTemperature(const at::Tensor& log_probability) {
+  TemperatureGradient(log_probability, config_.target_entropy, log_temperature_gradient_,
                       totals_[Total::kEntropy]);
   if (config_.temperature_learning_rate > 0.0) {
     temperature_adam_.Step(config_.temperature_learning_rate, {}, temperature_norm_);
@@ -70,6 +74,10 @@ void Sac::LoadState(const nn::TensorFile& file) {
   ReadRandom(file, "sac.next_policy_noise_random", next_random_);
   ReadTensor(file, "sac.log_temperature", log_temperature_);
   temperature_adam_.LoadState("sac.temperature_adam", file);
+}
+
+std::unique_ptr<Algorithm> MakeSac(const AlgorithmContext& context) {
+  return std::make_unique<Sac>(context);
 }
 
 }  // namespace slalom::learner

@@ -12,7 +12,7 @@ namespace slalom::learner {
 /// inside it.
 class Sac : public ActorCritic<GaussianActor> {
  public:
-  explicit Sac(const AlgorithmContext& context);
+  explicit Sac(const AlgorithmContext& context) : Sac(context, /*num_critics=*/2, 1) {}
 
   void Update(double rate) override;
   void Describe(LearnerStats& stats) const override;
@@ -20,12 +20,21 @@ class Sac : public ActorCritic<GaussianActor> {
   void SaveState(nn::TensorMap& tensors) const override;
   void LoadState(const nn::TensorFile& file) override;
 
- private:
+ protected:
+  /// For methods with other critics.
+  Sac(const AlgorithmContext& context, int num_critics, int critic_outputs);
+
+  /// Equation 18, in log alpha: log alpha <- argmin -log alpha mean (log pi(a|s) + target entropy).
+  /// log_probability: [B].
+  void UpdateTemperature(const at::Tensor& log_probability);
+
   base::Random random_;       // For actions in the states.
   base::Random next_random_;  // For actions in the next states.
   Noise noise_;
   Noise next_noise_;
-  at::Tensor log_temperature_;           // [1], log alpha
+  at::Tensor log_temperature_;  // [1], log alpha
+
+ private:
   at::Tensor log_temperature_gradient_;  // [1]
   Adam temperature_adam_;
   at::Tensor temperature_norm_;  // [1] float64, written by Adam, never read.

@@ -20,6 +20,7 @@ class Td3 : public ActorCritic<DeterministicActor> {
  private:
   base::Random random_;  // For the target noise.
   Noise noise_;
+  at::Tensor next_action_;  // [B, A], a'
 };
 
 }  // namespace slalom::learner

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "nn/layer_ops.h"
+#include "nn/tensor_rows.h"
 
 namespace slalom::learner {
 
@@ -16,11 +17,9 @@ void CopyActions(const at::Tensor& from, at::Tensor& to) {
     to.copy_(from);
     return;
   }
-  const std::int64_t columns = to.size(1);
-  for (std::int64_t i = 0; i < to.size(0); ++i) {
-    const float* const source = from.data_ptr<float>() + i * from.stride(0);
-    std::copy(source, source + columns, to.data_ptr<float>() + i * to.stride(0));
-  }
+  const nn::TensorRows sources(from), rows(to);
+  const std::int64_t batch = to.size(0), columns = to.size(1);
+  for (std::int64_t i = 0; i < batch; ++i) std::copy_n(sources[i], columns, rows[i]);
 }
 
 void AddClippedNoise(const at::Tensor& from, const at::Tensor& noise, at::Tensor& to) {
@@ -28,12 +27,11 @@ void AddClippedNoise(const at::Tensor& from, const at::Tensor& noise, at::Tensor
     to.copy_((from + noise).clamp(-1.0, 1.0));
     return;
   }
-  for (std::int64_t i = 0; i < to.size(0); ++i) {
-    const float* const action = from.data_ptr<float>() + i * from.stride(0);
-    const float* const offset = noise.data_ptr<float>() + i * noise.stride(0);
-    float* const row = to.data_ptr<float>() + i * to.stride(0);
-    for (std::int64_t j = 0; j < to.size(1); ++j) {
-      row[j] = std::clamp(action[j] + offset[j], -1.0f, 1.0f);
+  const nn::TensorRows actions(from), offsets(noise), rows(to);
+  const std::int64_t batch = to.size(0), columns = to.size(1);
+  for (std::int64_t i = 0; i < batch; ++i) {
+    for (std::int64_t j = 0; j < columns; ++j) {
+      rows[i][j] = std::clamp(actions[i][j] + offsets[i][j], -1.0f, 1.0f);
     }
   }
 }

@@ -69,7 +69,7 @@ TEST_P(EncoderTest, LearnsAndGoesOnBitForBitAfterARestore) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Combinations, EncoderTest,
-                         testing::Combine(testing::Values("td3", "ddpg", "sac"),
+                         testing::Combine(testing::Values("td3", "ddpg", "sac", "tqc"),
                                           testing::Values("mlp", "cnn", "beams", "gru",
                                                           "transformer")),
                          [](const auto& test) {

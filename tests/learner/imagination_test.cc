@@ -61,6 +61,7 @@ struct Scene {
     const RandomRows rows(trainer.sample_spec().batch, kHistory, kBeams, 5);
     trainer.Load(rows.rows);
     minibatch.input.fill_(-7.0);
+    minibatch.actions.fill_(-7.0);
     minibatch.next_features.fill_(-7.0);
     minibatch.reward.fill_(-7.0);
     minibatch.cost.fill_(1.0);
@@ -248,8 +249,9 @@ TEST(Imagination, IsAFunctionOfItsSeedAndGoesOnAfterARestore) {
       scene->imagination.Begin(0);
       scene->imagination.Fill(0);
     }
-    EXPECT_TRUE(at::equal(a.minibatch.input, b.minibatch.input));
-    EXPECT_FALSE(at::equal(a.minibatch.input, c.minibatch.input));
+    EXPECT_TRUE(at::equal(a.minibatch.features, b.minibatch.features));
+    EXPECT_TRUE(at::equal(a.minibatch.actions, b.minibatch.actions));
+    EXPECT_FALSE(at::equal(a.minibatch.actions, c.minibatch.actions));
     nn::TensorFile file;
     a.imagination.SaveState(file.tensors);
     resumed.imagination.LoadState(file);

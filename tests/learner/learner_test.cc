@@ -362,7 +362,7 @@ TEST_P(MethodTest, CostFiguresAreThoseOfOneCritic) {
   EXPECT_NEAR(all.cost_critic_loss - none.cost_critic_loss, 1.0 - 2.0 * none.cost_q_mean, 1e-5);
 }
 
-INSTANTIATE_TEST_SUITE_P(Algorithms, MethodTest, testing::Values("td3", "ddpg", "sac"),
+INSTANTIATE_TEST_SUITE_P(Algorithms, MethodTest, testing::Values("td3", "ddpg", "sac", "tqc"),
                          [](const auto& algorithm) { return std::string(algorithm.param); });
 
 TEST(Learner, RefusesWhatContradictsItself) {

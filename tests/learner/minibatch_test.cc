@@ -16,7 +16,7 @@ const nn::FeatureMap& Features() {
   return features;
 }
 
-/// One row of an input as the feature map writes its frames.
+/// The state of one sample as the feature map writes its frames, then the action.
 std::vector<float> Expected(const replay::SampledRows& rows, int sample, bool mirrored) {
   const int size = Features().frame_size();
   std::vector<float> expected(kHistory * size);
@@ -30,9 +30,13 @@ std::vector<float> Expected(const replay::SampledRows& rows, int sample, bool mi
   return expected;
 }
 
-std::vector<float> Row(const at::Tensor& input, int sample) {
-  const float* const begin = input.data_ptr<float>() + sample * input.stride(0);
-  return std::vector<float>(begin, begin + input.size(1));
+std::vector<float> Row(const Minibatch& minibatch, int sample) {
+  std::vector<float> row;
+  for (const at::Tensor& t : {minibatch.features, minibatch.actions}) {
+    const float* const begin = t.data_ptr<float>() + sample * t.stride(0);
+    row.insert(row.end(), begin, begin + t.size(1));
+  }
+  return row;
 }
 
 TEST(MinibatchReader, LaysOutHistoryThenAction) {
@@ -43,7 +47,7 @@ TEST(MinibatchReader, LaysOutHistoryThenAction) {
   base::Random random(1);
   reader.Read(random_rows.rows, random, minibatch);
   for (int i = 0; i < kBatch; ++i) {
-    EXPECT_EQ(Row(minibatch.input, i), Expected(random_rows.rows, i, false));
+    EXPECT_EQ(Row(minibatch, i), Expected(random_rows.rows, i, false));
     EXPECT_EQ(minibatch.reward.data_ptr<float>()[i], 0.5f * random_rows.rows.n_step_return[i]);
     EXPECT_EQ(minibatch.cost.data_ptr<float>()[i], random_rows.rows.cost_return[i]);
     EXPECT_EQ(minibatch.discount.data_ptr<float>()[i], 0.75f * random_rows.rows.discount[i]);
@@ -61,7 +65,7 @@ TEST(MinibatchReader, MirrorsWholeSamplesHalfTheTime) {
   for (int round = 0; round < kRounds; ++round) {
     reader.Read(random_rows.rows, random, minibatch);
     for (int i = 0; i < kBatch; ++i) {
-      const std::vector<float> row = Row(minibatch.input, i);
+      const std::vector<float> row = Row(minibatch, i);
       const bool mirrored = row == Expected(random_rows.rows, i, true);
       if (!mirrored) {
         EXPECT_EQ(row, Expected(random_rows.rows, i, false));

@@ -71,6 +71,7 @@ struct Prediction {
     MinibatchReader reader(nn::FeatureMap(observation, {}), 1, 1.0, false, 1.0);
     base::Random unused(1);
     reader.Read(rows.rows, unused, batch);
+    batch.room.copy_(batch.actions);
     nn::ModelPass pass(trainer.model().shape(), batch.input);
     next = at::zeros({500, kFrame});
     trainer.model().Predict(pass, 0, {}, next);

@@ -13,14 +13,11 @@ namespace {
 
 using at::Tensor;
 
-/// The parts of a flat parameter tensor, one after the other.
+/// The tensors of a network, one after the other.
 class Parts {
  public:
-  Parts(const std::vector<nn::ParameterSlot>& slots, const Tensor& parameters) {
-    for (const nn::ParameterSlot& slot : slots) {
-      parts_.push_back(parameters.narrow(0, slot.offset, slot.size()).view(slot.shape));
-    }
-  }
+  explicit Parts(std::vector<Tensor> parts) : parts_(std::move(parts)) {}
+
   Tensor Take() { return parts_.at(next_++); }
   std::vector<Tensor> Take(std::size_t count) {
     std::vector<Tensor> taken;
@@ -86,7 +83,7 @@ Tensor Attention(Parts& parts, int heads, const Tensor& x) {
       parts.Linear(x).view({batch, steps, 3, heads, width / heads}).unbind(2);
   const Tensor query = projected[0].transpose(1, 2), key = projected[1].transpose(1, 2),
                value = projected[2].transpose(1, 2);
-  const Tensor later = torch::ones({steps, steps}, torch::kBool).triu(1);
+  const Tensor later = torch::ones({steps, steps}, x.options().dtype(torch::kBool)).triu(1);
   const Tensor scores =
       (torch::matmul(query, key.transpose(2, 3)) / std::sqrt(static_cast<double>(width / heads)))
           .masked_fill(later, -INFINITY);
@@ -110,8 +107,17 @@ Tensor Transformer(Parts& parts, const nn::NetworkConfig& config, const Tensor& 
 
 Tensor ReferenceForward(const nn::NetworkShape& shape, const Tensor& parameters,
                         const Tensor& features, const Tensor& action) {
+  std::vector<Tensor> parts;
+  for (const nn::ParameterSlot& slot : shape.Slots()) {
+    parts.push_back(parameters.narrow(0, slot.offset, slot.size()).view(slot.shape));
+  }
+  return ReferenceForward(shape, std::move(parts), features, action);
+}
+
+Tensor ReferenceForward(const nn::NetworkShape& shape, std::vector<Tensor> parameters,
+                        const Tensor& features, const Tensor& action) {
   const nn::NetworkConfig& config = shape.config;
-  Parts parts(shape.Slots(), parameters);
+  Parts parts(std::move(parameters));
   const Tensor frames = features.view({features.size(0), config.history, shape.frame_size});
   Tensor x = features;
   if (config.encoder == "cnn") {

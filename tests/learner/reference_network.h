@@ -2,6 +2,8 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <vector>
+
 #include "nn/network_shape.h"
 
 namespace slalom::learner {
@@ -12,6 +14,10 @@ namespace slalom::learner {
 /// `parameters`: [shape.num_parameters()]; `features`: [B, H * F]; `action`: [B, 2], or undefined
 /// where the network reads none. Returns [B, outputs].
 at::Tensor ReferenceForward(const nn::NetworkShape& shape, const at::Tensor& parameters,
+                            const at::Tensor& features, const at::Tensor& action);
+
+/// The same on a tensor for each of shape.Slots(), as LibTorch's modules have them.
+at::Tensor ReferenceForward(const nn::NetworkShape& shape, std::vector<at::Tensor> parameters,
                             const at::Tensor& features, const at::Tensor& action);
 
 }  // namespace slalom::learner

@@ -176,7 +176,7 @@ TEST_P(ToyTest, AConstraintKeepsItFromHurrying) {
   EXPECT_LT(constrained.trained.distance, 0.25);
 }
 
-INSTANTIATE_TEST_SUITE_P(Algorithms, ToyTest, testing::Values("td3", "ddpg", "sac"),
+INSTANTIATE_TEST_SUITE_P(Algorithms, ToyTest, testing::Values("td3", "ddpg", "sac", "tqc"),
                          [](const auto& algorithm) { return std::string(algorithm.param); });
 
 /// An algorithm with a small transition model.

@@ -1,0 +1,174 @@
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "learner/algorithm.h"
+#include "learner/learner.h"
+#include "tests/learner/random_rows.h"
+#include "tests/learner/reference_network.h"
+
+/// The first update of TQC beside the paper's sums, number by number, in float64.
+
+namespace slalom::learner {
+namespace {
+
+using at::Tensor;
+
+constexpr int kBatch = 8;
+constexpr int kBeams = 8;
+constexpr int kCritics = 3;
+constexpr int kQuantiles = 5;
+constexpr int kDropped = 2;
+constexpr std::uint64_t kSeed = 3;
+
+MethodConfig Method() {
+  MethodConfig method;
+  LearnerConfig& config = method.learner;
+  config.algorithm = "tqc";
+  config.device = "cpu";
+  config.batch_size = kBatch;
+  config.actor_learning_rate = config.critic_learning_rate = 1e-4;
+  config.quantile_critics = kCritics;
+  config.quantiles = kQuantiles;
+  config.dropped_quantiles = kDropped;
+  return method;
+}
+
+policy::PolicySpec Spec(const MethodConfig& method) {
+  policy::PolicySpec spec;
+  spec.observation.num_beams = kBeams;
+  spec.network.encoder_layers = {16};
+  spec.network.head_layers = {16};
+  spec.distribution = DistributionOf(method.learner);
+  return spec;
+}
+
+Tensor Read(const Learner& learner, const std::string& name) {
+  nn::TensorMap tensors;
+  learner.SaveState(tensors);
+  const nn::StoredTensor& stored = tensors.at(name);
+  std::vector<float> values(stored.bytes.size() / sizeof(float));
+  std::memcpy(values.data(), stored.bytes.data(), stored.bytes.size());
+  return torch::tensor(values).to(torch::kDouble);
+}
+
+struct Draw {
+  Tensor action, log_probability;
+};
+
+/// By the density of a normal number and the slope of tanh.
+Draw DrawFrom(const nn::NetworkShape& shape, const policy::ActionDistribution& distribution,
+              const Tensor& actor, const Tensor& state, const char* stream) {
+  base::Random random(base::DeriveSeed(kSeed, stream));
+  const Tensor noise = torch::zeros({kBatch, 2}, torch::kDouble);
+  for (int i = 0; i < kBatch; ++i) {
+    for (int j = 0; j < 2; ++j) noise[i][j] = random.Normal();
+  }
+  const Tensor output = ReferenceForward(shape, actor, state, {});
+  const double low = distribution.log_std_min, high = distribution.log_std_max;
+  const Tensor log_std = low + (high - low) * (torch::tanh(output.narrow(1, 2, 2)) + 1.0) / 2.0;
+  const Tensor action = torch::tanh(output.narrow(1, 0, 2) + log_std.exp() * noise);
+  const Tensor log_normal = -0.5 * noise.square() - log_std - 0.5 * std::log(2.0 * M_PI);
+  return {action, (log_normal - (1.0 - action.square()).log()).sum(1)};
+}
+
+TEST(Tqc, FirstGradientsAreThoseOfThePaper) {
+  const MethodConfig method = Method();
+  const policy::PolicySpec spec = Spec(method);
+  const nn::FeatureMap features(spec.observation, spec.network);
+  const RandomRows random_rows(kBatch, 1, kBeams, 50);
+  const replay::SampledRows& rows = random_rows.rows;
+  const auto read = [&](const auto& scans, const float* state) {
+    Tensor result = torch::zeros({kBatch, features.frame_size()});
+    for (int i = 0; i < kBatch; ++i) {
+      features.Write(scans[i], state + i * env::kStateSize, false,
+                     result.data_ptr<float>() + i * features.frame_size());
+    }
+    return result.to(torch::kDouble);
+  };
+  const Tensor s = read(rows.ranges_cm, rows.state.data());
+  const Tensor next_s = read(rows.next_ranges_cm, rows.next_state.data());
+  Tensor a = torch::zeros({kBatch, 2}, torch::kDouble);
+  for (int i = 0; i < kBatch; ++i) {
+    a[i][0] = rows.action[i].linear;
+    a[i][1] = rows.action[i].angular;
+  }
+
+  Learner learner(method, spec, kSeed);
+  const nn::NetworkShape actor_shape = nn::ActorShape(spec.network, features.frame_size(), 4);
+  const nn::NetworkShape critic_shape =
+      nn::CriticShape(spec.network, features.frame_size(), kQuantiles);
+  const Tensor actor = Read(learner, "actor.parameters").requires_grad_();
+  const Tensor critics = Read(learner, "critics.parameters").requires_grad_();
+  const auto quantiles = [&](const Tensor& all, const Tensor& state, const Tensor& action) {
+    std::vector<Tensor> outputs;
+    for (const Tensor& one : all.view({kCritics, -1}).unbind(0)) {
+      outputs.push_back(ReferenceForward(critic_shape, one, state, action));
+    }
+    return torch::stack(outputs, 1);
+  };
+  learner.Update(random_rows.batches(), 0.0);
+
+  // Atom by atom: sort the pool, keep the smallest, and sum rho over all pairs.
+  const double alpha = method.learner.temperature;
+  const Draw next = DrawFrom(actor_shape, spec.distribution, actor, next_s, "next policy noise");
+  const Tensor pool = quantiles(critics.detach(), next_s, next.action.detach());
+  const Tensor z = quantiles(critics, s, a);
+  Tensor critic_loss = torch::zeros({}, torch::kDouble);
+  for (int i = 0; i < kBatch; ++i) {
+    const Tensor flat = pool[i].flatten().contiguous();
+    std::vector<double> atoms(flat.data_ptr<double>(), flat.data_ptr<double>() + flat.numel());
+    std::sort(atoms.begin(), atoms.end());
+    atoms.resize(kCritics * (kQuantiles - kDropped));
+    for (const double atom : atoms) {
+      const double y = rows.n_step_return[i] +
+                       rows.discount[i] * (atom - alpha * next.log_probability[i].item<double>());
+      for (int k = 0; k < kCritics; ++k) {
+        for (int m = 0; m < kQuantiles; ++m) {
+          const Tensor u = y - z[i][k][m];
+          const double tau = (2.0 * m + 1.0) / (2.0 * kQuantiles);
+          const double size = std::abs(u.item<double>());
+          const Tensor huber = size <= 1.0 ? 0.5 * u * u : u.abs() - 0.5;
+          const double factor = std::abs(tau - (u.item<double>() < 0.0 ? 1.0 : 0.0));
+          critic_loss = critic_loss +
+                        factor * huber / static_cast<double>(atoms.size() * kQuantiles * kBatch);
+        }
+      }
+    }
+  }
+  const auto compare = [&](const char* name, const Tensor& gradient) {
+    // Adam's first moment after one step is a tenth of the gradient. Float32 has 30 roundings of
+    // 2^-24 on the way.
+    const Tensor expected = 0.1 * gradient;
+    EXPECT_LE(((Read(learner, name) - expected).norm() / expected.norm()).item<double>(), 2e-6)
+        << name;
+  };
+  compare("critics.adam.first_moment", torch::autograd::grad({critic_loss}, {critics})[0]);
+
+  const Tensor stepped = Read(learner, "critics.parameters");
+  const Draw now = DrawFrom(actor_shape, spec.distribution, actor, s, "policy noise");
+  const Tensor actor_loss =
+      (alpha * now.log_probability - quantiles(stepped, s, now.action).mean({1, 2})).mean();
+  compare("actor.adam.first_moment", torch::autograd::grad({actor_loss}, {actor})[0]);
+  EXPECT_NEAR(learner.ReadStats().critic_loss, critic_loss.item<double>() / kCritics, 1e-6);
+}
+
+TEST(Tqc, RefusesWhatContradictsItself) {
+  MethodConfig method = Method();
+  method.learner.dropped_quantiles = kQuantiles;
+  EXPECT_THROW(Learner(method, Spec(method), 1), base::Error);
+  MethodConfig planned = Method();
+  planned.model.kind = "deterministic";
+  policy::PolicySpec spec = Spec(planned);
+  spec.planning = PlanningOf(planned);
+  EXPECT_THROW(Learner(planned, spec, 1), base::Error);
+}
+
+}  // namespace
+}  // namespace slalom::learner
