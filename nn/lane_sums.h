@@ -3,7 +3,7 @@
 #include <cstdint>
 
 /// Sums that vectorise and yet give the same number on every processor, for the kernels of
-/// nn/layer_ops.cc and nn/sequence_ops.cc.
+/// nn/forward_kernels.cc and of the gradients beside it.
 
 namespace slalom::nn {
 
@@ -27,6 +27,25 @@ inline float Sum(const float* __restrict x, std::int64_t n) {
   }
   for (; i < n; ++i) lanes[0] += x[i];
   return LaneSum(lanes);
+}
+
+constexpr int kDotLanes = 8;
+
+/// Scalar product, in eight sums: heads of attention are narrow.
+inline float Dot(const float* __restrict x, const float* __restrict y, std::int64_t n) {
+  float lanes[kDotLanes] = {};
+  std::int64_t i = 0;
+  for (; i + kDotLanes <= n; i += kDotLanes) {
+    for (int j = 0; j < kDotLanes; ++j) lanes[j] += x[i + j] * y[i + j];
+  }
+  for (; i < n; ++i) lanes[0] += x[i] * y[i];
+  return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
+         ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+}
+
+/// y += scale * x.
+inline void AddScaled(float scale, const float* __restrict x, std::int64_t n, float* __restrict y) {
+  for (std::int64_t j = 0; j < n; ++j) y[j] += scale * x[j];
 }
 
 }  // namespace slalom::nn
