@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/check.h"
+#include "base/vector_clones.h"
 #include "nn/blas.h"
 #include "nn/forward_kernels.h"
 #include "nn/lane_sums.h"
@@ -68,9 +69,10 @@ struct GradientSums {
 };
 
 /// dy = (y > 0 ? dy : 0) * gain. Returns its sums.
-inline GradientSums ScaleGradient(const float* __restrict gain, const float* __restrict y,
-                                  const float* __restrict normal, std::int64_t n,
-                                  float* __restrict dy) {
+SLALOM_ALWAYS_INLINE GradientSums ScaleGradient(const float* __restrict gain,
+                                                const float* __restrict y,
+                                                const float* __restrict normal, std::int64_t n,
+                                                float* __restrict dy) {
   float sum[kLanes] = {}, dot[kLanes] = {};
   std::int64_t i = 0;
   for (; i + kLanes <= n; i += kLanes) {

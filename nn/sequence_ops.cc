@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/check.h"
+#include "base/vector_clones.h"
 #include "nn/forward_kernels.h"
 #include "nn/lane_sums.h"
 #include "nn/simd.h"
@@ -58,7 +59,9 @@ SLALOM_SIMD void NormaliseRowGradient(const float* __restrict gain, std::int64_t
 constexpr float kScale = static_cast<float>(kGeluScale);
 constexpr float kCube = static_cast<float>(kGeluCube);
 
-inline float GeluTanh(float x) { return SmoothTanh(kScale * (x + kCube * x * x * x)); }
+SLALOM_ALWAYS_INLINE float GeluTanh(float x) {
+  return SmoothTanh(kScale * (x + kCube * x * x * x));
+}
 
 SLALOM_SIMD void GeluRowGradient(const float* __restrict x, std::int64_t n, float* __restrict dy) {
   for (std::int64_t j = 0; j < n; ++j) {

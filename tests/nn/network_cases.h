@@ -43,6 +43,13 @@ inline NetworkConfig Dropping(NetworkConfig config) {
   return config;
 }
 
+/// Five heads of eight columns, of which kernels take four side by side.
+inline NetworkConfig NarrowHeads() {
+  NetworkConfig config = Make("transformer", {40, 40}, 5);
+  config.attention_heads = 5;
+  return config;
+}
+
 inline const std::vector<Case>& Cases() {
   static const std::vector<Case> cases = {
       {"TimeCnn1", Make("cnn", {5, 4}, 1)},
@@ -56,6 +63,7 @@ inline const std::vector<Case>& Cases() {
       {"Transformer1", Make("transformer", {8, 8}, 1)},
       {"Transformer4", Make("transformer", {8, 8}, 4)},
       {"TransformerOfThreeBlocks", Make("transformer", {8, 8, 8}, 3)},
+      {"TransformerOfNarrowHeads", NarrowHeads()},
       {"TransformerWithDropout", Dropping(Make("transformer", {8, 8}, 3))},
   };
   return cases;
