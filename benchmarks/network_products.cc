@@ -71,13 +71,19 @@ std::vector<Layer> BeamCnnLayers(const nn::NetworkShape& shape, std::int64_t bat
 }
 
 std::vector<Layer> EncoderLayers(const nn::NetworkShape& shape, std::int64_t batch) {
-  const nn::NetworkConfig& config = shape.config;
-  if (config.encoder == "gru") return GruLayers(shape, batch);
-  if (config.encoder == "transformer") return TransformerLayers(shape, batch);
-  if (config.encoder == "cnn") {
-    return config.cnn_axis == "beams" ? BeamCnnLayers(shape, batch) : TimeCnnLayers(shape, batch);
+  switch (shape.encoder) {
+    case nn::EncoderKind::kMlp:
+      return {};  // Its layers are all in shape.mlp.
+    case nn::EncoderKind::kTimeCnn:
+      return TimeCnnLayers(shape, batch);
+    case nn::EncoderKind::kBeamCnn:
+      return BeamCnnLayers(shape, batch);
+    case nn::EncoderKind::kGru:
+      return GruLayers(shape, batch);
+    case nn::EncoderKind::kTransformer:
+      return TransformerLayers(shape, batch);
   }
-  return {};  // An mlp's layers are all in shape.mlp.
+  return {};
 }
 
 std::vector<Layer> Layers(const nn::NetworkShape& shape, std::int64_t batch) {

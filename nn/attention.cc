@@ -5,71 +5,34 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/check.h"
+#include "nn/forward_kernels.h"
+#include "nn/lane_sums.h"
 #include "nn/layer_ops.h"
 #include "nn/simd.h"
-#include "nn/smooth_math.h"
 #include "nn/tensor_rows.h"
 
 namespace slalom::nn {
 namespace {
 
-struct Sizes {
-  std::int64_t batch, heads, queries, tokens, width;  // B, A, Q, T, D / A
-};
-
-Sizes GetSizes(const at::Tensor& weights, std::int64_t columns) {
-  return {weights.size(0), weights.size(1), weights.size(2), weights.size(3),
-          columns / weights.size(1)};
+/// The sizes of `in` and of its weights [B, A, Q, T], which must fit each other.
+AttentionSizes GetSizes(const AttentionInput& in, const at::Tensor& weights) {
+  SLALOM_CHECK_EQ(weights.dim(), 4);
+  const std::int64_t columns = in.query.size(1);
+  const AttentionSizes s = {weights.size(0), weights.size(1), weights.size(2), weights.size(3),
+                            columns / weights.size(1)};
+  SLALOM_CHECK(s.queries <= s.tokens && s.width * s.heads == columns && weights.is_contiguous());
+  SLALOM_CHECK_EQ(in.query.size(0), s.batch * s.queries);
+  SLALOM_CHECK_EQ(in.key.size(0), s.batch * s.tokens);
+  SLALOM_CHECK_EQ(in.key.size(1), columns);
+  SLALOM_CHECK(in.value.sizes() == in.key.sizes());
+  SLALOM_CHECK(!in.dropout_mask.defined() || in.dropout_mask.sizes() == weights.sizes());
+  return s;
 }
 
-constexpr int kDotLanes = 8;
-
-inline float Dot(const float* __restrict x, const float* __restrict y, std::int64_t n) {
-  float lanes[kDotLanes] = {};
-  std::int64_t i = 0;
-  for (; i + kDotLanes <= n; i += kDotLanes) {
-    for (int j = 0; j < kDotLanes; ++j) lanes[j] += x[i + j] * y[i + j];
-  }
-  for (; i < n; ++i) lanes[0] += x[i] * y[i];
-  return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
-         ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
-}
-
-inline void AddScaled(float scale, const float* __restrict x, std::int64_t n, float* __restrict y) {
-  for (std::int64_t j = 0; j < n; ++j) y[j] += scale * x[j];
-}
-
-/// `weights`, `mask`: [Q, T]; mask may be null.
-SLALOM_SIMD void AttendHead(const Sizes& s, TensorRows query, TensorRows key, TensorRows value,
-                            const float* mask, float* weights, TensorRows result) {
-  const float scale = 1.0f / std::sqrt(static_cast<float>(s.width));
-  for (std::int64_t i = 0; i < s.queries; ++i) {
-    float* const row = weights + i * s.tokens;
-    const std::int64_t seen = s.tokens - s.queries + i + 1;
-    float largest = -INFINITY;
-    for (std::int64_t j = 0; j < seen; ++j) {
-      row[j] = scale * Dot(query[i], key[j], s.width);
-      largest = row[j] > largest ? row[j] : largest;
-    }
-    float sum = 0.0f;
-    for (std::int64_t j = 0; j < seen; ++j) {
-      row[j] = SmoothExp(row[j] - largest);
-      sum += row[j];
-    }
-    std::fill(row + seen, row + s.tokens, 0.0f);
-    std::fill(result[i], result[i] + s.width, 0.0f);
-    for (std::int64_t j = 0; j < seen; ++j) {
-      row[j] /= sum;
-      const float kept = mask == nullptr ? row[j] : row[j] * mask[i * s.tokens + j];
-      AddScaled(kept, value[j], s.width, result[i]);
-    }
-  }
-}
-
-SLALOM_SIMD void AttendHeadGradient(const Sizes& s, TensorRows query, TensorRows key,
-                                    TensorRows value, const float* mask, const float* weights,
-                                    TensorRows dresult, TensorRows dquery, TensorRows dkey,
-                                    TensorRows dvalue) {
+SLALOM_SIMD void AttendHeadGradient(const AttentionSizes& s, Rows query, Rows key, Rows value,
+                                    const float* mask, const float* weights, Rows dresult,
+                                    Rows dquery, Rows dkey, Rows dvalue) {
   const float scale = 1.0f / std::sqrt(static_cast<float>(s.width));
   for (std::int64_t j = 0; j < s.tokens; ++j) {
     std::fill(dkey[j], dkey[j] + s.width, 0.0f);
@@ -97,18 +60,19 @@ SLALOM_SIMD void AttendHeadGradient(const Sizes& s, TensorRows query, TensorRows
 }
 
 /// [B * rows, D] as [B, A, rows, D / A].
-at::Tensor Split(const at::Tensor& t, const Sizes& s) {
+at::Tensor Split(const at::Tensor& t, const AttentionSizes& s) {
   return t.reshape({s.batch, -1, s.heads, s.width}).transpose(1, 2);
 }
 
-at::Tensor Join(const at::Tensor& t, const Sizes& s) {
+at::Tensor Join(const at::Tensor& t, const AttentionSizes& s) {
   return t.transpose(1, 2).reshape({-1, s.heads * s.width});
 }
 
 }  // namespace
 
 void Attend(const AttentionInput& in, at::Tensor& weights, at::Tensor& result) {
-  const Sizes s = GetSizes(weights, in.query.size(1));
+  const AttentionSizes s = GetSizes(in, weights);
+  SLALOM_CHECK(result.sizes() == in.query.sizes());
   if (!IsHostFloat(result)) {
     const double scale = 1.0 / std::sqrt(static_cast<double>(s.width));
     const at::Tensor scores = at::matmul(Split(in.query, s), Split(in.key, s).transpose(2, 3));
@@ -119,24 +83,16 @@ void Attend(const AttentionInput& in, at::Tensor& weights, at::Tensor& result) {
     result.copy_(Join(at::matmul(kept, Split(in.value, s)), s));
     return;
   }
-  const TensorRows query(in.query), key(in.key), value(in.value), to(result);
-  const float* const mask = in.dropout_mask.defined() ? in.dropout_mask.data_ptr<float>() : nullptr;
-  float* const all_weights = weights.data_ptr<float>();
-  for (std::int64_t b = 0; b < s.batch; ++b) {
-    for (std::int64_t head = 0; head < s.heads; ++head) {
-      const std::int64_t at = (b * s.heads + head) * s.queries * s.tokens;
-      const std::int64_t column = head * s.width;
-      const std::int64_t first_query = b * s.queries, first_token = b * s.tokens;
-      AttendHead(s, query.From(first_query, column), key.From(first_token, column),
-                 value.From(first_token, column), mask == nullptr ? nullptr : mask + at,
-                 all_weights + at, to.From(first_query, column));
-    }
-  }
+  AttendRows(s, TensorRows(in.query), TensorRows(in.key), TensorRows(in.value),
+             in.dropout_mask.defined() ? in.dropout_mask.data_ptr<float>() : nullptr,
+             weights.data_ptr<float>(), TensorRows(result));
 }
 
 void AttendGradient(const AttentionInput& in, const at::Tensor& weights, const at::Tensor& dresult,
                     at::Tensor& dquery, at::Tensor& dkey, at::Tensor& dvalue) {
-  const Sizes s = GetSizes(weights, in.query.size(1));
+  const AttentionSizes s = GetSizes(in, weights);
+  SLALOM_CHECK(dresult.sizes() == in.query.sizes() && dquery.sizes() == in.query.sizes());
+  SLALOM_CHECK(dkey.sizes() == in.key.sizes() && dvalue.sizes() == in.value.sizes());
   if (!IsHostFloat(dresult)) {
     const double scale = 1.0 / std::sqrt(static_cast<double>(s.width));
     const at::Tensor d = Split(dresult, s);

@@ -1,10 +1,14 @@
-#include "nn/beam_cnn_encoder.h"
-
 #include <ATen/ATen.h>
 #include <fmt/format.h>
 
+#include <memory>
+#include <vector>
+
 #include "env/observation.h"
+#include "nn/encoder.h"
+#include "nn/encoder_slots.h"
 #include "nn/layer_ops.h"
+#include "nn/network_shape.h"
 #include "nn/parameter_views.h"
 
 /// Shapes: `B` batch, `H` frames of `F` numbers, the first `R` of them ranges; `L` positions of `C`
@@ -12,6 +16,32 @@
 
 namespace slalom::nn {
 namespace {
+
+/// Convolutions along the beams, the frames of the stack as channels; then a linear layer that
+/// reads all of what they give with the state numbers of the frames behind it. ReLU after each. In
+/// the manner of Long et al. 2018 ("Towards Optimally Decentralized Multi-Robot Collision Avoidance
+/// via Deep Reinforcement Learning"): first 5 beams wide, then 3, every second beam.
+///
+/// Sample by sample, positions before channels, so that a window lies in one piece and is read
+/// where it lies.
+class BeamCnnEncoder : public Encoder {
+ public:
+  BeamCnnEncoder(const NetworkShape& shape, const at::Tensor& parameters);
+  static std::unique_ptr<EncoderPass> MakePass(const NetworkShape& shape,
+                                               const EncoderPorts& ports);
+
+  void Forward(EncoderPass& pass) const override;
+  void ParameterGradient(EncoderPass& pass, Encoder& gradient) const override;
+
+ private:
+  struct Layer {
+    at::Tensor weight, bias;       // [O, width * I] or [O, I], [O]
+    std::vector<at::Tensor> taps;  // [O, I] each, columns of the weight, by the beam of a window
+  };
+
+  std::vector<Layer> convolutions_;
+  Layer linear_;
+};
 
 /// One convolution of one sample: views.
 struct SamplePass {
@@ -38,8 +68,6 @@ at::Tensor Strided(const at::Tensor& t, std::int64_t rows, std::int64_t columns,
                    std::int64_t stride, std::int64_t offset = 0) {
   return t.as_strided({rows, columns}, {stride, 1}, t.storage_offset() + offset);
 }
-
-}  // namespace
 
 std::unique_ptr<EncoderPass> BeamCnnEncoder::MakePass(const NetworkShape& shape,
                                                       const EncoderPorts& ports) {
@@ -158,6 +186,20 @@ void BeamCnnEncoder::ParameterGradient(EncoderPass& encoder_pass, Encoder& encod
     }
     if (i > 0) ReluGradient(pass.outputs[i - 1], pass.output_gradients[i - 1]);
   }
+}
+
+}  // namespace
+
+template <>
+std::unique_ptr<Encoder> MakeEncoderOf<EncoderKind::kBeamCnn>(const NetworkShape& shape,
+                                                              const at::Tensor& parameters) {
+  return std::make_unique<BeamCnnEncoder>(shape, parameters);
+}
+
+template <>
+std::unique_ptr<EncoderPass> MakeEncoderPassOf<EncoderKind::kBeamCnn>(const NetworkShape& shape,
+                                                                      const EncoderPorts& ports) {
+  return BeamCnnEncoder::MakePass(shape, ports);
 }
 
 }  // namespace slalom::nn

@@ -43,17 +43,6 @@ at::Tensor View(const float* data, std::int64_t rows, std::int64_t columns, std:
 
 }  // namespace
 
-CpuFeatures DetectCpuFeatures() {
-#if defined(__x86_64__)
-  __builtin_cpu_init();
-  return {.avx2_fma = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"),
-          .avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-                    __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")};
-#else
-  return {};
-#endif
-}
-
 std::string BlasKernel() {
   const auto get_corename = Find<char* (*)()>("openblas_get_corename");
   return get_corename == nullptr ? "" : get_corename();

@@ -5,19 +5,13 @@
 #include <string>
 #include <string_view>
 
+#include "nn/cpu_features.h"
+
 /// OpenBLAS as packaged knows no processor that came after it, takes such ones for a Prescott and
 /// is then 3 to 10 times too slow. Its kernel can only be chosen before it is loaded, by
 /// OPENBLAS_CORETYPE.
 
 namespace slalom::nn {
-
-/// What the processor can do, as far as a kernel asks for it.
-struct CpuFeatures {
-  bool avx2_fma = false;
-  bool avx512 = false;  ///< F, BW, DQ, VL.
-};
-
-CpuFeatures DetectCpuFeatures();
 
 /// The kernel that OpenBLAS chose ("Haswell", "Prescott", ...); empty where the BLAS is another
 /// one.

@@ -46,4 +46,21 @@ class Encoder {
 std::unique_ptr<Encoder> MakeEncoder(const NetworkShape& shape, const at::Tensor& parameters);
 std::unique_ptr<EncoderPass> MakeEncoderPass(const NetworkShape& shape, const EncoderPorts& ports);
 
+/// These two for one kind, defined in the source of that encoder.
+template <EncoderKind kKind>
+std::unique_ptr<Encoder> MakeEncoderOf(const NetworkShape& shape, const at::Tensor& parameters);
+template <EncoderKind kKind>
+std::unique_ptr<EncoderPass> MakeEncoderPassOf(const NetworkShape& shape,
+                                               const EncoderPorts& ports);
+
+#define SLALOM_DECLARE(kind)                                                             \
+  template <>                                                                            \
+  std::unique_ptr<Encoder> MakeEncoderOf<EncoderKind::kind>(const NetworkShape&,         \
+                                                            const at::Tensor&);          \
+  template <>                                                                            \
+  std::unique_ptr<EncoderPass> MakeEncoderPassOf<EncoderKind::kind>(const NetworkShape&, \
+                                                                    const EncoderPorts&);
+SLALOM_FOR_EACH_ENCODER(SLALOM_DECLARE)
+#undef SLALOM_DECLARE
+
 }  // namespace slalom::nn

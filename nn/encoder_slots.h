@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string_view>
 #include <vector>
 
 #include "nn/network_config.h"
@@ -15,6 +16,23 @@ void CheckNetwork(const NetworkConfig& config);
 /// The encoder's parameters, named "encoder...". Requires: an encoder other than "mlp".
 /// Throws `base::Error` where frames of `frame_size` numbers are too small for it.
 std::vector<ParameterSlot> EncoderSlots(const NetworkConfig& config, int frame_size);
+
+/// These two for one kind, defined in the source of that encoder in nn/inference/.
+template <EncoderKind kKind>
+void CheckEncoder(const NetworkConfig& config);
+template <EncoderKind kKind>
+std::vector<ParameterSlot> EncoderSlotsOf(const NetworkConfig& config, int frame_size);
+
+#define SLALOM_DECLARE(kind)                                  \
+  template <>                                                 \
+  void CheckEncoder<EncoderKind::kind>(const NetworkConfig&); \
+  template <>                                                 \
+  std::vector<ParameterSlot> EncoderSlotsOf<EncoderKind::kind>(const NetworkConfig&, int);
+SLALOM_FOR_EACH_ENCODER(SLALOM_DECLARE)
+#undef SLALOM_DECLARE
+
+/// Throws `base::Error` that network.encoder_layers are not what is `expected`.
+[[noreturn]] void RefuseLayers(const NetworkConfig& config, std::string_view expected);
 
 /// One convolution over beams.
 struct BeamConvolution {

@@ -1,10 +1,13 @@
-#include "nn/gru_encoder.h"
-
 #include <ATen/ATen.h>
 #include <fmt/format.h>
 
+#include <memory>
+#include <vector>
+
+#include "nn/encoder.h"
 #include "nn/encoder_slots.h"
 #include "nn/layer_ops.h"
+#include "nn/network_shape.h"
 #include "nn/parameter_views.h"
 #include "nn/sequence_ops.h"
 
@@ -13,6 +16,30 @@
 
 namespace slalom::nn {
 namespace {
+
+/// Gated recurrent units, layer upon layer, from a state of zeros over the frames, oldest first;
+/// the features are the last layer's last state (`GruStep`).
+///
+/// The inputs' products of all steps are one product wherever they lie in one piece.
+class GruEncoder : public Encoder {
+ public:
+  GruEncoder(const NetworkShape& shape, const at::Tensor& parameters);
+  static std::unique_ptr<EncoderPass> MakePass(const NetworkShape& shape,
+                                               const EncoderPorts& ports);
+
+  void Forward(EncoderPass& pass) const override;
+  void ParameterGradient(EncoderPass& pass, Encoder& gradient) const override;
+
+ private:
+  struct Layer {
+    at::Tensor input_weight;  // [3 W, I]
+    at::Tensor input_bias;    // [3 W]
+    at::Tensor state_weight;  // [3 W, W]
+    at::Tensor state_bias;    // [3 W]
+  };
+
+  std::vector<Layer> layers_;
+};
 
 /// What one step of one layer reads and writes: views.
 struct Step {
@@ -39,8 +66,6 @@ struct LayerPass {
 struct GruPass : EncoderPass {
   std::vector<LayerPass> layers;
 };
-
-}  // namespace
 
 std::unique_ptr<EncoderPass> GruEncoder::MakePass(const NetworkShape& shape,
                                                   const EncoderPorts& ports) {
@@ -155,6 +180,20 @@ void GruEncoder::ParameterGradient(EncoderPass& encoder_pass, Encoder& encoder_g
                            result.input_bias, t == 0 ? Into::kReplace : Into::kAdd);
     }
   }
+}
+
+}  // namespace
+
+template <>
+std::unique_ptr<Encoder> MakeEncoderOf<EncoderKind::kGru>(const NetworkShape& shape,
+                                                          const at::Tensor& parameters) {
+  return std::make_unique<GruEncoder>(shape, parameters);
+}
+
+template <>
+std::unique_ptr<EncoderPass> MakeEncoderPassOf<EncoderKind::kGru>(const NetworkShape& shape,
+                                                                  const EncoderPorts& ports) {
+  return GruEncoder::MakePass(shape, ports);
 }
 
 }  // namespace slalom::nn

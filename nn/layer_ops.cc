@@ -6,7 +6,9 @@
 #include <cmath>
 
 #include "base/check.h"
+#include "base/vector_clones.h"
 #include "nn/blas.h"
+#include "nn/forward_kernels.h"
 #include "nn/lane_sums.h"
 #include "nn/simd.h"
 #include "nn/small_gemm.h"
@@ -61,60 +63,16 @@ SLALOM_SIMD void MaskByPositive(const float* y, std::int64_t y_stride, float* dy
 /// Rows whose sums are taken together, so that no row waits for those of another.
 constexpr std::int64_t kRowBlock = 8;
 
-/// centred = x - mean. Returns the sum of its squares.
-inline float Centre(const float* __restrict x, float mean, std::int64_t n,
-                    float* __restrict centred) {
-  float lanes[kLanes] = {};
-  std::int64_t i = 0;
-  for (; i + kLanes <= n; i += kLanes) {
-    for (int j = 0; j < kLanes; ++j) {
-      const float value = x[i + j] - mean;
-      centred[i + j] = value;
-      lanes[j] += value * value;
-    }
-  }
-  for (; i < n; ++i) {
-    centred[i] = x[i] - mean;
-    lanes[0] += centred[i] * centred[i];
-  }
-  return LaneSum(lanes);
-}
-
-/// `rows` <= kRowBlock.
-SLALOM_SIMD void NormaliseRows(const float* __restrict gain, const float* __restrict bias,
-                               std::int64_t rows, std::int64_t n, float* __restrict y,
-                               std::int64_t y_stride, float* __restrict normal,
-                               std::int64_t normal_stride, float* __restrict rstd) {
-  const float count = static_cast<float>(n);
-  float mean[kRowBlock], squares[kRowBlock];
-  for (std::int64_t i = 0; i < rows; ++i) mean[i] = Sum(y + i * y_stride, n) / count;
-  for (std::int64_t i = 0; i < rows; ++i) {
-    squares[i] = Centre(y + i * y_stride, mean[i], n, normal + i * normal_stride);
-  }
-  for (std::int64_t i = 0; i < rows; ++i) {
-    rstd[i] = 1.0f / std::sqrt(squares[i] / count + kLayerNormEpsilon);
-  }
-  for (std::int64_t i = 0; i < rows; ++i) {
-    float* __restrict const to = y + i * y_stride;
-    float* __restrict const unit = normal + i * normal_stride;
-    const float scale = rstd[i];
-    for (std::int64_t j = 0; j < n; ++j) {
-      unit[j] *= scale;
-      const float value = gain[j] * unit[j] + bias[j];
-      to[j] = value > 0.0f ? value : 0.0f;
-    }
-  }
-}
-
 struct GradientSums {
   float gradient;         // sum of dy
   float gradient_normal;  // sum of dy * normal
 };
 
 /// dy = (y > 0 ? dy : 0) * gain. Returns its sums.
-inline GradientSums ScaleGradient(const float* __restrict gain, const float* __restrict y,
-                                  const float* __restrict normal, std::int64_t n,
-                                  float* __restrict dy) {
+SLALOM_ALWAYS_INLINE GradientSums ScaleGradient(const float* __restrict gain,
+                                                const float* __restrict y,
+                                                const float* __restrict normal, std::int64_t n,
+                                                float* __restrict dy) {
   float sum[kLanes] = {}, dot[kLanes] = {};
   std::int64_t i = 0;
   for (; i + kLanes <= n; i += kLanes) {
@@ -181,17 +139,34 @@ void Multiply(const GemmTask& task) {
   }
 }
 
+/// x: [B, I], w: [O, I], b: [O], y: [B, O], as values or as gradients by them.
+void CheckLinear(const at::Tensor& x, const at::Tensor& w, std::int64_t num_biases,
+                 const at::Tensor& y) {
+  SLALOM_CHECK_EQ(x.size(0), y.size(0));
+  SLALOM_CHECK_EQ(x.size(1), w.size(1));
+  SLALOM_CHECK_EQ(y.size(1), w.size(0));
+  SLALOM_CHECK_EQ(num_biases, w.size(0));
+}
+
+/// y, normal: [B, O]; rstd: [B]; gain: [O].
+void CheckNorm(const at::Tensor& gain, const at::Tensor& y, const at::Tensor& normal,
+               const at::Tensor& rstd) {
+  SLALOM_CHECK(normal.sizes() == y.sizes());
+  SLALOM_CHECK_EQ(rstd.numel(), y.size(0));
+  SLALOM_CHECK_EQ(gain.numel(), y.size(1));
+}
+
 }  // namespace
 
 void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool relu,
             at::Tensor& y) {
+  CheckLinear(x, w, b.numel(), y);
   if (!IsHostFloat(x)) {
     at::addmm_out(y, b, x, w.t());
     if (relu) y.relu_();
     return;
   }
   const Matrix mx(x), mw(w), my(y);
-  SLALOM_CHECK(mx.columns == mw.columns && mx.rows == my.rows && mw.rows == my.columns);
   Multiply({.transpose_b = true,
             .m = mx.rows,
             .n = mw.rows,
@@ -209,6 +184,7 @@ void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool 
 void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor& dw, at::Tensor& db,
                           Into into) {
   const bool add = into == Into::kAdd;
+  CheckLinear(x, dw, db.numel(), dy);
   if (!IsHostFloat(x)) {
     if (!add) {
       at::mm_out(dw, dy.t(), x);
@@ -239,7 +215,11 @@ void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor&
 void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Tensor& relu_output,
                          at::Tensor& dx, Into into) {
   const bool add = into == Into::kAdd;
-  SLALOM_CHECK(!add || !relu_output.defined());
+  CheckLinear(dx, w, w.size(0), dy);
+  if (relu_output.defined()) {
+    SLALOM_CHECK(!add);
+    SLALOM_CHECK(relu_output.sizes() == dx.sizes());
+  }
   if (!IsHostFloat(dy)) {
     if (add) {
       dx.addmm_(dy, w);
@@ -268,6 +248,7 @@ void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Te
 }
 
 void ReluGradient(const at::Tensor& y, at::Tensor& dy) {
+  SLALOM_CHECK(y.sizes() == dy.sizes());
   if (!IsHostFloat(dy)) {
     dy.mul_(y > 0);
     return;
@@ -277,6 +258,7 @@ void ReluGradient(const at::Tensor& y, at::Tensor& dy) {
 }
 
 void Tanh(at::Tensor& y) {
+  SLALOM_CHECK(y.is_contiguous());
   if (!IsHostFloat(y)) {
     y.tanh_();
     return;
@@ -286,6 +268,7 @@ void Tanh(at::Tensor& y) {
 }
 
 void TanhGradient(const at::Tensor& y, at::Tensor& dy) {
+  SLALOM_CHECK(y.sizes() == dy.sizes() && y.is_contiguous() && dy.is_contiguous());
   if (!IsHostFloat(y)) {
     dy.mul_(1 - y.square());
     return;
@@ -297,6 +280,8 @@ void TanhGradient(const at::Tensor& y, at::Tensor& dy) {
 
 void LayerNormRelu(const at::Tensor& gain, const at::Tensor& bias, at::Tensor& y,
                    at::Tensor& normal, at::Tensor& rstd) {
+  CheckNorm(gain, y, normal, rstd);
+  SLALOM_CHECK_EQ(bias.numel(), gain.numel());
   if (!IsHostFloat(y)) {
     const at::Tensor centred = y - y.mean(1, /*keepdim=*/true);
     rstd.copy_((centred.square().mean(1) + kLayerNormEpsilon).rsqrt());
@@ -304,17 +289,17 @@ void LayerNormRelu(const at::Tensor& gain, const at::Tensor& bias, at::Tensor& y
     y.copy_((normal * gain + bias).relu());
     return;
   }
-  const Matrix my(y), mn(normal);
-  for (std::int64_t i = 0; i < my.rows; i += kRowBlock) {
-    NormaliseRows(gain.data_ptr<float>(), bias.data_ptr<float>(), std::min(kRowBlock, my.rows - i),
-                  my.columns, my.data + i * my.stride, my.stride, mn.data + i * mn.stride,
-                  mn.stride, rstd.data_ptr<float>() + i);
-  }
+  LayerNormReluRows({y.size(0), y.size(1)}, gain.data_ptr<float>(), bias.data_ptr<float>(),
+                    TensorRows(y), TensorRows(normal), rstd.data_ptr<float>());
 }
 
 void LayerNormReluGradient(const at::Tensor& gain, const at::Tensor& y, const at::Tensor& normal,
                            const at::Tensor& rstd, at::Tensor& dy, at::Tensor& dgain,
                            at::Tensor& dbias) {
+  CheckNorm(gain, y, normal, rstd);
+  SLALOM_CHECK(dy.sizes() == y.sizes());
+  SLALOM_CHECK_EQ(dgain.defined(), dbias.defined());
+  if (dgain.defined()) SLALOM_CHECK(dgain.numel() == gain.numel() && dbias.numel() == gain.numel());
   if (!IsHostFloat(dy)) {
     dy.mul_(y > 0);
     if (dgain.defined()) {

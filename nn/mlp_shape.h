@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "nn/parameter_slot.h"
@@ -24,6 +25,7 @@ struct MlpShape {
   int num_layers() const { return static_cast<int>(hidden.size()) + 1; }
   int layer_inputs(int layer) const;  ///< With the extra ones.
   int layer_outputs(int layer) const;
+  std::string layer_name(int layer) const;  ///< "encoder.0", "head.1"; of its parameters.
   std::vector<ParameterSlot> Slots() const;
   std::int64_t num_parameters() const { return CountParameters(Slots()); }
 };

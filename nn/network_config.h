@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "base/check.h"
 #include "base/config_field.h"
 
 namespace slalom::nn {
@@ -63,5 +64,47 @@ struct NetworkConfig {
 
   friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };
+
+/// The encoders. Each has a source in nn/inference/ (its parameters, and how it acts without
+/// LibTorch) and one in nn/ (how it is trained), which define the functions that are declared with
+/// `SLALOM_FOR_EACH_ENCODER`.
+enum class EncoderKind {
+  kMlp,  ///< None of its own: the layers belong to the head.
+  kTimeCnn,
+  kBeamCnn,
+  kGru,
+  kTransformer,
+};
+
+/// The encoder that the texts of a config name. Requires: texts that `Visit` lists.
+inline EncoderKind ParseEncoder(const NetworkConfig& config) {
+  if (config.encoder == "gru") return EncoderKind::kGru;
+  if (config.encoder == "transformer") return EncoderKind::kTransformer;
+  if (config.encoder == "cnn") {
+    return config.cnn_axis == "beams" ? EncoderKind::kBeamCnn : EncoderKind::kTimeCnn;
+  }
+  SLALOM_CHECK(config.encoder == "mlp");
+  return EncoderKind::kMlp;
+}
+
+/// Lists the encoders other than kMlp, for what has a function per encoder: `declare` is a macro of
+/// one enumerator.
+#define SLALOM_FOR_EACH_ENCODER(declare) \
+  declare(kTimeCnn) declare(kBeamCnn) declare(kGru) declare(kTransformer)
+
+/// Calls `f.operator()<kind>()`. Requires: an encoder other than kMlp.
+template <class F>
+auto DispatchEncoder(EncoderKind kind, const F& f) {
+  switch (kind) {
+    case EncoderKind::kMlp:
+      break;
+#define SLALOM_CASE(k) \
+  case EncoderKind::k: \
+    return f.template operator()<EncoderKind::k>();
+      SLALOM_FOR_EACH_ENCODER(SLALOM_CASE)
+#undef SLALOM_CASE
+  }
+  base::CheckFailed(__FILE__, __LINE__, "an mlp has no encoder of its own");
+}
 
 }  // namespace slalom::nn

@@ -20,14 +20,15 @@ namespace slalom::nn {
 /// extra inputs behind them. All parameters lie in one flat array, the encoder's first.
 struct NetworkShape {
   NetworkConfig config;
-  int frame_size = 0;  ///< F
+  EncoderKind encoder = EncoderKind::kMlp;  ///< What the texts of `config` name.
+  int frame_size = 0;                       ///< F
   MlpShape mlp;
 
   int num_inputs() const { return config.history * frame_size; }  ///< H * F, without the extra.
   int num_outputs() const { return mlp.num_outputs; }
   int num_extra() const { return mlp.num_extra; }
   /// Whether `mlp` is a head behind an encoder of its own.
-  bool has_encoder() const { return config.encoder != "mlp"; }
+  bool has_encoder() const { return encoder != EncoderKind::kMlp; }
   std::vector<ParameterSlot> Slots() const;
   std::int64_t num_parameters() const { return CountParameters(Slots()); }
 };

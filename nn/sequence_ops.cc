@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/check.h"
+#include "base/vector_clones.h"
+#include "nn/forward_kernels.h"
 #include "nn/lane_sums.h"
 #include "nn/simd.h"
 #include "nn/smooth_math.h"
@@ -16,32 +19,6 @@ namespace {
 constexpr double kLayerNormEpsilon = 1e-5;
 constexpr double kGeluScale = 0.79788456080286536;  // sqrt(2 / pi)
 constexpr double kGeluCube = 0.044715;
-
-inline float SquaredDistances(const float* __restrict x, float mean, std::int64_t n) {
-  float lanes[kLanes] = {};
-  std::int64_t i = 0;
-  for (; i + kLanes <= n; i += kLanes) {
-    for (int j = 0; j < kLanes; ++j) lanes[j] += (x[i + j] - mean) * (x[i + j] - mean);
-  }
-  for (; i < n; ++i) lanes[0] += (x[i] - mean) * (x[i] - mean);
-  return LaneSum(lanes);
-}
-
-SLALOM_SIMD void AddVector(const float* __restrict x, std::int64_t n, float* __restrict y) {
-  for (std::int64_t j = 0; j < n; ++j) y[j] += x[j];
-}
-
-/// y may be x.
-SLALOM_SIMD void NormaliseRow(const float* gain, const float* bias, std::int64_t n, const float* x,
-                              float* y, float* __restrict normal, float* rstd) {
-  const float count = static_cast<float>(n);
-  const float mean = Sum(x, n) / count;
-  const float variance = SquaredDistances(x, mean, n) / count;
-  const float scale = 1.0f / std::sqrt(variance + static_cast<float>(kLayerNormEpsilon));
-  for (std::int64_t j = 0; j < n; ++j) normal[j] = (x[j] - mean) * scale;
-  for (std::int64_t j = 0; j < n; ++j) y[j] = gain[j] * normal[j] + bias[j];
-  *rstd = scale;
-}
 
 /// dx may be dy where it is not added to.
 SLALOM_SIMD void NormaliseRowGradient(const float* __restrict gain, std::int64_t n,
@@ -82,10 +59,8 @@ SLALOM_SIMD void NormaliseRowGradient(const float* __restrict gain, std::int64_t
 constexpr float kScale = static_cast<float>(kGeluScale);
 constexpr float kCube = static_cast<float>(kGeluCube);
 
-inline float GeluTanh(float x) { return SmoothTanh(kScale * (x + kCube * x * x * x)); }
-
-SLALOM_SIMD void GeluRow(const float* __restrict x, std::int64_t n, float* __restrict y) {
-  for (std::int64_t j = 0; j < n; ++j) y[j] = 0.5f * x[j] * (1.0f + GeluTanh(x[j]));
+SLALOM_ALWAYS_INLINE float GeluTanh(float x) {
+  return SmoothTanh(kScale * (x + kCube * x * x * x));
 }
 
 SLALOM_SIMD void GeluRowGradient(const float* __restrict x, std::int64_t n, float* __restrict dy) {
@@ -94,18 +69,6 @@ SLALOM_SIMD void GeluRowGradient(const float* __restrict x, std::int64_t n, floa
     const float slope = kScale * (1.0f + 3.0f * kCube * x[j] * x[j]);
     dy[j] *= 0.5f * (1.0f + t) + 0.5f * x[j] * (1.0f - t * t) * slope;
   }
-}
-
-SLALOM_SIMD void GruRow(const float* __restrict before, const float* __restrict state,
-                        std::int64_t w, float* __restrict gates, float* __restrict after) {
-  float* __restrict const reset = gates;
-  float* __restrict const update = gates + w;
-  float* __restrict const fresh = gates + 2 * w;
-  for (std::int64_t j = 0; j < w; ++j) reset[j] = SmoothSigmoid(reset[j] + state[j]);
-  for (std::int64_t j = 0; j < w; ++j) update[j] = SmoothSigmoid(update[j] + state[w + j]);
-  for (std::int64_t j = 0; j < w; ++j)
-    fresh[j] = SmoothTanh(fresh[j] + reset[j] * state[2 * w + j]);
-  for (std::int64_t j = 0; j < w; ++j) after[j] = fresh[j] + update[j] * (before[j] - fresh[j]);
 }
 
 /// `dbefore` may be null.
@@ -132,19 +95,33 @@ SLALOM_SIMD void GruRowGradient(const float* __restrict before, const float* __r
   }
 }
 
+/// One number for each of the columns, or for each of the rows.
+void CheckSizes(const at::Tensor& y, std::int64_t columns, std::int64_t rows) {
+  SLALOM_CHECK_EQ(columns, y.size(1));
+  SLALOM_CHECK_EQ(rows, y.size(0));
+}
+
+/// before, after: [N, W]; gates: [N, 3 W].
+void CheckGru(const at::Tensor& before, const at::Tensor& state_gates, const at::Tensor& gates,
+              const at::Tensor& after) {
+  SLALOM_CHECK(after.sizes() == before.sizes());
+  SLALOM_CHECK(state_gates.sizes() == gates.sizes());
+  CheckSizes(gates, 3 * before.size(1), before.size(0));
+}
+
 }  // namespace
 
 void AddTo(const at::Tensor& x, at::Tensor& y) {
+  SLALOM_CHECK(x.dim() == 1 ? x.size(0) == y.size(1) : x.sizes() == y.sizes());
   if (!IsHostFloat(y)) {
     y.add_(x);
     return;
   }
-  const TensorRows from(x), to(y);
-  const std::int64_t rows = y.size(0), columns = y.size(1);
-  for (std::int64_t i = 0; i < rows; ++i) AddVector(from[i], columns, to[i]);
+  AddRows({y.size(0), y.size(1)}, TensorRows(x), TensorRows(y));
 }
 
 void SetRows(const at::Tensor& row, at::Tensor& y) {
+  SLALOM_CHECK_EQ(row.numel(), y.size(1));
   if (!IsHostFloat(y)) {
     y.copy_(row.expand_as(y));
     return;
@@ -155,18 +132,20 @@ void SetRows(const at::Tensor& row, at::Tensor& y) {
 }
 
 void AddColumnSums(const at::Tensor& x, at::Tensor& sum) {
+  SLALOM_CHECK_EQ(sum.numel(), x.size(1));
   if (!IsHostFloat(x)) {
     sum.add_(x.sum(0));
     return;
   }
-  const TensorRows from(x);
-  float* const to = sum.data_ptr<float>();
-  const std::int64_t rows = x.size(0), columns = x.size(1);
-  for (std::int64_t i = 0; i < rows; ++i) AddVector(from[i], columns, to);
+  // Each row is added to the one row of the sum.
+  AddRows({x.size(0), x.size(1)}, TensorRows(x), {sum.data_ptr<float>(), 0});
 }
 
 void LayerNorm(const at::Tensor& gain, const at::Tensor& bias, const at::Tensor& x, at::Tensor& y,
                at::Tensor& normal, at::Tensor& rstd) {
+  SLALOM_CHECK(x.sizes() == y.sizes() && x.sizes() == normal.sizes());
+  CheckSizes(x, gain.numel(), rstd.numel());
+  SLALOM_CHECK_EQ(bias.numel(), gain.numel());
   if (!IsHostFloat(x)) {
     const at::Tensor centred = x - x.mean(1, /*keepdim=*/true);
     rstd.copy_((centred.square().mean(1) + kLayerNormEpsilon).rsqrt());
@@ -174,20 +153,17 @@ void LayerNorm(const at::Tensor& gain, const at::Tensor& bias, const at::Tensor&
     y.copy_(normal * gain + bias);
     return;
   }
-  const TensorRows from(x), to(y), normals(normal);
-  const float* const gains = gain.data_ptr<float>();
-  const float* const biases = bias.data_ptr<float>();
-  float* const scales = rstd.data_ptr<float>();
-  const std::int64_t rows = x.size(0), columns = x.size(1);
-  for (std::int64_t i = 0; i < rows; ++i) {
-    NormaliseRow(gains, biases, columns, from[i], to[i], normals[i], scales + i);
-  }
+  LayerNormRows({x.size(0), x.size(1)}, gain.data_ptr<float>(), bias.data_ptr<float>(),
+                TensorRows(x), TensorRows(y), TensorRows(normal), rstd.data_ptr<float>());
 }
 
 void LayerNormGradient(const at::Tensor& gain, const at::Tensor& normal, const at::Tensor& rstd,
                        const at::Tensor& dy, at::Tensor& dx, at::Tensor& dgain, at::Tensor& dbias,
                        Into into) {
   const bool add = into == Into::kAdd;
+  SLALOM_CHECK(dx.sizes() == dy.sizes() && normal.sizes() == dy.sizes());
+  CheckSizes(dy, gain.numel(), rstd.numel());
+  SLALOM_CHECK(dgain.numel() == gain.numel() && dbias.numel() == gain.numel());
   if (!IsHostFloat(dy)) {
     dgain.copy_((dy * normal).sum(0));
     dbias.copy_(dy.sum(0));
@@ -217,14 +193,16 @@ void LayerNormGradient(const at::Tensor& gain, const at::Tensor& normal, const a
 }
 
 void Gelu(const at::Tensor& x, at::Tensor& y) {
+  SLALOM_CHECK(x.sizes() == y.sizes() && x.is_contiguous() && y.is_contiguous());
   if (!IsHostFloat(x)) {
     y.copy_(0.5 * x * (1.0 + at::tanh(kGeluScale * (x + kGeluCube * x * x * x))));
     return;
   }
-  GeluRow(x.data_ptr<float>(), x.numel(), y.data_ptr<float>());
+  GeluNumbers(x.data_ptr<float>(), x.numel(), y.data_ptr<float>());
 }
 
 void GeluGradient(const at::Tensor& x, at::Tensor& dy) {
+  SLALOM_CHECK(x.sizes() == dy.sizes() && x.is_contiguous() && dy.is_contiguous());
   if (!IsHostFloat(x)) {
     const at::Tensor t = at::tanh(kGeluScale * (x + kGeluCube * x * x * x));
     dy.mul_(0.5 * (1.0 + t) +
@@ -236,6 +214,7 @@ void GeluGradient(const at::Tensor& x, at::Tensor& dy) {
 
 void GruStep(const at::Tensor& before, const at::Tensor& state_gates, at::Tensor& gates,
              at::Tensor& after) {
+  CheckGru(before, state_gates, gates, after);
   const std::int64_t w = before.size(1);
   if (!IsHostFloat(before)) {
     at::Tensor both = gates.narrow(1, 0, 2 * w);
@@ -245,13 +224,14 @@ void GruStep(const at::Tensor& before, const at::Tensor& state_gates, at::Tensor
     after.copy_(fresh + gates.narrow(1, w, w) * (before - fresh));
     return;
   }
-  const TensorRows from(before), of_state(state_gates), of_input(gates), to(after);
-  const std::int64_t rows = before.size(0);
-  for (std::int64_t i = 0; i < rows; ++i) GruRow(from[i], of_state[i], w, of_input[i], to[i]);
+  GruStepRows({before.size(0), w}, TensorRows(before), TensorRows(state_gates), TensorRows(gates),
+              TensorRows(after));
 }
 
 void GruStepGradient(const at::Tensor& before, const at::Tensor& dafter, at::Tensor& state_gates,
                      at::Tensor& gates, at::Tensor& dbefore) {
+  CheckGru(before, state_gates, gates, dafter);
+  if (dbefore.defined()) SLALOM_CHECK(dbefore.sizes() == before.sizes());
   const std::int64_t w = before.size(1);
   if (!IsHostFloat(before)) {
     const at::Tensor r = gates.narrow(1, 0, w).clone(), z = gates.narrow(1, w, w).clone(),

@@ -2,6 +2,7 @@
 
 namespace slalom::nn {
 
+#if defined(__x86_64__)
 // Each in a source of its own, compiled for its instruction set.
 void SmallGemmAvx2(const GemmTask& task, float* scratch);
 void SmallGemmAvx512(const GemmTask& task, float* scratch);
@@ -17,7 +18,6 @@ alignas(64) thread_local float panel_scratch[kMaxSmallDepth * kMaxPanel];
 }  // namespace
 
 bool SmallGemm(const GemmTask& task, const CpuFeatures& cpu) {
-#if defined(__x86_64__)
   if (!cpu.avx2_fma || task.k > kMaxSmallDepth) return false;
   if (cpu.avx512) {
     SmallGemmAvx512(task, panel_scratch);
@@ -25,9 +25,9 @@ bool SmallGemm(const GemmTask& task, const CpuFeatures& cpu) {
     SmallGemmAvx2(task, panel_scratch);
   }
   return true;
-#else
-  return false;
-#endif
 }
+#else
+bool SmallGemm(const GemmTask& /*task*/, const CpuFeatures& /*cpu*/) { return false; }
+#endif
 
 }  // namespace slalom::nn

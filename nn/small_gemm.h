@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "nn/blas.h"
+#include "nn/cpu_features.h"
 
 /// Matrix products as small as those of a fully connected layer, where a BLAS spends a good part of
 /// its time on what surrounds the product.

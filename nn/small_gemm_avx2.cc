@@ -1,5 +1,6 @@
 #include <immintrin.h>
 
+#include "nn/packed_kernel.h"
 #include "nn/small_gemm_kernel.h"
 
 namespace slalom::nn {
@@ -57,5 +58,9 @@ struct Avx2Lanes {
 void SmallGemmAvx2(const GemmTask& task, float* scratch) {
   SmallGemmKernel<Avx2Lanes>::Run(task, scratch);
 }
+
+const PackedKernel kAvx2PackedKernel = {SmallGemmKernel<Avx2Lanes>::PackedColumns,
+                                        SmallGemmKernel<Avx2Lanes>::PackWeights,
+                                        SmallGemmKernel<Avx2Lanes>::RunPacked};
 
 }  // namespace slalom::nn

@@ -1,5 +1,6 @@
 #include <immintrin.h>
 
+#include "nn/packed_kernel.h"
 #include "nn/small_gemm_kernel.h"
 
 namespace slalom::nn {
@@ -67,5 +68,9 @@ struct Avx512Lanes {
 void SmallGemmAvx512(const GemmTask& task, float* scratch) {
   SmallGemmKernel<Avx512Lanes>::Run(task, scratch);
 }
+
+const PackedKernel kAvx512PackedKernel = {SmallGemmKernel<Avx512Lanes>::PackedColumns,
+                                          SmallGemmKernel<Avx512Lanes>::PackWeights,
+                                          SmallGemmKernel<Avx512Lanes>::RunPacked};
 
 }  // namespace slalom::nn

@@ -32,10 +32,78 @@ class SmallGemmKernel {
     }
   }
 
+  /// Writes w [n, k], rows `ldw` apart, as the panels that `RunPacked` reads: the columns of w^T,
+  /// one panel after the other, or w itself where n <= kMaxNarrow. `panels`: [PackedColumns(n) *
+  /// k].
+  static void PackWeights(const float* w, std::int64_t ldw, std::int64_t n, std::int64_t k,
+                          float* panels) {
+    if (n <= kMaxNarrow) {
+      for (std::int64_t j = 0; j < n; ++j) {
+        for (std::int64_t i = 0; i < k; ++i) panels[j * k + i] = w[j * ldw + i];
+      }
+      return;
+    }
+    for (std::int64_t j = 0; j < n; j += kWidth) {
+      const std::int64_t panel = j / kPanel * kPanel;
+      const std::int64_t width = n - panel > kWidth ? kPanel : kWidth;
+      PackTransposed(w + j * ldw, ldw, k, n - j < kWidth ? n - j : kWidth,
+                     panels + panel * k + (j - panel), width);
+    }
+  }
+
+  /// Columns that the panels of a product with `n` columns have.
+  static std::int64_t PackedColumns(std::int64_t n) {
+    return n <= kMaxNarrow ? n : (n + kWidth - 1) / kWidth * kWidth;
+  }
+
+  /// As `Run` with transpose_b, on what `PackWeights` wrote of `depth` columns of w: B^T is those
+  /// from `first` on, task.k of them. `task.b` and `task.mask` are not used. No scratch memory, so
+  /// as deep as you like.
+  static void RunPacked(const GemmTask& task, const float* panels, std::int64_t depth,
+                        std::int64_t first) {
+    if (task.n <= kMaxNarrow) {
+      GemmTask narrow = task;
+      narrow.transpose_b = true;
+      narrow.b = panels + first;
+      narrow.ldb = depth;
+      return RunNarrow(narrow, nullptr);
+    }
+    std::int64_t j = 0;
+    // With one row or two the few sums of a panel wait for each other, so several panels are taken
+    // at once.
+    if (task.m <= 2) {
+      for (; j + kTogether * kPanel <= task.n; j += kTogether * kPanel) {
+        const float* const b = panels + j * depth + first * kPanel;
+        if (task.m == 1) {
+          ComputePanels<1>(task, b, depth * kPanel, j);
+        } else {
+          ComputePanels<2>(task, b, depth * kPanel, j);
+        }
+      }
+    }
+    for (; j < task.n; j += kPanel) {
+      const std::int64_t columns = task.n - j < kPanel ? task.n - j : kPanel;
+      const std::int64_t width = columns > kWidth ? kPanel : kWidth;
+      const Tile tile{.a = task.a,
+                      .b = panels + j * depth + first * width,
+                      .ldb = width,
+                      .c = task.c + j,
+                      .mask = nullptr,
+                      .bias = task.bias == nullptr ? nullptr : task.bias + j,
+                      .columns = columns};
+      if (columns > kWidth) {
+        RunRows<2>(task, tile, task.m);
+      } else {
+        RunRows<1>(task, tile, task.m);
+      }
+    }
+  }
+
  private:
   using V = typename Lanes::V;
   static constexpr std::int64_t kWidth = Lanes::kWidth;
   static constexpr std::int64_t kPanel = 2 * kWidth;
+  static constexpr int kTogether = 4;                           // Panels, for one row or two.
   static constexpr int kParts = static_cast<int>(16 / kWidth);  // Vectors of sixteen sums.
 
   /// What a tile reads and writes. `b`: [k, ...], rows `ldb` apart.
@@ -70,7 +138,12 @@ class SmallGemmKernel {
               .mask = task.mask == nullptr ? nullptr : task.mask + j,
               .bias = task.bias == nullptr ? nullptr : task.bias + j,
               .columns = columns};
-    std::int64_t left = task.m;
+    RunRows<kVectors>(task, tile, task.m);
+  }
+
+  /// All rows of C, or the last `left` of them, in one panel.
+  template <int kVectors>
+  static void RunRows(const GemmTask& task, Tile tile, std::int64_t left) {
     while (left > 0) {
       if (left >= Lanes::kRows) {
         left -= Compute<Lanes::kRows, kVectors>(task, tile);
@@ -150,6 +223,46 @@ class SmallGemmKernel {
     }
   }
 
+  /// One or two rows by `kTogether` whole panels, `stride` apart, which begin at column j.
+  template <int kRows>
+  static void ComputePanels(const GemmTask& task, const float* panels, std::int64_t stride,
+                            std::int64_t j) {
+    constexpr int kVectors = 2 * kTogether;
+    V sum[kRows][kVectors];
+#pragma GCC unroll 8
+    for (int v = 0; v < kVectors; ++v) {
+      const V start =
+          task.bias == nullptr ? Lanes::Zero() : Lanes::Load(task.bias + j + v * kWidth);
+#pragma GCC unroll 2
+      for (int r = 0; r < kRows; ++r) {
+        sum[r][v] = task.add ? Lanes::Load(task.c + r * task.ldc + j + v * kWidth) : start;
+      }
+    }
+    const float* b = panels;
+    for (std::int64_t k = 0; k < task.k; ++k) {
+      V left[kRows];
+#pragma GCC unroll 2
+      for (int r = 0; r < kRows; ++r) left[r] = Lanes::Broadcast(task.a[r * task.lda + k]);
+#pragma GCC unroll 8
+      for (int v = 0; v < kVectors; ++v) {
+        const V right = Lanes::Load(b + v / 2 * stride + v % 2 * kWidth);
+#pragma GCC unroll 2
+        for (int r = 0; r < kRows; ++r) {
+          sum[r][v] = Lanes::MultiplyAdd(left[r], right, sum[r][v]);
+        }
+      }
+      b += kPanel;
+    }
+#pragma GCC unroll 2
+    for (int r = 0; r < kRows; ++r) {
+#pragma GCC unroll 8
+      for (int v = 0; v < kVectors; ++v) {
+        const V value = task.relu ? Lanes::KeepPositive(sum[r][v]) : sum[r][v];
+        Lanes::Store(task.c + r * task.ldc + j + v * kWidth, value);
+      }
+    }
+  }
+
   /// Vector v of a row of the tile's width; only its last can be incomplete.
   template <int kVectors>
   static V LoadPart(const float* row, const Tile& tile, int v) {
@@ -218,11 +331,14 @@ class SmallGemmKernel {
     }
   }
 
-  /// Scalar products of y with `rows` rows of x, the last repeated up to kWidth.
+  /// Scalar products of y with `rows` <= kWidth rows of x; zeros behind them.
   static V Dots(const float* x, std::int64_t ldx, int rows, const float* y, std::int64_t n) {
     V sums[kParts][kWidth];
-    for (int r = 0; r < kWidth; ++r) {
-      const float* const row = x + (r < rows ? r : rows - 1) * ldx;
+    for (int r = rows; r < kWidth; ++r) {
+      for (int p = 0; p < kParts; ++p) sums[p][r] = Lanes::Zero();
+    }
+    for (int r = 0; r < rows; ++r) {
+      const float* const row = x + r * ldx;
       V sum[kParts];
       for (int p = 0; p < kParts; ++p) sum[p] = Lanes::Zero();
       std::int64_t i = 0;

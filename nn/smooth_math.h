@@ -4,13 +4,15 @@
 #include <cmath>
 #include <cstdint>
 
+#include "base/vector_clones.h"
+
 /// Exponential and what follows from it, in float32, written so that loops over them vectorise
 /// where the standard library's would be a call for each number. Pure functions.
 
 namespace slalom::nn {
 
 /// e^x, relative error below 3e-7; x is taken as within -87 and 88.
-inline float SmoothExp(float x) {
+SLALOM_ALWAYS_INLINE float SmoothExp(float x) {
   const float low = x < -87.0f ? -87.0f : x;
   const float bounded = low > 88.0f ? 88.0f : low;
   // x = n ln 2 + r with |r| <= ln(2) / 2, then e^r by its Taylor polynomial, whose next term is
@@ -29,13 +31,13 @@ inline float SmoothExp(float x) {
 }
 
 /// tanh x, absolute error below 3e-7.
-inline float SmoothTanh(float x) {
+SLALOM_ALWAYS_INLINE float SmoothTanh(float x) {
   const float bounded = x < -20.0f ? -20.0f : (x > 20.0f ? 20.0f : x);
   return 1.0f - 2.0f / (SmoothExp(2.0f * bounded) + 1.0f);
 }
 
 /// 1 / (1 + e^-x), absolute error below 3e-7.
-inline float SmoothSigmoid(float x) { return 1.0f / (1.0f + SmoothExp(-x)); }
+SLALOM_ALWAYS_INLINE float SmoothSigmoid(float x) { return 1.0f / (1.0f + SmoothExp(-x)); }
 
 /// ln(1 + e^x), without overflow.
 inline double Softplus(double x) {

@@ -1,17 +1,42 @@
-#include "nn/time_cnn_encoder.h"
-
 #include <ATen/ATen.h>
 
 #include <algorithm>
+#include <memory>
 
+#include "nn/encoder.h"
 #include "nn/encoder_slots.h"
 #include "nn/layer_ops.h"
+#include "nn/network_shape.h"
 #include "nn/parameter_views.h"
 
 /// Shapes: `B` batch, `H` frames of `F` numbers, `V` and `W` channels after the two convolutions.
 
 namespace slalom::nn {
 namespace {
+
+/// Convolutions along time, as the original's: the numbers of a frame are channels. The first sees
+/// three frames, with zeros before the oldest and behind the newest, the second all H; ReLU after
+/// each.
+///
+/// A window of frames lies in one piece in the stack, so each is a product by itself, without a
+/// copy; what lies beyond the stack is left out instead of multiplied by zero.
+class TimeCnnEncoder : public Encoder {
+ public:
+  TimeCnnEncoder(const NetworkShape& shape, const at::Tensor& parameters);
+  static std::unique_ptr<EncoderPass> MakePass(const NetworkShape& shape,
+                                               const EncoderPorts& ports);
+
+  void Forward(EncoderPass& pass) const override;
+  void ParameterGradient(EncoderPass& pass, Encoder& gradient) const override;
+
+ private:
+  std::vector<at::Tensor>
+      window_weights_;        // [V, (up to 3) * F] of each place: columns of one weight
+  at::Tensor first_weight_;   // [V, 3 * F], all of it
+  at::Tensor first_bias_;     // [V]
+  at::Tensor second_weight_;  // [W, H * V]
+  at::Tensor second_bias_;    // [W]
+};
 
 struct TimeCnnPass : EncoderPass {
   std::vector<at::Tensor> windows;          // [B, (2 or 3) * F] each, views of the input
@@ -31,8 +56,6 @@ struct Window {
 
   int first, count, first_tap;
 };
-
-}  // namespace
 
 std::unique_ptr<EncoderPass> TimeCnnEncoder::MakePass(const NetworkShape& shape,
                                                       const EncoderPorts& ports) {
@@ -91,6 +114,20 @@ void TimeCnnEncoder::ParameterGradient(EncoderPass& encoder_pass, Encoder& encod
     LinearWeightGradient(pass.windows[t], pass.place_gradients[t], gradient.window_weights_[t],
                          gradient.first_bias_, Into::kAdd);
   }
+}
+
+}  // namespace
+
+template <>
+std::unique_ptr<Encoder> MakeEncoderOf<EncoderKind::kTimeCnn>(const NetworkShape& shape,
+                                                              const at::Tensor& parameters) {
+  return std::make_unique<TimeCnnEncoder>(shape, parameters);
+}
+
+template <>
+std::unique_ptr<EncoderPass> MakeEncoderPassOf<EncoderKind::kTimeCnn>(const NetworkShape& shape,
+                                                                      const EncoderPorts& ports) {
+  return TimeCnnEncoder::MakePass(shape, ports);
 }
 
 }  // namespace slalom::nn

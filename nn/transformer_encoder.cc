@@ -1,12 +1,15 @@
-#include "nn/transformer_encoder.h"
-
 #include <ATen/ATen.h>
 #include <fmt/format.h>
 
+#include <memory>
+#include <vector>
+
 #include "nn/attention.h"
 #include "nn/dropout.h"
+#include "nn/encoder.h"
 #include "nn/encoder_slots.h"
 #include "nn/layer_ops.h"
+#include "nn/network_shape.h"
 #include "nn/parameter_views.h"
 #include "nn/sequence_ops.h"
 
@@ -15,6 +18,48 @@
 
 namespace slalom::nn {
 namespace {
+
+/// The body of GPT-2 (Radford et al. 2019) over the frames, as the original's: frames embedded
+/// linearly, a learned vector for each place in the stack added, LayerNorm; causal blocks, each
+/// LayerNorm and attention, then LayerNorm and a GELU layer of four times the width; LayerNorm. The
+/// features are those of the newest frame.
+///
+/// As nothing else of the last block is looked at, it asks for the newest frame alone.
+class TransformerEncoder : public Encoder {
+ public:
+  TransformerEncoder(const NetworkShape& shape, const at::Tensor& parameters);
+  static std::unique_ptr<EncoderPass> MakePass(const NetworkShape& shape,
+                                               const EncoderPorts& ports);
+
+  void Forward(EncoderPass& pass) const override;
+  void ParameterGradient(EncoderPass& pass, Encoder& gradient) const override;
+
+ private:
+  struct Norm {
+    at::Tensor gain, bias;  // [W]
+  };
+  struct Layer {
+    at::Tensor weight, bias;  // [O, I], [O]
+  };
+  struct Block {
+    Norm attention_norm;
+    Layer query, key_value, query_key_value;  // Rows of one weight: [W], [2 W] and all [3 W].
+    Layer output;
+    Norm mlp_norm;
+    Layer up, down;
+  };
+  struct BlockPass;
+  struct Pass;
+
+  void ForwardBlock(const Block& block, BlockPass& pass) const;
+  void BlockGradient(const Block& block, BlockPass& pass, Block& gradient) const;
+
+  Layer embedding_;
+  at::Tensor time_;  // [H * W]
+  Norm embedding_norm_;
+  std::vector<Block> blocks_;
+  Norm norm_;
+};
 
 /// What LayerNorm leaves behind.
 struct NormPass {
@@ -34,8 +79,6 @@ struct Scratch {
   at::Tensor activated;  // [N, 4 W]
   at::Tensor products;   // [N, 3 W]
 };
-
-}  // namespace
 
 struct TransformerEncoder::BlockPass {
   at::Tensor input;  // [N, W]
@@ -325,6 +368,20 @@ void TransformerEncoder::BlockGradient(const Block& block, BlockPass& pass, Bloc
                     pass.normalised_gradient, pass.input_gradient, gradient.attention_norm.gain,
                     gradient.attention_norm.bias, pass.is_last ? Into::kReplace : Into::kAdd);
   if (pass.is_last) AddTo(pass.output_gradient, pass.newest_gradient);
+}
+
+}  // namespace
+
+template <>
+std::unique_ptr<Encoder> MakeEncoderOf<EncoderKind::kTransformer>(const NetworkShape& shape,
+                                                                  const at::Tensor& parameters) {
+  return std::make_unique<TransformerEncoder>(shape, parameters);
+}
+
+template <>
+std::unique_ptr<EncoderPass> MakeEncoderPassOf<EncoderKind::kTransformer>(
+    const NetworkShape& shape, const EncoderPorts& ports) {
+  return TransformerEncoder::MakePass(shape, ports);
 }
 
 }  // namespace slalom::nn

@@ -1,18 +1,18 @@
 #pragma once
 
 #include <memory>
+#include <span>
 
 #include "env/agent.h"
-#include "policy/policy.h"
 #include "policy/policy_agent.h"
 
 namespace slalom::policy {
 
 /// Drives with a policy network, without exploration noise (a gaussian policy by its mode), on the
-/// calling thread.
+/// calling thread and without LibTorch (`nn::InferenceNetwork`).
 ///
 /// Keeps each environment's last H frames; before the first frame of an episode stand copies of it.
-/// Confined to one thread at a time. Allocates when the batch size changes.
+/// Confined to one thread at a time. Allocates only when the batch size changes.
 class NetworkAgent : public PolicyAgent {
  public:
   /// Throws `base::Error` where the policy's sectors do not divide its beams.

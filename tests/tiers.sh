@@ -2,7 +2,7 @@
 # docs/testing.md says what a tier is for and how long each part takes.
 
 build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3)
-all_packages=(libbenchmark-dev clang clang-tidy prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
+all_packages=(libbenchmark-dev clang clang-tidy g++-aarch64-linux-gnu qemu-user prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
 
 test_help() {
   cat <<'HELP'
@@ -25,6 +25,7 @@ Parts:
   asan      the tests of the folders without LibTorch under AddressSanitizer and UndefinedBehaviorSanitizer         --all
   tsan      those of them with threads under ThreadSanitizer                                                        --all
   tidy      clang-tidy with clang's thread-safety analysis                                                          --all
+  arm64     what drives by a policy, compiled for 64-bit ARM, and its tests under an emulator                       --all
   fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
   soak      drills at full length, the image compiled from source, ten minutes for each fuzzer                      --soak
 HELP
@@ -99,6 +100,11 @@ part_tsan() {
   build_targets tsan base_test environments_test actor_test actor_service_test eval_test transport_test replay_service_test
   run_ctest tsan -LE 'deploy|fuzz'
 }
+part_arm64() {
+  configure arm64
+  build_targets arm64 all
+  run_ctest arm64
+}
 part_tidy() {
   configure tidy
   build_targets tidy slalom_proto_wire slalom_version
@@ -166,7 +172,7 @@ write_record() {
 
 # Each part in a shell of its own, so that one which fails does not keep the others from running.
 run_tests() {
-  local parts=(format release dev asan tsan tidy fuzz soak) chosen=() ctest_arguments=() record=""
+  local parts=(format release dev arm64 asan tsan tidy fuzz soak) chosen=() ctest_arguments=() record=""
   tier=quick tier_option=""
   while (($# > 0)); do
     case $1 in
@@ -191,7 +197,7 @@ run_tests() {
     elif [[ $tier == quick ]]; then
       chosen=(format release)
     elif [[ $tier == all ]]; then
-      chosen=(format release dev asan fuzz tsan tidy)
+      chosen=(format release dev arm64 asan fuzz tsan tidy)
     else
       chosen=(soak)
     fi

@@ -6,71 +6,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 #include <string>
 
 #include "nn/dropout.h"
 #include "nn/network_shape.h"
+#include "tests/nn/network_cases.h"
 #include "tests/support/allocation_count.h"
 
 namespace slalom::nn {
 namespace {
 
-constexpr int kFrame = 15;  // Eleven ranges and the state.
-
-struct Case {
-  const char* name;
-  NetworkConfig config;
-};
-
-void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
-
-NetworkConfig Make(const char* encoder, std::vector<int> layers, int history) {
-  NetworkConfig config;
-  config.encoder = encoder;
-  config.encoder_layers = std::move(layers);
-  config.head_layers = {6};
-  config.history = history;
-  config.attention_heads = 2;
-  return config;
-}
-
-NetworkConfig OverBeams(NetworkConfig config) {
-  config.cnn_axis = "beams";
-  return config;
-}
-
-NetworkConfig Dropping(NetworkConfig config) {
-  config.dropout = 0.3;
-  return config;
-}
-
-const Case kCases[] = {
-    {"TimeCnn1", Make("cnn", {5, 4}, 1)},
-    {"TimeCnn2", Make("cnn", {5, 4}, 2)},
-    {"TimeCnn4", Make("cnn", {5, 4}, 4)},
-    {"BeamCnn1", OverBeams(Make("cnn", {4, 3, 5}, 1))},
-    {"BeamCnn4", OverBeams(Make("cnn", {4, 3, 5}, 4))},
-    {"Gru1", Make("gru", {4, 4}, 1)},
-    {"Gru4", Make("gru", {4, 4}, 4)},
-    {"GruOfOtherWidths", Make("gru", {3, 5, 4}, 3)},
-    {"Transformer1", Make("transformer", {8, 8}, 1)},
-    {"Transformer4", Make("transformer", {8, 8}, 4)},
-    {"TransformerOfThreeBlocks", Make("transformer", {8, 8, 8}, 3)},
-    {"TransformerWithDropout", Dropping(Make("transformer", {8, 8}, 3))},
-};
-
-/// Evenly spread in +-scale by a hash of the index, the same in every language.
+/// `SpreadNumbers` as a tensor.
 at::Tensor Numbers(std::int64_t count, double scale, std::uint32_t stream) {
-  at::Tensor result = at::zeros({count}, at::kDouble);
-  for (std::int64_t i = 0; i < count; ++i) {
-    std::uint32_t h = static_cast<std::uint32_t>(i) * 2654435761u + stream * 40503u;
-    h = (h ^ h >> 15) * 2246822519u;
-    h = (h ^ h >> 13) * 3266489917u;
-    result.data_ptr<double>()[i] = scale * (h * 0x1p-31 - 1.0);
-  }
-  return result;
+  return at::tensor(SpreadNumbers(count, scale, stream), at::kDouble);
 }
 
 double Largest(const at::Tensor& a, const at::Tensor& b) {
@@ -186,42 +134,16 @@ TEST_P(NetworkTest, InferenceIsTrainingWithoutDropout) {
   EXPECT_TRUE(inference.output().equal(training.output()));
 }
 
-INSTANTIATE_TEST_SUITE_P(Encoders, NetworkTest, testing::ValuesIn(kCases),
+INSTANTIATE_TEST_SUITE_P(Encoders, NetworkTest, testing::ValuesIn(Cases()),
                          [](const auto& test) { return std::string(test.param.name); });
-
-/// What tests/nn/golden/make_networks.py wrote.
-struct Golden {
-  std::string name;
-  std::int64_t num_parameters = 0;
-  std::vector<double> output, gradient;
-};
-
-std::vector<Golden> ReadGolden() {
-  std::ifstream file(SLALOM_SOURCE_DIR "/tests/nn/golden/networks.txt");
-  std::vector<Golden> cases;
-  std::string line, word;
-  while (std::getline(file, line)) {
-    std::istringstream words(line);
-    words >> word;
-    if (word == "case") {
-      cases.emplace_back();
-      words >> cases.back().name >> cases.back().num_parameters;
-      continue;
-    }
-    std::vector<double>& values = word == "output" ? cases.back().output : cases.back().gradient;
-    for (double value = 0.0; words >> value;) values.push_back(value);
-  }
-  return cases;
-}
 
 // The numbers above with 2^-53: 7e-14.
 TEST(NetworkGolden, IsPyTorchsInDoublePrecision) {
   int num_cases = 0;
   for (const Golden& golden : ReadGolden()) {
     SCOPED_TRACE(golden.name);
-    const auto* found = std::find_if(std::begin(kCases), std::end(kCases),
-                                     [&](const Case& c) { return golden.name == c.name; });
-    ASSERT_NE(found, std::end(kCases));
+    const auto found = std::ranges::find(Cases(), golden.name, &Case::name);
+    ASSERT_NE(found, Cases().end());
     const NetworkShape shape = CriticShape(found->config, kFrame, 3);
     ASSERT_EQ(shape.num_parameters(), golden.num_parameters);
     const at::Tensor input = Numbers(3 * (shape.num_inputs() + 2), 1.0, 2).view({3, -1});
