@@ -50,7 +50,8 @@ bool LearnerLoop::Restore() {
   return run_.Restore([this](const fs::path& checkpoint, const nlohmann::json& state) {
     // Checkpoints from before do not say these two.
     had_learned_nothing_ = state.value("nothing_learned", false);
-    unpublished_ = state.value("unpublished", 0);
+    unpublished_ = state.value("unpublished",
+                               state.value("updates_due", 0) % plan_.run.settings.publish_interval);
     const nn::TensorFile tensors = nn::LoadTensors(checkpoint / kLearnerFile);
     source_.Restore(checkpoint, state);
     learner_.LoadState(tensors);

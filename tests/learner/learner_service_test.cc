@@ -148,6 +148,31 @@ TEST(LearnerServiceTest, AnOutageInTheMiddleTakesNothingFromTheLimit) {
   EXPECT_LT(TrainingSeconds(scratch.path()), looks_at_outage + 10.0);
 }
 
+TEST(LearnerServiceTest, AFinishedLearnerServesItsPolicyAlsoAfterARestart) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  const fs::path policy = run::RunDirectory{scratch.path()}.policy();
+  std::atomic<int> looks = 0;
+  Learn(
+      replay.endpoint(), scratch.path(), 1,
+      [&](const std::string&) { WaitUntil([&] { return fs::exists(policy); }); }, {},
+      ASecondALook(looks), 10.0);
+  const std::int64_t version = Policy(scratch.path()).snapshot.version;
+  EXPECT_LT(version, kUpdates) << "it did not end at its limit";
+  const auto written = fs::last_write_time(policy);
+  Learn(
+      replay.endpoint(), scratch.path(), 0,
+      [&](const std::string& endpoint) {
+        transport::Context context;
+        service::PolicyLink link(context, {.endpoint = endpoint}, "reader",
+                                 [](std::span<const std::byte>) { return std::nullopt; });
+        WaitUntil([&] { return link.Poll(); });
+        EXPECT_EQ(link.version(), version);
+      },
+      {}, ASecondALook(looks), 10.0);
+  EXPECT_EQ(fs::last_write_time(policy), written);
+}
+
 TEST(LearnerServiceTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
   const test::ScratchDirectory scratch;
   const FilledReplay replay;
