@@ -132,7 +132,7 @@ SLALOM_SIMD void AttendHead(const AttentionSizes& s, Rows query, Rows key, Rows 
 // Heads of eight columns are too narrow to compute one by one, so four are taken side by side.
 constexpr int kNarrowWidth = 8;
 constexpr int kNarrowHeads = 4;
-constexpr std::int64_t kMaxNarrowTokens = 64;
+constexpr std::int64_t kMaxNarrowTokens = 16;
 
 /// As `AttendHead` for four heads of eight columns, with the same bits: every sum has its order.
 /// `weights`, `mask`: [4, Q, T]; mask may be null. Requires: T <= kMaxNarrowTokens.
@@ -140,7 +140,7 @@ SLALOM_SIMD void AttendNarrowHeads(const AttentionSizes& s, Rows query, Rows key
                                    const float* mask, float* weights, Rows result) {
   constexpr int kColumns = kNarrowHeads * kNarrowWidth;
   const float scale = 1.0f / std::sqrt(static_cast<float>(kNarrowWidth));
-  float scores[kMaxNarrowTokens * kNarrowHeads];  // [T, 4]
+  float scores[kMaxNarrowTokens * kNarrowHeads] = {};  // [T, 4]
   for (std::int64_t i = 0; i < s.queries; ++i) {
     const float* const asks = query[i];
     const std::int64_t seen = s.tokens - s.queries + i + 1;
