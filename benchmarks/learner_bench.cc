@@ -68,7 +68,10 @@ struct Work {
   double action_gradients;  // Critics whose gradient by the action is taken.
   double actor_updates;
 };
-constexpr Work kWorks[] = {{"td3", 2.0, 0.5, 0.5}, {"ddpg", 1.0, 1.0, 1.0}, {"sac", 2.0, 2.0, 1.0}};
+constexpr Work kWorks[] = {{"td3", 2.0, 0.5, 0.5},
+                           {"ddpg", 1.0, 1.0, 1.0},
+                           {"sac", 2.0, 2.0, 1.0},
+                           {"tqc", 5.0, 5.0, 1.0}};
 
 /// The products of an update.
 Products ListProducts(const policy::PolicySpec& spec, const Work& work, std::int64_t batch) {

@@ -44,8 +44,9 @@ class Learner {
 
   /// Does one update; with imagination, it is several updates of the policy. Copies what it needs
   /// out of the rows. `progress`: the fraction of training that is done, in [0, 1], which sets the
-  /// learning rates. On the CPU, nothing is allocated except views during imagination; a GPU is not
-  /// waited for. Requires: one batch for each of `sample_specs()`, in their order.
+  /// learning rates. On the CPU, nothing is allocated except by algorithms whose losses autograd
+  /// differentiates (TQC), and views during imagination; a GPU is not waited for. Requires: one
+  /// batch for each of `sample_specs()`, in their order.
   void Update(std::span<const replay::SampledRows> batches, double progress);
 
   /// What to sample for an update: the algorithm's batch, then, if there is one, the model's.

@@ -3,11 +3,12 @@
 
 #include <memory>
 #include <tuple>
+#include <vector>
 
 #include "base/error.h"
 #include "learner/sac.h"
 
-/// Shapes: `B` batch, `K` critics, `M` quantiles of each, `T` quantiles of a target.
+/// Shapes: `B` batch, `K` critics, `M` quantiles of each, `T` quantiles of the target.
 
 namespace slalom::learner {
 namespace {
@@ -27,16 +28,15 @@ const AlgorithmContext& Checked(const AlgorithmContext& context) {
   return context;
 }
 
-/// The loss of quantile regression, the mean over i and m of |tau_m - 1(u < 0)| L(u) with u = y_i -
-/// z_m, tau_m = (2 m - 1) / (2 M) and Huber's L(u) = u^2 / 2 where |u| < 1, else |u| - 1/2.
-/// z: [B, K, M]; y: [B, T]. Returns [B, K].
+/// The loss of quantile regression for one critic, the mean over i and m of |tau_m - 1(u < 0)| L(u)
+/// with u = y_i - z_m, tau_m = (2 m - 1) / (2 M) and Huber's L(u) = u^2 / 2 where |u| < 1, else
+/// |u| - 1/2. z: [B, M]; y: [B, T]. Returns [B].
 at::Tensor QuantileHuberLoss(const at::Tensor& z, const at::Tensor& y) {
-  const std::int64_t num_quantiles = z.size(2);
-  const at::Tensor tau =
-      (at::arange(num_quantiles, z.options()) + 0.5) / static_cast<double>(num_quantiles);
-  const at::Tensor u = y.unsqueeze(1).unsqueeze(1) - z.unsqueeze(3);  // [B, K, M, T]
-  const at::Tensor huber = at::where(u.abs() < 1.0, 0.5 * u.square(), u.abs() - 0.5);
-  return ((tau.unsqueeze(1) - (u < 0.0).to(u.scalar_type())).abs() * huber).mean({2, 3});
+  const std::int64_t m = z.size(1);
+  const at::Tensor tau = ((at::arange(m, z.options()) + 0.5) / static_cast<double>(m)).unsqueeze(1);
+  const std::vector<at::Tensor> pairs = at::broadcast_tensors({z.unsqueeze(2), y.unsqueeze(1)});
+  const at::Tensor weight = at::where(pairs[1] < pairs[0], 1.0 - tau, tau);  // [B, M, T]
+  return (weight * at::smooth_l1_loss(pairs[0], pairs[1], at::Reduction::None)).mean({1, 2});
 }
 
 /// Truncated Quantile Critics (Kuznetsov et al. 2020, algorithm 1): Soft Actor-Critic whose K
@@ -67,7 +67,10 @@ class Tqc : public Sac {
     // theta_k <- argmin mean rho_tau_m(y_i - z_k,m(s, a)); theta'_k <- tau theta_k + (1-tau)
     // theta'_k
     const at::Tensor z = critics_.Values(state, minibatch_.actions);
-    const at::Tensor loss = (minibatch_.weight * QuantileHuberLoss(z, y).sum(1)).mean();
+    at::Tensor loss = at::zeros({}, z.options());
+    for (const at::Tensor& z_k : z.unbind(1)) {
+      loss = loss + (minibatch_.weight * QuantileHuberLoss(z_k, y)).mean();
+    }
     critics_.Descend(loss, rate * config_.critic_learning_rate, config_.tau,
                      totals_[Total::kCriticNorm]);
     if (constraint_) {
