@@ -6,7 +6,6 @@
 #include <stop_token>
 #include <vector>
 
-#include "base/progress.h"
 #include "learner/learner.h"
 #include "learner/loop/batch_source.h"
 #include "learner/loop/learner_metrics.h"
@@ -90,7 +89,6 @@ class LearnerLoop {
   const bool prioritized_;
   run::TrainingRun run_;
   LearnerMetrics metrics_;
-  base::ProgressLine progress_;
 
   int unpublished_ = 0;  // Updates since the last published policy.
   std::chrono::steady_clock::time_point published_at_;
