@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -16,11 +17,23 @@ namespace slalom::run {
 /// - Half of the run is over, and none of the training episodes, at least `kEpisodes` of them,
 /// reached its goal. A slow start looks the same for a long time, so this is not a proof.
 ///
-/// A value; thread-compatible. It knows one session of a run; a session that resumes begins anew.
+/// A value; thread-compatible.
 class LearningWatch {
  public:
   static constexpr std::int64_t kStillUpdates = 1000;
   static constexpr std::int64_t kEpisodes = 200;
+
+  /// What a session that resumes has to know of the sessions before: updates since the last
+  /// gradient that was not 0, of the actor and of the critics, and whether (1) or not (0) a
+  /// training episode has reached its goal.
+  using State = std::array<std::int64_t, 3>;
+
+  LearningWatch() = default;
+  explicit LearningWatch(const State& state)
+      : actor_still_updates_(state[0]),
+        critic_still_updates_(state[1]),
+        has_succeeded_(state[2] != 0) {}
+  State state() const { return {actor_still_updates_, critic_still_updates_, has_succeeded_}; }
 
   /// Takes the next row. `fraction`: part of the run that is done, 0 to 1. Returns a warning if
   /// there is a reason for one that was not given before.
@@ -30,7 +43,7 @@ class LearningWatch {
   std::string fault() const;
 
   /// Returns whether nothing was learned beyond doubt: a network has no gradient, and no training
-  /// episode of this session has reached its goal.
+  /// episode has reached its goal.
   bool nothing_learned() const;
 
  private:

@@ -116,6 +116,9 @@ void TrainingRun::Checkpoint(std::int64_t number, const Write& write) {
     write(directory, state);
     state["steps"] = steps_;
     state["training_s"] = training_s();
+    state["snapshot_s"] = last_snapshot_s_;
+    state["snapshot_steps"] = last_snapshot_steps_;
+    state["learning_watch"] = watch_.state();
     const nlohmann::json file = {{"state", state}, {"checksum", StateChecksum(state)}};
     base::WriteFileAtomically(directory / kStateFile, file.dump(1) + "\n");
   });
@@ -152,14 +155,19 @@ void TrainingRun::RestoreFrom(const fs::path& checkpoint, const Read& read) {
     }
     const auto steps = state.at("steps").get<std::int64_t>();
     const auto training_s = state.at("training_s").get<double>();
+    // Checkpoints from before do not say these three.
+    const auto snapshot_s = state.value("snapshot_s", training_s);
+    const auto snapshot_steps = state.value("snapshot_steps", steps);
+    const auto watch = state.value("learning_watch", LearningWatch::State{});
     const std::int64_t updates = read(checkpoint, state);
     SetProgress(steps, updates);
     clock_.Restore(training_s);
+    last_snapshot_s_ = snapshot_s;
+    last_snapshot_steps_ = snapshot_steps;
+    watch_ = LearningWatch(watch);
   } catch (const nlohmann::json::exception&) {
     throw base::Error(fmt::format("{}: damaged, or no state of a checkpoint", path.string()));
   }
-  last_snapshot_s_ = training_s();
-  last_snapshot_steps_ = steps_;
   last_row_.training_s = training_s();
   last_row_.steps = steps_;
   last_row_.updates = updates_;

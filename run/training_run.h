@@ -73,7 +73,7 @@ class TrainingRun {
   MetricsRow Log(MetricsRow row);
   /// The last row and the time left, as a progress line.
   std::string Progress() const;
-  /// What the rows of this session say of whether the run learns.
+  /// What the rows say of whether the run learns.
   const LearningWatch& watch() const { return watch_; }
 
   /// Whether the plan's next time or number of steps for a snapshot has passed since the last call.

@@ -30,8 +30,8 @@ class BatchSource {
   virtual void Stop() = 0;
 
   /// Returns the batches of the next update, one of each kind, valid until the next call. Null if
-  /// no update is due or no batch has come; the call has then gathered for a few milliseconds, so
-  /// that the loop can look after other things.
+  /// no update is due or no batch has come; the call has then gathered until a chunk came, or for a
+  /// few milliseconds, so that the loop can look after other things.
   virtual const std::vector<replay::SampledRows>* Next() = 0;
   /// Whether the last `Next` waited in vain for another process, so that this is no training. True
   /// before the first `Next` of a source that depends on another process.

@@ -93,7 +93,10 @@ TrainingEnd LearnerLoop::Train(std::stop_token stop) {
   run_.SetProgress(source_.steps(), learner_.num_updates());
   run_.StopClock();
   if (!Log()) return TrainingEnd::kDiverged;
-  KeepSnapshot();
+  finished_ = finished;
+  metrics_.SetFinished(finished_);
+  // If it stops with updates due, the run that goes on makes them first, and then the snapshot.
+  if (finished || source_.IsAtRest()) KeepSnapshot();
   progress.Show(run_.Progress(), run_.wall_s());
   progress.End();
   if (finished && plan_.lives_on) {
@@ -101,10 +104,8 @@ TrainingEnd LearnerLoop::Train(std::stop_token stop) {
   } else {
     Checkpoint();
   }
-  finished_ = finished;
   if (finished && HasLearnedNothing()) return TrainingEnd::kLearnedNothing;
   SavePolicy();
-  metrics_.SetFinished(finished_);
   return finished ? TrainingEnd::kFinished : TrainingEnd::kStopped;
 }
 
@@ -219,6 +220,7 @@ void LearnerLoop::Checkpoint() {
     learner_.SaveState(tensors);
     nn::SaveTensors(directory / kLearnerFile, tensors, {});
     state["unpublished"] = unpublished_;
+    state["finished"] = run_.AtLimit();  // For those who go back to the version before.
     state["nothing_learned"] = run_.watch().nothing_learned();
     source_.Save(directory, state);
   });
@@ -238,12 +240,22 @@ bool LearnerLoop::HasLearnedNothing() const {
 
 bool LearnerLoop::HasNewestPolicy() const {
   const fs::path path = plan_.run.directory.policy();
-  return fs::exists(path) &&
-         policy::LoadPolicy(path).metadata["updates"] == fmt::format("{}", run_.updates());
+  try {
+    return fs::exists(path) &&
+           policy::LoadPolicy(path).metadata["updates"] == fmt::format("{}", run_.updates());
+  } catch (const base::Error& error) {
+    spdlog::warn("{}; it is written again", error.what());
+    return false;
+  }
 }
 
 void LearnerLoop::SavePolicy() const {
-  policy::SavePolicy(plan_.run.directory.policy(), learner_.BestSnapshot(), run_.Provenance());
+  try {
+    policy::SavePolicy(plan_.run.directory.policy(), learner_.BestSnapshot(), run_.Provenance());
+  } catch (const base::Error& error) {
+    if (!finished_ || !plan_.lives_on) throw;
+    spdlog::error("policy not saved: {}; it is served all the same", error.what());
+  }
 }
 
 }  // namespace slalom::learner

@@ -21,8 +21,8 @@ struct LoopPlan {
   double publish_seconds = 0.0;  ///< Least time between two published policies, [s].
   /// How checkpoints are numbered: by updates or by steps. The numbers must rise.
   bool numbers_by_updates = false;
-  /// The process lives on when the run has finished: a last checkpoint that cannot be written then
-  /// is said and left out, instead of ending the process.
+  /// The process lives on when the run has finished: a last checkpoint or policy that cannot be
+  /// written then is said and left out, instead of ending the process.
   bool lives_on = false;
 };
 

@@ -19,9 +19,10 @@ namespace slalom::nn {
 /// kernels of its own and without LibTorch or a BLAS. This is what drives robots, actors and
 /// evaluators.
 ///
-/// The result has the same bits on every processor and in every batch. They are those of
-/// `nn::Network` unless a layer has more than `kMaxSmallDepth` inputs, which training leaves to the
-/// BLAS. Confined to one thread at a time. Movable.
+/// The result has the same bits on every processor and, without dropout, in every batch. They are
+/// those of `nn::Network` on a processor with AVX2 and FMA, unless a layer has more than
+/// `kMaxSmallDepth` inputs, which training leaves to the BLAS. Confined to one thread at a time.
+/// Movable.
 class InferenceNetwork {
  public:
   /// All weights are 0 until they are set. `cpu` may deny what the processor can do.

@@ -215,6 +215,45 @@ TEST(LearnerLoopTest, ARunStoppedAndResumedEndsWithTheSameBitsAndPublishedTheSam
   EXPECT_EQ(again.sink.num_served, 0);
 }
 
+TEST(LearnerLoopTest, SnapshotsFallOnTheSamePlaceWhereverTheRunWasStopped) {
+  const test::ScratchDirectory scratch;
+  for (const std::int64_t stopped_at : {36, 37, 38}) {
+    const fs::path directory = scratch.path() / std::to_string(stopped_at);
+    std::stop_source stop;
+    Loop part(directory);
+    part.plan.run.settings.snapshot_steps = {290};  // Passed at turn 37, which ends without rest.
+    part.source.on_next = [&stop, stopped_at](std::int64_t position) {
+      if (position == stopped_at) stop.request_stop();
+    };
+    EXPECT_EQ(part.Run(false, stop.get_token()), TrainingEnd::kStopped);
+    Loop rest(directory);
+    rest.plan.run.settings.snapshot_steps = {290};
+    EXPECT_EQ(rest.Run(true), TrainingEnd::kFinished);
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(rest.plan.run.directory.snapshots())) {
+      names.push_back(entry.path().filename().string());
+    }
+    EXPECT_THAT(names, ElementsAre("step-000000000304.safetensors")) << stopped_at;
+  }
+}
+
+TEST(LearnerLoopTest, APolicyThatIsNotWrittenEndsOnlyAProcessThatDoesNotLiveOn) {
+  const test::ScratchDirectory scratch;
+  for (const bool lives_on : {false, true}) {
+    Loop loop(scratch.path() / (lives_on ? "service" : "process"));
+    loop.plan.lives_on = lives_on;
+    base::MakeDirectories(loop.plan.run.directory.policy() / "in-the-way");
+    if (lives_on) {
+      EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+      Loop again(scratch.path() / "service");
+      again.plan.lives_on = true;
+      EXPECT_EQ(again.Run(true), TrainingEnd::kWasFinished);
+    } else {
+      EXPECT_THROW(loop.Run(), base::Error);
+    }
+  }
+}
+
 TEST(LearnerLoopTest, DivergenceEndsItWithoutAPolicyOrACheckpoint) {
   const test::ScratchDirectory scratch;
   MethodConfig method = Method();
