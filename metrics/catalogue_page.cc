@@ -2,7 +2,6 @@
 #include <fmt/ranges.h>
 
 #include "metrics/catalogue.h"
-#include "metrics/learning_figures.h"
 
 namespace slalom::metrics {
 namespace {
@@ -32,56 +31,7 @@ std::string Buckets(const Spec& spec) {
   return fmt::format(" Buckets from {} to {} s.", spec.buckets.front(), spec.buckets.back());
 }
 
-std::vector<const Spec*> Learning() {
-  std::vector<const Spec*> specs = {&kUpdates, &kUpdateSeconds};
-  for (const Spec& spec : LearningSpecs()) specs.push_back(&spec);
-  return specs;
-}
-
 }  // namespace
-
-std::span<const CatalogueSection> Catalogue() {
-  static const std::vector<CatalogueSection> sections = {
-      {"Environments and episodes",
-       {&kEnvironmentSteps, &kEpisodes, &kSuccessRate, &kCollisionRate, &kEpisodeReturn,
-        &kEpisodeSteps, &kEnvironments}},
-      {"Accounting of steps", {&kStepsAcknowledged, &kStepsLost, &kStepsPending, &kStepsAccepted}},
-      {"Chunks on their way",
-       {&kChunksSent, &kChunksResent, &kChunksAcknowledged, &kChunksAccepted, &kChunksDuplicate,
-        &kChunksRejected, &kStepsSent, &kStepsResent, &kStepsDuplicate, &kStepsRejected}},
-      {"Queues", {&kQueueDepth, &kQueueBytes, &kQueueLimitBytes, &kBlockedSeconds}},
-      {"Replay table",
-       {&kTableRows, &kTableSteps, &kTableCapacityRows, &kTableBytes, &kBatches, &kSamples,
-        &kSampleSeconds, &kInsertSeconds, &kSamplesPerInsert, &kSamplesPerInsertTarget,
-        &kPrioritiesUpdated, &kPrioritiesStale}},
-      {"Journal of the replay server",
-       {&kJournalBytes, &kJournalSegments, &kJournalWrittenBytes, &kJournalSyncSeconds,
-        &kJournalSyncTimestamp, &kJournalFailing, &kJournalErrors, &kJournalRecoveredSteps,
-        &kJournalDamagedSteps}},
-      {"Sessions and connections",
-       {&kSessions, &kSessionsStarted, &kReconnections, &kEpisodesCut, &kConnectedPeers,
-        &kConnections, &kRejectedConnections, &kMessages, &kMessagesMalformed, &kMessagesRefused}},
-      {"Learning", Learning()},
-      {"Policies",
-       {&kPolicyVersion, &kPolicyTimestamp, &kPolicyLag, &kReaderLag, &kPoliciesPublished,
-        &kPoliciesReceived, &kPolicyBytes, &kPublishToActing}},
-      {"Checkpoints of the learner",
-       {&kCheckpoints, &kCheckpointFailures, &kCheckpointTimestamp, &kCheckpointSeconds,
-        &kCheckpointBytes, &kCheckpointUpdates, &kRunFinished}},
-      {"Evaluation",
-       {&kEvaluations, &kEvaluationVersion, &kEvaluationSuccessRate, &kEvaluationCollisionRate,
-        &kEvaluationTimeoutRate, &kEvaluationTime, &kEvaluationScore, &kEvaluationDuration}},
-      {"Sweeps",
-       {&kSweepCells, &kSweepScores, &kSweepScoresDone, &kSweepCellState, &kSweepFailed,
-        &kSweepSteps, &kSweepUpdates, &kSweepTrainingSeconds, &kSweepTrainingSuccessRate,
-        &kSweepTrainingCourses, &kSweepSuccessRate, &kSweepCollisionRate}},
-      {"Processes",
-       {&kBuildInfo, &kBlasInfo, &kRestarts, &kProcessResidentBytes, &kProcessVirtualBytes,
-        &kProcessCpuSeconds, &kProcessStartTime, &kProcessThreads, &kProcessOpenDescriptors,
-        &kProcessMaxDescriptors}},
-  };
-  return sections;
-}
 
 std::string PrintMarkdown() {
   std::string page(kHead);

@@ -17,7 +17,7 @@
 namespace slalom::nn {
 namespace {
 
-constexpr float kLayerNormEpsilon = 1e-5f;
+constexpr float kLayerNormReluEpsilon = 1e-5f;
 
 /// A matrix in row-major order whose rows lie `stride` apart.
 struct Matrix : TensorRows {
@@ -284,7 +284,7 @@ void LayerNormRelu(const at::Tensor& gain, const at::Tensor& bias, at::Tensor& y
   SLALOM_CHECK_EQ(bias.numel(), gain.numel());
   if (!IsHostFloat(y)) {
     const at::Tensor centred = y - y.mean(1, /*keepdim=*/true);
-    rstd.copy_((centred.square().mean(1) + kLayerNormEpsilon).rsqrt());
+    rstd.copy_((centred.square().mean(1) + kLayerNormReluEpsilon).rsqrt());
     normal.copy_(centred * rstd.unsqueeze(1));
     y.copy_((normal * gain + bias).relu());
     return;

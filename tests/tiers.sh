@@ -64,7 +64,7 @@ skipped_tests() {
 
 part_format() {
   local listed file files=()
-  mapfile -t listed < <(cd "$root" && git ls-files --cached --others --exclude-standard '*.h' '*.cc')
+  mapfile -t listed < <(cd "$root" && git ls-files --cached --others --exclude-standard '*.h' '*.cc' '*.inc')
   # A file that was deleted is still listed. Without any file clang-format would wait for its input.
   for file in "${listed[@]}"; do [[ ! -f $root/$file ]] || files+=("$file"); done
   ((${#files[@]} > 0)) || fail "git lists no sources in $root, expected a clone"

@@ -85,7 +85,7 @@ std::vector<SourceFile> ReadTree() {
       continue;
     }
     const std::string extension = it->path().extension().string();
-    if (extension != ".h" && extension != ".cc") continue;
+    if (extension != ".h" && extension != ".cc" && extension != ".inc") continue;
     SourceFile file{fs::relative(it->path(), root), {}};
     std::ifstream in(it->path());
     for (std::string line; std::getline(in, line);) file.lines.push_back(line);

@@ -17,8 +17,9 @@ namespace fs = std::filesystem;
 constexpr std::string_view kDataFolders[] = {"cmake",  "configs", "courses",
                                              "deploy", "docs",    "results"};
 
-constexpr std::string_view kTextExtensions[] = {".md", ".h",    ".cc",  ".toml",  ".py",  ".sh",
-                                                ".js", ".html", ".yml", ".cmake", ".txt", ".proto"};
+constexpr std::string_view kTextExtensions[] = {".md",  ".h",     ".cc",   ".toml", ".py",
+                                                ".sh",  ".js",    ".html", ".yml",  ".cmake",
+                                                ".txt", ".proto", ".inc"};
 
 /// Holds examples of what the rules refuse.
 constexpr std::string_view kExamples = "tests/architecture/references_test.cc";
