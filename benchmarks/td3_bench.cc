@@ -37,6 +37,13 @@ struct EagerNetwork {
     }
   }
 
+  /// A network with its own weights of the same values.
+  EagerNetwork Copy() const {
+    EagerNetwork copy = *this;
+    for (Tensor& parameter : copy.parameters) parameter = parameter.detach().clone();
+    return copy;
+  }
+
   Tensor operator()(const Tensor& state, const Tensor& action = {}) const {
     return ReferenceForward(shape, parameters, state, action);
   }
@@ -60,9 +67,9 @@ class EagerTd3 {
         noise_(config_.batch_size, 2, device()),
         actor_(nn::ActorShape(context.spec.network, context.frame_size), weights_, device()),
         critics_{Critic(context), Critic(context)},
-        actor_target_(actor_.shape, weights_, device()),
-        actor_average_(actor_.shape, weights_, device()),
-        critic_targets_{Critic(context), Critic(context)},
+        actor_target_(actor_.Copy()),
+        actor_average_(actor_.Copy()),
+        critic_targets_{critics_[0].Copy(), critics_[1].Copy()},
         actor_optimiser_(actor_.parameters, config_.actor_learning_rate),
         critic_optimiser_(AllOf(critics_), config_.critic_learning_rate) {}
 
@@ -136,6 +143,8 @@ struct Scene {
                 .minibatch = minibatch,
                 .totals = totals,
                 .constraint = nullptr} {
+    // Which only `kernels` has.
+    run.method.learner.preactivation_penalty = 0.0;
     for (Tensor* t : {&minibatch.features, &minibatch.next_features, &minibatch.actions}) {
       t->uniform_(-1.0, 1.0);
     }

@@ -33,7 +33,8 @@ namespace slalom::nn {
 class AutogradNetworks {
  public:
   /// `parameters`: [K * P], one network after the other, shared, not copied. `dropout`: as
-  /// `NetworkPass` takes it; applied in calls that are recorded.
+  /// `NetworkPass` takes it; applied in calls that are recorded, and with
+  /// `NetworkConfig::dropout_everywhere` in those that are not, too.
   AutogradNetworks(const NetworkShape& shape, const at::Tensor& parameters,
                    base::Random* dropout = nullptr);
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "learner/adam.h"
 #include "nn/network.h"
 #include "tests/learner/every_encoder.h"
 #include "tests/learner/reference_network.h"
@@ -36,10 +37,10 @@ Tensor RandomParameters(const nn::NetworkShape& shape, int num_networks, at::Sca
 /// Some networks and what they read.
 struct Scene {
   explicit Scene(const nn::NetworkConfig& config, at::ScalarType type = torch::kFloat,
-                 int num_outputs = 2)
+                 int num_outputs = 2, base::Random* dropout = nullptr)
       : shape(nn::CriticShape(config, kFrame, num_outputs)),
         parameters(RandomParameters(shape, kNumNetworks, type)),
-        networks(shape, parameters) {
+        networks(shape, parameters, dropout) {
     torch::manual_seed(3);
     features = torch::rand({kBatch, shape.num_inputs()}, type) * 2 - 1;
     extra = torch::rand({kBatch, 2}, type) * 2 - 1;
@@ -145,6 +146,53 @@ TEST(AutogradNetworks, RecordNothingWithoutGradMode) {
   EXPECT_TRUE(torch::equal(outputs, recorded));
 }
 
+// What `Network` itself does with masks is tested in tests/nn/network_test.cc.
+TEST(AutogradNetworks, DropoutHasTheGradientsOfNetworksThatDrawTheSameMasks) {
+  nn::NetworkConfig config = EveryEncoder().back().network;
+  config.dropout = 0.3;
+  base::Random masks(5), same_masks(5);
+  const Scene scene(config, torch::kFloat, 2, &masks);
+  const Tensor action = scene.extra.clone().requires_grad_();
+  const Tensor outputs = scene.networks(scene.features, action);
+  const auto gradients =
+      torch::autograd::grad({Loss(outputs)}, {scene.networks.parameters(), action});
+
+  const Tensor leaf = outputs.detach().requires_grad_();
+  const Tensor output_gradient = torch::autograd::grad({Loss(leaf)}, {leaf}).front();
+  const Tensor input = torch::cat({scene.features, scene.extra}, 1);
+  const Tensor by_parameters = torch::zeros_like(scene.parameters);
+  Tensor by_action = torch::zeros_like(scene.extra);
+  const std::int64_t size = scene.shape.num_parameters();
+  for (int k = 0; k < kNumNetworks; ++k) {
+    const nn::Network network(scene.shape, scene.parameters.narrow(0, k * size, size));
+    nn::Network gradient(scene.shape, by_parameters.narrow(0, k * size, size));
+    nn::NetworkPass pass(scene.shape, input, nn::PassUse::kTraining, &same_masks);
+    network.Forward(pass);
+    EXPECT_TRUE(torch::equal(outputs.select(1, k), pass.output())) << k;
+    pass.output_gradient().copy_(output_gradient.select(1, k));
+    network.ExtraGradient(pass);
+    by_action += pass.extra_gradient();
+    network.ParameterGradient(pass, gradient);
+  }
+  EXPECT_TRUE(torch::equal(gradients[0], by_parameters));
+  EXPECT_TRUE(torch::equal(gradients[1], by_action));
+}
+
+TEST(AutogradNetworks, DropOutInCallsThatAreNotRecordedOnlyIfEverywhere) {
+  nn::NetworkConfig config = EveryEncoder().back().network;
+  config.dropout = 0.3;
+  for (const bool everywhere : {false, true}) {
+    config.dropout_everywhere = everywhere;
+    base::Random masks(5), same_masks(5);
+    const Scene recorded(config, torch::kFloat, 2, &masks);
+    const Scene unrecorded(config, torch::kFloat, 2, &same_masks);
+    const Tensor expected = recorded.networks(recorded.features, recorded.extra).detach();
+    const torch::NoGradGuard no_grad;
+    const Tensor outputs = unrecorded.networks(unrecorded.features, unrecorded.extra);
+    EXPECT_EQ(torch::allclose(outputs, expected), everywhere);
+  }
+}
+
 /// Runs `function` and returns the text of its error.
 template <class Error, class Function>
 std::string ErrorOf(const Function& function) {
@@ -180,6 +228,11 @@ TEST(AutogradNetworks, RefuseByName) {
   Tensor parameters = scene.parameters;
   parameters.add_(1.0);
   EXPECT_NE(ErrorOf<c10::Error>([&] { torch::autograd::grad({old}, leaf); }).find("modified"),
+            std::string::npos);
+  const Tensor older = call();
+  Tensor norm = torch::zeros({1}, torch::kDouble);
+  Adam(parameters, torch::ones_like(parameters)).Step(1e-3, {}, norm);
+  EXPECT_NE(ErrorOf<c10::Error>([&] { torch::autograd::grad({older}, leaf); }).find("modified"),
             std::string::npos);
 }
 

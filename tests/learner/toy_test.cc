@@ -88,6 +88,11 @@ MethodConfig Method(const std::string& algorithm) {
   config.average_rate = 0.01;
   config.temperature = 0.05;
   config.target_entropy = -4.0;
+  // TQC's loss compares every quantile with every target. These few suffice here, and take seconds
+  // where its defaults take minutes.
+  config.quantile_critics = 2;
+  config.quantiles = 5;
+  config.dropped_quantiles = 1;
   return method;
 }
 
@@ -168,10 +173,13 @@ TEST_P(ToyTest, AConstraintKeepsItFromHurrying) {
   Scores free, constrained;
   MethodConfig method = Method(GetParam());
   Train(method, 300, 10, &free);
-  method.constraint = {.kind = "lagrangian", .limit = 0.5, .learning_rate = 0.02};
+  // What is limited is training, with its noise. Much of TD3's and DDPG's cost is that of the noise
+  // alone, so that their policies have less without it. A stochastic policy trains near the limit
+  // and has as much without its noise, a little more or less: it gets half the limit.
+  const double limit = DistributionOf(method.learner).is_deterministic() ? 0.5 : 0.25;
+  method.constraint = {.kind = "lagrangian", .limit = limit, .learning_rate = 0.02};
   Train(method, 300, 10, &constrained);
   EXPECT_GT(free.trained.cost, 1.0) << "nothing to constrain";
-  // What is limited is training, with its noise; without it there is less.
   EXPECT_LT(constrained.trained.cost, 0.5);
   EXPECT_LT(constrained.trained.distance, 0.25);
 }
