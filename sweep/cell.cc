@@ -120,7 +120,8 @@ class Expansion {
     }
     // What the sweep itself decides.
     config.run.name = "run";
-    config.run.keep_checkpoints = "newest";  // The runner removes it in the end.
+    // The runner removes it in the end.
+    config.run.keep_checkpoints = run::KeepCheckpoints::kNewest;
     return config;
   }
 

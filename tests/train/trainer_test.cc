@@ -36,7 +36,7 @@ TEST(TrainerTest, TheSameSeedGivesTheSamePolicyAndAnotherSeedAnother) {
 void ExpectAKillChangesNothing(RunConfig config) {
   const test::ScratchDirectory scratch;
   config.run.checkpoint_steps = 1000;
-  config.run.keep_checkpoints = "all";
+  config.run.keep_checkpoints = run::KeepCheckpoints::kAll;
   const run::RunDirectory whole{scratch.path() / "whole"};
   EXPECT_EQ(RunOnce(config, whole), TrainingEnd::kFinished);
 
@@ -259,7 +259,7 @@ TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.checkpoint_steps = 2000;
-  config.run.keep_checkpoints = "all";
+  config.run.keep_checkpoints = run::KeepCheckpoints::kAll;
   const run::RunDirectory directory{scratch.path() / "run"};
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
   const std::vector<float> weights = *Policy(directory).weights;
