@@ -278,7 +278,7 @@ class Expansion {
     if constexpr (kIsPolicy) {
       if (score.courses == "training") base.courses = task.courses.train;
       if (score.planning) task.mpc.enabled = true;
-      if (task.mpc.enabled && task.method.model.kind == "none") {
+      if (task.mpc.enabled && task.method.model.kind == nn::ModelKind::kNone) {
         Fail(who,
              "planning needs a transition model, expected model.kind = \"deterministic\" or "
              "\"probabilistic\" in the training");

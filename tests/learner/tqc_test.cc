@@ -31,7 +31,7 @@ MethodConfig Method() {
   MethodConfig method;
   LearnerConfig& config = method.learner;
   config.algorithm = "tqc";
-  config.device = "cpu";
+  config.device = DeviceChoice::kCpu;
   config.batch_size = kBatch;
   config.actor_learning_rate = config.critic_learning_rate = 1e-4;
   config.quantile_critics = kCritics;
@@ -164,7 +164,7 @@ TEST(Tqc, RefusesWhatContradictsItself) {
   method.learner.dropped_quantiles = kQuantiles;
   EXPECT_THROW(Learner(method, Spec(method), 1), base::Error);
   MethodConfig planned = Method();
-  planned.model.kind = "deterministic";
+  planned.model.kind = nn::ModelKind::kDeterministic;
   policy::PolicySpec spec = Spec(planned);
   spec.planning = PlanningOf(planned);
   EXPECT_THROW(Learner(planned, spec, 1), base::Error);
