@@ -21,7 +21,8 @@ std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments)
     throw base::Error(fmt::format("actor.noise_min is {}, expected at most actor.noise_max = {}",
                                   config.noise_min, config.noise_max));
   }
-  const bool geometric = config.noise_spread == "geometric" && config.noise_min < config.noise_max;
+  const bool geometric =
+      config.noise_spread == NoiseSpread::kGeometric && config.noise_min < config.noise_max;
   if (geometric && config.noise_min == 0.0) {
     throw base::Error(
         "actor.noise_min is 0, expected more than 0 with actor.noise_spread = \"geometric\" (or "

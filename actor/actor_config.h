@@ -1,18 +1,21 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
 #include "base/config_field.h"
 
 namespace slalom::actor {
+
+/// How the noise is spaced from the first environment to the last.
+enum class NoiseSpread { kGeometric, kLinear };
+inline base::OneOf EnumNames(NoiseSpread) { return {"geometric", "linear"}; }
 
 /// How training episodes are driven.
 struct ActorConfig {
   int num_environments = 64;
   double noise_min = 0.1;
   double noise_max = 0.1;
-  std::string noise_spread = "geometric";
+  NoiseSpread noise_spread = NoiseSpread::kGeometric;
   std::int64_t warmup_steps = 0;
   bool time_limit_terminates = false;
   int stats_episodes = 300;
@@ -27,7 +30,7 @@ struct ActorConfig {
     v("noise_max", noise_max, base::Range{0.0, 5.0}, "",
       "The same in the last environment. The environments between them get values spaced as "
       "noise_spread says.");
-    v("noise_spread", noise_spread, base::OneOf{"geometric", "linear"}, "",
+    v("noise_spread", noise_spread,
       "How the noise is spaced from the first environment to the last: by equal ratios (geometric) "
       "or by equal differences (linear).");
     v("warmup_steps", warmup_steps, base::Range{0, 1.0e12}, "",

@@ -1,28 +1,35 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <concepts>
+#include <cstddef>
 #include <initializer_list>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
+
+#include "base/check.h"
 
 /// How a config struct lists its fields. Each struct has one member template
 ///
 ///     template <class Visitor>
 ///     void Visit(Visitor& v) {
 ///       v("num_beams", num_beams, base::Range{1, 4096}, "", "Beams of a scan.");
-///       v("device", device, base::OneOf{"auto", "cpu"}, "", "Where to compute.");
+///       v("label", label, base::OneOf{"left", "right"}, "", "What to print.");
+///       v("device", device, "Where to compute.");
 ///       v("save_replay", save_replay, "Keep the replay buffer in checkpoints.");
 ///       v("name", name, "Free text.");
 ///       v.Section("lidar", lidar, "The range finder.");
 ///       v.Tables("axis", axes, "One axis each: [[axis]], any number of times.");
 ///     }
 ///
-/// which gives for each field its key, the field itself, its range or choices (none for bool and
-/// free text), its unit and its meaning. From this list config/config.h reads, checks, prints and
-/// documents the struct. A field is a bool, int, std::int64_t, double, std::string, a std::vector
-/// of int, double, std::string or `TomlValue`, or `TomlAssignments`. What `Tables` takes is a
-/// std::vector of structs with a `Visit` of their own.
+/// which gives for each field its key, the field itself, its range or choices (none for bool, enum
+/// and free text), its unit and its meaning. From this list config/config.h reads, checks, prints
+/// and documents the struct. A field is a bool, int, std::int64_t, double, std::string, a
+/// `NamedEnum`, a std::vector of int, double, std::string or `TomlValue`, or `TomlAssignments`.
+/// What `Tables` takes is a std::vector of structs with a `Visit` of their own.
 
 namespace slalom::base {
 
@@ -55,5 +62,34 @@ struct OneOf {
   OneOf(std::initializer_list<std::string_view> texts) : choices(texts) {}
   std::vector<std::string_view> choices;
 };
+
+/// An enum whose values have names in files and messages. They are listed once, beside the enum,
+/// in the order of its enumerators, which count from 0:
+///
+///     enum class Device { kAuto, kCpu };
+///     inline base::OneOf EnumNames(Device) { return {"auto", "cpu"}; }
+template <class E>
+concept NamedEnum = std::is_enum_v<E> && requires(E value) {
+  { EnumNames(value) } -> std::same_as<OneOf>;
+};
+
+/// The name of a value.
+template <NamedEnum E>
+std::string_view EnumName(E value) {
+  const OneOf names = EnumNames(value);
+  const auto index = static_cast<std::size_t>(value);
+  SLALOM_CHECK(index < names.choices.size());
+  return names.choices[index];
+}
+
+/// Sets `value` to the one that has this name. Returns false if none has it.
+template <NamedEnum E>
+bool ParseEnum(std::string_view name, E& value) {
+  const OneOf names = EnumNames(E{});
+  const auto found = std::ranges::find(names.choices, name);
+  if (found == names.choices.end()) return false;
+  value = static_cast<E>(found - names.choices.begin());
+  return true;
+}
 
 }  // namespace slalom::base

@@ -32,8 +32,8 @@ constexpr Size kFast = {"fast", 72, 128};
 policy::PolicySpec MakeSpec(const std::string& encoder, const Size& size, int history) {
   policy::PolicySpec spec;
   nn::NetworkConfig& network = spec.network;
-  network.encoder = encoder == "beams" ? "cnn" : encoder;
-  if (encoder == "beams") network.cnn_axis = "beams";
+  SLALOM_CHECK(base::ParseEnum(encoder == "beams" ? "cnn" : encoder, network.encoder));
+  if (encoder == "beams") network.cnn_axis = nn::CnnAxis::kBeams;
   network.encoder_layers = {size.width, size.width};
   if (encoder == "beams") network.encoder_layers = {32, 32, size.width};
   network.head_layers = {size.width, size.width};

@@ -113,7 +113,7 @@ BENCHMARK(BM_EnvironmentSteps)->Arg(1)->Arg(2)->UseRealTime();
 /// With the ideal drive.
 void BM_EnvironmentStepsIdealDrive(benchmark::State& state) {
   EnvironmentConfig config = BenchConfig();
-  config.robot.drive = "ideal";
+  config.robot.drive = sim::DriveKind::kIdeal;
   StepEnvironments(state, config, Robot::Stepping::kBox2dInContact);
 }
 BENCHMARK(BM_EnvironmentStepsIdealDrive)->Arg(1)->UseRealTime();

@@ -208,7 +208,7 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
   }
   if (fs::exists(directory.metrics())) DrawTraining(directory);
   const std::string longer =
-      config.run.keep_checkpoints == "none"
+      config.run.keep_checkpoints == run::KeepCheckpoints::kNone
           ? ""
           : ResumeCommand(options, directory,
                           train::LongerLimit(config, trainer.steps(), trainer.training_s()));

@@ -71,7 +71,7 @@ watch::RunFacts FactsOf(const fs::path& directory) {
       {"Training courses", config.courses.train},
       {"Test courses", config.courses.test.empty() ? "none" : config.courses.test},
       {"Network",
-       fmt::format("{}, encoder {}, head {}", config.network.encoder,
+       fmt::format("{}, encoder {}, head {}", base::EnumName(config.network.encoder),
                    List(config.network.encoder_layers), List(config.network.head_layers))},
       {"Environments", fmt::format("{}", config.actor.num_environments)},
       {"Batch", fmt::format("{} transitions, {:g} updates per step",

@@ -70,6 +70,7 @@ std::string Expected(const Field& field) {
     std::string operator()(std::vector<std::string>*) { return "a list of strings"; }
     std::string operator()(std::vector<base::TomlValue>*) { return "a list"; }
     std::string operator()(base::TomlAssignments*) { return "a table of keys and values"; }
+    std::string operator()(const EnumField&) { return "a name"; }
   };
   if (!field.choices.empty()) return fmt::format("one of '{}'", fmt::join(field.choices, "', '"));
   return std::visit(Name{}, field.value) + range + unit;
@@ -140,6 +141,9 @@ class Assign {
   void operator()(base::TomlAssignments* target) {
     if (!node_.is_table()) Fail();
     Flatten(*node_.as_table(), "", *target);
+  }
+  void operator()(const EnumField& target) {
+    if (!target.set(Value<std::string>(node_))) Fail();
   }
 
  private:
@@ -366,8 +370,10 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
   }
   if (table.size() != 1) table = toml::table{{"value", value}};  // No TOML, or more than one value.
   const toml::node* node = table.get("value");
-  // A string field takes digits and the like as they stand.
-  if (std::holds_alternative<std::string*>(field->value) && !node->is_string()) {
+  // A field of text takes digits and the like as they stand.
+  const bool is_text = std::holds_alternative<std::string*>(field->value) ||
+                       std::holds_alternative<EnumField>(field->value);
+  if (is_text && !node->is_string()) {
     table.insert_or_assign("value", value);
     node = table.get("value");
   }

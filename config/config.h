@@ -21,11 +21,17 @@
 
 namespace slalom::config {
 
+/// An enum in a config struct, which is read and written by its names.
+struct EnumField {
+  std::function<std::string_view()> name;
+  std::function<bool(std::string_view name)> set;  ///< Returns false if no value has this name.
+};
+
 /// One field of a config struct, found by walking its `Visit`.
 struct Field {
   using Pointer = std::variant<bool*, int*, std::int64_t*, double*, std::string*, std::vector<int>*,
                                std::vector<double>*, std::vector<std::string>*,
-                               std::vector<base::TomlValue>*, base::TomlAssignments*>;
+                               std::vector<base::TomlValue>*, base::TomlAssignments*, EnumField>;
   std::string key;  ///< Dotted from the root, "lidar.num_beams".
   Pointer value;
   std::optional<base::Range> range;
@@ -76,6 +82,14 @@ class FieldCollector {
   template <class T>
   void operator()(std::string_view key, T& value, std::string_view meaning) {
     list_.fields.push_back({prefix_ + std::string(key), &value, std::nullopt, {}, "", meaning});
+  }
+  template <base::NamedEnum E>
+  void operator()(std::string_view key, E& value, std::string_view meaning) {
+    const EnumField field = {
+        [&value] { return base::EnumName(value); },
+        [&value](std::string_view name) { return base::ParseEnum(name, value); }};
+    list_.fields.push_back(
+        {prefix_ + std::string(key), field, std::nullopt, EnumNames(value).choices, "", meaning});
   }
   template <class Config>
   void Section(std::string_view key, Config& config, std::string_view meaning) {

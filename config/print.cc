@@ -69,6 +69,7 @@ std::string PrintValue(const Field& field) {
       for (const auto& [key, value] : *v) texts.push_back(key + " = " + value.text);
       return texts.empty() ? "{}" : fmt::format("{{ {} }}", fmt::join(texts, ", "));
     }
+    std::string operator()(const EnumField& v) { return Quote(v.name()); }
   };
   return std::visit(Printer{}, field.value);
 }

@@ -24,7 +24,9 @@ std::unique_ptr<Algorithm> MakeAlgorithm(const AlgorithmContext& context) {
 
 policy::ActionDistribution DistributionOf(const LearnerConfig& config) {
   if (!AlgorithmOf(config).is_stochastic) return {};
-  return {.kind = "gaussian", .log_std_min = config.log_std_min, .log_std_max = config.log_std_max};
+  return {.kind = policy::DistributionKind::kGaussian,
+          .log_std_min = config.log_std_min,
+          .log_std_max = config.log_std_max};
 }
 
 }  // namespace slalom::learner

@@ -22,7 +22,7 @@ Constraint::Constraint(const ConstraintConfig& config, const nn::NetworkShape& c
       td_errors_(at::zeros_like(minibatch.cost)),
       integral_(config.multiplier),
       multiplier_(config.multiplier) {
-  SLALOM_CHECK(config.kind != "none");
+  SLALOM_CHECK(config.kind != ConstraintKind::kNone);
 }
 
 void Constraint::UpdateCritics(const at::Tensor& next_action, double learning_rate,
@@ -51,7 +51,8 @@ void Constraint::Observe(double collisions, std::int64_t finished) {
   num_episodes_ += finished;
   const double rise = std::isnan(collisions_) ? 0.0 : std::max(0.0, collisions - collisions_);
   collisions_ = collisions;
-  if (config_.kind == "fixed" || static_cast<double>(num_episodes_) < config_.learning_starts) {
+  if (config_.kind == ConstraintKind::kFixed ||
+      static_cast<double>(num_episodes_) < config_.learning_starts) {
     return;
   }
   // Stooke et al. 2020, algorithm 2, once for each episode: lambda <- [K_P Delta + I + K_D rise]_+,

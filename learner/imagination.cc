@@ -38,14 +38,14 @@ int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates) {
 }
 
 int NumStartingStates(const ImaginationConfig& config, int batch_size) {
-  if (config.kind == "none") return 0;
+  if (config.kind == ImaginationKind::kNone) return 0;
   if (config.imagined_batches == 0) {
     throw base::Error(
         fmt::format("imagination.imagined_batches is 0, expected at least 1 with imagination.kind "
                     "= \"{}\": nothing would be learned from imagined transitions",
-                    config.kind));
+                    base::EnumName(config.kind)));
   }
-  if (config.kind == "dyna") {
+  if (config.kind == ImaginationKind::kDyna) {
     if (config.final_rollout_steps != 0) {
       throw base::Error(fmt::format(
           "imagination.final_rollout_steps is {}, expected 0 with imagination.kind = \"dyna\", "
@@ -104,7 +104,7 @@ Imagination::Imagination(const ImaginationConfig& config, double gamma, const Mo
       alive_(at::ones_like(minibatch.reward)),
       real_(static_cast<int>(minibatch.reward.size(0)), trainer.model().shape().history(),
             trainer.model().shape().frame_size(), minibatch.reward.device()),
-      transitions_(config.kind == "mbpo" ? config.buffer_capacity : 0,
+      transitions_(config.kind == ImaginationKind::kMbpo ? config.buffer_capacity : 0,
                    trainer.model().shape().history(), minibatch) {
   SLALOM_CHECK_GE(trainer.loaded().reward.size(0),
                   NumStartingStates(config, static_cast<int>(minibatch.reward.size(0))));
@@ -112,7 +112,7 @@ Imagination::Imagination(const ImaginationConfig& config, double gamma, const Mo
 
 /// Janner et al. 2019, algorithm 2, line 6: for M model rollouts do.
 void Imagination::Begin(std::int64_t num_updates) {
-  if (config_.kind != "mbpo") return;
+  if (config_.kind != ImaginationKind::kMbpo) return;
   const auto kept = Columns(real_), replayed = Columns(minibatch_);
   for (std::size_t c = 0; c < kept.size(); ++c) kept[c].copy_(replayed[c]);
   const int steps = RolloutSteps(config_, num_updates);
@@ -121,7 +121,7 @@ void Imagination::Begin(std::int64_t num_updates) {
 }
 
 void Imagination::Fill(int k) {
-  if (config_.kind == "dyna") {
+  if (config_.kind == ImaginationKind::kDyna) {
     if (config_.as_published) return FillAsPublished(k);
     return FillDyna(k);
   }
@@ -227,12 +227,12 @@ void Imagination::RollOut(std::int64_t row, int steps) {
 
 void Imagination::SaveState(nn::TensorMap& tensors) const {
   tensors["imagination.random"] = StoreRandom(random_);
-  if (config_.kind == "mbpo") transitions_.SaveState(tensors);
+  if (config_.kind == ImaginationKind::kMbpo) transitions_.SaveState(tensors);
 }
 
 void Imagination::LoadState(const nn::TensorFile& file) {
   ReadRandom(file, "imagination.random", random_);
-  if (config_.kind == "mbpo") transitions_.LoadState(file);
+  if (config_.kind == ImaginationKind::kMbpo) transitions_.LoadState(file);
 }
 
 }  // namespace slalom::learner

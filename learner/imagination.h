@@ -45,7 +45,7 @@ class Imagination {
   bool ready() const { return trainer_.num_updates() >= config_.learning_starts; }
   /// Whether the policy is updated from the replayed batch itself, too. Dyna does so; MBPO mixes
   /// replayed transitions into its batches instead.
-  bool adds_to_replayed() const { return config_.kind == "dyna"; }
+  bool adds_to_replayed() const { return config_.kind == ImaginationKind::kDyna; }
   /// Number of batches that `Fill` makes for each replayed one.
   int num_batches() const { return config_.imagined_batches; }
 

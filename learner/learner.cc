@@ -23,13 +23,13 @@
 namespace slalom::learner {
 namespace {
 
-at::Device ChooseDevice(const std::string& choice) {
+at::Device ChooseDevice(DeviceChoice choice) {
   const bool has_cuda = torch::cuda::is_available();
-  if (choice == "cuda" && !has_cuda) {
+  if (choice == DeviceChoice::kCuda && !has_cuda) {
     throw base::Error(
         "learner.device: found \"cuda\", but LibTorch finds no GPU here; use \"auto\" or \"cpu\"");
   }
-  return at::Device(choice != "cpu" && has_cuda ? at::kCUDA : at::kCPU);
+  return at::Device(choice != DeviceChoice::kCpu && has_cuda ? at::kCUDA : at::kCPU);
 }
 
 const MethodConfig& Checked(const MethodConfig& method) {
@@ -50,31 +50,32 @@ const MethodConfig& Checked(const MethodConfig& method) {
       {"learning_starts", &ConstraintConfig::learning_starts}};
   const ConstraintConfig defaults;
   for (const auto& [key, member] : keys) {
-    if (constraint.kind != "none" || constraint.*member == defaults.*member) continue;
+    const bool is_set = constraint.*member != defaults.*member;
+    if (!is_set || constraint.kind != ConstraintKind::kNone) continue;
     throw base::Error(
         fmt::format("constraint.{} is {}, expected constraint.kind = \"lagrangian\" or \"fixed\": "
                     "without a constraint it has no effect",
                     key, constraint.*member));
   }
-  if (constraint.kind == "lagrangian" && constraint.learning_rate == 0.0 &&
+  if (constraint.kind == ConstraintKind::kLagrangian && constraint.learning_rate == 0.0 &&
       constraint.proportional_gain == 0.0 && constraint.derivative_gain == 0.0) {
     throw base::Error(
         "constraint.learning_rate and both gains are 0, expected one of them above 0 with "
         "constraint.kind = \"lagrangian\": the multiplier would never move");
   }
-  if (constraint.kind == "lagrangian" && constraint.limit >= 1.0) {
+  if (constraint.kind == ConstraintKind::kLagrangian && constraint.limit >= 1.0) {
     throw base::Error(fmt::format(
         "constraint.limit is {}, expected less than 1 with constraint.kind = \"lagrangian\": an "
         "episode ends with its first collision, so the multiplier would never rise",
         constraint.limit));
   }
-  if (constraint.kind == "lagrangian" && constraint.multiplier_max == 0.0) {
+  if (constraint.kind == ConstraintKind::kLagrangian && constraint.multiplier_max == 0.0) {
     throw base::Error(
         "constraint.multiplier_max is 0, expected more: with a multiplier of 0 the constraint has "
         "no "
         "effect");
   }
-  if (constraint.kind == "fixed" && constraint.multiplier == 0.0) {
+  if (constraint.kind == ConstraintKind::kFixed && constraint.multiplier == 0.0) {
     throw base::Error(
         "constraint.multiplier is 0, expected more with constraint.kind = \"fixed\": with a "
         "multiplier of 0 the constraint has no effect");
@@ -84,8 +85,7 @@ const MethodConfig& Checked(const MethodConfig& method) {
         fmt::format("constraint.multiplier is {}, expected at most constraint.multiplier_max = {}",
                     constraint.multiplier, constraint.multiplier_max));
   }
-  const std::string& imagination = method.imagination.kind;
-  if (imagination == "none") {
+  if (method.imagination.kind == ImaginationKind::kNone) {
     if (method.imagination.as_published) {
       throw base::Error(
           "imagination.as_published is true, expected imagination.kind = \"dyna\": nothing is "
@@ -93,17 +93,18 @@ const MethodConfig& Checked(const MethodConfig& method) {
     }
     return method;
   }
-  if (method.model.kind == "none") {
+  const std::string_view imagination = base::EnumName(method.imagination.kind);
+  if (method.model.kind == nn::ModelKind::kNone) {
     throw base::Error(
         fmt::format("imagination.kind is \"{}\", expected model.kind = \"deterministic\" or "
                     "\"probabilistic\": imagination needs a transition model",
                     imagination));
   }
-  if (constraint.kind != "none") {
+  if (constraint.kind != ConstraintKind::kNone) {
     throw base::Error(fmt::format(
         "imagination.kind is \"{}\", expected \"none\" with constraint.kind = \"{}\": a "
         "transition model predicts no cost",
-        imagination, constraint.kind));
+        imagination, base::EnumName(constraint.kind)));
   }
   if (learner.prioritized) {
     throw base::Error(fmt::format(
@@ -136,7 +137,7 @@ struct Learner::Parts {
         minibatch(method.learner.batch_size, spec.network.history, features.frame_size(), device),
         totals(device) {
     minibatch.dropout = &dropout;
-    if (method.constraint.kind != "none") {
+    if (method.constraint.kind != ConstraintKind::kNone) {
       base::Random weights(base::DeriveSeed(seed, "cost critic weights"));
       constraint.emplace(method.constraint, nn::CriticShape(spec.network, features.frame_size()),
                          weights, minibatch, totals);
@@ -149,13 +150,13 @@ struct Learner::Parts {
                                .minibatch = minibatch,
                                .totals = totals,
                                .constraint = constraint ? &*constraint : nullptr});
-    if (method.model.kind == "none") return;
+    if (method.model.kind == nn::ModelKind::kNone) return;
     model.emplace(method.model_training,
                   nn::MakeModelShape(method.model, spec.network, features.frame_size(),
                                      spec.observation, spec.planning.goal),
                   features, method.learner.reward_scale, method.learner.mirror, device, seed,
                   NumStartingStates(method.imagination, method.learner.batch_size));
-    if (method.imagination.kind == "none") return;
+    if (method.imagination.kind == ImaginationKind::kNone) return;
     imagination.emplace(method.imagination, method.learner.gamma, *model, *algorithm, minibatch,
                         seed);
   }
@@ -206,7 +207,7 @@ std::vector<replay::SampleSpec> Learner::SampleSpecs(const MethodConfig& method,
                                             .gamma = config.gamma,
                                             .prioritized = config.prioritized,
                                             .importance_exponent = config.importance_exponent}};
-  if (method.model.kind != "none") {
+  if (method.model.kind != nn::ModelKind::kNone) {
     const int num_starts = NumStartingStates(method.imagination, config.batch_size);
     specs.push_back(
         ModelTrainer::SampleSpec(method.model_training, spec.network.history, num_starts));
@@ -215,7 +216,7 @@ std::vector<replay::SampleSpec> Learner::SampleSpecs(const MethodConfig& method,
 }
 
 policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal) {
-  if (method.model.kind == "none") return {};
+  if (method.model.kind == nn::ModelKind::kNone) return {};
   policy::PlanningSpec planning{.model = method.model, .gamma = method.learner.gamma, .goal = goal};
   planning.model.ensemble = NumElites(method.model_training, method.model.ensemble);
   return planning;

@@ -76,7 +76,7 @@ class Learner {
   replay::SampleSpec window_spec() const {
     return {.batch = 256, .history = spec_.network.history + kErrorSteps, .n_step = 1};
   }
-  bool has_model() const { return method_.model.kind != "none"; }
+  bool has_model() const { return method_.model.kind != nn::ModelKind::kNone; }
 
   /// Returns what is wrong with the training, in words for the user: weights that are not finite,
   /// or, in the last `ReadStats`, action values beyond the divergence limit. Empty while all is

@@ -34,11 +34,15 @@ inline constexpr AlgorithmEntry kAlgorithms[] = {
 /// The values that `LearnerConfig::algorithm` may have: the registry's names.
 base::OneOf AlgorithmChoices();
 
+/// Where the learner computes.
+enum class DeviceChoice { kAuto, kCpu, kCuda };
+inline base::OneOf EnumNames(DeviceChoice) { return {"auto", "cpu", "cuda"}; }
+
 /// The algorithm and its parameters. The defaults are the original's TD3 (docs/original-system.md,
 /// sections 3.1 and 3.2).
 struct LearnerConfig {
   std::string algorithm = "td3";
-  std::string device = "auto";
+  DeviceChoice device = DeviceChoice::kAuto;
   double actor_learning_rate = 1e-5;
   double critic_learning_rate = 2e-5;
   double final_learning_rate_fraction = 1.0;
@@ -69,8 +73,7 @@ struct LearnerConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("algorithm", algorithm, AlgorithmChoices(), "", "The update rule (docs/algorithms.md).");
-    v("device", device, base::OneOf{"auto", "cpu", "cuda"}, "",
-      "Where the learner computes. auto: on a GPU if LibTorch finds one.");
+    v("device", device, "Where the learner computes. auto: on a GPU if LibTorch finds one.");
     v("actor_learning_rate", actor_learning_rate, base::Range{0.0, 1.0}, "",
       "Adam's learning rate for the actor.");
     v("critic_learning_rate", critic_learning_rate, base::Range{0.0, 1.0}, "",
@@ -132,10 +135,14 @@ struct LearnerConfig {
   }
 };
 
+/// How the multiplier of the constraint is set.
+enum class ConstraintKind { kNone, kLagrangian, kFixed };
+inline base::OneOf EnumNames(ConstraintKind) { return {"none", "lagrangian", "fixed"}; }
+
 /// A constraint on how often the robot collides (the paper's section on safe RL;
 /// docs/original-system.md, section 4).
 struct ConstraintConfig {
-  std::string kind = "none";
+  ConstraintKind kind = ConstraintKind::kNone;
   double limit = 0.1;
   double multiplier = 0.0;
   double multiplier_max = 100.0;
@@ -146,7 +153,7 @@ struct ConstraintConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("kind", kind, base::OneOf{"none", "lagrangian", "fixed"}, "",
+    v("kind", kind,
       "none: no constraint. lagrangian: a multiplier that rises while the policy collides more "
       "often than the limit (dual ascent). fixed: a constant multiplier, as in the original's "
       "code.");

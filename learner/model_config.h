@@ -1,11 +1,14 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
 #include "base/config_field.h"
 
 namespace slalom::learner {
+
+/// How the error of the next frame is taken over its features.
+enum class StateLoss { kSum, kMean };
+inline base::OneOf EnumNames(StateLoss) { return {"sum", "mean"}; }
 
 /// How a transition model is trained. The defaults are the original's (docs/original-system.md,
 /// section 5), except for `held_out`.
@@ -14,7 +17,7 @@ struct ModelTrainingConfig {
   double weight_decay = 0.0;
   int batch_size = 128;
   int updates_per_update = 5;
-  std::string state_loss = "sum";
+  StateLoss state_loss = StateLoss::kSum;
   double held_out = 0.05;
   int elites = 0;
 
@@ -28,7 +31,7 @@ struct ModelTrainingConfig {
     v("batch_size", batch_size, base::Range{1, 65536}, "", "Transitions per update of the model.");
     v("updates_per_update", updates_per_update, base::Range{1, 1000}, "",
       "Updates of the model per update of the policy.");
-    v("state_loss", state_loss, base::OneOf{"sum", "mean"}, "",
+    v("state_loss", state_loss,
       "Whether the error of the next frame is summed or averaged over its features. The "
       "original's: sum if probabilistic, mean if deterministic.");
     v("held_out", held_out, base::Range{0.0, 0.5}, "",
@@ -38,10 +41,14 @@ struct ModelTrainingConfig {
   }
 };
 
+/// How the policy learns from a model's rollouts.
+enum class ImaginationKind { kNone, kDyna, kMbpo };
+inline base::OneOf EnumNames(ImaginationKind) { return {"none", "dyna", "mbpo"}; }
+
 /// How the policy learns from a transition model's rollouts. The defaults are the original's Dyna
 /// (docs/original-system.md, section 5.2) without its faults.
 struct ImaginationConfig {
-  std::string kind = "none";
+  ImaginationKind kind = ImaginationKind::kNone;
   int imagined_batches = 10;
   int rollout_steps = 4;
   double noise = 0.1;
@@ -56,7 +63,7 @@ struct ImaginationConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("kind", kind, base::OneOf{"none", "dyna", "mbpo"}, "",
+    v("kind", kind,
       "none: nothing is imagined. dyna: updates from n-step transitions that are imagined from "
       "replayed states. mbpo: rollouts that branch off replayed states fill a buffer of one-step "
       "transitions (docs/models.md).");

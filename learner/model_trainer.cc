@@ -139,7 +139,7 @@ void ModelTrainer::Load(const replay::SampledRows& rows) {
 void ModelTrainer::Update() {
   const int updates = config_.updates_per_update;
   const double state_scale =
-      config_.state_loss == "sum" ? 1.0 : 1.0 / static_cast<double>(shape_.num_predicted);
+      config_.state_loss == StateLoss::kSum ? 1.0 : 1.0 / static_cast<double>(shape_.num_predicted);
   for (int u = 0; u < updates; ++u) {
     nn::ModelPass& pass = passes_[u];
     ModelTargets& targets = targets_[u];

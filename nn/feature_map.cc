@@ -57,7 +57,7 @@ FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& co
       num_ranges_(config.sectors == 0 ? spec.num_beams : config.sectors),
       beams_per_range_(spec.num_beams / num_ranges_),
       goal_scale_(static_cast<float>(spec.goal_scale)),
-      goal_y_offset_(config.goal_transform == "centred" ? 0.0f : 1.0f) {
+      goal_y_offset_(config.goal_transform == GoalTransform::kCentred ? 0.0f : 1.0f) {
   if (beams_per_range_ < 1 || beams_per_range_ * num_ranges_ != num_beams_) {
     throw base::Error(
         fmt::format("network.sectors: found {}, expected 0 or a divisor of the {} beams of a scan",
@@ -67,8 +67,9 @@ FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& co
   table_.resize(static_cast<std::size_t>(std::ceil(clip_cm)) + 1);
   for (std::size_t cm = 0; cm < table_.size(); ++cm) {
     const float range_cm = std::min(static_cast<float>(cm), clip_cm);
-    table_[cm] = config.range_transform == "inverse" ? 0.6f / (range_cm * 0.01f + 0.2f) - 0.8f
-                                                     : range_cm * (2.0f / clip_cm) - 1.0f;
+    table_[cm] = config.range_transform == RangeTransform::kInverse
+                     ? 0.6f / (range_cm * 0.01f + 0.2f) - 0.8f
+                     : range_cm * (2.0f / clip_cm) - 1.0f;
   }
 }
 

@@ -13,22 +13,22 @@ namespace slalom::nn {
 namespace {
 
 void RequireConsistent(const TransitionModelConfig& config, const NetworkConfig& network) {
-  if (config.log_std == "bounded" && config.log_std_min >= config.log_std_max) {
+  if (config.log_std == LogStdBounds::kBounded && config.log_std_min >= config.log_std_max) {
     throw base::Error(fmt::format("model.log_std_min is {}, expected less than log_std_max = {}",
                                   config.log_std_min, config.log_std_max));
   }
   if (!config.bound_ranges) return;
-  if (config.targets != "absolute") {
+  if (config.targets != ModelTargets::kAbsolute) {
     throw base::Error(
         fmt::format("model.bound_ranges is true, expected model.targets = \"absolute\", found "
                     "\"{}\": a change of range is not bounded by -1 and 1",
-                    config.targets));
+                    base::EnumName(config.targets)));
   }
-  if (network.range_transform != "linear") {
+  if (network.range_transform != RangeTransform::kLinear) {
     throw base::Error(
         fmt::format("model.bound_ranges is true, expected network.range_transform = \"linear\", "
                     "found \"{}\", whose features go beyond 1",
-                    network.range_transform));
+                    base::EnumName(network.range_transform)));
   }
 }
 
@@ -41,32 +41,32 @@ std::int64_t ModelShape::num_parameters() const { return ensemble * num_member_p
 ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConfig& network,
                           int frame_size, const env::ObservationSpec& observation,
                           const GoalRule& goal) {
-  SLALOM_CHECK(config.kind != "none");
+  SLALOM_CHECK(config.kind != ModelKind::kNone);
   RequireConsistent(config, network);
   ModelShape shape;
   shape.ensemble = config.ensemble;
   shape.num_ranges = frame_size - env::kStateSize;
   shape.num_predicted = config.predict_last_action ? frame_size : frame_size - env::kActionSize;
-  shape.probabilistic = config.kind == "probabilistic";
-  shape.difference = config.targets == "difference";
+  shape.probabilistic = config.kind == ModelKind::kProbabilistic;
+  shape.difference = config.targets == ModelTargets::kDifference;
   shape.bound_ranges = config.bound_ranges;
-  const bool published = config.log_std == "published";
+  const bool published = config.log_std == LogStdBounds::kPublished;
   shape.num_bounded = published ? shape.num_ranges : shape.num_predicted;
   shape.log_std_min = published ? -1.0f : static_cast<float>(config.log_std_min);
   shape.log_std_max = published ? 1.0f : static_cast<float>(config.log_std_max);
   // What FeatureMap's transforms give for ranges of the clip and of 0.
-  const bool inverse = network.range_transform == "inverse";
+  const bool inverse = network.range_transform == RangeTransform::kInverse;
   shape.range_low =
       inverse ? 0.6f / (static_cast<float>(observation.range_clip) + 0.2f) - 0.8f : -1.0f;
   shape.range_high = inverse ? 2.2f : 1.0f;
-  if (config.success == "known") {
+  if (config.success == ModelSuccess::kKnown) {
     if (goal.radius <= 0.0) {
       throw base::Error(
           "model.success is \"known\", expected a radius of the goal above 0 beside it");
     }
     const auto radius = static_cast<float>(goal.radius / observation.goal_scale);
     shape.squared_goal_radius = radius * radius;
-    shape.goal_y_offset = network.goal_transform == "centred" ? 0.0f : 1.0f;
+    shape.goal_y_offset = network.goal_transform == GoalTransform::kCentred ? 0.0f : 1.0f;
     shape.goal_reward = static_cast<float>(goal.reward);
   }
 

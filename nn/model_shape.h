@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "base/config_field.h"
@@ -14,28 +13,44 @@
 
 namespace slalom::nn {
 
+/// What a transition model predicts.
+enum class ModelKind { kNone, kDeterministic, kProbabilistic };
+inline base::OneOf EnumNames(ModelKind) { return {"none", "deterministic", "probabilistic"}; }
+
+/// What the network of a transition model computes.
+enum class ModelTargets { kDifference, kAbsolute };
+inline base::OneOf EnumNames(ModelTargets) { return {"difference", "absolute"}; }
+
+/// How the logarithms of a model's standard deviations are bounded.
+enum class LogStdBounds { kBounded, kPublished };
+inline base::OneOf EnumNames(LogStdBounds) { return {"bounded", "published"}; }
+
+/// How an imagined episode ends in success.
+enum class ModelSuccess { kLearned, kKnown };
+inline base::OneOf EnumNames(ModelSuccess) { return {"learned", "known"}; }
+
 /// What a transition model is (docs/original-system.md, section 5.1; docs/models.md), whose
 /// networks read frames by the encoder of the actor and critics. Part of a policy that carries one.
 struct TransitionModelConfig {
-  std::string kind = "none";
-  std::string targets = "difference";
+  ModelKind kind = ModelKind::kNone;
+  ModelTargets targets = ModelTargets::kDifference;
   int ensemble = 1;
   std::vector<int> encoder_layers = {512, 512};
   std::vector<int> head_layers = {512, 512};
   bool layer_norm = false;
-  std::string log_std = "bounded";
+  LogStdBounds log_std = LogStdBounds::kBounded;
   double log_std_min = -5.0;
   double log_std_max = 1.0;
   bool bound_ranges = false;
   bool predict_last_action = false;
-  std::string success = "learned";
+  ModelSuccess success = ModelSuccess::kLearned;
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("kind", kind, base::OneOf{"none", "deterministic", "probabilistic"}, "",
+    v("kind", kind,
       "What the model predicts. none: there is no model. deterministic: the next frame. "
       "probabilistic: mean and standard deviation of each number of the next frame.");
-    v("targets", targets, base::OneOf{"difference", "absolute"}, "",
+    v("targets", targets,
       "What the network computes: the change from the newest frame to the next, or the next frame "
       "itself.");
     v("ensemble", ensemble, base::Range{1, 64}, "",
@@ -45,7 +60,7 @@ struct TransitionModelConfig {
     v("head_layers", head_layers, base::Range{1, 8192}, "",
       "Widths of the layers after the action has entered; [] for none.");
     v("layer_norm", layer_norm, "LayerNorm before each ReLU.");
-    v("log_std", log_std, base::OneOf{"bounded", "published"}, "",
+    v("log_std", log_std,
       "How the logarithms of the standard deviations are bounded. bounded: all lie between "
       "log_std_min and log_std_max, smoothly. published: those of the ranges go through tanh, the "
       "others have no bound.");
@@ -58,7 +73,7 @@ struct TransitionModelConfig {
       "are clipped to the values that a range can have.");
     v("predict_last_action", predict_last_action,
       "Predict the next frame's last action, too, as published, although it is known.");
-    v("success", success, base::OneOf{"learned", "known"}, "",
+    v("success", success,
       "How an imagined episode ends in success. learned: the heads for reward and termination "
       "predict it, as in the paper. known: it ends so if the predicted goal lies within "
       "environment.episode.goal_tolerance; the heads predict the rest.");

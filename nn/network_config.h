@@ -1,12 +1,27 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "base/check.h"
 #include "base/config_field.h"
 
 namespace slalom::nn {
+
+/// What `network.encoder` names.
+enum class EncoderFamily { kMlp, kCnn, kGru, kTransformer };
+inline base::OneOf EnumNames(EncoderFamily) { return {"mlp", "cnn", "gru", "transformer"}; }
+
+/// The axis along which a cnn convolves.
+enum class CnnAxis { kTime, kBeams };
+inline base::OneOf EnumNames(CnnAxis) { return {"time", "beams"}; }
+
+/// How a range is scaled.
+enum class RangeTransform { kLinear, kInverse };
+inline base::OneOf EnumNames(RangeTransform) { return {"linear", "inverse"}; }
+
+/// How the goal's coordinates are scaled.
+enum class GoalTransform { kLinear, kCentred };
+inline base::OneOf EnumNames(GoalTransform) { return {"linear", "centred"}; }
 
 /// What an actor or a critic is made of. The defaults are the paper's (docs/original-system.md,
 /// section 3.3). Part of every saved policy.
@@ -15,28 +30,27 @@ namespace slalom::nn {
 /// -> head -> 1; without encoder layers the action stands beside the input itself. docs/networks.md
 /// has the encoders' formulas. What makes no network is refused by `CheckNetwork`.
 struct NetworkConfig {
-  std::string encoder = "mlp";
+  EncoderFamily encoder = EncoderFamily::kMlp;
   std::vector<int> encoder_layers = {512, 512};
-  std::string cnn_axis = "time";
+  CnnAxis cnn_axis = CnnAxis::kTime;
   int attention_heads = 8;
   double dropout = 0.0;
   bool dropout_everywhere = false;
   std::vector<int> head_layers = {512, 512};
   int history = 1;
   int sectors = 0;
-  std::string range_transform = "linear";
-  std::string goal_transform = "linear";
+  RangeTransform range_transform = RangeTransform::kLinear;
+  GoalTransform goal_transform = GoalTransform::kLinear;
   bool layer_norm = false;
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("encoder", encoder, base::OneOf{"mlp", "cnn", "gru", "transformer"}, "",
-      "The network that reads the observed frames (docs/networks.md).");
+    v("encoder", encoder, "The network that reads the observed frames (docs/networks.md).");
     v("encoder_layers", encoder_layers, base::Range{1, 8192}, "",
       "Widths of the encoder's layers. mlp: ReLU layers, [] for none. cnn: two convolutions over "
       "time, or convolutions over beams and a last layer. gru: one width per layer. transformer: "
       "one width per block, all equal.");
-    v("cnn_axis", cnn_axis, base::OneOf{"time", "beams"}, "",
+    v("cnn_axis", cnn_axis,
       "The axis along which a cnn convolves: time, as in the paper, or the beams.");
     v("attention_heads", attention_heads, base::Range{1, 256}, "",
       "Attention heads of a transformer; must divide its width.");
@@ -52,10 +66,10 @@ struct NetworkConfig {
     v("sectors", sectors, base::Range{0, 4096}, "",
       "Sectors into which a scan is divided; the networks see the nearest range of each. Must "
       "divide the number of beams. 0: they see every beam.");
-    v("range_transform", range_transform, base::OneOf{"linear", "inverse"}, "",
+    v("range_transform", range_transform,
       "How a range r in metres is scaled. linear: from -1 at 0 to +1 at range_clip, as it is "
       "observed. inverse: 0.6 / (r + 0.2) - 0.8, which resolves near ranges more finely.");
-    v("goal_transform", goal_transform, base::OneOf{"linear", "centred"}, "",
+    v("goal_transform", goal_transform,
       "How the goal's coordinates are scaled. linear: x / goal_scale - 1 and y / goal_scale - 1, "
       "as they are observed. centred: x / goal_scale - 1 and y / goal_scale, so that left and "
       "right are mirror images.");
@@ -76,14 +90,18 @@ enum class EncoderKind {
   kTransformer,
 };
 
-/// The encoder that the texts of a config name. Requires: texts that `Visit` lists.
-inline EncoderKind ParseEncoder(const NetworkConfig& config) {
-  if (config.encoder == "gru") return EncoderKind::kGru;
-  if (config.encoder == "transformer") return EncoderKind::kTransformer;
-  if (config.encoder == "cnn") {
-    return config.cnn_axis == "beams" ? EncoderKind::kBeamCnn : EncoderKind::kTimeCnn;
+/// The encoder that a config names.
+inline EncoderKind EncoderOf(const NetworkConfig& config) {
+  switch (config.encoder) {
+    case EncoderFamily::kMlp:
+      break;
+    case EncoderFamily::kCnn:
+      return config.cnn_axis == CnnAxis::kBeams ? EncoderKind::kBeamCnn : EncoderKind::kTimeCnn;
+    case EncoderFamily::kGru:
+      return EncoderKind::kGru;
+    case EncoderFamily::kTransformer:
+      return EncoderKind::kTransformer;
   }
-  SLALOM_CHECK(config.encoder == "mlp");
   return EncoderKind::kMlp;
 }
 

@@ -10,7 +10,7 @@ NetworkShape BodyShape(const NetworkConfig& config, int frame_size, int num_outp
   CheckNetwork(config);
   NetworkShape shape;
   shape.config = config;
-  shape.encoder = ParseEncoder(config);
+  shape.encoder = EncoderOf(config);
   shape.frame_size = frame_size;
   if (shape.has_encoder()) {
     EncoderSlots(config, frame_size);  // Throws where the frames are too small for it.

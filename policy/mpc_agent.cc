@@ -30,14 +30,13 @@ int NumBest(const MpcConfig& config) {
 }
 
 const PolicySnapshot& Checked(const MpcConfig& config, const PolicySnapshot& snapshot) {
-  if (config.update == "cem" && NumBest(config) < 2) {
+  if (config.update == PlanUpdate::kCem && NumBest(config) < 2) {
     throw base::Error(
         fmt::format("mpc.elite_fraction is {} of mpc.samples = {}, expected at least 2 sequences "
                     "among the best",
                     config.elite_fraction, config.samples));
   }
-  const std::string& kind = snapshot.spec.planning.model.kind;
-  if (kind == "none" || !snapshot.model_weights || !snapshot.critic_weights) {
+  if (!snapshot.spec.planning.is_carried() || !snapshot.model_weights || !snapshot.critic_weights) {
     throw base::Error(
         "mpc.enabled is true, but the policy carries no transition model and critic; expected one "
         "trained with model.kind = \"deterministic\" or \"probabilistic\"");
@@ -184,9 +183,9 @@ struct MpcAgent::Planner {
   }
 
   /// CEM: the plan's deviation follows from the best, too.
-  bool refits() const { return config.update == "cem"; }
+  bool refits() const { return config.update == PlanUpdate::kCem; }
   /// The plan's first action is that of one sequence, not of the mean.
-  bool draws() const { return config.update == "sample"; }
+  bool draws() const { return config.update == PlanUpdate::kSample; }
   float noise() const { return static_cast<float>(config.noise); }
 
   const MpcConfig config;

@@ -1,11 +1,14 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 
 #include "base/config_field.h"
 
 namespace slalom::policy {
+
+/// How the sampled action sequences make a plan.
+enum class PlanUpdate { kMppi, kCem, kSample };
+inline base::OneOf EnumNames(PlanUpdate) { return {"mppi", "cem", "sample"}; }
 
 /// How an agent plans. The defaults are those of the paper's experiments (docs/original-system.md,
 /// section 5.2), done right.
@@ -15,7 +18,7 @@ struct MpcConfig {
   int samples = 256;
   int iterations = 1;
   double noise = 0.1;
-  std::string update = "mppi";
+  PlanUpdate update = PlanUpdate::kMppi;
   double temperature = 0.1;
   double elite_fraction = 0.1;
   bool model_noise = false;
@@ -34,7 +37,7 @@ struct MpcConfig {
       "Rounds of sampling; those after the first sample around the plan so far.");
     v("noise", noise, base::Range{0.0, 10.0}, "",
       "Standard deviation of the noise on the policy's normalised actions.");
-    v("update", update, base::OneOf{"mppi", "cem", "sample"}, "",
+    v("update", update,
       "How the samples make a plan. mppi: their mean, weighted by the exponential of the return. "
       "cem: mean and standard deviation of the best. sample: one of them, drawn with mppi's "
       "weights, as published.");

@@ -19,17 +19,21 @@
 
 namespace slalom::policy {
 
+/// What a policy's outputs are the parameters of.
+enum class DistributionKind { kDeterministic, kGaussian };
+inline base::OneOf EnumNames(DistributionKind) { return {"deterministic", "gaussian"}; }
+
 /// How a policy's outputs become an action. A value.
 ///
 /// deterministic: a = tanh(x) of 2 outputs. gaussian: a = tanh(mean + std * noise) of 4 outputs,
 /// the means and what the deviations come of; its mode, tanh(mean), drives where nothing is to be
 /// explored.
 struct ActionDistribution {
-  std::string kind = "deterministic";
+  DistributionKind kind = DistributionKind::kDeterministic;
   double log_std_min = 0.0;  ///< Of a gaussian.
   double log_std_max = 0.0;
 
-  bool is_deterministic() const { return kind == "deterministic"; }
+  bool is_deterministic() const { return kind == DistributionKind::kDeterministic; }
   int num_outputs() const { return is_deterministic() ? 2 : 4; }
   /// Logarithm of the standard deviation, from the network's output x: between the bounds by
   /// tanh(x) (docs/original-system.md, section 3.2).
@@ -40,7 +44,7 @@ struct ActionDistribution {
 
   template <class Visitor>
   void Visit(Visitor& v) {
-    v("kind", kind, base::OneOf{"deterministic", "gaussian"});
+    v("kind", kind);
     v("log_std_min", log_std_min, base::Range{-20.0, 5.0});
     v("log_std_max", log_std_max, base::Range{-20.0, 5.0});
   }
@@ -63,7 +67,7 @@ struct PlanningSpec {
     model.Visit(v);
   }
 
-  bool is_carried() const { return model.kind != "none"; }
+  bool is_carried() const { return model.kind != nn::ModelKind::kNone; }
   friend bool operator==(const PlanningSpec&, const PlanningSpec&) = default;
 };
 

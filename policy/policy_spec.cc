@@ -22,13 +22,22 @@ using nlohmann::json;
 
 constexpr std::size_t kMaxLayers = 64;  // Of encoder and of head.
 
+template <class T>
+json ToJson(const T& value) {
+  return value;
+}
+template <base::NamedEnum E>
+json ToJson(const E& value) {
+  return base::EnumName(value);
+}
+
 /// Writes the fields of a config struct as JSON.
 class JsonWriter {
  public:
   explicit JsonWriter(json& object) : object_(object) {}
   template <class T, class... Rest>
   void operator()(const char* key, T& value, const Rest&...) {
-    object_[key] = value;
+    object_[key] = ToJson(value);
   }
 
  private:
@@ -66,6 +75,13 @@ class JsonReader {
       Fail(key, found, fmt::format("{}", fmt::join(texts.choices, " or ")));
     }
     value = found.get<std::string>();
+  }
+  template <base::NamedEnum E, class... Rest>
+  void operator()(const char* key, E& value, const Rest&...) {
+    const json& found = At(key);
+    if (!found.is_string() || !base::ParseEnum(found.get<std::string>(), value)) {
+      Fail(key, found, fmt::format("{}", fmt::join(EnumNames(value).choices, " or ")));
+    }
   }
   template <class... Rest>
   void operator()(const char* key, std::vector<int>& value, base::Range range, const Rest&...) {
@@ -128,7 +144,7 @@ class FieldLister {
   FieldLister(const char* section, Fields& fields) : section_(section), fields_(fields) {}
   template <class T, class... Rest>
   void operator()(const char* key, T& value, const Rest&...) {
-    fields_.emplace_back(fmt::format("{}.{}", section_, key), json(value).dump());
+    fields_.emplace_back(fmt::format("{}.{}", section_, key), ToJson(value).dump());
   }
 
  private:

@@ -8,6 +8,10 @@
 
 namespace slalom::run {
 
+/// What stays of the checkpoints of a finished run.
+enum class KeepCheckpoints { kNewest, kAll, kNone };
+inline base::OneOf EnumNames(KeepCheckpoints) { return {"newest", "all", "none"}; }
+
 /// How long a run is, what it keeps, and how simulation and learning share the time.
 struct RunSettings {
   std::string name = "run";
@@ -23,7 +27,7 @@ struct RunSettings {
   double log_interval = 1.0;
   double checkpoint_seconds = 60.0;
   std::int64_t checkpoint_steps = 0;
-  std::string keep_checkpoints = "newest";
+  KeepCheckpoints keep_checkpoints = KeepCheckpoints::kNewest;
   std::vector<double> snapshot_seconds;
   std::vector<int> snapshot_steps;
 
@@ -57,7 +61,7 @@ struct RunSettings {
       "instead.");
     v("checkpoint_steps", checkpoint_steps, base::Range{0, 1.0e12}, "",
       "Environment steps between checkpoints. 0: only checkpoint_seconds counts.");
-    v("keep_checkpoints", keep_checkpoints, base::OneOf{"newest", "all", "none"}, "",
+    v("keep_checkpoints", keep_checkpoints,
       "What stays in checkpoints/ when the run has finished. newest: the newest checkpoint and its "
       "replay data, which a run that is resumed with a larger limit needs. all: both checkpoints. "
       "none: no checkpoint, so that the run cannot be resumed.");

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "base/config_field.h"
 #include "env/action.h"
 #include "env/observation.h"
@@ -11,13 +9,17 @@
 
 namespace slalom::sim {
 
+/// How the wheels move the body.
+enum class DriveKind { kSkidSteer, kIdeal };
+inline base::OneOf EnumNames(DriveKind) { return {"skid-steer", "ideal"}; }
+
 /// The body and its drive.
 struct RobotConfig {
   double length = 0.458;
   double width = 0.416;
   double mass = 16.523 + 4 * 0.477;
   double yaw_inertia = 0.5537;
-  std::string drive = "skid-steer";
+  DriveKind drive = DriveKind::kSkidSteer;
   double wheel_base = 0.262;
   double track = 0.37559;
   double wheel_separation_multiplier = 1.5;
@@ -42,7 +44,7 @@ struct RobotConfig {
     v("mass", mass, base::Range{0.1, 1000.0}, "kg", "Mass of chassis and wheels.");
     v("yaw_inertia", yaw_inertia, base::Range{0.001, 1000.0}, "kg m^2",
       "Moment of inertia of chassis and wheels about the vertical.");
-    v("drive", drive, base::OneOf{"skid-steer", "ideal"}, "",
+    v("drive", drive,
       "How the wheels move the body: four wheels that slip, with dry friction (skid-steer), or "
       "without any slip (ideal).");
     v("wheel_base", wheel_base, base::Range{0.01, 2.0}, "m",

@@ -17,8 +17,9 @@ constexpr float kTravel = 0.5f;            // More than the robot drives in a co
 Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
     : footprint_(MakeFootprint(config)),
       dt_(1.0 / config.control_rate),
-      skid_steering_(config.drive == "skid-steer" ? std::optional<SkidSteering>({config, dt_})
-                                                  : std::nullopt),
+      skid_steering_(config.drive == DriveKind::kSkidSteer
+                         ? std::optional<SkidSteering>({config, dt_})
+                         : std::nullopt),
       max_speed_step_(config.linear_acceleration * dt_),
       max_yaw_rate_step_(config.angular_acceleration * dt_),
       linear_limit_(config.linear_speed_limit),

@@ -120,7 +120,8 @@ class Expansion {
     }
     // What the sweep itself decides.
     config.run.name = "run";
-    config.run.keep_checkpoints = "newest";  // The runner removes it in the end.
+    // The runner removes it in the end.
+    config.run.keep_checkpoints = run::KeepCheckpoints::kNewest;
     return config;
   }
 
@@ -277,7 +278,7 @@ class Expansion {
     if constexpr (kIsPolicy) {
       if (score.courses == "training") base.courses = task.courses.train;
       if (score.planning) task.mpc.enabled = true;
-      if (task.mpc.enabled && task.method.model.kind == "none") {
+      if (task.mpc.enabled && task.method.model.kind == nn::ModelKind::kNone) {
         Fail(who,
              "planning needs a transition model, expected model.kind = \"deterministic\" or "
              "\"probabilistic\" in the training");

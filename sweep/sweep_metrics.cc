@@ -52,19 +52,21 @@ std::string MethodName(const Cell& cell) {
   if (!cell.config) return cell.planner;
   const learner::MethodConfig& method = cell.config->method;
   std::string name = method.learner.algorithm;
-  if (method.constraint.kind != "none") name += "-" + method.constraint.kind;
-  if (method.imagination.kind != "none") name += "-" + method.imagination.kind;
+  const bool is_constrained = method.constraint.kind != learner::ConstraintKind::kNone;
+  if (is_constrained) name += fmt::format("-{}", base::EnumName(method.constraint.kind));
+  const bool imagines = method.imagination.kind != learner::ImaginationKind::kNone;
+  if (imagines) name += fmt::format("-{}", base::EnumName(method.imagination.kind));
   if (cell.config->mpc.enabled) name += "-mpc";
-  const bool model_is_used = method.imagination.kind != "none" || cell.config->mpc.enabled;
-  if (method.model.kind != "none" && !model_is_used) name += "-model";
+  const bool model_is_used = imagines || cell.config->mpc.enabled;
+  if (method.model.kind != nn::ModelKind::kNone && !model_is_used) name += "-model";
   return name;
 }
 
 std::string NetworkName(const Cell& cell) {
   if (!cell.config) return "none";
   const nn::NetworkConfig& network = cell.config->network;
-  return network.history == 1 ? network.encoder
-                              : fmt::format("{}-h{}", network.encoder, network.history);
+  const std::string encoder(base::EnumName(network.encoder));
+  return network.history == 1 ? encoder : fmt::format("{}-h{}", encoder, network.history);
 }
 
 SweepMetrics::SweepMetrics(const Plan& plan, Cells cells, fs::path store,

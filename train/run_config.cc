@@ -88,21 +88,22 @@ int BatchesPerUpdate(const RunConfig& config) {
 }
 
 void RequireCombination(const RunConfig& config) {
-  if (config.method.constraint.kind != "none" && !config.environment.episode.collision_ends) {
+  if (config.method.constraint.kind != learner::ConstraintKind::kNone &&
+      !config.environment.episode.collision_ends) {
     throw base::Error(fmt::format(
         "constraint.kind is \"{}\", expected \"none\" where environment.episode.collision_ends is "
         "false: the constraint counts episodes that a collision ended",
-        config.method.constraint.kind));
+        base::EnumName(config.method.constraint.kind)));
   }
   if (config.mpc.enabled) RequireNoConstraint(config);
 }
 
 void RequireNoConstraint(const RunConfig& config) {
-  if (config.method.constraint.kind == "none") return;
+  if (config.method.constraint.kind == learner::ConstraintKind::kNone) return;
   throw base::Error(fmt::format(
       "mpc.enabled is true, expected constraint.kind = \"none\", found \"{}\": a plan is weighed "
       "by its rewards alone, as a model predicts no cost",
-      config.method.constraint.kind));
+      base::EnumName(config.method.constraint.kind)));
 }
 
 void RequireServable(const RunConfig& config) {

@@ -63,9 +63,11 @@ Trainer::~Trainer() = default;
 
 TrainingEnd Trainer::Run(std::stop_token stop) {
   const TrainingEnd end = loop_.Run(stop);
-  const std::string& kept = config_.run.keep_checkpoints;
+  const run::KeepCheckpoints kept = config_.run.keep_checkpoints;
   const bool is_finished = end == TrainingEnd::kFinished || end == TrainingEnd::kWasFinished;
-  if (is_finished && kept != "all") loop_.KeepCheckpoints(kept == "newest" ? 1 : 0);
+  if (is_finished && kept != run::KeepCheckpoints::kAll) {
+    loop_.KeepCheckpoints(kept == run::KeepCheckpoints::kNewest ? 1 : 0);
+  }
   return end;
 }
 

@@ -135,12 +135,12 @@ TEST(Actor, ExploresByTheAgentsOwnDistribution) {
 TEST(SpreadNoise, SpreadsAndRefuses) {
   ActorConfig config;
   EXPECT_EQ(SpreadNoise(config, 3), (std::vector<double>{0.1, 0.1, 0.1}));
-  config.noise_spread = "linear";
+  config.noise_spread = NoiseSpread::kLinear;
   config.noise_min = 0.0;
   config.noise_max = 0.5;
   EXPECT_EQ(SpreadNoise(config, 3), (std::vector<double>{0.0, 0.25, 0.5}));
   EXPECT_EQ(SpreadNoise(config, 1), (std::vector<double>{0.0}));
-  config.noise_spread = "geometric";
+  config.noise_spread = NoiseSpread::kGeometric;
   EXPECT_THROW((void)SpreadNoise(config, 3), base::Error);
   config.noise_min = 0.6;
   EXPECT_THROW((void)SpreadNoise(config, 3), base::Error);

@@ -22,14 +22,19 @@ using testing::EndsWith;
 using testing::HasSubstr;
 using testing::StartsWith;
 
+enum class Gear { kFirst, kSecond, kReverse };
+base::OneOf EnumNames(Gear) { return {"first", "second", "reverse"}; }
+
 struct Inner {
   double speed = 1.5;
   std::string kind = "fast";
+  Gear gear = Gear::kSecond;
 
   template <class Visitor>
   void Visit(Visitor& v) {
     v("speed", speed, base::Range{-10.0, 1e300}, "m/s", "How fast.");
     v("kind", kind, base::OneOf{"fast", "slow"}, "", "What kind.");
+    v("gear", gear, "Which gear.");
   }
 };
 
@@ -102,6 +107,7 @@ TEST(ConfigTest, WhatIsPrintedReadsBackToTheSameValues) {
     for (double& weight : config.weights) weight = RandomDouble(random);
     config.inner.speed = std::abs(RandomDouble(random));
     config.inner.kind = random.UniformInt(2) == 1 ? "fast" : "slow";
+    config.inner.gear = static_cast<Gear>(random.UniformInt(3));
     const std::string text = ToToml(config);
     const auto back = FromToml<Outer>(text, "printed");
     ASSERT_EQ(ToToml(back), text);
@@ -113,6 +119,7 @@ TEST(ConfigTest, WhatIsPrintedReadsBackToTheSameValues) {
     ASSERT_EQ(back.weights, config.weights);
     ASSERT_EQ(back.inner.speed, config.inner.speed);
     ASSERT_EQ(back.inner.kind, config.inner.kind);
+    ASSERT_EQ(back.inner.gear, config.inner.gear);
   }
 }
 
@@ -136,6 +143,10 @@ TEST(ConfigTest, ErrorsNameFileLineKeyFoundAndExpected) {
   EXPECT_THAT(
       ErrorOf("[inner]\n\nkind = 'slwo'"),
       AllOf(StartsWith("run.toml:3: "), HasSubstr("'slwo'"), HasSubstr("one of 'fast', 'slow'")));
+  EXPECT_THAT(ErrorOf("[inner]\n\ngear = 'third'"),
+              AllOf(StartsWith("run.toml:3: "), HasSubstr("inner.gear is 'third', expected one of "
+                                                          "'first', 'second', 'reverse'")));
+  EXPECT_THAT(ErrorOf("[inner]\ngear = 1"), HasSubstr("gear is 1, expected one of 'first'"));
   EXPECT_THAT(ErrorOf("[inner]\nspeed = nan"), HasSubstr("expected a number"));
   EXPECT_THAT(ErrorOf("[inner]\nspeed = inf"), HasSubstr("expected a number"));
   EXPECT_THAT(ErrorOf("[inner]\nspeed = -11"), HasSubstr("m/s"));
@@ -162,12 +173,14 @@ TEST(ConfigTest, OverridesTakeTomlOrBareWords) {
   ApplyOverride("flag=true", list);
   ApplyOverride("name=plain words", list);
   ApplyOverride("inner.kind=slow", list);
+  ApplyOverride("inner.gear=reverse", list);
   ApplyOverride("inner.speed=2", list);
   ApplyOverride("sizes=[4, 5]", list);
   EXPECT_EQ(config.count, -5);
   EXPECT_TRUE(config.flag);
   EXPECT_EQ(config.name, "plain words");
   EXPECT_EQ(config.inner.kind, "slow");
+  EXPECT_EQ(config.inner.gear, Gear::kReverse);
   EXPECT_EQ(config.inner.speed, 2.0);
   EXPECT_THAT(config.sizes, ElementsAre(4, 5));
   // A text that looks like something else is still a text.
@@ -186,6 +199,7 @@ TEST(ConfigTest, OverrideErrorsNameTheOverride) {
   EXPECT_THAT(OverrideErrorOf("count"), HasSubstr("expected KEY=VALUE"));
   EXPECT_THAT(OverrideErrorOf("=1"), HasSubstr("expected KEY=VALUE"));
   EXPECT_THAT(OverrideErrorOf("count=many"), HasSubstr("expected an integer"));
+  EXPECT_THAT(OverrideErrorOf("inner.gear=1"), HasSubstr("gear is '1', expected one of 'first'"));
   EXPECT_THAT(OverrideErrorOf("inner=1"), Not(testing::IsEmpty()));
 }
 
@@ -252,12 +266,14 @@ TEST(ConfigPrintTest, MarkdownHoldsEveryField) {
   EXPECT_THAT(page, HasSubstr("## `[inner]`"));
   EXPECT_THAT(page, HasSubstr("| `speed` | `1.5` | -10 to 1e+300 | m/s | How fast. |"));
   EXPECT_THAT(page, HasSubstr("`fast`, `slow`"));
+  EXPECT_THAT(page, HasSubstr("| `gear` | `\"second\"` | `first`, `second`, `reverse` |  | "
+                              "Which gear. |"));
 }
 
 TEST(ConfigPrintTest, SectionsFollowTheirFields) {
   const std::string text = ToToml(Outer{});
   EXPECT_THAT(text, StartsWith("flag = false\ncount = 3\n"));
-  EXPECT_THAT(text, EndsWith("[inner]\nspeed = 1.5\nkind = \"fast\"\n"));
+  EXPECT_THAT(text, EndsWith("[inner]\nspeed = 1.5\nkind = \"fast\"\ngear = \"second\"\n"));
 }
 
 class FilesTest : public testing::Test {

@@ -33,7 +33,10 @@ struct Fixture {
 };
 
 TEST(Constraint, MultiplierAscendsByTheViolationOfEveryEpisode) {
-  Fixture f({.kind = "lagrangian", .limit = 0.1, .multiplier = 1.0, .learning_rate = 0.01});
+  Fixture f({.kind = ConstraintKind::kLagrangian,
+             .limit = 0.1,
+             .multiplier = 1.0,
+             .learning_rate = 0.01});
   f.constraint.Observe(0.5, 100);
   EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 1.0 + 100 * 0.01 * 0.4);
   f.constraint.Observe(0.0, 50);
@@ -45,7 +48,10 @@ TEST(Constraint, MultiplierAscendsByTheViolationOfEveryEpisode) {
 }
 
 TEST(Constraint, MultiplierStaysWithinItsBounds) {
-  Fixture f({.kind = "lagrangian", .limit = 0.5, .multiplier_max = 3.0, .learning_rate = 1.0});
+  Fixture f({.kind = ConstraintKind::kLagrangian,
+             .limit = 0.5,
+             .multiplier_max = 3.0,
+             .learning_rate = 1.0});
   f.constraint.Observe(0.0, 1000);
   EXPECT_EQ(f.constraint.multiplier(), 0.0);
   // It did not go on falling below 0 unseen.
@@ -57,7 +63,10 @@ TEST(Constraint, MultiplierStaysWithinItsBounds) {
 
 // Stooke, Achiam and Abbeel 2020, algorithm 2, written out.
 TEST(Constraint, TheDerivativePartCountsRisesAlone) {
-  Fixture f({.kind = "lagrangian", .limit = 0.0, .learning_rate = 0.01, .derivative_gain = 3.0});
+  Fixture f({.kind = ConstraintKind::kLagrangian,
+             .limit = 0.0,
+             .learning_rate = 0.01,
+             .derivative_gain = 3.0});
   f.constraint.Observe(0.2, 10);
   EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 0.02);  // The first look rises from nowhere.
   f.constraint.Observe(0.6, 10);
@@ -71,7 +80,10 @@ TEST(Constraint, TheDerivativePartCountsRisesAlone) {
 // The proportional part adds nothing to what the integral one keeps, and takes away below the
 // limit.
 TEST(Constraint, TheProportionalPartAnswersTheLastLookAlone) {
-  Fixture f({.kind = "lagrangian", .limit = 0.1, .learning_rate = 0.01, .proportional_gain = 2.0});
+  Fixture f({.kind = ConstraintKind::kLagrangian,
+             .limit = 0.1,
+             .learning_rate = 0.01,
+             .proportional_gain = 2.0});
   f.constraint.Observe(0.6, 10);
   EXPECT_DOUBLE_EQ(f.constraint.multiplier(), 2.0 * 0.5 + 0.05);
   f.constraint.Observe(0.2, 10);
@@ -86,7 +98,7 @@ TEST(Constraint, TheProportionalPartAnswersTheLastLookAlone) {
 // the limit, and the proportional one gets there with less overshoot.
 TEST(Constraint, FindsTheMultiplierThatHoldsTheLimit) {
   const auto overshoot = [](double proportional) {
-    Fixture f({.kind = "lagrangian",
+    Fixture f({.kind = ConstraintKind::kLagrangian,
                .limit = 0.1,
                .learning_rate = 0.05,
                .proportional_gain = proportional});
@@ -107,7 +119,7 @@ TEST(Constraint, FindsTheMultiplierThatHoldsTheLimit) {
 }
 
 TEST(Constraint, AFixedMultiplierStays) {
-  Fixture f({.kind = "fixed", .multiplier = 2.0});
+  Fixture f({.kind = ConstraintKind::kFixed, .multiplier = 2.0});
   f.constraint.Observe(0.9, 100);
   EXPECT_EQ(f.constraint.multiplier(), 2.0);
   LearnerStats stats;
@@ -116,7 +128,10 @@ TEST(Constraint, AFixedMultiplierStays) {
 }
 
 TEST(Constraint, TheMultiplierWaitsForItsFirstEpisodes) {
-  Fixture f({.kind = "lagrangian", .limit = 0.0, .learning_rate = 0.01, .learning_starts = 25});
+  Fixture f({.kind = ConstraintKind::kLagrangian,
+             .limit = 0.0,
+             .learning_rate = 0.01,
+             .learning_starts = 25});
   f.constraint.Observe(1.0, 10);
   f.constraint.Observe(1.0, 10);
   EXPECT_EQ(f.constraint.multiplier(), 0.0);

@@ -21,7 +21,7 @@ class EncoderTest : public testing::TestWithParam<Combination> {
   static constexpr int kBeams = 24;
 
   EncoderTest() {
-    method_.learner.device = "cpu";
+    method_.learner.device = DeviceChoice::kCpu;
     method_.learner.algorithm = std::get<0>(GetParam());
     method_.learner.batch_size = kBatch;
     method_.learner.actor_learning_rate = 1e-3;
@@ -32,8 +32,8 @@ class EncoderTest : public testing::TestWithParam<Combination> {
     spec_.network.encoder_layers = {16, 16};
     spec_.network.head_layers = {16};
     const std::string encoder = std::get<1>(GetParam());
-    spec_.network.encoder = encoder == "beams" ? "cnn" : encoder;
-    if (encoder == "beams") spec_.network.cnn_axis = "beams";
+    SLALOM_CHECK(base::ParseEnum(encoder == "beams" ? "cnn" : encoder, spec_.network.encoder));
+    if (encoder == "beams") spec_.network.cnn_axis = nn::CnnAxis::kBeams;
     if (encoder == "transformer") spec_.network.dropout = 0.1;
     spec_.distribution = DistributionOf(method_.learner);
   }

@@ -52,8 +52,8 @@ class StandIn : public Algorithm {
 
 /// A model with random weights, its loaded states, and imagination on them.
 struct Scene {
-  explicit Scene(const ImaginationConfig& config, const std::string& kind = "deterministic",
-                 std::uint64_t seed = 3)
+  explicit Scene(const ImaginationConfig& config,
+                 nn::ModelKind kind = nn::ModelKind::kDeterministic, std::uint64_t seed = 3)
       : minibatch(kBatch, kHistory, kFrame, at::kCPU),
         algorithm(minibatch),
         trainer(MakeTrainer(kind)),
@@ -69,7 +69,7 @@ struct Scene {
     minibatch.discount.fill_(0.123);
   }
 
-  static ModelTrainer MakeTrainer(const std::string& kind) {
+  static ModelTrainer MakeTrainer(nn::ModelKind kind) {
     env::ObservationSpec observation;
     observation.num_beams = kBeams;
     const nn::NetworkConfig network{.history = kHistory};
@@ -108,7 +108,7 @@ void ExpectClose(const at::Tensor& a, const at::Tensor& b) {
 }
 
 ImaginationConfig Dyna() {
-  return {.kind = "dyna", .imagined_batches = 3, .rollout_steps = 4, .noise = 0.0};
+  return {.kind = ImaginationKind::kDyna, .imagined_batches = 3, .rollout_steps = 4, .noise = 0.0};
 }
 
 TEST(Imagination, DynaStepsForthAndSumsUp) {
@@ -167,7 +167,7 @@ TEST(Imagination, NoiseMovesTheFirstActionAndIsClipped) {
 }
 
 ImaginationConfig Mbpo() {
-  return {.kind = "mbpo",
+  return {.kind = ImaginationKind::kMbpo,
           .imagined_batches = 5,
           .rollout_steps = 3,
           .noise = 0.3,
@@ -243,7 +243,7 @@ TEST(Imagination, RolloutsGoOnFromWhereTheyLed) {
 }
 
 TEST(Imagination, IsAFunctionOfItsSeedAndGoesOnAfterARestore) {
-  for (const char* kind : {"deterministic", "probabilistic"}) {
+  for (const nn::ModelKind kind : {nn::ModelKind::kDeterministic, nn::ModelKind::kProbabilistic}) {
     Scene a(Mbpo(), kind), b(Mbpo(), kind), c(Mbpo(), kind, 4), resumed(Mbpo(), kind, 99);
     for (Scene* scene : {&a, &b, &c}) {
       scene->imagination.Begin(0);
@@ -261,7 +261,8 @@ TEST(Imagination, IsAFunctionOfItsSeedAndGoesOnAfterARestore) {
       scene->imagination.Begin(1);
       scene->imagination.Fill(1);
     }
-    EXPECT_TRUE(at::equal(a.minibatch.next_features, resumed.minibatch.next_features)) << kind;
+    EXPECT_TRUE(at::equal(a.minibatch.next_features, resumed.minibatch.next_features))
+        << base::EnumName(kind);
   }
 }
 

@@ -228,7 +228,7 @@ TEST(LearnerServiceTest, AModelsErrorSeveralStepsAheadIsInTheMetrics) {
   const test::ScratchDirectory scratch;
   const FilledReplay replay;
   MethodConfig method;
-  method.model.kind = "deterministic";
+  method.model.kind = nn::ModelKind::kDeterministic;
   method.model.encoder_layers = {};
   method.model.head_layers = {16};
   const auto last_error = [&] {

@@ -36,7 +36,7 @@ policy::PolicySpec SmallSpec() {
 
 MethodConfig SmallConfig() {
   MethodConfig config;
-  config.learner.device = "cpu";
+  config.learner.device = DeviceChoice::kCpu;
   config.learner.batch_size = 16;
   config.learner.actor_learning_rate = 1e-3;
   config.learner.critic_learning_rate = 1e-3;
@@ -255,7 +255,7 @@ std::vector<float> Saved(const Learner& learner, const char* name) {
 // half the size of the gradient, which Adam does not see: its step is the same but for epsilon.
 TEST(Learner, SamplesCountByTheirWeights) {
   MethodConfig config = Prioritized(SmallConfig());
-  config.constraint.kind = "lagrangian";
+  config.constraint.kind = ConstraintKind::kLagrangian;
   config.learner.mirror = false;
   config.learner.target_noise = 0.0;
   Learner whole(config, SmallSpec(), 5);
@@ -309,7 +309,7 @@ class MethodTest : public testing::TestWithParam<const char*> {
  protected:
   MethodTest() {
     method_.learner.algorithm = GetParam();
-    method_.constraint = {.kind = "lagrangian", .limit = 0.1, .multiplier = 1.0};
+    method_.constraint = {.kind = ConstraintKind::kLagrangian, .limit = 0.1, .multiplier = 1.0};
     spec_.distribution = DistributionOf(method_.learner);
   }
 
@@ -367,10 +367,10 @@ INSTANTIATE_TEST_SUITE_P(Algorithms, MethodTest, testing::Values("td3", "ddpg", 
 
 TEST(Learner, RefusesWhatContradictsItself) {
   MethodConfig fixed = SmallConfig();
-  fixed.constraint.kind = "fixed";
+  fixed.constraint.kind = ConstraintKind::kFixed;
   EXPECT_THROW(Learner(fixed, SmallSpec(), 1), base::Error);
   MethodConfig above = SmallConfig();
-  above.constraint = {.kind = "lagrangian", .multiplier = 200.0};
+  above.constraint = {.kind = ConstraintKind::kLagrangian, .multiplier = 200.0};
   EXPECT_THROW(Learner(above, SmallSpec(), 1), base::Error);
   MethodConfig sac = SmallConfig();
   sac.learner.algorithm = "sac";

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,12 +19,12 @@ namespace {
 
 constexpr int kBeams = 12;
 
-MethodConfig ModelMethod(const std::string& imagination) {
+MethodConfig ModelMethod(ImaginationKind imagination) {
   MethodConfig method;
-  method.learner.device = "cpu";
+  method.learner.device = DeviceChoice::kCpu;
   method.learner.batch_size = 8;
   method.learner.mirror = true;
-  method.model.kind = "probabilistic";
+  method.model.kind = nn::ModelKind::kProbabilistic;
   method.model.ensemble = 3;
   method.model.encoder_layers = {};
   method.model.head_layers = {16};
@@ -64,7 +65,7 @@ nn::TensorFile Saved(const Learner& learner) {
 }
 
 TEST(ModelBasedLearner, AsksForTheModelsTransitions) {
-  const MethodConfig method = ModelMethod("dyna");
+  const MethodConfig method = ModelMethod(ImaginationKind::kDyna);
   const auto specs = Learner::SampleSpecs(method, SpecOf(method));
   ASSERT_EQ(specs.size(), 2u);
   // Three imagined batches begin at 24 states, more than the two batches of 8 for the model.
@@ -76,18 +77,20 @@ TEST(ModelBasedLearner, AsksForTheModelsTransitions) {
 TEST(ModelBasedLearner, ImaginesOnceTheModelKnowsEnough) {
   // Two updates of the model each time: from the second on there are four.
   for (const auto& [kind, updates] :
-       {std::pair("none", 4), std::pair("dyna", 1 + 3 * 4), std::pair("mbpo", 1 + 3 * 3)}) {
+       {std::pair(ImaginationKind::kNone, 4), std::pair(ImaginationKind::kDyna, 1 + 3 * 4),
+        std::pair(ImaginationKind::kMbpo, 1 + 3 * 3)}) {
     const MethodConfig method = ModelMethod(kind);
     Learner learner(method, SpecOf(method), 5);
     Train(learner, 0, 4);
-    EXPECT_EQ(learner.num_updates(), updates) << kind;
+    EXPECT_EQ(learner.num_updates(), updates) << base::EnumName(kind);
     EXPECT_TRUE(learner.healthy());
     EXPECT_EQ(learner.ReadStats().model.num_updates, 8);
   }
 }
 
 TEST(ModelBasedLearner, GoesOnBitForBitAfterARestore) {
-  for (const char* kind : {"none", "dyna", "mbpo"}) {
+  using enum ImaginationKind;
+  for (const ImaginationKind kind : {kNone, kDyna, kMbpo}) {
     const MethodConfig method = ModelMethod(kind);
     Learner whole(method, SpecOf(method), 5);
     Train(whole, 0, 5);
@@ -95,13 +98,14 @@ TEST(ModelBasedLearner, GoesOnBitForBitAfterARestore) {
     resumed.LoadState(Saved(whole));
     Train(whole, 5, 9);
     Train(resumed, 5, 9);
-    EXPECT_TRUE(Saved(whole).tensors == Saved(resumed).tensors) << kind;
-    EXPECT_TRUE(*whole.Snapshot().model_weights == *resumed.Snapshot().model_weights) << kind;
+    EXPECT_TRUE(Saved(whole).tensors == Saved(resumed).tensors) << base::EnumName(kind);
+    EXPECT_TRUE(*whole.Snapshot().model_weights == *resumed.Snapshot().model_weights)
+        << base::EnumName(kind);
   }
 }
 
 TEST(ModelBasedLearner, ItsPoliciesCanPlan) {
-  const MethodConfig method = ModelMethod("none");
+  const MethodConfig method = ModelMethod(ImaginationKind::kNone);
   Learner learner(method, SpecOf(method), 5);
   const policy::PolicySnapshot snapshot = learner.Snapshot();
   EXPECT_EQ(snapshot.spec.planning.model.ensemble, 2);
@@ -116,14 +120,14 @@ TEST(ModelBasedLearner, ItsPoliciesCanPlan) {
 
 /// Any algorithm on any encoder, with a model on the same encoder.
 class CombinationTest
-    : public testing::TestWithParam<std::tuple<const char*, const char*, const char*>> {};
+    : public testing::TestWithParam<std::tuple<const char*, nn::EncoderFamily, ImaginationKind>> {};
 
 TEST_P(CombinationTest, ImaginesPlansAndGoesOnBitForBitAfterARestore) {
   const auto& [algorithm, encoder, imagination] = GetParam();
   MethodConfig method = ModelMethod(imagination);
   method.learner.algorithm = algorithm;
   const std::vector<int> layers =
-      std::string(encoder) == "mlp" ? std::vector<int>{} : std::vector<int>{8, 8};
+      encoder == nn::EncoderFamily::kMlp ? std::vector<int>{} : std::vector<int>{8, 8};
   method.model.encoder_layers = layers;
   policy::PolicySpec spec = SpecOf(method);
   spec.network.encoder = encoder;
@@ -156,14 +160,17 @@ TEST_P(CombinationTest, ImaginesPlansAndGoesOnBitForBitAfterARestore) {
   EXPECT_TRUE(Saved(whole).tensors == Saved(resumed).tensors);
 }
 
-INSTANTIATE_TEST_SUITE_P(Any, CombinationTest,
-                         testing::Combine(testing::Values("td3", "ddpg", "sac"),
-                                          testing::Values("mlp", "cnn", "gru", "transformer"),
-                                          testing::Values("dyna", "mbpo")),
-                         [](const auto& test) {
-                           return std::string(std::get<0>(test.param)) + "_" +
-                                  std::get<1>(test.param) + "_" + std::get<2>(test.param);
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    Any, CombinationTest,
+    testing::Combine(testing::Values("td3", "ddpg", "sac"),
+                     testing::Values(nn::EncoderFamily::kMlp, nn::EncoderFamily::kCnn,
+                                     nn::EncoderFamily::kGru, nn::EncoderFamily::kTransformer),
+                     testing::Values(ImaginationKind::kDyna, ImaginationKind::kMbpo)),
+    [](const auto& test) {
+      return fmt::format("{}_{}_{}", std::get<0>(test.param),
+                         base::EnumName(std::get<1>(test.param)),
+                         base::EnumName(std::get<2>(test.param)));
+    });
 
 std::string Refusal(const MethodConfig& method) {
   try {
@@ -175,20 +182,20 @@ std::string Refusal(const MethodConfig& method) {
 }
 
 TEST(ModelBasedLearner, RefusesWhatMakesNoSense) {
-  MethodConfig method = ModelMethod("dyna");
+  MethodConfig method = ModelMethod(ImaginationKind::kDyna);
   EXPECT_EQ(Refusal(method), "");
-  method.model.kind = "none";
+  method.model.kind = nn::ModelKind::kNone;
   EXPECT_THAT(Refusal(method), testing::HasSubstr("model.kind"));
-  method = ModelMethod("dyna");
-  method.constraint.kind = "lagrangian";
+  method = ModelMethod(ImaginationKind::kDyna);
+  method.constraint.kind = ConstraintKind::kLagrangian;
   EXPECT_THAT(Refusal(method), testing::HasSubstr("constraint.kind"));
-  method = ModelMethod("mbpo");
+  method = ModelMethod(ImaginationKind::kMbpo);
   method.learner.prioritized = true;
   EXPECT_THAT(Refusal(method), testing::HasSubstr("learner.prioritized"));
-  method = ModelMethod("mbpo");
+  method = ModelMethod(ImaginationKind::kMbpo);
   method.imagination.rollouts = 3;
   EXPECT_THAT(Refusal(method), testing::HasSubstr("imagination.rollouts"));
-  method = ModelMethod("none");
+  method = ModelMethod(ImaginationKind::kNone);
   method.model_training.elites = 4;
   EXPECT_THAT(Refusal(method), testing::HasSubstr("model_training.elites"));
 }

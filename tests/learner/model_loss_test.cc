@@ -21,51 +21,55 @@ struct Case {
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-nn::TransitionModelConfig Small(std::string kind, std::string targets, bool published) {
-  return {.kind = std::move(kind),
-          .targets = std::move(targets),
+nn::TransitionModelConfig Small(nn::ModelKind kind, nn::ModelTargets targets, bool published) {
+  return {.kind = kind,
+          .targets = targets,
           .encoder_layers = {11},
           .head_layers = {12},
-          .log_std = published ? "published" : "bounded",
+          .log_std = published ? nn::LogStdBounds::kPublished : nn::LogStdBounds::kBounded,
           .log_std_min = -1.5,
           .bound_ranges = published,
           .predict_last_action = published};
 }
 
-nn::TransitionModelConfig KnowingSuccess(std::string kind) {
-  nn::TransitionModelConfig config = Small(std::move(kind), "difference", false);
-  config.success = "known";
+nn::TransitionModelConfig KnowingSuccess(nn::ModelKind kind) {
+  nn::TransitionModelConfig config = Small(kind, nn::ModelTargets::kDifference, false);
+  config.success = nn::ModelSuccess::kKnown;
   return config;
 }
 
 constexpr nn::GoalRule kGoal = {.radius = 5.0, .reward = 2.5};
 
 /// For every encoder alike.
-nn::TransitionModelConfig OnEncoder(std::string kind) {
-  nn::TransitionModelConfig config = Small(std::move(kind), "difference", false);
+nn::TransitionModelConfig OnEncoder(nn::ModelKind kind) {
+  nn::TransitionModelConfig config = Small(kind, nn::ModelTargets::kDifference, false);
   config.encoder_layers = {8, 8};
   return config;
 }
 
-const nn::NetworkConfig kTransformer = {
-    .encoder = "transformer", .attention_heads = 2, .history = 4};
+const nn::NetworkConfig kOfTransformer = {
+    .encoder = nn::EncoderFamily::kTransformer, .attention_heads = 2, .history = 4};
+
+using enum nn::ModelKind;
+using enum nn::ModelTargets;
+using enum nn::EncoderFamily;
 
 const Case kCases[] = {
-    {"DeterministicDifference", Small("deterministic", "difference", false)},
-    {"DeterministicAsPublished", Small("deterministic", "absolute", true)},
-    {"ProbabilisticDifference", Small("probabilistic", "difference", false)},
-    {"ProbabilisticAbsolute", Small("probabilistic", "absolute", false)},
-    {"ProbabilisticAsPublished", Small("probabilistic", "absolute", true)},
-    {"DeterministicKnowingSuccess", KnowingSuccess("deterministic")},
-    {"ProbabilisticKnowingSuccess", KnowingSuccess("probabilistic")},
-    {"DeterministicMlp", OnEncoder("deterministic"), {.encoder = "mlp", .history = 4}},
-    {"DeterministicCnn", OnEncoder("deterministic"), {.encoder = "cnn", .history = 4}},
-    {"DeterministicGru", OnEncoder("deterministic"), {.encoder = "gru", .history = 4}},
-    {"DeterministicTransformer", OnEncoder("deterministic"), kTransformer},
-    {"ProbabilisticMlp", OnEncoder("probabilistic"), {.encoder = "mlp", .history = 4}},
-    {"ProbabilisticCnn", OnEncoder("probabilistic"), {.encoder = "cnn", .history = 4}},
-    {"ProbabilisticGru", OnEncoder("probabilistic"), {.encoder = "gru", .history = 4}},
-    {"ProbabilisticTransformer", OnEncoder("probabilistic"), kTransformer},
+    {"DeterministicDifference", Small(kDeterministic, kDifference, false)},
+    {"DeterministicAsPublished", Small(kDeterministic, kAbsolute, true)},
+    {"ProbabilisticDifference", Small(kProbabilistic, kDifference, false)},
+    {"ProbabilisticAbsolute", Small(kProbabilistic, kAbsolute, false)},
+    {"ProbabilisticAsPublished", Small(kProbabilistic, kAbsolute, true)},
+    {"DeterministicKnowingSuccess", KnowingSuccess(kDeterministic)},
+    {"ProbabilisticKnowingSuccess", KnowingSuccess(kProbabilistic)},
+    {"DeterministicMlp", OnEncoder(kDeterministic), {.encoder = kMlp, .history = 4}},
+    {"DeterministicCnn", OnEncoder(kDeterministic), {.encoder = kCnn, .history = 4}},
+    {"DeterministicGru", OnEncoder(kDeterministic), {.encoder = kGru, .history = 4}},
+    {"DeterministicTransformer", OnEncoder(kDeterministic), kOfTransformer},
+    {"ProbabilisticMlp", OnEncoder(kProbabilistic), {.encoder = kMlp, .history = 4}},
+    {"ProbabilisticCnn", OnEncoder(kProbabilistic), {.encoder = kCnn, .history = 4}},
+    {"ProbabilisticGru", OnEncoder(kProbabilistic), {.encoder = kGru, .history = 4}},
+    {"ProbabilisticTransformer", OnEncoder(kProbabilistic), kOfTransformer},
 };
 
 class ModelLossTest : public testing::TestWithParam<Case> {
@@ -113,7 +117,7 @@ class ModelLossTest : public testing::TestWithParam<Case> {
     network.Forward(network_pass);
     const at::Tensor raw = network_pass.output().clone().requires_grad_();
     ModelTargets targets = Targets(torch::kDouble);
-    if (GetParam().config.success == "known") {
+    if (GetParam().config.success == nn::ModelSuccess::kKnown) {
       // The heads are to give what is not success.
       const at::Tensor success = torch::zeros({kBatch}, torch::kDouble);
       success[0] = success[8] = 1.0;

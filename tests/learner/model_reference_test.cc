@@ -23,7 +23,7 @@ struct Case {
   const char* name;
   nn::TransitionModelConfig model;
   nn::NetworkConfig network = {.history = 2};
-  const char* state_loss = "mean";
+  StateLoss state_loss = StateLoss::kMean;
   double weight_decay = 0.0;
 };
 
@@ -57,7 +57,8 @@ TEST_P(ModelReferenceTest, UpdatesAreThoseOfAdamW) {
   torch::optim::AdamW optimiser(
       {parameters},
       torch::optim::AdamWOptions(training.learning_rate).weight_decay(training.weight_decay));
-  const double state_scale = training.state_loss == "sum" ? 1.0 : 1.0 / shape.num_predicted;
+  const double state_scale =
+      training.state_loss == StateLoss::kSum ? 1.0 : 1.0 / shape.num_predicted;
   MinibatchReader reader(features, network.history, kRewardScale, false, 1.0);
   base::Random unused(1);
   constexpr int kLoads = 3;
@@ -91,19 +92,20 @@ TEST_P(ModelReferenceTest, UpdatesAreThoseOfAdamW) {
   EXPECT_LE(difference.max().item<double>(), kUpdates * 2e-4);
 }
 
-nn::TransitionModelConfig Small(const char* kind, const char* targets = "difference") {
+nn::TransitionModelConfig Small(nn::ModelKind kind,
+                                nn::ModelTargets targets = nn::ModelTargets::kDifference) {
   return {.kind = kind, .targets = targets, .encoder_layers = {16}, .head_layers = {16, 16}};
 }
 
-nn::TransitionModelConfig AsPublished(const char* kind) {
-  nn::TransitionModelConfig model = Small(kind, "absolute");
-  model.log_std = "published";
+nn::TransitionModelConfig AsPublished(nn::ModelKind kind) {
+  nn::TransitionModelConfig model = Small(kind, nn::ModelTargets::kAbsolute);
+  model.log_std = nn::LogStdBounds::kPublished;
   model.bound_ranges = true;
   model.predict_last_action = true;
   return model;
 }
 
-nn::TransitionModelConfig WithLayerNorm(const char* kind) {
+nn::TransitionModelConfig WithLayerNorm(nn::ModelKind kind) {
   nn::TransitionModelConfig model = Small(kind);
   model.encoder_layers = {};
   model.layer_norm = true;
@@ -111,25 +113,28 @@ nn::TransitionModelConfig WithLayerNorm(const char* kind) {
 }
 
 /// For every encoder alike.
-nn::TransitionModelConfig OnEncoder(const char* kind) {
+nn::TransitionModelConfig OnEncoder(nn::ModelKind kind) {
   nn::TransitionModelConfig model = Small(kind);
   model.encoder_layers = {16, 16};
   return model;
 }
 
+using enum nn::ModelKind;
+using enum nn::EncoderFamily;
+
 const Case kCases[] = {
-    {"Deterministic", Small("deterministic")},
-    {"DeterministicSum", Small("deterministic"), {}, "sum"},
-    {"DeterministicDecayed", Small("deterministic"), {}, "mean", 1.0},
-    {"DeterministicAsPublished", AsPublished("deterministic")},
-    {"DeterministicLayerNorm", WithLayerNorm("deterministic")},
-    {"Probabilistic", Small("probabilistic")},
-    {"ProbabilisticDecayed", Small("probabilistic"), {}, "sum", 1.0},
-    {"ProbabilisticAsPublished", AsPublished("probabilistic"), {}, "sum"},
-    {"ProbabilisticLayerNorm", WithLayerNorm("probabilistic")},
-    {"Cnn", OnEncoder("probabilistic"), {.encoder = "cnn", .history = 4}},
-    {"Gru", OnEncoder("probabilistic"), {.encoder = "gru", .history = 4}},
-    {"Transformer", OnEncoder("probabilistic"), {.encoder = "transformer", .history = 4}},
+    {"Deterministic", Small(kDeterministic)},
+    {"DeterministicSum", Small(kDeterministic), {}, StateLoss::kSum},
+    {"DeterministicDecayed", Small(kDeterministic), {}, StateLoss::kMean, 1.0},
+    {"DeterministicAsPublished", AsPublished(kDeterministic)},
+    {"DeterministicLayerNorm", WithLayerNorm(kDeterministic)},
+    {"Probabilistic", Small(kProbabilistic)},
+    {"ProbabilisticDecayed", Small(kProbabilistic), {}, StateLoss::kSum, 1.0},
+    {"ProbabilisticAsPublished", AsPublished(kProbabilistic), {}, StateLoss::kSum},
+    {"ProbabilisticLayerNorm", WithLayerNorm(kProbabilistic)},
+    {"Cnn", OnEncoder(kProbabilistic), {.encoder = kCnn, .history = 4}},
+    {"Gru", OnEncoder(kProbabilistic), {.encoder = kGru, .history = 4}},
+    {"Transformer", OnEncoder(kProbabilistic), {.encoder = kTransformer, .history = 4}},
 };
 
 INSTANTIATE_TEST_SUITE_P(Models, ModelReferenceTest, testing::ValuesIn(kCases),

@@ -16,12 +16,13 @@
 namespace slalom::learner {
 namespace {
 
+using nn::ModelKind;
 using nn::TransitionModelConfig;
 
 constexpr int kBeams = LinearWorld::kBeams;
 constexpr int kFrame = kBeams + env::kStateSize;
 
-TransitionModelConfig Small(const std::string& kind, int ensemble = 1) {
+TransitionModelConfig Small(ModelKind kind, int ensemble = 1) {
   return {.kind = kind, .ensemble = ensemble, .encoder_layers = {}, .head_layers = {32, 32}};
 }
 
@@ -102,7 +103,7 @@ struct Prediction {
 };
 
 TEST(ModelTrainer, LearnsALinearWorld) {
-  for (const char* kind : {"deterministic", "probabilistic"}) {
+  for (const ModelKind kind : {ModelKind::kDeterministic, ModelKind::kProbabilistic}) {
     ModelTrainer trainer = MakeTrainer(Small(kind), Training());
     Train(trainer, 0, 1500);
     trainer.ReadStats();
@@ -110,23 +111,23 @@ TEST(ModelTrainer, LearnsALinearWorld) {
     const Prediction predicted(trainer);
     // A linear fit to 1e5 transitions would be off by 0.1 * sqrt(3 / 1e5) = 5e-4; what is left is
     // the last few hundred steps of Adam, which chase the noise of the batch.
-    EXPECT_LT(predicted.ErrorOf(0), 0.03) << kind;
-    EXPECT_LT(predicted.ErrorOf(kBeams), 0.05) << kind;
-    EXPECT_LT(predicted.ErrorOf(kBeams + 1), 0.03) << kind;
+    EXPECT_LT(predicted.ErrorOf(0), 0.03) << base::EnumName(kind);
+    EXPECT_LT(predicted.ErrorOf(kBeams), 0.05) << base::EnumName(kind);
+    EXPECT_LT(predicted.ErrorOf(kBeams + 1), 0.03) << base::EnumName(kind);
     EXPECT_LT((predicted.reward - predicted.batch.reward).square().mean().item<double>(), 0.01);
     const at::Tensor ended = predicted.batch.discount == 0;
     const double correct =
         ((predicted.termination > 0.5) == ended).to(at::kDouble).mean().item<double>();
-    EXPECT_GT(correct, 0.97) << kind;
+    EXPECT_GT(correct, 0.97) << base::EnumName(kind);
 
     const ModelStats stats = trainer.ReadStats();
     EXPECT_EQ(stats.num_updates, 1000);
     // Of the six numbers predicted only x and y have noise: (0.1^2 + 0.02^2) / 6 = 0.0017, and
     // 0.041 is its root.
-    EXPECT_NEAR(stats.error, 0.041, 0.01) << kind;
+    EXPECT_NEAR(stats.error, 0.041, 0.01) << base::EnumName(kind);
     EXPECT_GT(stats.change, 2 * stats.error) << "nothing to learn";
     EXPECT_LT(stats.termination_nats, 0.1);
-    if (std::string_view(kind) == "deterministic") continue;
+    if (kind == ModelKind::kDeterministic) continue;
     EXPECT_NEAR(std::exp(predicted.log_std.select(1, kBeams).mean().item<double>()),
                 LinearWorld::kNoiseX, 0.02);
     EXPECT_NEAR(std::exp(predicted.log_std.select(1, kBeams + 1).mean().item<double>()),
@@ -140,9 +141,9 @@ TEST(ModelTrainer, LearnsALinearWorld) {
 }
 
 TEST(ModelTrainer, IsAFunctionOfItsSeed) {
-  ModelTrainer a = MakeTrainer(Small("probabilistic", 2), Training(), 5);
-  ModelTrainer b = MakeTrainer(Small("probabilistic", 2), Training(), 5);
-  ModelTrainer c = MakeTrainer(Small("probabilistic", 2), Training(), 6);
+  ModelTrainer a = MakeTrainer(Small(ModelKind::kProbabilistic, 2), Training(), 5);
+  ModelTrainer b = MakeTrainer(Small(ModelKind::kProbabilistic, 2), Training(), 5);
+  ModelTrainer c = MakeTrainer(Small(ModelKind::kProbabilistic, 2), Training(), 6);
   for (ModelTrainer* trainer : {&a, &b, &c}) Train(*trainer, 0, 5);
   EXPECT_EQ(Saved(a).tensors, Saved(b).tensors);
   EXPECT_NE(a.EliteParameters(), c.EliteParameters());
@@ -153,12 +154,12 @@ TEST(ModelTrainer, GoesOnBitForBitAfterARestore) {
   training.elites = 1;
   training.weight_decay = 0.1;
   training.batch_size = 16;
-  ModelTrainer whole = MakeTrainer(Small("deterministic", 2), training, 5);
+  ModelTrainer whole = MakeTrainer(Small(ModelKind::kDeterministic, 2), training, 5);
   Train(whole, 0, 255);
   ASSERT_EQ(whole.elites().size(), 1u);
   whole.ReadStats();
   Train(whole, 255, 260);
-  ModelTrainer resumed = MakeTrainer(Small("deterministic", 2), training, 99);
+  ModelTrainer resumed = MakeTrainer(Small(ModelKind::kDeterministic, 2), training, 99);
   resumed.LoadState(Saved(whole));
   EXPECT_EQ(resumed.elites()[0], whole.elites()[0]);
   EXPECT_EQ(Saved(resumed).tensors, Saved(whole).tensors);
@@ -170,7 +171,7 @@ TEST(ModelTrainer, GoesOnBitForBitAfterARestore) {
 TEST(ModelTrainer, HeldOutTransitionsTeachNothing) {
   ModelTrainingConfig training = Training();
   training.held_out = 0.25;
-  ModelTrainer plain = MakeTrainer(Small("probabilistic", 2), training);
+  ModelTrainer plain = MakeTrainer(Small(ModelKind::kProbabilistic, 2), training);
   const int batch = plain.sample_spec().batch;
   RandomRows rows(batch, 1, kBeams, 3);
   LinearWorld::Fill(3, 0, rows);
@@ -178,7 +179,7 @@ TEST(ModelTrainer, HeldOutTransitionsTeachNothing) {
   plain.Update();
   const std::vector<float> expected = plain.EliteParameters();
   const auto update = [&] {
-    ModelTrainer trainer = MakeTrainer(Small("probabilistic", 2), training);
+    ModelTrainer trainer = MakeTrainer(Small(ModelKind::kProbabilistic, 2), training);
     trainer.Load(rows.rows);
     trainer.Update();
     return trainer.EliteParameters();
@@ -203,7 +204,7 @@ TEST(ModelTrainer, ElitesAreThoseThatPredictBest) {
   training.learning_rate = 1e-5;  // So that the one that is spoilt stays so.
   training.batch_size = 16;
   training.held_out = 0.2;
-  ModelTrainer trainer = MakeTrainer(Small("deterministic", 3), training);
+  ModelTrainer trainer = MakeTrainer(Small(ModelKind::kDeterministic, 3), training);
   nn::TensorFile state = Saved(trainer);
   std::vector<float> parameters(state.tensors.at("model.parameters").bytes.size() / 4);
   state.Read("model.parameters", std::span(parameters));
@@ -220,7 +221,7 @@ TEST(ModelTrainer, ElitesAreThoseThatPredictBest) {
 
 TEST(ModelTrainer, AllocatesNothing) {
   at::set_num_threads(1);
-  ModelTrainer trainer = MakeTrainer(Small("probabilistic", 2), Training());
+  ModelTrainer trainer = MakeTrainer(Small(ModelKind::kProbabilistic, 2), Training());
   Train(trainer, 0, 1);
   RandomRows rows(trainer.sample_spec().batch, 1, kBeams, 3);
   LinearWorld::Fill(3, 0, rows);
@@ -231,7 +232,7 @@ TEST(ModelTrainer, AllocatesNothing) {
 }
 
 TEST(ModelTrainer, NotesWeightsThatAreNotFinite) {
-  ModelTrainer trainer = MakeTrainer(Small("deterministic"), Training());
+  ModelTrainer trainer = MakeTrainer(Small(ModelKind::kDeterministic), Training());
   RandomRows rows(trainer.sample_spec().batch, 1, kBeams, 3);
   LinearWorld::Fill(3, 0, rows);
   for (int i = 0; i < rows.rows.batch; ++i) {
@@ -246,12 +247,13 @@ TEST(ModelTrainer, NotesWeightsThatAreNotFinite) {
 TEST(ModelTrainer, RefusesWhatMakesNoSense) {
   ModelTrainingConfig training = Training();
   training.elites = 3;
-  EXPECT_THROW(MakeTrainer(Small("deterministic", 2), training), base::Error);
+  EXPECT_THROW(MakeTrainer(Small(ModelKind::kDeterministic, 2), training), base::Error);
   training.held_out = 0.0;
   training.elites = 1;
-  EXPECT_THROW(MakeTrainer(Small("deterministic", 2), training), base::Error);
-  nn::TensorFile other = Saved(MakeTrainer(Small("deterministic", 3), Training()));
-  EXPECT_THROW(MakeTrainer(Small("deterministic", 2), Training()).LoadState(other), base::Error);
+  EXPECT_THROW(MakeTrainer(Small(ModelKind::kDeterministic, 2), training), base::Error);
+  nn::TensorFile other = Saved(MakeTrainer(Small(ModelKind::kDeterministic, 3), Training()));
+  EXPECT_THROW(MakeTrainer(Small(ModelKind::kDeterministic, 2), Training()).LoadState(other),
+               base::Error);
 }
 
 }  // namespace

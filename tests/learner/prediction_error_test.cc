@@ -25,7 +25,7 @@ TEST(PredictionErrors, GrowsWithTheStepsAheadAndPassesPaddingOver) {
     const nn::NetworkConfig network{.history = history};
     const nn::FeatureMap features(observation, network);
     const nn::TransitionModelConfig config{
-        .kind = "deterministic", .encoder_layers = {}, .head_layers = {}};
+        .kind = nn::ModelKind::kDeterministic, .encoder_layers = {}, .head_layers = {}};
     const nn::ModelShape shape = MakeModelShape(config, network, kFrame);
     const nn::TransitionModel model(shape, at::zeros({shape.num_parameters()}));
     RandomRows random_rows(6, history + kSteps, kBeams, 1);
@@ -59,7 +59,7 @@ TEST(PredictionErrors, RollsForwardByTheActionsTaken) {
   observation.num_beams = kBeams;
   const nn::FeatureMap features(observation, {});
   const nn::TransitionModelConfig config{
-      .kind = "deterministic", .encoder_layers = {}, .head_layers = {}};
+      .kind = nn::ModelKind::kDeterministic, .encoder_layers = {}, .head_layers = {}};
   const nn::ModelShape shape = MakeModelShape(config, {}, kFrame);
   at::Tensor parameters = at::zeros({shape.num_parameters()});
   parameters[kBeams * (kFrame + 2) + kFrame] = 0.1;  // Row: the goal's x; column: linear action.

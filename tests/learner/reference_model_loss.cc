@@ -10,7 +10,7 @@ using at::Tensor;
 
 ReferenceModelLoss ReferenceLossOf(const nn::TransitionModelConfig& config, double state_scale,
                                    const Tensor& raw, const ModelTargets& targets) {
-  const bool probabilistic = config.kind == "probabilistic";
+  const bool probabilistic = config.kind == nn::ModelKind::kProbabilistic;
   const std::int64_t n = (raw.size(1) - 2) / (probabilistic ? 2 : 1);
   const std::int64_t frame = config.predict_last_action ? n : n + 2;
   // Ranges are all of a frame but the goal's x and y and the last action.
@@ -21,12 +21,13 @@ ReferenceModelLoss ReferenceLossOf(const nn::TransitionModelConfig& config, doub
   const Tensor target = targets.next_features.narrow(1, newest, n);
   Tensor mean = raw.narrow(1, 0, n);
   if (config.bound_ranges) mean = bound_ranges(mean);
-  if (config.targets == "difference") mean = mean + targets.features.narrow(1, newest, n);
+  if (config.targets == nn::ModelTargets::kDifference)
+    mean = mean + targets.features.narrow(1, newest, n);
   Tensor state;
   Tensor z;
   if (probabilistic) {
     Tensor log_std = raw.narrow(1, n, n);
-    log_std = config.log_std == "bounded"
+    log_std = config.log_std == nn::LogStdBounds::kBounded
                   ? config.log_std_min +
                         (config.log_std_max - config.log_std_min) * (1 + log_std.tanh()) / 2
                   : bound_ranges(log_std);

@@ -120,11 +120,12 @@ Tensor ReferenceForward(const nn::NetworkShape& shape, std::vector<Tensor> param
   Parts parts(std::move(parameters));
   const Tensor frames = features.view({features.size(0), config.history, shape.frame_size});
   Tensor x = features;
-  if (config.encoder == "cnn") {
-    x = config.cnn_axis == "beams" ? BeamCnn(parts, config, frames) : TimeCnn(parts, frames);
-  } else if (config.encoder == "gru") {
+  if (config.encoder == nn::EncoderFamily::kCnn) {
+    x = config.cnn_axis == nn::CnnAxis::kBeams ? BeamCnn(parts, config, frames)
+                                               : TimeCnn(parts, frames);
+  } else if (config.encoder == nn::EncoderFamily::kGru) {
     x = Gru(parts, config, frames);
-  } else if (config.encoder == "transformer") {
+  } else if (config.encoder == nn::EncoderFamily::kTransformer) {
     x = Transformer(parts, config, frames);
   }
   for (int i = 0; i < shape.mlp.num_layers(); ++i) {

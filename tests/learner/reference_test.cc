@@ -268,8 +268,8 @@ struct Case {
   bool layer_norm = false;
   double multiplier = 0.0;
   double preactivation_penalty = 0.0;
-  std::string encoder = "mlp";
-  std::string cnn_axis = "time";
+  nn::EncoderFamily encoder = nn::EncoderFamily::kMlp;
+  nn::CnnAxis cnn_axis = nn::CnnAxis::kTime;
   int history = 1;
 };
 
@@ -281,7 +281,7 @@ TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) {
   MethodConfig method;
   LearnerConfig& config = method.learner;
   config.algorithm = GetParam().algorithm;
-  config.device = "cpu";
+  config.device = DeviceChoice::kCpu;
   config.batch_size = 16;
   // Small steps keep the difference between float32 and float64 small: Adam divides by the size of
   // a gradient, so where one is near zero the two may step apart by the whole rate.
@@ -292,7 +292,7 @@ TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) {
   config.reward_scale = 0.5;
   config.preactivation_penalty = GetParam().preactivation_penalty;
   if (GetParam().multiplier > 0.0) {
-    method.constraint = {.kind = "fixed", .multiplier = GetParam().multiplier};
+    method.constraint = {.kind = ConstraintKind::kFixed, .multiplier = GetParam().multiplier};
   }
   policy::PolicySpec spec;
   spec.observation.num_beams = 24;
@@ -328,7 +328,7 @@ TEST_P(LearnerReferenceTest, UpdatesAreThoseOfThePaper) {
     EXPECT_NEAR(learner.ReadStats().temperature, std::exp(reference.log_temperature.item<double>()),
                 1e-5);
   }
-  if (method.constraint.kind != "none") {
+  if (method.constraint.kind != ConstraintKind::kNone) {
     compare("cost_critics.parameters", reference.cost_critics.parameters);
     compare("cost_critics.target_parameters", reference.cost_critics.target);
   }
@@ -348,11 +348,13 @@ INSTANTIATE_TEST_SUITE_P(Methods, LearnerReferenceTest,
 
 /// Every algorithm on every encoder, with a cost where it is TD3.
 std::vector<Case> EncoderCases() {
+  using enum nn::EncoderFamily;
+  using enum nn::CnnAxis;
   std::vector<Case> cases;
   for (const char* algorithm : {"td3", "ddpg", "sac"}) {
     const double multiplier = std::string(algorithm) == "td3" ? 2.0 : 0.0;
-    const auto add = [&](const char* name, std::vector<int> layers, const char* encoder,
-                         const char* axis, int history) {
+    const auto add = [&](const char* name, std::vector<int> layers, nn::EncoderFamily encoder,
+                         nn::CnnAxis axis, int history) {
       cases.push_back({fmt::format("{}_{}", algorithm, name),
                        algorithm,
                        std::move(layers),
@@ -364,12 +366,12 @@ std::vector<Case> EncoderCases() {
                        axis,
                        history});
     };
-    add("cnn", {16, 12}, "cnn", "time", 4);
-    add("cnn_one_frame", {16, 12}, "cnn", "time", 1);
-    add("beams", {6, 12}, "cnn", "beams", 4);
-    add("gru", {12, 12}, "gru", "time", 4);
-    add("transformer", {16, 16}, "transformer", "time", 4);
-    add("mlp", {16}, "mlp", "time", 4);
+    add("cnn", {16, 12}, kCnn, kTime, 4);
+    add("cnn_one_frame", {16, 12}, kCnn, kTime, 1);
+    add("beams", {6, 12}, kCnn, kBeams, 4);
+    add("gru", {12, 12}, kGru, kTime, 4);
+    add("transformer", {16, 16}, kTransformer, kTime, 4);
+    add("mlp", {16}, kMlp, kTime, 4);
   }
   return cases;
 }

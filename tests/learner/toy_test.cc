@@ -79,7 +79,7 @@ MethodConfig Method(const std::string& algorithm) {
   MethodConfig method;
   LearnerConfig& config = method.learner;
   config.algorithm = algorithm;
-  config.device = "cpu";
+  config.device = DeviceChoice::kCpu;
   config.batch_size = 64;
   config.actor_learning_rate = 1e-3;
   config.critic_learning_rate = 1e-3;
@@ -177,7 +177,7 @@ TEST_P(ToyTest, AConstraintKeepsItFromHurrying) {
   // alone, so that their policies have less without it. A stochastic policy trains near the limit
   // and has as much without its noise, a little more or less: it gets half the limit.
   const double limit = DistributionOf(method.learner).is_deterministic() ? 0.5 : 0.25;
-  method.constraint = {.kind = "lagrangian", .limit = limit, .learning_rate = 0.02};
+  method.constraint = {.kind = ConstraintKind::kLagrangian, .limit = limit, .learning_rate = 0.02};
   Train(method, 300, 10, &constrained);
   EXPECT_GT(free.trained.cost, 1.0) << "nothing to constrain";
   EXPECT_LT(constrained.trained.cost, 0.5);
@@ -188,7 +188,7 @@ INSTANTIATE_TEST_SUITE_P(Algorithms, ToyTest, testing::Values("td3", "ddpg", "sa
                          [](const auto& algorithm) { return std::string(algorithm.param); });
 
 /// An algorithm with a small transition model.
-MethodConfig ModelMethod(const std::string& algorithm, const std::string& kind, int ensemble) {
+MethodConfig ModelMethod(const std::string& algorithm, nn::ModelKind kind, int ensemble) {
   MethodConfig method = Method(algorithm);
   method.model.kind = kind;
   method.model.ensemble = ensemble;
@@ -197,15 +197,15 @@ MethodConfig ModelMethod(const std::string& algorithm, const std::string& kind, 
   method.model_training.learning_rate = 3e-3;
   method.model_training.batch_size = 64;
   method.model_training.updates_per_update = 10;
-  method.model_training.state_loss = "mean";
+  method.model_training.state_loss = StateLoss::kMean;
   return method;
 }
 
 struct ModelUse {
   const char* name;
   const char* algorithm;
-  const char* imagination;
-  const char* model;
+  ImaginationKind imagination;
+  nn::ModelKind model;
   int ensemble;
 };
 
@@ -237,26 +237,29 @@ TEST_P(ImaginationToyTest, LearnsToDriveHomeFromFewReplayedBatches) {
 
 INSTANTIATE_TEST_SUITE_P(
     Uses, ImaginationToyTest,
-    testing::Values(ModelUse{"DynaDeterministic", "td3", "dyna", "deterministic", 1},
-                    ModelUse{"DynaProbabilistic", "td3", "dyna", "probabilistic", 1},
-                    ModelUse{"Mbpo", "td3", "mbpo", "probabilistic", 3},
-                    ModelUse{"DdpgDyna", "ddpg", "dyna", "deterministic", 1},
-                    ModelUse{"SacDyna", "sac", "dyna", "probabilistic", 1},
-                    ModelUse{"SacMbpo", "sac", "mbpo", "probabilistic", 3}),
+    testing::Values(
+        ModelUse{"DynaDeterministic", "td3", ImaginationKind::kDyna, nn::ModelKind::kDeterministic,
+                 1},
+        ModelUse{"DynaProbabilistic", "td3", ImaginationKind::kDyna, nn::ModelKind::kProbabilistic,
+                 1},
+        ModelUse{"Mbpo", "td3", ImaginationKind::kMbpo, nn::ModelKind::kProbabilistic, 3},
+        ModelUse{"DdpgDyna", "ddpg", ImaginationKind::kDyna, nn::ModelKind::kDeterministic, 1},
+        ModelUse{"SacDyna", "sac", ImaginationKind::kDyna, nn::ModelKind::kProbabilistic, 1},
+        ModelUse{"SacMbpo", "sac", ImaginationKind::kMbpo, nn::ModelKind::kProbabilistic, 3}),
     [](const auto& use) { return std::string(use.param.name); });
 
 // Critics and model learn, the policy does not: what drives the point towards home is the plan.
 TEST(PlanningToyTest, DrivesTowardsHomeWithAPolicyThatDoesNot) {
-  for (const auto& [algorithm, kind] : {std::pair("td3", "deterministic"),
-                                        {"td3", "probabilistic"},
-                                        {"ddpg", "probabilistic"},
-                                        {"sac", "probabilistic"}}) {
+  for (const auto& [algorithm, kind] : {std::pair("td3", nn::ModelKind::kDeterministic),
+                                        {"td3", nn::ModelKind::kProbabilistic},
+                                        {"ddpg", nn::ModelKind::kProbabilistic},
+                                        {"sac", nn::ModelKind::kProbabilistic}}) {
     MethodConfig method = ModelMethod(algorithm, kind, 1);
     method.learner.actor_learning_rate = 0.0;
     Scores scores;
     Train(method, 60, 10, &scores);
     EXPECT_GT(scores.trained.distance, 0.3) << "nothing to plan";
-    for (const char* update : {"mppi", "cem"}) {
+    for (const policy::PlanUpdate update : {policy::PlanUpdate::kMppi, policy::PlanUpdate::kCem}) {
       const auto planning = policy::MakePolicyAgent(scores.policy,
                                                     {.enabled = true,
                                                      .horizon = 4,
@@ -268,7 +271,7 @@ TEST(PlanningToyTest, DrivesTowardsHomeWithAPolicyThatDoesNot) {
                                                      .learning_starts = 0},
                                                     1);
       EXPECT_LT(Evaluate(*planning).distance, scores.trained.distance / 2.0)
-          << algorithm << " " << kind << " " << update;
+          << algorithm << " " << base::EnumName(kind) << " " << base::EnumName(update);
     }
   }
 }

@@ -32,7 +32,7 @@ MethodConfig Method() {
   MethodConfig method;
   LearnerConfig& config = method.learner;
   config.algorithm = "tqc";
-  config.device = "cpu";
+  config.device = DeviceChoice::kCpu;
   config.batch_size = kBatch;
   config.actor_learning_rate = config.critic_learning_rate = 1e-3;
   config.tau = 0.25;
@@ -205,7 +205,7 @@ TEST(Tqc, RefusesWhatContradictsItself) {
   method.learner.dropped_quantiles = kQuantiles;
   EXPECT_THROW(Learner(method, Spec(method), 1), base::Error);
   MethodConfig planned = Method();
-  planned.model.kind = "deterministic";
+  planned.model.kind = nn::ModelKind::kDeterministic;
   policy::PolicySpec spec = Spec(planned);
   spec.planning = PlanningOf(planned);
   EXPECT_THROW(Learner(planned, spec, 1), base::Error);

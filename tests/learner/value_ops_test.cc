@@ -65,7 +65,7 @@ TEST(ValueOps, KernelsDoWhatTheOperationsDo) {
 
 TEST(GaussianOps, KernelsDoWhatTheOperationsDo) {
   base::Random random(2);
-  const policy::ActionDistribution distribution = {"gaussian", -3.0, 1.0};
+  const policy::ActionDistribution distribution = {policy::DistributionKind::kGaussian, -3.0, 1.0};
   const at::Tensor output = Draw(17, 4, random), noise = Draw(17, 2, random);
   const at::Tensor daction = Draw(17, 2, random), discount = Draw(1, 17, random)[0];
   const auto compute = [&](at::ScalarType type) {
@@ -94,7 +94,8 @@ TEST(GaussianOps, KernelsDoWhatTheOperationsDo) {
 TEST(GaussianOps, DensityStaysFiniteWhereTanhSaturates) {
   const at::Tensor output = at::full({1, 4}, 30.0f), noise = at::zeros({1, 2});
   at::Tensor actions = at::zeros({1, 2}), log_probability = at::zeros({1});
-  SquashedSample({"gaussian", -1.0, 1.0}, output, noise, actions, log_probability);
+  SquashedSample({policy::DistributionKind::kGaussian, -1.0, 1.0}, output, noise, actions,
+                 log_probability);
   EXPECT_EQ(actions[0][0].item<float>(), 1.0f);
   // -log(1 - tanh(u)^2) is 2 u - log 4 for large u; the deviation is e there.
   const double each = -1.0 - 0.5 * std::log(2.0 * M_PI) + 60.0 - std::log(4.0);

@@ -75,9 +75,10 @@ class Runner {
         minibatch_(config.batch_size, spec_.network.history, features_.frame_size(), at::kCPU),
         totals_(at::kCPU) {
     if (multiplier > 0.0) {
-      constraint_.emplace(ConstraintConfig{.kind = "fixed", .multiplier = multiplier},
-                          nn::CriticShape(spec_.network, features_.frame_size()), cost_weights_,
-                          minibatch_, totals_);
+      constraint_.emplace(
+          ConstraintConfig{.kind = ConstraintKind::kFixed, .multiplier = multiplier},
+          nn::CriticShape(spec_.network, features_.frame_size()), cost_weights_, minibatch_,
+          totals_);
     }
     algorithm_ = make(AlgorithmContext{.config = config_,
                                        .spec = spec_,

@@ -46,7 +46,7 @@ TEST(FeatureMap, PoolsByMinimumForEveryDivisor) {
   base::Random random(2);
   const env::ObservationSpec spec{.num_beams = 720};
   for (const int sectors : {1, 2, 8, 36, 72, 80, 90, 144, 180, 360, 720}) {
-    const FeatureMap map(spec, {.sectors = sectors, .range_transform = "inverse"});
+    const FeatureMap map(spec, {.sectors = sectors, .range_transform = RangeTransform::kInverse});
     const Frame frame = RandomFrame(spec.num_beams, random);
     const std::vector<float> features = Write(map, frame, false);
     const int group = spec.num_beams / sectors;
@@ -64,7 +64,7 @@ TEST(FeatureMap, MirrorTurnsTheSceneLeftForRight) {
   base::Random random(3);
   const env::ObservationSpec spec{.num_beams = 720};
   for (const int sectors : {0, 72, 90}) {
-    for (const char* const goal : {"linear", "centred"}) {
+    for (const GoalTransform goal : {GoalTransform::kLinear, GoalTransform::kCentred}) {
       const FeatureMap map(spec, {.sectors = sectors, .goal_transform = goal});
       const Frame frame = RandomFrame(spec.num_beams, random);
       Frame mirror = frame;
@@ -78,7 +78,7 @@ TEST(FeatureMap, MirrorTurnsTheSceneLeftForRight) {
 }
 
 TEST(FeatureMap, CentredGoalIsOddInY) {
-  const FeatureMap map({}, {.sectors = 72, .goal_transform = "centred"});
+  const FeatureMap map({}, {.sectors = 72, .goal_transform = GoalTransform::kCentred});
   Frame frame{std::vector<std::uint16_t>(720, 100), {10.0f, 2.5f, 0.1f, -0.2f}};
   const std::vector<float> features = Write(map, frame, false);
   EXPECT_THAT((std::vector<float>(features.end() - 4, features.end())),

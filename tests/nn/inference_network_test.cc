@@ -25,15 +25,15 @@ std::vector<float> Spread(std::int64_t count, double scale, std::uint32_t stream
 
 std::vector<Case> AllCases() {
   std::vector<Case> cases = Cases();
-  cases.push_back({"Mlp", Make("mlp", {9, 7}, 2)});
-  cases.push_back({"MlpWithoutEncoderLayers", Make("mlp", {}, 1)});
-  NetworkConfig norm = Make("mlp", {40, 20}, 1);
+  cases.push_back({"Mlp", Make(EncoderFamily::kMlp, {9, 7}, 2)});
+  cases.push_back({"MlpWithoutEncoderLayers", Make(EncoderFamily::kMlp, {}, 1)});
+  NetworkConfig norm = Make(EncoderFamily::kMlp, {40, 20}, 1);
   norm.layer_norm = true;
   cases.push_back({"MlpWithLayerNorm", norm});
   // Wider than one panel and than several, and deeper than a product that training leaves to the
   // BLAS.
-  cases.push_back({"WideMlp", Make("mlp", {300, 150}, 1)});
-  cases.push_back({"DeepMlp", Make("mlp", {1100, 70}, 1)});
+  cases.push_back({"WideMlp", Make(EncoderFamily::kMlp, {300, 150}, 1)});
+  cases.push_back({"DeepMlp", Make(EncoderFamily::kMlp, {1100, 70}, 1)});
   return cases;
 }
 

@@ -23,7 +23,7 @@ struct Case {
 
 inline void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-inline NetworkConfig Make(const char* encoder, std::vector<int> layers, int history) {
+inline NetworkConfig Make(EncoderFamily encoder, std::vector<int> layers, int history) {
   NetworkConfig config;
   config.encoder = encoder;
   config.encoder_layers = std::move(layers);
@@ -34,7 +34,7 @@ inline NetworkConfig Make(const char* encoder, std::vector<int> layers, int hist
 }
 
 inline NetworkConfig OverBeams(NetworkConfig config) {
-  config.cnn_axis = "beams";
+  config.cnn_axis = CnnAxis::kBeams;
   return config;
 }
 
@@ -45,26 +45,27 @@ inline NetworkConfig Dropping(NetworkConfig config) {
 
 /// Five heads of eight columns, of which kernels take four side by side.
 inline NetworkConfig NarrowHeads() {
-  NetworkConfig config = Make("transformer", {40, 40}, 5);
+  NetworkConfig config = Make(EncoderFamily::kTransformer, {40, 40}, 5);
   config.attention_heads = 5;
   return config;
 }
 
 inline const std::vector<Case>& Cases() {
+  using enum EncoderFamily;
   static const std::vector<Case> cases = {
-      {"TimeCnn1", Make("cnn", {5, 4}, 1)},
-      {"TimeCnn2", Make("cnn", {5, 4}, 2)},
-      {"TimeCnn4", Make("cnn", {5, 4}, 4)},
-      {"BeamCnn1", OverBeams(Make("cnn", {4, 3, 5}, 1))},
-      {"BeamCnn4", OverBeams(Make("cnn", {4, 3, 5}, 4))},
-      {"Gru1", Make("gru", {4, 4}, 1)},
-      {"Gru4", Make("gru", {4, 4}, 4)},
-      {"GruOfOtherWidths", Make("gru", {3, 5, 4}, 3)},
-      {"Transformer1", Make("transformer", {8, 8}, 1)},
-      {"Transformer4", Make("transformer", {8, 8}, 4)},
-      {"TransformerOfThreeBlocks", Make("transformer", {8, 8, 8}, 3)},
+      {"TimeCnn1", Make(kCnn, {5, 4}, 1)},
+      {"TimeCnn2", Make(kCnn, {5, 4}, 2)},
+      {"TimeCnn4", Make(kCnn, {5, 4}, 4)},
+      {"BeamCnn1", OverBeams(Make(kCnn, {4, 3, 5}, 1))},
+      {"BeamCnn4", OverBeams(Make(kCnn, {4, 3, 5}, 4))},
+      {"Gru1", Make(kGru, {4, 4}, 1)},
+      {"Gru4", Make(kGru, {4, 4}, 4)},
+      {"GruOfOtherWidths", Make(kGru, {3, 5, 4}, 3)},
+      {"Transformer1", Make(kTransformer, {8, 8}, 1)},
+      {"Transformer4", Make(kTransformer, {8, 8}, 4)},
+      {"TransformerOfThreeBlocks", Make(kTransformer, {8, 8, 8}, 3)},
       {"TransformerOfNarrowHeads", NarrowHeads()},
-      {"TransformerWithDropout", Dropping(Make("transformer", {8, 8}, 3))},
+      {"TransformerWithDropout", Dropping(Make(kTransformer, {8, 8}, 3))},
   };
   return cases;
 }

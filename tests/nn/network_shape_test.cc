@@ -27,29 +27,30 @@ TEST(NetworkShape, PaperEncodersHaveTheirNumbersOfParameters) {
   // LayerNorm 2 W; query, key, value 3 W^2 + 3 W; output W^2 + W; LayerNorm 2 W; 4 W^2 + 4 W up and
   // 4 W^2 + W down.
   constexpr std::int64_t kBlock = 12 * kW * kW + 13 * kW;
-  const auto count = [](const char* encoder, int history) {
+  const auto count = [](EncoderFamily encoder, int history) {
     NetworkConfig config;
     config.encoder = encoder;
     config.history = history;
     return ActorShape(config, kF).num_parameters();
   };
   for (const int history : {1, 4, 8}) {
-    EXPECT_EQ(count("mlp", history), history * kF * kW + kW + kW * kW + kW + kHead);
-    EXPECT_EQ(count("cnn", history), 3 * kF * kW + kW + history * kW * kW + kW + kHead);
-    EXPECT_EQ(count("gru", history), kGru + kHead);
-    EXPECT_EQ(count("transformer", history),
+    EXPECT_EQ(count(EncoderFamily::kMlp, history), history * kF * kW + kW + kW * kW + kW + kHead);
+    EXPECT_EQ(count(EncoderFamily::kCnn, history),
+              3 * kF * kW + kW + history * kW * kW + kW + kHead);
+    EXPECT_EQ(count(EncoderFamily::kGru, history), kGru + kHead);
+    EXPECT_EQ(count(EncoderFamily::kTransformer, history),
               kF * kW + kW + history * kW + 2 * kW + 2 * kBlock + 2 * kW + kHead);
   }
-  EXPECT_EQ(count("mlp", 4), 2'272'258);
-  EXPECT_EQ(count("cnn", 4), 2'688'002);
-  EXPECT_EQ(count("gru", 4), 4'003'842);
-  EXPECT_EQ(count("transformer", 4), 7'206'402);
+  EXPECT_EQ(count(EncoderFamily::kMlp, 4), 2'272'258);
+  EXPECT_EQ(count(EncoderFamily::kCnn, 4), 2'688'002);
+  EXPECT_EQ(count(EncoderFamily::kGru, 4), 4'003'842);
+  EXPECT_EQ(count(EncoderFamily::kTransformer, 4), 7'206'402);
 }
 
 TEST(NetworkShape, ConvolutionsOverBeamsHalveThePositions) {
   NetworkConfig config;
-  config.encoder = "cnn";
-  config.cnn_axis = "beams";
+  config.encoder = EncoderFamily::kCnn;
+  config.cnn_axis = CnnAxis::kBeams;
   config.encoder_layers = {32, 32, 256};
   config.head_layers = {};
   config.history = 3;
@@ -59,7 +60,8 @@ TEST(NetworkShape, ConvolutionsOverBeamsHalveThePositions) {
 }
 
 TEST(NetworkShape, SlotsOfEveryEncoderTileTheParameters) {
-  for (const char* const encoder : {"cnn", "gru", "transformer"}) {
+  for (const EncoderFamily encoder :
+       {EncoderFamily::kCnn, EncoderFamily::kGru, EncoderFamily::kTransformer}) {
     NetworkConfig config;
     config.encoder = encoder;
     config.encoder_layers = {16, 16};
@@ -81,7 +83,7 @@ TEST(NetworkShape, SlotsOfEveryEncoderTileTheParameters) {
 // five times that is exceeded once in two million.
 TEST(InitialiseParameters, TransformerBlocksStartAsTheOriginals) {
   NetworkConfig config;
-  config.encoder = "transformer";
+  config.encoder = EncoderFamily::kTransformer;
   config.encoder_layers = {16};
   const NetworkShape shape = ActorShape(config, 10);
   std::vector<float> parameters(shape.num_parameters());
@@ -108,26 +110,26 @@ TEST(CheckNetwork, NamesTheKeyOfWhatMakesNoNetwork) {
   };
   NetworkConfig config;
   EXPECT_EQ(refusal(config), "");
-  config.encoder = "cnn";
+  config.encoder = EncoderFamily::kCnn;
   EXPECT_EQ(refusal(config), "");
   config.encoder_layers = {8};
   EXPECT_THAT(refusal(config), testing::StartsWith("network.encoder_layers: found [8]"));
-  config.cnn_axis = "beams";
+  config.cnn_axis = CnnAxis::kBeams;
   EXPECT_THAT(refusal(config), testing::StartsWith("network.encoder_layers: found [8]"));
   // 20 ranges -> 8 -> 3 -> 1, of which no window of 3 can be cut.
   config.encoder_layers = {4, 4, 4, 8};
   EXPECT_EQ(refusal(config), "");
   config.encoder_layers = {4, 4, 4, 4, 8};
   EXPECT_THAT(refusal(config), testing::HasSubstr("convolution 4 gets 1, expected 3 or more"));
-  config.encoder = "gru";
+  config.encoder = EncoderFamily::kGru;
   EXPECT_THAT(refusal(config), testing::StartsWith("network.cnn_axis: found \"beams\""));
-  config.cnn_axis = "time";
+  config.cnn_axis = CnnAxis::kTime;
   config.encoder_layers = {};
   EXPECT_THAT(refusal(config), testing::StartsWith("network.encoder_layers: found []"));
   config.encoder_layers = {8};
   config.dropout = 0.1;
   EXPECT_THAT(refusal(config), testing::StartsWith("network.dropout: found 0.1"));
-  config.encoder = "transformer";
+  config.encoder = EncoderFamily::kTransformer;
   EXPECT_EQ(refusal(config), "");
   config.encoder_layers = {16, 8};
   EXPECT_THAT(refusal(config), testing::HasSubstr("all equal"));

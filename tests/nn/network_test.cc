@@ -167,7 +167,7 @@ TEST(NetworkGolden, IsPyTorchsInDoublePrecision) {
 }
 
 TEST(NetworkDropout, IsDrawnAnewInEachPassOfItsStream) {
-  NetworkConfig config = Dropping(Make("transformer", {8}, 2));
+  NetworkConfig config = Dropping(Make(EncoderFamily::kTransformer, {8}, 2));
   config.dropout_everywhere = true;
   const NetworkShape shape = ActorShape(config, kFrame);
   const Network network(shape, Numbers(shape.num_parameters(), 0.6, 1));

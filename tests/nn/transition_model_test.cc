@@ -26,40 +26,40 @@ struct Case {
 
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-TransitionModelConfig Small(std::string kind, std::string targets) {
-  return {.kind = std::move(kind),
-          .targets = std::move(targets),
-          .ensemble = 2,
-          .encoder_layers = {11},
-          .head_layers = {12}};
+TransitionModelConfig Small(ModelKind kind, ModelTargets targets) {
+  return {
+      .kind = kind, .targets = targets, .ensemble = 2, .encoder_layers = {11}, .head_layers = {12}};
 }
 
-TransitionModelConfig AsPublished(std::string kind) {
-  TransitionModelConfig config = Small(std::move(kind), "absolute");
-  config.log_std = "published";
+TransitionModelConfig AsPublished(ModelKind kind) {
+  TransitionModelConfig config = Small(kind, ModelTargets::kAbsolute);
+  config.log_std = LogStdBounds::kPublished;
   config.bound_ranges = true;
   config.predict_last_action = true;
   return config;
 }
 
-TransitionModelConfig KnowingSuccess(std::string kind) {
-  TransitionModelConfig config = Small(std::move(kind), "difference");
-  config.success = "known";
+TransitionModelConfig KnowingSuccess(ModelKind kind) {
+  TransitionModelConfig config = Small(kind, ModelTargets::kDifference);
+  config.success = ModelSuccess::kKnown;
   return config;
 }
 
 constexpr double kGoalScale = 2.0;  // [m] per unit of a goal's features.
 constexpr GoalRule kGoal = {.radius = 3.0, .reward = 2.5};
 
+using enum ModelKind;
+using enum ModelTargets;
+
 const Case kCases[] = {
-    {"DeterministicDifference", Small("deterministic", "difference"), 1},
-    {"DeterministicAbsolute", Small("deterministic", "absolute"), 3},
-    {"DeterministicAsPublished", AsPublished("deterministic"), 1},
-    {"ProbabilisticDifference", Small("probabilistic", "difference"), 3},
-    {"ProbabilisticAbsolute", Small("probabilistic", "absolute"), 1},
-    {"ProbabilisticAsPublished", AsPublished("probabilistic"), 3},
-    {"DeterministicKnowingSuccess", KnowingSuccess("deterministic"), 1},
-    {"ProbabilisticKnowingSuccess", KnowingSuccess("probabilistic"), 3},
+    {"DeterministicDifference", Small(kDeterministic, kDifference), 1},
+    {"DeterministicAbsolute", Small(kDeterministic, kAbsolute), 3},
+    {"DeterministicAsPublished", AsPublished(kDeterministic), 1},
+    {"ProbabilisticDifference", Small(kProbabilistic, kDifference), 3},
+    {"ProbabilisticAbsolute", Small(kProbabilistic, kAbsolute), 1},
+    {"ProbabilisticAsPublished", AsPublished(kProbabilistic), 3},
+    {"DeterministicKnowingSuccess", KnowingSuccess(kDeterministic), 1},
+    {"ProbabilisticKnowingSuccess", KnowingSuccess(kProbabilistic), 3},
 };
 
 class TransitionModelTest : public testing::TestWithParam<Case> {
@@ -91,11 +91,12 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
       double value = out[j];
       const bool is_range = j < kFrame - 4;
       if (config.bound_ranges && is_range) value = std::tanh(value);
-      if (config.targets == "difference") value += in[width - kFrame + j];
-      if (noisy && config.kind == "probabilistic") {
+      if (config.targets == ModelTargets::kDifference) value += in[width - kFrame + j];
+      if (noisy && config.kind == ModelKind::kProbabilistic) {
         double log_std = out[predicted + j];
-        if (config.log_std == "bounded") log_std = -5.0 + 6.0 * (1.0 + std::tanh(log_std)) / 2.0;
-        if (config.log_std == "published" && is_range) log_std = std::tanh(log_std);
+        if (config.log_std == LogStdBounds::kBounded)
+          log_std = -5.0 + 6.0 * (1.0 + std::tanh(log_std)) / 2.0;
+        if (config.log_std == LogStdBounds::kPublished && is_range) log_std = std::tanh(log_std);
         value += std::exp(log_std) * noise_[i][j].item<double>();
       }
       if (!config.bound_ranges && is_range) value = std::min(1.0, std::max(-1.0, value));
@@ -104,13 +105,13 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
     for (int j = 0; predicted + j < kFrame; ++j) {
       stack.push_back(std::min(1.0, std::max(-1.0, in[width + j])));
     }
-    const int rest = config.kind == "probabilistic" ? 2 * predicted : predicted;
+    const int rest = config.kind == ModelKind::kProbabilistic ? 2 * predicted : predicted;
     *reward = out[rest];
     *termination = 1.0 / (1.0 + std::exp(-out[rest + 1]));
     // The goal [m], as env::WriteObservation writes it.
     const double* const goal = stack.data() + width - 4;
     const double distance = kGoalScale * std::hypot(goal[0] + 1.0, goal[1] + 1.0);
-    if (config.success == "known" && distance < kGoal.radius) {
+    if (config.success == ModelSuccess::kKnown && distance < kGoal.radius) {
       *reward += kGoal.reward;
       *termination = 1.0;
     }
@@ -139,7 +140,7 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
       EXPECT_NEAR(pass.termination()[i].item<double>(), termination, tolerance);
       successes += termination == 1.0 ? 1 : 0;
     }
-    const bool known = GetParam().config.success == "known";
+    const bool known = GetParam().config.success == ModelSuccess::kKnown;
     EXPECT_EQ(successes > 0 && successes < kBatch, known) << successes;
   }
 
@@ -198,8 +199,8 @@ TEST(SmoothMath, IsTheStandardLibrarys) {
 
 TEST(ModelShape, IsTheOriginals) {
   TransitionModelConfig config;
-  config.kind = "probabilistic";
-  config.targets = "absolute";
+  config.kind = ModelKind::kProbabilistic;
+  config.targets = ModelTargets::kAbsolute;
   config.predict_last_action = true;
   const ModelShape shape = MakeModelShape(config, NetworkConfig{}, 724);
   // Encoder 724 -> 512 -> 512, the action, head 514 -> 512 -> 512, then mean and log-std of 724
@@ -221,13 +222,13 @@ std::string Refusal(const TransitionModelConfig& config, const NetworkConfig& ne
 }
 
 TEST(ModelShape, RefusesWhatMakesNoSense) {
-  TransitionModelConfig config = AsPublished("deterministic");
+  TransitionModelConfig config = AsPublished(kDeterministic);
   EXPECT_EQ(Refusal(config, {}), "");
-  EXPECT_THAT(Refusal(config, {.range_transform = "inverse"}),
+  EXPECT_THAT(Refusal(config, {.range_transform = RangeTransform::kInverse}),
               testing::HasSubstr("network.range_transform"));
-  config.targets = "difference";
+  config.targets = ModelTargets::kDifference;
   EXPECT_THAT(Refusal(config, {}), testing::HasSubstr("model.targets"));
-  config = Small("probabilistic", "difference");
+  config = Small(kProbabilistic, kDifference);
   config.log_std_min = 2.0;
   EXPECT_THAT(Refusal(config, {}), testing::HasSubstr("model.log_std_min"));
 }

@@ -36,7 +36,7 @@ PolicySnapshot MakeSnapshot(const Hand& hand) {
   snapshot.spec.observation.num_beams = kBeams;
   snapshot.spec.network.encoder_layers = {};
   snapshot.spec.network.head_layers = {};
-  snapshot.spec.planning.model.kind = "deterministic";
+  snapshot.spec.planning.model.kind = nn::ModelKind::kDeterministic;
   snapshot.spec.planning.model.encoder_layers = {};
   snapshot.spec.planning.model.head_layers = {};
   snapshot.spec.planning.gamma = hand.gamma;
@@ -96,20 +96,20 @@ TEST(MpcAgent, BeatsThePolicyWhereTheModelShowsABetterAction) {
   const PolicySnapshot snapshot = MakeSnapshot({});
   const env::ObservationBatch observations = Observations(20, 1);
   const float by_policy = static_cast<float>(std::tanh(-0.5));
-  for (const char* update : {"mppi", "cem", "sample"}) {
+  for (const PlanUpdate update : {PlanUpdate::kMppi, PlanUpdate::kCem, PlanUpdate::kSample}) {
     MpcConfig config = Config();
     config.update = update;
     MpcAgent once(config, snapshot, 1);
     double mean = 0.0;
     for (const env::Action action : Act(once, observations)) mean += action.linear / 20.0;
-    EXPECT_GT(mean, by_policy + 0.2) << update;
+    EXPECT_GT(mean, by_policy + 0.2) << base::EnumName(update);
     // Further rounds climb on towards the best, which is 1.
     config.iterations = 6;
     MpcAgent often(config, snapshot, 1);
     double later = 0.0;
     for (const env::Action action : Act(often, observations)) later += action.linear / 20.0;
-    EXPECT_GT(later, 0.6) << update;
-    EXPECT_GT(later, mean) << update;
+    EXPECT_GT(later, 0.6) << base::EnumName(update);
+    EXPECT_GT(later, mean) << base::EnumName(update);
   }
 }
 
@@ -238,7 +238,7 @@ TEST(MpcAgent, RefusesAPolicyWithoutAModel) {
     EXPECT_THAT(error.what(), testing::HasSubstr("no transition model"));
   }
   MpcConfig config = Config();
-  config.update = "cem";
+  config.update = PlanUpdate::kCem;
   config.samples = 10;
   EXPECT_THROW(MpcAgent(config, MakeSnapshot({}), 1), base::Error);
 }

@@ -11,7 +11,7 @@
 namespace slalom::policy {
 namespace {
 
-PolicySnapshot MakePolicy(const std::string& encoder, const std::string& distribution) {
+PolicySnapshot MakePolicy(nn::EncoderFamily encoder, DistributionKind distribution) {
   PolicySnapshot snapshot;
   snapshot.spec.observation.num_beams = 48;
   snapshot.spec.network.encoder = encoder;
@@ -27,8 +27,10 @@ PolicySnapshot MakePolicy(const std::string& encoder, const std::string& distrib
 }
 
 TEST(NetworkAgent, AllocatesNothingForAnAction) {
-  for (const char* const encoder : {"mlp", "cnn", "gru", "transformer"}) {
-    for (const char* const distribution : {"deterministic", "gaussian"}) {
+  using enum nn::EncoderFamily;
+  using enum DistributionKind;
+  for (const nn::EncoderFamily encoder : {kMlp, kCnn, kGru, kTransformer}) {
+    for (const DistributionKind distribution : {kDeterministic, kGaussian}) {
       const PolicySnapshot snapshot = MakePolicy(encoder, distribution);
       NetworkAgent agent(snapshot);
       base::Random random(2);
@@ -45,7 +47,8 @@ TEST(NetworkAgent, AllocatesNothingForAnAction) {
         agent.Act(observations, actions);
         agent.Explore(noise, actions);
       }
-      EXPECT_EQ(test::NumAllocations() - before, 0) << encoder << ", " << distribution;
+      EXPECT_EQ(test::NumAllocations() - before, 0)
+          << base::EnumName(encoder) << ", " << base::EnumName(distribution);
       for (const env::Action& action : actions) {
         EXPECT_LT(std::abs(action.linear), 1.0f);
         EXPECT_LT(std::abs(action.angular), 1.0f);

@@ -85,8 +85,8 @@ TEST(NetworkAgent, IsLibTorchsForwardOnTheLastFrames) {
 PolicySnapshot MakeEncoderPolicy(const std::string& encoder) {
   PolicySnapshot snapshot = MakePolicy(3, 1);
   nn::NetworkConfig& network = snapshot.spec.network;
-  network.encoder = encoder == "beams" ? "cnn" : encoder;
-  if (encoder == "beams") network.cnn_axis = "beams";
+  SLALOM_CHECK(base::ParseEnum(encoder == "beams" ? "cnn" : encoder, network.encoder));
+  if (encoder == "beams") network.cnn_axis = nn::CnnAxis::kBeams;
   network.encoder_layers = {16, 16};
   std::vector<float> weights(snapshot.spec.actor_shape().num_parameters());
   base::Random random(5);

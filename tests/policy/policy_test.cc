@@ -20,7 +20,7 @@ PolicySnapshot SmallPolicy() {
   snapshot.spec.network.head_layers = {4};
   snapshot.spec.network.history = 2;
   snapshot.spec.network.sectors = 3;
-  snapshot.spec.network.range_transform = "inverse";
+  snapshot.spec.network.range_transform = nn::RangeTransform::kInverse;
   snapshot.spec.actions.linear_max = 1.5;
   std::vector<float> weights(snapshot.spec.actor_shape().num_parameters());
   base::Random random(1);
@@ -103,6 +103,8 @@ TEST_F(PolicyFileTest, RefusesSpecsThatDoNotFitTheTensors) {
   load_with("\"sectors\":3", "\"sectors\":3.5");
   load_with("\"sectors\":3", "\"sectors\":1e300");
   load_with("\"encoder\":\"mlp\"", "\"encoder\":\"cnn\"");
+  load_with("\"goal_transform\":\"linear\"", "\"goal_transform\":\"lnear\"");
+  load_with("\"goal_transform\":\"linear\"", "\"goal_transform\":0");
   load_with("\"layer_norm\":false", "\"layer_norm\":0");
   load_with("\"goal_scale\":3.0", "\"goal_scale\":0.0");
   load_with("\"linear_max\":1.5", "\"linear_max\":1e9");
@@ -117,7 +119,8 @@ TEST_F(PolicyFileTest, RefusesSpecsThatDoNotFitTheTensors) {
 }
 
 TEST_F(PolicyFileTest, HoldsEveryEncoder) {
-  for (const char* const encoder : {"cnn", "gru", "transformer"}) {
+  using enum nn::EncoderFamily;
+  for (const nn::EncoderFamily encoder : {kCnn, kGru, kTransformer}) {
     PolicySnapshot saved = SmallPolicy();
     saved.spec.network.encoder = encoder;
     saved.spec.network.encoder_layers = {6, 6};
@@ -131,7 +134,7 @@ TEST_F(PolicyFileTest, HoldsEveryEncoder) {
 
 TEST_F(PolicyFileTest, RefusesNetworksThatAreNone) {
   PolicySnapshot saved = SmallPolicy();
-  saved.spec.network.encoder = "transformer";
+  saved.spec.network.encoder = nn::EncoderFamily::kTransformer;
   saved.spec.network.encoder_layers = {6, 6};
   saved.spec.network.attention_heads = 2;
   saved.weights = std::make_shared<const std::vector<float>>(
@@ -163,7 +166,7 @@ TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanTheOtherEncoders) {
 
 TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanKnownSuccess) {
   PolicySpec spec = SmallPolicy().spec;
-  spec.planning.model.kind = "deterministic";
+  spec.planning.model.kind = nn::ModelKind::kDeterministic;
   PolicySnapshot snapshot = ZeroSnapshot(spec);
   snapshot.version = 1;
   SavePolicy(path_, snapshot, {});
@@ -176,8 +179,8 @@ TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanKnownSuccess) {
 
 TEST_F(PolicyFileTest, AKnownSuccessNeedsARadius) {
   PolicySpec spec = SmallPolicy().spec;
-  spec.planning.model.kind = "deterministic";
-  spec.planning.model.success = "known";
+  spec.planning.model.kind = nn::ModelKind::kDeterministic;
+  spec.planning.model.success = nn::ModelSuccess::kKnown;
   spec.planning.goal = {.radius = 0.5, .reward = 4.0};
   PolicySnapshot snapshot = ZeroSnapshot(spec);
   snapshot.version = 1;
@@ -224,7 +227,7 @@ TEST(RequireSameInterface, NamesWhatDiffers) {
 
 TEST(RequireSameSpec, NamesTheFirstFieldThatDiffers) {
   PolicySpec expected;
-  expected.planning.model.kind = "probabilistic";
+  expected.planning.model.kind = nn::ModelKind::kProbabilistic;
   const auto refusal = [&](const PolicySpec& spec) -> std::string {
     try {
       RequireSameSpec("p", spec, expected);
@@ -245,7 +248,7 @@ TEST(RequireSameSpec, NamesTheFirstFieldThatDiffers) {
   spec.actions.linear_max = 1.0;
   EXPECT_EQ(refusal(spec), "p: its actions.linear_max is 1.0, expected 2.0");
   spec = expected;
-  spec.distribution.kind = "gaussian";
+  spec.distribution.kind = DistributionKind::kGaussian;
   EXPECT_EQ(refusal(spec), "p: its distribution.kind is \"gaussian\", expected \"deterministic\"");
   spec = expected;
   spec.planning.model.ensemble = 3;

@@ -30,7 +30,7 @@ struct Extremes {
   }
 };
 
-RobotConfig WithDrive(const char* drive) {
+RobotConfig WithDrive(DriveKind drive) {
   RobotConfig config;
   config.drive = drive;
   return config;
@@ -42,7 +42,7 @@ TEST(ContactTest, ARobotThatDrivesAgainstAWallStaysPut) {
   for (int i = -100; i < 100; ++i) cylinders.circles.push_back({{1.5, 0.15 * i}, 0.075});
   for (const Course& course : {boxes, cylinders}) {
     const Scene scene(std::make_shared<const Course>(course));
-    for (const char* drive : {"skid-steer", "ideal"}) {
+    for (const DriveKind drive : {DriveKind::kSkidSteer, DriveKind::kIdeal}) {
       for (const double yaw : {0.0, 0.3, 0.8}) {
         const RobotConfig config = WithDrive(drive);
         ContactWorld contacts(config);
@@ -57,8 +57,8 @@ TEST(ContactTest, ARobotThatDrivesAgainstAWallStaysPut) {
           if (step == 499) settled = robot.pose();
         }
         // At 2 m/s it comes 0.04 m deep in a rigid-body step; Box2D lets 0.005 m stand.
-        EXPECT_LE(first.depth, 0.041) << drive << " " << yaw;
-        EXPECT_LE(later.depth, 0.0051) << drive << " " << yaw;
+        EXPECT_LE(first.depth, 0.041) << base::EnumName(drive) << " " << yaw;
+        EXPECT_LE(later.depth, 0.0051) << base::EnumName(drive) << " " << yaw;
         EXPECT_EQ(later.touched, 1000);
         EXPECT_LE(std::max(first.speed, later.speed), 2.001);
         EXPECT_NEAR(robot.pose().p.x, settled.p.x, 2e-3);
@@ -72,7 +72,7 @@ TEST(ContactTest, ARobotThatDrivesAgainstAWallStaysPut) {
 }
 
 TEST(ContactTest, ScrapingNeitherExplodesNorSinksIn) {
-  for (const char* drive : {"skid-steer", "ideal"}) {
+  for (const DriveKind drive : {DriveKind::kSkidSteer, DriveKind::kIdeal}) {
     base::Random random(1);
     Extremes extremes;
     for (int round = 0; round < 10; ++round) {
@@ -118,7 +118,7 @@ TEST(ContactTest, SweepingWallsDoNotShootItAway) {
     course.moving.push_back(wall);
   }
   const Scene scene(std::make_shared<const Course>(course));
-  for (const char* drive : {"skid-steer", "ideal"}) {
+  for (const DriveKind drive : {DriveKind::kSkidSteer, DriveKind::kIdeal}) {
     const RobotConfig config = WithDrive(drive);
     ContactWorld contacts(config);
     Robot robot(config, 1);

@@ -51,7 +51,7 @@ EnvironmentConfig TestConfig() {
 
 EnvironmentConfig IdealConfig() {
   EnvironmentConfig config = TestConfig();
-  config.robot.drive = "ideal";
+  config.robot.drive = DriveKind::kIdeal;
   return config;
 }
 

@@ -50,7 +50,7 @@ class One {
 
 EnvironmentConfig InstantDrive() {
   EnvironmentConfig config;
-  config.robot.drive = "ideal";
+  config.robot.drive = DriveKind::kIdeal;
   config.robot.linear_acceleration = 1000.0;
   config.robot.angular_acceleration = 1000.0;
   return config;

@@ -14,7 +14,7 @@ constexpr double kDt = 0.02;
 
 RobotConfig Ideal(double linear_acceleration = 20.0) {
   RobotConfig config;
-  config.drive = "ideal";
+  config.drive = DriveKind::kIdeal;
   config.linear_acceleration = linear_acceleration;
   return config;
 }

@@ -187,18 +187,18 @@ TEST(SweepMetricsTest, MethodsAndNetworksHaveNames) {
   cell.config.emplace();
   EXPECT_EQ(MethodName(cell), "td3");
   EXPECT_EQ(NetworkName(cell), "mlp");
-  cell.config->network.encoder = "gru";
+  cell.config->network.encoder = nn::EncoderFamily::kGru;
   cell.config->network.history = 4;
   EXPECT_EQ(NetworkName(cell), "gru-h4");
-  cell.config->method.constraint.kind = "lagrangian";
+  cell.config->method.constraint.kind = learner::ConstraintKind::kLagrangian;
   EXPECT_EQ(MethodName(cell), "td3-lagrangian");
-  cell.config->method.constraint.kind = "none";
+  cell.config->method.constraint.kind = learner::ConstraintKind::kNone;
   cell.config->method.learner.algorithm = "sac";
-  cell.config->method.model.kind = "probabilistic";
+  cell.config->method.model.kind = nn::ModelKind::kProbabilistic;
   EXPECT_EQ(MethodName(cell), "sac-model");
-  cell.config->method.imagination.kind = "mbpo";
+  cell.config->method.imagination.kind = learner::ImaginationKind::kMbpo;
   EXPECT_EQ(MethodName(cell), "sac-mbpo");
-  cell.config->method.imagination.kind = "none";
+  cell.config->method.imagination.kind = learner::ImaginationKind::kNone;
   cell.config->mpc.enabled = true;
   EXPECT_EQ(MethodName(cell), "sac-mpc");
 }

@@ -55,7 +55,7 @@ TEST(Acting, IsTheTrainedNetworkBitForBitWhereTrainingUsesTheSameProducts) {
   EXPECT_GE(actors.size(), 18u);  // Two sizes of nine networks and frames.
   int num_same = 0;
   for (const nn::NetworkShape& shape : actors) {
-    const std::string name = shape.config.encoder + " over " +
+    const std::string name = std::string(base::EnumName(shape.config.encoder)) + " over " +
                              std::to_string(shape.config.history) + " frames, depth " +
                              std::to_string(Depth(shape));
     std::vector<float> parameters(shape.num_parameters());

@@ -59,7 +59,7 @@ TEST_P(ResumeTest, RefusesTheCheckpointsOfAnotherLearner) {
   const test::ScratchDirectory scratch;
   const run::RunDirectory directory{scratch.path() / "run"};
   RunConfig config;
-  config.network = {.encoder = "gru", .history = 4, .sectors = 72};
+  config.network = {.encoder = nn::EncoderFamily::kGru, .history = 4, .sectors = 72};
   BeginRun(directory, config);
   EXPECT_NO_THROW(ResumeRun(directory, config));
   GetParam().make(config);
@@ -75,13 +75,15 @@ INSTANTIATE_TEST_SUITE_P(
     Changes, ResumeTest,
     testing::Values(
         Change{"network.history", [](RunConfig& c) { c.network.history = 8; }},
-        Change{"network.encoder", [](RunConfig& c) { c.network.encoder = "transformer"; }},
+        Change{"network.encoder",
+               [](RunConfig& c) { c.network.encoder = nn::EncoderFamily::kTransformer; }},
         Change{"network.encoder_layers", [](RunConfig& c) { c.network.encoder_layers = {64}; }},
         Change{"network.sectors", [](RunConfig& c) { c.network.sectors = 36; }},
         Change{"environment.lidar.num_beams",
                [](RunConfig& c) { c.environment.lidar.num_beams = 360; }},
         Change{"learner.algorithm", [](RunConfig& c) { c.method.learner.algorithm = "ddpg"; }},
-        Change{"model.kind", [](RunConfig& c) { c.method.model.kind = "deterministic"; }}),
+        Change{"model.kind",
+               [](RunConfig& c) { c.method.model.kind = nn::ModelKind::kDeterministic; }}),
     [](const auto& change) {
       std::string name = change.param.key;
       std::ranges::replace(name, '.', '_');

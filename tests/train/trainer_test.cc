@@ -36,7 +36,7 @@ TEST(TrainerTest, TheSameSeedGivesTheSamePolicyAndAnotherSeedAnother) {
 void ExpectAKillChangesNothing(RunConfig config) {
   const test::ScratchDirectory scratch;
   config.run.checkpoint_steps = 1000;
-  config.run.keep_checkpoints = "all";
+  config.run.keep_checkpoints = run::KeepCheckpoints::kAll;
   const run::RunDirectory whole{scratch.path() / "whole"};
   EXPECT_EQ(RunOnce(config, whole), TrainingEnd::kFinished);
 
@@ -118,7 +118,7 @@ TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
 TEST(TrainerTest, ShowsItsMetrics) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
-  config.method.model.kind = "deterministic";
+  config.method.model.kind = nn::ModelKind::kDeterministic;
   config.method.model.encoder_layers = {};
   config.method.model.head_layers = {16};
   config.run.checkpoint_steps = 2000;
@@ -181,7 +181,7 @@ TEST(TrainerTest, ADeterministicRunMustNotEndByTheClock) {
 
 TEST(TrainerTest, AConstraintNeedsCollisionsThatEndEpisodes) {
   RunConfig config = SmallRun();
-  config.method.constraint.kind = "lagrangian";
+  config.method.constraint.kind = learner::ConstraintKind::kLagrangian;
   EXPECT_NO_THROW(RequireCombination(config));
   config.environment.episode.collision_ends = false;
   EXPECT_THROW(RequireCombination(config), base::Error);
@@ -209,7 +209,7 @@ std::string RefusalAfterAnEdit(void (*edit)(RunConfig&)) {
   const run::RunDirectory directory{scratch.path() / "run"};
   RunConfig config = SmallRun();
   config.run.max_steps = 1000;
-  config.method.constraint.kind = "lagrangian";
+  config.method.constraint.kind = learner::ConstraintKind::kLagrangian;
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
   edit(config);
   base::WriteFileAtomically(directory.config(), config::ToToml(config));
@@ -259,7 +259,7 @@ TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
   const test::ScratchDirectory scratch;
   RunConfig config = SmallRun();
   config.run.checkpoint_steps = 2000;
-  config.run.keep_checkpoints = "all";
+  config.run.keep_checkpoints = run::KeepCheckpoints::kAll;
   const run::RunDirectory directory{scratch.path() / "run"};
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
   const std::vector<float> weights = *Policy(directory).weights;
