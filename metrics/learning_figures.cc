@@ -37,6 +37,7 @@ std::span<const Spec> LearningSpecs() {
   }();
   static const std::vector<Spec> specs = [] {
     std::vector<Spec> all;
+    all.reserve(named.size());
     for (const NamedSpec& spec : named) {
       all.push_back({spec.name, Type::kGauge, "learner, train", spec.help, {}, {}});
     }

@@ -201,6 +201,7 @@ void TableSource::RestorePriorities(const fs::path& file) {
 
 void TableSource::KeepOnly(const std::vector<fs::path>& checkpoints) {
   std::vector<std::string> manifests;
+  manifests.reserve(checkpoints.size());
   for (const fs::path& checkpoint : checkpoints) {
     manifests.push_back(base::ReadFile(checkpoint / kReplayFile));
   }
