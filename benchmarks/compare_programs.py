@@ -54,7 +54,7 @@ def golden(programs, _):
             with tempfile.TemporaryDirectory() as scratch:
                 subprocess.run(
                     [program, "train", f"{ROOT}/configs/{preset}.toml", "--deterministic", "--no-evaluation", "--output", scratch, "--name", "run",
-                     *settings(run__max_steps=steps, run__max_seconds=0, run__checkpoint_seconds=0, run__simulation_threads=1, run__learner_threads=1)],
+                     *settings(run__max_steps=steps, run__max_seconds=0, run__checkpoint_seconds=0, run__simulation_threads=1)],
                     check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
                 digests.append(weights_digest(f"{scratch}/run/policy.safetensors"))
         rows.append((f"weights of {preset} after {steps:,} steps", *digests, "same" if digests[0] == digests[1] else "DIFFERENT"))

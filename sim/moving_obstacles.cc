@@ -53,7 +53,7 @@ MovingShape MovingObstacles::At(int i, double time) const {
 }
 
 void MovingObstacles::PlaceAll(double time, MovingShapes& shapes) const {
-  constexpr float kFarAway = 1.0e6f;  // [m]
+  constexpr float kNowhere = 1.0e6f;  // [m]
   shapes.x.clear();
   shapes.y.clear();
   shapes.radius.clear();
@@ -69,8 +69,8 @@ void MovingObstacles::PlaceAll(double time, MovingShapes& shapes) const {
     shapes.radius.push_back(shape.radius);
   }
   shapes.num_circles = static_cast<int>(shapes.x.size());
-  shapes.x.insert(shapes.x.end(), kLanes, kFarAway);
-  shapes.y.insert(shapes.y.end(), kLanes, kFarAway);
+  shapes.x.insert(shapes.x.end(), kLanes, kNowhere);
+  shapes.y.insert(shapes.y.end(), kLanes, kNowhere);
   shapes.radius.insert(shapes.radius.end(), kLanes, 0.0f);
 }
 
