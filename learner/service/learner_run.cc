@@ -111,11 +111,9 @@ void LearnerRun::KeepSnapshots() {
   last_snapshot_s_ = now;
   last_snapshot_steps_ = steps_;
   if (!due) return;
-  const fs::path directory = plan_.directory.snapshots();
   try {
-    base::MakeDirectories(directory);
-    policy::SavePolicy(directory / fmt::format("step-{:012}.safetensors", steps_),
-                       learner_.BestSnapshot(), Provenance());
+    base::MakeDirectories(plan_.directory.snapshots());
+    policy::SavePolicy(plan_.directory.snapshot(steps_), learner_.BestSnapshot(), Provenance());
   } catch (const base::Error& error) {
     spdlog::error("snapshot not kept: {}; training goes on", error.what());
   }
