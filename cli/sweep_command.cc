@@ -122,7 +122,8 @@ void PrintPlan(const SweepOptions& options) {
     left_s += rates.SecondsLeft(cell, status.steps, status.num_scores_done).value_or(0.0);
   }
   fmt::print("time: about {} with {} at once on this machine{}\n",
-             base::FormatDuration(left_s / std::clamp(num_left, 1, slots.at_once)), slots.at_once,
+             base::FormatDuration(sweep::WallSeconds(left_s, num_left, slots.at_once)),
+             slots.at_once,
              rates.knows_scores() ? "" : ", and the scores, which were never timed here");
 }
 

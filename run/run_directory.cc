@@ -14,6 +14,10 @@ namespace slalom::run {
 
 namespace fs = std::filesystem;
 
+fs::path RunDirectory::snapshot(std::int64_t steps) const {
+  return snapshots() / fmt::format("step-{:012}.safetensors", steps);
+}
+
 RunLock::RunLock(const fs::path& root)
     : fd_(::open(root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
   if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 namespace slalom::run {
@@ -13,6 +14,8 @@ struct RunDirectory {
   std::filesystem::path metrics() const { return root / "metrics.csv"; }
   std::filesystem::path checkpoints() const { return root / "checkpoints"; }
   std::filesystem::path snapshots() const { return root / "snapshots"; }
+  /// The policy that is kept at so many steps. Names are in the order of the steps.
+  std::filesystem::path snapshot(std::int64_t steps) const;
   std::filesystem::path curve() const { return root / "curve.csv"; }
   std::filesystem::path training_picture() const { return root / "training.svg"; }
 };

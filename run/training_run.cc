@@ -84,7 +84,7 @@ bool TrainingRun::TakeSnapshotDue() {
 }
 
 fs::path TrainingRun::SnapshotPath() const {
-  return plan_.directory.snapshots() / fmt::format("step-{:012}.safetensors", steps_);
+  return plan_.directory.snapshot(steps_);
 }
 
 std::map<std::string, std::string> TrainingRun::Provenance() const {

@@ -219,9 +219,6 @@ class Work {
   std::optional<fs::path> PolicyOf(const ScoreTask& task) const {
     const run::RunDirectory run{directory_.run()};
     if (task.snapshot_steps == 0) return run.policy();
-    const auto file = [&run](std::int64_t steps) {
-      return run.snapshots() / fmt::format("step-{:012}.safetensors", steps);
-    };
     // A training makes a snapshot in the first batch step at or after the number, and one of a
     // later number does not stand in for it.
     const int batch = cell_.config->actor.num_environments;
@@ -234,8 +231,8 @@ class Work {
     std::error_code ec;
     for (const auto& entry : fs::directory_iterator(run.snapshots(), ec)) {
       const fs::path& path = entry.path();
-      if (path.extension() != ".safetensors" || path < file(task.snapshot_steps)) continue;
-      if (path < file(end) && (!first || path < *first)) first = path;
+      if (path.extension() != ".safetensors" || path < run.snapshot(task.snapshot_steps)) continue;
+      if (path < run.snapshot(end) && (!first || path < *first)) first = path;
     }
     return first;
   }

@@ -53,6 +53,10 @@ std::optional<double> Rates::SecondsLeft(const Cell& cell, std::int64_t steps, i
   return seconds;
 }
 
+double WallSeconds(double work_s, int num_cells, int at_once) {
+  return work_s / std::clamp(num_cells, 1, at_once);
+}
+
 std::int64_t BytesWhileTraining(const Cell& cell) {
   if (!cell.config) return 0;
   const std::int64_t frame = 2 * cell.config->environment.lidar.num_beams + kFrameBytes;

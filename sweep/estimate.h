@@ -40,6 +40,10 @@ class Rates {
   Mean episodes_;
 };
 
+/// How long work of `work_s` processor seconds takes where `at_once` of the `num_cells` cells that
+/// are left run at the same time, [s]. Requires: at_once >= 1.
+double WallSeconds(double work_s, int num_cells, int at_once);
+
 /// The most that a cell has on disk while it trains, [bytes]: replay data and checkpoints.
 std::int64_t BytesWhileTraining(const Cell& cell);
 /// About what stays of it, [bytes]: policies, metrics, and tracks of its evaluations.

@@ -225,9 +225,10 @@ class Worker {
     std::string text =
         fmt::format("{} of {} cells done, {} running", num_done, cells_.size(), running.size());
     if (num_failed > 0) text += fmt::format(", {} failed", num_failed);
-    if (knows_left)
-      text +=
-          ", " + base::FormatDuration(left_s / std::clamp(num_left, 1, slots_.at_once)) + " left";
+    if (knows_left) {
+      const double wall_s = WallSeconds(left_s, num_left, slots_.at_once);
+      text += fmt::format(", {} left", base::FormatDuration(wall_s));
+    }
     if (!running.empty()) text += fmt::format(" | {}", fmt::join(running, "; "));
     return text;
   }
