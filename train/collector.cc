@@ -46,21 +46,26 @@ void ThreadedCollector::Stop() {
 void ThreadedCollector::Run() {
   try {
     while (auto chunk = free_.Pop()) {
-      std::optional<policy::PolicySnapshot> snapshot;
-      {
-        base::MutexLock lock(mutex_);
-        snapshot.swap(published_);
-      }
-      if (snapshot) agent_.SetSnapshot(std::move(*snapshot));
+      TakePolicy();
       (*chunk)->Clear();
       actor_.Step(chunk->get());
       if (!full_.Push(std::move(*chunk))) break;
     }
+    TakePolicy();
   } catch (...) {
     base::MutexLock lock(mutex_);
     error_ = std::current_exception();
   }
   full_.Close();
+}
+
+void ThreadedCollector::TakePolicy() {
+  std::optional<policy::PolicySnapshot> snapshot;
+  {
+    base::MutexLock lock(mutex_);
+    snapshot.swap(published_);
+  }
+  if (snapshot) agent_.SetSnapshot(std::move(*snapshot));
 }
 
 std::unique_ptr<replay::Chunk> ThreadedCollector::Next() {

@@ -24,8 +24,8 @@ class Collector {
   virtual std::unique_ptr<replay::Chunk> Next() = 0;
   virtual void Recycle(std::unique_ptr<replay::Chunk> chunk) = 0;
 
-  /// Gives the actor's agent a new policy between two steps; an older one not yet taken is
-  /// forgotten.
+  /// Gives the actor's agent a new policy between two steps, or at the latest when it stops; an
+  /// older one not yet taken is forgotten.
   virtual void Publish(policy::PolicySnapshot snapshot) = 0;
 
   /// Lets the actor end. Call `Next` until it gives null: then actor and agent are the caller's
@@ -67,6 +67,7 @@ class ThreadedCollector : public Collector {
 
  private:
   void Run();
+  void TakePolicy();
 
   actor::Actor& actor_;
   policy::PolicyAgent& agent_;

@@ -85,8 +85,9 @@ const std::vector<replay::SampledRows>* TableSource::Next() {
   if (IsAtRest()) {
     const auto began = std::chrono::steady_clock::now();
     auto chunk = collector_->Next();
-    waited_.Increment(
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count());
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - began;
+    // In lockstep this thread has stepped the actor, so it did not wait.
+    if (!config_.run.deterministic) waited_.Increment(seconds.count());
     if (chunk) Insert(std::move(chunk));
     return nullptr;
   }

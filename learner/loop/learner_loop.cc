@@ -49,10 +49,11 @@ LearnerLoop::LearnerLoop(LoopPlan plan, Learner& learner, BatchSource& source, P
 
 bool LearnerLoop::Restore() {
   return run_.Restore([this](const fs::path& checkpoint, const nlohmann::json& state) {
-    // Checkpoints from before do not say these two.
+    // Checkpoints from before do not say these three.
     had_learned_nothing_ = state.value("nothing_learned", false);
     unpublished_ = state.value("unpublished",
                                state.value("updates_due", 0) % plan_.run.settings.publish_interval);
+    unobserved_ = state.value("unobserved", unpublished_);
     const nn::TensorFile tensors = nn::LoadTensors(checkpoint / kLearnerFile);
     source_.Restore(checkpoint, state);
     learner_.LoadState(tensors);
@@ -122,12 +123,13 @@ void LearnerLoop::Turn() {
   run_.SetProgress(source_.steps(), learner_.num_updates());
   CountTime();
   if (batches) Learn(*batches);
-  if (unpublished_ >= plan_.run.settings.publish_interval &&
-      SecondsSince(published_at_) >= plan_.publish_seconds) {
+  const int interval = plan_.run.settings.publish_interval;
+  if (unobserved_ >= interval) {
     const EndedEpisodes ended = source_.TakeEndedEpisodes();
     learner_.ObserveEpisodes(ended.collision_rate, ended.count);
-    Publish();
+    unobserved_ = 0;
   }
+  if (unpublished_ >= interval && SecondsSince(published_at_) >= plan_.publish_seconds) Publish();
   sink_.Serve();
   run_.LookAtClock();
 }
@@ -138,6 +140,7 @@ void LearnerLoop::Learn(const std::vector<replay::SampledRows>& batches) {
   if (prioritized_) source_.SetPriorities(batches[0].sequence, learner_.TdErrors());
   metrics_.AddUpdate(SecondsSince(began));
   run_.SetProgress(run_.steps(), learner_.num_updates());
+  ++unobserved_;
   ++unpublished_;
 }
 
@@ -220,6 +223,7 @@ void LearnerLoop::Checkpoint() {
     learner_.SaveState(tensors);
     nn::SaveTensors(directory / kLearnerFile, tensors, {});
     state["unpublished"] = unpublished_;
+    state["unobserved"] = unobserved_;
     state["finished"] = run_.AtLimit();  // For those who go back to the version before.
     state["nothing_learned"] = run_.watch().nothing_learned();
     source_.Save(directory, state);

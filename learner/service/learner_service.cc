@@ -67,7 +67,7 @@ TrainingEnd LearnerService::Run(std::stop_token stop) {
   }
   if (config_.exit_when_finished) return end;
   Serve(stop);
-  return TrainingEnd::kStopped;
+  return end;
 }
 
 void LearnerService::Serve(std::stop_token stop) {

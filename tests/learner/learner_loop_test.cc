@@ -66,7 +66,10 @@ class FakeSource final : public BatchSource {
   bool IsWaiting() const override { return false; }
   bool IsAtRest() const override { return position % 2 == 0; }
   std::int64_t steps() const override { return position * kStepsPerUpdate; }
-  EndedEpisodes TakeEndedEpisodes() override { return {}; }
+  EndedEpisodes TakeEndedEpisodes() override {
+    ++num_episode_looks;
+    return {};
+  }
   void SetPriorities(std::span<const std::int64_t> sequence,
                      std::span<const float> priority) override {
     EXPECT_EQ(sequence.size(), 8u);
@@ -95,6 +98,7 @@ class FakeSource final : public BatchSource {
   bool fails = false;
   float scale = 1.0f;
   int num_priorities = 0;
+  int num_episode_looks = 0;
   std::size_t kept = 0;
   run::MetricsRow reported;
   std::vector<std::int64_t> saved_at;
@@ -172,12 +176,14 @@ TEST(LearnerLoopTest, PublishesLogsAndEndsAtItsLimit) {
   EXPECT_EQ(loop.source.num_priorities, 0);
 }
 
-TEST(LearnerLoopTest, PublishesNoMoreOftenThanTheSecondsSay) {
+// The constraint's multiplier depends on the updates between two looks, not on the clock.
+TEST(LearnerLoopTest, PublishesNoMoreOftenThanTheSecondsSayButLooksAtEpisodesAllTheSame) {
   const test::ScratchDirectory scratch;
   Loop loop(scratch.path());
   loop.plan.publish_seconds = 3600.0;
   EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
   EXPECT_THAT(loop.sink.versions, ElementsAre(7));
+  EXPECT_EQ(loop.source.num_episode_looks, 100 / 7);
 }
 
 TEST(LearnerLoopTest, CheckpointsAndSnapshotsWaitUntilTheSourceIsAtRest) {

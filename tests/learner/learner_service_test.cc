@@ -43,7 +43,8 @@ using Meanwhile = std::function<void(const std::string& endpoint)>;
 /// A learner that runs in a thread until `updates` or more, then is stopped as by SIGTERM.
 void Learn(const std::string& replay, const fs::path& directory, std::int64_t updates,
            const Meanwhile& meanwhile = {}, const MethodConfig& base_method = {},
-           const run::TrainingClock& clock = run::TrainingClock(), double max_seconds = 0.0) {
+           const run::TrainingClock& clock = run::TrainingClock(), double max_seconds = 0.0,
+           TrainingEnd expected = TrainingEnd::kStopped) {
   base::MakeDirectories(directory);
   transport::Context context;
   metrics::Registry registry("learner", "learner");
@@ -70,7 +71,7 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
       LearnerService learner({}, method, spec, job, context, registry, clock);
       endpoint = learner.endpoint();
       ready = true;
-      EXPECT_EQ(learner.Run(stop), TrainingEnd::kStopped);
+      EXPECT_EQ(learner.Run(stop), expected);
     } catch (const base::Error& e) {
       error = e.what();
       ready = true;
@@ -156,7 +157,7 @@ TEST(LearnerServiceTest, AFinishedLearnerServesItsPolicyAlsoAfterARestart) {
   Learn(
       replay.endpoint(), scratch.path(), 1,
       [&](const std::string&) { WaitUntil([&] { return fs::exists(policy); }); }, {},
-      ASecondALook(looks), 10.0);
+      ASecondALook(looks), 10.0, TrainingEnd::kFinished);
   const std::int64_t version = Policy(scratch.path()).snapshot.version;
   EXPECT_LT(version, kUpdates) << "it did not end at its limit";
   const auto written = fs::last_write_time(policy);
@@ -169,7 +170,7 @@ TEST(LearnerServiceTest, AFinishedLearnerServesItsPolicyAlsoAfterARestart) {
         WaitUntil([&] { return link.Poll(); });
         EXPECT_EQ(link.version(), version);
       },
-      {}, ASecondALook(looks), 10.0);
+      {}, ASecondALook(looks), 10.0, TrainingEnd::kWasFinished);
   EXPECT_EQ(fs::last_write_time(policy), written);
 }
 

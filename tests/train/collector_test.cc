@@ -87,6 +87,21 @@ TEST(ThreadedCollectorTest, APublishedPolicyReachesTheAgent) {
   EXPECT_EQ(f.agent.snapshot().version, 42);
 }
 
+// A checkpoint stops the collector and begins another one, which must not act by an older policy.
+TEST(ThreadedCollectorTest, APolicyPublishedAfterTheLastStepReachesTheAgentAllTheSame) {
+  Fixture f;
+  auto other = learner::Learner({}, SmallSpec(), 99).Snapshot();
+  other.version = 42;
+  ThreadedCollector collector(f.actor, f.agent, kBeams, 1);
+  // The actor has filled all chunks and waits for one to come back.
+  std::vector<std::unique_ptr<replay::Chunk>> taken;
+  for (int i = 0; i < 3; ++i) taken.push_back(collector.Next());
+  collector.Publish(other);
+  collector.Stop();
+  EXPECT_EQ(collector.Next(), nullptr);
+  EXPECT_EQ(f.agent.snapshot().version, 42);
+}
+
 class ThrowingEnvironment : public slalom::testing::FakeEnvironment {
  public:
   using FakeEnvironment::FakeEnvironment;
