@@ -40,8 +40,9 @@ class LearnerService {
                  metrics::Registry& registry, run::TrainingClock clock = run::TrainingClock());
 
   /// Learns to the end of the run, then goes on serving its policy until `stop`, unless the config
-  /// says otherwise, and returns how the run ended. Stopped before the end, it saves. Throws `base::Error` where the replay server
-  /// refuses this process for good, or what must be kept cannot be written at the end.
+  /// says otherwise, and returns how the run ended. Stopped before the end, it saves. Throws
+  /// `base::Error` where the replay server refuses this process for good, or what must be kept
+  /// cannot be written at the end.
   TrainingEnd Run(std::stop_token stop);
 
   const std::string& endpoint() const { return policies_.endpoint(); }
