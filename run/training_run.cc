@@ -83,9 +83,7 @@ bool TrainingRun::TakeSnapshotDue() {
   return due;
 }
 
-fs::path TrainingRun::SnapshotPath() const {
-  return plan_.directory.snapshot(steps_);
-}
+fs::path TrainingRun::SnapshotPath() const { return plan_.directory.snapshot(steps_); }
 
 std::map<std::string, std::string> TrainingRun::Provenance() const {
   return {{"config", plan_.config},

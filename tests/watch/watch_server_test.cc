@@ -21,8 +21,9 @@ class WatchPagesTest : public ::testing::Test {
  protected:
   void MakeRun(const std::string& name) {
     base::MakeDirectories(root() / name);
-    base::WriteFileAtomically(root() / name / "metrics.csv",
-                              "training_s,steps,success_rate,policy_entropy_nats\n1,100,0.5,\n2,200,0.75,\n");
+    base::WriteFileAtomically(
+        root() / name / "metrics.csv",
+        "training_s,steps,success_rate,policy_entropy_nats\n1,100,0.5,\n2,200,0.75,\n");
   }
 
   fs::path root() const { return scratch_.path() / "runs"; }
