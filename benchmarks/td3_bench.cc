@@ -196,7 +196,10 @@ void RunTd3(benchmark::State& state, const std::string& preset, const std::strin
   }
   const std::unique_ptr<Algorithm> td3 =
       way == "losses" ? std::make_unique<WrittenTd3>(scene.context) : MakeAlgorithm(scene.context);
-  Measure(state, device, [&] { td3->Update(1.0); });
+  Measure(state, device, [&] {
+    scene.totals.CountUpdate();
+    td3->Update(1.0);
+  });
 }
 
 const bool kRegistered = [] {

@@ -33,8 +33,18 @@ class Algorithm {
  public:
   virtual ~Algorithm() = default;
 
-  /// Does one update from the context's minibatch. All learning rates are multiplied by `rate`.
-  /// Does not wait for a GPU. TD3, DDPG and SAC allocate nothing on the CPU.
+  /// Does one update from the context's minibatch, which the totals have counted. All learning
+  /// rates are multiplied by `rate`. Does not wait for a GPU. TD3, DDPG and SAC allocate nothing on
+  /// the CPU.
+  ///
+  /// An update does more than take steps on its losses. No error says so where one of these is
+  /// left out:
+  /// - It calls `Totals::CountActorUpdate` before each step of the actor, since averages go by it,
+  ///   and adds to the totals what metrics report (`Total`).
+  /// - With config.prioritized, it multiplies each transition's loss of the critics by
+  ///   `Minibatch::weight` and writes `td_errors`.
+  /// - With a constraint, it calls `Constraint::UpdateCritics` and adds `Constraint::Penalty` to
+  ///   the actor's loss.
   virtual void Update(double rate) = 0;
 
   /// The absolute TD errors |Q(s, a) - y| of the last minibatch, averaged over the critics, [B].

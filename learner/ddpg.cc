@@ -5,7 +5,6 @@
 namespace slalom::learner {
 
 void Ddpg::Update(double rate) {
-  totals_.CountUpdate();
   totals_.CountActorUpdate();
   const at::Tensor& state = minibatch_.features;
   const at::Tensor& next_state = minibatch_.next_features;

@@ -232,12 +232,23 @@ void Learner::Update(std::span<const replay::SampledRows> batches, double progre
     p.model->Update();
   }
   const bool imagines = p.imagination && p.imagination->ready();
-  if (!imagines || p.imagination->adds_to_replayed()) p.algorithm->Update(rate);
+  if (!imagines || p.imagination->adds_to_replayed()) UpdateAlgorithm(rate);
   if (!imagines) return;
   p.imagination->Begin(num_updates());
   for (int k = 0; k < p.imagination->num_batches(); ++k) {
     p.imagination->Fill(k);
-    p.algorithm->Update(rate);
+    UpdateAlgorithm(rate);
+  }
+}
+
+void Learner::UpdateAlgorithm(double rate) {
+  parts_->totals.CountUpdate();
+  try {
+    parts_->algorithm->Update(rate);
+  } catch (const c10::Error& error) {
+    // Such as shapes that do not fit, without LibTorch's list of addresses.
+    throw base::Error(fmt::format("learner.algorithm \"{}\": {}", method_.learner.algorithm,
+                                  error.what_without_backtrace()));
   }
 }
 

@@ -102,6 +102,9 @@ class Learner {
  private:
   struct Parts;
 
+  /// Throws `base::Error` with LibTorch's words where it refuses an operation of the algorithm.
+  void UpdateAlgorithm(double rate);
+
   const MethodConfig method_;
   const policy::PolicySpec spec_;
   const std::vector<replay::SampleSpec> sample_specs_;

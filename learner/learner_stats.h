@@ -14,15 +14,17 @@ namespace slalom::learner {
 using LearnerStats = metrics::LearningFigures;
 using ModelStats = metrics::ModelFigures;
 
-/// The sums that updates add to.
+/// The sums that updates add to. `Totals::Read` makes means of them: those of the critics are
+/// divided by the updates, kCriticLoss and kQ by the number of critics, too; those of the actor by
+/// its updates.
 enum class Total {
-  kCriticLoss,
-  kQ,
-  kCriticNorm,
-  kActorQ,
+  kCriticLoss,  ///< Sum over the critics of their losses.
+  kQ,           ///< Sum over the critics of mean Q_k(s, a); see `learner.divergence_limit`.
+  kCriticNorm,  ///< Of the gradient; `Critics::Descend` adds it, likewise for the actor.
+  kActorQ,      ///< Mean Q(s, pi(s)), which the actor climbs.
   kActorNorm,
-  kEntropy,
-  kCostLoss,
+  kEntropy,   ///< -mean log pi(a|s), of a stochastic policy.
+  kCostLoss,  ///< These three are the constraint's.
   kCostQ,
   kCostNorm,
   kCount
@@ -37,8 +39,8 @@ class Totals {
   /// Returns one sum: a view, float64, [1].
   at::Tensor& operator[](Total total) { return views_[static_cast<std::size_t>(total)]; }
 
-  void CountUpdate() { ++num_updates_; }
-  void CountActorUpdate() { ++num_actor_updates_; }
+  void CountUpdate() { ++num_updates_; }             ///< `Learner` does, before each update.
+  void CountActorUpdate() { ++num_actor_updates_; }  ///< The algorithm does.
   std::int64_t num_updates() const { return num_updates_; }              ///< Since the beginning.
   std::int64_t num_actor_updates() const { return num_actor_updates_; }  ///< Since the beginning.
 

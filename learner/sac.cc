@@ -22,7 +22,6 @@ Sac::Sac(const AlgorithmContext& context, int num_critics, int critic_outputs)
       temperature_norm_(at::zeros_like(log_temperature_, at::kDouble)) {}
 
 void Sac::Update(double rate) {
-  totals_.CountUpdate();
   totals_.CountActorUpdate();
   const at::Tensor& state = minibatch_.features;
   const at::Tensor& next_state = minibatch_.next_features;

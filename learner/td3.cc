@@ -12,7 +12,6 @@ Td3::Td3(const AlgorithmContext& context)
       next_action_(at::zeros_like(context.minibatch.actions)) {}
 
 void Td3::Update(double rate) {
-  totals_.CountUpdate();
   const bool update_actor = totals_.num_updates() % config_.policy_delay == 0;
   // The lines of Fujimoto et al. 2018, algorithm 1: "if t mod d", under which targets move, too.
   const double polyak_rate = update_actor ? config_.tau : 0.0;

@@ -13,7 +13,7 @@
 namespace slalom::learner {
 namespace {
 
-const AlgorithmContext& Checked(const AlgorithmContext& context) {
+const AlgorithmContext& CheckedForTqc(const AlgorithmContext& context) {
   const LearnerConfig& config = context.config;
   if (config.dropped_quantiles >= config.quantiles) {
     throw base::Error(
@@ -44,10 +44,9 @@ at::Tensor QuantileHuberLoss(const at::Tensor& z, const at::Tensor& y) {
 class Tqc : public Sac {
  public:
   explicit Tqc(const AlgorithmContext& context)
-      : Sac(Checked(context), context.config.quantile_critics, context.config.quantiles) {}
+      : Sac(CheckedForTqc(context), context.config.quantile_critics, context.config.quantiles) {}
 
   void Update(double rate) override {
-    totals_.CountUpdate();
     totals_.CountActorUpdate();
     const at::Tensor& state = minibatch_.features;
     const at::Tensor& next_state = minibatch_.next_features;

@@ -1,6 +1,7 @@
 #include "nn/autograd_networks.h"
 
 #include <ATen/ATen.h>
+#include <fmt/format.h>
 #include <torch/csrc/autograd/autograd.h>
 #include <torch/csrc/autograd/custom_function.h>
 
@@ -189,7 +190,30 @@ at::Tensor AutogradNetworks::operator()(const at::Tensor& features, const at::Te
 }
 
 void AutogradNetworks::Differentiate(const at::Tensor& loss, at::Tensor& gradient) const {
-  gradient.copy_(torch::autograd::grad({loss}, {networks_->leaf}).front());
+  if (loss.numel() != 1) {
+    throw base::Error(fmt::format(
+        "AutogradNetworks: the loss has the shape [{}], expected one number, such as its mean()",
+        fmt::join(loss.sizes(), ", ")));
+  }
+  at::Tensor found;
+  try {
+    if (loss.requires_grad()) {
+      found = torch::autograd::grad({loss}, {networks_->leaf}, {}, /*retain_graph=*/false,
+                                    /*create_graph=*/false, /*allow_unused=*/true)
+                  .front();
+    }
+  } catch (const c10::Error& error) {
+    throw base::Error(fmt::format(
+        "AutogradNetworks: no gradient of this loss; expected one that is differentiated once, "
+        "without retain_graph, and before its weights move. LibTorch says: {}",
+        error.what_without_backtrace()));
+  }
+  if (!found.defined()) {
+    throw base::Error(
+        "AutogradNetworks: the loss does not depend on the networks whose parameters are to move; "
+        "expected one of their values, without detach(), NoGradGuard or target networks between");
+  }
+  gradient.copy_(found);
 }
 
 const at::Tensor& AutogradNetworks::parameters() const { return networks_->leaf; }

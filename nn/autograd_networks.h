@@ -26,7 +26,7 @@ namespace slalom::nn {
 ///
 /// Refused by a `base::Error` that says so: a gradient by the features, a double backward
 /// (create_graph), and a second backward through one call (retain_graph). A backward pass after the
-/// weights have moved is refused by LibTorch.
+/// weights have moved is refused by LibTorch, whose words `Differentiate` passes on.
 ///
 /// Thread-compatible. Movable. Memory is taken at the first calls, and used again once the graph
 /// has been differentiated or dropped.
@@ -43,7 +43,8 @@ class AutogradNetworks {
   at::Tensor operator()(const at::Tensor& features, const at::Tensor& extra = {}) const;
 
   /// Writes the gradient of `loss`, a tensor with one element, by all parameters to `gradient`,
-  /// [K * P]. Adds to no `.grad()`.
+  /// [K * P]. Adds to no `.grad()`. Throws `base::Error` where the loss has more elements, does not
+  /// depend on these networks, was differentiated before, or is older than the weights.
   void Differentiate(const at::Tensor& loss, at::Tensor& gradient) const;
 
   /// The leaf of every graph, [K * P]. It shares the constructor's memory.

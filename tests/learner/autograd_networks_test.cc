@@ -236,5 +236,27 @@ TEST(AutogradNetworks, RefuseByName) {
             std::string::npos);
 }
 
+TEST(AutogradNetworks, SayWhatIsWrongWithALoss) {
+  const Scene scene(SmallConfig()), other(SmallConfig());
+  Tensor gradient = torch::zeros_like(scene.parameters);
+  const auto expect = [&](const Tensor& loss, const std::string& words) {
+    const std::string error =
+        ErrorOf<base::Error>([&] { scene.networks.Differentiate(loss, gradient); });
+    EXPECT_NE(error.find(words), std::string::npos) << error;
+    EXPECT_EQ(error.find("frame #0"), std::string::npos) << "LibTorch's list of addresses";
+  };
+  const auto call = [&](const Scene& of) { return of.networks(of.features, of.extra); };
+  expect(call(scene).square(), "the loss has the shape [6, 3, 2], expected one number");
+  expect(Loss(call(scene)).detach(), "does not depend on the networks");
+  expect(Loss(call(other)), "does not depend on the networks");
+  const Tensor loss = call(scene).square().mean();
+  scene.networks.Differentiate(loss, gradient);
+  expect(loss, "expected one that is differentiated once");
+  const Tensor old = Loss(call(scene));
+  Tensor parameters = scene.parameters;
+  parameters.add_(1.0);
+  expect(old, "before its weights move");
+}
+
 }  // namespace
 }  // namespace slalom::learner

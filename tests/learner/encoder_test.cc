@@ -5,6 +5,7 @@
 
 #include "learner/algorithm.h"
 #include "learner/learner.h"
+#include "tests/learner/every_algorithm.h"
 #include "tests/learner/random_rows.h"
 
 /// Every algorithm on every encoder.
@@ -69,7 +70,7 @@ TEST_P(EncoderTest, LearnsAndGoesOnBitForBitAfterARestore) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Combinations, EncoderTest,
-                         testing::Combine(testing::Values("td3", "ddpg", "sac", "tqc"),
+                         testing::Combine(testing::ValuesIn(EveryAlgorithm()),
                                           testing::Values("mlp", "cnn", "beams", "gru",
                                                           "transformer")),
                          [](const auto& test) {

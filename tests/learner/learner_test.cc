@@ -19,6 +19,7 @@
 #include "learner/sac.h"
 #include "learner/td3.h"
 #include "nn/feature_map.h"
+#include "tests/learner/every_algorithm.h"
 #include "tests/learner/random_rows.h"
 
 namespace slalom::learner {
@@ -362,7 +363,7 @@ TEST_P(MethodTest, CostFiguresAreThoseOfOneCritic) {
   EXPECT_NEAR(all.cost_critic_loss - none.cost_critic_loss, 1.0 - 2.0 * none.cost_q_mean, 1e-5);
 }
 
-INSTANTIATE_TEST_SUITE_P(Algorithms, MethodTest, testing::Values("td3", "ddpg", "sac", "tqc"),
+INSTANTIATE_TEST_SUITE_P(Algorithms, MethodTest, testing::ValuesIn(EveryAlgorithm()),
                          [](const auto& algorithm) { return std::string(algorithm.param); });
 
 TEST(Learner, RefusesWhatContradictsItself) {

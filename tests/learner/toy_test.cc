@@ -10,6 +10,7 @@
 #include "policy/network_agent.h"
 #include "policy/policy_agent.h"
 #include "replay/table.h"
+#include "tests/learner/every_algorithm.h"
 
 namespace slalom::learner {
 namespace {
@@ -184,7 +185,7 @@ TEST_P(ToyTest, AConstraintKeepsItFromHurrying) {
   EXPECT_LT(constrained.trained.distance, 0.25);
 }
 
-INSTANTIATE_TEST_SUITE_P(Algorithms, ToyTest, testing::Values("td3", "ddpg", "sac", "tqc"),
+INSTANTIATE_TEST_SUITE_P(Algorithms, ToyTest, testing::ValuesIn(EveryAlgorithm()),
                          [](const auto& algorithm) { return std::string(algorithm.param); });
 
 /// An algorithm with a small transition model.

@@ -38,7 +38,6 @@ class WrittenSac : public ActorCritic<GaussianActor> {
   void Update(double rate) override {
     const auto& [s, a, next_s] =
         std::tie(minibatch_.features, minibatch_.actions, minibatch_.next_features);
-    totals_.CountUpdate();
     totals_.CountActorUpdate();
     const auto [next_a, next_log_pi] = actor_.Draw(next_s, next_noise_.Draw(next_random_));
     const Tensor next_q = critics_.TargetValues(next_s, next_a.detach()).amin({1, 2});
@@ -103,6 +102,7 @@ class Runner {
     const RandomRows rows(config_.batch_size, spec_.network.history, 24, seed);
     base::Random unused(1);
     reader_.Read(rows.rows, unused, minibatch_);
+    totals_.CountUpdate();
     algorithm_->Update(1.0);
   }
 

@@ -26,7 +26,6 @@ class WrittenTd3 : public ActorCritic<DeterministicActor> {
   void Update(double rate) override {
     const auto& [s, a, next_s] =
         std::tie(minibatch_.features, minibatch_.actions, minibatch_.next_features);
-    totals_.CountUpdate();
     const bool update_actor = totals_.num_updates() % config_.policy_delay == 0;
     const double tau = update_actor ? config_.tau : 0.0;
     const at::Tensor noise = noise_.Draw(random_, config_.target_noise, config_.noise_clip);
