@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/check.h"
+#include "sim/mass_distribution.h"
 
 namespace slalom::sim {
 namespace {
@@ -12,10 +13,23 @@ constexpr float kClearanceLimit = 0.3f;    // How far ahead clearance is looked 
 constexpr float kClearanceMargin = 1e-3f;  // Far above all rounding, [m].
 constexpr float kTravel = 0.5f;            // More than the robot drives in a control step, [m].
 
+/// Sine and cosine of the angle by which a body turns in a step: exact to 1e-7 up to 0.5 rad.
+struct Turn {
+  float sin, cos;
+};
+Turn TurnBy(float angle) {
+  const float z = angle * angle;
+  return {angle * (1.0f + z * (-1.0f / 6 + z * (1.0f / 120 - z / 5040))),
+          1.0f + z * (-0.5f + z * (1.0f / 24 + z * (-1.0f / 720 + z / 40320)))};
+}
+
 }  // namespace
 
 Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
     : footprint_(MakeFootprint(config)),
+      centre_x_(static_cast<float>(DistributeMass(config).x)),
+      centre_y_(static_cast<float>(DistributeMass(config).y)),
+      reach_(footprint_.Circumradius() + std::abs(centre_x_) + std::abs(centre_y_)),
       dt_(1.0 / config.control_rate),
       skid_steering_(config.drive == DriveKind::kSkidSteer
                          ? std::optional<SkidSteering>({config, dt_})
@@ -45,22 +59,38 @@ void Robot::Reset(const base::Pose2& X_WR, std::uint64_t seed) {
   body_ = {.x = static_cast<float>(X_WR.p.x),
            .y = static_cast<float>(X_WR.p.y),
            .yaw = static_cast<float>(X_WR.yaw)};
+  centre_ = body_;
+  const auto [s, c] = base::SinCos(body_.yaw);
+  centre_.x += static_cast<float>(c * centre_x_ - s * centre_y_);
+  centre_.y += static_cast<float>(s * centre_x_ + c * centre_y_);
+  velocity_ = velocity_before_ = {};
+  turn_ = 0.0f;
   wheels_ = {};
   clearance_ = 0.0f;
   std::fill(commands_.begin(), commands_.end(), PendingCommand{});
   random_jitter_ = base::Random(seed);
+  if (!skid_steering_ || !skid_steering_->needs_angles()) return;
+  base::Random random(base::DeriveSeed(seed, "wheel angles"));
+  for (float& angle : wheel_angles_) {
+    angle = static_cast<float>(random.Uniform(-0.5 * base::kPi, 0.5 * base::kPi));
+  }
+}
+
+void Robot::TurnWheelsTo(double angle) {
+  const double half_turns = std::floor(angle / base::kPi + 0.5);
+  wheel_angles_.fill(static_cast<float>(angle - half_turns * base::kPi));
 }
 
 bool Robot::Drive(double linear, double angular, const Scene& scene, double motion_time,
                   ContactWorld& contacts) {
   Push({std::clamp(linear, -linear_limit_, linear_limit_),
         std::clamp(angular, -angular_limit_, angular_limit_)});
-  body_.yaw = static_cast<float>(base::WrapAngle(body_.yaw));
+  centre_.yaw = static_cast<float>(base::WrapAngle(centre_.yaw));
   const float dt = static_cast<float>(dt_);
   const CollisionMap& map = scene.collision_map();
   const MovingObstacles& moving = scene.moving_obstacles();
   const auto look_around = [&] {
-    clearance_ = map.Clearance(footprint_, body_.x, body_.y, body_.yaw, kClearanceLimit);
+    clearance_ = map.Clearance(footprint_, Outline(), kClearanceLimit);
   };
   if (clearance_ < kClearanceMargin) look_around();
   FindMoving(moving, motion_time, num_substeps_ * dt_);
@@ -70,25 +100,22 @@ bool Robot::Drive(double linear, double angular, const Scene& scene, double moti
     TurnWheels(CommandAt(substep));
     const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
     if (in_contact || stepping_ == Stepping::kBox2dAlways) {
-      if (contacts.Step(map, moving_shapes_, dt, body_)) {
-        if (!skid_steering_) {  // Wheels that do not slip turn as the body goes.
-          const auto [s, c] = base::SinCos(body_.yaw);
-          wheels_ = {c * body_.vx + s * body_.vy, body_.yaw_rate};
-        }
+      if (contacts.Step(map, moving_shapes_, dt, centre_)) {
+        ResumeFromContact();
         clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
       }
     } else {
-      body_.x += dt * body_.vx;
-      body_.y += dt * body_.vy;
-      body_.yaw += dt * body_.yaw_rate;
+      centre_.x += dt * centre_.vx;
+      centre_.y += dt * centre_.vy;
+      centre_.yaw += dt * centre_.yaw_rate;
     }
     // No point of the outline moved by more than this.
-    clearance_ -= dt * (std::sqrt(body_.vx * body_.vx + body_.vy * body_.vy) +
-                        std::abs(body_.yaw_rate) * footprint_.Circumradius());
+    clearance_ -= dt * (std::sqrt(centre_.vx * centre_.vx + centre_.vy * centre_.vy) +
+                        std::abs(centre_.yaw_rate) * reach_);
     if (clearance_ < 2.0f * kClearanceMargin) look_around();
     if (!moving.empty()) {
       const double time = motion_time + (substep + 1) * dt_;
-      const float gone_x = body_.x - found_x_, gone_y = body_.y - found_y_;
+      const float gone_x = centre_.x - found_x_, gone_y = centre_.y - found_y_;
       if (gone_x * gone_x + gone_y * gone_y > kTravel * kTravel) {
         FindMoving(moving, time, (num_substeps_ - substep - 1) * dt_);
       }
@@ -96,18 +123,19 @@ bool Robot::Drive(double linear, double angular, const Scene& scene, double moti
     }
     touched = touched || std::min(clearance_, moving_clearance_) <= 0.0f;
   }
+  PlaceBody();
   return touched;
 }
 
 // Finds those that may come within kClearanceMargin from `time` on for `duration` [s].
 void Robot::FindMoving(const MovingObstacles& moving, double time, double duration) {
   moving_.clear();
-  found_x_ = body_.x;
-  found_y_ = body_.y;
+  found_x_ = centre_.x;
+  found_y_ = centre_.y;
   for (int i = 0; i < moving.size(); ++i) {
     const PlacedBox& place = moving.At(i, time).box;
-    const float dx = place.x - body_.x, dy = place.y - body_.y;
-    const float far = moving.circumradius(i) + footprint_.Circumradius() + kTravel +
+    const float dx = place.x - centre_.x, dy = place.y - centre_.y;
+    const float far = moving.circumradius(i) + reach_ + kTravel +
                       static_cast<float>(duration) * moving.max_speed(i) + 2.0f * kClearanceMargin;
     if (dx * dx + dy * dy < far * far || moving.Jumps(i, time, duration)) moving_.push_back(i);
   }
@@ -117,12 +145,29 @@ void Robot::PlaceMoving(const MovingObstacles& moving, double time) {
   moving_shapes_.clear();
   moving_clearance_ = kClearanceLimit;
   if (moving_.empty()) return;
-  const FootprintPose X_WR = MakeFootprintPose(body_.x, body_.y, body_.yaw);
+  const FootprintPose X_WR = Outline();
   for (const int i : moving_) {
     moving_shapes_.push_back(moving.At(i, time));
     moving_clearance_ =
         std::min(moving_clearance_, Clearance(moving_shapes_.back(), footprint_, X_WR));
   }
+}
+
+// Where the outline is now.
+FootprintPose Robot::Outline() const {
+  FootprintPose X_WR = MakeFootprintPose(centre_.x, centre_.y, centre_.yaw);
+  X_WR.x -= X_WR.cos_yaw * centre_x_ - X_WR.sin_yaw * centre_y_;
+  X_WR.y -= X_WR.sin_yaw * centre_x_ + X_WR.cos_yaw * centre_y_;
+  return X_WR;
+}
+
+void Robot::PlaceBody() {
+  body_ = centre_;
+  const FootprintPose X_WR = Outline();
+  body_.vx += body_.yaw_rate * (centre_.y - X_WR.y);
+  body_.vy -= body_.yaw_rate * (centre_.x - X_WR.x);
+  body_.x = X_WR.x;
+  body_.y = X_WR.y;
 }
 
 base::Pose2 Robot::pose() const { return {{body_.x, body_.y}, base::WrapAngle(body_.yaw)}; }
@@ -159,28 +204,52 @@ void Robot::TurnWheels(const Command& command) {
 // The body then moves along the chord of its arc: in the direction that it has half-way through the
 // step.
 void Robot::MoveIdeally() {
-  body_.yaw_rate = static_cast<float>(wheels_.angular);
-  wheels_.angular = body_.yaw_rate;
-  const auto [s, c] = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
-  body_.vx = static_cast<float>(wheels_.linear * c);
-  body_.vy = static_cast<float>(wheels_.linear * s);
+  centre_.yaw_rate = static_cast<float>(wheels_.angular);
+  wheels_.angular = centre_.yaw_rate;
+  const auto [s, c] = base::SinCos(centre_.yaw + 0.5 * dt_ * centre_.yaw_rate);
+  centre_.vx = static_cast<float>(wheels_.linear * c);
+  centre_.vy = static_cast<float>(wheels_.linear * s);
 }
 
-// Wheels point where they do half-way through the step. A body in a steady turn had the same
-// velocity in their frame a step ago, a turn of yaw_rate x dt back (to second order).
+// Wheels point where they do half-way through the step. The search begins where the velocity, seen
+// from them, would be if it changed as it did in the last step; in a steady turn it does not change.
 void Robot::MoveWithSlip() {
-  const auto sin_cos = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
+  const auto [turn_sin, turn_cos] = TurnBy(turn_);
+  const BodyVelocity now{turn_cos * velocity_.ahead + turn_sin * velocity_.left,
+                         turn_cos * velocity_.left - turn_sin * velocity_.ahead,
+                         velocity_.yaw_rate};
+  const BodyVelocity near{2.0f * velocity_.ahead - velocity_before_.ahead,
+                          2.0f * velocity_.left - velocity_before_.left,
+                          2.0f * velocity_.yaw_rate - velocity_before_.yaw_rate};
+  const WheelSpeeds speeds = skid_steering_->Wheels(wheels_.linear, wheels_.angular);
+  const bool wheels_matter = skid_steering_->needs_angles();
+  if (wheels_matter) skid_steering_->Turn(speeds, 0.5 * dt_, wheel_angles_);
+  const BodyVelocity v = skid_steering_->Step(now, near, speeds, wheel_angles_);
+  if (wheels_matter) skid_steering_->Turn(speeds, 0.5 * dt_, wheel_angles_);
+
+  const auto sin_cos = base::SinCos(centre_.yaw + 0.5 * dt_ * velocity_.yaw_rate);
   const float s = static_cast<float>(sin_cos.sin), c = static_cast<float>(sin_cos.cos);
-  const BodyVelocity now{c * body_.vx + s * body_.vy, c * body_.vy - s * body_.vx, body_.yaw_rate};
-  const float turn = static_cast<float>(dt_) * body_.yaw_rate;
-  const float cos_turn = 1.0f - 0.5f * turn * turn;
-  const BodyVelocity before{cos_turn * now.ahead - turn * now.left,
-                            cos_turn * now.left + turn * now.ahead, now.yaw_rate};
-  const BodyVelocity v =
-      skid_steering_->Step(now, before, skid_steering_->Wheels(wheels_.linear, wheels_.angular));
-  body_.vx = c * v.ahead - s * v.left;
-  body_.vy = s * v.ahead + c * v.left;
-  body_.yaw_rate = v.yaw_rate;
+  centre_.vx = c * v.ahead - s * v.left;
+  centre_.vy = s * v.ahead + c * v.left;
+  centre_.yaw_rate = v.yaw_rate;
+  // From half-way through this step, at the old rate up to there, to half-way through the next.
+  turn_ = static_cast<float>(dt_) * (1.5f * v.yaw_rate - 0.5f * velocity_.yaw_rate);
+  velocity_before_ = velocity_;
+  velocity_ = v;
+}
+
+// Takes up the velocity that a contact has left.
+void Robot::ResumeFromContact() {
+  if (!skid_steering_) {  // Wheels that do not slip turn as the body goes.
+    const auto [s, c] = base::SinCos(centre_.yaw);
+    wheels_ = {c * centre_.vx + s * centre_.vy, centre_.yaw_rate};
+    return;
+  }
+  const auto [s, c] = base::SinCos(centre_.yaw + 0.5 * dt_ * centre_.yaw_rate);
+  velocity_ = {static_cast<float>(c * centre_.vx + s * centre_.vy),
+               static_cast<float>(c * centre_.vy - s * centre_.vx), centre_.yaw_rate};
+  velocity_before_ = velocity_;
+  turn_ = 0.0f;
 }
 
 }  // namespace slalom::sim

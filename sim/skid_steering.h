@@ -1,12 +1,15 @@
 #pragma once
 
-#include "sim/environment_config.h"
+#include <array>
 
-/// Frame: `R` the robot, x ahead, y left, at its centre of mass.
+#include "sim/environment_config.h"
+#include "sim/mass_distribution.h"
+
+/// Frame: `C` the robot's directions, x ahead, y left, at its centre of mass.
 
 namespace slalom::sim {
 
-/// Velocity of a body in the directions of R. A value.
+/// Velocity of the centre of mass in the directions of C, and the turn rate. A value.
 struct BodyVelocity {
   float ahead = 0.0f;     ///< [m/s]
   float left = 0.0f;      ///< [m/s]
@@ -20,31 +23,53 @@ struct WheelSpeeds {
   float right = 0.0f;
 };
 
+/// How far each wheel has turned about its axle, [rad]: front left, front right, rear left, rear
+/// right. Half a turn changes nothing, so angles are kept in [-pi/2, pi/2). 0: the wheel's own x
+/// axis points ahead. Only the law "gazebo" looks at them.
+using WheelAngles = std::array<float, 4>;
+
 /// A rigid body on four wheels that turn only about their axles and so must slip to turn the body.
 ///
-/// Each wheel stands at (+-wheel_base / 2, +-track / 2), carries a quarter of the weight and turns
-/// at the speed that it is told. Coulomb friction acts against its slip, of `wheel_friction` times
-/// its load, in whatever direction (a cone). What follows, without further parameters: turn rate
-/// and side-slip in turns, acceleration and braking limited to friction x g, drifting where speed x
-/// turn rate is beyond that. In pure rotation the balance of torques gives
+/// Wheels stand at (+-wheel_base / 2, +-track / 2) about the point midway between them, carry the
+/// loads of sim/mass_distribution.h and turn at the speed that they are told. Each meets the ground
+/// at its two edges, wheel_width apart, with half its load at each. There, dry friction acts
+/// against the slip s = (ahead, left) of the body over the wheel's surface. With n the load:
 ///
-///     yaw rate / commanded = multiplier x track^2 / (wheel_base^2 + track^2),
+/// - *cone* (Coulomb): force -friction n s / |s|, whatever the direction of s.
+/// - *pyramid*: along and across the wheel apart, -friction n sign(s_ahead), -friction n
+///   sign(s_left). A slip of 45 degrees meets 1.4 times the friction, and a wheel that spins ahead
+///   holds as well sideways as a standing one.
+/// - *gazebo*: that pyramid as Gazebo's ODE builds it for this robot. The description gives the
+///   direction of friction (`fdir1`) in the wheel's own frame, so it turns with the wheel, out of
+///   the ground by the wheel's angle t. ODE neither projects nor normalises it: the force along the
+///   first axis (cos t, 0, -sin t) counts ahead by cos t and presses the wheel down by the rest; the
+///   second axis, their cross product with the vertical, has the length |cos t|. Both bounds are
+///   friction times the normal force N, which the balance of vertical forces gives:
 ///
-/// 1.009 with the Jackal's numbers: its controller's multiplier 1.5 makes up for just this slip.
+///       N = n / (1 + friction sign(s_ahead cos t) sin t)
+///       force ahead = -friction N |cos t| sign(s_ahead), to the left alike with s_left.
 ///
-/// A step is implicit: the new velocity minimises
+///   A wheel whose axis stands upright holds nothing at all, twice in each turn.
 ///
-///     1/2 |change|^2 in the kinetic norm + sum over wheels of friction x load x dt x |slip|,
+/// (Gazebo: ODEPhysics::UpdateCollision, gazebo-classic 12a624d; ODE 0.16: contact joints with
+/// dContactFDir1 and dContactApprox1.) |s| and sign(s) are rounded off below 1 mm/s.
 ///
-/// |slip| rounded off below 1 mm/s, by four rounds of Weiszfeld's fixed point, in each of which
-/// friction is viscous, as strong as dry friction is at the slip found last. Newton's method would
+/// A step is implicit. For cone and pyramid the new velocity minimises
+///
+///     1/2 |change|^2 in the kinetic norm + dt x sum over contacts of friction x n x |s|
+///
+/// (|s_ahead| + |s_left| for the pyramid), by rounds of Weiszfeld's fixed point: friction in a
+/// round is viscous, as strong as dry friction is at the slip found last. Newton's method would
 /// need a line search here. Each such round alone takes kinetic energy from a body on standing
-/// wheels, for any step size, and leaves a steady state where it is.
+/// wheels, for any step size and any law, and leaves a steady state where it is. Rounds end when
+/// one changes the velocity by less than 0.5 mm/s, at the latest after `kMaxRounds`.
 ///
 /// Immutable. The same bits on every machine.
 class SkidSteering {
  public:
-  /// `dt`: of a step, [s].
+  static constexpr int kMaxRounds = 8;
+
+  /// `dt`: of a step, [s]. Requires: `CheckMassDistribution(config)` passes.
   SkidSteering(const RobotConfig& config, double dt);
 
   /// Surface speeds that the drive's controller asks for to go at `linear` [m/s] and turn at
@@ -57,19 +82,41 @@ class SkidSteering {
   }
 
   /// The velocity a step later, in the same directions. `near`: a velocity near it, where the
-  /// search begins; in a steady turn that is where `velocity` pointed a step ago, from which the
-  /// search does not depart. Cost: about 80 ns.
+  /// search begins. `angles`: of the wheels half-way through the step. Cost: about 30 ns a round.
   BodyVelocity Step(const BodyVelocity& velocity, const BodyVelocity& near,
-                    const WheelSpeeds& wheels) const;
+                    const WheelSpeeds& wheels, const WheelAngles& angles = {}) const;
+
+  /// Turns wheels at these speeds for `duration` [s].
+  void Turn(const WheelSpeeds& wheels, double duration, WheelAngles& angles) const;
+
+  /// Whether the law looks at the wheels' angles.
+  bool needs_angles() const { return law_ == FrictionLaw::kGazebo; }
 
  private:
+  SkidSteering(const RobotConfig& config, const MassDistribution& masses, double dt);
+
+  template <FrictionLaw law>
+  BodyVelocity Search(const BodyVelocity& velocity, const BodyVelocity& near,
+                      const WheelSpeeds& wheels, const WheelAngles& angles) const;
+
+  const FrictionLaw law_;
   const double half_separation_;  // As the controller believes, [m].
   const double half_imbalance_;
-  const float half_base_;   // [m]
-  const float half_track_;  // [m]
-  const float mass_;        // [kg]
-  const float inertia_;     // [kg m^2]
-  const float grip_;        // Greatest impulse of a wheel in a step, [N s].
+  const float friction_;
+  const float inverse_radius_;  // Of a wheel, [1/m].
+  const float mass_;            // [kg]
+  const float inertia_;         // [kg m^2]
+  // Contacts in C: x of the axles; y from the left to the right; and the greatest impulse of each
+  // in a step, [N s].
+  const float front_;  // [m]
+  const float rear_;   // [m]
+  // What a change of speed in a step shifts from each contact of the front to the rear, and of the
+  // left to the right: as part of its greatest impulse, [kg].
+  const float shift_ahead_;
+  const float shift_left_;
+  std::array<float, 4> edges_{};
+  std::array<float, 4> front_grips_{};
+  std::array<float, 4> rear_grips_{};
 };
 
 }  // namespace slalom::sim
