@@ -64,6 +64,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
   for (int share = 0; share < num_shares; ++share) {
     contact_worlds_.push_back(std::make_unique<ContactWorld>(config.robot));
   }
+  orders_.resize(batch_size);
   observations_.Resize(batch_size, config.lidar.num_beams);
 }
 
@@ -136,25 +137,37 @@ void CourseEnvironments::StepShare(int share) {
   const auto num_shares = contact_worlds_.size();
   const auto begin = environments_.size() * share / num_shares;
   const auto end = environments_.size() * (share + 1) / num_shares;
+  const std::span<Robot::Order> orders = std::span(orders_).subspan(begin, end - begin);
+  std::size_t num_orders = 0;
+  for (auto i = begin; i < end; ++i) {
+    if (environments_[i].running) orders[num_orders++] = OrderFor(environments_[i], actions_[i]);
+  }
+  Robot::DriveTogether(orders.first(num_orders), *contact_worlds_[share]);
+  num_orders = 0;
   for (auto i = begin; i < end; ++i) {
     if (!environments_[i].running) continue;
-    results_[i] = StepOne(environments_[i], actions_[i], *contact_worlds_[share]);
+    results_[i] = EndStep(environments_[i], orders[num_orders++].touched);
     observations_.first[i] = 0;
     observations_.ended[i] = environments_[i].running ? 0 : 1;
     Observe(static_cast<int>(i));
   }
 }
 
-env::StepResult CourseEnvironments::StepOne(Environment& environment, const env::Action& action,
-                                            ContactWorld& contacts) const {
+Robot::Order CourseEnvironments::OrderFor(Environment& environment,
+                                          const env::Action& action) const {
   SLALOM_CHECK(std::isfinite(action.linear) && std::isfinite(action.angular));
   const env::Action clipped{std::clamp(action.linear, -1.0f, 1.0f),
                             std::clamp(action.angular, -1.0f, 1.0f)};
   environment.last_action = clipped;
+  return {.robot = &environment.robot,
+          .scene = environment.scene,
+          .linear = config_.action.linear_mps(clipped),
+          .angular = config_.action.angular_radps(clipped),
+          .motion_time = environment.motion_time};
+}
+
+env::StepResult CourseEnvironments::EndStep(Environment& environment, bool collided) const {
   const Scene& scene = *environment.scene;
-  const bool collided = environment.robot.Drive(config_.action.linear_mps(clipped),
-                                                config_.action.angular_radps(clipped), scene,
-                                                environment.motion_time, contacts);
   environment.localisation.Advance(environment.robot.pose());
   ++environment.num_steps;
   environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;

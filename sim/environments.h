@@ -98,8 +98,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   std::optional<Start> DrawStart(const Scene& scene, std::uint64_t seed) const;
   bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
   void StepShare(int share);
-  env::StepResult StepOne(Environment& environment, const env::Action& action,
-                          ContactWorld& contacts) const;
+  Robot::Order OrderFor(Environment& environment, const env::Action& action) const;
+  env::StepResult EndStep(Environment& environment, bool collided) const;
   void Observe(int i);
 
   const EnvironmentConfig config_;
@@ -110,7 +110,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   std::vector<Environment> environments_;                      // [B]
   std::vector<std::unique_ptr<ContactWorld>> contact_worlds_;  // One per thread.
   env::ObservationBatch observations_;
-  // Arguments of the `Step` that is running.
+  std::vector<Robot::Order> orders_;  // [B], of the `Step` that is running.
+  // Its arguments.
   std::span<const env::Action> actions_;
   std::span<env::StepResult> results_;
 };

@@ -13,16 +13,6 @@ constexpr float kClearanceLimit = 0.3f;    // How far ahead clearance is looked 
 constexpr float kClearanceMargin = 1e-3f;  // Far above all rounding, [m].
 constexpr float kTravel = 0.5f;            // More than the robot drives in a control step, [m].
 
-/// Sine and cosine of the angle by which a body turns in a step: exact to 1e-7 up to 0.5 rad.
-struct Turn {
-  float sin, cos;
-};
-Turn TurnBy(float angle) {
-  const float z = angle * angle;
-  return {angle * (1.0f + z * (-1.0f / 6 + z * (1.0f / 120 - z / 5040))),
-          1.0f + z * (-0.5f + z * (1.0f / 24 + z * (-1.0f / 720 + z / 40320)))};
-}
-
 }  // namespace
 
 Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
@@ -63,68 +53,145 @@ void Robot::Reset(const base::Pose2& X_WR, std::uint64_t seed) {
   const auto [s, c] = base::SinCos(body_.yaw);
   centre_.x += static_cast<float>(c * centre_x_ - s * centre_y_);
   centre_.y += static_cast<float>(s * centre_x_ + c * centre_y_);
-  velocity_ = velocity_before_ = {};
-  turn_ = 0.0f;
+  slip_ = {};
   wheels_ = {};
   clearance_ = 0.0f;
   std::fill(commands_.begin(), commands_.end(), PendingCommand{});
   random_jitter_ = base::Random(seed);
   if (!skid_steering_ || !skid_steering_->needs_angles()) return;
   base::Random random(base::DeriveSeed(seed, "wheel angles"));
-  for (float& angle : wheel_angles_) {
+  for (float& angle : slip_.angles) {
     angle = static_cast<float>(random.Uniform(-0.5 * base::kPi, 0.5 * base::kPi));
   }
 }
 
 void Robot::TurnWheelsTo(double angle) {
   const double half_turns = std::floor(angle / base::kPi + 0.5);
-  wheel_angles_.fill(static_cast<float>(angle - half_turns * base::kPi));
+  slip_.angles.fill(static_cast<float>(angle - half_turns * base::kPi));
 }
 
 bool Robot::Drive(double linear, double angular, const Scene& scene, double motion_time,
                   ContactWorld& contacts) {
-  Push({std::clamp(linear, -linear_limit_, linear_limit_),
-        std::clamp(angular, -angular_limit_, angular_limit_)});
-  centre_.yaw = static_cast<float>(base::WrapAngle(centre_.yaw));
-  const float dt = static_cast<float>(dt_);
-  const CollisionMap& map = scene.collision_map();
-  const MovingObstacles& moving = scene.moving_obstacles();
-  const auto look_around = [&] {
-    clearance_ = map.Clearance(footprint_, Outline(), kClearanceLimit);
-  };
-  if (clearance_ < kClearanceMargin) look_around();
-  FindMoving(moving, motion_time, num_substeps_ * dt_);
-  PlaceMoving(moving, motion_time);
-  bool touched = std::min(clearance_, moving_clearance_) <= 0.0f;
-  for (int substep = 0; substep < num_substeps_; ++substep) {
-    TurnWheels(CommandAt(substep));
-    const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
-    if (in_contact || stepping_ == Stepping::kBox2dAlways) {
-      if (contacts.Step(map, moving_shapes_, dt, centre_)) {
-        ResumeFromContact();
-        clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
-      }
-    } else {
-      centre_.x += dt * centre_.vx;
-      centre_.y += dt * centre_.vy;
-      centre_.yaw += dt * centre_.yaw_rate;
+  Order order{this, &scene, linear, angular, motion_time};
+  DriveTogether({&order, 1}, contacts);
+  return order.touched;
+}
+
+void Robot::DriveTogether(std::span<Order> orders, ContactWorld& contacts) {
+  while (!orders.empty()) {
+    const int count = static_cast<int>(std::min<std::size_t>(orders.size(), SkidLanes::kSize));
+    const Robot& any = *orders.front().robot;
+    SkidLanes lanes;
+    for (int i = 0; i < count; ++i) {
+      orders[i].robot->Begin(orders[i], lanes, i);
+      orders[i].touched = orders[i].robot->Touches();
     }
-    // No point of the outline moved by more than this.
-    clearance_ -= dt * (std::sqrt(centre_.vx * centre_.vx + centre_.vy * centre_.vy) +
-                        std::abs(centre_.yaw_rate) * reach_);
-    if (clearance_ < 2.0f * kClearanceMargin) look_around();
-    if (!moving.empty()) {
-      const double time = motion_time + (substep + 1) * dt_;
-      const float gone_x = centre_.x - found_x_, gone_y = centre_.y - found_y_;
-      if (gone_x * gone_x + gone_y * gone_y > kTravel * kTravel) {
-        FindMoving(moving, time, (num_substeps_ - substep - 1) * dt_);
+    for (int substep = 0; substep < any.num_substeps_; ++substep) {
+      for (int i = 0; i < count; ++i) orders[i].robot->TurnWheels(substep, lanes, i);
+      if (any.skid_steering_) any.skid_steering_->Step(lanes);
+      for (int i = 0; i < count; ++i) {
+        orders[i].robot->Move(substep, orders[i], contacts, lanes, i);
+        orders[i].touched = orders[i].touched || orders[i].robot->Touches();
       }
-      PlaceMoving(moving, time);
     }
-    touched = touched || std::min(clearance_, moving_clearance_) <= 0.0f;
+    for (int i = 0; i < count; ++i) orders[i].robot->End(lanes, i);
+    orders = orders.subspan(count);
   }
-  PlaceBody();
-  return touched;
+}
+
+void Robot::Begin(const Order& order, SkidLanes& lanes, int lane) {
+  Push({std::clamp(order.linear, -linear_limit_, linear_limit_),
+        std::clamp(order.angular, -angular_limit_, angular_limit_)});
+  centre_.yaw = static_cast<float>(base::WrapAngle(centre_.yaw));
+  if (clearance_ < kClearanceMargin) LookAround(order.scene->collision_map());
+  const MovingObstacles& moving = order.scene->moving_obstacles();
+  FindMoving(moving, order.motion_time, num_substeps_ * dt_);
+  PlaceMoving(moving, order.motion_time);
+  lanes.ahead[lane] = slip_.ahead;
+  lanes.left[lane] = slip_.left;
+  lanes.yaw_rate[lane] = slip_.yaw_rate;
+  lanes.ahead_before[lane] = slip_.ahead_before;
+  lanes.left_before[lane] = slip_.left_before;
+  lanes.yaw_rate_before[lane] = slip_.yaw_rate_before;
+  lanes.turn[lane] = slip_.turn;
+  for (int wheel = 0; wheel < 4; ++wheel) lanes.angles[wheel][lane] = slip_.angles[wheel];
+}
+
+// One tick of the velocity controller.
+void Robot::TurnWheels(int substep, SkidLanes& lanes, int lane) {
+  const Command& command = CommandAt(substep);
+  wheels_.linear +=
+      std::clamp(speed_gain_ * command.linear - wheels_.linear, -max_speed_step_, max_speed_step_);
+  wheels_.angular += std::clamp(yaw_gain_ * command.angular - wheels_.angular, -max_yaw_rate_step_,
+                                max_yaw_rate_step_);
+  if (!skid_steering_) return MoveIdeally();
+  const WheelSpeeds speeds = skid_steering_->Wheels(wheels_.linear, wheels_.angular);
+  lanes.wheel_left[lane] = speeds.left;
+  lanes.wheel_right[lane] = speeds.right;
+  lanes.yaw[lane] = centre_.yaw;
+}
+
+void Robot::Move(int substep, const Order& order, ContactWorld& contacts, SkidLanes& lanes,
+                 int lane) {
+  if (skid_steering_) {
+    centre_.vx = lanes.vx[lane];
+    centre_.vy = lanes.vy[lane];
+    centre_.yaw_rate = lanes.yaw_rate[lane];
+  }
+  const float dt = static_cast<float>(dt_);
+  const CollisionMap& map = order.scene->collision_map();
+  const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
+  if (in_contact || stepping_ == Stepping::kBox2dAlways) {
+    if (contacts.Step(map, moving_shapes_, dt, centre_)) {
+      if (skid_steering_) {
+        lanes.Resume(lane, centre_.yaw, centre_.vx, centre_.vy, centre_.yaw_rate, dt_);
+      } else {  // Wheels that do not slip turn as the body goes.
+        const auto [s, c] = base::SinCos(centre_.yaw);
+        wheels_ = {c * centre_.vx + s * centre_.vy, centre_.yaw_rate};
+      }
+      clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
+    }
+  } else {
+    centre_.x += dt * centre_.vx;
+    centre_.y += dt * centre_.vy;
+    centre_.yaw += dt * centre_.yaw_rate;
+  }
+  // No point of the outline moved by more than this.
+  clearance_ -= dt * (std::sqrt(centre_.vx * centre_.vx + centre_.vy * centre_.vy) +
+                      std::abs(centre_.yaw_rate) * reach_);
+  if (clearance_ < 2.0f * kClearanceMargin) LookAround(map);
+  const MovingObstacles& moving = order.scene->moving_obstacles();
+  if (moving.empty()) return;
+  const double time = order.motion_time + (substep + 1) * dt_;
+  const float gone_x = centre_.x - found_x_, gone_y = centre_.y - found_y_;
+  if (gone_x * gone_x + gone_y * gone_y > kTravel * kTravel) {
+    FindMoving(moving, time, (num_substeps_ - substep - 1) * dt_);
+  }
+  PlaceMoving(moving, time);
+}
+
+void Robot::End(const SkidLanes& lanes, int lane) {
+  slip_ = {.ahead = lanes.ahead[lane],
+           .left = lanes.left[lane],
+           .yaw_rate = lanes.yaw_rate[lane],
+           .ahead_before = lanes.ahead_before[lane],
+           .left_before = lanes.left_before[lane],
+           .yaw_rate_before = lanes.yaw_rate_before[lane],
+           .turn = lanes.turn[lane],
+           .angles = {}};
+  for (int wheel = 0; wheel < 4; ++wheel) slip_.angles[wheel] = lanes.angles[wheel][lane];
+  body_ = centre_;
+  const FootprintPose X_WR = Outline();
+  body_.vx += body_.yaw_rate * (centre_.y - X_WR.y);
+  body_.vy -= body_.yaw_rate * (centre_.x - X_WR.x);
+  body_.x = X_WR.x;
+  body_.y = X_WR.y;
+}
+
+bool Robot::Touches() const { return std::min(clearance_, moving_clearance_) <= 0.0f; }
+
+void Robot::LookAround(const CollisionMap& map) {
+  clearance_ = map.Clearance(footprint_, Outline(), kClearanceLimit);
 }
 
 // Finds those that may come within kClearanceMargin from `time` on for `duration` [s].
@@ -161,15 +228,6 @@ FootprintPose Robot::Outline() const {
   return X_WR;
 }
 
-void Robot::PlaceBody() {
-  body_ = centre_;
-  const FootprintPose X_WR = Outline();
-  body_.vx += body_.yaw_rate * (centre_.y - X_WR.y);
-  body_.vy -= body_.yaw_rate * (centre_.x - X_WR.x);
-  body_.x = X_WR.x;
-  body_.y = X_WR.y;
-}
-
 base::Pose2 Robot::pose() const { return {{body_.x, body_.y}, base::WrapAngle(body_.yaw)}; }
 
 void Robot::Push(const Command& command) {
@@ -188,19 +246,6 @@ const Robot::Command& Robot::CommandAt(int substep) const {
   return arrived->command;
 }
 
-// One tick of the velocity controller.
-void Robot::TurnWheels(const Command& command) {
-  wheels_.linear +=
-      std::clamp(speed_gain_ * command.linear - wheels_.linear, -max_speed_step_, max_speed_step_);
-  wheels_.angular += std::clamp(yaw_gain_ * command.angular - wheels_.angular, -max_yaw_rate_step_,
-                                max_yaw_rate_step_);
-  if (skid_steering_) {
-    MoveWithSlip();
-  } else {
-    MoveIdeally();
-  }
-}
-
 // The body then moves along the chord of its arc: in the direction that it has half-way through the
 // step.
 void Robot::MoveIdeally() {
@@ -209,47 +254,6 @@ void Robot::MoveIdeally() {
   const auto [s, c] = base::SinCos(centre_.yaw + 0.5 * dt_ * centre_.yaw_rate);
   centre_.vx = static_cast<float>(wheels_.linear * c);
   centre_.vy = static_cast<float>(wheels_.linear * s);
-}
-
-// Wheels point where they do half-way through the step. The search begins where the velocity, seen
-// from them, would be if it changed as it did in the last step; in a steady turn it does not change.
-void Robot::MoveWithSlip() {
-  const auto [turn_sin, turn_cos] = TurnBy(turn_);
-  const BodyVelocity now{turn_cos * velocity_.ahead + turn_sin * velocity_.left,
-                         turn_cos * velocity_.left - turn_sin * velocity_.ahead,
-                         velocity_.yaw_rate};
-  const BodyVelocity near{2.0f * velocity_.ahead - velocity_before_.ahead,
-                          2.0f * velocity_.left - velocity_before_.left,
-                          2.0f * velocity_.yaw_rate - velocity_before_.yaw_rate};
-  const WheelSpeeds speeds = skid_steering_->Wheels(wheels_.linear, wheels_.angular);
-  const bool wheels_matter = skid_steering_->needs_angles();
-  if (wheels_matter) skid_steering_->Turn(speeds, 0.5 * dt_, wheel_angles_);
-  const BodyVelocity v = skid_steering_->Step(now, near, speeds, wheel_angles_);
-  if (wheels_matter) skid_steering_->Turn(speeds, 0.5 * dt_, wheel_angles_);
-
-  const auto sin_cos = base::SinCos(centre_.yaw + 0.5 * dt_ * velocity_.yaw_rate);
-  const float s = static_cast<float>(sin_cos.sin), c = static_cast<float>(sin_cos.cos);
-  centre_.vx = c * v.ahead - s * v.left;
-  centre_.vy = s * v.ahead + c * v.left;
-  centre_.yaw_rate = v.yaw_rate;
-  // From half-way through this step, at the old rate up to there, to half-way through the next.
-  turn_ = static_cast<float>(dt_) * (1.5f * v.yaw_rate - 0.5f * velocity_.yaw_rate);
-  velocity_before_ = velocity_;
-  velocity_ = v;
-}
-
-// Takes up the velocity that a contact has left.
-void Robot::ResumeFromContact() {
-  if (!skid_steering_) {  // Wheels that do not slip turn as the body goes.
-    const auto [s, c] = base::SinCos(centre_.yaw);
-    wheels_ = {c * centre_.vx + s * centre_.vy, centre_.yaw_rate};
-    return;
-  }
-  const auto [s, c] = base::SinCos(centre_.yaw + 0.5 * dt_ * centre_.yaw_rate);
-  velocity_ = {static_cast<float>(c * centre_.vx + s * centre_.vy),
-               static_cast<float>(c * centre_.vy - s * centre_.vx), centre_.yaw_rate};
-  velocity_before_ = velocity_;
-  turn_ = 0.0f;
 }
 
 }  // namespace slalom::sim

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "base/geometry.h"
@@ -51,6 +53,20 @@ class Robot {
   bool Drive(double linear, double angular, const Scene& scene, double motion_time,
              ContactWorld& contacts);
 
+  /// What one robot is to drive.
+  struct Order {
+    Robot* robot = nullptr;
+    const Scene* scene = nullptr;
+    double linear = 0.0;       ///< [m/s]
+    double angular = 0.0;      ///< [rad/s]
+    double motion_time = 0.0;  ///< [s]
+    bool touched = false;      ///< What `Drive` returns.
+  };
+
+  /// `Drive` for many robots, side by side: the same results, in a fraction of the time.
+  /// Requires: all have the same config, number of rigid-body steps and stepping.
+  static void DriveTogether(std::span<Order> orders, ContactWorld& contacts);
+
   /// Pose of R in W, heading in [-pi, pi).
   base::Pose2 pose() const;
   /// That pose, its heading not wrapped, and the velocity of R.
@@ -66,14 +82,16 @@ class Robot {
     int due = 0;  // Rigid-body steps from the beginning of the control step until it counts.
   };
 
+  void Begin(const Order& order, SkidLanes& lanes, int lane);
+  void TurnWheels(int substep, SkidLanes& lanes, int lane);
+  void Move(int substep, const Order& order, ContactWorld& contacts, SkidLanes& lanes, int lane);
+  void End(const SkidLanes& lanes, int lane);
+  bool Touches() const;
   FootprintPose Outline() const;
-  void PlaceBody();
+  void LookAround(const CollisionMap& map);
   void Push(const Command& command);
   const Command& CommandAt(int substep) const;
-  void TurnWheels(const Command& command);
   void MoveIdeally();
-  void MoveWithSlip();
-  void ResumeFromContact();
   void FindMoving(const MovingObstacles& moving, double time, double duration);
   void PlaceMoving(const MovingObstacles& moving, double time);
 
@@ -98,13 +116,14 @@ class Robot {
   BodyState body_;    // Of R, at the end of a control step.
   Command wheels_;    // What the controller asks of the wheels.
 
-  // Skid-steering: velocity of C in the directions that the wheels had half-way through the last
-  // step, the same a step before (an episode and a contact begin with both alike), the way that
-  // these directions have turned since, [rad], and the wheels' angles.
-  BodyVelocity velocity_;
-  BodyVelocity velocity_before_;
-  float turn_ = 0.0f;
-  WheelAngles wheel_angles_{};
+  // Skid-steering: as in `SkidLanes`, between control steps.
+  struct Slip {
+    float ahead, left, yaw_rate;
+    float ahead_before, left_before, yaw_rate_before;
+    float turn;
+    std::array<float, 4> angles;
+  };
+  Slip slip_{};
 
   float clearance_ = 0.0f;                // No fixed obstacle is nearer, [m]; 0: not known.
   std::vector<PendingCommand> commands_;  // Of this control step and those before, newest first.
