@@ -110,6 +110,21 @@ void BM_EnvironmentSteps(benchmark::State& state) {
 }
 BENCHMARK(BM_EnvironmentSteps)->Arg(1)->Arg(2)->UseRealTime();
 
+/// With the other laws of friction.
+void BM_EnvironmentStepsPyramid(benchmark::State& state) {
+  EnvironmentConfig config = BenchConfig();
+  config.robot.friction = FrictionLaw::kPyramid;
+  StepEnvironments(state, config, Robot::Stepping::kBox2dInContact);
+}
+BENCHMARK(BM_EnvironmentStepsPyramid)->Arg(1)->UseRealTime();
+
+void BM_EnvironmentStepsGazebo(benchmark::State& state) {
+  EnvironmentConfig config = BenchConfig();
+  config.robot.friction = FrictionLaw::kGazebo;
+  StepEnvironments(state, config, Robot::Stepping::kBox2dInContact);
+}
+BENCHMARK(BM_EnvironmentStepsGazebo)->Arg(1)->UseRealTime();
+
 /// With the ideal drive.
 void BM_EnvironmentStepsIdealDrive(benchmark::State& state) {
   EnvironmentConfig config = BenchConfig();

@@ -65,8 +65,8 @@ SLALOM_ALWAYS_INLINE void ShortenToCircle(const Sensor& sensor, const SensedCirc
 
 // Vectors of beams begin at multiples of their size: a processor that loads what it has just stored
 // need not wait for the memory if it does so in the same pieces, and circles side by side share
-// beams. Most circles fill up to two vectors. As many are always done, which costs less than to guess
-// the number wrongly. Beams before the first and after the last miss.
+// beams. Most circles fill up to two vectors. As many are always done, which costs less than to
+// guess the number wrongly. Beams before the first and after the last miss.
 SLALOM_ALWAYS_INLINE void CastCircle(const Sensor& sensor, const SensedCircle& circle,
                                      float* ranges) {
   const int begin = circle.first & ~(kLanes - 1);
@@ -146,8 +146,8 @@ void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs
       const Ints seen = in_reach & (high >= Floats{}) & (low <= Fill(last_beam));
       // Where the span crosses the backward direction, its other end is a full turn away. A circle
       // nearby may fill half of all directions, or all.
-      const Ints special = in_reach & ((low + turn <= Fill(last_beam)) |
-                                       (high - turn >= Floats{}) | (sine >= Fill(near)));
+      const Ints special = in_reach & ((low + turn <= Fill(last_beam)) | (high - turn >= Floats{}) |
+                                       (sine >= Fill(near)));
       const int slot = sensed.size;
       Store(sensed.x + slot, x);
       Store(sensed.y + slot, y);
@@ -398,7 +398,9 @@ void Lidar::AddNoise(base::Random& noise, float* ranges) const {
   const float* const absolute = noise_quantiles_.data();
   const float* const relative = relative_quantiles_.data();
   if (config_.noise_per_metre > 0.0) {
-    add([=](std::uint64_t level, float range) { return absolute[level] + relative[level] * range; });
+    add([=](std::uint64_t level, float range) {
+      return absolute[level] + relative[level] * range;
+    });
   } else {
     add([=](std::uint64_t level, float) { return absolute[level]; });
   }

@@ -10,9 +10,8 @@ namespace slalom::sim {
 
 MassDistribution DistributeMass(const RobotConfig& config) {
   if (config.drive == DriveKind::kIdeal) {
-    return {.mass = config.mass,
-            .yaw_inertia = config.yaw_inertia,
-            .loads = {0.25, 0.25, 0.25, 0.25}};
+    return {
+        .mass = config.mass, .yaw_inertia = config.yaw_inertia, .loads = {0.25, 0.25, 0.25, 0.25}};
   }
   const double mass = config.mass + config.sensor_mass;
   const double x =
@@ -35,8 +34,8 @@ MassDistribution DistributeMass(const RobotConfig& config) {
 
 void CheckMassDistribution(const RobotConfig& config) {
   const MassDistribution masses = DistributeMass(config);
-  const double lean = std::abs(masses.x) / (0.5 * config.wheel_base) +
-                      std::abs(masses.y) / (0.5 * config.track);
+  const double lean =
+      std::abs(masses.x) / (0.5 * config.wheel_base) + std::abs(masses.y) / (0.5 * config.track);
   if (lean < 1.0) return;
   throw base::Error(fmt::format(
       "environment.robot: the centre of mass is at ({:.4g} m, {:.4g} m) from the point midway "

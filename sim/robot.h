@@ -21,9 +21,10 @@ namespace slalom::sim {
 /// its centre as commanded and never sideways.
 ///
 /// The robot's pose is that of R, the point midway between the wheels, from which footprint and
-/// LiDAR are measured. What moves is its centre of mass C: wheels act on C's velocity, then contacts
-/// do, then it moves. Without contact it moves as Box2D itself would then, so Box2D is only called
-/// while something is touched; the result is the same to the bit. Thread-compatible; a value.
+/// LiDAR are measured. What moves is its centre of mass C: wheels act on C's velocity, then
+/// contacts do, then it moves. Without contact it moves as Box2D itself would then, so Box2D is
+/// only called while something is touched; the result is the same to the bit. Thread-compatible; a
+/// value.
 class Robot {
  public:
   /// Which rigid-body steps are Box2D's.

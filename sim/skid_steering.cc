@@ -141,10 +141,11 @@ SLALOM_ALWAYS_INLINE Velocities After(const SkidContacts& contacts, const Veloci
   const Floats push_left = contacts.mass * now.left;
   const Floats push_turn = contacts.inertia * now.yaw_rate - drag.push_y;
   const Floats both = heavy_ahead * heavy_left;
-  const Floats yaw_rate = (push_turn * both + drag.ahead_y * push_ahead * heavy_left -
-                           left_x * push_left * heavy_ahead) /
-                          ((contacts.inertia + drag.ahead_yy + left_xx) * both -
-                           drag.ahead_y * drag.ahead_y * heavy_left - left_x * left_x * heavy_ahead);
+  const Floats yaw_rate =
+      (push_turn * both + drag.ahead_y * push_ahead * heavy_left -
+       left_x * push_left * heavy_ahead) /
+      ((contacts.inertia + drag.ahead_yy + left_xx) * both -
+       drag.ahead_y * drag.ahead_y * heavy_left - left_x * left_x * heavy_ahead);
   const Floats inverse = 1.0f / both;
   return {(push_ahead + drag.ahead_y * yaw_rate) * heavy_left * inverse,
           (push_left - left_x * yaw_rate) * heavy_ahead * inverse, yaw_rate};
@@ -160,9 +161,8 @@ template <FrictionLaw law>
 SLALOM_ALWAYS_INLINE Velocities Search(const SkidContacts& contacts, const SkidLanes& lanes,
                                        const Velocities& now, const Velocities& near,
                                        const Floats wheels[2]) {
-  // A round that changes the velocity by less is the last, [m/s]. Pyramids come near to rest more
-  // slowly.
-  constexpr float kStill = law == FrictionLaw::kCone ? 5e-3f : 2e-3f;
+  // A round that changes the velocity by less is the last, [m/s].
+  constexpr float kStill = 5e-4f;
   AxleGrips front_grips, rear_grips;
   if constexpr (law == FrictionLaw::kGazebo) {
     for (int side = 0; side < 2; ++side) {

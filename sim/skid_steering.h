@@ -52,15 +52,15 @@ struct SkidContacts {
   float inverse_radius = 0.0f;  // Of a wheel, [1/m].
   float mass = 0.0f;            // [kg]
   float inertia = 0.0f;         // [kg m^2]
-  // Contacts in C: x of the axles; y from the left to the right; and the greatest impulse of each in
-  // a step, [N s].
+  // Contacts in C: x of the axles; y from the left to the right; and the greatest impulse of each
+  // in a step, [N s].
   float front = 0.0f;  // [m]
   float rear = 0.0f;   // [m]
   std::array<float, 4> edges{};
   std::array<float, 4> front_grips{};
   std::array<float, 4> rear_grips{};
-  // What a change of speed in a step takes off the greatest impulse of each contact in front, and on
-  // the left, and puts on those opposite, [kg].
+  // What a change of speed in a step takes off the greatest impulse of each contact in front, and
+  // on the left, and puts on those opposite, [kg].
   float shift_ahead = 0.0f;
   float shift_left = 0.0f;
 };
@@ -79,9 +79,9 @@ struct SkidContacts {
 /// - *gazebo*: that pyramid as Gazebo's ODE builds it for this robot. The description gives the
 ///   direction of friction (`fdir1`) in the wheel's own frame, so it turns with the wheel, out of
 ///   the ground by the wheel's angle t. ODE neither projects nor normalises it: the force along the
-///   first axis (cos t, 0, -sin t) counts ahead by cos t and presses the wheel down by the rest; the
-///   second axis, their cross product with the vertical, has the length |cos t|. Both bounds are
-///   friction times the normal force N, which the balance of vertical forces gives:
+///   first axis (cos t, 0, -sin t) counts ahead by cos t and presses the wheel down by the rest;
+///   the second axis, their cross product with the vertical, has the length |cos t|. Both bounds
+///   are friction times the normal force N, which the balance of vertical forces gives:
 ///
 ///       N = n / (1 + friction sign(s_ahead cos t) sin t)
 ///       force ahead = -friction N |cos t| sign(s_ahead), to the left alike with s_left.
@@ -99,10 +99,10 @@ struct SkidContacts {
 /// round is viscous, as strong as dry friction is at the slip found last. Newton's method would
 /// need a line search here. Each such round alone takes kinetic energy from a body on standing
 /// wheels, for any step size and any law, and leaves a steady state where it is. Rounds end when
-/// one changes the velocity by less than 2 mm/s, at the latest after `kMaxRounds`.
+/// one changes the velocity by less than 0.5 mm/s, at the latest after `kMaxRounds`.
 ///
-/// Robots are stepped side by side, each in a lane of a vector, because a round is one long chain of
-/// operations that a processor cannot shorten. A lane that has ended waits for the others.
+/// Robots are stepped side by side, each in a lane of a vector, because a round is one long chain
+/// of operations that a processor cannot shorten. A lane that has ended waits for the others.
 ///
 /// Immutable. The same bits on every machine, and in every lane.
 class SkidSteering {
