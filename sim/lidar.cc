@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 #include "base/check.h"
+#include "sim/cast_shapes.h"
 #include "sim/vector_lanes.h"
 
 namespace slalom::sim {
@@ -12,202 +14,9 @@ namespace {
 
 constexpr int kNoiseBits = 12;
 constexpr int kNoiseLevels = 1 << kNoiseBits;
-constexpr int kPaddedBeams = LidarConfig::kMaxBeams + kLanes;
+constexpr int kPaddedBeams = LidarConfig::kMaxBeams + kBeamPadding;
 
-/// The sensor in W and its beams.
-struct Sensor {
-  float x, y, cos_yaw, sin_yaw;  // Pose of S in W, [m].
-  float reach;                   // [m]
-  float first_angle;             // [rad]
-  float beams_per_radian;
-  int num_beams;
-  const float* beam_cos;  // [num_beams + kLanes]
-  const float* beam_sin;  // [num_beams + kLanes]
-};
-
-/// Angle of (x, y), within 2e-5 rad.
-SLALOM_ALWAYS_INLINE Floats Atan2(Floats y, Floats x) {
-  const Floats zero{};
-  const Floats ax = Abs(x), ay = Abs(y);
-  const Floats a = Min(ax, ay) / Max(Max(ax, ay), Fill(1e-30f));
-  const Floats z = a * a;
-  Floats angle =
-      a * (0.9998660f + z * (-0.3302995f + z * (0.1801410f + z * (-0.0851330f + z * 0.0208351f))));
-  angle = ay > ax ? 1.57079633f - angle : angle;
-  angle = x < zero ? 3.14159265f - angle : angle;
-  return y < zero ? -angle : angle;
-}
-
-// Shortens the ranges of beams [first, last] (and perhaps of a few after them) to the circle at (x,
-// y) in S. Every beam is tested in full, so beams that miss are left alone.
-SLALOM_ALWAYS_INLINE void CastCircle(const Sensor& sensor, float x, float y, float radius,
-                                     int first, int last, float* ranges) {
-  const Floats zero{};
-  const float radius_squared = radius * radius;
-  for (int i = first; i <= last; i += kLanes) {
-    const Floats c = Load(sensor.beam_cos + i);
-    const Floats s = Load(sensor.beam_sin + i);
-    const Floats along = x * c + y * s;
-    const Floats across = y * c - x * s;
-    const Floats half_chord_squared = radius_squared - across * across;
-    const Floats half_chord = Sqrt(Max(half_chord_squared, zero));
-    const Floats range = Max(along - half_chord, zero);
-    const Floats old = Load(ranges + i);
-    const Floats shorter = Min(range, old);
-    const Ints hit = (half_chord_squared >= zero) & (along + half_chord >= zero);
-    Store(ranges + i, hit ? shorter : old);
-  }
-}
-
-/// Circles as arrays that may be read in whole vectors, [m].
-struct Circles {
-  const float *x, *y, *radius;
-};
-
-// As above for all circles of the runs.
-SLALOM_VECTOR_CLONES
-void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs,
-                 const Sensor& sensor, float* ranges) {
-  // A margin for rounding and the error of Atan2, in beams.
-  const float pad = 1e-3f * sensor.beams_per_radian;
-  const float turn = 6.28318531f * sensor.beams_per_radian;
-  const float last_beam = static_cast<float>(sensor.num_beams - 1);
-  for (const CollisionMap::Run& run : runs) {
-    for (int i = run.begin; i < run.end; i += kLanes) {
-      const Floats dx = Load(circles.x + i) - sensor.x;
-      const Floats dy = Load(circles.y + i) - sensor.y;
-      const Floats radius = Load(circles.radius + i);
-      const Floats x = sensor.cos_yaw * dx + sensor.sin_yaw * dy;
-      const Floats y = sensor.cos_yaw * dy - sensor.sin_yaw * dx;
-      const Floats squared = x * x + y * y;
-      const Floats far = radius + sensor.reach;
-      // An upper bound of half the angle that it fills, asin(sine).
-      const Floats sine = radius / Sqrt(Max(squared, Fill(1e-12f)));
-      const Floats wide =
-          sine < Fill(0.5f) ? sine * (1.0f + 0.19f * (sine * sine)) : Fill(1.5707964f);
-      const Floats half =
-          (sine < Fill(1.0f) ? wide : Fill(3.1415927f)) * sensor.beams_per_radian + pad;
-      const Floats middle = (Atan2(y, x) - sensor.first_angle) * sensor.beams_per_radian;
-      const Floats low = middle - half, high = middle + half;
-      const Ints in_reach = squared < far * far;
-      const Ints seen = in_reach & (high >= Floats{}) & (low <= Fill(last_beam));
-      // If the span crosses the backward direction, its other end is a full turn away.
-      const Ints wraps = in_reach & ((low + turn <= Fill(last_beam)) | (high - turn >= Floats{}));
-      alignas(32) float xs[kLanes], ys[kLanes], lows[kLanes], highs[kLanes];
-      alignas(32) int firsts[kLanes], lasts[kLanes], seen_flags[kLanes], wrap_flags[kLanes];
-      Store(xs, x);
-      Store(ys, y);
-      Store(lows, low);
-      Store(highs, high);
-      Store(firsts, ToInts(Max(low, Floats{})));
-      Store(lasts, ToInts(Min(high, Fill(last_beam))));
-      Store(seen_flags, seen);
-      Store(wrap_flags, wraps);
-      for (int k = 0; k < kLanes; ++k) {
-        if (seen_flags[k]) {
-          CastCircle(sensor, xs[k], ys[k], circles.radius[i + k], firsts[k], lasts[k], ranges);
-        }
-        if (wrap_flags[k]) [[unlikely]] {
-          for (const float shift : {-turn, turn}) {
-            const float first = std::max(lows[k] + shift, 0.0f);
-            const float last = std::min(highs[k] + shift, last_beam);
-            if (first > last) continue;
-            CastCircle(sensor, xs[k], ys[k], circles.radius[i + k], static_cast<int>(first),
-                       static_cast<int>(last), ranges);
-          }
-        }
-      }
-    }
-  }
-}
-
-/// A box seen from the sensor, and the beams that may hit it.
-struct SensedBox {
-  float x, y;              // Sensor in B, [m].
-  float cos_yaw, sin_yaw;  // Heading of S in B.
-  float half_x, half_y;    // [m]
-};
-
-// Slab test of beams [first, last] in the box's frame.
-SLALOM_VECTOR_CLONES
-void CastBox(const Sensor& sensor, const SensedBox& box, int first, int last, float* ranges) {
-  const Floats zero{};
-  const Floats tiny = Fill(1e-12f);
-  for (int i = first; i <= last; i += kLanes) {
-    const Floats c = Load(sensor.beam_cos + i);
-    const Floats s = Load(sensor.beam_sin + i);
-    Floats dx = box.cos_yaw * c - box.sin_yaw * s;
-    Floats dy = box.sin_yaw * c + box.cos_yaw * s;
-    // A beam along a side is turned a little, so that it crosses its slab at two finite points.
-    dx = Abs(dx) < tiny ? tiny : dx;
-    dy = Abs(dy) < tiny ? tiny : dy;
-    const Floats x_low = (-box.half_x - box.x) / dx, x_high = (box.half_x - box.x) / dx;
-    const Floats y_low = (-box.half_y - box.y) / dy, y_high = (box.half_y - box.y) / dy;
-    const Floats enter = Max(Min(x_low, x_high), Min(y_low, y_high));
-    const Floats leave = Min(Max(x_low, x_high), Max(y_low, y_high));
-    const Floats range = Max(enter, zero);
-    const Floats old = Load(ranges + i);
-    const Ints hit = (enter <= leave) & (leave >= zero);
-    Store(ranges + i, hit ? Min(range, old) : old);
-  }
-}
-
-// Angles of the outermost corners of a box seen from outside, in S, around its nearest point,
-// [rad].
-struct AngularSpan {
-  float low, high;
-};
-
-SLALOM_VECTOR_CLONES
-AngularSpan SpanOfBox(const SensedBox& box) {
-  const float near_x = std::clamp(box.x, -box.half_x, box.half_x) - box.x;
-  const float near_y = std::clamp(box.y, -box.half_y, box.half_y) - box.y;
-  const float left = -box.half_x - box.x, right = box.half_x - box.x;
-  const float low = -box.half_y - box.y, high = box.half_y - box.y;
-  // From the sensor in B: the nearest point, four corners.
-  const Floats x{near_x, left, left, right, right, near_x, near_x, near_x};
-  const Floats y{near_y, low, high, low, high, near_y, near_y, near_y};
-  const Floats angles = Atan2(box.cos_yaw * y - box.sin_yaw * x, box.cos_yaw * x + box.sin_yaw * y);
-  constexpr float kHalfTurn = 3.1415927f;
-  AngularSpan span{angles[0], angles[0]};
-  for (int corner = 1; corner <= 4; ++corner) {
-    float angle = angles[corner];  // Within a quarter turn of the nearest point's.
-    if (angle > angles[0] + kHalfTurn) angle -= 2.0f * kHalfTurn;
-    if (angle < angles[0] - kHalfTurn) angle += 2.0f * kHalfTurn;
-    span = {std::min(span.low, angle), std::max(span.high, angle)};
-  }
-  return span;
-}
-
-void CastBoxes(std::span<const PlacedBox> boxes, const Sensor& sensor, float* ranges) {
-  for (const PlacedBox& box : boxes) {
-    const float dx = sensor.x - box.x, dy = sensor.y - box.y;
-    const SensedBox sensed{.x = box.cos_yaw * dx + box.sin_yaw * dy,
-                           .y = box.cos_yaw * dy - box.sin_yaw * dx,
-                           .cos_yaw = box.cos_yaw * sensor.cos_yaw + box.sin_yaw * sensor.sin_yaw,
-                           .sin_yaw = box.cos_yaw * sensor.sin_yaw - box.sin_yaw * sensor.cos_yaw,
-                           .half_x = box.half_x,
-                           .half_y = box.half_y};
-    const float beyond_x = std::max(std::abs(sensed.x) - box.half_x, 0.0f);
-    const float beyond_y = std::max(std::abs(sensed.y) - box.half_y, 0.0f);
-    if (beyond_x * beyond_x + beyond_y * beyond_y > sensor.reach * sensor.reach) continue;
-    constexpr float kNear = 1e-3f;  // Nearer than this, directions are not reliable, [m].
-    if (beyond_x < kNear && beyond_y < kNear) {
-      CastBox(sensor, sensed, 0, sensor.num_beams - 1, ranges);
-      continue;
-    }
-    constexpr double kPad = 1e-3;  // A margin for rounding and the error of Atan2, [rad].
-    const AngularSpan span = SpanOfBox(sensed);
-    for (const double shift : {-2.0 * base::kPi, 0.0, 2.0 * base::kPi}) {
-      const double low = (span.low - kPad + shift - sensor.first_angle) * sensor.beams_per_radian;
-      const double high = (span.high + kPad + shift - sensor.first_angle) * sensor.beams_per_radian;
-      const double last_beam = sensor.num_beams - 1;
-      if (high < 0.0 || low > last_beam) continue;
-      CastBox(sensor, sensed, static_cast<int>(std::max(low, 0.0)),
-              static_cast<int>(std::min(high, last_beam)), ranges);
-    }
-  }
-}
+using Shorts = std::uint16_t __attribute__((vector_size(2 * kLanes)));
 
 /// How a range is reported.
 struct Reporting {
@@ -222,14 +31,14 @@ SLALOM_ALWAYS_INLINE Ints Quantised(const Reporting& reporting, Floats ranges) {
   return ToInts(steps * reporting.centimetres_per_step + 0.5f);
 }
 
-// `ranges`: [num_beams + kLanes] [m]; `ranges_cm`: [num_beams] [cm].
+// `ranges`: [num_beams + kBeamPadding] [m]; `ranges_cm`: [num_beams] [cm].
 SLALOM_VECTOR_CLONES
 void Quantise(const Reporting& reporting, const float* ranges, int num_beams,
               std::uint16_t* ranges_cm) {
   int i = 0;
   for (; i + kLanes <= num_beams; i += kLanes) {
-    const Ints cm = Quantised(reporting, Load(ranges + i));
-    for (int k = 0; k < kLanes; ++k) ranges_cm[i + k] = static_cast<std::uint16_t>(cm[k]);
+    const Shorts cm = __builtin_convertvector(Quantised(reporting, Load(ranges + i)), Shorts);
+    std::memcpy(ranges_cm + i, &cm, sizeof cm);
   }
   const Ints cm = Quantised(reporting, Load(ranges + i));
   for (int k = 0; i + k < num_beams; ++k) ranges_cm[i + k] = static_cast<std::uint16_t>(cm[k]);
@@ -247,8 +56,8 @@ Lidar::Lidar(const LidarConfig& config, double clip)
                                             (1.0 - 4.0 * config.noise_per_metre))) {
   SLALOM_CHECK_GE(config.num_beams, 2);
   SLALOM_CHECK_LE(config.num_beams, LidarConfig::kMaxBeams);
-  beam_cos_.assign(config.num_beams + kLanes, 0.0f);
-  beam_sin_.assign(config.num_beams + kLanes, 0.0f);
+  beam_cos_.assign(config.num_beams + kBeamPadding, 0.0f);
+  beam_sin_.assign(config.num_beams + kBeamPadding, 0.0f);
   for (int i = 0; i < config.num_beams; ++i) {
     const auto [s, c] = base::SinCos(beam_angle(i));
     beam_cos_[i] = static_cast<float>(c);
@@ -266,7 +75,7 @@ Lidar::Lidar(const LidarConfig& config, double clip)
 void Lidar::Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
                  std::span<std::uint16_t> ranges_cm, const MovingShapes* moving) const {
   SLALOM_CHECK_EQ(ranges_cm.size(), static_cast<std::size_t>(config_.num_beams));
-  std::array<float, kPaddedBeams> ranges;
+  alignas(64) std::array<float, kPaddedBeams> ranges;
   CastPadded(map, moving, X_WR, ranges.data());
   if (config_.noise_std > 0.0 || config_.noise_per_metre > 0.0) AddNoise(noise, ranges.data());
   if (config_.dropout_probability > 0.0) DropBeams(noise, ranges.data());
@@ -285,7 +94,7 @@ void Lidar::Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<flo
   std::copy_n(padded.begin(), config_.num_beams, ranges.begin());
 }
 
-// `ranges`: [num_beams + kLanes]; the last kLanes are scratch.
+// `ranges`: [num_beams + kBeamPadding]; the last kBeamPadding are scratch.
 void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, const base::Pose2& X_WR,
                        float* ranges) const {
   const base::Vec2 p_WS = base::Transform(X_WR, {config_.offset_x, config_.offset_y});
@@ -300,7 +109,7 @@ void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, cons
                       .num_beams = config_.num_beams,
                       .beam_cos = beam_cos_.data(),
                       .beam_sin = beam_sin_.data()};
-  std::fill_n(ranges, config_.num_beams + kLanes, static_cast<float>(config_.max_range));
+  std::fill_n(ranges, config_.num_beams + kBeamPadding, static_cast<float>(config_.max_range));
   CollisionMap::Runs runs;
   map.FindCircles(sensor.x, sensor.y, sensor.reach, runs);
   CastCircles({map.x(), map.y(), map.radius()}, runs.span(), sensor, ranges);
@@ -313,18 +122,28 @@ void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, cons
 }
 
 // Five beams from each 64-bit word: the quantile of one of kNoiseLevels equal parts of probability.
+// `ranges`: [num_beams + kBeamPadding], as the last word may serve beams after the last.
 void Lidar::AddNoise(base::Random& noise, float* ranges) const {
   constexpr int kBeamsPerWord = 64 / kNoiseBits;
-  const bool relative = config_.noise_per_metre > 0.0;
-  for (int i = 0; i < config_.num_beams; i += kBeamsPerWord) {
-    std::uint64_t word = noise.NextU64();
-    const int end = std::min(i + kBeamsPerWord, config_.num_beams);
-    for (int k = i; k < end; ++k) {
-      const std::uint64_t level = word & (kNoiseLevels - 1);
-      const float growth = relative ? relative_quantiles_[level] * ranges[k] : 0.0f;
-      ranges[k] += noise_quantiles_[level] + growth;
-      word >>= kNoiseBits;
+  static_assert(kBeamsPerWord <= kBeamPadding);
+  const auto add = [&](auto noise_of) {
+    base::Random random = noise;  // A copy can stay in registers.
+    for (int i = 0; i < config_.num_beams; i += kBeamsPerWord) {
+      const std::uint64_t word = random.NextU64();
+      for (int k = 0; k < kBeamsPerWord; ++k) {
+        ranges[i + k] += noise_of((word >> (k * kNoiseBits)) & (kNoiseLevels - 1), ranges[i + k]);
+      }
     }
+    noise = random;
+  };
+  const float* const absolute = noise_quantiles_.data();
+  const float* const relative = relative_quantiles_.data();
+  if (config_.noise_per_metre > 0.0) {
+    add([=](std::uint64_t level, float range) {
+      return absolute[level] + relative[level] * range;
+    });
+  } else {
+    add([=](std::uint64_t level, float) { return absolute[level]; });
   }
 }
 
