@@ -20,12 +20,36 @@ const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
   return config;
 }
 
+/// Bodies of Slalom's own physics.
+MakeRobotBodies RobotsThat(Robot::Stepping stepping) {
+  return [stepping](const EnvironmentConfig& config,
+                    std::span<const std::shared_ptr<const Scene>> scenes, int count) {
+    int max_moving = 0;
+    for (const auto& scene : scenes) {
+      max_moving = std::max(max_moving, scene->moving_obstacles().size());
+    }
+    std::vector<std::unique_ptr<RobotBody>> bodies;
+    for (int i = 0; i < count; ++i) {
+      auto robot = std::make_unique<Robot>(config.robot, NumSubsteps(config), stepping);
+      robot->Reserve(max_moving);
+      bodies.push_back(std::move(robot));
+    }
+    return bodies;
+  };
+}
+
 }  // namespace
 
 CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
                                        std::vector<std::shared_ptr<const Scene>> scenes,
                                        int batch_size, base::ParallelFor* parallel,
                                        Robot::Stepping stepping)
+    : CourseEnvironments(config, std::move(scenes), batch_size, parallel, RobotsThat(stepping)) {}
+
+CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
+                                       std::vector<std::shared_ptr<const Scene>> scenes,
+                                       int batch_size, base::ParallelFor* parallel,
+                                       const MakeRobotBodies& make_bodies)
     : config_(Checked(config)),
       scenes_(std::move(scenes)),
       footprint_(MakeFootprint(config.robot)),
@@ -53,13 +77,12 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
     }
     max_moving = std::max(max_moving, scene->moving_obstacles().size());
   }
-  const Robot at_rest(config.robot, NumSubsteps(config), stepping);
   environments_.reserve(batch_size);
-  for (int i = 0; i < batch_size; ++i) {
-    Environment& environment = environments_.emplace_back(at_rest, config.localisation);
-    environment.robot.Reserve(max_moving);
+  for (auto& body : make_bodies(config, scenes_, batch_size)) {
+    Environment& environment = environments_.emplace_back(std::move(body), config.localisation);
     environment.moving.Reserve(max_moving);
   }
+  SLALOM_CHECK_EQ(static_cast<int>(environments_.size()), batch_size);
   const int num_shares = parallel == nullptr ? 1 : parallel->num_threads();
   for (int share = 0; share < num_shares; ++share) {
     contact_worlds_.push_back(std::make_unique<ContactWorld>(config.robot));
@@ -76,13 +99,13 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   Environment& environment = environments_[i];
   environment.scene = &scene;
   const Start start = DrawStart(scene, spec.seed).value_or(Start{scene.course().start});
-  environment.robot.Reset(start.X_WR, base::DeriveSeed(spec.seed, "command jitter"));
+  environment.robot->Reset(start.X_WR, base::DeriveSeed(spec.seed, "command jitter"));
   environment.motion_start = environment.motion_time = start.motion_time;
-  environment.localisation.Reset(environment.robot.pose(),
+  environment.localisation.Reset(environment.robot->pose(),
                                  base::DeriveSeed(spec.seed, "localisation drift"));
   environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
   environment.last_action = config_.action.Normalise(0.0, 0.0);
-  environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
+  environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot->pose().p);
   environment.num_steps = 0;
   environment.running = true;
   observations_.first[i] = 1;
@@ -152,14 +175,14 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
                             std::clamp(action.angular, -1.0f, 1.0f)};
   environment.last_action = clipped;
   const Scene& scene = *environment.scene;
-  const bool collided = environment.robot.Drive(config_.action.linear_mps(clipped),
-                                                config_.action.angular_radps(clipped), scene,
-                                                environment.motion_time, contacts);
-  environment.localisation.Advance(environment.robot.pose());
+  const bool collided = environment.robot->Drive(config_.action.linear_mps(clipped),
+                                                 config_.action.angular_radps(clipped), scene,
+                                                 environment.motion_time, contacts);
+  environment.localisation.Advance(environment.robot->pose());
   ++environment.num_steps;
   environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;
 
-  const double distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
+  const double distance = base::Norm(scene.course().goal_W - environment.robot->pose().p);
   double reward =
       config_.reward.progress * (environment.goal_distance - distance) - config_.reward.slack;
   environment.goal_distance = distance;
@@ -185,7 +208,7 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
 void CourseEnvironments::Observe(int i) {
   Environment& environment = environments_[i];
   const Scene& scene = *environment.scene;
-  const base::Pose2 X_WR = environment.robot.pose();
+  const base::Pose2 X_WR = environment.robot->pose();
   const MovingObstacles& moving = scene.moving_obstacles();
   if (!moving.empty()) moving.PlaceAll(environment.motion_time, environment.moving);
   lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i),
@@ -196,7 +219,7 @@ void CourseEnvironments::Observe(int i) {
   state[1] = static_cast<float>(goal_R.y);
   state[2] = environment.last_action.linear;
   state[3] = environment.last_action.angular;
-  const BodyState& body = environment.robot.body();
+  const BodyState& body = environment.robot->body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
   observations_.odometry[i] = {.X_OR = environment.localisation.X_OR(),
                                .linear = c * body.vx + s * body.vy,

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/check.h"
-
 namespace slalom::sim {
 namespace {
 
@@ -20,21 +18,9 @@ Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
       skid_steering_(config.drive == DriveKind::kSkidSteer
                          ? std::optional<SkidSteering>({config, dt_})
                          : std::nullopt),
-      max_speed_step_(config.linear_acceleration * dt_),
-      max_yaw_rate_step_(config.angular_acceleration * dt_),
-      linear_limit_(config.linear_speed_limit),
-      angular_limit_(config.angular_speed_limit),
-      speed_gain_(config.speed_gain),
-      yaw_gain_(config.yaw_gain),
       num_substeps_(num_substeps),
-      delay_(config.command_delay * config.control_rate),
-      jitter_(config.command_jitter * config.control_rate),
       stepping_(stepping),
-      random_jitter_(0) {
-  SLALOM_CHECK_GE(num_substeps, 1);
-  const int latest = static_cast<int>(std::lround(delay_ + jitter_));
-  commands_.resize(1 + (latest + num_substeps - 1) / num_substeps);
-}
+      controller_(config, num_substeps) {}
 
 void Robot::Reserve(int num_moving) {
   moving_.reserve(num_moving);
@@ -45,16 +31,13 @@ void Robot::Reset(const base::Pose2& X_WR, std::uint64_t seed) {
   body_ = {.x = static_cast<float>(X_WR.p.x),
            .y = static_cast<float>(X_WR.p.y),
            .yaw = static_cast<float>(X_WR.yaw)};
-  wheels_ = {};
+  controller_.Reset(seed);
   clearance_ = 0.0f;
-  std::fill(commands_.begin(), commands_.end(), PendingCommand{});
-  random_jitter_ = base::Random(seed);
 }
 
 bool Robot::Drive(double linear, double angular, const Scene& scene, double motion_time,
                   ContactWorld& contacts) {
-  Push({std::clamp(linear, -linear_limit_, linear_limit_),
-        std::clamp(angular, -angular_limit_, angular_limit_)});
+  controller_.Push(linear, angular);
   body_.yaw = static_cast<float>(base::WrapAngle(body_.yaw));
   const float dt = static_cast<float>(dt_);
   const CollisionMap& map = scene.collision_map();
@@ -67,13 +50,18 @@ bool Robot::Drive(double linear, double angular, const Scene& scene, double moti
   PlaceMoving(moving, motion_time);
   bool touched = std::min(clearance_, moving_clearance_) <= 0.0f;
   for (int substep = 0; substep < num_substeps_; ++substep) {
-    TurnWheels(CommandAt(substep));
+    const DriveCommand wheels = controller_.Tick(substep);
+    if (skid_steering_) {
+      MoveWithSlip(wheels);
+    } else {
+      MoveIdeally(wheels);
+    }
     const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
     if (in_contact || stepping_ == Stepping::kBox2dAlways) {
       if (contacts.Step(map, moving_shapes_, dt, body_)) {
         if (!skid_steering_) {  // Wheels that do not slip turn as the body goes.
           const auto [s, c] = base::SinCos(body_.yaw);
-          wheels_ = {c * body_.vx + s * body_.vy, body_.yaw_rate};
+          controller_.Force({c * body_.vx + s * body_.vy, body_.yaw_rate});
         }
         clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
       }
@@ -127,48 +115,19 @@ void Robot::PlaceMoving(const MovingObstacles& moving, double time) {
 
 base::Pose2 Robot::pose() const { return {{body_.x, body_.y}, base::WrapAngle(body_.yaw)}; }
 
-void Robot::Push(const Command& command) {
-  for (PendingCommand& pending : commands_) pending.due -= num_substeps_;
-  const double lateness = jitter_ > 0.0 ? random_jitter_.Uniform(0.0, jitter_) : 0.0;
-  const int due = static_cast<int>(std::lround(delay_ + lateness));
-  const int not_before = commands_.front().due;
-  std::move_backward(commands_.begin(), commands_.end() - 1, commands_.end());
-  commands_.front() = {command, std::max(due, not_before)};
-}
-
-// The newest that has arrived. The oldest always has.
-const Robot::Command& Robot::CommandAt(int substep) const {
-  const auto arrived = std::find_if(commands_.begin(), commands_.end() - 1,
-                                    [&](const auto& pending) { return pending.due <= substep; });
-  return arrived->command;
-}
-
-// One tick of the velocity controller.
-void Robot::TurnWheels(const Command& command) {
-  wheels_.linear +=
-      std::clamp(speed_gain_ * command.linear - wheels_.linear, -max_speed_step_, max_speed_step_);
-  wheels_.angular += std::clamp(yaw_gain_ * command.angular - wheels_.angular, -max_yaw_rate_step_,
-                                max_yaw_rate_step_);
-  if (skid_steering_) {
-    MoveWithSlip();
-  } else {
-    MoveIdeally();
-  }
-}
-
-// The body then moves along the chord of its arc: in the direction that it has half-way through the
+// The body moves along the chord of its arc: in the direction that it has half-way through the
 // step.
-void Robot::MoveIdeally() {
-  body_.yaw_rate = static_cast<float>(wheels_.angular);
-  wheels_.angular = body_.yaw_rate;
+void Robot::MoveIdeally(const DriveCommand& wheels) {
+  body_.yaw_rate = static_cast<float>(wheels.angular);
+  controller_.Force({wheels.linear, body_.yaw_rate});
   const auto [s, c] = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
-  body_.vx = static_cast<float>(wheels_.linear * c);
-  body_.vy = static_cast<float>(wheels_.linear * s);
+  body_.vx = static_cast<float>(wheels.linear * c);
+  body_.vy = static_cast<float>(wheels.linear * s);
 }
 
 // Wheels point where they do half-way through the step. A body in a steady turn had the same
 // velocity in their frame a step ago, a turn of yaw_rate x dt back (to second order).
-void Robot::MoveWithSlip() {
+void Robot::MoveWithSlip(const DriveCommand& wheels) {
   const auto sin_cos = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
   const float s = static_cast<float>(sin_cos.sin), c = static_cast<float>(sin_cos.cos);
   const BodyVelocity now{c * body_.vx + s * body_.vy, c * body_.vy - s * body_.vx, body_.yaw_rate};
@@ -177,7 +136,7 @@ void Robot::MoveWithSlip() {
   const BodyVelocity before{cos_turn * now.ahead - turn * now.left,
                             cos_turn * now.left + turn * now.ahead, now.yaw_rate};
   const BodyVelocity v =
-      skid_steering_->Step(now, before, skid_steering_->Wheels(wheels_.linear, wheels_.angular));
+      skid_steering_->Step(now, before, skid_steering_->Wheels(wheels.linear, wheels.angular));
   body_.vx = c * v.ahead - s * v.left;
   body_.vy = s * v.ahead + c * v.left;
   body_.yaw_rate = v.yaw_rate;

@@ -5,9 +5,10 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "base/random.h"
 #include "sim/contact_world.h"
+#include "sim/drive_controller.h"
 #include "sim/environment_config.h"
+#include "sim/robot_body.h"
 #include "sim/scene.h"
 #include "sim/skid_steering.h"
 
@@ -21,7 +22,7 @@ namespace slalom::sim {
 /// Wheels act on the body's velocity, then contacts do, then it moves. Without contact it moves as
 /// Box2D itself would then, so Box2D is only called while something is touched; the result is the
 /// same to the bit. Thread-compatible; a value.
-class Robot {
+class Robot final : public RobotBody {
  public:
   /// Which rigid-body steps are Box2D's.
   enum class Stepping {
@@ -35,56 +36,30 @@ class Robot {
   /// Makes room for that many moving obstacles, so that `Drive` allocates nothing.
   void Reserve(int num_moving);
 
-  /// Puts the robot at rest, with no command under way. `seed`: of the commands' jitter.
-  void Reset(const base::Pose2& X_WR, std::uint64_t seed = 0);
+  void Reset(const base::Pose2& X_WR, std::uint64_t seed = 0) override;
 
-  /// Drives for one control step, which begins at `motion_time` [s], towards the commanded speeds
-  /// (`linear` [m/s], `angular` [rad/s]). Returns whether it touched anything: at the start, or
-  /// after any of the rigid-body steps, moving obstacles being where they are then.
+  /// Looks for contact at the start and after each of the rigid-body steps.
   bool Drive(double linear, double angular, const Scene& scene, double motion_time,
-             ContactWorld& contacts);
+             ContactWorld& contacts) override;
 
-  /// Pose in W, heading in [-pi, pi).
-  base::Pose2 pose() const;
-  const BodyState& body() const { return body_; }
+  base::Pose2 pose() const override;
+  const BodyState& body() const override { return body_; }
 
  private:
-  struct Command {
-    double linear = 0.0;   // [m/s]
-    double angular = 0.0;  // [rad/s]
-  };
-  struct PendingCommand {
-    Command command;
-    int due = 0;  // Rigid-body steps from the beginning of the control step until it counts.
-  };
-
-  void Push(const Command& command);
-  const Command& CommandAt(int substep) const;
-  void TurnWheels(const Command& command);
-  void MoveIdeally();
-  void MoveWithSlip();
+  void MoveIdeally(const DriveCommand& wheels);
+  void MoveWithSlip(const DriveCommand& wheels);
   void FindMoving(const MovingObstacles& moving, double time, double duration);
   void PlaceMoving(const MovingObstacles& moving, double time);
 
   const Footprint footprint_;
   const double dt_;                                  // Of a rigid-body step, [s].
   const std::optional<SkidSteering> skid_steering_;  // None: ideal.
-  const double max_speed_step_;     // Largest change of speed in a rigid-body step, [m/s].
-  const double max_yaw_rate_step_;  // [rad/s]
-  const double linear_limit_;       // [m/s]
-  const double angular_limit_;      // [rad/s]
-  const double speed_gain_;
-  const double yaw_gain_;
   const int num_substeps_;
-  const double delay_;   // [rigid-body steps]
-  const double jitter_;  // [rigid-body steps]
   const Stepping stepping_;
 
   BodyState body_;
-  Command wheels_;                        // What the controller asks of the wheels.
-  float clearance_ = 0.0f;                // No fixed obstacle is nearer, [m]; 0: not known.
-  std::vector<PendingCommand> commands_;  // Of this control step and those before, newest first.
-  base::Random random_jitter_;
+  DriveController controller_;
+  float clearance_ = 0.0f;  // No fixed obstacle is nearer, [m]; 0: not known.
 
   // Moving obstacles that can come near in this control step while the robot's centre stays within
   // kTravel of (found_x_, found_y_); where they are now; and the distance to the nearest of them.
