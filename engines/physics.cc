@@ -53,8 +53,8 @@ sim::Physics FindPhysics(std::string_view name) {
   }
   if (!info->is_built_in) {
     throw base::Error(fmt::format(
-        "--physics {}: this program was built without it; install Debian's {} (apt-get install "
-        "{}), then configure and build anew (cmake --preset release && ./slalom build)",
+        "--physics {}: this program was built without it; install Debian's {} (apt-get install {}) "
+        "and build the program anew (./slalom build)",
         name, info->package, info->package));
   }
 #if SLALOM_HAS_ODE

@@ -9,6 +9,8 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "sim/courses/course.h"
+#include "sim/courses/motion.h"
 
 namespace slalom::engines {
 namespace {
