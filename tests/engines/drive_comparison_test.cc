@@ -31,7 +31,7 @@ class DriveComparisonTest : public ::testing::TestWithParam<Tolerance> {
 };
 
 TEST_P(DriveComparisonTest, RandomCommandsEndNearby) {
-  constexpr int kNum = 60;
+  constexpr int kNum = 150;
   EngineDrive ours("slalom"), theirs(GetParam().physics);
   base::Random random(7);
   double distance = 0.0, heading = 0.0;
