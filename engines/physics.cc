@@ -78,7 +78,8 @@ std::vector<sim::Physics> FindPhysicsList(std::string_view list) {
     }
     found.push_back(FindPhysics(name));
   }
-  std::ranges::stable_partition(found, [](const sim::Physics& p) { return p.name == kOwn; });
+  std::stable_partition(found.begin(), found.end(),
+                        [](const sim::Physics& physics) { return physics.name == kOwn; });
   return found;
 }
 
