@@ -1,7 +1,6 @@
 #include "engines/physics.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -46,10 +45,10 @@ sim::Physics FindPhysics(std::string_view name) {
   const auto& known = KnownPhysics();
   const auto info = std::ranges::find(known, name, &PhysicsInfo::name);
   if (info == known.end()) {
-    std::vector<std::string_view> names;
-    for (const PhysicsInfo& each : known) names.push_back(each.name);
-    throw base::Error(fmt::format("--physics '{}': expected one or more of {}, with commas, or {}",
-                                  name, fmt::join(names, ", "), kAll));
+    std::string names;
+    for (const PhysicsInfo& each : known) names += fmt::format("{}, ", each.name);
+    throw base::Error(fmt::format("--physics '{}': expected {}several of them with commas, or {}",
+                                  name, names, kAll));
   }
   if (!info->is_built_in) {
     throw base::Error(fmt::format(

@@ -9,6 +9,7 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "base/random.h"
 #include "sim/courses/course.h"
 #include "sim/courses/motion.h"
 
@@ -74,7 +75,10 @@ double EngineBody::StepOf(const sim::RobotConfig& config) {
 
 void EngineBody::Reset(const base::Pose2& X_WR, std::uint64_t seed) {
   controller_.Reset(seed);
-  world_->Reset(X_WR);
+  base::Random random(base::DeriveSeed(seed, "wheel angles"));
+  WheelAngles angles;
+  for (double& angle : angles) angle = random.Uniform(-0.5 * base::kPi, 0.5 * base::kPi);
+  world_->Reset(X_WR, angles);
   state_ = world_->state();
 }
 
@@ -104,6 +108,7 @@ sim::MakeRobotBodies BodiesIn(std::string_view physics, MakeWorlds make_worlds) 
     const sim::RobotConfig& robot = config.robot;
     auto worlds = make_worlds(MakeJackal(robot, physics), EngineBody::StepOf(robot), count);
     std::vector<std::unique_ptr<sim::RobotBody>> bodies;
+    bodies.reserve(worlds.size());
     for (auto& world : worlds) {
       bodies.push_back(
           std::make_unique<EngineBody>(robot, sim::NumSubsteps(config), std::move(world)));

@@ -20,6 +20,8 @@ class EngineBody final : public sim::RobotBody {
   /// `world` steps by `StepOf(config.robot)`. `num_ticks`: of the controller in a control step.
   EngineBody(const sim::RobotConfig& config, int num_ticks, std::unique_ptr<World> world);
 
+  /// The angles of the wheels are drawn from `seed`, too, each uniformly: the original puts its
+  /// robot back with the wheels as the last episode left them, and friction may ask for them.
   void Reset(const base::Pose2& X_WR, std::uint64_t seed) override;
   bool Drive(double linear, double angular, const sim::Scene& scene, double motion_time,
              sim::ContactWorld& contacts) override;

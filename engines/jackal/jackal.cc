@@ -13,6 +13,9 @@ namespace {
 constexpr Vec3 kChassisCentre = {0.012, 0.002, 0.067};
 constexpr std::array<double, 6> kChassisInertia = {0.3136,  0.3922, 0.4485,
                                                    -0.0008, 0.0164, -0.0009};
+constexpr double kAxleHeight = 0.0345;  // Of the axles in C, [m].
+constexpr double kWheelRadius = 0.098;
+constexpr double kWheelHalfWidth = 0.02;
 constexpr double kWheelMass = 0.477;
 constexpr Vec3 kWheelInertia = {0.0013, 0.0024, 0.0013};
 constexpr Box3 kChassisBox = {{0.0, 0.0, 0.092}, {0.21, 0.155, 0.092}};
@@ -70,6 +73,9 @@ Jackal MakeJackal(const sim::RobotConfig& config, std::string_view physics) {
   for (std::size_t k = 0; k < kChassisInertia.size(); ++k) {
     jackal.chassis_inertia[k] = scale * kChassisInertia[k];
   }
+  jackal.height = kWheelRadius - kAxleHeight;
+  jackal.wheel_radius = kWheelRadius;
+  jackal.wheel_half_width = kWheelHalfWidth;
   jackal.wheel_mass = kWheelMass;
   jackal.wheel_inertia = kWheelInertia;
   for (int wheel = 0; wheel < kNumWheels; ++wheel) {

@@ -5,20 +5,16 @@
 
 #include "sim/environment_config.h"
 
-/// Frame: `C` the chassis, x ahead, y left, z up, its origin midway between the wheels and
-/// `kAxleHeight` below their axles.
+/// Frame: `C` the chassis, x ahead, y left, z up, its origin midway between the wheels and a little
+/// below their axles, where the Jackal's description has it.
 
 namespace slalom::engines {
 
 /// A point or a displacement in space, [m].
 using Vec3 = std::array<double, 3>;
 
-inline constexpr int kNumWheels = 4;           ///< Left front, right front, left back, right back.
-inline constexpr double kWheelRadius = 0.098;  ///< [m]
-inline constexpr double kWheelHalfWidth = 0.02;   ///< [m]
-inline constexpr double kAxleHeight = 0.0345;     ///< Of the axles in C, [m].
-inline constexpr double kChassisHeight = 0.0635;  ///< Of C above level ground, [m].
-inline constexpr double kGravity = 9.8;           ///< As the original's worlds set it, [m/s^2].
+inline constexpr int kNumWheels = 4;     ///< Left front, right front, left back, right back.
+inline constexpr double kGravity = 9.8;  ///< As the original's worlds set it, [m/s^2].
 
 inline constexpr bool IsLeft(int wheel) { return wheel % 2 == 0; }
 
@@ -34,6 +30,9 @@ struct Jackal {
   double chassis_mass = 0.0;              ///< [kg]
   Vec3 chassis_centre_C;                  ///< The chassis' centre of mass, [m].
   std::array<double, 6> chassis_inertia;  ///< xx, yy, zz, xy, xz, yz about that centre, [kg m^2].
+  double height = 0.0;                    ///< Of C above level ground, [m].
+  double wheel_radius = 0.0;              ///< [m]
+  double wheel_half_width = 0.0;          ///< [m]
   double wheel_mass = 0.0;                ///< [kg]
   Vec3 wheel_inertia;                     ///< xx, yy, zz, the axle along y, [kg m^2].
   std::array<Vec3, kNumWheels> wheels_C;  ///< Centres, [m].

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <span>
@@ -18,6 +19,9 @@ inline constexpr int kMaxNearObstacles = 32;
 /// Height of obstacles above and below the ground, as in the original's worlds, [m].
 inline constexpr double kObstacleHalfHeight = 0.5;
 
+/// How far each wheel has turned about its axle, [rad].
+using WheelAngles = std::array<double, kNumWheels>;
+
 /// A Jackal on level ground in an engine, which steps it on by a fixed time of about a millisecond:
 /// all that an engine has to do for `EngineBody`.
 ///
@@ -30,8 +34,9 @@ class World {
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 
-  /// Puts the robot at rest, C's origin over the pose's.
-  virtual void Reset(const base::Pose2& X_WC) = 0;
+  /// Puts the robot at rest, C's origin over the pose's, each wheel turned so far about its axle,
+  /// [rad]: ahead from where its own axes are C's.
+  virtual void Reset(const base::Pose2& X_WC, const WheelAngles& angles) = 0;
 
   /// Moves on by a step, the wheels' surfaces turning at exactly these speeds. `obstacles`: all
   /// that the robot may touch, at most kMaxNearObstacles, where they are as the step begins. They

@@ -34,7 +34,7 @@ std::string WheelXml(const Jackal& jackal, int wheel) {
       "friction='{} 0 0'/>\n"
       "</body>\n",
       Text(jackal.wheels_C[wheel]), kWheelArmature, jackal.wheel_mass, Text(jackal.wheel_inertia),
-      kWheelRadius, kWheelHalfWidth, 0.5 * base::kPi,
+      jackal.wheel_radius, jackal.wheel_half_width, 0.5 * base::kPi,
       kMeetsGround | (jackal.wheels_meet_obstacles ? kMeetsObstacles : 0), jackal.wheel_friction);
 }
 
@@ -58,7 +58,7 @@ std::string MujocoXml(const Jackal& jackal, double step, int num_obstacles) {
                    "<geom type='cylinder' size='1 1' pos='1 1 1' friction='{} 0 0'/>\n",
                    jackal.obstacle_friction);
   }
-  fmt::format_to(std::back_inserter(xml), "<body pos='0 0 {}'>\n{}", kChassisHeight,
+  fmt::format_to(std::back_inserter(xml), "<body pos='0 0 {}'>\n{}", jackal.height,
                  ChassisXml(jackal));
   for (int wheel = 0; wheel < kNumWheels; ++wheel) xml += WheelXml(jackal, wheel);
   xml += "</body>\n</worldbody>\n</mujoco>\n";

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <span>
 #include <utility>
 
@@ -43,7 +42,8 @@ ModelPtr Compile(const std::string& xml) {
   const auto files = std::make_unique<mjVFS>();  // Too large for a stack.
   mj_defaultVFS(files.get());
   mj_makeEmptyFileVFS(files.get(), kName, static_cast<int>(xml.size()));
-  std::memcpy(files->filedata[mj_findFileVFS(files.get(), kName)], xml.data(), xml.size());
+  char* const bytes = static_cast<char*>(files->filedata[mj_findFileVFS(files.get(), kName)]);
+  std::ranges::copy(xml, bytes);
   std::array<char, 1000> error{};
   ModelPtr model(mj_loadXML(kName, files.get(), error.data(), error.size()), mj_deleteModel);
   mj_deleteVFS(files.get());
@@ -56,9 +56,9 @@ ModelPtr Compile(const std::string& xml) {
 class MujocoWorld final : public World {
  public:
   /// `model`: of `MujocoXml`, copied.
-  MujocoWorld(const mjModel& model, const Rest* rest);
+  MujocoWorld(const mjModel& model, double wheel_radius, const Rest* rest);
 
-  void Reset(const base::Pose2& X_WC) override;
+  void Reset(const base::Pose2& X_WC, const WheelAngles& angles) override;
   bool Step(const sim::WheelSpeeds& wheels, std::span<const sim::MovingShape> obstacles) override;
   sim::BodyState state() const override;
   double lift() const override { return data_->qpos[2] - rest_[2]; }
@@ -70,14 +70,16 @@ class MujocoWorld final : public World {
   void PlaceObstacle(int geom, const sim::MovingShape& obstacle);
   bool Touching() const;
 
-  ModelPtr model_;  // Its own, as obstacles are parts of a model.
+  const double wheel_radius_;  // [m]
+  ModelPtr model_;             // Its own, as obstacles are parts of a model.
   DataPtr data_;
   int num_obstacles_ = 0;
   Rest rest_{};
 };
 
-MujocoWorld::MujocoWorld(const mjModel& model, const Rest* rest)
-    : model_(mj_copyModel(nullptr, &model), mj_deleteModel),
+MujocoWorld::MujocoWorld(const mjModel& model, double wheel_radius, const Rest* rest)
+    : wheel_radius_(wheel_radius),
+      model_(mj_copyModel(nullptr, &model), mj_deleteModel),
       data_(mj_makeData(model_.get()), mj_deleteData) {
   SLALOM_CHECK(model_ != nullptr && data_ != nullptr);
   if (rest != nullptr) {
@@ -100,7 +102,7 @@ void MujocoWorld::Settle() {
   mju_mulQuat(rest_.data() + 3, back.data(), data_->qpos + 3);
 }
 
-void MujocoWorld::Reset(const base::Pose2& X_WC) {
+void MujocoWorld::Reset(const base::Pose2& X_WC, const WheelAngles& angles) {
   mj_resetData(model_.get(), data_.get());
   const std::array<mjtNum, 4> heading = {std::cos(0.5 * X_WC.yaw), 0.0, 0.0,
                                          std::sin(0.5 * X_WC.yaw)};
@@ -108,13 +110,14 @@ void MujocoWorld::Reset(const base::Pose2& X_WC) {
   data_->qpos[1] = X_WC.p.y;
   data_->qpos[2] = rest_[2];
   mju_mulQuat(data_->qpos + 3, heading.data(), rest_.data() + 3);
+  std::ranges::copy(angles, data_->qpos + rest_.size());
 }
 
 bool MujocoWorld::Step(const sim::WheelSpeeds& wheels,
                        std::span<const sim::MovingShape> obstacles) {
   for (int wheel = 0; wheel < kNumWheels; ++wheel) {
     const double speed = static_cast<double>(IsLeft(wheel) ? wheels.left : wheels.right);
-    data_->qvel[kFirstHinge + wheel] = speed / kWheelRadius;
+    data_->qvel[kFirstHinge + wheel] = speed / wheel_radius_;
   }
   const int num_obstacles = static_cast<int>(obstacles.size());
   SLALOM_CHECK_LE(num_obstacles, kMaxNearObstacles);
@@ -185,7 +188,7 @@ std::vector<std::unique_ptr<World>> MakeMujocoWorlds(const Jackal& jackal, doubl
   std::vector<std::unique_ptr<World>> worlds;
   const Rest* rest = nullptr;
   for (int i = 0; i < count; ++i) {
-    auto world = std::make_unique<MujocoWorld>(*model, rest);
+    auto world = std::make_unique<MujocoWorld>(*model, jackal.wheel_radius, rest);
     if (rest == nullptr) rest = &world->rest();
     worlds.push_back(std::move(world));
   }

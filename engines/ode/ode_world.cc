@@ -45,7 +45,7 @@ class OdeWorld final : public World {
   OdeWorld(const Jackal& jackal, double step, const Rest* rest);
   ~OdeWorld() override;
 
-  void Reset(const base::Pose2& X_WC) override;
+  void Reset(const base::Pose2& X_WC, const WheelAngles& angles) override;
   bool Step(const sim::WheelSpeeds& wheels, std::span<const sim::MovingShape> obstacles) override;
   sim::BodyState state() const override;
   double lift() const override;
@@ -61,7 +61,9 @@ class OdeWorld final : public World {
   bool Touch(const sim::MovingShape& obstacle);
   dBodyID PushedBody(const sim::MovingShape& obstacle);
 
-  const double step_;  // [s]
+  const double step_;          // [s]
+  const double height_;        // Of C above level ground, at rest, [m].
+  const double wheel_radius_;  // [m]
   const double wheel_friction_;
   const double obstacle_friction_;
   const bool wheels_meet_obstacles_;
@@ -83,6 +85,8 @@ class OdeWorld final : public World {
 
 OdeWorld::OdeWorld(const Jackal& jackal, double step, const Rest* rest)
     : step_(step),
+      height_(jackal.height - kSurfaceLayer),
+      wheel_radius_(jackal.wheel_radius),
       wheel_friction_(jackal.wheel_friction),
       obstacle_friction_(jackal.obstacle_friction),
       wheels_meet_obstacles_(jackal.wheels_meet_obstacles),
@@ -134,8 +138,7 @@ void OdeWorld::BuildChassis(const Jackal& jackal) {
   dMassSetParameters(&mass, jackal.chassis_mass, 0.0, 0.0, 0.0, xx, yy, zz, xy, xz, yz);
   parts_[0] = dBodyCreate(world_);
   dBodySetMass(parts_[0], &mass);
-  dBodySetPosition(parts_[0], centre_C_[0], centre_C_[1],
-                   kChassisHeight - kSurfaceLayer + centre_C_[2]);
+  dBodySetPosition(parts_[0], centre_C_[0], centre_C_[1], height_ + centre_C_[2]);
   const auto& [centre, half] = jackal.outline;
   shapes_[0] = dCreateBox(nullptr, 2.0 * half[0], 2.0 * half[1], 2.0 * half[2]);
   dGeomSetBody(shapes_[0], parts_[0]);
@@ -147,14 +150,14 @@ void OdeWorld::BuildWheel(const Jackal& jackal, int wheel) {
   const int part = 1 + wheel;
   const auto& [x, y, z] = jackal.wheels_C[wheel];
   const auto& [xx, yy, zz] = jackal.wheel_inertia;
-  const double height = kChassisHeight - kSurfaceLayer + z;
+  const double height = height_ + z;
   dMass mass;
   dMassSetParameters(&mass, jackal.wheel_mass, 0.0, 0.0, 0.0, xx, yy, zz, 0.0, 0.0, 0.0);
   parts_[part] = dBodyCreate(world_);
   dBodySetMass(parts_[part], &mass);
   dBodySetPosition(parts_[part], x, y, height);
   dBodySetFiniteRotationMode(parts_[part], 1);  // It turns by 20 rad/s and more.
-  shapes_[part] = dCreateCylinder(nullptr, kWheelRadius, 2.0 * kWheelHalfWidth);
+  shapes_[part] = dCreateCylinder(nullptr, jackal.wheel_radius, 2.0 * jackal.wheel_half_width);
   dGeomSetBody(shapes_[part], parts_[part]);
   dMatrix3 across;  // From a cylinder's own axis, z, to y.
   dRFromAxisAndAngle(across, 1.0, 0.0, 0.0, 0.5 * base::kPi);
@@ -183,7 +186,7 @@ void OdeWorld::Settle() {
   }
 }
 
-void OdeWorld::Reset(const base::Pose2& X_WC) {
+void OdeWorld::Reset(const base::Pose2& X_WC, const WheelAngles& angles) {
   RequireOde();
   dQuaternion heading;
   dQFromAxisAndAngle(heading, 0.0, 0.0, 1.0, X_WC.yaw);
@@ -191,9 +194,11 @@ void OdeWorld::Reset(const base::Pose2& X_WC) {
   dQtoR(heading, rotation);
   for (int part = 0; part < kNumParts; ++part) {
     dVector3 p;
-    dQuaternion q;
+    dQuaternion turn, level, q;
+    dQFromAxisAndAngle(turn, 0.0, 1.0, 0.0, part == 0 ? 0.0 : angles[part - 1]);
     dMultiply0_331(p, rotation, rest_[part].p);
-    dQMultiply0(q, heading, rest_[part].q);
+    dQMultiply0(level, rest_[part].q, turn);
+    dQMultiply0(q, heading, level);
     dBodySetPosition(parts_[part], X_WC.p.x + p[0], X_WC.p.y + p[1], p[2]);
     dBodySetQuaternion(parts_[part], q);
     dBodySetLinearVel(parts_[part], 0.0, 0.0, 0.0);
@@ -208,7 +213,7 @@ bool OdeWorld::Step(const sim::WheelSpeeds& wheels, std::span<const sim::MovingS
   RequireOde();
   for (int wheel = 0; wheel < kNumWheels; ++wheel) {
     const double speed = static_cast<double>(IsLeft(wheel) ? wheels.left : wheels.right);
-    dJointSetHingeParam(motors_[wheel], dParamVel, speed / kWheelRadius);
+    dJointSetHingeParam(motors_[wheel], dParamVel, speed / wheel_radius_);
   }
   for (int part = 0; part < kNumParts; ++part) StandOnGround(part);
   num_pushed_ = 0;

@@ -36,8 +36,8 @@ TEST_P(DriveComparisonTest, RandomCommandsEndNearby) {
   base::Random random(7);
   double distance = 0.0, heading = 0.0;
   for (int k = 0; k < kNum; ++k) {
-    ours.Reset({});
-    theirs.Reset({});
+    ours.Reset({}, k);
+    theirs.Reset({}, k);
     for (int step = 0; step < 10; ++step) {
       const double linear = random.Uniform(0.0, 2.0), angular = random.Uniform(-3.14, 3.14);
       ours.Drive(linear, angular);

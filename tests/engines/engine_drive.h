@@ -38,9 +38,9 @@ class EngineDrive {
     Reset({});
   }
 
-  void Reset(const base::Pose2& X_WR, double motion_time = 0.0) {
-    body_->Reset(X_WR, 1);
-    time_ = motion_time;
+  void Reset(const base::Pose2& X_WR, std::uint64_t seed = 1) {
+    body_->Reset(X_WR, seed);
+    time_ = 0.0;
   }
 
   /// Drives for one control step. Returns whether it touched anything.

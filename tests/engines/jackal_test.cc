@@ -76,7 +76,7 @@ TEST(Jackal, RefusesWhatNoWheelsCouldCarry) {
 class StillWorld : public World {
  public:
   explicit StillWorld(std::vector<std::vector<sim::MovingShape>>* seen) : seen_(seen) {}
-  void Reset(const base::Pose2& X_WC) override {
+  void Reset(const base::Pose2& X_WC, const WheelAngles&) override {
     state_ = {.x = static_cast<float>(X_WC.p.x), .y = static_cast<float>(X_WC.p.y)};
   }
   bool Step(const sim::WheelSpeeds&, std::span<const sim::MovingShape> obstacles) override {
