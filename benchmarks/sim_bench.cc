@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <thread>
 #include <vector>
 
 #include "base/parallel.h"
@@ -81,22 +82,27 @@ void StepEnvironments(benchmark::State& state, const EnvironmentConfig& config,
                       const std::vector<std::shared_ptr<const Scene>>& scenes = StaticScenes()) {
   base::ParallelFor parallel(static_cast<int>(state.range(0)));
   CourseEnvironments environments(config, scenes, kBatch, &parallel, stepping);
-  base::Random random(3);
+  std::vector<base::Random> random;  // Of each environment: threads share nothing.
+  for (int i = 0; i < kBatch; ++i)
+    random.emplace_back(base::DeriveSeed(3, "environment", {static_cast<std::uint64_t>(i)}));
   std::vector<env::Action> actions(kBatch);
   std::vector<env::StepResult> results(kBatch);
   const auto reset = [&](int i) {
-    environments.Reset(i, {static_cast<int>(random.UniformInt(kNumCourses)), random.NextU64()});
+    environments.Reset(i,
+                       {static_cast<int>(random[i].UniformInt(kNumCourses)), random[i].NextU64()});
   };
   for (int i = 0; i < kBatch; ++i) reset(i);
   std::int64_t collisions = 0;
   for (auto _ : state) {
-    for (int i = 0; i < kBatch; ++i)
-      actions[i] = Steer(environments.observations().frame(i), random);
+    parallel.For(kBatch / 8, [&](int group) {
+      for (int i = 8 * group; i < 8 * group + 8; ++i) {
+        if (results[i].ended()) reset(i);
+        actions[i] = Steer(environments.observations().frame(i), random[i]);
+      }
+    });
     environments.Step(actions, results);
-    for (int i = 0; i < kBatch; ++i) {
-      if (!results[i].ended()) continue;
-      collisions += results[i].outcome == env::Outcome::kCollision;
-      reset(i);
+    for (const env::StepResult& result : results) {
+      collisions += result.outcome == env::Outcome::kCollision;
     }
   }
   state.SetItemsProcessed(state.iterations() * kBatch);
@@ -104,11 +110,34 @@ void StepEnvironments(benchmark::State& state, const EnvironmentConfig& config,
       1000.0 * static_cast<double>(collisions) / static_cast<double>(state.iterations() * kBatch);
 }
 
-/// All of it: body at 50 Hz, 720 beams, noise, resets and a steering rule. Argument: threads.
+/// 1, 2, 4 ... threads, and as many as the machine has cores.
+void UpToAllCores(benchmark::internal::Benchmark* bench) {
+  const int cores = static_cast<int>(std::thread::hardware_concurrency());
+  for (int threads = 1; threads < cores; threads *= 2) bench->Arg(threads);
+  bench->Arg(std::max(cores, 1));
+}
+
+/// All of it: body at 50 Hz, 720 beams, noise, resets and a steering rule. Argument: threads, which
+/// share all of this.
 void BM_EnvironmentSteps(benchmark::State& state) {
   StepEnvironments(state, BenchConfig(), Robot::Stepping::kBox2dInContact);
 }
-BENCHMARK(BM_EnvironmentSteps)->Arg(1)->Arg(2)->UseRealTime();
+BENCHMARK(BM_EnvironmentSteps)->Apply(UpToAllCores)->UseRealTime();
+
+/// With the other laws of friction.
+void BM_EnvironmentStepsPyramid(benchmark::State& state) {
+  EnvironmentConfig config = BenchConfig();
+  config.robot.friction = FrictionLaw::kPyramid;
+  StepEnvironments(state, config, Robot::Stepping::kBox2dInContact);
+}
+BENCHMARK(BM_EnvironmentStepsPyramid)->Arg(1)->UseRealTime();
+
+void BM_EnvironmentStepsGazebo(benchmark::State& state) {
+  EnvironmentConfig config = BenchConfig();
+  config.robot.friction = FrictionLaw::kGazebo;
+  StepEnvironments(state, config, Robot::Stepping::kBox2dInContact);
+}
+BENCHMARK(BM_EnvironmentStepsGazebo)->Apply(UpToAllCores)->UseRealTime();
 
 /// With the ideal drive.
 void BM_EnvironmentStepsIdealDrive(benchmark::State& state) {

@@ -28,6 +28,7 @@
 #include "engines/physics.h"
 #include "eval/physics_table.h"
 #include "train/profile.h"
+#include "train/recorded_config.h"
 
 namespace slalom::cli {
 namespace {
@@ -135,7 +136,11 @@ std::optional<train::RunConfig> TrainedConfig(const EvaluateOptions& options,
   const auto it = loaded.metadata.find("config");
   if (it == loaded.metadata.end()) return std::nullopt;
   try {
-    return config::FromToml<train::RunConfig>(it->second, *options.policy + " (its config)");
+    auto recorded = train::ReadRecordedConfig(it->second, *options.policy + " (its config)");
+    if (recorded.before_friction_laws) {
+      spdlog::info("{} {}", *options.policy, train::DescribeDriveBeforeFrictionLaws());
+    }
+    return std::move(recorded.config);
   } catch (const base::Error& error) {
     if (!options.config) throw;
     spdlog::warn("cannot tell what the policy was trained on: {}", error.what());

@@ -18,12 +18,12 @@
 #include "base/error.h"
 #include "base/mutex.h"
 #include "base/progress.h"
-#include "config/config.h"
 #include "eval/evaluation.h"
 #include "policy/policy_agent.h"
 #include "run/run_directory.h"
 #include "sim/courses/animation.h"
 #include "sim/courses/animation_svg.h"
+#include "train/recorded_config.h"
 #include "train/run_config.h"
 
 namespace slalom::cli {
@@ -79,7 +79,7 @@ std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop
   const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
   train::RunConfig config;
   if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
-    config = config::FromToml<train::RunConfig>(it->second, file.path.string() + " (its config)");
+    config = train::ReadRecordedConfig(it->second, file.path.string() + " (its config)").config;
   }
   policy::RequireSameInterface(file.path.string(), loaded.snapshot.spec,
                                sim::MakeObservationSpec(config.environment),

@@ -147,12 +147,11 @@ void CollisionMap::FindCircles(float x, float y, float reach, Runs& found) const
   }
 }
 
-float CollisionMap::Clearance(const Footprint& footprint, float x, float y, float yaw,
+float CollisionMap::Clearance(const Footprint& footprint, const FootprintPose& pose,
                               float limit) const {
   SLALOM_CHECK_GT(limit, 0.0f);
-  const FootprintPose pose = MakeFootprintPose(x, y, yaw);
   Runs runs;
-  FindCircles(x, y, footprint.Circumradius() + limit, runs);
+  FindCircles(pose.x, pose.y, footprint.Circumradius() + limit, runs);
   float nearest = NearestCircle(*this, runs.span(), footprint, pose, limit);
   for (const PlacedBox& box : boxes_) {
     nearest = std::min(nearest, BoxClearance(box, footprint, pose));

@@ -81,13 +81,16 @@ class CollisionMap {
   /// Finds all circles that come within `reach` [m] of the point (x, y), and possibly some others.
   void FindCircles(float x, float y, float reach, Runs& found) const;
 
-  /// Distance from the footprint at the pose (x, y [m], yaw [rad]) to the nearest obstacle, [m], at
-  /// most `limit`. It never exceeds the real distance, and it is positive if and only if nothing is
-  /// touched. The distance to a circle is exact; that to a box is exact beside its edges and may be
-  /// too small at its corners.
+  /// Distance from the footprint at a pose (or x, y [m], yaw [rad]) to the nearest obstacle, [m],
+  /// at most `limit`. It never exceeds the real distance, and it is positive if and only if nothing
+  /// is touched. The distance to a circle is exact; that to a box is exact beside its edges and may
+  /// be too small at its corners.
   ///
   /// Requires: limit > 0.
-  float Clearance(const Footprint& footprint, float x, float y, float yaw, float limit) const;
+  float Clearance(const Footprint& footprint, const FootprintPose& X_WR, float limit) const;
+  float Clearance(const Footprint& footprint, float x, float y, float yaw, float limit) const {
+    return Clearance(footprint, MakeFootprintPose(x, y, yaw), limit);
+  }
 
   int num_circles() const { return num_circles_; }
   /// Arrays of the circles' centres and radii, [num_circles], [m]. kLanes far-away circles follow,

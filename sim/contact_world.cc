@@ -2,6 +2,10 @@
 
 #include <box2d/box2d.h>
 
+#include <cmath>
+
+#include "sim/mass_distribution.h"
+
 namespace slalom::sim {
 namespace {
 
@@ -11,6 +15,12 @@ constexpr int kPositionIterations = 3;
 constexpr float kFriction = 0.5f;
 constexpr float kMargin = 0.01f;  // Obstacles this near are given to Box2D, [m].
 
+float Reach(const RobotConfig& config) {
+  const MassDistribution masses = DistributeMass(config);
+  return MakeFootprint(config).Circumradius() +
+         static_cast<float>(std::abs(masses.x) + std::abs(masses.y));
+}
+
 }  // namespace
 
 Footprint MakeFootprint(const RobotConfig& config) {
@@ -19,7 +29,7 @@ Footprint MakeFootprint(const RobotConfig& config) {
 }
 
 ContactWorld::ContactWorld(const RobotConfig& config)
-    : footprint_(MakeFootprint(config)), world_(std::make_unique<b2World>(b2Vec2(0.0f, 0.0f))) {
+    : reach_(Reach(config)), world_(std::make_unique<b2World>(b2Vec2(0.0f, 0.0f))) {
   world_->SetAllowSleeping(false);
   // What a step leaves behind must not matter to the next, and in one step (at most 0.1 m) the
   // robot cannot pass through anything, being wider than that itself.
@@ -35,8 +45,11 @@ ContactWorld::ContactWorld(const RobotConfig& config)
   b2BodyDef robot;
   robot.type = b2_dynamicBody;
   robot_ = world_->CreateBody(&robot);
-  b2PolygonShape outline;
-  outline.SetAsBox(footprint_.half_length, footprint_.half_width);
+  const MassDistribution masses = DistributeMass(config);
+  const Footprint footprint = MakeFootprint(config);
+  b2PolygonShape outline;  // Box2D's origin of the body is the centre of mass.
+  outline.SetAsBox(footprint.half_length, footprint.half_width,
+                   {static_cast<float>(-masses.x), static_cast<float>(-masses.y)}, 0.0f);
   outline.m_radius = 0.0f;  // No skin: contact begins where the outlines meet.
   b2FixtureDef fixture;
   fixture.shape = &outline;
@@ -44,9 +57,9 @@ ContactWorld::ContactWorld(const RobotConfig& config)
   fixture.density = 1.0f;
   robot_->CreateFixture(&fixture);
   b2MassData mass;
-  mass.mass = static_cast<float>(config.mass);
+  mass.mass = static_cast<float>(masses.mass);
   mass.center.SetZero();
-  mass.I = static_cast<float>(config.yaw_inertia);
+  mass.I = static_cast<float>(masses.yaw_inertia);
   robot_->SetMassData(&mass);
 }
 
@@ -71,7 +84,7 @@ bool ContactWorld::Step(const CollisionMap& map, std::span<const MovingShape> mo
 }
 
 void ContactWorld::PlaceObstacles(const CollisionMap& map, const BodyState& state) {
-  const float reach = footprint_.Circumradius() + kMargin;
+  const float reach = reach_ + kMargin;
   const auto near = [&](float x, float y, float radius) {
     const float dx = x - state.x, dy = y - state.y, far = reach + radius;
     return dx * dx + dy * dy < far * far;

@@ -13,7 +13,7 @@ class b2World;
 
 namespace slalom::sim {
 
-/// Pose and velocity of the robot's body R in W, as Box2D keeps them. A value.
+/// Pose and velocity of a body in W: of the point named and of the body's directions. A value.
 struct BodyState {
   float x = 0.0f;         ///< [m]
   float y = 0.0f;         ///< [m]
@@ -38,9 +38,10 @@ class ContactWorld {
   ContactWorld& operator=(const ContactWorld&) = delete;
 
   /// Moves the body on by `dt` [s]: contacts present at the start push back, without bounce and
-  /// with friction; otherwise it keeps its velocity. `moving`: those that it may touch, at the
-  /// start of the step; they give way to nothing. Returns whether anything was touched at the
-  /// start. Cost: about 2 us.
+  /// with friction; otherwise it keeps its velocity. `state`: of the centre of mass
+  /// (sim/mass_distribution.h), about which the outline lies where the config says. `moving`: those
+  /// that it may touch, at the start of the step; they give way to nothing. Returns whether
+  /// anything was touched at the start. Cost: about 2 us.
   bool Step(const CollisionMap& map, std::span<const MovingShape> moving, float dt,
             BodyState& state);
 
@@ -50,7 +51,8 @@ class ContactWorld {
   void RemoveObstacles();
   bool Touching() const;
 
-  const Footprint footprint_;
+  const float
+      reach_;  // From the centre of mass to the farthest corner of the outline, at most, [m].
   std::unique_ptr<b2World> world_;
   b2Body* robot_ = nullptr;      // Owned by world_.
   b2Body* obstacles_ = nullptr;  // Those that do not move. Owned by world_.

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "sim/mass_distribution.h"
 
 namespace slalom::sim {
 
@@ -15,6 +16,13 @@ void CheckConsistent(const EnvironmentConfig& config) {
         "environment.episode.step ({} s) times environment.robot.control_rate ({} Hz) is {:.6g}, "
         "expected a whole number",
         config.episode.step, config.robot.control_rate, substeps));
+  }
+  CheckMassDistribution(config.robot);
+  if (config.robot.drive == DriveKind::kSkidSteer &&
+      config.robot.wheel_width >= config.robot.track) {
+    throw base::Error(fmt::format(
+        "environment.robot.wheel_width ({} m) must be below environment.robot.track ({} m)",
+        config.robot.wheel_width, config.robot.track));
   }
   if (config.lidar.min_range >= config.lidar.max_range) {
     throw base::Error(fmt::format(

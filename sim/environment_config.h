@@ -13,15 +13,28 @@ namespace slalom::sim {
 enum class DriveKind { kSkidSteer, kIdeal };
 inline base::OneOf EnumNames(DriveKind) { return {"skid-steer", "ideal"}; }
 
+/// The law of friction between wheels and ground: sim/skid_steering.h.
+enum class FrictionLaw { kCone, kPyramid, kGazebo };
+inline base::OneOf EnumNames(FrictionLaw) { return {"cone", "pyramid", "gazebo"}; }
+
 /// The body and its drive.
 struct RobotConfig {
   double length = 0.458;
   double width = 0.416;
   double mass = 16.523 + 4 * 0.477;
-  double yaw_inertia = 0.5537;
+  double yaw_inertia = 0.554;
+  double centre_of_mass_x = 0.01076;
+  double centre_of_mass_y = 0.00179;
+  double centre_of_mass_z = 0.1271;
+  double sensor_mass = 0.0;
+  double sensor_x = 0.12;
+  double sensor_z = 0.3965;
   DriveKind drive = DriveKind::kSkidSteer;
+  FrictionLaw friction = FrictionLaw::kCone;
   double wheel_base = 0.262;
   double track = 0.37559;
+  double wheel_width = 0.04;
+  double wheel_radius = 0.098;
   double wheel_separation_multiplier = 1.5;
   double wheel_friction = 0.5;
   double control_rate = 50.0;
@@ -43,14 +56,38 @@ struct RobotConfig {
       "Width of the robot's outline, across the driving direction, wheels included.");
     v("mass", mass, base::Range{0.1, 1000.0}, "kg", "Mass of chassis and wheels.");
     v("yaw_inertia", yaw_inertia, base::Range{0.001, 1000.0}, "kg m^2",
-      "Moment of inertia of chassis and wheels about the vertical.");
+      "Moment of inertia of chassis and wheels about the vertical through their centre of mass.");
+    v("centre_of_mass_x", centre_of_mass_x, base::Range{-1.0, 1.0}, "m",
+      "How far the centre of mass of chassis and wheels is ahead of the point midway between the "
+      "wheels (skid-steer). It must lie where every wheel carries some weight.");
+    v("centre_of_mass_y", centre_of_mass_y, base::Range{-1.0, 1.0}, "m",
+      "How far it is to the left of that point (skid-steer).");
+    v("centre_of_mass_z", centre_of_mass_z, base::Range{0.0, 1.0}, "m",
+      "How high it is above the ground: braking and turning shift weight to the wheels ahead and "
+      "outside (skid-steer). 0: loads do not change.");
+    v("sensor_mass", sensor_mass, base::Range{0.0, 100.0}, "kg",
+      "Mass of a range finder on top, which moves the centre of mass; 1.1 for an LMS1xx "
+      "(skid-steer).");
+    v("sensor_x", sensor_x, base::Range{-1.0, 1.0}, "m",
+      "How far ahead of the point midway between the wheels that mass is (skid-steer).");
+    v("sensor_z", sensor_z, base::Range{0.0, 2.0}, "m",
+      "How high above the ground that mass is (skid-steer).");
     v("drive", drive,
       "How the wheels move the body: four wheels that slip, with dry friction (skid-steer), or "
       "without any slip (ideal).");
+    v("friction", friction,
+      "Law of the wheels' friction (skid-steer). cone: the same bound in all directions, as rubber "
+      "has. pyramid: bounds along and across the wheel that do not know of each other. gazebo: as "
+      "Gazebo's ODE computes it, a pyramid whose axes turn with the wheel, so that grip comes and "
+      "goes twice in each turn of the wheel.");
     v("wheel_base", wheel_base, base::Range{0.01, 2.0}, "m",
       "Distance from the front axle to the rear axle (skid-steer).");
     v("track", track, base::Range{0.01, 2.0}, "m",
       "Distance between the middles of the left and the right wheels (skid-steer).");
+    v("wheel_width", wheel_width, base::Range{0.0, 1.0}, "m",
+      "Width of a wheel, which meets the ground at both its edges; below track (skid-steer).");
+    v("wheel_radius", wheel_radius, base::Range{0.005, 1.0}, "m",
+      "Radius of a wheel, which says how fast it turns (friction = \"gazebo\").");
     v("wheel_separation_multiplier", wheel_separation_multiplier, base::Range{0.5, 4.0}, "",
       "The drive's controller assumes a track this many times as wide, to compensate for slip "
       "(skid-steer).");

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -13,6 +14,7 @@ namespace slalom::sim {
 namespace {
 
 constexpr int kMaxStartDraws = 1000;
+constexpr int kGroup = SkidLanes::kSize;    // Environments that are stepped together.
 constexpr double kMotionTimeSpan = 1000.0;  // Many rounds of any obstacle of the paper, [s].
 
 const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
@@ -83,8 +85,8 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
     environment.moving.Reserve(max_moving);
   }
   SLALOM_CHECK_EQ(static_cast<int>(environments_.size()), batch_size);
-  const int num_shares = parallel == nullptr ? 1 : parallel->num_threads();
-  for (int share = 0; share < num_shares; ++share) {
+  const int num_threads = parallel == nullptr ? 1 : parallel->num_threads();
+  for (int thread = 0; thread < num_threads; ++thread) {
     contact_worlds_.push_back(std::make_unique<ContactWorld>(config.robot));
   }
   observations_.Resize(batch_size, config.lidar.num_beams);
@@ -148,36 +150,59 @@ void CourseEnvironments::Step(std::span<const env::Action> actions,
   SLALOM_CHECK_EQ(results.size(), environments_.size());
   actions_ = actions;
   results_ = results;
+  const int num_groups = (batch_size() + kGroup - 1) / kGroup;
   if (parallel_ == nullptr) {
-    StepShare(0);
+    for (int group = 0; group < num_groups; ++group) DriveGroup(group, *contact_worlds_[0]);
+    for (int i = 0; i < batch_size(); ++i) EndStep(i);
   } else {
-    parallel_->For(parallel_->num_threads(), [this](int share) { StepShare(share); });
+    // Robots drive in groups. Scans, which take longer, are then done one by one, so that no thread
+    // waits long for the last.
+    parallel_->For(num_groups,
+                   [this](int group, int thread) { DriveGroup(group, *contact_worlds_[thread]); });
+    parallel_->For(batch_size(), [this](int i) { EndStep(i); });
   }
 }
 
-void CourseEnvironments::StepShare(int share) {
-  const auto num_shares = contact_worlds_.size();
-  const auto begin = environments_.size() * share / num_shares;
-  const auto end = environments_.size() * (share + 1) / num_shares;
-  for (auto i = begin; i < end; ++i) {
-    if (!environments_[i].running) continue;
-    results_[i] = StepOne(environments_[i], actions_[i], *contact_worlds_[share]);
-    observations_.first[i] = 0;
-    observations_.ended[i] = environments_[i].running ? 0 : 1;
-    Observe(static_cast<int>(i));
+void CourseEnvironments::DriveGroup(int group, ContactWorld& contacts) {
+  const int begin = group * kGroup, end = std::min(begin + kGroup, batch_size());
+  std::array<RobotBody::Order, kGroup> orders;
+  int num_orders = 0;
+  for (int i = begin; i < end; ++i) {
+    if (environments_[i].running) orders[num_orders++] = OrderFor(environments_[i], actions_[i]);
+  }
+  if (num_orders == 0) return;
+  orders[0].robot->DriveTogether(std::span(orders).first(num_orders), contacts);
+  num_orders = 0;
+  for (int i = begin; i < end; ++i) {
+    if (environments_[i].running) environments_[i].touched = orders[num_orders++].touched;
   }
 }
 
-env::StepResult CourseEnvironments::StepOne(Environment& environment, const env::Action& action,
-                                            ContactWorld& contacts) const {
+void CourseEnvironments::EndStep(int i) {
+  Environment& environment = environments_[i];
+  if (!environment.running) return;
+  results_[i] = ResultOf(environment);
+  observations_.first[i] = 0;
+  observations_.ended[i] = environment.running ? 0 : 1;
+  Observe(i);
+}
+
+RobotBody::Order CourseEnvironments::OrderFor(Environment& environment,
+                                              const env::Action& action) const {
   SLALOM_CHECK(std::isfinite(action.linear) && std::isfinite(action.angular));
   const env::Action clipped{std::clamp(action.linear, -1.0f, 1.0f),
                             std::clamp(action.angular, -1.0f, 1.0f)};
   environment.last_action = clipped;
+  return {.robot = environment.robot.get(),
+          .scene = environment.scene,
+          .linear = config_.action.linear_mps(clipped),
+          .angular = config_.action.angular_radps(clipped),
+          .motion_time = environment.motion_time};
+}
+
+env::StepResult CourseEnvironments::ResultOf(Environment& environment) const {
   const Scene& scene = *environment.scene;
-  const bool collided = environment.robot->Drive(config_.action.linear_mps(clipped),
-                                                 config_.action.angular_radps(clipped), scene,
-                                                 environment.motion_time, contacts);
+  const bool collided = environment.touched;
   environment.localisation.Advance(environment.robot->pose());
   ++environment.num_steps;
   environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;

@@ -63,7 +63,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   int num_courses() const override { return static_cast<int>(scenes_.size()); }
 
   /// Draws the start pose, jittered as configured, and the motion time, until the robot touches no
-  /// obstacle. After 1000 draws it takes the course's own start pose and motion time 0.
+  /// obstacle. After 1000 draws it takes the course's own start pose and motion time 0. Different
+  /// environments may be reset at the same time.
   /// Requires: 0 <= i < batch_size(), 0 <= spec.course < num_courses().
   void Reset(int i, const env::EpisodeSpec& spec) override;
 
@@ -93,6 +94,7 @@ class CourseEnvironments : public env::BatchEnvironment {
     double goal_distance = 0.0;  // [m]
     int num_steps = 0;
     bool running = false;
+    bool touched = false;  // Anything, in the last step.
   };
 
   struct Start {
@@ -103,9 +105,10 @@ class CourseEnvironments : public env::BatchEnvironment {
   // Nothing where every draw touches an obstacle.
   std::optional<Start> DrawStart(const Scene& scene, std::uint64_t seed) const;
   bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
-  void StepShare(int share);
-  env::StepResult StepOne(Environment& environment, const env::Action& action,
-                          ContactWorld& contacts) const;
+  void DriveGroup(int group, ContactWorld& contacts);
+  void EndStep(int i);
+  RobotBody::Order OrderFor(Environment& environment, const env::Action& action) const;
+  env::StepResult ResultOf(Environment& environment) const;
   void Observe(int i);
 
   const EnvironmentConfig config_;

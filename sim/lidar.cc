@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 #include "base/check.h"
 #include "sim/vector_lanes.h"
@@ -12,7 +13,8 @@ namespace {
 
 constexpr int kNoiseBits = 12;
 constexpr int kNoiseLevels = 1 << kNoiseBits;
-constexpr int kPaddedBeams = LidarConfig::kMaxBeams + kLanes;
+constexpr int kPadding = 2 * kLanes;  // Vectors of beams may reach that far after the last.
+constexpr int kPaddedBeams = LidarConfig::kMaxBeams + kPadding;
 
 /// The sensor in W and its beams.
 struct Sensor {
@@ -21,8 +23,8 @@ struct Sensor {
   float first_angle;             // [rad]
   float beams_per_radian;
   int num_beams;
-  const float* beam_cos;  // [num_beams + kLanes]
-  const float* beam_sin;  // [num_beams + kLanes]
+  const float* beam_cos;  // [num_beams + kPadding]
+  const float* beam_sin;  // [num_beams + kPadding]
 };
 
 /// Angle of (x, y), within 2e-5 rad.
@@ -38,33 +40,81 @@ SLALOM_ALWAYS_INLINE Floats Atan2(Floats y, Floats x) {
   return y < zero ? -angle : angle;
 }
 
-// Shortens the ranges of beams [first, last] (and perhaps of a few after them) to the circle at (x,
-// y) in S. Every beam is tested in full, so beams that miss are left alone.
-SLALOM_ALWAYS_INLINE void CastCircle(const Sensor& sensor, float x, float y, float radius,
-                                     int first, int last, float* ranges) {
-  const Floats zero{};
-  const float radius_squared = radius * radius;
-  for (int i = first; i <= last; i += kLanes) {
-    const Floats c = Load(sensor.beam_cos + i);
-    const Floats s = Load(sensor.beam_sin + i);
-    const Floats along = x * c + y * s;
-    const Floats across = y * c - x * s;
-    const Floats half_chord_squared = radius_squared - across * across;
-    const Floats half_chord = Sqrt(Max(half_chord_squared, zero));
-    const Floats range = Max(along - half_chord, zero);
-    const Floats old = Load(ranges + i);
-    const Floats shorter = Min(range, old);
-    const Ints hit = (half_chord_squared >= zero) & (along + half_chord >= zero);
-    Store(ranges + i, hit ? shorter : old);
-  }
-}
-
 /// Circles as arrays that may be read in whole vectors, [m].
 struct Circles {
   const float *x, *y, *radius;
 };
 
-// As above for all circles of the runs.
+/// A circle in S and the beams [first, last] that may hit it.
+struct SensedCircle {
+  float x, y, radius;  // [m]
+  int first, last;
+};
+
+// Shortens the range of beams [i, i + kLanes) to a circle that the sensor is outside of and that
+// none of these beams has behind it. The square root of a beam that misses is no number, and the
+// smaller of no number and the old range is the old range.
+SLALOM_ALWAYS_INLINE void ShortenToCircle(const Sensor& sensor, const SensedCircle& circle, int i,
+                                          float* ranges) {
+  const Floats c = Load(sensor.beam_cos + i), s = Load(sensor.beam_sin + i);
+  const Floats along = circle.x * c + circle.y * s;
+  const Floats across = circle.y * c - circle.x * s;
+  const Floats half_chord = Sqrt(circle.radius * circle.radius - across * across);
+  Store(ranges + i, Min(along - half_chord, Load(ranges + i)));
+}
+
+// Vectors of beams begin at multiples of their size: a processor that loads what it has just stored
+// need not wait for the memory if it does so in the same pieces, and circles side by side share
+// beams. Most circles fill up to two vectors. As many are always done, which costs less than to
+// guess the number wrongly. Beams before the first and after the last miss.
+SLALOM_ALWAYS_INLINE void CastCircle(const Sensor& sensor, const SensedCircle& circle,
+                                     float* ranges) {
+  const int begin = circle.first & ~(kLanes - 1);
+  ShortenToCircle(sensor, circle, begin, ranges);
+  ShortenToCircle(sensor, circle, begin + kLanes, ranges);
+  for (int i = begin + 2 * kLanes; i <= circle.last; i += kLanes) {
+    ShortenToCircle(sensor, circle, i, ranges);
+  }
+}
+
+// The same for any circle, also around the sensor.
+SLALOM_ALWAYS_INLINE void CastAnyCircle(const Sensor& sensor, const SensedCircle& circle,
+                                        float* ranges) {
+  const Floats zero{};
+  for (int i = circle.first; i <= circle.last; i += kLanes) {
+    const Floats c = Load(sensor.beam_cos + i), s = Load(sensor.beam_sin + i);
+    const Floats along = circle.x * c + circle.y * s;
+    const Floats across = circle.y * c - circle.x * s;
+    const Floats half_chord_squared = circle.radius * circle.radius - across * across;
+    const Floats half_chord = Sqrt(Max(half_chord_squared, zero));
+    const Floats old = Load(ranges + i);
+    const Ints hit = (half_chord_squared >= zero) & (along + half_chord >= zero);
+    Store(ranges + i, hit ? Min(Max(along - half_chord, zero), old) : old);
+  }
+}
+
+/// Circles in S, side by side, and which of them to cast. They are first all made, then cast: a
+/// processor can make several groups at once, but not beyond a branch that it guesses wrongly.
+struct SensedCircles {
+  static constexpr int kRoom = 16 * kLanes;
+
+  alignas(32) float x[kRoom], y[kRoom], radius[kRoom];
+  alignas(32) int first[kRoom], last[kRoom];
+  int listed[kRoom];
+  int size = 0, num_listed = 0;
+};
+
+SLALOM_ALWAYS_INLINE void CastListed(const Sensor& sensor, SensedCircles& circles, float* ranges) {
+  for (int n = 0; n < circles.num_listed; ++n) {
+    const int k = circles.listed[n];
+    CastCircle(sensor,
+               {circles.x[k], circles.y[k], circles.radius[k], circles.first[k], circles.last[k]},
+               ranges);
+  }
+  circles.size = circles.num_listed = 0;
+}
+
+// Shortens ranges to all circles of the runs.
 SLALOM_VECTOR_CLONES
 void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs,
                  const Sensor& sensor, float* ranges) {
@@ -72,6 +122,9 @@ void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs
   const float pad = 1e-3f * sensor.beams_per_radian;
   const float turn = 6.28318531f * sensor.beams_per_radian;
   const float last_beam = static_cast<float>(sensor.num_beams - 1);
+  // With so few beams those beside a circle's may have it behind them.
+  const float near = sensor.beams_per_radian > 2.0f * kLanes ? 0.5f : 0.0f;
+  SensedCircles sensed;
   for (const CollisionMap::Run& run : runs) {
     for (int i = run.begin; i < run.end; i += kLanes) {
       const Floats dx = Load(circles.x + i) - sensor.x;
@@ -91,34 +144,47 @@ void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs
       const Floats low = middle - half, high = middle + half;
       const Ints in_reach = squared < far * far;
       const Ints seen = in_reach & (high >= Floats{}) & (low <= Fill(last_beam));
-      // If the span crosses the backward direction, its other end is a full turn away.
-      const Ints wraps = in_reach & ((low + turn <= Fill(last_beam)) | (high - turn >= Floats{}));
-      alignas(32) float xs[kLanes], ys[kLanes], lows[kLanes], highs[kLanes];
-      alignas(32) int firsts[kLanes], lasts[kLanes], seen_flags[kLanes], wrap_flags[kLanes];
-      Store(xs, x);
-      Store(ys, y);
-      Store(lows, low);
-      Store(highs, high);
-      Store(firsts, ToInts(Max(low, Floats{})));
-      Store(lasts, ToInts(Min(high, Fill(last_beam))));
-      Store(seen_flags, seen);
-      Store(wrap_flags, wraps);
+      // Where the span crosses the backward direction, its other end is a full turn away. A circle
+      // nearby may fill half of all directions, or all.
+      const Ints special = in_reach & ((low + turn <= Fill(last_beam)) | (high - turn >= Floats{}) |
+                                       (sine >= Fill(near)));
+      const int slot = sensed.size;
+      Store(sensed.x + slot, x);
+      Store(sensed.y + slot, y);
+      Store(sensed.radius + slot, radius);
+      Store(sensed.first + slot, ToInts(Max(low, Floats{})));
+      Store(sensed.last + slot, ToInts(Min(high, Fill(last_beam))));
+      alignas(32) int seen_flags[kLanes], special_flags[kLanes];
+      Store(seen_flags, seen & ~special);
+      Store(special_flags, special);
+      int any_special = 0;
       for (int k = 0; k < kLanes; ++k) {
-        if (seen_flags[k]) {
-          CastCircle(sensor, xs[k], ys[k], circles.radius[i + k], firsts[k], lasts[k], ranges);
-        }
-        if (wrap_flags[k]) [[unlikely]] {
-          for (const float shift : {-turn, turn}) {
+        sensed.listed[sensed.num_listed] = slot + k;
+        sensed.num_listed -= seen_flags[k];
+        any_special |= special_flags[k];
+      }
+      if (any_special) [[unlikely]] {
+        alignas(32) float lows[kLanes], highs[kLanes];
+        Store(lows, low);
+        Store(highs, high);
+        for (int k = 0; k < kLanes; ++k) {
+          if (!special_flags[k]) continue;
+          for (const float shift : {-turn, 0.0f, turn}) {
             const float first = std::max(lows[k] + shift, 0.0f);
             const float last = std::min(highs[k] + shift, last_beam);
             if (first > last) continue;
-            CastCircle(sensor, xs[k], ys[k], circles.radius[i + k], static_cast<int>(first),
-                       static_cast<int>(last), ranges);
+            CastAnyCircle(sensor,
+                          {sensed.x[slot + k], sensed.y[slot + k], sensed.radius[slot + k],
+                           static_cast<int>(first), static_cast<int>(last)},
+                          ranges);
           }
         }
       }
+      sensed.size += kLanes;
+      if (sensed.size == SensedCircles::kRoom) CastListed(sensor, sensed, ranges);
     }
   }
+  CastListed(sensor, sensed, ranges);
 }
 
 /// A box seen from the sensor, and the beams that may hit it.
@@ -209,6 +275,8 @@ void CastBoxes(std::span<const PlacedBox> boxes, const Sensor& sensor, float* ra
   }
 }
 
+using Shorts = std::uint16_t __attribute__((vector_size(2 * kLanes)));
+
 /// How a range is reported.
 struct Reporting {
   float low, high;        // [m]
@@ -222,14 +290,14 @@ SLALOM_ALWAYS_INLINE Ints Quantised(const Reporting& reporting, Floats ranges) {
   return ToInts(steps * reporting.centimetres_per_step + 0.5f);
 }
 
-// `ranges`: [num_beams + kLanes] [m]; `ranges_cm`: [num_beams] [cm].
+// `ranges`: [num_beams + kPadding] [m]; `ranges_cm`: [num_beams] [cm].
 SLALOM_VECTOR_CLONES
 void Quantise(const Reporting& reporting, const float* ranges, int num_beams,
               std::uint16_t* ranges_cm) {
   int i = 0;
   for (; i + kLanes <= num_beams; i += kLanes) {
-    const Ints cm = Quantised(reporting, Load(ranges + i));
-    for (int k = 0; k < kLanes; ++k) ranges_cm[i + k] = static_cast<std::uint16_t>(cm[k]);
+    const Shorts cm = __builtin_convertvector(Quantised(reporting, Load(ranges + i)), Shorts);
+    std::memcpy(ranges_cm + i, &cm, sizeof cm);
   }
   const Ints cm = Quantised(reporting, Load(ranges + i));
   for (int k = 0; i + k < num_beams; ++k) ranges_cm[i + k] = static_cast<std::uint16_t>(cm[k]);
@@ -247,8 +315,8 @@ Lidar::Lidar(const LidarConfig& config, double clip)
                                             (1.0 - 4.0 * config.noise_per_metre))) {
   SLALOM_CHECK_GE(config.num_beams, 2);
   SLALOM_CHECK_LE(config.num_beams, LidarConfig::kMaxBeams);
-  beam_cos_.assign(config.num_beams + kLanes, 0.0f);
-  beam_sin_.assign(config.num_beams + kLanes, 0.0f);
+  beam_cos_.assign(config.num_beams + kPadding, 0.0f);
+  beam_sin_.assign(config.num_beams + kPadding, 0.0f);
   for (int i = 0; i < config.num_beams; ++i) {
     const auto [s, c] = base::SinCos(beam_angle(i));
     beam_cos_[i] = static_cast<float>(c);
@@ -266,7 +334,7 @@ Lidar::Lidar(const LidarConfig& config, double clip)
 void Lidar::Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
                  std::span<std::uint16_t> ranges_cm, const MovingShapes* moving) const {
   SLALOM_CHECK_EQ(ranges_cm.size(), static_cast<std::size_t>(config_.num_beams));
-  std::array<float, kPaddedBeams> ranges;
+  alignas(64) std::array<float, kPaddedBeams> ranges;
   CastPadded(map, moving, X_WR, ranges.data());
   if (config_.noise_std > 0.0 || config_.noise_per_metre > 0.0) AddNoise(noise, ranges.data());
   if (config_.dropout_probability > 0.0) DropBeams(noise, ranges.data());
@@ -285,7 +353,7 @@ void Lidar::Cast(const CollisionMap& map, const base::Pose2& X_WR, std::span<flo
   std::copy_n(padded.begin(), config_.num_beams, ranges.begin());
 }
 
-// `ranges`: [num_beams + kLanes]; the last kLanes are scratch.
+// `ranges`: [num_beams + kPadding]; the last kPadding are scratch.
 void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, const base::Pose2& X_WR,
                        float* ranges) const {
   const base::Vec2 p_WS = base::Transform(X_WR, {config_.offset_x, config_.offset_y});
@@ -300,7 +368,7 @@ void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, cons
                       .num_beams = config_.num_beams,
                       .beam_cos = beam_cos_.data(),
                       .beam_sin = beam_sin_.data()};
-  std::fill_n(ranges, config_.num_beams + kLanes, static_cast<float>(config_.max_range));
+  std::fill_n(ranges, config_.num_beams + kPadding, static_cast<float>(config_.max_range));
   CollisionMap::Runs runs;
   map.FindCircles(sensor.x, sensor.y, sensor.reach, runs);
   CastCircles({map.x(), map.y(), map.radius()}, runs.span(), sensor, ranges);
@@ -313,18 +381,28 @@ void Lidar::CastPadded(const CollisionMap& map, const MovingShapes* moving, cons
 }
 
 // Five beams from each 64-bit word: the quantile of one of kNoiseLevels equal parts of probability.
+// `ranges`: [num_beams + kPadding], as the last word may serve beams after the last.
 void Lidar::AddNoise(base::Random& noise, float* ranges) const {
   constexpr int kBeamsPerWord = 64 / kNoiseBits;
-  const bool relative = config_.noise_per_metre > 0.0;
-  for (int i = 0; i < config_.num_beams; i += kBeamsPerWord) {
-    std::uint64_t word = noise.NextU64();
-    const int end = std::min(i + kBeamsPerWord, config_.num_beams);
-    for (int k = i; k < end; ++k) {
-      const std::uint64_t level = word & (kNoiseLevels - 1);
-      const float growth = relative ? relative_quantiles_[level] * ranges[k] : 0.0f;
-      ranges[k] += noise_quantiles_[level] + growth;
-      word >>= kNoiseBits;
+  static_assert(kBeamsPerWord <= kPadding);
+  const auto add = [&](auto noise_of) {
+    base::Random random = noise;  // A copy can stay in registers.
+    for (int i = 0; i < config_.num_beams; i += kBeamsPerWord) {
+      const std::uint64_t word = random.NextU64();
+      for (int k = 0; k < kBeamsPerWord; ++k) {
+        ranges[i + k] += noise_of((word >> (k * kNoiseBits)) & (kNoiseLevels - 1), ranges[i + k]);
+      }
     }
+    noise = random;
+  };
+  const float* const absolute = noise_quantiles_.data();
+  const float* const relative = relative_quantiles_.data();
+  if (config_.noise_per_metre > 0.0) {
+    add([=](std::uint64_t level, float range) {
+      return absolute[level] + relative[level] * range;
+    });
+  } else {
+    add([=](std::uint64_t level, float) { return absolute[level]; });
   }
 }
 

@@ -60,7 +60,7 @@ class Lidar {
   const double first_angle_;                // [rad]
   const double angle_step_;                 // [rad]
   const double reach_;                      // Obstacles beyond this cannot change a report, [m].
-  std::vector<float> beam_cos_, beam_sin_;  // [num_beams + kLanes]
+  std::vector<float> beam_cos_, beam_sin_;  // [num_beams + padding]
   std::vector<float> noise_quantiles_;      // [kNoiseLevels] [m]
   std::vector<float> relative_quantiles_;   // [kNoiseLevels], per metre of range.
 };

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/random.h"
+#include "sim/mass_distribution.h"
+
 namespace slalom::sim {
 namespace {
 
@@ -14,6 +17,9 @@ constexpr float kTravel = 0.5f;            // More than the robot drives in a co
 
 Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
     : footprint_(MakeFootprint(config)),
+      centre_x_(static_cast<float>(DistributeMass(config).x)),
+      centre_y_(static_cast<float>(DistributeMass(config).y)),
+      reach_(footprint_.Circumradius() + std::abs(centre_x_) + std::abs(centre_y_)),
       dt_(1.0 / config.control_rate),
       skid_steering_(config.drive == DriveKind::kSkidSteer
                          ? std::optional<SkidSteering>({config, dt_})
@@ -31,71 +37,154 @@ void Robot::Reset(const base::Pose2& X_WR, std::uint64_t seed) {
   body_ = {.x = static_cast<float>(X_WR.p.x),
            .y = static_cast<float>(X_WR.p.y),
            .yaw = static_cast<float>(X_WR.yaw)};
+  centre_ = body_;
+  const auto [s, c] = base::SinCos(body_.yaw);
+  centre_.x += static_cast<float>(c * centre_x_ - s * centre_y_);
+  centre_.y += static_cast<float>(s * centre_x_ + c * centre_y_);
+  slip_ = {};
   controller_.Reset(seed);
   clearance_ = 0.0f;
+  if (!skid_steering_ || !skid_steering_->needs_angles()) return;
+  base::Random random(base::DeriveSeed(seed, "wheel angles"));
+  for (float& angle : slip_.angles) {
+    angle = static_cast<float>(random.Uniform(-0.5 * base::kPi, 0.5 * base::kPi));
+  }
+}
+
+void Robot::TurnWheelsTo(double angle) {
+  const double half_turns = std::floor(angle / base::kPi + 0.5);
+  slip_.angles.fill(static_cast<float>(angle - half_turns * base::kPi));
 }
 
 bool Robot::Drive(double linear, double angular, const Scene& scene, double motion_time,
                   ContactWorld& contacts) {
-  controller_.Push(linear, angular);
-  body_.yaw = static_cast<float>(base::WrapAngle(body_.yaw));
-  const float dt = static_cast<float>(dt_);
-  const CollisionMap& map = scene.collision_map();
-  const MovingObstacles& moving = scene.moving_obstacles();
-  const auto look_around = [&] {
-    clearance_ = map.Clearance(footprint_, body_.x, body_.y, body_.yaw, kClearanceLimit);
-  };
-  if (clearance_ < kClearanceMargin) look_around();
-  FindMoving(moving, motion_time, num_substeps_ * dt_);
-  PlaceMoving(moving, motion_time);
-  bool touched = std::min(clearance_, moving_clearance_) <= 0.0f;
-  for (int substep = 0; substep < num_substeps_; ++substep) {
-    const DriveCommand wheels = controller_.Tick(substep);
-    if (skid_steering_) {
-      MoveWithSlip(wheels);
-    } else {
-      MoveIdeally(wheels);
+  Order order{this, &scene, linear, angular, motion_time};
+  DriveTogether({&order, 1}, contacts);
+  return order.touched;
+}
+
+void Robot::DriveTogether(std::span<Order> orders, ContactWorld& contacts) {
+  while (!orders.empty()) {
+    const int count = static_cast<int>(std::min<std::size_t>(orders.size(), SkidLanes::kSize));
+    std::array<Robot*, SkidLanes::kSize> robots{};
+    SkidLanes lanes;
+    for (int i = 0; i < count; ++i) {
+      robots[i] = static_cast<Robot*>(orders[i].robot);
+      robots[i]->Begin(orders[i], lanes, i);
+      orders[i].touched = robots[i]->Touches();
     }
-    const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
-    if (in_contact || stepping_ == Stepping::kBox2dAlways) {
-      if (contacts.Step(map, moving_shapes_, dt, body_)) {
-        if (!skid_steering_) {  // Wheels that do not slip turn as the body goes.
-          const auto [s, c] = base::SinCos(body_.yaw);
-          controller_.Force({c * body_.vx + s * body_.vy, body_.yaw_rate});
-        }
-        clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
+    for (int substep = 0; substep < num_substeps_; ++substep) {
+      for (int i = 0; i < count; ++i) robots[i]->TurnWheels(substep, lanes, i);
+      if (skid_steering_) skid_steering_->Step(lanes);
+      for (int i = 0; i < count; ++i) {
+        robots[i]->Move(substep, orders[i], contacts, lanes, i);
+        orders[i].touched = orders[i].touched || robots[i]->Touches();
       }
-    } else {
-      body_.x += dt * body_.vx;
-      body_.y += dt * body_.vy;
-      body_.yaw += dt * body_.yaw_rate;
     }
-    // No point of the outline moved by more than this.
-    clearance_ -= dt * (std::sqrt(body_.vx * body_.vx + body_.vy * body_.vy) +
-                        std::abs(body_.yaw_rate) * footprint_.Circumradius());
-    if (clearance_ < 2.0f * kClearanceMargin) look_around();
-    if (!moving.empty()) {
-      const double time = motion_time + (substep + 1) * dt_;
-      const float gone_x = body_.x - found_x_, gone_y = body_.y - found_y_;
-      if (gone_x * gone_x + gone_y * gone_y > kTravel * kTravel) {
-        FindMoving(moving, time, (num_substeps_ - substep - 1) * dt_);
-      }
-      PlaceMoving(moving, time);
-    }
-    touched = touched || std::min(clearance_, moving_clearance_) <= 0.0f;
+    for (int i = 0; i < count; ++i) robots[i]->End(lanes, i);
+    orders = orders.subspan(count);
   }
-  return touched;
+}
+
+void Robot::Begin(const Order& order, SkidLanes& lanes, int lane) {
+  controller_.Push(order.linear, order.angular);
+  centre_.yaw = static_cast<float>(base::WrapAngle(centre_.yaw));
+  if (clearance_ < kClearanceMargin) LookAround(order.scene->collision_map());
+  const MovingObstacles& moving = order.scene->moving_obstacles();
+  FindMoving(moving, order.motion_time, num_substeps_ * dt_);
+  PlaceMoving(moving, order.motion_time);
+  lanes.ahead[lane] = slip_.ahead;
+  lanes.left[lane] = slip_.left;
+  lanes.yaw_rate[lane] = slip_.yaw_rate;
+  lanes.ahead_before[lane] = slip_.ahead_before;
+  lanes.left_before[lane] = slip_.left_before;
+  lanes.yaw_rate_before[lane] = slip_.yaw_rate_before;
+  lanes.turn[lane] = slip_.turn;
+  for (int wheel = 0; wheel < 4; ++wheel) lanes.angles[wheel][lane] = slip_.angles[wheel];
+}
+
+// One tick of the velocity controller.
+void Robot::TurnWheels(int substep, SkidLanes& lanes, int lane) {
+  const DriveCommand wheels = controller_.Tick(substep);
+  if (!skid_steering_) return MoveIdeally(wheels);
+  const WheelSpeeds speeds = skid_steering_->Wheels(wheels.linear, wheels.angular);
+  lanes.wheel_left[lane] = speeds.left;
+  lanes.wheel_right[lane] = speeds.right;
+  lanes.yaw[lane] = centre_.yaw;
+}
+
+void Robot::Move(int substep, const Order& order, ContactWorld& contacts, SkidLanes& lanes,
+                 int lane) {
+  if (skid_steering_) {
+    centre_.vx = lanes.vx[lane];
+    centre_.vy = lanes.vy[lane];
+    centre_.yaw_rate = lanes.yaw_rate[lane];
+  }
+  const float dt = static_cast<float>(dt_);
+  const CollisionMap& map = order.scene->collision_map();
+  const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
+  if (in_contact || stepping_ == Stepping::kBox2dAlways) {
+    if (contacts.Step(map, moving_shapes_, dt, centre_)) {
+      if (skid_steering_) {
+        lanes.Resume(lane, centre_.yaw, centre_.vx, centre_.vy, centre_.yaw_rate, dt_);
+      } else {  // Wheels that do not slip turn as the body goes.
+        const auto [s, c] = base::SinCos(centre_.yaw);
+        controller_.Force({c * centre_.vx + s * centre_.vy, centre_.yaw_rate});
+      }
+      clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
+    }
+  } else {
+    centre_.x += dt * centre_.vx;
+    centre_.y += dt * centre_.vy;
+    centre_.yaw += dt * centre_.yaw_rate;
+  }
+  // No point of the outline moved by more than this.
+  clearance_ -= dt * (std::sqrt(centre_.vx * centre_.vx + centre_.vy * centre_.vy) +
+                      std::abs(centre_.yaw_rate) * reach_);
+  if (clearance_ < 2.0f * kClearanceMargin) LookAround(map);
+  const MovingObstacles& moving = order.scene->moving_obstacles();
+  if (moving.empty()) return;
+  const double time = order.motion_time + (substep + 1) * dt_;
+  const float gone_x = centre_.x - found_x_, gone_y = centre_.y - found_y_;
+  if (gone_x * gone_x + gone_y * gone_y > kTravel * kTravel) {
+    FindMoving(moving, time, (num_substeps_ - substep - 1) * dt_);
+  }
+  PlaceMoving(moving, time);
+}
+
+void Robot::End(const SkidLanes& lanes, int lane) {
+  slip_ = {.ahead = lanes.ahead[lane],
+           .left = lanes.left[lane],
+           .yaw_rate = lanes.yaw_rate[lane],
+           .ahead_before = lanes.ahead_before[lane],
+           .left_before = lanes.left_before[lane],
+           .yaw_rate_before = lanes.yaw_rate_before[lane],
+           .turn = lanes.turn[lane],
+           .angles = {}};
+  for (int wheel = 0; wheel < 4; ++wheel) slip_.angles[wheel] = lanes.angles[wheel][lane];
+  body_ = centre_;
+  const FootprintPose X_WR = Outline();
+  body_.vx += body_.yaw_rate * (centre_.y - X_WR.y);
+  body_.vy -= body_.yaw_rate * (centre_.x - X_WR.x);
+  body_.x = X_WR.x;
+  body_.y = X_WR.y;
+}
+
+bool Robot::Touches() const { return std::min(clearance_, moving_clearance_) <= 0.0f; }
+
+void Robot::LookAround(const CollisionMap& map) {
+  clearance_ = map.Clearance(footprint_, Outline(), kClearanceLimit);
 }
 
 // Finds those that may come within kClearanceMargin from `time` on for `duration` [s].
 void Robot::FindMoving(const MovingObstacles& moving, double time, double duration) {
   moving_.clear();
-  found_x_ = body_.x;
-  found_y_ = body_.y;
+  found_x_ = centre_.x;
+  found_y_ = centre_.y;
   for (int i = 0; i < moving.size(); ++i) {
     const PlacedBox& place = moving.At(i, time).box;
-    const float dx = place.x - body_.x, dy = place.y - body_.y;
-    const float far = moving.circumradius(i) + footprint_.Circumradius() + kTravel +
+    const float dx = place.x - centre_.x, dy = place.y - centre_.y;
+    const float far = moving.circumradius(i) + reach_ + kTravel +
                       static_cast<float>(duration) * moving.max_speed(i) + 2.0f * kClearanceMargin;
     if (dx * dx + dy * dy < far * far || moving.Jumps(i, time, duration)) moving_.push_back(i);
   }
@@ -105,7 +194,7 @@ void Robot::PlaceMoving(const MovingObstacles& moving, double time) {
   moving_shapes_.clear();
   moving_clearance_ = kClearanceLimit;
   if (moving_.empty()) return;
-  const FootprintPose X_WR = MakeFootprintPose(body_.x, body_.y, body_.yaw);
+  const FootprintPose X_WR = Outline();
   for (const int i : moving_) {
     moving_shapes_.push_back(moving.At(i, time));
     moving_clearance_ =
@@ -113,33 +202,24 @@ void Robot::PlaceMoving(const MovingObstacles& moving, double time) {
   }
 }
 
+// Where the outline is now.
+FootprintPose Robot::Outline() const {
+  FootprintPose X_WR = MakeFootprintPose(centre_.x, centre_.y, centre_.yaw);
+  X_WR.x -= X_WR.cos_yaw * centre_x_ - X_WR.sin_yaw * centre_y_;
+  X_WR.y -= X_WR.sin_yaw * centre_x_ + X_WR.cos_yaw * centre_y_;
+  return X_WR;
+}
+
 base::Pose2 Robot::pose() const { return {{body_.x, body_.y}, base::WrapAngle(body_.yaw)}; }
 
 // The body moves along the chord of its arc: in the direction that it has half-way through the
 // step.
 void Robot::MoveIdeally(const DriveCommand& wheels) {
-  body_.yaw_rate = static_cast<float>(wheels.angular);
-  controller_.Force({wheels.linear, body_.yaw_rate});
-  const auto [s, c] = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
-  body_.vx = static_cast<float>(wheels.linear * c);
-  body_.vy = static_cast<float>(wheels.linear * s);
-}
-
-// Wheels point where they do half-way through the step. A body in a steady turn had the same
-// velocity in their frame a step ago, a turn of yaw_rate x dt back (to second order).
-void Robot::MoveWithSlip(const DriveCommand& wheels) {
-  const auto sin_cos = base::SinCos(body_.yaw + 0.5 * dt_ * body_.yaw_rate);
-  const float s = static_cast<float>(sin_cos.sin), c = static_cast<float>(sin_cos.cos);
-  const BodyVelocity now{c * body_.vx + s * body_.vy, c * body_.vy - s * body_.vx, body_.yaw_rate};
-  const float turn = static_cast<float>(dt_) * body_.yaw_rate;
-  const float cos_turn = 1.0f - 0.5f * turn * turn;
-  const BodyVelocity before{cos_turn * now.ahead - turn * now.left,
-                            cos_turn * now.left + turn * now.ahead, now.yaw_rate};
-  const BodyVelocity v =
-      skid_steering_->Step(now, before, skid_steering_->Wheels(wheels.linear, wheels.angular));
-  body_.vx = c * v.ahead - s * v.left;
-  body_.vy = s * v.ahead + c * v.left;
-  body_.yaw_rate = v.yaw_rate;
+  centre_.yaw_rate = static_cast<float>(wheels.angular);
+  controller_.Force({wheels.linear, centre_.yaw_rate});
+  const auto [s, c] = base::SinCos(centre_.yaw + 0.5 * dt_ * centre_.yaw_rate);
+  centre_.vx = static_cast<float>(wheels.linear * c);
+  centre_.vy = static_cast<float>(wheels.linear * s);
 }
 
 }  // namespace slalom::sim

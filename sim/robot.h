@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "base/geometry.h"
@@ -19,9 +21,11 @@ namespace slalom::sim {
 /// wheels move the body is the drive: with slip (sim/skid_steering.h), or ideally, ahead and about
 /// its centre as commanded and never sideways.
 ///
-/// Wheels act on the body's velocity, then contacts do, then it moves. Without contact it moves as
-/// Box2D itself would then, so Box2D is only called while something is touched; the result is the
-/// same to the bit. Thread-compatible; a value.
+/// The robot's pose is that of R, the point midway between the wheels, from which footprint and
+/// LiDAR are measured. What moves is its centre of mass C: wheels act on C's velocity, then
+/// contacts do, then it moves. Without contact it moves as Box2D itself would then, so Box2D is
+/// only called while something is touched; the result is the same to the bit. Thread-compatible; a
+/// value.
 class Robot final : public RobotBody {
  public:
   /// Which rigid-body steps are Box2D's.
@@ -36,29 +40,61 @@ class Robot final : public RobotBody {
   /// Makes room for that many moving obstacles, so that `Drive` allocates nothing.
   void Reserve(int num_moving);
 
+  /// The angles of the wheels are drawn from `seed`, too, each uniformly: the original puts its
+  /// robot back as it is, its wheels turned as the last episode left them.
   void Reset(const base::Pose2& X_WR, std::uint64_t seed = 0) override;
+
+  /// Turns all wheels to this angle about their axles, [rad] (sim/skid_steering.h). For comparisons
+  /// with drives that began so.
+  void TurnWheelsTo(double angle);
 
   /// Looks for contact at the start and after each of the rigid-body steps.
   bool Drive(double linear, double angular, const Scene& scene, double motion_time,
              ContactWorld& contacts) override;
 
+  /// In a fraction of the time. Requires: all are `Robot`s of the same config, number of rigid-body
+  /// steps and stepping.
+  void DriveTogether(std::span<Order> orders, ContactWorld& contacts) override;
+
+  /// Pose of R.
   base::Pose2 pose() const override;
+  /// That pose, its heading not wrapped, and the velocity of R.
   const BodyState& body() const override { return body_; }
 
  private:
+  void Begin(const Order& order, SkidLanes& lanes, int lane);
+  void TurnWheels(int substep, SkidLanes& lanes, int lane);
+  void Move(int substep, const Order& order, ContactWorld& contacts, SkidLanes& lanes, int lane);
+  void End(const SkidLanes& lanes, int lane);
+  bool Touches() const;
+  FootprintPose Outline() const;
+  void LookAround(const CollisionMap& map);
   void MoveIdeally(const DriveCommand& wheels);
-  void MoveWithSlip(const DriveCommand& wheels);
   void FindMoving(const MovingObstacles& moving, double time, double duration);
   void PlaceMoving(const MovingObstacles& moving, double time);
 
   const Footprint footprint_;
-  const double dt_;                                  // Of a rigid-body step, [s].
+  const float centre_x_;  // Of mass, in R, [m].
+  const float centre_y_;  // [m]
+  const float reach_;     // From there to the farthest corner of the outline, at most, [m].
+  const double dt_;       // Of a rigid-body step, [s].
   const std::optional<SkidSteering> skid_steering_;  // None: ideal.
   const int num_substeps_;
   const Stepping stepping_;
 
-  BodyState body_;
+  BodyState centre_;  // Of C.
+  BodyState body_;    // Of R, at the end of a control step.
   DriveController controller_;
+
+  // Skid-steering: as in `SkidLanes`, between control steps.
+  struct Slip {
+    float ahead, left, yaw_rate;
+    float ahead_before, left_before, yaw_rate_before;
+    float turn;
+    std::array<float, 4> angles;
+  };
+  Slip slip_{};
+
   float clearance_ = 0.0f;  // No fixed obstacle is nearer, [m]; 0: not known.
 
   // Moving obstacles that can come near in this control step while the robot's centre stays within

@@ -1,62 +1,283 @@
 #include "sim/skid_steering.h"
 
+#include <cmath>
+
+#include "base/geometry.h"
+#include "sim/vector_lanes.h"
+
 namespace slalom::sim {
 namespace {
 
+static_assert(SkidLanes::kSize == kLanes);
+
 constexpr double kGravity = 9.8;  // As the original's worlds set it, [m/s^2].
 constexpr float kCreep = 1e-3f;   // Below this slip, friction fades, [m/s].
-constexpr int kRounds = 4;
+constexpr float kArm = 0.25f;     // From the centre to a contact, about, [m].
 
-/// One number for each wheel: left front, left back, right front, right back.
-using PerWheel = float __attribute__((vector_size(16)));
+SLALOM_ALWAYS_INLINE Floats Get(const SkidLanes::Each& each) { return Load(each.data()); }
+SLALOM_ALWAYS_INLINE void Set(SkidLanes::Each& each, Floats v) { Store(each.data(), v); }
 
-PerWheel Root(PerWheel a) {
-  for (int i = 0; i < 4; ++i) a[i] = __builtin_sqrtf(a[i]);
-  return a;
+/// The nearest whole number. Requires: |a| < 1000.
+SLALOM_ALWAYS_INLINE Floats Round(Floats a) {
+  constexpr float kShift = 1024.0f;  // What is positive is truncated downwards.
+  return ToFloats(ToInts(a + (kShift + 0.5f))) - kShift;
+}
+
+/// Taylor's polynomials: within 4e-6 up to a quarter turn, within 1e-7 up to an eighth.
+SLALOM_ALWAYS_INLINE Floats SineNearZero(Floats a) {
+  const Floats z = a * a;
+  return a * (1.0f + z * (-1.0f / 6 + z * (1.0f / 120 + z * (-1.0f / 5040 + z / 362880))));
+}
+SLALOM_ALWAYS_INLINE Floats CosineNearZero(Floats a) {
+  const Floats z = a * a;
+  return 1.0f +
+         z * (-0.5f + z * (1.0f / 24 + z * (-1.0f / 720 + z * (1.0f / 40320 - z / 3628800))));
+}
+
+struct SinesCosines {
+  Floats sin, cos;
+};
+
+/// Within 3e-7. Requires: |angle| < 1000 [rad].
+SLALOM_ALWAYS_INLINE SinesCosines SinCos(Floats angle) {
+  const Floats n = Round(angle * 0.636619772f);
+  // A quarter turn in three parts, of which the first two have few bits.
+  const Floats r = ((angle - n * 1.5703125f) - n * 4.83751297e-4f) - n * 7.5497899e-8f;
+  const Floats s = SineNearZero(r), c = CosineNearZero(r);
+  const Ints quadrant = ToInts(n + 1024.0f) & 3;
+  const Ints swap = (quadrant & 1) != 0;
+  const Floats sine = swap ? c : s, cosine = swap ? s : c;
+  const Ints below = quadrant >= 2, left = (quadrant == 1) | (quadrant == 2);
+  return {below ? -sine : sine, left ? -cosine : cosine};
+}
+
+struct Velocities {
+  Floats ahead, left, yaw_rate;
+};
+
+/// What the contacts of an axle hold, by the wheel on the left and on the right.
+struct AxleGrips {
+  Floats part[2], press[2];
+};
+
+/// The sums over contacts of a viscous friction that acts like the dry one at some slip.
+struct Drag {
+  Floats ahead{}, ahead_y{}, ahead_yy{};  // Ahead, by powers of y: [kg], [kg m], [kg m^2].
+  Floats push{}, push_y{};                // The same with the speeds of the wheels.
+  Floats front{}, rear{};                 // To the left, of an axle, [kg].
+};
+
+template <FrictionLaw law>
+SLALOM_ALWAYS_INLINE Drag DragAt(const SkidContacts& contacts, const AxleGrips& front_grips,
+                                 const AxleGrips& rear_grips, const Velocities& now,
+                                 const Velocities& v, const Floats wheels[2]) {
+  const Floats zero{};
+  // Speeding up takes weight off the wheels in front and on that side.
+  const Floats to_rear = contacts.shift_ahead * (v.ahead - now.ahead);
+  const Floats to_right = contacts.shift_left * (v.left - now.left);
+  const Floats slip_front = v.left + v.yaw_rate * contacts.front;
+  const Floats slip_rear = v.left + v.yaw_rate * contacts.rear;
+  const Floats square_front = slip_front * slip_front, square_rear = slip_rear * slip_rear;
+  Drag drag;
+  for (int edge = 0; edge < 4; ++edge) {
+    const int side = edge / 2;
+    const float y = contacts.edges[edge];
+    const Floats to_other_side = side == 0 ? to_right : -to_right;
+    Floats front = Max(contacts.front_grips[edge] - to_rear - to_other_side, zero);
+    Floats rear = Max(contacts.rear_grips[edge] + to_rear - to_other_side, zero);
+    const Floats slip = (v.ahead - v.yaw_rate * y) - wheels[side];
+    const Floats square = slip * slip + kCreep * kCreep;
+    if constexpr (law == FrictionLaw::kCone) {
+      const Floats front_root = Sqrt(square + square_front), rear_root = Sqrt(square + square_rear);
+      const Floats inverse = 1.0f / (front_root * rear_root);  // One division for two.
+      front = front * rear_root * inverse;
+      rear = rear * front_root * inverse;
+      drag.front += front;
+      drag.rear += rear;
+    } else {
+      const Floats root = Sqrt(square);
+      if constexpr (law == FrictionLaw::kGazebo) {
+        const Floats front_bound = root + front_grips.press[side] * slip;
+        const Floats rear_bound = root + rear_grips.press[side] * slip;
+        const Floats inverse = 1.0f / (front_bound * rear_bound);
+        front = front * front_grips.part[side] * rear_bound * inverse;
+        rear = rear * rear_grips.part[side] * front_bound * inverse;
+      } else {
+        const Floats inverse = 1.0f / root;
+        front = front * inverse;
+        rear = rear * inverse;
+      }
+      drag.front += front * root;
+      drag.rear += rear * root;
+    }
+    const Floats ahead = front + rear, ahead_y = ahead * y;
+    drag.ahead += ahead;
+    drag.ahead_y += ahead_y;
+    drag.ahead_yy += ahead_y * y;
+    drag.push += ahead * wheels[side];
+    drag.push_y += ahead_y * wheels[side];
+  }
+  if constexpr (law != FrictionLaw::kCone) {
+    drag.front = drag.front / Sqrt(square_front + kCreep * kCreep);
+    drag.rear = drag.rear / Sqrt(square_rear + kCreep * kCreep);
+  }
+  return drag;
+}
+
+/// The velocity after a step from `now` under that drag. Three linear equations, of which the first
+/// two are solved for the speeds in terms of the turn rate:
+///
+///     heavy_ahead ahead - ahead_y yaw_rate = push_ahead
+///     heavy_left left + left_x yaw_rate = push_left
+///     (inertia + ahead_yy + left_xx) yaw_rate - ahead_y ahead + left_x left = push_turn.
+SLALOM_ALWAYS_INLINE Velocities After(const SkidContacts& contacts, const Velocities& now,
+                                      const Drag& drag) {
+  const float front = contacts.front, rear = contacts.rear;
+  const Floats left_x = front * drag.front + rear * drag.rear;
+  const Floats left_xx = (front * front) * drag.front + (rear * rear) * drag.rear;
+  const Floats heavy_ahead = contacts.mass + drag.ahead;
+  const Floats heavy_left = contacts.mass + (drag.front + drag.rear);
+  const Floats push_ahead = contacts.mass * now.ahead + drag.push;
+  const Floats push_left = contacts.mass * now.left;
+  const Floats push_turn = contacts.inertia * now.yaw_rate - drag.push_y;
+  const Floats both = heavy_ahead * heavy_left;
+  const Floats yaw_rate =
+      (push_turn * both + drag.ahead_y * push_ahead * heavy_left -
+       left_x * push_left * heavy_ahead) /
+      ((contacts.inertia + drag.ahead_yy + left_xx) * both -
+       drag.ahead_y * drag.ahead_y * heavy_left - left_x * left_x * heavy_ahead);
+  const Floats inverse = 1.0f / both;
+  return {(push_ahead + drag.ahead_y * yaw_rate) * heavy_left * inverse,
+          (push_left - left_x * yaw_rate) * heavy_ahead * inverse, yaw_rate};
+}
+
+SLALOM_ALWAYS_INLINE bool AllSet(Ints mask) {
+  long long parts[kLanes / 2];
+  std::memcpy(parts, &mask, sizeof mask);
+  return (parts[0] & parts[1] & parts[2] & parts[3]) == -1;
+}
+
+template <FrictionLaw law>
+SLALOM_ALWAYS_INLINE Velocities Search(const SkidContacts& contacts, const SkidLanes& lanes,
+                                       const Velocities& now, const Velocities& near,
+                                       const Floats wheels[2]) {
+  // A round that changes the velocity by less is the last, [m/s].
+  constexpr float kStill = 5e-4f;
+  AxleGrips front_grips, rear_grips;
+  if constexpr (law == FrictionLaw::kGazebo) {
+    for (int side = 0; side < 2; ++side) {
+      const Floats front = Get(lanes.angles[side]), rear = Get(lanes.angles[2 + side]);
+      front_grips.part[side] = Max(CosineNearZero(front), Floats{});
+      front_grips.press[side] = contacts.friction * SineNearZero(front);
+      rear_grips.part[side] = Max(CosineNearZero(rear), Floats{});
+      rear_grips.press[side] = contacts.friction * SineNearZero(rear);
+    }
+  }
+  Velocities v = near;
+  Ints done{};
+  for (int round = 0; round < SkidSteering::kMaxRounds; ++round) {
+    const Velocities next =
+        After(contacts, now, DragAt<law>(contacts, front_grips, rear_grips, now, v, wheels));
+    const Floats change = Abs(next.ahead - v.ahead) + Abs(next.left - v.left) +
+                          kArm * Abs(next.yaw_rate - v.yaw_rate);
+    v = {done ? v.ahead : next.ahead, done ? v.left : next.left, done ? v.yaw_rate : next.yaw_rate};
+    done = done | (change < Fill(kStill));
+    if (AllSet(done)) break;
+  }
+  return v;
+}
+
+// Half a step.
+SLALOM_ALWAYS_INLINE void TurnWheels(const SkidContacts& contacts, const Floats wheels[2],
+                                     SkidLanes& lanes) {
+  constexpr float kHalfTurn = 3.14159265f;
+  for (int wheel = 0; wheel < 4; ++wheel) {
+    SkidLanes::Each& angle = lanes.angles[wheel];
+    const Floats turned =
+        Get(angle) + wheels[wheel % 2] * (0.5f * contacts.dt * contacts.inverse_radius);
+    Set(angle, turned - Round(turned * (1.0f / kHalfTurn)) * kHalfTurn);
+  }
+}
+
+SLALOM_VECTOR_CLONES
+void StepLanes(const SkidContacts& contacts, FrictionLaw law, SkidLanes& lanes) {
+  const Velocities last{Get(lanes.ahead), Get(lanes.left), Get(lanes.yaw_rate)};
+  const Velocities before{Get(lanes.ahead_before), Get(lanes.left_before),
+                          Get(lanes.yaw_rate_before)};
+  const auto [turn_sin, turn_cos] = SinCos(Get(lanes.turn));
+  const Velocities now{turn_cos * last.ahead + turn_sin * last.left,
+                       turn_cos * last.left - turn_sin * last.ahead, last.yaw_rate};
+  const Velocities near{2.0f * last.ahead - before.ahead, 2.0f * last.left - before.left,
+                        2.0f * last.yaw_rate - before.yaw_rate};
+  const Floats wheels[2] = {Get(lanes.wheel_left), Get(lanes.wheel_right)};
+  Velocities v;
+  switch (law) {
+    case FrictionLaw::kCone:
+      v = Search<FrictionLaw::kCone>(contacts, lanes, now, near, wheels);
+      break;
+    case FrictionLaw::kPyramid:
+      v = Search<FrictionLaw::kPyramid>(contacts, lanes, now, near, wheels);
+      break;
+    case FrictionLaw::kGazebo:
+      TurnWheels(contacts, wheels, lanes);
+      v = Search<FrictionLaw::kGazebo>(contacts, lanes, now, near, wheels);
+      TurnWheels(contacts, wheels, lanes);
+      break;
+  }
+  const auto [s, c] = SinCos(Get(lanes.yaw) + (0.5f * contacts.dt) * last.yaw_rate);
+  Set(lanes.vx, c * v.ahead - s * v.left);
+  Set(lanes.vy, s * v.ahead + c * v.left);
+  // From half-way through this step, at the old rate up to there, to half-way through the next.
+  Set(lanes.turn, contacts.dt * (1.5f * v.yaw_rate - 0.5f * last.yaw_rate));
+  Set(lanes.ahead_before, last.ahead);
+  Set(lanes.left_before, last.left);
+  Set(lanes.yaw_rate_before, last.yaw_rate);
+  Set(lanes.ahead, v.ahead);
+  Set(lanes.left, v.left);
+  Set(lanes.yaw_rate, v.yaw_rate);
+}
+
+SkidContacts ContactsOf(const RobotConfig& config, double dt) {
+  const MassDistribution masses = DistributeMass(config);
+  const double impulse = config.wheel_friction * masses.mass * kGravity * dt;
+  const double shift = 0.25 * config.wheel_friction * masses.mass * masses.height;
+  SkidContacts contacts{.dt = static_cast<float>(dt),
+                        .friction = static_cast<float>(config.wheel_friction),
+                        .inverse_radius = static_cast<float>(1.0 / config.wheel_radius),
+                        .mass = static_cast<float>(masses.mass),
+                        .inertia = static_cast<float>(masses.yaw_inertia),
+                        .front = static_cast<float>(0.5 * config.wheel_base - masses.x),
+                        .rear = static_cast<float>(-0.5 * config.wheel_base - masses.x),
+                        .shift_ahead = static_cast<float>(shift / config.wheel_base),
+                        .shift_left = static_cast<float>(shift / config.track)};
+  for (int edge = 0; edge < 4; ++edge) {
+    const int side = edge / 2;
+    const double middle = (side == 0 ? 0.5 : -0.5) * config.track;
+    const double to_edge = (edge % 2 == 0 ? 0.5 : -0.5) * config.wheel_width;
+    contacts.edges[edge] = static_cast<float>(middle + to_edge - masses.y);
+    contacts.front_grips[edge] = static_cast<float>(0.5 * impulse * masses.loads[side]);
+    contacts.rear_grips[edge] = static_cast<float>(0.5 * impulse * masses.loads[2 + side]);
+  }
+  return contacts;
 }
 
 }  // namespace
 
-SkidSteering::SkidSteering(const RobotConfig& config, double dt)
-    : half_separation_(0.5 * config.track * config.wheel_separation_multiplier),
-      half_imbalance_(0.5 * config.wheel_imbalance),
-      half_base_(static_cast<float>(0.5 * config.wheel_base)),
-      half_track_(static_cast<float>(0.5 * config.track)),
-      mass_(static_cast<float>(config.mass)),
-      inertia_(static_cast<float>(config.yaw_inertia)),
-      grip_(static_cast<float>(config.wheel_friction * 0.25 * config.mass * kGravity * dt)) {}
-
-BodyVelocity SkidSteering::Step(const BodyVelocity& velocity, const BodyVelocity& near,
-                                const WheelSpeeds& wheels) const {
-  const float a = half_base_, b = half_track_;
-  const PerWheel wheel_speed{wheels.left, wheels.left, wheels.right, wheels.right};
-  const PerWheel x{a, -a, a, -a};
-  const PerWheel y{b, b, -b, -b};
-  BodyVelocity v = near;
-  for (int round = 0; round < kRounds; ++round) {
-    const PerWheel slip_ahead = v.ahead - v.yaw_rate * y - wheel_speed;
-    const PerWheel slip_left = v.left + v.yaw_rate * x;
-    // Of a viscous friction that acts like the dry one at this slip, [kg].
-    const PerWheel drag =
-        grip_ / Root(slip_ahead * slip_ahead + slip_left * slip_left + kCreep * kCreep);
-    const float left = drag[0] + drag[1], right = drag[2] + drag[3];
-    const float drag_sum = left + right;
-    const float drag_x = a * ((drag[0] - drag[1]) + (drag[2] - drag[3]));
-    const float drag_y = b * (left - right);
-    // Minimum of the quadratic form: three linear equations, of which the first two are solved for
-    // the speeds in terms of the turn rate.
-    const float inverse = 1.0f / (mass_ + drag_sum);
-    const float push_ahead = mass_ * velocity.ahead + (left * wheels.left + right * wheels.right);
-    const float push_left = mass_ * velocity.left;
-    const float push_turn =
-        inertia_ * velocity.yaw_rate + b * (right * wheels.right - left * wheels.left);
-    v.yaw_rate =
-        (push_turn + inverse * (drag_y * push_ahead - drag_x * push_left)) /
-        (inertia_ + (a * a + b * b) * drag_sum - inverse * (drag_x * drag_x + drag_y * drag_y));
-    v.ahead = inverse * (push_ahead + drag_y * v.yaw_rate);
-    v.left = inverse * (push_left - drag_x * v.yaw_rate);
-  }
-  return v;
+void SkidLanes::Resume(int lane, float new_yaw, float new_vx, float new_vy, float new_yaw_rate,
+                       double dt) {
+  const auto [s, c] = base::SinCos(new_yaw + 0.5 * dt * new_yaw_rate);
+  ahead[lane] = ahead_before[lane] = static_cast<float>(c * new_vx + s * new_vy);
+  left[lane] = left_before[lane] = static_cast<float>(c * new_vy - s * new_vx);
+  yaw_rate[lane] = yaw_rate_before[lane] = new_yaw_rate;
+  turn[lane] = 0.0f;
 }
+
+SkidSteering::SkidSteering(const RobotConfig& config, double dt)
+    : law_(config.friction),
+      half_separation_(0.5 * config.track * config.wheel_separation_multiplier),
+      half_imbalance_(0.5 * config.wheel_imbalance),
+      contacts_(ContactsOf(config, dt)) {}
+
+void SkidSteering::Step(SkidLanes& lanes) const { StepLanes(contacts_, law_, lanes); }
 
 }  // namespace slalom::sim

@@ -1,17 +1,13 @@
 #pragma once
 
-#include "sim/environment_config.h"
+#include <array>
 
-/// Frame: `R` the robot, x ahead, y left, at its centre of mass.
+#include "sim/environment_config.h"
+#include "sim/mass_distribution.h"
+
+/// Frame: `C` the robot's directions, x ahead, y left, at its centre of mass.
 
 namespace slalom::sim {
-
-/// Velocity of a body in the directions of R. A value.
-struct BodyVelocity {
-  float ahead = 0.0f;     ///< [m/s]
-  float left = 0.0f;      ///< [m/s]
-  float yaw_rate = 0.0f;  ///< [rad/s]
-};
 
 /// Speed of the wheels' surface where they meet the ground, backwards along the body, [m/s]: what
 /// the body's own speed would be if they did not slip.
@@ -20,31 +16,100 @@ struct WheelSpeeds {
   float right = 0.0f;
 };
 
+/// Drives of up to `kSize` robots side by side. What a lane holds does not depend on the others.
+struct SkidLanes {
+  static constexpr int kSize = 8;
+  using Each = std::array<float, kSize>;
+
+  /// Velocity of the centre of mass, [m/s], in the directions that C has half-way through the last
+  /// step, and the turn rate, [rad/s].
+  alignas(32) Each ahead{}, left{}, yaw_rate{};
+  /// The same a step before. The search for the next begins where these two point; at rest and
+  /// after a contact they are equal.
+  alignas(32) Each ahead_before{}, left_before{}, yaw_rate_before{};
+  /// By how much C turns from half-way through the last step to half-way through the next, [rad].
+  alignas(32) Each turn{};
+  /// How far each wheel has turned about its axle, [rad]: front left, front right, rear left, rear
+  /// right. 0: its own x axis points ahead. Half a turn changes nothing, so angles are kept in
+  /// [-pi/2, pi/2]. Only the law "gazebo" looks at them.
+  alignas(32) std::array<Each, 4> angles{};
+
+  /// To be set before a step: the heading then, [rad], within 100, and the speeds of the wheels.
+  alignas(32) Each yaw{};
+  alignas(32) Each wheel_left{}, wheel_right{};  ///< [m/s]
+
+  /// Of a step: velocity of the centre of mass in W, [m/s].
+  alignas(32) Each vx{}, vy{};
+
+  /// Gives a lane a velocity in W, at that heading, as after a contact.
+  void Resume(int lane, float new_yaw, float new_vx, float new_vy, float new_yaw_rate, double dt);
+};
+
+/// What the equations of motion need to know of a robot.
+struct SkidContacts {
+  float dt = 0.0f;  // [s]
+  float friction = 0.0f;
+  float inverse_radius = 0.0f;  // Of a wheel, [1/m].
+  float mass = 0.0f;            // [kg]
+  float inertia = 0.0f;         // [kg m^2]
+  // Contacts in C: x of the axles; y from the left to the right; and the greatest impulse of each
+  // in a step, [N s].
+  float front = 0.0f;  // [m]
+  float rear = 0.0f;   // [m]
+  std::array<float, 4> edges{};
+  std::array<float, 4> front_grips{};
+  std::array<float, 4> rear_grips{};
+  // What a change of speed in a step takes off the greatest impulse of each contact in front, and
+  // on the left, and puts on those opposite, [kg].
+  float shift_ahead = 0.0f;
+  float shift_left = 0.0f;
+};
+
 /// A rigid body on four wheels that turn only about their axles and so must slip to turn the body.
 ///
-/// Each wheel stands at (+-wheel_base / 2, +-track / 2), carries a quarter of the weight and turns
-/// at the speed that it is told. Coulomb friction acts against its slip, of `wheel_friction` times
-/// its load, in whatever direction (a cone). What follows, without further parameters: turn rate
-/// and side-slip in turns, acceleration and braking limited to friction x g, drifting where speed x
-/// turn rate is beyond that. In pure rotation the balance of torques gives
+/// Wheels stand at (+-wheel_base / 2, +-track / 2) about the point midway between them, carry the
+/// loads of sim/mass_distribution.h and turn at the speed that they are told. Each meets the ground
+/// at its two edges, wheel_width apart, with half its load at each. There, dry friction acts
+/// against the slip s = (ahead, left) of the body over the wheel's surface. With n the load:
 ///
-///     yaw rate / commanded = multiplier x track^2 / (wheel_base^2 + track^2),
+/// - *cone* (Coulomb): force -friction n s / |s|, whatever the direction of s.
+/// - *pyramid*: along and across the wheel apart, -friction n sign(s_ahead), -friction n
+///   sign(s_left). A slip of 45 degrees meets 1.4 times the friction, and a wheel that spins ahead
+///   holds as well sideways as a standing one.
+/// - *gazebo*: that pyramid as Gazebo's ODE builds it for this robot. The description gives the
+///   direction of friction (`fdir1`) in the wheel's own frame, so it turns with the wheel, out of
+///   the ground by the wheel's angle t. ODE neither projects nor normalises it: the force along the
+///   first axis (cos t, 0, -sin t) counts ahead by cos t and presses the wheel down by the rest;
+///   the second axis, their cross product with the vertical, has the length |cos t|. Both bounds
+///   are friction times the normal force N, which the balance of vertical forces gives:
 ///
-/// 1.009 with the Jackal's numbers: its controller's multiplier 1.5 makes up for just this slip.
+///       N = n / (1 + friction sign(s_ahead cos t) sin t)
+///       force ahead = -friction N |cos t| sign(s_ahead), to the left alike with s_left.
 ///
-/// A step is implicit: the new velocity minimises
+///   A wheel whose axis stands upright holds nothing at all, twice in each turn.
 ///
-///     1/2 |change|^2 in the kinetic norm + sum over wheels of friction x load x dt x |slip|,
+/// (Gazebo: ODEPhysics::UpdateCollision, gazebo-classic 12a624d; ODE 0.16: contact joints with
+/// dContactFDir1 and dContactApprox1.) |s| and sign(s) are rounded off below 1 mm/s.
 ///
-/// |slip| rounded off below 1 mm/s, by four rounds of Weiszfeld's fixed point, in each of which
-/// friction is viscous, as strong as dry friction is at the slip found last. Newton's method would
+/// A step is implicit. For cone and pyramid the new velocity minimises
+///
+///     1/2 |change|^2 in the kinetic norm + dt x sum over contacts of friction x n x |s|
+///
+/// (|s_ahead| + |s_left| for the pyramid), by rounds of Weiszfeld's fixed point: friction in a
+/// round is viscous, as strong as dry friction is at the slip found last. Newton's method would
 /// need a line search here. Each such round alone takes kinetic energy from a body on standing
-/// wheels, for any step size, and leaves a steady state where it is.
+/// wheels, for any step size and any law, and leaves a steady state where it is. Rounds end when
+/// one changes the velocity by less than 0.5 mm/s, at the latest after `kMaxRounds`.
 ///
-/// Immutable. The same bits on every machine.
+/// Robots are stepped side by side, each in a lane of a vector, because a round is one long chain
+/// of operations that a processor cannot shorten. A lane that has ended waits for the others.
+///
+/// Immutable. The same bits on every machine, and in every lane.
 class SkidSteering {
  public:
-  /// `dt`: of a step, [s].
+  static constexpr int kMaxRounds = 8;
+
+  /// `dt`: of a step, [s]. Requires: `CheckMassDistribution(config)` passes.
   SkidSteering(const RobotConfig& config, double dt);
 
   /// Surface speeds that the drive's controller asks for to go at `linear` [m/s] and turn at
@@ -56,20 +121,17 @@ class SkidSteering {
             static_cast<float>((1.0 + half_imbalance_) * (linear + side))};
   }
 
-  /// The velocity a step later, in the same directions. `near`: a velocity near it, where the
-  /// search begins; in a steady turn that is where `velocity` pointed a step ago, from which the
-  /// search does not depart. Cost: about 80 ns.
-  BodyVelocity Step(const BodyVelocity& velocity, const BodyVelocity& near,
-                    const WheelSpeeds& wheels) const;
+  /// Moves all lanes on by a step. Cost: about 25 ns a lane where all are used.
+  void Step(SkidLanes& lanes) const;
+
+  /// Whether the law looks at the wheels' angles.
+  bool needs_angles() const { return law_ == FrictionLaw::kGazebo; }
 
  private:
+  const FrictionLaw law_;
   const double half_separation_;  // As the controller believes, [m].
   const double half_imbalance_;
-  const float half_base_;   // [m]
-  const float half_track_;  // [m]
-  const float mass_;        // [kg]
-  const float inertia_;     // [kg m^2]
-  const float grip_;        // Greatest impulse of a wheel in a step, [N s].
+  const SkidContacts contacts_;
 };
 
 }  // namespace slalom::sim

@@ -6,6 +6,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "config/config.h"
+#include "train/recorded_config.h"
 #include "train/run_identity.h"
 
 namespace slalom::train {
@@ -52,7 +53,7 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
 
 void RequireResumable(const std::string& earlier, const std::string& source,
                       const RunConfig& config) {
-  const auto difference = FindDifference(config::FromToml<RunConfig>(earlier, source), config);
+  const auto difference = FindDifference(ReadRecordedConfig(earlier, source).config, config);
   if (difference.key.empty()) return;
   throw base::Error(
       fmt::format("{}: {} was {} when the run began and is {} now; a resumed run must keep it",

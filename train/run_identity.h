@@ -12,7 +12,7 @@ namespace slalom::train {
 
 /// Goes up whenever the same config and seed give other bits than before: with a change of the
 /// simulator, of sampling, of an update, or of a golden hash in the tests.
-inline constexpr int kNumericsVersion = 2;
+inline constexpr int kNumericsVersion = 3;
 
 /// What the bits of a deterministic run depend on besides its config: float arithmetic differs
 /// between kernels and instruction sets. A value.

@@ -42,8 +42,9 @@ struct Jackal {
   bool wheels_meet_obstacles = false;     ///< Whether they meet the wheels, too.
 };
 
-/// The Jackal with the mass, the moment of inertia, the axles, the friction and the outline of
-/// `config`. What they leave open is the original's: the wheels, and where the chassis' mass lies.
+/// The Jackal with the masses, the moment of inertia, the wheels and the outline of `config`; its
+/// sensor is part of the chassis. What they leave open is the original's: masses of the wheels, and
+/// how the chassis' mass is spread. The law of friction is the engine's own.
 ///
 /// Obstacles meet chassis and wheels if the outline is what they fill, to the millimetre, as it is
 /// by default. Otherwise they meet a box of that length and width.

@@ -14,9 +14,10 @@ namespace {
 /// A physics and how far Slalom may be from it, on average.
 struct Tolerance {
   const char* physics;
-  double distance;   // After 2 s of random commands, [m].
-  double heading;    // [rad]
-  double turn_gain;  // Of steady turns: turn rate / commanded turn rate.
+  sim::FrictionLaw friction;  // Of Slalom's drive.
+  double distance;            // After 2 s of random commands, [m].
+  double heading;             // [rad]
+  double turn_gain;           // Of steady turns: turn rate / commanded turn rate.
 };
 
 void PrintTo(const Tolerance& tolerance, std::ostream* out) { *out << tolerance.physics; }
@@ -32,7 +33,9 @@ class DriveComparisonTest : public ::testing::TestWithParam<Tolerance> {
 
 TEST_P(DriveComparisonTest, RandomCommandsEndNearby) {
   constexpr int kNum = 150;
-  EngineDrive ours("slalom"), theirs(GetParam().physics);
+  sim::EnvironmentConfig config;
+  config.robot.friction = GetParam().friction;
+  EngineDrive ours("slalom", config), theirs(GetParam().physics, config);
   base::Random random(7);
   double distance = 0.0, heading = 0.0;
   for (int k = 0; k < kNum; ++k) {
@@ -52,6 +55,8 @@ TEST_P(DriveComparisonTest, RandomCommandsEndNearby) {
 }
 
 TEST_P(DriveComparisonTest, SteadyTurnsAreAlike) {
+  sim::EnvironmentConfig config;
+  config.robot.friction = GetParam().friction;
   double difference = 0.0;
   int num = 0;
   for (const double linear : {0.0, 0.5, 1.0, 1.5}) {
@@ -59,7 +64,7 @@ TEST_P(DriveComparisonTest, SteadyTurnsAreAlike) {
       double gain[2];
       const char* const names[2] = {"slalom", GetParam().physics};
       for (int k = 0; k < 2; ++k) {
-        EngineDrive robot(names[k]);
+        EngineDrive robot(names[k], config);
         robot.Drive(linear, angular, 10);
         const double yaw = robot.pose().yaw;
         robot.Drive(linear, angular, 5);
@@ -74,11 +79,11 @@ TEST_P(DriveComparisonTest, SteadyTurnsAreAlike) {
   EXPECT_LT(difference / num, GetParam().turn_gain);
 }
 
-// What Slalom's friction cone comes to today, and some.
-INSTANTIATE_TEST_SUITE_P(Each, DriveComparisonTest,
-                         ::testing::Values(Tolerance{"ode", 0.45, 0.50, 0.30},
-                                           Tolerance{"mujoco", 0.06, 0.07, 0.15}),
-                         [](const auto& test) { return std::string(test.param.physics); });
+INSTANTIATE_TEST_SUITE_P(
+    Each, DriveComparisonTest,
+    ::testing::Values(Tolerance{"ode", sim::FrictionLaw::kGazebo, 0.45, 0.50, 0.30},
+                      Tolerance{"mujoco", sim::FrictionLaw::kCone, 0.06, 0.07, 0.15}),
+    [](const auto& test) { return std::string(test.param.physics); });
 
 }  // namespace
 }  // namespace slalom::test

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "engines/jackal/engine_body.h"
+#include "sim/mass_distribution.h"
 
 namespace slalom::engines {
 namespace {
@@ -25,11 +26,29 @@ std::string ErrorOf(const std::function<void()>& call) {
 
 double Mass(const Jackal& jackal) { return jackal.chassis_mass + kNumWheels * jackal.wheel_mass; }
 
-/// About the vertical through C's origin, the chassis' about its own centre of mass.
+/// The robot's centre of mass in C, its height above the ground.
+Vec3 Centre(const Jackal& jackal) {
+  Vec3 centre;
+  for (int k = 0; k < 3; ++k) {
+    centre[k] = jackal.chassis_mass * jackal.chassis_centre_C[k];
+    for (const Vec3& p : jackal.wheels_C) centre[k] += jackal.wheel_mass * p[k];
+    centre[k] /= Mass(jackal);
+  }
+  centre[2] += jackal.height;
+  return centre;
+}
+
+/// About the vertical through the robot's centre of mass.
 double YawInertia(const Jackal& jackal) {
-  double inertia = jackal.chassis_inertia[2];
+  const Vec3 centre = Centre(jackal);
+  const auto square = [&](const Vec3& p) {
+    const double x = p[0] - centre[0], y = p[1] - centre[1];
+    return x * x + y * y;
+  };
+  double inertia =
+      jackal.chassis_inertia[2] + jackal.chassis_mass * square(jackal.chassis_centre_C);
   for (const Vec3& p : jackal.wheels_C) {
-    inertia += jackal.wheel_inertia[2] + jackal.wheel_mass * (p[0] * p[0] + p[1] * p[1]);
+    inertia += jackal.wheel_inertia[2] + jackal.wheel_mass * square(p);
   }
   return inertia;
 }
@@ -37,7 +56,10 @@ double YawInertia(const Jackal& jackal) {
 TEST(Jackal, IsTheOriginalsByDefault) {
   const Jackal jackal = MakeJackal({}, "test");
   EXPECT_NEAR(jackal.chassis_mass, 16.523, 1e-9);
-  EXPECT_NEAR(jackal.chassis_inertia[2], 0.4485, 1e-4);
+  EXPECT_NEAR(jackal.chassis_inertia[2], 0.4485, 2e-4);
+  const Vec3 centre = {0.012, 0.002, 0.067};
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(jackal.chassis_centre_C[k], centre[k], 1e-4);
+  EXPECT_NEAR(jackal.height, 0.0635, 1e-12);
   EXPECT_NEAR(jackal.wheels_C[0][0], 0.131, 1e-12);
   EXPECT_NEAR(jackal.wheels_C[3][1], -0.187795, 1e-12);
   EXPECT_TRUE(jackal.wheels_meet_obstacles);
@@ -55,6 +77,23 @@ TEST(Jackal, HasTheMassAndInertiaOfItsConfig) {
   // The outline is no longer that of the wheels, so it is a box.
   EXPECT_FALSE(jackal.wheels_meet_obstacles);
   EXPECT_EQ(jackal.outline.half_size, (Vec3{0.229, 0.208, 0.092}));
+}
+
+TEST(Jackal, HasTheCentreOfMassOfItsConfigAndTheSensor) {
+  sim::RobotConfig config;
+  config.centre_of_mass_x = -0.02;
+  config.centre_of_mass_y = 0.01;
+  config.centre_of_mass_z = 0.15;
+  for (const double sensor_mass : {0.0, 1.1}) {
+    config.sensor_mass = sensor_mass;
+    const Jackal jackal = MakeJackal(config, "test");
+    const sim::MassDistribution expected = sim::DistributeMass(config);
+    EXPECT_NEAR(Mass(jackal), expected.mass, 1e-9);
+    EXPECT_NEAR(Centre(jackal)[0], expected.x, 1e-9);
+    EXPECT_NEAR(Centre(jackal)[1], expected.y, 1e-9);
+    EXPECT_NEAR(Centre(jackal)[2], expected.height, 1e-9);
+    EXPECT_NEAR(YawInertia(jackal), expected.yaw_inertia, 1e-9);
+  }
 }
 
 TEST(Jackal, RefusesWhatNoWheelsCouldCarry) {

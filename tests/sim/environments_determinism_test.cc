@@ -55,6 +55,19 @@ EnvironmentConfig IdealConfig() {
   return config;
 }
 
+EnvironmentConfig GazeboConfig() {
+  EnvironmentConfig config = TestConfig();
+  config.robot.friction = FrictionLaw::kGazebo;
+  config.robot.sensor_mass = 1.1;
+  return config;
+}
+
+EnvironmentConfig PyramidConfig() {
+  EnvironmentConfig config = TestConfig();
+  config.robot.friction = FrictionLaw::kPyramid;
+  return config;
+}
+
 EnvironmentConfig ScrapingConfig() {
   EnvironmentConfig config = TestConfig();
   config.episode.collision_ends = false;
@@ -150,7 +163,9 @@ std::uint64_t HashOf(const std::vector<Record>& records) {
 
 // Debug, release and sanitizer builds must all give this. It changes only with a change of the
 // simulation, which CHANGELOG.md then names.
-constexpr std::uint64_t kGoldenHash = 11222713890928790932u;
+constexpr std::uint64_t kGoldenHash = 10309596538404691480u;
+constexpr std::uint64_t kGazeboHash = 1496321920828883371u;
+constexpr std::uint64_t kPyramidHash = 1778897692552293501u;
 
 TEST(EnvironmentsDeterminismTest, GoldenHash) {
   const std::vector<Record> records = Play(kNumEpisodes, 1, false);
@@ -164,6 +179,9 @@ TEST(EnvironmentsDeterminismTest, GoldenHash) {
   }
   EXPECT_GE(collisions, 6) << "contacts are part of it";
   EXPECT_EQ(longest, 60) << "and long drives";
+  constexpr auto kStepping = Robot::Stepping::kBox2dInContact;
+  EXPECT_EQ(HashOf(Play(kNumEpisodes, 1, false, kStepping, GazeboConfig())), kGazeboHash);
+  EXPECT_EQ(HashOf(Play(kNumEpisodes, 1, false, kStepping, PyramidConfig())), kPyramidHash);
 }
 
 TEST(EnvironmentsDeterminismTest, DoesNotDependOnBatchOrderOrThreads) {
@@ -178,10 +196,13 @@ TEST(EnvironmentsDeterminismTest, DoesNotDependOnBatchOrderOrThreads) {
   const std::vector<Record> scraping = Play(kNumEpisodes, 1, false, kStepping, ScrapingConfig());
   EXPECT_NE(scraping, records);
   EXPECT_EQ(Play(7, 3, true, kStepping, ScrapingConfig()), scraping) << "contacts that last";
+  EXPECT_EQ(Play(7, 3, true, kStepping, GazeboConfig()),
+            Play(kNumEpisodes, 1, false, kStepping, GazeboConfig()));
 }
 
 TEST(EnvironmentsDeterminismTest, Box2dAlwaysGivesTheSameBits) {
-  for (const EnvironmentConfig& config : {TestConfig(), IdealConfig(), ScrapingConfig()}) {
+  for (const EnvironmentConfig& config :
+       {TestConfig(), GazeboConfig(), IdealConfig(), ScrapingConfig()}) {
     EXPECT_EQ(Play(8, 1, false, Robot::Stepping::kBox2dAlways, config),
               Play(8, 1, false, Robot::Stepping::kBox2dInContact, config));
   }

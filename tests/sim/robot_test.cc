@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "sim/mass_distribution.h"
 #include "tests/support/random_courses.h"
 
 namespace slalom::sim {
@@ -170,6 +171,44 @@ TEST(RobotTest, GainsAndImbalanceChangeWhatIsAskedOfTheWheels) {
   EXPECT_GT(drifting.pose().yaw, 0.05) << "to the side of the slower wheels";
 }
 
+TEST(RobotTest, RobotsDriveTogetherAsEachDoesAlone) {
+  base::Random random(9);
+  for (const char* law : {"cone", "pyramid", "gazebo"}) {
+    RobotConfig config;
+    ASSERT_TRUE(base::ParseEnum(law, config.friction));
+    const Scene scene(test::RandomCourse(random, {.num_circles = 40, .num_boxes = 5}));
+    ContactWorld contacts(config);
+    constexpr int kCount = 19;  // Two groups of lanes and a part of one.
+    std::vector<Robot> together(kCount, Robot(config, kSubsteps)), alone = together;
+    for (int i = 0; i < kCount; ++i) {
+      const base::Pose2 X_WR{{random.Uniform(-4.0, 4.0), random.Uniform(-4.0, 4.0)},
+                             random.Uniform(-3.0, 3.0)};
+      together[i].Reset(X_WR, i);
+      alone[i].Reset(X_WR, i);
+    }
+    int touched = 0;
+    for (int step = 0; step < 40; ++step) {
+      std::vector<Robot::Order> orders(kCount);
+      for (int i = 0; i < kCount; ++i) {
+        orders[i] = {.robot = &together[i],
+                     .scene = &scene,
+                     .linear = random.Uniform(-1.0, 2.0),
+                     .angular = random.Uniform(-3.0, 3.0)};
+      }
+      orders.front().robot->DriveTogether(orders, contacts);
+      for (int i = 0; i < kCount; ++i) {
+        const bool alone_touched =
+            alone[i].Drive(orders[i].linear, orders[i].angular, scene, 0.0, contacts);
+        ASSERT_EQ(orders[i].touched, alone_touched);
+        ASSERT_EQ(together[i].body(), alone[i].body()) << law << " robot " << i;
+        touched += alone_touched;
+      }
+    }
+    EXPECT_GT(touched, 20);
+    EXPECT_LT(touched, 700);
+  }
+}
+
 TEST(RobotTest, PushesAgainstAWallWithoutPassingOrGainingEnergy) {
   for (const double yaw : {0.0, 0.3, -0.7}) {
     Course course;
@@ -192,7 +231,10 @@ TEST(RobotTest, PushesAgainstAWallWithoutPassingOrGainingEnergy) {
 
 TEST(ContactWorldTest, ContactTakesKineticEnergy) {
   base::Random random(5);
-  const RobotConfig config;
+  RobotConfig config;
+  config.centre_of_mass_x = 0.05;
+  config.centre_of_mass_y = -0.03;
+  const MassDistribution masses = DistributeMass(config);
   const auto energy = [&](const BodyState& s) {
     return 0.5 * config.mass * (s.vx * s.vx + s.vy * s.vy) +
            0.5 * config.yaw_inertia * s.yaw_rate * s.yaw_rate;
@@ -208,7 +250,10 @@ TEST(ContactWorldTest, ContactTakesKineticEnergy) {
                     .vx = static_cast<float>(random.Uniform(-2.0, 2.0)),
                     .vy = static_cast<float>(random.Uniform(-2.0, 2.0)),
                     .yaw_rate = static_cast<float>(random.Uniform(-4.0, 4.0))};
-    const float clearance = map.Clearance(MakeFootprint(config), state.x, state.y, state.yaw, 0.1f);
+    const base::Vec2 middle =  // What `state` is of lies ahead of it.
+        base::Transform({{state.x, state.y}, state.yaw}, {-masses.x, -masses.y});
+    const float clearance = map.Clearance(MakeFootprint(config), static_cast<float>(middle.x),
+                                          static_cast<float>(middle.y), state.yaw, 0.1f);
     const double before = energy(state);
     const bool touching = contacts.Step(map, {}, 0.02f, state);
     // Box2D's rounding near 4 m: some 1e-6 m.

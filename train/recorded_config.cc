@@ -1,0 +1,39 @@
+#include "train/recorded_config.h"
+
+#include "config/config.h"
+
+namespace slalom::train {
+namespace {
+
+RunConfig ReadOver(RunConfig defaults, std::string_view text, std::string_view source) {
+  config::ReadToml(text, source, config::ListFields(defaults));
+  return defaults;
+}
+
+}  // namespace
+
+RecordedConfig ReadRecordedConfig(std::string_view text, std::string_view source) {
+  RunConfig before;
+  sim::RobotConfig& robot = before.environment.robot;
+  robot.friction = sim::FrictionLaw::kCone;
+  robot.centre_of_mass_x = robot.centre_of_mass_y = 0.0;
+  robot.sensor_mass = 0.0;
+  robot.wheel_width = 0.0;
+  RunConfig now;
+  now.environment.robot.friction = sim::FrictionLaw::kPyramid;
+  RunConfig over_before = ReadOver(before, text, source);
+  RunConfig over_now = ReadOver(now, text, source);
+  // A text that names the law overrides both.
+  if (over_before.environment.robot.friction != over_now.environment.robot.friction) {
+    return {.config = std::move(over_before), .before_friction_laws = true};
+  }
+  return {.config = std::move(over_now)};
+}
+
+std::string DescribeDriveBeforeFrictionLaws() {
+  return "is from before environment.robot.friction: it drives as then, by Coulomb's cone, with "
+         "centre_of_mass_x, centre_of_mass_y and wheel_width = 0; --profile configs/jackal.toml "
+         "gives it the present drive";
+}
+
+}  // namespace slalom::train
