@@ -81,8 +81,8 @@ TEST_P(DriveComparisonTest, SteadyTurnsAreAlike) {
 
 INSTANTIATE_TEST_SUITE_P(
     Each, DriveComparisonTest,
-    ::testing::Values(Tolerance{"ode", sim::FrictionLaw::kGazebo, 0.45, 0.50, 0.30},
-                      Tolerance{"mujoco", sim::FrictionLaw::kCone, 0.06, 0.07, 0.15}),
+    ::testing::Values(Tolerance{"ode", sim::FrictionLaw::kGazebo, 0.06, 0.07, 0.05},
+                      Tolerance{"mujoco", sim::FrictionLaw::kCone, 0.055, 0.06, 0.09}),
     [](const auto& test) { return std::string(test.param.physics); });
 
 }  // namespace
