@@ -231,6 +231,7 @@ std::vector<fs::path> OutputDirectories(const fs::path& output,
                                         const std::vector<sim::Physics>& physics) {
   if (physics.size() == 1) return {output};
   std::vector<fs::path> directories;
+  directories.reserve(physics.size());
   for (const sim::Physics& each : physics) directories.push_back(output / each.name);
   return directories;
 }
