@@ -24,6 +24,14 @@ void CheckConsistent(const EnvironmentConfig& config) {
         "environment.robot.wheel_width ({} m) must be below environment.robot.track ({} m)",
         config.robot.wheel_width, config.robot.track));
   }
+  if (config.robot.drive == DriveKind::kSkidSteer &&
+      config.robot.friction == FrictionLaw::kGazebo && config.robot.wheel_friction >= 1.0) {
+    throw base::Error(
+        fmt::format("environment.robot.wheel_friction is {}, expected less than 1 with "
+                    "environment.robot.friction "
+                    "= \"gazebo\": friction that presses a wheel down would grow without bound",
+                    config.robot.wheel_friction));
+  }
   if (config.lidar.min_range >= config.lidar.max_range) {
     throw base::Error(fmt::format(
         "environment.lidar.min_range ({} m) must be below environment.lidar.max_range ({} m)",

@@ -68,9 +68,10 @@ struct SkidContacts {
 /// A rigid body on four wheels that turn only about their axles and so must slip to turn the body.
 ///
 /// Wheels stand at (+-wheel_base / 2, +-track / 2) about the point midway between them, carry the
-/// loads of sim/mass_distribution.h and turn at the speed that they are told. Each meets the ground
-/// at its two edges, wheel_width apart, with half its load at each. There, dry friction acts
-/// against the slip s = (ahead, left) of the body over the wheel's surface. With n the load:
+/// loads of sim/mass_distribution.h, which shift as the robot accelerates, and turn at the speed
+/// that they are told. Each meets the ground at its two edges, wheel_width apart, with half its
+/// load at each. There, dry friction acts against the slip s = (ahead, left) of the body over the
+/// wheel's surface. With n the load:
 ///
 /// - *cone* (Coulomb): force -friction n s / |s|, whatever the direction of s.
 /// - *pyramid*: along and across the wheel apart, -friction n sign(s_ahead), -friction n
@@ -88,10 +89,10 @@ struct SkidContacts {
 ///
 ///   A wheel whose axis stands upright holds nothing at all, twice in each turn.
 ///
-/// (Gazebo: ODEPhysics::UpdateCollision, gazebo-classic 12a624d; ODE 0.16: contact joints with
+/// (Gazebo: ODEPhysics::Collide, gazebo-classic 12a624d; ODE 0.16: contact joints with
 /// dContactFDir1 and dContactApprox1.) |s| and sign(s) are rounded off below 1 mm/s.
 ///
-/// A step is implicit. For cone and pyramid the new velocity minimises
+/// A step is implicit. For cone and pyramid with given loads the new velocity minimises
 ///
 ///     1/2 |change|^2 in the kinetic norm + dt x sum over contacts of friction x n x |s|
 ///

@@ -16,7 +16,7 @@ RecordedConfig ReadRecordedConfig(std::string_view text, std::string_view source
   RunConfig before;
   sim::RobotConfig& robot = before.environment.robot;
   robot.friction = sim::FrictionLaw::kCone;
-  robot.centre_of_mass_x = robot.centre_of_mass_y = 0.0;
+  robot.centre_of_mass_x = robot.centre_of_mass_y = robot.centre_of_mass_z = 0.0;
   robot.sensor_mass = 0.0;
   robot.wheel_width = 0.0;
   RunConfig now;
@@ -32,7 +32,7 @@ RecordedConfig ReadRecordedConfig(std::string_view text, std::string_view source
 
 std::string DescribeDriveBeforeFrictionLaws() {
   return "is from before environment.robot.friction: it drives as then, by Coulomb's cone, with "
-         "centre_of_mass_x, centre_of_mass_y and wheel_width = 0; --profile configs/jackal.toml "
+         "centre_of_mass_x, _y, _z and wheel_width = 0; --profile configs/jackal.toml "
          "gives it the present drive";
 }
 

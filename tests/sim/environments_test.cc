@@ -83,7 +83,16 @@ TEST(EnvironmentConfigTest, RefusesWhatContradictsItself) {
   EnvironmentConfig short_clip;
   short_clip.observation.range_clip = 0.5;
   short_clip.lidar.min_range = 0.6;
-  for (const EnvironmentConfig& config : {odd_step, short_sight, short_clip}) {
+  EnvironmentConfig falls_over;
+  falls_over.robot.sensor_mass = 100.0;
+  falls_over.robot.sensor_x = 0.3;
+  EnvironmentConfig wide_wheels;
+  wide_wheels.robot.wheel_width = 0.4;
+  EnvironmentConfig jammed;
+  jammed.robot.friction = FrictionLaw::kGazebo;
+  jammed.robot.wheel_friction = 1.0;
+  for (const EnvironmentConfig& config :
+       {odd_step, short_sight, short_clip, falls_over, wide_wheels, jammed}) {
     EXPECT_THROW(CheckConsistent(config), base::Error);
     EXPECT_THROW(CourseEnvironments(config, {Corridor(3.0, 9.0)}, 1, nullptr), base::Error);
   }
