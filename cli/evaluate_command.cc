@@ -27,6 +27,7 @@
 #include "config/config.h"
 #include "engines/physics.h"
 #include "eval/physics_table.h"
+#include "sim/scene.h"
 #include "train/profile.h"
 #include "train/recorded_config.h"
 
@@ -246,6 +247,14 @@ void RequireOutput(const EvaluateOptions& options, const std::vector<sim::Physic
   base::MakeDirectories(output);
 }
 
+/// What one of the physics refuses is said before any of them drives.
+void RequireDrivable(const eval::EvaluationTask& task, const std::vector<sim::Physics>& physics) {
+  const auto scenes = sim::MakeScenes(task.courses);
+  for (const sim::Physics& each : physics) {
+    if (each.make_bodies) (void)each.make_bodies(task.environment, scenes, 1);
+  }
+}
+
 /// One evaluation, as text or JSON.
 std::string OneReport(const ScoredRun& run, bool json) {
   return json ? eval::JsonReport(run.evaluation, run.provenance) : eval::TextReport(run.evaluation);
@@ -275,6 +284,7 @@ int Evaluate(const EvaluateOptions& options) {
       options.policy ? PreparePolicyRun(options) : PreparePlannerRun(options, parallel);
   if (options.name) prepared.provenance.agent = *options.name;
   prepared.provenance.profiles = options.profiles;
+  if (physics.size() > 1) RequireDrivable(prepared.task, physics);
   std::vector<ScoredRun> runs;
   for (std::size_t k = 0; k < physics.size(); ++k) {
     prepared.task.physics = physics[k];

@@ -68,6 +68,11 @@ TEST_F(PhysicsTest, BadInputIsRefused) {
     }
     ExpectError({"--physics", name, "--set", "environment.robot.drive=ideal"},
                 AllOf(HasSubstr("environment.robot.drive"), HasSubstr("physics " + name)));
+    // Before anything was driven in another physics.
+    ExpectError({"--physics", "slalom," + name, "--output", "refused", "--set",
+                 "environment.robot.drive=ideal"},
+                HasSubstr("physics " + name));
+    EXPECT_FALSE(Exists("refused/slalom"));
     ExpectError({"--physics", name, "--set", "environment.robot.mass=1"},
                 AllOf(HasSubstr("environment.robot.mass is 1 kg"), HasSubstr("physics " + name)));
   }
