@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.h"
@@ -12,7 +13,8 @@ namespace {
 // docs/original-system.md, section 1.1.
 constexpr std::array<double, 6> kChassisInertia = {0.3136,  0.3922, 0.4485,
                                                    -0.0008, 0.0164, -0.0009};
-constexpr double kAxleHeight = 0.0345;  // Of the axles in C, [m].
+constexpr double kAxleHeight = 0.0345;    // Of the axles in C, [m].
+constexpr double kThinnestWheel = 0.001;  // A body needs some width, [m].
 constexpr double kWheelMass = 0.477;
 constexpr Vec3 kWheelInertia = {0.0013, 0.0024, 0.0013};
 constexpr Box3 kChassisBox = {{0.0, 0.0, 0.092}, {0.21, 0.155, 0.092}};
@@ -105,7 +107,7 @@ Jackal MakeJackal(const sim::RobotConfig& config, std::string_view physics) {
   SpreadMass(config, jackal);
   if (config.sensor_mass > 0.0) AddSensor(config, jackal);
   jackal.wheel_radius = config.wheel_radius;
-  jackal.wheel_half_width = 0.5 * config.wheel_width;
+  jackal.wheel_half_width = 0.5 * std::max(config.wheel_width, kThinnestWheel);
   jackal.wheel_mass = kWheelMass;
   jackal.wheel_inertia = kWheelInertia;
   for (int wheel = 0; wheel < kNumWheels; ++wheel) {

@@ -88,6 +88,17 @@ TEST_P(EngineBodyTest, TakesCommandsAsSlalomDoes) {
   EXPECT_NEAR(robot.speed_ahead(), 0.6, 0.02);
 }
 
+// As configs of before wheel_width have it.
+TEST_P(EngineBodyTest, GoesOnWheelsWithoutWidth) {
+  sim::EnvironmentConfig config;
+  config.robot.wheel_width = 0.0;
+  config.robot.centre_of_mass_x = config.robot.centre_of_mass_y = 0.0;
+  config.robot.centre_of_mass_z = 0.0;
+  EngineDrive robot(GetParam(), config);
+  robot.Drive(1.0, 0.0, 10);
+  EXPECT_NEAR(robot.speed_ahead(), 1.0, 0.02);
+}
+
 TEST_P(EngineBodyTest, RightWheelsThatRunFasterTurnItLeft) {
   sim::EnvironmentConfig config;
   config.robot.wheel_imbalance = 0.1;
