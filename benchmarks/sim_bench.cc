@@ -251,25 +251,43 @@ void BM_StockBox2dScans(benchmark::State& state) {
 }
 BENCHMARK(BM_StockBox2dScans);
 
-/// Body and drive alone, on one course, without collision's resets. Items are control steps.
-void DriveOnly(benchmark::State& state, Robot::Stepping stepping) {
-  const EnvironmentConfig config;
+/// Body and drive alone, eight robots together, on one course, without collision's resets. Items
+/// are control steps.
+void DriveOnly(benchmark::State& state, FrictionLaw law, Robot::Stepping stepping) {
+  EnvironmentConfig config;
+  config.robot.friction = law;
   const Scene& scene = *StaticScenes().front();
   ContactWorld contacts(config.robot);
-  Robot robot(config.robot, NumSubsteps(config), stepping);
-  robot.Reset(scene.course().start);
+  std::vector<Robot> robots(SkidLanes::kSize, Robot(config.robot, NumSubsteps(config), stepping));
+  for (Robot& robot : robots) robot.Reset(scene.course().start);
   base::Random random(5);
+  std::vector<Robot::Order> orders(robots.size());
   for (auto _ : state) {
-    if (robot.Drive(random.Uniform(-1.0, 2.0), random.Uniform(-3.0, 3.0), scene, 0.0, contacts)) {
-      robot.Reset(scene.course().start);
+    for (std::size_t i = 0; i < robots.size(); ++i) {
+      if (orders[i].touched) robots[i].Reset(scene.course().start);
+      orders[i] = {.robot = &robots[i],
+                   .scene = &scene,
+                   .linear = random.Uniform(-1.0, 2.0),
+                   .angular = random.Uniform(-3.0, 3.0)};
     }
+    Robot::DriveTogether(orders, contacts);
   }
-  state.SetItemsProcessed(state.iterations());
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(robots.size()));
 }
-void BM_Drive(benchmark::State& state) { DriveOnly(state, Robot::Stepping::kBox2dInContact); }
+void BM_Drive(benchmark::State& state) {
+  DriveOnly(state, FrictionLaw::kCone, Robot::Stepping::kBox2dInContact);
+}
 BENCHMARK(BM_Drive);
+void BM_DrivePyramid(benchmark::State& state) {
+  DriveOnly(state, FrictionLaw::kPyramid, Robot::Stepping::kBox2dInContact);
+}
+BENCHMARK(BM_DrivePyramid);
+void BM_DriveGazebo(benchmark::State& state) {
+  DriveOnly(state, FrictionLaw::kGazebo, Robot::Stepping::kBox2dInContact);
+}
+BENCHMARK(BM_DriveGazebo);
 void BM_DriveBox2dAlways(benchmark::State& state) {
-  DriveOnly(state, Robot::Stepping::kBox2dAlways);
+  DriveOnly(state, FrictionLaw::kCone, Robot::Stepping::kBox2dAlways);
 }
 BENCHMARK(BM_DriveBox2dAlways);
 

@@ -31,9 +31,9 @@ RecordedConfig ReadRecordedConfig(std::string_view text, std::string_view source
 }
 
 std::string DescribeDriveBeforeFrictionLaws() {
-  return "is from before environment.robot.friction: it drives as then, by Coulomb's cone, with "
-         "centre_of_mass_x, _y, _z and wheel_width = 0; --profile configs/jackal.toml "
-         "gives it the present drive";
+  return "was trained before environment.robot.friction existed, by Coulomb's cone with "
+         "centre_of_mass_x, _y, _z and wheel_width = 0, and drives so unless told otherwise "
+         "(--profile configs/jackal.toml: the present drive)";
 }
 
 }  // namespace slalom::train

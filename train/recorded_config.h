@@ -21,8 +21,8 @@ struct RecordedConfig {
 /// that this program does not know.
 RecordedConfig ReadRecordedConfig(std::string_view text, std::string_view source);
 
-/// One line for who drives by such a config, without its source: what the old drive is, and how to
-/// have the present one.
+/// One line about such a config, to be put after its source: what the old drive is, and how to have
+/// the present one.
 std::string DescribeDriveBeforeFrictionLaws();
 
 }  // namespace slalom::train

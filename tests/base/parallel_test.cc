@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 namespace slalom::base {
@@ -28,6 +29,33 @@ TEST_P(ParallelForTest, WhatABodyWroteIsSeenAfterwards) {
     parallel.For(static_cast<int>(values.size()), [&](int i) { values[i] += i; });
   }
   for (int i = 0; i < static_cast<int>(values.size()); ++i) EXPECT_EQ(values[i], 200 * i);
+}
+
+TEST_P(ParallelForTest, NoTwoBodiesShareAThreadNumber) {
+  ParallelFor parallel(GetParam());
+  std::vector<std::atomic<bool>> busy(GetParam());
+  for (int round = 0; round < 200; ++round) {
+    parallel.For(50, [&](int, int thread) {
+      EXPECT_FALSE(busy.at(thread).exchange(true));
+      busy[thread] = false;
+    });
+  }
+}
+
+// The body of index 0 ends only after all others have: their thread's neighbours must have taken
+// them over.
+TEST_P(ParallelForTest, WhatALateThreadHasNotBegunIsDoneByOthers) {
+  if (GetParam() == 1) return;
+  ParallelFor parallel(GetParam());
+  for (int round = 0; round < 20; ++round) {
+    constexpr int kCount = 40;
+    std::atomic<int> done = 0;
+    parallel.For(kCount, [&](int i) {
+      while (i == 0 && done < kCount - 1) std::this_thread::yield();
+      ++done;
+    });
+    EXPECT_EQ(done, kCount);
+  }
 }
 
 TEST_P(ParallelForTest, AnExceptionComesBackAndTheNextLoopRuns) {
