@@ -66,6 +66,21 @@ void RequireDifferentFiles(const Agents& named) {
   }
 }
 
+/// Seeds that were driven in different physics would pass for seeds that differ.
+void RequireOnePhysicsEach(const Agents& named) {
+  for (const eval::AgentResults& agent : named.agents) {
+    const eval::Result& first = named.results[agent.results.front()];
+    for (const std::size_t r : agent.results) {
+      const eval::Result& other = named.results[r];
+      if (other.physics == first.physics) continue;
+      throw base::Error(
+          fmt::format("agent {}: {} and {} were driven in physics {} and {}, expected one "
+                      "for all of its seeds",
+                      agent.label, first.file, other.file, first.physics, other.physics));
+    }
+  }
+}
+
 void RequireDifferentLabels(const Agents& named) {
   for (std::size_t a = 0; a < named.agents.size(); ++a) {
     for (std::size_t b = 0; b < a; ++b) {
@@ -112,6 +127,7 @@ void Compare(const CompareOptions& options) {
   const Agents named = ReadAgents(options);
   RequireDifferentLabels(named);
   RequireDifferentFiles(named);
+  RequireOnePhysicsEach(named);
   eval::RequireComparable(named.results);
   const eval::AgentComparison comparison = eval::CompareAgents(named.results, named.agents);
   const std::string markdown = eval::MarkdownOf(comparison);

@@ -25,11 +25,18 @@
 #include "cli/output.h"
 #include "cli/signals.h"
 #include "config/config.h"
+#include "engines/physics.h"
+#include "eval/physics_table.h"
+#include "sim/scene.h"
 #include "train/profile.h"
 #include "train/recorded_config.h"
 
 namespace slalom::cli {
 namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kPhysicsFile[] = "physics.md";  // The table of several physics.
 
 struct EvaluateOptions {
   std::optional<std::string> policy;
@@ -39,6 +46,7 @@ struct EvaluateOptions {
   std::vector<std::string> profiles;
   std::vector<std::string> overrides;
   std::optional<std::string> protocol;
+  std::string physics = "slalom";
   std::optional<std::string> name;
   std::optional<std::string> collection;
   std::optional<int> episodes;
@@ -162,7 +170,6 @@ train::RunConfig TaskOf(const EvaluateOptions& options,
 
 /// Who names a run means its policy, but says so.
 void RequireNoRunDirectory(const std::string& path) {
-  namespace fs = std::filesystem;
   std::error_code error;
   const fs::path policy = fs::path(path) / "policy.safetensors";
   if (!fs::is_directory(path, error) || !fs::exists(policy, error)) return;
@@ -201,25 +208,67 @@ void RequirePlannable(const std::string& path, const policy::PolicySnapshot& pol
   }
 }
 
-std::optional<ScoredRun> DrivePolicy(const EvaluateOptions& options, base::ParallelFor& parallel,
-                                     std::stop_token stop) {
+PreparedRun PreparePolicyRun(const EvaluateOptions& options) {
   RequireNoRunDirectory(*options.policy);
   const policy::LoadedPolicy loaded = policy::LoadPolicy(*options.policy);
   const auto trained = TrainedConfig(options, loaded);
   const train::RunConfig config = TaskOf(options, trained);
   if (trained) RequireSameFieldOfView(options, *trained, config);
   RequirePlannable(*options.policy, loaded.snapshot, config);
-  return EvaluatePolicy(loaded.snapshot, *options.policy, config, options.courses,
-                        trained ? std::optional(trained->courses) : std::nullopt, parallel,
-                        std::move(stop));
+  return PreparePolicy(loaded.snapshot, *options.policy, config, options.courses,
+                       trained ? std::optional(trained->courses) : std::nullopt);
 }
 
-std::optional<ScoredRun> DrivePlanner(const EvaluateOptions& options, base::ParallelFor& parallel,
-                                      std::stop_token stop) {
+PreparedRun PreparePlannerRun(const EvaluateOptions& options, base::ParallelFor& parallel) {
   train::AgentRunConfig config;
   if (options.config) config = train::ReadAgentRunConfig(*options.config);
   ApplyOptions(options, config);
-  return EvaluatePlanner(*options.agent, config, options.courses, parallel, std::move(stop));
+  return PreparePlanner(*options.agent, config, options.courses, parallel);
+}
+
+/// Where the scores in each physics go: the output directory or, if there are several, directories
+/// in it by their names.
+std::vector<fs::path> OutputDirectories(const fs::path& output,
+                                        const std::vector<sim::Physics>& physics) {
+  if (physics.size() == 1) return {output};
+  std::vector<fs::path> directories;
+  directories.reserve(physics.size());
+  for (const sim::Physics& each : physics) directories.push_back(output / each.name);
+  return directories;
+}
+
+void RequireOutput(const EvaluateOptions& options, const std::vector<sim::Physics>& physics) {
+  const fs::path output = *options.output;
+  RequireOutputDirectory(output, {"slalom evaluate", {"evaluation.json", kPhysicsFile}},
+                         options.force);
+  for (const fs::path& directory : OutputDirectories(output, physics)) {
+    RequireOutputDirectory(directory, {"slalom evaluate", {"evaluation.json"}}, options.force);
+  }
+  base::MakeDirectories(output);
+}
+
+/// What one of the physics refuses is said before any of them drives.
+void RequireDrivable(const eval::EvaluationTask& task, const std::vector<sim::Physics>& physics) {
+  const auto scenes = sim::MakeScenes(task.courses);
+  for (const sim::Physics& each : physics) {
+    if (each.make_bodies) (void)each.make_bodies(task.environment, scenes, 1);
+  }
+}
+
+/// One evaluation, as text or JSON.
+std::string OneReport(const ScoredRun& run, bool json) {
+  return json ? eval::JsonReport(run.evaluation, run.provenance) : eval::TextReport(run.evaluation);
+}
+
+/// Several in as many physics, side by side.
+std::string ReportSideBySide(const std::vector<ScoredRun>& runs, bool json) {
+  std::vector<eval::Result> results;
+  std::vector<std::string> reports;
+  for (const ScoredRun& run : runs) {
+    results.push_back(eval::ResultOf(run.evaluation, run.provenance));
+    reports.push_back(eval::JsonReport(run.evaluation, run.provenance));
+  }
+  return json ? eval::PhysicsJson(results, reports) : eval::PhysicsTable(results);
 }
 
 int Evaluate(const EvaluateOptions& options) {
@@ -228,26 +277,30 @@ int Evaluate(const EvaluateOptions& options) {
                           ? options.threads
                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   if (options.collection) RequireCollection(*options.collection);
-  if (options.output) {
-    RequireOutputDirectory(*options.output, {"slalom evaluate", {"evaluation.json"}},
-                           options.force);
-    base::MakeDirectories(*options.output);
-  }
+  const std::vector<sim::Physics> physics = engines::FindPhysicsList(options.physics);
+  if (options.output) RequireOutput(options, physics);
   base::ParallelFor parallel(threads);
-  auto result = options.policy ? DrivePolicy(options, parallel, signals.token())
-                               : DrivePlanner(options, parallel, signals.token());
-  if (!result) return kExitSignalBase + signals.received();
-  if (options.name) result->provenance.agent = *options.name;
-  result->provenance.profiles = options.profiles;
-  if (options.json) {
-    fmt::print("{}", eval::JsonReport(result->evaluation, result->provenance));
-  } else {
-    fmt::print("{}", eval::TextReport(result->evaluation));
+  PreparedRun prepared =
+      options.policy ? PreparePolicyRun(options) : PreparePlannerRun(options, parallel);
+  if (options.name) prepared.provenance.agent = *options.name;
+  prepared.provenance.profiles = options.profiles;
+  if (physics.size() > 1) RequireDrivable(prepared.task, physics);
+  std::vector<ScoredRun> runs;
+  for (std::size_t k = 0; k < physics.size(); ++k) {
+    prepared.task.physics = physics[k];
+    auto run = RunScored(prepared, parallel, signals.token());
+    if (!run) return kExitSignalBase + signals.received();
+    if (options.output) WriteScoredRun(*run, OutputDirectories(*options.output, physics)[k]);
+    runs.push_back(std::move(*run));
   }
-  if (options.output) {
-    WriteScoredRun(*result, *options.output);
-    if (!options.json) fmt::print("\nscores and pictures: {}/\n", *options.output);
+  const std::string report = runs.size() == 1 ? OneReport(runs.front(), options.json)
+                                              : ReportSideBySide(runs, options.json);
+  fmt::print("{}", report);
+  if (options.output && runs.size() > 1) {
+    base::WriteFileAtomically(fs::path(*options.output) / kPhysicsFile,
+                              ReportSideBySide(runs, false));
   }
+  if (options.output && !options.json) fmt::print("\nscores and pictures: {}/\n", *options.output);
   return kExitOk;
 }
 
@@ -266,6 +319,8 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
       "  slalom evaluate --policy runs/quickstart/policy.safetensors --courses static-test\n"
       "  slalom evaluate --agent dwa --courses static-test --output out/dwa\n"
       "  slalom evaluate --agent mppi --courses static-challenge --protocol barn-challenge\n"
+      "  slalom evaluate --policy runs/quickstart/policy.safetensors --courses static-test "
+      "--physics all\n"
       "  slalom evaluate --agent dwa --courses static-test --set "
       "environment.robot.command_delay=0.04\n");
   auto options = std::make_shared<EvaluateOptions>();
@@ -284,6 +339,10 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
                       "Directory of imported courses in which set names are looked up");
   command->add_option("--protocol", options->protocol,
                       "The rules: paper, dwa-runs or barn-challenge [paper]");
+  command->add_option(
+      "--physics", options->physics,
+      "What moves the robot: slalom, ode or mujoco, several with commas, or all; "
+      "several are compared in the same episodes (docs/physics-engines.md) [slalom]");
   command
       ->add_option("--profile", options->profiles,
                    "Lay the [environment] keys of this TOML file over the task (repeatable), for "

@@ -10,10 +10,8 @@
 
 namespace slalom::cli {
 
-std::optional<ScoredRun> EvaluatePlanner(const std::string& name,
-                                         const train::AgentRunConfig& config,
-                                         const std::string& courses_spec,
-                                         base::ParallelFor& parallel, std::stop_token stop) {
+PreparedRun PreparePlanner(const std::string& name, const train::AgentRunConfig& config,
+                           const std::string& courses_spec, base::ParallelFor& parallel) {
   (void)planners::NavigationOf(name, config.planners);  // Before any work, that there is one.
   const sim::CourseSet courses =
       sim::ResolveCourses(courses_spec, config.courses.collection,
@@ -26,17 +24,18 @@ std::optional<ScoredRun> EvaluatePlanner(const std::string& name,
   provenance.collection = config.courses.collection;
   provenance.commit = Commit();
   provenance.config = config::ToToml(config);
-  const auto make_agent = [&](int, const sim::EnvironmentConfig& environment) {
+  const auto make_agent = [name, planners_config = config.planners, &parallel](
+                              int, const sim::EnvironmentConfig& environment) {
     const sim::LidarConfig& lidar = environment.lidar;
     const planners::ScanGeometry geometry{lidar.num_beams,
                                           lidar.field_of_view,
                                           {lidar.offset_x, lidar.offset_y},
                                           environment.observation.range_clip};
     return std::make_unique<planners::PlannerAgent>(
-        name, config.planners, geometry, environment.action, environment.episode.step, &parallel);
+        name, planners_config, geometry, environment.action, environment.episode.step, &parallel);
   };
-  return RunScored(eval::ResolveEvaluation(config.evaluation, config.environment, courses),
-                   make_agent, std::move(provenance), parallel, std::move(stop));
+  return {eval::ResolveEvaluation(config.evaluation, config.environment, courses), make_agent,
+          std::move(provenance)};
 }
 
 }  // namespace slalom::cli

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <optional>
-#include <stop_token>
 #include <string>
 
 #include "base/parallel.h"
@@ -10,12 +8,11 @@
 
 namespace slalom::cli {
 
-/// Drives the classical planner `name` over the courses of `courses_spec`, as `EvaluatePolicy` does
-/// a policy. Returns nothing if it was stopped before the end. Throws `base::Error` if there is no
-/// such planner (the error lists them) or the courses cannot be read.
-std::optional<ScoredRun> EvaluatePlanner(const std::string& name,
-                                         const train::AgentRunConfig& config,
-                                         const std::string& courses_spec,
-                                         base::ParallelFor& parallel, std::stop_token stop);
+/// Prepares to drive the classical planner `name` over the courses of `courses_spec`, as
+/// `PreparePolicy` does a policy. `parallel`: threads on which it plans; they must outlive the
+/// result. Throws `base::Error` if there is no such planner (the error lists them) or the courses
+/// cannot be read.
+PreparedRun PreparePlanner(const std::string& name, const train::AgentRunConfig& config,
+                           const std::string& courses_spec, base::ParallelFor& parallel);
 
 }  // namespace slalom::cli

@@ -23,12 +23,9 @@ std::string AgentName(const std::string& policy_source) {
 
 }  // namespace
 
-std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
-                                        const std::string& policy_source,
-                                        const train::RunConfig& config,
-                                        const std::string& courses_spec,
-                                        const std::optional<train::CoursesConfig>& trained,
-                                        base::ParallelFor& parallel, std::stop_token stop) {
+PreparedRun PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
+                          const train::RunConfig& config, const std::string& courses_spec,
+                          const std::optional<train::CoursesConfig>& trained) {
   policy::RequireSameInterface(policy_source, policy.spec,
                                sim::MakeObservationSpec(config.environment),
                                config.environment.action);
@@ -53,14 +50,21 @@ std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
   provenance.config = config::ToToml(config);
   const std::uint64_t seed =
       base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc of evaluations");
-  auto run = RunScored(
-      eval::ResolveEvaluation(config.evaluation, config.environment, courses),
-      [&](int, const sim::EnvironmentConfig&) {
-        return policy::MakePolicyAgent(policy, config.mpc, seed);
-      },
-      std::move(provenance), parallel, std::move(stop));
-  if (run) run->evaluation.training_overlap = std::move(overlap);
-  return run;
+  return {eval::ResolveEvaluation(config.evaluation, config.environment, courses),
+          [policy, mpc = config.mpc, seed](int, const sim::EnvironmentConfig&) {
+            return policy::MakePolicyAgent(policy, mpc, seed);
+          },
+          std::move(provenance), std::move(overlap)};
+}
+
+std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
+                                        const std::string& policy_source,
+                                        const train::RunConfig& config,
+                                        const std::string& courses_spec,
+                                        const std::optional<train::CoursesConfig>& trained,
+                                        base::ParallelFor& parallel, std::stop_token stop) {
+  return RunScored(PreparePolicy(policy, policy_source, config, courses_spec, trained), parallel,
+                   std::move(stop));
 }
 
 }  // namespace slalom::cli

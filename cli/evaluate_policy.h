@@ -11,11 +11,16 @@
 
 namespace slalom::cli {
 
-/// Drives a policy over the courses of `courses_spec` with the task, collection and protocol of
-/// `config`, showing progress on standard error. `trained`: the courses that it was trained on; a
-/// warning says how many of them are driven here. Give none if they are not known or do not matter.
-/// Returns nothing if it was stopped before the end. Throws `base::Error` if the policy does not
-/// fit the task (the error names `policy_source`) or the courses cannot be read.
+/// Prepares to drive a policy over the courses of `courses_spec` with the task, collection and
+/// protocol of `config`. `trained`: the courses that it was trained on; a warning says how many of
+/// them are driven here. Give none if they are not known or do not matter. Throws `base::Error` if
+/// the policy does not fit the task (the error names `policy_source`) or the courses cannot be
+/// read.
+PreparedRun PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
+                          const train::RunConfig& config, const std::string& courses_spec,
+                          const std::optional<train::CoursesConfig>& trained);
+
+/// `PreparePolicy` and `RunScored` in one.
 std::optional<ScoredRun> EvaluatePolicy(const policy::PolicySnapshot& policy,
                                         const std::string& policy_source,
                                         const train::RunConfig& config,

@@ -46,15 +46,18 @@ class EpisodeProgress {
 
 }  // namespace
 
-std::optional<ScoredRun> RunScored(const eval::EvaluationTask& task,
-                                   const eval::MakeAgent& make_agent, eval::Provenance provenance,
-                                   base::ParallelFor& parallel, std::stop_token stop) {
-  EpisodeProgress progress(fmt::format("{} on {}", provenance.agent, provenance.course_set));
+std::optional<ScoredRun> RunScored(const PreparedRun& prepared, base::ParallelFor& parallel,
+                                   std::stop_token stop) {
+  const sim::Physics& physics = prepared.task.physics;
+  EpisodeProgress progress(fmt::format("{} on {}{}", prepared.provenance.agent,
+                                       prepared.provenance.course_set,
+                                       physics.make_bodies ? " in " + physics.name : ""));
   auto evaluation = eval::EvaluateOnCourses(
-      task, make_agent, &parallel,
+      prepared.task, prepared.make_agent, &parallel,
       [&progress](const eval::EpisodeCount& count) { progress.Show(count); }, std::move(stop));
   if (!evaluation) return std::nullopt;
-  return ScoredRun{std::move(*evaluation), std::move(provenance)};
+  evaluation->training_overlap = prepared.training_overlap;
+  return ScoredRun{std::move(*evaluation), prepared.provenance};
 }
 
 void WriteScoredRun(const ScoredRun& run, const std::filesystem::path& directory) {

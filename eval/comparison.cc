@@ -73,8 +73,10 @@ std::string CellText(const Column& column, const Figures& figures, std::string_v
 std::string BaseLabel(const Result& result) {
   std::vector<std::string> profiles;
   for (const std::string& profile : result.profiles) profiles.push_back(fs::path(profile).stem());
-  return profiles.empty() ? result.agent
-                          : fmt::format("{} ({})", result.agent, fmt::join(profiles, ", "));
+  std::string label = result.agent;
+  if (!profiles.empty()) label += fmt::format(" ({})", fmt::join(profiles, ", "));
+  if (result.physics != "slalom") label += " in " + result.physics;
+  return label;
 }
 
 std::string SizeText(const ResultGroup& group, std::span<const Result> results) {

@@ -24,8 +24,9 @@ struct ResultGroup {
 /// the order in which they first appear.
 std::vector<ResultGroup> GroupByCourses(std::span<const Result> results);
 
-/// Returns a name for each result that is unique in its group: the agent and the profiles laid over
-/// its task and, if that is not unique, the directory or a number.
+/// Returns a name for each result that is unique in its group: the agent, the profiles laid over
+/// its task, the physics unless it is Slalom's own, and, if that is not unique, the directory or a
+/// number.
 std::vector<std::string> Labels(std::span<const Result> results);
 
 /// Returns a sentence with the rules of the result's protocol.

@@ -38,7 +38,8 @@ using MakeAgent = std::function<std::unique_ptr<env::Agent>(
 
 /// Runs a complete evaluation in environments of its own. `parallel` may be null (see
 /// `sim::CourseEnvironments`); it changes the speed, not the result. Returns nothing if `stop` was
-/// requested before the end. Throws `base::Error` if a course cannot be started.
+/// requested before the end. Throws `base::Error` if a course cannot be started, or not in the
+/// task's physics.
 [[nodiscard]] std::optional<Evaluation> EvaluateOnCourses(const EvaluationTask& task,
                                                           const MakeAgent& make_agent,
                                                           base::ParallelFor* parallel,

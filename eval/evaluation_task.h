@@ -6,6 +6,7 @@
 #include "eval/protocol.h"
 #include "sim/courses/course.h"
 #include "sim/environment_config.h"
+#include "sim/robot_body.h"
 
 namespace slalom::eval {
 
@@ -27,6 +28,7 @@ struct EvaluationTask {
   std::int64_t seed = 1;
   int num_environments = 1;  ///< Driven side by side; at most as many as there are episodes.
   Recording recording;
+  sim::Physics physics;  ///< Slalom's own, unless whoever resolved it says otherwise.
 
   int num_episodes() const {
     return static_cast<int>(courses.courses.size()) * episodes_per_course;

@@ -16,6 +16,8 @@ namespace slalom::eval {
 /// is not known.
 struct PairedComparison {
   Estimate success_rate;                   ///< -1 to 1.
+  Estimate collision_rate;                 ///< Of episodes that a collision ended; -1 to 1.
+  Estimate timeout_rate;                   ///< -1 to 1.
   std::optional<Estimate> traversal_time;  ///< [s]; none: no course was passed by both.
   Estimate barn_score;                     ///< -0.5 to 0.5.
   int num_traversal_courses = 0;           ///< Courses that both passed at least once.

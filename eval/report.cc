@@ -51,6 +51,12 @@ std::string SetLines(const Figures& set) {
          Line("BARN score", set.barn_score, 1, 4, "", "at most 0.5");
 }
 
+/// Figures in other physics than Slalom's own say so.
+std::string PhysicsLine(const sim::Physics& physics) {
+  if (!physics.make_bodies) return "";
+  return fmt::format("  physics {} {}\n", physics.name, physics.version);
+}
+
 /// Collisions that did not end their episodes.
 std::string ContactLine(const Evaluation& evaluation) {
   if (evaluation.task.protocol.collision_ends) return "";
@@ -138,6 +144,10 @@ OrderedJson ProtocolJson(const EvaluationTask& task) {
           {"start_yaw_jitter_rad", episode.start_yaw_jitter}};
 }
 
+OrderedJson PhysicsJson(const sim::Physics& physics) {
+  return {{"name", physics.name}, {"version", physics.version}};
+}
+
 OrderedJson RunJson(const Evaluation& evaluation) {
   return {{"episodes_per_course", evaluation.task.episodes_per_course},
           {"seed", evaluation.task.seed},
@@ -208,13 +218,14 @@ std::string TextReport(const Evaluation& evaluation, int max_courses) {
   return fmt::format(
              "{}: {} course{} x {} episode{}, seed {}, start within {} m and {} rad\n"
              "  protocol {}: {} s, goal within {} m, {}\n"
+             "{}"
              "  {:<16}{:>10}   {}\n",
              evaluation.task.courses.name, summary.courses.size(),
              summary.courses.size() == 1 ? "" : "s", task.episodes_per_course,
              task.episodes_per_course == 1 ? "" : "s", task.seed, episode.start_position_jitter,
              episode.start_yaw_jitter, protocol.name, protocol.time_limit, protocol.goal_tolerance,
              protocol.collision_ends ? "a collision ends the episode" : "collisions end nothing",
-             "", "", "95 % interval") +
+             PhysicsLine(task.physics), "", "", "95 % interval") +
          SetLines(summary.set) + ContactLine(evaluation) + OverlapLine(evaluation) +
          CourseLines(summary, max_courses);
 }
@@ -227,6 +238,7 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
   report["course_set"] = evaluation.task.courses.name;
   PutFigures(report, evaluation.summary.set);
   report["protocol"] = ProtocolJson(evaluation.task);
+  report["physics"] = PhysicsJson(evaluation.task.physics);
   report["run"] = RunJson(evaluation);
   report["provenance"] = ProvenanceJson(evaluation, provenance);
   report["files"] = {{"courses", kCoursesFile}, {"tracks", kTracksFile}};

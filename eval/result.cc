@@ -255,6 +255,11 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
   for (const auto& [key, value] : reader.Get("protocol").items()) {
     result.protocol[key] = value.dump(-1, ' ', false, Json::error_handler_t::replace);
   }
+  if (reader.HasValue("physics")) {  // Older files lack it: they know Slalom's own alone.
+    const ObjectReader physics = reader.Object("physics");
+    result.physics = physics.Text("name");
+    result.physics_version = physics.Text("version");
+  }
   const ObjectReader run = reader.Object("run");
   result.seed = run.Get("seed").is_number_integer() ? run.Get("seed").get<std::int64_t>() : 0;
   result.step = run.Number("step_s", 1e-6, 1e3);

@@ -44,6 +44,8 @@ struct Result {
   std::string collection;  ///< Empty: the built-in courses.
   std::string commit;
   std::optional<TrainingOverlap> training_overlap;  ///< None: not known, or a planner.
+  std::string physics = "slalom";                   ///< What moved the robot.
+  std::string physics_version;                      ///< Empty: not known.
   std::map<std::string, std::string> protocol;      ///< As JSON texts, by key.
   std::int64_t seed = 0;
   double step = 0.0;          ///< Control step, [s].

@@ -22,12 +22,36 @@ const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
   return config;
 }
 
+/// Bodies of Slalom's own physics.
+MakeRobotBodies RobotsThat(Robot::Stepping stepping) {
+  return [stepping](const EnvironmentConfig& config,
+                    std::span<const std::shared_ptr<const Scene>> scenes, int count) {
+    int max_moving = 0;
+    for (const auto& scene : scenes) {
+      max_moving = std::max(max_moving, scene->moving_obstacles().size());
+    }
+    std::vector<std::unique_ptr<RobotBody>> bodies;
+    for (int i = 0; i < count; ++i) {
+      auto robot = std::make_unique<Robot>(config.robot, NumSubsteps(config), stepping);
+      robot->Reserve(max_moving);
+      bodies.push_back(std::move(robot));
+    }
+    return bodies;
+  };
+}
+
 }  // namespace
 
 CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
                                        std::vector<std::shared_ptr<const Scene>> scenes,
                                        int batch_size, base::ParallelFor* parallel,
                                        Robot::Stepping stepping)
+    : CourseEnvironments(config, std::move(scenes), batch_size, parallel, RobotsThat(stepping)) {}
+
+CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
+                                       std::vector<std::shared_ptr<const Scene>> scenes,
+                                       int batch_size, base::ParallelFor* parallel,
+                                       const MakeRobotBodies& make_bodies)
     : config_(Checked(config)),
       scenes_(std::move(scenes)),
       footprint_(MakeFootprint(config.robot)),
@@ -55,13 +79,12 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
     }
     max_moving = std::max(max_moving, scene->moving_obstacles().size());
   }
-  const Robot at_rest(config.robot, NumSubsteps(config), stepping);
   environments_.reserve(batch_size);
-  for (int i = 0; i < batch_size; ++i) {
-    Environment& environment = environments_.emplace_back(at_rest, config.localisation);
-    environment.robot.Reserve(max_moving);
+  for (auto& body : make_bodies(config, scenes_, batch_size)) {
+    Environment& environment = environments_.emplace_back(std::move(body), config.localisation);
     environment.moving.Reserve(max_moving);
   }
+  SLALOM_CHECK_EQ(static_cast<int>(environments_.size()), batch_size);
   const int num_threads = parallel == nullptr ? 1 : parallel->num_threads();
   for (int thread = 0; thread < num_threads; ++thread) {
     contact_worlds_.push_back(std::make_unique<ContactWorld>(config.robot));
@@ -78,13 +101,13 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   Environment& environment = environments_[i];
   environment.scene = &scene;
   const Start start = DrawStart(scene, spec.seed).value_or(Start{scene.course().start});
-  environment.robot.Reset(start.X_WR, base::DeriveSeed(spec.seed, "command jitter"));
+  environment.robot->Reset(start.X_WR, base::DeriveSeed(spec.seed, "command jitter"));
   environment.motion_start = environment.motion_time = start.motion_time;
-  environment.localisation.Reset(environment.robot.pose(),
+  environment.localisation.Reset(environment.robot->pose(),
                                  base::DeriveSeed(spec.seed, "localisation drift"));
   environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
   environment.last_action = config_.action.Normalise(0.0, 0.0);
-  environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
+  environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot->pose().p);
   environment.num_steps = 0;
   environment.running = true;
   observations_.first[i] = 1;
@@ -142,12 +165,13 @@ void CourseEnvironments::Step(std::span<const env::Action> actions,
 
 void CourseEnvironments::DriveGroup(int group, ContactWorld& contacts) {
   const int begin = group * kGroup, end = std::min(begin + kGroup, batch_size());
-  std::array<Robot::Order, kGroup> orders;
+  std::array<RobotBody::Order, kGroup> orders;
   int num_orders = 0;
   for (int i = begin; i < end; ++i) {
     if (environments_[i].running) orders[num_orders++] = OrderFor(environments_[i], actions_[i]);
   }
-  Robot::DriveTogether(std::span(orders).first(num_orders), contacts);
+  if (num_orders == 0) return;
+  orders[0].robot->DriveTogether(std::span(orders).first(num_orders), contacts);
   num_orders = 0;
   for (int i = begin; i < end; ++i) {
     if (environments_[i].running) environments_[i].touched = orders[num_orders++].touched;
@@ -163,13 +187,13 @@ void CourseEnvironments::EndStep(int i) {
   Observe(i);
 }
 
-Robot::Order CourseEnvironments::OrderFor(Environment& environment,
-                                          const env::Action& action) const {
+RobotBody::Order CourseEnvironments::OrderFor(Environment& environment,
+                                              const env::Action& action) const {
   SLALOM_CHECK(std::isfinite(action.linear) && std::isfinite(action.angular));
   const env::Action clipped{std::clamp(action.linear, -1.0f, 1.0f),
                             std::clamp(action.angular, -1.0f, 1.0f)};
   environment.last_action = clipped;
-  return {.robot = &environment.robot,
+  return {.robot = environment.robot.get(),
           .scene = environment.scene,
           .linear = config_.action.linear_mps(clipped),
           .angular = config_.action.angular_radps(clipped),
@@ -179,11 +203,11 @@ Robot::Order CourseEnvironments::OrderFor(Environment& environment,
 env::StepResult CourseEnvironments::ResultOf(Environment& environment) const {
   const Scene& scene = *environment.scene;
   const bool collided = environment.touched;
-  environment.localisation.Advance(environment.robot.pose());
+  environment.localisation.Advance(environment.robot->pose());
   ++environment.num_steps;
   environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;
 
-  const double distance = base::Norm(scene.course().goal_W - environment.robot.pose().p);
+  const double distance = base::Norm(scene.course().goal_W - environment.robot->pose().p);
   double reward =
       config_.reward.progress * (environment.goal_distance - distance) - config_.reward.slack;
   environment.goal_distance = distance;
@@ -209,7 +233,7 @@ env::StepResult CourseEnvironments::ResultOf(Environment& environment) const {
 void CourseEnvironments::Observe(int i) {
   Environment& environment = environments_[i];
   const Scene& scene = *environment.scene;
-  const base::Pose2 X_WR = environment.robot.pose();
+  const base::Pose2 X_WR = environment.robot->pose();
   const MovingObstacles& moving = scene.moving_obstacles();
   if (!moving.empty()) moving.PlaceAll(environment.motion_time, environment.moving);
   lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i),
@@ -220,7 +244,7 @@ void CourseEnvironments::Observe(int i) {
   state[1] = static_cast<float>(goal_R.y);
   state[2] = environment.last_action.linear;
   state[3] = environment.last_action.angular;
-  const BodyState& body = environment.robot.body();
+  const BodyState& body = environment.robot->body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
   observations_.odometry[i] = {.X_OR = environment.localisation.X_OR(),
                                .linear = c * body.vx + s * body.vy,

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/parallel.h"
@@ -13,6 +14,7 @@
 #include "sim/lidar.h"
 #include "sim/localisation.h"
 #include "sim/robot.h"
+#include "sim/robot_body.h"
 #include "sim/scene.h"
 
 namespace slalom::sim {
@@ -52,6 +54,10 @@ class CourseEnvironments : public env::BatchEnvironment {
                      std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
                      base::ParallelFor* parallel,
                      Robot::Stepping stepping = Robot::Stepping::kBox2dInContact);
+  /// The same with bodies of another physics, whose errors it throws, too.
+  CourseEnvironments(const EnvironmentConfig& config,
+                     std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
+                     base::ParallelFor* parallel, const MakeRobotBodies& make_bodies);
 
   int batch_size() const override { return static_cast<int>(environments_.size()); }
   int num_courses() const override { return static_cast<int>(scenes_.size()); }
@@ -66,7 +72,7 @@ class CourseEnvironments : public env::BatchEnvironment {
   void Step(std::span<const env::Action> actions, std::span<env::StepResult> results) override;
 
   const env::ObservationBatch& observations() const override { return observations_; }
-  base::Pose2 robot_pose(int i) const override { return environments_[i].robot.pose(); }
+  base::Pose2 robot_pose(int i) const override { return environments_[i].robot->pose(); }
   double motion_time(int i) const override { return environments_[i].motion_time; }
 
   const EnvironmentConfig& config() const { return config_; }
@@ -74,11 +80,11 @@ class CourseEnvironments : public env::BatchEnvironment {
 
  private:
   struct Environment {
-    Environment(const Robot& at_rest, const LocalisationConfig& drift)
-        : robot(at_rest), localisation(drift), lidar_noise(0) {}
+    Environment(std::unique_ptr<RobotBody> body, const LocalisationConfig& drift)
+        : robot(std::move(body)), localisation(drift), lidar_noise(0) {}
 
     const Scene* scene = nullptr;  // Null: never reset.
-    Robot robot;
+    std::unique_ptr<RobotBody> robot;
     Localisation localisation;
     base::Random lidar_noise;
     MovingShapes moving;  // Where the last scan saw them.
@@ -101,7 +107,7 @@ class CourseEnvironments : public env::BatchEnvironment {
   bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
   void DriveGroup(int group, ContactWorld& contacts);
   void EndStep(int i);
-  Robot::Order OrderFor(Environment& environment, const env::Action& action) const;
+  RobotBody::Order OrderFor(Environment& environment, const env::Action& action) const;
   env::StepResult ResultOf(Environment& environment) const;
   void Observe(int i);
 

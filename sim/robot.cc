@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/check.h"
+#include "base/random.h"
 #include "sim/mass_distribution.h"
 
 namespace slalom::sim {
@@ -24,21 +24,9 @@ Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
       skid_steering_(config.drive == DriveKind::kSkidSteer
                          ? std::optional<SkidSteering>({config, dt_})
                          : std::nullopt),
-      max_speed_step_(config.linear_acceleration * dt_),
-      max_yaw_rate_step_(config.angular_acceleration * dt_),
-      linear_limit_(config.linear_speed_limit),
-      angular_limit_(config.angular_speed_limit),
-      speed_gain_(config.speed_gain),
-      yaw_gain_(config.yaw_gain),
       num_substeps_(num_substeps),
-      delay_(config.command_delay * config.control_rate),
-      jitter_(config.command_jitter * config.control_rate),
       stepping_(stepping),
-      random_jitter_(0) {
-  SLALOM_CHECK_GE(num_substeps, 1);
-  const int latest = static_cast<int>(std::lround(delay_ + jitter_));
-  commands_.resize(1 + (latest + num_substeps - 1) / num_substeps);
-}
+      controller_(config, num_substeps) {}
 
 void Robot::Reserve(int num_moving) {
   moving_.reserve(num_moving);
@@ -54,10 +42,8 @@ void Robot::Reset(const base::Pose2& X_WR, std::uint64_t seed) {
   centre_.x += static_cast<float>(c * centre_x_ - s * centre_y_);
   centre_.y += static_cast<float>(s * centre_x_ + c * centre_y_);
   slip_ = {};
-  wheels_ = {};
+  controller_.Reset(seed);
   clearance_ = 0.0f;
-  std::fill(commands_.begin(), commands_.end(), PendingCommand{});
-  random_jitter_ = base::Random(seed);
   if (!skid_steering_ || !skid_steering_->needs_angles()) return;
   base::Random random(base::DeriveSeed(seed, "wheel angles"));
   for (float& angle : slip_.angles) {
@@ -80,28 +66,28 @@ bool Robot::Drive(double linear, double angular, const Scene& scene, double moti
 void Robot::DriveTogether(std::span<Order> orders, ContactWorld& contacts) {
   while (!orders.empty()) {
     const int count = static_cast<int>(std::min<std::size_t>(orders.size(), SkidLanes::kSize));
-    const Robot& any = *orders.front().robot;
+    std::array<Robot*, SkidLanes::kSize> robots{};
     SkidLanes lanes;
     for (int i = 0; i < count; ++i) {
-      orders[i].robot->Begin(orders[i], lanes, i);
-      orders[i].touched = orders[i].robot->Touches();
+      robots[i] = static_cast<Robot*>(orders[i].robot);
+      robots[i]->Begin(orders[i], lanes, i);
+      orders[i].touched = robots[i]->Touches();
     }
-    for (int substep = 0; substep < any.num_substeps_; ++substep) {
-      for (int i = 0; i < count; ++i) orders[i].robot->TurnWheels(substep, lanes, i);
-      if (any.skid_steering_) any.skid_steering_->Step(lanes);
+    for (int substep = 0; substep < num_substeps_; ++substep) {
+      for (int i = 0; i < count; ++i) robots[i]->TurnWheels(substep, lanes, i);
+      if (skid_steering_) skid_steering_->Step(lanes);
       for (int i = 0; i < count; ++i) {
-        orders[i].robot->Move(substep, orders[i], contacts, lanes, i);
-        orders[i].touched = orders[i].touched || orders[i].robot->Touches();
+        robots[i]->Move(substep, orders[i], contacts, lanes, i);
+        orders[i].touched = orders[i].touched || robots[i]->Touches();
       }
     }
-    for (int i = 0; i < count; ++i) orders[i].robot->End(lanes, i);
+    for (int i = 0; i < count; ++i) robots[i]->End(lanes, i);
     orders = orders.subspan(count);
   }
 }
 
 void Robot::Begin(const Order& order, SkidLanes& lanes, int lane) {
-  Push({std::clamp(order.linear, -linear_limit_, linear_limit_),
-        std::clamp(order.angular, -angular_limit_, angular_limit_)});
+  controller_.Push(order.linear, order.angular);
   centre_.yaw = static_cast<float>(base::WrapAngle(centre_.yaw));
   if (clearance_ < kClearanceMargin) LookAround(order.scene->collision_map());
   const MovingObstacles& moving = order.scene->moving_obstacles();
@@ -119,13 +105,9 @@ void Robot::Begin(const Order& order, SkidLanes& lanes, int lane) {
 
 // One tick of the velocity controller.
 void Robot::TurnWheels(int substep, SkidLanes& lanes, int lane) {
-  const Command& command = CommandAt(substep);
-  wheels_.linear +=
-      std::clamp(speed_gain_ * command.linear - wheels_.linear, -max_speed_step_, max_speed_step_);
-  wheels_.angular += std::clamp(yaw_gain_ * command.angular - wheels_.angular, -max_yaw_rate_step_,
-                                max_yaw_rate_step_);
-  if (!skid_steering_) return MoveIdeally();
-  const WheelSpeeds speeds = skid_steering_->Wheels(wheels_.linear, wheels_.angular);
+  const DriveCommand wheels = controller_.Tick(substep);
+  if (!skid_steering_) return MoveIdeally(wheels);
+  const WheelSpeeds speeds = skid_steering_->Wheels(wheels.linear, wheels.angular);
   lanes.wheel_left[lane] = speeds.left;
   lanes.wheel_right[lane] = speeds.right;
   lanes.yaw[lane] = centre_.yaw;
@@ -147,7 +129,7 @@ void Robot::Move(int substep, const Order& order, ContactWorld& contacts, SkidLa
         lanes.Resume(lane, centre_.yaw, centre_.vx, centre_.vy, centre_.yaw_rate, dt_);
       } else {  // Wheels that do not slip turn as the body goes.
         const auto [s, c] = base::SinCos(centre_.yaw);
-        wheels_ = {c * centre_.vx + s * centre_.vy, centre_.yaw_rate};
+        controller_.Force({c * centre_.vx + s * centre_.vy, centre_.yaw_rate});
       }
       clearance_ = 0.0f;  // The contact may have moved the body by more than its speed says.
     }
@@ -230,30 +212,14 @@ FootprintPose Robot::Outline() const {
 
 base::Pose2 Robot::pose() const { return {{body_.x, body_.y}, base::WrapAngle(body_.yaw)}; }
 
-void Robot::Push(const Command& command) {
-  for (PendingCommand& pending : commands_) pending.due -= num_substeps_;
-  const double lateness = jitter_ > 0.0 ? random_jitter_.Uniform(0.0, jitter_) : 0.0;
-  const int due = static_cast<int>(std::lround(delay_ + lateness));
-  const int not_before = commands_.front().due;
-  std::move_backward(commands_.begin(), commands_.end() - 1, commands_.end());
-  commands_.front() = {command, std::max(due, not_before)};
-}
-
-// The newest that has arrived. The oldest always has.
-const Robot::Command& Robot::CommandAt(int substep) const {
-  const auto arrived = std::find_if(commands_.begin(), commands_.end() - 1,
-                                    [&](const auto& pending) { return pending.due <= substep; });
-  return arrived->command;
-}
-
-// The body then moves along the chord of its arc: in the direction that it has half-way through the
+// The body moves along the chord of its arc: in the direction that it has half-way through the
 // step.
-void Robot::MoveIdeally() {
-  centre_.yaw_rate = static_cast<float>(wheels_.angular);
-  wheels_.angular = centre_.yaw_rate;
+void Robot::MoveIdeally(const DriveCommand& wheels) {
+  centre_.yaw_rate = static_cast<float>(wheels.angular);
+  controller_.Force({wheels.linear, centre_.yaw_rate});
   const auto [s, c] = base::SinCos(centre_.yaw + 0.5 * dt_ * centre_.yaw_rate);
-  centre_.vx = static_cast<float>(wheels_.linear * c);
-  centre_.vy = static_cast<float>(wheels_.linear * s);
+  centre_.vx = static_cast<float>(wheels.linear * c);
+  centre_.vy = static_cast<float>(wheels.linear * s);
 }
 
 }  // namespace slalom::sim

@@ -7,9 +7,10 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "base/random.h"
 #include "sim/contact_world.h"
+#include "sim/drive_controller.h"
 #include "sim/environment_config.h"
+#include "sim/robot_body.h"
 #include "sim/scene.h"
 #include "sim/skid_steering.h"
 
@@ -25,7 +26,7 @@ namespace slalom::sim {
 /// contacts do, then it moves. Without contact it moves as Box2D itself would then, so Box2D is
 /// only called while something is touched; the result is the same to the bit. Thread-compatible; a
 /// value.
-class Robot {
+class Robot final : public RobotBody {
  public:
   /// Which rigid-body steps are Box2D's.
   enum class Stepping {
@@ -39,50 +40,28 @@ class Robot {
   /// Makes room for that many moving obstacles, so that `Drive` allocates nothing.
   void Reserve(int num_moving);
 
-  /// Puts the robot at rest, with no command under way. `seed`: of the commands' jitter, and of the
-  /// angles of the wheels, each drawn uniformly: the original puts its robot back as it is, its
-  /// wheels turned as the last episode left them.
-  void Reset(const base::Pose2& X_WR, std::uint64_t seed = 0);
+  /// The angles of the wheels are drawn from `seed`, too, each uniformly: the original puts its
+  /// robot back as it is, its wheels turned as the last episode left them.
+  void Reset(const base::Pose2& X_WR, std::uint64_t seed = 0) override;
 
   /// Turns all wheels to this angle about their axles, [rad] (sim/skid_steering.h). For comparisons
   /// with drives that began so.
   void TurnWheelsTo(double angle);
 
-  /// Drives for one control step, which begins at `motion_time` [s], towards the commanded speeds
-  /// (`linear` [m/s], `angular` [rad/s]). Returns whether it touched anything: at the start, or
-  /// after any of the rigid-body steps, moving obstacles being where they are then.
+  /// Looks for contact at the start and after each of the rigid-body steps.
   bool Drive(double linear, double angular, const Scene& scene, double motion_time,
-             ContactWorld& contacts);
+             ContactWorld& contacts) override;
 
-  /// What one robot is to drive.
-  struct Order {
-    Robot* robot = nullptr;
-    const Scene* scene = nullptr;
-    double linear = 0.0;       ///< [m/s]
-    double angular = 0.0;      ///< [rad/s]
-    double motion_time = 0.0;  ///< [s]
-    bool touched = false;      ///< What `Drive` returns.
-  };
+  /// In a fraction of the time. Requires: all are `Robot`s of the same config, number of rigid-body
+  /// steps and stepping.
+  void DriveTogether(std::span<Order> orders, ContactWorld& contacts) override;
 
-  /// `Drive` for many robots, side by side: the same results, in a fraction of the time.
-  /// Requires: all have the same config, number of rigid-body steps and stepping.
-  static void DriveTogether(std::span<Order> orders, ContactWorld& contacts);
-
-  /// Pose of R in W, heading in [-pi, pi).
-  base::Pose2 pose() const;
+  /// Pose of R.
+  base::Pose2 pose() const override;
   /// That pose, its heading not wrapped, and the velocity of R.
-  const BodyState& body() const { return body_; }
+  const BodyState& body() const override { return body_; }
 
  private:
-  struct Command {
-    double linear = 0.0;   // [m/s]
-    double angular = 0.0;  // [rad/s]
-  };
-  struct PendingCommand {
-    Command command;
-    int due = 0;  // Rigid-body steps from the beginning of the control step until it counts.
-  };
-
   void Begin(const Order& order, SkidLanes& lanes, int lane);
   void TurnWheels(int substep, SkidLanes& lanes, int lane);
   void Move(int substep, const Order& order, ContactWorld& contacts, SkidLanes& lanes, int lane);
@@ -90,9 +69,7 @@ class Robot {
   bool Touches() const;
   FootprintPose Outline() const;
   void LookAround(const CollisionMap& map);
-  void Push(const Command& command);
-  const Command& CommandAt(int substep) const;
-  void MoveIdeally();
+  void MoveIdeally(const DriveCommand& wheels);
   void FindMoving(const MovingObstacles& moving, double time, double duration);
   void PlaceMoving(const MovingObstacles& moving, double time);
 
@@ -102,20 +79,12 @@ class Robot {
   const float reach_;     // From there to the farthest corner of the outline, at most, [m].
   const double dt_;       // Of a rigid-body step, [s].
   const std::optional<SkidSteering> skid_steering_;  // None: ideal.
-  const double max_speed_step_;     // Largest change of speed in a rigid-body step, [m/s].
-  const double max_yaw_rate_step_;  // [rad/s]
-  const double linear_limit_;       // [m/s]
-  const double angular_limit_;      // [rad/s]
-  const double speed_gain_;
-  const double yaw_gain_;
   const int num_substeps_;
-  const double delay_;   // [rigid-body steps]
-  const double jitter_;  // [rigid-body steps]
   const Stepping stepping_;
 
   BodyState centre_;  // Of C.
   BodyState body_;    // Of R, at the end of a control step.
-  Command wheels_;    // What the controller asks of the wheels.
+  DriveController controller_;
 
   // Skid-steering: as in `SkidLanes`, between control steps.
   struct Slip {
@@ -126,9 +95,7 @@ class Robot {
   };
   Slip slip_{};
 
-  float clearance_ = 0.0f;                // No fixed obstacle is nearer, [m]; 0: not known.
-  std::vector<PendingCommand> commands_;  // Of this control step and those before, newest first.
-  base::Random random_jitter_;
+  float clearance_ = 0.0f;  // No fixed obstacle is nearer, [m]; 0: not known.
 
   // Moving obstacles that can come near in this control step while the robot's centre stays within
   // kTravel of (found_x_, found_y_); where they are now; and the distance to the nearest of them.

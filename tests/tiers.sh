@@ -1,7 +1,7 @@
 # The tiers of `./slalom test`, read by the wrapper: what each part builds and runs, and the summary at the end.
 # docs/testing.md says what a tier is for and how long each part takes.
 
-build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3)
+build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3 libode-dev libmujoco-dev)
 all_packages=(libbenchmark-dev clang clang-tidy g++-aarch64-linux-gnu qemu-user prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
 
 test_help() {
@@ -97,7 +97,7 @@ part_asan() {
 }
 part_tsan() {
   configure tsan
-  build_targets tsan base_test environments_test actor_test actor_service_test eval_test transport_test replay_service_test
+  build_targets tsan base_test environments_test engine_body_test actor_test actor_service_test eval_test transport_test replay_service_test
   run_ctest tsan -LE 'deploy|fuzz'
 }
 part_arm64() {

@@ -40,6 +40,8 @@ const std::map<std::string, Names>& Homes() {
       {"ATen/", torch},
       {"c10/", torch},
       {"box2d/", {"sim"}},
+      {"ode/", {"engines/ode"}},
+      {"mujoco/", {"engines/mujoco"}},
       {"tinyxml2.h", {"sim/courses"}},
       {"cairo", {"sim/courses"}},
       {"toml++/", {"config"}},

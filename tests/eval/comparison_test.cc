@@ -95,6 +95,8 @@ TEST(Comparison, LabelsTellResultsOfOneGroupApart) {
                                                        "dwa [again]", "dwa", "teb"}));
   results[2].file = results[0].file;
   EXPECT_EQ(Labels(results)[2], "dwa [dwa] 2");
+  results[2].physics = "ode";
+  EXPECT_EQ(Labels(results)[2], "dwa in ode");
 }
 
 TEST(Comparison, NamesCannotBreakTheTables) {

@@ -39,6 +39,10 @@ TEST(CompareInPairs, IsStudentsIntervalOfTheDifferencesOfCourses) {
   ASSERT_TRUE(pair.success_rate.interval);
   EXPECT_NEAR(pair.success_rate.interval->low, 1.0 / 3.0 - 4.302652730 / 6.0, 1e-7);
   EXPECT_EQ(pair.success_rate.interval->high, 1.0);
+  // All failures are collisions.
+  EXPECT_NEAR(pair.collision_rate.value, -1.0 / 3.0, 1e-12);
+  EXPECT_NEAR(pair.collision_rate.interval->high, -1.0 / 3.0 + 4.302652730 / 6.0, 1e-7);
+  EXPECT_EQ(pair.timeout_rate.value, 0.0);
   // Times differ by -6 and -3 on the two courses that both passed; the error is 1.5, the quantile
   // for one degree of freedom 12.706205.
   EXPECT_EQ(pair.num_traversal_courses, 2);

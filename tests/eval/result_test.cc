@@ -56,6 +56,7 @@ TEST_F(ResultTest, GivesBackWhatWasWritten) {
   provenance.collection = "barn";
   WriteReports(evaluation, provenance, scratch_.path());
   const Result result = ReadResult(scratch_.path());
+  EXPECT_EQ(result.physics, "slalom");
   EXPECT_EQ(result.agent, "dwa");
   EXPECT_EQ(result.kind, "planner");
   EXPECT_EQ(result.profiles, provenance.profiles);
@@ -107,6 +108,22 @@ TEST_F(ResultTest, WhatWasTrainedOnIsGivenBack) {
                 changed["provenance"]["training_overlap"] = {{"courses", -1}, {"of", 3}};
               }),
               HasSubstr("provenance.training_overlap.courses is -1"));
+}
+
+TEST_F(ResultTest, WhatMovedTheRobotIsGivenBack) {
+  Evaluation evaluation = testing::MakeEvaluation({0.2, 0.5});
+  evaluation.task.physics.name = "ode";
+  evaluation.task.physics.version = "0.16.2";
+  WriteReports(evaluation, testing::MakeProvenance("x"), scratch_.path());
+  EXPECT_EQ(ReadResult(scratch_.path()).physics, "ode");
+  EXPECT_EQ(ReadResult(scratch_.path()).physics_version, "0.16.2");
+  // Files of before this key.
+  json object = json::parse(base::ReadFile(scratch_.path() / "evaluation.json"));
+  object.erase("physics");
+  base::WriteFileAtomically(scratch_.path() / "evaluation.json", object.dump());
+  EXPECT_EQ(ReadResult(scratch_.path()).physics, "slalom");
+  EXPECT_THAT(ErrorAfter([](json& changed) { changed["physics"] = "ode"; }),
+              HasSubstr("physics. is \"ode\", expected an object"));
 }
 
 TEST_F(ResultTest, TakesTheDirectoryOrTheFile) {

@@ -195,7 +195,7 @@ TEST(RobotTest, RobotsDriveTogetherAsEachDoesAlone) {
                      .linear = random.Uniform(-1.0, 2.0),
                      .angular = random.Uniform(-3.0, 3.0)};
       }
-      Robot::DriveTogether(orders, contacts);
+      orders.front().robot->DriveTogether(orders, contacts);
       for (int i = 0; i < kCount; ++i) {
         const bool alone_touched =
             alone[i].Drive(orders[i].linear, orders[i].angular, scene, 0.0, contacts);

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "sim/environment_config.h"
+
+/// Frame: `C` the chassis, x ahead, y left, z up, its origin midway between the wheels and a little
+/// below their axles, where the Jackal's description has it.
+
+namespace slalom::engines {
+
+/// A point or a displacement in space, [m].
+using Vec3 = std::array<double, 3>;
+
+inline constexpr int kNumWheels = 4;     ///< Left front, right front, left back, right back.
+inline constexpr double kGravity = 9.8;  ///< As the original's worlds set it, [m/s^2].
+
+inline constexpr bool IsLeft(int wheel) { return wheel % 2 == 0; }
+
+/// An upright box.
+struct Box3 {
+  Vec3 centre_C;
+  Vec3 half_size;
+};
+
+/// The Jackal as an engine builds it: a chassis and four wheels about axles across it
+/// (docs/original-system.md, section 1.1). A value.
+struct Jackal {
+  double chassis_mass = 0.0;              ///< [kg]
+  Vec3 chassis_centre_C;                  ///< The chassis' centre of mass, [m].
+  std::array<double, 6> chassis_inertia;  ///< xx, yy, zz, xy, xz, yz about that centre, [kg m^2].
+  double height = 0.0;                    ///< Of C above level ground, [m].
+  double wheel_radius = 0.0;              ///< [m]
+  double wheel_half_width = 0.0;          ///< [m]
+  double wheel_mass = 0.0;                ///< [kg]
+  Vec3 wheel_inertia;                     ///< xx, yy, zz, the axle along y, [kg m^2].
+  std::array<Vec3, kNumWheels> wheels_C;  ///< Centres, [m].
+  double wheel_friction = 0.0;            ///< Of wheels on the ground.
+  double obstacle_friction = 0.0;         ///< Of anything on obstacles.
+  Box3 outline;                           ///< What obstacles meet: the chassis, or all of it.
+  bool wheels_meet_obstacles = false;     ///< Whether they meet the wheels, too.
+};
+
+/// The Jackal with the masses, the moment of inertia, the wheels and the outline of `config`; its
+/// sensor is part of the chassis. What they leave open is the original's: masses of the wheels, and
+/// how the chassis' mass is spread. The law of friction is the engine's own.
+///
+/// Obstacles meet chassis and wheels if the outline is what they fill, to the millimetre, as it is
+/// by default. Otherwise they meet a box of that length and width.
+///
+/// Throws `base::Error` that names the key and `physics` if no such robot can be built: an ideal
+/// drive, or no more mass or moment of inertia than the wheels have alone.
+Jackal MakeJackal(const sim::RobotConfig& config, std::string_view physics);
+
+}  // namespace slalom::engines

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "base/random.h"
+#include "sim/environment_config.h"
+
+namespace slalom::sim {
+
+/// Speeds that are asked of the drive. A value.
+struct DriveCommand {
+  double linear = 0.0;   ///< [m/s]
+  double angular = 0.0;  ///< [rad/s]
+};
+
+/// The way of a command to the wheels: the drive's limits, the delay with its jitter, the gains,
+/// and the velocity controller, which ticks at `control_rate` and limits the accelerations. It is
+/// the same whichever physics moves the body.
+///
+/// Thread-compatible; a value. Allocates only when constructed.
+class DriveController {
+ public:
+  /// `num_ticks`: of the controller in a control step. Requires: num_ticks >= 1.
+  DriveController(const RobotConfig& config, int num_ticks);
+
+  /// Forgets all commands; nothing is asked of the wheels. `seed`: of the commands' jitter.
+  void Reset(std::uint64_t seed);
+
+  /// Takes the command of the control step that begins now (`linear` [m/s], `angular` [rad/s]).
+  void Push(double linear, double angular);
+
+  /// Moves what is asked of the wheels on by tick `tick` of the control step, counted from 0, and
+  /// returns it. Requires: ticks come in order, after `Push`.
+  const DriveCommand& Tick(int tick) {
+    const DriveCommand& command = CommandAt(tick);
+    wheels_.linear += std::clamp(speed_gain_ * command.linear - wheels_.linear, -max_speed_step_,
+                                 max_speed_step_);
+    wheels_.angular += std::clamp(yaw_gain_ * command.angular - wheels_.angular,
+                                  -max_yaw_rate_step_, max_yaw_rate_step_);
+    return wheels_;
+  }
+
+  /// Makes the wheels turn like this before the next tick, as those do that the body drags along.
+  void Force(const DriveCommand& wheels) { wheels_ = wheels; }
+
+ private:
+  struct PendingCommand {
+    DriveCommand command;
+    int due = 0;  // Ticks from the beginning of the control step until it counts.
+  };
+
+  // The newest that has arrived. The oldest always has.
+  const DriveCommand& CommandAt(int tick) const {
+    auto arrived = commands_.begin();
+    while (arrived + 1 != commands_.end() && arrived->due > tick) ++arrived;
+    return arrived->command;
+  }
+
+  const double max_speed_step_;     // Largest change of speed in a tick, [m/s].
+  const double max_yaw_rate_step_;  // [rad/s]
+  const double linear_limit_;       // [m/s]
+  const double angular_limit_;      // [rad/s]
+  const double speed_gain_;
+  const double yaw_gain_;
+  const int num_ticks_;
+  const double delay_;   // [ticks]
+  const double jitter_;  // [ticks]
+
+  DriveCommand wheels_;                   // What the controller asks of the wheels.
+  std::vector<PendingCommand> commands_;  // Of this control step and those before, newest first.
+  base::Random random_jitter_;
+};
+
+}  // namespace slalom::sim

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/geometry.h"
+#include "sim/contact_world.h"
+#include "sim/environment_config.h"
+#include "sim/scene.h"
+
+namespace slalom::sim {
+
+/// The robot's body and its drive, as `CourseEnvironments` drives them: the seam between a task and
+/// the physics that moves the robot. `Robot` is Slalom's own; engines/ has those of others.
+///
+/// A drive is a function of the pose and the seed of the last `Reset` and of the calls since, bit
+/// for bit. Confined to one thread at a time; different bodies may be driven at the same time.
+class RobotBody {
+ public:
+  virtual ~RobotBody() = default;
+
+  /// Puts the robot at rest, with no command under way. `seed`: of the commands' jitter.
+  virtual void Reset(const base::Pose2& X_WR, std::uint64_t seed) = 0;
+
+  /// Drives for one control step, which begins at `motion_time` [s], towards the commanded speeds
+  /// (`linear` [m/s], `angular` [rad/s]). Returns whether it touched anything, moving obstacles
+  /// being where they are then. `contacts`: for bodies that Box2D moves; others leave it alone.
+  virtual bool Drive(double linear, double angular, const Scene& scene, double motion_time,
+                     ContactWorld& contacts) = 0;
+
+  /// What one robot is to drive.
+  struct Order {
+    RobotBody* robot = nullptr;
+    const Scene* scene = nullptr;
+    double linear = 0.0;       ///< [m/s]
+    double angular = 0.0;      ///< [rad/s]
+    double motion_time = 0.0;  ///< [s]
+    bool touched = false;      ///< What `Drive` returns.
+  };
+
+  /// `Drive` for many robots, of which this may be one: the same results. Of use where they are
+  /// driven side by side in less time. Requires: all were made together (`MakeRobotBodies`).
+  virtual void DriveTogether(std::span<Order> orders, ContactWorld& contacts) {
+    for (Order& order : orders) {
+      order.touched = order.robot->Drive(order.linear, order.angular, *order.scene,
+                                         order.motion_time, contacts);
+    }
+  }
+
+  /// Pose in W, heading in [-pi, pi).
+  virtual base::Pose2 pose() const = 0;
+  virtual const BodyState& body() const = 0;
+
+ protected:
+  RobotBody() = default;
+  RobotBody(const RobotBody&) = default;
+  RobotBody& operator=(const RobotBody&) = default;
+};
+
+/// Makes `count` bodies of the configured robot, each of which can drive in any of `scenes`. Throws
+/// `base::Error` that names the key or the course if this physics cannot represent it.
+using MakeRobotBodies = std::function<std::vector<std::unique_ptr<RobotBody>>(
+    const EnvironmentConfig& config, std::span<const std::shared_ptr<const Scene>> scenes,
+    int count)>;
+
+/// What moves the robot. A value.
+struct Physics {
+  std::string name = "slalom";
+  std::string version{};          ///< Of whose it is; empty: of this program.
+  MakeRobotBodies make_bodies{};  ///< Empty: Slalom's own.
+};
+
+}  // namespace slalom::sim
