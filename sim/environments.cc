@@ -152,10 +152,10 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
                             std::clamp(action.angular, -1.0f, 1.0f)};
   environment.last_action = clipped;
   const Scene& scene = *environment.scene;
-  const bool collided = environment.robot.Drive(config_.action.linear_mps(clipped),
-                                                config_.action.angular_radps(clipped), scene,
+  const double speed = config_.action.linear_mps(clipped);
+  const bool collided = environment.robot.Drive(speed, config_.action.angular_radps(clipped), scene,
                                                 environment.motion_time, contacts);
-  environment.localisation.Advance(environment.robot.pose());
+  environment.localisation.Advance(environment.robot.pose(), speed * config_.episode.step);
   ++environment.num_steps;
   environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;
 
@@ -170,7 +170,7 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
   }
   if (collided && config_.episode.collision_ends) {
     result.outcome = env::Outcome::kCollision;
-  } else if (distance < config_.episode.goal_tolerance) {
+  } else if (IsLookedAt(environment) && HasArrived(environment)) {
     result.outcome = env::Outcome::kSuccess;
     reward += config_.reward.success;
   } else if (environment.num_steps >= config_.episode.max_steps) {
@@ -180,6 +180,24 @@ env::StepResult CourseEnvironments::StepOne(Environment& environment, const env:
   result.reward = static_cast<float>(reward);
   environment.running = !result.ended();
   return result;
+}
+
+/// Whether a period of looking ends with the present step.
+bool CourseEnvironments::IsLookedAt(const Environment& environment) const {
+  const double period = config_.episode.look_period;
+  if (period <= 0.0) return true;
+  const auto num_looks = [&](int steps) {
+    return std::floor((steps * config_.episode.step + 1e-9) / period);
+  };
+  return num_looks(environment.num_steps) > num_looks(environment.num_steps - 1);
+}
+
+bool CourseEnvironments::HasArrived(const Environment& environment) const {
+  if (environment.goal_distance < config_.episode.goal_tolerance) return true;
+  if (config_.episode.finish_ahead <= 0.0) return false;
+  const base::Pose2& start = environment.scene->course().start;
+  const base::Vec2 gone = base::InverseTransform(start, environment.robot.pose().p);
+  return gone.x >= config_.episode.finish_ahead;
 }
 
 void CourseEnvironments::Observe(int i) {
@@ -198,9 +216,11 @@ void CourseEnvironments::Observe(int i) {
   state[3] = environment.last_action.angular;
   const BodyState& body = environment.robot.body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
-  observations_.odometry[i] = {.X_OR = environment.localisation.X_OR(),
-                               .linear = c * body.vx + s * body.vy,
-                               .angular = body.yaw_rate};
+  const double speed = config_.localisation.from_wheels
+                           ? config_.action.linear_mps(environment.last_action)
+                           : c * body.vx + s * body.vy;
+  observations_.odometry[i] = {
+      .X_OR = environment.localisation.X_OR(), .linear = speed, .angular = body.yaw_rate};
 }
 
 }  // namespace slalom::sim
