@@ -52,11 +52,17 @@ bool DwaPlanner::MeasureDistances(const LocalView& view) {
     if (path_cells_.empty() || !(path_cells_.back() == c)) path_cells_.push_back(c);
     return true;
   };
+  // The part within reach and one point more, as `transformGlobalPlan` takes it. The path may come
+  // from farther away.
+  bool near = false;
   for (std::size_t i = 0; i < view.path_O.size(); ++i) {
     const base::Vec2 p_O = view.path_O[i];
-    const bool near = base::Norm(p_O - view.X_OR.p) < reach;
-    if (!near && path_cells_.empty()) continue;  // The path may come from farther away.
-    if (!near) break;
+    const bool was_near = near;
+    near = base::Norm(p_O - view.X_OR.p) <= reach;
+    if (!near && !was_near) {
+      if (path_cells_.empty()) continue;
+      break;
+    }
     local_end_O_ = p_O;
     // Where points are farther apart than a cell, the cells between them are on the path too.
     if (!path_cells_.empty()) {
@@ -71,7 +77,7 @@ bool DwaPlanner::MeasureDistances(const LocalView& view) {
   if (path_cells_.empty()) return false;
   CoveredCells(map, footprint_, view.X_OR, under_robot_);
   to_path_.Compute(map, under_robot_, path_cells_);
-  to_goal_.Compute(map, under_robot_, std::span(path_cells_).last(1));
+  to_goal_.Compute(map, {}, std::span(path_cells_).last(1));
   return true;
 }
 

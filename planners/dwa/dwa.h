@@ -21,8 +21,12 @@ namespace slalom::planners {
 /// cost is a weighted sum of the end's distance from the path, the end's distance from the local
 /// goal (where the path leaves the map), and the highest costmap value under the outline on the
 /// way. A turn on the spot wins a tie; among turns, the one that is best `heading_lookahead` ahead
-/// wins. If nothing is admissible, the robot backs up, unchecked, until it has moved. Confined to
-/// one thread at a time.
+/// wins. If nothing is admissible, the robot backs up, unchecked, until it has moved.
+///
+/// Inflated cells under the robot are exempt in the distances to the path alone, as
+/// `TrajectoryPlanner::findBestPath` (base_local_planner) marks them `within_robot` in `path_map_`
+/// and not in `goal_map_`. A robot whose middle is in such a cell is therefore cut off from the
+/// goal and gets no command. Confined to one thread at a time.
 class DwaPlanner : public LocalPlanner {
  public:
   DwaPlanner(const DwaConfig& config, const FootprintConfig& footprint);

@@ -157,6 +157,21 @@ TEST(Dwa, HasNoCommandWithoutAWayToTheGoal) {
   EXPECT_EQ(planner.ComputeCommand(off_path.view()), std::nullopt) << "no path on the map";
 }
 
+// Its middle is in an inflated cell, which only the distances to the path overlook.
+TEST(Dwa, HasNoCommandInAnInflatedCell) {
+  Scene scene{LocalMap({}), StraightPath({0.0, 0.0}, {4.0, 0.0}), {{0.02, 0.02}, 0.0}, {}};
+  DwaPlanner planner({}, {});
+  planner.Reset(0);
+  Fill(scene.map, {101, 98, 102, 103}, kInscribedCost);  // Under the robot, across the path.
+  ASSERT_TRUE(planner.ComputeCommand(scene.view()));
+  // The goal, 80 cells ahead, is round the wall of 5 cells: 3 steps up and 3 down. The path is
+  // here.
+  const double on_the_spot = planner.Score(scene.view(), {0.0, 0.4}).cost;
+  EXPECT_NEAR(on_the_spot, 0.05 * (80 + 2 * 3), 1e-12);
+  scene.map.set_cost({100, 100}, kInscribedCost);
+  EXPECT_EQ(planner.ComputeCommand(scene.view()), std::nullopt);
+}
+
 TEST(Dwa, DoesNotTurnThereAndBack) {
   // The path leads back; on the spot, the robot may try both sides, but having turned to one of
   // them twice it may not turn to the other.
@@ -189,13 +204,14 @@ std::optional<Twist> SlowCommand(const DwaConfig& config, const Scene& scene) {
   CoveredCells(map, kFootprint, scene.X_OR, under_robot);
   base::Vec2 end_O;
   for (const base::Vec2 p : scene.path_O) {
-    if (base::Norm(p - scene.X_OR.p) >= 5.0 || !map.Contains(map.CellAt(p))) break;
+    if (!map.Contains(map.CellAt(p))) break;
     targets.push_back(map.CellAt(p));
     end_O = p;
+    if (base::Norm(p - scene.X_OR.p) > 5.0) break;
   }
   DistanceGrid to_path, to_goal;
   to_path.Compute(map, under_robot, targets);
-  to_goal.Compute(map, under_robot, std::span(targets).last(1));
+  to_goal.Compute(map, {}, std::span(targets).last(1));
 
   base::Pose2 end;
   const auto score = [&](Twist command) {
