@@ -193,7 +193,7 @@ DwaPlanner::Trajectory DwaPlanner::Score(const LocalView& view, Twist command) c
     return true;
   });
   if (admissible) {
-    trajectory.cost = distance_cost + Scale(view.costmap) * config_.obstacle_cost_scale * highest;
+    trajectory.cost = distance_cost + config_.obstacle_cost_scale * highest;
   }
   return trajectory;
 }
@@ -222,7 +222,8 @@ std::optional<double> DwaPlanner::DistanceCost(const Costmap& costmap, base::Vec
   if (!costmap.Contains(c)) return std::nullopt;
   const std::uint16_t path = to_path_.distance(c), goal = to_goal_.distance(c);
   if (path == DistanceGrid::kNoWay || goal == DistanceGrid::kNoWay) return std::nullopt;
-  return Scale(costmap) * (config_.path_distance_scale * path + config_.goal_distance_scale * goal);
+  const double scale = config_.meter_scoring ? costmap.resolution() : 1.0;
+  return scale * (config_.path_distance_scale * path + config_.goal_distance_scale * goal);
 }
 
 void DwaPlanner::NoteTurn(const LocalView& view, const Trajectory& best) {

@@ -96,7 +96,13 @@ TEST(Dwa, CountsTheHighestCostUnderTheOutline) {
   ASSERT_TRUE(planner.ComputeCommand(scene.view()));
   const auto ahead = planner.Score(scene.view(), {0.5, 0.0});
   // y = 0.02 + 0.265 = 0.285 is in row 105; the obstacle is in row 111: six rows.
-  EXPECT_NEAR(ahead.cost, 0.05 * 80 + 0.05 * 0.1 * 177, 1e-12);
+  EXPECT_NEAR(ahead.cost, 0.05 * 80 + 0.1 * 177, 1e-12);
+  DwaConfig config;
+  config.meter_scoring = false;
+  DwaPlanner in_cells(config, {});
+  in_cells.Reset(0);
+  ASSERT_TRUE(in_cells.ComputeCommand(scene.view()));
+  EXPECT_NEAR(in_cells.Score(scene.view(), {0.5, 0.0}).cost, 80 + 0.1 * 177, 1e-12);
 }
 
 TEST(Dwa, SlowsDownBeforeTheEndOfThePath) {
@@ -238,7 +244,7 @@ std::optional<Twist> SlowCommand(const DwaConfig& config, const Scene& scene) {
       X.p = X.p + (v.linear * dt) * base::Vec2{std::cos(X.yaw), std::sin(X.yaw)};
       X.yaw += v.angular * dt;
     }
-    return cost + 0.05 * 0.1 * highest;
+    return cost + 0.1 * highest;
   };
 
   const double v = scene.velocity.linear, w = scene.velocity.angular;
