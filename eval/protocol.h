@@ -39,7 +39,7 @@ struct Protocol {
 /// - "paper": 80 s, goal within 0.4 m, a collision ends it (docs/original-system.md, section 1.4);
 /// - "dwa-runs": as in the published runs of DWA (section 8.5; ros_jackal's commit 7ec56a7, which
 ///   added them: envs/dwa_base_envs.py, `_set_start_goal_BARN`, `_get_success`, and
-///   configs/laser.yaml). The robot starts 1 m before the first cell of the course's reference
+///   its laser.yaml). The robot starts 1 m before the first cell of the course's reference
 ///   path and is sent 5 m beyond the last, both moved by (-0.15, -0.10) m as there, where cells
 ///   become positions. It succeeds when it is seen beyond y = 11 m, that is 6.925 m ahead of its
 ///   start; it is looked at 100 times, once in 1.13 s (a second and the time in which parameters
