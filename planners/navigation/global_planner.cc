@@ -178,7 +178,11 @@ void GlobalPlanner::Spread() {
         const int n = buckets_[bucket_][i];
         if (pending_[n] == 0) continue;  // Was worked off with a lower potential.
         pending_[n] = 0;
-        for (const int m : {n - 1, n + 1, n - size_x_, n + size_x_}) Relax(m);
+        // A plane wave is nowhere lower than the cells that it comes from.
+        const float potential = potential_[n];
+        for (const int m : {n - 1, n + 1, n - size_x_, n + size_x_}) {
+          if (potential < potential_[m]) Relax(m);
+        }
       }
       buckets_[bucket_].clear();
     }
