@@ -65,6 +65,8 @@ void RefuseRulesOfTheTask(const std::vector<std::string>& overrides) {
          {std::pair{"environment.episode.max_steps", "--set evaluation.time_limit=SECONDS"},
           {"environment.episode.goal_tolerance", "--set evaluation.goal_tolerance=METRES"},
           {"environment.episode.collision_ends", "--protocol"},
+          {"environment.episode.finish_ahead", "--protocol"},
+          {"environment.episode.look_period", "--protocol"},
           {"environment.episode.start_position_jitter", "--set evaluation.start_position_jitter"},
           {"environment.episode.start_yaw_jitter", "--set evaluation.start_yaw_jitter"}}) {
       if (key != theirs) continue;

@@ -161,9 +161,13 @@ std::string ProtocolSentence(const Result& result) {
       value("clock_start_distance_m") == "0"
           ? ""
           : fmt::format(" from when the robot has moved {} m", value("clock_start_distance_m"));
+  const std::string finish =
+      result.protocol.contains("finish_ahead_m")
+          ? fmt::format(" or {} m ahead of the start", value("finish_ahead_m"))
+          : "";
   return fmt::format(
-      "Protocol {}: {} s{}, goal within {} m, {}, start within {} m and {} rad.", value("name"),
-      value("time_limit_s"), clock, value("goal_tolerance_m"),
+      "Protocol {}: {} s{}, goal within {} m{}, {}, start within {} m and {} rad.", value("name"),
+      value("time_limit_s"), clock, value("goal_tolerance_m"), finish,
       result.collision_ends() ? "a collision ends the episode" : "collisions end nothing",
       value("start_position_jitter_m"), value("start_yaw_jitter_rad"));
 }

@@ -1,10 +1,13 @@
 #include "eval/protocol.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
 
 #include "base/check.h"
+#include "base/error.h"
 
 namespace slalom::eval {
 namespace {
@@ -13,7 +16,15 @@ constexpr double kChallengeShift = -0.25;  // From x = -2 to x = -2.25, [m].
 
 const Protocol kProtocols[] = {
     {"paper", 80.0, 0.4, true, 0.0, {}},
-    {"dwa-runs", 100.0, 0.4, false, 0.0, {}},
+    {.name = "dwa-runs",
+     .time_limit = 113.0,
+     .goal_tolerance = 0.4,
+     .collision_ends = false,
+     .start_shift_W = {-0.15, -0.10},
+     .run_up = 1.0,
+     .run_out = 5.0,
+     .finish_ahead = 6.925,
+     .look_period = 1.13},
     {"barn-challenge", 100.0, 1.0, true, 0.1, {kChallengeShift, 0.0}},
 };
 
@@ -36,14 +47,28 @@ sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment, const Pr
   episode.max_steps = std::max(1, static_cast<int>(std::lround(longest / episode.step)));
   episode.goal_tolerance = protocol.goal_tolerance;
   episode.collision_ends = protocol.collision_ends;
+  episode.finish_ahead = protocol.finish_ahead;
+  episode.look_period = protocol.look_period;
   return environment;
 }
 
 sim::CourseSet WithProtocol(sim::CourseSet courses, const Protocol& protocol) {
   const base::Vec2 shift_W = protocol.start_shift_W;
-  if (shift_W == base::Vec2{}) return courses;
+  const bool along_path = protocol.run_up > 0.0 || protocol.run_out > 0.0;
+  if (shift_W == base::Vec2{} && !along_path) return courses;
   for (std::shared_ptr<const sim::Course>& course : courses.courses) {
     sim::Course shifted = *course;
+    if (along_path) {
+      if (course->reference_path_W.empty()) {
+        throw base::Error(fmt::format(
+            "course '{}': has no reference path, expected one because protocol '{}' starts before "
+            "its first point and ends beyond its last",
+            course->name, protocol.name));
+      }
+      const auto [s, c] = base::SinCos(course->start.yaw);
+      shifted.start.p = course->reference_path_W.front() - protocol.run_up * base::Vec2{c, s};
+      shifted.goal_W = course->reference_path_W.back() + protocol.run_out * base::Vec2{c, s};
+    }
     shifted.start.p = shifted.start.p + shift_W;
     shifted.goal_W = shifted.goal_W + shift_W;
     course = std::make_shared<const sim::Course>(std::move(shifted));

@@ -134,14 +134,22 @@ void PutFigures(OrderedJson& object, const Figures& figures) {
 OrderedJson ProtocolJson(const EvaluationTask& task) {
   const Protocol& protocol = task.protocol;
   const sim::EpisodeConfig& episode = task.environment.episode;
-  return {{"name", protocol.name},
-          {"time_limit_s", protocol.time_limit},
-          {"goal_tolerance_m", protocol.goal_tolerance},
-          {"collision_ends", protocol.collision_ends},
-          {"clock_start_distance_m", protocol.clock_start_distance},
-          {"start_shift_m", {protocol.start_shift_W.x, protocol.start_shift_W.y}},
-          {"start_position_jitter_m", episode.start_position_jitter},
-          {"start_yaw_jitter_rad", episode.start_yaw_jitter}};
+  OrderedJson json = {{"name", protocol.name},
+                      {"time_limit_s", protocol.time_limit},
+                      {"goal_tolerance_m", protocol.goal_tolerance},
+                      {"collision_ends", protocol.collision_ends},
+                      {"clock_start_distance_m", protocol.clock_start_distance},
+                      {"start_shift_m", {protocol.start_shift_W.x, protocol.start_shift_W.y}},
+                      {"start_position_jitter_m", episode.start_position_jitter},
+                      {"start_yaw_jitter_rad", episode.start_yaw_jitter}};
+  // Left out where they say nothing, so that earlier results of these protocols are comparable.
+  for (const auto& [key, value] : {std::pair{"run_up_m", protocol.run_up},
+                                   {"run_out_m", protocol.run_out},
+                                   {"finish_ahead_m", protocol.finish_ahead},
+                                   {"look_period_s", protocol.look_period}}) {
+    if (value > 0.0) json[key] = value;
+  }
+  return json;
 }
 
 OrderedJson PhysicsJson(const sim::Physics& physics) {
@@ -217,13 +225,16 @@ std::string TextReport(const Evaluation& evaluation, int max_courses) {
   const sim::EpisodeConfig& episode = task.environment.episode;
   return fmt::format(
              "{}: {} course{} x {} episode{}, seed {}, start within {} m and {} rad\n"
-             "  protocol {}: {} s, goal within {} m, {}\n"
+             "  protocol {}: {} s, goal within {} m{}, {}\n"
              "{}"
              "  {:<16}{:>10}   {}\n",
              evaluation.task.courses.name, summary.courses.size(),
              summary.courses.size() == 1 ? "" : "s", task.episodes_per_course,
              task.episodes_per_course == 1 ? "" : "s", task.seed, episode.start_position_jitter,
              episode.start_yaw_jitter, protocol.name, protocol.time_limit, protocol.goal_tolerance,
+             protocol.finish_ahead > 0.0
+                 ? fmt::format(" or {} m ahead of the start", protocol.finish_ahead)
+                 : "",
              protocol.collision_ends ? "a collision ends the episode" : "collisions end nothing",
              PhysicsLine(task.physics), "", "", "95 % interval") +
          SetLines(summary.set) + ContactLine(evaluation) + OverlapLine(evaluation) +

@@ -73,12 +73,14 @@ void PlannerAgent::ActOne(int i, const env::ObservationBatch& observations, env:
   Navigator& navigator = *navigators_[i];
   const env::FrameView frame = observations.frame(i);
   const env::Odometry& odometry = observations.odometry[i];
+  const base::Pose2 X_CO{{}, config_.navigation.start_heading};
+  const base::Pose2 X_CR{base::Transform(X_CO, odometry.X_OR.p),
+                         base::WrapAngle(X_CO.yaw + odometry.X_OR.yaw)};
   if (observations.first[i] != 0) {
     const base::Vec2 goal_R{frame.state[0], frame.state[1]};
-    navigator.Reset(odometry.X_OR, base::Transform(odometry.X_OR, goal_R), Checksum(frame));
+    navigator.Reset(X_CR, base::Transform(X_CR, goal_R), Checksum(frame));
   }
-  const Twist command =
-      navigator.Step(frame.ranges_cm, odometry.X_OR, {odometry.linear, odometry.angular});
+  const Twist command = navigator.Step(frame.ranges_cm, X_CR, {odometry.linear, odometry.angular});
   action = bounds_.Normalise(command.linear, command.angular);
 }
 

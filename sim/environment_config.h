@@ -160,14 +160,20 @@ struct LidarConfig {
   }
 };
 
-/// How far the robot's belief of where it is drifts from the truth at each step, as random walks.
+/// How the robot reckons where it is, and how far that belief drifts from the truth at each step,
+/// as random walks.
 struct LocalisationConfig {
+  bool from_wheels = false;
   double position_drift = 0.0;
   double heading_drift = 0.0;
   double turn_drift = 0.0;
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    v("from_wheels", from_wheels,
+      "The robot reckons its position from its heading and from the speed at which its wheels "
+      "roll, which follows the command, so that slip puts the position wrong. If not, slip is "
+      "known.");
     v("position_drift", position_drift, base::Range{0.0, 1.0}, "m/m^0.5",
       "Standard deviation of the position error, along each axis, after a metre driven.");
     v("heading_drift", heading_drift, base::Range{0.0, 1.0}, "rad/m^0.5",
@@ -218,6 +224,8 @@ struct EpisodeConfig {
   int max_steps = 400;
   double goal_tolerance = 0.4;
   bool collision_ends = true;
+  double finish_ahead = 0.0;
+  double look_period = 0.0;
   double start_position_jitter = 0.0;
   double start_yaw_jitter = 0.0;
 
@@ -233,6 +241,11 @@ struct EpisodeConfig {
     v("collision_ends", collision_ends,
       "Whether a contact ends the episode. If not, the contact costs reward at each control step "
       "that it lasts.");
+    v("finish_ahead", finish_ahead, base::Range{0.0, 1000.0}, "m",
+      "The episode also succeeds when the robot is this far ahead of the course's start, along the "
+      "start's heading. 0: only at the goal.");
+    v("look_period", look_period, base::Range{0.0, 1000.0}, "s",
+      "Success is looked for once in this time, at the step that completes it. 0: at each step.");
     v("start_position_jitter", start_position_jitter, base::Range{0.0, 1.0}, "m",
       "The start is shifted by up to this along x and along y, uniformly at random.");
     v("start_yaw_jitter", start_yaw_jitter, base::Range{0.0, 3.1416}, "rad",

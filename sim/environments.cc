@@ -203,7 +203,8 @@ RobotBody::Order CourseEnvironments::OrderFor(Environment& environment,
 env::StepResult CourseEnvironments::ResultOf(Environment& environment) const {
   const Scene& scene = *environment.scene;
   const bool collided = environment.touched;
-  environment.localisation.Advance(environment.robot->pose());
+  const double way = config_.action.linear_mps(environment.last_action) * config_.episode.step;
+  environment.localisation.Advance(environment.robot->pose(), way);
   ++environment.num_steps;
   environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;
 
@@ -218,7 +219,7 @@ env::StepResult CourseEnvironments::ResultOf(Environment& environment) const {
   }
   if (collided && config_.episode.collision_ends) {
     result.outcome = env::Outcome::kCollision;
-  } else if (distance < config_.episode.goal_tolerance) {
+  } else if (IsLookedAt(environment) && HasArrived(environment)) {
     result.outcome = env::Outcome::kSuccess;
     reward += config_.reward.success;
   } else if (environment.num_steps >= config_.episode.max_steps) {
@@ -228,6 +229,24 @@ env::StepResult CourseEnvironments::ResultOf(Environment& environment) const {
   result.reward = static_cast<float>(reward);
   environment.running = !result.ended();
   return result;
+}
+
+/// Whether a period of looking ends with the present step.
+bool CourseEnvironments::IsLookedAt(const Environment& environment) const {
+  const double period = config_.episode.look_period;
+  if (period <= 0.0) return true;
+  const auto num_looks = [&](int steps) {
+    return std::floor((steps * config_.episode.step + 1e-9) / period);
+  };
+  return num_looks(environment.num_steps) > num_looks(environment.num_steps - 1);
+}
+
+bool CourseEnvironments::HasArrived(const Environment& environment) const {
+  if (environment.goal_distance < config_.episode.goal_tolerance) return true;
+  if (config_.episode.finish_ahead <= 0.0) return false;
+  const base::Pose2& start = environment.scene->course().start;
+  const base::Vec2 gone = base::InverseTransform(start, environment.robot.pose().p);
+  return gone.x >= config_.episode.finish_ahead;
 }
 
 void CourseEnvironments::Observe(int i) {
@@ -246,9 +265,11 @@ void CourseEnvironments::Observe(int i) {
   state[3] = environment.last_action.angular;
   const BodyState& body = environment.robot->body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
-  observations_.odometry[i] = {.X_OR = environment.localisation.X_OR(),
-                               .linear = c * body.vx + s * body.vy,
-                               .angular = body.yaw_rate};
+  const double speed = config_.localisation.from_wheels
+                           ? config_.action.linear_mps(environment.last_action)
+                           : c * body.vx + s * body.vy;
+  observations_.odometry[i] = {
+      .X_OR = environment.localisation.X_OR(), .linear = speed, .angular = body.yaw_rate};
 }
 
 }  // namespace slalom::sim

@@ -26,7 +26,8 @@ namespace slalom::sim {
 /// - Contact at any of the rigid-body steps, the first included, is a collision. It ends the
 ///   episode if `episode.collision_ends`; if not, every control step in which a contact begins or
 ///   lasts has a cost.
-/// - A robot nearer to the goal than the tolerance at the end of the step has succeeded.
+/// - A robot nearer to the goal than the tolerance at the end of the step has succeeded, or one
+///   beyond `episode.finish_ahead`; with `episode.look_period`, only at the end of a period.
 /// - At the step limit the episode ends in a timeout.
 ///
 /// Frames are taken at the end of the step and show moving obstacles where they are then.
@@ -109,6 +110,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   void EndStep(int i);
   RobotBody::Order OrderFor(Environment& environment, const env::Action& action) const;
   env::StepResult ResultOf(Environment& environment) const;
+  bool IsLookedAt(const Environment& environment) const;
+  bool HasArrived(const Environment& environment) const;
   void Observe(int i);
 
   const EnvironmentConfig config_;

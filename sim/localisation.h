@@ -20,8 +20,15 @@ class Localisation {
   /// Starts at `X_WR`, which becomes the frame O. Belief and truth agree there.
   void Reset(const base::Pose2& X_WR, std::uint64_t seed);
 
-  /// Tells that the robot has moved to `X_WR`. Without drift the belief stays equal to the truth.
-  void Advance(const base::Pose2& X_WR);
+  /// Tells that the robot has moved to `X_WR` and that its wheels have rolled ahead by `rolled`
+  /// [m], the mean of both sides. Without drift, and unless it reckons `from_wheels`, the belief
+  /// stays equal to the truth.
+  ///
+  /// From wheels, the robot believes that it has driven by `rolled` in the direction of its true
+  /// heading and never sideways: what robot_localization's filter makes of the Jackal's settings
+  /// (jackal_control/config/robot_localization.yaml, melodic), which give it the wheels' speeds
+  /// ahead and to the side, the latter always 0, and the IMU's heading.
+  void Advance(const base::Pose2& X_WR, double rolled);
 
   /// The pose that the robot believes it has, with a heading in [-pi, pi).
   const base::Pose2& X_OR() const { return X_OR_; }
@@ -30,7 +37,8 @@ class Localisation {
 
  private:
   bool drifts() const {
-    return config_.position_drift > 0.0 || config_.heading_drift > 0.0 || config_.turn_drift > 0.0;
+    return config_.from_wheels || config_.position_drift > 0.0 || config_.heading_drift > 0.0 ||
+           config_.turn_drift > 0.0;
   }
 
   LocalisationConfig config_;

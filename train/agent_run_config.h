@@ -29,11 +29,15 @@ struct CollectionConfig {
 /// All settings of `slalom evaluate --agent`. Some defaults differ from those of a training run:
 /// classical systems are asked for a command 20 times a second, as move_base asks them
 /// (docs/original-system.md, section 8.1), and the drive's controller therefore runs at 100 Hz, as
-/// 50 Hz is not a multiple of that.
+/// 50 Hz is not a multiple of that. They are given ranges as long as the sensor's, because their
+/// maps tell a long range from a missing echo. They reckon where they are as the Jackal's filter
+/// does, from the wheels and the heading.
 struct AgentRunConfig {
   AgentRunConfig() {
     environment.episode.step = 0.05;
     environment.robot.control_rate = 100.0;
+    environment.observation.range_clip = environment.lidar.max_range;
+    environment.localisation.from_wheels = true;
     evaluation.num_environments = 16;
   }
 

@@ -52,11 +52,17 @@ bool DwaPlanner::MeasureDistances(const LocalView& view) {
     if (path_cells_.empty() || !(path_cells_.back() == c)) path_cells_.push_back(c);
     return true;
   };
+  // The part within reach and one point more, as `transformGlobalPlan` takes it. The path may come
+  // from farther away.
+  bool near = false;
   for (std::size_t i = 0; i < view.path_O.size(); ++i) {
     const base::Vec2 p_O = view.path_O[i];
-    const bool near = base::Norm(p_O - view.X_OR.p) < reach;
-    if (!near && path_cells_.empty()) continue;  // The path may come from farther away.
-    if (!near) break;
+    const bool was_near = near;
+    near = base::Norm(p_O - view.X_OR.p) <= reach;
+    if (!near && !was_near) {
+      if (path_cells_.empty()) continue;
+      break;
+    }
     local_end_O_ = p_O;
     // Where points are farther apart than a cell, the cells between them are on the path too.
     if (!path_cells_.empty()) {
@@ -71,7 +77,7 @@ bool DwaPlanner::MeasureDistances(const LocalView& view) {
   if (path_cells_.empty()) return false;
   CoveredCells(map, footprint_, view.X_OR, under_robot_);
   to_path_.Compute(map, under_robot_, path_cells_);
-  to_goal_.Compute(map, under_robot_, std::span(path_cells_).last(1));
+  to_goal_.Compute(map, {}, std::span(path_cells_).last(1));
   return true;
 }
 
@@ -187,7 +193,7 @@ DwaPlanner::Trajectory DwaPlanner::Score(const LocalView& view, Twist command) c
     return true;
   });
   if (admissible) {
-    trajectory.cost = distance_cost + Scale(view.costmap) * config_.obstacle_cost_scale * highest;
+    trajectory.cost = distance_cost + config_.obstacle_cost_scale * highest;
   }
   return trajectory;
 }
@@ -216,7 +222,8 @@ std::optional<double> DwaPlanner::DistanceCost(const Costmap& costmap, base::Vec
   if (!costmap.Contains(c)) return std::nullopt;
   const std::uint16_t path = to_path_.distance(c), goal = to_goal_.distance(c);
   if (path == DistanceGrid::kNoWay || goal == DistanceGrid::kNoWay) return std::nullopt;
-  return Scale(costmap) * (config_.path_distance_scale * path + config_.goal_distance_scale * goal);
+  const double scale = config_.meter_scoring ? costmap.resolution() : 1.0;
+  return scale * (config_.path_distance_scale * path + config_.goal_distance_scale * goal);
 }
 
 void DwaPlanner::NoteTurn(const LocalView& view, const Trajectory& best) {

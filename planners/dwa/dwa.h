@@ -21,8 +21,17 @@ namespace slalom::planners {
 /// cost is a weighted sum of the end's distance from the path, the end's distance from the local
 /// goal (where the path leaves the map), and the highest costmap value under the outline on the
 /// way. A turn on the spot wins a tie; among turns, the one that is best `heading_lookahead` ahead
-/// wins. If nothing is admissible, the robot backs up, unchecked, until it has moved. Confined to
-/// one thread at a time.
+/// wins. If nothing is admissible, the robot backs up, unchecked, until it has moved.
+///
+/// With `meter_scoring`, the weights of the two distances are multiplied by the map's resolution,
+/// and that of the costmap's value is not (`TrajectoryPlannerROS::initialize` and
+/// `TrajectoryPlanner::reconfigure` of base_local_planner, melodic 1.16.7; before navigation's pull
+/// request 1000 it was). docs/planners.md says what speaks for it.
+///
+/// Inflated cells under the robot are exempt in the distances to the path alone, as
+/// `TrajectoryPlanner::findBestPath` (base_local_planner) marks them `within_robot` in `path_map_`
+/// and not in `goal_map_`. A robot whose middle is in such a cell is therefore cut off from the
+/// goal and gets no command. Confined to one thread at a time.
 class DwaPlanner : public LocalPlanner {
  public:
   DwaPlanner(const DwaConfig& config, const FootprintConfig& footprint);
@@ -61,9 +70,6 @@ class DwaPlanner : public LocalPlanner {
   template <class Visit>
   base::Pose2 Simulate(const LocalView& view, Twist command, Visit&& visit) const;
   std::optional<double> DistanceCost(const Costmap& costmap, base::Vec2 p_O) const;
-  double Scale(const Costmap& costmap) const {
-    return config_.meter_scoring ? costmap.resolution() : 1.0;
-  }
 
   const DwaConfig config_;
   const PaddedFootprint footprint_;

@@ -14,13 +14,17 @@ constexpr float kInfinite = std::numeric_limits<float>::infinity();
 constexpr float kNeutralCost = 50.0f;  // Of crossing a free cell.
 constexpr float kCostFactor = 0.8f;
 constexpr double kPathStep = 0.5;  // [cells]
-// Less than a free cell can cost per cell of a straight line, even with the approximation's error.
-constexpr float kHeuristicCost = 0.95f * kNeutralCost;
+// Less than a free cell can cost per cell of a straight line: the approximation's error is 0.45 %
+// at most, on a diagonal.
+constexpr float kHeuristicCost = 0.99f * kNeutralCost;
 // Less than a cell's potential is above its lowest neighbour's, so that cells are mostly updated
 // once.
 constexpr float kBucketWidth = 25.0f;
-// If the robot was not reached, paths that cost this much more are searched next.
+// If the goal was not reached, paths that cost this much more are searched next.
 constexpr float kBoundGrowth = 1.2f;
+// Where a change is nearer than this share of the way, nearly everything lies behind it, and it is
+// quicker to begin anew.
+constexpr float kWorthKeeping = 0.5f;
 // Cells whose paths cost this much more than the best are settled too: the descent's gradients look
 // up to two cells beside the path, where a cell costs 251 at most.
 constexpr float kMargin = 1000.0f;
@@ -54,22 +58,24 @@ const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap,
                                                    const CellWindow& changed, base::Vec2 start_O,
                                                    base::Vec2 goal_O) {
   path_O_.clear();
-  const CellIndex start = costmap.CellAt(start_O);
+  const CellIndex robot = costmap.CellAt(start_O);
   const CellIndex goal = costmap.CellAt(goal_O);
   const auto at_edge = [&](CellIndex c) {
     return c.x < 1 || c.y < 1 || c.x > costmap.size_x() - 2 || c.y > costmap.size_y() - 2;
   };
-  if (at_edge(start) || at_edge(goal) || costmap.cost(goal) >= kInscribedCost) {
+  const bool blocked = !(goal == robot) && costmap.cost(goal) >= kInscribedCost;
+  if (at_edge(robot) || at_edge(goal) || blocked) {
     valid_ = false;
     return path_O_;
   }
-  if (valid_ && goal == goal_ && costmap.size_x() == size_x_ && costmap.size_y() == size_y_) {
-    TakeIn(costmap, changed, start);
+  if (valid_ && costmap.size_x() == size_x_ && costmap.size_y() == size_y_) {
+    TakeIn(costmap, changed, robot, goal);
   } else {
-    Begin(costmap, start, goal);
+    Begin(costmap, robot, goal);
   }
   Spread();
-  if (potential_[Index(start_)] < kInfinite && Descend(costmap)) {
+  if (potential_[Index(goal_)] < kInfinite && Descend(costmap)) {
+    std::reverse(path_O_.begin(), path_O_.end());
     path_O_.push_back(goal_O);
   } else {
     path_O_.clear();
@@ -77,10 +83,9 @@ const std::vector<base::Vec2>& GlobalPlanner::Plan(const Costmap& costmap,
   return path_O_;
 }
 
-void GlobalPlanner::Begin(const Costmap& costmap, CellIndex start, CellIndex goal) {
+void GlobalPlanner::Begin(const Costmap& costmap, CellIndex robot, CellIndex goal) {
   size_x_ = costmap.size_x();
   size_y_ = costmap.size_y();
-  goal_ = goal;
   costs_.assign(costmap.costs().begin(), costmap.costs().end());
   for (int x = 0; x < size_x_; ++x) {
     costs_[Index({x, 0})] = costs_[Index({x, size_y_ - 1})] = kUnknownCost;
@@ -88,25 +93,21 @@ void GlobalPlanner::Begin(const Costmap& costmap, CellIndex start, CellIndex goa
   for (int y = 0; y < size_y_; ++y) {
     costs_[Index({0, y})] = costs_[Index({size_x_ - 1, y})] = kUnknownCost;
   }
-  costs_[Index(start)] = kFreeCost;  // Wherever the robot is, it is.
+  costs_[Index(robot)] = kFreeCost;  // Wherever the robot is, it is.
   potential_.assign(costs_.size(), kInfinite);
   pending_.assign(costs_.size(), 0);
-  deferred_.clear();
-  start_ = start;
-  const int n = Index(goal);
-  potential_[n] = 0.0f;
-  touched_.assign(1, n);
-  const float dx = static_cast<float>(goal.x - start.x), dy = static_cast<float>(goal.y - start.y);
+  touched_.clear();
+  const float dx = static_cast<float>(goal.x - robot.x), dy = static_cast<float>(goal.y - robot.y);
   bound_ = kNeutralCost * std::sqrt(dx * dx + dy * dy) + kMargin;
-  Push(n);
+  StartAt(robot, goal);
   valid_ = true;
 }
 
-void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex start) {
+void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex robot,
+                           CellIndex goal) {
   changed_.clear();
   lowest_changed_ = kInfinite;
-  const CellIndex old_start = start_;
-  SetCost(Index(old_start), costmap.cost(old_start));
+  if (!(robot == robot_)) SetCost(Index(robot_), costmap.cost(robot_));
   for (int y = std::max(1, changed.y0); y < std::min(size_y_ - 1, changed.y1); ++y) {
     const int x0 = std::max(1, changed.x0), x1 = std::min(size_x_ - 1, changed.x1);
     if (x0 >= x1) break;
@@ -117,8 +118,26 @@ void GlobalPlanner::TakeIn(const Costmap& costmap, const CellWindow& changed, Ce
       if (now[x] != before[x]) SetCost(Index({x, y}), now[x]);
     }
   }
-  SetCost(Index(start), kFreeCost);
-  if (!changed_.empty() || !(start == old_start)) SpreadAnew(start);
+  SetCost(Index(robot), kFreeCost);
+  const float before = potential_[Index(goal_)];
+  if (before < kInfinite) bound_ = before + kMargin;
+  if (!(robot == robot_) || !(goal == goal_) || lowest_changed_ < kWorthKeeping * before) {
+    StartAt(robot, goal);
+  } else if (!changed_.empty()) {
+    SpreadAnew();
+  }
+}
+
+/// Forgets all potentials and queues the robot's cell.
+void GlobalPlanner::StartAt(CellIndex robot, CellIndex goal) {
+  for (const int n : touched_) potential_[n] = kInfinite;
+  deferred_.clear();
+  robot_ = robot;
+  goal_ = goal;
+  const int n = Index(robot);
+  potential_[n] = 0.0f;
+  touched_.assign(1, n);
+  Push(n);
 }
 
 void GlobalPlanner::SetCost(int n, std::uint8_t cost) {
@@ -131,10 +150,7 @@ void GlobalPlanner::SetCost(int n, std::uint8_t cost) {
 }
 
 /// Forgets the potentials that the change can matter to, and queues what can restore them.
-void GlobalPlanner::SpreadAnew(CellIndex start) {
-  const float before = potential_[Index(start_)];
-  if (before < kInfinite) bound_ = before + kMargin;
-  start_ = start;
+void GlobalPlanner::SpreadAnew() {
   waiting_.swap(deferred_);
   deferred_.clear();
   std::size_t num_kept = 0;
@@ -154,7 +170,7 @@ void GlobalPlanner::SpreadAnew(CellIndex start) {
 }
 
 void GlobalPlanner::Spread() {
-  const int start = Index(start_);
+  const int goal = Index(goal_);
   while (true) {
     for (; bucket_ < buckets_.size(); ++bucket_) {
       // The bucket grows while it is worked off.
@@ -162,12 +178,16 @@ void GlobalPlanner::Spread() {
         const int n = buckets_[bucket_][i];
         if (pending_[n] == 0) continue;  // Was worked off with a lower potential.
         pending_[n] = 0;
-        for (const int m : {n - 1, n + 1, n - size_x_, n + size_x_}) Relax(m);
+        // A plane wave is nowhere lower than the cells that it comes from.
+        const float potential = potential_[n];
+        for (const int m : {n - 1, n + 1, n - size_x_, n + size_x_}) {
+          if (potential < potential_[m]) Relax(m);
+        }
       }
       buckets_[bucket_].clear();
     }
     const float wanted =
-        potential_[start] < kInfinite ? potential_[start] + kMargin : kBoundGrowth * bound_;
+        potential_[goal] < kInfinite ? potential_[goal] + kMargin : kBoundGrowth * bound_;
     if (deferred_.empty() || bound_ >= wanted) return;
     bound_ = wanted;
     waiting_.swap(deferred_);
@@ -189,10 +209,10 @@ void GlobalPlanner::Relax(int n) {
   Push(n);
 }
 
-/// Returns a lower bound of the cost of a path from the robot over this cell.
+/// Returns a lower bound of the cost of a path to the goal over this cell.
 float GlobalPlanner::Key(int n) const {
   const int y = n / size_x_, x = n - y * size_x_;
-  const float dx = static_cast<float>(x - start_.x), dy = static_cast<float>(y - start_.y);
+  const float dx = static_cast<float>(x - goal_.x), dy = static_cast<float>(y - goal_.y);
   return potential_[n] + kHeuristicCost * std::sqrt(dx * dx + dy * dy);
 }
 
@@ -210,31 +230,45 @@ void GlobalPlanner::Push(int n) {
   buckets_[bucket].push_back(n);
 }
 
+/// Writes the path from the goal down to the robot.
 bool GlobalPlanner::Descend(const Costmap& costmap) {
   path_O_.clear();
-  int n = start_.y * size_x_ + start_.x;
-  const int goal = goal_.y * size_x_ + goal_.x;
-  double dx = 0.0, dy = 0.0;  // Of the path's point from the middle of cell n, [cells].
+  // navfn takes the lower corner of a cell for its position (NavfnROS::mapToWorld).
+  const auto position = [&](double x, double y) {
+    return costmap.origin() + costmap.resolution() * base::Vec2{x, y};
+  };
+  int n = Index(goal_);
+  const int robot = Index(robot_);
+  double dx = 0.0, dy = 0.0;  // Of the path's point from that of cell n, [cells].
   const std::size_t max_points = 4 * static_cast<std::size_t>(std::max(size_x_, size_y_));
   while (path_O_.size() < max_points) {
     const int nearest =
         n + static_cast<int>(std::lround(dx)) + size_x_ * static_cast<int>(std::lround(dy));
-    if (nearest == goal) return true;
+    if (nearest == robot) {
+      path_O_.push_back(position(robot_.x, robot_.y));
+      return true;
+    }
     const int y = n / size_x_, x = n - y * size_x_;
     if (x < 1 || y < 1 || x > size_x_ - 2 || y > size_y_ - 2) return false;
-    const base::Vec2 centre_O = costmap.CentreOf({x, y});
-    path_O_.push_back(centre_O + costmap.resolution() * base::Vec2{dx, dy});
+    path_O_.push_back(position(x + dx, y + dy));
+    const auto num = path_O_.size();
+    const bool turned_back = num > 2 && path_O_[num - 1] == path_O_[num - 3];
 
     int lowest = n;
+    float lowest_potential = std::floor(potential_[n]);  // navfn compares with whole numbers here.
     bool at_boundary = false;
     for (int row = -1; row <= 1; ++row) {
       for (int column = -1; column <= 1; ++column) {
         const int m = n + row * size_x_ + column;
         if (potential_[m] == kInfinite) at_boundary = true;
-        if (potential_[m] < potential_[lowest]) lowest = m;
+        if (!(potential_[m] < lowest_potential)) continue;
+        lowest = m;
+        lowest_potential = std::floor(potential_[m]);
       }
     }
-    if (at_boundary) {  // No gradient beside walls: to the lowest of the eight neighbours.
+    // No gradient beside walls, and none that helps where it points to and fro: to the lowest of
+    // the eight neighbours.
+    if (at_boundary || turned_back) {
       if (lowest == n) return false;
       n = lowest;
       dx = dy = 0.0;

@@ -9,15 +9,19 @@
 
 namespace slalom::planners {
 
-/// Plans over a costmap as navfn does. A potential spreads from the goal over the cells by a
-/// quadratic approximation to a plane wave; crossing a cell costs 50 + 0.8 times its costmap value.
-/// The path descends the interpolated gradient in steps of half a cell. Cells of kInscribedCost and
-/// above are walls, except the robot's own; so is the map's edge.
+/// Plans over a costmap as navfn does (ROS melodic, navfn/src/navfn.cpp and navfn_ros.cpp). A
+/// potential spreads from the robot over the cells by a quadratic approximation to a plane wave;
+/// crossing a cell costs 50 + 0.8 times its costmap value (`NavFn::updateCell`, `setCostmap`). The
+/// path descends the interpolated gradient from the goal to the robot in steps of half a cell
+/// (`NavFn::calcPath`) and is then turned round (`NavfnROS::getPlanFromPotential`). A cell stands
+/// for its lower corner, not for its middle, so the path lies half a cell towards the map's origin
+/// (`NavfnROS::mapToWorld`). Cells of kInscribedCost and above are walls, except the robot's own
+/// (`NavfnROS::clearRobotCell`); so is the map's edge.
 ///
-/// navfn spreads the potential from the robot, over every cell nearer than the goal. Here it
-/// spreads from the goal and, as in A*, only over cells that the path can touch, judged by the
-/// straight distance left to the robot. After a change of the map, only the potential behind the
-/// change is computed again. Neither changes the path. Confined to one thread at a time.
+/// navfn spreads the potential over every cell nearer than the goal. Here it spreads, as in A*,
+/// only over cells that the path can touch, judged by the straight distance left to the goal. While
+/// the robot stays in its cell, only the potential behind a change of the map is computed again.
+/// Neither changes the path. Confined to one thread at a time.
 class GlobalPlanner {
  public:
   /// How far the potential spreads: over the cells that the path needs, or, for tests, over all
@@ -29,11 +33,11 @@ class GlobalPlanner {
   /// Discards the potential, so that the next plan computes all of it.
   void Reset() { valid_ = false; }
 
-  /// Returns a path from the middle of the cell of `start_O` to `goal_O`, about two points per
-  /// cell, or an empty one if there is no way. `changed` must contain all cells whose cost changed
-  /// since the last call, which must have been with the same map in the same place; the first call
-  /// after `Reset` ignores it. Cost: O(cells near the path, behind the change), a few 0.1 ms over
-  /// 10 m.
+  /// Returns a path from the lower corner of the cell of `start_O` to `goal_O`, about two points
+  /// per cell, or an empty one if there is no way. `changed` must contain all cells whose cost
+  /// changed since the last call, which must have been with the same map in the same place; the
+  /// first call after `Reset` ignores it. Cost: O(cells near the path), a few 0.1 ms over 10 m;
+  /// much less where neither the robot's cell nor the map changed.
   const std::vector<base::Vec2>& Plan(const Costmap& costmap, const CellWindow& changed,
                                       base::Vec2 start_O, base::Vec2 goal_O);
 
@@ -44,10 +48,11 @@ class GlobalPlanner {
   }
 
  private:
-  void Begin(const Costmap& costmap, CellIndex start, CellIndex goal);
-  void TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex start);
+  void Begin(const Costmap& costmap, CellIndex robot, CellIndex goal);
+  void TakeIn(const Costmap& costmap, const CellWindow& changed, CellIndex robot, CellIndex goal);
+  void StartAt(CellIndex robot, CellIndex goal);
   void SetCost(int n, std::uint8_t cost);
-  void SpreadAnew(CellIndex start);
+  void SpreadAnew();
   void Spread();
   void Relax(int n);
   void Push(int n);
@@ -57,9 +62,9 @@ class GlobalPlanner {
   int Index(CellIndex c) const { return c.y * size_x_ + c.x; }
 
   const Extent extent_;
-  bool valid_ = false;  // The potential is that of costs_ and goal_.
+  bool valid_ = false;  // The potential is that of costs_, robot_ and goal_.
   int size_x_ = 0, size_y_ = 0;
-  CellIndex start_, goal_;
+  CellIndex robot_, goal_;
   std::vector<std::uint8_t> costs_;  // [size_y, size_x], the edge unknown, the robot's cell free.
   std::vector<float> potential_;     // [size_y, size_x]
   std::vector<int> touched_;         // Cells that have a potential.

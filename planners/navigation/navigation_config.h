@@ -10,11 +10,13 @@ namespace slalom::planners {
 /// gives none, of the ROS packages (melodic).
 struct NavigationConfig {
   FootprintConfig footprint;
+  double start_heading = 1.57;
   double resolution = 0.05;
   double local_map_size = 10.0;
   double local_map_rate = 20.0;
   double global_map_size = 40.0;
   double global_map_rate = 10.0;
+  double scan_age = 0.05;
   double obstacle_range = 2.5;
   double raytrace_range = 3.0;
   double planner_rate = 20.0;
@@ -35,6 +37,10 @@ struct NavigationConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v.Section("footprint", footprint, "The robot's outline as the planners see it.");
+    v("start_heading", start_heading, base::Range{-3.1416, 3.1416}, "rad",
+      "Heading at the start in the frame along whose axes the maps' cells lie. The Jackal's filter "
+      "takes the heading of its IMU, so that this frame has the world's axes, and robots start "
+      "along y.");
     v("resolution", resolution, base::Range{0.01, 0.5}, "m", "Cell size of both costmaps.");
     v("local_map_size", local_map_size, base::Range{1.0, 50.0}, "m",
       "Side of the costmap that follows the robot.");
@@ -45,6 +51,9 @@ struct NavigationConfig {
       "too far away.");
     v("global_map_rate", global_map_rate, base::Range{0.5, 100.0}, "Hz",
       "Rate at which the global map is updated.");
+    v("scan_age", scan_age, base::Range{0.0, 1.0}, "s",
+      "Age of a scan when the maps are updated from it, in whole steps of the environment. ROS "
+      "waits for transforms that are 0.05 s younger than the scan.");
     v("obstacle_range", obstacle_range, base::Range{0.1, 30.0}, "m",
       "Obstacles that are seen nearer than this are marked in the maps.");
     v("raytrace_range", raytrace_range, base::Range{0.1, 30.0}, "m",

@@ -61,6 +61,7 @@ Navigator::Navigator(const NavigationConfig& config, const PlannerNavigationConf
       footprint_(config.footprint),
       projector_(geometry),
       planner_(std::move(planner)),
+      scans_(1 + static_cast<std::size_t>(std::llround(config.scan_age / step))),
       local_map_(MapConfig(config, planner_config, config.local_map_size, true), footprint_) {
   SLALOM_CHECK(planner_ != nullptr);
   SLALOM_CHECK(step > 0.0);
@@ -88,16 +89,30 @@ void Navigator::Reset(const base::Pose2& X_OR, base::Vec2 goal_O, std::uint64_t 
 
 Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR,
                       Twist velocity) {
-  const bool update_local = Due(config_.local_map_rate);
-  const bool update_global = Due(config_.global_map_rate);
-  if (update_local || update_global) projector_.Project(ranges_cm, X_OR, rays_);
-  if (update_local) local_map_.Update(rays_, X_OR);
-  if (update_global) global_change_ = Union(global_change_, global_map_->Update(rays_, X_OR));
-
+  // Threads that wait for no other see each other's work of the cycle before; where a step holds
+  // several cycles, what they see is no older than a fraction of it.
+  const bool maps_are_late = step_ * config_.local_map_rate < 1.5;
+  projector_.Project(ranges_cm, X_OR, NewestScan());
+  if (!maps_are_late) UpdateMaps(X_OR);
   if (Due(planner_config_.control_rate)) Act(X_OR, velocity);
+  if (maps_are_late) UpdateMaps(X_OR);
   if (Due(config_.planner_rate)) MakePlan(X_OR);
   ++num_steps_;
   return command_;
+}
+
+ScanRays& Navigator::NewestScan() {
+  return scans_[static_cast<std::size_t>(num_steps_) % scans_.size()];
+}
+
+void Navigator::UpdateMaps(const base::Pose2& X_OR) {
+  const auto age = static_cast<std::int64_t>(scans_.size()) - 1;
+  if (num_steps_ < age) return;  // No scan is old enough.
+  const ScanRays& scan = scans_[static_cast<std::size_t>(num_steps_ - age) % scans_.size()];
+  if (Due(config_.local_map_rate)) local_map_.Update(scan, X_OR);
+  if (Due(config_.global_map_rate)) {
+    global_change_ = Union(global_change_, global_map_->Update(scan, X_OR));
+  }
 }
 
 bool Navigator::Due(double rate) const {

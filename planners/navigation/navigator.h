@@ -45,9 +45,13 @@ struct NavigatorRecord {
 /// The navigation system of one robot: ROS's move_base with a local and a global costmap, a global
 /// planner, recoveries and a local planner.
 ///
-/// In each control cycle the maps are updated from the scan, the state machine acts, and then the
-/// global planner plans. Its plan is used from the next cycle on, as with move_base's planner
-/// thread. Confined to one thread at a time.
+/// In move_base control, planning and each map have a thread of their own, and wait for no other
+/// (`MoveBase::executeCb`, `planThread`, `Costmap2DROS::mapUpdateLoop`). Here, in each control
+/// cycle, the state machine acts on the maps and the plan as they were left a cycle ago; then the
+/// maps are updated, and then the global planner plans. A scan enters the maps `scan_age` after it
+/// was taken, at its own place, because costmap_2d's `ObstacleLayer` has its message filter wait
+/// for transforms that much younger. Where a step is longer than the maps' period, the maps are up
+/// to date when the state machine acts. Confined to one thread at a time.
 class Navigator {
  public:
   /// `step`: time between two calls of `Step`, [s]. An activity with a configured rate runs in
@@ -75,6 +79,8 @@ class Navigator {
 
   double now() const { return num_steps_ * step_; }
   bool Due(double rate) const;
+  ScanRays& NewestScan();
+  void UpdateMaps(const base::Pose2& X_OR);
   void SizeGlobalMap(base::Vec2 way);
   void SendGoal();
   void Act(const base::Pose2& X_OR, Twist velocity);
@@ -90,10 +96,10 @@ class Navigator {
   const PaddedFootprint footprint_;
   const ScanProjector projector_;
   const std::unique_ptr<LocalPlanner> planner_;
+  std::vector<ScanRays> scans_;  // Of the last steps, a ring; its size is the age of those in use.
   ObstacleMap local_map_;
   std::optional<ObstacleMap> global_map_;  // From the first Reset on.
   GlobalPlanner global_planner_;
-  ScanRays rays_;
 
   base::Vec2 goal_O_;
   std::int64_t num_steps_ = 0;  // Since the episode began.

@@ -104,12 +104,13 @@ void ObstacleMap::Trace(const ScanRays& scan) {
   const int stride = costmap_.size_x();
   marks_.clear();
   CellIndex last_end{-1, -1};
-  bool last_hit = false;
   for (const ScanRay& ray : scan.rays) {
+    if (!ray.hit) continue;
     const CellIndex end = costmap_.CellAt(ray.p_O);
-    if (end == last_end && ray.hit == last_hit) continue;  // The same line once more.
+    const bool marks = base::Norm(ray.p_O - scan.sensor_O) < config_.obstacle_range;
+    if (marks && costmap_.Contains(end)) marks_.push_back(costmap_.Index(end));
+    if (end == last_end) continue;  // The same line once more.
     last_end = end;
-    last_hit = ray.hit;
     const int dx = std::abs(end.x - sensor.x), dy = std::abs(end.y - sensor.y);
     const double length = std::sqrt(static_cast<double>(dx) * dx + static_cast<double>(dy) * dy);
     const double share = length > reach ? reach / length : 1.0;
@@ -125,10 +126,6 @@ void ObstacleMap::Trace(const ScanRays& scan) {
         cells[y * stride + x] = kFreeCost;
         return true;
       });
-    }
-    if (ray.hit && costmap_.Contains(end) &&
-        base::Norm(ray.p_O - scan.sensor_O) < config_.obstacle_range) {
-      marks_.push_back(costmap_.Index(end));
     }
   }
   for (const std::size_t i : marks_) cells[i] = kLethalCost;

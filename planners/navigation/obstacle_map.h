@@ -30,7 +30,9 @@ struct ObstacleMapConfig {
 /// Each update first clears the cells along every beam, including its end, up to the raytrace
 /// range. Then it marks the cells in which beams hit an obstacle nearer than the obstacle range,
 /// and clears the cells under the robot. So an obstacle between the two ranges is cleared, not
-/// marked, as in ROS. Confined to one thread at a time.
+/// marked, as in ROS. A beam without an echo does nothing: `ObstacleLayer::laserScanCallback`
+/// projects the scan by laser_geometry's `LaserProjection`, which drops ranges from range_max on
+/// (`inf_is_valid` is false by default). Confined to one thread at a time.
 class ObstacleMap {
  public:
   /// Requires: num_cells >= 1, resolution > 0.

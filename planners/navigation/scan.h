@@ -15,7 +15,7 @@ struct ScanGeometry {
   int num_beams = 720;
   double field_of_view = 4.71238;  ///< From the first beam to the last, centred on R's x, [rad].
   base::Vec2 p_RS{0.12, 0.0};      ///< Position of the sensor, [m]; its axes are parallel to R's.
-  double clip = 5.0;               ///< Beams with this range or more hit nothing, [m].
+  double clip = 5.0;               ///< Beams with this range or more have no echo, [m].
 };
 
 /// A beam in O: its end, and whether it hit an obstacle there.

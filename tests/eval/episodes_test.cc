@@ -18,6 +18,7 @@ sim::CourseSet MakeCourses(int n, const std::string& prefix = "course-") {
     auto course = std::make_shared<sim::Course>();
     course->name = prefix + std::to_string(c);
     course->goal_W = {10.0, 0.0};
+    course->reference_path_W = {{2.0, 0.0}, {6.0, 0.0}};
     set.courses.push_back(std::move(course));
   }
   return set;
@@ -246,7 +247,7 @@ TEST(RunEpisodes, CountsEachContactOnce) {
                                                       {0.0, true}});
   EXPECT_EQ(record.num_collisions, 3);
   EXPECT_EQ(record.outcome, env::Outcome::kTimeout);
-  EXPECT_EQ(record.num_steps, 500);
+  EXPECT_EQ(record.num_steps, 565);
 }
 
 TEST(RunEpisodes, StartsTheChallengesClockWhenTheRobotHasMoved) {

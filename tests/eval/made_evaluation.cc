@@ -18,6 +18,7 @@ eval::Evaluation MakeEvaluation(std::vector<double> success_probability,
     auto course = std::make_shared<sim::Course>();
     course->name = course_prefix + std::to_string(c);
     course->goal_W = {10.0, 0.0};
+    course->reference_path_W = {{2.0, 0.0}, {8.0, 0.0}};
     course->bounds = {{-1.0, -5.0}, {11.0, 5.0}};
     for (std::size_t k = 0; k <= c; ++k) {
       course->circles.push_back({{3.0 + static_cast<double>(k), 2.0}, 0.25});

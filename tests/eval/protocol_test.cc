@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "base/error.h"
 #include "config/config.h"
 #include "eval/evaluation_task.h"
 
@@ -68,7 +69,7 @@ TEST(Protocol, ReplacesTheTasksOwnRules) {
 
 TEST(Protocol, GivenValuesWin) {
   EvaluationConfig config = Named("dwa-runs");
-  EXPECT_EQ(ResolveProtocol(config).time_limit, 100.0);
+  EXPECT_EQ(ResolveProtocol(config).time_limit, 113.0);
   EXPECT_FALSE(ResolveProtocol(config).collision_ends);
   config.time_limit = 30.0;
   config.goal_tolerance = 0.9;
@@ -86,6 +87,39 @@ TEST(Protocol, TheChallengeStartsFurtherLeftWithTheGoalTenMetresAhead) {
   EXPECT_EQ(shifted.courses[0]->goal_W, (base::Vec2{-2.25, 13.0}));
   EXPECT_EQ(shifted.courses[0]->reference_path_W, OneCourse().courses[0]->reference_path_W);
   EXPECT_EQ(*WithProtocol(OneCourse(), Resolved("paper")).courses[0], *OneCourse().courses[0]);
+}
+
+// World 9 of the published set: cells (26, 0) to (15, 29). The harness of the published runs puts a
+// cell at (0.15 row - 4.575, 0.15 col + 5.075), the start 1 m before and the goal 5 m beyond.
+TEST(Protocol, DwaRunsStartAndEndWhereTheReferencePathDoes) {
+  auto course = std::make_shared<sim::Course>(*OneCourse().courses[0]);
+  course->start.yaw = 0.5 * base::kPi;
+  course->reference_path_W = {{-4.425 + 0.15 * 26, 5.175}, {-4.425 + 0.15 * 15, 5.175 + 0.15 * 29}};
+  const sim::CourseSet set{"set", {course}};
+  const sim::Course found = *WithProtocol(set, Resolved("dwa-runs")).courses[0];
+  EXPECT_NEAR(found.start.p.x, 0.15 * 26 - 4.575, 1e-12);
+  EXPECT_NEAR(found.start.p.y, 4.075, 1e-12);
+  EXPECT_NEAR(found.goal_W.x, 0.15 * 15 - 4.575, 1e-12);
+  EXPECT_NEAR(found.goal_W.y, 14.425, 1e-12);
+  EXPECT_EQ(found.start.yaw, course->start.yaw);
+  // Success is beyond y = 11 m.
+  const sim::EnvironmentConfig task = WithProtocol(sim::EnvironmentConfig{}, Resolved("dwa-runs"));
+  EXPECT_NEAR(found.start.p.y + task.episode.finish_ahead, 11.0, 1e-12);
+  EXPECT_EQ(task.episode.look_period, 1.13);
+  EXPECT_EQ(WithProtocol(sim::EnvironmentConfig{}, Resolved("paper")).episode.finish_ahead, 0.0);
+}
+
+TEST(Protocol, DwaRunsNeedAReferencePath) {
+  auto course = std::make_shared<sim::Course>(*OneCourse().courses[0]);
+  course->reference_path_W.clear();
+  try {
+    (void)WithProtocol(sim::CourseSet{"set", {course}}, Resolved("dwa-runs"));
+    FAIL();
+  } catch (const base::Error& error) {
+    EXPECT_STREQ(error.what(),
+                 "course 'one': has no reference path, expected one because protocol 'dwa-runs' "
+                 "starts before its first point and ends beyond its last");
+  }
 }
 
 }  // namespace

@@ -61,14 +61,14 @@ std::uint64_t DriveAndHash(const std::string& name) {
     add(velocity.linear);
     add(velocity.angular);
   }
-  EXPECT_GT(X_OR.p.x, 2.0) << name << " drives";
+  EXPECT_GT(X_OR.p.x, 1.5) << name << " drives";
   return hash;
 }
 
 // The numbers are those of this code, not of ROS; a change of behaviour changes them.
-TEST(GoldenDrive, Dwa) { EXPECT_EQ(DriveAndHash("dwa"), 11803771675464024614u); }
+TEST(GoldenDrive, Dwa) { EXPECT_EQ(DriveAndHash("dwa"), 488127223416168546u); }
 
-TEST(GoldenDrive, ElasticBand) { EXPECT_EQ(DriveAndHash("eband"), 4815045748973530632u); }
+TEST(GoldenDrive, ElasticBand) { EXPECT_EQ(DriveAndHash("eband"), 9061347328799170412u); }
 
 }  // namespace
 }  // namespace slalom::planners

@@ -133,6 +133,28 @@ TEST_P(EachPlanner, ForgetsTheEpisodeBefore) {
   EXPECT_NE(drives[1], drives[0]);
 }
 
+// The robot starts along y of the maps, which are not turned with it.
+TEST(PlannerAgent, MapsLieAlongTheStartHeading) {
+  const sim::EnvironmentConfig config = TaskAt20Hz();
+  sim::Course course;
+  course.name = "open";
+  course.start = {{1.0, 2.0}, 1.0};
+  course.goal_W = base::Transform(course.start, {4.0, -1.0});
+  sim::CourseEnvironments environments(
+      config, {sim::MakeScene(std::make_shared<const sim::Course>(course))}, 1, nullptr);
+  PlannersConfig planners;
+  planners.navigation.start_heading = 0.5 * base::kPi;
+  PlannerAgent agent("dwa", planners, GeometryOf(config), config.action, config.episode.step,
+                     nullptr);
+  environments.Reset(0, {});
+  std::vector<env::Action> actions(1);
+  agent.Act(environments.observations(), actions);
+  const auto path = agent.navigator(0).path();
+  ASSERT_FALSE(path.empty());
+  EXPECT_NEAR(path.back().x, 1.0, 1e-6);
+  EXPECT_NEAR(path.back().y, 4.0, 1e-6);
+}
+
 TEST(PlannerAgent, DwaDrivesGeneratedCourses) {
   const sim::EnvironmentConfig config = TaskAt20Hz();
   constexpr int kNum = 3;

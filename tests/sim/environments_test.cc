@@ -138,6 +138,36 @@ TEST(EnvironmentsTest, RewardsProgressAndSuccess) {
   EXPECT_EQ(last.cost, 0.0f);
 }
 
+// Steps of 0.2 m; the line is crossed in the fifth, the periods of 0.5 s end with the steps 3, 5
+// and 8.
+TEST(EnvironmentsTest, AFinishLineCountsWhereItIsLookedAt) {
+  for (const auto& [period, last] : {std::pair{0.0, 5}, {0.5, 5}, {0.6, 6}, {0.7, 7}}) {
+    EnvironmentConfig config = InstantDrive();
+    config.episode.finish_ahead = 0.95;
+    config.episode.look_period = period;
+    One one(config, Corridor(9.0, 20.0));
+    for (int step = 1; step < last; ++step) {
+      EXPECT_EQ(one.Step(1.0).outcome, Outcome::kRunning) << period << " " << step;
+    }
+    EXPECT_EQ(one.Step(1.0).outcome, Outcome::kSuccess) << period;
+  }
+  EnvironmentConfig config = InstantDrive();
+  One without(config, Corridor(9.0, 20.0));
+  for (int step = 0; step < 20; ++step) EXPECT_EQ(without.Step(1.0).outcome, Outcome::kRunning);
+}
+
+TEST(EnvironmentsTest, OdometryFromWheelsTellsTheirSpeed) {
+  EnvironmentConfig config;
+  config.localisation.from_wheels = true;
+  One one(config, Corridor(9.0, 20.0));
+  for (int step = 0; step < 3; ++step) one.Step(1.0, 2.0);
+  const env::Odometry& odometry = one.environments().observations().odometry[0];
+  EXPECT_NEAR(odometry.linear, 1.0, 1e-6);
+  const base::Pose2 X_WR = one.environments().robot_pose(0);
+  EXPECT_NEAR(base::WrapAngle(odometry.X_OR.yaw - X_WR.yaw), 0.0, 1e-6) << "the heading is true";
+  EXPECT_GT(base::Norm(odometry.X_OR.p - X_WR.p), 0.005) << "the tyres slip";
+}
+
 TEST(EnvironmentsTest, GoalCountsAtTheEndOfAStepOnly) {
   EnvironmentConfig config = InstantDrive();
   config.episode.goal_tolerance = 0.05;

@@ -22,7 +22,7 @@ TEST(LocalisationTest, WithoutDriftTheBeliefIsTheTruth) {
   for (int i = 0; i < 50; ++i) {
     const base::Pose2 X_WR{{random.Uniform(-9.0, 9.0), random.Uniform(-9.0, 9.0)},
                            random.Uniform(-3.1, 3.1)};
-    localisation.Advance(X_WR);
+    localisation.Advance(X_WR, 0.0);
     const base::Vec2 p_W{random.Uniform(-9.0, 9.0), random.Uniform(-9.0, 9.0)};
     const base::Vec2 back = base::Transform(X_WO, localisation.X_OR().p);
     EXPECT_NEAR(back.x, X_WR.p.x, 1e-12);
@@ -30,6 +30,26 @@ TEST(LocalisationTest, WithoutDriftTheBeliefIsTheTruth) {
     EXPECT_NEAR(base::WrapAngle(localisation.X_OR().yaw + X_WO.yaw - X_WR.yaw), 0.0, 1e-12);
     EXPECT_EQ(localisation.InRobotFrame(p_W), base::InverseTransform(X_WR, p_W));
   }
+}
+
+// A robot that slides to the left and slips while its wheels roll: it believes in its heading and
+// in its wheels.
+TEST(LocalisationTest, FromWheelsSlipPutsThePositionWrong) {
+  Localisation localisation({.from_wheels = true});
+  localisation.Reset({{1.0, 2.0}, 0.5 * base::kPi}, 3);
+  localisation.Advance({{0.9, 2.1}, 0.5 * base::kPi}, 0.2);
+  EXPECT_NEAR(localisation.X_OR().p.x, 0.2, 1e-12);
+  EXPECT_NEAR(localisation.X_OR().p.y, 0.0, 1e-12);
+  // A quarter of a circle on the spot, which in truth wanders.
+  localisation.Advance({{0.8, 2.2}, base::kPi}, 0.0);
+  EXPECT_NEAR(localisation.X_OR().p.x, 0.2, 1e-12);
+  EXPECT_NEAR(localisation.X_OR().yaw, 0.5 * base::kPi, 1e-12);
+  // Along the chord of an arc.
+  localisation.Advance({{0.8, 2.2}, base::WrapAngle(1.5 * base::kPi)}, 0.3);
+  const double gone = 0.3 * std::sqrt(0.5);
+  EXPECT_NEAR(localisation.X_OR().p.x, 0.2 - gone, 1e-12);
+  EXPECT_NEAR(localisation.X_OR().p.y, gone, 1e-12);
+  EXPECT_NEAR(localisation.InRobotFrame({1.0, 2.0}).x, 0.2 - gone, 1e-12);
 }
 
 /// Sample variances of the belief's error after a drive of `distance` ahead and a turn of `turn`.
@@ -49,7 +69,7 @@ Variances Drive(const LocalisationConfig& config, double distance, double turn, 
     localisation.Reset({}, base::DeriveSeed(4, "test", {static_cast<std::uint64_t>(drive)}));
     for (int step = 1; step <= num_steps; ++step) {
       const double done = static_cast<double>(step) / num_steps;
-      localisation.Advance({{distance * done, 0.0}, base::WrapAngle(turn * done)});
+      localisation.Advance({{distance * done, 0.0}, base::WrapAngle(turn * done)}, 0.0);
     }
     const base::Pose2 error{localisation.X_OR().p - base::Vec2{distance, 0.0},
                             base::WrapAngle(localisation.X_OR().yaw - turn)};

@@ -96,7 +96,13 @@ TEST(Dwa, CountsTheHighestCostUnderTheOutline) {
   ASSERT_TRUE(planner.ComputeCommand(scene.view()));
   const auto ahead = planner.Score(scene.view(), {0.5, 0.0});
   // y = 0.02 + 0.265 = 0.285 is in row 105; the obstacle is in row 111: six rows.
-  EXPECT_NEAR(ahead.cost, 0.05 * 80 + 0.05 * 0.1 * 177, 1e-12);
+  EXPECT_NEAR(ahead.cost, 0.05 * 80 + 0.1 * 177, 1e-12);
+  DwaConfig config;
+  config.meter_scoring = false;
+  DwaPlanner in_cells(config, {});
+  in_cells.Reset(0);
+  ASSERT_TRUE(in_cells.ComputeCommand(scene.view()));
+  EXPECT_NEAR(in_cells.Score(scene.view(), {0.5, 0.0}).cost, 80 + 0.1 * 177, 1e-12);
 }
 
 TEST(Dwa, SlowsDownBeforeTheEndOfThePath) {
@@ -157,6 +163,21 @@ TEST(Dwa, HasNoCommandWithoutAWayToTheGoal) {
   EXPECT_EQ(planner.ComputeCommand(off_path.view()), std::nullopt) << "no path on the map";
 }
 
+// Its middle is in an inflated cell, which only the distances to the path overlook.
+TEST(Dwa, HasNoCommandInAnInflatedCell) {
+  Scene scene{LocalMap({}), StraightPath({0.0, 0.0}, {4.0, 0.0}), {{0.02, 0.02}, 0.0}, {}};
+  DwaPlanner planner({}, {});
+  planner.Reset(0);
+  Fill(scene.map, {101, 98, 102, 103}, kInscribedCost);  // Under the robot, across the path.
+  ASSERT_TRUE(planner.ComputeCommand(scene.view()));
+  // The goal, 80 cells ahead, is round the wall of 5 cells: 3 steps up and 3 down. The path is
+  // here.
+  const double on_the_spot = planner.Score(scene.view(), {0.0, 0.4}).cost;
+  EXPECT_NEAR(on_the_spot, 0.05 * (80 + 2 * 3), 1e-12);
+  scene.map.set_cost({100, 100}, kInscribedCost);
+  EXPECT_EQ(planner.ComputeCommand(scene.view()), std::nullopt);
+}
+
 TEST(Dwa, DoesNotTurnThereAndBack) {
   // The path leads back; on the spot, the robot may try both sides, but having turned to one of
   // them twice it may not turn to the other.
@@ -189,13 +210,14 @@ std::optional<Twist> SlowCommand(const DwaConfig& config, const Scene& scene) {
   CoveredCells(map, kFootprint, scene.X_OR, under_robot);
   base::Vec2 end_O;
   for (const base::Vec2 p : scene.path_O) {
-    if (base::Norm(p - scene.X_OR.p) >= 5.0 || !map.Contains(map.CellAt(p))) break;
+    if (!map.Contains(map.CellAt(p))) break;
     targets.push_back(map.CellAt(p));
     end_O = p;
+    if (base::Norm(p - scene.X_OR.p) > 5.0) break;
   }
   DistanceGrid to_path, to_goal;
   to_path.Compute(map, under_robot, targets);
-  to_goal.Compute(map, under_robot, std::span(targets).last(1));
+  to_goal.Compute(map, {}, std::span(targets).last(1));
 
   base::Pose2 end;
   const auto score = [&](Twist command) {
@@ -222,7 +244,7 @@ std::optional<Twist> SlowCommand(const DwaConfig& config, const Scene& scene) {
       X.p = X.p + (v.linear * dt) * base::Vec2{std::cos(X.yaw), std::sin(X.yaw)};
       X.yaw += v.angular * dt;
     }
-    return cost + 0.05 * 0.1 * highest;
+    return cost + 0.1 * highest;
   };
 
   const double v = scene.velocity.linear, w = scene.velocity.angular;

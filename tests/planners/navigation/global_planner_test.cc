@@ -22,16 +22,16 @@ constexpr float kInfinite = std::numeric_limits<float>::infinity();
 CellWindow Whole(const Costmap& map) { return {0, 0, map.size_x(), map.size_y()}; }
 
 /// The fixed point of navfn's update, by sweeps over all cells until nothing falls any more.
-std::vector<float> PotentialBySweeps(const Costmap& map, CellIndex start, CellIndex goal) {
+std::vector<float> PotentialBySweeps(const Costmap& map, CellIndex robot) {
   const int nx = map.size_x(), ny = map.size_y();
   std::vector<float> potential(map.costs().size(), kInfinite);
-  potential[map.Index(goal)] = 0.0f;
+  potential[map.Index(robot)] = 0.0f;
   const auto at = [&](int x, int y) { return potential[map.Index({x, y})]; };
   for (bool changed = true; changed;) {
     changed = false;
     for (int y = 1; y < ny - 1; ++y) {
       for (int x = 1; x < nx - 1; ++x) {
-        const int cost = CellIndex{x, y} == start ? 0 : map.cost({x, y});
+        const int cost = CellIndex{x, y} == robot ? 0 : map.cost({x, y});
         if (cost >= kInscribedCost) continue;
         const float crossing = std::floor(50.0f + 0.8f * static_cast<float>(cost));
         const float a = std::min(at(x - 1, y), at(x + 1, y));
@@ -58,7 +58,7 @@ TEST(GlobalPlanner, KnownPotentials) {
   Fill(map, {5, 0, 6, 5}, kInscribedCost);
   map.set_cost({5, 2}, 100);  // The way through.
   GlobalPlanner planner(GlobalPlanner::Extent::kEverywhere);
-  ASSERT_THAT(planner.Plan(map, {}, map.CentreOf({6, 2}), map.CentreOf({2, 2})), Not(IsEmpty()));
+  ASSERT_THAT(planner.Plan(map, {}, map.CentreOf({2, 2}), map.CentreOf({6, 2})), Not(IsEmpty()));
   EXPECT_FLOAT_EQ(planner.potential({2, 2}), 0.0f);
   EXPECT_FLOAT_EQ(planner.potential({3, 2}), 50.0f);
   EXPECT_FLOAT_EQ(planner.potential({2, 3}), 50.0f);
@@ -76,13 +76,32 @@ TEST(GlobalPlanner, PotentialIsTheFixedPoint) {
     if (map.cost(goal) >= kInscribedCost) continue;
     GlobalPlanner planner(GlobalPlanner::Extent::kEverywhere);
     planner.Plan(map, {}, map.CentreOf(start), map.CentreOf(goal));
-    const std::vector<float> expected = PotentialBySweeps(map, start, goal);
+    const std::vector<float> expected = PotentialBySweeps(map, start);
     for (int y = 0; y < 40; ++y) {
       for (int x = 0; x < 40; ++x) {
         EXPECT_EQ(planner.potential({x, y}), expected[map.Index({x, y})]) << x << " " << y;
       }
     }
   }
+}
+
+// As navfn's: the way back from the goal of a wave that began at the robot, on cells' lower
+// corners.
+TEST(GlobalPlanner, PathRunsAlongLowerCornersOfCells) {
+  const Costmap map(60, 60, 0.05, {-1.0, -1.0});
+  GlobalPlanner planner;
+  const auto& path =
+      planner.Plan(map, {}, {0.02, 0.03}, {0.53, 0.04});  // Cells (20, 20), (30, 20).
+  ASSERT_EQ(path.size(), 21u);
+  EXPECT_NEAR(path.front().x, 0.0, 1e-12);
+  EXPECT_NEAR(path.front().y, 0.0, 1e-12);
+  for (std::size_t i = 1; i + 1 < path.size(); ++i) {
+    EXPECT_NEAR(path[i].x, 0.025 * static_cast<double>(i + 1), 1e-9) << i;
+    EXPECT_NEAR(path[i].y, 0.0, 1e-9);
+  }
+  EXPECT_EQ(path.back(), (base::Vec2{0.53, 0.04}));
+  EXPECT_EQ(planner.potential({20, 20}), 0.0f) << "the robot's";
+  EXPECT_EQ(planner.potential({30, 20}), 500.0f);
 }
 
 TEST(GlobalPlanner, CrossesFreeSpaceStraight) {
@@ -129,12 +148,14 @@ TEST(GlobalPlanner, NeverCrossesWalls) {
     const CellIndex s = map.CellAt(start), g = map.CellAt(goal);
     GlobalPlanner planner;
     const auto& path = planner.Plan(map, {}, start, goal);
-    const std::vector<float> potential = PotentialBySweeps(map, s, g);
-    const bool reachable = map.cost(g) < kInscribedCost && potential[map.Index(s)] < kInfinite;
+    const std::vector<float> potential = PotentialBySweeps(map, s);
+    const bool reachable = map.cost(g) < kInscribedCost && potential[map.Index(g)] < kInfinite;
     EXPECT_EQ(!path.empty(), reachable) << trial;
     num_paths += !path.empty();
     for (const base::Vec2 p : path) {
-      const CellIndex c = map.CellAt(p);
+      // A point is half a cell below and left of where it was planned.
+      const bool planned = p != goal;
+      const CellIndex c = map.CellAt(planned ? p + base::Vec2{0.025, 0.025} : p);
       EXPECT_TRUE(c == s || map.cost(c) < kInscribedCost) << trial;
     }
   }

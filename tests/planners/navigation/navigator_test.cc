@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <vector>
 
 namespace slalom::planners {
@@ -21,6 +22,7 @@ class FakePlanner : public LocalPlanner {
     ++num_calls_;
     path_length_ = view.path_O.size();
     path_was_new_ = view.path_is_new;
+    cost_ahead_ = view.costmap.cost(view.costmap.CellAt({1.525, 0.025}));
     return command_;
   }
 
@@ -28,15 +30,18 @@ class FakePlanner : public LocalPlanner {
   int num_calls_ = 0;
   std::size_t path_length_ = 0;
   bool path_was_new_ = false;
+  int cost_ahead_ = 0;  // 1.5 m ahead of the start.
   std::optional<Twist> command_ = Twist{0.3, 0.1};
 };
 
-/// A robot with a scan of 360 beams all round that stands or drives where the test says.
+/// A robot with a scan of 360 beams all round that stands or drives where the test says. Scans
+/// enter the maps at once unless the test says otherwise.
 class Robot {
  public:
   explicit Robot(NavigationConfig config = {}, double step = 0.05,
-                 PlannerNavigationConfig planner_config = {})
+                 PlannerNavigationConfig planner_config = {}, double scan_age = 0.0)
       : ranges_(360, 500), step_(step) {
+    config.scan_age = scan_age;
     auto planner = std::make_unique<FakePlanner>();
     planner_ = planner.get();
     navigator_ = std::make_unique<Navigator>(
@@ -224,6 +229,24 @@ TEST(Navigator, ClearsItsMapsIfToldTo) {
     robot.Step();
     EXPECT_EQ(count(0.0, 1.4), near);  // The square of 3 m is kept.
     EXPECT_EQ(count(1.6, 9.0), clears ? 0 : far);
+  }
+}
+
+// In steps of a cycle, the maps get a scan of the step before, and the planner the maps of the step
+// before that.
+TEST(Navigator, ActsOnWhatTheMapsWereACycleAgo) {
+  for (const auto& [scan_age, step, late] :
+       {std::tuple{0.05, 0.05, 2}, {0.0, 0.05, 1}, {0.05, 0.2, 0}}) {
+    Robot robot({}, step, {}, scan_age);
+    robot.Step();
+    robot.Step();
+    ASSERT_EQ(robot.navigator().state(), NavigatorState::kControlling);
+    robot.SeeWallAllRound(152);
+    for (int i = 0; i <= late; ++i) {
+      EXPECT_EQ(robot.planner().cost_ahead_, kFreeCost) << scan_age << " " << step << " " << i;
+      robot.Step();
+    }
+    EXPECT_EQ(robot.planner().cost_ahead_, kLethalCost) << scan_age << " " << step;
   }
 }
 

@@ -89,15 +89,17 @@ TEST(ObstacleMap, MarksNearClearsFarther) {
   EXPECT_TRUE(Marked(map, near)) << "not crossed";
   map.Update(RaysTo({0.12, 0.0}, {{far, true}}), X_OR);  // 3.08 m, 3 of which are cleared.
   EXPECT_FALSE(Marked(map, near));
-  map.Update(RaysTo({0.12, 0.0}, {{near, false}}), X_OR);  // Ends without an obstacle.
-  EXPECT_FALSE(Marked(map, near));
+  map.Update(RaysTo({0.12, 0.0}, {{near, true}}), X_OR);
+  map.Update(RaysTo({0.12, 0.0}, {{far, false}}), X_OR);
+  EXPECT_TRUE(Marked(map, near)) << "crossed by a beam without an echo";
 }
 
 TEST(ObstacleMap, OneHitOfManyBeamsMarks) {
   ObstacleMap map({}, kFootprint);
   map.Reset({});
-  map.Update(RaysTo({0.12, 0.0}, {{{1.0, 1.01}, false}, {{1.01, 1.02}, true}}), {});
-  EXPECT_TRUE(Marked(map, {1.01, 1.02}));
+  // 2.51 and 2.49 m away, in one cell.
+  map.Update(RaysTo({0.12, 0.0}, {{{2.63, 0.01}, true}, {{2.61, 0.01}, true}}), {});
+  EXPECT_TRUE(Marked(map, {2.61, 0.01}));
 }
 
 TEST(ObstacleMap, KeepsWhatTheRobotStandsOnFree) {
@@ -149,6 +151,7 @@ class SlowMap {
   void Update(const ScanRays& scan, const base::Pose2& X_OR) {
     const CellIndex from = map_.CellAt(scan.sensor_O);
     for (const ScanRay& ray : scan.rays) {
+      if (!ray.hit) continue;
       const CellIndex to = map_.CellAt(ray.p_O);
       const int dx = to.x - from.x, dy = to.y - from.y;
       const int longer = std::max(std::abs(dx), std::abs(dy));
