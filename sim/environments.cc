@@ -245,7 +245,7 @@ bool CourseEnvironments::HasArrived(const Environment& environment) const {
   if (environment.goal_distance < config_.episode.goal_tolerance) return true;
   if (config_.episode.finish_ahead <= 0.0) return false;
   const base::Pose2& start = environment.scene->course().start;
-  const base::Vec2 gone = base::InverseTransform(start, environment.robot.pose().p);
+  const base::Vec2 gone = base::InverseTransform(start, environment.robot->pose().p);
   return gone.x >= config_.episode.finish_ahead;
 }
 
