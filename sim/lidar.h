@@ -30,7 +30,7 @@ class Lidar {
   /// the resolution and clipped.
   /// `moving`: the moving obstacles at the time of the scan, or null if there are none.
   /// Requires: ranges_cm.size() == num_beams().
-  /// Cost: about 3 us on the courses of the paper; O(num_beams + sum over obstacles in reach of the
+  /// Cost: about 1.6 us on the courses of the paper; O(num_beams + sum over obstacles in reach of the
   /// beams they span).
   void Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
             std::span<std::uint16_t> ranges_cm, const MovingShapes* moving = nullptr) const;
