@@ -270,7 +270,7 @@ void DriveOnly(benchmark::State& state, FrictionLaw law, Robot::Stepping steppin
                    .linear = random.Uniform(-1.0, 2.0),
                    .angular = random.Uniform(-3.0, 3.0)};
     }
-    Robot::DriveTogether(orders, contacts);
+    robots.front().DriveTogether(orders, contacts);
   }
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(robots.size()));
 }
