@@ -90,10 +90,10 @@ TEST(JsonReport, SurvivesAPathThatIsNotUtf8) {
 // of how it is resolved, is seen.
 TEST(JsonReport, HasTheSameBytesForAFixedSeed) {
   const std::map<std::string, std::uint64_t> golden = {
-      {"paper", 9334635843872435489ull},
-      {"dwa-runs", 14603485143599057137ull},
-      {"barn-challenge", 16426457166624961545ull},
-      {"paper, 20 s, 0.9 m", 6313601959903428678ull}};
+      {"paper", 108529215748825411ull},
+      {"dwa-runs", 12746561005635536330ull},
+      {"barn-challenge", 17148193101557421647ull},
+      {"paper, 20 s, 0.9 m", 11201142968663969475ull}};
   for (const auto& [name, checksum] : golden) {
     EvaluationConfig config;
     config.protocol = name.substr(0, name.find(','));
