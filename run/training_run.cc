@@ -83,8 +83,6 @@ bool TrainingRun::TakeSnapshotDue() {
   return due;
 }
 
-fs::path TrainingRun::SnapshotPath() const { return plan_.directory.snapshot(steps_); }
-
 std::map<std::string, std::string> TrainingRun::Provenance() const {
   return {{"config", plan_.config},
           {"commit", plan_.commit},

@@ -77,9 +77,8 @@ class TrainingRun {
   const LearningWatch& watch() const { return watch_; }
 
   /// Whether the plan's next time or number of steps for a snapshot has passed since the last call.
-  /// If so, the caller writes it to `SnapshotPath`.
+  /// If so, the caller writes it to `RunDirectory::snapshot`.
   [[nodiscard]] bool TakeSnapshotDue();
-  std::filesystem::path SnapshotPath() const;
   /// What is kept with every policy: config, commit, seed, steps, updates and training time.
   std::map<std::string, std::string> Provenance() const;
 

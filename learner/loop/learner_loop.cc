@@ -194,8 +194,10 @@ bool LearnerLoop::IsWell() const {
 void LearnerLoop::KeepSnapshot() {
   if (!run_.TakeSnapshotDue()) return;
   try {
-    base::MakeDirectories(plan_.run.directory.snapshots());
-    policy::SavePolicy(run_.SnapshotPath(), learner_.BestSnapshot(), run_.Provenance());
+    const run::RunDirectory& directory = plan_.run.directory;
+    base::MakeDirectories(directory.snapshots());
+    policy::SavePolicy(directory.snapshot(run_.steps()), learner_.BestSnapshot(),
+                       run_.Provenance());
   } catch (const base::Error& error) {
     spdlog::error("snapshot not kept: {}; training goes on", error.what());
   }
