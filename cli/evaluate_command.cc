@@ -221,10 +221,26 @@ PreparedRun PreparePolicyRun(const EvaluateOptions& options) {
                        trained ? std::optional(trained->courses) : std::nullopt);
 }
 
-PreparedRun PreparePlannerRun(const EvaluateOptions& options, base::ParallelFor& parallel) {
-  train::AgentRunConfig config;
-  if (options.config) config = train::ReadAgentRunConfig(*options.config);
+/// `defaults`, with the file of `--config` and the options laid over them.
+train::AgentRunConfig PlannerConfig(const EvaluateOptions& options,
+                                    train::AgentRunConfig defaults) {
+  train::AgentRunConfig config = std::move(defaults);
+  if (options.config) config = train::ReadAgentRunConfig(*options.config, std::move(config));
   ApplyOptions(options, config);
+  return config;
+}
+
+PreparedRun PreparePlannerRun(const EvaluateOptions& options, base::ParallelFor& parallel) {
+  train::AgentRunConfig config = PlannerConfig(options, {});
+  const std::string protocol = config.evaluation.protocol;
+  if (const auto defaults = train::DefaultsOfPublishedRuns(protocol)) {
+    config = PlannerConfig(options, *defaults);
+    const sim::RobotConfig& robot = config.environment.robot;
+    spdlog::info(
+        "protocol {}: robot.friction = \"{}\", robot.sensor_mass = {} kg; the published "
+        "figures are from Gazebo and a Jackal with an LMS1xx (docs/planners.md)",
+        protocol, base::EnumName(robot.friction), robot.sensor_mass);
+  }
   return PreparePlanner(*options.agent, config, options.courses, parallel);
 }
 
@@ -316,7 +332,9 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
       "random numbers training\n"
       "never uses (docs/evaluation.md). A policy drives the task that it was trained for, a "
       "planner the default task at 20 Hz,\n"
-      "unless --config, --profile or --set changes it. The protocol decides when an episode ends. "
+      "unless --config, --profile or --set changes it. The protocol decides when an episode ends; "
+      "by dwa-runs and barn-challenge\n"
+      "a planner's robot has Gazebo's friction and an LMS1xx, as that of the published figures. "
       "Examples:\n\n"
       "  slalom evaluate --policy runs/quickstart/policy.safetensors --courses static-test\n"
       "  slalom evaluate --agent dwa --courses static-test --output out/dwa\n"

@@ -3,14 +3,24 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <utility>
+
 #include "base/log.h"
 #include "config/config.h"
 #include "train/run_config.h"
 
 namespace slalom::train {
 
-AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path) {
+std::optional<AgentRunConfig> DefaultsOfPublishedRuns(std::string_view protocol) {
+  if (protocol != "dwa-runs" && protocol != "barn-challenge") return std::nullopt;
   AgentRunConfig config;
+  config.environment.robot.friction = sim::FrictionLaw::kGazebo;
+  config.environment.robot.sensor_mass = 1.1;
+  return config;
+}
+
+AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path, AgentRunConfig defaults) {
+  AgentRunConfig config = std::move(defaults);
   RunConfig others;
   const auto passed_over =
       config::ReadSharedTomlFile(path, config::ListFields(config), config::ListFields(others));

@@ -2,7 +2,9 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "base/config_field.h"
 #include "eval/evaluation_config.h"
@@ -55,9 +57,14 @@ struct AgentRunConfig {
   }
 };
 
-/// Reads a TOML file for a planner on top of the defaults. The file may be that of a training run:
+/// Returns the defaults of a protocol whose published figures are from Gazebo and a Jackal that
+/// carries an LMS1xx: the robot has Gazebo's friction and that sensor's mass (docs/planners.md).
+/// These are "dwa-runs" and "barn-challenge"; any other has no defaults of its own.
+std::optional<AgentRunConfig> DefaultsOfPublishedRuns(std::string_view protocol);
+
+/// Reads a TOML file for a planner on top of `defaults`. The file may be that of a training run:
 /// keys that only training reads are checked, then ignored, and a line on standard error names
 /// them. Throws `base::Error` like `config::ReadTomlFile`.
-AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path);
+AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path, AgentRunConfig defaults = {});
 
 }  // namespace slalom::train

@@ -172,6 +172,30 @@ TEST(CommandsTest, APlannersEvaluationIsTheSameOnAnyThreadsAndMakesAReport) {
   }
 }
 
+TEST(CommandsTest, APlannerHasTheRobotOfItsProtocolUnlessToldOtherwise) {
+  const ScratchDirectory scratch;
+  base::WriteFileAtomically(scratch.path() / "runs.toml",
+                            "[evaluation]\nprotocol = \"dwa-runs\"\n");
+  const auto robot_of = [&](std::vector<std::string> more) {
+    std::vector<std::string> arguments{"evaluate",   "--agent",
+                                       "dwa",        "--json",
+                                       "--episodes", "1",
+                                       "--set",      "evaluation.time_limit=1",
+                                       "--courses",  "generated:3:1"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProgramResult result = RunProgram(arguments, scratch.path());
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return nlohmann::json::parse(result.out).at("provenance").at("config").get<std::string>();
+  };
+  const auto published = AllOf(HasSubstr("friction = \"gazebo\""), HasSubstr("sensor_mass = 1.1"));
+  EXPECT_THAT(robot_of({}), HasSubstr("friction = \"cone\""));
+  EXPECT_THAT(robot_of({"--protocol", "dwa-runs"}), published);
+  EXPECT_THAT(robot_of({"--protocol", "barn-challenge"}), published);
+  EXPECT_THAT(robot_of({"--config", "runs.toml"}), published);
+  EXPECT_THAT(robot_of({"--protocol", "dwa-runs", "--set", "environment.robot.friction=pyramid"}),
+              AllOf(HasSubstr("friction = \"pyramid\""), HasSubstr("sensor_mass = 1.1")));
+}
+
 TEST(CommandsTest, VersionNamesTheCommit) {
   const ScratchDirectory scratch;
   EXPECT_THAT(RunProgram({"--version"}, scratch.path()).out, HasSubstr("0.1.0 ("));
