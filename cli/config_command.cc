@@ -87,13 +87,13 @@ void AddConfigCommand(CLI::App& app) {
       "Print what `slalom evaluate --agent` would use instead of what `slalom train` would");
   print->callback([options] {
     if (options->for_agent) {
-      train::AgentRunConfig agent =
-          options->file ? train::ReadAgentRunConfig(*options->file) : train::AgentRunConfig{};
-      const config::FieldList fields = config::ListFields(agent);
-      for (const std::string& assignment : options->overrides) {
-        config::ApplyOverride(assignment, fields);
-      }
-      fmt::print("{}", config::PrintToml(fields));
+      fmt::print("{}", config::ToToml(train::ResolveAgentRun([&](train::AgentRunConfig& agent) {
+                   if (options->file) agent = train::ReadAgentRunConfig(*options->file, agent);
+                   const config::FieldList fields = config::ListFields(agent);
+                   for (const std::string& assignment : options->overrides) {
+                     config::ApplyOverride(assignment, fields);
+                   }
+                 })));
     } else {
       fmt::print("{}",
                  config::ToToml(config::Load<train::RunConfig>(options->file, options->overrides)));

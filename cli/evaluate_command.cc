@@ -221,20 +221,13 @@ PreparedRun PreparePolicyRun(const EvaluateOptions& options) {
                        trained ? std::optional(trained->courses) : std::nullopt);
 }
 
-/// `defaults`, with the file of `--config` and the options laid over them.
-train::AgentRunConfig PlannerConfig(const EvaluateOptions& options,
-                                    train::AgentRunConfig defaults) {
-  train::AgentRunConfig config = std::move(defaults);
-  if (options.config) config = train::ReadAgentRunConfig(*options.config, std::move(config));
-  ApplyOptions(options, config);
-  return config;
-}
-
 PreparedRun PreparePlannerRun(const EvaluateOptions& options, base::ParallelFor& parallel) {
-  train::AgentRunConfig config = PlannerConfig(options, {});
-  const std::string protocol = config.evaluation.protocol;
-  if (const auto defaults = train::DefaultsOfPublishedRuns(protocol)) {
-    config = PlannerConfig(options, *defaults);
+  const train::AgentRunConfig config = train::ResolveAgentRun([&](train::AgentRunConfig& task) {
+    if (options.config) task = train::ReadAgentRunConfig(*options.config, task);
+    ApplyOptions(options, task);
+  });
+  const std::string& protocol = config.evaluation.protocol;
+  if (train::DefaultsOfPublishedRuns(protocol)) {
     const sim::RobotConfig& robot = config.environment.robot;
     spdlog::info(
         "protocol {}: robot.friction = \"{}\", robot.sensor_mass = {} kg; the published "
@@ -259,14 +252,17 @@ void RequireOutput(const EvaluateOptions& options, const std::vector<sim::Physic
   const fs::path output = *options.output;
   RequireOutputDirectory(output, {"slalom evaluate", {"evaluation.json", kPhysicsFile}},
                          options.force);
-  for (const fs::path& directory : OutputDirectories(output, physics)) {
-    RequireOutputDirectory(directory, {"slalom evaluate", {"evaluation.json"}}, options.force);
+  if (physics.size() > 1) {
+    for (const fs::path& directory : OutputDirectories(output, physics)) {
+      RequireOutputDirectory(directory, {"slalom evaluate", {"evaluation.json"}}, options.force);
+    }
   }
   base::MakeDirectories(output);
 }
 
 /// What one of the physics refuses is said before any of them drives.
 void RequireDrivable(const eval::EvaluationTask& task, const std::vector<sim::Physics>& physics) {
+  sim::CheckConsistent(task.environment);
   const auto scenes = sim::MakeScenes(task.courses);
   for (const sim::Physics& each : physics) {
     if (each.make_bodies) (void)each.make_bodies(task.environment, scenes, 1);

@@ -1,5 +1,6 @@
 #include "cli/evaluate_planner.h"
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -7,6 +8,7 @@
 #include "config/config.h"
 #include "planners/planner_agent.h"
 #include "sim/courses/course_sets.h"
+#include "sim/lidar.h"
 
 namespace slalom::cli {
 
@@ -27,10 +29,11 @@ PreparedRun PreparePlanner(const std::string& name, const train::AgentRunConfig&
   const auto make_agent = [name, planners_config = config.planners, &parallel](
                               int, const sim::EnvironmentConfig& environment) {
     const sim::LidarConfig& lidar = environment.lidar;
-    const planners::ScanGeometry geometry{lidar.num_beams,
-                                          lidar.field_of_view,
-                                          {lidar.offset_x, lidar.offset_y},
-                                          environment.observation.range_clip};
+    const planners::ScanGeometry geometry{
+        lidar.num_beams,
+        lidar.field_of_view,
+        {lidar.offset_x, lidar.offset_y},
+        std::min(environment.observation.range_clip, sim::LongestEcho(lidar))};
     return std::make_unique<planners::PlannerAgent>(
         name, planners_config, geometry, environment.action, environment.episode.step, &parallel);
   };

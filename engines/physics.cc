@@ -52,9 +52,9 @@ sim::Physics FindPhysics(std::string_view name) {
   }
   if (!info->is_built_in) {
     throw base::Error(fmt::format(
-        "--physics {}: this program was built without it; install Debian's {} (apt-get install {}) "
-        "and build the program anew (./slalom build)",
-        name, info->package, info->package));
+        "--physics {}: this program was built without it; install Debian 12's {} (apt-get install "
+        "{}) and build the program anew (./slalom build) without SLALOM_{}=OFF",
+        name, info->package, info->package, name == "ode" ? "ODE" : "MUJOCO"));
   }
 #if SLALOM_HAS_ODE
   if (name == "ode") return {"ode", OdeVersion(), BodiesIn("ode", MakeOdeWorlds)};

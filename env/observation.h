@@ -26,7 +26,7 @@ struct FrameView {
 /// planners; not part of a stored frame. A value.
 struct Odometry {
   base::Pose2 X_OR;      ///< In O, the frame of the robot when the episode began.
-  double linear = 0.0;   ///< Forward speed, [m/s].
+  double linear = 0.0;   ///< Forward speed, of the body or, `from_wheels`, of the wheels, [m/s].
   double angular = 0.0;  ///< Turn rate, [rad/s].
 
   friend bool operator==(const Odometry&, const Odometry&) = default;

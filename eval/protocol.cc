@@ -37,6 +37,12 @@ Protocol ResolveProtocol(const EvaluationConfig& config) {
   SLALOM_CHECK(found != std::end(kProtocols));
   Protocol protocol = *found;
   if (config.time_limit > 0.0) protocol.time_limit = config.time_limit;
+  if (protocol.time_limit < protocol.look_period) {
+    throw base::Error(fmt::format(
+        "evaluation.time_limit is {} s, expected at least {}, as success under protocol {} is "
+        "looked for that often",
+        protocol.time_limit, protocol.look_period, protocol.name));
+  }
   if (config.goal_tolerance > 0.0) protocol.goal_tolerance = config.goal_tolerance;
   return protocol;
 }

@@ -49,7 +49,8 @@ struct Protocol {
 std::span<const Protocol> Protocols();
 
 /// Returns the protocol that `config` names, with the values that `config` gives instead of its
-/// own. `ResolveEvaluation` calls it, once; what comes after is given its result.
+/// own. `ResolveEvaluation` calls it, once; what comes after is given its result. Throws
+/// `base::Error` if the time is up before the protocol first looks for success.
 /// Requires: config.protocol is the name of one (`config/` checks it).
 Protocol ResolveProtocol(const EvaluationConfig& config);
 

@@ -152,7 +152,7 @@ OrderedJson ProtocolJson(const EvaluationTask& task) {
   return json;
 }
 
-OrderedJson PhysicsJson(const sim::Physics& physics) {
+OrderedJson PhysicsOf(const sim::Physics& physics) {
   return {{"name", physics.name}, {"version", physics.version}};
 }
 
@@ -249,7 +249,7 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
   report["course_set"] = evaluation.task.courses.name;
   PutFigures(report, evaluation.summary.set);
   report["protocol"] = ProtocolJson(evaluation.task);
-  report["physics"] = PhysicsJson(evaluation.task.physics);
+  report["physics"] = PhysicsOf(evaluation.task.physics);
   report["run"] = RunJson(evaluation);
   report["provenance"] = ProvenanceJson(evaluation, provenance);
   report["files"] = {{"courses", kCoursesFile}, {"tracks", kTracksFile}};

@@ -7,7 +7,8 @@
 namespace slalom::sim {
 
 DriveController::DriveController(const RobotConfig& config, int num_ticks)
-    : max_speed_step_(config.linear_acceleration * (1.0 / config.control_rate)),
+    : tick_(1.0 / config.control_rate),
+      max_speed_step_(config.linear_acceleration * (1.0 / config.control_rate)),
       max_yaw_rate_step_(config.angular_acceleration * (1.0 / config.control_rate)),
       linear_limit_(config.linear_speed_limit),
       angular_limit_(config.angular_speed_limit),
@@ -24,11 +25,13 @@ DriveController::DriveController(const RobotConfig& config, int num_ticks)
 
 void DriveController::Reset(std::uint64_t seed) {
   wheels_ = {};
+  rolled_ = 0.0;
   std::fill(commands_.begin(), commands_.end(), PendingCommand{});
   random_jitter_ = base::Random(seed);
 }
 
 void DriveController::Push(double linear, double angular) {
+  rolled_ = 0.0;
   for (PendingCommand& pending : commands_) pending.due -= num_ticks_;
   const double lateness = jitter_ > 0.0 ? random_jitter_.Uniform(0.0, jitter_) : 0.0;
   const int due = static_cast<int>(std::lround(delay_ + lateness));

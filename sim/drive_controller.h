@@ -39,8 +39,15 @@ class DriveController {
                                  max_speed_step_);
     wheels_.angular += std::clamp(yaw_gain_ * command.angular - wheels_.angular,
                                   -max_yaw_rate_step_, max_yaw_rate_step_);
+    rolled_ += wheels_.linear * tick_;
     return wheels_;
   }
+
+  /// Speed ahead at which the wheels turn, the mean of both sides, [m/s].
+  double speed() const { return wheels_.linear; }
+
+  /// How far they have rolled ahead in the control step, the mean of both sides, [m].
+  double rolled() const { return rolled_; }
 
   /// Makes the wheels turn like this before the next tick, as those do that the body drags along.
   void Force(const DriveCommand& wheels) { wheels_ = wheels; }
@@ -58,6 +65,7 @@ class DriveController {
     return arrived->command;
   }
 
+  const double tick_;               // [s]
   const double max_speed_step_;     // Largest change of speed in a tick, [m/s].
   const double max_yaw_rate_step_;  // [rad/s]
   const double linear_limit_;       // [m/s]
@@ -69,6 +77,7 @@ class DriveController {
   const double jitter_;  // [ticks]
 
   DriveCommand wheels_;                   // What the controller asks of the wheels.
+  double rolled_ = 0.0;                   // In this control step, [m].
   std::vector<PendingCommand> commands_;  // Of this control step and those before, newest first.
   base::Random random_jitter_;
 };

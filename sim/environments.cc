@@ -203,8 +203,7 @@ RobotBody::Order CourseEnvironments::OrderFor(Environment& environment,
 env::StepResult CourseEnvironments::ResultOf(Environment& environment) const {
   const Scene& scene = *environment.scene;
   const bool collided = environment.touched;
-  const double way = config_.action.linear_mps(environment.last_action) * config_.episode.step;
-  environment.localisation.Advance(environment.robot->pose(), way);
+  environment.localisation.Advance(environment.robot->pose(), environment.robot->drive().rolled());
   ++environment.num_steps;
   environment.motion_time = environment.motion_start + environment.num_steps * config_.episode.step;
 
@@ -265,9 +264,8 @@ void CourseEnvironments::Observe(int i) {
   state[3] = environment.last_action.angular;
   const BodyState& body = environment.robot->body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
-  const double speed = config_.localisation.from_wheels
-                           ? config_.action.linear_mps(environment.last_action)
-                           : c * body.vx + s * body.vy;
+  const double speed = config_.localisation.from_wheels ? environment.robot->drive().speed()
+                                                        : c * body.vx + s * body.vy;
   observations_.odometry[i] = {
       .X_OR = environment.localisation.X_OR(), .linear = speed, .angular = body.yaw_rate};
 }

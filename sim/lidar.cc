@@ -72,6 +72,12 @@ Lidar::Lidar(const LidarConfig& config, double clip)
   }
 }
 
+double LongestEcho(const LidarConfig& config) {
+  constexpr double kMostNoise = 3.7;  // Standard deviations (docs/simulator.md).
+  const double noise = config.noise_std + config.noise_per_metre * config.max_range;
+  return config.max_range - kMostNoise * noise - config.resolution;
+}
+
 void Lidar::Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
                  std::span<std::uint16_t> ranges_cm, const MovingShapes* moving) const {
   SLALOM_CHECK_EQ(ranges_cm.size(), static_cast<std::size_t>(config_.num_beams));

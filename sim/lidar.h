@@ -14,6 +14,10 @@
 
 namespace slalom::sim {
 
+/// The longest range that only a beam with an echo reports, [m]. A beam without one reads
+/// max_range plus noise, rounded.
+double LongestEcho(const LidarConfig& config);
+
 /// The range finder: casts planar scans against a `CollisionMap` and moving obstacles.
 ///
 /// For each obstacle, only the beams inside its angular span are tested. Immutable after
@@ -30,8 +34,8 @@ class Lidar {
   /// the resolution and clipped.
   /// `moving`: the moving obstacles at the time of the scan, or null if there are none.
   /// Requires: ranges_cm.size() == num_beams().
-  /// Cost: about 1.6 us on the courses of the paper; O(num_beams + sum over obstacles in reach of the
-  /// beams they span).
+  /// Cost: about 1.6 us on the courses of the paper; O(num_beams + sum over obstacles in reach of
+  /// the beams they span).
   void Scan(const CollisionMap& map, const base::Pose2& X_WR, base::Random& noise,
             std::span<std::uint16_t> ranges_cm, const MovingShapes* moving = nullptr) const;
 

@@ -60,6 +60,7 @@ class Robot final : public RobotBody {
   base::Pose2 pose() const override;
   /// That pose, its heading not wrapped, and the velocity of R.
   const BodyState& body() const override { return body_; }
+  const DriveController& drive() const override { return controller_; }
 
  private:
   void Begin(const Order& order, SkidLanes& lanes, int lane);

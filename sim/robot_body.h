@@ -9,6 +9,7 @@
 
 #include "base/geometry.h"
 #include "sim/contact_world.h"
+#include "sim/drive_controller.h"
 #include "sim/environment_config.h"
 #include "sim/scene.h"
 
@@ -54,6 +55,8 @@ class RobotBody {
   /// Pose in W, heading in [-pi, pi).
   virtual base::Pose2 pose() const = 0;
   virtual const BodyState& body() const = 0;
+  /// What turns its wheels.
+  virtual const DriveController& drive() const = 0;
 
  protected:
   RobotBody() = default;

@@ -1,5 +1,6 @@
 #include "sim/skid_steering.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/geometry.h"
@@ -22,6 +23,9 @@ SLALOM_ALWAYS_INLINE Floats Round(Floats a) {
   constexpr float kShift = 1024.0f;  // What is positive is truncated downwards.
   return ToFloats(ToInts(a + (kShift + 0.5f))) - kShift;
 }
+
+/// `a`, held between -bound and bound.
+SLALOM_ALWAYS_INLINE Floats Within(Floats a, Floats bound) { return Max(Min(a, bound), -bound); }
 
 /// Taylor's polynomials: within 4e-6 up to a quarter turn, within 1e-7 up to an eighth.
 SLALOM_ALWAYS_INLINE Floats SineNearZero(Floats a) {
@@ -71,10 +75,11 @@ template <FrictionLaw law>
 SLALOM_ALWAYS_INLINE Drag DragAt(const SkidContacts& contacts, const AxleGrips& front_grips,
                                  const AxleGrips& rear_grips, const Velocities& now,
                                  const Velocities& v, const Floats wheels[2]) {
-  const Floats zero{};
   // Speeding up takes weight off the wheels in front and on that side.
-  const Floats to_rear = contacts.shift_ahead * (v.ahead - now.ahead);
-  const Floats to_right = contacts.shift_left * (v.left - now.left);
+  const Floats to_rear =
+      Within(contacts.shift_ahead * (v.ahead - now.ahead), Fill(contacts.most_shift));
+  const Floats to_right =
+      Within(contacts.shift_left * (v.left - now.left), contacts.most_shift - Abs(to_rear));
   const Floats slip_front = v.left + v.yaw_rate * contacts.front;
   const Floats slip_rear = v.left + v.yaw_rate * contacts.rear;
   const Floats square_front = slip_front * slip_front, square_rear = slip_rear * slip_rear;
@@ -83,8 +88,8 @@ SLALOM_ALWAYS_INLINE Drag DragAt(const SkidContacts& contacts, const AxleGrips& 
     const int side = edge / 2;
     const float y = contacts.edges[edge];
     const Floats to_other_side = side == 0 ? to_right : -to_right;
-    Floats front = Max(contacts.front_grips[edge] - to_rear - to_other_side, zero);
-    Floats rear = Max(contacts.rear_grips[edge] + to_rear - to_other_side, zero);
+    Floats front = contacts.front_grips[edge] - to_rear - to_other_side;
+    Floats rear = contacts.rear_grips[edge] + to_rear - to_other_side;
     const Floats slip = (v.ahead - v.yaw_rate * y) - wheels[side];
     const Floats square = slip * slip + kCreep * kCreep;
     if constexpr (law == FrictionLaw::kCone) {
@@ -258,6 +263,9 @@ SkidContacts ContactsOf(const RobotConfig& config, double dt) {
     contacts.front_grips[edge] = static_cast<float>(0.5 * impulse * masses.loads[side]);
     contacts.rear_grips[edge] = static_cast<float>(0.5 * impulse * masses.loads[2 + side]);
   }
+  // A little less, so that rounding leaves nothing negative.
+  contacts.most_shift = 0.999f * std::min(std::ranges::min(contacts.front_grips),
+                                          std::ranges::min(contacts.rear_grips));
   return contacts;
 }
 

@@ -60,18 +60,19 @@ struct SkidContacts {
   std::array<float, 4> front_grips{};
   std::array<float, 4> rear_grips{};
   // What a change of speed in a step takes off the greatest impulse of each contact in front, and
-  // on the left, and puts on those opposite, [kg].
+  // on the left, and puts on those opposite, [kg]; at most as much as the least has at rest, [N s].
   float shift_ahead = 0.0f;
   float shift_left = 0.0f;
+  float most_shift = 0.0f;
 };
 
 /// A rigid body on four wheels that turn only about their axles and so must slip to turn the body.
 ///
 /// Wheels stand at (+-wheel_base / 2, +-track / 2) about the point midway between them, carry the
-/// loads of sim/mass_distribution.h, which shift as the robot accelerates, and turn at the speed
-/// that they are told. Each meets the ground at its two edges, wheel_width apart, with half its
-/// load at each. There, dry friction acts against the slip s = (ahead, left) of the body over the
-/// wheel's surface. With n the load:
+/// loads of sim/mass_distribution.h, which shift as the robot accelerates until the lightest wheel
+/// is about to lift (here nothing tips over), and turn at the speed that they are told. Each meets
+/// the ground at its two edges, wheel_width apart, with half its load at each. There, dry friction
+/// acts against the slip s = (ahead, left) of the body over the wheel's surface. With n the load:
 ///
 /// - *cone* (Coulomb): force -friction n s / |s|, whatever the direction of s.
 /// - *pyramid*: along and across the wheel apart, -friction n sign(s_ahead), -friction n

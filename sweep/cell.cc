@@ -41,7 +41,8 @@ class Expansion {
       : plan_(plan),
         platform_(plan.sweep.mixed_platforms
                       ? fmt::format("numerics {}, any machine", platform.numerics)
-                      : train::Describe(platform)) {}
+                      : train::Describe(platform)),
+        trains_(std::ranges::any_of(plan.groups, &std::string::empty, &Group::planner)) {}
 
   Cells Run() {
     // Heads of tables: the group, if rows differ by it, then the axes.
@@ -191,6 +192,31 @@ class Expansion {
     }
   }
 
+  /// `defaults`, with what the plan says about a planner laid over them.
+  train::AgentRunConfig ConfigurePlanner(const Group& group, const Point& point,
+                                         train::AgentRunConfig defaults) {
+    train::AgentRunConfig config = std::move(defaults);
+    if (!group.preset.empty()) {
+      config = train::ReadAgentRunConfig(Beside(group.preset), std::move(config));
+    }
+    const config::FieldList fields = config::ListFields(config);
+    for (const auto* set : {&plan_.set, &plan_.overrides}) {
+      for (const base::TomlAssignment& assignment : *set) {
+        if (assignment.key == "courses.collection" || assignment.key == "courses.generator_seed") {
+          Apply({assignment}, fields);
+        } else if (!trains_) {
+          Fail(assignment.value.where,
+               fmt::format("{} is a key of trainings, and the plan has none; expected it in the "
+                           "`set` of a group",
+                           assignment.key));
+        }
+      }
+    }
+    Apply(group.set, fields);
+    Apply(point.set, fields);
+    return config;
+  }
+
   void AddPlanner(const Group& group, const Point& point) {
     Cell cell;
     cell.group = group.name;
@@ -202,23 +228,13 @@ class Expansion {
       Fail(who, fmt::format("there is no planner '{}', expected one of {}", group.planner,
                             fmt::join(planners, ", ")));
     }
-    train::AgentRunConfig config;
-    if (!group.preset.empty()) config = train::ReadAgentRunConfig(Beside(group.preset));
-    const config::FieldList fields = config::ListFields(config);
-    for (const auto* set : {&plan_.set, &plan_.overrides}) {
-      for (const base::TomlAssignment& assignment : *set) {
-        if (assignment.key == "courses.collection" || assignment.key == "courses.generator_seed") {
-          Apply({assignment}, fields);
-        }
-      }
-    }
-    Apply(group.set, fields);
-    Apply(point.set, fields);
     for (const Score* score : ScoresOf(group)) {
       if (score->planning || score->courses == "training") continue;  // Of policies only.
-      AddScores(cell, *score, config);
+      const auto published = train::DefaultsOfPublishedRuns(score->protocol);
+      AddScores(cell, *score,
+                ConfigurePlanner(group, point, published.value_or(train::AgentRunConfig{})));
     }
-    train::AgentRunConfig anywhere = config;
+    train::AgentRunConfig anywhere = ConfigurePlanner(group, point, {});
     anywhere.courses = {};
     cell.id = train::Digest(
         fmt::format("planner {}\n{}\n{}", group.planner, config::ToToml(anywhere), platform_));
@@ -350,6 +366,7 @@ class Expansion {
 
   const Plan& plan_;
   const std::string platform_;
+  const bool trains_;  // Whether any group of the plan is trained.
   std::map<std::string, train::RunConfig> presets_;
   CourseFactsCache courses_;
   std::vector<Cell> cells_;

@@ -19,6 +19,16 @@ std::optional<AgentRunConfig> DefaultsOfPublishedRuns(std::string_view protocol)
   return config;
 }
 
+AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_over) {
+  AgentRunConfig config;
+  lay_over(config);
+  if (auto defaults = DefaultsOfPublishedRuns(config.evaluation.protocol)) {
+    config = *std::move(defaults);
+    lay_over(config);
+  }
+  return config;
+}
+
 AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path, AgentRunConfig defaults) {
   AgentRunConfig config = std::move(defaults);
   RunConfig others;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -61,6 +62,10 @@ struct AgentRunConfig {
 /// carries an LMS1xx: the robot has Gazebo's friction and that sensor's mass (docs/planners.md).
 /// These are "dwa-runs" and "barn-challenge"; any other has no defaults of its own.
 std::optional<AgentRunConfig> DefaultsOfPublishedRuns(std::string_view protocol);
+
+/// Returns the defaults with what `lay_over` says laid over them. It is called on a config twice if
+/// the protocol that it asks for has defaults of its own, the second time on these.
+AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_over);
 
 /// Reads a TOML file for a planner on top of `defaults`. The file may be that of a training run:
 /// keys that only training reads are checked, then ignored, and a line on standard error names

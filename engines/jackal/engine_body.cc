@@ -43,7 +43,9 @@ void RequireRepresentable(const sim::Course& course, std::string_view physics) {
     const double half =
         moving.radius > 0.0 ? moving.radius : std::min(moving.half_size.x, moving.half_size.y);
     RequireThick(course.name, physics, "moving obstacle", i, 2.0 * half);
-    const double speed = sim::Motion(moving).max_speed();
+    const sim::Motion motion(moving);
+    const double reach = moving.radius > 0.0 ? 0.0 : base::Norm(moving.half_size);
+    const double speed = motion.max_speed() + motion.max_yaw_rate() * reach;
     if (speed <= kFastest) continue;
     throw base::Error(fmt::format(
         "course '{}': moving obstacle {} goes at up to {:.1f} m/s; physics {} takes obstacles of "

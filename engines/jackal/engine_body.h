@@ -27,6 +27,7 @@ class EngineBody final : public sim::RobotBody {
              sim::ContactWorld& contacts) override;
   base::Pose2 pose() const override;
   const sim::BodyState& body() const override { return state_; }
+  const sim::DriveController& drive() const override { return controller_; }
 
   /// Steps of the engine between two ticks of the controller: about a millisecond each.
   static int StepsPerTick(const sim::RobotConfig& config);

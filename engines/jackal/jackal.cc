@@ -36,6 +36,12 @@ void RequireBuildable(const sim::RobotConfig& config, std::string_view physics) 
         "slip as they must",
         physics));
   }
+  if (config.wheel_radius <= kAxleHeight || config.wheel_radius >= kObstacleHalfHeight) {
+    throw base::Error(fmt::format(
+        "environment.robot.wheel_radius is {} m, expected between {} and {} in physics {}, so that "
+        "the chassis is above the ground and not above the obstacles",
+        config.wheel_radius, kAxleHeight, kObstacleHalfHeight, physics));
+  }
   const double wheels = kNumWheels * kWheelMass;
   if (config.mass <= wheels) {
     throw base::Error(
@@ -61,7 +67,7 @@ bool OutlineIsFilled(const sim::RobotConfig& config) {
 }
 
 /// Gives the chassis its mass, its centre and its inertia: what the wheels leave of the robot's.
-void SpreadMass(const sim::RobotConfig& config, Jackal& jackal) {
+void SpreadMass(const sim::RobotConfig& config, std::string_view physics, Jackal& jackal) {
   const double mass = jackal.chassis_mass = config.mass - kNumWheels * kWheelMass;
   const double share = config.mass / mass;
   const double x = share * config.centre_of_mass_x, y = share * config.centre_of_mass_y;
@@ -70,6 +76,12 @@ void SpreadMass(const sim::RobotConfig& config, Jackal& jackal) {
   const double dx = x - config.centre_of_mass_x, dy = y - config.centre_of_mass_y;
   const double yaw_inertia =
       config.yaw_inertia - WheelsYawInertia(config) - mass * (dx * dx + dy * dy);
+  if (yaw_inertia <= 0.0) {
+    throw base::Error(fmt::format(
+        "environment.robot.yaw_inertia is {} kg m^2, expected more than {:.4f}, which wheels and a "
+        "chassis with its mass at ({:.3f}, {:.3f}) m have in physics {}",
+        config.yaw_inertia, config.yaw_inertia - yaw_inertia, x, y, physics));
+  }
   // All of the tensor, so that it remains one that a body can have.
   for (std::size_t k = 0; k < kChassisInertia.size(); ++k) {
     jackal.chassis_inertia[k] = yaw_inertia / kChassisInertia[2] * kChassisInertia[k];
@@ -104,7 +116,7 @@ Jackal MakeJackal(const sim::RobotConfig& config, std::string_view physics) {
   RequireBuildable(config, physics);
   Jackal jackal;
   jackal.height = config.wheel_radius - kAxleHeight;
-  SpreadMass(config, jackal);
+  SpreadMass(config, physics, jackal);
   if (config.sensor_mass > 0.0) AddSensor(config, jackal);
   jackal.wheel_radius = config.wheel_radius;
   jackal.wheel_half_width = 0.5 * std::max(config.wheel_width, kThinnestWheel);

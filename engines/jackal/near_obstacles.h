@@ -15,7 +15,7 @@ namespace slalom::engines {
 /// outline. Thread-compatible.
 class NearObstacles {
  public:
-  /// Finds at most so many, the nearest. Allocates nothing else later.
+  /// Finds at most so many, the nearest.
   NearObstacles(const sim::Footprint& footprint, int max_obstacles);
 
   /// The obstacles at motion time `time` [s], those that stand still with no speed. In an order

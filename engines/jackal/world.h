@@ -47,7 +47,7 @@ class World {
   /// Pose and velocity of C's origin, seen from above. The heading is in [-pi, pi].
   virtual sim::BodyState state() const = 0;
 
-  /// How far C's origin is above where it is at rest, [m].
+  /// How far the chassis is above where it is at rest, [m].
   virtual double lift() const = 0;
 };
 

@@ -50,13 +50,14 @@ std::string MujocoXml(const Jackal& jackal, double step, int num_obstacles) {
       "<default><geom contype='0' conaffinity='0' condim='3' solref='0.01 1' "
       "solimp='0.95 0.99 0.0005'/></default>\n"
       "<worldbody>\n"
-      "<geom type='plane' size='1 1 1' conaffinity='{}'/>\n",
+      "<geom type='plane' size='1 1 1' conaffinity='{}' friction='0 0 0'/>\n",
       step, -kGravity, kMeetsGround);
   for (int i = 0; i < num_obstacles; ++i) {
     // Off the origin, as MuJoCo does not look at the place of a geom that begins there.
-    fmt::format_to(std::back_inserter(xml),
-                   "<geom type='cylinder' size='1 1' pos='1 1 1' friction='{} 0 0'/>\n",
-                   jackal.obstacle_friction);
+    fmt::format_to(
+        std::back_inserter(xml),
+        "<geom type='cylinder' size='1 1' pos='1 1 1' priority='2' friction='{} 0 0'/>\n",
+        jackal.obstacle_friction);
   }
   fmt::format_to(std::back_inserter(xml), "<body pos='0 0 {}'>\n{}", jackal.height,
                  ChassisXml(jackal));

@@ -19,9 +19,9 @@ namespace slalom::planners {
 /// It samples speeds and turn rates that can be reached within a control cycle, simulates each for
 /// `sim_time`, rejects those whose outline hits an obstacle, and takes the one of least cost. The
 /// cost is a weighted sum of the end's distance from the path, the end's distance from the local
-/// goal (where the path leaves the map), and the highest costmap value under the outline on the
-/// way. A turn on the spot wins a tie; among turns, the one that is best `heading_lookahead` ahead
-/// wins. If nothing is admissible, the robot backs up, unchecked, until it has moved.
+/// goal (the last cell of the path on the map), and the highest costmap value under the outline on
+/// the way. A turn on the spot wins a tie; among turns, the one that is best `heading_lookahead`
+/// ahead wins. If nothing is admissible, the robot backs up, unchecked, until it has moved.
 ///
 /// With `meter_scoring`, the weights of the two distances are multiplied by the map's resolution,
 /// and that of the costmap's value is not (`TrajectoryPlannerROS::initialize` and

@@ -20,8 +20,8 @@ namespace slalom::planners {
 ///
 /// navfn spreads the potential over every cell nearer than the goal. Here it spreads, as in A*,
 /// only over cells that the path can touch, judged by the straight distance left to the goal. While
-/// the robot stays in its cell, only the potential behind a change of the map is computed again.
-/// Neither changes the path. Confined to one thread at a time.
+/// the robot stays in its cell and the map changes beyond half of the way, only the potential
+/// behind the change is computed again. Neither changes the path. Confined to one thread at a time.
 class GlobalPlanner {
  public:
   /// How far the potential spreads: over the cells that the path needs, or, for tests, over all

@@ -180,7 +180,7 @@ TEST(CommandsTest, APlannerHasTheRobotOfItsProtocolUnlessToldOtherwise) {
     std::vector<std::string> arguments{"evaluate",   "--agent",
                                        "dwa",        "--json",
                                        "--episodes", "1",
-                                       "--set",      "evaluation.time_limit=1",
+                                       "--set",      "evaluation.time_limit=2",
                                        "--courses",  "generated:3:1"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const ProgramResult result = RunProgram(arguments, scratch.path());
@@ -192,6 +192,8 @@ TEST(CommandsTest, APlannerHasTheRobotOfItsProtocolUnlessToldOtherwise) {
   EXPECT_THAT(robot_of({"--protocol", "dwa-runs"}), published);
   EXPECT_THAT(robot_of({"--protocol", "barn-challenge"}), published);
   EXPECT_THAT(robot_of({"--config", "runs.toml"}), published);
+  EXPECT_THAT(RunProgram({"config", "print", "runs.toml", "--agent"}, scratch.path()).out,
+              published);
   EXPECT_THAT(robot_of({"--protocol", "dwa-runs", "--set", "environment.robot.friction=pyramid"}),
               AllOf(HasSubstr("friction = \"pyramid\""), HasSubstr("sensor_mass = 1.1")));
 }

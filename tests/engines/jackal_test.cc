@@ -109,6 +109,18 @@ TEST(Jackal, RefusesWhatNoWheelsCouldCarry) {
   slim.yaw_inertia = 0.1;
   EXPECT_THAT(ErrorOf([&] { MakeJackal(slim, "ode"); }),
               HasSubstr("environment.robot.yaw_inertia is 0.1"));
+  sim::RobotConfig lopsided;
+  lopsided.mass = 2.5;
+  lopsided.yaw_inertia = 0.15;
+  lopsided.centre_of_mass_x = 0.08;
+  EXPECT_THAT(ErrorOf([&] { MakeJackal(lopsided, "mujoco"); }),
+              HasSubstr("environment.robot.yaw_inertia is 0.15"));
+  for (const double radius : {0.03, 0.6}) {
+    sim::RobotConfig odd;
+    odd.wheel_radius = radius;
+    EXPECT_THAT(ErrorOf([&] { MakeJackal(odd, "ode"); }),
+                HasSubstr("environment.robot.wheel_radius is 0."));
+  }
 }
 
 /// A world in which nothing moves and nothing is touched, which keeps what it is given.

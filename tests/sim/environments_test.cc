@@ -168,6 +168,22 @@ TEST(EnvironmentsTest, OdometryFromWheelsTellsTheirSpeed) {
   EXPECT_GT(base::Norm(odometry.X_OR.p - X_WR.p), 0.005) << "the tyres slip";
 }
 
+TEST(EnvironmentsTest, WheelsRollAsTheDriveLetsThem) {
+  EnvironmentConfig config;
+  config.localisation.from_wheels = true;
+  config.robot.linear_speed_limit = 0.5;
+  config.robot.command_delay = 0.1;
+  config.robot.linear_acceleration = 2.0;
+  One one(config, Corridor(9.0, 20.0));
+  // Nothing for 5 ticks of 0.02 s, then 0.04 m/s more in each of the other 5.
+  one.Step(1.0);
+  const auto odometry = [&] { return one.environments().observations().odometry[0]; };
+  EXPECT_NEAR(odometry().linear, 0.2, 1e-6);
+  EXPECT_NEAR(odometry().X_OR.p.x, 0.02 * 0.04 * (1 + 2 + 3 + 4 + 5), 1e-6);
+  one.Step(1.0);
+  EXPECT_NEAR(odometry().linear, 0.5, 1e-6) << "the limit";
+}
+
 TEST(EnvironmentsTest, GoalCountsAtTheEndOfAStepOnly) {
   EnvironmentConfig config = InstantDrive();
   config.episode.goal_tolerance = 0.05;

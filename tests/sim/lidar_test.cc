@@ -149,6 +149,25 @@ TEST(LidarTest, WithoutNoiseDrawsNothing) {
   EXPECT_NE(noise.state(), before);
 }
 
+TEST(LidarTest, ABeamWithoutAnEchoReadsMoreThanTheLongestEcho) {
+  LidarConfig config;
+  config.max_range = 10.0;
+  config.noise_std = 0.02;
+  config.noise_per_metre = 0.002;
+  config.dropout_probability = 0.01;
+  const Lidar lidar(config, 30.0);
+  const CollisionMap nothing{Course{}};
+  base::Random noise(11);
+  std::vector<std::uint16_t> ranges(config.num_beams);
+  double shortest = config.max_range;
+  for (int scan = 0; scan < 200; ++scan) {
+    lidar.Scan(nothing, {}, noise, ranges);
+    shortest = std::min(shortest, 0.01 * *std::ranges::min_element(ranges));
+  }
+  EXPECT_GE(shortest, LongestEcho(config));
+  EXPECT_LT(shortest, LongestEcho(config) + 0.02) << "and no later than that";
+}
+
 TEST(LidarTest, SeesObstaclesThatOnlyNoiseBringsWithinTheClip) {
   // At 6 m the noise is 0.05 m + 0.1 x 6 m. Rounding to 0.01 m reports those below 4.995 m as
   // nearer than the clip at 5 m: beyond 1.546 standard deviations, 6.10 %.

@@ -15,8 +15,10 @@ namespace slalom::sweep {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 
 const std::string kPlan = std::string(test::kSweep) + test::kTinyScore;
 
@@ -66,6 +68,22 @@ TEST(CellTest, GroupsAndPlannersAreRowsOfTheirOwn) {
   EXPECT_EQ(cells.cells[0].scores[1].courses, "generated:3:2");
   EXPECT_EQ(cells.cells[2].scores.size(), 1U) << "a planner has no training courses";
   EXPECT_FALSE(cells.cells[2].config.has_value());
+}
+
+TEST(CellTest, APlannerHasTheRobotOfItsProtocolAndItsGroupsKeys) {
+  const test::ScratchDirectory scratch;
+  const std::string plan =
+      "[sweep]\ntitle = \"planners\"\n[[group]]\nname = \"dwa\"\nplanner = \"dwa\"\n"
+      "set = {environment.robot.mass = 20.0}\n"
+      "[[score]]\nname = \"paper\"\ncourses = \"generated:3:2\"\n"
+      "[[score]]\nname = \"runs\"\ncourses = \"generated:3:2\"\nprotocol = \"dwa-runs\"\n";
+  const Cells cells = test::Expand(scratch.path(), plan);
+  const auto& scores = cells.cells[0].scores;
+  EXPECT_THAT(scores[0].task, AllOf(HasSubstr("friction = \"cone\""), HasSubstr("mass = 20.0")));
+  EXPECT_THAT(scores[1].task, AllOf(HasSubstr("friction = \"gazebo\""),
+                                    HasSubstr("sensor_mass = 1.1"), HasSubstr("mass = 20.0")));
+  EXPECT_THAT([&] { test::Expand(scratch.path(), plan + "[set]\nenvironment.robot.mass = 9.0\n"); },
+              ThrowsMessage<base::Error>(HasSubstr("in the `set` of a group")));
 }
 
 TEST(CellTest, TheIdDependsOnAllThatDecidesTheResultAndOnNothingElse) {
