@@ -239,7 +239,7 @@ TEST_F(BadInputTest, ResultsThatCannotBeComparedAreRefused) {
   const auto evaluate = [&](const std::string& output, const std::string& protocol) {
     const ProgramResult result =
         RunProgram({"evaluate", "--agent", "dwa", "--courses", "generated:1:1", "--episodes", "1",
-                    "--set", "evaluation.time_limit=1", "--protocol", protocol, "--output", output},
+                    "--set", "evaluation.time_limit=2", "--protocol", protocol, "--output", output},
                    scratch_.path());
     ASSERT_EQ(result.exit_code, 0) << result.err;
   };
@@ -258,6 +258,12 @@ TEST_F(BadInputTest, ResultsThatCannotBeComparedAreRefused) {
   ExpectError({"report", "b", "a", "--output", "report"},
               AllOf(HasSubstr("b/evaluation.json"), HasSubstr("version is 7, expected 2")));
   EXPECT_FALSE(std::filesystem::exists(scratch_.path() / "report"));
+}
+
+TEST_F(BadInputTest, ATimeLimitInWhichSuccessIsNeverLookedForIsRefused) {
+  ExpectError({"evaluate", "--agent", "dwa", "--courses", "generated:1:1", "--protocol", "dwa-runs",
+               "--set", "evaluation.time_limit=1"},
+              HasSubstr("evaluation.time_limit is 1 s, expected at least 1.13"));
 }
 
 TEST_F(BadInputTest, AResumedRunRefusesOtherSettings) {
