@@ -216,7 +216,7 @@ class Reporter {
 
   /// Writes it if some time has passed since. A disk that is full does not end the sweep.
   void Update() {
-    if (Clock::now() - last_ < kInterval) return;
+    if (last_ && Clock::now() - *last_ < kInterval) return;
     try {
       Write();
     } catch (const base::Error& error) {
@@ -240,7 +240,7 @@ class Reporter {
 
   const Sweep& sweep_;
   const fs::path store_;
-  Clock::time_point last_{};
+  std::optional<Clock::time_point> last_;
 };
 
 int RunSweep(const SweepOptions& options) {

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -66,7 +67,9 @@ class TrainingRun {
 
   /// Opens metrics.csv where the run goes on from. Once, after `Restore`.
   void OpenLog();
-  bool LogDue() const { return wall_s() - logged_at_s_ >= plan_.settings.log_interval; }
+  bool LogDue() const {
+    return !logged_at_s_ || wall_s() - *logged_at_s_ >= plan_.settings.log_interval;
+  }
   /// Adds the run's own figures to `row` and appends it to metrics.csv, unless the log is not open
   /// or nothing has happened since the last row. Returns the row. Warns if the rows show that
   /// learning is dead (`LearningWatch`).
@@ -113,8 +116,8 @@ class TrainingRun {
   double last_snapshot_s_ = 0.0;
   std::int64_t last_snapshot_steps_ = 0;
   MetricsRow last_row_;
-  double logged_at_s_ = 0.0;      // By `wall_s`.
-  double checkpoint_at_s_ = 0.0;  // By `wall_s`.
+  std::optional<double> logged_at_s_;  // By `wall_s`.
+  double checkpoint_at_s_ = 0.0;       // By `wall_s`; set by `OpenLog`.
   std::int64_t checkpoint_at_steps_ = 0;
   LearningWatch watch_;
 };

@@ -90,8 +90,9 @@ void ReplayLink::Watch() {
     heard_at_ = now;
   }
   if (connections_ == 0) return;
-  const bool ask = said_hello_ ? now - heard_at_ > kSilence && now - hello_at_ > kAnswerWithin
-                               : now - hello_at_ > std::chrono::milliseconds(200);
+  const auto since_hello = hello_at_ ? now - *hello_at_ : steady_clock::duration::max();
+  const bool ask = said_hello_ ? now - heard_at_ > kSilence && since_hello > kAnswerWithin
+                               : since_hello > std::chrono::milliseconds(200);
   if (!ask) return;
   if (said_hello_ && ++unanswered_ > kMaxUnanswered) {
     spdlog::warn("replay server at {}: no answer, reconnecting", endpoint_);
@@ -108,7 +109,7 @@ void ReplayLink::Watch() {
 }
 
 bool ReplayLink::report_due() const {
-  return welcomed_ && steady_clock::now() - reported_at_ >= kReportInterval;
+  return welcomed_ && (!reported_at_ || steady_clock::now() - *reported_at_ >= kReportInterval);
 }
 
 void ReplayLink::SendReport(const proto::Report& report) {

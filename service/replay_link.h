@@ -70,9 +70,9 @@ class ReplayLink {
   bool said_hello_ = false;
   int connections_ = 0;
   int unanswered_ = 0;
-  std::chrono::steady_clock::time_point hello_at_;
-  std::chrono::steady_clock::time_point heard_at_;
-  std::chrono::steady_clock::time_point reported_at_;
+  std::optional<std::chrono::steady_clock::time_point> hello_at_;  // The last one.
+  std::chrono::steady_clock::time_point heard_at_;                 // Since the last connection.
+  std::optional<std::chrono::steady_clock::time_point> reported_at_;
 };
 
 }  // namespace slalom::service

@@ -129,7 +129,8 @@ void LearnerLoop::Turn() {
     learner_.ObserveEpisodes(ended.collision_rate, ended.count);
     unobserved_ = 0;
   }
-  if (unpublished_ >= interval && SecondsSince(published_at_) >= plan_.publish_seconds) Publish();
+  const bool may_publish = !published_at_ || SecondsSince(*published_at_) >= plan_.publish_seconds;
+  if (unpublished_ >= interval && may_publish) Publish();
   sink_.Serve();
   run_.LookAtClock();
 }

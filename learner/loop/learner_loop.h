@@ -92,7 +92,7 @@ class LearnerLoop {
 
   int unpublished_ = 0;  // Updates since the last published policy.
   int unobserved_ = 0;   // Updates since the last look at the episodes that ended.
-  std::chrono::steady_clock::time_point published_at_;
+  std::optional<std::chrono::steady_clock::time_point> published_at_;
   std::optional<double> waiting_since_s_;              // By the run's wall clock.
   double model_steps_error_ = run::MetricsRow::kNone;  // The newest.
   bool had_learned_nothing_ = false;  // As of the checkpoint that the run goes on from.

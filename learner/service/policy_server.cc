@@ -122,7 +122,7 @@ void PolicyServer::Refuse(const transport::PeerId& peer, proto::RefusalCode code
 
 void PolicyServer::ForgetSilentReaders() {
   const auto now = steady_clock::now();
-  if (now - looked_at_ < std::chrono::seconds(1)) return;
+  if (looked_at_ && now - *looked_at_ < std::chrono::seconds(1)) return;
   looked_at_ = now;
   std::erase_if(readers_,
                 [&](const auto& reader) { return now - reader.second.heard_at > kSilence; });

@@ -58,7 +58,7 @@ class PolicyServer final : public PolicySink {
   transport::Frame header_;
   transport::Frame payload_;
   std::map<transport::PeerId, Reader> readers_;
-  std::chrono::steady_clock::time_point looked_at_;
+  std::optional<std::chrono::steady_clock::time_point> looked_at_;
 };
 
 }  // namespace slalom::learner
