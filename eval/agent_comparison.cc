@@ -56,7 +56,7 @@ void RequireSameEpisodes(const Result& first, const Result& other) {
 template <class Value>
 ScoreTable MakeTable(std::span<const Result> results, const AgentResults& agent, Interval limits,
                      Value value) {
-  ScoreTable table{agent.label, {}, limits};
+  ScoreTable table{agent.label, {}, limits, results[agent.results.front()].kind != "planner"};
   for (const std::size_t r : agent.results) {
     auto& row = table.scores.emplace_back();
     for (const ResultCourse& course : results[r].courses) row.push_back(value(course));
@@ -100,22 +100,6 @@ AgentFigures FiguresOf(std::span<const Result> results, const AgentResults& agen
   figures.traversal_time = TraversalTime(results, agent, options);
   figures.profile = BootstrapProfile(successes, thresholds, options);
   return figures;
-}
-
-void CorrectPValues(std::vector<AgentPair>& pairs) {
-  std::vector<double> of_policies;
-  std::vector<double> of_trainings;
-  for (const AgentPair& pair : pairs) {
-    of_policies.push_back(pair.test.p_value);
-    if (pair.test.training_p_value) of_trainings.push_back(*pair.test.training_p_value);
-  }
-  const std::vector<double> policies = HolmCorrection(of_policies);
-  const std::vector<double> trainings = HolmCorrection(of_trainings);
-  std::size_t t = 0;
-  for (std::size_t k = 0; k < pairs.size(); ++k) {
-    pairs[k].corrected_p_value = policies[k];
-    if (pairs[k].test.training_p_value) pairs[k].corrected_training_p_value = trainings[t++];
-  }
 }
 
 void AddToList(const std::string& item, std::string& list) {
@@ -186,6 +170,36 @@ ScoreTable OutcomeTable(std::span<const Result> results, const AgentResults& age
   });
 }
 
+AgentPair ComparePair(std::size_t first_index, const ScoreTable& first, std::size_t second_index,
+                      const ScoreTable& second, const BootstrapOptions& bootstrap,
+                      const PermutationOptions& permutation) {
+  AgentPair pair;
+  pair.first = first_index;
+  pair.second = second_index;
+  pair.test = ComparePaired(first, second, bootstrap, permutation);
+  pair.improvement = BootstrapProbabilityOfImprovement(first, second, bootstrap);
+  return pair;
+}
+
+void CorrectPValues(std::span<AgentPair> pairs) {
+  std::vector<double> of_policies;
+  std::vector<double> of_trainings;
+  for (const AgentPair& pair : pairs) {
+    of_policies.push_back(pair.test.p_value);
+    if (pair.test.training_p_value) of_trainings.push_back(*pair.test.training_p_value);
+  }
+  const std::vector<double> policies = HolmCorrection(of_policies);
+  const std::vector<double> trainings = HolmCorrection(of_trainings);
+  std::size_t t = 0;
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    AgentPair& pair = pairs[k];
+    pair.corrected_p_value = policies[k];
+    if (pair.test.training_p_value) pair.corrected_training_p_value = trainings[t++];
+    pair.verdict = VerdictOf(pair.test, pair.corrected_p_value, pair.corrected_training_p_value,
+                             trainings.size());
+  }
+}
+
 AgentComparison CompareAgents(std::span<const Result> results, std::span<const AgentResults> agents,
                               const BootstrapOptions& bootstrap,
                               const PermutationOptions& permutation) {
@@ -200,18 +214,14 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
   std::vector<ScoreTable> successes;
   std::vector<bool> trained;
   for (const AgentResults& agent : agents) {
-    trained.push_back(results[agent.results.front()].kind == "policy");
+    trained.push_back(results[agent.results.front()].kind != "planner");
     comparison.agents.push_back(FiguresOf(results, agent, comparison.thresholds, bootstrap));
     successes.push_back(OutcomeTable(results, agent, env::Outcome::kSuccess));
   }
   for (std::size_t i = 0; i < agents.size(); ++i) {
     for (std::size_t j = i + 1; j < agents.size(); ++j) {
-      AgentPair pair;
-      pair.first = i;
-      pair.second = j;
-      pair.test = ComparePaired(successes[i], successes[j], bootstrap, permutation);
-      pair.improvement = BootstrapProbabilityOfImprovement(successes[i], successes[j], bootstrap);
-      comparison.pairs.push_back(pair);
+      comparison.pairs.push_back(
+          ComparePair(i, successes[i], j, successes[j], bootstrap, permutation));
     }
   }
   CorrectPValues(comparison.pairs);

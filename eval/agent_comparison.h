@@ -52,7 +52,17 @@ struct AgentPair {
   Estimate improvement;            ///< Probability that the first is better on a course.
   double corrected_p_value = 1.0;  ///< `test.p_value` by Holm, over all pairs.
   std::optional<double> corrected_training_p_value;  ///< Over all pairs that have one.
+  Verdict verdict = Verdict::kTooFewSeeds;           ///< By the corrected p-values.
 };
+
+/// Compares two agents. The p-values are corrected, and the verdict found, by `CorrectPValues`.
+/// Requires: the same courses in the same order.
+AgentPair ComparePair(std::size_t first_index, const ScoreTable& first, std::size_t second_index,
+                      const ScoreTable& second, const BootstrapOptions& bootstrap = {},
+                      const PermutationOptions& permutation = {});
+
+/// Corrects the p-values of all pairs of a table for their number, and finds the verdicts.
+void CorrectPValues(std::span<AgentPair> pairs);
 
 /// A comparison, whole. A value.
 struct AgentComparison {

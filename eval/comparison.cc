@@ -174,8 +174,11 @@ std::string ProtocolSentence(const Result& result) {
 
 std::string MarkdownComparison(std::span<const Result> results) {
   const std::vector<std::string> labels = Labels(results);
-  std::string text = "# Evaluations\n\n" + EscapeMarkdown(ProtocolSentence(results.front())) +
-                     " In brackets 95 % intervals for further courses of the same kind.\n";
+  std::string text =
+      "# Evaluations\n\n" + EscapeMarkdown(ProtocolSentence(results.front())) +
+      " In brackets 95 % intervals for further courses of the same kind: Wilson's for rates, "
+      "Student's t for times and scores (`slalom compare`: bootstrap, which knows of "
+      "seeds, too).\n";
   auto out = std::back_inserter(text);
   for (const ResultGroup& group : GroupByCourses(results)) {
     const auto columns = ColumnsFor(results.front());
@@ -232,7 +235,10 @@ std::string CsvComparison(std::span<const Result> results) {
 
 std::string LatexComparison(std::span<const Result> results) {
   const std::vector<std::string> labels = Labels(results);
-  std::string text = "% Needs \\usepackage{booktabs}. In brackets 95 % intervals.\n";
+  std::string text =
+      "% Needs \\usepackage{booktabs}. In brackets 95 % intervals (Wilson's for rates, Student's "
+      "t\n"
+      "% for times and scores).\n";
   auto out = std::back_inserter(text);
   const auto columns = ColumnsFor(results.front());
   for (const ResultGroup& group : GroupByCourses(results)) {

@@ -163,10 +163,49 @@ PairedTest ComparePaired(const ScoreTable& first, const ScoreTable& second,
   AddCourseMeans(first, 1.0, differences);
   AddCourseMeans(second, -1.0, differences);
   test.p_value = SignFlipPValue(differences, permutation);
-  if (first.num_seeds() > 1 && second.num_seeds() > 1) {
-    test.training_p_value = RelabellingPValue(MeansBySeed(first), MeansBySeed(second), permutation);
+  test.trained = first.trained || second.trained;
+  const auto is_single = [](const ScoreTable& t) { return t.trained && t.num_seeds() == 1; };
+  if (!test.trained || is_single(first) || is_single(second)) return test;
+  const std::vector<double> a = MeansBySeed(first);
+  const std::vector<double> b = MeansBySeed(second);
+  if (first.trained && second.trained) {
+    test.training_p_value = RelabellingPValue(a, b, permutation);
+    // With as many seeds on both sides, a choice and its complement are equally extreme.
+    test.least_training_p_value =
+        (a.size() == b.size() ? 2.0 : 1.0) /
+        static_cast<double>(Choices(a.size() + b.size(), a.size(), permutation.max_exact));
+    return test;
   }
+  std::vector<double> from_planner = first.trained ? a : b;
+  const double planner = Mean(first.trained ? second : first);
+  for (double& mean : from_planner) mean -= planner;
+  test.training_p_value = SignFlipPValue(from_planner, permutation);
+  test.least_training_p_value = std::ldexp(2.0, -static_cast<int>(from_planner.size()));
   return test;
+}
+
+std::string_view ToString(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kDiffers:
+      return "a clear difference";
+    case Verdict::kCouldBeChance:
+      return "could be chance";
+    case Verdict::kTooFewSeeds:
+      return "too few seeds to tell";
+  }
+  return "";
+}
+
+Verdict VerdictOf(const PairedTest& test, double corrected_p_value,
+                  const std::optional<double>& corrected_training_p_value,
+                  std::size_t num_compared) {
+  constexpr double kLevel = 0.05;
+  const double p = test.trained ? corrected_training_p_value.value_or(1.0) : corrected_p_value;
+  if (p < kLevel) return Verdict::kDiffers;
+  const bool could_differ =
+      !test.trained || (corrected_training_p_value &&
+                        static_cast<double>(num_compared) * test.least_training_p_value < kLevel);
+  return could_differ ? Verdict::kCouldBeChance : Verdict::kTooFewSeeds;
 }
 
 std::vector<double> HolmCorrection(std::span<const double> p_values) {

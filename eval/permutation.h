@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "eval/bootstrap.h"
@@ -45,16 +47,36 @@ struct PairedTest {
   double p_value = 1.0;
 
   /// Are these ways to train equally good on these courses? The policies, each with its mean over
-  /// the courses, change places between the agents. None if an agent has a single seed.
+  /// the courses, change places between the agents. Against a planner, which is not trained, signs
+  /// of the policies' differences from it are flipped. None if a trained agent has a single seed,
+  /// or neither agent is trained.
   std::optional<double> training_p_value;
 
-  int num_pairs = 0;  ///< Courses, each with a difference.
+  /// The least `training_p_value` that so many seeds can give; 1 if they give none.
+  double least_training_p_value = 1.0;
+
+  bool trained = true;  ///< At least one agent is trained.
+  int num_pairs = 0;    ///< Courses, each with a difference.
 };
 
 /// Compares two agents. Requires: the same courses in the same order.
 PairedTest ComparePaired(const ScoreTable& first, const ScoreTable& second,
                          const BootstrapOptions& bootstrap = {},
                          const PermutationOptions& permutation = {});
+
+/// What a comparison says at the 5 % level. Of trained agents it speaks of the ways to train, not
+/// of the policies at hand; of two planners it speaks of further courses.
+enum class Verdict { kDiffers, kCouldBeChance, kTooFewSeeds };
+
+/// "a clear difference", "could be chance", "too few seeds to tell".
+std::string_view ToString(Verdict verdict);
+
+/// Returns the verdict on one of several pairs, of which `num_compared` have a p-value of their
+/// trainings. The p-values are corrected for the number of those that there are.
+/// `kTooFewSeeds` means that no outcome of so many seeds could show a difference.
+Verdict VerdictOf(const PairedTest& test, double corrected_p_value,
+                  const std::optional<double>& corrected_training_p_value,
+                  std::size_t num_compared);
 
 /// Returns the p-values corrected for their number (Holm 1979), in the same order: if those below
 /// 0.05 are taken for differences, the chance that any of them is none is at most 5 %.

@@ -22,6 +22,7 @@ struct ScoreTable {
   std::string agent;
   std::vector<std::vector<double>> scores;  ///< [seed][course]
   Interval limits{0.0, 1.0};                ///< What a score can be. Intervals are cut to it.
+  bool trained = true;  ///< Each row is a training. A planner has one row and no training.
 
   std::size_t num_seeds() const { return scores.size(); }
   std::size_t num_courses() const { return scores.front().size(); }

@@ -145,24 +145,6 @@ bool AreOnSameCourses(const eval::Result& a, const eval::Result& b) {
                             &eval::ResultCourse::name);
 }
 
-void CorrectPValues(std::vector<RowPair>& pairs) {
-  std::vector<double> p_values;
-  std::vector<double> training;
-  for (const RowPair& pair : pairs) {
-    p_values.push_back(pair.test.p_value);
-    if (pair.test.training_p_value) training.push_back(*pair.test.training_p_value);
-  }
-  const std::vector<double> corrected = eval::HolmCorrection(p_values);
-  const std::vector<double> corrected_training = eval::HolmCorrection(training);
-  std::size_t next_training = 0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    pairs[i].corrected_p_value = corrected[i];
-    if (pairs[i].test.training_p_value) {
-      pairs[i].corrected_training_p_value = corrected_training[next_training++];
-    }
-  }
-}
-
 }  // namespace
 
 std::vector<Published> FindPublished(const Plan& plan, const std::string& score,
@@ -279,12 +261,10 @@ RowPairs CompareRows(const ScoreResults& score) {
       }
       const eval::ScoreTable first = RateTable(*rows[i], kSuccess);
       const eval::ScoreTable second = RateTable(*rows[j], kSuccess);
-      compared.pairs.push_back({rows[i]->row, rows[j]->row, eval::ComparePaired(first, second), 1.0,
-                                std::nullopt,
-                                eval::BootstrapProbabilityOfImprovement(first, second)});
+      compared.pairs.push_back(eval::ComparePair(rows[i]->row, first, rows[j]->row, second));
     }
   }
-  if (!compared.pairs.empty()) CorrectPValues(compared.pairs);
+  eval::CorrectPValues(compared.pairs);
   if (num_different > 0) {
     compared.note = fmt::format(
         "{} pair{} of rows {} left out, as {} evaluated on different courses or by different "

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/permutation.h"
+#include "eval/agent_comparison.h"
 #include "eval/statistics.h"
 #include "sweep/results.h"
 
@@ -85,17 +85,10 @@ struct Profile {
 std::vector<double> ProfileThresholds();
 std::vector<Profile> ProfilesOf(const ScoreResults& score);
 
-/// Two rows on the same courses and starts, the first minus the second.
-struct RowPair {
-  std::size_t first = 0;  ///< Index in `SweepResults::rows`.
-  std::size_t second = 0;
-  eval::PairedTest test;
-  double corrected_p_value = 1.0;                    ///< By Holm, for the number of pairs.
-  std::optional<double> corrected_training_p_value;  ///< Likewise; none: a single seed.
-  eval::Estimate improvement;  ///< How likely the first is better on a course.
-};
+/// Rows compared on the same courses and starts, two by two. `first` and `second` of a pair are
+/// indices in `SweepResults::rows`.
 struct RowPairs {
-  std::vector<RowPair> pairs;
+  std::vector<eval::AgentPair> pairs;
   /// Why pairs are left out, a sentence; empty: none is.
   std::string note;
 };

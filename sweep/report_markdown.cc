@@ -93,16 +93,16 @@ std::string PValueText(double p_value) {
 
 std::string PairTable(const ReportContent& content, const RowPairs& compared) {
   std::string text =
-      "| first | second | difference [points] | p, courses | p, trainings | first better |\n"
-      "|---|---|---:|---:|---:|---:|\n";
-  for (const RowPair& pair : compared.pairs) {
+      "| first | second | difference [points] | p, courses | p, trainings | verdict | first better "
+      "|\n|---|---|---:|---:|---:|---|---:|\n";
+  for (const eval::AgentPair& pair : compared.pairs) {
     fmt::format_to(
-        std::back_inserter(text), "| {} | {} | {} | {} | {} | {} |\n",
+        std::back_inserter(text), "| {} | {} | {} | {} | {} | {} | {} |\n",
         EscapeMarkdown(content.results.rows[pair.first].name),
         EscapeMarkdown(content.results.rows[pair.second].name),
         EstimateText(pair.test.difference, 100.0, 1), PValueText(pair.corrected_p_value),
         pair.corrected_training_p_value ? PValueText(*pair.corrected_training_p_value) : "–",
-        EstimateText(pair.improvement, 1.0, 2));
+        eval::ToString(pair.verdict), EstimateText(pair.improvement, 1.0, 2));
   }
   return text;
 }
@@ -138,7 +138,8 @@ std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
         "\n### Row against row\n\nSuccess of the first minus that of the second on the same "
         "courses and starts. p-values are of permutation tests, corrected by Holm for the "
         "number of pairs: over courses for these trained policies, over trainings for the two "
-        "ways to train. The last column is how likely the first is better on a course.\n\n" +
+        "ways to train. The verdict is that of the trainings, or that of the courses for two "
+        "planners. The last column is how likely the first is better on a course.\n\n" +
         PairTable(content, score.pairs);
   }
   if (!score.pairs.note.empty()) text += "\n" + score.pairs.note + "\n";

@@ -69,12 +69,13 @@ PageJson CurveJson(const LearningCurve& curve) {
           {"area_over_seconds", ToJson(curve.area_over_seconds)}};
 }
 
-PageJson PairJson(const RowPair& pair) {
+PageJson PairJson(const eval::AgentPair& pair) {
   return {{"first", pair.first},
           {"second", pair.second},
           {"difference", ToJson(std::optional(pair.test.difference))},
           {"p", pair.corrected_p_value},
           {"training_p", ToJson(pair.corrected_training_p_value)},
+          {"verdict", eval::ToString(pair.verdict)},
           {"improvement", ToJson(std::optional(pair.improvement))}};
 }
 
@@ -93,7 +94,7 @@ PageJson ScoreJson(const ScoreContent& score, const ScoreResults& results) {
     }
     json["profiles"].push_back({{"row", profile.row}, {"shares", std::move(shares)}});
   }
-  for (const RowPair& pair : score.pairs.pairs) json["pairs"].push_back(PairJson(pair));
+  for (const eval::AgentPair& pair : score.pairs.pairs) json["pairs"].push_back(PairJson(pair));
   return json;
 }
 

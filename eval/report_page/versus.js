@@ -68,7 +68,9 @@ class Versus {
       const [value, low, high] = this.pair[key];
       const text = (number) => `${number > 0 ? '+' : ''}${(factor * number).toFixed(digits)}`.replace('-', '−');
       const interval = low === null ? 'none: too little to go by' : `${text(low)} to ${text(high)}${unit}`;
-      const verdict = low === null || (low <= 0 && high >= 0) ? 'could be chance' : 'a clear difference';
+      const differs = low !== null && (low > 0 || high < 0);
+      const verdict = !differs ? 'could be chance' : this.areTwoTrainings() ?
+        'these two policies differ; of ways to train, too few seeds to tell' : 'a clear difference';
       const figure = element('td', {}, title);
       if (key === 'traversal_time_s') {
         figure.append(element('span', {class: 'sub'}, `on the ${this.pair.traversal_courses} courses both passed`));
@@ -82,6 +84,11 @@ class Versus {
     document.getElementById('versus-note').textContent =
       `${this.a.label} minus ${this.b.label}, course by course, which leaves out how courses differ from each other.` +
       this.episodeSentence();
+  }
+
+  // Whether the two agents differ by a training: each was trained with one seed, whose luck may be the whole difference.
+  areTwoTrainings() {
+    return [this.a, this.b].some(({kind}) => kind === 'policy') && this.a.source !== this.b.source;
   }
 
   episodeSentence() {

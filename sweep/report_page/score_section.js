@@ -119,13 +119,14 @@ function addPairs(page, section, score) {
         element('td', {class: 'wrap'}, page.rowTitle(pair.first), element('span', {class: 'sub'}, `against ${page.rowTitle(pair.second)}`)),
         element('td', {}, element('span', {class: 'value'}, signed(value)),
           element('span', {class: 'sub'}, low === null ? '' : `${signed(low)} to ${signed(high)}`)),
-        element('td', {'data-p': pair.p}, pValue(pair.p), element('span', {class: 'sub'}, pair.p < 0.05 ? 'a clear difference' : 'could be chance')),
-        element('td', {}, pValue(pair.training_p)), element('td', {}, percent(pair.improvement[0])));
+        element('td', {'data-p': pair.p}, pValue(pair.p)), element('td', {}, pValue(pair.training_p)),
+        element('td', {class: 'wrap', 'data-verdict': pair.verdict}, pair.verdict), element('td', {}, percent(pair.improvement[0])));
     });
-    const head = ['', 'Difference [points]', 'p, courses', 'p, trainings', 'Better on a course'];
+    const head = ['', 'Difference [points]', 'p, courses', 'p, trainings', 'Verdict', 'Better on a course'];
     section.append(element('p', {class: 'note'}, 'Success of one row minus that of the other on the same courses and starts. ' +
       'p-values are of permutation tests, corrected by Holm for the number of pairs: over courses for these trained policies, ' +
-      'over trainings for the two ways to train. Few seeds cannot give a small one.'),
+      'over trainings for the two ways to train. Few seeds cannot give a small one. The verdict is that of the trainings, ' +
+      'or that of the courses for two planners.'),
     element('div', {class: 'scroll'}, element('table', {class: 'compact'},
       element('thead', {}, element('tr', {}, ...head.map((title) => element('th', {}, title)))), element('tbody', {}, ...rows))));
   }

@@ -298,6 +298,15 @@ TEST_F(BrowserTest, SetsOneAgentAgainstAnother) {
   }
   EXPECT_EQ(Count(dom, "class=\"pair-bar clickable\""), num_different);
   EXPECT_THAT(dom, HasSubstr(fmt::format("only dwa in {},", only_first)));
+  // Planners are not trained, and two trainings of one seed each say nothing of how to train.
+  EXPECT_THAT(dom, HasSubstr(">a clear difference</span>"));
+  std::vector<Result> trained = results;
+  for (Result& result : trained) result.kind = "policy";
+  const std::string of_policies = Render(ReportPage(trained));
+  EXPECT_THAT(of_policies, Not(HasSubstr(">a clear difference</span>")));
+  EXPECT_THAT(of_policies, HasSubstr("these two policies differ; of ways to train, too few seeds"));
+  for (Result& result : trained) result.source = "runs/one/policy.safetensors";
+  EXPECT_THAT(Render(ReportPage(trained)), HasSubstr(">a clear difference</span>"));
   // The other way round, chosen on the page.
   Window window;
   window.script =

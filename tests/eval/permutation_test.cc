@@ -145,6 +145,54 @@ TEST(ComparePaired, TurnedRoundHasTheSamePValues) {
   EXPECT_FALSE(ComparePaired(single, second).training_p_value);
 }
 
+/// `num_seeds` policies on 20 courses, all alike but for a little, with a mean of `mean`.
+ScoreTable Alike(int num_seeds, double mean, bool trained = true) {
+  ScoreTable table{"agent", {}, {0.0, 1.0}, trained};
+  for (int s = 0; s < num_seeds; ++s) {
+    table.scores.emplace_back(20, mean + 0.001 * s);
+    for (std::size_t c = 0; c < 20; ++c) table.scores.back()[c] += 0.002 * static_cast<double>(c);
+  }
+  return table;
+}
+
+Verdict VerdictOn(const ScoreTable& first, const ScoreTable& second, int num_compared = 1) {
+  const PairedTest test = ComparePaired(first, second);
+  const auto times = [num_compared](double p) { return std::min(1.0, num_compared * p); };
+  std::optional<double> training;
+  if (test.training_p_value) training = times(*test.training_p_value);
+  return VerdictOf(test, times(test.p_value), training,
+                   training ? static_cast<std::size_t>(num_compared) : 0);
+}
+
+// All of these differ by 50 points on every course, so p of the policies is 2 / 2^20.
+TEST(VerdictOf, SpeaksOfTrainingsAndNeedsEnoughOfThem) {
+  const auto differing = [](int seeds, int num_compared = 1) {
+    return VerdictOn(Alike(seeds, 0.2), Alike(seeds, 0.7), num_compared);
+  };
+  EXPECT_EQ(differing(1), Verdict::kTooFewSeeds);
+  EXPECT_EQ(differing(2), Verdict::kTooFewSeeds);
+  EXPECT_EQ(differing(3), Verdict::kTooFewSeeds);  // 2 of 20 choices.
+  EXPECT_EQ(differing(4), Verdict::kDiffers);      // 2 of 70.
+  EXPECT_EQ(differing(4, 2), Verdict::kTooFewSeeds);
+  EXPECT_EQ(differing(5, 6), Verdict::kDiffers);  // 2 of 252.
+  EXPECT_EQ(differing(5, 7), Verdict::kTooFewSeeds);
+  EXPECT_EQ(VerdictOn(Alike(3, 0.2), Alike(4, 0.7)), Verdict::kDiffers);  // 1 of 35.
+  EXPECT_EQ(VerdictOn(Alike(5, 0.5), Alike(5, 0.5)), Verdict::kCouldBeChance);
+  EXPECT_EQ(VerdictOn(Alike(3, 0.5), Alike(3, 0.5)), Verdict::kTooFewSeeds);
+}
+
+TEST(VerdictOf, APlannerHasNoSeedsToBeLuckyWith) {
+  const auto planner = [](double mean) { return Alike(1, mean, false); };
+  EXPECT_EQ(VerdictOn(planner(0.2), planner(0.7)), Verdict::kDiffers);
+  EXPECT_EQ(VerdictOn(planner(0.5), planner(0.5)), Verdict::kCouldBeChance);
+  EXPECT_FALSE(ComparePaired(planner(0.2), planner(0.7)).training_p_value);
+  // Signs of the seeds' differences: 2 of 2^5 are as extreme, 2 of 2^6.
+  EXPECT_EQ(*ComparePaired(planner(0.2), Alike(5, 0.7)).training_p_value, 2.0 / 32.0);
+  EXPECT_EQ(VerdictOn(planner(0.2), Alike(5, 0.7)), Verdict::kTooFewSeeds);
+  EXPECT_EQ(VerdictOn(Alike(6, 0.7), planner(0.2)), Verdict::kDiffers);
+  EXPECT_EQ(VerdictOn(planner(0.2), Alike(1, 0.7)), Verdict::kTooFewSeeds);
+}
+
 TEST(HolmCorrection, MatchesAHandComputedCase) {
   // Sorted 0.01, 0.02, 0.03, 0.04: times 4, 3, 2, 1, and none below the one before it.
   const auto corrected = HolmCorrection(std::vector{0.04, 0.01, 0.03, 0.02});

@@ -78,6 +78,9 @@ TEST_F(SweepPageTest, DrawsSuccessOverANumericAxisBesideThePublishedNumbers) {
   EXPECT_EQ(Count(dom, "data-figure=\"dots\""), 0);
   EXPECT_EQ(Count(dom, "data-figure=\"profile\""), 2);
   EXPECT_EQ(Count(dom, "data-pair=\""), 2);
+  // Three seeds and one.
+  EXPECT_EQ(Count(dom, "data-verdict=\"too few seeds to tell\""), 2);
+  EXPECT_EQ(Count(dom, "a clear difference"), 0);
   EXPECT_THAT(dom, HasSubstr("A &lt;fake&gt; sweep"));
   EXPECT_THAT(dom, HasSubstr("<span class=\"sub partial\">1 of 3 seeds, 20 episodes</span>"));
   EXPECT_THAT(dom, HasSubstr("no space left\non the device</pre>"));
