@@ -83,6 +83,7 @@ part_format() {
   # A file that was deleted is still listed. Without any file clang-format would wait for its input.
   for file in "${listed[@]}"; do [[ ! -f $root/$file ]] || files+=("$file"); done
   ((${#files[@]} > 0)) || fail "git lists no sources in $root, expected a clone"
+  (cd "$root" && wc -l -- "${files[@]}") | awk '$1 > 600 && $2 != "total" { print "warning: " $2 " has " $1 " lines; is it one idea?" }'
   (cd "$root" && clang-format --dry-run -Werror "${files[@]}")
 }
 part_release() {

@@ -56,14 +56,6 @@ const std::map<std::string, Names>& Homes() {
   return homes;
 }
 
-/// Files longer than 400 lines, and why.
-const std::map<std::string, std::string>& LongFiles() {
-  static const std::map<std::string, std::string> files = {};
-  return files;
-}
-
-constexpr int kMaxLines = 400;
-
 struct SourceFile {
   fs::path path;  ///< From the root.
   std::vector<std::string> lines;
@@ -177,10 +169,6 @@ std::vector<std::string> TextFaults(const SourceFile& file) {
     if (stem.find(word) != std::string::npos) {
       faults.push_back(file.path.string() + ": the name '" + std::string(word) + "' says nothing");
     }
-  }
-  if (file.lines.size() > kMaxLines && !LongFiles().contains(file.path.string())) {
-    faults.push_back(file.path.string() + ": " + std::to_string(file.lines.size()) +
-                     " lines, expected at most 400");
   }
   // Put together from parts, as this file is read, too.
   const std::vector<std::string> forbidden = {std::string("#if") + " 0",
@@ -297,7 +285,6 @@ TEST(ArchitectureTest, EveryRuleRefusesWhatItForbids) {
   EXPECT_THAT(text("tests/a.cc", std::string("std::this_thread::sleep") + "_for(1s);"),
               Not(IsEmpty()));
   EXPECT_THAT(text("tests/a.cc", std::string("TEST(A, DISABLED") + "_B)"), Not(IsEmpty()));
-  EXPECT_THAT(TextFaults({"sim/a.cc", std::vector<std::string>(kMaxLines + 1)}), Not(IsEmpty()));
   EXPECT_THAT(TextFaults({"sim/a.h", {}}), Not(IsEmpty()));
   EXPECT_THAT(text("sim/a.h", ""), IsEmpty());
 }
