@@ -11,9 +11,6 @@ from engine import IMAGE, PROMETHEUS_IMAGE, ROOT, Failure, run, running_engine, 
 
 STACK = "slalom_stack_test"
 
-# Grafana's image comes from a registry, which a test does without.
-WITHOUT_GRAFANA = 'version: "3.8"\nservices: {grafana: {deploy: {replicas: 0}}}\n'
-
 
 def main():
     with running_engine() as engine, tempfile.TemporaryDirectory() as scratch:
@@ -23,17 +20,16 @@ def main():
         environment = dict(os.environ, SLALOM_IMAGE=IMAGE, SLALOM_PROMETHEUS_IMAGE=PROMETHEUS_IMAGE,
                            SLALOM_KEYS=str(pathlib.Path(scratch) / "keys"))
         run(ROOT / "deploy/new-keys", env=dict(environment, PATH=f"{os.path.dirname(engine.docker)}:{os.environ['PATH']}"))
-        overlay = pathlib.Path(scratch) / "without-grafana.yml"
-        overlay.write_text(WITHOUT_GRAFANA)
-
+        environment.update(SLALOM_STACK=STACK, SLALOM_PROMETHEUS_PORT="0")
         label = f"com.docker.stack.namespace={STACK}"
         engine.remove_labelled(label)  # What a run that was killed has left.
         engine("swarm", "init", "--advertise-addr", "127.0.0.1")
         cluster = Cluster(engine, f"com.docker.swarm.service.name={STACK}_{{}}")
         try:
             run(engine.docker, "stack", "deploy", "--resolve-image", "never", "-c", ROOT / "deploy/compose.yml",
-                "-c", ROOT / "deploy/stack.yml", "-c", overlay, STACK, env=environment)
+                "-c", ROOT / "deploy/stack.yml", STACK, env=environment)
             drill(cluster)
+            watch(engine, environment)
         except Failure:
             print(engine("service", "ls"), file=sys.stderr)
             for service in ROLES:
@@ -41,6 +37,7 @@ def main():
                 print(cluster.logs(service), file=sys.stderr)
             raise
         finally:
+            monitoring(engine, environment, "down", "--volumes", check=False)
             engine("stack", "rm", STACK, check=False)
             wait_for("the stack's containers to end", lambda: not engine("ps", "--quiet", "--filter", f"label={label}"), 60)
             engine("swarm", "leave", "--force", check=False)
@@ -64,6 +61,25 @@ def drill(cluster):
     cluster.wait_healthy("replay")
     cluster.wait_for_steps(20000)
     say("the replay server is back")
+
+
+def monitoring(engine, environment, *arguments, check=True):
+    """Compose beside the stack, as docs/operations.md has it."""
+    run(*engine.compose, "-p", f"{STACK}_monitoring", "-f", ROOT / "deploy/compose.yml", "-f", ROOT / "deploy/stack-monitoring.yml",
+        *arguments, env=environment, check=check)
+
+
+def watch(engine, environment):
+    monitoring(engine, environment, "up", "-d", "--no-build", "prometheus")
+    found = Cluster(engine, f"com.docker.compose.project={STACK}_monitoring", "com.docker.compose.service={}")
+    wait_for("Prometheus beside the stack sees four actors", lambda: found.queried('count(up{job="actor"} == 1)') == [4.0], 120)
+    published = engine("port", found.containers("prometheus")[0]).splitlines()
+    if not published or not all("-> 127.0.0.1:" in line for line in published):
+        raise Failure(f"Prometheus is published at {published}, expected 127.0.0.1 alone")
+    for service in ("prometheus", "grafana"):
+        if engine("service", "ps", "--quiet", "--filter", "desired-state=running", f"{STACK}_{service}").strip():
+            raise Failure(f"{service} runs in the stack, which would open its port on all addresses")
+    say("Prometheus answers on this machine alone")
 
 
 if __name__ == "__main__":
