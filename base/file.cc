@@ -129,19 +129,25 @@ struct Target {
   bool is_stream = false;
 };
 
-/// Throws `Error` where the path leads to a directory.
+/// Throws `Error` if the path leads to a directory or cannot be followed.
 Target FollowLinks(const std::filesystem::path& path) {
   namespace fs = std::filesystem;
   constexpr int kMaxLinks = 40;  // As Linux itself.
   std::error_code ec;
   Target target{path, false};
-  for (int i = 0; i < kMaxLinks && fs::is_symlink(target.path, ec); ++i) {
+  // What is there must be known before it is replaced.
+  const auto known = [&](const fs::file_status& status) {
+    if (fs::status_known(status)) return status;
+    throw Error(fmt::format("{}: cannot be looked at ({})", path.string(), ec.message()));
+  };
+  for (int i = 0; i < kMaxLinks && fs::is_symlink(known(fs::symlink_status(target.path, ec)));
+       ++i) {
     // Links of /proc (/dev/stdout is one) stand for open files: their texts need not be paths.
     const fs::path directory = fs::weakly_canonical(target.path.parent_path(), ec);
     if (directory.native().starts_with("/proc/")) return {path, true};
     target.path = target.path.parent_path() / fs::read_symlink(target.path, ec);
   }
-  const fs::file_status status = fs::status(target.path, ec);
+  const fs::file_status status = known(fs::status(target.path, ec));
   if (fs::is_directory(status)) {
     throw Error(fmt::format("{}: is a directory, expected a file", path.string()));
   }
@@ -197,6 +203,25 @@ void SyncDirectory(const std::filesystem::path& path) {
     ::fsync(fd);
     ::close(fd);
   }
+}
+
+bool Exists(const std::filesystem::path& path) {
+  std::error_code ec;
+  const bool exists = std::filesystem::exists(path, ec);
+  if (ec) throw Error(fmt::format("{}: cannot be looked at ({})", path.string(), ec.message()));
+  return exists;
+}
+
+std::vector<std::filesystem::path> ListDirectory(const std::filesystem::path& path) {
+  std::vector<std::filesystem::path> paths;
+  std::error_code ec;
+  for (std::filesystem::directory_iterator it(path, ec), end; !ec && it != end; it.increment(ec)) {
+    paths.push_back(it->path());
+  }
+  if (ec && ec != std::errc::no_such_file_or_directory) {
+    throw Error(fmt::format("{}: cannot be listed ({})", path.string(), ec.message()));
+  }
+  return paths;
 }
 
 void MakeDirectories(const std::filesystem::path& path) {

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace slalom::base {
 
@@ -35,6 +36,13 @@ void WriteFileAtomically(const std::filesystem::path& path,
 
 /// Makes the names in a directory outlast a loss of power, as far as its file system can.
 void SyncDirectory(const std::filesystem::path& path);
+
+/// Whether anything is at `path`. Throws `Error` if that cannot be found out.
+[[nodiscard]] bool Exists(const std::filesystem::path& path);
+
+/// Returns the paths of all that is in a directory, in no order. Empty if there is no such
+/// directory. Throws `Error` if it cannot be read to its end.
+std::vector<std::filesystem::path> ListDirectory(const std::filesystem::path& path);
 
 /// Makes the directory and its parents. Throws `Error` where that fails.
 void MakeDirectories(const std::filesystem::path& path);

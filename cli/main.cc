@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/descriptor_limit.h"
 #include "base/error.h"
 #include "base/log.h"
 #include "base/suggestion.h"
@@ -150,6 +151,7 @@ int Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
+    slalom::base::RaiseDescriptorLimit();
     slalom::nn::RestartWithBetterBlasKernel(argv);
     slalom::nn::SetMathThreads(1);
     slalom::base::InitLog();

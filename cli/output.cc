@@ -28,8 +28,7 @@ void RequireWritable(const fs::path& path, const fs::path& named) {
 
 /// The path itself or the nearest of its parents that is there.
 fs::path NearestThere(fs::path path) {
-  std::error_code error;
-  while (!fs::exists(path, error) && path.has_relative_path()) {
+  while (!base::Exists(path) && path.has_relative_path()) {
     path = path.has_parent_path() ? path.parent_path() : ".";
   }
   return path;
@@ -37,17 +36,12 @@ fs::path NearestThere(fs::path path) {
 
 /// The first by name of the directory's files; empty: it holds none.
 std::string FirstFile(const fs::path& directory) {
-  std::error_code error;
   std::string first;
-  for (const auto& entry : fs::directory_iterator(directory, error)) {
+  for (const fs::path& path : base::ListDirectory(directory)) {
     std::error_code dangling;  // A link that leads nowhere is no directory.
-    if (entry.is_directory(dangling)) continue;
-    const std::string name = entry.path().filename().string();
+    if (fs::is_directory(path, dangling)) continue;
+    const std::string name = path.filename().string();
     if (first.empty() || name < first) first = name;
-  }
-  if (error) {
-    throw base::Error(
-        fmt::format("{}: cannot be listed ({})", directory.string(), error.message()));
   }
   return first;
 }
@@ -64,7 +58,7 @@ void RequireOutputFile(const fs::path& path, bool force) {
   if (!path.has_filename() || fs::is_directory(status)) {
     throw base::Error(fmt::format("{}: is a directory, expected a file", path.string()));
   }
-  if (fs::exists(status)) {
+  if (base::Exists(path)) {
     RequireWritable(path, path);
     if (force || base::IsStream(path)) return;
     throw base::Error(fmt::format(
@@ -90,7 +84,7 @@ void RequireOutputDirectory(const fs::path& path, const OwnOutput& own, bool for
   if (there != path) return;
   const std::string first = FirstFile(path);
   if (first.empty() || force) return;
-  const auto holds = [&](std::string_view name) { return fs::exists(path / name, error); };
+  const auto holds = [&](std::string_view name) { return base::Exists(path / name); };
   if (const auto run = std::ranges::find_if(kFilesOfRuns, holds); run != std::end(kFilesOfRuns)) {
     throw base::Error(fmt::format(
         "{}: holds the {} of a training run, whose files `{}` might replace; choose another "

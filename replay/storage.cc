@@ -93,14 +93,9 @@ bool IsPartFileName(std::string_view name) {
 }
 
 std::vector<fs::path> ListPartFiles(const fs::path& directory) {
-  std::vector<fs::path> paths;
-  std::error_code error;
-  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
-    if (IsPartFileName(it->path().filename().string())) paths.push_back(it->path());
-  }
-  if (error) {
-    throw base::Error(fmt::format("{}: cannot list: {}", directory.string(), error.message()));
-  }
+  std::vector<fs::path> paths = base::ListDirectory(directory);
+  std::erase_if(paths,
+                [](const fs::path& path) { return !IsPartFileName(path.filename().string()); });
   return paths;
 }
 
@@ -176,6 +171,10 @@ Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin,
 }
 
 void Storage::Commit(std::span<const std::string> manifests) {
+  if (manifests.empty()) {
+    throw base::Error(fmt::format("{}: no checkpoint names its part files, expected at least one",
+                                  directory_.string()));
+  }
   std::set<std::string> used;
   for (const std::string& manifest : manifests) {
     for (const PartFile& part : ParseManifest(manifest).part_files) used.insert(part.name);
@@ -184,6 +183,11 @@ void Storage::Commit(std::span<const std::string> manifests) {
     std::error_code ignored;
     if (!used.contains(path.filename().string())) fs::remove(path, ignored);
   }
+}
+
+void Storage::DeleteAll() {
+  std::error_code ignored;
+  fs::remove_all(directory_, ignored);
 }
 
 void Storage::ReadPartFile(const PartFile& part, std::size_t num_streams, Table* table) const {

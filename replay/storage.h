@@ -32,8 +32,13 @@ class Storage {
   [[nodiscard]] std::string Save(const Table& table);
 
   /// Deletes all part files, also incomplete ones, that none of these manifests names. A file that
-  /// cannot be deleted stays.
+  /// cannot be deleted stays. Throws `base::Error`, and deletes nothing, if there is no manifest
+  /// (`DeleteAll` is for that) or one of them is damaged.
   void Commit(std::span<const std::string> manifests);
+
+  /// Deletes the directory, since no checkpoint is to remain. What cannot be deleted stays. No
+  /// `Save` may follow.
+  void DeleteAll();
 
   /// Returns the table as it was at the `Save` that returned `manifest`; the same `Random` then
   /// gives the same draws. Throws `base::Error` if the manifest or a part file is missing, cut

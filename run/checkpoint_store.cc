@@ -21,7 +21,6 @@ constexpr std::string_view kPrefix = "step-";
 constexpr std::string_view kUnfinished = ".unfinished";
 constexpr std::string_view kReplaced = ".replaced";
 constexpr std::string_view kDamaged = ".damaged";
-constexpr std::size_t kNumKept = 2;
 
 std::optional<std::int64_t> StepsOf(const fs::path& path) {
   const std::string name = path.filename().string();
@@ -42,27 +41,32 @@ void Rename(const fs::path& from, const fs::path& to) {
   }
 }
 
+void RemoveAll(const fs::path& path) {
+  std::error_code ec;
+  fs::remove_all(path, ec);
+  if (ec) throw base::Error(fmt::format("{}: cannot remove ({})", path.string(), ec.message()));
+}
+
 }  // namespace
 
 CheckpointStore::CheckpointStore(const fs::path& directory) : directory_(directory) {
   base::MakeDirectories(directory);
-  std::error_code ec;
-  for (const auto& entry : fs::directory_iterator(directory, ec)) {
-    const std::string path = entry.path().string();
-    if (path.ends_with(kUnfinished)) fs::remove_all(path, ec);
+  for (const fs::path& entry : base::ListDirectory(directory)) {
+    const std::string path = entry.string();
+    if (path.ends_with(kUnfinished)) RemoveAll(path);
     if (!path.ends_with(kReplaced)) continue;
     // A crash came between the two renames of `Write`, or before the removal.
     const fs::path target = path.substr(0, path.size() - kReplaced.size());
-    if (fs::exists(target)) {
-      fs::remove_all(path, ec);
+    if (base::Exists(target)) {
+      RemoveAll(path);
     } else {
-      fs::rename(path, target, ec);
+      Rename(path, target);
     }
   }
-  if (ec) throw base::Error(fmt::format("{}: cannot read ({})", directory.string(), ec.message()));
 }
 
-void CheckpointStore::Write(std::int64_t steps, const std::function<void(const fs::path&)>& write) {
+fs::path CheckpointStore::Write(std::int64_t steps,
+                                const std::function<void(const fs::path&)>& write) {
   const fs::path target = directory_ / fmt::format("{}{}", kPrefix, steps);
   const fs::path unfinished = target.string() + std::string(kUnfinished);
   const fs::path replaced = target.string() + std::string(kReplaced);
@@ -72,7 +76,7 @@ void CheckpointStore::Write(std::int64_t steps, const std::function<void(const f
     write(unfinished);
     base::SyncDirectory(unfinished);
     // The same step again, as a stop right after a resume makes.
-    if (fs::exists(target)) Rename(target, replaced);
+    if (base::Exists(target)) Rename(target, replaced);
     Rename(unfinished, target);
     base::SyncDirectory(directory_);
     fs::remove_all(replaced, ec);
@@ -80,13 +84,15 @@ void CheckpointStore::Write(std::int64_t steps, const std::function<void(const f
     fs::remove_all(unfinished, ec);
     throw;
   }
-  Keep(kNumKept);
+  return target;
 }
 
-void CheckpointStore::Keep(std::size_t num_kept) {
-  const auto all = List();
+std::vector<fs::path> CheckpointStore::Keep(std::size_t num_kept) {
+  std::vector<fs::path> all = List();
   std::error_code ignored;
   for (std::size_t i = num_kept; i < all.size(); ++i) fs::remove_all(all[i], ignored);
+  all.resize(std::min(all.size(), num_kept));
+  return all;
 }
 
 void CheckpointStore::SetAside(const fs::path& checkpoint) {
@@ -98,9 +104,8 @@ void CheckpointStore::SetAside(const fs::path& checkpoint) {
 
 std::vector<fs::path> CheckpointStore::List() const {
   std::vector<std::pair<std::int64_t, fs::path>> found;
-  std::error_code ec;
-  for (const auto& entry : fs::directory_iterator(directory_, ec)) {
-    if (const auto steps = StepsOf(entry.path())) found.emplace_back(*steps, entry.path());
+  for (const fs::path& path : base::ListDirectory(directory_)) {
+    if (const auto steps = StepsOf(path)) found.emplace_back(*steps, path);
   }
   std::sort(found.begin(), found.end(), std::greater<>());
   std::vector<fs::path> paths;

@@ -8,27 +8,33 @@
 
 namespace slalom::run {
 
-/// The checkpoints of a run: directories `step-N`, each of which is complete or absent. The newest
-/// two are kept. Confined to one thread.
+/// The checkpoints of a run: directories `step-N`, each of which is complete or absent. Confined to
+/// one thread.
 class CheckpointStore {
  public:
+  /// How many to `Keep` during a run: if the newest is damaged, the one before it serves.
+  static constexpr std::size_t kNumKept = 2;
+
   /// Makes the directory and removes what a crash left half written. Throws `base::Error` if it
   /// cannot.
   explicit CheckpointStore(const std::filesystem::path& directory);
 
   /// Lets `write` fill a fresh directory, which takes its name `step-N` only once all of it is on
-  /// disk. An exception from `write` leaves the earlier checkpoints as they were, and nothing else.
-  /// Checkpoints older than the newest two are removed last.
-  void Write(std::int64_t steps, const std::function<void(const std::filesystem::path&)>& write);
+  /// disk, and returns that directory. An exception from `write` leaves the earlier checkpoints as
+  /// they were, and nothing else. Throws `base::Error` if the directory cannot be made or named.
+  std::filesystem::path Write(std::int64_t steps,
+                              const std::function<void(const std::filesystem::path&)>& write);
 
   /// Renames a checkpoint that turned out to be damaged to `step-N.damaged`, so that it no longer
   /// counts. Throws `base::Error` if that fails.
   void SetAside(const std::filesystem::path& checkpoint);
 
-  /// Removes all but the newest `num_kept` checkpoints. One that cannot be removed stays.
-  void Keep(std::size_t num_kept);
+  /// Removes all but the newest `num_kept` checkpoints and returns those, newest first. One that
+  /// cannot be removed stays. Throws `base::Error`, and removes none, if they cannot be listed.
+  std::vector<std::filesystem::path> Keep(std::size_t num_kept);
 
-  /// Returns the directories of the checkpoints, newest first.
+  /// Returns the directories of the checkpoints, newest first. Throws `base::Error` if they cannot
+  /// be listed.
   std::vector<std::filesystem::path> List() const;
 
   const std::filesystem::path& directory() const { return directory_; }

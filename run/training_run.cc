@@ -106,8 +106,8 @@ void TrainingRun::MarkCheckpoint() {
   checkpoint_at_steps_ = steps_;
 }
 
-void TrainingRun::Checkpoint(std::int64_t number, const Write& write) {
-  store_.Write(number, [&](const fs::path& directory) {
+fs::path TrainingRun::Checkpoint(std::int64_t number, const Write& write) {
+  return store_.Write(number, [&](const fs::path& directory) {
     nlohmann::json state = nlohmann::json::object();
     write(directory, state);
     state["steps"] = steps_;

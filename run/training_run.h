@@ -90,18 +90,19 @@ class TrainingRun {
   bool CheckpointDue() const;
   /// A checkpoint was tried now, with or without success.
   void MarkCheckpoint();
-  /// Writes the checkpoint `step-NUMBER`: the run's own state and what `write` writes. Throws
-  /// `base::Error` if that fails.
-  void Checkpoint(std::int64_t number, const Write& write);
+  /// Writes the checkpoint `step-NUMBER`, the run's own state and what `write` writes, and returns
+  /// its directory. Throws `base::Error` if that fails.
+  std::filesystem::path Checkpoint(std::int64_t number, const Write& write);
 
   /// Goes on from the newest checkpoint that is whole; `read` throws `base::Error` if what it reads
   /// is damaged. Damaged ones that are newer are set aside. Returns false if there is none. Throws
   /// `base::Error` if all are damaged.
   bool Restore(const Read& read);
 
-  const CheckpointStore& store() const { return store_; }
-  /// Removes all but the newest `num_kept` checkpoints.
-  void KeepCheckpoints(std::size_t num_kept) { store_.Keep(num_kept); }
+  /// Removes all but the newest `num_kept` checkpoints (`CheckpointStore::Keep`).
+  std::vector<std::filesystem::path> KeepCheckpoints(std::size_t num_kept) {
+    return store_.Keep(num_kept);
+  }
 
  private:
   void RestoreFrom(const std::filesystem::path& checkpoint, const Read& read);

@@ -48,6 +48,8 @@ class TableSource final : public learner::BatchSource, public learner::PolicySin
   void Save(const std::filesystem::path& checkpoint, nlohmann::json& state) override;
   void Restore(const std::filesystem::path& checkpoint, const nlohmann::json& state) override;
   void KeepOnly(const std::vector<std::filesystem::path>& checkpoints) override;
+  /// Deletes the saved table of every checkpoint. No `Save` may follow.
+  void DeleteSaved() { storage_.DeleteAll(); }
 
   void Publish(policy::PolicySnapshot snapshot, std::int64_t steps) override;
 

@@ -67,6 +67,7 @@ TrainingEnd Trainer::Run(std::stop_token stop) {
   const bool is_finished = end == TrainingEnd::kFinished || end == TrainingEnd::kWasFinished;
   if (is_finished && kept != run::KeepCheckpoints::kAll) {
     loop_.KeepCheckpoints(kept == run::KeepCheckpoints::kNewest ? 1 : 0);
+    if (kept == run::KeepCheckpoints::kNone) source_.DeleteSaved();
   }
   return end;
 }

@@ -61,7 +61,8 @@ class BatchSource {
   /// Goes on from a checkpoint. Throws `base::Error` or `nlohmann::json::exception` if it is
   /// damaged; a later call with another one must then succeed.
   virtual void Restore(const std::filesystem::path& checkpoint, const nlohmann::json& state) = 0;
-  /// Deletes what only other checkpoints than these needed.
+  /// Deletes what only other checkpoints than these needed. Throws `base::Error`, and deletes
+  /// nothing, if there are none or one of them cannot be read.
   virtual void KeepOnly(const std::vector<std::filesystem::path>& checkpoints) = 0;
 };
 

@@ -26,13 +26,15 @@ double SecondsSince(steady_clock::time_point begin) {
   return std::chrono::duration<double>(steady_clock::now() - begin).count();
 }
 
+/// Of the files in a directory, for a figure: what cannot be looked at is left out.
 std::int64_t DirectoryBytes(const fs::path& directory) {
-  std::int64_t bytes = 0;
-  std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(directory, ignored)) {
-    bytes += static_cast<std::int64_t>(entry.file_size(ignored));
+  std::uintmax_t bytes = 0;
+  std::error_code ec;
+  for (fs::directory_iterator it(directory, ec), end; !ec && it != end; it.increment(ec)) {
+    const std::uintmax_t size = it->file_size(ec);
+    bytes += ec ? 0 : size;
   }
-  return bytes;
+  return static_cast<std::int64_t>(bytes);
 }
 
 }  // namespace
@@ -209,7 +211,7 @@ void LearnerLoop::TryCheckpoint() {
   run_.SetProgress(source_.steps(), learner_.num_updates());
   try {
     if (learner_.healthy()) Checkpoint();
-  } catch (const base::Error& error) {
+  } catch (const std::exception& error) {
     metrics_.AddFailedCheckpoint();
     spdlog::error("checkpoint not saved: {}; training goes on, the earlier one is kept",
                   error.what());
@@ -221,24 +223,28 @@ void LearnerLoop::TryCheckpoint() {
 void LearnerLoop::Checkpoint() {
   const auto began = steady_clock::now();
   const std::int64_t number = plan_.numbers_by_updates ? run_.updates() : run_.steps();
-  run_.Checkpoint(number, [this](const fs::path& directory, nlohmann::json& state) {
-    nn::TensorMap tensors;
-    learner_.SaveState(tensors);
-    nn::SaveTensors(directory / kLearnerFile, tensors, {});
-    state["unpublished"] = unpublished_;
-    state["unobserved"] = unobserved_;
-    state["finished"] = run_.AtLimit();  // For those who go back to the version before.
-    state["nothing_learned"] = run_.watch().nothing_learned();
-    source_.Save(directory, state);
-  });
-  const std::vector<fs::path> checkpoints = run_.store().List();
-  source_.KeepOnly(checkpoints);
-  metrics_.AddCheckpoint(SecondsSince(began), DirectoryBytes(checkpoints.front()), run_.updates());
+  const fs::path written =
+      run_.Checkpoint(number, [this](const fs::path& directory, nlohmann::json& state) {
+        nn::TensorMap tensors;
+        learner_.SaveState(tensors);
+        nn::SaveTensors(directory / kLearnerFile, tensors, {});
+        state["unpublished"] = unpublished_;
+        state["unobserved"] = unobserved_;
+        state["finished"] = run_.AtLimit();  // For those who go back to the version before.
+        state["nothing_learned"] = run_.watch().nothing_learned();
+        source_.Save(directory, state);
+      });
+  metrics_.AddCheckpoint(SecondsSince(began), DirectoryBytes(written), run_.updates());
+  KeepCheckpoints(run::CheckpointStore::kNumKept);
 }
 
 void LearnerLoop::KeepCheckpoints(std::size_t num_kept) {
-  run_.KeepCheckpoints(num_kept);
-  source_.KeepOnly(run_.store().List());
+  try {
+    const std::vector<fs::path> kept = run_.KeepCheckpoints(num_kept);
+    if (!kept.empty()) source_.KeepOnly(kept);
+  } catch (const std::exception& error) {
+    spdlog::warn("{}; what only older checkpoints needed stays until the next one", error.what());
+  }
 }
 
 bool LearnerLoop::HasLearnedNothing() const {
@@ -248,7 +254,7 @@ bool LearnerLoop::HasLearnedNothing() const {
 bool LearnerLoop::HasNewestPolicy() const {
   const fs::path path = plan_.run.directory.policy();
   try {
-    return fs::exists(path) &&
+    return base::Exists(path) &&
            policy::LoadPolicy(path).metadata["updates"] == fmt::format("{}", run_.updates());
   } catch (const base::Error& error) {
     spdlog::warn("{}; it is written again", error.what());

@@ -63,7 +63,9 @@ class LearnerLoop {
   void Publish();
 
   const run::TrainingRun& run() const { return run_; }
-  /// Removes all but the newest `num_kept` checkpoints, and what only those needed.
+  /// Removes all but the newest `num_kept` checkpoints, and what only those needed that were
+  /// removed. If none is left, the source keeps what it has. What cannot be removed stays, with a
+  /// warning.
   void KeepCheckpoints(std::size_t num_kept);
 
  private:

@@ -165,6 +165,30 @@ TEST_F(FileTest, ALinkStaysAndItsFileIsReplaced) {
   EXPECT_EQ(ReadFile(file), "made anew");
 }
 
+// The kernel does not follow links that lead to each other: what they stand for is not known.
+TEST_F(FileTest, WhatCannotBeLookedAtIsNotReplaced) {
+  const fs::path link = directory_ / "link";
+  fs::create_symlink("other", link);
+  fs::create_symlink("link", directory_ / "other");
+  EXPECT_THAT(ErrorOf([&] { WriteFileAtomically(link, "x"); }),
+              testing::AllOf(HasSubstr(link.string()), HasSubstr("levels of symbolic links")));
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_TRUE(fs::is_symlink(directory_ / "other"));
+}
+
+TEST_F(FileTest, AnErrorIsNoAbsence) {
+  const fs::path file = directory_ / "file";
+  EXPECT_FALSE(Exists(file));
+  EXPECT_TRUE(ListDirectory(file).empty());
+  WriteFileAtomically(file, "x");
+  EXPECT_TRUE(Exists(file));
+  EXPECT_THAT(ListDirectory(directory_), testing::ElementsAre(file));
+  EXPECT_FALSE(Exists(file / "below a file"));
+  const fs::path endless = directory_ / std::string(1000, 'x');
+  EXPECT_THAT(ErrorOf([&] { static_cast<void>(Exists(endless)); }), HasSubstr("name too long"));
+  EXPECT_THAT(ErrorOf([&] { ListDirectory(file); }), HasSubstr("Not a directory"));
+}
+
 TEST_F(FileTest, AnEndlessFileIsRefusedAndAPipeIsRead) {
   EXPECT_THAT(ErrorOf([] { ReadFile("/dev/zero"); }),
               testing::AllOf(HasSubstr("/dev/zero"), HasSubstr("no regular file")));

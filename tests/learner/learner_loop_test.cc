@@ -90,12 +90,16 @@ class FakeSource final : public BatchSource {
   void Restore(const fs::path&, const nlohmann::json& state) override {
     position = state.at("position").get<std::int64_t>();
   }
-  void KeepOnly(const std::vector<fs::path>& checkpoints) override { kept = checkpoints.size(); }
+  void KeepOnly(const std::vector<fs::path>& checkpoints) override {
+    if (cannot_clear) throw base::Error("cannot be read");
+    kept = checkpoints.size();
+  }
 
   std::int64_t position = 0;
   bool started = false;
   bool gives_none = false;
   bool fails = false;
+  bool cannot_clear = false;
   float scale = 1.0f;
   int num_priorities = 0;
   int num_episode_looks = 0;
@@ -288,6 +292,16 @@ TEST(LearnerLoopTest, PrioritiesGoBackAfterEachUpdate) {
   Loop loop(scratch.path(), Method(/*prioritized=*/true));
   EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
   EXPECT_EQ(loop.source.num_priorities, 100);
+}
+
+TEST(LearnerLoopTest, ACheckpointIsSavedThoughWhatItReplacesCannotBeRemoved) {
+  const test::ScratchDirectory scratch;
+  Loop loop(scratch.path());
+  loop.plan.run.settings.checkpoint_steps = 400;
+  loop.source.cannot_clear = true;
+  EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  EXPECT_EQ(loop.registry.counter(metrics::kCheckpoints).value(), 2.0);
+  EXPECT_EQ(loop.registry.counter(metrics::kCheckpointFailures).value(), 0.0);
 }
 
 TEST(LearnerLoopTest, ACheckpointThatFailsEndsTheRunOnlyIfItIsTheLast) {

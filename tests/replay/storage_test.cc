@@ -135,6 +135,19 @@ TEST_F(StorageTest, ASaveWritesOnlyWhatIsNewAndCommitDeletesWhatIsOld) {
   ASSERT_EQ(Files().size(), 1u);
 }
 
+// Most often an empty list is a fault of whoever made it.
+TEST_F(StorageTest, NoManifestsAreNoReasonToDeleteAll) {
+  ReplayModel model(200, kBeams, 4, 1);
+  Table table({.capacity = 200}, kBeams);
+  Storage storage(directory_);
+  for (int i = 0; i < 20; ++i) model.Advance(&table);
+  const std::string manifest = storage.Save(table);
+  EXPECT_THROW(storage.Commit({}), base::Error);
+  EXPECT_EQ(LoadError(manifest), "");
+  storage.DeleteAll();
+  EXPECT_FALSE(fs::exists(directory_));
+}
+
 // The disk may hold no more than the table and the overwritten rows of a single part file.
 TEST_F(StorageTest, RowsThatAreOverwrittenLeaveTheDiskFileByFile) {
   constexpr std::int64_t kCapacity = 100000;

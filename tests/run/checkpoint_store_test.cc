@@ -1,9 +1,13 @@
 #include "run/checkpoint_store.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
+
+#include <cerrno>
+#include <functional>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::run {
@@ -17,14 +21,38 @@ void WriteOne(CheckpointStore& store, std::int64_t steps, const std::string& con
   });
 }
 
-TEST(CheckpointStoreTest, KeepsTheNewestTwoByStepsNotByName) {
+TEST(CheckpointStoreTest, KeepsTheNewestByStepsNotByName) {
   const test::ScratchDirectory scratch;
   CheckpointStore store(scratch.path() / "checkpoints");
   for (const int steps : {9, 80, 700}) WriteOne(store, steps);
-  const auto list = store.List();
-  ASSERT_EQ(list.size(), 2u);
-  EXPECT_EQ(list[0].filename(), "step-700");
-  EXPECT_EQ(list[1].filename(), "step-80");
+  const auto kept = store.Keep(2);
+  EXPECT_EQ(store.List(), kept);
+  ASSERT_EQ(kept.size(), 2u);
+  EXPECT_EQ(kept[0].filename(), "step-700");
+  EXPECT_EQ(kept[1].filename(), "step-80");
+}
+
+TEST(CheckpointStoreTest, ADirectoryThatCannotBeListedIsNotAnEmptyOne) {
+  const test::ScratchDirectory scratch;
+  CheckpointStore store(scratch.path() / "checkpoints");
+  for (const int steps : {10, 20, 30}) WriteOne(store, steps);
+  const std::function<void()> looks[] = {[&] { store.List(); }, [&] { store.Keep(1); },
+                                         [&] { const CheckpointStore again(store.directory()); }};
+  // It cannot be opened, or not be read to its end.
+  const test::FailingCall unopened{.function = "openat", .path = "*/checkpoints", .error = EMFILE};
+  const test::FailingCall cut_off{
+      .function = "readdir", .path = "*/checkpoints", .error = EIO, .first = 3};
+  for (const test::FailingCall& call : {unopened, cut_off}) {
+    const fs::path count = scratch.path() / call.function;
+    for (const auto& look : looks) {
+      fs::remove(count);
+      const test::FailingCalls failing(call, count);
+      EXPECT_THAT(look, testing::ThrowsMessage<base::Error>(
+                            testing::HasSubstr("checkpoints: cannot be listed")));
+      EXPECT_EQ(failing.num_calls(), call.first);
+    }
+  }
+  EXPECT_EQ(store.List().size(), 3u);
 }
 
 TEST(CheckpointStoreTest, AFailedWriteLeavesTheEarlierOnesAndNoTrace) {

@@ -1,0 +1,33 @@
+#include "base/descriptor_limit.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+
+namespace slalom::base {
+namespace {
+
+rlim_t Limit() {
+  rlimit limit{};
+  getrlimit(RLIMIT_NOFILE, &limit);
+  return limit.rlim_cur;
+}
+
+TEST(DescriptorLimitTest, IsRaisedAsFarAsIsUsefulAndNeverLowered) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlim_t most = std::min<rlim_t>(before.rlim_max, 65536);
+  const rlimit low{.rlim_cur = 64, .rlim_max = before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
+  RaiseDescriptorLimit();
+  EXPECT_EQ(Limit(), most);
+  const rlimit high{.rlim_cur = before.rlim_max, .rlim_max = before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &high), 0);
+  RaiseDescriptorLimit();
+  EXPECT_EQ(Limit(), before.rlim_max);
+  setrlimit(RLIMIT_NOFILE, &before);
+}
+
+}  // namespace
+}  // namespace slalom::base
