@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstring>
 #include <utility>
 
 #include "base/error.h"
@@ -20,7 +21,11 @@ fs::path RunDirectory::snapshot(std::int64_t steps) const {
 
 RunLock::RunLock(const fs::path& root)
     : fd_(::open(root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-  if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  if (fd_ < 0) {
+    throw base::Error(
+        fmt::format("{}: cannot be opened ({})", root.string(), std::strerror(errno)));
+  }
+  if (::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
   ::close(fd_);
   throw base::Error(fmt::format(
       "{}: another process is training in this directory; stop it, or choose another --name",

@@ -24,8 +24,8 @@ struct RunDirectory {
 /// process ends. The lock stays with a directory that is renamed. Movable.
 class RunLock {
  public:
-  /// Throws `base::Error` if another process holds the lock. On a file system without locks,
-  /// nothing is locked.
+  /// Throws `base::Error` if another process holds the lock, or the directory cannot be opened. On
+  /// a file system without locks, nothing is locked.
   explicit RunLock(const std::filesystem::path& root);
   ~RunLock();
   RunLock(RunLock&& other) noexcept;

@@ -62,6 +62,9 @@ Number Provenance(const nn::Metadata& metadata, const std::string& key) {
   return number;
 }
 
+/// Where a run is that another one took the place of.
+fs::path AsideOf(const fs::path& run) { return run.string() + ".aside"; }
+
 /// The work on one cell.
 class Work {
  public:
@@ -105,27 +108,57 @@ class Work {
     fs::remove(directory_.failed(), ec);
   }
 
+  /// What is left to do of a cell's training.
+  enum class Training { kNothing, kToBegin, kToResume, kOfAnother };
+
+  /// Looks at the run, and moves one that cannot go on out of the way. Throws `base::Error`, and
+  /// changes nothing, if it cannot be looked at: it may be there all the same.
+  Training PrepareTraining() const {
+    if (!cell_.config || base::Exists(directory_.trained())) return Training::kNothing;
+    const run::RunDirectory run{directory_.run()};
+    if (!base::Exists(run.root)) return Training::kToBegin;
+    if (IsTrainedByAnother(run)) return Training::kOfAnother;
+    const bool has_checkpoint = base::Exists(run.config()) && base::Exists(run.checkpoints()) &&
+                                !run::CheckpointStore(run.checkpoints()).List().empty();
+    if (has_checkpoint) return Training::kToResume;
+    SetAside(run.root);  // Of a training that was killed before its first checkpoint.
+    return Training::kToBegin;
+  }
+
+  /// Moves a run out of the way, in place of one that was moved before.
+  static void SetAside(const fs::path& root) {
+    const fs::path aside = AsideOf(root);
+    std::error_code ec;
+    fs::remove_all(aside, ec);
+    fs::rename(root, aside, ec);
+    if (!ec) return;
+    throw base::Error(
+        fmt::format("{}: cannot be moved to {} ({})", root.string(), aside.string(), ec.message()));
+  }
+
   /// None: failed, and another attempt would fail alike.
   std::optional<WorkEnd> Attempt() {
-    std::error_code ec;
-    if (cell_.config && !fs::exists(directory_.trained(), ec)) {
-      const std::optional<WorkEnd> end = Train();
+    Training training = Training::kNothing;
+    try {
+      training = PrepareTraining();
+    } catch (const base::Error& error) {
+      fault_ = error.what();
+      return WorkEnd::kFailed;
+    }
+    if (training == Training::kOfAnother) return WorkEnd::kLost;
+    if (training != Training::kNothing) {
+      const std::optional<WorkEnd> end = Train(training == Training::kToResume);
       if (!end || *end != WorkEnd::kDone) return end;
     }
     return Score();
   }
 
-  std::optional<WorkEnd> Train() {
+  std::optional<WorkEnd> Train(bool resume) {
     const run::RunDirectory run{directory_.run()};
-    if (IsTrainedByAnother(run)) return WorkEnd::kLost;
     std::vector<std::string> arguments = {options_.program.string(), "train"};
-    std::error_code ec;
-    const bool resumes = fs::exists(run.config(), ec) && fs::exists(run.checkpoints(), ec) &&
-                         !run::CheckpointStore(run.checkpoints()).List().empty();
-    if (resumes) {
+    if (resume) {
       arguments.insert(arguments.end(), {run.root.string(), "--resume"});
     } else {
-      fs::remove_all(run.root, ec);  // Of a training that was killed before its first checkpoint.
       arguments.insert(arguments.end(),
                        {directory_.config().string(), "--output", directory_.root().string()});
     }
@@ -137,7 +170,8 @@ class Work {
       fault_ =
           ended.exit_code == kDiverged ? "the training diverged" : "the training learned nothing";
       if (cell_.config->run.deterministic) return std::nullopt;
-      fs::remove_all(run.root, ec);  // The next attempt begins anew.
+      std::error_code ignored;
+      fs::remove_all(run.root, ignored);  // The next attempt begins again.
       return WorkEnd::kFailed;
     }
     if (ended.exit_code != 0) {
@@ -153,14 +187,11 @@ class Work {
                               .platform = options_.platform,
                               .commit = options_.commit,
                               .at_once = options_.at_once});
-    fs::remove_all(run.checkpoints(), ec);
     return WorkEnd::kDone;
   }
 
   /// Whether a process of a worker that lost its claim still writes to the run.
   static bool IsTrainedByAnother(const run::RunDirectory& run) {
-    std::error_code ec;
-    if (!fs::exists(run.root, ec)) return false;
     try {
       const run::RunLock lock(run.root);
       return false;
@@ -172,8 +203,10 @@ class Work {
   WorkEnd Score() {
     const Clock::time_point begin = Clock::now();
     std::int64_t episodes = 0;
-    std::error_code ec;
-    fs::remove_all(run::RunDirectory{directory_.run()}.checkpoints(), ec);
+    std::error_code ignored;
+    const run::RunDirectory run{directory_.run()};
+    fs::remove_all(run.checkpoints(), ignored);
+    fs::remove_all(AsideOf(run.root), ignored);
     bool has_failed = false;
     for (const ScoreTask& task : cell_.scores) {
       if (IsScored(options_.store, cell_, task)) continue;

@@ -32,8 +32,9 @@ enum class WorkEnd {
 /// makes the scores that are missing. What is finished is kept, so this may be killed at any moment
 /// and called again. Checkpoints are removed once the training is finished.
 ///
-/// A failed attempt is repeated twice, unless the training diverged or learned nothing in lockstep:
-/// it would do the same again. Throws `base::Error` if the cell's own files cannot be written.
+/// A run whose files cannot be looked at stays as it is, and the attempt has failed. A failed
+/// attempt is repeated twice, unless the training diverged or learned nothing in lockstep: it would
+/// do the same again. Throws `base::Error` if the cell's own files cannot be written.
 WorkEnd WorkOnCell(const Cell& cell, const WorkOptions& options, Claim& claim,
                    const std::stop_token& stop);
 

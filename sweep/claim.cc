@@ -19,6 +19,7 @@
 #include "base/child_process.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/log.h"
 
 namespace slalom::sweep {
 namespace {
@@ -94,16 +95,16 @@ fs::path ClaimFile(const fs::path& cell, int number) {
   return cell / fmt::format("{}{}", kClaim, number);
 }
 
-/// The numbers of a cell's claims, in no order.
+/// The numbers of a cell's claims, in no order. Throws `base::Error` if they cannot be listed.
 std::vector<int> ClaimsOf(const fs::path& cell) {
   std::vector<int> numbers;
-  std::error_code ec;
-  for (fs::directory_iterator entry(cell, ec), end; !ec && entry != end; entry.increment(ec)) {
-    if (const auto number = NumberOf(entry->path())) numbers.push_back(*number);
+  for (const fs::path& file : base::ListDirectory(cell)) {
+    if (const auto number = NumberOf(file)) numbers.push_back(*number);
   }
   return numbers;
 }
 
+/// 0: there is none. Throws as `ClaimsOf`.
 int NewestClaim(const fs::path& cell) {
   int newest = 0;
   for (const int number : ClaimsOf(cell)) newest = std::max(newest, number);
@@ -162,11 +163,12 @@ Claim::~Claim() {
 bool Claim::Renew() {
   const fs::path cell = file_.parent_path();
   if (ParseOwner(ContentOf(file_)).value("token", "") != token_) return false;
-  if (NewestClaim(cell) > number_) return false;
   try {
+    if (NewestClaim(cell) > number_) return false;
     base::WriteFileAtomically(beat_, std::to_string(++count_));
   } catch (const base::Error&) {
-    // A full disk does not take the claim away; that others see no beat may.
+    // A full disk does not take the claim away, nor one that fails for a moment; that others see no
+    // beat may.
   }
   return true;
 }
@@ -184,7 +186,13 @@ bool ClaimTaker::IsGone(const fs::path& cell, const fs::path& claim, Clock::time
 
 std::unique_ptr<Claim> ClaimTaker::Try(const fs::path& cell, Clock::time_point now) {
   base::MakeDirectories(cell);
-  const int newest = NewestClaim(cell);
+  int newest = 0;
+  try {
+    newest = NewestClaim(cell);
+  } catch (const base::Error& error) {
+    spdlog::warn("{}; taken for a cell that others work on", error.what());
+    return nullptr;
+  }
   if (newest > 0 && !IsGone(cell, ClaimFile(cell, newest), now)) return nullptr;
   const std::string token = NewToken();
   const fs::path file = ClaimFile(cell, newest + 1);
@@ -234,8 +242,12 @@ bool AreWorkedOn(const std::vector<fs::path>& cells, std::chrono::seconds patien
 }
 
 bool IsClaimed(const fs::path& cell) {
-  const int newest = NewestClaim(cell);
-  return newest > 0 && !IsKnownDead(ParseOwner(ContentOf(ClaimFile(cell, newest))));
+  try {
+    const int newest = NewestClaim(cell);
+    return newest > 0 && !IsKnownDead(ParseOwner(ContentOf(ClaimFile(cell, newest))));
+  } catch (const base::Error&) {
+    return true;
+  }
 }
 
 }  // namespace slalom::sweep

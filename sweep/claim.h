@@ -53,8 +53,9 @@ class ClaimTaker {
   using Clock = std::chrono::steady_clock;
 
   /// Takes the claim of a cell if nobody has it, if its owner has died (a process of this machine
-  /// that is no more), or if it has expired. Null: somebody else works on it. Throws `base::Error`
-  /// if the directory cannot be written. `now`: of this machine; tests give their own.
+  /// that is no more), or if it has expired. Null: somebody else works on it, or it cannot be seen
+  /// whether somebody does. Throws `base::Error` if the directory cannot be written. `now`: of this
+  /// machine; tests give their own.
   std::unique_ptr<Claim> Try(const std::filesystem::path& cell,
                              Clock::time_point now = Clock::now());
 
@@ -69,7 +70,8 @@ class ClaimTaker {
   std::map<std::filesystem::path, Sighting> sightings_;
 };
 
-/// Whether somebody holds a claim on a cell and is not known to be dead.
+/// Whether somebody holds a claim on a cell and is not known to be dead, or the cell cannot be
+/// listed.
 bool IsClaimed(const std::filesystem::path& cell);
 
 /// Whether somebody works on any of the cells for sure: a process of this machine, or one whose

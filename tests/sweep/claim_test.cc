@@ -5,12 +5,14 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <memory>
 #include <thread>
 #include <vector>
 
 #include "base/file.h"
+#include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::sweep {
@@ -54,6 +56,27 @@ TEST(ClaimTest, OfManyAtOnceOneGetsIt) {
     }
     EXPECT_EQ(std::ranges::count_if(claims, [](const auto& c) { return c != nullptr; }), 1);
   }
+}
+
+// Were it taken for an empty one, a second worker would begin.
+TEST(ClaimTest, ACellThatCannotBeListedIsNotFree) {
+  const test::ScratchDirectory scratch;
+  WriteForeignClaim(scratch.path() / "cell", 2, "1");
+  const test::FailingCalls failing(
+      {.function = "openat", .path = "*/cell", .error = EIO, .last = 1000},
+      scratch.path() / "count");
+  EXPECT_TRUE(IsClaimed(scratch.path() / "cell"));
+  EXPECT_EQ(ClaimTaker().Try(scratch.path() / "cell"), nullptr);
+  EXPECT_GE(failing.num_calls(), 2);
+}
+
+TEST(ClaimTest, AClaimIsNotLostWhereItsCellCannotBeListed) {
+  const test::ScratchDirectory scratch;
+  const auto claim = ClaimTaker().Try(scratch.path() / "cell");
+  const test::FailingCalls failing({.function = "openat", .path = "*/cell", .error = EIO},
+                                   scratch.path() / "count");
+  EXPECT_TRUE(claim->Renew());
+  EXPECT_EQ(failing.num_calls(), 1);
 }
 
 TEST(ClaimTest, TheClaimOfADeadProcessOfThisMachineIsTakenAtOnce) {
