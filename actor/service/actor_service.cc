@@ -20,9 +20,7 @@ using std::chrono::steady_clock;
 
 constexpr milliseconds kWait{50};
 // So that the process exits within 5 s of SIGTERM, including the time to write the spool.
-constexpr std::chrono::seconds kFlush{3};
-// Used if the server is gone, too, as when a machine is shut down.
-constexpr std::chrono::seconds kFlushAway{1};
+constexpr milliseconds kPatience{3000};
 // A chunk that is refused this often was not damaged on the way; it is wrong.
 constexpr int kMaxRefusals = 5;
 
@@ -79,6 +77,12 @@ proto::Hello ActorService::MakeHello(std::uint64_t session, int num_streams) con
   return hello;
 }
 
+void ActorService::EndDraining() {
+  outbox_.SaveSpool(spool(), 0);  // Removes the file.
+  static_cast<void>(replay_.Send(proto::Goodbye{outbox_.session()}));
+  StartSession(ledger_.session() + 1);
+}
+
 void ActorService::StartSession(std::uint64_t session) {
   phase_ = Phase::kStarting;
   outbox_.Begin(session);
@@ -98,7 +102,7 @@ void ActorService::Replace(std::string_view why) {
 void ActorService::OnWelcome(const proto::Welcome& welcome) {
   window_bytes_ = welcome.window_bytes;
   if (phase_ == Phase::kStarting && welcome.next_sequence > 0) {
-    // Somebody else has used the number: this state directory is newer than the server's memory.
+    // The number has been used: this state directory is older than the server's memory.
     return StartSession(outbox_.session() + 1);
   }
   if (phase_ == Phase::kStarting) {
@@ -122,21 +126,16 @@ void ActorService::OnWelcome(const proto::Welcome& welcome) {
 }
 
 void ActorService::Acknowledge(std::uint64_t next_sequence) {
-  const int chunks = outbox_.num_chunks();
-  ledger_.AddAcknowledged(outbox_.Acknowledge(next_sequence));
-  metrics_.AddAcknowledged(chunks - outbox_.num_chunks());
-  if (outbox_.num_chunks() < chunks) refused_in_a_row_ = 0;
+  const int chunks = outbox_.Acknowledge(next_sequence);
+  metrics_.AddAcknowledged(chunks);
+  if (chunks > 0) refused_in_a_row_ = 0;
+  ledger_.AcknowledgeAllBut(outbox_.steps() + chunk_steps_);
 }
 
 void ActorService::OnAck(const proto::InsertAck& ack) {
   if (ack.session != outbox_.session() || phase_ == Phase::kStarting) return;
   window_bytes_ = ack.window_bytes;
   Acknowledge(ack.next_sequence);
-  if (phase_ == Phase::kDraining && outbox_.empty()) {
-    outbox_.SaveSpool(spool(), 0);
-    static_cast<void>(replay_.Send(proto::Goodbye{outbox_.session()}));
-    StartSession(ledger_.session() + 1);
-  }
 }
 
 void ActorService::OnRefusal(const proto::Refusal& refusal) {
@@ -148,7 +147,7 @@ void ActorService::OnRefusal(const proto::Refusal& refusal) {
           "service.name",
           identity_.name, refusal.about, outbox_.session()));
     }
-    // This actor's state directory is newer than the server's memory.
+    // This state directory is older than the server's memory.
     if (phase_ == Phase::kDraining) reason_ = LossReason::kReplaced;
     return StartSession(std::max(refusal.about, outbox_.session()) + 1);
   }
@@ -229,7 +228,8 @@ bool ActorService::MustWait() const {
 
 void ActorService::SayObstacle(const char* obstacle) {
   // Inserts being held back is normal operation of the rate limiter, so only metrics show it.
-  if (obstacle != nullptr && MustWait() && replay_.welcomed()) obstacle = nullptr;
+  const bool held = phase_ == Phase::kDraining || MustWait();
+  if (held && replay_.welcomed()) obstacle = nullptr;
   if (obstacle == said_obstacle_) return;
   metrics_.SetObstacle(obstacle);
   if (obstacle != nullptr) {
@@ -240,33 +240,38 @@ void ActorService::SayObstacle(const char* obstacle) {
 }
 
 void ActorService::Run(std::stop_token stop) {
-  while (!stop.stop_requested()) {
-    const char* const obstacle = Obstacle();
-    SayObstacle(obstacle);
-    if (obstacle == nullptr) {
-      Step();
-      if (ChunkIsDue()) CloseChunk();
-      SendChunks();
-      Listen(milliseconds(0));
-    } else {
-      const auto began = steady_clock::now();
-      SendChunks();
-      Listen(kWait);
-      if (MustWait()) {
-        metrics_.AddBlocked(metrics::queue::kUnacknowledged,
-                            std::chrono::duration<double>(steady_clock::now() - began).count());
-      }
-    }
-    replay_.ReportEverySecond([this] { return MakeReport(); });
-  }
-  Finish();
+  while (!stop.stop_requested()) Turn(kWait);
+  Finish(kPatience);
 }
 
-void ActorService::Finish() {
+void ActorService::Turn(milliseconds wait) {
+  // A welcome may confirm the end of a spool, too, as the server may have held it for us.
+  if (phase_ == Phase::kDraining && outbox_.empty()) EndDraining();
+  const char* const obstacle = Obstacle();
+  SayObstacle(obstacle);
+  if (obstacle == nullptr) {
+    Step();
+    if (ChunkIsDue()) CloseChunk();
+    SendChunks();
+    Listen(milliseconds(0));
+  } else {
+    const auto began = steady_clock::now();
+    SendChunks();
+    Listen(wait);
+    if (MustWait()) {
+      metrics_.AddBlocked(metrics::queue::kUnacknowledged,
+                          std::chrono::duration<double>(steady_clock::now() - began).count());
+    }
+  }
+  replay_.ReportEverySecond([this] { return MakeReport(); });
+}
+
+void ActorService::Finish(milliseconds patience) {
   const auto began = steady_clock::now();
   if (phase_ == Phase::kRunning) CloseChunk();
+  // If the server is gone, too, a machine may be shutting down.
   while (phase_ != Phase::kStarting && !outbox_.empty() &&
-         steady_clock::now() - began < (replay_.welcomed() ? kFlush : kFlushAway)) {
+         steady_clock::now() - began < (replay_.welcomed() ? patience : patience / 3)) {
     SendChunks();
     Listen(kWait);
   }

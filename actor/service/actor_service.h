@@ -50,21 +50,38 @@ class ActorService {
                service::InstallPolicy install, transport::Context& context,
                metrics::Registry& registry);
 
-  /// Runs until `stop`, then sends the remaining chunks, or saves them to the spool if the server
-  /// does not take them within seconds. Throws `base::Error` if a server refuses this process for
-  /// good, or if another process of this name took over its session.
+  /// Calls `Turn` until `stop`, then `Finish`. Throws what they throw.
   void Run(std::stop_token stop);
+
+  /// Makes one step or, if something is missing for it, waits for at most `wait` for a message;
+  /// sends chunks and handles the messages that came. Throws `base::Error` if a server refuses this
+  /// process for good, or if another process of this name took over its session.
+  void Turn(std::chrono::milliseconds wait);
+
+  /// Sends the remaining chunks for at most `patience`, or a third of it if the server is away, and
+  /// saves those that were not acknowledged to the spool. Destroying the service without this call
+  /// has the effect of a `kill -9`. Throws what `Turn` throws, and if the spool cannot be written.
+  void Finish(std::chrono::milliseconds patience);
 
   StepAccount account() const { return ledger_.account(); }
 
  private:
+  /// The phases follow each other like this:
+  ///
+  /// kDraining -> kStarting  The outbox is empty, or the server cannot continue the session.
+  /// kStarting -> kRunning   The server welcomes the new session.
+  /// kRunning  -> kStarting  The server cannot continue the session.
+  ///
+  /// In `kDraining` and `kRunning` the session is the ledger's, and the steps that the ledger does
+  /// not count as acknowledged are in the outbox or in the chunk being filled.
   enum class Phase {
     kDraining,  ///< Sends the spool of the last session, under that session's number.
-    kStarting,  ///< Has said hello for a new session.
-    kRunning,
+    kStarting,  ///< Has said hello for a new session. The outbox is empty.
+    kRunning,   ///< Makes steps and sends them.
   };
 
   proto::Hello MakeHello(std::uint64_t session, int num_streams) const;
+  void EndDraining();
   void StartSession(std::uint64_t session);
   void Replace(std::string_view why);
   void OnWelcome(const proto::Welcome& welcome);
@@ -82,7 +99,6 @@ class ActorService {
   const char* Obstacle() const;
   bool MustWait() const;
   void SayObstacle(const char* obstacle);
-  void Finish();
   proto::Report MakeReport();
   std::filesystem::path spool() const { return identity_.state_directory / "spool"; }
 

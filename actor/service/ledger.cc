@@ -119,7 +119,11 @@ void Ledger::BeginSession(std::uint64_t session, std::int64_t accepted, LossReas
 
 void Ledger::AddMade(std::int64_t steps) { file_->now().made += steps; }
 
-void Ledger::AddAcknowledged(std::int64_t steps) { file_->now().accepted += steps; }
+void Ledger::AcknowledgeAllBut(std::int64_t pending) {
+  SLALOM_CHECK_GE(pending, 0);
+  Entries& now = file_->now();
+  now.accepted = std::max(now.accepted, now.made - pending);
+}
 
 StepAccount Ledger::account() const {
   const Entries& now = file().now();

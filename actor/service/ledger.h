@@ -47,7 +47,10 @@ class Ledger {
   void BeginSession(std::uint64_t session, std::int64_t accepted, LossReason reason);
 
   void AddMade(std::int64_t steps);
-  void AddAcknowledged(std::int64_t steps);
+  /// Counts all steps of the session as acknowledged but `pending`, those that the actor still
+  /// keeps. What was once counted stays counted: a spool may hold what was acknowledged before a
+  /// kill. Requires: pending >= 0.
+  void AcknowledgeAllBut(std::int64_t pending);
 
   StepAccount account() const;
 

@@ -84,12 +84,12 @@ void Outbox::MarkSent() {
   sent_before_ = std::max(sent_before_, chunk.header.sequence + 1);
 }
 
-std::int64_t Outbox::Acknowledge(std::uint64_t next_sequence) {
-  std::int64_t steps = 0;
+int Outbox::Acknowledge(std::uint64_t next_sequence) {
+  const int chunks = num_chunks();
   while (!chunks_.empty() && chunks_.front().header.sequence < next_sequence) {
     const OutgoingChunk& chunk = chunks_.front();
     const auto size = static_cast<std::int64_t>(chunk.payload.size());
-    steps += chunk.header.num_steps;
+    steps_ -= chunk.header.num_steps;
     bytes_ -= size;
     if (num_sent_ > 0) {
       --num_sent_;
@@ -97,8 +97,7 @@ std::int64_t Outbox::Acknowledge(std::uint64_t next_sequence) {
     }
     chunks_.pop_front();
   }
-  steps_ -= steps;
-  return steps;
+  return chunks - num_chunks();
 }
 
 bool Outbox::Resume(std::uint64_t next_sequence) {

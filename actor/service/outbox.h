@@ -39,8 +39,8 @@ class Outbox {
   const OutgoingChunk* NextToSend(std::int64_t window_bytes) const;
   void MarkSent();
 
-  /// Removes the chunks before `next_sequence`, which are acknowledged. Returns their steps.
-  std::int64_t Acknowledge(std::uint64_t next_sequence);
+  /// Removes the chunks before `next_sequence`, which are acknowledged. Returns their number.
+  int Acknowledge(std::uint64_t next_sequence);
 
   /// Starts sending again from `next_sequence` on. Returns false if that chunk is no longer here,
   /// or was never made: then the server and this actor do not mean the same session.

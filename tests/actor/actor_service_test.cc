@@ -17,6 +17,7 @@
 #include "metrics/catalogue.h"
 #include "replay/journal.h"
 #include "replay/service/server.h"
+#include "tests/actor/one_policy.h"
 #include "tests/support/fake_environment.h"
 #include "tests/support/scratch_directory.h"
 
@@ -39,35 +40,6 @@ void WaitUntil(const std::function<bool()>& condition) {
     std::this_thread::yield();
   }
 }
-
-/// Gives every reader one policy, once.
-class OnePolicy {
- public:
-  OnePolicy()
-      : server_(context_, {.endpoint = "tcp://127.0.0.1:*"}), thread_([this](auto stop) {
-          while (!stop.stop_requested()) {
-            auto received = server_.Receive(milliseconds(20));
-            if (!received) continue;
-            const auto header =
-                proto::Decode(received->message.header.bytes(), received->message.payload.bytes());
-            const auto* request = header ? std::get_if<proto::SnapshotRequest>(&*header) : nullptr;
-            if (request == nullptr || request->held_version == 7) continue;
-            const auto policy = transport::Frame::Copy(std::string_view("a policy"));
-            proto::Snapshot snapshot;
-            snapshot.version = 7;
-            const auto encoded = proto::Encode(snapshot, policy.bytes());
-            static_cast<void>(
-                server_.Send(received->peer, {transport::Frame::Copy(encoded), policy.Share()}));
-          }
-        }) {}
-
-  const std::string& endpoint() const { return server_.endpoint(); }
-
- private:
-  transport::Context context_;
-  transport::Server server_;
-  std::jthread thread_;
-};
 
 /// A replay server, until it goes out of scope; then its journal can be looked into.
 class Replay {

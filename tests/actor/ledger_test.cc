@@ -41,9 +41,12 @@ TEST(LedgerTest, WhatIsMadeIsAcceptedPendingOrLostWhateverHappens) {
         break;
       }
       case 2: {
-        const auto steps = static_cast<std::int64_t>(random.UniformInt(unacknowledged + 1));
-        ledger->AddAcknowledged(steps);
-        unacknowledged -= steps;
+        unacknowledged -= static_cast<std::int64_t>(random.UniformInt(unacknowledged + 1));
+        ledger->AcknowledgeAllBut(unacknowledged);
+        // What a spool still holds though it was acknowledged does not count again.
+        ledger->AcknowledgeAllBut(unacknowledged +
+                                  static_cast<std::int64_t>(random.UniformInt(100)));
+        ASSERT_EQ(ledger->account().pending, unacknowledged);
         break;
       }
       case 3:
@@ -71,13 +74,13 @@ TEST(LedgerTest, LossesGoByTheirReason) {
   Ledger ledger(scratch.path() / "ledger");
   ledger.BeginSession(1, 0, LossReason::kKilled);
   ledger.AddMade(100);
-  ledger.AddAcknowledged(60);
+  ledger.AcknowledgeAllBut(40);
   // The server has 70: ten acknowledgements were still under way when the actor was killed.
   ledger.BeginSession(2, 70, LossReason::kKilled);
   EXPECT_EQ(ledger.account().accepted, 70);
   EXPECT_THAT(ledger.account().lost, testing::ElementsAre(30, 0, 0));
   ledger.AddMade(50);
-  ledger.AddAcknowledged(50);
+  ledger.AcknowledgeAllBut(0);
   // Another server, which knows of nothing.
   ledger.BeginSession(3, 0, LossReason::kReplaced);
   EXPECT_THAT(ledger.account().lost, testing::ElementsAre(30, 0, 50));
@@ -99,7 +102,7 @@ TEST(LedgerTest, AKilledProcessLeavesWhatItCounted) {
       // A pipe that is full would keep the counting back: told only now and then.
       if (made % 3000 == 0 && ::write(told[1], &made, sizeof(made)) < 0) ::_exit(1);
       ledger.AddMade(3);
-      ledger.AddAcknowledged(3);
+      ledger.AcknowledgeAllBut(0);
     }
   }
   std::int64_t last = 0;
