@@ -34,6 +34,11 @@ std::string FormatCount(double count) {
   return fmt::format("{:.0f}", count);
 }
 
+std::string FormatBytes(double bytes) {
+  const double mb = bytes / 1e6;
+  return mb < 999.5 ? fmt::format("{:.0f} MB", mb) : fmt::format("{:.1f} GB", mb / 1e3);
+}
+
 std::string FormatDuration(double seconds) {
   const auto s = static_cast<long long>(std::llround(seconds));
   if (s >= 3600) return fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60);

@@ -9,6 +9,9 @@ namespace slalom::base {
 /// "1.2M", "34.5k", "678": a count for people.
 std::string FormatCount(double count);
 
+/// "820 MB", "1.5 GB": a size for people.
+std::string FormatBytes(double bytes);
+
 /// "2:05", "1:02:03": a duration in seconds for people.
 std::string FormatDuration(double seconds);
 

@@ -90,6 +90,8 @@ int RunLearner(const ServiceOptions& options) {
                                   process.registry());
   spdlog::info("policies at {}, run directory {}", learner.endpoint(), directory.root.string());
   switch (learner.Run(signals.token())) {
+    case learner::TrainingEnd::kUnsaved:
+      return kExitError;
     case learner::TrainingEnd::kDiverged:
       return kExitDiverged;
     case learner::TrainingEnd::kLearnedNothing:

@@ -41,11 +41,6 @@ namespace fs = std::filesystem;
 
 fs::path Program() { return fs::read_symlink("/proc/self/exe"); }
 
-std::string FormatBytes(std::int64_t bytes) {
-  const double mb = 1e-6 * static_cast<double>(bytes);
-  return mb < 1000.0 ? fmt::format("{:.0f} MB", mb) : fmt::format("{:.1f} GB", 1e-3 * mb);
-}
-
 std::int64_t DiskNeeded(const std::vector<sweep::Cell>& cells, const fs::path& store, int at_once) {
   std::vector<std::int64_t> training;
   std::int64_t kept = 0;
@@ -68,7 +63,8 @@ void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, i
   throw base::Error(
       fmt::format("{}: the sweep needs about {} here and {} are available; run fewer "
                   "cells at once (--at-once) or choose another place (--output)",
-                  store.string(), FormatBytes(needed), FormatBytes(available)));
+                  store.string(), base::FormatBytes(static_cast<double>(needed)),
+                  base::FormatBytes(static_cast<double>(available))));
 }
 
 void PrintPlan(const SweepOptions& options) {
@@ -95,8 +91,8 @@ void PrintPlan(const SweepOptions& options) {
         "count",
         num_stale, options.store);
   }
-  fmt::print("\ndisk: about {}\n",
-             FormatBytes(DiskNeeded(sweep.chosen, options.store, slots.at_once)));
+  fmt::print("\ndisk: about {}\n", base::FormatBytes(static_cast<double>(
+                                       DiskNeeded(sweep.chosen, options.store, slots.at_once))));
   double left_s = 0.0;
   int num_left = 0;
   for (const sweep::Cell& cell : sweep.chosen) {

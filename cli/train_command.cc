@@ -159,6 +159,17 @@ std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& 
   return CommandLine(arguments);
 }
 
+/// The command that scores the policy and writes nothing to the run.
+std::string EvaluateCommand(const run::RunDirectory& directory,
+                            const train::CoursesConfig& courses) {
+  std::vector<std::string> arguments = {"evaluate", "--policy", directory.policy().string(),
+                                        "--courses", courses.test};
+  if (!courses.collection.empty()) {
+    arguments.insert(arguments.end(), {"--collection", courses.collection});
+  }
+  return CommandLine(arguments);
+}
+
 /// Prints a line, or nothing where the terminal is gone.
 void Say(const std::string& line) { std::fputs((line + "\n").c_str(), stdout); }
 
@@ -167,7 +178,7 @@ bool IsScored(const TrainOptions& options, const run::RunDirectory& directory) {
   const bool asks_for_others = std::ranges::any_of(options.overrides, [](const std::string& set) {
     return set.starts_with("courses.test=") || set.starts_with("evaluation.");
   });
-  const fs::path scores = directory.root / "evaluation.json";
+  const fs::path scores = directory.curve();  // Written last of them.
   return !asks_for_others && fs::exists(scores) &&
          fs::last_write_time(scores) >= fs::last_write_time(directory.policy());
 }
@@ -193,10 +204,16 @@ int Score(const TrainOptions& options, const run::RunDirectory& directory,
           const train::RunConfig& config, const std::string& train_longer,
           const StopSignals& signals) {
   base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
-  if (ScoreTraining(directory, config, train_longer, parallel, signals.token())) return kExitOk;
+  int exit_code = kExitError;
+  try {
+    if (ScoreTraining(directory, config, train_longer, parallel, signals.token())) return kExitOk;
+    exit_code = kExitSignalBase + signals.received();
+  } catch (const base::Error& error) {
+    fmt::print(stderr, "slalom: {}\n", error.what());
+  }
   Say(fmt::format("the policy is trained but not scored: {}\nto score it: {}",
                   directory.policy().string(), ResumeCommand(options, directory)));
-  return kExitSignalBase + signals.received();
+  return exit_code;
 }
 
 /// Says what became of a run that reached its limit, and scores it where that is still to be done.
@@ -251,6 +268,12 @@ int Train(const TrainOptions& options) {
                base::FormatCount(static_cast<double>(trainer.updates())));
   if (end == train::TrainingEnd::kLearnedNothing) {
     return FailToLearn(options, directory, config, trainer);
+  }
+  if (end == train::TrainingEnd::kUnsaved) {
+    DrawTraining(directory);
+    if (!config.courses.test.empty())
+      Say("to score the policy: " + EvaluateCommand(directory, config.courses));
+    return kExitError;
   }
   if (end == train::TrainingEnd::kStopped) {
     Say("stopped and saved; to go on: " + ResumeCommand(options, directory));

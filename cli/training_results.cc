@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/log.h"
 #include "cli/command_line.h"
 #include "cli/evaluate_policy.h"
 #include "train/training_figure.h"
@@ -110,11 +111,16 @@ std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig&
 }  // namespace
 
 void DrawTraining(const run::RunDirectory& directory) {
-  const std::string curve = fs::exists(directory.curve()) ? base::ReadFile(directory.curve()) : "";
-  const std::string name = fs::absolute(directory.root).lexically_normal().filename().string();
-  base::WriteFileAtomically(
-      directory.training_picture(),
-      train::DrawTrainingFigure(name, base::ReadFile(directory.metrics()), curve));
+  try {
+    const std::string curve =
+        base::Exists(directory.curve()) ? base::ReadFile(directory.curve()) : "";
+    const std::string name = fs::absolute(directory.root).lexically_normal().filename().string();
+    base::WriteFileAtomically(
+        directory.training_picture(),
+        train::DrawTrainingFigure(name, base::ReadFile(directory.metrics()), curve));
+  } catch (const base::Error& error) {
+    spdlog::warn("{}; the training is not drawn", error.what());
+  }
 }
 
 bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,
@@ -125,8 +131,8 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   const auto result = EvaluatePolicy(policy.snapshot, policy_path, config, config.courses.test,
                                      config.courses, parallel, stop);
   if (!result) return false;
-  WriteScoredRun(*result, directory.root);
   fmt::print("{}", eval::TextReport(result->evaluation));
+  WriteScoredRun(*result, directory.root);
   const std::vector<fs::path> snapshots = ListSnapshots(directory);
   Curve curve(!snapshots.empty());
   for (const fs::path& path : snapshots) {

@@ -52,6 +52,10 @@ void Consider(const fs::path& path, std::optional<PolicyFile>& newest) {
 std::optional<PolicyFile> FindNewest(const run::RunDirectory& run) {
   std::optional<PolicyFile> newest;
   Consider(run.policy(), newest);
+  // A run that ends writes a row of metrics, its policy, and then a checkpoint of the same steps.
+  std::error_code missing;
+  const fs::file_time_type trained = fs::last_write_time(run.metrics(), missing);
+  if (newest && !missing && newest->written >= trained) return newest;
   std::error_code ended;
   for (fs::directory_iterator it(run.snapshots(), ended); !ended && it != fs::directory_iterator();
        it.increment(ended)) {

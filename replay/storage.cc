@@ -26,9 +26,6 @@ static_assert(sizeof(env::Action) == 2 * sizeof(float));
 constexpr char kMagic[8] = {'S', 'L', 'R', 'P', 'L', 'S', 'E', 'G'};
 constexpr std::uint32_t kVersion = 1;
 constexpr std::int64_t kBlockRows = 1024;
-// Of one part file. A part file goes when its last row is overwritten, so that this bounds what
-// rows which are overwritten already take on disk.
-constexpr std::int64_t kPartFileRows = 32 * kBlockRows;
 constexpr std::string_view kPrefix = "replay-";
 constexpr std::string_view kSuffix = ".rows";
 
@@ -82,9 +79,7 @@ void CopyRows(const Table& table, std::int64_t begin, std::int64_t end, Chunk* b
 
 /// The size of a part file in bytes.
 std::int64_t FileSize(int num_beams, std::int64_t num_rows) {
-  const std::int64_t row = 4 + 1 + 2 * num_beams + 4 * env::kStateSize + 8 + 4 + 4;
-  const std::int64_t num_blocks = (num_rows + kBlockRows - 1) / kBlockRows;
-  return static_cast<std::int64_t>(sizeof(Header)) + num_rows * row + num_blocks * 8;
+  return static_cast<std::int64_t>(sizeof(Header)) + Storage::BytesOfRows(num_beams, num_rows);
 }
 
 bool IsPartFileName(std::string_view name) {
@@ -117,6 +112,12 @@ Storage::Storage(const fs::path& directory) : directory_(directory) {
   }
 }
 
+std::int64_t Storage::BytesOfRows(int num_beams, std::int64_t num_rows) {
+  const std::int64_t row = 4 + 1 + 2 * num_beams + 4 * env::kStateSize + 8 + 4 + 4;
+  const std::int64_t num_blocks = (num_rows + kBlockRows - 1) / kBlockRows;
+  return num_rows * row + num_blocks * 8;
+}
+
 std::string Storage::Save(const Table& table) {
   std::vector<PartFile> part_files = part_files_;
   const std::int64_t written = part_files.empty() ? 0 : part_files.back().end;
@@ -124,9 +125,19 @@ std::string Storage::Save(const Table& table) {
   const std::int64_t begin = std::max(written, table.first_sequence());
   // All that was written has been overwritten in the table.
   if (begin > written) part_files.clear();
-  for (std::int64_t s = begin; s < table.total_inserted(); s = part_files.back().end) {
-    part_files.push_back(
-        WritePartFile(table, s, std::min(s + kPartFileRows, table.total_inserted())));
+  const std::size_t num_before = part_files.size();
+  try {
+    for (std::int64_t s = begin; s < table.total_inserted(); s = part_files.back().end) {
+      part_files.push_back(
+          WritePartFile(table, s, std::min(s + kPartFileRows, table.total_inserted())));
+    }
+  } catch (...) {
+    // On a disk that is full, these would take the room of other files.
+    std::error_code ignored;
+    for (std::size_t i = num_before; i < part_files.size(); ++i) {
+      fs::remove(directory_ / part_files[i].name, ignored);
+    }
+    throw;
   }
   std::erase_if(part_files, [&](const PartFile& s) { return s.end <= table.first_sequence(); });
   part_files_ = part_files;

@@ -27,7 +27,8 @@ class Storage {
   explicit Storage(const std::filesystem::path& directory);
 
   /// Writes what is new in `table` and returns its manifest. Throws `base::Error` if that fails (no
-  /// space, no permission); all earlier manifests then remain valid, and `Save` may be tried again.
+  /// space, no permission). It then leaves no file, all earlier manifests remain valid, and `Save`
+  /// may be tried again.
   /// Requires: `table` is the one of earlier `Save`s, or the one that `Load` returned.
   [[nodiscard]] std::string Save(const Table& table);
 
@@ -44,6 +45,12 @@ class Storage {
   /// gives the same draws. Throws `base::Error` if the manifest or a part file is missing, cut
   /// short or damaged. The message names the file, and the manifest by `source`.
   [[nodiscard]] Table Load(std::string_view manifest, std::string_view source = "replay manifest");
+
+  /// The bytes of part files that hold `num_rows` rows, about: each file has a header besides.
+  static std::int64_t BytesOfRows(int num_beams, std::int64_t num_rows);
+  /// The most rows in a part file. A part file goes when its last row is overwritten, so this
+  /// bounds what rows that are overwritten already take on disk.
+  static constexpr std::int64_t kPartFileRows = 32768;
 
   /// A file with the rows [begin, end).
   struct PartFile {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "train/disk_room.h"
+
 namespace slalom::sweep {
 namespace {
 
@@ -9,9 +11,6 @@ namespace {
 // and a run without its checkpoints.
 constexpr std::int64_t kBytesPerScoredCourse = 20'000;
 constexpr std::int64_t kBytesPerRun = 3'000'000;
-// A frame beside its ranges, and what the part files hold beyond the table's capacity.
-constexpr std::int64_t kFrameBytes = 40;
-constexpr double kPartFiles = 1.25;
 
 }  // namespace
 
@@ -59,10 +58,7 @@ double WallSeconds(double work_s, int num_cells, int at_once) {
 
 std::int64_t BytesWhileTraining(const Cell& cell) {
   if (!cell.config) return 0;
-  const std::int64_t frame = 2 * cell.config->environment.lidar.num_beams + kFrameBytes;
-  const std::int64_t frames =
-      std::min<std::int64_t>(cell.config->replay.capacity, cell.config->run.max_steps);
-  return static_cast<std::int64_t>(kPartFiles * static_cast<double>(frames * frame)) + kBytesPerRun;
+  return train::CheckpointReplayBytes(*cell.config).most + kBytesPerRun;
 }
 
 std::int64_t BytesKept(const Cell& cell) {

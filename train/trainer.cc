@@ -11,12 +11,26 @@
 #include "config/config.h"
 #include "sim/scene.h"
 #include "train/begin_run.h"
+#include "train/disk_room.h"
 #include "train/run_limits.h"
 
 namespace slalom::train {
 namespace {
 
-run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config, bool resume) {
+/// Of the learner's state in a checkpoint.
+std::int64_t StateBytes(const learner::Learner& learner) {
+  nn::TensorMap tensors;
+  learner.SaveState(tensors);
+  std::int64_t bytes = 0;
+  for (const auto& [name, tensor] : tensors) {
+    bytes += static_cast<std::int64_t>(tensor.bytes.size());
+  }
+  return bytes;
+}
+
+run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config,
+                   const learner::Learner& learner, bool resume) {
+  RequireRoom(config, directory, StateBytes(learner));
   return resume ? ResumeRun(directory, config) : BeginRun(directory, config);
 }
 
@@ -44,7 +58,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       agent_(policy::MakePolicyAgent(learner_.Snapshot(), config.mpc, SeedOf(config, "mpc"))),
       actor_(config.actor, environments_, *agent_, SeedOf(config, "actor")),
       table_(config.replay, config.environment.lidar.num_beams),
-      lock_(Begin(directory, config, resume)),
+      lock_(Begin(directory, config, learner_, resume)),
       source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),
               registry),
       loop_({.run = {directory, config.run, config::ToToml(config), std::move(commit)}}, learner_,

@@ -33,15 +33,16 @@ class Trainer {
   /// program, for provenance. `registry`, which must outlive it, shows what a learner shows.
   /// `clock`: measures training time, which counts from `Run` on; tests give their own. Throws
   /// `base::Error` where courses, config or checkpoint are unusable, a new run could not learn
-  /// anything (`RequireLearnable`), or another process trains there.
+  /// anything (`RequireLearnable`), its disk has no room (`RequireRoom`), or another process trains
+  /// there.
   Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
           bool resume, metrics::Registry& registry,
           run::TrainingClock clock = run::TrainingClock());
   ~Trainer();
 
   /// Trains to the end of the run, or until `stop` (`learner::LearnerLoop::Run`). Of a finished
-  /// run's checkpoints keeps what `run.keep_checkpoints` says. Throws `base::Error` where what must
-  /// be kept cannot be written.
+  /// run's checkpoints keeps what `run.keep_checkpoints` says. Throws `base::Error` if the policy
+  /// cannot be written.
   TrainingEnd Run(std::stop_token stop);
 
   /// Time spent training, over all sessions of the run, [s].

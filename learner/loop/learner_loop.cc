@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <exception>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -102,13 +103,22 @@ TrainingEnd LearnerLoop::Train(std::stop_token stop) {
   if (finished || source_.IsAtRest()) KeepSnapshot();
   progress.Show(run_.Progress(), run_.wall_s());
   progress.End();
-  if (finished && plan_.lives_on) {
-    TryCheckpoint();
-  } else {
-    Checkpoint();
+  if (finished && HasLearnedNothing()) {
+    LastCheckpoint("");
+    return TrainingEnd::kLearnedNothing;
   }
-  if (finished && HasLearnedNothing()) return TrainingEnd::kLearnedNothing;
-  SavePolicy();
+  // First what the run is for: it is small, and replay data may fill the disk. What keeps one of
+  // the two from being written costs nothing of the other.
+  std::exception_ptr no_policy;
+  try {
+    SavePolicy();
+  } catch (const base::Error&) {
+    no_policy = std::current_exception();
+  }
+  const bool saved = LastCheckpoint(
+      no_policy ? "" : "; the policy is kept in " + plan_.run.directory.policy().string());
+  if (no_policy) std::rethrow_exception(no_policy);
+  if (!saved) return TrainingEnd::kUnsaved;
   return finished ? TrainingEnd::kFinished : TrainingEnd::kStopped;
 }
 
@@ -218,6 +228,21 @@ void LearnerLoop::TryCheckpoint() {
   }
   run_.MarkCheckpoint();
   source_.Start();
+}
+
+bool LearnerLoop::LastCheckpoint(const std::string& what_is_kept) {
+  if (finished_ && plan_.lives_on) {
+    TryCheckpoint();
+    return true;
+  }
+  try {
+    Checkpoint();
+    return true;
+  } catch (const std::exception& error) {
+    metrics_.AddFailedCheckpoint();
+    spdlog::error("the last checkpoint was not saved: {}{}", error.what(), what_is_kept);
+    return false;
+  }
 }
 
 void LearnerLoop::Checkpoint() {

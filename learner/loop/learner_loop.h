@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <stop_token>
+#include <string>
 #include <vector>
 
 #include "learner/learner.h"
@@ -32,6 +33,8 @@ enum class TrainingEnd {
   kStopped,   ///< On request; saved.
   kDiverged,  ///< At NaN or values beyond bounds; the last good checkpoint is kept, nothing newer
               ///< saved.
+  kUnsaved,   ///< At its limit or on request. The policy is kept, but the last checkpoint could not
+              ///< be written.
   kLearnedNothing,  ///< At its limit, without an update or with a dead network
                     ///< (`run::LearningWatch`). A checkpoint is saved, but no policy.
   kWasFinished,     ///< A resumed run that stood at its limit already. What a crash at its end may
@@ -53,8 +56,8 @@ class LearnerLoop {
   bool Restore();
 
   /// Trains to the end of the run, or until `stop`. Writes metrics.csv, checkpoints, snapshots and
-  /// policy.safetensors. Throws `base::Error` if what must be kept at the end cannot be written, or
-  /// the source fails.
+  /// policy.safetensors, and the latter before the last checkpoint. Throws `base::Error` if the
+  /// policy cannot be written, or the source fails.
   TrainingEnd Run(std::stop_token stop);
 
   /// Shows the figures of a finished run again if the next row is due.
@@ -80,6 +83,9 @@ class LearnerLoop {
   void KeepSnapshot();
   void TryCheckpoint();
   void Checkpoint();
+  /// Returns whether the checkpoint was written, or need not be, as the process lives on. If not,
+  /// says why, and then `what_is_kept`.
+  bool LastCheckpoint(const std::string& what_is_kept);
   bool HasLearnedNothing() const;
   bool HasNewestPolicy() const;
   void SavePolicy() const;

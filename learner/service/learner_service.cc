@@ -53,7 +53,9 @@ LearnerService::LearnerService(const LearnerServiceConfig& config, const MethodC
 
 TrainingEnd LearnerService::Run(std::stop_token stop) {
   const TrainingEnd end = loop_.Run(stop);
-  if (end == TrainingEnd::kStopped || end == TrainingEnd::kDiverged) return end;
+  const bool is_over =
+      end == TrainingEnd::kStopped || end == TrainingEnd::kUnsaved || end == TrainingEnd::kDiverged;
+  if (is_over) return end;
   loop_.Publish();
   const run::TrainingRun& run = loop_.run();
   spdlog::info("trained for {}: {} steps, {} updates; policy: {}",

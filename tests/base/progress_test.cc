@@ -69,6 +69,13 @@ class Terminal {
   std::FILE* out_ = nullptr;
 };
 
+TEST(FormatBytesTest, GoesOnToGigabytes) {
+  EXPECT_EQ(FormatBytes(0.0), "0 MB");
+  EXPECT_EQ(FormatBytes(999.4e6), "999 MB");
+  EXPECT_EQ(FormatBytes(999.6e6), "1.0 GB");
+  EXPECT_EQ(FormatBytes(24.6e12), "24600.0 GB");
+}
+
 TEST(ProgressLineTest, ALogHasNoLineOfShortWork) {
   LogFile log;
   {

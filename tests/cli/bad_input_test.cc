@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/file.h"
+#include "policy/policy.h"
 #include "tests/cli/program.h"
 #include "tests/support/scratch_directory.h"
 
@@ -292,16 +293,16 @@ TEST_F(BadInputTest, TheCommandLineIsChecked) {
   ExpectError({"report", "--output", "a"}, HasSubstr("RESULT"), 2);
 }
 
-TEST_F(BadInputTest, AFullDiskKeepsTheLastGoodCheckpoint) {
-  // A file-size limit stands for the full disk: the replay buffer of the longer run do not fit.
+TEST_F(BadInputTest, AFullDiskKeepsTheLastGoodCheckpointAndTheNewestPolicy) {
+  // A file-size limit stands for the full disk: the replay buffer of the longer run does not fit.
   Train();
-  const std::string policy = base::ReadFile(scratch_.path() / "runs/tiny/policy.safetensors");
   WriteTinyConfig(scratch_.path(), 4000);
   const ProgramResult full = RunShell(
       "trap '' XFSZ; ulimit -f 1000; exec $SLALOM train tiny.toml --resume", scratch_.path());
   EXPECT_EQ(full.exit_code, 1) << full.err;
   EXPECT_THAT(full.err, AllOf(HasSubstr("checkpoints/replay"), HasSubstr("File too large")));
-  EXPECT_EQ(base::ReadFile(scratch_.path() / "runs/tiny/policy.safetensors"), policy);
+  const auto policy = scratch_.path() / "runs/tiny/policy.safetensors";
+  EXPECT_EQ(policy::LoadPolicy(policy).metadata.at("steps"), "4000");
   const ProgramResult again = RunProgram({"train", "tiny.toml", "--resume"}, scratch_.path());
   EXPECT_EQ(again.exit_code, 0) << again.err;
 }

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <cerrno>
@@ -5,7 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "base/file.h"
+#include "policy/policy.h"
 #include "run/checkpoint_store.h"
+#include "run/run_directory.h"
 #include "tests/cli/program.h"
 #include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
@@ -68,6 +72,108 @@ TEST(FailingDiskTest, ACheckpointThatFailsForAnyReasonEndsNoTraining) {
     EXPECT_GE(failing.num_calls(), 3);
   }
   ExpectEachCheckpointGoesOn(scratch.path(), scratch.path() / "runs/tiny");
+}
+
+// Of the replay data that the checkpoints need, what is written from the second one on.
+constexpr FailingCall kFullAfterTheFirst{
+    .function = "write", .path = "*/replay-000001.rows.tmp", .error = ENOSPC, .last = 1000000};
+
+TEST(FailingDiskTest, AFullDiskAtTheEndOfATrainingCostsItsLastCheckpointAlone) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 2000, "checkpoint_steps = 1000\n");
+  const fs::path run = scratch.path() / "runs/tiny";
+  {
+    const FailingCalls failing(kFullAfterTheFirst, scratch.path() / "calls", SLALOM_FAILING_LIBC);
+    const ProgramResult result = RunProgram({"train", "tiny.toml"}, scratch.path());
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_GE(failing.num_calls(), 1);
+    EXPECT_THAT(result.err,
+                HasSubstr("replay-000001.rows: cannot write (No space left on device)"));
+    EXPECT_THAT(result.err, HasSubstr("the policy is kept in runs/tiny/policy.safetensors"));
+    EXPECT_THAT(result.out, HasSubstr("evaluate --policy runs/tiny/policy.safetensors"));
+  }
+  EXPECT_EQ(policy::LoadPolicy(run / "policy.safetensors").metadata.at("steps"), "2000");
+  EXPECT_TRUE(fs::exists(run / "training.svg"));
+  // With room again, the run goes on from the checkpoint before.
+  const ProgramResult resumed = RunProgram({"train", "runs/tiny", "--resume"}, scratch.path());
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_THAT(resumed.err, HasSubstr("resumed from runs/tiny/checkpoints/step-1000"));
+  EXPECT_TRUE(fs::exists(run / "evaluation.json"));
+}
+
+TEST(FailingDiskTest, APolicyWithoutAnyCheckpointIsKept) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 2000);
+  const fs::path policy = scratch.path() / "runs/tiny/policy.safetensors";
+  {
+    FailingCall full = kFullAfterTheFirst;
+    full.path = "*/replay-*.rows.tmp";
+    const FailingCalls failing(full, scratch.path() / "calls", SLALOM_FAILING_LIBC);
+    EXPECT_EQ(RunProgram(kTrain, scratch.path()).exit_code, 1);
+    EXPECT_GE(failing.num_calls(), 1);
+  }
+  const std::string before = base::ReadFile(policy);
+  const ProgramResult resumed = RunProgram({"train", "runs/tiny", "--resume"}, scratch.path());
+  EXPECT_EQ(resumed.exit_code, 1);
+  EXPECT_THAT(resumed.err, HasSubstr("policy.safetensors would be overwritten"));
+  EXPECT_EQ(base::ReadFile(policy), before);
+}
+
+TEST(FailingDiskTest, ScoresThatAreNotWrittenAreShownAndCanBeMadeLater) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 1000);
+  std::string resume;
+  {
+    const FailingCalls failing(
+        {.function = "write", .path = "*/runs/tiny/evaluation*", .error = ENOSPC, .last = 1000000},
+        scratch.path() / "calls", SLALOM_FAILING_LIBC);
+    const ProgramResult result = RunProgram({"train", "tiny.toml"}, scratch.path());
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_THAT(result.err, HasSubstr("No space left on device"));
+    EXPECT_THAT(result.out, HasSubstr("success"));
+    const auto at = result.out.find("to score it: ");
+    ASSERT_NE(at, std::string::npos) << result.out;
+    resume = result.out.substr(at + 13);
+  }
+  const ProgramResult scored = RunShell(resume, scratch.path());
+  EXPECT_EQ(scored.exit_code, 0) << resume << scored.err;
+  EXPECT_TRUE(fs::exists(scratch.path() / "runs/tiny/evaluation.json"));
+  EXPECT_THAT(RunShell(resume, scratch.path()).out, HasSubstr("nothing was changed"));
+}
+
+TEST(FailingDiskTest, APictureThatIsNotDrawnKeepsNoPolicyFromBeingScored) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 1000);
+  const FailingCalls failing(
+      {.function = "write", .path = "*/training.svg.tmp", .error = ENOSPC, .last = 1000},
+      scratch.path() / "calls", SLALOM_FAILING_LIBC);
+  const ProgramResult result = RunProgram({"train", "tiny.toml"}, scratch.path());
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("training.svg: cannot write"));
+  EXPECT_TRUE(fs::exists(scratch.path() / "runs/tiny/curve.csv"));
+}
+
+// So many rows that the checkpoints need more than half as much again as the disk has.
+TEST(FailingDiskTest, ATrainingWhoseCheckpointsCannotFitIsRefusedBeforeItTouchesAnything) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 1000);
+  // A training that is not refused ends at this lock, before it takes all of the memory.
+  base::MakeDirectories(scratch.path() / "runs/tiny");
+  const run::RunLock lock(scratch.path() / "runs/tiny");
+  const std::uintmax_t rows = fs::space(scratch.path()).available / 8192 / 2;
+  std::vector<std::string> train = kTrain;
+  for (const std::string& set :
+       {std::string("environment.lidar.num_beams=4096"), std::string("network.sectors=64"),
+        fmt::format("replay.capacity={}", rows), fmt::format("run.checkpoint_steps={}", rows),
+        fmt::format("run.max_steps={}", 4 * rows)}) {
+    train.insert(train.end(), {"--set", set});
+  }
+  const ProgramResult result = RunProgram(train, scratch.path());
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, testing::AllOf(HasSubstr("runs/tiny: "), HasSubstr("are free"),
+                                         HasSubstr(fmt::format("replay.capacity = {}", rows)),
+                                         HasSubstr("run.checkpoint_steps")));
+  EXPECT_TRUE(fs::is_empty(scratch.path() / "runs/tiny"));
 }
 
 TEST(FailingDiskTest, ALowLimitOfDescriptorsIsRaised) {

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <filesystem>
@@ -15,6 +16,8 @@
 #include "base/file.h"
 #include "replay/manifest.h"
 #include "tests/replay/model.h"
+#include "tests/support/failing_calls.h"
+#include "tests/support/scratch_directory.h"
 
 namespace slalom::replay {
 namespace {
@@ -133,6 +136,29 @@ TEST_F(StorageTest, ASaveWritesOnlyWhatIsNewAndCommitDeletesWhatIsOld) {
   EXPECT_EQ(LoadError(third), "");
   EXPECT_THAT(LoadError(first), HasSubstr("replay-000000.rows"));
   ASSERT_EQ(Files().size(), 1u);
+}
+
+// A disk that fills up must not stay full of rows that no manifest names.
+TEST_F(StorageTest, ASaveThatFailsLeavesNothing) {
+  constexpr int kRows = 40000;  // More than a part file holds.
+  const std::vector<std::uint16_t> scan(kBeams, 1);
+  const std::vector<float> state(env::kStateSize, 0.0f);
+  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  Table table({.capacity = kRows}, kBeams);
+  Chunk chunk(kBeams);
+  for (int i = 0; i < kRows; ++i) chunk.AddStep(0, i == 0, frame, {}, {});
+  table.Insert(chunk);
+  Storage storage(directory_);
+  {
+    const test::ScratchDirectory scratch;
+    const test::FailingCalls full(
+        {.function = "write", .path = "*/replay-000001.rows.tmp", .error = ENOSPC},
+        scratch.path() / "calls");
+    EXPECT_THROW(static_cast<void>(storage.Save(table)), base::Error);
+    EXPECT_EQ(full.num_calls(), 1);
+  }
+  EXPECT_TRUE(Files().empty());
+  EXPECT_EQ(LoadError(storage.Save(table)), "");
 }
 
 // Most often an empty list is a fault of whoever made it.
