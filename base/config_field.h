@@ -26,7 +26,7 @@
 ///     }
 ///
 /// which gives for each field its key, the field itself, its range or choices (none for bool, enum
-/// and free text), its unit and its meaning. From this list config/config.h reads, checks, prints
+/// and free text), its unit and its meaning. From this list base/config.h reads, checks, prints
 /// and documents the struct. A field is a bool, int, std::int64_t, double, std::string, a
 /// `NamedEnum`, a std::vector of int, double, std::string or `TomlValue`, or `TomlAssignments`.
 /// What `Tables` takes is a std::vector of structs with a `Visit` of their own.

@@ -4,18 +4,18 @@
 #include <string>
 #include <vector>
 
+#include "app/train/run_config.h"
 #include "base/check.h"
+#include "base/config.h"
 #include "base/random.h"
 #include "benchmarks/network_products.h"
 #include "benchmarks/thread_seconds.h"
-#include "config/config.h"
 #include "learner/learner.h"
 #include "learner/minibatch.h"
-#include "nn/blas.h"
-#include "nn/feature_map.h"
 #include "policy/network_agent.h"
+#include "policy/nn/feature_map.h"
+#include "policy/nn/kernels/blas.h"
 #include "replay/table.h"
-#include "train/run_config.h"
 
 /// Updates of every method, and of every algorithm on every network beside the matrix products that
 /// they cannot do without, measured in the same run on the same shapes, and the inference of a

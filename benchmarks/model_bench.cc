@@ -3,14 +3,14 @@
 #include <string>
 #include <vector>
 
+#include "app/train/run_config.h"
+#include "base/config.h"
 #include "base/random.h"
 #include "benchmarks/thread_seconds.h"
-#include "config/config.h"
 #include "learner/learner.h"
 #include "learner/model_trainer.h"
-#include "nn/blas.h"
+#include "policy/nn/kernels/blas.h"
 #include "policy/policy_agent.h"
-#include "train/run_config.h"
 
 /// Planning for 16 environments, beside the 200 ms that a control step of 5 Hz leaves, and updates
 /// of transition models, as presets have them. One thread, by its processor time: other programs on

@@ -7,11 +7,11 @@
 #include "base/random.h"
 #include "benchmarks/network_products.h"
 #include "benchmarks/thread_seconds.h"
-#include "nn/blas.h"
-#include "nn/feature_map.h"
-#include "nn/layer_ops.h"
-#include "nn/network.h"
 #include "policy/network_agent.h"
+#include "policy/nn/feature_map.h"
+#include "policy/nn/kernels/blas.h"
+#include "policy/nn/kernels/layer_ops.h"
+#include "policy/nn/network.h"
 
 /// Every network forward and backward, beside the matrix products that it cannot do without,
 /// measured in the same run on the same shapes; and acting with it. One thread.

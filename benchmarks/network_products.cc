@@ -2,9 +2,9 @@
 
 #include "benchmarks/thread_seconds.h"
 #include "env/observation.h"
-#include "nn/blas.h"
-#include "nn/encoder_slots.h"
-#include "nn/small_gemm.h"
+#include "policy/nn/encoder_slots.h"
+#include "policy/nn/kernels/blas.h"
+#include "policy/nn/kernels/small_gemm.h"
 
 namespace slalom {
 namespace {

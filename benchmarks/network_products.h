@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "nn/network_shape.h"
+#include "policy/nn/network_shape.h"
 
 /// The matrix products that networks cannot do without: what the FLOPs "really needed" are counted
 /// from, and what the BLAS takes for them alone.

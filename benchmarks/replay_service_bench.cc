@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "base/check.h"
+#include "proto/transport/client.h"
 #include "replay/journal.h"
 #include "replay/priorities.h"
 #include "replay/rows.h"
 #include "replay/sample_bytes.h"
 #include "replay/service/server.h"
-#include "transport/client.h"
 
 namespace slalom::replay {
 namespace {

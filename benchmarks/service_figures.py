@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""service_figures.py PROGRAM [FIGURE...]: what the service of real processes on this machine reaches; see results/service.md.
+"""service_figures.py PROGRAM [FIGURE...]: what the service of real processes on this machine reaches; see docs/results/service.md.
 
 FIGURE is recovery, sync, policies or scale; all of them unless told. Nothing passes or fails here: it prints medians, and what else
 the machine was doing (its load average before, without these processes). Figures are read from the processes' metrics pages, which are

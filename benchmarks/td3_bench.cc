@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "app/train/run_config.h"
+#include "base/config.h"
 #include "benchmarks/thread_seconds.h"
-#include "config/config.h"
-#include "nn/blas.h"
+#include "policy/nn/kernels/blas.h"
 #include "tests/learner/reference_network.h"
 #include "tests/learner/written_td3.h"
-#include "train/run_config.h"
 
 /// TD3's update on one minibatch, for every network, done in three ways: by LibTorch eagerly, its
 /// autograd and its Adam (`eager`); as losses on the hand-written networks, which autograd

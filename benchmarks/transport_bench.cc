@@ -7,8 +7,8 @@
 #include <thread>
 #include <utility>
 
-#include "transport/client.h"
-#include "transport/server.h"
+#include "proto/transport/client.h"
+#include "proto/transport/server.h"
 
 /// What the sockets carry over loopback TCP, plaintext (0) and CURVE (1), between two threads with
 /// a context each, as between two processes.

@@ -16,7 +16,7 @@ slalom_add_header_only(spdlog::spdlog spdlog/spdlog.h)
 slalom_add_header_only(nlohmann_json::nlohmann_json nlohmann/json.hpp)
 slalom_add_header_only(PkgConfig::XXHASH xxhash.h DEFINITIONS XXH_INLINE_ALL)
 
-foreach(folder base env nn policy)
+foreach(folder base env policy)
   add_subdirectory(${folder})
 endforeach()
 

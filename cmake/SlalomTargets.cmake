@@ -41,7 +41,7 @@ function(slalom_add_precompiled_headers NAME)
 endfunction()
 
 # slalom_add_library(NAME HEADERS ... SOURCES ... DEPS ... [PRECOMPILED ...])
-# One folder is one library: target slalom_NAME, alias slalom::NAME. In preset dev the target all_verify_interface_header_sets
+# A library is a folder or several: target slalom_NAME, alias slalom::NAME. In preset dev the target all_verify_interface_header_sets
 # compiles every header on its own, which proves that it is self-contained.
 function(slalom_add_library NAME)
   cmake_parse_arguments(ARG "" "PRECOMPILED" "HEADERS;SOURCES;DEPS" ${ARGN})
@@ -61,16 +61,35 @@ function(slalom_add_library NAME)
   endif()
 endfunction()
 
+# slalom_add_messages(NAME FILE): target NAME with what protoc makes of FILE, which is compiled without our warnings and seen only by
+# the library that links NAME privately. Its header is included as FOLDER/FILE.pb.h.
+function(slalom_add_messages NAME FILE)
+  cmake_path(GET FILE STEM stem)
+  cmake_path(RELATIVE_PATH CMAKE_CURRENT_SOURCE_DIR BASE_DIRECTORY ${PROJECT_SOURCE_DIR} OUTPUT_VARIABLE folder)
+  set(generated ${CMAKE_BINARY_DIR}/generated/${folder})
+  file(MAKE_DIRECTORY ${generated})
+  add_custom_command(
+    OUTPUT ${generated}/${stem}.pb.cc ${generated}/${stem}.pb.h
+    COMMAND protobuf::protoc --cpp_out=${CMAKE_BINARY_DIR}/generated -I ${PROJECT_SOURCE_DIR} ${folder}/${FILE}
+    DEPENDS ${FILE}
+    VERBATIM)
+  add_library(${NAME} STATIC ${generated}/${stem}.pb.cc ${generated}/${stem}.pb.h)
+  set_target_properties(${NAME} PROPERTIES UNITY_BUILD OFF)
+  target_include_directories(${NAME} SYSTEM PUBLIC ${CMAKE_BINARY_DIR}/generated)
+  target_link_libraries(${NAME} PUBLIC protobuf::libprotobuf-lite)
+endfunction()
+
 # slalom_add_test(NAME SOURCES ... DEPS ... [LABELS ...] [TIMEOUT seconds] [WHOLE])
 # One GoogleTest program, one ctest entry per test case, or WHOLE one for all of them: LibTorch alone takes a second to load.
-# Labels: the folder, and those given.
+# Labels: each folder from tests/ to the test's, and those given.
 function(slalom_add_test NAME)
   cmake_parse_arguments(ARG "WHOLE" "TIMEOUT" "SOURCES;DEPS;LABELS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
-  get_filename_component(folder ${CMAKE_CURRENT_SOURCE_DIR} NAME)
-  set_property(DIRECTORY PROPERTY LABELS ${folder})
+  cmake_path(RELATIVE_PATH CMAKE_CURRENT_SOURCE_DIR BASE_DIRECTORY ${PROJECT_SOURCE_DIR}/tests OUTPUT_VARIABLE folder)
+  string(REPLACE "/" ";" folders ${folder})
+  set_property(DIRECTORY PROPERTY LABELS ${folders})
   add_executable(${NAME} ${ARG_SOURCES})
   set_target_properties(${NAME} PROPERTIES UNITY_BUILD OFF)  # Tests name their fixtures alike.
   target_link_libraries(${NAME} PRIVATE ${ARG_DEPS} slalom_build_flags GTest::gmock GTest::gtest_main)

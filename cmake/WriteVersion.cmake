@@ -13,7 +13,7 @@ else()
     string(APPEND commit "+")
   endif()
 endif()
-set(content "#include \"cli/version.h\"\n
+set(content "#include \"base/version.h\"\n
 namespace slalom::cli {\n
 std::string_view Version() { return \"${VERSION} (${commit}, ${BUILD_TYPE})\"; }\n
 std::string_view Commit() { return \"${commit}\"; }\n

@@ -36,7 +36,7 @@ struct EvaluationTask {
 };
 
 /// Resolves what `config` names and applies it to the robot's task and the courses as they are.
-/// Requires: config.protocol is the name of a protocol (`config/` checks it).
+/// Requires: config.protocol is the name of a protocol (`base/config.h` checks it).
 EvaluationTask ResolveEvaluation(const EvaluationConfig& config,
                                  const sim::EnvironmentConfig& environment,
                                  const sim::CourseSet& courses);

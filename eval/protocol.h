@@ -51,7 +51,7 @@ std::span<const Protocol> Protocols();
 /// Returns the protocol that `config` names, with the values that `config` gives instead of its
 /// own. `ResolveEvaluation` calls it, once; what comes after is given its result. Throws
 /// `base::Error` if the time is up before the protocol first looks for success.
-/// Requires: config.protocol is the name of one (`config/` checks it).
+/// Requires: config.protocol is the name of one (`base/config.h` checks it).
 Protocol ResolveProtocol(const EvaluationConfig& config);
 
 /// Returns `environment` with the protocol's time limit, goal tolerance and rule for collisions. If

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "eval/episodes.h"
-#include "eval/statistics.h"
+#include "eval/statistics/statistics.h"
 #include "sim/courses/course.h"
 
 namespace slalom::eval {

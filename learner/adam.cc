@@ -8,8 +8,8 @@
 
 #include "base/check.h"
 #include "learner/stored_state.h"
-#include "nn/layer_ops.h"
-#include "nn/simd.h"
+#include "policy/nn/kernels/layer_ops.h"
+#include "policy/nn/kernels/simd.h"
 
 namespace slalom::learner {
 namespace {

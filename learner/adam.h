@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "nn/safetensors.h"
+#include "policy/nn/safetensors.h"
 
 /// Shapes: `P` parameters of one or several networks.
 

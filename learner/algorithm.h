@@ -11,7 +11,7 @@
 #include "learner/learner_config.h"
 #include "learner/learner_stats.h"
 #include "learner/minibatch.h"
-#include "nn/safetensors.h"
+#include "policy/nn/safetensors.h"
 #include "policy/policy.h"
 
 namespace slalom::learner {

@@ -9,7 +9,7 @@
 #include "learner/learner_config.h"
 #include "learner/learner_stats.h"
 #include "learner/minibatch.h"
-#include "nn/safetensors.h"
+#include "policy/nn/safetensors.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action.
 

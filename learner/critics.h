@@ -10,8 +10,8 @@
 #include "learner/adam.h"
 #include "learner/minibatch.h"
 #include "learner/value_ops.h"
-#include "nn/autograd_networks.h"
-#include "nn/network.h"
+#include "policy/nn/autograd_networks.h"
+#include "policy/nn/network.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `K` critics, `P` parameters and `O` outputs of
 /// one.
@@ -36,7 +36,7 @@ class Critics {
 
   /// Return Q_k(s, a), and Q'_k(s, a) of the target networks, [B, K, O], for losses. `Values` is
   /// recorded by autograd: a gradient reaches the parameters and the actions
-  /// (nn/autograd_networks.h). state: [B, H * F]; action: [B, A].
+  /// (policy/nn/autograd_networks.h). state: [B, H * F]; action: [B, A].
   at::Tensor Values(const at::Tensor& state, const at::Tensor& action) const;
   at::Tensor TargetValues(const at::Tensor& state, const at::Tensor& action) const;
 

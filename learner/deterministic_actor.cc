@@ -8,7 +8,7 @@
 #include "learner/parameters.h"
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
-#include "nn/layer_ops.h"
+#include "policy/nn/kernels/layer_ops.h"
 
 namespace slalom::learner {
 DeterministicActor::DeterministicActor(const nn::NetworkShape& shape,

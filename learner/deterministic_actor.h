@@ -7,8 +7,8 @@
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"
-#include "nn/autograd_networks.h"
-#include "nn/network.h"
+#include "policy/nn/autograd_networks.h"
+#include "policy/nn/network.h"
 #include "policy/policy.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
@@ -26,7 +26,7 @@ class DeterministicActor {
                      base::Random& random, const Minibatch& minibatch);
 
   /// Return pi(s), and pi'(s) of the target network, [B, A], for losses; `Actions` is recorded by
-  /// autograd (nn/autograd_networks.h). state: [B, H * F].
+  /// autograd (policy/nn/autograd_networks.h). state: [B, H * F].
   at::Tensor Actions(const at::Tensor& state) const;
   at::Tensor TargetActions(const at::Tensor& state) const;
 

@@ -6,8 +6,8 @@
 #include "learner/adam.h"
 #include "learner/gaussian_ops.h"
 #include "learner/minibatch.h"
-#include "nn/autograd_networks.h"
-#include "nn/network.h"
+#include "policy/nn/autograd_networks.h"
+#include "policy/nn/network.h"
 #include "policy/policy.h"
 
 /// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
@@ -30,8 +30,8 @@ class GaussianActor {
   GaussianActor(const nn::NetworkShape& shape, const policy::ActionDistribution& distribution,
                 base::Random& random, const Minibatch& minibatch);
 
-  /// Draws a ~ pi(.|s), for losses: recorded by autograd (nn/autograd_networks.h), and a function
-  /// of `noise`, standard normal numbers, [B, A]. state: [B, H * F].
+  /// Draws a ~ pi(.|s), for losses: recorded by autograd (policy/nn/autograd_networks.h), and a
+  /// function of `noise`, standard normal numbers, [B, A]. state: [B, H * F].
   DrawnActions Draw(const at::Tensor& state, const at::Tensor& noise) const;
 
   /// Takes one step of Adam on `loss`, a tensor with one element that depends on `Draw`, then

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "env/action.h"
-#include "nn/layer_ops.h"
+#include "policy/nn/kernels/layer_ops.h"
 
 namespace slalom::learner {
 namespace {

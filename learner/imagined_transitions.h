@@ -6,7 +6,7 @@
 
 #include "base/random.h"
 #include "learner/minibatch.h"
-#include "nn/safetensors.h"
+#include "policy/nn/safetensors.h"
 
 /// Shapes: `C` capacity, `B` batch, `H` frames of history, `F` numbers of a frame.
 

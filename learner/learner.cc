@@ -18,7 +18,7 @@
 #include "learner/model_trainer.h"
 #include "learner/prediction_error.h"
 #include "learner/stored_state.h"
-#include "nn/feature_map.h"
+#include "policy/nn/feature_map.h"
 
 namespace slalom::learner {
 namespace {

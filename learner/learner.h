@@ -10,8 +10,8 @@
 #include "learner/learner_config.h"
 #include "learner/learner_stats.h"
 #include "learner/model_config.h"
-#include "nn/model_shape.h"
-#include "nn/safetensors.h"
+#include "policy/nn/model_shape.h"
+#include "policy/nn/safetensors.h"
 #include "policy/policy.h"
 #include "replay/batch.h"
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "metrics/learning_figures.h"
-#include "nn/safetensors.h"
+#include "policy/nn/safetensors.h"
 
 namespace slalom::learner {
 

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "base/random.h"
-#include "nn/feature_map.h"
+#include "policy/nn/feature_map.h"
 #include "replay/batch.h"
 
 /// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `A` = 2 numbers of an action.

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "nn/layer_ops.h"
-#include "nn/simd.h"
-#include "nn/smooth_math.h"
+#include "policy/nn/kernels/layer_ops.h"
+#include "policy/nn/kernels/simd.h"
+#include "policy/nn/kernels/smooth_math.h"
 
 namespace slalom::learner {
 namespace {

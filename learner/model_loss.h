@@ -2,7 +2,7 @@
 
 #include <ATen/core/Tensor.h>
 
-#include "nn/transition_model.h"
+#include "policy/nn/transition_model.h"
 
 /// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `M` <= F of them predicted.
 

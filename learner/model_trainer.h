@@ -14,7 +14,7 @@
 #include "learner/minibatch.h"
 #include "learner/model_config.h"
 #include "learner/model_loss.h"
-#include "nn/transition_model.h"
+#include "policy/nn/transition_model.h"
 #include "replay/batch.h"
 
 /// Shapes: `B` batch, `U` updates per load, `E` members of the ensemble, `P` parameters of one.

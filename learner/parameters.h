@@ -3,7 +3,7 @@
 #include <ATen/core/Tensor.h>
 
 #include "base/random.h"
-#include "nn/network_shape.h"
+#include "policy/nn/network_shape.h"
 
 namespace slalom::learner {
 

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "nn/feature_map.h"
-#include "nn/transition_model.h"
+#include "policy/nn/feature_map.h"
+#include "policy/nn/transition_model.h"
 #include "replay/batch.h"
 
 /// Shapes: `B` samples, `H` frames that the model reads, `K` steps.

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "base/random.h"
-#include "nn/safetensors.h"
+#include "policy/nn/safetensors.h"
 
 /// How tensors and random streams of a learner's state are stored in a checkpoint. Reading throws
 /// `base::Error` if a tensor is missing or of another size.

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "nn/layer_ops.h"
-#include "nn/tensor_rows.h"
+#include "policy/nn/kernels/layer_ops.h"
+#include "policy/nn/kernels/tensor_rows.h"
 
 namespace slalom::learner {
 

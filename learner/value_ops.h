@@ -5,8 +5,8 @@
 #include <span>
 
 /// The arithmetic between networks: copying actions into inputs, TD targets, losses and their
-/// gradients. As in nn/layer_ops.h, it is fused for float32 on the CPU and uses LibTorch's
-/// operations elsewhere.
+/// gradients. As in policy/nn/kernels/layer_ops.h, it is fused for float32 on the CPU and uses
+/// LibTorch's operations elsewhere.
 ///
 /// Shapes: `B` batch, `A` = 2 numbers of an action.
 

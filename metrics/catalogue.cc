@@ -21,7 +21,7 @@ Labels With(Labels labels, std::string_view label) {
   return labels;
 }
 
-// Of every metric of a sweep's cell, and of one of its scores. sweep/sweep_metrics.cc has the
+// Of every metric of a sweep's cell, and of one of its scores. app/sweep/sweep_metrics.cc has the
 // values.
 const Labels kCell = {"sweep", "cell", "row", "method", "network", "training_courses", "seed"};
 const Labels kScore = With(With(kCell, "courses"), "snapshot_steps");

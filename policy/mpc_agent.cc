@@ -14,12 +14,12 @@
 #include "base/file.h"
 #include "base/random.h"
 #include "env/action.h"
-#include "nn/feature_map.h"
-#include "nn/layer_ops.h"
-#include "nn/network.h"
-#include "nn/tensor_rows.h"
-#include "nn/transition_model.h"
 #include "policy/action_samples.h"
+#include "policy/nn/feature_map.h"
+#include "policy/nn/kernels/layer_ops.h"
+#include "policy/nn/kernels/tensor_rows.h"
+#include "policy/nn/network.h"
+#include "policy/nn/transition_model.h"
 
 namespace slalom::policy {
 namespace {

@@ -6,8 +6,8 @@
 #include "base/check.h"
 #include "base/file.h"
 #include "base/random.h"
-#include "nn/feature_map.h"
-#include "nn/inference/inference_network.h"
+#include "policy/nn/feature_map.h"
+#include "policy/nn/inference/inference_network.h"
 
 namespace slalom::policy {
 

@@ -8,7 +8,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "nn/feature_map.h"
+#include "policy/nn/feature_map.h"
 #include "policy/policy_spec.h"
 
 namespace slalom::policy {

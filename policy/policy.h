@@ -12,10 +12,10 @@
 
 #include "env/action.h"
 #include "env/observation.h"
-#include "nn/model_shape.h"
-#include "nn/network_config.h"
-#include "nn/network_shape.h"
-#include "nn/safetensors.h"
+#include "policy/nn/model_shape.h"
+#include "policy/nn/network_config.h"
+#include "policy/nn/network_shape.h"
+#include "policy/nn/safetensors.h"
 
 namespace slalom::policy {
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "nn/encoder_slots.h"
+#include "policy/nn/encoder_slots.h"
 
 namespace slalom::policy {
 namespace {

@@ -276,7 +276,7 @@ struct EnvironmentConfig {
   }
 };
 
-/// Throws `base::Error` if fields contradict each other. config/config.h checks single fields.
+/// Throws `base::Error` if fields contradict each other. base/config.h checks single fields.
 void CheckConsistent(const EnvironmentConfig& config);
 
 /// How frames of this task become observations.

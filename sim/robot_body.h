@@ -16,7 +16,7 @@
 namespace slalom::sim {
 
 /// The robot's body and its drive, as `CourseEnvironments` drives them: the seam between a task and
-/// the physics that moves the robot. `Robot` is Slalom's own; engines/ has those of others.
+/// the physics that moves the robot. `Robot` is Slalom's own; sim/engines/ has those of others.
 ///
 /// A drive is a function of the pose and the seed of the last `Reset` and of the calls since, bit
 /// for bit. Confined to one thread at a time; different bodies may be driven at the same time.

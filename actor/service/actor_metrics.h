@@ -7,8 +7,8 @@
 #include "actor/service/ledger.h"
 #include "actor/service/outbox.h"
 #include "metrics/registry.h"
-#include "service/policy_link.h"
-#include "service/replay_link.h"
+#include "proto/policy_link.h"
+#include "proto/replay_link.h"
 
 namespace slalom::actor {
 

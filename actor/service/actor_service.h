@@ -16,11 +16,11 @@
 #include "env/agent.h"
 #include "env/environment.h"
 #include "metrics/registry.h"
+#include "proto/policy_link.h"
+#include "proto/replay_link.h"
+#include "proto/transport/client.h"
+#include "proto/transport/context.h"
 #include "replay/chunk.h"
-#include "service/policy_link.h"
-#include "service/replay_link.h"
-#include "transport/client.h"
-#include "transport/context.h"
 
 namespace slalom::actor {
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "proto/messages.h"
-#include "transport/frame.h"
+#include "proto/transport/frame.h"
 
 namespace slalom::actor {
 

@@ -17,10 +17,10 @@
 #include "eval/service/evaluator_service_config.h"
 #include "eval/service/score_log.h"
 #include "metrics/registry.h"
-#include "service/policy_link.h"
-#include "service/replay_link.h"
-#include "transport/client.h"
-#include "transport/context.h"
+#include "proto/policy_link.h"
+#include "proto/replay_link.h"
+#include "proto/transport/client.h"
+#include "proto/transport/context.h"
 
 namespace slalom::eval {
 

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "learner/run/metrics_log.h"
 #include "replay/batch.h"
-#include "run/metrics_log.h"
 
 namespace slalom::learner {
 

@@ -11,8 +11,8 @@
 #include "learner/loop/batch_source.h"
 #include "learner/loop/learner_metrics.h"
 #include "learner/loop/policy_sink.h"
+#include "learner/run/training_run.h"
 #include "metrics/registry.h"
-#include "run/training_run.h"
 
 namespace slalom::learner {
 

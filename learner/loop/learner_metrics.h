@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
+#include "learner/run/metrics_log.h"
 #include "metrics/registry.h"
-#include "run/metrics_log.h"
 
 namespace slalom::learner {
 

@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "proto/messages.h"
+#include "proto/replay_link.h"
+#include "proto/transport/client.h"
+#include "proto/transport/context.h"
+#include "proto/transport/frame.h"
 #include "replay/batch.h"
-#include "service/replay_link.h"
-#include "transport/client.h"
-#include "transport/context.h"
-#include "transport/frame.h"
 
 namespace slalom::learner {
 

@@ -11,9 +11,9 @@
 #include "learner/service/remote_source.h"
 #include "metrics/registry.h"
 #include "policy/policy.h"
-#include "transport/client.h"
-#include "transport/context.h"
-#include "transport/server.h"
+#include "proto/transport/client.h"
+#include "proto/transport/context.h"
+#include "proto/transport/server.h"
 
 namespace slalom::learner {
 

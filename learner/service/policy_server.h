@@ -9,9 +9,9 @@
 #include "learner/loop/policy_sink.h"
 #include "metrics/registry.h"
 #include "proto/messages.h"
-#include "transport/context.h"
-#include "transport/frame.h"
-#include "transport/server.h"
+#include "proto/transport/context.h"
+#include "proto/transport/frame.h"
+#include "proto/transport/server.h"
 
 namespace slalom::learner {
 

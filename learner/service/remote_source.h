@@ -13,8 +13,8 @@
 #include "learner/service/stream_metrics.h"
 #include "metrics/registry.h"
 #include "proto/messages.h"
-#include "transport/client.h"
-#include "transport/context.h"
+#include "proto/transport/client.h"
+#include "proto/transport/context.h"
 
 namespace slalom::learner {
 

@@ -4,8 +4,8 @@
 #include <string>
 
 #include "base/config_field.h"
+#include "proto/transport/security.h"
 #include "replay/table.h"
-#include "transport/security.h"
 
 namespace slalom::replay {
 

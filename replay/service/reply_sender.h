@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "proto/messages.h"
-#include "transport/server.h"
+#include "proto/transport/server.h"
 
 namespace slalom::replay {
 

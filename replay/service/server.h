@@ -10,6 +10,8 @@
 
 #include "metrics/registry.h"
 #include "proto/messages.h"
+#include "proto/transport/context.h"
+#include "proto/transport/server.h"
 #include "replay/journal.h"
 #include "replay/rate_limiter.h"
 #include "replay/service/config.h"
@@ -19,8 +21,6 @@
 #include "replay/service/server_metrics.h"
 #include "replay/service/status_board.h"
 #include "replay/table.h"
-#include "transport/context.h"
-#include "transport/server.h"
 
 namespace slalom::replay {
 

@@ -10,13 +10,13 @@
 
 #include "base/check.h"
 #include "proto/messages.h"
+#include "proto/transport/context.h"
+#include "proto/transport/server.h"
 #include "replay/rate_limiter.h"
 #include "replay/service/insert_desk.h"
 #include "replay/service/reply_sender.h"
 #include "replay/table.h"
 #include "tests/replay/service/fake_log.h"
-#include "transport/context.h"
-#include "transport/server.h"
 
 namespace slalom::actor {
 

@@ -8,9 +8,9 @@
 #include <variant>
 
 #include "proto/messages.h"
-#include "transport/context.h"
-#include "transport/frame.h"
-#include "transport/server.h"
+#include "proto/transport/context.h"
+#include "proto/transport/frame.h"
+#include "proto/transport/server.h"
 
 namespace slalom::actor {
 

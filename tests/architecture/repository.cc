@@ -14,8 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// The folders that hold no code. Those with code have a CMakeLists.txt.
-constexpr std::string_view kDataFolders[] = {"cmake",  "configs", "courses",
-                                             "deploy", "docs",    "results"};
+constexpr std::string_view kDataFolders[] = {"cmake", "configs", "deploy", "docs"};
 
 constexpr std::string_view kTextExtensions[] = {".md",  ".h",     ".cc",   ".toml", ".py",
                                                 ".sh",  ".js",    ".html", ".yml",  ".cmake",

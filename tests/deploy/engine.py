@@ -148,8 +148,7 @@ class Engine:
             base_packages = context / "base-packages"
             base_packages.write_text(self("run", "--rm", BASE, "dpkg-query", "-W", "-f", "${Package} ${Version}\\n"))
             run(ROOT / "deploy/image/collect", program, base_packages, context / "collected")
-            for folder in ("configs", "courses"):
-                shutil.copytree(ROOT / folder, context / "collected/program/usr/share/slalom" / folder)
+            shutil.copytree(ROOT / "configs", context / "collected/program/usr/share/slalom/configs")
             shutil.copytree(ROOT / "deploy/image", context / "deploy/image")
             self("build", "--tag", IMAGE, "--file", ROOT / "deploy/Dockerfile", "--build-arg", f"BASE={BASE}",
                  "--build-arg", "BUILT=prebuilt", context)

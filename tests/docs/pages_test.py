@@ -52,7 +52,7 @@ def run_page(program, page):
         return 0
     name = page.path.relative_to(ROOT)
     with tempfile.TemporaryDirectory(prefix="slalom-page-") as scratch:
-        for folder in ("configs", "courses", "docs", "results"):
+        for folder in ("configs", "docs"):
             shutil.copytree(ROOT / folder, Path(scratch) / folder)
         stub = Path(scratch) / "slalom"
         stub.write_text("#!/bin/sh\nexec " + shlex.join(

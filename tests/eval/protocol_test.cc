@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "base/config.h"
 #include "base/error.h"
-#include "config/config.h"
 #include "eval/evaluation_task.h"
 
 namespace slalom::eval {

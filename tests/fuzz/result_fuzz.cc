@@ -1,7 +1,7 @@
 // Results of evaluations, without the files that they name.
 
 #include "base/error.h"
-#include "eval/result.h"
+#include "eval/report/result.h"
 #include "tests/fuzz/fuzz_input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

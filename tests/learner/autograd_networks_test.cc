@@ -1,4 +1,4 @@
-#include "nn/autograd_networks.h"
+#include "policy/nn/autograd_networks.h"
 
 #include <gtest/gtest.h>
 #include <torch/torch.h>
@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "learner/adam.h"
-#include "nn/network.h"
+#include "policy/nn/network.h"
 #include "tests/learner/every_encoder.h"
 #include "tests/learner/reference_network.h"
 
@@ -146,7 +146,7 @@ TEST(AutogradNetworks, RecordNothingWithoutGradMode) {
   EXPECT_TRUE(torch::equal(outputs, recorded));
 }
 
-// What `Network` itself does with masks is tested in tests/nn/network_test.cc.
+// What `Network` itself does with masks is tested in tests/policy/nn/network_test.cc.
 TEST(AutogradNetworks, DropoutHasTheGradientsOfNetworksThatDrawTheSameMasks) {
   nn::NetworkConfig config = EveryEncoder().back().network;
   config.dropout = 0.3;

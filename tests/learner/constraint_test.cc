@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "learner/learner.h"
-#include "nn/network_shape.h"
+#include "policy/nn/network_shape.h"
 
 namespace slalom::learner {
 namespace {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "nn/network_config.h"
+#include "policy/nn/network_config.h"
 
 namespace slalom::learner {
 

@@ -11,9 +11,9 @@
 
 #include "actor/actor.h"
 #include "metrics/catalogue.h"
+#include "proto/replay_link.h"
 #include "replay/rows.h"
 #include "replay/service/server.h"
-#include "service/replay_link.h"
 #include "tests/support/fake_environment.h"
 
 namespace slalom::learner {

@@ -17,7 +17,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "metrics/catalogue.h"
-#include "service/policy_link.h"
+#include "proto/policy_link.h"
 #include "tests/learner/filled_replay.h"
 #include "tests/support/scratch_directory.h"
 

@@ -18,7 +18,7 @@
 #include "learner/ddpg.h"
 #include "learner/sac.h"
 #include "learner/td3.h"
-#include "nn/feature_map.h"
+#include "policy/nn/feature_map.h"
 #include "tests/learner/every_algorithm.h"
 #include "tests/learner/random_rows.h"
 

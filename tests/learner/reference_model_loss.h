@@ -3,7 +3,7 @@
 #include <ATen/core/Tensor.h>
 
 #include "learner/model_loss.h"
-#include "nn/model_shape.h"
+#include "policy/nn/model_shape.h"
 
 namespace slalom::learner {
 

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "nn/network_shape.h"
+#include "policy/nn/network_shape.h"
 
 namespace slalom::learner {
 

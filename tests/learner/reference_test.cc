@@ -12,7 +12,7 @@
 #include "learner/adam.h"
 #include "learner/algorithm.h"
 #include "learner/learner.h"
-#include "nn/feature_map.h"
+#include "policy/nn/feature_map.h"
 #include "tests/learner/random_rows.h"
 #include "tests/learner/reference_network.h"
 

@@ -12,7 +12,7 @@
 #include "learner/deterministic_actor.h"
 #include "learner/gaussian_actor.h"
 #include "learner/noise.h"
-#include "nn/feature_map.h"
+#include "policy/nn/feature_map.h"
 #include "tests/learner/every_encoder.h"
 #include "tests/learner/random_rows.h"
 #include "tests/learner/written_td3.h"

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "base/config.h"
 #include "base/error.h"
 #include "base/parallel.h"
-#include "config/config.h"
 #include "sim/courses/course_generator.h"
 #include "sim/environments.h"
 #include "tests/support/random_courses.h"

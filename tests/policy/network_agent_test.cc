@@ -3,8 +3,8 @@
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
 
-#include "nn/feature_map.h"
-#include "nn/network.h"
+#include "policy/nn/feature_map.h"
+#include "policy/nn/network.h"
 
 namespace slalom::policy {
 namespace {

@@ -7,8 +7,8 @@
 #include <memory>
 #include <vector>
 
+#include "base/config.h"
 #include "base/error.h"
-#include "config/config.h"
 #include "tests/support/moving_courses.h"
 #include "tests/support/random_courses.h"
 

@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "config/config.h"
+#include "base/config.h"
 #include "sim/environments.h"
 
 namespace slalom::sim {

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "base/random.h"
+#include "proto/transport/frame.h"
 #include "replay/chunk.h"
 #include "replay/rows.h"
-#include "transport/frame.h"
 
 namespace slalom::replay {
 

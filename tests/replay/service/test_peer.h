@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "proto/messages.h"
+#include "proto/transport/client.h"
+#include "proto/transport/context.h"
 #include "replay/service/reply_sender.h"
-#include "transport/client.h"
-#include "transport/context.h"
 
 namespace slalom::replay {
 

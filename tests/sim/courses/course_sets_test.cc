@@ -16,9 +16,9 @@
 #include "sim/courses/course_check.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_generator.h"
-#include "sim/courses/course_render.h"
 #include "sim/courses/course_splits.h"
-#include "sim/courses/course_text.h"
+#include "sim/pictures/course_render.h"
+#include "sim/pictures/course_text.h"
 #include "tests/sim/courses/barn_data.h"
 #include "tests/support/scratch_directory.h"
 
@@ -167,7 +167,8 @@ TEST(CourseSets, DynamicTrainAndTestCoursesAreApart) {
 
 // A set in another frame, of another size and with other obstacles than those of the paper is data.
 TEST(CourseSets, ShippedExampleOfAnotherSetIsReadCheckedAndDrawn) {
-  const auto file = std::filesystem::path(SLALOM_SOURCE_DIR) / "courses" / "dynabarn-like.courses";
+  const auto file =
+      std::filesystem::path(SLALOM_SOURCE_DIR) / "configs/courses/dynabarn-like.courses";
   const CourseSet set = ResolveCourses(file, std::nullopt, 1);
   EXPECT_EQ(set.name, "dynabarn-like");
   ASSERT_EQ(set.courses.size(), 2u);

@@ -1,0 +1,387 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "app/cli/commands.h"
+#include "app/cli/course_selection.h"
+#include "app/cli/output.h"
+#include "app/cli/signals.h"
+#include "app/train/evaluate_planner.h"
+#include "app/train/evaluate_policy.h"
+#include "app/train/profile.h"
+#include "app/train/recorded_config.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "eval/report/physics_table.h"
+#include "sim/engines/physics.h"
+#include "sim/scene.h"
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kPhysicsFile[] = "physics.md";  // The table of several physics.
+
+struct EvaluateOptions {
+  std::optional<std::string> policy;
+  std::optional<std::string> agent;
+  std::string courses;
+  std::optional<std::string> config;
+  std::vector<std::string> profiles;
+  std::vector<std::string> overrides;
+  std::optional<std::string> protocol;
+  std::string physics = "slalom";
+  std::optional<std::string> name;
+  std::optional<std::string> collection;
+  std::optional<int> episodes;
+  std::optional<std::int64_t> seed;
+  std::optional<std::string> output;
+  bool force = false;
+  bool json = false;
+  int threads = 0;
+};
+
+/// An evaluation's rules come from its protocol, so a task's own would be set in vain.
+void RefuseRulesOfTheTask(const std::vector<std::string>& overrides) {
+  for (const std::string& assignment : overrides) {
+    const std::string key = assignment.substr(0, assignment.find('='));
+    for (const auto& [theirs, ours] :
+         {std::pair{"environment.episode.max_steps", "--set evaluation.time_limit=SECONDS"},
+          {"environment.episode.goal_tolerance", "--set evaluation.goal_tolerance=METRES"},
+          {"environment.episode.collision_ends", "--protocol"},
+          {"environment.episode.finish_ahead", "--protocol"},
+          {"environment.episode.look_period", "--protocol"},
+          {"environment.episode.start_position_jitter", "--set evaluation.start_position_jitter"},
+          {"environment.episode.start_yaw_jitter", "--set evaluation.start_yaw_jitter"}}) {
+      if (key != theirs) continue;
+      throw base::Error(fmt::format(
+          "--set {}: in an evaluation the protocol decides this, not the task; use {}", key, ours));
+    }
+  }
+}
+
+/// What a policy was trained with is in it, so another value would be set in vain.
+void RefuseKeysOfTraining(const std::vector<std::string>& overrides) {
+  for (const std::string& assignment : overrides) {
+    const bool is_read = std::ranges::any_of(
+        std::array{"environment.", "evaluation.", "courses.", "mpc.", "run.seed="},
+        [&](std::string_view start) { return assignment.starts_with(start); });
+    if (is_read) continue;
+    throw base::Error(
+        fmt::format("--set {}: expected a key of [environment], [evaluation], [courses] or [mpc], "
+                    "or run.seed; everything else about a policy was fixed when it was trained",
+                    assignment));
+  }
+}
+
+/// Nor does it plan unless asked to.
+void RefusePlanningKeys(const std::vector<std::string>& overrides, const policy::MpcConfig& mpc) {
+  for (const std::string& assignment : overrides) {
+    if (mpc.enabled || !assignment.starts_with("mpc.") || assignment.starts_with("mpc.enabled=")) {
+      continue;
+    }
+    throw base::Error(fmt::format(
+        "--set {}: expected --set mpc.enabled=true as well, as nothing is planned without it",
+        assignment));
+  }
+}
+
+/// A key of the other kind of driver would be set in vain.
+void RefuseKeysOfOthers(const EvaluateOptions& options, const config::FieldList& fields) {
+  train::AnyConfig any;
+  const config::FieldList others = config::ListFields(any);
+  for (const std::string& assignment : options.overrides) {
+    const std::string key = assignment.substr(0, assignment.find('='));
+    if (config::HasKey(fields, key) || !config::HasKey(others, key)) continue;
+    throw base::Error(fmt::format("--set {}: {} does not read this key", assignment,
+                                  options.policy ? "a policy" : "a planner"));
+  }
+}
+
+/// Lays profiles, overrides and options over `config`, in this order.
+template <class Config>
+void ApplyOptions(const EvaluateOptions& options, Config& config) {
+  for (const std::string& file : options.profiles) train::LayProfile(file, config.environment);
+  const auto fields = config::ListFields(config);
+  RefuseRulesOfTheTask(options.overrides);
+  RefuseKeysOfOthers(options, fields);
+  for (const std::string& assignment : options.overrides) {
+    config::ApplyOverride(assignment, fields);
+  }
+  if (options.protocol) {
+    config::ApplyOverride("evaluation.protocol=" + *options.protocol, fields);
+  }
+  if (options.collection) config.courses.collection = *options.collection;
+  if (options.episodes) config.evaluation.episodes_per_course = *options.episodes;
+  if (options.seed) config.evaluation.seed = *options.seed;
+}
+
+/// The config that the policy was trained with. None: the file does not say, or in a way that this
+/// program does not read, and `--config` is given in its place.
+std::optional<train::RunConfig> TrainedConfig(const EvaluateOptions& options,
+                                              const policy::LoadedPolicy& loaded) {
+  const auto it = loaded.metadata.find("config");
+  if (it == loaded.metadata.end()) return std::nullopt;
+  try {
+    auto recorded = train::ReadRecordedConfig(it->second, *options.policy + " (its config)");
+    if (recorded.before_friction_laws) {
+      spdlog::info("{} {}", *options.policy, train::DescribeDriveBeforeFrictionLaws());
+    }
+    return std::move(recorded.config);
+  } catch (const base::Error& error) {
+    if (!options.config) throw;
+    spdlog::warn("cannot tell what the policy was trained on: {}", error.what());
+    return std::nullopt;
+  }
+}
+
+/// The config that the policy was trained with, or the file given in its place, with the options.
+train::RunConfig TaskOf(const EvaluateOptions& options,
+                        const std::optional<train::RunConfig>& trained) {
+  train::RunConfig config = trained.value_or(train::RunConfig{});
+  if (options.config) {
+    config = {};
+    planners::PlannersConfig others;
+    const auto passed_over = config::ReadSharedTomlFile(*options.config, config::ListFields(config),
+                                                        config::ListFields(others));
+    if (!passed_over.empty()) {
+      spdlog::info("{}: a policy does not read {}", *options.config, fmt::join(passed_over, ", "));
+    }
+  }
+  ApplyOptions(options, config);
+  RefuseKeysOfTraining(options.overrides);
+  RefusePlanningKeys(options.overrides, config.mpc);
+  return config;
+}
+
+/// Who names a run means its policy, but says so.
+void RequireNoRunDirectory(const std::string& path) {
+  std::error_code error;
+  const fs::path policy = fs::path(path) / "policy.safetensors";
+  if (!fs::is_directory(path, error) || !fs::exists(policy, error)) return;
+  throw base::Error(fmt::format("{}: is a directory; did you mean '{}'?", path, policy.string()));
+}
+
+/// A network knows its beams by their numbers, so each must look where it looked in training.
+void RequireSameFieldOfView(const EvaluateOptions& options, const train::RunConfig& trained,
+                            const train::RunConfig& config) {
+  const double expected = trained.environment.lidar.field_of_view;
+  const double found = config.environment.lidar.field_of_view;
+  if (found == expected) return;
+  throw base::Error(
+      fmt::format("{}: environment.lidar.field_of_view is {} rad, expected {}, which the policy "
+                  "was trained with: its beams would point elsewhere",
+                  *options.policy, found, expected));
+}
+
+/// Throws `base::Error` where planning is asked of a policy that cannot.
+void RequirePlannable(const std::string& path, const policy::PolicySnapshot& policy,
+                      const train::RunConfig& config) {
+  const policy::MpcConfig& mpc = config.mpc;
+  if (!mpc.enabled) return;
+  train::RequireNoConstraint(config);
+  if (!policy.spec.planning.is_carried()) {
+    throw base::Error(
+        fmt::format("{}: carries no transition model, expected one because mpc.enabled is true: "
+                    "train with model.kind = \"deterministic\" or \"probabilistic\"",
+                    path));
+  }
+  if (policy.version < mpc.learning_starts) {
+    throw base::Error(
+        fmt::format("{}: has had {} updates, expected at least mpc.learning_starts = {} because "
+                    "mpc.enabled is true: its model has seen too little to plan with",
+                    path, policy.version, mpc.learning_starts));
+  }
+}
+
+PreparedRun PreparePolicyRun(const EvaluateOptions& options) {
+  RequireNoRunDirectory(*options.policy);
+  const policy::LoadedPolicy loaded = policy::LoadPolicy(*options.policy);
+  const auto trained = TrainedConfig(options, loaded);
+  const train::RunConfig config = TaskOf(options, trained);
+  if (trained) RequireSameFieldOfView(options, *trained, config);
+  RequirePlannable(*options.policy, loaded.snapshot, config);
+  return PreparePolicy(loaded.snapshot, *options.policy, config, options.courses,
+                       trained ? std::optional(trained->courses) : std::nullopt);
+}
+
+PreparedRun PreparePlannerRun(const EvaluateOptions& options, base::ParallelFor& parallel) {
+  const train::AgentRunConfig config = train::ResolveAgentRun([&](train::AgentRunConfig& task) {
+    if (options.config) task = train::ReadAgentRunConfig(*options.config, task);
+    ApplyOptions(options, task);
+  });
+  const std::string& protocol = config.evaluation.protocol;
+  if (train::DefaultsOfPublishedRuns(protocol)) {
+    const sim::RobotConfig& robot = config.environment.robot;
+    spdlog::info(
+        "protocol {}: robot.friction = \"{}\", robot.sensor_mass = {} kg; the published "
+        "figures are from Gazebo and a Jackal with an LMS1xx (docs/planners.md)",
+        protocol, base::EnumName(robot.friction), robot.sensor_mass);
+  }
+  return PreparePlanner(*options.agent, config, options.courses, parallel);
+}
+
+/// Where the scores in each physics go: the output directory or, if there are several, directories
+/// in it by their names.
+std::vector<fs::path> OutputDirectories(const fs::path& output,
+                                        const std::vector<sim::Physics>& physics) {
+  if (physics.size() == 1) return {output};
+  std::vector<fs::path> directories;
+  directories.reserve(physics.size());
+  for (const sim::Physics& each : physics) directories.push_back(output / each.name);
+  return directories;
+}
+
+void RequireOutput(const EvaluateOptions& options, const std::vector<sim::Physics>& physics) {
+  const fs::path output = *options.output;
+  RequireOutputDirectory(output, {"slalom evaluate", {"evaluation.json", kPhysicsFile}},
+                         options.force);
+  if (physics.size() > 1) {
+    for (const fs::path& directory : OutputDirectories(output, physics)) {
+      RequireOutputDirectory(directory, {"slalom evaluate", {"evaluation.json"}}, options.force);
+    }
+  }
+  base::MakeDirectories(output);
+}
+
+/// What one of the physics refuses is said before any of them drives.
+void RequireDrivable(const eval::EvaluationTask& task, const std::vector<sim::Physics>& physics) {
+  sim::CheckConsistent(task.environment);
+  const auto scenes = sim::MakeScenes(task.courses);
+  for (const sim::Physics& each : physics) {
+    if (each.make_bodies) (void)each.make_bodies(task.environment, scenes, 1);
+  }
+}
+
+/// One evaluation, as text or JSON.
+std::string OneReport(const ScoredRun& run, bool json) {
+  return json ? eval::JsonReport(run.evaluation, run.provenance) : eval::TextReport(run.evaluation);
+}
+
+/// Several in as many physics, side by side.
+std::string ReportSideBySide(const std::vector<ScoredRun>& runs, bool json) {
+  std::vector<eval::Result> results;
+  std::vector<std::string> reports;
+  for (const ScoredRun& run : runs) {
+    results.push_back(eval::ResultOf(run.evaluation, run.provenance));
+    reports.push_back(eval::JsonReport(run.evaluation, run.provenance));
+  }
+  return json ? eval::PhysicsJson(results, reports) : eval::PhysicsTable(results);
+}
+
+int Evaluate(const EvaluateOptions& options) {
+  StopSignals signals;
+  const int threads = options.threads > 0
+                          ? options.threads
+                          : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  if (options.collection) RequireCollection(*options.collection);
+  const std::vector<sim::Physics> physics = engines::FindPhysicsList(options.physics);
+  if (options.output) RequireOutput(options, physics);
+  base::ParallelFor parallel(threads);
+  PreparedRun prepared =
+      options.policy ? PreparePolicyRun(options) : PreparePlannerRun(options, parallel);
+  if (options.name) prepared.provenance.agent = *options.name;
+  prepared.provenance.profiles = options.profiles;
+  if (physics.size() > 1) RequireDrivable(prepared.task, physics);
+  std::vector<ScoredRun> runs;
+  for (std::size_t k = 0; k < physics.size(); ++k) {
+    prepared.task.physics = physics[k];
+    auto run = RunScored(prepared, parallel, signals.token());
+    if (!run) return kExitSignalBase + signals.received();
+    if (options.output) WriteScoredRun(*run, OutputDirectories(*options.output, physics)[k]);
+    runs.push_back(std::move(*run));
+  }
+  const std::string report = runs.size() == 1 ? OneReport(runs.front(), options.json)
+                                              : ReportSideBySide(runs, options.json);
+  fmt::print("{}", report);
+  if (options.output && runs.size() > 1) {
+    base::WriteFileAtomically(fs::path(*options.output) / kPhysicsFile,
+                              ReportSideBySide(runs, false));
+  }
+  if (options.output && !options.json) fmt::print("\nscores and pictures: {}/\n", *options.output);
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddEvaluateCommand(CLI::App& app, int* exit_code) {
+  CLI::App* command =
+      app.add_subcommand("evaluate", "Score a policy or a classical planner on courses");
+  command->footer(
+      "Drives each course --episodes times, from jittered starts and with sensor noise whose "
+      "random numbers training\n"
+      "never uses (docs/evaluation.md). A policy drives the task that it was trained for, a "
+      "planner the default task at 20 Hz,\n"
+      "unless --config, --profile or --set changes it. The protocol decides when an episode ends; "
+      "by dwa-runs and barn-challenge\n"
+      "a planner's robot has Gazebo's friction and an LMS1xx, as that of the published figures. "
+      "Examples:\n\n"
+      "  slalom evaluate --policy runs/quickstart/policy.safetensors --courses static-test\n"
+      "  slalom evaluate --agent dwa --courses static-test --output out/dwa\n"
+      "  slalom evaluate --agent mppi --courses static-challenge --protocol barn-challenge\n"
+      "  slalom evaluate --policy runs/quickstart/policy.safetensors --courses static-test "
+      "--physics all\n"
+      "  slalom evaluate --agent dwa --courses static-test --set "
+      "environment.robot.command_delay=0.04\n");
+  auto options = std::make_shared<EvaluateOptions>();
+  CLI::Option_group* driver = command->add_option_group("driver", "Who drives");
+  driver->add_option("--policy", options->policy, "Policy file (policy.safetensors)");
+  driver->add_option(
+      "--agent", options->agent,
+      fmt::format("Classical planner: {}", fmt::join(planners::PlannerNames(), ", ")));
+  driver->require_option(1);
+  command
+      ->add_option("--courses", options->courses,
+                   "Name of a set (see `slalom courses list`), generated:SEED:COUNT, or a course "
+                   "or set file")
+      ->required();
+  command->add_option("--collection", options->collection,
+                      "Directory of imported courses in which set names are looked up");
+  command->add_option("--protocol", options->protocol,
+                      "The rules: paper, dwa-runs or barn-challenge [paper]");
+  command->add_option(
+      "--physics", options->physics,
+      "What moves the robot: slalom, ode or mujoco, several with commas, or all; "
+      "several are compared in the same episodes (docs/physics-engines.md) [slalom]");
+  command
+      ->add_option("--profile", options->profiles,
+                   "Lay the [environment] keys of this TOML file over the task (repeatable), for "
+                   "example configs/real-robot.toml")
+      ->type_name("FILE");
+  command->add_option("--name", options->name, "Name of the agent in reports");
+  command->add_option("--episodes", options->episodes, "Episodes per course [10]")
+      ->check(CLI::Range(1, 100000));
+  command->add_option("--seed", options->seed, "Seed of the evaluation's random streams [1]")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
+  command->add_option("--output", options->output,
+                      "Directory for JSON, CSV, trajectories and pictures");
+  command->add_flag("--force", options->force, kForceHelp);
+  command->add_flag("--json", options->json, "Print one JSON object instead of the table");
+  command->add_option("--config", options->config,
+                      "Take the task from this TOML file instead of the policy or the defaults");
+  command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
+      ->type_name("KEY=VALUE");
+  command
+      ->add_option("--threads", options->threads,
+                   "Number of threads, which changes only the speed [one per core]")
+      ->check(CLI::Range(0, 256));
+  command->callback([options, exit_code] { *exit_code = Evaluate(*options); });
+}
+
+}  // namespace slalom::cli

@@ -1,0 +1,101 @@
+#include "app/cli/output.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <string>
+#include <system_error>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What training leaves in a run's directory, whose scores are not another command's to replace.
+constexpr std::string_view kFilesOfRuns[] = {"config.toml", "policy.safetensors", "metrics.csv"};
+
+void RequireWritable(const fs::path& path, const fs::path& named) {
+  if (::access(path.c_str(), W_OK) == 0) return;
+  throw base::Error(
+      fmt::format("{}: cannot be written ({})", named.string(), std::strerror(errno)));
+}
+
+/// The path itself or the nearest of its parents that is there.
+fs::path NearestThere(fs::path path) {
+  while (!base::Exists(path) && path.has_relative_path()) {
+    path = path.has_parent_path() ? path.parent_path() : ".";
+  }
+  return path;
+}
+
+/// The first by name of the directory's files; empty: it holds none.
+std::string FirstFile(const fs::path& directory) {
+  std::string first;
+  for (const fs::path& path : base::ListDirectory(directory)) {
+    std::error_code dangling;  // A link that leads nowhere is no directory.
+    if (fs::is_directory(path, dangling)) continue;
+    const std::string name = path.filename().string();
+    if (first.empty() || name < first) first = name;
+  }
+  return first;
+}
+
+}  // namespace
+
+void RequireOutputFile(const fs::path& path, bool force) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (path.empty()) throw base::Error("--output '': expected the name of a file");
+  if (path == "-") {
+    throw base::Error("--output -: expected the name of a file, for example /dev/stdout");
+  }
+  if (!path.has_filename() || fs::is_directory(status)) {
+    throw base::Error(fmt::format("{}: is a directory, expected a file", path.string()));
+  }
+  if (base::Exists(path)) {
+    RequireWritable(path, path);
+    if (force || base::IsStream(path)) return;
+    throw base::Error(fmt::format(
+        "{}: exists already; choose another --output, or replace it with --force", path.string()));
+  }
+  const fs::path directory = path.has_parent_path() ? path.parent_path() : ".";
+  if (!fs::is_directory(directory, error)) {
+    throw base::Error(
+        fmt::format("{}: there is no directory {}", path.string(), directory.string()));
+  }
+  RequireWritable(directory, path);
+}
+
+void RequireOutputDirectory(const fs::path& path, const OwnOutput& own, bool force) {
+  if (path.empty()) throw base::Error("--output '': expected a directory");
+  const fs::path there = NearestThere(path);
+  std::error_code error;
+  if (!fs::is_directory(there, error)) {
+    throw base::Error(fmt::format("{}: {}is not a directory, expected one", path.string(),
+                                  there == path ? "" : there.string() + " "));
+  }
+  RequireWritable(there, path);
+  if (there != path) return;
+  const std::string first = FirstFile(path);
+  if (first.empty() || force) return;
+  const auto holds = [&](std::string_view name) { return base::Exists(path / name); };
+  if (const auto run = std::ranges::find_if(kFilesOfRuns, holds); run != std::end(kFilesOfRuns)) {
+    throw base::Error(fmt::format(
+        "{}: holds the {} of a training run, whose files `{}` might replace; choose another "
+        "--output, or say --force",
+        path.string(), *run, own.command));
+  }
+  if (std::ranges::any_of(own.markers, holds)) return;
+  throw base::Error(fmt::format(
+      "{}: holds {}, but no output of `{}`, which might replace it; choose a new directory as "
+      "--output, or say --force",
+      path.string(), first, own.command));
+}
+
+}  // namespace slalom::cli

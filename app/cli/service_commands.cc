@@ -1,0 +1,208 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "actor/service/actor_service.h"
+#include "app/cli/commands.h"
+#include "app/cli/service_process.h"
+#include "app/cli/signals.h"
+#include "app/train/begin_run.h"
+#include "app/train/run_limits.h"
+#include "app/train/training_overlap.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/log.h"
+#include "base/parallel.h"
+#include "base/version.h"
+#include "eval/service/evaluator_service.h"
+#include "learner/service/learner_service.h"
+#include "policy/policy_agent.h"
+#include "policy/policy_spec.h"
+#include "replay/service/server.h"
+#include "sim/environments.h"
+#include "sim/scene.h"
+
+/// The processes of the distributed service, each until a signal stops it.
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A policy that came as bytes, or why it cannot drive here.
+base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes,
+                                                const policy::PolicySpec& spec) {
+  try {
+    policy::PolicySnapshot snapshot = policy::ParsePolicy(bytes, "the policy received").snapshot;
+    policy::RequireSameSpec("the policy received", snapshot.spec, spec);
+    return snapshot;
+  } catch (const base::Error& error) {
+    return base::Failure{error.what()};
+  }
+}
+
+int RunReplay(const ServiceOptions& options) {
+  StopSignals signals;
+  ServiceProcess process(transport::Role::kReplay, options);
+  const train::RunConfig& config = process.config();
+  replay::ReplayServerConfig server_config = config.replay_server;
+  if (server_config.directory.empty()) server_config.directory = process.state() / "replay";
+  replay::ReplayServerSpec spec;
+  spec.endpoint = BindAddress(config.service.replay_bind, config.service.replay);
+  spec.security =
+      transport::MakeServerSecurity(config.security, transport::Role::kReplay, spec.endpoint);
+  spec.table = config.replay;
+  spec.num_beams = config.environment.lidar.num_beams;
+  spec.spec_hash = process.spec_hash();
+  spec.seed = static_cast<std::uint64_t>(config.run.seed);
+  spec.updates_per_step = config.run.updates_per_step;
+  spec.batches_per_update = train::BatchesPerUpdate(config);
+  spec.learning_starts = config.run.learning_starts;
+  spec.software = fmt::format("slalom {}", Version());
+  replay::ReplayServer server(server_config, spec, process.context(), process.registry());
+  spdlog::info("listening at {}, journal in {}", server.endpoint(), server_config.directory);
+  server.Run(signals.token());
+  return kExitOk;
+}
+
+int RunLearner(const ServiceOptions& options) {
+  StopSignals signals;
+  ServiceProcess process(transport::Role::kLearner, options);
+  const train::RunConfig& config = process.config();
+  const run::RunDirectory directory{process.state() / "learner"};
+  const bool resume = fs::exists(directory.config());
+  if (!resume) train::RequireLearnable(config);
+  const run::RunLock lock =
+      resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
+  learner::LearnerJob job;
+  job.name = process.name();
+  job.loop.run = {directory, config.run, config::ToToml(config), std::string(Commit())};
+  job.spec_hash = process.spec_hash();
+  job.replay = process.replay();
+  job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
+  job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,
+                                                        job.policies.endpoint);
+  learner::LearnerService learner(config.learner_service, config.method,
+                                  train::MakePolicySpec(config), std::move(job), process.context(),
+                                  process.registry());
+  spdlog::info("policies at {}, run directory {}", learner.endpoint(), directory.root.string());
+  switch (learner.Run(signals.token())) {
+    case learner::TrainingEnd::kUnsaved:
+      return kExitError;
+    case learner::TrainingEnd::kDiverged:
+      return kExitDiverged;
+    case learner::TrainingEnd::kLearnedNothing:
+      return kExitLearnedNothing;
+    default:
+      return kExitOk;
+  }
+}
+
+int RunActor(const ServiceOptions& options) {
+  StopSignals signals;
+  ServiceProcess process(transport::Role::kActor, options);
+  const train::RunConfig& config = process.config();
+  base::ParallelFor parallel(config.run.simulation_threads);
+  sim::CourseEnvironments environments(config.environment,
+                                       sim::MakeScenes(config.courses.ResolveTrain()),
+                                       config.actor.num_environments, &parallel);
+  const policy::PolicySpec spec = train::MakePolicySpec(config);
+  // Drives nothing before the learner's first policy takes its place.
+  const auto agent =
+      policy::MakePolicyAgent(policy::ZeroSnapshot(spec), config.mpc, train::SeedOf(config, "mpc"));
+  const auto install = [&](std::span<const std::byte> bytes) -> std::optional<base::Failure> {
+    auto snapshot = ReadPolicy(bytes, spec);
+    if (!snapshot) return snapshot.failure();
+    agent->SetSnapshot(std::move(*snapshot));
+    return std::nullopt;
+  };
+  actor::ActorIdentity identity;
+  identity.name = process.name();
+  identity.state_directory = process.state() / "actors" / process.name();
+  identity.seed = static_cast<std::uint64_t>(config.run.seed);
+  identity.spec_hash = process.spec_hash();
+  identity.course_set = config.courses.train;
+  identity.replay = process.replay();
+  identity.learner = process.learner();
+  actor::ActorService actor(config.actor_service, config.actor, std::move(identity), environments,
+                            *agent, install, process.context(), process.registry());
+  actor.Run(signals.token());
+  return kExitOk;
+}
+
+int RunEvaluator(const ServiceOptions& options) {
+  StopSignals signals;
+  ServiceProcess process(transport::Role::kEvaluator, options);
+  const train::RunConfig& config = process.config();
+  const std::string& courses = config.evaluator_service.courses.empty()
+                                   ? config.courses.test
+                                   : config.evaluator_service.courses;
+  if (courses.empty()) {
+    throw base::Error(
+        "courses.test and evaluator_service.courses are empty, expected courses to score policies "
+        "on");
+  }
+  const sim::CourseSet scored = config.courses.Resolve(courses);
+  WarnOfTrainingOverlap(scored, config.courses);
+  base::ParallelFor parallel(config.run.simulation_threads);
+  const policy::PolicySpec spec = train::MakePolicySpec(config);
+  const std::uint64_t seed = train::SeedOf(config, "mpc of evaluations");
+  const auto read_policy = [&](std::span<const std::byte> bytes) -> base::Result<eval::MakeAgent> {
+    const auto snapshot = ReadPolicy(bytes, spec);
+    if (!snapshot) return snapshot.failure();
+    return eval::MakeAgent(
+        [snapshot = *snapshot, mpc = config.mpc, seed](int, const sim::EnvironmentConfig&) {
+          return policy::MakePolicyAgent(snapshot, mpc, seed);
+        });
+  };
+  eval::EvaluatorIdentity identity;
+  identity.name = process.name();
+  identity.state_directory = process.state() / "evaluators" / process.name();
+  identity.spec_hash = process.spec_hash();
+  identity.course_set = courses;
+  identity.replay = process.replay();
+  identity.learner = process.learner();
+  eval::EvaluatorService evaluator(
+      config.evaluator_service,
+      eval::ResolveEvaluation(config.evaluation, config.environment, scored), std::move(identity),
+      read_policy, parallel, process.context(), process.registry());
+  evaluator.Run(signals.token());
+  return kExitOk;
+}
+
+void AddRole(CLI::App& app, int* exit_code, const std::string& name, const std::string& meaning,
+             int (*run)(const ServiceOptions&)) {
+  CLI::App* command = app.add_subcommand(name, meaning);
+  auto options = std::make_shared<ServiceOptions>();
+  command->add_option("--config", options->config, "TOML file, the same for all processes of a run")
+      ->required();
+  command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
+      ->type_name("KEY=VALUE");
+  command->add_option("--name", options->name,
+                      "Name of this process among those of its role [service.name of the config]");
+  command->footer(
+      "Runs until SIGINT, SIGTERM or SIGHUP, then saves and ends within seconds. Started again, it "
+      "continues.\n"
+      "docs/operations.md explains a first run on a cluster.");
+  command->callback([options, exit_code, run] { *exit_code = run(*options); });
+}
+
+}  // namespace
+
+void AddServiceCommands(CLI::App& app, int* exit_code) {
+  AddRole(app, exit_code, "replay",
+          "Run the replay server: store what actors send, and give batches to the learner",
+          RunReplay);
+  AddRole(app, exit_code, "learner",
+          "Run the learner: learn from the replay server's batches and publish policies",
+          RunLearner);
+  AddRole(app, exit_code, "actor",
+          "Run an actor: drive training episodes and send them to the replay server", RunActor);
+  AddRole(app, exit_code, "evaluator",
+          "Run an evaluator: score the learner's policies, one after the other", RunEvaluator);
+}
+
+}  // namespace slalom::cli

@@ -1,0 +1,111 @@
+#include "app/cli/service_process.h"
+
+#include <cstdlib>
+#include <utility>
+
+#include "base/child_process.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/name.h"
+#include "base/version.h"
+#include "metrics/catalogue.h"
+#include "policy/nn/kernels/blas.h"
+#include "proto/transport/security.h"
+
+namespace slalom::cli {
+namespace {
+
+std::string ChooseName(transport::Role role, const train::ServiceConfig& config,
+                       const ServiceOptions& options) {
+  std::string name = options.name.value_or(config.name);
+  if (name.empty()) {
+    const bool is_many = role == transport::Role::kActor || role == transport::Role::kEvaluator;
+    name = is_many ? base::HostName() : std::string(transport::ToString(role));
+  }
+  if (!base::IsName(name) || name.starts_with('.')) {
+    throw base::Error(fmt::format(
+        "service.name is '{}', expected 1 to {} letters, digits or '-_.:@', not beginning with '.'",
+        name, base::kMaxNameBytes));
+  }
+  return name;
+}
+
+/// Starts of this process before this one, counted in a file of its state directory. 0 where that
+/// cannot be kept: no reason not to start.
+double CountEarlierStarts(const std::filesystem::path& state, std::string_view role,
+                          const std::string& name) {
+  const std::filesystem::path directory = state / "starts";
+  const std::filesystem::path path = directory / fmt::format("{}-{}", role, name);
+  try {
+    base::MakeDirectories(directory);
+    const double earlier =
+        std::filesystem::exists(path) ? std::atof(base::ReadFile(path).c_str()) : 0.0;
+    base::WriteFileAtomically(path, fmt::format("{:.0f}\n", earlier + 1.0));
+    return earlier;
+  } catch (const base::Error& error) {
+    spdlog::warn("starts are not counted: {}", error.what());
+    return 0.0;
+  }
+}
+
+train::RunConfig LoadConfig(const ServiceOptions& options) {
+  auto config = config::Load<train::RunConfig>(options.config, options.overrides);
+  train::RequireCombination(config);
+  train::RequireServable(config);
+  return config;
+}
+
+}  // namespace
+
+ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& options)
+    : role_(role),
+      config_(LoadConfig(options)),
+      name_(ChooseName(role, config_.service, options)),
+      context_(config_.service.io_threads),
+      registry_(std::make_unique<metrics::Registry>(
+          MakeIdentity(std::string(transport::ToString(role)), name_, config_.run.name))) {
+  registry_->counter(metrics::kRestarts)
+      .Increment(CountEarlierStarts(state(), transport::ToString(role), name_));
+  spdlog::info("slalom {} {}, {} '{}'", Version(), transport::ToString(role),
+               transport::ToString(role), name_);
+  if (!config_.service.metrics.empty()) exposer_ = ShowMetrics(config_.service.metrics, *registry_);
+}
+
+transport::ClientOptions ServiceProcess::replay() const {
+  const std::string& endpoint = config_.service.replay;
+  return {.endpoint = endpoint,
+          .security = transport::MakeClientSecurity(config_.security, role_,
+                                                    transport::Role::kReplay, endpoint)};
+}
+
+transport::ClientOptions ServiceProcess::learner() const {
+  const std::string& endpoint = config_.service.learner;
+  return {.endpoint = endpoint,
+          .security = transport::MakeClientSecurity(config_.security, role_,
+                                                    transport::Role::kLearner, endpoint)};
+}
+
+metrics::Identity MakeIdentity(std::string role, std::string name, std::string run) {
+  return {.role = std::move(role),
+          .name = std::move(name),
+          .run = std::move(run),
+          .version = std::string(Version()),
+          .commit = std::string(Commit()),
+          .blas_kernel = nn::BlasKernel()};
+}
+
+std::unique_ptr<metrics::Exposer> ShowMetrics(const std::string& address,
+                                              metrics::Registry& registry) {
+  auto exposer = std::make_unique<metrics::Exposer>(address, registry);
+  spdlog::info("metrics at http://{}:{}/metrics", address.substr(0, address.rfind(':')),
+               exposer->port());
+  return exposer;
+}
+
+const std::string& BindAddress(const std::string& bind, const std::string& reached) {
+  return bind.empty() ? reached : bind;
+}
+
+}  // namespace slalom::cli

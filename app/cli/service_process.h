@@ -1,0 +1,64 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/train/run_config.h"
+#include "metrics/exposer.h"
+#include "metrics/registry.h"
+#include "proto/transport/client.h"
+#include "proto/transport/context.h"
+#include "proto/transport/server.h"
+
+namespace slalom::cli {
+
+/// The command-line options of every process of the service.
+struct ServiceOptions {
+  std::optional<std::string> config;
+  std::vector<std::string> overrides;
+  std::optional<std::string> name;
+};
+
+/// What the processes of the service have in common: config, name, sockets' context, metrics.
+/// Confined to the main thread.
+class ServiceProcess {
+ public:
+  /// Loads the config and serves metrics at the address that it names. Throws `base::Error` if the
+  /// config or the address is unusable.
+  ServiceProcess(transport::Role role, const ServiceOptions& options);
+
+  const train::RunConfig& config() const { return config_; }
+  const std::string& name() const { return name_; }
+  std::filesystem::path state() const { return config_.service.state; }
+  std::uint64_t spec_hash() const { return train::SpecHash(config_); }
+  transport::Context& context() { return context_; }
+  metrics::Registry& registry() { return *registry_; }
+
+  /// How to reach the others, with this role's keys.
+  transport::ClientOptions replay() const;
+  transport::ClientOptions learner() const;
+
+ private:
+  const transport::Role role_;
+  const train::RunConfig config_;
+  const std::string name_;
+  transport::Context context_;
+  std::unique_ptr<metrics::Registry> registry_;
+  std::unique_ptr<metrics::Exposer> exposer_;
+};
+
+/// Returns whose metrics these are: those of this program in this role. `run`: `run.name`.
+metrics::Identity MakeIdentity(std::string role, std::string name, std::string run);
+
+/// Shows the metrics at `address` and says where (`metrics::Exposer`, with its errors).
+std::unique_ptr<metrics::Exposer> ShowMetrics(const std::string& address,
+                                              metrics::Registry& registry);
+
+/// Returns the address at which a server listens: `bind` or, if that is empty, the address to which
+/// the others connect.
+const std::string& BindAddress(const std::string& bind, const std::string& reached);
+
+}  // namespace slalom::cli

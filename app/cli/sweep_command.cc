@@ -1,0 +1,361 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/cli/command_line.h"
+#include "app/cli/commands.h"
+#include "app/cli/signals.h"
+#include "app/cli/sweep_selection.h"
+#include "app/cli/sweep_serve.h"
+#include "app/sweep/calibration.h"
+#include "app/sweep/cell.h"
+#include "app/sweep/estimate.h"
+#include "app/sweep/plan.h"
+#include "app/sweep/plan_record.h"
+#include "app/sweep/report/report.h"
+#include "app/sweep/runner.h"
+#include "app/sweep/slurm.h"
+#include "app/sweep/store.h"
+#include "app/train/run_identity.h"
+#include "base/child_process.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/progress.h"
+#include "base/version.h"
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path Program() { return fs::read_symlink("/proc/self/exe"); }
+
+std::int64_t DiskNeeded(const std::vector<sweep::Cell>& cells, const fs::path& store, int at_once) {
+  std::vector<std::int64_t> training;
+  std::int64_t kept = 0;
+  for (const sweep::Cell& cell : cells) {
+    if (sweep::IsDone(store, cell)) continue;
+    training.push_back(sweep::BytesWhileTraining(cell));
+    kept += sweep::BytesKept(cell);
+  }
+  std::ranges::sort(training, std::greater());
+  training.resize(std::min(training.size(), static_cast<std::size_t>(at_once)));
+  for (const std::int64_t bytes : training) kept += bytes;
+  return kept;
+}
+
+/// Throws where the disk is too small for what is left to do.
+void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, int at_once) {
+  const std::int64_t needed = DiskNeeded(cells, store, at_once);
+  const auto available = static_cast<std::int64_t>(fs::space(store).available);
+  if (needed <= available) return;
+  throw base::Error(
+      fmt::format("{}: the sweep needs about {} here and {} are available; run fewer "
+                  "cells at once (--at-once) or choose another place (--output)",
+                  store.string(), base::FormatBytes(static_cast<double>(needed)),
+                  base::FormatBytes(static_cast<double>(available))));
+}
+
+void PrintPlan(const SweepOptions& options) {
+  const Sweep sweep = LoadSweep(options);
+  const sweep::Slots slots =
+      sweep::ShareOut(base::AvailableCores(), options.at_once, sweep.plan.sweep.lockstep);
+  fmt::print("{}: {}\n\n", sweep.plan.sweep.name, sweep.plan.sweep.title);
+  fmt::print("{:<17} {:<9} {:>12} {:>7}  {}\n", "cell", "state", "steps", "scores", "what");
+  sweep::Rates rates;
+  int num_done = 0;
+  for (const sweep::Cell& cell : sweep.chosen) {
+    const sweep::CellStatus status = sweep::ReadCellStatus(options.store, cell);
+    rates.Observe(cell, status);
+    num_done += status.state == sweep::CellState::kDone ? 1 : 0;
+    const std::string steps = cell.config ? fmt::format("{}", cell.config->run.max_steps) : "-";
+    fmt::print("{:<17} {:<9} {:>12} {:>7}  {}\n", cell.id, sweep::ToString(status.state), steps,
+               cell.scores.size(), cell.name());
+  }
+  fmt::print("\n{} cells, {} done", sweep.chosen.size(), num_done);
+  const int num_stale = sweep::CountStale(options.store, sweep.plan, sweep.all);
+  if (num_stale > 0) {
+    fmt::print(
+        "; {} cells of the plan's last run are stale: they stay in {}/cells and no longer "
+        "count",
+        num_stale, options.store);
+  }
+  fmt::print("\ndisk: about {}\n", base::FormatBytes(static_cast<double>(
+                                       DiskNeeded(sweep.chosen, options.store, slots.at_once))));
+  double left_s = 0.0;
+  int num_left = 0;
+  for (const sweep::Cell& cell : sweep.chosen) {
+    const sweep::CellStatus status = sweep::ReadCellStatus(options.store, cell);
+    if (status.state == sweep::CellState::kDone) continue;
+    ++num_left;
+    if (cell.config && cell.config->run.max_seconds == 0.0 && !rates.knows(cell.group)) {
+      if (options.no_trial) {
+        fmt::print(
+            "time: not known, as nothing like '{}' was trained here; without --no-trial it "
+            "is measured\n",
+            cell.name());
+        return;
+      }
+      spdlog::info("measuring how fast '{}' trains", cell.name());
+      const auto seconds = sweep::MeasureSecondsPerStep(cell, Program());
+      if (!seconds) {
+        fmt::print("time: not known, as '{}' made no update in a short trial\n", cell.name());
+        return;
+      }
+      rates.Set(cell.group, *seconds);
+    }
+    left_s += rates.SecondsLeft(cell, status.steps, status.num_scores_done).value_or(0.0);
+  }
+  fmt::print("time: about {} with {} at once on this machine{}\n",
+             base::FormatDuration(sweep::WallSeconds(left_s, num_left, slots.at_once)),
+             slots.at_once,
+             rates.knows_scores() ? "" : ", and the scores, which were never timed here");
+}
+
+/// Where a sweep keeps what it tells and hears of Slurm.
+fs::path SlurmDirectory(const SweepOptions& options, const Sweep& sweep) {
+  return sweep::PlanDirectory(options.store, sweep.plan.sweep.name) / "slurm";
+}
+
+/// What Slurm says of the cells, if any were submitted.
+void PrintSlurmStatus(const SweepOptions& options, const Sweep& sweep) {
+  const sweep::SlurmStatus status =
+      sweep::ReadSlurmStatus(SlurmDirectory(options, sweep), sweep.plan.sweep.name);
+  if (status.tasks.empty()) return;
+  fmt::print("\n{:<17} {:<12} {:<13} {}\n", "cell", "Slurm's task", "state", "output");
+  for (const sweep::SlurmTask& task : status.tasks) {
+    if (std::ranges::find(sweep.chosen, task.cell, &sweep::Cell::id) == sweep.chosen.end()) {
+      continue;
+    }
+    fmt::print("{:<17} {:<12} {:<13} {}{}\n", task.cell, task.task,
+               task.state.empty() ? "ended" : task.state, task.output.string(),
+               task.reason.empty() ? "" : " (" + task.reason + ")");
+  }
+  for (const std::string& note : status.notes) fmt::print("{}\n", note);
+}
+
+void PrintStatus(const SweepOptions& options) {
+  const Sweep sweep = LoadSweep(options);
+  std::map<sweep::CellState, int> counts;
+  fmt::print("{:<17} {:<9} {:>12} {:>7}  {}\n", "cell", "state", "steps", "scores", "what");
+  for (const sweep::Cell& cell : sweep.chosen) {
+    const sweep::CellStatus status = sweep::ReadCellStatus(options.store, cell);
+    ++counts[status.state];
+    fmt::print("{:<17} {:<9} {:>12} {:>3} / {:<1}  {}{}\n", cell.id, sweep::ToString(status.state),
+               status.steps, status.num_scores_done, cell.scores.size(), cell.name(),
+               status.failure ? ": " + status.failure->what : "");
+  }
+  std::vector<std::string> texts;
+  texts.reserve(counts.size());
+  for (const auto& [state, count] : counts) {
+    texts.push_back(fmt::format("{} {}", count, sweep::ToString(state)));
+  }
+  fmt::print("\n{} cells: {}\n", sweep.chosen.size(), fmt::join(texts, ", "));
+  PrintSlurmStatus(options, sweep);
+}
+
+/// The command that goes on with the sweep.
+std::string Again(const SweepOptions& options, const std::string& more = "") {
+  std::vector<std::string> arguments = {"sweep", "run", options.plan};
+  for (const std::string& set : options.overrides) {
+    arguments.insert(arguments.end(), {"--set", set});
+  }
+  const auto add = [&arguments](const std::string& key, const std::string& value) {
+    arguments.insert(arguments.end(), {key, value});
+  };
+  if (options.store != kSweepStore) add("--output", options.store);
+  for (const std::string& group : options.groups) add("--only", group);
+  for (const std::string& id : options.ids) add("--cell", id);
+  if (!options.shard.empty()) add("--shard", options.shard);
+  if (options.at_once > 0) add("--at-once", std::to_string(options.at_once));
+  if (options.threads > 0) add("--threads", std::to_string(options.threads));
+  if (!options.metrics.empty()) add("--metrics", options.metrics);
+  if (!more.empty()) arguments.push_back(more);
+  return CommandLine(arguments);
+}
+
+/// Submits what is neither done nor given up, and returns at once.
+void SubmitSweep(const SweepOptions& options, const Sweep& sweep) {
+  std::vector<std::string> left;
+  for (const sweep::Cell& cell : sweep.chosen) {
+    const sweep::CellState state = sweep::ReadCellStatus(options.store, cell).state;
+    if (state != sweep::CellState::kDone && state != sweep::CellState::kFailed) {
+      left.push_back(cell.id);
+    }
+  }
+  std::vector<std::string> command = {Program().string(), "sweep", "run", options.plan};
+  for (const std::string& set : options.overrides) command.insert(command.end(), {"--set", set});
+  command.insert(command.end(), {"--output", options.store, "--at-once", "1", "--threads", "1"});
+  const sweep::SlurmSubmission submission = sweep::SubmitToSlurm(
+      {sweep.plan.sweep.name, sweep.plan.slurm, command, SlurmDirectory(options, sweep)}, left);
+  fmt::print("{}: {} of {} cells are done or failed, {} are in Slurm already, {} are submitted{}\n",
+             sweep.plan.sweep.name, sweep.chosen.size() - left.size(), sweep.chosen.size(),
+             submission.num_queued, submission.num_submitted,
+             submission.job.empty() ? "" : " as array " + submission.job);
+}
+
+/// Writes a plan's report while its cells are worked on, now and then.
+class Reporter {
+ public:
+  Reporter(const Sweep& sweep, fs::path store) : sweep_(sweep), store_(std::move(store)) {}
+
+  /// Writes it if some time has passed since. A disk that is full does not end the sweep.
+  void Update() {
+    if (last_ && Clock::now() - *last_ < kInterval) return;
+    try {
+      Write();
+    } catch (const base::Error& error) {
+      spdlog::warn("the report is not written: {}", error.what());
+    }
+    last_ = Clock::now();
+  }
+
+  void Write() const { sweep::WriteSweepReport(sweep_.plan, sweep_.all, store_); }
+
+  /// The table of the scores, and where the report lies.
+  std::string Summary() const {
+    const fs::path page = sweep::PlanDirectory(store_, sweep_.plan.sweep.name) / "report.html";
+    return fmt::format("{}\nreport: {}, and report.md, .csv, .tex beside it\n",
+                       sweep::SweepSummary(sweep_.plan, sweep_.all, store_), page.string());
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::seconds kInterval{20};
+
+  const Sweep& sweep_;
+  const fs::path store_;
+  std::optional<Clock::time_point> last_;
+};
+
+int RunSweep(const SweepOptions& options) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  StopSignals signals;
+  const Sweep sweep = LoadSweep(options);
+  base::MakeDirectories(options.store);
+  sweep::RequireSharable(options.store);
+  sweep::Slots slots =
+      sweep::ShareOut(base::AvailableCores(), options.at_once, sweep.plan.sweep.lockstep);
+  if (options.threads > 0 && options.threads != slots.threads) {
+    slots.threads = options.threads;
+    slots.pinned = false;
+  }
+  RequireDisk(sweep.chosen, options.store, slots.at_once);
+  const train::Platform platform = train::ThisPlatform();
+  sweep::BeginPlan(options.store, sweep.plan, sweep.all, platform, std::string(Commit()));
+  if (options.retry_failed) {
+    for (const sweep::Cell& cell : sweep.chosen) {
+      std::error_code ec;
+      fs::remove(sweep::CellDirectory(options.store, cell.id).failed(), ec);
+    }
+  }
+  if (options.engine == "slurm") {
+    SubmitSweep(options, sweep);
+    return kExitOk;
+  }
+  spdlog::info("{}: {} cells in {}, {} at once{}", sweep.plan.sweep.name, sweep.chosen.size(),
+               options.store, slots.at_once,
+               sweep.plan.sweep.lockstep ? ", in lockstep" : ", with threads");
+  std::optional<SweepExposer> exposer;
+  if (!options.metrics.empty()) {
+    exposer.emplace(sweep.plan, sweep.all, options.store, options.metrics);
+  }
+  const sweep::WorkOptions work = {.store = options.store,
+                                   // The file that runs, also once a newer one lies at its path.
+                                   .program = fmt::format("/proc/{}/exe", ::getpid()),
+                                   .commit = std::string(Commit()),
+                                   .platform = train::Describe(platform)};
+  Reporter reporter(sweep, options.store);
+  const sweep::SweepEnd end = sweep::RunCells(sweep.chosen, work, slots, signals.token(),
+                                              [&reporter] { reporter.Update(); });
+  reporter.Write();
+  if (end.stopped) {
+    fmt::print("stopped: {} of {} cells are done; to go on: {}\n", end.num_done,
+               sweep.chosen.size(), Again(options));
+    return kExitSignalBase + signals.received();
+  }
+  fmt::print("\n{}", reporter.Summary());
+  if (end.num_failed > 0) {
+    fmt::print(stderr, "slalom: {} of {} cells failed; to try them again: {}\n", end.num_failed,
+               sweep.chosen.size(), Again(options, "--retry-failed"));
+    return kExitError;
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddSweepCommand(CLI::App& app, int* exit_code) {
+  CLI::App* sweep = app.add_subcommand(
+      "sweep", "Train and score many settings and seeds from one plan, and compare them");
+  sweep->require_subcommand(1);
+  auto options = std::make_shared<SweepOptions>();
+
+  CLI::App* plan = sweep->add_subcommand(
+      "plan", "Print the cells of a plan, with the time and disk that they take");
+  AddPlanOptions(*plan, *options);
+  plan->add_flag("--no-trial", options->no_trial,
+                 "Do not measure the speed of trainings that were never run here");
+  plan->callback([options] { PrintPlan(*options); });
+
+  CLI::App* run = sweep->add_subcommand(
+      "run", "Work on a plan's cells until all are done; start it again to go on");
+  AddPlanOptions(*run, *options);
+  run->add_flag("--retry-failed", options->retry_failed, "Try cells again that have failed");
+  run->add_option("--metrics", options->metrics,
+                  "Show the cells to Prometheus meanwhile, at this HOST:PORT, as `serve` does");
+  run->add_option("--threads", options->threads, "Threads for each cell [its share of the cores]")
+      ->check(CLI::Range(0, 256));
+  run->add_option("--engine", options->engine,
+                  "Who runs the cells: local, this machine; slurm, a job array of a Slurm cluster "
+                  "(docs/sweeps-cluster.md) [local]")
+      ->check(CLI::IsMember({"local", "slurm"}));
+  run->callback([options, exit_code] { *exit_code = RunSweep(*options); });
+
+  CLI::App* status = sweep->add_subcommand("status", "Print what has become of a plan's cells");
+  AddPlanOptions(*status, *options);
+  status->callback([options] { PrintStatus(*options); });
+
+  CLI::App* report = sweep->add_subcommand(
+      "report", "Write the report of what a plan's cells have come to, done or not");
+  AddPlanOptions(*report, *options);
+  report->callback([options] {
+    const Sweep loaded = LoadSweep(*options);
+    const Reporter reporter(loaded, options->store);
+    reporter.Write();
+    fmt::print("{}", reporter.Summary());
+  });
+
+  CLI::App* serve = sweep->add_subcommand(
+      "serve", "Show a plan's cells to Prometheus while others work on them (docs/operations.md)");
+  AddPlanOptions(*serve, *options);
+  serve->add_option(
+      "--metrics", options->metrics,
+      fmt::format("Address of /metrics; port 0: any free one [{}]", kSweepMetricsAddress));
+  serve->callback([options, exit_code] {
+    const Sweep loaded = LoadSweep(*options);
+    *exit_code = ServeSweep(loaded.plan, {loaded.chosen, loaded.all.axis_names}, options->store,
+                            options->metrics.empty() ? kSweepMetricsAddress : options->metrics);
+  });
+
+  sweep->footer(
+      "A plan names a preset, axes, seeds, a budget and what is scored (docs/sweeps.md). Several "
+      "`sweep run` share the work\n"
+      "over one directory. Examples:\n\n"
+      "  slalom sweep plan configs/sweeps/training-sets.toml\n"
+      "  slalom sweep run configs/sweeps/training-sets.toml --set sweep.seeds=[1] --set "
+      "run.max_steps=200000\n");
+}
+
+}  // namespace slalom::cli

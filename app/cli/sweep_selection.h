@@ -1,0 +1,45 @@
+#pragma once
+
+#include <CLI/App.hpp>
+#include <string>
+#include <vector>
+
+#include "app/sweep/cell.h"
+#include "app/sweep/plan.h"
+
+namespace slalom::cli {
+
+/// Where sweeps lie unless --output says otherwise.
+inline constexpr char kSweepStore[] = "runs/sweeps";
+
+/// The options of the commands `slalom sweep ...`, each of which has some of them.
+struct SweepOptions {
+  std::string plan;
+  std::vector<std::string> overrides;
+  std::string store = kSweepStore;
+  std::vector<std::string> groups;
+  std::vector<std::string> ids;
+  std::string shard;
+  std::string engine = "local";
+  int at_once = 0;
+  int threads = 0;
+  std::string metrics;
+  bool no_trial = false;
+  bool retry_failed = false;
+};
+
+/// Adds the options with which every command chooses a plan and some of its cells.
+void AddPlanOptions(CLI::App& command, SweepOptions& options);
+
+/// A plan with its cells, and those that the options choose.
+struct Sweep {
+  sweep::Plan plan;
+  sweep::Cells all;
+  std::vector<sweep::Cell> chosen;  ///< In the order in which they are worked on.
+};
+
+/// Reads the plan, with the errors of `sweep::ReadPlan` and `sweep::ExpandPlan`. Throws
+/// `base::Error`, too, if an option names a group or cell that the plan does not have.
+Sweep LoadSweep(const SweepOptions& options);
+
+}  // namespace slalom::cli

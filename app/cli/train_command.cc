@@ -1,0 +1,324 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "app/cli/command_line.h"
+#include "app/cli/commands.h"
+#include "app/cli/service_process.h"
+#include "app/cli/signals.h"
+#include "app/cli/training_results.h"
+#include "app/train/evaluate_policy.h"
+#include "app/train/run_limits.h"
+#include "app/train/trainer.h"
+#include "app/train/training_overlap.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "base/progress.h"
+#include "base/version.h"
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kRuns[] = "runs";           // Where runs lie unless --output says otherwise.
+constexpr double kLargestUsualRate = 0.1;  // Of the learning rates that cause no warning.
+
+struct TrainOptions {
+  std::string config;
+  std::vector<std::string> overrides;
+  std::optional<std::string> name;
+  std::optional<std::int64_t> seed;
+  std::optional<std::string> output;
+  std::optional<std::string> metrics;
+  bool resume = false;
+  bool deterministic = false;
+  bool no_evaluation = false;
+};
+
+/// The config file that the options name, and the run's directory where they name that, too.
+struct Source {
+  std::string config;
+  std::optional<fs::path> run;
+};
+
+/// A path of a directory that ends in its name, whatever way it was written.
+fs::path Named(const fs::path& directory) {
+  const fs::path normal = directory.lexically_normal();
+  const fs::path named = normal.has_filename() ? normal : normal.parent_path();
+  return named.empty() || named == "." ? fs::current_path() : named;
+}
+
+/// With --resume, CONFIG may be the run's directory or the config.toml in it, wherever the run lies
+/// now; else the run is the one that CONFIG, --name and --output name.
+Source FindSource(const TrainOptions& options) {
+  const fs::path given = options.config;
+  if (fs::is_directory(given)) {
+    const run::RunDirectory directory{Named(given)};
+    if (!options.resume) {
+      throw base::Error(
+          fmt::format("{}: is a directory, expected a TOML file; to go on with the run there: {}",
+                      options.config, CommandLine({"train", directory.root.string(), "--resume"})));
+    }
+    if (!fs::exists(directory.config())) {
+      throw base::Error(fmt::format("{}: there is no run to resume here, as config.toml is missing",
+                                    options.config));
+    }
+    return {directory.config().string(), directory.root};
+  }
+  const run::RunDirectory around{Named(given.parent_path())};
+  const bool is_of_run =
+      given.filename() == around.config().filename() && fs::is_directory(around.checkpoints());
+  if (options.resume && is_of_run && !options.name && !options.output) {
+    return {options.config, around.root};
+  }
+  return {options.config, std::nullopt};
+}
+
+train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path) {
+  auto config = config::Load<train::RunConfig>(path, options.overrides);
+  if (options.name) config.run.name = *options.name;
+  if (options.seed) config.run.seed = *options.seed;
+  if (options.deterministic) config.run.deterministic = true;
+  if (config.run.name.empty() || config.run.name.find('/') != std::string::npos ||
+      config.run.name.starts_with('.')) {
+    throw base::Error(fmt::format("run.name is '{}', expected the name of a directory below {}/",
+                                  config.run.name, options.output.value_or(kRuns)));
+  }
+  return config;
+}
+
+/// The command line of these options with more overrides, each in place of one of the same key.
+std::string WithOverrides(const TrainOptions& options, const std::vector<std::string>& more) {
+  std::vector<std::string> arguments = {"train", options.config};
+  const auto add = [&arguments](const std::string& key, const std::string& value) {
+    arguments.insert(arguments.end(), {key, value});
+  };
+  if (options.name) add("--name", *options.name);
+  if (options.seed) add("--seed", std::to_string(*options.seed));
+  if (options.output) add("--output", *options.output);
+  for (const std::string& given : options.overrides) {
+    const std::string key = given.substr(0, given.find('=') + 1);
+    const bool is_replaced = std::any_of(
+        more.begin(), more.end(), [&key](const std::string& m) { return m.starts_with(key); });
+    if (!is_replaced) add("--set", given);
+  }
+  for (const std::string& override : more) add("--set", override);
+  if (options.metrics) add("--metrics", *options.metrics);
+  if (options.resume) arguments.emplace_back("--resume");
+  if (options.deterministic) arguments.emplace_back("--deterministic");
+  if (options.no_evaluation) arguments.emplace_back("--no-evaluation");
+  return CommandLine(arguments);
+}
+
+/// Says what a deterministic run needs besides, with the command to use.
+void CheckDeterminism(const TrainOptions& options, const train::RunConfig& config) {
+  if (!config.run.deterministic) return;
+  const auto needed = train::OverridesForDeterminism(config);
+  if (needed.empty()) return;
+  throw base::Error(fmt::format("a deterministic run must end by steps, not by seconds. Use:\n  {}",
+                                WithOverrides(options, needed)));
+}
+
+/// Step sizes that are allowed and hardly ever meant.
+void WarnOfLearningRates(const learner::LearnerConfig& config) {
+  const auto warn = [](const char* who, double rate) {
+    if (rate > kLargestUsualRate) {
+      spdlog::warn(
+          "learner.{}_learning_rate is {}: Adam moves each weight by about this much in an update; "
+          "usual values are 1e-5 to 1e-3",
+          who, rate);
+    } else if (rate == 0.0) {
+      spdlog::warn("learner.{0}_learning_rate is 0: the {0} never changes", who);
+    }
+  };
+  warn("actor", config.actor_learning_rate);
+  warn("critic", config.critic_learning_rate);
+}
+
+/// The command that goes on with the run. Its own config holds every --set, --name and --seed that
+/// it was begun with.
+std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& directory,
+                          const std::string& override = "") {
+  std::string root = directory.root.string();
+  if (root.starts_with('-')) root.insert(0, "./");
+  std::vector<std::string> arguments = {"train", root, "--resume"};
+  if (!override.empty()) arguments.insert(arguments.end(), {"--set", override});
+  if (options.metrics) arguments.insert(arguments.end(), {"--metrics", *options.metrics});
+  if (options.no_evaluation) arguments.emplace_back("--no-evaluation");
+  return CommandLine(arguments);
+}
+
+/// The command that scores the policy and writes nothing to the run.
+std::string EvaluateCommand(const run::RunDirectory& directory,
+                            const train::CoursesConfig& courses) {
+  std::vector<std::string> arguments = {"evaluate", "--policy", directory.policy().string(),
+                                        "--courses", courses.test};
+  if (!courses.collection.empty()) {
+    arguments.insert(arguments.end(), {"--collection", courses.collection});
+  }
+  return CommandLine(arguments);
+}
+
+/// Prints a line, or nothing where the terminal is gone.
+void Say(const std::string& line) { std::fputs((line + "\n").c_str(), stdout); }
+
+/// Whether the scores there are those of the policy there. Not if other ones are asked for.
+bool IsScored(const TrainOptions& options, const run::RunDirectory& directory) {
+  const bool asks_for_others = std::ranges::any_of(options.overrides, [](const std::string& set) {
+    return set.starts_with("courses.test=") || set.starts_with("evaluation.");
+  });
+  const fs::path scores = directory.curve();  // Written last of them.
+  return !asks_for_others && fs::exists(scores) &&
+         fs::last_write_time(scores) >= fs::last_write_time(directory.policy());
+}
+
+/// Says why the run learned nothing and how to go on.
+int FailToLearn(const TrainOptions& options, const run::RunDirectory& directory,
+                const train::RunConfig& config, const train::Trainer& trainer) {
+  if (trainer.updates() > 0) {
+    const std::string fault = trainer.watch().fault();
+    fmt::print(stderr,
+               "slalom: nothing was learned: {}. No policy was kept; begin anew with other "
+               "settings\n",
+               fault.empty() ? "a network had no gradient when the run ended" : fault);
+    return kExitLearnedNothing;
+  }
+  const auto why = train::ExplainNoUpdate(config, trainer.steps(), trainer.training_s());
+  fmt::print(stderr, "slalom: nothing was learned: {}. To go on: {}\n", why.reason,
+             ResumeCommand(options, directory, why.override));
+  return kExitLearnedNothing;
+}
+
+int Score(const TrainOptions& options, const run::RunDirectory& directory,
+          const train::RunConfig& config, const std::string& train_longer,
+          const StopSignals& signals) {
+  base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
+  int exit_code = kExitError;
+  try {
+    if (ScoreTraining(directory, config, train_longer, parallel, signals.token())) return kExitOk;
+    exit_code = kExitSignalBase + signals.received();
+  } catch (const base::Error& error) {
+    fmt::print(stderr, "slalom: {}\n", error.what());
+  }
+  Say(fmt::format("the policy is trained but not scored: {}\nto score it: {}",
+                  directory.policy().string(), ResumeCommand(options, directory)));
+  return exit_code;
+}
+
+/// Says what became of a run that reached its limit, and scores it where that is still to be done.
+int Finish(const TrainOptions& options, const run::RunDirectory& directory,
+           const train::RunConfig& config, const train::Trainer& trainer, bool was_finished,
+           const StopSignals& signals) {
+  if (const std::string fault = trainer.watch().fault(); !fault.empty()) {
+    spdlog::warn("the policy is probably of no use: {}", fault);
+  }
+  if (fs::exists(directory.metrics())) DrawTraining(directory);
+  const std::string longer =
+      config.run.keep_checkpoints == run::KeepCheckpoints::kNone
+          ? ""
+          : ResumeCommand(options, directory,
+                          train::LongerLimit(config, trainer.steps(), trainer.training_s()));
+  const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
+  if (was_finished && (!is_to_be_scored || IsScored(options, directory))) {
+    Say(fmt::format("{} is finished: it has reached its limit, and nothing was changed",
+                    directory.root.string()));
+    if (!longer.empty()) Say("to go on: " + longer);
+    return kExitOk;
+  }
+  if (is_to_be_scored) return Score(options, directory, config, longer, signals);
+  Say("policy: " + directory.policy().string());
+  return kExitOk;
+}
+
+int Train(const TrainOptions& options) {
+  // So that a log shows each line when it was printed.
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  StopSignals signals;
+  const Source source = FindSource(options);
+  const train::RunConfig config = LoadConfig(options, source.config);
+  const run::RunDirectory directory{
+      source.run.value_or(fs::path(options.output.value_or(kRuns)) / config.run.name)};
+  CheckDeterminism(options, config);
+  WarnOfLearningRates(config.method.learner);
+  if (!options.no_evaluation && !config.courses.test.empty()) {
+    // Test courses that cannot be had are an error now, and not after the training.
+    WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
+  }
+  spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
+               directory.root.string(), config.courses.train,
+               config.courses.test.empty() ? "nothing" : config.courses.test);
+  metrics::Registry registry(MakeIdentity("train", config.run.name, config.run.name));
+  const auto exposer = options.metrics ? ShowMetrics(*options.metrics, registry) : nullptr;
+  train::Trainer trainer(config, directory, std::string(Commit()), options.resume, registry);
+  const train::TrainingEnd end = trainer.Run(signals.token());
+  if (end == train::TrainingEnd::kDiverged) return kExitDiverged;
+  spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),
+               base::FormatCount(static_cast<double>(trainer.steps())),
+               base::FormatCount(static_cast<double>(trainer.updates())));
+  if (end == train::TrainingEnd::kLearnedNothing) {
+    return FailToLearn(options, directory, config, trainer);
+  }
+  if (end == train::TrainingEnd::kUnsaved) {
+    DrawTraining(directory);
+    if (!config.courses.test.empty())
+      Say("to score the policy: " + EvaluateCommand(directory, config.courses));
+    return kExitError;
+  }
+  if (end == train::TrainingEnd::kStopped) {
+    Say("stopped and saved; to go on: " + ResumeCommand(options, directory));
+    return kExitSignalBase + signals.received();
+  }
+  return Finish(options, directory, config, trainer, end == train::TrainingEnd::kWasFinished,
+                signals);
+}
+
+}  // namespace
+
+void AddTrainCommand(CLI::App& app, int* exit_code) {
+  CLI::App* command = app.add_subcommand("train", "Train a policy in this process, then score it");
+  command->footer(
+      "Writes runs/NAME/: config, policy, metrics, checkpoints, scores and pictures "
+      "(docs/operations.md).\n"
+      "Ctrl-C saves and stops; --resume continues, also with the run's directory as CONFIG. "
+      "Examples:\n\n"
+      "  slalom train configs/quickstart.toml\n"
+      "  slalom train configs/fast.toml --name mine --seed 2 --set run.max_seconds=60\n"
+      "  slalom train runs/mine --resume --set run.max_seconds=120\n");
+  auto options = std::make_shared<TrainOptions>();
+  command
+      ->add_option("CONFIG", options->config,
+                   "TOML file (configs/ has presets); with --resume, also a run's directory")
+      ->required();
+  command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
+      ->type_name("KEY=VALUE");
+  command->add_option("--name", options->name, "Name of the run [run.name of the config]");
+  command
+      ->add_option("--seed", options->seed, "Seed of all random streams [run.seed of the config]")
+      ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
+  command->add_option("--output", options->output,
+                      "Directory in which the run's directory is made [runs]");
+  command
+      ->add_option("--metrics", options->metrics,
+                   "Address at which the training shows /metrics to Prometheus; port 0: any free "
+                   "one [shown nowhere]")
+      ->type_name("HOST:PORT");
+  command->add_flag("--resume", options->resume, "Continue from the run's newest checkpoint");
+  command->add_flag("--deterministic", options->deterministic,
+                    "Use one thread, so that the same seed gives the same policy, bit for bit");
+  command->add_flag("--no-evaluation", options->no_evaluation,
+                    "Do not score the policy at the end");
+  command->callback([options, exit_code] { *exit_code = Train(*options); });
+}
+
+}  // namespace slalom::cli

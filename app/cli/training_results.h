@@ -1,0 +1,24 @@
+#pragma once
+
+#include <stop_token>
+#include <string>
+
+#include "app/train/run_config.h"
+#include "base/parallel.h"
+#include "learner/run/run_directory.h"
+
+namespace slalom::cli {
+
+/// Draws metrics.csv, and curve.csv if there is one, as training.svg. If a file cannot be read or
+/// written, warns and leaves it out.
+void DrawTraining(const run::RunDirectory& directory);
+
+/// Scores the run's policy, and those of its snapshots (curve.csv), on its test courses; prints the
+/// table before it writes anything, then where everything lies and what to do next. `train_longer`:
+/// the command that continues the run; empty: none can. Returns false if it was stopped before the
+/// end. Throws `base::Error` if a file cannot be read or written.
+[[nodiscard]] bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,
+                                 const std::string& train_longer, base::ParallelFor& parallel,
+                                 std::stop_token stop);
+
+}  // namespace slalom::cli

@@ -1,0 +1,391 @@
+#include "app/sweep/cell.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <set>
+#include <utility>
+
+#include "app/sweep/axes.h"
+#include "app/sweep/cell_check.h"
+#include "app/sweep/course_facts.h"
+#include "app/train/agent_run_config.h"
+#include "app/train/profile.h"
+#include "app/train/run_limits.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "planners/planner_registry.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+
+void Apply(const base::TomlAssignments& set, const config::FieldList& fields) {
+  for (const auto& [key, value] : set) config::SetField(key, value.text, value.where, fields);
+}
+
+bool Sets(const base::TomlAssignments& set, std::string_view key) {
+  return std::ranges::find(set, key, &base::TomlAssignment::key) != set.end();
+}
+
+/// Turns a plan into cells.
+class Expansion {
+ public:
+  Expansion(const Plan& plan, const train::Platform& platform)
+      : plan_(plan),
+        platform_(plan.sweep.mixed_platforms
+                      ? fmt::format("numerics {}, any machine", platform.numerics)
+                      : train::Describe(platform)),
+        trains_(std::ranges::any_of(plan.groups, &std::string::empty, &Group::planner)) {}
+
+  Cells Run() {
+    // Heads of tables: the group, if rows differ by it, then the axes.
+    const bool names_groups = plan_.groups.size() > 1;
+    for (const Group& group : plan_.groups) {
+      std::vector<const Axis*> axes;
+      if (group.planner.empty()) {
+        for (const Axis& axis : plan_.axes) axes.push_back(&axis);
+      }
+      for (const Axis& axis : group.axes) axes.push_back(&axis);
+      if (axes.size() > axis_names_.size()) {
+        axis_names_.clear();
+        for (const Axis* axis : axes) axis_names_.push_back(AxisName(*axis));
+      }
+      for (Point& point : Product(axes)) {
+        if (names_groups) point.labels.insert(point.labels.begin(), group.label);
+        if (group.planner.empty()) {
+          AddTrainings(group, point);
+        } else {
+          AddPlanner(group, point);
+        }
+      }
+    }
+    if (names_groups) axis_names_.insert(axis_names_.begin(), "method");
+    CheckReferences();
+    return {std::move(cells_), std::move(axis_names_)};
+  }
+
+ private:
+  [[noreturn]] void Fail(const std::string& who, const std::string& what) const {
+    throw base::Error(fmt::format("{}: {}: {}", plan_.file.string(), who, what));
+  }
+
+  fs::path Beside(const std::string& path) const { return plan_.file.parent_path() / path; }
+
+  const train::RunConfig& Preset(const std::string& preset) {
+    auto found = presets_.find(preset);
+    if (found == presets_.end()) {
+      train::RunConfig config;
+      config::ReadTomlFile(Beside(preset), config::ListFields(config));
+      found = presets_.emplace(preset, std::move(config)).first;
+    }
+    return found->second;
+  }
+
+  train::RunConfig Configure(const Group& group, const Point& point) {
+    train::RunConfig config = Preset(group.preset.empty() ? plan_.sweep.preset : group.preset);
+    const config::FieldList fields = config::ListFields(config);
+    bool limits_steps = false;
+    for (const auto* set : {&plan_.set, &group.set, &point.set, &plan_.overrides}) {
+      RefuseKeysOfTheSweep(*set);
+      Apply(*set, fields);
+      limits_steps = limits_steps || Sets(*set, "run.max_steps");
+    }
+    // What the command line says stands above the budget, which needs all other keys.
+    const std::int64_t max_steps = config.run.max_steps;
+    limits_steps = ApplyBudget(config) || limits_steps;
+    if (Sets(plan_.overrides, "run.max_steps")) config.run.max_steps = max_steps;
+    for (const base::TomlAssignment& override : plan_.overrides) {
+      if (!Sets(point.set, override.key)) continue;
+      Fail(override.value.where, "the key is an axis of the plan, whose values it would undo");
+    }
+    if (plan_.budget.seconds > 0.0 && !limits_steps) config.run.max_steps = 1'000'000'000'000;
+    if (plan_.sweep.lockstep) {
+      if (config.run.max_seconds > 0.0 && !limits_steps) {
+        Fail(fmt::format("group '{}'", group.name),
+             fmt::format("its preset ends by run.max_seconds = {}, expected budget.steps or "
+                         "budget.updates, as a training in lockstep ends by steps",
+                         config.run.max_seconds));
+      }
+      config.run.max_seconds = 0.0;
+      config.run.deterministic = true;
+      if (config.run.checkpoint_steps == 0) {
+        config.run.checkpoint_steps = plan_.sweep.checkpoint_steps;
+      }
+    }
+    // What the sweep itself decides.
+    config.run.name = "run";
+    // The runner removes it in the end.
+    config.run.keep_checkpoints = run::KeepCheckpoints::kNewest;
+    return config;
+  }
+
+  /// Keys that the sweep itself decides would be set in vain.
+  void RefuseKeysOfTheSweep(const base::TomlAssignments& set) const {
+    for (const auto& [key, value] : set) {
+      for (const auto& [theirs, ours] :
+           {std::pair{"run.seed", "sweep.seeds"},
+            {"run.deterministic", "sweep.lockstep"},
+            {"run.name", "labels, as a cell is named by its id"},
+            {"run.keep_checkpoints", "nothing, as checkpoints of finished cells are removed"}}) {
+        if (key == theirs) {
+          Fail(value.where, fmt::format("{} is the sweep's to decide; use {}", key, ours));
+        }
+      }
+      if (key == "run.max_seconds" && plan_.sweep.lockstep && value.text != "0" &&
+          value.text != "0.0") {
+        Fail(value.where,
+             "a training in lockstep ends by steps; use budget.steps, or budget.seconds "
+             "with sweep.lockstep = false");
+      }
+    }
+  }
+
+  /// Returns whether it limits the steps.
+  bool ApplyBudget(train::RunConfig& config) const {
+    const BudgetSettings& budget = plan_.budget;
+    if (budget.seconds > 0.0) config.run.max_seconds = budget.seconds;
+    if (budget.steps > 0) config.run.max_steps = budget.steps;
+    if (budget.updates > 0) config.run.max_steps = StepsForUpdates(config, budget.updates);
+    return budget.steps > 0 || budget.updates > 0;
+  }
+
+  void Check(const std::string& who, const train::RunConfig& config) const {
+    try {
+      train::RequireCombination(config);
+      train::RequireLearnable(config);
+    } catch (const base::Error& error) {
+      Fail(who, error.what());
+    }
+  }
+
+  void AddTrainings(const Group& group, const Point& point) {
+    const train::RunConfig resolved = Configure(group, point);
+    for (const int seed : plan_.sweep.seeds) {
+      Cell cell;
+      cell.group = group.name;
+      cell.row = point.labels;
+      cell.seed = seed;
+      train::RunConfig config = resolved;
+      config.run.seed = seed;
+      const std::string who = cell.name();
+      Check(who, config);
+      const CourseFacts& courses = FindCourses(who, config.courses, config.courses.train);
+      cell.num_training_courses = courses.num_courses;
+      for (const Score* score : ScoresOf(group)) AddScores(cell, *score, config);
+      config.courses.test = "";  // The scores are the plan's.
+      // Courses count by what they are, not by where they lie.
+      train::RunConfig anywhere = config;
+      anywhere.courses = {.train = "", .test = "", .collection = "", .generator_seed = 0};
+      cell.id = train::Digest(fmt::format(
+          "{}\n{}\n{}\n{}\n{}\n{}\n{}", train::RunDigest(anywhere), courses.digest,
+          config.run.max_steps, config.run.max_seconds, fmt::join(config.run.snapshot_steps, " "),
+          fmt::join(config.run.snapshot_seconds, " "), platform_));
+      cell.config = std::move(config);
+      Add(std::move(cell));
+    }
+  }
+
+  /// `defaults`, with what the plan says about a planner laid over them.
+  train::AgentRunConfig ConfigurePlanner(const Group& group, const Point& point,
+                                         train::AgentRunConfig defaults) {
+    train::AgentRunConfig config = std::move(defaults);
+    if (!group.preset.empty()) {
+      config = train::ReadAgentRunConfig(Beside(group.preset), std::move(config));
+    }
+    const config::FieldList fields = config::ListFields(config);
+    for (const auto* set : {&plan_.set, &plan_.overrides}) {
+      for (const base::TomlAssignment& assignment : *set) {
+        if (assignment.key == "courses.collection" || assignment.key == "courses.generator_seed") {
+          Apply({assignment}, fields);
+        } else if (!trains_) {
+          Fail(assignment.value.where,
+               fmt::format("{} is a key of trainings, and the plan has none; expected it in the "
+                           "`set` of a group",
+                           assignment.key));
+        }
+      }
+    }
+    Apply(group.set, fields);
+    Apply(point.set, fields);
+    return config;
+  }
+
+  void AddPlanner(const Group& group, const Point& point) {
+    Cell cell;
+    cell.group = group.name;
+    cell.row = point.labels;
+    cell.planner = group.planner;
+    const std::string who = cell.name();
+    const std::vector<std::string> planners = planners::PlannerNames();
+    if (std::ranges::find(planners, group.planner) == planners.end()) {
+      Fail(who, fmt::format("there is no planner '{}', expected one of {}", group.planner,
+                            fmt::join(planners, ", ")));
+    }
+    for (const Score* score : ScoresOf(group)) {
+      if (score->planning || score->courses == "training") continue;  // Of policies only.
+      const auto published = train::DefaultsOfPublishedRuns(score->protocol);
+      AddScores(cell, *score,
+                ConfigurePlanner(group, point, published.value_or(train::AgentRunConfig{})));
+    }
+    train::AgentRunConfig anywhere = ConfigurePlanner(group, point, {});
+    anywhere.courses = {};
+    cell.id = train::Digest(
+        fmt::format("planner {}\n{}\n{}", group.planner, config::ToToml(anywhere), platform_));
+    Add(std::move(cell));
+  }
+
+  std::vector<const Score*> ScoresOf(const Group& group) const {
+    const auto& names = group.scores.empty() ? plan_.sweep.scores : group.scores;
+    std::vector<const Score*> scores;
+    for (const Score& score : plan_.scores) {
+      const bool wanted = names.empty() || std::ranges::find(names, score.name) != names.end();
+      if (wanted) scores.push_back(&score);
+    }
+    return scores;
+  }
+
+  template <class CoursesConfig>
+  const CourseFacts& FindCourses(const std::string& who, const CoursesConfig& config,
+                                 const std::string& spec) {
+    try {
+      return courses_.Find(config.collection, config.generator_seed, spec);
+    } catch (const base::Error& error) {
+      Fail(who, error.what());
+    }
+  }
+
+  /// Adds the evaluations of a score: one, and one for each snapshot if the score asks for them.
+  template <class Config>
+  void AddScores(Cell& cell, const Score& score, const Config& config) {
+    Config task = config;
+    constexpr bool kIsPolicy = std::is_same_v<Config, train::RunConfig>;
+    const std::string who = fmt::format("{}, score '{}'", cell.name(), score.name);
+    const config::FieldList fields = config::ListFields(task);
+    for (const std::string& profile : score.profiles) {
+      train::LayProfile(Beside(profile), task.environment);
+    }
+    for (const auto& [key, value] : score.set) {
+      if (!key.starts_with("environment.") && !key.starts_with("evaluation.") &&
+          !key.starts_with("mpc.")) {
+        Fail(value.where, fmt::format("score '{}' sets {}, expected a key of [environment], "
+                                      "[evaluation] or [mpc]",
+                                      score.name, key));
+      }
+      if (!kIsPolicy && key.starts_with("mpc.")) continue;
+      config::SetField(key, value.text, value.where, fields);
+    }
+    if (!score.protocol.empty()) {
+      config::SetField("evaluation.protocol", score.protocol,
+                       fmt::format("{}: score '{}'", plan_.file.string(), score.name), fields);
+    }
+    if (score.episodes > 0) task.evaluation.episodes_per_course = score.episodes;
+    ScoreTask base;
+    base.name = score.name;
+    base.courses = score.courses;
+    std::string what_decides;
+    std::vector<int> snapshots;
+    if constexpr (kIsPolicy) {
+      if (score.courses == "training") base.courses = task.courses.train;
+      if (score.planning) task.mpc.enabled = true;
+      if (task.mpc.enabled && task.method.model.kind == nn::ModelKind::kNone) {
+        Fail(who,
+             "planning needs a transition model, expected model.kind = \"deterministic\" or "
+             "\"probabilistic\" in the training");
+      }
+      what_decides = config::ToToml(task.mpc);
+      if (score.snapshots) snapshots = task.run.snapshot_steps;
+      std::erase_if(snapshots, [&](int steps) { return steps <= 0 || steps > task.run.max_steps; });
+      std::ranges::sort(snapshots);
+      snapshots.erase(std::unique(snapshots.begin(), snapshots.end()), snapshots.end());
+      Check(who, task);
+      try {
+        RequireScorable(config, task, snapshots);
+      } catch (const base::Error& error) {
+        Fail(who, error.what());
+      }
+    } else {
+      Config anywhere = task;
+      anywhere.courses = {};
+      what_decides = config::ToToml(anywhere);
+    }
+    const CourseFacts& courses = FindCourses(who, task.courses, base.courses);
+    base.num_courses = courses.num_courses;
+    base.num_episodes = std::int64_t{courses.num_courses} * task.evaluation.episodes_per_course;
+    base.task = config::ToToml(task);
+    auto evaluation = task.evaluation;
+    evaluation.num_environments = 1;  // Changes the speed alone.
+    snapshots.insert(snapshots.begin(), 0);
+    for (const int steps : snapshots) {
+      ScoreTask one = base;
+      one.snapshot_steps = steps;
+      one.digest = train::Digest(fmt::format("{}\n{}\n{}\n{}\n{}", courses.digest,
+                                             config::ToToml(task.environment),
+                                             config::ToToml(evaluation), what_decides, steps));
+      cell.scores.push_back(std::move(one));
+    }
+  }
+
+  void Add(Cell cell) {
+    const auto same = std::ranges::find(cells_, cell.id, &Cell::id);
+    if (same != cells_.end()) {
+      throw base::Error(fmt::format(
+          "{}: '{}' and '{}' are the same training, expected different settings; give one of them "
+          "the scores of both",
+          plan_.file.string(), same->name(), cell.name()));
+    }
+    if (!names_.insert(cell.name()).second) {
+      throw base::Error(fmt::format(
+          "{}: two trainings are called '{}', expected different labels of groups or of an axis",
+          plan_.file.string(), cell.name()));
+    }
+    cells_.push_back(std::move(cell));
+  }
+
+  void CheckReferences() const {
+    for (const Reference& reference : plan_.references) {
+      for (const std::string& row : reference.rows) {
+        const bool found =
+            std::ranges::any_of(cells_, [&](const Cell& cell) { return cell.row_name() == row; });
+        if (found) continue;
+        std::vector<std::string> rows;
+        for (const Cell& cell : cells_) {
+          if (rows.empty() || rows.back() != cell.row_name()) rows.push_back(cell.row_name());
+        }
+        Fail(fmt::format("[[reference]] '{}'", reference.source),
+             fmt::format("there is no row '{}', expected one of: {}", row, fmt::join(rows, "; ")));
+      }
+    }
+  }
+
+  const Plan& plan_;
+  const std::string platform_;
+  const bool trains_;  // Whether any group of the plan is trained.
+  std::map<std::string, train::RunConfig> presets_;
+  CourseFactsCache courses_;
+  std::vector<Cell> cells_;
+  std::set<std::string> names_;
+  std::vector<std::string> axis_names_;
+};
+
+}  // namespace
+
+std::string Cell::row_name() const {
+  return row.empty() ? group : fmt::format("{}", fmt::join(row, " / "));
+}
+
+std::string Cell::name() const {
+  return planner.empty() ? fmt::format("{}, seed {}", row_name(), seed) : row_name();
+}
+
+Cells ExpandPlan(const Plan& plan, const train::Platform& platform) {
+  return Expansion(plan, platform).Run();
+}
+
+}  // namespace slalom::sweep

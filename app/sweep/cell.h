@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/sweep/plan.h"
+#include "app/train/run_identity.h"
+
+namespace slalom::sweep {
+
+/// One evaluation that a cell needs: `slalom evaluate --config TASK --courses COURSES`.
+struct ScoreTask {
+  std::string name;     ///< Of the plan's score.
+  std::string digest;   ///< Of all that decides its result besides the policy: 16 hex digits.
+  std::string task;     ///< The config of the evaluation: TOML, every key.
+  std::string courses;  ///< Course set as `--courses` takes it.
+  int num_courses = 0;  ///< In that set.
+  std::int64_t num_episodes = 0;
+  std::int64_t snapshot_steps = 0;  ///< Which snapshot of the training is scored; 0: its policy.
+};
+
+/// One unit of work of a sweep: a training and its scores, or the scores of a planner. A value.
+struct Cell {
+  std::string id;                ///< Digest of all that decides the training: 16 hex digits.
+  std::string group;             ///< Name of the plan's group.
+  std::vector<std::string> row;  ///< Labels of the group, if there are several, and of each axis.
+  std::int64_t seed = 0;
+  std::string planner;                     ///< Empty: a policy is trained.
+  std::optional<train::RunConfig> config;  ///< Of the training; none: a planner.
+  int num_training_courses = 0;
+  std::vector<ScoreTask> scores;
+
+  /// "TD3 / 50", the row's name in tables.
+  std::string row_name() const;
+  /// "TD3 / 50, seed 2", for progress and errors.
+  std::string name() const;
+};
+
+/// A plan, resolved. A value.
+struct Cells {
+  std::vector<Cell> cells;              ///< Seeds of a row in turn, rows in the plan's order.
+  std::vector<std::string> axis_names;  ///< Of `Cell::row`, for the heads of tables.
+};
+
+/// Resolves a plan: every config is read and checked as `slalom train` would, every course set is
+/// read. With `platform` in the cells' ids unless the plan mixes platforms. Throws `base::Error`
+/// that names the plan's file, and line where there is one, and what was expected: a key or value
+/// that no config has, a training that could learn nothing, course sets that are not there, two
+/// cells of one id.
+Cells ExpandPlan(const Plan& plan, const train::Platform& platform);
+
+}  // namespace slalom::sweep

@@ -1,0 +1,321 @@
+#include "app/sweep/cell_work.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <csignal>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+
+#include "app/sweep/store.h"
+#include "base/child_process.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "learner/run/checkpoint_store.h"
+#include "learner/run/run_directory.h"
+#include "policy/policy.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr int kAttempts = 3;
+constexpr int kMostThreads = 256;  // That `slalom evaluate` takes.
+// Exit codes of `slalom train` (docs/operations.md).
+constexpr int kDiverged = 3;
+constexpr int kLearnedNothing = 4;
+constexpr std::chrono::seconds kTimeToSave{120};
+
+double SecondsSince(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+/// The end of a file that was written after its first `begin` bytes: its last lines.
+std::string EndOfLog(const fs::path& path, std::uintmax_t begin) {
+  constexpr std::size_t kMaxBytes = 3000;
+  std::ifstream file(path);
+  file.seekg(static_cast<std::streamoff>(begin));
+  std::string text(std::istreambuf_iterator<char>(file), {});
+  if (text.size() > kMaxBytes) {
+    text.erase(0, text.size() - kMaxBytes);
+    text.erase(0, text.find('\n') + 1);
+  }
+  return text;
+}
+
+/// A number that a policy carries about its training.
+template <class Number>
+Number Provenance(const nn::Metadata& metadata, const std::string& key) {
+  Number number = 0;
+  const auto found = metadata.find(key);
+  if (found == metadata.end()) return number;
+  std::from_chars(found->second.data(), found->second.data() + found->second.size(), number);
+  return number;
+}
+
+/// Where a run is that another one took the place of.
+fs::path AsideOf(const fs::path& run) { return run.string() + ".aside"; }
+
+/// The work on one cell.
+class Work {
+ public:
+  Work(const Cell& cell, const WorkOptions& options, Claim& claim, const std::stop_token& stop)
+      : cell_(cell),
+        options_(options),
+        directory_(options.store, cell.id),
+        claim_(claim),
+        stop_(stop) {}
+
+  WorkEnd Run() {
+    Prepare();
+    for (int attempt = 1; attempt <= kAttempts; ++attempt) {
+      std::error_code ec;
+      const std::uintmax_t log_begin =
+          fs::exists(directory_.log(), ec) ? fs::file_size(directory_.log(), ec) : 0;
+      const std::optional<WorkEnd> end = Attempt();
+      if (end && *end != WorkEnd::kFailed) return *end;
+      if (!end || attempt == kAttempts) {
+        WriteFailure(directory_, {.what = fault_, .log = EndOfLog(directory_.log(), log_begin)});
+        return WorkEnd::kFailed;
+      }
+      spdlog::warn("{}: {}; trying again ({} of {})", cell_.name(), fault_, attempt + 1, kAttempts);
+    }
+    return WorkEnd::kFailed;
+  }
+
+ private:
+  void Prepare() const {
+    base::MakeDirectories(directory_.root() / "scores");
+    const nlohmann::ordered_json facts = {{"id", cell_.id},
+                                          {"row", cell_.row_name()},
+                                          {"seed", cell_.seed},
+                                          {"planner", cell_.planner},
+                                          {"training_courses", cell_.num_training_courses}};
+    base::WriteFileAtomically(directory_.facts(), facts.dump(2) + "\n");
+    if (cell_.config) {
+      base::WriteFileAtomically(directory_.config(), config::ToToml(*cell_.config));
+    }
+    std::error_code ec;
+    fs::remove(directory_.failed(), ec);
+  }
+
+  /// What is left to do of a cell's training.
+  enum class Training { kNothing, kToBegin, kToResume, kOfAnother };
+
+  /// Looks at the run, and moves one that cannot go on out of the way. Throws `base::Error`, and
+  /// changes nothing, if it cannot be looked at: it may be there all the same.
+  Training PrepareTraining() const {
+    if (!cell_.config || base::Exists(directory_.trained())) return Training::kNothing;
+    const run::RunDirectory run{directory_.run()};
+    if (!base::Exists(run.root)) return Training::kToBegin;
+    if (IsTrainedByAnother(run)) return Training::kOfAnother;
+    const bool has_checkpoint = base::Exists(run.config()) && base::Exists(run.checkpoints()) &&
+                                !run::CheckpointStore(run.checkpoints()).List().empty();
+    if (has_checkpoint) return Training::kToResume;
+    SetAside(run.root);  // Of a training that was killed before its first checkpoint.
+    return Training::kToBegin;
+  }
+
+  /// Moves a run out of the way, in place of one that was moved before.
+  static void SetAside(const fs::path& root) {
+    const fs::path aside = AsideOf(root);
+    std::error_code ec;
+    fs::remove_all(aside, ec);
+    fs::rename(root, aside, ec);
+    if (!ec) return;
+    throw base::Error(
+        fmt::format("{}: cannot be moved to {} ({})", root.string(), aside.string(), ec.message()));
+  }
+
+  /// None: failed, and another attempt would fail alike.
+  std::optional<WorkEnd> Attempt() {
+    Training training = Training::kNothing;
+    try {
+      training = PrepareTraining();
+    } catch (const base::Error& error) {
+      fault_ = error.what();
+      return WorkEnd::kFailed;
+    }
+    if (training == Training::kOfAnother) return WorkEnd::kLost;
+    if (training != Training::kNothing) {
+      const std::optional<WorkEnd> end = Train(training == Training::kToResume);
+      if (!end || *end != WorkEnd::kDone) return end;
+    }
+    return Score();
+  }
+
+  std::optional<WorkEnd> Train(bool resume) {
+    const run::RunDirectory run{directory_.run()};
+    std::vector<std::string> arguments = {options_.program.string(), "train"};
+    if (resume) {
+      arguments.insert(arguments.end(), {run.root.string(), "--resume"});
+    } else {
+      arguments.insert(arguments.end(),
+                       {directory_.config().string(), "--output", directory_.root().string()});
+    }
+    arguments.emplace_back("--no-evaluation");
+    const Clock::time_point begin = Clock::now();
+    const Ended ended = RunChild(arguments);
+    if (ended.end) return *ended.end;
+    if (ended.exit_code == kDiverged || ended.exit_code == kLearnedNothing) {
+      fault_ =
+          ended.exit_code == kDiverged ? "the training diverged" : "the training learned nothing";
+      if (cell_.config->run.deterministic) return std::nullopt;
+      std::error_code ignored;
+      fs::remove_all(run.root, ignored);  // The next attempt begins again.
+      return WorkEnd::kFailed;
+    }
+    if (ended.exit_code != 0) {
+      fault_ = fmt::format("`slalom train` ended with exit code {}", ended.exit_code);
+      return WorkEnd::kFailed;
+    }
+    const nn::Metadata metadata = policy::LoadPolicy(run.policy()).metadata;
+    WriteTrained(directory_, {.steps = Provenance<std::int64_t>(metadata, "steps"),
+                              .updates = Provenance<std::int64_t>(metadata, "updates"),
+                              .training_s = Provenance<double>(metadata, "training_s"),
+                              .wall_s = SecondsSince(begin),
+                              .host = base::HostName(),
+                              .platform = options_.platform,
+                              .commit = options_.commit,
+                              .at_once = options_.at_once});
+    return WorkEnd::kDone;
+  }
+
+  /// Whether a process of a worker that lost its claim still writes to the run.
+  static bool IsTrainedByAnother(const run::RunDirectory& run) {
+    try {
+      const run::RunLock lock(run.root);
+      return false;
+    } catch (const base::Error&) {
+      return true;
+    }
+  }
+
+  WorkEnd Score() {
+    const Clock::time_point begin = Clock::now();
+    std::int64_t episodes = 0;
+    std::error_code ignored;
+    const run::RunDirectory run{directory_.run()};
+    fs::remove_all(run.checkpoints(), ignored);
+    fs::remove_all(AsideOf(run.root), ignored);
+    bool has_failed = false;
+    for (const ScoreTask& task : cell_.scores) {
+      if (IsScored(options_.store, cell_, task)) continue;
+      const WorkEnd end = ScoreOn(task);
+      if (end == WorkEnd::kStopped || end == WorkEnd::kLost) return end;
+      has_failed = has_failed || end == WorkEnd::kFailed;
+      episodes += task.num_episodes;
+    }
+    if (has_failed) return WorkEnd::kFailed;
+    if (episodes > 0) {
+      WriteScored(directory_, {.wall_s = SecondsSince(begin), .episodes = episodes});
+    }
+    return WorkEnd::kDone;
+  }
+
+  WorkEnd ScoreOn(const ScoreTask& task) {
+    base::WriteFileAtomically(directory_.score_task(task), task.task);
+    std::vector<std::string> arguments = {options_.program.string(), "evaluate"};
+    if (cell_.config) {
+      const auto policy = PolicyOf(task);
+      if (!policy) {
+        fault_ = fmt::format("the training kept no policy at {} steps", task.snapshot_steps);
+        return WorkEnd::kFailed;
+      }
+      arguments.insert(arguments.end(), {"--policy", policy->string()});
+    } else {
+      arguments.insert(arguments.end(), {"--agent", cell_.planner});
+    }
+    arguments.insert(
+        arguments.end(),
+        {"--config", directory_.score_task(task).string(), "--courses", task.courses, "--output",
+         directory_.score(task).string(), "--force", "--name", cell_.row_name(), "--threads",
+         std::to_string(std::min(options_.threads, kMostThreads))});
+    const Ended ended = RunChild(arguments);
+    if (ended.end) return *ended.end;
+    if (ended.exit_code == 0 && IsScored(options_.store, cell_, task)) return WorkEnd::kDone;
+    fault_ = fmt::format("`slalom evaluate` ended with exit code {} (score '{}')", ended.exit_code,
+                         task.name);
+    return WorkEnd::kFailed;
+  }
+
+  /// The trained policy, or the first snapshot with as many steps as the task asks for.
+  std::optional<fs::path> PolicyOf(const ScoreTask& task) const {
+    const run::RunDirectory run{directory_.run()};
+    if (task.snapshot_steps == 0) return run.policy();
+    // A training makes a snapshot in the first batch step at or after the number, and one of a
+    // later number does not stand in for it.
+    const int batch = cell_.config->actor.num_environments;
+    std::int64_t end = cell_.config->run.max_steps + batch;
+    for (const int steps : cell_.config->run.snapshot_steps) {
+      if (steps > task.snapshot_steps) end = std::min<std::int64_t>(end, steps);
+    }
+    end = std::max(end, task.snapshot_steps + batch);
+    std::optional<fs::path> first;
+    std::error_code ec;
+    for (const auto& entry : fs::directory_iterator(run.snapshots(), ec)) {
+      const fs::path& path = entry.path();
+      if (path.extension() != ".safetensors" || path < run.snapshot(task.snapshot_steps)) continue;
+      if (path < run.snapshot(end) && (!first || path < *first)) first = path;
+    }
+    return first;
+  }
+
+  /// How a child ended: by itself, or because the work ends.
+  struct Ended {
+    int exit_code = 0;
+    std::optional<WorkEnd> end;
+  };
+
+  Ended RunChild(const std::vector<std::string>& arguments) {
+    const std::string threads = std::to_string(options_.threads);
+    base::ChildProcess child(
+        {.arguments = arguments,
+         .log = directory_.log(),
+         .cores = options_.cores,
+         .environment = {"OMP_NUM_THREADS=" + threads, "OPENBLAS_NUM_THREADS=" + threads}});
+    Clock::time_point last_beat = Clock::now();
+    std::optional<Clock::time_point> stopped;
+    for (;;) {
+      const std::optional<int> exit_code = child.Wait(std::chrono::milliseconds(200));
+      if (exit_code) {
+        if (stopped || stop_.stop_requested()) return {*exit_code, WorkEnd::kStopped};
+        return {*exit_code, std::nullopt};
+      }
+      if (Clock::now() - last_beat >= Claim::kBeat) {
+        if (!claim_.Renew()) return {0, WorkEnd::kLost};
+        last_beat = Clock::now();
+      }
+      if (stop_.stop_requested() && !stopped) {
+        stopped = Clock::now();
+        child.Signal(SIGTERM);
+      }
+      if (stopped && Clock::now() - *stopped > kTimeToSave) return {0, WorkEnd::kStopped};
+    }
+  }
+
+  const Cell& cell_;
+  const WorkOptions& options_;
+  const CellDirectory directory_;
+  Claim& claim_;
+  const std::stop_token stop_;
+  std::string fault_;  // Of the last attempt.
+};
+
+}  // namespace
+
+WorkEnd WorkOnCell(const Cell& cell, const WorkOptions& options, Claim& claim,
+                   const std::stop_token& stop) {
+  return Work(cell, options, claim, stop).Run();
+}
+
+}  // namespace slalom::sweep

@@ -1,0 +1,196 @@
+#include "app/sweep/plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <set>
+#include <string_view>
+
+#include "app/train/profile.h"
+#include "base/config.h"
+#include "base/error.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool IsName(std::string_view name) {
+  return !name.empty() && !name.starts_with('-') && std::ranges::all_of(name, [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '-' || c == '_';
+  });
+}
+
+/// Whether an override changes the plan itself, and not the config of its trainings.
+bool IsOfPlan(std::string_view assignment) {
+  return std::ranges::any_of(
+      std::initializer_list<std::string_view>{"sweep.", "budget.", "slurm."},
+      [assignment](std::string_view start) { return assignment.starts_with(start); });
+}
+
+/// `--set KEY=VALUE` of a key that is not the plan's. A planner's key is refused, as is no key.
+base::TomlAssignment ParseOverride(const std::string& assignment) {
+  train::RunConfig config;
+  config::ApplyOverride(assignment, config::ListFields(config));  // Throws where there is no such.
+  const auto equals = assignment.find('=');
+  return {assignment.substr(0, equals),
+          {assignment.substr(equals + 1), fmt::format("--set {}", assignment)}};
+}
+
+class Checker {
+ public:
+  explicit Checker(const Plan& plan) : plan_(plan) {}
+
+  void Check() const {
+    if (!IsName(plan_.sweep.name)) {
+      Fail(fmt::format("sweep.name is '{}', expected letters, digits, '-' and '_'",
+                       plan_.sweep.name));
+    }
+    CheckSeeds();
+    CheckBudget();
+    CheckScores();
+    std::set<std::string> names;
+    for (const Axis& axis : plan_.axes) CheckAxis(axis, "[[axis]]");
+    for (const Group& group : plan_.groups) {
+      if (!IsName(group.name)) {
+        Fail(fmt::format("[[group]] has the name '{}', expected letters, digits, '-' and '_'",
+                         group.name));
+      }
+      if (!names.insert(group.name).second) {
+        Fail(fmt::format("two groups have the name '{}', expected different ones", group.name));
+      }
+      CheckGroup(group);
+    }
+    for (const Reference& reference : plan_.references) CheckReference(reference);
+  }
+
+ private:
+  [[noreturn]] void Fail(const std::string& what) const {
+    throw base::Error(fmt::format("{}: {}", plan_.file.string(), what));
+  }
+
+  void CheckSeeds() const {
+    if (plan_.sweep.seeds.empty()) Fail("sweep.seeds is empty, expected at least one seed");
+    const std::set<int> different(plan_.sweep.seeds.begin(), plan_.sweep.seeds.end());
+    if (different.size() != plan_.sweep.seeds.size()) {
+      Fail("sweep.seeds names a seed twice, expected different ones");
+    }
+  }
+
+  void CheckBudget() const {
+    const BudgetSettings& budget = plan_.budget;
+    const int given = (budget.steps > 0) + (budget.updates > 0) + (budget.seconds > 0.0);
+    if (given > 1) Fail("[budget] has more than one limit, expected steps, updates or seconds");
+    if (budget.seconds > 0.0 && plan_.sweep.lockstep) {
+      Fail(
+          "budget.seconds needs sweep.lockstep = false: what a training learns in a second "
+          "depends on the machine, so it cannot be repeated bit for bit; or use budget.steps");
+    }
+  }
+
+  void CheckScores() const {
+    if (plan_.scores.empty()) {
+      Fail("has no [[score]], expected at least one: the courses that the policies drive");
+    }
+    std::set<std::string> names;
+    for (const Score& score : plan_.scores) {
+      if (!IsName(score.name)) {
+        Fail(fmt::format("[[score]] has the name '{}', expected letters, digits, '-' and '_'",
+                         score.name));
+      }
+      if (!names.insert(score.name).second) {
+        Fail(fmt::format("two scores have the name '{}', expected different ones", score.name));
+      }
+      if (score.courses.empty()) {
+        Fail(fmt::format("[[score]] '{}' has no courses, expected a course set", score.name));
+      }
+    }
+    for (const std::string& score : plan_.sweep.scores) {
+      if (HasScore(score)) continue;
+      Fail(fmt::format("sweep.scores names '{}', expected the name of a [[score]]", score));
+    }
+  }
+
+  bool HasScore(const std::string& name) const {
+    return std::ranges::find(plan_.scores, name, &Score::name) != plan_.scores.end();
+  }
+
+  void CheckAxis(const Axis& axis, const std::string& where) const {
+    const std::string name = axis.name.empty() && !axis.keys.empty() ? axis.keys[0] : axis.name;
+    if (axis.keys.empty()) {
+      Fail(fmt::format("{} '{}' has no keys, expected at least one", where, name));
+    }
+    if (axis.values.empty()) {
+      Fail(fmt::format("{} '{}' is empty, expected at least one of values", where, name));
+    }
+    if (!axis.labels.empty() && axis.labels.size() != axis.values.size()) {
+      Fail(fmt::format("{} '{}' has {} labels and {} values, expected as many", where, name,
+                       axis.labels.size(), axis.values.size()));
+    }
+  }
+
+  void CheckGroup(const Group& group) const {
+    for (const Axis& axis : group.axes) {
+      CheckAxis(axis, fmt::format("[[group.axis]] of '{}'", group.name));
+    }
+    for (const std::string& score : group.scores) {
+      if (HasScore(score)) continue;
+      Fail(fmt::format("group '{}' names the score '{}', expected the name of a [[score]]",
+                       group.name, score));
+    }
+    if (group.planner.empty() && group.preset.empty() && plan_.sweep.preset.empty()) {
+      Fail(fmt::format("group '{}' has no preset, expected one here or in [sweep]", group.name));
+    }
+  }
+
+  void CheckReference(const Reference& reference) const {
+    if (!HasScore(reference.score)) {
+      Fail(fmt::format("[[reference]] '{}' names the score '{}', expected the name of a [[score]]",
+                       reference.source, reference.score));
+    }
+    if (reference.rows.size() != reference.values.size() ||
+        (!reference.deviations.empty() && reference.deviations.size() != reference.values.size())) {
+      Fail(
+          fmt::format("[[reference]] '{}' has {} rows, {} values and {} deviations, expected as "
+                      "many of each",
+                      reference.source, reference.rows.size(), reference.values.size(),
+                      reference.deviations.size()));
+    }
+  }
+
+  const Plan& plan_;
+};
+
+}  // namespace
+
+Plan ReadPlan(const fs::path& file, std::span<const std::string> overrides) {
+  Plan plan;
+  const config::FieldList fields = config::ListFields(plan);
+  config::ReadTomlFile(file, fields);
+  plan.file = file;
+  for (const std::string& assignment : overrides) {
+    if (IsOfPlan(assignment)) {
+      config::ApplyOverride(assignment, fields);
+    } else {
+      plan.overrides.push_back(ParseOverride(assignment));
+    }
+  }
+  if (plan.sweep.name.empty()) plan.sweep.name = file.stem().string();
+  if (plan.sweep.title.empty()) plan.sweep.title = plan.sweep.name;
+  if (plan.groups.empty()) {
+    Group group;
+    group.name = plan.sweep.name;
+    plan.groups.push_back(std::move(group));
+  }
+  for (Group& group : plan.groups) {
+    if (group.label.empty()) group.label = group.name;
+  }
+  for (Score& score : plan.scores) {
+    if (score.label.empty()) score.label = score.name;
+  }
+  Checker(plan).Check();
+  return plan;
+}
+
+}  // namespace slalom::sweep

@@ -1,0 +1,228 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/config_field.h"
+
+/// The plan of a sweep, as its TOML file has it (docs/sweeps.md). What it comes to, cell by cell,
+/// is in app/sweep/cell.h.
+
+namespace slalom::sweep {
+
+/// What all cells have in common.
+struct SweepSettings {
+  std::string name;
+  std::string title;
+  std::string preset;
+  std::vector<int> seeds = {1, 2, 3};
+  std::vector<std::string> scores;
+  bool lockstep = true;
+  bool mixed_platforms = false;
+  std::int64_t checkpoint_steps = 100000;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("name", name,
+      "Name of the sweep: a directory below --output holds its report. Empty: that of the file.");
+    v("title", title, "Title of the report. Empty: the name.");
+    v("preset", preset,
+      "Config from which trainings start, as a path relative to this file. A group may have its "
+      "own.");
+    v("seeds", seeds, base::Range{0, 2.0e9}, "",
+      "Each combination of the axes is trained once with each of these seeds (run.seed).");
+    v("scores", scores,
+      "Names of the scores for groups that list none. Empty: all. With --set, a plan can so be "
+      "scored on courses for choosing settings in place of the test courses.");
+    v("lockstep", lockstep,
+      "Train deterministically (run.deterministic), so that neither a kill nor another cell on the "
+      "same machine changes a result. false: trainings use threads.");
+    v("mixed_platforms", mixed_platforms,
+      "Let machines with other processors or BLAS kernels take part, whose results differ in their "
+      "last bits. false: such a machine refuses to.");
+    v("checkpoint_steps", checkpoint_steps, base::Range{1, 1.0e12}, "",
+      "Environment steps between checkpoints of a cell, where the preset has none "
+      "(run.checkpoint_steps).");
+  }
+};
+
+/// How long a training lasts. At most one of the three is set; if none is, the preset's limits
+/// hold.
+struct BudgetSettings {
+  std::int64_t steps = 0;
+  std::int64_t updates = 0;
+  double seconds = 0.0;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("steps", steps, base::Range{0, 1.0e12}, "", "Environment steps. 0: not limited by this key.");
+    v("updates", updates, base::Range{0, 1.0e12}, "",
+      "Updates, turned into environment steps by run.updates_per_step and run.learning_starts. 0: "
+      "not limited by this key.");
+    v("seconds", seconds, base::Range{0.0, 1.0e7}, "s",
+      "Training time. Needs sweep.lockstep = false, since what is learned in a second depends on "
+      "the machine. 0: not limited by this key.");
+  }
+};
+
+/// A list of settings, each of which is combined with every setting of the other axes.
+struct Axis {
+  std::string name;
+  std::vector<std::string> keys;
+  std::vector<base::TomlValue> values;
+  std::vector<std::string> labels;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("name", name, "What varies, in words, for tables and figures. Empty: the first key.");
+    v("keys", keys,
+      "Keys of the config that this axis sets. More than one change together, value by value.");
+    v("values", values,
+      "The values of the key, or where there are several keys a list with one value for each.");
+    v("labels", labels,
+      "What to call each value in tables. If all labels are numbers, the report plots success over "
+      "them. Empty: the values themselves.");
+  }
+};
+
+/// Cells that belong together: one training setup over its axes, or a classical planner.
+struct Group {
+  std::string name;
+  std::string label;
+  std::string preset;
+  std::string planner;
+  base::TomlAssignments set;
+  std::vector<std::string> scores;
+  std::vector<Axis> axes;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("name", name, "Name for --only: letters, digits, '-' and '_'.");
+    v("label", label, "What to call it in tables. Empty: the name.");
+    v("preset", preset,
+      "Config to start from in place of sweep.preset. For a planner, the task that it drives; "
+      "empty: the default task.");
+    v("planner", planner,
+      "A classical planner (dwa, teb, eband, mppi), which is scored without training and has no "
+      "seeds. Empty: policies are trained.");
+    v("set", set, "Keys of the config and their values, for this group.");
+    v("scores", scores, "Names of the scores for this group. Empty: sweep.scores.");
+    v.Tables("axis", axes, "An axis of this group, besides those of the plan.");
+  }
+};
+
+/// Courses on which each trained policy or planner is scored, and how.
+struct Score {
+  std::string name;
+  std::string label;
+  std::string courses;
+  std::string protocol;
+  int episodes = 0;
+  std::vector<std::string> profiles;
+  base::TomlAssignments set;
+  bool planning = false;
+  bool snapshots = false;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("name", name, "Name of the score: letters, digits, '-' and '_'.");
+    v("label", label, "What to call it in tables. Empty: the name.");
+    v("courses", courses,
+      "Course set, as `slalom evaluate --courses` takes it. \"training\": the courses that the "
+      "cell was trained on.");
+    v("protocol", protocol, "evaluation.protocol of this score. Empty: that of the preset.");
+    v("episodes", episodes, base::Range{0, 100000}, "",
+      "Episodes on each course. 0: that of the preset.");
+    v("profiles", profiles,
+      "TOML files, as paths relative to the plan, whose [environment] is laid over the task.");
+    v("set", set, "Keys of [environment], [evaluation] and [mpc] for this score.");
+    v("planning", planning, "Plan with the policy's transition model (mpc.enabled).");
+    v("snapshots", snapshots,
+      "Score the policies of run.snapshot_steps, too, for curves of sample efficiency.");
+  }
+};
+
+/// Published numbers to show beside the results.
+struct Reference {
+  std::string source;
+  std::string score;
+  std::string quantity = "success_rate";
+  std::vector<std::string> rows;
+  std::vector<double> values;
+  std::vector<double> deviations;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("source", source, "Who published the numbers, in words.");
+    v("score", score, "Name of the score that they are compared with.");
+    v("quantity", quantity,
+      base::OneOf{"success_rate", "collision_rate", "survival_time_s", "traversal_time_s"}, "",
+      "What the numbers are. Rates are shares from 0 to 1.");
+    v("rows", rows,
+      "The rows of the table that the numbers belong to: labels of group and axes, joined by "
+      "\" / \", such as \"GRU / 4\".");
+    v("values", values, base::Range{-1e9, 1e9}, "", "One number for each row.");
+    v("deviations", deviations, base::Range{0.0, 1e9}, "",
+      "Their standard deviations over runs. Empty: not known.");
+  }
+};
+
+/// How cells are handed to Slurm (`--engine slurm`).
+struct SlurmSettings {
+  std::string partition;
+  std::string account;
+  double hours = 24.0;
+  int memory_mb = 4096;
+  int at_once = 0;
+  std::vector<std::string> options;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("partition", partition, "Partition. Empty: the cluster's default.");
+    v("account", account, "Account. Empty: the user's default.");
+    v("hours", hours, base::Range{0.01, 10000.0}, "h",
+      "Time limit of a task. A cell that needs longer saves itself, is requeued and goes on.");
+    v("memory_mb", memory_mb, base::Range{64, 1.0e9}, "MiB", "Memory of a task.");
+    v("at_once", at_once, base::Range{0, 100000}, "", "Tasks at the same time. 0: no limit.");
+    v("options", options, "Further options of sbatch, one string each.");
+  }
+};
+
+/// A plan file. A value.
+struct Plan {
+  SweepSettings sweep;
+  BudgetSettings budget;
+  base::TomlAssignments set;
+  std::vector<Axis> axes;
+  std::vector<Group> groups;
+  std::vector<Score> scores;
+  std::vector<Reference> references;
+  SlurmSettings slurm;
+
+  std::filesystem::path file;         ///< Where it was read; paths in it are relative to this.
+  base::TomlAssignments overrides{};  ///< `--set` of keys of the run's config, laid over all.
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("set", set, "Keys of the config and their values, for every training.");
+    v.Section("sweep", sweep, "The sweep as a whole.");
+    v.Section("budget", budget, "How long each training lasts.");
+    v.Tables("axis", axes, "An axis of every group of trainings.");
+    v.Tables("group", groups,
+             "Cells that belong together. Without any there is one group, with the sweep's name.");
+    v.Tables("score", scores, "What every policy and planner is scored on.");
+    v.Tables("reference", references, "Published numbers, shown beside the results.");
+    v.Section("slurm", slurm, "How cells are handed to Slurm.");
+  }
+};
+
+/// Reads a plan. `overrides`: `--set` of the command line. Keys of the plan (sweep, budget, slurm)
+/// change the plan; any other is a key of the run's config and changes every training. Throws
+/// `base::Error` that names file, line and key: unknown key, no score, an empty axis, lists of
+/// different lengths, two groups or scores of one name, a preset that is not there.
+Plan ReadPlan(const std::filesystem::path& file, std::span<const std::string> overrides);
+
+}  // namespace slalom::sweep

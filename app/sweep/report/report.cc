@@ -1,0 +1,87 @@
+#include "app/sweep/report/report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "app/sweep/report/report_content.h"
+#include "app/sweep/report/report_csv.h"
+#include "app/sweep/report/report_latex.h"
+#include "app/sweep/report/report_markdown.h"
+#include "app/sweep/report/report_page.h"
+#include "app/sweep/results.h"
+#include "app/sweep/store.h"
+#include "base/file.h"
+#include "eval/statistics/bootstrap.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// How many characters a terminal shows for a UTF-8 text.
+std::size_t WidthOf(const std::string& text) {
+  return static_cast<std::size_t>(std::ranges::count_if(
+      text, [](char c) { return (static_cast<unsigned char>(c) & 0xc0u) != 0x80u; }));
+}
+
+/// "74.2 (70.1 - 78.0)", and how many seeds it is from where some are missing.
+std::string SummaryCell(const RowScore& score) {
+  if (score.seeds.empty()) return "-";
+  const eval::Estimate success = eval::BootstrapMean(RateTable(score, kQuantities[0]));
+  std::string text = fmt::format("{:.1f}", 100.0 * success.value);
+  if (success.interval) {
+    text += fmt::format(" ({:.1f} - {:.1f})", 100.0 * success.interval->low,
+                        100.0 * success.interval->high);
+  }
+  if (!score.is_complete()) {
+    text += fmt::format(", {} of {} seeds", score.seeds.size(), score.num_planned);
+  }
+  return text;
+}
+
+}  // namespace
+
+void WriteSweepReport(const Plan& plan, const Cells& cells, const fs::path& store) {
+  const ReportContent content = MakeContent(plan, cells, store);
+  const fs::path directory = PlanDirectory(store, plan.sweep.name);
+  base::MakeDirectories(directory);
+  base::WriteFileAtomically(directory / "report.csv", CellCsv(content));
+  base::WriteFileAtomically(directory / "report-rows.csv", RowCsv(content));
+  base::WriteFileAtomically(directory / "report.tex", LatexReport(content));
+  base::WriteFileAtomically(directory / "report.md", MarkdownReport(content));
+  base::WriteFileAtomically(directory / "report.html", SweepPage(content));
+}
+
+std::string SweepSummary(const Plan& plan, const Cells& cells, const fs::path& store) {
+  const SweepResults results = CollectResults(plan, cells, store);
+  std::vector<std::vector<std::string>> table(1 + results.rows.size());
+  table[0].push_back("success [%]");
+  for (std::size_t r = 0; r < results.rows.size(); ++r) {
+    table[r + 1].push_back(results.rows[r].name);
+  }
+  for (const ScoreResults& score : results.scores) {
+    table[0].push_back(score.label);
+    for (std::size_t r = 0; r < results.rows.size(); ++r) {
+      const auto found = std::ranges::find(score.rows, r, &RowScore::row);
+      table[r + 1].push_back(found == score.rows.end() ? "" : SummaryCell(*found));
+    }
+  }
+  std::string text;
+  for (std::size_t line = 0; line < table.size(); ++line) {
+    std::string rule;
+    for (std::size_t column = 0; column < table[line].size(); ++column) {
+      std::size_t width = 0;
+      for (const auto& other : table) width = std::max(width, WidthOf(other[column]));
+      const std::string& cell = table[line][column];
+      text += "| " + cell + std::string(width - WidthOf(cell) + 1, ' ');
+      rule += "|" + std::string(width + 2, '-');
+    }
+    text += "|\n";
+    if (line == 0) text += rule + "|\n";
+  }
+  return text;
+}
+
+}  // namespace slalom::sweep

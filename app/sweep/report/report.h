@@ -1,0 +1,30 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "app/sweep/cell.h"
+#include "app/sweep/plan.h"
+
+/// The report of a sweep, at any time: cells that are not done are listed as missing.
+/// docs/sweeps.md explains it.
+
+namespace slalom::sweep {
+
+/// Writes the report into `PlanDirectory(store, plan.sweep.name)`, each file atomically:
+///
+///     report.html       one page with figures, which opens without a network
+///     report.md         the same tables for people and repositories
+///     report.csv        a line for each cell and score
+///     report-rows.csv   a line for each row and score: means, intervals, published numbers
+///     report.tex        tables in the layout of the paper's
+///
+/// Throws `base::Error` if a file cannot be written.
+void WriteSweepReport(const Plan& plan, const Cells& cells, const std::filesystem::path& store);
+
+/// Returns a table for the terminal: success of each row on each score in percent, with its 95 %
+/// interval, and how many of its seeds are in it. Lines end in newlines.
+/// Cost: reads every evaluation that is there.
+std::string SweepSummary(const Plan& plan, const Cells& cells, const std::filesystem::path& store);
+
+}  // namespace slalom::sweep

@@ -1,0 +1,187 @@
+#include "app/sweep/report/report_markdown.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <iterator>
+
+#include "eval/report/table_text.h"
+
+namespace slalom::sweep {
+namespace {
+
+using eval::EscapeMarkdown;
+
+/// "74.2 (70.1–78.0)" in the quantity's unit.
+std::string EstimateText(const std::optional<eval::Estimate>& estimate, double factor, int digits) {
+  if (!estimate) return "–";
+  std::string text = fmt::format("{:.{}f}", factor * estimate->value, digits);
+  if (estimate->interval) {
+    text += fmt::format(" ({:.{}f}–{:.{}f})", factor * estimate->interval->low, digits,
+                        factor * estimate->interval->high, digits);
+  }
+  return text;
+}
+
+std::string PublishedText(const std::optional<Published>& published, const Quantity& quantity) {
+  if (!published) return "";
+  std::string text = fmt::format("{:.4g}", quantity.factor * published->value);
+  if (published->deviation) {
+    text += fmt::format(" ± {:.3g}", quantity.factor * *published->deviation);
+  }
+  return text;
+}
+
+std::string SeedsText(const RowFigures& row, bool is_planner) {
+  if (is_planner && row.num_seeds == row.num_planned) return "–";  // It has none.
+  return row.num_seeds == row.num_planned
+             ? fmt::format("{}", row.num_seeds)
+             : fmt::format("**{} of {}**", row.num_seeds, row.num_planned);
+}
+
+std::string RowTable(const ReportContent& content, const std::vector<RowFigures>& rows,
+                     const std::vector<std::int64_t>& snapshot_steps) {
+  const std::vector<PublishedColumn> published = PublishedColumns(rows);
+  const bool has_snapshots = !snapshot_steps.empty();
+  const auto& axes = content.cells.axis_names;
+  const std::string head =
+      axes.empty() ? "row" : EscapeMarkdown(fmt::format("{}", fmt::join(axes, " / ")));
+  std::string text = "| " + head + (has_snapshots ? " | after | seeds |" : " | seeds |");
+  std::string rule = has_snapshots ? "|---|---:|---:|" : "|---|---:|";
+  const auto add_column = [&](const std::string& title) {
+    text += " " + title + " |";
+    rule += "---:|";
+  };
+  for (const Quantity& quantity : kQuantities) {
+    add_column(fmt::format("{} [{}]", quantity.title, quantity.unit));
+    if (quantity.key == "success_rate") add_column("IQM [%]");
+  }
+  add_column("steps");
+  add_column("training");
+  for (const PublishedColumn& column : published) {
+    const Quantity& quantity = kQuantities[column.quantity];
+    add_column(
+        fmt::format("{}: {} [{}]", EscapeMarkdown(column.source), quantity.title, quantity.unit));
+  }
+  text += "\n" + rule + "\n";
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const RowFigures& row = rows[i];
+    text += "| " + EscapeMarkdown(content.row(row).name) + " | ";
+    if (has_snapshots) {
+      text +=
+          snapshot_steps[i] > 0 ? FormatCount(static_cast<double>(snapshot_steps[i])) : "the end";
+      text += " | ";
+    }
+    text += SeedsText(row, content.row(row).is_planner) + " |";
+    for (std::size_t q = 0; q < row.quantities.size(); ++q) {
+      text += " " + EstimateText(row.quantities[q].estimate, kQuantities[q].factor, 1) + " |";
+      if (q == 0) text += " " + EstimateText(row.interquartile_mean, 100.0, 1) + " |";
+    }
+    text += " " + (row.steps ? FormatCount(*row.steps) : "–") + " |";
+    text += " " + (row.training_s ? FormatSeconds(*row.training_s) : "–") + " |";
+    for (const PublishedColumn& column : published) {
+      text += " " + PublishedText(FindPublished(row, column), kQuantities[column.quantity]) + " |";
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string PValueText(double p_value) {
+  return p_value < 0.001 ? "< 0.001" : fmt::format("{:.3f}", p_value);
+}
+
+std::string PairTable(const ReportContent& content, const RowPairs& compared) {
+  std::string text =
+      "| first | second | difference [points] | p, courses | p, trainings | verdict | first better "
+      "|\n|---|---|---:|---:|---:|---|---:|\n";
+  for (const eval::AgentPair& pair : compared.pairs) {
+    fmt::format_to(
+        std::back_inserter(text), "| {} | {} | {} | {} | {} | {} | {} |\n",
+        EscapeMarkdown(content.results.rows[pair.first].name),
+        EscapeMarkdown(content.results.rows[pair.second].name),
+        EstimateText(pair.test.difference, 100.0, 1), PValueText(pair.corrected_p_value),
+        pair.corrected_training_p_value ? PValueText(*pair.corrected_training_p_value) : "–",
+        eval::ToString(pair.verdict), EstimateText(pair.improvement, 1.0, 2));
+  }
+  return text;
+}
+
+std::string CurveTable(const ReportContent& content, const ScoreContent& score) {
+  std::string text =
+      "| row | seeds | area over steps [%] | area over seconds [%] |\n|---|---:|---:|---:|\n";
+  for (const LearningCurve& curve : score.curves) {
+    fmt::format_to(std::back_inserter(text), "| {} | {} of {} | {} | {} |\n",
+                   EscapeMarkdown(content.results.rows[curve.row].name), curve.num_seeds,
+                   curve.num_planned, EstimateText(curve.area_over_steps, 100.0, 1),
+                   EstimateText(curve.area_over_seconds, 100.0, 1));
+  }
+  return text;
+}
+
+std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
+  std::string text = fmt::format("\n## {}\n\nCourses: {}. {}\n\n", EscapeMarkdown(score.label),
+                                 EscapeMarkdown(score.courses), EscapeMarkdown(score.protocol));
+  text += RowTable(content, score.rows, {});
+  if (!score.overlap.empty()) text += "\n" + EscapeMarkdown(score.overlap) + "\n";
+  if (!score.snapshots.empty()) {
+    text += "\n### While learning\n\n" + RowTable(content, score.snapshots, score.snapshot_steps);
+  }
+  if (!score.curves.empty()) {
+    text +=
+        "\nThe area under a curve of success is its mean height between its first and last "
+        "snapshot.\n\n" +
+        CurveTable(content, score);
+  }
+  if (!score.pairs.pairs.empty()) {
+    text +=
+        "\n### Row against row\n\nSuccess of the first minus that of the second on the same "
+        "courses and starts. p-values are of permutation tests, corrected by Holm for the "
+        "number of pairs: over courses for these trained policies, over trainings for the two "
+        "ways to train. The verdict is that of the trainings, or that of the courses for two "
+        "planners. The last column is how likely the first is better on a course.\n\n" +
+        PairTable(content, score.pairs);
+  }
+  if (!score.pairs.note.empty()) text += "\n" + score.pairs.note + "\n";
+  return text;
+}
+
+std::string MissingText(const ReportContent& content) {
+  const SweepResults& results = content.results;
+  std::string text;
+  auto out = std::back_inserter(text);
+  if (results.num_cells(CellState::kFailed) > 0) text += "\n## Failures\n";
+  for (std::size_t c = 0; c < results.statuses.size(); ++c) {
+    const auto& failure = results.statuses[c].failure;
+    if (results.statuses[c].state != CellState::kFailed || !failure) continue;
+    fmt::format_to(out, "\n**{}** (cells/{}): {}\n", EscapeMarkdown(content.cells.cells[c].name()),
+                   content.cells.cells[c].id, EscapeMarkdown(failure->what));
+    if (!failure->log.empty()) fmt::format_to(out, "\n~~~~~~\n{}\n~~~~~~\n", failure->log);
+  }
+  if (results.missing.empty()) return text;
+  text += "\n## Missing\n\n";
+  for (const MissingScore& missing : results.missing) {
+    text += "- " + EscapeMarkdown(Describe(missing, content.cells)) + "\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string MarkdownReport(const ReportContent& content) {
+  std::string text = fmt::format("# {}\n\n", EscapeMarkdown(content.title));
+  for (const auto& [name, value] : content.provenance) {
+    text += fmt::format("- {}: {}\n", name, EscapeMarkdown(value));
+  }
+  for (const std::string& warning : content.warnings) {
+    text += fmt::format("\n**Note:** {}\n", EscapeMarkdown(warning));
+  }
+  text +=
+      "\nIn brackets 95 % intervals over seeds and courses; with one seed over courses alone. IQM "
+      "is the mean of the middle half of all successes by seed and course. Survival is the time of "
+      "failed episodes, traversal that of successful ones.\n";
+  for (const ScoreContent& score : content.scores) text += ScoreText(content, score);
+  return text + MissingText(content);
+}
+
+}  // namespace slalom::sweep

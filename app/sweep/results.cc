@@ -1,0 +1,231 @@
+#include "app/sweep/results.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "learner/run/metrics_table.h"
+#include "learner/run/run_directory.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxMetricsRows = 100000;
+
+std::vector<Row> RowsOf(const Cells& cells) {
+  std::vector<Row> rows;
+  std::map<std::pair<std::string, std::vector<std::string>>, std::size_t> places;
+  for (std::size_t c = 0; c < cells.cells.size(); ++c) {
+    const Cell& cell = cells.cells[c];
+    const auto [place, is_new] = places.try_emplace({cell.group, cell.row}, rows.size());
+    if (is_new) rows.push_back({cell.row_name(), cell.row, {}, !cell.planner.empty()});
+    rows[place->second].cells.push_back(c);
+  }
+  return rows;
+}
+
+/// The evaluation of a task, or why there is none.
+struct ReadScore {
+  std::optional<eval::Result> result;
+  std::string why;
+};
+
+ReadScore Read(const fs::path& directory, const CellStatus& status) {
+  const fs::path file = directory / "evaluation.json";
+  std::error_code error;
+  if (!fs::exists(file, error)) return {std::nullopt, std::string(ToString(status.state))};
+  try {
+    return {eval::ParseResult(base::ReadFile(file), file.string()).result, ""};
+  } catch (const base::Error& fault) {
+    return {std::nullopt, fault.what()};
+  }
+}
+
+/// Adds one evaluation to its row, or to what is missing.
+void Add(const Cells& cells, std::size_t cell, const ScoreTask& task, const fs::path& store,
+         RowScore& score, SweepResults& results) {
+  const CellDirectory directory(store, cells.cells[cell].id);
+  ReadScore read = Read(directory.score(task), results.statuses[cell]);
+  if (read.result && !score.seeds.empty()) {
+    const std::size_t expected = score.seeds.front().result.courses.size();
+    if (const std::size_t found = read.result->courses.size(); found != expected) {
+      read = {std::nullopt,
+              fmt::format("it has {} courses, and the row's first evaluation {}", found, expected)};
+    }
+  }
+  if (read.result) {
+    score.seeds.push_back({cell, std::move(*read.result)});
+  } else {
+    results.missing.push_back({cell, task.name, task.snapshot_steps, std::move(read.why)});
+  }
+}
+
+/// The evaluations of one row on a score, by the steps of the snapshot; 0: the finished policies.
+std::map<std::int64_t, RowScore> ReadRow(const Cells& cells, std::size_t row,
+                                         const std::string& score, const fs::path& store,
+                                         SweepResults& results) {
+  std::map<std::int64_t, RowScore> by_steps;
+  for (const std::size_t cell : results.rows[row].cells) {
+    for (const ScoreTask& task : cells.cells[cell].scores) {
+      if (task.name != score) continue;
+      RowScore& found = by_steps[task.snapshot_steps];
+      found.row = row;
+      found.snapshot_steps = task.snapshot_steps;
+      ++found.num_planned;
+      Add(cells, cell, task, store, found, results);
+    }
+  }
+  return by_steps;
+}
+
+/// The training time at which a run had made so many steps, between the rows of its log.
+std::optional<double> SecondsAt(const run::MetricsTable& log, std::int64_t steps) {
+  const std::vector<double> at = log.Column("steps");
+  const std::vector<double> seconds = log.Column("training_s");
+  double last_steps = 0.0;
+  double last_seconds = 0.0;
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    if (!std::isfinite(at[i]) || !std::isfinite(seconds[i])) continue;
+    if (at[i] >= static_cast<double>(steps)) {
+      const double share = at[i] > last_steps ? (steps - last_steps) / (at[i] - last_steps) : 1.0;
+      return last_seconds + share * (seconds[i] - last_seconds);
+    }
+    last_steps = at[i];
+    last_seconds = seconds[i];
+  }
+  return std::nullopt;
+}
+
+void ReadSnapshotSeconds(const Cells& cells, const fs::path& store, SweepResults& results) {
+  for (std::size_t c = 0; c < cells.cells.size(); ++c) {
+    std::set<std::int64_t> steps;
+    for (const ScoreTask& task : cells.cells[c].scores) {
+      if (task.snapshot_steps > 0) steps.insert(task.snapshot_steps);
+    }
+    if (steps.empty()) continue;
+    const run::RunDirectory run{CellDirectory(store, cells.cells[c].id).run()};
+    std::error_code error;
+    if (!fs::exists(run.metrics(), error)) continue;
+    run::MetricsTable log;
+    try {
+      log = run::ParseMetrics(base::ReadFile(run.metrics()), kMaxMetricsRows);
+    } catch (const base::Error&) {
+      continue;  // The curve over seconds is then shorter, and says so.
+    }
+    for (const std::int64_t step : steps) {
+      if (const auto seconds = SecondsAt(log, step)) results.snapshot_seconds[{c, step}] = *seconds;
+    }
+  }
+}
+
+/// Whether an episode counts towards a quantity, and with what.
+std::optional<double> ValueOf(const eval::ResultEpisode& episode, const Quantity& quantity) {
+  const bool is_success = episode.outcome == env::Outcome::kSuccess;
+  if (quantity.key == "success_rate") return is_success ? 1.0 : 0.0;
+  if (quantity.key == "collision_rate") {
+    return episode.outcome == env::Outcome::kCollision ? 1.0 : 0.0;
+  }
+  const bool is_of_successes = quantity.key == "traversal_time_s";
+  return is_success == is_of_successes ? std::optional(episode.time) : std::nullopt;
+}
+
+eval::Interval LimitsOf(const eval::Result& result, const Quantity& quantity) {
+  if (quantity.is_rate) return {0.0, 1.0};
+  const auto limit = result.protocol.find("time_limit_s");
+  const nlohmann::json number = limit == result.protocol.end()
+                                    ? nlohmann::json()
+                                    : nlohmann::json::parse(limit->second, nullptr, false);
+  return {0.0, number.is_number() ? number.get<double>() : 1e6};
+}
+
+}  // namespace
+
+int SweepResults::num_cells(CellState state) const {
+  return static_cast<int>(std::ranges::count(statuses, state, &CellStatus::state));
+}
+
+SweepResults CollectResults(const Plan& plan, const Cells& cells, const fs::path& store) {
+  SweepResults results;
+  results.rows = RowsOf(cells);
+  for (const Cell& cell : cells.cells) results.statuses.push_back(ReadCellStatus(store, cell));
+  for (const Score& score : plan.scores) {
+    ScoreResults found{score.name, score.label.empty() ? score.name : score.label, {}, {}};
+    for (std::size_t r = 0; r < results.rows.size(); ++r) {
+      auto by_steps = ReadRow(cells, r, score.name, store, results);
+      const bool has_snapshots = by_steps.size() > by_steps.count(0);
+      for (auto& [steps, row_score] : by_steps) {
+        if (steps > 0) found.snapshots.push_back(std::move(row_score));
+      }
+      const auto finished = by_steps.find(0);
+      if (finished == by_steps.end()) continue;
+      if (has_snapshots) found.snapshots.push_back(finished->second);
+      found.rows.push_back(std::move(finished->second));
+    }
+    results.scores.push_back(std::move(found));
+  }
+  std::ranges::stable_sort(results.missing, {}, &MissingScore::cell);
+  ReadSnapshotSeconds(cells, store, results);
+  return results;
+}
+
+std::optional<double> ValueOf(const eval::Result& result, const Quantity& quantity) {
+  double sum = 0.0;
+  int count = 0;
+  for (const eval::ResultCourse& course : result.courses) {
+    for (const eval::ResultEpisode& episode : course.episodes) {
+      const auto value = ValueOf(episode, quantity);
+      if (!value) continue;
+      sum += *value;
+      ++count;
+    }
+  }
+  if (count == 0) return std::nullopt;
+  return sum / count;
+}
+
+QuantityTables TablesOf(const RowScore& score, const Quantity& quantity) {
+  SLALOM_CHECK(!score.seeds.empty());
+  QuantityTables tables;
+  tables.sums.limits = LimitsOf(score.seeds.front().result, quantity);
+  tables.sums.trained = score.seeds.front().result.kind != "planner";
+  for (const CellScore& seed : score.seeds) {
+    std::vector<double> sums;
+    std::vector<double> counts;
+    for (const eval::ResultCourse& course : seed.result.courses) {
+      sums.push_back(0.0);
+      counts.push_back(0.0);
+      for (const eval::ResultEpisode& episode : course.episodes) {
+        const auto value = ValueOf(episode, quantity);
+        if (!value) continue;
+        sums.back() += *value;
+        counts.back() += 1.0;
+      }
+    }
+    tables.sums.scores.push_back(std::move(sums));
+    tables.counts.scores.push_back(std::move(counts));
+  }
+  return tables;
+}
+
+eval::ScoreTable RateTable(const RowScore& score, const Quantity& rate) {
+  SLALOM_CHECK(rate.is_rate);
+  QuantityTables tables = TablesOf(score, rate);
+  for (std::size_t s = 0; s < tables.sums.scores.size(); ++s) {
+    for (std::size_t c = 0; c < tables.sums.scores[s].size(); ++c) {
+      // A course without episodes cannot be in a file that was read.
+      tables.sums.scores[s][c] /= std::max(1.0, tables.counts.scores[s][c]);
+    }
+  }
+  return std::move(tables.sums);
+}
+
+}  // namespace slalom::sweep

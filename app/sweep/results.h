@@ -1,0 +1,111 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/sweep/cell.h"
+#include "app/sweep/plan.h"
+#include "app/sweep/store.h"
+#include "eval/report/result.h"
+#include "eval/statistics/score_table.h"
+
+/// What the cells of a plan have come to so far: their evaluations by row and score. The reports
+/// are made from it (app/sweep/report/figures.h, app/sweep/report/report.h).
+
+namespace slalom::sweep {
+
+/// The evaluation of one cell.
+struct CellScore {
+  std::size_t cell = 0;  ///< Index in `Cells::cells`.
+  eval::Result result;   ///< Without courses' shapes and tracks.
+};
+
+/// The evaluations of one row on one score. All of them are on equally many courses.
+struct RowScore {
+  std::size_t row = 0;              ///< Index in `SweepResults::rows`.
+  std::int64_t snapshot_steps = 0;  ///< 0: of the finished policies.
+  int num_planned = 0;              ///< Cells of the row that have this score in the plan.
+  std::vector<CellScore> seeds;     ///< Those that are there, in the plan's order; may be empty.
+
+  bool is_complete() const { return static_cast<int>(seeds.size()) == num_planned; }
+};
+
+/// All evaluations on one score.
+struct ScoreResults {
+  std::string name;
+  std::string label;
+  std::vector<RowScore> rows;       ///< Rows without this score are left out.
+  std::vector<RowScore> snapshots;  ///< Row by row, each by steps, the finished policies last.
+};
+
+/// Cells that differ only in their seed.
+struct Row {
+  std::string name;                 ///< "TD3 / 50".
+  std::vector<std::string> labels;  ///< As `Cell::row`.
+  std::vector<std::size_t> cells;   ///< Indices in `Cells::cells`.
+  bool is_planner = false;
+};
+
+/// An evaluation that the plan asks for and that is not there.
+struct MissingScore {
+  std::size_t cell = 0;
+  std::string score;
+  std::int64_t snapshot_steps = 0;
+  std::string why;  ///< "waiting", "training", "failed", or what is wrong with its file.
+};
+
+/// A value.
+struct SweepResults {
+  std::vector<Row> rows;              ///< In the plan's order.
+  std::vector<ScoreResults> scores;   ///< In the plan's order.
+  std::vector<CellStatus> statuses;   ///< Of each cell.
+  std::vector<MissingScore> missing;  ///< Cell by cell.
+  /// Time spent training until each snapshot, [s], by cell and steps, where the run's metrics.csv
+  /// reaches that far.
+  std::map<std::pair<std::size_t, std::int64_t>, double> snapshot_seconds;
+
+  int num_cells(CellState state) const;
+};
+
+/// Collects the results below `store`. Never fails because of a cell: what cannot be read is listed
+/// in `missing`. Cost: reads every evaluation.json of the plan.
+SweepResults CollectResults(const Plan& plan, const Cells& cells,
+                            const std::filesystem::path& store);
+
+/// What is measured of a row, in the order of the tables.
+struct Quantity {
+  std::string_view key;    ///< As in `Reference::quantity` and in the CSV: "success_rate".
+  std::string_view title;  ///< "success"
+  std::string_view unit;   ///< As shown: "%" or "s".
+  double factor = 1.0;     ///< From the quantity to what is shown.
+  bool higher_is_better = true;
+  bool is_rate = true;  ///< Else the time of those episodes that have one.
+};
+inline constexpr Quantity kQuantities[] = {
+    {"success_rate", "success", "%", 100.0, true, true},
+    {"collision_rate", "collision", "%", 100.0, false, true},
+    {"survival_time_s", "survival", "s", 1.0, true, false},
+    {"traversal_time_s", "traversal", "s", 1.0, false, false},
+};
+
+/// A quantity of one evaluation; none: no episode has it (no success, so no traversal time).
+std::optional<double> ValueOf(const eval::Result& result, const Quantity& quantity);
+
+/// Sums of a quantity over the episodes on each course, and how many episodes have it. Their ratio
+/// is the quantity's mean over episodes.
+struct QuantityTables {
+  eval::ScoreTable sums;    ///< [seed][course]
+  eval::ScoreTable counts;  ///< [seed][course]
+};
+/// Requires: at least one seed.
+QuantityTables TablesOf(const RowScore& score, const Quantity& quantity);
+
+/// The mean of a rate over the episodes on each course: [seed][course]. Requires: at least one
+/// seed, a rate.
+eval::ScoreTable RateTable(const RowScore& score, const Quantity& rate);
+
+}  // namespace slalom::sweep

@@ -1,0 +1,300 @@
+#include "app/sweep/slurm.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <string_view>
+
+#include "app/sweep/slurm_tool.h"
+#include "base/check.h"
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Slurm ends a task 30 seconds after SIGTERM where it decides, and at its time limit; the program
+// gets as many seconds before that to save itself.
+constexpr int kSecondsToSave = 60;
+
+/// An array that was submitted, as submitted.json has it.
+struct Submitted {
+  std::string job;
+  std::vector<std::string> cells;  ///< By index of the task.
+};
+
+fs::path RecordFile(const fs::path& directory) { return directory / "submitted.json"; }
+
+std::vector<Submitted> ReadRecord(const fs::path& directory) {
+  const fs::path file = RecordFile(directory);
+  if (!fs::exists(file)) return {};
+  std::vector<Submitted> arrays;
+  try {
+    const auto json = nlohmann::json::parse(base::ReadFile(file));
+    for (const auto& array : json.at("arrays")) {
+      arrays.push_back({array.at("job"), array.at("cells")});
+    }
+  } catch (const nlohmann::json::exception&) {
+    throw base::Error(fmt::format(
+        "{} is damaged: expected the arrays that were submitted; once squeue shows no task of this "
+        "sweep, delete the file",
+        file.string()));
+  }
+  return arrays;
+}
+
+void WriteRecord(const fs::path& directory, const std::vector<Submitted>& arrays) {
+  nlohmann::json json = {{"arrays", nlohmann::json::array()}};
+  for (const Submitted& array : arrays) {
+    json["arrays"].push_back({{"job", array.job}, {"cells", array.cells}});
+  }
+  base::WriteFileAtomically(RecordFile(directory), json.dump(1) + "\n");
+}
+
+std::string JobName(const std::string& sweep) { return "slalom-" + sweep; }
+
+std::string TaskName(const std::string& job, std::size_t index) {
+  return fmt::format("{}_{}", job, index);
+}
+
+/// A text as one word of bash.
+std::string Quoted(std::string_view text) {
+  std::string quoted = "'";
+  for (const char c : text) {
+    if (c == '\'') {
+      quoted += "'\\''";
+    } else {
+      quoted += c;
+    }
+  }
+  return quoted + "'";
+}
+
+/// What a command of Slurm said, in one line: its errors, without the empty lines.
+std::string Words(const ToolAnswer& answer) {
+  std::istringstream in(answer.errors.empty() ? answer.output : answer.errors);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(in, line);) {
+    if (!line.empty()) lines.push_back(line);
+  }
+  return lines.empty() ? fmt::format("it ended with {} and said nothing", answer.exit_code)
+                       : fmt::format("{}", fmt::join(lines, "; "));
+}
+
+std::string NotInstalled(std::string_view program) {
+  return fmt::format(
+      "{} is not installed here, expected a machine of a Slurm cluster (Debian's package "
+      "slurm-client)",
+      program);
+}
+
+/// What squeue or sacct says of a task.
+struct TaskState {
+  std::string state;
+  std::string reason;
+};
+using TaskStates = std::map<std::string, TaskState, std::less<>>;  // By "12_3".
+
+/// The lines of a table whose columns are separated by '|': task, state and perhaps a reason.
+TaskStates ReadTable(const std::string& table) {
+  TaskStates states;
+  std::istringstream in(table);
+  for (std::string line; std::getline(in, line);) {
+    std::istringstream columns(line);
+    std::string task;
+    TaskState state;
+    std::getline(columns, task, '|');
+    std::getline(columns, state.state, '|');
+    std::getline(columns, state.reason, '|');
+    if (state.reason == "None") state.reason.clear();
+    if (!state.state.empty()) states[task] = state;
+  }
+  return states;
+}
+
+/// The answer of squeue: tasks that wait or run. Another sweep of the same name may be among them.
+ToolAnswer AskQueue(const std::string& sweep) {
+  return RunTool(
+      {"squeue", "--noheader", "--array", "--name=" + JobName(sweep), "--format=%F_%K|%T|%r"});
+}
+
+TaskStates ReadQueue(const std::string& sweep) {
+  const ToolAnswer answer = AskQueue(sweep);
+  if (!answer.is_installed) throw base::Error(NotInstalled("squeue"));
+  if (answer.exit_code != 0) {
+    throw base::Error(fmt::format("squeue cannot say what is queued: {}", Words(answer)));
+  }
+  return ReadTable(answer.output);
+}
+
+/// The script of the array. It holds all that a task needs, since Slurm keeps a copy of it and a
+/// later submission replaces the file.
+std::string Script(const SlurmSweep& sweep, const std::vector<std::string>& cells) {
+  std::vector<std::string> words;
+  words.reserve(sweep.command.size());
+  for (const std::string& word : sweep.command) words.push_back(Quoted(word));
+  return fmt::format(
+      R"(#!/bin/bash
+# Written by slalom sweep run --engine slurm. Task N of the array works on the N-th of these cells.
+cells=({})
+
+# The program saves when it gets SIGTERM, and ends with 143.
+program=""
+told=""
+trap 'told=yes; [[ -z $program ]] || kill -TERM "$program" 2>/dev/null' TERM
+{} --cell "${{cells[SLURM_ARRAY_TASK_ID]}}" &
+program=$!
+[[ -z $told ]] || kill -TERM "$program" 2>/dev/null
+while kill -0 "$program" 2>/dev/null; do wait "$program"; done
+wait "$program"
+status=$?
+
+# Only a task that meets its time limit still counts as running. One that Slurm preempts or requeues
+# comes back without this, and one that was cancelled must not.
+task=${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID
+if ((status == 143)) && [[ $(squeue --noheader --jobs="$task" --format=%T) == RUNNING ]]; then
+  scontrol requeue "$task"
+fi
+exit "$status"
+)",
+      fmt::join(cells, " "), fmt::join(words, " "));
+}
+
+std::vector<std::string> SbatchCommand(const SlurmSweep& sweep, std::size_t num_cells,
+                                       const fs::path& script) {
+  const SlurmSettings& settings = sweep.settings;
+  std::vector<std::string> command = {
+      "sbatch",
+      "--parsable",
+      "--job-name=" + JobName(sweep.name),
+      fmt::format("--array=0-{}{}", num_cells - 1,
+                  settings.at_once > 0 ? fmt::format("%{}", settings.at_once) : ""),
+      "--requeue",
+      "--open-mode=append",
+      fmt::format("--signal=B:TERM@{}", kSecondsToSave),
+      fmt::format("--time={}", static_cast<std::int64_t>(std::ceil(settings.hours * 60.0))),
+      fmt::format("--mem={}M", settings.memory_mb),
+      "--ntasks=1",
+      "--cpus-per-task=1",
+      "--chdir=" + fs::current_path().string(),
+      "--output=" + (fs::absolute(sweep.directory) / "%A_%a.txt").string()};
+  if (!settings.partition.empty()) command.push_back("--partition=" + settings.partition);
+  if (!settings.account.empty()) command.push_back("--account=" + settings.account);
+  command.insert(command.end(), settings.options.begin(), settings.options.end());
+  command.push_back(script.string());
+  return command;
+}
+
+/// The number in the answer of `sbatch --parsable`: "12", or "12;cluster".
+std::string JobNumber(const std::string& answer) {
+  const std::string job = answer.substr(0, answer.find_first_of(";\n"));
+  if (job.empty() || job.find_first_not_of("0123456789") != std::string::npos) {
+    throw base::Error(
+        fmt::format("sbatch answered '{}', expected the number of a job; squeue shows whether "
+                    "there is one",
+                    answer));
+  }
+  return job;
+}
+
+/// Fills in what sacct knows of tasks that have left the queue. Returns why it could not, or "".
+std::string AddEnded(std::vector<SlurmTask>& tasks) {
+  std::set<std::string> jobs;
+  for (const SlurmTask& task : tasks) {
+    if (task.state.empty()) jobs.insert(task.task.substr(0, task.task.find('_')));
+  }
+  if (jobs.empty()) return "";
+  const ToolAnswer answer =
+      RunTool({"sacct", "--noheader", "--parsable2", "--allocations",
+               fmt::format("--jobs={}", fmt::join(jobs, ",")), "--format=JobID,State"});
+  const std::string ended = "How tasks ended that have left the queue is not known: ";
+  if (!answer.is_installed) return ended + NotInstalled("sacct") + ".";
+  if (answer.exit_code != 0) return ended + Words(answer) + ".";
+  const TaskStates states = ReadTable(answer.output);
+  for (SlurmTask& task : tasks) {
+    const auto state = states.find(task.task);
+    if (task.state.empty() && state != states.end()) task.state = state->second.state;
+  }
+  return "";
+}
+
+}  // namespace
+
+SlurmSubmission SubmitToSlurm(const SlurmSweep& sweep, std::span<const std::string> cells) {
+  SLALOM_CHECK(!sweep.command.empty());
+  std::vector<Submitted> arrays = ReadRecord(sweep.directory);
+  std::set<std::string> queued;
+  if (!arrays.empty()) {
+    const TaskStates states = ReadQueue(sweep.name);
+    for (const Submitted& array : arrays) {
+      for (std::size_t i = 0; i < array.cells.size(); ++i) {
+        if (states.contains(TaskName(array.job, i))) queued.insert(array.cells[i]);
+      }
+    }
+  }
+  Submitted array;
+  for (const std::string& cell : cells) {
+    if (!queued.contains(cell)) array.cells.push_back(cell);
+  }
+  SlurmSubmission submission;
+  submission.num_submitted = static_cast<int>(array.cells.size());
+  submission.num_queued = static_cast<int>(cells.size() - array.cells.size());
+  if (array.cells.empty()) return submission;
+
+  base::MakeDirectories(sweep.directory);
+  const fs::path script = sweep.directory / "job.sh";
+  base::WriteFileAtomically(script, Script(sweep, array.cells));
+  const ToolAnswer answer = RunTool(SbatchCommand(sweep, array.cells.size(), script));
+  if (!answer.is_installed) throw base::Error(NotInstalled("sbatch"));
+  if (answer.exit_code != 0) {
+    throw base::Error(
+        fmt::format("sbatch refused an array of {} cells: {}", array.cells.size(), Words(answer)));
+  }
+  array.job = JobNumber(answer.output);
+  submission.job = array.job;
+  arrays.push_back(std::move(array));
+  WriteRecord(sweep.directory, arrays);
+  return submission;
+}
+
+SlurmStatus ReadSlurmStatus(const fs::path& directory, const std::string& name) {
+  SlurmStatus status;
+  for (const Submitted& array : ReadRecord(directory)) {
+    for (std::size_t i = 0; i < array.cells.size(); ++i) {
+      const std::string& cell = array.cells[i];
+      std::erase_if(status.tasks, [&](const SlurmTask& task) { return task.cell == cell; });
+      const std::string task = TaskName(array.job, i);
+      status.tasks.push_back({cell, task, "", "", directory / (task + ".txt")});
+    }
+  }
+  if (status.tasks.empty()) return status;
+  const ToolAnswer answer = AskQueue(name);
+  if (!answer.is_installed || answer.exit_code != 0) {
+    status.notes.push_back(
+        fmt::format("What is queued is not known: {}.",
+                    answer.is_installed ? Words(answer) : NotInstalled("squeue")));
+  } else {
+    const TaskStates states = ReadTable(answer.output);
+    for (SlurmTask& task : status.tasks) {
+      const auto state = states.find(task.task);
+      if (state == states.end()) continue;
+      task.state = state->second.state;
+      task.reason = state->second.reason;
+    }
+  }
+  const std::string note = AddEnded(status.tasks);
+  if (!note.empty()) status.notes.push_back(note);
+  return status;
+}
+
+}  // namespace slalom::sweep

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "app/sweep/plan.h"
+
+/// Cells as tasks of a Slurm cluster (`--engine slurm`, docs/sweeps-cluster.md). Slurm is reached
+/// through its own commands sbatch, squeue and sacct, which are looked for on the PATH.
+
+namespace slalom::sweep {
+
+/// A sweep as Slurm gets it. A value.
+struct SlurmSweep {
+  std::string name;  ///< Of the plan. The array is called "slalom-NAME".
+  SlurmSettings settings;
+  /// The program and its arguments, to which a task appends `--cell ID`. Paths must hold on every
+  /// machine of the cluster; relative ones count from the present working directory.
+  std::vector<std::string> command;
+  /// Where job.sh, submitted.json and the tasks' output lie: ROOT/plans/NAME/slurm.
+  std::filesystem::path directory;
+};
+
+/// What came of handing cells over.
+struct SlurmSubmission {
+  std::string job;        ///< The array's number; empty: none of the cells was left to submit.
+  int num_submitted = 0;  ///< Cells of the new array.
+  int num_queued = 0;     ///< Cells that an earlier array holds, waiting or running.
+};
+
+/// Submits a job array with one task for each of the cells that no earlier array still holds.
+///
+/// Slurm tells a task by SIGTERM that it must end: a minute before the time limit, and when it
+/// preempts, requeues or cancels it. The program then saves and exits with 143. A task that met its
+/// time limit requeues itself; the other two come back or stay away as Slurm decides.
+///
+/// Two calls at the same time may submit a cell twice. The cell's claim then lets one of the two
+/// tasks work on it. Throws `base::Error` if there is no sbatch or squeue, if one of them refuses
+/// (with its own words), or if a file cannot be written.
+SlurmSubmission SubmitToSlurm(const SlurmSweep& sweep, std::span<const std::string> cells);
+
+/// The newest task of a cell.
+struct SlurmTask {
+  std::string cell;                ///< Its id.
+  std::string task;                ///< "12_3": index 3 of array 12.
+  std::string state;               ///< In Slurm's words, "PENDING"; empty: not known.
+  std::string reason;              ///< Why it waits, in Slurm's words, "Resources"; or empty.
+  std::filesystem::path output{};  ///< What the task prints.
+};
+
+/// What Slurm says of a sweep. A value.
+struct SlurmStatus {
+  std::vector<SlurmTask> tasks;    ///< In the order of submission. Empty: nothing was submitted.
+  std::vector<std::string> notes;  ///< What could not be asked, one sentence each.
+};
+
+/// Asks squeue for the tasks in the queue, and sacct, where there is a database, for those that
+/// left it. What does not answer becomes a note, since a cell's own files say what matters. Throws
+/// `base::Error` if submitted.json is damaged.
+SlurmStatus ReadSlurmStatus(const std::filesystem::path& directory, const std::string& name);
+
+}  // namespace slalom::sweep

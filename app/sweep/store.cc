@@ -1,0 +1,161 @@
+#include "app/sweep/store.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "app/sweep/claim.h"
+#include "base/file.h"
+#include "learner/run/metrics_table.h"
+#include "learner/run/run_directory.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+/// The object in a file; none: it is not there, or not whole.
+std::optional<Json> ReadObject(const fs::path& path) {
+  std::ifstream file(path);
+  if (!file) return std::nullopt;
+  Json json = Json::parse(file, nullptr, false);
+  if (!json.is_object()) return std::nullopt;
+  return json;
+}
+
+void WriteObject(const fs::path& path, const Json& object) {
+  base::WriteFileAtomically(path, object.dump(2) + "\n");
+}
+
+std::optional<TrainedCell> ReadTrained(const fs::path& path) {
+  const auto json = ReadObject(path);
+  if (!json) return std::nullopt;
+  TrainedCell trained;
+  try {
+    trained.steps = json->at("steps");
+    trained.updates = json->at("updates");
+    trained.training_s = json->at("training_s");
+    trained.wall_s = json->at("wall_s");
+    trained.host = json->at("host");
+    trained.platform = json->at("platform");
+    trained.commit = json->at("commit");
+    trained.at_once = json->at("at_once");
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+  return trained;
+}
+
+std::optional<ScoredCell> ReadScored(const fs::path& path) {
+  const auto json = ReadObject(path);
+  if (!json) return std::nullopt;
+  try {
+    return ScoredCell{.wall_s = json->at("wall_s"), .episodes = json->at("episodes")};
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+std::optional<CellFailure> ReadFailure(const fs::path& path) {
+  const auto json = ReadObject(path);
+  if (!json) return std::nullopt;
+  try {
+    return CellFailure{.what = json->at("what"), .log = json->at("log")};
+  } catch (const Json::exception&) {
+    return std::nullopt;
+  }
+}
+
+/// The steps of a run so far.
+std::int64_t StepsSoFar(const fs::path& metrics) {
+  const double steps = run::ReadLastMetrics(metrics).Last("steps");
+  return steps > 0.0 ? static_cast<std::int64_t>(steps) : 0;
+}
+
+}  // namespace
+
+std::string_view ToString(CellState state) {
+  switch (state) {
+    case CellState::kWaiting:
+      return "waiting";
+    case CellState::kTraining:
+      return "training";
+    case CellState::kScoring:
+      return "scoring";
+    case CellState::kDone:
+      return "done";
+    case CellState::kFailed:
+      return "failed";
+  }
+  return "";
+}
+
+void WriteTrained(const CellDirectory& directory, const TrainedCell& trained) {
+  WriteObject(directory.trained(), {{"steps", trained.steps},
+                                    {"updates", trained.updates},
+                                    {"training_s", trained.training_s},
+                                    {"wall_s", trained.wall_s},
+                                    {"host", trained.host},
+                                    {"platform", trained.platform},
+                                    {"commit", trained.commit},
+                                    {"at_once", trained.at_once}});
+}
+
+void WriteScored(const CellDirectory& directory, const ScoredCell& scored) {
+  WriteObject(directory.scored(), {{"wall_s", scored.wall_s}, {"episodes", scored.episodes}});
+}
+
+void WriteFailure(const CellDirectory& directory, const CellFailure& failure) {
+  // A program may have printed what is no UTF-8.
+  const Json json = {{"what", failure.what}, {"log", failure.log}};
+  base::WriteFileAtomically(directory.failed(),
+                            json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+}
+
+CellStatus ReadCellStatus(const fs::path& store, const Cell& cell) {
+  const CellDirectory directory(store, cell.id);
+  CellStatus status;
+  status.trained = ReadTrained(directory.trained());
+  status.scored = ReadScored(directory.scored());
+  status.failure = ReadFailure(directory.failed());
+  for (const ScoreTask& task : cell.scores) {
+    if (IsScored(store, cell, task)) ++status.num_scores_done;
+  }
+  if (status.trained) {
+    status.steps = status.trained->steps;
+  } else if (cell.config) {
+    status.steps = StepsSoFar(run::RunDirectory{directory.run()}.metrics());
+  }
+  const bool is_trained = status.trained || !cell.config;
+  if (is_trained && status.num_scores_done == static_cast<int>(cell.scores.size())) {
+    status.state = CellState::kDone;
+  } else if (IsClaimed(directory.root())) {
+    status.state = is_trained ? CellState::kScoring : CellState::kTraining;
+  } else if (status.failure) {
+    status.state = CellState::kFailed;
+  }
+  return status;
+}
+
+bool IsScored(const fs::path& store, const Cell& cell, const ScoreTask& task) {
+  std::error_code ec;
+  return fs::exists(CellDirectory(store, cell.id).score(task) / "evaluation.json", ec);
+}
+
+bool IsDone(const fs::path& store, const Cell& cell) {
+  std::error_code ec;
+  const CellDirectory directory(store, cell.id);
+  if (cell.config && !fs::exists(directory.trained(), ec)) return false;
+  return std::ranges::all_of(cell.scores,
+                             [&](const ScoreTask& task) { return IsScored(store, cell, task); });
+}
+
+fs::path PlanDirectory(const fs::path& store, const std::string& name) {
+  return store / "plans" / name;
+}
+
+}  // namespace slalom::sweep

@@ -1,0 +1,115 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/sweep/cell.h"
+
+/// The files of sweeps. Every cell has a directory named by its id, whichever plan asked for it
+/// first, so that plans share cells:
+///
+///     ROOT/cells/ID/cell.json      what it is, for people and for the metrics
+///     ROOT/cells/ID/training.toml  what `slalom train` is given
+///     ROOT/cells/ID/run/           an ordinary run
+///     ROOT/cells/ID/trained.json   written once the training is finished (`TrainedCell`)
+///     ROOT/cells/ID/scores/DIGEST.toml   the config of an evaluation
+///     ROOT/cells/ID/scores/DIGEST/       the evaluation
+///     ROOT/cells/ID/scored.json    written with the last of them (`ScoredCell`)
+///     ROOT/cells/ID/log.txt        what its programs printed
+///     ROOT/cells/ID/failed.json    written when the last attempt has failed (`CellFailure`)
+///     ROOT/cells/ID/claim-N        who works on it (app/sweep/claim.h)
+///     ROOT/plans/NAME/             the plan as it was resolved, and its report
+
+namespace slalom::sweep {
+
+/// The directory of a sweep's cells. A value; makes no file.
+class CellDirectory {
+ public:
+  CellDirectory(const std::filesystem::path& store, const std::string& id)
+      : root_(store / "cells" / id) {}
+
+  const std::filesystem::path& root() const { return root_; }
+  std::filesystem::path facts() const { return root_ / "cell.json"; }
+  std::filesystem::path config() const { return root_ / "training.toml"; }
+  std::filesystem::path run() const { return root_ / "run"; }
+  std::filesystem::path trained() const { return root_ / "trained.json"; }
+  std::filesystem::path failed() const { return root_ / "failed.json"; }
+  std::filesystem::path scored() const { return root_ / "scored.json"; }
+  std::filesystem::path log() const { return root_ / "log.txt"; }
+  /// The directory of an evaluation.
+  std::filesystem::path score(const ScoreTask& task) const {
+    return root_ / "scores" / task.digest;
+  }
+  /// Its config.
+  std::filesystem::path score_task(const ScoreTask& task) const {
+    return root_ / "scores" / (task.digest + ".toml");
+  }
+
+ private:
+  std::filesystem::path root_;
+};
+
+/// What a finished training came to.
+struct TrainedCell {
+  std::int64_t steps = 0;
+  std::int64_t updates = 0;
+  double training_s = 0.0;  ///< Time spent training, over all sessions, [s].
+  double wall_s = 0.0;      ///< The last session as a whole, loading included, [s].
+  std::string host{};       ///< Machine of the last session.
+  std::string platform{};   ///< `train::Describe` of it.
+  std::string commit{};     ///< Of the program.
+  int at_once = 1;          ///< Cells that the last session's worker ran at the same time.
+};
+
+/// How long the last session took to score a cell.
+struct ScoredCell {
+  double wall_s = 0.0;
+  std::int64_t episodes = 0;
+};
+
+/// Why a cell was given up.
+struct CellFailure {
+  std::string what;  ///< A sentence without its full stop.
+  std::string log;   ///< The end of its log.
+};
+
+enum class CellState {
+  kWaiting,   ///< Nobody works on it, and something is still to be done.
+  kTraining,  ///< Somebody works on it.
+  kScoring,   ///< The same; it is trained.
+  kDone,      ///< Trained, and every score of the plan is there.
+  kFailed,    ///< Given up.
+};
+std::string_view ToString(CellState state);
+
+/// A cell as its files show it now. A value.
+struct CellStatus {
+  CellState state = CellState::kWaiting;
+  int num_scores_done = 0;
+  std::int64_t steps = 0;  ///< Of its training so far.
+  std::optional<TrainedCell> trained;
+  std::optional<ScoredCell> scored;
+  std::optional<CellFailure> failure;
+};
+
+/// Reads a cell's files. Never waits or writes. What is being written or is damaged counts as not
+/// there.
+CellStatus ReadCellStatus(const std::filesystem::path& store, const Cell& cell);
+
+/// Write the files of these names. Throw `base::Error` where that fails.
+void WriteTrained(const CellDirectory& directory, const TrainedCell& trained);
+void WriteScored(const CellDirectory& directory, const ScoredCell& scored);
+void WriteFailure(const CellDirectory& directory, const CellFailure& failure);
+
+/// Whether the evaluation of a score is there.
+bool IsScored(const std::filesystem::path& store, const Cell& cell, const ScoreTask& task);
+/// Whether every score that the plan asks of the cell is there.
+bool IsDone(const std::filesystem::path& store, const Cell& cell);
+
+/// The directory of a plan's own files.
+std::filesystem::path PlanDirectory(const std::filesystem::path& store, const std::string& name);
+
+}  // namespace slalom::sweep

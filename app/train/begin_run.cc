@@ -1,0 +1,63 @@
+#include "app/train/begin_run.h"
+
+#include <fmt/format.h>
+
+#include "app/train/recorded_config.h"
+#include "app/train/run_identity.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/log.h"
+
+namespace slalom::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+void WriteConfig(const run::RunDirectory& directory, const RunConfig& config) {
+  base::WriteFileAtomically(directory.config(), config::ToToml(config));
+}
+
+}  // namespace
+
+run::RunLock BeginRun(const run::RunDirectory& directory, const RunConfig& config) {
+  if (fs::exists(directory.config())) {
+    const run::RunLock earlier(directory.root);
+    fs::path aside;
+    for (int i = 1; aside.empty() || fs::exists(aside); ++i) {
+      aside = fmt::format("{}.{}", directory.root.string(), i);
+    }
+    std::error_code ec;
+    fs::rename(directory.root, aside, ec);
+    if (ec) {
+      throw base::Error(fmt::format("{}: cannot move the earlier run to {} ({})",
+                                    directory.root.string(), aside.string(), ec.message()));
+    }
+    spdlog::info("the earlier run is now {}", aside.string());
+  }
+  base::MakeDirectories(directory.root);
+  run::RunLock lock(directory.root);
+  WriteConfig(directory, config);
+  return lock;
+}
+
+run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& config) {
+  if (!fs::exists(directory.config())) {
+    throw base::Error(fmt::format("{}: there is no run to resume here", directory.root.string()));
+  }
+  run::RunLock lock(directory.root);
+  RequireResumable(base::ReadFile(directory.config()), directory.config().string(), config);
+  WriteConfig(directory, config);
+  return lock;
+}
+
+void RequireResumable(const std::string& earlier, const std::string& source,
+                      const RunConfig& config) {
+  const auto difference = FindDifference(ReadRecordedConfig(earlier, source).config, config);
+  if (difference.key.empty()) return;
+  throw base::Error(
+      fmt::format("{}: {} was {} when the run began and is {} now; a resumed run must keep it",
+                  source, difference.key, difference.first, difference.second));
+}
+
+}  // namespace slalom::train

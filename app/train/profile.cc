@@ -1,0 +1,43 @@
+#include "app/train/profile.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <string>
+#include <vector>
+
+#include "base/config.h"
+#include "base/error.h"
+#include "base/log.h"
+
+namespace slalom::train {
+namespace {
+
+/// What a profile may set: the keys of the task.
+struct Profile {
+  sim::EnvironmentConfig& environment;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("environment", environment, "The robot, its sensor and the task.");
+  }
+};
+
+}  // namespace
+
+void LayProfile(const std::filesystem::path& file, sim::EnvironmentConfig& environment) {
+  Profile profile{environment};
+  AnyConfig others;
+  std::vector<std::string> passed_over;
+  try {
+    passed_over =
+        config::ReadSharedTomlFile(file, config::ListFields(profile), config::ListFields(others));
+  } catch (const base::Error& error) {
+    throw base::Error(fmt::format("{} (only [environment] of a profile is used)", error.what()));
+  }
+  if (passed_over.empty()) return;
+  spdlog::info("{}: only [environment] of a profile is used; ignored: {}", file.string(),
+               fmt::join(passed_over, ", "));
+}
+
+}  // namespace slalom::train

@@ -1,0 +1,133 @@
+#include "app/train/run_config.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "base/config.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/random.h"
+#include "learner/algorithm.h"
+#include "replay/rows.h"
+#include "sim/courses/course_sets.h"
+#include "sim/scene.h"
+
+namespace slalom::train {
+namespace {
+
+/// The keys of a section that are not at their defaults: what a later version adds to it changes
+/// nothing.
+template <class Section>
+std::string Differences(const Section& section) {
+  const auto lines_of = [](const Section& s) {
+    std::vector<std::string> lines;
+    std::istringstream toml(config::ToToml(s));
+    std::string table;
+    for (std::string line; std::getline(toml, line);) {
+      if (line.starts_with('[')) table = line;
+      lines.push_back(table + line);
+    }
+    return lines;
+  };
+  const std::vector<std::string> defaults = lines_of(Section{});
+  std::string differences;
+  for (const std::string& line : lines_of(section)) {
+    if (std::ranges::find(defaults, line) == defaults.end()) differences += line + "\n";
+  }
+  return differences;
+}
+
+sim::CourseSet ResolveKey(std::string_view key, const CoursesConfig& courses,
+                          const std::string& spec) {
+  try {
+    return courses.Resolve(spec);
+  } catch (const base::Error& error) {
+    throw base::Error(fmt::format("{}: {}", key, error.what()));
+  }
+}
+
+/// When the run's episodes end in success.
+nn::GoalRule GoalOf(const RunConfig& config) {
+  return {.radius = config.environment.episode.goal_tolerance,
+          .reward = config.environment.reward.success * config.method.learner.reward_scale};
+}
+
+}  // namespace
+
+sim::CourseSet CoursesConfig::Resolve(const std::string& spec) const {
+  return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
+}
+
+sim::CourseSet CoursesConfig::ResolveTrain() const {
+  return ResolveKey("courses.train", *this, train);
+}
+
+sim::CourseSet CoursesConfig::ResolveTest() const {
+  return ResolveKey("courses.test", *this, test);
+}
+
+std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose) {
+  return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
+}
+
+policy::PolicySpec MakePolicySpec(const RunConfig& config) {
+  return {.observation = sim::MakeObservationSpec(config.environment),
+          .network = config.network,
+          .actions = config.environment.action,
+          .distribution = learner::DistributionOf(config.method.learner),
+          .planning = learner::PlanningOf(config.method, GoalOf(config))};
+}
+
+int BatchesPerUpdate(const RunConfig& config) {
+  return static_cast<int>(
+      learner::Learner::SampleSpecs(config.method, MakePolicySpec(config)).size());
+}
+
+void RequireCombination(const RunConfig& config) {
+  if (config.method.constraint.kind != learner::ConstraintKind::kNone &&
+      !config.environment.episode.collision_ends) {
+    throw base::Error(fmt::format(
+        "constraint.kind is \"{}\", expected \"none\" where environment.episode.collision_ends is "
+        "false: the constraint counts episodes that a collision ended",
+        base::EnumName(config.method.constraint.kind)));
+  }
+  if (config.mpc.enabled) RequireNoConstraint(config);
+}
+
+void RequireNoConstraint(const RunConfig& config) {
+  if (config.method.constraint.kind == learner::ConstraintKind::kNone) return;
+  throw base::Error(fmt::format(
+      "mpc.enabled is true, expected constraint.kind = \"none\", found \"{}\": a plan is weighed "
+      "by its rewards alone, as a model predicts no cost",
+      base::EnumName(config.method.constraint.kind)));
+}
+
+void RequireServable(const RunConfig& config) {
+  // A batch step begins below the limit and adds a row for each environment, and the frame behind
+  // it where its episode ends.
+  const int rows = config.actor_service.chunk_rows - 1 + 2 * config.actor.num_environments;
+  const auto bytes =
+      static_cast<std::int64_t>(replay::RowBytes::Size(rows, config.environment.lidar.num_beams));
+  if (bytes > config.replay_server.max_message_bytes) {
+    throw base::Error(fmt::format(
+        "actor_service.chunk_rows is {} and actor.num_environments {}: a message may have {} rows "
+        "and {} bytes, expected at most replay_server.max_message_bytes = {}",
+        config.actor_service.chunk_rows, config.actor.num_environments, rows, bytes,
+        config.replay_server.max_message_bytes));
+  }
+}
+
+std::uint64_t SpecHash(const RunConfig& config) {
+  std::uint64_t hash = base::Checksum(
+      Differences(config.environment),
+      base::Checksum(Differences(config.network), base::Checksum(config.method.learner.algorithm)));
+  const policy::PlanningSpec planning = learner::PlanningOf(config.method);
+  if (planning.is_carried()) hash = base::Checksum(Differences(planning.model), hash);
+  return hash;
+}
+
+}  // namespace slalom::train

@@ -1,0 +1,126 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "actor/actor_config.h"
+#include "actor/service/actor_service_config.h"
+#include "app/train/service_config.h"
+#include "base/config_field.h"
+#include "eval/evaluation_config.h"
+#include "eval/service/evaluator_service_config.h"
+#include "learner/learner.h"
+#include "learner/run/run_settings.h"
+#include "learner/service/learner_service_config.h"
+#include "policy/mpc_config.h"
+#include "policy/nn/network_config.h"
+#include "policy/policy.h"
+#include "proto/transport/security.h"
+#include "replay/service/config.h"
+#include "replay/table.h"
+#include "sim/courses/course.h"
+#include "sim/environment_config.h"
+
+namespace slalom::train {
+
+/// Which courses a run trains and is scored on.
+struct CoursesConfig {
+  std::string train = "static-train-50";
+  std::string test = "static-test";
+  std::string collection;
+  std::int64_t generator_seed = 1;
+
+  /// The set that `spec` names (`sim::ResolveCourses`, with its errors) under this collection and
+  /// seed.
+  sim::CourseSet Resolve(const std::string& spec) const;
+  /// The sets of `train` and `test`. Errors name the key, too.
+  sim::CourseSet ResolveTrain() const;
+  sim::CourseSet ResolveTest() const;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("train", train,
+      "Courses to train on: a set's name, generated:SEED:COUNT, or a file (docs/courses.md).");
+    v("test", test,
+      "Courses on which the trained policy is scored; they should not be among the training "
+      "courses. Empty: it is not scored.");
+    v("collection", collection,
+      "Directory of imported courses in which set names are looked up. Empty: they name sets of "
+      "the built-in generator.");
+    v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
+      "Seed of the built-in generator.");
+  }
+};
+
+/// Everything a run is made of: what a TOML file holds, and what a checkpoint and a policy carry.
+struct RunConfig {
+  run::RunSettings run;
+  CoursesConfig courses;
+  sim::EnvironmentConfig environment;
+  actor::ActorConfig actor;
+  replay::ReplayConfig replay;
+  nn::NetworkConfig network;
+  learner::MethodConfig method;
+  policy::MpcConfig mpc;
+  eval::EvaluationConfig evaluation;
+  ServiceConfig service;
+  transport::SecurityConfig security;
+  replay::ReplayServerConfig replay_server;
+  learner::LearnerServiceConfig learner_service;
+  actor::ActorServiceConfig actor_service;
+  eval::EvaluatorServiceConfig evaluator_service;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("run", run, "Length, seed and rhythm of the run.");
+    v.Section("courses", courses, "Training and test courses.");
+    v.Section("environment", environment, "The robot, its sensor and the task.");
+    v.Section("actor", actor, "How training episodes are driven.");
+    v.Section("replay", replay, "The replay buffer.");
+    v.Section("network", network, "Networks of actor and critics.");
+    v.Section("learner", method.learner, "The algorithm (docs/algorithms.md).");
+    v.Section("constraint", method.constraint, "Safe RL: how often the robot may collide.");
+    v.Section("model", method.model, "The transition model (docs/models.md).");
+    v.Section("model_training", method.model_training, "How the transition model is trained.");
+    v.Section("imagination", method.imagination,
+              "Learning from transitions that the model imagines.");
+    v.Section("mpc", mpc, "Planning with the transition model.");
+    v.Section("evaluation", evaluation, "The protocol of evaluations.");
+    v.Section("service", service,
+              "Addresses and state of the distributed service. `slalom train` needs neither this "
+              "section nor those below.");
+    v.Section("security", security, "Keys of the distributed service.");
+    v.Section("replay_server", replay_server, "The replay server.");
+    v.Section("learner_service", learner_service, "The learner as a process of its own.");
+    v.Section("actor_service", actor_service, "The actor as a process of its own.");
+    v.Section("evaluator_service", evaluator_service, "The evaluator as a process of its own.");
+  }
+};
+
+/// The seed of one of the run's random streams.
+std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose);
+
+/// What the run's policies see, are and command.
+policy::PolicySpec MakePolicySpec(const RunConfig& config);
+
+/// Batches that an update learns from, one of each kind. The replay server counts batches.
+int BatchesPerUpdate(const RunConfig& config);
+
+/// Throws `base::Error` where sections that are each well do not go together, whichever program the
+/// config is for.
+void RequireCombination(const RunConfig& config);
+/// Throws `base::Error` where policies of the run are made under a constraint, which planning with
+/// them would pass over.
+void RequireNoConstraint(const RunConfig& config);
+
+/// Throws `base::Error` where the roles of a service would not get on with each other.
+void RequireServable(const RunConfig& config);
+
+/// Of what is observed, commanded and learned: processes of two runs whose hashes differ refuse
+/// each other. Of the keys that are not at their defaults, so that versions of which one has more
+/// keys agree.
+std::uint64_t SpecHash(const RunConfig& config);
+
+}  // namespace slalom::train

@@ -1,0 +1,92 @@
+#include "app/train/run_identity.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "base/config.h"
+#include "base/file.h"
+#include "policy/nn/kernels/blas.h"
+
+namespace slalom::train {
+namespace {
+
+/// Keys, and sections that end in a dot, which a resumed run may change.
+constexpr std::array<std::string_view, 17> kFreeKeys = {"run.max_steps",
+                                                        "run.max_seconds",
+                                                        "run.log_interval",
+                                                        "run.checkpoint_seconds",
+                                                        "run.checkpoint_steps",
+                                                        "run.snapshot_seconds",
+                                                        "run.snapshot_steps",
+                                                        "run.simulation_threads",
+                                                        "run.keep_checkpoints",
+                                                        "courses.test",
+                                                        "evaluation.",
+                                                        "service.",
+                                                        "security.",
+                                                        "replay_server.",
+                                                        "learner_service.",
+                                                        "actor_service.",
+                                                        "evaluator_service."};
+
+std::string ProcessorClass() {
+#if defined(__x86_64__)
+  const nn::CpuFeatures cpu = nn::DetectCpuFeatures();
+  if (cpu.avx512) return "x86-64-v4";
+  return cpu.avx2_fma ? "x86-64-v3" : "x86-64-v2";
+#elif defined(__aarch64__)
+  return "aarch64";
+#else
+  return "other";
+#endif
+}
+
+}  // namespace
+
+Platform ThisPlatform() {
+  const std::string kernel = nn::BlasKernel();
+  return {.blas_kernel = kernel.empty() ? "none" : kernel, .processor = ProcessorClass()};
+}
+
+std::string Describe(const Platform& platform) {
+  return fmt::format("numerics {}, BLAS kernel {}, processor {}", platform.numerics,
+                     platform.blas_kernel, platform.processor);
+}
+
+bool DecidesRun(const RunConfig& config, std::string_view key) {
+  // A single process reads this key of the server, too.
+  if (key == "replay_server.priority_exponent") return config.method.learner.prioritized;
+  return std::ranges::none_of(kFreeKeys, [key](std::string_view free) {
+    return free.ends_with('.') ? key.starts_with(free) : key == free;
+  });
+}
+
+std::string RunDigest(const RunConfig& config) {
+  RunConfig copy = config;
+  std::string text;
+  for (const config::Field& field : config::ListFields(copy).fields) {
+    if (!DecidesRun(config, field.key)) continue;
+    text += fmt::format("{} = {}\n", field.key, config::PrintValue(field));
+  }
+  return Digest(text);
+}
+
+KeyDifference FindDifference(const RunConfig& first, const RunConfig& second) {
+  RunConfig a = first;
+  RunConfig b = second;
+  const auto fields_a = config::ListFields(a).fields;
+  const auto fields_b = config::ListFields(b).fields;
+  for (std::size_t i = 0; i < fields_a.size(); ++i) {
+    if (!DecidesRun(first, fields_a[i].key)) continue;
+    std::string was = config::PrintValue(fields_a[i]);
+    std::string is = config::PrintValue(fields_b[i]);
+    if (was != is) return {fields_a[i].key, std::move(was), std::move(is)};
+  }
+  return {};
+}
+
+std::string Digest(std::string_view text) { return fmt::format("{:016x}", base::Checksum(text)); }
+
+}  // namespace slalom::train

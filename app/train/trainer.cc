@@ -1,0 +1,89 @@
+#include "app/train/trainer.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <filesystem>
+#include <utility>
+
+#include "app/train/begin_run.h"
+#include "app/train/disk_room.h"
+#include "app/train/run_limits.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/log.h"
+#include "sim/scene.h"
+
+namespace slalom::train {
+namespace {
+
+/// Of the learner's state in a checkpoint.
+std::int64_t StateBytes(const learner::Learner& learner) {
+  nn::TensorMap tensors;
+  learner.SaveState(tensors);
+  std::int64_t bytes = 0;
+  for (const auto& [name, tensor] : tensors) {
+    bytes += static_cast<std::int64_t>(tensor.bytes.size());
+  }
+  return bytes;
+}
+
+run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config,
+                   const learner::Learner& learner, bool resume) {
+  RequireRoom(config, directory, StateBytes(learner));
+  return resume ? ResumeRun(directory, config) : BeginRun(directory, config);
+}
+
+const RunConfig& Checked(const RunConfig& config, bool resume) {
+  RequireCombination(config);
+  // A resumed run has learned already, and may be given a limit that ends it at once.
+  if (!resume) RequireLearnable(config);
+  if (!config.run.deterministic) return config;
+  if (const auto needed = OverridesForDeterminism(config); !needed.empty()) {
+    throw base::Error(
+        fmt::format("run.deterministic is true, expected with it {}", fmt::join(needed, ", ")));
+  }
+  return config;
+}
+
+}  // namespace
+
+Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
+                 bool resume, metrics::Registry& registry, run::TrainingClock clock)
+    : config_(Checked(config, resume)),
+      parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
+      environments_(config.environment, sim::MakeScenes(config.courses.ResolveTrain()),
+                    config.actor.num_environments, &parallel_),
+      learner_(config.method, MakePolicySpec(config), SeedOf(config, "learner")),
+      agent_(policy::MakePolicyAgent(learner_.Snapshot(), config.mpc, SeedOf(config, "mpc"))),
+      actor_(config.actor, environments_, *agent_, SeedOf(config, "actor")),
+      table_(config.replay, config.environment.lidar.num_beams),
+      lock_(Begin(directory, config, learner_, resume)),
+      source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),
+              registry),
+      loop_({.run = {directory, config.run, config::ToToml(config), std::move(commit)}}, learner_,
+            source_, source_, registry, std::move(clock)) {
+  if (!resume || loop_.Restore()) return;
+  if (std::filesystem::exists(directory.policy())) {
+    throw base::Error(fmt::format(
+        "{}: no checkpoint to go on from, and {} would be overwritten; without --resume the run "
+        "there is moved aside and a new one begins",
+        directory.checkpoints().string(), directory.policy().string()));
+  }
+  spdlog::warn("{}: no checkpoint yet, the run begins anew", directory.checkpoints().string());
+}
+
+Trainer::~Trainer() = default;
+
+TrainingEnd Trainer::Run(std::stop_token stop) {
+  const TrainingEnd end = loop_.Run(stop);
+  const run::KeepCheckpoints kept = config_.run.keep_checkpoints;
+  const bool is_finished = end == TrainingEnd::kFinished || end == TrainingEnd::kWasFinished;
+  if (is_finished && kept != run::KeepCheckpoints::kAll) {
+    loop_.KeepCheckpoints(kept == run::KeepCheckpoints::kNewest ? 1 : 0);
+    if (kept == run::KeepCheckpoints::kNone) source_.DeleteSaved();
+  }
+  return end;
+}
+
+}  // namespace slalom::train

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+#include <string>
+
+#include "actor/actor.h"
+#include "app/train/run_config.h"
+#include "app/train/table_source.h"
+#include "base/parallel.h"
+#include "learner/learner.h"
+#include "learner/loop/learner_loop.h"
+#include "learner/run/run_directory.h"
+#include "metrics/registry.h"
+#include "policy/policy_agent.h"
+#include "replay/table.h"
+#include "sim/environments.h"
+
+namespace slalom::train {
+
+using learner::TrainingEnd;
+
+/// One training run in one process: a `learner::LearnerLoop` between a table and the actor that
+/// fills it.
+///
+/// Confined to the thread that made it (it starts others inside). A deterministic run is a value of
+/// its config: the same policy, bit for bit, however often it was killed and resumed.
+class Trainer {
+ public:
+  /// Builds everything, then begins the run's directory (`BeginRun`), or where `resume` checks it
+  /// (`ResumeRun`) and continues from its newest checkpoint that is whole. `commit`: of the
+  /// program, for provenance. `registry`, which must outlive it, shows what a learner shows.
+  /// `clock`: measures training time, which counts from `Run` on; tests give their own. Throws
+  /// `base::Error` where courses, config or checkpoint are unusable, a new run could not learn
+  /// anything (`RequireLearnable`), its disk has no room (`RequireRoom`), or another process trains
+  /// there.
+  Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
+          bool resume, metrics::Registry& registry,
+          run::TrainingClock clock = run::TrainingClock());
+  ~Trainer();
+
+  /// Trains to the end of the run, or until `stop` (`learner::LearnerLoop::Run`). Of a finished
+  /// run's checkpoints keeps what `run.keep_checkpoints` says. Throws `base::Error` if the policy
+  /// cannot be written.
+  TrainingEnd Run(std::stop_token stop);
+
+  /// Time spent training, over all sessions of the run, [s].
+  double training_s() const { return loop_.run().training_s(); }
+  std::int64_t steps() const { return loop_.run().steps(); }
+  std::int64_t updates() const { return loop_.run().updates(); }
+  /// What this session's metrics say of whether the run learns.
+  const run::LearningWatch& watch() const { return loop_.run().watch(); }
+
+ private:
+  const RunConfig config_;
+  base::ParallelFor parallel_;
+  sim::CourseEnvironments environments_;
+  learner::Learner learner_;
+  std::unique_ptr<policy::PolicyAgent> agent_;
+  actor::Actor actor_;
+  replay::Table table_;
+  // Nothing on disk is touched before all that a bad config can break has been built.
+  const run::RunLock lock_;
+  TableSource source_;
+  learner::LearnerLoop loop_;
+};
+
+}  // namespace slalom::train

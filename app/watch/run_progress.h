@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "learner/run/metrics_table.h"
+
+/// Reads the state of a run from its files, while it trains and afterwards. Nothing here writes,
+/// locks or waits for the run.
+
+namespace slalom::watch {
+
+/// What `slalom watch` shows of a run's config.
+struct RunFacts {
+  std::int64_t max_steps = 0;                                ///< 0: not known.
+  double max_seconds = 0.0;                                  ///< 0: no limit.
+  std::vector<std::pair<std::string, std::string>> lines{};  ///< Name and value, in order.
+};
+
+enum class RunState {
+  kStarting,  ///< No row of metrics.csv yet.
+  kTraining,
+  kFinished,  ///< Came to one of its limits.
+  kStopped,   ///< No process trains it, and no limit was reached.
+};
+
+std::string_view ToString(RunState state);
+
+/// A run as its files show it now. A value.
+struct RunProgress {
+  std::string name;
+  RunState state = RunState::kStarting;
+  double age_s = 0.0;  ///< Since metrics.csv was written last, [s].
+  /// Time left at the rate so far, [s]; none: not known, or not training.
+  std::optional<double> left_s;
+  run::MetricsTable metrics;
+};
+
+/// Returns whether a directory is that of a run: it holds config.toml or metrics.csv.
+bool IsRun(const std::filesystem::path& directory);
+
+/// Reads the run in `directory`. Returns nothing if it no longer exists. `max_rows`: as in
+/// `run::ParseMetrics`.
+std::optional<RunProgress> ReadRun(const std::filesystem::path& directory, const RunFacts& facts,
+                                   std::size_t max_rows);
+
+/// Returns the runs to watch: `root` itself if it is a run, else those directly in it, and those of
+/// the cells of a sweep if it is the directory of sweeps or cells (app/sweep/store.h), by path.
+std::vector<std::filesystem::path> ListRuns(const std::filesystem::path& root);
+
+/// Returns the name of a run in lists and addresses: that of its directory, or for the cell of a
+/// sweep its row, seed and id.
+std::string NameOf(const std::filesystem::path& run);
+
+}  // namespace slalom::watch

@@ -1,0 +1,209 @@
+#include "app/watch/watch_drives.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <map>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "app/train/recorded_config.h"
+#include "app/train/run_config.h"
+#include "base/error.h"
+#include "base/mutex.h"
+#include "base/progress.h"
+#include "eval/evaluation.h"
+#include "learner/run/run_directory.h"
+#include "policy/policy_agent.h"
+#include "sim/pictures/animation.h"
+#include "sim/pictures/animation_svg.h"
+
+namespace slalom::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kNumCourses = 4;
+constexpr double kLongestLoop = 20.0;  // A longer drive is shown faster, [s].
+
+/// A policy on disk.
+struct PolicyFile {
+  fs::path path;
+  fs::file_time_type written;
+
+  friend bool operator==(const PolicyFile&, const PolicyFile&) = default;
+};
+
+void Consider(const fs::path& path, std::optional<PolicyFile>& newest) {
+  std::error_code missing;
+  const fs::file_time_type written = fs::last_write_time(path, missing);
+  if (!missing && (!newest || written > newest->written)) newest = PolicyFile{path, written};
+}
+
+/// The newest of the run's policy, its snapshots and what acts in its checkpoints.
+std::optional<PolicyFile> FindNewest(const run::RunDirectory& run) {
+  std::optional<PolicyFile> newest;
+  Consider(run.policy(), newest);
+  // A run that ends writes a row of metrics, its policy, and then a checkpoint of the same steps.
+  std::error_code missing;
+  const fs::file_time_type trained = fs::last_write_time(run.metrics(), missing);
+  if (newest && !missing && newest->written >= trained) return newest;
+  std::error_code ended;
+  for (fs::directory_iterator it(run.snapshots(), ended); !ended && it != fs::directory_iterator();
+       it.increment(ended)) {
+    if (it->path().extension() == ".safetensors") Consider(it->path(), newest);
+  }
+  for (fs::directory_iterator it(run.checkpoints(), ended);
+       !ended && it != fs::directory_iterator(); it.increment(ended)) {
+    Consider(it->path() / "acting.safetensors", newest);
+  }
+  return newest;
+}
+
+/// Some of the courses, evenly spread.
+sim::CourseSet Some(sim::CourseSet set) {
+  sim::CourseSet some{set.name, {}};
+  const std::size_t count = std::min(kNumCourses, set.courses.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    some.courses.push_back(set.courses[i * set.courses.size() / count]);
+  }
+  return some;
+}
+
+/// The picture of a policy's drives. None: stopped first.
+std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop_token& stop) {
+  const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
+  train::RunConfig config;
+  if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
+    config = train::ReadRecordedConfig(it->second, file.path.string() + " (its config)").config;
+  }
+  policy::RequireSameInterface(file.path.string(), loaded.snapshot.spec,
+                               sim::MakeObservationSpec(config.environment),
+                               config.environment.action);
+  config.evaluation.episodes_per_course = 1;
+  config.evaluation.recorded_episodes_per_course = 1;
+  config.evaluation.recorded_scan_courses = 0;
+  policy::MpcConfig plain;  // Planning would take the processor from the run.
+  plain.enabled = false;
+  auto evaluation = eval::EvaluateOnCourses(
+      eval::ResolveEvaluation(config.evaluation, config.environment,
+                              Some(config.courses.Resolve(config.courses.train))),
+      [&](int, const sim::EnvironmentConfig&) {
+        return policy::MakePolicyAgent(loaded.snapshot, plain, 0);
+      },
+      nullptr, {}, stop);
+  if (!evaluation) return std::nullopt;
+  sim::AnimationOptions options;
+  options.num_columns = static_cast<int>(kNumCourses);
+  options.hold = 1.5;
+  auto panels = sim::MakePanels(evaluation->task.courses, std::move(evaluation->episodes.tracks),
+                                file.path.string());
+  double longest = 0.0;
+  for (const sim::AnimationPanel& panel : panels) {
+    longest = std::max(longest, sim::DurationOf(panel));
+  }
+  options.speed = std::max(1.0, std::ceil(longest / kLongestLoop));
+  watch::Drives drives;
+  drives.svg = sim::PrintAnimationSvg(sim::PlaceAnimation(std::move(panels), options));
+  const auto steps = loaded.metadata.find("steps");
+  drives.note = fmt::format(
+      "The policy {} on courses of {}, which it trains on{}{}.",
+      steps == loaded.metadata.end()
+          ? file.path.parent_path().filename().string()
+          : fmt::format("after {} steps", base::FormatCount(std::stod(steps->second))),
+      config.courses.train, config.mpc.enabled ? ", without planning" : "",
+      options.speed > 1.0 ? fmt::format(", {:g} times as fast as driven", options.speed) : "");
+  return drives;
+}
+
+/// What is known of one run.
+struct Known {
+  std::optional<PolicyFile> file;  ///< That `drives` is of, or that could not be driven.
+  watch::Drives drives;
+};
+
+}  // namespace
+
+struct WatchDrives::Impl {
+  base::Mutex mutex;
+  base::CondVar wanted_changed;
+  std::optional<fs::path> wanted GUARDED_BY(mutex);  ///< The run that was asked for last.
+  std::map<fs::path, Known> known GUARDED_BY(mutex);
+  std::stop_source stopping;
+  std::jthread thread;
+
+  /// The next run that somebody asks for; none: it is over.
+  std::optional<fs::path> Wait() {
+    const base::MutexLock lock(mutex);
+    while (!wanted && !stopping.stop_requested()) wanted_changed.Wait(mutex);
+    if (stopping.stop_requested()) return std::nullopt;
+    return std::exchange(wanted, std::nullopt);
+  }
+
+  /// Drives the run's newest policy if that is not the one that is known.
+  void Refresh(const fs::path& directory) {
+    const std::optional<PolicyFile> newest = FindNewest({directory});
+    {
+      const base::MutexLock lock(mutex);
+      Known& entry = known[directory];
+      if (!newest) {
+        entry.drives.note = "No policy yet: the run has not written a checkpoint.";
+        return;
+      }
+      if (entry.file == newest) return;
+      if (entry.drives.svg.empty()) entry.drives.note = "The newest policy is being driven.";
+    }
+    std::optional<watch::Drives> drives;
+    std::string fault;
+    try {
+      drives = DrivePolicy(*newest, stopping.get_token());
+      if (!drives) return;
+    } catch (const std::exception& error) {
+      fault = error.what();
+    }
+    const base::MutexLock lock(mutex);
+    Known& entry = known[directory];
+    entry.file = newest;
+    if (drives) {
+      drives->number = entry.drives.number + 1;
+      entry.drives = std::move(*drives);
+    } else {
+      entry.drives.note = "The newest policy cannot be driven: " + fault;
+    }
+  }
+
+  void Work() {
+    // On Linux this is of the thread alone. Where it fails the thread is as important as others.
+    setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), 19);
+    while (const auto directory = Wait()) Refresh(*directory);
+  }
+};
+
+WatchDrives::WatchDrives() : impl_(std::make_unique<Impl>()) {
+  impl_->thread = std::jthread([impl = impl_.get()] { impl->Work(); });
+}
+
+WatchDrives::~WatchDrives() {
+  {
+    const base::MutexLock lock(impl_->mutex);
+    impl_->stopping.request_stop();
+  }
+  impl_->wanted_changed.NotifyAll();
+}
+
+watch::Drives WatchDrives::Newest(const fs::path& directory) {
+  const base::MutexLock lock(impl_->mutex);
+  impl_->wanted = directory;
+  impl_->wanted_changed.NotifyOne();
+  return impl_->known[directory].drives;
+}
+
+}  // namespace slalom::cli

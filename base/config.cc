@@ -1,0 +1,383 @@
+#include "base/config.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/suggestion.h"
+
+namespace slalom::config {
+namespace {
+
+using base::Error;
+
+constexpr int kMaxBases = 8;
+
+const Field* Find(const FieldList& list, std::string_view key) {
+  const auto it = std::find_if(list.fields.begin(), list.fields.end(),
+                               [key](const Field& field) { return field.key == key; });
+  return it == list.fields.end() ? nullptr : &*it;
+}
+
+bool IsSection(const FieldList& list, std::string_view key) {
+  return std::any_of(list.sections.begin(), list.sections.end(),
+                     [key](const Section& section) { return section.key == key; });
+}
+
+/// The key that was meant, of any of the lists.
+std::string Suggest(std::span<const FieldList* const> lists, std::string_view key) {
+  std::string_view best;
+  std::size_t best_distance = key.size() / 2 + 1;
+  const auto consider = [&](std::string_view candidate) {
+    const std::size_t distance = base::EditDistance(key, candidate);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  };
+  for (const FieldList* list : lists) {
+    for (const Field& field : list->fields) consider(field.key);
+    for (const Section& section : list->sections) consider(section.key);
+    for (const Tables& tables : list->tables) consider(tables.key);
+  }
+  // A right name in the wrong section, too.
+  const auto last = key.substr(key.rfind('.') + 1);
+  for (const FieldList* list : lists) {
+    for (const Field& field : list->fields) {
+      if (std::string_view(field.key).substr(field.key.rfind('.') + 1) == last) best = field.key;
+    }
+  }
+  return best.empty() ? "see docs/config.md for all keys" : fmt::format("did you mean '{}'?", best);
+}
+
+std::string Expected(const Field& field) {
+  const std::string range =
+      field.range ? fmt::format(" in [{}, {}]", field.range->min, field.range->max) : "";
+  const std::string unit = field.unit.empty() ? "" : fmt::format(" {}", field.unit);
+  struct Name {
+    std::string operator()(bool*) { return "true or false"; }
+    std::string operator()(int*) { return "an integer"; }
+    std::string operator()(std::int64_t*) { return "an integer"; }
+    std::string operator()(double*) { return "a number"; }
+    std::string operator()(std::string*) { return "a string"; }
+    std::string operator()(std::vector<int>*) { return "a list of integers"; }
+    std::string operator()(std::vector<double>*) { return "a list of numbers"; }
+    std::string operator()(std::vector<std::string>*) { return "a list of strings"; }
+    std::string operator()(std::vector<base::TomlValue>*) { return "a list"; }
+    std::string operator()(base::TomlAssignments*) { return "a table of keys and values"; }
+    std::string operator()(const EnumField&) { return "a name"; }
+  };
+  if (!field.choices.empty()) return fmt::format("one of '{}'", fmt::join(field.choices, "', '"));
+  return std::visit(Name{}, field.value) + range + unit;
+}
+
+std::string Where(std::string_view source, const toml::node& node) {
+  return fmt::format("{}:{}", source, node.source().begin.line);
+}
+
+/// As TOML on one line, numbers with as many digits as they need.
+std::string PrintNode(const toml::node& node) {
+  if (const toml::array* array = node.as_array()) {
+    std::vector<std::string> texts;
+    for (const toml::node& element : *array) texts.push_back(PrintNode(element));
+    return fmt::format("[{}]", fmt::join(texts, ", "));
+  }
+  if (auto number = node.value_exact<double>()) {
+    return PrintValue(
+        {.key = "", .value = &*number, .range = {}, .choices = {}, .unit = "", .meaning = ""});
+  }
+  std::ostringstream text;
+  node.visit([&text](const auto& n) { text << n; });
+  return text.str();
+}
+
+/// Puts a TOML node into a field. Throws `Error` with `where` and what was expected. `source`: the
+/// file of the node; empty: it is from a command line.
+class Assign {
+ public:
+  Assign(const Field& field, const toml::node& node, std::string_view source,
+         std::string_view where)
+      : field_(field), node_(node), source_(source), where_(where) {}
+
+  void operator()(bool* target) { *target = Value<bool>(node_); }
+  void operator()(int* target) { *target = static_cast<int>(Integer(node_, INT32_MIN, INT32_MAX)); }
+  void operator()(std::int64_t* target) { *target = Integer(node_, INT64_MIN, INT64_MAX); }
+  void operator()(double* target) { *target = Number(node_); }
+  void operator()(std::string* target) {
+    std::string text = Value<std::string>(node_);
+    if (!field_.choices.empty() &&
+        std::find(field_.choices.begin(), field_.choices.end(), text) == field_.choices.end()) {
+      Fail();
+    }
+    *target = std::move(text);
+  }
+  void operator()(std::vector<int>* target) {
+    std::vector<int> list;
+    for (const toml::node& node : Array()) {
+      list.push_back(static_cast<int>(Integer(node, INT32_MIN, INT32_MAX)));
+    }
+    *target = std::move(list);
+  }
+  void operator()(std::vector<double>* target) {
+    std::vector<double> list;
+    for (const toml::node& node : Array()) list.push_back(Number(node));
+    *target = std::move(list);
+  }
+  void operator()(std::vector<std::string>* target) {
+    std::vector<std::string> list;
+    for (const toml::node& node : Array()) list.push_back(Value<std::string>(node));
+    *target = std::move(list);
+  }
+  void operator()(std::vector<base::TomlValue>* target) {
+    std::vector<base::TomlValue> list;
+    for (const toml::node& node : Array()) list.push_back(Keep(node));
+    *target = std::move(list);
+  }
+  void operator()(base::TomlAssignments* target) {
+    if (!node_.is_table()) Fail();
+    Flatten(*node_.as_table(), "", *target);
+  }
+  void operator()(const EnumField& target) {
+    if (!target.set(Value<std::string>(node_))) Fail();
+  }
+
+ private:
+  [[noreturn]] void Fail() const {
+    throw Error(fmt::format("{}: {} is {}, expected {}", where_, field_.key, PrintNode(node_),
+                            Expected(field_)));
+  }
+  base::TomlValue Keep(const toml::node& node) const {
+    return {PrintNode(node), source_.empty() ? std::string(where_) : Where(source_, node)};
+  }
+  void Flatten(const toml::table& table, const std::string& prefix,
+               base::TomlAssignments& target) const {
+    for (const auto& [name, node] : table) {
+      const std::string key = prefix + std::string(name.str());
+      if (node.is_table()) {
+        Flatten(*node.as_table(), key + ".", target);
+        continue;
+      }
+      std::erase_if(target, [&key](const auto& earlier) { return earlier.key == key; });
+      target.push_back({key, Keep(node)});
+    }
+  }
+  template <class T>
+  T Value(const toml::node& node) const {
+    const auto value = node.value_exact<T>();
+    if (!value) Fail();
+    return *value;
+  }
+  void CheckRange(double value) const {
+    if (field_.range && !(value >= field_.range->min && value <= field_.range->max)) Fail();
+  }
+  std::int64_t Integer(const toml::node& node, std::int64_t min, std::int64_t max) const {
+    const auto value = Value<std::int64_t>(node);
+    if (value < min || value > max) Fail();
+    CheckRange(static_cast<double>(value));
+    return value;
+  }
+  double Number(const toml::node& node) const {
+    const auto value =
+        node.is_integer() ? static_cast<double>(Value<std::int64_t>(node)) : Value<double>(node);
+    if (!std::isfinite(value)) Fail();
+    CheckRange(value);
+    return value;
+  }
+  const toml::array& Array() const {
+    if (!node_.is_array()) Fail();
+    return *node_.as_array();
+  }
+
+  const Field& field_;
+  const toml::node& node_;
+  const std::string_view source_;
+  const std::string_view where_;
+};
+
+/// Where the keys of a file go.
+struct Readers {
+  const FieldList& list;
+  const FieldList* others = nullptr;                ///< Keys that are checked and passed over.
+  std::vector<std::string>* passed_over = nullptr;  ///< Of `others`, as `ReadSharedTomlFile`.
+
+  bool IsSection(std::string_view key) const {
+    return config::IsSection(list, key) || (others != nullptr && config::IsSection(*others, key));
+  }
+  /// Null: there is no such key.
+  const Field* Find(std::string_view key) const {
+    const Field* field = config::Find(list, key);
+    if (field != nullptr || others == nullptr) return field;
+    field = config::Find(*others, key);
+    if (field != nullptr) Note(std::string(key));
+    return field;
+  }
+  std::string Suggest(std::string_view key) const {
+    const FieldList* const lists[] = {&list, others};
+    return config::Suggest(std::span(lists, others == nullptr ? 1 : 2), key);
+  }
+
+ private:
+  void Note(std::string name) const {
+    const std::string section = name.substr(0, name.find('.'));
+    if (!config::IsSection(list, section)) name = section;
+    const bool is_new = std::ranges::find(*passed_over, name) == passed_over->end();
+    if (is_new) passed_over->push_back(std::move(name));
+  }
+};
+
+void ReadTable(const toml::table& table, const std::string& prefix, std::string_view source,
+               const Readers& readers);
+
+/// Reads an array of tables, `[[key]]`.
+void ReadTables(const toml::node& node, const Tables& tables, const std::string& where,
+                std::string_view source) {
+  const toml::array* array = node.as_array();
+  if (array == nullptr ||
+      !std::ranges::all_of(*array, [](const auto& n) { return n.is_table(); })) {
+    throw Error(
+        fmt::format("{}: {} must be written as tables, [[{}]]", where, tables.key, tables.key));
+  }
+  tables.clear();
+  for (const toml::node& element : *array) {
+    const FieldList fields = tables.add();
+    if (const toml::node* base = element.as_table()->get("base"); base && !Find(fields, "base")) {
+      throw Error(fmt::format("{}: unknown key 'base'; {}", Where(source, *base),
+                              Readers{fields}.Suggest("base")));
+    }
+    ReadTable(*element.as_table(), "", source, {fields});
+  }
+}
+
+const Tables* FindTables(const FieldList& list, std::string_view key) {
+  const auto it = std::ranges::find(list.tables, key, &Tables::key);
+  return it == list.tables.end() ? nullptr : &*it;
+}
+
+void ReadTable(const toml::table& table, const std::string& prefix, std::string_view source,
+               const Readers& readers) {
+  for (const auto& [name, node] : table) {
+    const std::string key = prefix + std::string(name.str());
+    if (key == "base") continue;
+    const std::string where = fmt::format(
+        "{}:{}", source, name.source().begin ? name.source().begin.line : node.source().begin.line);
+    if (node.is_table() && readers.IsSection(key)) {
+      ReadTable(*node.as_table(), key + ".", source, readers);
+    } else if (const Field* field = readers.Find(key)) {
+      std::visit(Assign(*field, node, source, where), field->value);
+    } else if (const Tables* tables = FindTables(readers.list, key)) {
+      ReadTables(node, *tables, where, source);
+    } else if (readers.IsSection(key)) {
+      throw Error(fmt::format("{}: '{}' is a section, expected a table [{}]", where, key, key));
+    } else {
+      throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, readers.Suggest(key)));
+    }
+  }
+}
+
+toml::table Parse(std::string_view text, std::string_view source) {
+  try {
+    return toml::parse(text, source);
+  } catch (const toml::parse_error& error) {
+    throw Error(fmt::format("{}:{}: not valid TOML: {}", source, error.source().begin.line,
+                            error.description()));
+  }
+}
+
+/// "; did you mean 'configs/fast.toml'?": the preset, beside the file that is not there or in
+/// configs/, whose name is nearest. Empty: none is near.
+std::string SuggestFile(const std::filesystem::path& path) {
+  namespace fs = std::filesystem;
+  std::vector<std::string> files, stems;
+  for (const fs::path& directory : {path.parent_path(), fs::path("configs")}) {
+    std::error_code ec;
+    for (const auto& entry : fs::directory_iterator(directory.empty() ? "." : directory, ec)) {
+      if (entry.path().extension() != ".toml") continue;
+      files.push_back((directory / entry.path().filename()).string());
+      stems.push_back(entry.path().stem().string());
+    }
+  }
+  const auto nearest = base::NearestName(path.stem().string(), stems);
+  if (!nearest) return "";
+  const auto index = std::ranges::find(stems, *nearest) - stems.begin();
+  return fmt::format("; did you mean '{}'?", files[static_cast<std::size_t>(index)]);
+}
+
+void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers, int depth) {
+  const std::string source = path.string();
+  std::error_code ec;
+  if (!std::filesystem::exists(path, ec)) {
+    throw Error(fmt::format("{}: there is no such file{}", source, SuggestFile(path)));
+  }
+  const toml::table table = Parse(base::ReadFile(path), source);
+  if (const toml::node* base = table.get("base")) {
+    const auto name = base->value_exact<std::string>();
+    if (!name) {
+      throw Error(fmt::format("{}: base must be the path of a TOML file", Where(source, *base)));
+    }
+    if (depth >= kMaxBases) {
+      throw Error(fmt::format("{}: more than {} base files in a row; do they form a circle?",
+                              Where(source, *base), kMaxBases));
+    }
+    ReadFileWithBases(path.parent_path() / *name, readers, depth + 1);
+  }
+  ReadTable(table, "", source, readers);
+}
+
+}  // namespace
+
+void ReadTomlFile(const std::filesystem::path& path, const FieldList& list) {
+  ReadFileWithBases(path, {list}, 0);
+}
+
+std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
+                                            const FieldList& list, const FieldList& others) {
+  std::vector<std::string> passed_over;
+  ReadFileWithBases(path, {list, &others, &passed_over}, 0);
+  return passed_over;
+}
+
+bool HasKey(const FieldList& list, std::string_view key) { return Find(list, key) != nullptr; }
+
+void ReadToml(std::string_view text, std::string_view source, const FieldList& list) {
+  ReadTable(Parse(text, source), "", source, {list});
+}
+
+void ApplyOverride(std::string_view assignment, const FieldList& list) {
+  const auto equals = assignment.find('=');
+  if (equals == std::string_view::npos || equals == 0) {
+    throw Error(fmt::format("--set {}: expected KEY=VALUE, for example run.seed=2", assignment));
+  }
+  SetField(assignment.substr(0, equals), assignment.substr(equals + 1),
+           fmt::format("--set {}", assignment), list);
+}
+
+void SetField(std::string_view key, std::string_view value, std::string_view where,
+              const FieldList& list) {
+  const Field* field = Find(list, key);
+  if (field == nullptr) {
+    throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Readers{list}.Suggest(key)));
+  }
+  toml::table table;
+  try {
+    table = toml::parse(fmt::format("value = {}", value));
+  } catch (const toml::parse_error&) {
+    table.clear();
+  }
+  if (table.size() != 1) table = toml::table{{"value", value}};  // No TOML, or more than one value.
+  const toml::node* node = table.get("value");
+  // A field of text takes digits and the like as they stand.
+  const bool is_text = std::holds_alternative<std::string*>(field->value) ||
+                       std::holds_alternative<EnumField>(field->value);
+  if (is_text && !node->is_string()) {
+    table.insert_or_assign("value", value);
+    node = table.get("value");
+  }
+  std::visit(Assign(*field, *node, "", where), field->value);
+}
+
+}  // namespace slalom::config

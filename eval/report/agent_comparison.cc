@@ -1,0 +1,242 @@
+#include "eval/report/agent_comparison.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "eval/report/comparison.h"
+
+namespace slalom::eval {
+namespace {
+
+[[noreturn]] void Refuse(const Result& first, const Result& other, const std::string& difference) {
+  throw base::Error(
+      fmt::format("{} and {} cannot be compared: {}", first.file, other.file, difference));
+}
+
+std::string CourseText(const Result& result) {
+  return fmt::format("on the {} course{} of {}", result.courses.size(),
+                     result.courses.size() == 1 ? "" : "s",
+                     GroupByCourses(std::span(&result, 1)).front().title);
+}
+
+void RequireSameCourses(const Result& first, const Result& other) {
+  if (HaveSameCourses(first, other)) return;
+  const std::string left = CourseText(first);
+  const std::string right = CourseText(other);
+  Refuse(first, other,
+         left == right ? fmt::format("both were driven {}, but some of these courses differ", left)
+                       : fmt::format("the first was driven {} and the second {}", left, right));
+}
+
+void RequireSameEpisodes(const Result& first, const Result& other) {
+  for (std::size_t c = 0; c < first.courses.size(); ++c) {
+    const std::size_t num_first = first.courses[c].episodes.size();
+    const std::size_t num_other = other.courses[c].episodes.size();
+    if (num_first == num_other) continue;
+    Refuse(
+        first, other,
+        fmt::format("course {} has {} episode{} in the first and {} in the second; evaluate both "
+                    "with the same --episodes",
+                    first.courses[c].name, num_first, num_first == 1 ? "" : "s", num_other));
+  }
+  if (first.seed != other.seed) {
+    Refuse(
+        first, other,
+        fmt::format("the seed of the evaluation is {} in the first and {} in the second, so that "
+                    "their episodes start at different places; evaluate both with the same --seed",
+                    first.seed, other.seed));
+  }
+}
+
+/// A table of `value` of each result's courses.
+template <class Value>
+ScoreTable MakeTable(std::span<const Result> results, const AgentResults& agent, Interval limits,
+                     Value value) {
+  ScoreTable table{agent.label, {}, limits, results[agent.results.front()].kind != "planner"};
+  for (const std::size_t r : agent.results) {
+    auto& row = table.scores.emplace_back();
+    for (const ResultCourse& course : results[r].courses) row.push_back(value(course));
+  }
+  return table;
+}
+
+std::optional<Estimate> TraversalTime(std::span<const Result> results, const AgentResults& agent,
+                                      const BootstrapOptions& options) {
+  const auto sum_over_successes = [](const ResultCourse& course, auto of_episode) {
+    double sum = 0.0;
+    for (const ResultEpisode& episode : course.episodes) {
+      if (episode.outcome == env::Outcome::kSuccess) sum += of_episode(episode);
+    }
+    return sum;
+  };
+  const Interval any{0.0, std::numeric_limits<double>::infinity()};
+  const ScoreTable times = MakeTable(results, agent, any, [&](const ResultCourse& course) {
+    return sum_over_successes(course, [](const ResultEpisode& episode) { return episode.time; });
+  });
+  const ScoreTable counts = MakeTable(results, agent, any, [&](const ResultCourse& course) {
+    return sum_over_successes(course, [](const ResultEpisode&) { return 1.0; });
+  });
+  return BootstrapRatio(times, counts, options);
+}
+
+AgentFigures FiguresOf(std::span<const Result> results, const AgentResults& agent,
+                       std::span<const double> thresholds, const BootstrapOptions& options) {
+  const ScoreTable successes = OutcomeTable(results, agent, env::Outcome::kSuccess);
+  AgentFigures figures;
+  figures.label = agent.label;
+  figures.num_seeds = static_cast<int>(agent.results.size());
+  for (std::size_t s = 0; s < agent.results.size(); ++s) {
+    figures.files.push_back(results[agent.results[s]].file);
+    figures.seed_success.push_back(Mean({agent.label, {successes.scores[s]}, successes.limits}));
+  }
+  figures.success_rate = BootstrapMean(successes, options);
+  figures.interquartile_success = BootstrapInterquartileMean(successes, options);
+  figures.collision_rate =
+      BootstrapMean(OutcomeTable(results, agent, env::Outcome::kCollision), options);
+  figures.traversal_time = TraversalTime(results, agent, options);
+  figures.profile = BootstrapProfile(successes, thresholds, options);
+  return figures;
+}
+
+void AddToList(const std::string& item, std::string& list) {
+  list += (list.empty() ? "" : ", ") + item;
+}
+
+/// The agent, and in brackets what of it has no interval. Empty: everything has.
+std::string WithoutInterval(const AgentFigures& agent) {
+  std::string names;
+  if (!agent.success_rate.interval) AddToList("success", names);
+  if (!agent.interquartile_success.interval) AddToList("IQM", names);
+  if (!agent.collision_rate.interval) AddToList("collision", names);
+  return names.empty() ? "" : fmt::format("{} ({})", agent.label, names);
+}
+
+/// `trained`: whether each agent was trained, which a planner was not.
+std::vector<std::string> NotesFor(const AgentComparison& comparison,
+                                  const std::vector<bool>& trained) {
+  std::vector<std::string> notes;
+  if (comparison.num_courses == 1) {
+    notes.push_back(
+        "There is one course only, so there are no intervals, and p is 1: one course tells nothing "
+        "of others.");
+  }
+  std::string single;
+  std::string alike;
+  for (std::size_t a = 0; a < comparison.agents.size(); ++a) {
+    const AgentFigures& agent = comparison.agents[a];
+    if (agent.num_seeds == 1 && trained[a]) AddToList(agent.label, single);
+    const std::string without = WithoutInterval(agent);
+    if (!without.empty()) AddToList(without, alike);
+  }
+  if (!single.empty()) {
+    notes.push_back(fmt::format(
+        "One seed: {}. Their intervals hold for these policies on other courses of the kind. They "
+        "do not cover the noise of training: another training may do better or worse.",
+        single));
+  }
+  if (!alike.empty() && comparison.num_courses > 1) {
+    notes.push_back(
+        fmt::format("No interval: {}. These scores are alike, so resampling them shows no spread. "
+                    "That does not mean there is none.",
+                    alike));
+  }
+  return notes;
+}
+
+}  // namespace
+
+void RequireComparable(std::span<const Result> results) {
+  RequireSameProtocol(results);
+  for (const Result& result : results) {
+    for (const ResultCourse& course : result.courses) {
+      if (!course.episodes.empty()) continue;
+      throw base::Error(fmt::format("{}: course {} has no episodes, expected at least one",
+                                    result.file, course.name));
+    }
+    RequireSameCourses(results.front(), result);
+    RequireSameEpisodes(results.front(), result);
+  }
+}
+
+ScoreTable OutcomeTable(std::span<const Result> results, const AgentResults& agent,
+                        env::Outcome outcome) {
+  return MakeTable(results, agent, {0.0, 1.0}, [&](const ResultCourse& course) {
+    const auto hits = std::ranges::count(course.episodes, outcome, &ResultEpisode::outcome);
+    return static_cast<double>(hits) / static_cast<double>(course.episodes.size());
+  });
+}
+
+AgentPair ComparePair(std::size_t first_index, const ScoreTable& first, std::size_t second_index,
+                      const ScoreTable& second, const BootstrapOptions& bootstrap,
+                      const PermutationOptions& permutation) {
+  AgentPair pair;
+  pair.first = first_index;
+  pair.second = second_index;
+  pair.test = ComparePaired(first, second, bootstrap, permutation);
+  pair.improvement = BootstrapProbabilityOfImprovement(first, second, bootstrap);
+  return pair;
+}
+
+void CorrectPValues(std::span<AgentPair> pairs) {
+  std::vector<double> of_policies;
+  std::vector<double> of_trainings;
+  for (const AgentPair& pair : pairs) {
+    of_policies.push_back(pair.test.p_value);
+    if (pair.test.training_p_value) of_trainings.push_back(*pair.test.training_p_value);
+  }
+  const std::vector<double> policies = HolmCorrection(of_policies);
+  const std::vector<double> trainings = HolmCorrection(of_trainings);
+  std::size_t t = 0;
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    AgentPair& pair = pairs[k];
+    pair.corrected_p_value = policies[k];
+    if (pair.test.training_p_value) pair.corrected_training_p_value = trainings[t++];
+    pair.verdict = VerdictOf(pair.test, pair.corrected_p_value, pair.corrected_training_p_value,
+                             trainings.size());
+  }
+}
+
+AgentComparison CompareAgents(std::span<const Result> results, std::span<const AgentResults> agents,
+                              const BootstrapOptions& bootstrap,
+                              const PermutationOptions& permutation) {
+  SLALOM_CHECK(!agents.empty());
+  const Result& first_result = results[agents.front().results.front()];
+  AgentComparison comparison;
+  comparison.title = GroupByCourses(std::span(&first_result, 1)).front().title;
+  comparison.protocol = ProtocolSentence(first_result);
+  comparison.num_courses = static_cast<int>(first_result.courses.size());
+  // Nothing lies above 1.
+  for (int k = 0; k < 20; ++k) comparison.thresholds.push_back(k / 20.0);
+  std::vector<ScoreTable> successes;
+  std::vector<bool> trained;
+  for (const AgentResults& agent : agents) {
+    trained.push_back(results[agent.results.front()].kind != "planner");
+    comparison.agents.push_back(FiguresOf(results, agent, comparison.thresholds, bootstrap));
+    successes.push_back(OutcomeTable(results, agent, env::Outcome::kSuccess));
+  }
+  for (std::size_t i = 0; i < agents.size(); ++i) {
+    for (std::size_t j = i + 1; j < agents.size(); ++j) {
+      comparison.pairs.push_back(
+          ComparePair(i, successes[i], j, successes[j], bootstrap, permutation));
+    }
+  }
+  CorrectPValues(comparison.pairs);
+  comparison.notes = NotesFor(comparison, trained);
+  for (const AgentResults& agent : agents) {
+    for (const std::size_t r : agent.results) {
+      const auto& overlap = results[r].training_overlap;
+      if (!overlap || overlap->num_courses == 0) continue;
+      comparison.notes.push_back(
+          fmt::format("Trained on its test: {} was trained on {} of these {} courses ({}).",
+                      agent.label, overlap->num_courses, overlap->num_scored, overlap->trained_on));
+      break;
+    }
+  }
+  return comparison;
+}
+
+}  // namespace slalom::eval

@@ -1,0 +1,266 @@
+#include "eval/report/comparison.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <iterator>
+#include <optional>
+#include <string_view>
+
+#include "eval/report/table_text.h"
+
+namespace slalom::eval {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// One column of the tables.
+struct Column {
+  std::string_view title;
+  std::string_view unit;
+  std::string_view key;  // Of the CSV.
+  double factor;         // From the figure to what is shown.
+  int digits;
+  std::optional<Estimate> (*figure)(const Figures& set);
+  bool only_where_collisions_go_on = false;
+};
+
+constexpr std::array<Column, 7> kColumns = {{
+    {"success", "%", "success_rate", 100.0, 1,
+     [](const Figures& f) -> std::optional<Estimate> { return f.success_rate; }},
+    {"collision", "%", "collision_rate", 100.0, 1,
+     [](const Figures& f) -> std::optional<Estimate> { return f.collision_rate; }},
+    {"timeout", "%", "timeout_rate", 100.0, 1,
+     [](const Figures& f) -> std::optional<Estimate> { return f.timeout_rate; }},
+    {"touched", "%", "contact_rate", 100.0, 1,
+     [](const Figures& f) -> std::optional<Estimate> { return f.contact_rate; }, true},
+    {"traversal", "s", "traversal_time_s", 1.0, 1,
+     [](const Figures& f) { return f.traversal_time; }},
+    {"survival", "s", "survival_time_s", 1.0, 1, [](const Figures& f) { return f.survival_time; }},
+    {"BARN score", "", "barn_score", 1.0, 3,
+     [](const Figures& f) -> std::optional<Estimate> { return f.barn_score; }},
+}};
+
+std::vector<const Column*> ColumnsFor(const Result& result) {
+  std::vector<const Column*> columns;
+  for (const Column& column : kColumns) {
+    if (!column.only_where_collisions_go_on || !result.collision_ends()) columns.push_back(&column);
+  }
+  return columns;
+}
+
+std::string HeaderText(const Column& column) {
+  return column.unit.empty() ? std::string(column.title)
+                             : fmt::format("{} [{}]", column.title, column.unit);
+}
+
+/// "93.5 (90.1-96.0)", with `dash` between the ends of the interval.
+std::string CellText(const Column& column, const Figures& figures, std::string_view dash) {
+  const std::optional<Estimate> estimate = column.figure(figures);
+  if (!estimate) return std::string(dash);
+  std::string text = fmt::format("{:.{}f}", column.factor * estimate->value, column.digits);
+  if (estimate->interval) {
+    text +=
+        fmt::format(" ({:.{}f}{}{:.{}f})", column.factor * estimate->interval->low, column.digits,
+                    dash, column.factor * estimate->interval->high, column.digits);
+  }
+  return text;
+}
+
+std::string BaseLabel(const Result& result) {
+  std::vector<std::string> profiles;
+  for (const std::string& profile : result.profiles) profiles.push_back(fs::path(profile).stem());
+  std::string label = result.agent;
+  if (!profiles.empty()) label += fmt::format(" ({})", fmt::join(profiles, ", "));
+  if (result.physics != "slalom") label += " in " + result.physics;
+  return label;
+}
+
+std::string SizeText(const ResultGroup& group, std::span<const Result> results) {
+  const Result& first = results[group.results.front()];
+  return fmt::format("{} course{}", first.courses.size(), first.courses.size() == 1 ? "" : "s");
+}
+
+/// What a reader of the table must know of a policy that had been trained on its test; else "".
+std::string OverlapNote(const Result& result, const std::string& label) {
+  const auto& overlap = result.training_overlap;
+  if (!overlap || overlap->num_courses == 0) return "";
+  return fmt::format("\n**Trained on its test:** {} was trained on {} of these {} courses ({}).\n",
+                     EscapeMarkdown(label), overlap->num_courses, overlap->num_scored,
+                     EscapeMarkdown(overlap->trained_on));
+}
+
+}  // namespace
+
+bool HaveSameCourses(const Result& a, const Result& b) {
+  const auto& left = a.course_set_data.courses;
+  const auto& right = b.course_set_data.courses;
+  return a.course_set == b.course_set && a.collection == b.collection &&
+         std::ranges::equal(left, right, [](const auto& x, const auto& y) { return *x == *y; });
+}
+
+std::vector<ResultGroup> GroupByCourses(std::span<const Result> results) {
+  std::vector<ResultGroup> groups;
+  for (std::size_t r = 0; r < results.size(); ++r) {
+    const auto group = std::ranges::find_if(groups, [&](const ResultGroup& g) {
+      return HaveSameCourses(results[g.results.front()], results[r]);
+    });
+    if (group != groups.end()) {
+      group->results.push_back(r);
+      continue;
+    }
+    const Result& result = results[r];
+    std::string title = result.course_set;
+    if (!result.collection.empty()) {
+      title += " of " + fs::path(result.collection).lexically_normal().string();
+    }
+    const auto num_alike = std::ranges::count_if(
+        groups, [&](const ResultGroup& g) { return g.title.starts_with(title); });
+    if (num_alike > 0) title += fmt::format(" (other courses, {})", num_alike + 1);
+    groups.push_back({std::move(title), {r}});
+  }
+  return groups;
+}
+
+std::vector<std::string> Labels(std::span<const Result> results) {
+  std::vector<std::string> labels(results.size());
+  for (const ResultGroup& group : GroupByCourses(results)) {
+    const auto is_taken = [&](const std::string& label, std::size_t until) {
+      return std::ranges::any_of(group.results,
+                                 [&](std::size_t r) { return r < until && labels[r] == label; });
+    };
+    for (const std::size_t r : group.results) {
+      const std::string base = BaseLabel(results[r]);
+      const auto num_alike = std::ranges::count_if(
+          group.results, [&](std::size_t other) { return BaseLabel(results[other]) == base; });
+      labels[r] = base;
+      if (num_alike > 1) {
+        const fs::path directory = fs::path(results[r].file).parent_path();
+        labels[r] += fmt::format(" [{}]", directory.filename().string());
+      }
+      const std::string with_directory = labels[r];
+      for (int k = 2; is_taken(labels[r], r); ++k)
+        labels[r] = fmt::format("{} {}", with_directory, k);
+    }
+  }
+  return labels;
+}
+
+std::string ProtocolSentence(const Result& result) {
+  const auto value = [&](const char* key) {
+    const auto it = result.protocol.find(key);
+    std::string text = it == result.protocol.end() ? "?" : it->second;
+    std::erase(text, '"');
+    if (text.ends_with(".0")) text.resize(text.size() - 2);
+    return text;
+  };
+  const std::string clock =
+      value("clock_start_distance_m") == "0"
+          ? ""
+          : fmt::format(" from when the robot has moved {} m", value("clock_start_distance_m"));
+  const std::string finish =
+      result.protocol.contains("finish_ahead_m")
+          ? fmt::format(" or {} m ahead of the start", value("finish_ahead_m"))
+          : "";
+  return fmt::format(
+      "Protocol {}: {} s{}, goal within {} m{}, {}, start within {} m and {} rad.", value("name"),
+      value("time_limit_s"), clock, value("goal_tolerance_m"), finish,
+      result.collision_ends() ? "a collision ends the episode" : "collisions end nothing",
+      value("start_position_jitter_m"), value("start_yaw_jitter_rad"));
+}
+
+std::string MarkdownComparison(std::span<const Result> results) {
+  const std::vector<std::string> labels = Labels(results);
+  std::string text =
+      "# Evaluations\n\n" + EscapeMarkdown(ProtocolSentence(results.front())) +
+      " In brackets 95 % intervals for further courses of the same kind: Wilson's for rates, "
+      "Student's t for times and scores (`slalom compare`: bootstrap, which knows of "
+      "seeds, too).\n";
+  auto out = std::back_inserter(text);
+  for (const ResultGroup& group : GroupByCourses(results)) {
+    const auto columns = ColumnsFor(results.front());
+    fmt::format_to(out, "\n## {}\n\n{}.\n\n| agent | episodes |", EscapeMarkdown(group.title),
+                   SizeText(group, results));
+    for (const Column* column : columns) fmt::format_to(out, " {} |", HeaderText(*column));
+    text += "\n|---|---:|";
+    for (std::size_t k = 0; k < columns.size(); ++k) text += "---:|";
+    text += '\n';
+    for (const std::size_t r : group.results) {
+      fmt::format_to(out, "| {} | {} |", EscapeMarkdown(labels[r]), results[r].set.num_episodes);
+      for (const Column* column : columns) {
+        fmt::format_to(out, " {} |", CellText(*column, results[r].set, "–"));
+      }
+      text += '\n';
+    }
+    for (const std::size_t r : group.results) text += OverlapNote(results[r], labels[r]);
+  }
+  return text;
+}
+
+std::string CsvComparison(std::span<const Result> results) {
+  const std::vector<std::string> labels = Labels(results);
+  std::string text =
+      "courses,agent,kind,protocol,num_courses,episodes,successes,collisions,timeouts,contacts";
+  auto out = std::back_inserter(text);
+  for (const Column& column : kColumns) fmt::format_to(out, ",{0},{0}_low,{0}_high", column.key);
+  text += ",barn_score_until_2024,mean_path_length_m,file\n";
+  for (const ResultGroup& group : GroupByCourses(results)) {
+    for (const std::size_t r : group.results) {
+      const Result& result = results[r];
+      std::string protocol = result.protocol.at("name");
+      std::erase(protocol, '"');
+      fmt::format_to(out, "{},{},{},{},{},{},{},{},{},{}", CsvField(group.title),
+                     CsvField(labels[r]), CsvField(result.kind), CsvField(protocol),
+                     result.courses.size(), result.set.num_episodes, result.set.num_successes,
+                     result.set.num_collisions, result.set.num_timeouts, result.set.num_contacts);
+      for (const Column& column : kColumns) {
+        const auto estimate = column.figure(result.set);
+        text += ',';
+        if (estimate) fmt::format_to(out, "{:.6f}", estimate->value);
+        if (estimate && estimate->interval) {
+          fmt::format_to(out, ",{:.6f},{:.6f}", estimate->interval->low, estimate->interval->high);
+        } else {
+          text += ",,";
+        }
+      }
+      fmt::format_to(out, ",{:.6f},{:.4f},{}\n", result.set.barn_score_until_2024.value,
+                     result.set.mean_path_length, CsvField(result.file));
+    }
+  }
+  return text;
+}
+
+std::string LatexComparison(std::span<const Result> results) {
+  const std::vector<std::string> labels = Labels(results);
+  std::string text =
+      "% Needs \\usepackage{booktabs}. In brackets 95 % intervals (Wilson's for rates, Student's "
+      "t\n"
+      "% for times and scores).\n";
+  auto out = std::back_inserter(text);
+  const auto columns = ColumnsFor(results.front());
+  for (const ResultGroup& group : GroupByCourses(results)) {
+    fmt::format_to(out, "\\begin{{table}}\n  \\centering\n  \\caption{{{}, {}. {}}}\n",
+                   EscapeLatex(group.title), SizeText(group, results),
+                   EscapeLatex(ProtocolSentence(results.front())));
+    fmt::format_to(out, "  \\begin{{tabular}}{{l{}}}\n    \\toprule\n    agent",
+                   std::string(columns.size(), 'r'));
+    for (const Column* column : columns) {
+      fmt::format_to(out, " & {}", EscapeLatex(HeaderText(*column)));
+    }
+    text += " \\\\\n    \\midrule\n";
+    for (const std::size_t r : group.results) {
+      fmt::format_to(out, "    {}", EscapeLatex(labels[r]));
+      for (const Column* column : columns) {
+        fmt::format_to(out, " & {}", CellText(*column, results[r].set, "--"));
+      }
+      text += " \\\\\n";
+    }
+    text += "    \\bottomrule\n  \\end{tabular}\n\\end{table}\n\n";
+  }
+  return text;
+}
+
+}  // namespace slalom::eval

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "eval/report/result.h"
+
+/// Several evaluations side by side, as text. docs/evaluation.md lists the columns.
+
+namespace slalom::eval {
+
+/// The results on one list of courses, in the order given.
+struct ResultGroup {
+  std::string title;                 ///< "static-test", "static-test of barn", ...
+  std::vector<std::size_t> results;  ///< Indices.
+};
+
+/// Whether both were driven on the same courses: name of the set, collection, and the courses
+/// themselves.
+[[nodiscard]] bool HaveSameCourses(const Result& a, const Result& b);
+
+/// Groups the results that were driven on the same courses (`HaveSameCourses`). The groups are in
+/// the order in which they first appear.
+std::vector<ResultGroup> GroupByCourses(std::span<const Result> results);
+
+/// Returns a name for each result that is unique in its group: the agent, the profiles laid over
+/// its task, the physics unless it is Slalom's own, and, if that is not unique, the directory or a
+/// number.
+std::vector<std::string> Labels(std::span<const Result> results);
+
+/// Returns a sentence with the rules of the result's protocol.
+std::string ProtocolSentence(const Result& result);
+
+/// Returns a Markdown table per group, with 95 % intervals. Below it, a note names each policy that
+/// was trained on courses of the group.
+std::string MarkdownComparison(std::span<const Result> results);
+
+/// Returns CSV with one line per result: every statistic with both ends of its interval. The cells
+/// of a statistic that does not exist are empty.
+std::string CsvComparison(std::span<const Result> results);
+
+/// Returns a LaTeX table (booktabs) per group.
+std::string LatexComparison(std::span<const Result> results);
+
+}  // namespace slalom::eval

@@ -1,0 +1,312 @@
+#include "eval/report/result.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "eval/report/report.h"
+#include "sim/courses/course_file.h"
+
+namespace slalom::eval {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr double kLargestTime = 1e6;  // [s]
+
+/// Takes values out of one JSON object; an error names the file and the key.
+class ObjectReader {
+ public:
+  ObjectReader(const Json& object, std::string file, std::string place)
+      : object_(object), file_(std::move(file)), place_(std::move(place)) {
+    if (!object.is_object()) Fail(place_.empty() ? "the file" : place_, object, "an object");
+  }
+
+  [[noreturn]] void Fail(const std::string& what, const Json& found,
+                         std::string_view expected) const {
+    std::string text = found.dump(-1, ' ', false, Json::error_handler_t::replace);
+    if (text.size() > 60) text = text.substr(0, 57) + "...";
+    throw base::Error(fmt::format("{}: {} is {}, expected {}", file_, what, text, expected));
+  }
+
+  const Json& Get(const char* key) const {
+    const auto it = object_.find(key);
+    if (it == object_.end()) {
+      throw base::Error(fmt::format("{}: {} is missing", file_, place_ + key));
+    }
+    return *it;
+  }
+
+  /// Whether the key is there and not null.
+  [[nodiscard]] bool HasValue(const char* key) const {
+    const auto it = object_.find(key);
+    return it != object_.end() && !it->is_null();
+  }
+
+  ObjectReader Object(const char* key) const { return {Get(key), file_, place_ + key + "."}; }
+
+  const Json& List(const char* key) const {
+    const Json& value = Get(key);
+    if (!value.is_array()) Fail(place_ + key, value, "a list");
+    return value;
+  }
+
+  ObjectReader Element(const char* key, std::size_t i) const {
+    return {List(key).at(i), file_, fmt::format("{}{}[{}].", place_, key, i)};
+  }
+
+  std::string Text(const char* key) const {
+    const Json& value = Get(key);
+    if (!value.is_string()) Fail(place_ + key, value, "a text");
+    return value.get<std::string>();
+  }
+
+  double Number(const char* key, double min, double max) const {
+    const Json& value = Get(key);
+    RequireNumber(place_ + key, value, min, max);
+    return value.get<double>();
+  }
+
+  int Count(const char* key) const {
+    const Json& value = Get(key);
+    RequireCount(place_ + key, value);
+    return value.get<int>();
+  }
+
+  void RequireNumber(const std::string& what, const Json& value, double min, double max) const {
+    if (value.is_number() && value.get<double>() >= min && value.get<double>() <= max) return;
+    Fail(what, value, fmt::format("a number from {} to {}", min, max));
+  }
+
+  void RequireCount(const std::string& what, const Json& value) const {
+    if (value.is_number_integer() && value.get<double>() >= 0 && value.get<double>() <= 1e9) return;
+    Fail(what, value, "a whole number from 0 to 1e9");
+  }
+
+  /// A number and its interval, either of which may be null.
+  std::optional<Estimate> OptionalEstimate(const std::string& key, double max) const {
+    const Json& value = Get(key.c_str());
+    if (value.is_null()) return std::nullopt;
+    Estimate estimate{Number(key.c_str(), 0.0, max), std::nullopt};
+    const std::string interval_key = key + "_interval";
+    const Json& interval = Get(interval_key.c_str());
+    if (interval.is_null()) return estimate;
+    if (!interval.is_array() || interval.size() != 2) {
+      Fail(place_ + interval_key, interval, "[low, high] or null");
+    }
+    for (const Json& end : interval) RequireNumber(place_ + interval_key, end, 0.0, max);
+    estimate.interval = Interval{interval[0].get<double>(), interval[1].get<double>()};
+    return estimate;
+  }
+
+  Estimate RequiredEstimate(const std::string& key, double max) const {
+    const auto estimate = OptionalEstimate(key, max);
+    if (!estimate) Fail(place_ + key, nullptr, fmt::format("a number from 0 to {}", max));
+    return *estimate;
+  }
+
+  const std::string& file() const { return file_; }
+
+ private:
+  const Json& object_;
+  const std::string file_;
+  const std::string place_;  // "" or "courses[3].".
+};
+
+void RequireFormat(const ObjectReader& reader, const Json& object) {
+  if (!object.contains("format") && object.contains("course_set")) {
+    throw base::Error(fmt::format(
+        "{}: written by an older slalom (version 1), expected version {}; evaluate again",
+        reader.file(), kResultVersion));
+  }
+  if (const std::string format = reader.Text("format"); format != "slalom-evaluation") {
+    throw base::Error(
+        fmt::format("{}: format is \"{}\", expected \"slalom-evaluation\"", reader.file(), format));
+  }
+  const int version = reader.Count("version");
+  if (version == kResultVersion) return;
+  throw base::Error(fmt::format("{}: version is {}, expected {}{}", reader.file(), version,
+                                kResultVersion,
+                                version > kResultVersion ? "; it is from a newer slalom" : ""));
+}
+
+Figures ReadFigures(const ObjectReader& reader) {
+  Figures figures;
+  figures.num_episodes = reader.Count("episodes");
+  figures.num_successes = reader.Count("successes");
+  figures.num_collisions = reader.Count("collisions");
+  figures.num_timeouts = reader.Count("timeouts");
+  figures.num_contacts = reader.Count("contacts");
+  figures.success_rate = reader.RequiredEstimate("success_rate", 1.0);
+  figures.collision_rate = reader.RequiredEstimate("collision_rate", 1.0);
+  figures.timeout_rate = reader.RequiredEstimate("timeout_rate", 1.0);
+  figures.contact_rate = reader.RequiredEstimate("contact_rate", 1.0);
+  figures.survival_time = reader.OptionalEstimate("survival_time_s", kLargestTime);
+  figures.traversal_time = reader.OptionalEstimate("traversal_time_s", kLargestTime);
+  figures.barn_score = reader.RequiredEstimate("barn_score", 0.5);
+  figures.barn_score_until_2024 = reader.RequiredEstimate("barn_score_until_2024", 0.25);
+  figures.mean_path_length = reader.Number("mean_path_length_m", 0.0, 1e9);
+  return figures;
+}
+
+env::Outcome ReadOutcome(const ObjectReader& reader, const Json& value) {
+  for (const env::Outcome outcome :
+       {env::Outcome::kSuccess, env::Outcome::kCollision, env::Outcome::kTimeout}) {
+    if (value == env::ToString(outcome)) return outcome;
+  }
+  reader.Fail("an outcome", value, "success, collision or timeout");
+}
+
+ResultCourse ReadCourse(const ObjectReader& reader) {
+  ResultCourse course{
+      reader.Text("course"), reader.Number("optimal_time_s", 0.0, kLargestTime), {}};
+  const Json& outcomes = reader.List("outcomes");
+  const Json& times = reader.List("times_s");
+  const Json& collisions = reader.List("collisions_per_episode");
+  if (outcomes.size() != times.size() || outcomes.size() != collisions.size()) {
+    reader.Fail("the number of times or collisions of " + course.name, times.size(),
+                fmt::format("{}, one for each outcome", outcomes.size()));
+  }
+  for (std::size_t k = 0; k < outcomes.size(); ++k) {
+    reader.RequireNumber("a time", times[k], 0.0, kLargestTime);
+    reader.RequireCount("a number of collisions", collisions[k]);
+    course.episodes.push_back(
+        {ReadOutcome(reader, outcomes[k]), times[k].get<double>(), collisions[k].get<int>()});
+  }
+  return course;
+}
+
+/// The parts of one file must be of one evaluation.
+void RequireConsistent(const Result& result, const ObjectReader& reader) {
+  int num_episodes = 0;
+  int num_successes = 0;
+  for (const ResultCourse& course : result.courses) {
+    num_episodes += static_cast<int>(course.episodes.size());
+    for (const ResultEpisode& e : course.episodes)
+      num_successes += e.outcome == env::Outcome::kSuccess;
+  }
+  if (num_episodes != result.set.num_episodes || num_successes != result.set.num_successes) {
+    throw base::Error(fmt::format(
+        "{}: says {} successes of {} episodes, but its courses hold {} of {}; the file was changed",
+        reader.file(), result.set.num_successes, result.set.num_episodes, num_successes,
+        num_episodes));
+  }
+}
+
+/// None: null, or the file is older than this key.
+std::optional<TrainingOverlap> ReadOverlap(const ObjectReader& provenance) {
+  if (!provenance.HasValue("training_overlap")) return std::nullopt;
+  const ObjectReader overlap = provenance.Object("training_overlap");
+  return TrainingOverlap{overlap.Count("courses"), overlap.Count("of"), overlap.Text("trained_on")};
+}
+
+void ReadCoursesAndTracks(const fs::path& courses_file, const fs::path& tracks_file,
+                          Result& result) {
+  result.course_set_data = sim::ReadCourseSet(courses_file);
+  const auto& courses = result.course_set_data.courses;
+  bool is_same = courses.size() == result.courses.size();
+  for (std::size_t c = 0; is_same && c < courses.size(); ++c) {
+    is_same = courses[c]->name == result.courses[c].name;
+  }
+  if (!is_same) {
+    throw base::Error(fmt::format("{}: does not hold the {} courses of {}", courses_file.string(),
+                                  result.courses.size(), result.file));
+  }
+  result.tracks = sim::ReadEpisodes(tracks_file);
+  std::set<std::string_view> names;
+  for (const auto& course : courses) names.insert(course->name);
+  for (const sim::EpisodeTrack& track : result.tracks) {
+    if (names.contains(track.course) && !track.poses.empty() && track.step > 0.0) continue;
+    throw base::Error(
+        fmt::format("{}: an episode on {} is not of {}: no such course, no poses or no step_s",
+                    tracks_file.string(), track.course, result.file));
+  }
+}
+
+}  // namespace
+
+ParsedResult ParseResult(std::string_view text, const std::string& source) {
+  Json object;
+  try {
+    object = Json::parse(text);
+  } catch (const Json::parse_error& parse_error) {
+    throw base::Error(fmt::format("{}: not valid JSON from byte {} of {}{}", source,
+                                  parse_error.byte, text.size(),
+                                  parse_error.byte >= text.size() ? "; it was cut short" : ""));
+  } catch (const Json::out_of_range& range_error) {  // Of a number that no double holds.
+    throw base::Error(fmt::format("{}: not valid JSON: {}", source, range_error.what()));
+  }
+  const ObjectReader reader(object, source, "");
+  RequireFormat(reader, object);
+  Result result;
+  result.file = source;
+  const ObjectReader agent = reader.Object("agent");
+  result.agent = agent.Text("name");
+  result.kind = agent.Text("kind");
+  result.course_set = reader.Text("course_set");
+  result.set = ReadFigures(reader);
+  (void)reader.Object("protocol").Get("collision_ends");
+  for (const auto& [key, value] : reader.Get("protocol").items()) {
+    result.protocol[key] = value.dump(-1, ' ', false, Json::error_handler_t::replace);
+  }
+  if (reader.HasValue("physics")) {  // Older files lack it: they know Slalom's own alone.
+    const ObjectReader physics = reader.Object("physics");
+    result.physics = physics.Text("name");
+    result.physics_version = physics.Text("version");
+  }
+  const ObjectReader run = reader.Object("run");
+  result.seed = run.Get("seed").is_number_integer() ? run.Get("seed").get<std::int64_t>() : 0;
+  result.step = run.Number("step_s", 1e-6, 1e3);
+  result.robot_length = run.Number("robot_length_m", 0.0, 100.0);
+  result.robot_width = run.Number("robot_width_m", 0.0, 100.0);
+  const ObjectReader provenance = reader.Object("provenance");
+  result.source = provenance.Text("source");
+  result.collection = provenance.Text("collection");
+  result.commit = provenance.Text("commit");
+  result.training_overlap = ReadOverlap(provenance);
+  for (const Json& profile : provenance.List("profiles")) {
+    if (!profile.is_string()) provenance.Fail("a profile", profile, "a text");
+    result.profiles.push_back(profile.get<std::string>());
+  }
+  const std::size_t num_courses = reader.List("courses").size();
+  if (num_courses == 0) reader.Fail("courses", reader.List("courses"), "at least one course");
+  for (std::size_t c = 0; c < num_courses; ++c) {
+    result.courses.push_back(ReadCourse(reader.Element("courses", c)));
+  }
+  RequireConsistent(result, reader);
+  const ObjectReader files = reader.Object("files");
+  return {std::move(result), fs::path(files.Text("courses")).filename().string(),
+          fs::path(files.Text("tracks")).filename().string()};
+}
+
+Result ReadResult(const fs::path& path) {
+  std::error_code error;
+  const fs::path file = fs::is_directory(path, error) ? path / "evaluation.json" : path;
+  auto [result, courses_file, tracks_file] = ParseResult(base::ReadFile(file), file.string());
+  const fs::path directory = file.parent_path();
+  ReadCoursesAndTracks(directory / courses_file, directory / tracks_file, result);
+  return std::move(result);
+}
+
+void RequireSameProtocol(std::span<const Result> results) {
+  for (const Result& result : results.subspan(std::min<std::size_t>(1, results.size()))) {
+    const Result& first = results.front();
+    for (const auto& [key, value] : first.protocol) {
+      const auto it = result.protocol.find(key);
+      const std::string other = it == result.protocol.end() ? "missing" : it->second;
+      if (other == value) continue;
+      throw base::Error(fmt::format(
+          "{} and {} cannot stand in one report: {} of the protocol is {} in the first and {} in "
+          "the second",
+          first.file, result.file, key, value, other));
+    }
+  }
+}
+
+}  // namespace slalom::eval

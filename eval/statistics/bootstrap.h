@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "eval/statistics/score_table.h"
+#include "eval/statistics/statistics.h"
+
+/// 95 % bootstrap intervals over the seeds of training and over courses.
+///
+/// *What is drawn.* A resample draws as many courses as there are, with replacement, and for each
+/// agent as many of its seeds as it has, with replacement. A drawn seed brings its scores on all
+/// drawn courses, since one policy drives them all, and both agents of a comparison get the same
+/// courses, since they drove the same ones. This is the bootstrap of two crossed factors (Owen
+/// 2007). The stratified bootstrap of Agarwal et al. 2021 draws runs anew within each task, which
+/// is right where every task trains a policy of its own. Here it would average out that one policy
+/// is better than another on every course, and it would not hold for other courses of the kind.
+///
+/// *The interval* reaches from the 2.5 % to the 97.5 % percentile of the resamples, stretched about
+/// the estimate. Percentiles are too narrow for few seeds (Hesterberg 2015); the stretch makes up
+/// for it as Student's t does (docs/statistics.md). It approaches 1 as seeds and courses become
+/// many.
+///
+/// *With one seed* only courses are drawn: the interval holds for this policy on other courses, and
+/// says nothing about another training. *There is no interval* on fewer than two courses, and where
+/// leaving out any one course or seed changes nothing, so that the spread is not known.
+///
+/// The same input and options give the same numbers on every machine. Functions of one options'
+/// seed draw the same courses.
+
+namespace slalom::eval {
+
+/// How a bootstrap draws.
+struct BootstrapOptions {
+  int num_samples = 2000;  ///< At least 100.
+  std::uint64_t seed = 1;
+};
+
+/// Estimates `Mean`.
+Estimate BootstrapMean(const ScoreTable& table, const BootstrapOptions& options = {});
+
+/// Estimates `InterquartileMean`.
+Estimate BootstrapInterquartileMean(const ScoreTable& table, const BootstrapOptions& options = {});
+
+/// Estimates the sum of `sums` over the sum of `counts`, where `sums` adds up a quantity that not
+/// every episode has (for example the time of those that succeeded) and `counts` those that have
+/// it. Returns nothing if all counts are 0. The interval is cut to the limits of `sums`. There is
+/// none if only one seed or one course has a count.
+/// Requires: tables of one shape, counts of 0 or more.
+std::optional<Estimate> BootstrapRatio(const ScoreTable& sums, const ScoreTable& counts,
+                                       const BootstrapOptions& options = {});
+
+/// Estimates `Mean(first) - Mean(second)`. Requires: the same courses in the same order.
+Estimate BootstrapDifference(const ScoreTable& first, const ScoreTable& second,
+                             const BootstrapOptions& options = {});
+
+/// Estimates `ProbabilityOfImprovement`. Requires: the same courses in the same order.
+Estimate BootstrapProbabilityOfImprovement(const ScoreTable& first, const ScoreTable& second,
+                                           const BootstrapOptions& options = {});
+
+/// Estimates `PerformanceProfile`. The bands are pointwise: each holds for its own threshold.
+/// Requires: thresholds in increasing order.
+std::vector<Estimate> BootstrapProfile(const ScoreTable& table, std::span<const double> thresholds,
+                                       const BootstrapOptions& options = {});
+
+}  // namespace slalom::eval

@@ -1,0 +1,117 @@
+#include "learner/run/checkpoint_store.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kPrefix = "step-";
+constexpr std::string_view kUnfinished = ".unfinished";
+constexpr std::string_view kReplaced = ".replaced";
+constexpr std::string_view kDamaged = ".damaged";
+
+std::optional<std::int64_t> StepsOf(const fs::path& path) {
+  const std::string name = path.filename().string();
+  if (!name.starts_with(kPrefix)) return std::nullopt;
+  std::int64_t steps = 0;
+  const auto [end, error] =
+      std::from_chars(name.data() + kPrefix.size(), name.data() + name.size(), steps);
+  if (error != std::errc() || end != name.data() + name.size()) return std::nullopt;
+  return steps;
+}
+
+void Rename(const fs::path& from, const fs::path& to) {
+  std::error_code ec;
+  fs::rename(from, to, ec);
+  if (ec) {
+    throw base::Error(
+        fmt::format("{}: cannot rename to {} ({})", from.string(), to.string(), ec.message()));
+  }
+}
+
+void RemoveAll(const fs::path& path) {
+  std::error_code ec;
+  fs::remove_all(path, ec);
+  if (ec) throw base::Error(fmt::format("{}: cannot remove ({})", path.string(), ec.message()));
+}
+
+}  // namespace
+
+CheckpointStore::CheckpointStore(const fs::path& directory) : directory_(directory) {
+  base::MakeDirectories(directory);
+  for (const fs::path& entry : base::ListDirectory(directory)) {
+    const std::string path = entry.string();
+    if (path.ends_with(kUnfinished)) RemoveAll(path);
+    if (!path.ends_with(kReplaced)) continue;
+    // A crash came between the two renames of `Write`, or before the removal.
+    const fs::path target = path.substr(0, path.size() - kReplaced.size());
+    if (base::Exists(target)) {
+      RemoveAll(path);
+    } else {
+      Rename(path, target);
+    }
+  }
+}
+
+fs::path CheckpointStore::Write(std::int64_t steps,
+                                const std::function<void(const fs::path&)>& write) {
+  const fs::path target = directory_ / fmt::format("{}{}", kPrefix, steps);
+  const fs::path unfinished = target.string() + std::string(kUnfinished);
+  const fs::path replaced = target.string() + std::string(kReplaced);
+  std::error_code ec;
+  try {
+    base::MakeDirectories(unfinished);
+    write(unfinished);
+    base::SyncDirectory(unfinished);
+    // The same step again, as a stop right after a resume makes.
+    if (base::Exists(target)) Rename(target, replaced);
+    Rename(unfinished, target);
+    base::SyncDirectory(directory_);
+    fs::remove_all(replaced, ec);
+  } catch (...) {
+    fs::remove_all(unfinished, ec);
+    throw;
+  }
+  return target;
+}
+
+std::vector<fs::path> CheckpointStore::Keep(std::size_t num_kept) {
+  std::vector<fs::path> all = List();
+  std::error_code ignored;
+  for (std::size_t i = num_kept; i < all.size(); ++i) fs::remove_all(all[i], ignored);
+  all.resize(std::min(all.size(), num_kept));
+  return all;
+}
+
+void CheckpointStore::SetAside(const fs::path& checkpoint) {
+  const fs::path aside = checkpoint.string() + std::string(kDamaged);
+  std::error_code ec;
+  fs::remove_all(aside, ec);
+  Rename(checkpoint, aside);
+}
+
+std::vector<fs::path> CheckpointStore::List() const {
+  std::vector<std::pair<std::int64_t, fs::path>> found;
+  for (const fs::path& path : base::ListDirectory(directory_)) {
+    if (const auto steps = StepsOf(path)) found.emplace_back(*steps, path);
+  }
+  std::sort(found.begin(), found.end(), std::greater<>());
+  std::vector<fs::path> paths;
+  paths.reserve(found.size());
+  for (auto& [steps, path] : found) paths.push_back(std::move(path));
+  return paths;
+}
+
+}  // namespace slalom::run

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <memory>
+
+#include "base/random.h"
+#include "policy/nn/mlp.h"
+#include "policy/nn/network_shape.h"
+
+/// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `W` features of an encoder.
+
+namespace slalom::nn {
+
+/// What an encoder's pass reads and writes. Tensors are kept, not copied.
+struct EncoderPorts {
+  at::Tensor input;             ///< [B, H * F], oldest frame first; rows may lie further apart.
+  at::Tensor features;          ///< [B, W], inside the head's input.
+  at::Tensor feature_gradient;  ///< [B, W], for the backward pass; undefined in inference.
+  PassUse use = PassUse::kTraining;
+  base::Random* dropout = nullptr;  ///< Draws the masks in this pass; null: no dropout.
+};
+
+/// What an encoder leaves behind between its passes, for one batch size. Allocates on construction
+/// only. Confined to one thread at a time.
+class EncoderPass {
+ public:
+  virtual ~EncoderPass() = default;
+};
+
+/// Reads the stack of frames in front of a head. Parameters are views into the network's flat
+/// tensor. Thread-compatible; `Forward` into different passes is thread-safe.
+class Encoder {
+ public:
+  virtual ~Encoder() = default;
+
+  /// Writes the features. Requires: a pass that `MakeEncoderPass` made for the same shape.
+  virtual void Forward(EncoderPass& pass) const = 0;
+
+  /// After Forward and with the feature gradient set: writes the gradients of all parameters into
+  /// those of `gradient`, an encoder of the same shape. Uses up the pass.
+  virtual void ParameterGradient(EncoderPass& pass, Encoder& gradient) const = 0;
+};
+
+/// Requires: shape.has_encoder(). `parameters`: the encoder's, shared, not copied.
+std::unique_ptr<Encoder> MakeEncoder(const NetworkShape& shape, const at::Tensor& parameters);
+std::unique_ptr<EncoderPass> MakeEncoderPass(const NetworkShape& shape, const EncoderPorts& ports);
+
+/// These two for one kind, defined in the source of that encoder.
+template <EncoderKind kKind>
+std::unique_ptr<Encoder> MakeEncoderOf(const NetworkShape& shape, const at::Tensor& parameters);
+template <EncoderKind kKind>
+std::unique_ptr<EncoderPass> MakeEncoderPassOf(const NetworkShape& shape,
+                                               const EncoderPorts& ports);
+
+#define SLALOM_DECLARE(kind)                                                             \
+  template <>                                                                            \
+  std::unique_ptr<Encoder> MakeEncoderOf<EncoderKind::kind>(const NetworkShape&,         \
+                                                            const at::Tensor&);          \
+  template <>                                                                            \
+  std::unique_ptr<EncoderPass> MakeEncoderPassOf<EncoderKind::kind>(const NetworkShape&, \
+                                                                    const EncoderPorts&);
+SLALOM_FOR_EACH_ENCODER(SLALOM_DECLARE)
+#undef SLALOM_DECLARE
+
+}  // namespace slalom::nn

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "env/observation.h"
+#include "policy/nn/network_config.h"
+
+/// Shapes: `N` beams, `R` ranges seen (sectors, or N), `F` = R + env::kStateSize numbers of a
+/// frame.
+
+namespace slalom::nn {
+
+/// How a frame becomes the numbers that a network sees: sectors pooled by minimum, ranges and goal
+/// mapped.
+///
+/// With sectors = 0 and both transforms "linear" it is exactly `env::WriteObservation`. Ranges are
+/// pooled as the sensor's integers and mapped by table, so every machine computes the same numbers.
+/// Immutable after construction, so one instance may serve many threads.
+class FeatureMap {
+ public:
+  /// Throws `base::Error` where the sectors do not divide the beams.
+  FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config);
+
+  /// Writes one frame's features. `mirrored`: as the same scene seen in a mirror, left for right:
+  /// beams reversed, goal y and last turn negated. `ranges_cm`: [N]; `state`: [S]; `features`: [F].
+  void Write(const std::uint16_t* ranges_cm, const float* state, bool mirrored,
+             float* features) const;
+
+  /// Writes the newest frames of environments behind those before them: every stack moves up by
+  /// one, and where an episode begins it is copies of its first frame. `stacks`: [B, H * F], oldest
+  /// first.
+  void PushFrames(const env::ObservationBatch& observations, int history, float* stacks) const;
+
+  /// Asks the processor to fetch a scan that `Write` will read soon.
+  void Prefetch(const std::uint16_t* ranges_cm) const;
+
+  int frame_size() const { return num_ranges_ + env::kStateSize; }  ///< F
+  int num_beams() const { return num_beams_; }
+
+ private:
+  void PoolSectors(const std::uint16_t* ranges_cm, bool mirrored, float* features) const;
+
+  int num_beams_;
+  int num_ranges_;
+  int beams_per_range_;
+  float goal_scale_;
+  float goal_y_offset_;
+  std::vector<float> table_;  ///< [clip in cm + 1], what a range of so many cm becomes.
+};
+
+}  // namespace slalom::nn

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <vector>
+
+#include "policy/nn/mlp_shape.h"
+
+/// Shapes: `B` batch, `I` inputs, `E` extra inputs, `O` outputs of a network.
+
+namespace slalom::nn {
+
+/// What a pass is for, and so what it keeps.
+enum class PassUse {
+  kTraining,   ///< Forward and backward.
+  kInference,  ///< Forward only: no memory for gradients.
+};
+
+/// What a pass through an `Mlp` reads and leaves behind, for one batch size. Allocates on
+/// construction only.
+///
+/// Bound to its input: fill that tensor's memory, then call `Mlp::Forward`. Confined to one thread
+/// at a time.
+class MlpPass {
+ public:
+  /// `input`: [B, I + E], features with the extra inputs behind them; kept, not copied.
+  /// `input_gradient`: [B, I], written by `Mlp::ParameterGradient`; undefined where it is not
+  /// wanted. With `PassUse::kInference` there are no gradients.
+  explicit MlpPass(const MlpShape& shape, const at::Tensor& input, PassUse use = PassUse::kTraining,
+                   const at::Tensor& input_gradient = {});
+
+  at::Tensor& output() { return output_; }                    ///< [B, O], written by Forward.
+  at::Tensor& output_gradient() { return output_gradient_; }  ///< [B, O], for the backward passes.
+  at::Tensor& extra_gradient() { return extra_gradient_; }    ///< [B, E], written by ExtraGradient.
+
+ private:
+  friend class Mlp;
+
+  struct Layer {
+    at::Tensor input;            // [B, inputs of the layer]
+    at::Tensor output;           // [B, outputs of the layer], inside the next layer's input
+    at::Tensor output_gradient;  // [B, outputs of the layer]
+    at::Tensor normal;           // [B, outputs], with LayerNorm
+    at::Tensor rstd;             // [B], with LayerNorm
+  };
+
+  std::vector<Layer> layers_;
+  at::Tensor
+      extra_source_;       // [B, E] in the input; undefined where the input layer reads it in place
+  at::Tensor extra_copy_;  // [B, E] in the input of layer `extra_layer`
+  at::Tensor output_;
+  at::Tensor output_gradient_;
+  at::Tensor extra_gradient_;
+  at::Tensor input_gradient_;  // [B, I], undefined where it is not wanted
+};
+
+/// A fully connected network whose parameters are views into one flat tensor, so that an optimiser,
+/// Polyak averaging and saving are single passes over it.
+///
+/// Forward and backward are explicit: nothing is recorded, and a pass computes just what is asked
+/// for. Thread-compatible; `Forward` of one network into different passes is thread-safe.
+class Mlp {
+ public:
+  /// `parameters`: [shape.num_parameters()], shared, not copied.
+  Mlp(const MlpShape& shape, const at::Tensor& parameters);
+
+  /// Computes pass.output() from the pass's input.
+  void Forward(MlpPass& pass) const;
+
+  /// After Forward and with pass.output_gradient() set: writes the gradients of all parameters into
+  /// those of `gradient`, a network of the same shape. Uses up the pass.
+  void ParameterGradient(MlpPass& pass, Mlp& gradient) const;
+
+  /// As above, for the extra inputs only, with the parameters frozen: writes pass.extra_gradient().
+  void ExtraGradient(MlpPass& pass) const;
+
+ private:
+  struct Layer {
+    at::Tensor weight;         // [outputs, inputs]
+    at::Tensor bias;           // [outputs]
+    at::Tensor gain;           // [outputs], with LayerNorm
+    at::Tensor norm_bias;      // [outputs], with LayerNorm
+    at::Tensor weight_before;  // [outputs, inputs from the layer before]
+  };
+
+  /// From the gradient by the output of `layer` > 0 to that of the layer before it, through its
+  /// ReLU where it has no LayerNorm.
+  void InputGradient(MlpPass& pass, int layer) const;
+  /// Passes the output gradient of a hidden layer back through its LayerNorm and ReLU, where it has
+  /// that; `gradient` may be null.
+  void NormGradient(MlpPass::Layer& pass, int layer, Layer* gradient) const;
+
+  MlpShape shape_;
+  std::vector<Layer> layers_;
+  at::Tensor extra_weight_;  // [outputs of layer extra_layer, E]
+};
+
+}  // namespace slalom::nn

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/random.h"
+#include "policy/nn/mlp_shape.h"
+#include "policy/nn/network_config.h"
+#include "policy/nn/parameter_slot.h"
+
+/// Shapes: `H` frames of history, `F` features of a frame, `W` features that an encoder gives.
+
+namespace slalom::nn {
+
+/// The sizes of a network: an encoder that reads the stack of frames, and a head. A value.
+///
+/// Encoder "mlp" has no encoder of its own: its layers are the first of `mlp`, which reads the
+/// stack itself. With any other, `mlp` is the head, which reads the encoder's features with the
+/// extra inputs behind them. All parameters lie in one flat array, the encoder's first.
+struct NetworkShape {
+  NetworkConfig config;
+  EncoderKind encoder = EncoderKind::kMlp;  ///< What the texts of `config` name.
+  int frame_size = 0;                       ///< F
+  MlpShape mlp;
+
+  int num_inputs() const { return config.history * frame_size; }  ///< H * F, without the extra.
+  int num_outputs() const { return mlp.num_outputs; }
+  int num_extra() const { return mlp.num_extra; }
+  /// Whether `mlp` is a head behind an encoder of its own.
+  bool has_encoder() const { return encoder != EncoderKind::kMlp; }
+  std::vector<ParameterSlot> Slots() const;
+  std::int64_t num_parameters() const { return CountParameters(Slots()); }
+};
+
+/// Actor: features [H * F] -> outputs, before tanh. The paper's at H = 1: 1,160,194 parameters.
+/// Throws `base::Error` that names the key where the config makes no network.
+NetworkShape ActorShape(const NetworkConfig& config, int frame_size, int num_outputs = 2);
+
+/// Critic and transition model: features [H * F] and action [2] -> outputs. Throws as `ActorShape`.
+NetworkShape CriticShape(const NetworkConfig& config, int frame_size, int num_outputs = 1);
+
+/// What every parameter starts as, by its slot; LibTorch's defaults but for what docs/networks.md
+/// says. `parameters`: [shape.num_parameters()].
+void InitialiseParameters(const NetworkShape& shape, base::Random& random,
+                          std::span<float> parameters);
+
+}  // namespace slalom::nn

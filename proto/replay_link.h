@@ -1,0 +1,78 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "proto/messages.h"
+#include "proto/transport/client.h"
+
+namespace slalom::service {
+
+/// A role's connection to the replay server. It says hello on every new connection and after a long
+/// silence of the server, drops a connection that does not answer, and sends the role's reports.
+/// Confined to one thread.
+class ReplayLink {
+ public:
+  ReplayLink(transport::Context& context, const transport::ClientOptions& replay,
+             proto::Hello hello);
+
+  /// Changes the hello, and sends it at once if there is a connection.
+  void SetHello(proto::Hello hello);
+  const proto::Hello& hello() const { return hello_; }
+  /// Sends the hello again, as after a refusal. `welcomed` then refers to the answer to this one.
+  void SayHello();
+
+  struct Received {
+    proto::Header header;
+    transport::Frame payload;
+  };
+  /// Returns the next message for the role: a welcome, an acknowledgement, a sample, a status, or a
+  /// refusal. Returns nothing if none came within `timeout`, or if the link handled it itself.
+  /// Throws `base::Error` if the server refuses this process for good (key, version, spec).
+  ///
+  /// The link ignores a refusal of what was sent before the hello on a new connection. It logs any
+  /// other refusal and says hello again, and the role then sends again from where the welcome says.
+  /// Only `kReplaced`, which answers a hello, is left to the role.
+  std::optional<Received> Receive(std::chrono::milliseconds timeout);
+
+  /// Sends a message. Returns false if that is impossible now (no connection, or a full queue).
+  [[nodiscard]] bool Send(const proto::Header& header, transport::Frame payload = {});
+
+  /// Sends the `proto::Report` that `make` returns if the last one was at least a second ago.
+  template <class MakeReport>
+  void ReportEverySecond(const MakeReport& make) {
+    if (report_due()) SendReport(make());
+  }
+
+  /// Whether the server has answered the last hello.
+  bool welcomed() const { return welcomed_; }
+  /// Number of welcomes so far on new connections or after `SayHello`. When it changes, answers to
+  /// earlier requests may never come.
+  int num_welcomes() const { return num_welcomes_; }
+  int connections() { return client_.connections(); }
+  const std::string& endpoint() const { return endpoint_; }
+  transport::Client& client() { return client_; }
+
+ private:
+  /// Notices new connections and silence.
+  void Watch();
+  bool report_due() const;
+  void SendReport(const proto::Report& report);
+
+  transport::Client client_;
+  const std::string endpoint_;
+  proto::Hello hello_;
+  bool welcomed_ = false;
+  bool is_new_ = true;  // The next welcome counts.
+  int num_welcomes_ = 0;
+  bool said_hello_ = false;
+  int connections_ = 0;
+  int unanswered_ = 0;
+  std::optional<std::chrono::steady_clock::time_point> hello_at_;  // The last one.
+  std::chrono::steady_clock::time_point heard_at_;                 // Since the last connection.
+  std::optional<std::chrono::steady_clock::time_point> reported_at_;
+};
+
+}  // namespace slalom::service

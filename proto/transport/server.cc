@@ -1,0 +1,183 @@
+#include "proto/transport/server.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <string_view>
+#include <utility>
+
+#include "base/check.h"
+#include "base/error.h"
+#include "proto/transport/endpoint.h"
+
+namespace slalom::transport {
+namespace {
+
+using std::chrono::milliseconds;
+using Clock = Peers::Clock;
+
+/// The longest time between two checks of the bounds.
+constexpr milliseconds kUpdateInterval{100};
+constexpr milliseconds kCloseTimeout{1000};
+constexpr std::int64_t kTotalOverPeer = 4;
+
+milliseconds HandshakeTime(milliseconds heartbeat) { return 5 * heartbeat; }
+
+Peers::Limits LimitsOf(const ServerOptions& options) {
+  return {options.max_messages_per_second, options.max_pending_bytes,
+          kTotalOverPeer * options.max_pending_bytes, options.max_connections,
+          HandshakeTime(options.heartbeat)};
+}
+
+std::optional<Role> RoleOf(zmq::message_t& part) {
+  const char* user = zmq_msg_gets(part.handle(), "User-Id");
+  return user == nullptr ? std::nullopt : ParseRole(user);
+}
+
+}  // namespace
+
+Server::Server(Context& context, const ServerOptions& options)
+    : context_(context),
+      options_(options),
+      domain_(IsInproc(options.endpoint) ? "" : context.NewName("server")),
+      socket_(context.zmq(), zmq::socket_type::router),
+      monitor_(context, socket_, Peers::kEvents | ZMQ_EVENT_CLOSED),
+      peers_(monitor_, LimitsOf(options)) {
+  CheckEndpoint(options.endpoint);
+  const int heartbeat = static_cast<int>(options.heartbeat.count());
+  socket_.set(zmq::sockopt::linger, 0);
+  socket_.set(zmq::sockopt::router_mandatory, true);
+  socket_.set(zmq::sockopt::sndhwm, options.queue_messages);
+  // The number of messages is not bounded, since bytes are (`max_pending_bytes`). If ZeroMQ 4.3
+  // stops reading at such a bound and the connection then breaks, its next heartbeat aborts the
+  // process.
+  socket_.set(zmq::sockopt::rcvhwm, domain_.empty() ? options.queue_messages : 0);
+  socket_.set(zmq::sockopt::maxmsgsize, options.max_message_bytes);
+  socket_.set(zmq::sockopt::heartbeat_ivl, heartbeat);
+  socket_.set(zmq::sockopt::heartbeat_timeout, 3 * heartbeat);
+  socket_.set(zmq::sockopt::heartbeat_ttl, 3 * heartbeat);
+  socket_.set(zmq::sockopt::handshake_ivl,
+              static_cast<int>(HandshakeTime(options.heartbeat).count()));
+  socket_.set(zmq::sockopt::ipv6, IsIpv6(options.endpoint));
+  if (!domain_.empty()) {
+    // For plaintext, too, because ZeroMQ then does not take arbitrary bytes for its oldest
+    // protocol.
+    socket_.set(zmq::sockopt::zap_domain, domain_);
+    if (options.security.keys) {
+      socket_.set(zmq::sockopt::curve_server, true);
+      socket_.set(zmq::sockopt::curve_secretkey, options.security.keys->secret_key);
+      context_.Authenticate(domain_, options.security.allowed);
+    } else {
+      context_.Authenticate(domain_, std::nullopt);
+    }
+  }
+  if (zmq_bind(socket_.handle(), options.endpoint.c_str()) != 0) {
+    const int error = zmq_errno();
+    context_.Forget(domain_);
+    throw base::Error(
+        fmt::format("{}: cannot listen ({}); expected tcp://ADDRESS:PORT with an address of this "
+                    "machine and a free "
+                    "port",
+                    options.endpoint, zmq_strerror(error)));
+  }
+  endpoint_ = socket_.get(zmq::sockopt::last_endpoint);
+}
+
+Server::~Server() {
+  if (IsTcp(endpoint_)) WaitUntilFree();
+  if (!domain_.empty()) context_.Forget(domain_);
+}
+
+// ZeroMQ closes the port in its own thread some time later, so this waits for it.
+void Server::WaitUntilFree() {
+  if (zmq_unbind(socket_.handle(), endpoint_.c_str()) != 0) return;
+  const auto deadline = Clock::now() + kCloseTimeout;
+  zmq::pollitem_t item{monitor_.handle(), 0, ZMQ_POLLIN, 0};
+  while (Clock::now() < deadline) {
+    zmq_poll(&item, 1, kUpdateInterval.count());
+    while (const auto event = monitor_.Next()) {
+      if (event->type == ZMQ_EVENT_CLOSED) return;
+    }
+  }
+}
+
+std::optional<Server::Received> Server::Receive(milliseconds timeout) {
+  const auto deadline = Clock::now() + timeout;
+  std::array<zmq::pollitem_t, 3> items{{{socket_.handle(), 0, ZMQ_POLLIN, 0},
+                                        {nullptr, wake_.fd(), ZMQ_POLLIN, 0},
+                                        {monitor_.handle(), 0, ZMQ_POLLIN, 0}}};
+  for (;;) {
+    std::optional<Received> received;
+    const Taken taken = Take(received);
+    if (taken == Taken::kMessage) return received;
+    const auto now = Clock::now();
+    peers_.Update(now);
+    const auto remaining = std::chrono::ceil<milliseconds>(deadline - now);
+    if (taken == Taken::kNone) {
+      const milliseconds wait = std::clamp(remaining, milliseconds(0), kUpdateInterval);
+      if (zmq_poll(items.data(), static_cast<int>(items.size()), wait.count()) < 0) {
+        return std::nullopt;
+      }
+      if (items[1].revents != 0) {
+        wake_.Clear();
+        return std::nullopt;
+      }
+      if (items[0].revents != 0) continue;
+    }
+    if (remaining <= milliseconds(0)) return std::nullopt;
+  }
+}
+
+Server::Taken Server::Take(std::optional<Received>& received) {
+  std::array<zmq::message_t, 3> parts;  // Id, header, payload.
+  std::size_t num_parts = 0;
+  std::int64_t bytes = 0;
+  for (bool more = true; more; ++num_parts) {
+    zmq::message_t beyond;
+    zmq::message_t& part = num_parts < parts.size() ? parts[num_parts] : beyond;
+    if (zmq_msg_recv(part.handle(), socket_.handle(), ZMQ_DONTWAIT) < 0) break;
+    if (num_parts > 0) bytes += static_cast<std::int64_t>(part.size());
+    more = part.more();
+  }
+  if (num_parts == 0) return Taken::kNone;
+  const auto now = Clock::now();
+  PeerId peer = parts[0].to_string();
+  const int fd = zmq_msg_get(parts[1].handle(), ZMQ_SRCFD);
+  const bool admitted = peers_.Admit(peer, fd, bytes, now);
+  if (num_parts != parts.size()) {
+    ++malformed_;
+    return Taken::kMalformed;
+  }
+  received.emplace();
+  received->peer = std::move(peer);
+  received->role = RoleOf(parts[1]);
+  received->message.header = Frame(std::move(parts[1]));
+  received->message.payload = Frame(std::move(parts[2]));
+  received->too_fast = !admitted;
+  return Taken::kMessage;
+}
+
+Server::Sent Server::Send(const PeerId& peer, Message&& message) {
+  // Only the first part can be refused. Once it is accepted, the connection is chosen and has room.
+  if (zmq_send(socket_.handle(), peer.data(), peer.size(), ZMQ_SNDMORE | ZMQ_DONTWAIT) < 0) {
+    return zmq_errno() == EAGAIN ? Sent::kFull : Sent::kGone;
+  }
+  const int header = zmq_msg_send(message.header.message_.handle(), socket_.handle(), ZMQ_SNDMORE);
+  const int payload = zmq_msg_send(message.payload.message_.handle(), socket_.handle(), 0);
+  SLALOM_CHECK(header >= 0 && payload >= 0);
+  return Sent::kYes;
+}
+
+std::int64_t Server::rejected_connections() {
+  peers_.Update(Clock::now());
+  return peers_.rejected();
+}
+
+std::int64_t Server::ended_connections() {
+  peers_.Update(Clock::now());
+  return peers_.ended();
+}
+
+}  // namespace slalom::transport

@@ -1,0 +1,103 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <zmq.hpp>
+
+#include "proto/transport/context.h"
+#include "proto/transport/event_fd.h"
+#include "proto/transport/frame.h"
+#include "proto/transport/monitor.h"
+#include "proto/transport/peers.h"
+#include "proto/transport/security.h"
+
+namespace slalom::transport {
+
+struct ServerOptions {
+  /// "tcp://127.0.0.1:5550", "tcp://*:5550" for all addresses, port 0 or * for any free one;
+  /// "ipc://PATH"; "inproc://NAME".
+  std::string endpoint;
+  ServerSecurity security = {};               ///< Not used over inproc.
+  std::int64_t max_message_bytes = 64 << 20;  ///< A larger part ends its connection.
+  double max_messages_per_second = 20000.0;   ///< Of one peer, over about a second.
+  int queue_messages = 256;                   ///< Messages that may wait to be sent to a peer.
+  /// Bytes that were received from one peer and not taken yet. A connection that exceeds this is
+  /// ended. While all connections together exceed four times this, the one with most is ended. Must
+  /// be larger than what an honest peer may have under way.
+  std::int64_t max_pending_bytes = 256 << 20;
+  int max_connections = 512;  ///< Further connections are ended at once.
+  /// Interval of heartbeats on a silent connection, at most half an hour. After three without an
+  /// answer the connection counts as lost.
+  std::chrono::milliseconds heartbeat{2000};
+};
+
+/// The listening end (a ZeroMQ ROUTER socket): takes messages from many peers and can answer any of
+/// them at any time.
+///
+/// It never waits for a peer and never holds more for it than the bounds in `ServerOptions` allow.
+/// A peer that connects again counts as a new peer. Over tcp, rates, pending bytes and the number
+/// of connections are bounded; over ipc, rates and connections; within this process, none of them.
+/// The bounds are enforced in `Receive`, so call it several times a second. Confined to the thread
+/// that made it, except for `Wake`.
+class Server {
+ public:
+  /// Throws `base::Error` with the reason if the endpoint cannot be bound.
+  Server(Context& context, const ServerOptions& options);
+  /// Ends all connections. The port is free again afterwards.
+  ~Server();
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+
+  struct Received {
+    PeerId peer;
+    /// The role that belongs to the peer's key. Empty for plaintext, where any claimed role must be
+    /// believed.
+    std::optional<Role> role;
+    Message message;
+    bool too_fast = false;  ///< The peer is over its rate. Refuse the message unread.
+  };
+
+  /// Waits for at most `timeout` and returns the next message, or nothing if none arrived, `Wake`
+  /// was called or a signal interrupted the wait. Messages that do not have two parts are counted
+  /// (`malformed`) and dropped.
+  std::optional<Received> Receive(std::chrono::milliseconds timeout);
+
+  enum class Sent {
+    kYes,
+    kFull,  ///< The peer does not read. Try later, or give it up.
+    kGone,  ///< The connection is closed. After kFull this shows only after a `Receive`.
+  };
+  /// Sends a message without waiting. Takes it over only if it is sent.
+  [[nodiscard]] Sent Send(const PeerId& peer, Message&& message);
+
+  /// Ends a `Receive` that waits, or the next one that would wait. May be called from any thread
+  /// and in signal handlers.
+  void Wake() { wake_.Set(); }
+
+  /// The endpoint on which it listens, with the actual port.
+  const std::string& endpoint() const { return endpoint_; }
+  std::int64_t malformed() const { return malformed_; }
+  /// Connections whose handshake failed: wrong keys, no keys, not ZeroMQ.
+  std::int64_t rejected_connections();
+  /// Connections that were ended because they exceeded a bound of `ServerOptions`.
+  std::int64_t ended_connections();
+
+ private:
+  enum class Taken { kMessage, kMalformed, kNone };
+  Taken Take(std::optional<Received>& received);
+  void WaitUntilFree();
+
+  Context& context_;
+  const ServerOptions options_;
+  const std::string domain_;  // Of authentication; empty for inproc.
+  zmq::socket_t socket_;
+  Monitor monitor_;
+  Peers peers_;
+  EventFd wake_;
+  std::string endpoint_;
+  std::int64_t malformed_ = 0;
+};
+
+}  // namespace slalom::transport

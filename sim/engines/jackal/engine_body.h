@@ -1,0 +1,53 @@
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "sim/drive_controller.h"
+#include "sim/engines/jackal/near_obstacles.h"
+#include "sim/engines/jackal/world.h"
+#include "sim/robot_body.h"
+#include "sim/skid_steering.h"
+
+namespace slalom::engines {
+
+/// A robot that an engine moves: the drive's controller ticks as it does in Slalom, and between two
+/// ticks the engine does steps of about a millisecond, with those obstacles near that the robot may
+/// touch. It has touched something if the engine says so, or if it was lifted by more than 0.1 m,
+/// which ends an episode of the original, too.
+class EngineBody final : public sim::RobotBody {
+ public:
+  /// `world` steps by `StepOf(config.robot)`. `num_ticks`: of the controller in a control step.
+  EngineBody(const sim::RobotConfig& config, int num_ticks, std::unique_ptr<World> world);
+
+  /// The angles of the wheels are drawn from `seed`, too, each uniformly: the original puts its
+  /// robot back with the wheels as the last episode left them, and friction may ask for them.
+  void Reset(const base::Pose2& X_WR, std::uint64_t seed) override;
+  bool Drive(double linear, double angular, const sim::Scene& scene, double motion_time,
+             sim::ContactWorld& contacts) override;
+  base::Pose2 pose() const override;
+  const sim::BodyState& body() const override { return state_; }
+  const sim::DriveController& drive() const override { return controller_; }
+
+  /// Steps of the engine between two ticks of the controller: about a millisecond each.
+  static int StepsPerTick(const sim::RobotConfig& config);
+  /// Duration of such a step, [s].
+  static double StepOf(const sim::RobotConfig& config);
+
+ private:
+  const int num_ticks_;
+  const int steps_per_tick_;
+  const double step_;                 // [s]
+  const sim::SkidSteering steering_;  // For what is asked of each wheel alone.
+  sim::DriveController controller_;
+  NearObstacles near_;
+  std::unique_ptr<World> world_;
+  sim::BodyState state_;
+};
+
+/// Makes bodies in worlds of `make_worlds`, for `sim::CourseEnvironments`. Errors call this
+/// `physics`: a key that no Jackal can honour (`MakeJackal`), and a course with an obstacle too
+/// thin or too fast for steps of a millisecond.
+sim::MakeRobotBodies BodiesIn(std::string_view physics, MakeWorlds make_worlds);
+
+}  // namespace slalom::engines

@@ -1,0 +1,85 @@
+#include "sim/engines/physics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "sim/engines/jackal/engine_body.h"
+
+#if SLALOM_HAS_ODE
+#include "sim/engines/ode/ode_world.h"
+#endif
+#if SLALOM_HAS_MUJOCO
+#include "sim/engines/mujoco/mujoco_world.h"
+#endif
+
+namespace slalom::engines {
+namespace {
+
+constexpr std::string_view kOwn = "slalom";
+constexpr std::string_view kAll = "all";
+
+std::vector<std::string_view> Split(std::string_view list) {
+  std::vector<std::string_view> names;
+  for (;;) {
+    const std::size_t comma = list.find(',');
+    names.push_back(list.substr(0, comma));
+    if (comma == std::string_view::npos) return names;
+    list.remove_prefix(comma + 1);
+  }
+}
+
+}  // namespace
+
+const std::vector<PhysicsInfo>& KnownPhysics() {
+  static const std::vector<PhysicsInfo> known = {
+      {kOwn, "", true},
+      {"ode", "libode-dev", SLALOM_HAS_ODE == 1},
+      {"mujoco", "libmujoco-dev", SLALOM_HAS_MUJOCO == 1},
+  };
+  return known;
+}
+
+sim::Physics FindPhysics(std::string_view name) {
+  const auto& known = KnownPhysics();
+  const auto info = std::ranges::find(known, name, &PhysicsInfo::name);
+  if (info == known.end()) {
+    std::string names;
+    for (const PhysicsInfo& each : known) names += fmt::format("{}, ", each.name);
+    throw base::Error(fmt::format("--physics '{}': expected {}several of them with commas, or {}",
+                                  name, names, kAll));
+  }
+  if (!info->is_built_in) {
+    throw base::Error(fmt::format(
+        "--physics {}: this program was built without it; install Debian 12's {} (apt-get install "
+        "{}) and build the program anew (./slalom build) without SLALOM_{}=OFF",
+        name, info->package, info->package, name == "ode" ? "ODE" : "MUJOCO"));
+  }
+#if SLALOM_HAS_ODE
+  if (name == "ode") return {"ode", OdeVersion(), BodiesIn("ode", MakeOdeWorlds)};
+#endif
+#if SLALOM_HAS_MUJOCO
+  if (name == "mujoco") return {"mujoco", MujocoVersion(), BodiesIn("mujoco", MakeMujocoWorlds)};
+#endif
+  return {};
+}
+
+std::vector<sim::Physics> FindPhysicsList(std::string_view list) {
+  std::vector<sim::Physics> found;
+  if (list == kAll) {
+    for (const PhysicsInfo& info : KnownPhysics()) found.push_back(FindPhysics(info.name));
+    return found;
+  }
+  for (const std::string_view name : Split(list)) {
+    if (std::ranges::find(found, name, &sim::Physics::name) != found.end()) {
+      throw base::Error(fmt::format("--physics {}: names {} twice", list, name));
+    }
+    found.push_back(FindPhysics(name));
+  }
+  std::stable_partition(found.begin(), found.end(),
+                        [](const sim::Physics& physics) { return physics.name == kOwn; });
+  return found;
+}
+
+}  // namespace slalom::engines

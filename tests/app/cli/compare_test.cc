@@ -1,0 +1,97 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "base/file.h"
+#include "tests/app/cli/program.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class CompareTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    Evaluate("dwa", {});
+    Evaluate("slow-1", {"--set", "dwa.max_speed=0.3"});
+    Evaluate("slow-2", {"--set", "dwa.max_speed=0.35"});
+  }
+
+  void Evaluate(const std::string& output, const std::vector<std::string>& more,
+                const std::string& episodes = "2") {
+    std::vector<std::string> arguments{
+        "evaluate", "--agent",    "dwa",    "--courses", "generated:1:3",           "--output",
+        output,     "--episodes", episodes, "--set",     "evaluation.time_limit=30"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProgramResult result = RunProgram(arguments, scratch_.path());
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+  }
+
+  ProgramResult Run(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin(), "compare");
+    return RunProgram(arguments, scratch_.path());
+  }
+
+  void ExpectError(const std::vector<std::string>& arguments,
+                   const ::testing::Matcher<const std::string&>& text) const {
+    const ProgramResult result = Run(arguments);
+    EXPECT_EQ(result.exit_code, 1) << result.err;
+    EXPECT_THAT(result.err, text);
+  }
+
+  const ScratchDirectory scratch_;
+};
+
+TEST_F(CompareTest, GroupsSeedsAndWritesEveryForm) {
+  const ProgramResult result =
+      Run({"dwa", "--agent", "slow", "slow-1", "slow-2/evaluation.json", "--output", "compared"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("| dwa | 1 |"));
+  EXPECT_THAT(result.out, HasSubstr("| slow | 2 |"));
+  EXPECT_THAT(result.out, HasSubstr("| dwa | slow |"));
+  EXPECT_THAT(result.out, HasSubstr("In brackets 95 % bootstrap intervals"));
+  EXPECT_THAT(result.out, HasSubstr("page: compared/compare.html"));
+  const auto text = [&](const char* name) {
+    return base::ReadFile(scratch_.path() / "compared" / name);
+  };
+  EXPECT_THAT(result.out, HasSubstr(text("compare.md")));
+  EXPECT_THAT(text("compare.csv"), HasSubstr("slow,,seeds,,2.000000,,\n"));
+  EXPECT_THAT(text("compare.tex"), HasSubstr("\\toprule"));
+  EXPECT_THAT(text("compare.html"), HasSubstr("\"label\":\"slow\""));
+  // Its own output is replaced; another command's is not.
+  EXPECT_EQ(Run({"dwa", "--output", "compared"}).exit_code, 0);
+  ExpectError({"dwa", "--output", "slow-1"}, HasSubstr("no output of `slalom compare`"));
+  EXPECT_EQ(Run({"dwa", "slow-1"}).exit_code, 0) << "nothing needs to be written";
+  const ProgramResult two = Run({"--agent", "a", "dwa", "slow-1", "--agent", "b", "slow-2"});
+  EXPECT_THAT(two.out, AllOf(HasSubstr("| a | 2 |"), HasSubstr("| b | 1 |")));
+  // The same numbers every time.
+  EXPECT_EQ(Run({"dwa", "slow-1"}).out, Run({"dwa", "slow-1"}).out);
+}
+
+TEST_F(CompareTest, WhatCannotBeComparedIsRefused) {
+  ExpectError({}, HasSubstr("nothing to compare"));
+  ExpectError({"dwa", "gone"}, HasSubstr("gone"));
+  ExpectError({"dwa", "--agent", "slow"},
+              HasSubstr("--agent 'slow': expected a label and at least"));
+  ExpectError({"--agent", "slow", "slow-1", "./slow-1/evaluation.json"},
+              AllOf(HasSubstr("agent slow"), HasSubstr("are the same evaluation")));
+  ExpectError(
+      {"--agent", "a", "slow-1", "--agent", "a", "slow-2"},
+      AllOf(HasSubstr("two agents are called a"), HasSubstr("slow-1"), HasSubstr("slow-2")));
+  Evaluate("more", {}, "3");
+  ExpectError({"dwa", "more"},
+              AllOf(HasSubstr("dwa/evaluation.json"), HasSubstr("more/evaluation.json"),
+                    HasSubstr("has 2 episodes in the first and 3")));
+  Evaluate("other", {"--seed", "2"});
+  ExpectError({"dwa", "other", "--output", "compared"}, HasSubstr("seed of the evaluation is 1"));
+  EXPECT_FALSE(std::filesystem::exists(scratch_.path() / "compared"));
+}
+
+}  // namespace
+}  // namespace slalom::test

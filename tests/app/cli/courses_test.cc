@@ -1,0 +1,83 @@
+#include <gmock/gmock.h>
+
+#include "base/file.h"
+#include "tests/app/cli/program.h"
+#include "tests/support/scratch_directory.h"
+
+/// The courses command from end to end, on a small data set of moving obstacles.
+
+namespace slalom::test {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr char kColumns[] = "world,object,size_x,size_y,x0,y0,x1,y1,yaw,period_s\n";
+
+class CoursesTest : public ::testing::Test {
+ protected:
+  CoursesTest() {
+    // The box drives over the start, the walls do not.
+    Write("dynamic_box.csv", std::string(kColumns) + "307,a,0.2,0.4,-2,14,-2,0.5,0.1,12\n");
+    Write("dynamic_box_fixed.csv", "name,size_x,size_y,x,y,yaw\nleft,0.1,13.5,-9,7.25,0\n");
+    Write("dynamic_wall.csv", std::string(kColumns) +
+                                  "400,right,0.1,4,0,7.25,-4.5,7.25,0.1,4.25\n"
+                                  "400,left,0.1,4,-4.5,7.25,0,7.25,0,3.5\n");
+    Write("dynamic_wall_fixed.csv", "x,y\n-4.425,0.075\n-0.075,0.075\n");
+  }
+
+  void Write(const std::string& name, const std::string& content) {
+    base::WriteFileAtomically(scratch_.path() / name, content);
+  }
+
+  ProgramResult Courses(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "courses");
+    return RunProgram(arguments, scratch_.path());
+  }
+
+  ScratchDirectory scratch_;
+};
+
+TEST_F(CoursesTest, MovingObstaclesAreImportedListedShownAndDrawn) {
+  const ProgramResult import = Courses({"import", ".", "--output", "coll"});
+  EXPECT_EQ(import.exit_code, 0) << import.err;
+  EXPECT_THAT(import.out, HasSubstr("coll: 2 courses; sets dynamic-box, dynamic-wall\n"));
+  EXPECT_THAT(import.err, AllOf(HasSubstr("warning: barn-box-307: 1 of 1 moving obstacles"),
+                                HasSubstr("not written"), HasSubstr("dynamic-wall-test")));
+
+  const ProgramResult list = Courses({"list", "--collection", "coll"});
+  EXPECT_THAT(list.out, AllOf(HasSubstr("dynamic-box                 1  1 with a warning"),
+                              HasSubstr("dynamic-wall                1\n"),
+                              HasSubstr("real-world-3                1\n")));
+
+  const ProgramResult show = Courses({"show", "coll/dynamic-box.courses"});
+  EXPECT_THAT(show.out, AllOf(HasSubstr("name:            barn-box-307\n"), HasSubstr(":"),
+                              HasSubstr("1 moving: rounds of 12.0 to 12.0 s, at most 1.41 m/s"),
+                              HasSubstr("warning:         1 of 1 moving obstacles drive over")));
+
+  const ProgramResult render = Courses(
+      {"render", "--collection", "coll", "--courses", "dynamic-wall", "--output", "wall.svg"});
+  EXPECT_EQ(render.exit_code, 0) << render.err;
+  EXPECT_THAT(base::ReadFile(scratch_.path() / "wall.svg"), HasSubstr("</svg>"));
+}
+
+TEST_F(CoursesTest, WhatCannotBeImportedOrFoundIsNamed) {
+  EXPECT_THAT(Courses({"import", ".", "--motions", "/", "--output", "coll"}).err,
+              HasSubstr("/: holds neither dynamic_box.csv nor dynamic_wall.csv"));
+  Write("dynamic_wall.csv", std::string(kColumns) + "400,right,0.1,4,0,7.25,-4.5,7.25,0.1,zero\n");
+  const ProgramResult import = Courses({"import", ".", "--output", "coll"});
+  EXPECT_EQ(import.exit_code, 1);
+  EXPECT_THAT(import.err, HasSubstr("dynamic_wall.csv:2: period_s is \"zero\""));
+  EXPECT_FALSE(std::filesystem::exists(scratch_.path() / "coll"));
+
+  const ProgramResult show = Courses({"show", "dynamic-bx"});
+  EXPECT_EQ(show.exit_code, 1);
+  EXPECT_THAT(show.err, AllOf(HasSubstr("\"dynamic-bx\""), HasSubstr("dynamic-box-test"),
+                              HasSubstr("real-world-2"), HasSubstr("generated-wall:SEED:COUNT")));
+  EXPECT_THAT(Courses({"show", "static-test", "static-1-25"}).err,
+              HasSubstr("did you mean 'static-1-250'?"));
+  EXPECT_EQ(Courses({"list", "--seed", "-1"}).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace slalom::test

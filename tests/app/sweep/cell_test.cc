@@ -1,0 +1,202 @@
+#include "app/sweep/cell.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+#include <string>
+
+#include "base/error.h"
+#include "tests/app/sweep/plan_files.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+const std::string kPlan = std::string(test::kSweep) + test::kTinyScore;
+
+std::vector<std::string> Names(const Cells& cells) {
+  std::vector<std::string> names;
+  for (const Cell& cell : cells.cells) names.push_back(cell.name());
+  return names;
+}
+
+std::set<std::string> Ids(const Cells& cells) {
+  std::set<std::string> ids;
+  for (const Cell& cell : cells.cells) ids.insert(cell.id);
+  return ids;
+}
+
+TEST(CellTest, AxesMultiplyAndKeysOfOneAxisGoTogether) {
+  const test::ScratchDirectory scratch;
+  const Cells cells =
+      test::Expand(scratch.path(),
+                   kPlan +
+                       "[[axis]]\nname = \"rate\"\nkeys = [\"learner.tau\"]\nvalues = [0.1, 0.2]\n"
+                       "[[axis]]\nkeys = [\"learner.gamma\", \"learner.n_step\"]\n"
+                       "values = [[0.9, 1], [0.99, 4]]\nlabels = [\"short\", \"long\"]\n",
+                   {"sweep.seeds=[5]"});
+  EXPECT_THAT(Names(cells), ElementsAre("0.1 / short, seed 5", "0.1 / long, seed 5",
+                                        "0.2 / short, seed 5", "0.2 / long, seed 5"));
+  EXPECT_THAT(cells.axis_names, ElementsAre("rate", "learner.gamma"));
+  const train::RunConfig& last = *cells.cells[3].config;
+  EXPECT_EQ(last.method.learner.tau, 0.2);
+  EXPECT_EQ(last.method.learner.gamma, 0.99);
+  EXPECT_EQ(last.method.learner.n_step, 4);
+  EXPECT_EQ(last.run.seed, 5);
+  EXPECT_TRUE(last.run.deterministic);
+  EXPECT_EQ(Ids(cells).size(), 4U);
+}
+
+TEST(CellTest, GroupsAndPlannersAreRowsOfTheirOwn) {
+  const test::ScratchDirectory scratch;
+  const Cells cells =
+      test::Expand(scratch.path(), kPlan +
+                                       "[[score]]\nname = \"own\"\ncourses = \"training\"\n"
+                                       "[[group]]\nname = \"td3\"\nlabel = \"TD3\"\n"
+                                       "[[group.axis]]\nkeys = [\"learner.tau\"]\nvalues = [0.1]\n"
+                                       "[[group]]\nname = \"dwa\"\nplanner = \"dwa\"\n");
+  EXPECT_THAT(Names(cells), ElementsAre("TD3 / 0.1, seed 1", "TD3 / 0.1, seed 2", "dwa"));
+  EXPECT_EQ(cells.cells[0].scores.size(), 2U);
+  EXPECT_EQ(cells.cells[0].scores[1].courses, "generated:3:2");
+  EXPECT_EQ(cells.cells[2].scores.size(), 1U) << "a planner has no training courses";
+  EXPECT_FALSE(cells.cells[2].config.has_value());
+}
+
+TEST(CellTest, APlannerHasTheRobotOfItsProtocolAndItsGroupsKeys) {
+  const test::ScratchDirectory scratch;
+  const std::string plan =
+      "[sweep]\ntitle = \"planners\"\n[[group]]\nname = \"dwa\"\nplanner = \"dwa\"\n"
+      "set = {environment.robot.mass = 20.0}\n"
+      "[[score]]\nname = \"paper\"\ncourses = \"generated:3:2\"\n"
+      "[[score]]\nname = \"runs\"\ncourses = \"generated:3:2\"\nprotocol = \"dwa-runs\"\n";
+  const Cells cells = test::Expand(scratch.path(), plan);
+  const auto& scores = cells.cells[0].scores;
+  EXPECT_THAT(scores[0].task, AllOf(HasSubstr("friction = \"cone\""), HasSubstr("mass = 20.0")));
+  EXPECT_THAT(scores[1].task, AllOf(HasSubstr("friction = \"gazebo\""),
+                                    HasSubstr("sensor_mass = 1.1"), HasSubstr("mass = 20.0")));
+  EXPECT_THAT([&] { test::Expand(scratch.path(), plan + "[set]\nenvironment.robot.mass = 9.0\n"); },
+              ThrowsMessage<base::Error>(HasSubstr("in the `set` of a group")));
+}
+
+TEST(CellTest, TheIdDependsOnAllThatDecidesTheResultAndOnNothingElse) {
+  const test::ScratchDirectory scratch;
+  const auto ids = [&](const std::string& text, const std::vector<std::string>& overrides = {},
+                       const train::Platform& platform = {.blas_kernel = "k", .processor = "p"}) {
+    return Ids(test::Expand(scratch.path(), text, overrides, platform));
+  };
+  const auto base = ids(kPlan);
+  EXPECT_EQ(base.size(), 2U) << "one for each seed";
+  EXPECT_EQ(ids(kPlan), base);
+  // What changes nothing in the result: names, labels, other scores, how often it is logged.
+  EXPECT_EQ(ids(kPlan, {"sweep.name=other", "sweep.title=other"}), base);
+  EXPECT_EQ(ids(kPlan + "label = \"x\"\n[[score]]\nname = \"more\"\ncourses = \"generated:9:1\"\n"),
+            base);
+  EXPECT_EQ(ids(kPlan, {"run.log_interval=5", "run.checkpoint_steps=1000", "courses.test=\"\""}),
+            base);
+  // What changes it.
+  for (const std::string set :
+       {"learner.tau=0.01", "run.max_steps=5000", "courses.train=generated:3:3",
+        "courses.train=generated:5:2", "environment.robot.command_delay=0.04",
+        "run.snapshot_steps=[1000]", "network.head_layers=[9]"}) {
+    const auto other = ids(kPlan, {set});
+    EXPECT_EQ(other.size(), 2U);
+    EXPECT_TRUE(std::ranges::none_of(other, [&](const auto& id) { return base.contains(id); }))
+        << set;
+  }
+  EXPECT_NE(ids(kPlan, {}, {.blas_kernel = "k2", .processor = "p"}), base);
+  EXPECT_NE(ids(kPlan, {}, {.blas_kernel = "k", .processor = "p2"}), base);
+  EXPECT_NE(ids(kPlan, {}, {.numerics = 99, .blas_kernel = "k", .processor = "p"}), base);
+  EXPECT_EQ(ids(kPlan, {"sweep.mixed_platforms=true"}, {.blas_kernel = "a", .processor = "b"}),
+            ids(kPlan, {"sweep.mixed_platforms=true"}, {.blas_kernel = "c", .processor = "d"}));
+  EXPECT_NE(ids(kPlan, {"sweep.mixed_platforms=true"},
+                {.numerics = 1, .blas_kernel = "a", .processor = "b"}),
+            ids(kPlan, {"sweep.mixed_platforms=true"},
+                {.numerics = 2, .blas_kernel = "a", .processor = "b"}));
+}
+
+TEST(CellTest, CoursesCountByWhatTheyAreNotByWhereTheyLie) {
+  const test::ScratchDirectory scratch;
+  const auto write = [&](const std::string& name, const std::string& content) {
+    fs::create_directories((scratch.path() / name).parent_path());
+    base::WriteFileAtomically(scratch.path() / name, content);
+    return "courses.train=" + (scratch.path() / name).string();
+  };
+  const std::string text =
+      base::ReadFile(fs::path(SLALOM_SOURCE_DIR) / "configs/courses/dynabarn-like.courses");
+  const auto here = Ids(test::Expand(scratch.path(), kPlan, {write("a/x.courses", text)}));
+  EXPECT_EQ(here, Ids(test::Expand(scratch.path(), kPlan, {write("b/x.courses", text)})));
+  EXPECT_EQ(here, Ids(test::Expand(scratch.path(), kPlan, {write("b/renamed.courses", text)})));
+}
+
+TEST(CellTest, AScoreIsNamedByAllThatDecidesIt) {
+  const test::ScratchDirectory scratch;
+  const auto digest = [&](const std::string& more) {
+    return test::Expand(scratch.path(), kPlan + more).cells[0].scores[0].digest;
+  };
+  const std::string base = digest("");
+  EXPECT_EQ(digest("label = \"other\"\n"), base);
+  EXPECT_EQ(digest("set = {evaluation.num_environments = 3}\n"), base) << "changes the speed alone";
+  std::set<std::string> different = {base};
+  for (const std::string more : {"protocol = \"dwa-runs\"\n", "set = {evaluation.seed = 9}\n",
+                                 "set = {environment.robot.command_delay = 0.04}\n"}) {
+    EXPECT_TRUE(different.insert(digest(more)).second) << more;
+  }
+}
+
+TEST(CellTest, SnapshotsAreScoredOnTheirOwnAsFarAsTheTrainingGoes) {
+  const test::ScratchDirectory scratch;
+  const Cells cells = test::Expand(scratch.path(), kPlan + "snapshots = true\n",
+                                   {"run.snapshot_steps=[1000, 2000, 9000]"});
+  const auto& scores = cells.cells[0].scores;
+  ASSERT_EQ(scores.size(), 3U);
+  EXPECT_EQ(scores[0].snapshot_steps, 0);
+  EXPECT_EQ(scores[1].snapshot_steps, 1000);
+  EXPECT_EQ(scores[2].snapshot_steps, 2000);
+  EXPECT_NE(scores[1].digest, scores[2].digest);
+}
+
+TEST(CellTest, ABudgetOfUpdatesBecomesSteps) {
+  const test::ScratchDirectory scratch;
+  const Cells cells = test::Expand(scratch.path(), kPlan, {"budget.updates=100"});
+  EXPECT_EQ(cells.cells[0].config->run.max_steps, 500 + 100 * 100);
+}
+
+TEST(CellTest, ABudgetOfUpdatesCountsWithWhatTheCommandLineSays) {
+  const test::ScratchDirectory scratch;
+  const Cells cells =
+      test::Expand(scratch.path(), kPlan, {"budget.updates=100", "run.updates_per_step=0.1"});
+  EXPECT_EQ(cells.cells[0].config->run.max_steps, 500 + 100 * 10);
+}
+
+TEST(CellTest, PrioritiesDecideTheResultWhereTheyAreUsed) {
+  const test::ScratchDirectory scratch;
+  const std::string exponent = "replay_server.priority_exponent=0.9";
+  EXPECT_EQ(Ids(test::Expand(scratch.path(), kPlan)),
+            Ids(test::Expand(scratch.path(), kPlan, {exponent})));
+  const std::string used = "learner.prioritized=true";
+  EXPECT_NE(Ids(test::Expand(scratch.path(), kPlan, {used})),
+            Ids(test::Expand(scratch.path(), kPlan, {used, exponent})));
+}
+
+TEST(CellTest, AnOverrideMustNotUndoAnAxis) {
+  const test::ScratchDirectory scratch;
+  try {
+    (void)test::Expand(scratch.path(),
+                       kPlan + "[[axis]]\nkeys = [\"learner.tau\"]\nvalues = [0.1]\n",
+                       {"learner.tau=0.2"});
+    FAIL();
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("--set learner.tau=0.2: the key is an axis"));
+  }
+}
+
+}  // namespace
+}  // namespace slalom::sweep

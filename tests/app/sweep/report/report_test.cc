@@ -1,0 +1,220 @@
+#include "app/sweep/report/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include "tests/app/sweep/fake_sweep.h"
+
+namespace slalom::sweep {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+std::vector<std::string> Lines(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+std::vector<std::string> Fields(const std::string& line) {
+  std::vector<std::string> fields(1);
+  for (const char c : line) {
+    if (c == ',') {
+      fields.emplace_back();
+    } else {
+      fields.back() += c;
+    }
+  }
+  return fields;
+}
+
+/// The cell of a CSV without quoted fields.
+std::string CsvCell(const std::string& csv, std::size_t line, const std::string& column) {
+  const std::vector<std::string> lines = Lines(csv);
+  const std::vector<std::string> head = Fields(lines.at(0));
+  const std::vector<std::string> fields = Fields(lines.at(line));
+  EXPECT_EQ(fields.size(), head.size()) << lines.at(line);
+  const auto at = std::ranges::find(head, column) - head.begin();
+  return fields.at(at);
+}
+
+TEST(SweepReportTest, MarkdownHasEveryRowAndWhatIsMissing) {
+  const std::string text = test::MakeTrainingSets().Report("report.md");
+  EXPECT_THAT(text, HasSubstr("# A \\<fake\\> sweep\n"));
+  EXPECT_THAT(text, HasSubstr("- Cells: 4 of 9 done, 4 waiting, 1 failed\n"));
+  EXPECT_THAT(text, HasSubstr("- Budget of a training: 4k steps\n"));
+  EXPECT_THAT(text, HasSubstr("- Machine: node-1 (up to 2 cells at a time)\n"));
+  EXPECT_THAT(text, HasSubstr("- Commit: abc123\n"));
+  EXPECT_THAT(text, HasSubstr("\n| 5 | 3 | 60.0 ("));
+  EXPECT_THAT(text, HasSubstr("\n| 10 | **1 of 3** | 90.0 ("));
+  EXPECT_THAT(text, HasSubstr("\n| 50 | **0 of 3** | – | – | – | – | – | – | – | 65 ± 4 |\n"));
+  EXPECT_THAT(text, HasSubstr("| the paper: success [%] |\n"));
+  EXPECT_THAT(text, HasSubstr("| 4k | 50 s | 43 ± 2 |\n"));
+  EXPECT_THAT(text, HasSubstr("slalom train ended with 1 \\<three times\\>"));
+  EXPECT_THAT(text, HasSubstr("no space left\non the device"));
+  EXPECT_THAT(text, HasSubstr("- 10, seed 2, test: failed\n"));
+  EXPECT_THAT(text, HasSubstr("- 50, seed 3, training: waiting\n"));
+}
+
+TEST(SweepReportTest, TheCsvOfCellsHasALineForEachEvaluationOfThePlan) {
+  const std::string csv = test::MakeTrainingSets().Report("report.csv");
+  EXPECT_EQ(Lines(csv).size(), 1u + 9 * 2);
+  EXPECT_EQ(CsvCell(csv, 3, "id"), "all-5-2");
+  EXPECT_EQ(CsvCell(csv, 3, "training courses"), "5");
+  EXPECT_EQ(CsvCell(csv, 3, "seed"), "2");
+  EXPECT_EQ(CsvCell(csv, 3, "score"), "test");
+  EXPECT_EQ(CsvCell(csv, 3, "state"), "done");
+  EXPECT_EQ(CsvCell(csv, 3, "success_rate"), "0.6");
+  EXPECT_EQ(CsvCell(csv, 3, "collision_rate"), "0.3");  // 3 + 3 of 20
+  EXPECT_EQ(CsvCell(csv, 3, "timeout_rate"), "0.1");
+  EXPECT_EQ(CsvCell(csv, 3, "traversal_time_s"), "12");
+  EXPECT_EQ(CsvCell(csv, 3, "survival_time_s"), "23.75");  // 6 of 5 s and 2 of 80 s.
+  EXPECT_EQ(CsvCell(csv, 3, "training_s"), "50");
+  EXPECT_EQ(CsvCell(csv, 3, "host"), "node-1");
+  EXPECT_EQ(CsvCell(csv, 9, "state"), "failed");
+  EXPECT_EQ(CsvCell(csv, 9, "success_rate"), "");
+  EXPECT_EQ(CsvCell(csv, 18, "state"), "waiting");
+}
+
+TEST(SweepReportTest, TheCsvOfRowsHasMeansIntervalsAndThePublishedNumbers) {
+  const std::string csv = test::MakeTrainingSets().Report("report-rows.csv");
+  EXPECT_EQ(Lines(csv).size(), 1u + 3 * 2);
+  EXPECT_EQ(CsvCell(csv, 1, "row"), "5");
+  EXPECT_EQ(CsvCell(csv, 1, "success_rate"), "0.6");
+  EXPECT_LT(std::stod(CsvCell(csv, 1, "success_rate_low")), 0.5);
+  EXPECT_GT(std::stod(CsvCell(csv, 1, "success_rate_high")), 0.7);
+  EXPECT_EQ(CsvCell(csv, 1, "success_rate_deviation"), "0.1");
+  EXPECT_EQ(CsvCell(csv, 1, "success_iqm"), "0.6");
+  EXPECT_EQ(CsvCell(csv, 1, "traversal_time_s_seed_mean"), "12");
+  EXPECT_EQ(CsvCell(csv, 1, "published"), "the paper");
+  EXPECT_EQ(CsvCell(csv, 1, "published_success_rate"), "0.43");
+  EXPECT_EQ(CsvCell(csv, 1, "published_success_rate_deviation"), "0.02");
+  EXPECT_EQ(CsvCell(csv, 1, "published_collision_rate"), "");
+  EXPECT_EQ(CsvCell(csv, 2, "seeds"), "1");
+  EXPECT_EQ(CsvCell(csv, 2, "planned_seeds"), "3");
+  EXPECT_EQ(CsvCell(csv, 3, "success_rate"), "");
+  EXPECT_EQ(CsvCell(csv, 3, "published_success_rate"), "0.65");
+  EXPECT_EQ(CsvCell(csv, 4, "score"), "training");
+  EXPECT_EQ(CsvCell(csv, 4, "published"), "");
+}
+
+TEST(SweepReportTest, LatexOfOneAxisSetsRowsSideBySide) {
+  const std::string text = test::MakeTrainingSets().Report("report.tex");
+  EXPECT_THAT(text, HasSubstr("training courses & 5 & 10 & 50 \\\\ \\midrule\n"
+                              "Success rate (\\%) ($\\uparrow$) & $60.0 \\pm 10.0$ & "
+                              "$\\boldsymbol{90.0}^{1/3}$ & - \\\\\n"
+                              "\\quad \\textit{the paper} & $43.0 \\pm 2.0$ & $50.0 \\pm 3.0$ & "
+                              "$65.0 \\pm 4.0$ \\\\\n"));
+  EXPECT_THAT(text, HasSubstr("Traversal time (s) ($\\downarrow$) & $12.0 \\pm 2.0$ & "
+                              "$\\boldsymbol{10.0}^{1/3}$ & - \\\\\n"));
+  EXPECT_THAT(text, HasSubstr("how many of the planned seeds"));
+}
+
+TEST(SweepReportTest, LatexOfTwoAxesHasColumnsBelowTheScores) {
+  const std::string text = test::MakeArchitectures().Report("report.tex");
+  EXPECT_THAT(text, HasSubstr("\\begin{tabular}{lcccc}\n"));
+  EXPECT_THAT(text,
+              HasSubstr("\\multirow{2}{*}{Success rate (\\%) ($\\uparrow$)} & "
+                        "\\multicolumn{2}{c}{\\texttt{on static}} & "
+                        "\\multicolumn{2}{c}{\\texttt{on walls}} \\\\\n"
+                        "  \\cmidrule(lr){2-3} \\cmidrule(lr){4-5}\n"
+                        "   & $H=1$ & $H=4$ & $H=1$ & $H=4$ \\\\ \\midrule\n"
+                        "MLP & $50.0 \\pm 0.0$ & $50.0 \\pm 0.0$ & $66.7 \\pm 23.6$ & $66.7 \\pm "
+                        "23.6$ \\\\\n"
+                        "\\quad \\textit{the paper} & $65.0 \\pm 4.0$ & $57.0 \\pm 7.0$ & - & - "
+                        "\\\\\n"
+                        "GRU & - & $\\boldsymbol{83.3 \\pm 0.0}$ & - & $66.7 \\pm 23.6$ \\\\\n"
+                        "DWA & \\multicolumn{2}{c}{$50.0$} & "
+                        "\\multicolumn{2}{c}{$\\boldsymbol{83.3}$} \\\\\n\\bottomrule"));
+}
+
+TEST(SweepReportTest, APlannerHasNoSeeds) {
+  const std::string text = test::MakeArchitectures().Report("report.md");
+  EXPECT_THAT(text, HasSubstr("| DWA | – | 50.0 ("));
+  EXPECT_THAT(text, HasSubstr("| GRU / 4 | 2 | 83.3 ("));
+}
+
+TEST(SweepReportTest, TheSummaryNamesSeedsThatAreMissing) {
+  const test::FakeSweep fake = test::MakeTrainingSets();
+  const std::string text = SweepSummary(fake.plan, fake.cells, fake.store());
+  const std::vector<std::string> lines = Lines(text);
+  ASSERT_EQ(lines.size(), 5u);
+  EXPECT_THAT(lines[0], HasSubstr("| on test"));
+  EXPECT_THAT(lines[2], HasSubstr("| 5           | 60.0 ("));
+  EXPECT_THAT(lines[3], HasSubstr("1 of 3 seeds"));
+  EXPECT_THAT(lines[4], HasSubstr("| -"));
+  for (const std::string& line : lines) EXPECT_EQ(line.size(), lines[0].size());
+}
+
+TEST(SweepReportTest, NothingIsBoldWhereAllNumbersAreAlike) {
+  test::FakeSweep fake({"method"}, {"test"});
+  for (const char* method : {"TD3", "SAC"}) {
+    fake.Evaluate(fake.AddTraining({method}, 1), "test", {"SSC", "SCC"});
+  }
+  EXPECT_THAT(fake.Report("report.tex"), Not(HasSubstr("boldsymbol")));
+}
+
+TEST(SweepReportTest, RowsThatWereTrainedOnTheirTestAreNamed) {
+  test::FakeSweep fake({"method"}, {"test", "training"});
+  fake.plan.scores[1].courses = "training";
+  const std::size_t td3 = fake.AddTraining({"TD3"}, 1);
+  const std::size_t sac = fake.AddTraining({"SAC"}, 1);
+  fake.Evaluate(td3, "test", {"SSC", "SCC"});
+  fake.SetTrainingOverlap(1);
+  fake.Evaluate(sac, "test", {"SSC", "SCC"});
+  fake.Evaluate(sac, "training", {"SSC", "SCC"});
+  const std::string text = fake.Report("report.md");
+  const std::string note = "Trained on some of these courses: SAC (1 of 2).";
+  EXPECT_THAT(text, HasSubstr(note));
+  EXPECT_EQ(text.find(note), text.rfind(note));
+}
+
+TEST(SweepReportTest, SnapshotsHaveATableByTheirSteps) {
+  test::FakeSweep fake({"method"}, {"test"});
+  const std::size_t cell = fake.AddTraining({"TD3"}, 1);
+  fake.AddSnapshot(cell, 1000);
+  fake.FinishTraining(cell);
+  fake.Evaluate(cell, "test", {"SCC", "CCC"}, 10.0, 1000);
+  fake.Evaluate(cell, "test", {"SSS", "SSC"});
+  Reference reference;
+  reference.source = "the paper";
+  reference.score = "test";
+  reference.rows = {"TD3"};
+  reference.values = {0.65};
+  fake.plan.references.push_back(reference);
+  EXPECT_THAT(fake.Report("report.tex"),
+              HasSubstr("Steps & 1k & end \\\\ \\midrule\nTD3 & $16.7$ & $83.3$ \\\\\n"));
+  EXPECT_THAT(fake.Report("report.md"), HasSubstr("| TD3 | 1k | 1 | 16.7 ("));
+  const std::string rows = fake.Report("report-rows.csv");
+  EXPECT_EQ(CsvCell(rows, 2, "snapshot_steps"), "1000");
+  EXPECT_EQ(CsvCell(rows, 2, "steps"), "1000");
+  EXPECT_EQ(CsvCell(rows, 2, "success_rate"), "0.166667");
+  EXPECT_EQ(CsvCell(rows, 2, "published"), "");
+  EXPECT_EQ(CsvCell(rows, 1, "steps"), "4000");
+  EXPECT_EQ(CsvCell(rows, 1, "published_success_rate"), "0.65");
+}
+
+TEST(SweepReportTest, ASweepThatHasNotBegunHasAReport) {
+  test::FakeSweep fake({"method"}, {"test"});
+  fake.AddTraining({"TD3"}, 1);
+  EXPECT_THAT(fake.Report("report.md"), HasSubstr("| TD3 | **0 of 1** | –"));
+  EXPECT_THAT(fake.Report("report.tex"), HasSubstr("($\\uparrow$) & - \\\\\n"));
+  EXPECT_THAT(fake.Report("report.html"), Not(HasSubstr("/*DATA*/")));
+}
+
+TEST(SweepReportTest, ABudgetOfSecondsIsSaidToDependOnTheMachine) {
+  test::FakeSweep fake = test::MakeTrainingSets();
+  fake.plan.budget = {};
+  fake.plan.budget.seconds = 180.0;
+  fake.plan.sweep.lockstep = false;
+  const std::string text = fake.Report("report.md");
+  EXPECT_THAT(text, HasSubstr("Each training lasted 3 min 00 s."));
+  EXPECT_THAT(text, HasSubstr("with threads"));
+}
+
+}  // namespace
+}  // namespace slalom::sweep

@@ -1,0 +1,47 @@
+#include "app/train/run_config.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace slalom::train {
+namespace {
+
+TEST(SpecHashTest, KeysAtTheirDefaultsAreNoPartOfIt) {
+  const RunConfig config;
+  const std::uint64_t algorithm = base::Checksum(config.method.learner.algorithm);
+  EXPECT_EQ(SpecHash(config), base::Checksum("", base::Checksum("", algorithm)));
+}
+
+TEST(SpecHashTest, WhatIsSeenCommandedOrLearnedChangesIt) {
+  std::set<std::uint64_t> hashes{SpecHash({})};
+  const auto add = [&](auto change) {
+    RunConfig config;
+    change(config);
+    EXPECT_TRUE(hashes.insert(SpecHash(config)).second);
+  };
+  add([](RunConfig& c) { c.environment.lidar.num_beams = 360; });
+  add([](RunConfig& c) { c.environment.lidar.num_beams = 361; });
+  add([](RunConfig& c) { c.environment.robot.control_rate = 10.0; });
+  add([](RunConfig& c) { c.network.sectors = 7; });
+  add([](RunConfig& c) { c.method.learner.algorithm = "sac"; });
+  RunConfig other;
+  other.run.seed = 99;
+  other.replay.capacity = 17;
+  EXPECT_EQ(SpecHash(other), SpecHash({}));
+}
+
+TEST(RunConfigTest, RolesWhoseMessagesDoNotFitAreNotServed) {
+  RunConfig config;
+  EXPECT_NO_THROW(RequireServable(config));
+  config.actor_service.chunk_rows = 16384;
+  EXPECT_THROW(RequireServable(config), base::Error);
+  config.replay_server.max_message_bytes = 64 << 20;
+  EXPECT_NO_THROW(RequireServable(config));
+}
+
+}  // namespace
+}  // namespace slalom::train

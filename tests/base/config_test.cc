@@ -1,0 +1,363 @@
+#include "base/config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "base/error.h"
+#include "base/random.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::config {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+enum class Gear { kFirst, kSecond, kReverse };
+base::OneOf EnumNames(Gear) { return {"first", "second", "reverse"}; }
+
+struct Inner {
+  double speed = 1.5;
+  std::string kind = "fast";
+  Gear gear = Gear::kSecond;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("speed", speed, base::Range{-10.0, 1e300}, "m/s", "How fast.");
+    v("kind", kind, base::OneOf{"fast", "slow"}, "", "What kind.");
+    v("gear", gear, "Which gear.");
+  }
+};
+
+struct Outer {
+  bool flag = false;
+  int count = 3;
+  std::int64_t large = 5;
+  std::string name = "x";
+  std::vector<int> sizes = {1, 2};
+  std::vector<double> weights;
+  Inner inner;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("flag", flag, "On or off.");
+    v("count", count, base::Range{-100, 100}, "", "How many.");
+    v("large", large, base::Range{-9e18, 9e18}, "", "A large number.");
+    v("name", name, "Any text.");
+    v("sizes", sizes, base::Range{-100, 100}, "", "Sizes.");
+    v("weights", weights, base::Range{-1e300, 1e300}, "kg", "Weights.");
+    v.Section("inner", inner, "The inner one.");
+  }
+};
+
+/// What reading `text` throws; empty: nothing.
+std::string ErrorOf(const std::string& text) {
+  try {
+    (void)FromToml<Outer>(text, "run.toml");
+    return "";
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+}
+
+std::string OverrideErrorOf(const std::string& assignment) {
+  Outer config;
+  try {
+    ApplyOverride(assignment, ListFields(config));
+    return "";
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+}
+
+std::string RandomText(base::Random& random) {
+  static constexpr std::string_view kPieces[] = {"a",  "\"", "\\", "\n", "'", "#",   "=",
+                                                 "[]", "\t", "é",  "0",  " ", "\x01"};
+  std::string text;
+  for (auto n = random.UniformInt(6); n > 0; --n) {
+    text += kPieces[random.UniformInt(std::size(kPieces))];
+  }
+  return text;
+}
+
+double RandomDouble(base::Random& random) {
+  return random.Normal() * std::pow(10.0, random.Uniform(-300.0, 298.0));
+}
+
+TEST(ConfigTest, WhatIsPrintedReadsBackToTheSameValues) {
+  base::Random random(1);
+  for (int i = 0; i < 3000; ++i) {
+    Outer config;
+    config.flag = random.UniformInt(2) == 1;
+    config.count = static_cast<int>(random.UniformInt(201)) - 100;
+    config.large = static_cast<std::int64_t>(random.Uniform(-9e18, 9e18));
+    config.name = RandomText(random);
+    config.sizes.resize(random.UniformInt(4));
+    for (int& size : config.sizes) size = static_cast<int>(random.UniformInt(201)) - 100;
+    config.weights.resize(random.UniformInt(4));
+    for (double& weight : config.weights) weight = RandomDouble(random);
+    config.inner.speed = std::abs(RandomDouble(random));
+    config.inner.kind = random.UniformInt(2) == 1 ? "fast" : "slow";
+    config.inner.gear = static_cast<Gear>(random.UniformInt(3));
+    const std::string text = ToToml(config);
+    const auto back = FromToml<Outer>(text, "printed");
+    ASSERT_EQ(ToToml(back), text);
+    ASSERT_EQ(back.flag, config.flag);
+    ASSERT_EQ(back.count, config.count);
+    ASSERT_EQ(back.large, config.large);
+    ASSERT_EQ(back.name, config.name) << text;
+    ASSERT_EQ(back.sizes, config.sizes);
+    ASSERT_EQ(back.weights, config.weights);
+    ASSERT_EQ(back.inner.speed, config.inner.speed);
+    ASSERT_EQ(back.inner.kind, config.inner.kind);
+    ASSERT_EQ(back.inner.gear, config.inner.gear);
+  }
+}
+
+TEST(ConfigTest, KeysThatAFileDoesNotHoldKeepTheirDefaults) {
+  const auto config = FromToml<Outer>("count = 7\n[inner]\nspeed = 2\n", "run.toml");
+  EXPECT_EQ(config.count, 7);
+  EXPECT_EQ(config.inner.speed, 2.0);
+  EXPECT_EQ(config.name, "x");
+  EXPECT_THAT(config.sizes, ElementsAre(1, 2));
+}
+
+TEST(ConfigTest, ErrorsNameFileLineKeyFoundAndExpected) {
+  EXPECT_THAT(ErrorOf("flag = true\ncount = 101\n"),
+              AllOf(StartsWith("run.toml:2: "), HasSubstr("count is 101"),
+                    HasSubstr("an integer in [-100, 100]")));
+  EXPECT_THAT(ErrorOf("count = 1.5"), HasSubstr("count is 1.5, expected an integer"));
+  EXPECT_THAT(ErrorOf("flag = 1"), HasSubstr("expected true or false"));
+  EXPECT_THAT(ErrorOf("name = 1"), HasSubstr("expected a string"));
+  EXPECT_THAT(ErrorOf("sizes = [1, 200]"), HasSubstr("expected a list of integers in [-100, 100]"));
+  EXPECT_THAT(ErrorOf("weights = [\"a\"]"), HasSubstr("expected a list of numbers"));
+  EXPECT_THAT(
+      ErrorOf("[inner]\n\nkind = 'slwo'"),
+      AllOf(StartsWith("run.toml:3: "), HasSubstr("'slwo'"), HasSubstr("one of 'fast', 'slow'")));
+  EXPECT_THAT(ErrorOf("[inner]\n\ngear = 'third'"),
+              AllOf(StartsWith("run.toml:3: "), HasSubstr("inner.gear is 'third', expected one of "
+                                                          "'first', 'second', 'reverse'")));
+  EXPECT_THAT(ErrorOf("[inner]\ngear = 1"), HasSubstr("gear is 1, expected one of 'first'"));
+  EXPECT_THAT(ErrorOf("[inner]\nspeed = nan"), HasSubstr("expected a number"));
+  EXPECT_THAT(ErrorOf("[inner]\nspeed = inf"), HasSubstr("expected a number"));
+  EXPECT_THAT(ErrorOf("[inner]\nspeed = -11"), HasSubstr("m/s"));
+  EXPECT_THAT(ErrorOf("inner = 3"), AllOf(StartsWith("run.toml:1: "), HasSubstr("[inner]")));
+  EXPECT_THAT(ErrorOf("count = = 3"), StartsWith("run.toml:1: not valid TOML"));
+  EXPECT_THAT(ErrorOf("count = 3\ncount = 4"), StartsWith("run.toml:2: not valid TOML"));
+}
+
+TEST(ConfigTest, UnknownKeysAreErrorsWithASuggestion) {
+  EXPECT_THAT(ErrorOf("cuont = 3"),
+              AllOf(StartsWith("run.toml:1: "), HasSubstr("unknown key 'cuont'"),
+                    HasSubstr("did you mean 'count'?")));
+  EXPECT_THAT(ErrorOf("[inner]\nsped = 3"), HasSubstr("did you mean 'inner.speed'?"));
+  EXPECT_THAT(ErrorOf("speed = 3"), HasSubstr("did you mean 'inner.speed'?"));
+  EXPECT_THAT(ErrorOf("[iner]\nspeed = 3"), HasSubstr("unknown key 'iner'"));
+  EXPECT_THAT(ErrorOf("[inner.deeper]\nspeed = 3"), HasSubstr("unknown key 'inner.deeper'"));
+  EXPECT_THAT(ErrorOf("zzzzzzzzzzzzzz = 3"), HasSubstr("docs/config.md"));
+}
+
+TEST(ConfigTest, OverridesTakeTomlOrBareWords) {
+  Outer config;
+  const FieldList list = ListFields(config);
+  ApplyOverride("count=-5", list);
+  ApplyOverride("flag=true", list);
+  ApplyOverride("name=plain words", list);
+  ApplyOverride("inner.kind=slow", list);
+  ApplyOverride("inner.gear=reverse", list);
+  ApplyOverride("inner.speed=2", list);
+  ApplyOverride("sizes=[4, 5]", list);
+  EXPECT_EQ(config.count, -5);
+  EXPECT_TRUE(config.flag);
+  EXPECT_EQ(config.name, "plain words");
+  EXPECT_EQ(config.inner.kind, "slow");
+  EXPECT_EQ(config.inner.gear, Gear::kReverse);
+  EXPECT_EQ(config.inner.speed, 2.0);
+  EXPECT_THAT(config.sizes, ElementsAre(4, 5));
+  // A text that looks like something else is still a text.
+  for (const std::string text : {"007", "1.50", "true", "2024-01-01", "[1]", ""}) {
+    ApplyOverride("name=" + text, list);
+    EXPECT_EQ(config.name, text);
+  }
+  ApplyOverride("name=\"quoted\"", list);
+  EXPECT_EQ(config.name, "quoted");
+}
+
+TEST(ConfigTest, OverrideErrorsNameTheOverride) {
+  EXPECT_THAT(OverrideErrorOf("count=1000"),
+              AllOf(StartsWith("--set count=1000: "), HasSubstr("[-100, 100]")));
+  EXPECT_THAT(OverrideErrorOf("cout=1"), HasSubstr("did you mean 'count'?"));
+  EXPECT_THAT(OverrideErrorOf("count"), HasSubstr("expected KEY=VALUE"));
+  EXPECT_THAT(OverrideErrorOf("=1"), HasSubstr("expected KEY=VALUE"));
+  EXPECT_THAT(OverrideErrorOf("count=many"), HasSubstr("expected an integer"));
+  EXPECT_THAT(OverrideErrorOf("inner.gear=1"), HasSubstr("gear is '1', expected one of 'first'"));
+  EXPECT_THAT(OverrideErrorOf("inner=1"), Not(testing::IsEmpty()));
+}
+
+TEST(ConfigTest, AValueMustBeOneValue) {
+  // What follows a value on further lines would be keys of their own.
+  EXPECT_THAT(OverrideErrorOf("count=1\nflag=true"), Not(testing::IsEmpty()));
+}
+
+class ConfigFileTest : public testing::Test {
+ protected:
+  ConfigFileTest() {
+    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    directory_ = fs::path(testing::TempDir()) /
+                 (std::string("slalom_config_") + info->name() + "_" + std::to_string(::getpid()));
+    fs::remove_all(directory_);
+    fs::create_directories(directory_ / "sub");
+  }
+  ~ConfigFileTest() override { fs::remove_all(directory_); }
+
+  fs::path Write(const std::string& name, const std::string& text) {
+    std::ofstream(directory_ / name) << text;
+    return directory_ / name;
+  }
+  static std::string ErrorOf(const fs::path& path) {
+    try {
+      (void)Load<Outer>(path, {});
+      return "";
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+  }
+
+  fs::path directory_;
+};
+
+TEST_F(ConfigFileTest, AFileOverridesItsBasesAndOverridesComeLast) {
+  Write("root.toml", "count = 1\nname = 'root'\nflag = true\n[inner]\nkind = 'slow'\n");
+  Write("sub/middle.toml", "base = '../root.toml'\ncount = 2\n[inner]\nspeed = 9\n");
+  const fs::path top = Write("top.toml", "base = 'sub/middle.toml'\nname = 'top'\n");
+  const std::vector<std::string> overrides = {"inner.speed=4"};
+  const auto config = Load<Outer>(top, overrides);
+  EXPECT_TRUE(config.flag);
+  EXPECT_EQ(config.count, 2);
+  EXPECT_EQ(config.name, "top");
+  EXPECT_EQ(config.inner.kind, "slow");
+  EXPECT_EQ(config.inner.speed, 4.0);
+}
+
+TEST_F(ConfigFileTest, ErrorsNameTheFileThatIsWrong) {
+  const fs::path root = Write("root.toml", "\ncuont = 1\n");
+  const fs::path top = Write("top.toml", "base = 'root.toml'\n");
+  EXPECT_THAT(ErrorOf(top), StartsWith(root.string() + ":2: "));
+  EXPECT_THAT(ErrorOf(directory_ / "none.toml"), HasSubstr("none.toml"));
+  EXPECT_THAT(ErrorOf(Write("a.toml", "base = 'gone.toml'")), HasSubstr("gone.toml"));
+  EXPECT_THAT(ErrorOf(Write("b.toml", "base = 3")), HasSubstr("b.toml:1: "));
+  EXPECT_THAT(ErrorOf(Write("c.toml", "base = 'c.toml'")), HasSubstr("circle"));
+}
+
+TEST(ConfigPrintTest, MarkdownHoldsEveryField) {
+  Outer config;
+  const std::string page = PrintMarkdown(ListFields(config));
+  EXPECT_THAT(page, HasSubstr("## Top level"));
+  EXPECT_THAT(page, HasSubstr("| `flag` | `false` |"));
+  EXPECT_THAT(page, HasSubstr("## `[inner]`"));
+  EXPECT_THAT(page, HasSubstr("| `speed` | `1.5` | -10 to 1e+300 | m/s | How fast. |"));
+  EXPECT_THAT(page, HasSubstr("`fast`, `slow`"));
+  EXPECT_THAT(page, HasSubstr("| `gear` | `\"second\"` | `first`, `second`, `reverse` |  | "
+                              "Which gear. |"));
+}
+
+TEST(ConfigPrintTest, SectionsFollowTheirFields) {
+  const std::string text = ToToml(Outer{});
+  EXPECT_THAT(text, StartsWith("flag = false\ncount = 3\n"));
+  EXPECT_THAT(text, EndsWith("[inner]\nspeed = 1.5\nkind = \"fast\"\ngear = \"second\"\n"));
+}
+
+class FilesTest : public testing::Test {
+ protected:
+  void Write(const std::string& name, const std::string& text) {
+    std::ofstream(scratch_.path() / name) << text;
+  }
+  fs::path Path(const std::string& name) const { return scratch_.path() / name; }
+
+  test::ScratchDirectory scratch_;
+};
+
+/// A program that reads the inner section alone.
+struct Half {
+  Inner inner;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("inner", inner, "The inner one.");
+  }
+};
+
+TEST_F(FilesTest, KeysOfOthersInASharedFileAreCheckedAndPassedOver) {
+  Write("base.toml", "flag = true\n");
+  Write("shared.toml", "base = \"base.toml\"\ncount = 7\nsizes = [9]\n[inner]\nspeed = 2.5\n");
+  Half half;
+  Outer others;
+  EXPECT_THAT(ReadSharedTomlFile(Path("shared.toml"), ListFields(half), ListFields(others)),
+              testing::UnorderedElementsAre("flag", "count", "sizes"));
+  EXPECT_EQ(half.inner.speed, 2.5);
+  EXPECT_EQ(others.inner.speed, 1.5) << "what the reader itself knows is its own";
+
+  Outer outer;
+  Half other_half;
+  EXPECT_THAT(ReadSharedTomlFile(Path("shared.toml"), ListFields(outer), ListFields(other_half)),
+              testing::IsEmpty());
+  EXPECT_EQ(outer.count, 7);
+
+  const auto error_of = [&](const std::string& text) -> std::string {
+    Write("bad.toml", text);
+    try {
+      ReadSharedTomlFile(Path("bad.toml"), ListFields(half), ListFields(others));
+      return "";
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+  };
+  EXPECT_THAT(error_of("\ncuont = 7\n"),
+              AllOf(HasSubstr("bad.toml:2: unknown key 'cuont'"), HasSubstr("'count'")));
+  EXPECT_THAT(error_of("count = 1000\n"), HasSubstr("expected an integer in [-100, 100]"));
+}
+
+TEST_F(FilesTest, ASectionOfOthersIsNamedOnce) {
+  struct Flat {
+    int count = 3;
+    void Visit(FieldCollector& v) { v("count", count, base::Range{0, 9}, "", "How many."); }
+  } flat;
+  Outer others;
+  Write("shared.toml", "count = 5\n[inner]\nspeed = 2.5\nkind = \"slow\"\n");
+  EXPECT_THAT(ReadSharedTomlFile(Path("shared.toml"), ListFields(flat), ListFields(others)),
+              ElementsAre("inner"));
+  EXPECT_EQ(flat.count, 5);
+}
+
+TEST_F(FilesTest, OfAMissingFileTheNearestIsNamed) {
+  Write("quickstart.toml", "");
+  Write("fast.toml", "");
+  const auto error_of = [&](const std::string& name) -> std::string {
+    Outer outer;
+    try {
+      ReadTomlFile(Path(name), ListFields(outer));
+      return "";
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+  };
+  for (const char* name : {"quikstart.toml", "quickstart", "quickstrat.toml"}) {
+    EXPECT_THAT(error_of(name),
+                AllOf(StartsWith(Path(name).string()), HasSubstr("there is no such file"),
+                      HasSubstr("did you mean '" + Path("quickstart.toml").string() + "'?")));
+  }
+  EXPECT_THAT(error_of("mine.toml"), EndsWith("there is no such file"));
+  EXPECT_THAT(error_of("none/mine.toml"), EndsWith("there is no such file"));
+}
+
+}  // namespace
+}  // namespace slalom::config

@@ -1,0 +1,147 @@
+#include "eval/report/comparison.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+
+namespace slalom::eval {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+Result MakeResult(const std::string& agent, const std::string& course_set = "static-test") {
+  Result result;
+  result.agent = agent;
+  result.kind = "planner";
+  result.file = "out/" + agent + "/evaluation.json";
+  result.course_set = course_set;
+  result.protocol = {{"name", "\"paper\""},
+                     {"time_limit_s", "80.0"},
+                     {"goal_tolerance_m", "0.4"},
+                     {"collision_ends", "true"},
+                     {"clock_start_distance_m", "0.0"},
+                     {"start_position_jitter_m", "0.05"},
+                     {"start_yaw_jitter_rad", "0.05"}};
+  result.set.num_episodes = 500;
+  result.set.num_successes = 467;
+  result.set.success_rate = {0.934, Interval{0.837, 0.975}};
+  result.set.collision_rate = {0.066, Interval{0.025, 0.163}};
+  result.set.timeout_rate = {0.0, Interval{0.0, 0.008}};
+  result.set.contact_rate = {0.1, Interval{0.05, 0.2}};
+  result.set.traversal_time = Estimate{6.13, Interval{5.74, 6.52}};
+  result.set.survival_time = std::nullopt;
+  result.set.barn_score = {0.4644, Interval{0.4318, 0.4971}};
+  sim::Course course;
+  course.name = "one";
+  result.course_set_data = {course_set, {std::make_shared<const sim::Course>(course)}};
+  result.courses.resize(1);
+  return result;
+}
+
+TEST(Comparison, MarkdownHasValuesAndIntervals) {
+  const std::vector<Result> results{MakeResult("dwa"), MakeResult("mppi")};
+  const std::string text = MarkdownComparison(results);
+  EXPECT_THAT(text, HasSubstr("| dwa | 500 | 93.4 (83.7–97.5) | 6.6 (2.5–16.3) | 0.0 (0.0–0.8) | "
+                              "6.1 (5.7–6.5) | – | 0.464 (0.432–0.497) |\n"));
+  EXPECT_THAT(text, HasSubstr("## static-test\n"));
+  EXPECT_THAT(text, HasSubstr("Protocol paper: 80 s, goal within 0.4 m, a collision ends"));
+  EXPECT_THAT(text, Not(HasSubstr("touched")));
+}
+
+TEST(Comparison, MarkdownNotesATestThatWasTrainedOn) {
+  std::vector<Result> results{MakeResult("td3"), MakeResult("mppi")};
+  EXPECT_THAT(MarkdownComparison(results), Not(HasSubstr("Trained")));
+  results[0].training_overlap = TrainingOverlap{40, 50, "static-train*"};
+  results[1].training_overlap = TrainingOverlap{0, 50, "static-train"};
+  const std::string text = MarkdownComparison(results);
+  EXPECT_THAT(text,
+              HasSubstr("\n\n**Trained on its test:** td3 was trained on 40 of these 50 courses "
+                        "(static-train\\*).\n"));
+  EXPECT_THAT(text, Not(HasSubstr("mppi was trained")));
+}
+
+TEST(Comparison, ShowsContactsWhereCollisionsEndNothing) {
+  std::vector<Result> results{MakeResult("dwa")};
+  results[0].protocol["collision_ends"] = "false";
+  EXPECT_THAT(MarkdownComparison(results), HasSubstr("10.0 (5.0–20.0)"));
+  EXPECT_THAT(LatexComparison(results), HasSubstr("touched"));
+}
+
+TEST(Comparison, GroupsByCourses) {
+  std::vector<Result> results{MakeResult("dwa"), MakeResult("dwa", "dynamic-box"),
+                              MakeResult("teb"), MakeResult("teb"), MakeResult("mppi")};
+  results[3].collection = "data/barn/";
+  sim::Course other;
+  other.name = "two";
+  results[4].course_set_data.courses = {std::make_shared<const sim::Course>(other)};
+  const std::vector<ResultGroup> groups = GroupByCourses(results);
+  ASSERT_EQ(groups.size(), 4u);
+  EXPECT_EQ(groups[0].results, (std::vector<std::size_t>{0, 2}));
+  EXPECT_EQ(groups[0].title, "static-test");
+  EXPECT_EQ(groups[1].title, "dynamic-box");
+  EXPECT_THAT(groups[2].title, HasSubstr("static-test of data/barn"));
+  EXPECT_THAT(groups[3].title, HasSubstr("other courses"));
+}
+
+TEST(Comparison, LabelsTellResultsOfOneGroupApart) {
+  std::vector<Result> results{MakeResult("dwa"), MakeResult("dwa"), MakeResult("dwa"),
+                              MakeResult("dwa", "dynamic-box"), MakeResult("teb")};
+  results[1].profiles = {"configs/real-robot.toml"};
+  results[2].file = "again/evaluation.json";
+  EXPECT_EQ(Labels(results), (std::vector<std::string>{"dwa [dwa]", "dwa (real-robot)",
+                                                       "dwa [again]", "dwa", "teb"}));
+  results[2].file = results[0].file;
+  EXPECT_EQ(Labels(results)[2], "dwa [dwa] 2");
+  results[2].physics = "ode";
+  EXPECT_EQ(Labels(results)[2], "dwa in ode");
+}
+
+TEST(Comparison, NamesCannotBreakTheTables) {
+  const std::string name = "a|b_c \"x\", 100 % & <i>#1\\";
+  const std::vector<Result> results{MakeResult(name)};
+  EXPECT_THAT(MarkdownComparison(results),
+              HasSubstr("| a\\|b\\_c \"x\", 100 % & \\<i\\>\\#1\\\\ | 500 |"));
+  EXPECT_THAT(LatexComparison(results),
+              HasSubstr("a|b\\_c \"x\", 100 \\% \\& <i>\\#1\\textbackslash{} & 93.4"));
+  EXPECT_THAT(CsvComparison(results),
+              HasSubstr("static-test,\"a|b_c \"\"x\"\", 100 % & <i>#1\\\","));
+}
+
+TEST(Comparison, CsvHasAllFiguresInAsManyColumnsAsTheHeader) {
+  const std::vector<Result> results{MakeResult("dwa"), MakeResult("teb", "dynamic-box")};
+  const std::string text = CsvComparison(results);
+  std::vector<std::string> lines;
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = text.find('\n', begin);
+    lines.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  ASSERT_EQ(lines.size(), 3u);
+  const auto num_commas = std::ranges::count(lines[0], ',');
+  for (const std::string& line : lines)
+    EXPECT_EQ(std::ranges::count(line, ','), num_commas) << line;
+  EXPECT_THAT(lines[1], HasSubstr(",0.934000,0.837000,0.975000,"));
+  EXPECT_THAT(lines[1], HasSubstr(",6.130000,5.740000,6.520000,,,,"));  // No survival time.
+}
+
+TEST(Comparison, LatexIsABooktabsTablePerGroup) {
+  const std::vector<Result> results{MakeResult("dwa"), MakeResult("dwa", "dynamic_box")};
+  const std::string text = LatexComparison(results);
+  EXPECT_THAT(text, HasSubstr("\\begin{tabular}{lrrrrrr}"));
+  EXPECT_THAT(text, HasSubstr("dwa & 93.4 (83.7--97.5) & 6.6 (2.5--16.3)"));
+  EXPECT_THAT(text, HasSubstr("\\caption{dynamic\\_box, 1 course."));
+  const auto count = [&](const std::string& what) {
+    int n = 0;
+    for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; ++at) ++n;
+    return n;
+  };
+  EXPECT_EQ(count("\\toprule"), 2);
+  EXPECT_EQ(count("\\bottomrule"), 2);
+  EXPECT_EQ(count("\\end{table}"), 2);
+}
+
+}  // namespace
+}  // namespace slalom::eval
