@@ -51,6 +51,7 @@ class Worker {
 
   SweepEnd Run(const std::function<void()>& on_done) {
     std::vector<std::jthread> threads;
+    threads.reserve(static_cast<std::size_t>(slots_.at_once));
     for (int slot = 0; slot < slots_.at_once; ++slot) {
       threads.emplace_back([this, slot] { RunSlot(slot); });
     }

@@ -197,7 +197,7 @@ std::vector<std::string> SbatchCommand(const SlurmSweep& sweep, std::size_t num_
 
 /// The number in the answer of `sbatch --parsable`: "12", or "12;cluster".
 std::string JobNumber(const std::string& answer) {
-  const std::string job = answer.substr(0, answer.find_first_of(";\n"));
+  std::string job = answer.substr(0, answer.find_first_of(";\n"));
   if (job.empty() || job.find_first_not_of("0123456789") != std::string::npos) {
     throw base::Error(
         fmt::format("sbatch answered '{}', expected the number of a job; squeue shows whether "

@@ -67,7 +67,7 @@ CheckpointStore::CheckpointStore(const fs::path& directory) : directory_(directo
 
 fs::path CheckpointStore::Write(std::int64_t steps,
                                 const std::function<void(const fs::path&)>& write) {
-  const fs::path target = directory_ / fmt::format("{}{}", kPrefix, steps);
+  fs::path target = directory_ / fmt::format("{}{}", kPrefix, steps);
   const fs::path unfinished = target.string() + std::string(kUnfinished);
   const fs::path replaced = target.string() + std::string(kReplaced);
   std::error_code ec;

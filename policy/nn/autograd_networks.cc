@@ -175,7 +175,7 @@ at::Tensor AutogradNetworks::operator()(const at::Tensor& features, const at::Te
   if (num_extra > 0) SLALOM_CHECK_EQ(extra.size(0), features.size(0));
   if (!at::GradMode::is_enabled()) {
     std::unique_ptr<Passes> passes = networks_->Take(features.size(0), PassUse::kInference);
-    const at::Tensor outputs = networks_->Forward(features, extra, *passes);
+    at::Tensor outputs = networks_->Forward(features, extra, *passes);
     networks_->Return(std::move(passes));
     return outputs;
   }

@@ -125,6 +125,7 @@ LearningCurve MakeCurve(const SweepResults& results, const CurveTables& tables) 
     point.success = eval::BootstrapMean(tables.tables[p]);
     if (has_seconds) {
       std::vector<double> here;
+      here.reserve(seconds.size());
       for (const auto& of_seed : seconds) here.push_back(of_seed[p]);
       point.seconds = MeanOfSeeds(here);
     }
