@@ -196,7 +196,7 @@ QuantityTables TablesOf(const RowScore& score, const Quantity& quantity) {
   SLALOM_CHECK(!score.seeds.empty());
   QuantityTables tables;
   tables.sums.limits = LimitsOf(score.seeds.front().result, quantity);
-  tables.sums.trained = score.seeds.front().result.kind != "planner";
+  tables.sums.trained = score.seeds.front().result.is_trained();
   for (const CellScore& seed : score.seeds) {
     std::vector<double> sums;
     std::vector<double> counts;

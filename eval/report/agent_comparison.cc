@@ -56,7 +56,7 @@ void RequireSameEpisodes(const Result& first, const Result& other) {
 template <class Value>
 ScoreTable MakeTable(std::span<const Result> results, const AgentResults& agent, Interval limits,
                      Value value) {
-  ScoreTable table{agent.label, {}, limits, results[agent.results.front()].kind != "planner"};
+  ScoreTable table{agent.label, {}, limits, results[agent.results.front()].is_trained()};
   for (const std::size_t r : agent.results) {
     auto& row = table.scores.emplace_back();
     for (const ResultCourse& course : results[r].courses) row.push_back(value(course));
@@ -115,9 +115,9 @@ std::string WithoutInterval(const AgentFigures& agent) {
   return names.empty() ? "" : fmt::format("{} ({})", agent.label, names);
 }
 
-/// `trained`: whether each agent was trained, which a planner was not.
+/// `scores`: a table of each agent, which says whether it was trained.
 std::vector<std::string> NotesFor(const AgentComparison& comparison,
-                                  const std::vector<bool>& trained) {
+                                  std::span<const ScoreTable> scores) {
   std::vector<std::string> notes;
   if (comparison.num_courses == 1) {
     notes.push_back(
@@ -128,7 +128,7 @@ std::vector<std::string> NotesFor(const AgentComparison& comparison,
   std::string alike;
   for (std::size_t a = 0; a < comparison.agents.size(); ++a) {
     const AgentFigures& agent = comparison.agents[a];
-    if (agent.num_seeds == 1 && trained[a]) AddToList(agent.label, single);
+    if (agent.num_seeds == 1 && scores[a].trained) AddToList(agent.label, single);
     const std::string without = WithoutInterval(agent);
     if (!without.empty()) AddToList(without, alike);
   }
@@ -212,9 +212,7 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
   // Nothing lies above 1.
   for (int k = 0; k < 20; ++k) comparison.thresholds.push_back(k / 20.0);
   std::vector<ScoreTable> successes;
-  std::vector<bool> trained;
   for (const AgentResults& agent : agents) {
-    trained.push_back(results[agent.results.front()].kind != "planner");
     comparison.agents.push_back(FiguresOf(results, agent, comparison.thresholds, bootstrap));
     successes.push_back(OutcomeTable(results, agent, env::Outcome::kSuccess));
   }
@@ -225,7 +223,7 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
     }
   }
   CorrectPValues(comparison.pairs);
-  comparison.notes = NotesFor(comparison, trained);
+  comparison.notes = NotesFor(comparison, successes);
   for (const AgentResults& agent : agents) {
     for (const std::size_t r : agent.results) {
       const auto& overlap = results[r].training_overlap;

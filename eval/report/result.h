@@ -57,6 +57,8 @@ struct Result {
   std::vector<sim::EpisodeTrack> tracks;  ///< Each on one of the courses.
 
   bool collision_ends() const { return protocol.at("collision_ends") == "true"; }
+  /// Whether the agent is a policy: another training could have given another one.
+  bool is_trained() const { return kind != "planner"; }
 };
 
 /// Reads `path`, a directory that `slalom evaluate --output` wrote or the evaluation.json in it,
