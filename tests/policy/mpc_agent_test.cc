@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -113,17 +114,18 @@ TEST(MpcAgent, BeatsThePolicyWhereTheModelShowsABetterAction) {
   }
 }
 
-// Two sequences, one of them the policy's own, and a horizon of one step: the returns follow by
-// hand. The reward of the only step is x, the same for both, and the value of the next state is
-// x + 0.5 a: MPPI's action is a_0 + w (a_1 - a_0), w = 1 / (1 + e^(-(R_1 - R_0) / temperature)).
+// Two sequences, one of them the policy's own: the returns follow by hand. The first reward is x,
+// the same for both. With a horizon of one step the value of the next state, x + 0.5 a, tells them
+// apart; with two and no value, the second reward, x + 0.5 a. Both are discounted once. MPPI's
+// action is a_0 + w (a_1 - a_0), w = 1 / (1 + e^(-(R_1 - R_0) / temperature)).
 TEST(MpcAgent, WeighsByReturn) {
-  for (const double alive : {1.0, 0.25}) {
+  for (const auto& [alive, horizon] : {std::pair{1.0, 1}, {0.25, 1}, {1.0, 2}, {0.25, 2}}) {
     Hand hand;
-    hand.value = 3.0;
+    hand.value = horizon == 1 ? 3.0 : 0.0;
     hand.gamma = 0.8;
     hand.termination_logit = std::log((1.0 - alive + 1e-12) / alive);
     MpcConfig config = Config();
-    config.horizon = 1;
+    config.horizon = horizon;
     config.samples = 2;
     config.temperature = 0.3;
     const env::ObservationBatch observations = Observations(1, 4);
@@ -138,10 +140,12 @@ TEST(MpcAgent, WeighsByReturn) {
       const double other = static_cast<double>(Act(greedy, observations)[0].linear);
       if (other < policy + 1e-3) continue;
       ++num_better;
-      const double gain = 0.8 * alive * 3.0 * 0.5 * (other - policy);
+      const double factor = horizon == 1 ? hand.value : 1.0;
+      const double gain = 0.8 * alive * factor * 0.5 * (other - policy);
       const double weight = 1.0 / (1.0 + std::exp(-gain / 0.3));
       MpcAgent agent(config, MakeSnapshot(hand), seed);
-      EXPECT_NEAR(Act(agent, observations)[0].linear, policy + weight * (other - policy), 1e-4);
+      EXPECT_NEAR(Act(agent, observations)[0].linear, policy + weight * (other - policy), 1e-4)
+          << "alive " << alive << ", horizon " << horizon;
     }
     EXPECT_GT(num_better, 3);
   }

@@ -222,7 +222,9 @@ TEST(RequireSameInterface, NamesWhatDiffers) {
   const PolicySpec spec;
   EXPECT_NO_THROW(RequireSameInterface("p", spec, {}, {}));
   EXPECT_THROW(RequireSameInterface("p", spec, {.num_beams = 360}, {}), base::Error);
+  EXPECT_THROW(RequireSameInterface("p", spec, {}, {.linear_min = -0.5}), base::Error);
   EXPECT_THROW(RequireSameInterface("p", spec, {}, {.linear_max = 1.0}), base::Error);
+  EXPECT_THROW(RequireSameInterface("p", spec, {}, {.angular_max = 1.0}), base::Error);
 }
 
 TEST(RequireSameSpec, NamesTheFirstFieldThatDiffers) {

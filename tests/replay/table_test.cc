@@ -153,6 +153,45 @@ TEST(TableTest, FindsTheOneEligibleStepAmongMany) {
   }
 }
 
+TEST(TableTest, PrioritiesHoldWhereFewStepsAreEligible) {
+  Table table({.capacity = 20000}, 1);
+  Chunk chunk(1);
+  const std::vector<std::uint16_t> scan{1};
+  const std::vector<float> state(env::kStateSize, 0.0f);
+  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  for (int s = 0; s < 10000; ++s) {
+    const bool whole = s < 2;
+    chunk.AddStep(s, true, frame, {},
+                  {.outcome = whole ? env::Outcome::kSuccess : env::Outcome::kRunning});
+    if (whole) chunk.AddFinal(s, frame);
+  }
+  table.Insert(chunk);
+  table.UsePriorities(1.0);
+  const std::vector<std::int64_t> steps{0, 2};  // Rows 1 and 3 are final.
+  ASSERT_EQ(table.SetPriorities(steps, std::vector{1.0f, 9.0f}), 2);
+  base::Random random(1);
+  SampledRows rows;
+  ASSERT_TRUE(table.SampleRows({.batch = 2000, .n_step = 4, .prioritized = true}, random, &rows));
+  const auto second = std::ranges::count(rows.sequence, 2);
+  EXPECT_EQ(std::ranges::count(rows.sequence, 0) + second, 2000);
+  // Mean 2000 * 0.9, deviation sqrt(2000 * 0.9 * 0.1) = 13.4; four.
+  EXPECT_NEAR(static_cast<double>(second), 1800.0, 54.0);
+}
+
+// A stream that pauses for exactly capacity - 1 rows overwrites its own last row.
+TEST(TableTest, ARowIsNotLinkedToTheOneThatItOverwrites) {
+  Table table({.capacity = 4}, 1);
+  Chunk chunk(1);
+  const std::vector<std::uint16_t> scan{1};
+  const std::vector<float> state(env::kStateSize, 0.0f);
+  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  chunk.AddStep(0, true, frame, {}, {});
+  for (int k = 0; k < 3; ++k) chunk.AddStep(1, k == 0, frame, {}, {});
+  chunk.AddStep(0, false, frame, {}, {});
+  table.Insert(chunk);
+  EXPECT_EQ(table.CountEligible(1, 1), 2) << "rows 1 and 2; 3 and 4 are followed by nothing";
+}
+
 TEST(TableTest, NothingToDrawIsAnAnswer) {
   Table table({.capacity = 100}, 1);
   base::Random random(1);

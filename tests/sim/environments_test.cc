@@ -156,6 +156,16 @@ TEST(EnvironmentsTest, AFinishLineCountsWhereItIsLookedAt) {
   for (int step = 0; step < 20; ++step) EXPECT_EQ(without.Step(1.0).outcome, Outcome::kRunning);
 }
 
+// In double precision 43 * 0.2 / 0.2 is below 43. The line is crossed in step 43, too.
+TEST(EnvironmentsTest, APeriodOfOneStepLooksAtEachStep) {
+  EnvironmentConfig config = InstantDrive();
+  config.episode.look_period = config.episode.step;
+  config.episode.finish_ahead = 42.5 * 0.2;
+  One one(config, Corridor(20.0, 30.0));
+  for (int step = 1; step < 43; ++step) ASSERT_EQ(one.Step(1.0).outcome, Outcome::kRunning) << step;
+  EXPECT_EQ(one.Step(1.0).outcome, Outcome::kSuccess);
+}
+
 TEST(EnvironmentsTest, OdometryFromWheelsTellsTheirSpeed) {
   EnvironmentConfig config;
   config.localisation.from_wheels = true;
@@ -252,13 +262,33 @@ TEST(EnvironmentsTest, StepLimitIsATimeoutAndNotTerminal) {
   EXPECT_EQ(last.reward, -3.0f);
 }
 
+TEST(EnvironmentsTest, ArrivingInTheLastStepIsASuccess) {
+  EnvironmentConfig config = InstantDrive();
+  config.episode.max_steps = 3;
+  config.reward.timeout = 3.0;
+  One one(config, Corridor(0.9, 9.0));
+  ASSERT_EQ(one.Step(1.0).outcome, Outcome::kRunning);
+  ASSERT_EQ(one.Step(1.0).outcome, Outcome::kRunning) << "0.5 m away";
+  const env::StepResult last = one.Step(1.0);
+  EXPECT_EQ(last.outcome, Outcome::kSuccess) << "0.3 m away";
+  EXPECT_TRUE(last.terminated());
+  EXPECT_NEAR(last.reward, 20.0 + 0.2, 1e-5);
+}
+
 TEST(EnvironmentsTest, ActionsAreClipped) {
-  One one(InstantDrive(), Corridor(5.0, 9.0));
-  std::vector<env::Action> actions{{7.0f, -7.0f}};
-  std::vector<env::StepResult> results(1);
-  one.environments().Step(actions, results);
-  EXPECT_EQ(one.frame().state[2], 1.0f);
-  EXPECT_EQ(one.frame().state[3], -1.0f);
+  EnvironmentConfig config = InstantDrive();
+  // Above what +-1 stands for, so that the drive clips nothing.
+  config.robot.linear_speed_limit = 5.0;
+  config.robot.angular_speed_limit = 10.0;
+  for (const float sign : {1.0f, -1.0f}) {
+    One beyond(config, Corridor(5.0, 9.0)), at(config, Corridor(5.0, 9.0));
+    std::vector<env::StepResult> results(1);
+    beyond.environments().Step(std::vector<env::Action>{{7.0f * sign, -7.0f * sign}}, results);
+    at.environments().Step(std::vector<env::Action>{{sign, -sign}}, results);
+    EXPECT_EQ(beyond.frame().state[2], sign);
+    EXPECT_EQ(beyond.frame().state[3], -sign);
+    EXPECT_EQ(beyond.environments().robot_pose(0), at.environments().robot_pose(0));
+  }
 }
 
 TEST(EnvironmentsTest, RefusesACourseThatStartsInContact) {
@@ -297,6 +327,19 @@ TEST(EnvironmentsTest, JitteredStartsAreSpreadAndFree) {
   EXPECT_GT(max_x, 0.02);
   EXPECT_LT(min_yaw, -0.38);
   EXPECT_GT(max_yaw, 0.38);
+}
+
+TEST(EnvironmentsTest, ProgressBeginsAtTheJitteredStart) {
+  EnvironmentConfig config = InstantDrive();
+  config.episode.start_position_jitter = 0.3;
+  config.reward.slack = 0.25;
+  CourseEnvironments environments(config, {Corridor(3.0, 9.0)}, 1, nullptr);
+  std::vector<env::StepResult> results(1);
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    environments.Reset(0, {0, seed});
+    environments.Step(std::vector{config.action.Normalise(0.0, 0.0)}, results);
+    EXPECT_EQ(results[0].reward, -0.25f) << "it stands";
+  }
 }
 
 TEST(EnvironmentsTest, ATurnedAndMovedCourseGivesTheSameEpisode) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -139,6 +140,31 @@ TEST(Bootstrap, IsTheSameEveryTimeForASeed) {
   const Estimate other = BootstrapMean(table, {.num_samples = 500, .seed = 4});
   EXPECT_EQ(once.interval, again.interval);
   EXPECT_NE(once.interval, other.interval);
+}
+
+// Courses and the seeds of each agent are drawn independently, so their variances add up. Where two
+// factors of n spread alike, an interval is sqrt(2) as wide as where one does, apart from the
+// stretch, which has 2 (n - 1) degrees of freedom in place of n - 1. Drawn from one stream, two
+// factors whose effects are opposite would cancel each other in every resample: width 0.
+TEST(Bootstrap, DrawsCoursesAndEachAgentsSeedsIndependently) {
+  constexpr int kNum = 8;
+  ScoreTable by_seed{"by seed", {}, {-100.0, 100.0}}, by_both = by_seed;
+  for (int s = 0; s < kNum; ++s) {
+    by_seed.scores.emplace_back(kNum, s);
+    auto& row = by_both.scores.emplace_back();
+    for (int c = 0; c < kNum; ++c) row.push_back(s - c);
+  }
+  const BootstrapOptions many{.num_samples = 20000};
+  const auto width = [](const Estimate& estimate) {
+    return estimate.interval.value().high - estimate.interval.value().low;
+  };
+  const double expected = std::sqrt(2.0) * StudentCritical(2 * (kNum - 1)) /
+                          StudentCritical(kNum - 1) * width(BootstrapMean(by_seed, many));
+  // A quantile at 2.5 % of 20000 normal draws has a standard error of sqrt(0.025 * 0.975 / 20000) /
+  // 0.0584 = 0.019 deviations. A width of 3.92 deviations has two of them, and two widths are
+  // compared: 1 %. Four, and one more per cent as means of 8 and of 16 draws are nearly normal.
+  EXPECT_NEAR(width(BootstrapDifference(by_seed, by_seed, many)), expected, 0.05 * expected);
+  EXPECT_NEAR(width(BootstrapMean(by_both, many)), expected, 0.05 * expected);
 }
 
 TEST(Bootstrap, ValuesAreThoseWithoutIntervals) {

@@ -67,6 +67,14 @@ TEST(EstimateRate, AllOrNothingCoursesCountAsOneTrialEach) {
   EXPECT_NEAR(interval.high, expected.high, 1e-12);
 }
 
+TEST(EstimateRate, CoursesMoreAlikeThanChanceCountNoEpisodeTwice) {
+  // Residuals of 0.5: the variance, 10 / 9 * 2.5 / 100^2 = 0.00028, is below that of 100
+  // independent episodes, 0.55 * 0.45 / 100 = 0.0025, as if there had been 891.
+  std::vector<CourseTotal> courses(5, {5, 10});
+  courses.resize(10, {6, 10});
+  EXPECT_EQ(EstimateRate(courses).interval, WilsonInterval(0.55, 100, StudentCritical(9)));
+}
+
 TEST(EstimateMean, MatchesAHandComputedCase) {
   // Courses of mean 1, 2, 3 with two episodes each: value 2; residuals -2, 0, 2; variance
   // 3/2 * 8 / 36 = 1/3; t(2) = 4.3027.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "base/random.h"
@@ -26,6 +27,12 @@ TEST(Inflation, FollowsTheFormula) {
   EXPECT_EQ(inflation.CostAt(6, 0), 177);             // 252 exp(-0.35) = 177.58
   EXPECT_EQ(inflation.CostAt(6, 1), kFreeCost);       // Beyond 6 cells.
   EXPECT_EQ(inflation.CostAt(7, 0), kFreeCost);
+}
+
+TEST(Inflation, CountsTheInscribedRadiusItselfAsInside) {
+  const Inflation inflation(0.05, 0.2, 0.30, 10.0);  // 4 * 0.05 is 0.2 in double precision, too.
+  EXPECT_EQ(inflation.CostAt(4, 0), kInscribedCost);
+  EXPECT_EQ(inflation.CostAt(0, -4), kInscribedCost);
 }
 
 // Oracle: for each cell the nearest obstacle by brute force.
@@ -185,34 +192,39 @@ class SlowMap {
   Costmap map_;
 };
 
+// With an inflation radius of 1.5 m, costs change beyond the window of cells that a scan can
+// change.
 TEST(ObstacleMap, AgreesWithTheSlowRule) {
-  base::Random random(5);
-  ObstacleMap fast({.rolling = false}, kFootprint);
-  fast.Reset({});
-  SlowMap slow(fast.costmap());
-  const Inflation inflation(0.05, 0.265, 0.3, 10.0);
-  for (int step = 0; step < 60; ++step) {
-    // Near the edge too, where beams leave the map.
-    const base::Pose2 X_OR{{random.Uniform(-4.5, 4.5), random.Uniform(-4.5, 4.5)},
-                           random.Uniform(-3.0, 3.0)};
-    ScanRays scan;
-    scan.sensor_O = base::Transform(X_OR, {0.12, 0.0});
-    double range = 2.0;
-    for (int beam = 0; beam < 720; ++beam) {
-      if (random.Uniform() < 0.05) range = random.Uniform(0.1, 5.2);
-      const auto [s, c] = base::SinCos(X_OR.yaw - 2.356 + beam * 4.712 / 719);
-      scan.rays.push_back({scan.sensor_O + std::min(range, 5.0) * base::Vec2{c, s}, range < 5.0});
+  for (const auto& [radius, scaling] : {std::pair{0.3, 10.0}, {1.5, 1.0}}) {
+    base::Random random(5);
+    ObstacleMap fast({.rolling = false, .inflation_radius = radius, .cost_scaling = scaling},
+                     kFootprint);
+    fast.Reset({});
+    SlowMap slow(fast.costmap());
+    const Inflation inflation(0.05, 0.265, radius, scaling);
+    for (int step = 0; step < 60; ++step) {
+      // Near the edge too, where beams leave the map.
+      const base::Pose2 X_OR{{random.Uniform(-4.5, 4.5), random.Uniform(-4.5, 4.5)},
+                             random.Uniform(-3.0, 3.0)};
+      ScanRays scan;
+      scan.sensor_O = base::Transform(X_OR, {0.12, 0.0});
+      double range = 2.0;
+      for (int beam = 0; beam < 720; ++beam) {
+        if (random.Uniform() < 0.05) range = random.Uniform(0.1, 5.2);
+        const auto [s, c] = base::SinCos(X_OR.yaw - 2.356 + beam * 4.712 / 719);
+        scan.rays.push_back({scan.sensor_O + std::min(range, 5.0) * base::Vec2{c, s}, range < 5.0});
+      }
+      fast.Update(scan, X_OR);
+      slow.Update(scan, X_OR);
+      ASSERT_TRUE(
+          std::equal(fast.obstacles().begin(), fast.obstacles().end(), slow.map().costs().begin()))
+          << "step " << step;
+      Costmap inflated = slow.map();
+      inflation.Apply(fast.obstacles(), {0, 0, 200, 200}, inflated);
+      ASSERT_TRUE(std::equal(inflated.costs().begin(), inflated.costs().end(),
+                             fast.costmap().costs().begin()))
+          << "step " << step;
     }
-    fast.Update(scan, X_OR);
-    slow.Update(scan, X_OR);
-    ASSERT_TRUE(
-        std::equal(fast.obstacles().begin(), fast.obstacles().end(), slow.map().costs().begin()))
-        << "step " << step;
-    Costmap inflated = slow.map();
-    inflation.Apply(fast.obstacles(), {0, 0, 200, 200}, inflated);
-    ASSERT_TRUE(std::equal(inflated.costs().begin(), inflated.costs().end(),
-                           fast.costmap().costs().begin()))
-        << "step " << step;
   }
 }
 
