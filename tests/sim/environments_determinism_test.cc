@@ -162,7 +162,8 @@ std::uint64_t HashOf(const std::vector<Record>& records) {
 }
 
 // Debug, release and sanitizer builds must all give this. It changes only with a change of the
-// simulation, which CHANGELOG.md then names.
+// simulation, which CHANGELOG.md then names. written_environment_test.cc tells whether a new one
+// stands for the right thing.
 constexpr std::uint64_t kGoldenHash = 10309596538404691480u;
 constexpr std::uint64_t kGazeboHash = 15556016397180356100u;
 constexpr std::uint64_t kPyramidHash = 1000322604016261304u;

@@ -4,56 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <vector>
 
+#include "tests/sim/written_environment.h"
 #include "tests/support/random_courses.h"
 
 namespace slalom::sim {
 namespace {
 
 using base::Vec2;
-
-constexpr double kNoHit = std::numeric_limits<double>::infinity();
-
-// The oracle: every beam against every shape, in double precision, with obstacles grown by `grow`
-// [m].
-double CastOne(const Course& course, Vec2 from, Vec2 along, double grow) {
-  double nearest = kNoHit;
-  for (const Circle& circle : course.circles) {
-    const Vec2 d = circle.p_W - from;
-    const double b = base::Dot(d, along);
-    const double radius = circle.radius + grow;
-    const double discriminant = b * b - base::Dot(d, d) + radius * radius;
-    if (discriminant < 0.0) continue;
-    const double root = std::sqrt(discriminant);
-    if (b + root < 0.0) continue;
-    nearest = std::min(nearest, std::max(0.0, b - root));
-  }
-  for (const Box& box : course.boxes) {
-    const Vec2 p_B = base::InverseTransform(box.X_WB, from);
-    const Vec2 half{box.half_size.x + grow, box.half_size.y + grow};
-    if (std::abs(p_B.x) < half.x && std::abs(p_B.y) < half.y) nearest = 0.0;
-    const Vec2 corners_B[] = {
-        {-half.x, -half.y}, {half.x, -half.y}, {half.x, half.y}, {-half.x, half.y}};
-    for (int k = 0; k < 4; ++k) {
-      const Vec2 a = base::Transform(box.X_WB, corners_B[k]);
-      const Vec2 edge = base::Transform(box.X_WB, corners_B[(k + 1) % 4]) - a;
-      const double turn = base::Cross(along, edge);
-      if (turn == 0.0) continue;
-      const double range = base::Cross(a - from, edge) / turn;
-      const double place = base::Cross(a - from, along) / turn;
-      if (range >= 0.0 && place >= 0.0 && place <= 1.0) nearest = std::min(nearest, range);
-    }
-  }
-  return nearest;
-}
-
-// Coordinates below 8 m and a beam's direction are rounded to single precision, 2^-24 relative:
-// together below 8 m * 2^-24 * 8 operations = 4e-6 m sideways. A grazing beam may then see the
-// obstacle or not, so the truth is bracketed by slightly larger and slightly smaller obstacles.
-constexpr double kSideways = 1e-5;
-constexpr double kAlong = 1e-4;
 
 void CheckAgainstOracle(const LidarConfig& config, double clip, const Course& course,
                         const base::Pose2& X_WR) {
