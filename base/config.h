@@ -157,6 +157,11 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
 /// Returns the value of a field as TOML.
 std::string PrintValue(const Field& field);
 
+/// Returns the listed fields whose values are not those in `defaults`, a list of the same struct,
+/// as lines `key = value` in the order of the keys. A digest of this text stays as it is when the
+/// struct gets another field or another order.
+std::string PrintChanges(const FieldList& list, const FieldList& defaults);
+
 /// Returns all listed fields as TOML that reads back to the same values.
 std::string PrintToml(const FieldList& list);
 
@@ -178,6 +183,13 @@ Config Load(const std::optional<std::filesystem::path>& path,
 template <class Config>
 std::string ToToml(Config config) {
   return PrintToml(ListFields(config));
+}
+
+/// `PrintChanges` against the struct as it is constructed.
+template <class Config>
+std::string Changes(Config config) {
+  Config defaults;
+  return PrintChanges(ListFields(config), ListFields(defaults));
 }
 
 template <class Config>

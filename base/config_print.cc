@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "base/check.h"
 #include "base/config.h"
 
 namespace slalom::config {
@@ -72,6 +73,18 @@ std::string PrintValue(const Field& field) {
     std::string operator()(const EnumField& v) { return Quote(v.name()); }
   };
   return std::visit(Printer{}, field.value);
+}
+
+std::string PrintChanges(const FieldList& list, const FieldList& defaults) {
+  SLALOM_CHECK(list.fields.size() == defaults.fields.size());
+  std::vector<std::string> lines;
+  for (std::size_t i = 0; i < list.fields.size(); ++i) {
+    const std::string value = PrintValue(list.fields[i]);
+    if (value == PrintValue(defaults.fields[i])) continue;
+    lines.push_back(fmt::format("{} = {}\n", list.fields[i].key, value));
+  }
+  std::ranges::sort(lines);
+  return fmt::format("{}", fmt::join(lines, ""));
 }
 
 namespace {

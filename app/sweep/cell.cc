@@ -182,7 +182,7 @@ class Expansion {
       config.courses.test = "";  // The scores are the plan's.
       // Courses count by what they are, not by where they lie.
       train::RunConfig anywhere = config;
-      anywhere.courses = {.train = "", .test = "", .collection = "", .generator_seed = 0};
+      anywhere.courses = {};
       cell.id = train::Digest(fmt::format(
           "{}\n{}\n{}\n{}\n{}\n{}\n{}", train::RunDigest(anywhere), courses.digest,
           config.run.max_steps, config.run.max_seconds, fmt::join(config.run.snapshot_steps, " "),
@@ -237,7 +237,7 @@ class Expansion {
     train::AgentRunConfig anywhere = ConfigurePlanner(group, point, {});
     anywhere.courses = {};
     cell.id = train::Digest(
-        fmt::format("planner {}\n{}\n{}", group.planner, config::ToToml(anywhere), platform_));
+        fmt::format("planner {}\n{}\n{}", group.planner, config::Changes(anywhere), platform_));
     Add(std::move(cell));
   }
 
@@ -299,7 +299,7 @@ class Expansion {
              "planning needs a transition model, expected model.kind = \"deterministic\" or "
              "\"probabilistic\" in the training");
       }
-      what_decides = config::ToToml(task.mpc);
+      what_decides = config::Changes(task.mpc);
       if (score.snapshots) snapshots = task.run.snapshot_steps;
       std::erase_if(snapshots, [&](int steps) { return steps <= 0 || steps > task.run.max_steps; });
       std::ranges::sort(snapshots);
@@ -311,23 +311,22 @@ class Expansion {
         Fail(who, error.what());
       }
     } else {
-      Config anywhere = task;
-      anywhere.courses = {};
-      what_decides = config::ToToml(anywhere);
+      what_decides = config::Changes(task.planners);
     }
     const CourseFacts& courses = FindCourses(who, task.courses, base.courses);
     base.num_courses = courses.num_courses;
     base.num_episodes = std::int64_t{courses.num_courses} * task.evaluation.episodes_per_course;
     base.task = config::ToToml(task);
     auto evaluation = task.evaluation;
-    evaluation.num_environments = 1;  // Changes the speed alone.
+    // Changes the speed alone.
+    evaluation.num_environments = eval::EvaluationConfig{}.num_environments;
     snapshots.insert(snapshots.begin(), 0);
     for (const int steps : snapshots) {
       ScoreTask one = base;
       one.snapshot_steps = steps;
       one.digest = train::Digest(fmt::format("{}\n{}\n{}\n{}\n{}", courses.digest,
-                                             config::ToToml(task.environment),
-                                             config::ToToml(evaluation), what_decides, steps));
+                                             config::Changes(task.environment),
+                                             config::Changes(evaluation), what_decides, steps));
       cell.scores.push_back(std::move(one));
     }
   }

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -18,28 +17,6 @@
 
 namespace slalom::train {
 namespace {
-
-/// The keys of a section that are not at their defaults: what a later version adds to it changes
-/// nothing.
-template <class Section>
-std::string Differences(const Section& section) {
-  const auto lines_of = [](const Section& s) {
-    std::vector<std::string> lines;
-    std::istringstream toml(config::ToToml(s));
-    std::string table;
-    for (std::string line; std::getline(toml, line);) {
-      if (line.starts_with('[')) table = line;
-      lines.push_back(table + line);
-    }
-    return lines;
-  };
-  const std::vector<std::string> defaults = lines_of(Section{});
-  std::string differences;
-  for (const std::string& line : lines_of(section)) {
-    if (std::ranges::find(defaults, line) == defaults.end()) differences += line + "\n";
-  }
-  return differences;
-}
 
 sim::CourseSet ResolveKey(std::string_view key, const CoursesConfig& courses,
                           const std::string& spec) {
@@ -122,11 +99,12 @@ void RequireServable(const RunConfig& config) {
 }
 
 std::uint64_t SpecHash(const RunConfig& config) {
-  std::uint64_t hash = base::Checksum(
-      Differences(config.environment),
-      base::Checksum(Differences(config.network), base::Checksum(config.method.learner.algorithm)));
+  std::uint64_t hash =
+      base::Checksum(config::Changes(config.environment),
+                     base::Checksum(config::Changes(config.network),
+                                    base::Checksum(config.method.learner.algorithm)));
   const policy::PlanningSpec planning = learner::PlanningOf(config.method);
-  if (planning.is_carried()) hash = base::Checksum(Differences(planning.model), hash);
+  if (planning.is_carried()) hash = base::Checksum(config::Changes(planning.model), hash);
   return hash;
 }
 

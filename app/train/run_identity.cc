@@ -64,13 +64,14 @@ bool DecidesRun(const RunConfig& config, std::string_view key) {
 }
 
 std::string RunDigest(const RunConfig& config) {
+  const auto deciding = [&config](RunConfig& of) {
+    config::FieldList list = config::ListFields(of);
+    std::erase_if(list.fields, [&](const auto& field) { return !DecidesRun(config, field.key); });
+    return list;
+  };
   RunConfig copy = config;
-  std::string text;
-  for (const config::Field& field : config::ListFields(copy).fields) {
-    if (!DecidesRun(config, field.key)) continue;
-    text += fmt::format("{} = {}\n", field.key, config::PrintValue(field));
-  }
-  return Digest(text);
+  RunConfig defaults;
+  return Digest(config::PrintChanges(deciding(copy), deciding(defaults)));
 }
 
 KeyDifference FindDifference(const RunConfig& first, const RunConfig& second) {

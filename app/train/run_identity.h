@@ -11,7 +11,9 @@
 namespace slalom::train {
 
 /// Goes up whenever the same config and seed give other bits than before: with a change of the
-/// simulator, of sampling, of an update, or of a golden hash in the tests.
+/// simulator, of sampling, of an update, or of a golden hash in the tests. So it does with a change
+/// of a default, as identities leave out keys at their defaults
+/// (tests/app/train/deciding_defaults.txt lists them).
 inline constexpr int kNumericsVersion = 3;
 
 /// What the bits of a deterministic run depend on besides its config: float arithmetic differs
@@ -32,8 +34,9 @@ std::string Describe(const Platform& platform);
 /// Limits, logging, evaluation and addresses do not, so a run may be resumed with others.
 bool DecidesRun(const RunConfig& config, std::string_view key);
 
-/// The digest of the keys that decide a run: 16 hexadecimal digits. A run can be resumed with a
-/// config if and only if the digests are equal.
+/// The digest of the keys that decide a run and are not at their defaults: 16 hexadecimal digits. A
+/// new key changes no digest. A run can be resumed with a config if and only if the digests are
+/// equal.
 std::string RunDigest(const RunConfig& config);
 
 /// The first key that decides a run and differs between two configs, for an error.

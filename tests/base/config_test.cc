@@ -258,6 +258,42 @@ TEST_F(ConfigFileTest, ErrorsNameTheFileThatIsWrong) {
   EXPECT_THAT(ErrorOf(Write("c.toml", "base = 'c.toml'")), HasSubstr("circle"));
 }
 
+struct OneVersion {
+  double gain = 0.5;
+  std::vector<int> steps;
+  std::string name = "x";
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("gain", gain, base::Range{0.0, 1.0}, "", "Gain.");
+    v("steps", steps, base::Range{0, 9}, "", "Steps.");
+    v("name", name, "Name.");
+  }
+};
+
+/// The same with one more key, in another order.
+struct NextVersion {
+  int added = 7;
+  OneVersion kept;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("name", kept.name, "Name.");
+    v("added", added, base::Range{0, 9}, "", "Added.");
+    v("steps", kept.steps, base::Range{0, 9}, "", "Steps.");
+    v("gain", kept.gain, base::Range{0.0, 1.0}, "", "Gain.");
+  }
+};
+
+TEST(ConfigPrintTest, ChangesDoNotDependOnKeysAtTheirDefaultsOrOnTheirOrder) {
+  EXPECT_EQ(Changes(OneVersion{}), "");
+  EXPECT_EQ(Changes(NextVersion{}), "");
+  const OneVersion changed{.gain = 0.25, .steps = {1, 2}, .name = "y"};
+  EXPECT_EQ(Changes(changed), "gain = 0.25\nname = \"y\"\nsteps = [1, 2]\n");
+  EXPECT_EQ(Changes(NextVersion{.kept = changed}), Changes(changed));
+  EXPECT_EQ(Changes(NextVersion{.added = 8, .kept = changed}), "added = 8\n" + Changes(changed));
+}
+
 TEST(ConfigPrintTest, MarkdownHoldsEveryField) {
   Outer config;
   const std::string page = PrintMarkdown(ListFields(config));

@@ -1,12 +1,21 @@
 #include "app/sweep/cell.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
 #include <set>
 #include <string>
+#include <string_view>
+#include <vector>
 
+#include "app/train/agent_run_config.h"
+#include "app/train/run_identity.h"
+#include "base/config.h"
 #include "base/error.h"
 #include "tests/app/sweep/plan_files.h"
 #include "tests/support/scratch_directory.h"
@@ -26,6 +35,55 @@ std::vector<std::string> Names(const Cells& cells) {
   std::vector<std::string> names;
   for (const Cell& cell : cells.cells) names.push_back(cell.name());
   return names;
+}
+
+/// Values that the field does not have, as TOML; not each is allowed.
+std::vector<std::string> OtherValues(const config::Field& field) {
+  const std::string value = config::PrintValue(field);
+  if (value == "true") return {"false"};
+  if (value == "false") return {"true"};
+  if (value.starts_with('[')) return {"[3]", "[9]"};
+  std::vector<std::string> others;
+  for (const std::string_view choice : field.choices) {
+    others.push_back(fmt::format("\"{}\"", choice));
+  }
+  if (value.starts_with('"') && others.empty()) others = {"\"other\""};
+  if (field.range) {
+    const bool is_integer = value.find_first_of(".en") == std::string::npos;
+    const double number = std::stod(value);
+    const double high = std::min(field.range->max, 1.0e9);
+    for (const double other :
+         {number + 1, number * 2, number / 2, number - 1, field.range->min, high}) {
+      if (other < field.range->min || other > high) continue;
+      others.push_back(is_integer ? fmt::format("{:.0f}", other) : fmt::format("{:#}", other));
+    }
+  }
+  std::erase(others, value);
+  return others;
+}
+
+/// Expects that a plan's cells change with every one of these keys. `identify` names the
+/// cell in which a key has this value, and throws `base::Error` where it is not allowed there.
+template <class Identify>
+void ExpectEachKeyCounts(const std::vector<config::Field>& fields, const std::string& base,
+                         const Identify& identify) {
+  std::map<std::string, std::string> seen = {{base, "the plan as it is"}};
+  for (const config::Field& field : fields) {
+    std::string why = "there is no other value";
+    bool is_tried = false;
+    for (const std::string& value : OtherValues(field)) {
+      try {
+        const std::string id = identify(field.key, value);
+        const auto [earlier, is_new] = seen.try_emplace(id, field.key);
+        EXPECT_TRUE(is_new) << field.key << " = " << value << " is as " << earlier->second;
+        is_tried = true;
+        break;
+      } catch (const base::Error& error) {
+        why = error.what();
+      }
+    }
+    EXPECT_TRUE(is_tried) << field.key << ": " << why;
+  }
 }
 
 std::set<std::string> Ids(const Cells& cells) {
@@ -120,6 +178,76 @@ TEST(CellTest, TheIdDependsOnAllThatDecidesTheResultAndOnNothingElse) {
                 {.numerics = 1, .blas_kernel = "a", .processor = "b"}),
             ids(kPlan, {"sweep.mixed_platforms=true"},
                 {.numerics = 2, .blas_kernel = "a", .processor = "b"}));
+}
+
+TEST(CellTest, EveryKeyThatDecidesATrainingIsPartOfItsId) {
+  const test::ScratchDirectory scratch;
+  const fs::path plan = test::WritePlan(scratch.path(), kPlan);
+  const auto cell = [&](const std::string& set) {
+    const std::vector<std::string> sets = {"sweep.lockstep=false", "model.kind=probabilistic", set};
+    return ExpandPlan(ReadPlan(plan, sets), {}).cells.at(0);
+  };
+  const Cell base = cell("sweep.title=same");
+  train::RunConfig config = base.config.value();
+  std::vector<config::Field> fields = config::ListFields(config).fields;
+  std::erase_if(fields, [&](const config::Field& field) {
+    const std::string& key = field.key;
+    const bool is_of_sweep = key == "run.name" || key == "run.seed" || key == "run.deterministic";
+    const bool is_how_long = key == "run.max_steps" || key == "run.max_seconds" ||
+                             key == "run.snapshot_steps" || key == "run.snapshot_seconds";
+    return is_of_sweep || key.starts_with("courses.") ||
+           (!train::DecidesRun(config, key) && !is_how_long);
+  });
+  EXPECT_GT(fields.size(), 100U);
+  ExpectEachKeyCounts(fields, base.id, [&](const std::string& key, const std::string& value) {
+    return cell(key + "=" + value).id;
+  });
+  EXPECT_NE(cell("sweep.lockstep=true").id, cell("sweep.lockstep=false").id);
+}
+
+TEST(CellTest, EveryKeyThatDecidesAScoreIsPartOfItsDigest) {
+  const test::ScratchDirectory scratch;
+  const fs::path plan = test::WritePlan(scratch.path(), kPlan);
+  const auto digest = [&](const std::string& set) {
+    const std::vector<std::string> sets = {"model.kind=probabilistic", "mpc.enabled=true", set};
+    return ExpandPlan(ReadPlan(plan, sets), {}).cells.at(0).scores.at(0).digest;
+  };
+  train::RunConfig config;
+  std::vector<config::Field> fields = config::ListFields(config).fields;
+  std::erase_if(fields, [](const config::Field& field) {
+    const std::string& key = field.key;
+    // The plan's score sets the episodes, and the number of environments changes the speed alone.
+    return key == "mpc.enabled" || key == "evaluation.num_environments" ||
+           key == "evaluation.episodes_per_course" ||
+           (!key.starts_with("environment.") && !key.starts_with("evaluation.") &&
+            !key.starts_with("mpc."));
+  });
+  ExpectEachKeyCounts(
+      fields, digest("sweep.title=same"),
+      [&](const std::string& key, const std::string& value) { return digest(key + "=" + value); });
+}
+
+TEST(CellTest, EveryKeyOfAPlannerIsPartOfItsIdAndOfItsScore) {
+  const test::ScratchDirectory scratch;
+  const auto cell = [&](const std::string& set) {
+    const fs::path plan = scratch.path() / "plan.toml";
+    std::ofstream(plan) << "[sweep]\ntitle = \"t\"\n"
+                        << test::kTinyScore
+                        << "[[group]]\nname = \"dwa\"\nplanner = \"dwa\"\nset = {" << set << "}\n";
+    return ExpandPlan(ReadPlan(plan, {}), {}).cells.at(0);
+  };
+  train::AgentRunConfig config;
+  std::vector<config::Field> fields = config::ListFields(config).fields;
+  std::erase_if(fields, [](const config::Field& field) {
+    return field.key.starts_with("courses.") || field.key.starts_with("evaluation.");
+  });
+  const Cell base = cell("");
+  std::set<std::string> digests = {base.scores.at(0).digest};
+  ExpectEachKeyCounts(fields, base.id, [&](const std::string& key, const std::string& value) {
+    const Cell other = cell(key + " = " + value);
+    EXPECT_TRUE(digests.insert(other.scores.at(0).digest).second) << key;
+    return other.id;
+  });
 }
 
 TEST(CellTest, CoursesCountByWhatTheyAreNotByWhereTheyLie) {
