@@ -11,13 +11,13 @@ namespace slalom::engines {
 namespace {
 
 // docs/original-system.md, section 1.1.
-constexpr std::array<double, 6> kChassisInertia = {0.3136,  0.3922, 0.4485,
-                                                   -0.0008, 0.0164, -0.0009};
+const Eigen::Matrix3d kChassisInertia{
+    {0.3136, -0.0008, 0.0164}, {-0.0008, 0.3922, -0.0009}, {0.0164, -0.0009, 0.4485}};
 constexpr double kAxleHeight = 0.0345;    // Of the axles in C, [m].
 constexpr double kThinnestWheel = 0.001;  // A body needs some width, [m].
 constexpr double kWheelMass = 0.477;
-constexpr Vec3 kWheelInertia = {0.0013, 0.0024, 0.0013};
-constexpr Box3 kChassisBox = {{0.0, 0.0, 0.092}, {0.21, 0.155, 0.092}};
+const Eigen::Vector3d kWheelInertia{0.0013, 0.0024, 0.0013};
+const Box3 kChassisBox = {{0.0, 0.0, 0.092}, {0.21, 0.155, 0.092}};
 constexpr double kObstacleFriction = 0.5;
 
 constexpr double kSameLength = 1e-3;  // [m]
@@ -70,43 +70,35 @@ bool OutlineIsFilled(const sim::RobotConfig& config) {
 void SpreadMass(const sim::RobotConfig& config, std::string_view physics, Jackal& jackal) {
   const double mass = jackal.chassis_mass = config.mass - kNumWheels * kWheelMass;
   const double share = config.mass / mass;
-  const double x = share * config.centre_of_mass_x, y = share * config.centre_of_mass_y;
-  const double z = share * config.centre_of_mass_z - (share - 1.0) * config.wheel_radius;
-  jackal.chassis_centre_C = {x, y, z - jackal.height};
-  const double dx = x - config.centre_of_mass_x, dy = y - config.centre_of_mass_y;
-  const double yaw_inertia =
-      config.yaw_inertia - WheelsYawInertia(config) - mass * (dx * dx + dy * dy);
+  // Above the ground.
+  const Eigen::Vector3d robots_centre{config.centre_of_mass_x, config.centre_of_mass_y,
+                                      config.centre_of_mass_z};
+  const Eigen::Vector3d wheels_centre{0.0, 0.0, config.wheel_radius};
+  const Eigen::Vector3d centre = share * robots_centre - (share - 1.0) * wheels_centre;
+  jackal.chassis_centre_C = centre - Eigen::Vector3d{0.0, 0.0, jackal.height};
+  const double yaw_inertia = config.yaw_inertia - WheelsYawInertia(config) -
+                             mass * (centre - robots_centre).head<2>().squaredNorm();
   if (yaw_inertia <= 0.0) {
     throw base::Error(fmt::format(
         "environment.robot.yaw_inertia is {} kg m^2, expected more than {:.4f}, which wheels and a "
         "chassis with its mass at ({:.3f}, {:.3f}) m have in physics {}",
-        config.yaw_inertia, config.yaw_inertia - yaw_inertia, x, y, physics));
+        config.yaw_inertia, config.yaw_inertia - yaw_inertia, centre.x(), centre.y(), physics));
   }
   // All of the tensor, so that it remains one that a body can have.
-  for (std::size_t k = 0; k < kChassisInertia.size(); ++k) {
-    jackal.chassis_inertia[k] = yaw_inertia / kChassisInertia[2] * kChassisInertia[k];
-  }
+  jackal.chassis_inertia = yaw_inertia / kChassisInertia(2, 2) * kChassisInertia;
 }
 
 /// Makes the sensor, a point, part of the chassis.
 void AddSensor(const sim::RobotConfig& config, Jackal& jackal) {
-  const Vec3 sensor_C = {config.sensor_x, 0.0, config.sensor_z - jackal.height};
+  const Eigen::Vector3d sensor_C{config.sensor_x, 0.0, config.sensor_z - jackal.height};
   const double mass = jackal.chassis_mass + config.sensor_mass;
   const double reduced_mass = jackal.chassis_mass * config.sensor_mass / mass;
-  Vec3 d;  // From the chassis' centre to the sensor.
-  for (int k = 0; k < 3; ++k) {
-    d[k] = sensor_C[k] - jackal.chassis_centre_C[k];
-    jackal.chassis_centre_C[k] += config.sensor_mass / mass * d[k];
-  }
-  const std::array<double, 6> both = {d[1] * d[1] + d[2] * d[2],
-                                      d[0] * d[0] + d[2] * d[2],
-                                      d[0] * d[0] + d[1] * d[1],
-                                      -d[0] * d[1],
-                                      -d[0] * d[2],
-                                      -d[1] * d[2]};
-  for (std::size_t k = 0; k < both.size(); ++k) {
-    jackal.chassis_inertia[k] += reduced_mass * both[k];
-  }
+  const Eigen::Vector3d d = sensor_C - jackal.chassis_centre_C;
+  jackal.chassis_centre_C += config.sensor_mass / mass * d;
+  // The parallel axis theorem, d^2 - d d^T, as a product in which nothing cancels out.
+  const Eigen::Matrix3d cross{{0.0, -d.z(), d.y()}, {d.z(), 0.0, -d.x()}, {-d.y(), d.x(), 0.0}};
+  const Eigen::Matrix3d squared_arms = cross.transpose() * cross;
+  jackal.chassis_inertia += reduced_mass * squared_arms;
   jackal.chassis_mass = mass;
 }
 

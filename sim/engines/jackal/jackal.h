@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <string_view>
 
@@ -10,9 +11,6 @@
 
 namespace slalom::engines {
 
-/// A point or a displacement in space, [m].
-using Vec3 = std::array<double, 3>;
-
 inline constexpr int kNumWheels = 4;     ///< Left front, right front, left back, right back.
 inline constexpr double kGravity = 9.8;  ///< As the original's worlds set it, [m/s^2].
 
@@ -20,26 +18,26 @@ inline constexpr bool IsLeft(int wheel) { return wheel % 2 == 0; }
 
 /// An upright box.
 struct Box3 {
-  Vec3 centre_C;
-  Vec3 half_size;
+  Eigen::Vector3d centre_C;
+  Eigen::Vector3d half_size;
 };
 
 /// The Jackal as an engine builds it: a chassis and four wheels about axles across it
 /// (docs/original-system.md, section 1.1). A value.
 struct Jackal {
-  double chassis_mass = 0.0;              ///< [kg]
-  Vec3 chassis_centre_C;                  ///< The chassis' centre of mass, [m].
-  std::array<double, 6> chassis_inertia;  ///< xx, yy, zz, xy, xz, yz about that centre, [kg m^2].
-  double height = 0.0;                    ///< Of C above level ground, [m].
-  double wheel_radius = 0.0;              ///< [m]
-  double wheel_half_width = 0.0;          ///< [m]
-  double wheel_mass = 0.0;                ///< [kg]
-  Vec3 wheel_inertia;                     ///< xx, yy, zz, the axle along y, [kg m^2].
-  std::array<Vec3, kNumWheels> wheels_C;  ///< Centres, [m].
-  double wheel_friction = 0.0;            ///< Of wheels on the ground.
-  double obstacle_friction = 0.0;         ///< Of anything on obstacles.
-  Box3 outline;                           ///< What obstacles meet: the chassis, or all of it.
-  bool wheels_meet_obstacles = false;     ///< Whether they meet the wheels, too.
+  double chassis_mass = 0.0;                         ///< [kg]
+  Eigen::Vector3d chassis_centre_C;                  ///< The chassis' centre of mass, [m].
+  Eigen::Matrix3d chassis_inertia;                   ///< About that centre, [kg m^2].
+  double height = 0.0;                               ///< Of C above level ground, [m].
+  double wheel_radius = 0.0;                         ///< [m]
+  double wheel_half_width = 0.0;                     ///< [m]
+  double wheel_mass = 0.0;                           ///< [kg]
+  Eigen::Vector3d wheel_inertia;                     ///< Diagonal, the axle along y, [kg m^2].
+  std::array<Eigen::Vector3d, kNumWheels> wheels_C;  ///< Centres, [m].
+  double wheel_friction = 0.0;                       ///< Of wheels on the ground.
+  double obstacle_friction = 0.0;                    ///< Of anything on obstacles.
+  Box3 outline;                        ///< What obstacles meet: the chassis, or all of it.
+  bool wheels_meet_obstacles = false;  ///< Whether they meet the wheels, too.
 };
 
 /// The Jackal with the masses, the moment of inertia, the wheels and the outline of `config`; its

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Core>
 #include <iterator>
 
 #include "base/geometry.h"
@@ -12,17 +13,17 @@ namespace {
 // So much that no contact slows a wheel down by more than a millionth in a step, [kg m^2].
 constexpr double kWheelArmature = 1000.0;
 
-std::string Text(const Vec3& v) { return fmt::format("{} {} {}", v[0], v[1], v[2]); }
+std::string Text(const Eigen::Vector3d& v) { return fmt::format("{} {} {}", v[0], v[1], v[2]); }
 
 std::string ChassisXml(const Jackal& jackal) {
-  const auto& [xx, yy, zz, xy, xz, yz] = jackal.chassis_inertia;
+  const Eigen::Matrix3d& inertia = jackal.chassis_inertia;
   return fmt::format(
       "<freejoint/>\n"
-      "<inertial pos='{}' mass='{}' fullinertia='{} {} {} {} {} {}'/>\n"
+      "<inertial pos='{}' mass='{}' fullinertia='{} {} {} {}'/>\n"
       "<geom type='box' pos='{}' size='{}' contype='{}' friction='{} 0 0'/>\n",
-      Text(jackal.chassis_centre_C), jackal.chassis_mass, xx, yy, zz, xy, xz, yz,
-      Text(jackal.outline.centre_C), Text(jackal.outline.half_size), kMeetsGround | kMeetsObstacles,
-      jackal.obstacle_friction);
+      Text(jackal.chassis_centre_C), jackal.chassis_mass, Text(inertia.diagonal()), inertia(0, 1),
+      inertia(0, 2), inertia(1, 2), Text(jackal.outline.centre_C), Text(jackal.outline.half_size),
+      kMeetsGround | kMeetsObstacles, jackal.obstacle_friction);
 }
 
 std::string WheelXml(const Jackal& jackal, int wheel) {

@@ -2,6 +2,7 @@
 
 #include <ode/ode.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -67,7 +68,7 @@ class OdeWorld final : public World {
   const double wheel_friction_;
   const double obstacle_friction_;
   const bool wheels_meet_obstacles_;
-  const Vec3 centre_C_;  // The chassis' centre of mass, which is ODE's origin of it.
+  const Eigen::Vector3d centre_C_;  // The chassis' centre of mass, which is ODE's origin of it.
 
   dThreadingImplementationID threading_;
   dWorldID world_;
@@ -133,29 +134,30 @@ OdeWorld::~OdeWorld() {
 }
 
 void OdeWorld::BuildChassis(const Jackal& jackal) {
-  const auto& [xx, yy, zz, xy, xz, yz] = jackal.chassis_inertia;
+  const Eigen::Matrix3d& inertia = jackal.chassis_inertia;
   dMass mass;
-  dMassSetParameters(&mass, jackal.chassis_mass, 0.0, 0.0, 0.0, xx, yy, zz, xy, xz, yz);
+  dMassSetParameters(&mass, jackal.chassis_mass, 0.0, 0.0, 0.0, inertia(0, 0), inertia(1, 1),
+                     inertia(2, 2), inertia(0, 1), inertia(0, 2), inertia(1, 2));
   parts_[0] = dBodyCreate(world_);
   dBodySetMass(parts_[0], &mass);
-  dBodySetPosition(parts_[0], centre_C_[0], centre_C_[1], height_ + centre_C_[2]);
-  const auto& [centre, half] = jackal.outline;
-  shapes_[0] = dCreateBox(nullptr, 2.0 * half[0], 2.0 * half[1], 2.0 * half[2]);
+  dBodySetPosition(parts_[0], centre_C_.x(), centre_C_.y(), height_ + centre_C_.z());
+  const Eigen::Vector3d sides = 2.0 * jackal.outline.half_size;
+  shapes_[0] = dCreateBox(nullptr, sides.x(), sides.y(), sides.z());
   dGeomSetBody(shapes_[0], parts_[0]);
-  dGeomSetOffsetPosition(shapes_[0], centre[0] - centre_C_[0], centre[1] - centre_C_[1],
-                         centre[2] - centre_C_[2]);
+  const Eigen::Vector3d offset = jackal.outline.centre_C - centre_C_;
+  dGeomSetOffsetPosition(shapes_[0], offset.x(), offset.y(), offset.z());
 }
 
 void OdeWorld::BuildWheel(const Jackal& jackal, int wheel) {
   const int part = 1 + wheel;
-  const auto& [x, y, z] = jackal.wheels_C[wheel];
-  const auto& [xx, yy, zz] = jackal.wheel_inertia;
-  const double height = height_ + z;
+  const Eigen::Vector3d p = jackal.wheels_C[wheel] + Eigen::Vector3d{0.0, 0.0, height_};
+  const Eigen::Vector3d& inertia = jackal.wheel_inertia;
   dMass mass;
-  dMassSetParameters(&mass, jackal.wheel_mass, 0.0, 0.0, 0.0, xx, yy, zz, 0.0, 0.0, 0.0);
+  dMassSetParameters(&mass, jackal.wheel_mass, 0.0, 0.0, 0.0, inertia.x(), inertia.y(), inertia.z(),
+                     0.0, 0.0, 0.0);
   parts_[part] = dBodyCreate(world_);
   dBodySetMass(parts_[part], &mass);
-  dBodySetPosition(parts_[part], x, y, height);
+  dBodySetPosition(parts_[part], p.x(), p.y(), p.z());
   dBodySetFiniteRotationMode(parts_[part], 1);  // It turns by 20 rad/s and more.
   shapes_[part] = dCreateCylinder(nullptr, jackal.wheel_radius, 2.0 * jackal.wheel_half_width);
   dGeomSetBody(shapes_[part], parts_[part]);
@@ -164,7 +166,7 @@ void OdeWorld::BuildWheel(const Jackal& jackal, int wheel) {
   dGeomSetOffsetRotation(shapes_[part], across);
   motors_[wheel] = dJointCreateHinge(world_, nullptr);
   dJointAttach(motors_[wheel], parts_[part], parts_[0]);
-  dJointSetHingeAnchor(motors_[wheel], x, y, height);
+  dJointSetHingeAnchor(motors_[wheel], p.x(), p.y(), p.z());
   dJointSetHingeAxis(motors_[wheel], 0.0, 1.0, 0.0);
   dJointSetHingeParam(motors_[wheel], dParamFMax, kMotorTorque);
 }
@@ -298,8 +300,8 @@ dBodyID OdeWorld::PushedBody(const sim::MovingShape& obstacle) {
 
 sim::BodyState OdeWorld::state() const {
   dVector3 p, v;
-  dBodyGetRelPointPos(parts_[0], -centre_C_[0], -centre_C_[1], -centre_C_[2], p);
-  dBodyGetRelPointVel(parts_[0], -centre_C_[0], -centre_C_[1], -centre_C_[2], v);
+  dBodyGetRelPointPos(parts_[0], -centre_C_.x(), -centre_C_.y(), -centre_C_.z(), p);
+  dBodyGetRelPointVel(parts_[0], -centre_C_.x(), -centre_C_.y(), -centre_C_.z(), v);
   const dReal* const rotation = dBodyGetRotation(parts_[0]);
   return {.x = static_cast<float>(p[0]),
           .y = static_cast<float>(p[1]),

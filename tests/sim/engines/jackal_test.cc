@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Core>
 #include <functional>
 
 #include "base/error.h"
@@ -27,27 +28,22 @@ std::string ErrorOf(const std::function<void()>& call) {
 double Mass(const Jackal& jackal) { return jackal.chassis_mass + kNumWheels * jackal.wheel_mass; }
 
 /// The robot's centre of mass in C, its height above the ground.
-Vec3 Centre(const Jackal& jackal) {
-  Vec3 centre;
-  for (int k = 0; k < 3; ++k) {
-    centre[k] = jackal.chassis_mass * jackal.chassis_centre_C[k];
-    for (const Vec3& p : jackal.wheels_C) centre[k] += jackal.wheel_mass * p[k];
-    centre[k] /= Mass(jackal);
-  }
-  centre[2] += jackal.height;
-  return centre;
+Eigen::Vector3d Centre(const Jackal& jackal) {
+  Eigen::Vector3d sum = jackal.chassis_mass * jackal.chassis_centre_C;
+  for (const Eigen::Vector3d& p : jackal.wheels_C) sum += jackal.wheel_mass * p;
+  return sum / Mass(jackal) + Eigen::Vector3d{0.0, 0.0, jackal.height};
 }
 
 /// About the vertical through the robot's centre of mass.
 double YawInertia(const Jackal& jackal) {
-  const Vec3 centre = Centre(jackal);
-  const auto square = [&](const Vec3& p) {
+  const Eigen::Vector3d centre = Centre(jackal);
+  const auto square = [&](const Eigen::Vector3d& p) {
     const double x = p[0] - centre[0], y = p[1] - centre[1];
     return x * x + y * y;
   };
   double inertia =
-      jackal.chassis_inertia[2] + jackal.chassis_mass * square(jackal.chassis_centre_C);
-  for (const Vec3& p : jackal.wheels_C) {
+      jackal.chassis_inertia(2, 2) + jackal.chassis_mass * square(jackal.chassis_centre_C);
+  for (const Eigen::Vector3d& p : jackal.wheels_C) {
     inertia += jackal.wheel_inertia[2] + jackal.wheel_mass * square(p);
   }
   return inertia;
@@ -56,14 +52,14 @@ double YawInertia(const Jackal& jackal) {
 TEST(Jackal, IsTheOriginalsByDefault) {
   const Jackal jackal = MakeJackal({}, "test");
   EXPECT_NEAR(jackal.chassis_mass, 16.523, 1e-9);
-  EXPECT_NEAR(jackal.chassis_inertia[2], 0.4485, 2e-4);
-  const Vec3 centre = {0.012, 0.002, 0.067};
+  EXPECT_NEAR(jackal.chassis_inertia(2, 2), 0.4485, 2e-4);
+  const Eigen::Vector3d centre{0.012, 0.002, 0.067};
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(jackal.chassis_centre_C[k], centre[k], 1e-4);
   EXPECT_NEAR(jackal.height, 0.0635, 1e-12);
   EXPECT_NEAR(jackal.wheels_C[0][0], 0.131, 1e-12);
   EXPECT_NEAR(jackal.wheels_C[3][1], -0.187795, 1e-12);
   EXPECT_TRUE(jackal.wheels_meet_obstacles);
-  EXPECT_EQ(jackal.outline.half_size, (Vec3{0.21, 0.155, 0.092}));
+  EXPECT_EQ(jackal.outline.half_size, (Eigen::Vector3d{0.21, 0.155, 0.092}));
 }
 
 TEST(Jackal, HasTheMassAndInertiaOfItsConfig) {
@@ -76,7 +72,7 @@ TEST(Jackal, HasTheMassAndInertiaOfItsConfig) {
   EXPECT_NEAR(YawInertia(jackal), 0.9, 1e-9);
   // The outline is no longer that of the wheels, so it is a box.
   EXPECT_FALSE(jackal.wheels_meet_obstacles);
-  EXPECT_EQ(jackal.outline.half_size, (Vec3{0.229, 0.208, 0.092}));
+  EXPECT_EQ(jackal.outline.half_size, (Eigen::Vector3d{0.229, 0.208, 0.092}));
 }
 
 TEST(Jackal, HasTheCentreOfMassOfItsConfigAndTheSensor) {
@@ -94,6 +90,26 @@ TEST(Jackal, HasTheCentreOfMassOfItsConfigAndTheSensor) {
     EXPECT_NEAR(Centre(jackal)[2], expected.height, 1e-9);
     EXPECT_NEAR(YawInertia(jackal), expected.yaw_inertia, 1e-9);
   }
+}
+
+TEST(Jackal, HasTheInertiaOfTheChassisAndTheSensor) {
+  sim::RobotConfig config;
+  config.sensor_mass = 0.0;
+  const Jackal bare = MakeJackal(config, "test");
+  config.sensor_mass = 1.1;
+  const Jackal jackal = MakeJackal(config, "test");
+  // The parallel axis theorem, for each of the two on its own.
+  const auto about_centre = [&](double mass, const Eigen::Vector3d& p) -> Eigen::Matrix3d {
+    const Eigen::Vector3d d = p - jackal.chassis_centre_C;
+    return mass * (d.squaredNorm() * Eigen::Matrix3d::Identity() - d * d.transpose());
+  };
+  const Eigen::Vector3d sensor_C{config.sensor_x, 0.0, config.sensor_z - jackal.height};
+  const Eigen::Matrix3d expected = bare.chassis_inertia +
+                                   about_centre(bare.chassis_mass, bare.chassis_centre_C) +
+                                   about_centre(config.sensor_mass, sensor_C);
+  // Each element is a sum of at most seven numbers below 1 kg m^2, each rounded a few times.
+  EXPECT_LT((jackal.chassis_inertia - expected).cwiseAbs().maxCoeff(), 1e-14);
+  EXPECT_GT((jackal.chassis_inertia - bare.chassis_inertia).cwiseAbs().minCoeff(), 0.0);
 }
 
 TEST(Jackal, RefusesWhatNoWheelsCouldCarry) {
