@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "base/config.h"
@@ -51,12 +52,16 @@ std::vector<Point> Product(const std::vector<const Axis*>& axes) {
   std::vector<Point> points = {{}};
   for (const Axis* axis : axes) {
     std::vector<Point> more;
+    const std::vector<std::string> labels = AxisLabels(*axis);
     for (const Point& point : points) {
       for (std::size_t i = 0; i < axis->values.size(); ++i) {
         Point next = point;
         const auto set = AssignmentsOf(*axis, axis->values[i]);
         next.set.insert(next.set.end(), set.begin(), set.end());
-        next.labels.push_back(axis->labels.empty() ? Label(axis->values[i]) : axis->labels[i]);
+        next.labels.push_back(labels[i]);
+        if (!axis->num_seeds.empty()) {
+          next.max_seeds = std::min(next.max_seeds, axis->num_seeds[i]);
+        }
         more.push_back(std::move(next));
       }
     }
@@ -66,5 +71,17 @@ std::vector<Point> Product(const std::vector<const Axis*>& axes) {
 }
 
 std::string AxisName(const Axis& axis) { return axis.name.empty() ? axis.keys[0] : axis.name; }
+
+std::vector<std::string> AxisLabels(const Axis& axis) {
+  if (!axis.labels.empty()) return axis.labels;
+  std::vector<std::string> labels;
+  for (const base::TomlValue& value : axis.values) labels.push_back(Label(value));
+  return labels;
+}
+
+const Axis* ColumnAxis(const Plan& plan) {
+  const auto found = std::ranges::find(plan.axes, true, &Axis::columns);
+  return found == plan.axes.end() ? nullptr : &*found;
+}
 
 }  // namespace slalom::sweep

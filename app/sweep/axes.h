@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -9,8 +10,9 @@ namespace slalom::sweep {
 
 /// One setting of every axis.
 struct Point {
-  base::TomlAssignments set;        ///< What the axes set, in their order.
-  std::vector<std::string> labels;  ///< One for each axis.
+  base::TomlAssignments set;                        ///< What the axes set, in their order.
+  std::vector<std::string> labels;                  ///< One for each axis.
+  int max_seeds = std::numeric_limits<int>::max();  ///< With how many it is trained at most.
 };
 
 /// The product of the axes, the last one changing fastest. Without any axis, one empty point.
@@ -20,5 +22,11 @@ std::vector<Point> Product(const std::vector<const Axis*>& axes);
 
 /// What to call an axis in tables.
 std::string AxisName(const Axis& axis);
+
+/// What to call each of its values.
+std::vector<std::string> AxisLabels(const Axis& axis);
+
+/// The axis with `columns = true`; null: there is none.
+const Axis* ColumnAxis(const Plan& plan);
 
 }  // namespace slalom::sweep

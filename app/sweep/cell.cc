@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "app/sweep/axes.h"
@@ -50,17 +51,27 @@ class Expansion {
     for (const Group& group : plan_.groups) {
       std::vector<const Axis*> axes;
       if (group.planner.empty()) {
-        for (const Axis& axis : plan_.axes) axes.push_back(&axis);
+        for (const Axis& axis : plan_.axes) {
+          if (!axis.columns) axes.push_back(&axis);
+        }
       }
       for (const Axis& axis : group.axes) axes.push_back(&axis);
       if (axes.size() > axis_names_.size()) {
         axis_names_.clear();
         for (const Axis* axis : axes) axis_names_.push_back(AxisName(*axis));
       }
+      // The axis of the columns is the last, so that its label is easy to take off.
+      const Axis* columns = group.planner.empty() ? ColumnAxis(plan_) : nullptr;
+      if (columns) axes.push_back(columns);
       for (Point& point : Product(axes)) {
+        std::string column;
+        if (columns) {
+          column = std::move(point.labels.back());
+          point.labels.pop_back();
+        }
         if (names_groups) point.labels.insert(point.labels.begin(), group.label);
         if (group.planner.empty()) {
-          AddTrainings(group, point);
+          AddTrainings(group, point, column);
         } else {
           AddPlanner(group, point);
         }
@@ -165,12 +176,14 @@ class Expansion {
     }
   }
 
-  void AddTrainings(const Group& group, const Point& point) {
+  void AddTrainings(const Group& group, const Point& point, const std::string& column) {
     const train::RunConfig resolved = Configure(group, point);
-    for (const int seed : plan_.sweep.seeds) {
+    const std::size_t num_seeds = std::min<std::size_t>(plan_.sweep.seeds.size(), point.max_seeds);
+    for (const int seed : std::span(plan_.sweep.seeds).first(num_seeds)) {
       Cell cell;
       cell.group = group.name;
       cell.row = point.labels;
+      cell.column = column;
       cell.seed = seed;
       train::RunConfig config = resolved;
       config.run.seed = seed;
@@ -178,7 +191,9 @@ class Expansion {
       Check(who, config);
       const CourseFacts& courses = FindCourses(who, config.courses, config.courses.train);
       cell.num_training_courses = courses.num_courses;
-      for (const Score* score : ScoresOf(group)) AddScores(cell, *score, config);
+      for (const Score* score : ScoresOf(group)) {
+        if (score->column == column) AddScores(cell, *score, config);
+      }
       config.courses.test = "";  // The scores are the plan's.
       // Courses count by what they are, not by where they lie.
       train::RunConfig anywhere = config;
@@ -380,7 +395,8 @@ std::string Cell::row_name() const {
 }
 
 std::string Cell::name() const {
-  return planner.empty() ? fmt::format("{}, seed {}", row_name(), seed) : row_name();
+  if (!planner.empty()) return row_name();
+  return fmt::format("{}{}{}, seed {}", row_name(), column.empty() ? "" : ", ", column, seed);
 }
 
 Cells ExpandPlan(const Plan& plan, const train::Platform& platform) {

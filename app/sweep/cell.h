@@ -24,9 +24,11 @@ struct ScoreTask {
 
 /// One unit of work of a sweep: a training and its scores, or the scores of a planner. A value.
 struct Cell {
-  std::string id;                ///< Digest of all that decides the training: 16 hex digits.
-  std::string group;             ///< Name of the plan's group.
-  std::vector<std::string> row;  ///< Labels of the group, if there are several, and of each axis.
+  std::string id;     ///< Digest of all that decides the training: 16 hex digits.
+  std::string group;  ///< Name of the plan's group.
+  /// Labels of the group, if there are several, and of each axis but that of the columns.
+  std::vector<std::string> row;
+  std::string column;  ///< Label on the axis of the columns; empty: there is none.
   std::int64_t seed = 0;
   std::string planner;                     ///< Empty: a policy is trained.
   std::optional<train::RunConfig> config;  ///< Of the training; none: a planner.
@@ -35,7 +37,7 @@ struct Cell {
 
   /// "TD3 / 50", the row's name in tables.
   std::string row_name() const;
-  /// "TD3 / 50, seed 2", for progress and errors.
+  /// "TD3 / 50, seed 2", or "TD3 / 50, walls, seed 2", for progress and errors.
   std::string name() const;
 };
 

@@ -1,12 +1,14 @@
 #include "app/sweep/plan.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
 #include <set>
 #include <string_view>
 
+#include "app/sweep/axes.h"
 #include "app/train/profile.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -52,6 +54,7 @@ class Checker {
     CheckScores();
     std::set<std::string> names;
     for (const Axis& axis : plan_.axes) CheckAxis(axis, "[[axis]]");
+    CheckColumns();
     for (const Group& group : plan_.groups) {
       if (!IsName(group.name)) {
         Fail(fmt::format("[[group]] has the name '{}', expected letters, digits, '-' and '_'",
@@ -128,11 +131,42 @@ class Checker {
       Fail(fmt::format("{} '{}' has {} labels and {} values, expected as many", where, name,
                        axis.labels.size(), axis.values.size()));
     }
+    if (!axis.num_seeds.empty() && axis.num_seeds.size() != axis.values.size()) {
+      Fail(fmt::format("{} '{}' has {} num_seeds and {} values, expected as many", where, name,
+                       axis.num_seeds.size(), axis.values.size()));
+    }
+  }
+
+  /// The axis with `columns = true`, and whether every score is of one of its values.
+  void CheckColumns() const {
+    const Axis* columns = ColumnAxis(plan_);
+    if (std::ranges::count(plan_.axes, true, &Axis::columns) > 1) {
+      Fail("two axes have columns = true, expected at most one");
+    }
+    const std::vector<std::string> labels =
+        columns ? AxisLabels(*columns) : std::vector<std::string>();
+    for (const Score& score : plan_.scores) {
+      if (!columns && !score.column.empty()) {
+        Fail(fmt::format("[[score]] '{}' has the column '{}', but no [[axis]] has columns = true",
+                         score.name, score.column));
+      }
+      if (columns && std::ranges::find(labels, score.column) == labels.end()) {
+        Fail(
+            fmt::format("[[score]] '{}' has the column '{}', expected a label of the axis '{}': {}",
+                        score.name, score.column, AxisName(*columns), fmt::join(labels, ", ")));
+      }
+    }
   }
 
   void CheckGroup(const Group& group) const {
     for (const Axis& axis : group.axes) {
       CheckAxis(axis, fmt::format("[[group.axis]] of '{}'", group.name));
+      if (axis.columns) {
+        Fail(
+            fmt::format("[[group.axis]] '{}' of '{}' has columns = true, expected that of an "
+                        "[[axis]] of the plan only",
+                        AxisName(axis), group.name));
+      }
     }
     for (const std::string& score : group.scores) {
       if (HasScore(score)) continue;

@@ -74,6 +74,8 @@ struct Axis {
   std::vector<std::string> keys;
   std::vector<base::TomlValue> values;
   std::vector<std::string> labels;
+  std::vector<int> num_seeds;
+  bool columns = false;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -85,6 +87,11 @@ struct Axis {
     v("labels", labels,
       "What to call each value in tables. If all labels are numbers, the report plots success over "
       "them. Empty: the values themselves.");
+    v("num_seeds", num_seeds, base::Range{1, 1e6}, "",
+      "With how many of the seeds, from the first on, each value is trained. Empty: with all.");
+    v("columns", columns,
+      "Show this axis of the plan side by side: tables have one row for all its values, and each "
+      "score says by score.column which value it is of. At most one axis.");
   }
 };
 
@@ -118,6 +125,7 @@ struct Group {
 struct Score {
   std::string name;
   std::string label;
+  std::string column;
   std::string courses;
   std::string protocol;
   int episodes = 0;
@@ -130,6 +138,9 @@ struct Score {
   void Visit(Visitor& v) {
     v("name", name, "Name of the score: letters, digits, '-' and '_'.");
     v("label", label, "What to call it in tables. Empty: the name.");
+    v("column", column,
+      "Label of the value of the axis with columns = true whose trainings have this score. Empty: "
+      "there is no such axis.");
     v("courses", courses,
       "Course set, as `slalom evaluate --courses` takes it. \"training\": the courses that the "
       "cell was trained on.");

@@ -186,6 +186,26 @@ std::vector<std::size_t> SizesOf(const ScoreTable& first, const ScoreTable& seco
   return {first.num_courses(), first.num_seeds(), second.num_seeds()};
 }
 
+/// Estimates the mean of some of the sorted scores. `ranks`: from where to where, of n scores.
+Estimate BootstrapMeanOfRanks(const ScoreTable& table,
+                              const std::function<std::pair<double, double>(double n)>& ranks,
+                              const BootstrapOptions& options) {
+  const std::vector<PlacedScore> sorted = SortedScores(table);
+  const auto mean = [&](std::span<const Drawn> drawn) {
+    const auto [begin, end] = ranks(Sum(drawn[0]) * Sum(drawn[1]));
+    double place = 0.0;
+    double sum = 0.0;
+    for (const PlacedScore& placed : sorted) {
+      const double next = place + drawn[0][placed.course] * drawn[1][placed.seed];
+      const double inside = std::min(next, end) - std::max(place, begin);
+      if (inside > 0.0) sum += inside * placed.score;
+      place = next;
+    }
+    return sum / (end - begin);
+  };
+  return BootstrapOne(SizesOf(table), mean, table.limits, options);
+}
+
 }  // namespace
 
 Estimate BootstrapMean(const ScoreTable& table, const BootstrapOptions& options) {
@@ -196,21 +216,18 @@ Estimate BootstrapMean(const ScoreTable& table, const BootstrapOptions& options)
 }
 
 Estimate BootstrapInterquartileMean(const ScoreTable& table, const BootstrapOptions& options) {
-  const std::vector<PlacedScore> sorted = SortedScores(table);
-  const auto middle_half = [&](std::span<const Drawn> drawn) {
-    const double n = Sum(drawn[0]) * Sum(drawn[1]);
+  const auto middle_half = [](double n) -> std::pair<double, double> {
     const double cut = std::floor(n / 4.0);
-    double place = 0.0;
-    double sum = 0.0;
-    for (const PlacedScore& placed : sorted) {
-      const double next = place + drawn[0][placed.course] * drawn[1][placed.seed];
-      const double inside = std::min(next, n - cut) - std::max(place, cut);
-      if (inside > 0.0) sum += inside * placed.score;
-      place = next;
-    }
-    return sum / (n - 2.0 * cut);
+    return {cut, n - cut};
   };
-  return BootstrapOne(SizesOf(table), middle_half, table.limits, options);
+  return BootstrapMeanOfRanks(table, middle_half, options);
+}
+
+Estimate BootstrapLowestTwentiethMean(const ScoreTable& table, const BootstrapOptions& options) {
+  const auto lowest = [](double n) -> std::pair<double, double> {
+    return {0.0, std::ceil(n / 20.0)};
+  };
+  return BootstrapMeanOfRanks(table, lowest, options);
 }
 
 std::optional<Estimate> BootstrapRatio(const ScoreTable& sums, const ScoreTable& counts,

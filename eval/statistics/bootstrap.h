@@ -44,6 +44,10 @@ Estimate BootstrapMean(const ScoreTable& table, const BootstrapOptions& options 
 /// Estimates `InterquartileMean`.
 Estimate BootstrapInterquartileMean(const ScoreTable& table, const BootstrapOptions& options = {});
 
+/// Estimates `LowestTwentiethMean`.
+Estimate BootstrapLowestTwentiethMean(const ScoreTable& table,
+                                      const BootstrapOptions& options = {});
+
 /// Estimates the sum of `sums` over the sum of `counts`, where `sums` adds up a quantity that not
 /// every episode has (for example the time of those that succeeded) and `counts` those that have
 /// it. Returns nothing if all counts are 0. The interval is cut to the limits of `sums`. There is

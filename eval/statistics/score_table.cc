@@ -42,6 +42,12 @@ double InterquartileMean(const ScoreTable& table) {
   return MeanOf(std::span(all).subspan(cut, all.size() - 2 * cut));
 }
 
+double LowestTwentiethMean(const ScoreTable& table) {
+  std::vector<double> all = AllScores(table);
+  std::ranges::sort(all);
+  return MeanOf(std::span(all).first((all.size() + 19) / 20));
+}
+
 double ProbabilityOfImprovement(const ScoreTable& first, const ScoreTable& second) {
   CheckTable(first);
   CheckTable(second);

@@ -36,6 +36,10 @@ double Mean(const ScoreTable& table);
 /// 2021): of n sorted scores, floor(n / 4) are left out at each end.
 double InterquartileMean(const ScoreTable& table);
 
+/// Returns the mean of the lowest twentieth of all scores, seeds and courses together: the ceil(n /
+/// 20) lowest of n.
+double LowestTwentiethMean(const ScoreTable& table);
+
 /// Returns how likely a policy of `first` scores higher than a policy of `second` on the same
 /// course, where a draw counts half (Agarwal et al. 2021): the Mann-Whitney statistic over all
 /// pairs of seeds, averaged over courses. Requires: the same number of courses.

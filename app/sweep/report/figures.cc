@@ -179,6 +179,7 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
   }
   if (!row.seeds.empty()) {
     figures.interquartile_mean = eval::BootstrapInterquartileMean(RateTable(row, kSuccess));
+    figures.lowest_twentieth = eval::BootstrapLowestTwentiethMean(RateTable(row, kSuccess));
   }
   std::vector<double> steps;
   std::vector<double> updates;

@@ -40,6 +40,7 @@ struct RowFigures {
   int num_episodes = 0;                              ///< Of all seeds.
   std::vector<QuantityFigures> quantities;           ///< As `kQuantities`.
   std::optional<eval::Estimate> interquartile_mean;  ///< Of success. None: no seed.
+  std::optional<eval::Estimate> lowest_twentieth;    ///< Of success. None: no seed.
   std::vector<std::vector<Published>> published;     ///< For each quantity.
   /// Of the training until then: means over the seeds of which they are known. None: of none.
   std::optional<double> steps;

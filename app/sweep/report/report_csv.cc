@@ -100,6 +100,7 @@ std::string RowLine(const ReportContent& content, const ScoreContent& score, con
             Field(figures.seed_deviation);
   }
   line += "," + EstimateFields(row.interquartile_mean);
+  line += "," + EstimateFields(row.lowest_twentieth);
   line += "," + Field(row.steps) + "," + Field(row.updates) + "," + Field(row.training_s);
   for (const std::string& source : sources) {
     const bool has_any = std::ranges::any_of(row.published, [&](const auto& published) {
@@ -150,7 +151,9 @@ std::string RowCsv(const ReportContent& content) {
     fmt::format_to(std::back_inserter(text), ",{0},{0}_low,{0}_high,{0}_seed_mean,{0}_deviation",
                    quantity.key);
   }
-  text += ",success_iqm,success_iqm_low,success_iqm_high,steps,updates,training_s";
+  text +=
+      ",success_iqm,success_iqm_low,success_iqm_high,success_worst,success_worst_low,success_worst_"
+      "high,steps,updates,training_s";
   for (std::size_t s = 0; s < sources.size(); ++s) {
     const std::string prefix = s == 0 ? "published" : fmt::format("published_{}", s + 1);
     text += "," + prefix;

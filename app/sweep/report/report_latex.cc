@@ -1,12 +1,12 @@
 #include "app/sweep/report/report_latex.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <iterator>
+#include <regex>
 
-#include "app/sweep/report/latex_grid.h"
+#include "app/sweep/report/grid.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::sweep {
@@ -14,292 +14,79 @@ namespace {
 
 using eval::EscapeLatex;
 
-constexpr std::size_t kMaxColumns = 12;  // Of one table: what fits across a page.
-constexpr std::size_t kMaxRowsSideBySide = 6;
-
-/// "Success rate (\%) ($\uparrow$)"
-std::string QuantityHead(const Quantity& quantity) {
-  std::string head(quantity.title);
-  head.front() = static_cast<char>(head.front() - 'a' + 'A');
-  return fmt::format("{} {} ({}) ($\\{}$)", head, quantity.is_rate ? "rate" : "time",
-                     EscapeLatex(quantity.unit),
-                     quantity.higher_is_better ? "uparrow" : "downarrow");
-}
-
-GridCell CellOf(const RowFigures& row, std::size_t q) {
-  const QuantityFigures& figures = row.quantities[q];
-  const double factor = kQuantities[q].factor;
-  GridCell cell;
-  if (figures.seed_mean) cell.mean = factor * *figures.seed_mean;
-  if (figures.seed_deviation) cell.deviation = factor * *figures.seed_deviation;
-  if (row.num_seeds < row.num_planned) {
-    cell.mark = fmt::format("{}/{}", row.num_seeds, row.num_planned);
-  }
-  return cell;
-}
-
-GridCell CellOf(const std::optional<Published>& published, std::size_t q) {
-  GridCell cell;
-  if (!published) return cell;
-  cell.mean = kQuantities[q].factor * published->value;
-  if (published->deviation) cell.deviation = kQuantities[q].factor * *published->deviation;
-  return cell;
-}
-
-/// What stands in a cell of a grid: a row of a score; null: nothing.
-struct Place {
-  const RowFigures* row = nullptr;
-  std::size_t quantity = 0;
-  int num_columns = 1;
-};
-
-/// A line with the numbers of its places, and below it those of each source.
-GridLine MakeLine(std::string head, const std::vector<Place>& places) {
-  GridLine line{std::move(head), {}, {}};
-  std::vector<std::string> sources;
-  for (const Place& place : places) {
-    line.cells.push_back(place.row ? CellOf(*place.row, place.quantity) : GridCell{});
-    line.cells.back().num_columns = place.num_columns;
-    if (!place.row) continue;
-    for (const Published& published : place.row->published[place.quantity]) {
-      if (std::ranges::find(sources, published.source) == sources.end()) {
-        sources.push_back(published.source);
-      }
+/// Text of a grid. "H=4" becomes a formula, and arrows become LaTeX's.
+std::string LatexText(const std::string& text) {
+  static const std::regex kFormula("[A-Za-z]{1,2}=.+");
+  if (std::regex_match(text, kFormula)) return "$" + EscapeLatex(text) + "$";
+  std::string latex = EscapeLatex(text);
+  for (const auto& [arrow, command] : {std::pair{"↑", "$\\uparrow$"}, {"↓", "$\\downarrow$"}}) {
+    for (std::size_t at = latex.find(arrow); at != std::string::npos; at = latex.find(arrow)) {
+      latex.replace(at, std::string_view(arrow).size(), command);
     }
   }
-  for (const std::string& source : sources) {
-    std::vector<GridCell> cells;
-    for (const Place& place : places) {
-      cells.push_back(
-          place.row ? CellOf(FindPublished(*place.row, {place.quantity, source}), place.quantity)
-                    : GridCell{});
-      cells.back().num_columns = place.num_columns;
-    }
-    line.published.push_back({source, std::move(cells)});
-  }
-  return line;
+  return latex;
 }
 
-/// What every caption says of how to read the table.
-std::string Explain(const std::vector<GridLine>& lines) {
-  bool has_deviations = false;
-  bool has_marks = false;
-  bool has_bold = false;
-  bool has_published = false;
-  for (const GridLine& line : lines) {
-    has_published = has_published || !line.published.empty();
-    for (const GridCell& cell : line.cells) {
-      has_deviations = has_deviations || cell.deviation;
-      has_marks = has_marks || (cell.mean && !cell.mark.empty());
-      has_bold = has_bold || cell.is_bold;
-    }
-  }
+/// "$65.1 \\pm 4.0$"
+std::string LatexCell(const GridCell& cell) {
+  if (!cell.mean) return "-";
+  std::string number = fmt::format("{:.1f}", *cell.mean);
+  if (cell.deviation) number += fmt::format(" \\pm {:.1f}", *cell.deviation);
+  if (cell.is_bold) number = "\\boldsymbol{" + number + "}";
+  if (!cell.mark.empty()) number += "^{" + cell.mark + "}";
+  return "$" + number + "$";
+}
+
+std::string CellsText(const std::vector<GridCell>& cells) {
   std::string text;
-  if (has_deviations) text += " Mean and standard deviation over seeds.";
-  if (has_bold) text += " The bold font marks the best.";
-  if (has_published) text += " Lines in italics are published numbers.";
-  if (has_marks) text += " A superscript says how many of the planned seeds are in the number.";
+  for (const GridCell& cell : cells) {
+    text += " & ";
+    text += cell.num_columns > 1
+                ? fmt::format("\\multicolumn{{{}}}{{c}}{{{}}}", cell.num_columns, LatexCell(cell))
+                : LatexCell(cell);
+  }
+  return text + " \\\\\n";
+}
+
+/// The heads of blocks with a rule under each, and the line that begins the heads of columns.
+std::string BlockHeads(const Grid& grid) {
+  std::string heads = fmt::format("  \\multirow{{2}}{{*}}{{{}}}", LatexText(grid.corner));
+  std::string rules = " ";
+  std::size_t first = 2;
+  for (const GridBlock& block : grid.blocks) {
+    const std::size_t last = first + block.columns.size() - 1;
+    fmt::format_to(std::back_inserter(heads), " & \\multicolumn{{{}}}{{c}}{{\\texttt{{{}}}}}",
+                   block.columns.size(), LatexText(block.head));
+    fmt::format_to(std::back_inserter(rules), " \\cmidrule(lr){{{}-{}}}", first, last);
+    first = last + 1;
+  }
+  return heads + " \\\\\n" + rules + "\n  ";
+}
+
+std::string PrintGrid(const Grid& grid) {
+  std::size_t num_columns = 0;
+  for (const GridBlock& block : grid.blocks) num_columns += block.columns.size();
+  std::string text =
+      fmt::format("\\begin{{table*}}[!htb]\n\\centering\n\\begin{{tabular}}{{l{}}}\n\\toprule\n",
+                  std::string(num_columns, 'c'));
+  const bool has_heads =
+      std::ranges::any_of(grid.blocks, [](const GridBlock& block) { return !block.head.empty(); });
+  text += has_heads ? BlockHeads(grid) : "  " + LatexText(grid.corner);
+  for (const GridBlock& block : grid.blocks) {
+    for (const std::string& column : block.columns) text += " & " + LatexText(column);
+  }
+  text += " \\\\ \\midrule\n";
+  for (const GridLine& line : grid.lines) {
+    text += LatexText(line.head) + CellsText(line.cells);
+    for (const auto& [source, cells] : line.published) {
+      text += "\\quad \\textit{" + EscapeLatex(source) + "}" + CellsText(cells);
+    }
+  }
+  fmt::format_to(
+      std::back_inserter(text),
+      "\\bottomrule\n\\end{{tabular}}\n\\caption{{{}}}\n\\label{{{}}}\n\\end{{table*}}\n\n",
+      LatexText(grid.caption), grid.label);
   return text;
-}
-
-std::string Joined(const std::vector<std::string>& labels, std::size_t count) {
-  return fmt::format("{}", fmt::join(labels.begin(), labels.begin() + count, " / "));
-}
-
-/// The values of one list in the order in which they first appear.
-void AddOnce(std::vector<std::string>& list, const std::string& value) {
-  if (std::ranges::find(list, value) == list.end()) list.push_back(value);
-}
-
-/// Lines and columns of rows with two labels or more.
-struct Axes {
-  std::vector<std::string> lines;    // All labels but the last.
-  std::vector<std::string> columns;  // The last one.
-  std::string column_axis;
-
-  explicit Axes(const ReportContent& content) {
-    const auto& names = content.cells.axis_names;
-    if (!names.empty()) column_axis = names.back();
-    for (const Row& row : content.results.rows) {
-      AddOnce(lines, LineOf(row, names.size()));
-      if (row.labels.size() == names.size()) AddOnce(columns, row.labels.back());
-    }
-  }
-
-  static std::string LineOf(const Row& row, std::size_t num_axes) {
-    if (row.labels.size() < num_axes) return row.name;
-    return Joined(row.labels, row.labels.size() - 1);
-  }
-
-  /// "$H=4$", as papers print an axis with a short name, or the label alone.
-  std::string ColumnHead(const std::string& label) const {
-    if (column_axis.size() > 2) return EscapeLatex(label);
-    return "$" + EscapeLatex(column_axis) + "=" + EscapeLatex(label) + "$";
-  }
-};
-
-/// The places of one line below one score. A row without the last label spans all columns.
-void AddPlaces(const ReportContent& content, const ScoreContent& score, const Axes& axes,
-               const std::string& line, std::size_t q, std::vector<Place>& places) {
-  const std::size_t num_axes = content.cells.axis_names.size();
-  const int num_columns = static_cast<int>(axes.columns.size());
-  std::vector<Place> found(axes.columns.size());
-  for (Place& place : found) place.quantity = q;
-  for (const RowFigures& figures : score.rows) {
-    const Row& row = content.row(figures);
-    if (Axes::LineOf(row, num_axes) != line) continue;
-    if (row.labels.size() < num_axes) {
-      found = {{&figures, q, num_columns}};
-      break;
-    }
-    const auto column = std::ranges::find(axes.columns, row.labels.back());
-    found[column - axes.columns.begin()].row = &figures;
-  }
-  places.insert(places.end(), found.begin(), found.end());
-}
-
-/// One quantity over two axes, for some of the scores.
-std::string AxesTable(const ReportContent& content, std::span<const ScoreContent* const> scores,
-                      std::size_t q) {
-  const Quantity& quantity = kQuantities[q];
-  const Axes axes(content);
-  Grid grid;
-  grid.corner = QuantityHead(quantity);
-  std::vector<std::string> columns;
-  for (const std::string& column : axes.columns) columns.push_back(axes.ColumnHead(column));
-  for (const ScoreContent* score : scores) {
-    grid.blocks.push_back({"\\texttt{" + EscapeLatex(score->label) + "}", columns});
-  }
-  for (const std::string& line : axes.lines) {
-    std::vector<Place> places;
-    for (const ScoreContent* score : scores) AddPlaces(content, *score, axes, line, q, places);
-    if (std::ranges::none_of(places, [](const Place& place) { return place.row; })) continue;
-    grid.lines.push_back(MakeLine(EscapeLatex(line), places));
-  }
-  // The best below each score.
-  for (std::size_t s = 0; s < scores.size(); ++s) {
-    std::vector<GridCell*> cells;
-    for (GridLine& line : grid.lines) {
-      std::size_t column = 0;
-      for (GridCell& cell : line.cells) {
-        if (column / columns.size() == s) cells.push_back(&cell);
-        column += cell.num_columns;
-      }
-    }
-    EmboldenBest(cells, quantity.higher_is_better);
-  }
-  grid.caption = fmt::format("{}: {} by {}.", EscapeLatex(content.title), QuantityHead(quantity),
-                             EscapeLatex(axes.column_axis)) +
-                 Explain(grid.lines);
-  grid.label = fmt::format("tab::{}-{}", scores.front()->name, quantity.key);
-  return PrintGrid(grid);
-}
-
-std::string AxesTables(const ReportContent& content) {
-  std::vector<const ScoreContent*> scores;
-  for (const ScoreContent& score : content.scores) {
-    if (!score.rows.empty()) scores.push_back(&score);
-  }
-  const std::size_t columns = Axes(content).columns.size();
-  const std::size_t at_once =
-      std::max<std::size_t>(1, kMaxColumns / std::max<std::size_t>(1, columns));
-  std::string text;
-  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
-    for (std::size_t s = 0; s < scores.size(); s += at_once) {
-      const auto some = std::span(scores).subspan(s, std::min(at_once, scores.size() - s));
-      text += AxesTable(content, some, q);
-    }
-  }
-  return text;
-}
-
-/// What the rows' names say, as a head.
-std::string RowHead(const ReportContent& content) {
-  const auto& names = content.cells.axis_names;
-  return names.empty() ? "Methods" : EscapeLatex(fmt::format("{}", fmt::join(names, " / ")));
-}
-
-/// Rows side by side, quantities below one another.
-std::string SideBySide(const ReportContent& content, const ScoreContent& score) {
-  Grid grid;
-  grid.corner = RowHead(content);
-  grid.blocks.push_back({"", {}});
-  for (const RowFigures& row : score.rows) {
-    grid.blocks.front().columns.push_back(EscapeLatex(content.row(row).name));
-  }
-  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
-    std::vector<Place> places;
-    for (const RowFigures& row : score.rows) places.push_back({&row, q, 1});
-    grid.lines.push_back(MakeLine(QuantityHead(kQuantities[q]), places));
-    std::vector<GridCell*> cells;
-    for (GridCell& cell : grid.lines.back().cells) cells.push_back(&cell);
-    EmboldenBest(cells, kQuantities[q].higher_is_better);
-  }
-  grid.caption = fmt::format("{}: {}.", EscapeLatex(content.title), EscapeLatex(score.label)) +
-                 Explain(grid.lines);
-  grid.label = fmt::format("tab::{}", score.name);
-  return PrintGrid(grid);
-}
-
-/// Rows below one another, quantities side by side.
-std::string Downwards(const ReportContent& content, const ScoreContent& score) {
-  Grid grid;
-  grid.corner = RowHead(content);
-  grid.blocks.push_back({"", {}});
-  for (const Quantity& quantity : kQuantities) {
-    grid.blocks.front().columns.push_back(QuantityHead(quantity));
-  }
-  for (const RowFigures& row : score.rows) {
-    std::vector<Place> places;
-    for (std::size_t q = 0; q < std::size(kQuantities); ++q) places.push_back({&row, q, 1});
-    grid.lines.push_back(MakeLine(EscapeLatex(content.row(row).name), places));
-  }
-  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
-    std::vector<GridCell*> cells;
-    for (GridLine& line : grid.lines) cells.push_back(&line.cells[q]);
-    EmboldenBest(cells, kQuantities[q].higher_is_better);
-  }
-  grid.caption = fmt::format("{}: {}.", EscapeLatex(content.title), EscapeLatex(score.label)) +
-                 Explain(grid.lines);
-  grid.label = fmt::format("tab::{}", score.name);
-  return PrintGrid(grid);
-}
-
-/// Success by the steps of snapshots.
-std::string SnapshotTable(const ReportContent& content, const ScoreContent& score) {
-  std::vector<std::int64_t> steps;  // 0, the finished policy, last.
-  for (const std::int64_t at : score.snapshot_steps) {
-    if (at > 0 && std::ranges::find(steps, at) == steps.end()) steps.push_back(at);
-  }
-  std::ranges::sort(steps);
-  steps.push_back(0);
-  Grid grid;
-  grid.corner = "Steps";
-  grid.blocks.push_back({"", {}});
-  for (const std::int64_t at : steps) {
-    grid.blocks.front().columns.push_back(at > 0 ? EscapeLatex(FormatCount(static_cast<double>(at)))
-                                                 : "end");
-  }
-  for (std::size_t i = 0; i < score.snapshots.size();) {
-    const std::size_t row = score.snapshots[i].row;
-    std::vector<Place> places(steps.size());
-    for (; i < score.snapshots.size() && score.snapshots[i].row == row; ++i) {
-      const auto column = std::ranges::find(steps, score.snapshot_steps[i]) - steps.begin();
-      places[column].row = &score.snapshots[i];
-    }
-    grid.lines.push_back(MakeLine(EscapeLatex(content.results.rows[row].name), places));
-  }
-  for (std::size_t column = 0; column < steps.size(); ++column) {
-    std::vector<GridCell*> cells;
-    for (GridLine& line : grid.lines) cells.push_back(&line.cells[column]);
-    EmboldenBest(cells, true);
-  }
-  grid.caption =
-      fmt::format("{}: {} on {} after so many environment steps.", EscapeLatex(content.title),
-                  QuantityHead(kQuantities[0]), EscapeLatex(score.label)) +
-      Explain(grid.lines);
-  grid.label = fmt::format("tab::{}-steps", score.name);
-  return PrintGrid(grid);
 }
 
 }  // namespace
@@ -312,18 +99,7 @@ std::string LatexReport(const ReportContent& content) {
     text += line + "\n";
   }
   text += "\n";
-  if (content.cells.axis_names.size() >= 2) {
-    text += AxesTables(content);
-  } else {
-    for (const ScoreContent& score : content.scores) {
-      if (score.rows.empty()) continue;
-      text += score.rows.size() <= kMaxRowsSideBySide ? SideBySide(content, score)
-                                                      : Downwards(content, score);
-    }
-  }
-  for (const ScoreContent& score : content.scores) {
-    if (!score.snapshots.empty()) text += SnapshotTable(content, score);
-  }
+  for (const Grid& grid : MakeGrids(content)) text += PrintGrid(grid);
   return text;
 }
 

@@ -5,6 +5,7 @@
 
 #include <iterator>
 
+#include "app/sweep/report/grid.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::sweep {
@@ -54,7 +55,10 @@ std::string RowTable(const ReportContent& content, const std::vector<RowFigures>
   };
   for (const Quantity& quantity : kQuantities) {
     add_column(fmt::format("{} [{}]", quantity.title, quantity.unit));
-    if (quantity.key == "success_rate") add_column("IQM [%]");
+    if (quantity.key == "success_rate") {
+      add_column("IQM [%]");
+      add_column("worst 5 % [%]");
+    }
   }
   add_column("steps");
   add_column("training");
@@ -75,7 +79,9 @@ std::string RowTable(const ReportContent& content, const std::vector<RowFigures>
     text += SeedsText(row, content.row(row).is_planner) + " |";
     for (std::size_t q = 0; q < row.quantities.size(); ++q) {
       text += " " + EstimateText(row.quantities[q].estimate, kQuantities[q].factor, 1) + " |";
-      if (q == 0) text += " " + EstimateText(row.interquartile_mean, 100.0, 1) + " |";
+      if (q != 0) continue;
+      text += " " + EstimateText(row.interquartile_mean, 100.0, 1) + " |";
+      text += " " + EstimateText(row.lowest_twentieth, 100.0, 1) + " |";
     }
     text += " " + (row.steps ? FormatCount(*row.steps) : "–") + " |";
     text += " " + (row.training_s ? FormatSeconds(*row.training_s) : "–") + " |";
@@ -146,6 +152,45 @@ std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
   return text;
 }
 
+/// "**65.1 ± 4.0**"
+std::string CellText(const GridCell& cell) {
+  if (!cell.mean) return "–";
+  std::string number = fmt::format("{:.1f}", *cell.mean);
+  if (cell.deviation) number += fmt::format(" ± {:.1f}", *cell.deviation);
+  if (cell.is_bold) number = "**" + number + "**";
+  return cell.mark.empty() ? number : fmt::format("{} ({} seeds)", number, cell.mark);
+}
+
+/// A cell over several columns stands in the first of them.
+std::string CellsText(const std::vector<GridCell>& cells) {
+  std::string text;
+  for (const GridCell& cell : cells) {
+    text += " " + CellText(cell) + " |";
+    for (int i = 1; i < cell.num_columns; ++i) text += " |";
+  }
+  return text + "\n";
+}
+
+std::string GridTable(const Grid& grid) {
+  std::string text = "\n| " + EscapeMarkdown(grid.corner) + " |";
+  std::string rule = "|---|";
+  for (const GridBlock& block : grid.blocks) {
+    for (const std::string& column : block.columns) {
+      const std::string head = block.head.empty() ? column : block.head + ", " + column;
+      text += " " + EscapeMarkdown(head) + " |";
+      rule += "---:|";
+    }
+  }
+  text += "\n" + rule + "\n";
+  for (const GridLine& line : grid.lines) {
+    text += "| " + EscapeMarkdown(line.head) + " |" + CellsText(line.cells);
+    for (const auto& [source, cells] : line.published) {
+      text += "| *" + EscapeMarkdown(source) + "* |" + CellsText(cells);
+    }
+  }
+  return text + "\n" + EscapeMarkdown(grid.caption) + "\n";
+}
+
 std::string MissingText(const ReportContent& content) {
   const SweepResults& results = content.results;
   std::string text;
@@ -176,9 +221,12 @@ std::string MarkdownReport(const ReportContent& content) {
   for (const std::string& warning : content.warnings) {
     text += fmt::format("\n**Note:** {}\n", EscapeMarkdown(warning));
   }
+  for (const Grid& grid : MakeGrids(content)) text += GridTable(grid);
   text +=
       "\nIn brackets 95 % intervals over seeds and courses; with one seed over courses alone. IQM "
-      "is the mean of the middle half of all successes by seed and course. Survival is the time of "
+      "is the mean of the middle half of all success rates by seed and course, and *worst 5 %* "
+      "that of "
+      "the lowest twentieth. Survival is the time of "
       "failed episodes, traversal that of successful ones.\n";
   for (const ScoreContent& score : content.scores) text += ScoreText(content, score);
   return text + MissingText(content);

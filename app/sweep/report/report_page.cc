@@ -48,6 +48,7 @@ PageJson RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
           {"figures", std::move(figures)},
           {"published", std::move(published)},
           {"iqm", ToJson(row.interquartile_mean)},
+          {"worst", ToJson(row.lowest_twentieth)},
           {"seed_success", std::move(seeds)},
           {"steps", ToJson(row.steps)},
           {"updates", ToJson(row.updates)},

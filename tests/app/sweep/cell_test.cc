@@ -113,6 +113,32 @@ TEST(CellTest, AxesMultiplyAndKeysOfOneAxisGoTogether) {
   EXPECT_EQ(Ids(cells).size(), 4U);
 }
 
+TEST(CellTest, TheValuesOfTheAxisOfColumnsShareARowAndHaveTheirOwnScores) {
+  const test::ScratchDirectory scratch;
+  const std::string plan =
+      std::string(test::kSweep) +
+      "[[axis]]\nname = \"courses\"\nkeys = [\"courses.train\"]\ncolumns = true\n"
+      "values = [\"generated:3:2\", \"generated-wall:3:2\"]\nlabels = [\"static\", \"walls\"]\n"
+      "num_seeds = [2, 1]\n"
+      "[[axis]]\nname = \"H\"\nkeys = [\"network.history\"]\nvalues = [1, 4]\n"
+      "[[score]]\nname = \"s\"\ncolumn = \"static\"\ncourses = \"generated:4:2\"\n"
+      "[[score]]\nname = \"w\"\ncolumn = \"walls\"\ncourses = \"generated-wall:4:2\"\n";
+  const Cells cells = test::Expand(scratch.path(), plan);
+  EXPECT_THAT(Names(cells),
+              ElementsAre("1, static, seed 1", "1, static, seed 2", "1, walls, seed 1",
+                          "4, static, seed 1", "4, static, seed 2", "4, walls, seed 1"));
+  EXPECT_THAT(cells.axis_names, ElementsAre("H"));
+  for (const Cell& cell : cells.cells) {
+    SCOPED_TRACE(cell.name());
+    EXPECT_EQ(cell.row_name(), std::to_string(cell.config->network.history));
+    const bool is_static = cell.column == "static";
+    EXPECT_EQ(cell.config->courses.train, is_static ? "generated:3:2" : "generated-wall:3:2");
+    ASSERT_EQ(cell.scores.size(), 1U);
+    EXPECT_EQ(cell.scores[0].name, is_static ? "s" : "w");
+  }
+  EXPECT_EQ(Ids(cells).size(), 6U);
+}
+
 TEST(CellTest, GroupsAndPlannersAreRowsOfTheirOwn) {
   const test::ScratchDirectory scratch;
   const Cells cells =

@@ -68,13 +68,15 @@ FakeSweep::FakeSweep(std::vector<std::string> axis_names, const std::vector<std:
   }
 }
 
-std::size_t FakeSweep::AddTraining(const std::vector<std::string>& row, int seed) {
+std::size_t FakeSweep::AddTraining(const std::vector<std::string>& row, int seed,
+                                   const std::string& column) {
   sweep::Cell cell;
   cell.row = row;
+  cell.column = column;
   cell.seed = seed;
   cell.config = train::RunConfig{};
   cell.config->run.max_steps = 4000;
-  cell.id = fmt::format("all-{}-{}", fmt::join(row, "-"), seed);
+  cell.id = fmt::format("all-{}-{}{}", fmt::join(row, "-"), seed, column);
   return Add(std::move(cell));
 }
 
@@ -89,6 +91,7 @@ std::size_t FakeSweep::AddPlanner(const std::vector<std::string>& row) {
 std::size_t FakeSweep::Add(sweep::Cell cell) {
   cell.group = "all";
   for (const sweep::Score& score : plan.scores) {
+    if (!cell.column.empty() && score.name != cell.column) continue;
     sweep::ScoreTask task;
     task.name = score.name;
     task.digest = score.name + "-0";

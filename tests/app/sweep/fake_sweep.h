@@ -19,8 +19,10 @@ class FakeSweep {
   /// On scores of these names, whose labels are "on NAME".
   FakeSweep(std::vector<std::string> axis_names, const std::vector<std::string>& scores);
 
-  /// Adds a training with the plan's scores. Its id is "GROUP-LABELS-SEED".
-  std::size_t AddTraining(const std::vector<std::string>& row, int seed);
+  /// Adds a training with the plan's scores, or with that of its column. Its id is
+  /// "GROUP-LABELS-SEED", with the column at its end.
+  std::size_t AddTraining(const std::vector<std::string>& row, int seed,
+                          const std::string& column = "");
   std::size_t AddPlanner(const std::vector<std::string>& row);
   /// Adds a task for each score after so many steps to a training.
   void AddSnapshot(std::size_t cell, std::int64_t steps);

@@ -79,6 +79,20 @@ TEST(PlanTest, BadPlansAreOneErrorThatNamesWhatIsWrong) {
       ErrorOf(kPlan +
               "[[axis]]\nkeys = [\"learner.tau\"]\nvalues = [0.1]\nlabels = [\"a\", \"b\"]\n"),
       HasSubstr("2 labels and 1 values"));
+  const std::string axis = "[[axis]]\nkeys = [\"learner.tau\"]\nvalues = [0.1, 0.2]\n";
+  EXPECT_THAT(ErrorOf(kPlan + axis + "num_seeds = [1]\n"), HasSubstr("1 num_seeds and 2 values"));
+  EXPECT_THAT(ErrorOf(kPlan + "column = \"0.1\"\n" + axis),
+              HasSubstr("has the column '0.1', but no [[axis]] has columns = true"));
+  EXPECT_THAT(ErrorOf(kPlan + axis + "columns = true\n"),
+              HasSubstr("has the column '', expected a label of the axis 'learner.tau': 0.1, 0.2"));
+  EXPECT_EQ(ErrorOf(kPlan + "column = \"0.1\"\n" + axis + "columns = true\n"), "");
+  EXPECT_THAT(ErrorOf(kPlan + axis +
+                      "columns = true\n[[axis]]\nkeys = [\"learner.gamma\"]\n"
+                      "values = [0.9]\ncolumns = true\n"),
+              HasSubstr("two axes have columns = true"));
+  EXPECT_THAT(ErrorOf(kPlan + "[[group]]\nname = \"a\"\n[[group.axis]]\nkeys = [\"learner.tau\"]\n"
+                              "values = [0.1]\ncolumns = true\n"),
+              HasSubstr("expected that of an [[axis]] of the plan only"));
   EXPECT_THAT(ErrorOf(kPlan + "[[axis]]\nkeys = [\"learner.tua\"]\nvalues = [0.1]\n"),
               AllOf(HasSubstr("plan.toml:10"), HasSubstr("did you mean 'learner.tau'")));
   EXPECT_THAT(ErrorOf(kPlan + "[[axis]]\nkeys = [\"learner.tau\"]\nvalues = [7]\n"),

@@ -172,9 +172,20 @@ TEST(Bootstrap, ValuesAreThoseWithoutIntervals) {
   const ScoreTable second = SomeTable(2, 3);
   EXPECT_NEAR(BootstrapMean(first).value, Mean(first), 1e-12);
   EXPECT_NEAR(BootstrapInterquartileMean(first).value, InterquartileMean(first), 1e-12);
+  EXPECT_NEAR(BootstrapLowestTwentiethMean(first).value, LowestTwentiethMean(first), 1e-12);
   EXPECT_NEAR(BootstrapDifference(first, second).value, Mean(first) - Mean(second), 1e-12);
   EXPECT_NEAR(BootstrapProbabilityOfImprovement(first, second).value,
               ProbabilityOfImprovement(first, second), 1e-12);
+}
+
+TEST(Bootstrap, TheLowestTwentiethIsOfAllSeedsAndCourses) {
+  // 42 scores 0.00, 0.01 ... 0.41 in any order: the three lowest.
+  ScoreTable table{"forty-two", {{}, {}}, {0.0, 1.0}};
+  for (int i = 0; i < 42; ++i) table.scores[i % 2].push_back(0.01 * ((i * 11) % 42));
+  EXPECT_NEAR(LowestTwentiethMean(table), 0.01, 1e-12);
+  const Estimate estimate = BootstrapLowestTwentiethMean(table);
+  ASSERT_TRUE(estimate.interval);
+  EXPECT_LT(estimate.interval->high, Mean(table));
 }
 
 TEST(Bootstrap, StaysWithinWhatIsPossible) {

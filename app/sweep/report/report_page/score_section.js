@@ -31,7 +31,7 @@ function trainingCells({steps, training_s}) {
 
 function scoreTable(page, score) {
   const titleOf = ({title, unit}) => `${title} [${unit}]`;
-  const head = [page.rowHead(), titleOf(QUANTITIES[0]), 'IQM [%]', ...QUANTITIES.slice(1).map(titleOf), 'Steps', 'Training'];
+  const head = [page.rowHead(), titleOf(QUANTITIES[0]), 'IQM [%]', 'Worst 5 % [%]', ...QUANTITIES.slice(1).map(titleOf), 'Steps', 'Training'];
   const rows = score.rows.map((row) => {
     const agent = element('td', {class: 'agent', 'data-title': page.rowHead()}, swatch(lookOf(row.row).colour), page.data.rows[row.row].name,
       seedsNode(row, page.data.rows[row.row].is_planner));
@@ -45,7 +45,8 @@ function scoreTable(page, score) {
       }
       return cell;
     });
-    return element('tr', {}, agent, cells[0], valueCell('IQM [%]', row.iqm, 100), ...cells.slice(1), ...trainingCells(row));
+    return element('tr', {}, agent, cells[0], valueCell('IQM [%]', row.iqm, 100), valueCell('Worst 5 % [%]', row.worst, 100),
+      ...cells.slice(1), ...trainingCells(row));
   });
   return element('div', {class: 'scroll'}, element('table', {class: 'figures-table'},
     element('thead', {}, element('tr', {}, ...head.map((title) => element('th', {}, title)))), element('tbody', {}, ...rows)));

@@ -51,7 +51,7 @@ TEST(SweepReportTest, MarkdownHasEveryRowAndWhatIsMissing) {
   EXPECT_THAT(text, HasSubstr("- Commit: abc123\n"));
   EXPECT_THAT(text, HasSubstr("\n| 5 | 3 | 60.0 ("));
   EXPECT_THAT(text, HasSubstr("\n| 10 | **1 of 3** | 90.0 ("));
-  EXPECT_THAT(text, HasSubstr("\n| 50 | **0 of 3** | – | – | – | – | – | – | – | 65 ± 4 |\n"));
+  EXPECT_THAT(text, HasSubstr("\n| 50 | **0 of 3** | – | – | – | – | – | – | – | – | 65 ± 4 |\n"));
   EXPECT_THAT(text, HasSubstr("| the paper: success [%] |\n"));
   EXPECT_THAT(text, HasSubstr("| 4k | 50 s | 43 ± 2 |\n"));
   EXPECT_THAT(text, HasSubstr("slalom train ended with 1 \\<three times\\>"));
@@ -130,6 +130,30 @@ TEST(SweepReportTest, LatexOfTwoAxesHasColumnsBelowTheScores) {
                         "GRU & - & $\\boldsymbol{83.3 \\pm 0.0}$ & - & $66.7 \\pm 23.6$ \\\\\n"
                         "DWA & \\multicolumn{2}{c}{$50.0$} & "
                         "\\multicolumn{2}{c}{$\\boldsymbol{83.3}$} \\\\\n\\bottomrule"));
+}
+
+TEST(SweepReportTest, MarkdownBeginsWithTheTablesOfThePaper) {
+  const std::string text = test::MakeArchitectures().Report("report.md");
+  EXPECT_THAT(
+      text, HasSubstr("| Success rate (%) (↑) | on static, H=1 | on static, H=4 | on walls, H=1 | "
+                      "on walls, H=4 |\n|---|---:|---:|---:|---:|\n"
+                      "| MLP | 50.0 ± 0.0 | 50.0 ± 0.0 | 66.7 ± 23.6 | 66.7 ± 23.6 |\n"
+                      "| *the paper* | 65.0 ± 4.0 | 57.0 ± 7.0 | – | – |\n"
+                      "| GRU | – | **83.3 ± 0.0** | – | 66.7 ± 23.6 |\n"
+                      "| DWA | 50.0 | | **83.3** | |\n"));
+}
+
+TEST(SweepReportTest, TheAxisOfColumnsPutsTrainingsOfOneRowBelowTheirScores) {
+  test::FakeSweep fake({"method"}, {"static", "walls"});
+  for (const char* column : {"static", "walls"}) {
+    const std::size_t cell = fake.AddTraining({"TD3"}, 1, column);
+    fake.FinishTraining(cell);
+    fake.Evaluate(cell, column, {column == std::string("static") ? "SSSC" : "SCCC"});
+  }
+  const std::string text = fake.Report("report.md");
+  EXPECT_THAT(text, HasSubstr("- Cells: 2 of 2 done"));
+  EXPECT_THAT(text, HasSubstr("| TD3 | 1 | 75.0 | 75.0 |"));
+  EXPECT_THAT(text, HasSubstr("| TD3 | 1 | 25.0 | 25.0 |"));
 }
 
 TEST(SweepReportTest, APlannerHasNoSeeds) {

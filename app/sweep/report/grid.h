@@ -6,7 +6,8 @@
 
 #include "app/sweep/report/report_content.h"
 
-/// A table of numbers with their deviations, in LaTeX.
+/// Tables of numbers with their deviations, laid out as papers have them. What they hold is plain
+/// text; report_latex.h and report_markdown.h print them.
 
 namespace slalom::sweep {
 
@@ -21,7 +22,7 @@ struct GridCell {
 
 /// One line of a table.
 struct GridLine {
-  std::string head;  ///< LaTeX.
+  std::string head;
   std::vector<GridCell> cells;
   /// Published numbers, on a line of their own below. None of them is bold.
   struct PublishedLine {
@@ -33,7 +34,7 @@ struct GridLine {
 
 /// Neighbouring columns under one head.
 struct GridBlock {
-  std::string head;  ///< LaTeX. Empty: none of the blocks has a head.
+  std::string head;  ///< Empty: none of the blocks has a head.
   std::vector<std::string> columns;
 };
 
@@ -46,11 +47,14 @@ struct Grid {
   std::string label;
 };
 
-/// "$65.1 \pm 4.0$"
-std::string LatexCell(const GridCell& cell);
-
-/// Returns the table, with booktabs and multirow.
-std::string PrintGrid(const Grid& grid);
+/// Lays out the tables of a report: mean and standard deviation over seeds, the best in bold, and
+/// below each line the published numbers.
+///
+/// If rows have two labels or more, the last one gives the columns, the scores their heads, and the
+/// others the lines; each quantity has its table. If rows have one label, each score has a table:
+/// rows side by side and quantities below one another, or the other way round if there are more
+/// than six rows. If snapshots were scored, another table has their steps as columns.
+std::vector<Grid> MakeGrids(const ReportContent& content);
 
 /// Makes the best number of `cells` bold, and those that print alike; null pointers are passed
 /// over. Nothing is bold if all numbers print alike.

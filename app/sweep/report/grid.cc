@@ -1,0 +1,333 @@
+#include "app/sweep/report/grid.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <utility>
+
+namespace slalom::sweep {
+namespace {
+
+double Rounded(double value) { return std::round(10.0 * value); }
+
+constexpr std::size_t kMaxColumns = 12;  // Of one table: what fits across a page.
+constexpr std::size_t kMaxRowsSideBySide = 6;
+
+/// "Success rate (%) (↑)"
+std::string QuantityHead(const Quantity& quantity) {
+  std::string head(quantity.title);
+  head.front() = static_cast<char>(head.front() - 'a' + 'A');
+  return fmt::format("{} {} ({}) ({})", head, quantity.is_rate ? "rate" : "time", quantity.unit,
+                     quantity.higher_is_better ? "↑" : "↓");
+}
+
+GridCell CellOf(const RowFigures& row, std::size_t q) {
+  const QuantityFigures& figures = row.quantities[q];
+  const double factor = kQuantities[q].factor;
+  GridCell cell;
+  if (figures.seed_mean) cell.mean = factor * *figures.seed_mean;
+  if (figures.seed_deviation) cell.deviation = factor * *figures.seed_deviation;
+  if (row.num_seeds < row.num_planned) {
+    cell.mark = fmt::format("{}/{}", row.num_seeds, row.num_planned);
+  }
+  return cell;
+}
+
+GridCell CellOf(const std::optional<Published>& published, std::size_t q) {
+  GridCell cell;
+  if (!published) return cell;
+  cell.mean = kQuantities[q].factor * published->value;
+  if (published->deviation) cell.deviation = kQuantities[q].factor * *published->deviation;
+  return cell;
+}
+
+/// What stands in a cell of a grid: a row of a score; null: nothing.
+struct Place {
+  const RowFigures* row = nullptr;
+  std::size_t quantity = 0;
+  int num_columns = 1;
+};
+
+/// A line with the numbers of its places, and below it those of each source.
+GridLine MakeLine(std::string head, const std::vector<Place>& places) {
+  GridLine line{std::move(head), {}, {}};
+  std::vector<std::string> sources;
+  for (const Place& place : places) {
+    line.cells.push_back(place.row ? CellOf(*place.row, place.quantity) : GridCell{});
+    line.cells.back().num_columns = place.num_columns;
+    if (!place.row) continue;
+    for (const Published& published : place.row->published[place.quantity]) {
+      if (std::ranges::find(sources, published.source) == sources.end()) {
+        sources.push_back(published.source);
+      }
+    }
+  }
+  for (const std::string& source : sources) {
+    std::vector<GridCell> cells;
+    for (const Place& place : places) {
+      cells.push_back(
+          place.row ? CellOf(FindPublished(*place.row, {place.quantity, source}), place.quantity)
+                    : GridCell{});
+      cells.back().num_columns = place.num_columns;
+    }
+    line.published.push_back({source, std::move(cells)});
+  }
+  return line;
+}
+
+/// What every caption says of how to read the table.
+std::string Explain(const std::vector<GridLine>& lines) {
+  bool has_deviations = false;
+  bool has_marks = false;
+  bool has_bold = false;
+  bool has_published = false;
+  for (const GridLine& line : lines) {
+    has_published = has_published || !line.published.empty();
+    for (const GridCell& cell : line.cells) {
+      has_deviations = has_deviations || cell.deviation;
+      has_marks = has_marks || (cell.mean && !cell.mark.empty());
+      has_bold = has_bold || cell.is_bold;
+    }
+  }
+  std::string text;
+  if (has_deviations) text += " Mean and standard deviation over seeds.";
+  if (has_bold) text += " The bold font marks the best.";
+  if (has_published) text += " Lines in italics are published numbers.";
+  if (has_marks) text += " A superscript says how many of the planned seeds are in the number.";
+  return text;
+}
+
+std::string Joined(const std::vector<std::string>& labels, std::size_t count) {
+  return fmt::format("{}", fmt::join(labels.begin(), labels.begin() + count, " / "));
+}
+
+/// The values of one list in the order in which they first appear.
+void AddOnce(std::vector<std::string>& list, const std::string& value) {
+  if (std::ranges::find(list, value) == list.end()) list.push_back(value);
+}
+
+/// Lines and columns of rows with two labels or more.
+struct Axes {
+  std::vector<std::string> lines;    // All labels but the last.
+  std::vector<std::string> columns;  // The last one.
+  std::string column_axis;
+
+  explicit Axes(const ReportContent& content) {
+    const auto& names = content.cells.axis_names;
+    if (!names.empty()) column_axis = names.back();
+    for (const Row& row : content.results.rows) {
+      AddOnce(lines, LineOf(row, names.size()));
+      if (row.labels.size() == names.size()) AddOnce(columns, row.labels.back());
+    }
+  }
+
+  static std::string LineOf(const Row& row, std::size_t num_axes) {
+    if (row.labels.size() < num_axes) return row.name;
+    return Joined(row.labels, row.labels.size() - 1);
+  }
+
+  /// "H=4", as papers print an axis with a short name, or the label alone.
+  std::string ColumnHead(const std::string& label) const {
+    return column_axis.size() > 2 ? label : column_axis + "=" + label;
+  }
+};
+
+/// The places of one line below one score. A row without the last label spans all columns.
+void AddPlaces(const ReportContent& content, const ScoreContent& score, const Axes& axes,
+               const std::string& line, std::size_t q, std::vector<Place>& places) {
+  const std::size_t num_axes = content.cells.axis_names.size();
+  const int num_columns = static_cast<int>(axes.columns.size());
+  std::vector<Place> found(axes.columns.size());
+  for (Place& place : found) place.quantity = q;
+  for (const RowFigures& figures : score.rows) {
+    const Row& row = content.row(figures);
+    if (Axes::LineOf(row, num_axes) != line) continue;
+    if (row.labels.size() < num_axes) {
+      found = {{&figures, q, num_columns}};
+      break;
+    }
+    const auto column = std::ranges::find(axes.columns, row.labels.back());
+    found[column - axes.columns.begin()].row = &figures;
+  }
+  places.insert(places.end(), found.begin(), found.end());
+}
+
+/// One quantity over two axes, for some of the scores.
+Grid AxesTable(const ReportContent& content, std::span<const ScoreContent* const> scores,
+               std::size_t q) {
+  const Quantity& quantity = kQuantities[q];
+  const Axes axes(content);
+  Grid grid;
+  grid.corner = QuantityHead(quantity);
+  std::vector<std::string> columns;
+  for (const std::string& column : axes.columns) columns.push_back(axes.ColumnHead(column));
+  for (const ScoreContent* score : scores) {
+    grid.blocks.push_back({score->label, columns});
+  }
+  for (const std::string& line : axes.lines) {
+    std::vector<Place> places;
+    for (const ScoreContent* score : scores) AddPlaces(content, *score, axes, line, q, places);
+    if (std::ranges::none_of(places, [](const Place& place) { return place.row; })) continue;
+    grid.lines.push_back(MakeLine(line, places));
+  }
+  // The best below each score.
+  for (std::size_t s = 0; s < scores.size(); ++s) {
+    std::vector<GridCell*> cells;
+    for (GridLine& line : grid.lines) {
+      std::size_t column = 0;
+      for (GridCell& cell : line.cells) {
+        if (column / columns.size() == s) cells.push_back(&cell);
+        column += cell.num_columns;
+      }
+    }
+    EmboldenBest(cells, quantity.higher_is_better);
+  }
+  grid.caption =
+      fmt::format("{}: {} by {}.", content.title, QuantityHead(quantity), axes.column_axis) +
+      Explain(grid.lines);
+  grid.label = fmt::format("tab::{}-{}", scores.front()->name, quantity.key);
+  return grid;
+}
+
+std::vector<Grid> AxesTables(const ReportContent& content) {
+  std::vector<const ScoreContent*> scores;
+  for (const ScoreContent& score : content.scores) {
+    if (!score.rows.empty()) scores.push_back(&score);
+  }
+  const std::size_t columns = Axes(content).columns.size();
+  const std::size_t most =
+      std::max<std::size_t>(1, kMaxColumns / std::max<std::size_t>(1, columns));
+  const std::size_t num_tables = (scores.size() + most - 1) / most;
+  const std::size_t at_once = num_tables == 0 ? 1 : (scores.size() + num_tables - 1) / num_tables;
+  std::vector<Grid> grids;
+  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
+    for (std::size_t s = 0; s < scores.size(); s += at_once) {
+      const auto some = std::span(scores).subspan(s, std::min(at_once, scores.size() - s));
+      grids.push_back(AxesTable(content, some, q));
+    }
+  }
+  return grids;
+}
+
+/// What the rows' names say, as a head.
+std::string RowHead(const ReportContent& content) {
+  const auto& names = content.cells.axis_names;
+  return names.empty() ? "Methods" : fmt::format("{}", fmt::join(names, " / "));
+}
+
+/// Rows side by side, quantities below one another.
+Grid SideBySide(const ReportContent& content, const ScoreContent& score) {
+  Grid grid;
+  grid.corner = RowHead(content);
+  grid.blocks.push_back({"", {}});
+  for (const RowFigures& row : score.rows) {
+    grid.blocks.front().columns.push_back(content.row(row).name);
+  }
+  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
+    std::vector<Place> places;
+    for (const RowFigures& row : score.rows) places.push_back({&row, q, 1});
+    grid.lines.push_back(MakeLine(QuantityHead(kQuantities[q]), places));
+    std::vector<GridCell*> cells;
+    for (GridCell& cell : grid.lines.back().cells) cells.push_back(&cell);
+    EmboldenBest(cells, kQuantities[q].higher_is_better);
+  }
+  grid.caption = fmt::format("{}: {}.", content.title, score.label) + Explain(grid.lines);
+  grid.label = fmt::format("tab::{}", score.name);
+  return grid;
+}
+
+/// Rows below one another, quantities side by side.
+Grid Downwards(const ReportContent& content, const ScoreContent& score) {
+  Grid grid;
+  grid.corner = RowHead(content);
+  grid.blocks.push_back({"", {}});
+  for (const Quantity& quantity : kQuantities) {
+    grid.blocks.front().columns.push_back(QuantityHead(quantity));
+  }
+  for (const RowFigures& row : score.rows) {
+    std::vector<Place> places;
+    for (std::size_t q = 0; q < std::size(kQuantities); ++q) places.push_back({&row, q, 1});
+    grid.lines.push_back(MakeLine(content.row(row).name, places));
+  }
+  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
+    std::vector<GridCell*> cells;
+    for (GridLine& line : grid.lines) cells.push_back(&line.cells[q]);
+    EmboldenBest(cells, kQuantities[q].higher_is_better);
+  }
+  grid.caption = fmt::format("{}: {}.", content.title, score.label) + Explain(grid.lines);
+  grid.label = fmt::format("tab::{}", score.name);
+  return grid;
+}
+
+/// Success by the steps of snapshots.
+Grid SnapshotTable(const ReportContent& content, const ScoreContent& score) {
+  std::vector<std::int64_t> steps;  // 0, the finished policy, last.
+  for (const std::int64_t at : score.snapshot_steps) {
+    if (at > 0 && std::ranges::find(steps, at) == steps.end()) steps.push_back(at);
+  }
+  std::ranges::sort(steps);
+  steps.push_back(0);
+  Grid grid;
+  grid.corner = "Steps";
+  grid.blocks.push_back({"", {}});
+  for (const std::int64_t at : steps) {
+    grid.blocks.front().columns.push_back(at > 0 ? FormatCount(static_cast<double>(at)) : "end");
+  }
+  for (std::size_t i = 0; i < score.snapshots.size();) {
+    const std::size_t row = score.snapshots[i].row;
+    std::vector<Place> places(steps.size());
+    for (; i < score.snapshots.size() && score.snapshots[i].row == row; ++i) {
+      const auto column = std::ranges::find(steps, score.snapshot_steps[i]) - steps.begin();
+      places[column].row = &score.snapshots[i];
+    }
+    grid.lines.push_back(MakeLine(content.results.rows[row].name, places));
+  }
+  for (std::size_t column = 0; column < steps.size(); ++column) {
+    std::vector<GridCell*> cells;
+    for (GridLine& line : grid.lines) cells.push_back(&line.cells[column]);
+    EmboldenBest(cells, true);
+  }
+  grid.caption = fmt::format("{}: {} on {} after so many environment steps.", content.title,
+                             QuantityHead(kQuantities[0]), score.label) +
+                 Explain(grid.lines);
+  grid.label = fmt::format("tab::{}-steps", score.name);
+  return grid;
+}
+
+}  // namespace
+
+std::vector<Grid> MakeGrids(const ReportContent& content) {
+  std::vector<Grid> grids;
+  if (content.cells.axis_names.size() >= 2) {
+    grids = AxesTables(content);
+  } else {
+    for (const ScoreContent& score : content.scores) {
+      if (score.rows.empty()) continue;
+      grids.push_back(score.rows.size() <= kMaxRowsSideBySide ? SideBySide(content, score)
+                                                              : Downwards(content, score));
+    }
+  }
+  for (const ScoreContent& score : content.scores) {
+    if (!score.snapshots.empty()) grids.push_back(SnapshotTable(content, score));
+  }
+  return grids;
+}
+
+void EmboldenBest(const std::vector<GridCell*>& cells, bool higher_is_better) {
+  std::vector<GridCell*> numbers;
+  for (GridCell* cell : cells) {
+    if (cell && cell->mean) numbers.push_back(cell);
+  }
+  if (numbers.size() < 2) return;
+  const double sign = higher_is_better ? 1.0 : -1.0;
+  double best = sign * Rounded(*numbers.front()->mean);
+  for (const GridCell* cell : numbers) best = std::max(best, sign * Rounded(*cell->mean));
+  const auto is_best = [&](const GridCell* cell) { return sign * Rounded(*cell->mean) == best; };
+  if (std::ranges::all_of(numbers, is_best)) return;
+  for (GridCell* cell : numbers) cell->is_bold = is_best(cell);
+}
+
+}  // namespace slalom::sweep
