@@ -194,7 +194,8 @@ class Expansion {
       for (const Score* score : ScoresOf(group)) {
         if (score->column == column) AddScores(cell, *score, config);
       }
-      config.courses.test = "";  // The scores are the plan's.
+      if (cell.scores.empty()) continue;  // Its group has no score of this column.
+      config.courses.test = "";           // The scores are the plan's.
       // Courses count by what they are, not by where they lie.
       train::RunConfig anywhere = config;
       anywhere.courses = {};
@@ -202,6 +203,7 @@ class Expansion {
           "{}\n{}\n{}\n{}\n{}\n{}\n{}", train::RunDigest(anywhere), courses.digest,
           config.run.max_steps, config.run.max_seconds, fmt::join(config.run.snapshot_steps, " "),
           fmt::join(config.run.snapshot_seconds, " "), platform_));
+      Describe(config, cell);
       cell.config = std::move(config);
       Add(std::move(cell));
     }
@@ -253,7 +255,15 @@ class Expansion {
     anywhere.courses = {};
     cell.id = train::Digest(
         fmt::format("planner {}\n{}\n{}", group.planner, config::Changes(anywhere), platform_));
+    Describe(ConfigurePlanner(group, point, {}), cell);
     Add(std::move(cell));
+  }
+
+  /// What titles of reports say of a cell's task.
+  template <class Config>
+  static void Describe(const Config& config, Cell& cell) {
+    cell.collection = fs::path(config.courses.collection).filename().string();
+    cell.friction = base::EnumName(config.environment.robot.friction);
   }
 
   std::vector<const Score*> ScoresOf(const Group& group) const {

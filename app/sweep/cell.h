@@ -32,6 +32,8 @@ struct Cell {
   std::int64_t seed = 0;
   std::string planner;                     ///< Empty: a policy is trained.
   std::optional<train::RunConfig> config;  ///< Of the training; none: a planner.
+  std::string collection;                  ///< Name of the courses' collection; empty: built in.
+  std::string friction;                    ///< Friction law of the robot, as configs name it.
   int num_training_courses = 0;
   std::vector<ScoreTask> scores;
 

@@ -109,6 +109,12 @@ class Checker {
         Fail(fmt::format("[[score]] '{}' has no courses, expected a course set", score.name));
       }
     }
+    for (const std::string& quantity : plan_.sweep.quantities) {
+      const auto known = QuantityKeys().choices;
+      if (std::ranges::find(known, quantity) != known.end()) continue;
+      Fail(fmt::format("sweep.quantities names '{}', expected one of {}", quantity,
+                       fmt::join(known, ", ")));
+    }
     for (const std::string& score : plan_.sweep.scores) {
       if (HasScore(score)) continue;
       Fail(fmt::format("sweep.scores names '{}', expected the name of a [[score]]", score));

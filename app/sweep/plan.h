@@ -13,6 +13,11 @@
 
 namespace slalom::sweep {
 
+/// The quantities of a report, as plans name them.
+inline base::OneOf QuantityKeys() {
+  return {"success_rate", "collision_rate", "survival_time_s", "traversal_time_s"};
+}
+
 /// What all cells have in common.
 struct SweepSettings {
   std::string name;
@@ -20,6 +25,7 @@ struct SweepSettings {
   std::string preset;
   std::vector<int> seeds = {1, 2, 3};
   std::vector<std::string> scores;
+  std::vector<std::string> quantities;
   bool lockstep = true;
   bool mixed_platforms = false;
   std::int64_t checkpoint_steps = 100000;
@@ -37,6 +43,9 @@ struct SweepSettings {
     v("scores", scores,
       "Names of the scores for groups that list none. Empty: all. With --set, a plan can so be "
       "scored on courses for choosing settings in place of the test courses.");
+    v("quantities", quantities,
+      "Quantities (success_rate, collision_rate, survival_time_s, traversal_time_s) that have a "
+      "table each, with the scores side by side. Empty: all, and with one axis a table per score.");
     v("lockstep", lockstep,
       "Train deterministically (run.deterministic), so that neither a kill nor another cell on the "
       "same machine changes a result. false: trainings use threads.");
@@ -169,8 +178,7 @@ struct Reference {
   void Visit(Visitor& v) {
     v("source", source, "Who published the numbers, in words.");
     v("score", score, "Name of the score that they are compared with.");
-    v("quantity", quantity,
-      base::OneOf{"success_rate", "collision_rate", "survival_time_s", "traversal_time_s"}, "",
+    v("quantity", quantity, QuantityKeys(), "",
       "What the numbers are. Rates are shares from 0 to 1.");
     v("rows", rows,
       "The rows of the table that the numbers belong to: labels of group and axes, joined by "

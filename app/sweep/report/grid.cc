@@ -14,7 +14,7 @@ namespace {
 double Rounded(double value) { return std::round(10.0 * value); }
 
 constexpr std::size_t kMaxColumns = 12;  // Of one table: what fits across a page.
-constexpr std::size_t kMaxRowsSideBySide = 6;
+constexpr std::size_t kMaxRowsSideBySide = 7;
 
 /// "Success rate (%) (↑)"
 std::string QuantityHead(const Quantity& quantity) {
@@ -192,6 +192,18 @@ Grid AxesTable(const ReportContent& content, std::span<const ScoreContent* const
   return grid;
 }
 
+/// Indices in `kQuantities`.
+std::vector<std::size_t> QuantitiesOf(const Plan& plan) {
+  const auto& wanted = plan.sweep.quantities;
+  std::vector<std::size_t> quantities;
+  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
+    if (wanted.empty() || std::ranges::find(wanted, kQuantities[q].key) != wanted.end()) {
+      quantities.push_back(q);
+    }
+  }
+  return quantities;
+}
+
 std::vector<Grid> AxesTables(const ReportContent& content) {
   std::vector<const ScoreContent*> scores;
   for (const ScoreContent& score : content.scores) {
@@ -203,7 +215,7 @@ std::vector<Grid> AxesTables(const ReportContent& content) {
   const std::size_t num_tables = (scores.size() + most - 1) / most;
   const std::size_t at_once = num_tables == 0 ? 1 : (scores.size() + num_tables - 1) / num_tables;
   std::vector<Grid> grids;
-  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
+  for (const std::size_t q : QuantitiesOf(content.plan)) {
     for (std::size_t s = 0; s < scores.size(); s += at_once) {
       const auto some = std::span(scores).subspan(s, std::min(at_once, scores.size() - s));
       grids.push_back(AxesTable(content, some, q));
@@ -262,6 +274,35 @@ Grid Downwards(const ReportContent& content, const ScoreContent& score) {
   return grid;
 }
 
+/// Rows below one another, scores side by side.
+Grid ScoresTable(const ReportContent& content, std::size_t q) {
+  const Quantity& quantity = kQuantities[q];
+  Grid grid;
+  grid.corner = QuantityHead(quantity);
+  grid.blocks.push_back({"", {}});
+  for (const ScoreContent& score : content.scores) {
+    if (!score.rows.empty()) grid.blocks.front().columns.push_back(score.label);
+  }
+  for (std::size_t r = 0; r < content.results.rows.size(); ++r) {
+    std::vector<Place> places;
+    for (const ScoreContent& score : content.scores) {
+      if (score.rows.empty()) continue;
+      const auto row = std::ranges::find(score.rows, r, &RowFigures::row);
+      places.push_back({row == score.rows.end() ? nullptr : &*row, q, 1});
+    }
+    grid.lines.push_back(MakeLine(content.results.rows[r].name, places));
+  }
+  for (std::size_t column = 0; column < grid.blocks.front().columns.size(); ++column) {
+    std::vector<GridCell*> cells;
+    for (GridLine& line : grid.lines) cells.push_back(&line.cells[column]);
+    EmboldenBest(cells, quantity.higher_is_better);
+  }
+  grid.caption =
+      fmt::format("{}: {}.", content.title, QuantityHead(quantity)) + Explain(grid.lines);
+  grid.label = fmt::format("tab::{}", quantity.key);
+  return grid;
+}
+
 /// Success by the steps of snapshots.
 Grid SnapshotTable(const ReportContent& content, const ScoreContent& score) {
   std::vector<std::int64_t> steps;  // 0, the finished policy, last.
@@ -303,6 +344,10 @@ std::vector<Grid> MakeGrids(const ReportContent& content) {
   std::vector<Grid> grids;
   if (content.cells.axis_names.size() >= 2) {
     grids = AxesTables(content);
+  } else if (!content.plan.sweep.quantities.empty()) {
+    for (const std::size_t q : QuantitiesOf(content.plan)) {
+      grids.push_back(ScoresTable(content, q));
+    }
   } else {
     for (const ScoreContent& score : content.scores) {
       if (score.rows.empty()) continue;

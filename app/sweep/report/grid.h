@@ -53,7 +53,8 @@ struct Grid {
 /// If rows have two labels or more, the last one gives the columns, the scores their heads, and the
 /// others the lines; each quantity has its table. If rows have one label, each score has a table:
 /// rows side by side and quantities below one another, or the other way round if there are more
-/// than six rows. If snapshots were scored, another table has their steps as columns.
+/// than seven rows; with `sweep.quantities`, each of these has a table with the scores side by
+/// side. If snapshots were scored, another table has their steps as columns.
 std::vector<Grid> MakeGrids(const ReportContent& content);
 
 /// Makes the best number of `cells` bold, and those that print alike; null pointers are passed

@@ -146,6 +146,19 @@ std::vector<std::string> WarningsOf(const Plan& plan, const SweepResults& result
   return warnings;
 }
 
+/// "collection barn, gazebo friction"
+std::string TaskOf(const Cells& cells) {
+  std::set<std::string> collections;
+  std::set<std::string> frictions;
+  for (const Cell& cell : cells.cells) {
+    collections.insert(cell.collection.empty() ? "built-in courses"
+                                               : "collection " + cell.collection);
+    frictions.insert(cell.friction);
+  }
+  return fmt::format("{}, {} friction", fmt::join(collections, " and "),
+                     fmt::join(frictions, " and "));
+}
+
 std::string ProtocolOf(const ScoreResults& score) {
   for (const RowScore& row : score.rows) {
     if (!row.seeds.empty()) return eval::ProtocolSentence(row.seeds.front().result);
@@ -198,7 +211,8 @@ ScoreContent MakeScore(const Plan& plan, const SweepResults& results, const Scor
 
 ReportContent MakeContent(const Plan& plan, const Cells& cells, const fs::path& store) {
   ReportContent content{plan, cells, CollectResults(plan, cells, store), {}, {}, {}, {}};
-  content.title = plan.sweep.title.empty() ? plan.sweep.name : plan.sweep.title;
+  content.title = fmt::format(
+      "{} ({})", plan.sweep.title.empty() ? plan.sweep.name : plan.sweep.title, TaskOf(cells));
   content.provenance = ProvenanceOf(plan, cells, content.results);
   content.warnings = WarningsOf(plan, content.results);
   for (std::size_t s = 0; s < plan.scores.size(); ++s) {

@@ -137,6 +137,9 @@ TEST(CellTest, TheValuesOfTheAxisOfColumnsShareARowAndHaveTheirOwnScores) {
     EXPECT_EQ(cell.scores[0].name, is_static ? "s" : "w");
   }
   EXPECT_EQ(Ids(cells).size(), 6U);
+  // A group that has no score of a column has no training there.
+  EXPECT_THAT(Names(test::Expand(scratch.path(), plan, {"sweep.scores=[\"w\"]"})),
+              ElementsAre("1, walls, seed 1", "4, walls, seed 1"));
 }
 
 TEST(CellTest, GroupsAndPlannersAreRowsOfTheirOwn) {

@@ -90,6 +90,7 @@ std::size_t FakeSweep::AddPlanner(const std::vector<std::string>& row) {
 
 std::size_t FakeSweep::Add(sweep::Cell cell) {
   cell.group = "all";
+  cell.friction = "cone";
   for (const sweep::Score& score : plan.scores) {
     if (!cell.column.empty() && score.name != cell.column) continue;
     sweep::ScoreTask task;

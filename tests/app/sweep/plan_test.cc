@@ -103,6 +103,8 @@ TEST(PlanTest, BadPlansAreOneErrorThatNamesWhatIsWrong) {
   EXPECT_THAT(ErrorOf(kPlan, {"sweep.sed=1"}), HasSubstr("did you mean 'sweep.seeds'"));
   EXPECT_THAT(ErrorOf(kPlan, {"sweep.seeds=[]"}), HasSubstr("sweep.seeds is empty"));
   EXPECT_THAT(ErrorOf(kPlan, {"sweep.seeds=[1, 1]"}), HasSubstr("a seed twice"));
+  EXPECT_THAT(ErrorOf(kPlan, {"sweep.quantities=[\"succes\"]"}),
+              HasSubstr("sweep.quantities names 'succes', expected one of success_rate"));
   EXPECT_THAT(ErrorOf(kPlan, {"sweep.scores=[\"x\"]"}), HasSubstr("sweep.scores names 'x'"));
   EXPECT_THAT(ErrorOf(kPlan, {"sweep.preset=gone.toml"}), HasSubstr("gone.toml: there is no such"));
   EXPECT_THAT(ErrorOf(kPlan, {"budget.seconds=5"}), HasSubstr("sweep.lockstep = false"));

@@ -44,7 +44,7 @@ std::string CsvCell(const std::string& csv, std::size_t line, const std::string&
 
 TEST(SweepReportTest, MarkdownHasEveryRowAndWhatIsMissing) {
   const std::string text = test::MakeTrainingSets().Report("report.md");
-  EXPECT_THAT(text, HasSubstr("# A \\<fake\\> sweep\n"));
+  EXPECT_THAT(text, HasSubstr("# A \\<fake\\> sweep (built-in courses, cone friction)\n"));
   EXPECT_THAT(text, HasSubstr("- Cells: 4 of 9 done, 4 waiting, 1 failed\n"));
   EXPECT_THAT(text, HasSubstr("- Budget of a training: 4k steps\n"));
   EXPECT_THAT(text, HasSubstr("- Machine: node-1 (up to 2 cells at a time)\n"));
@@ -154,6 +154,29 @@ TEST(SweepReportTest, TheAxisOfColumnsPutsTrainingsOfOneRowBelowTheirScores) {
   EXPECT_THAT(text, HasSubstr("- Cells: 2 of 2 done"));
   EXPECT_THAT(text, HasSubstr("| TD3 | 1 | 75.0 | 75.0 |"));
   EXPECT_THAT(text, HasSubstr("| TD3 | 1 | 25.0 | 25.0 |"));
+}
+
+TEST(SweepReportTest, QuantitiesOfThePlanHaveATableWithTheScoresSideBySide) {
+  test::FakeSweep fake({"method"}, {"test", "walls"});
+  for (const char* method : {"TD3", "SAC"}) {
+    const std::size_t cell = fake.AddTraining({method}, 1);
+    fake.Evaluate(cell, "test", {"SSSC"});
+    if (method == std::string("SAC")) fake.Evaluate(cell, "walls", {"SC"});
+  }
+  fake.plan.sweep.quantities = {"success_rate"};
+  const std::string text = fake.Report("report.md");
+  EXPECT_THAT(text, HasSubstr("| Success rate (%) (↑) | on test | on walls |\n|---|---:|---:|\n"
+                              "| TD3 | 75.0 | – |\n| SAC | 75.0 | 50.0 |\n"));
+  EXPECT_THAT(text, Not(HasSubstr("Traversal time")));
+}
+
+TEST(SweepReportTest, TheTitleSaysWhoseCoursesTheyAreAndWithWhatFriction) {
+  test::FakeSweep fake({"method"}, {"test"});
+  fake.AddTraining({"TD3"}, 1);
+  fake.cells.cells[0].friction = "gazebo";
+  EXPECT_THAT(fake.Report("report.md"), HasSubstr("sweep (built-in courses, gazebo friction)\n"));
+  fake.cells.cells[0].collection = "barn";
+  EXPECT_THAT(fake.Report("report.tex"), HasSubstr("sweep (collection barn, gazebo friction)"));
 }
 
 TEST(SweepReportTest, APlannerHasNoSeeds) {
