@@ -19,6 +19,7 @@
 #include "app/cli/sweep_serve.h"
 #include "app/sweep/calibration.h"
 #include "app/sweep/cell.h"
+#include "app/sweep/cell_archive.h"
 #include "app/sweep/estimate.h"
 #include "app/sweep/plan.h"
 #include "app/sweep/plan_record.h"
@@ -55,6 +56,12 @@ std::int64_t DiskNeeded(const std::vector<sweep::Cell>& cells, const fs::path& s
   return kept;
 }
 
+/// Why a cell that was finished elsewhere is not done here, for its line in a list.
+std::string Remark(const sweep::Cell& cell, const fs::path& store) {
+  const bool trains_again = !sweep::IsDone(store, cell) && sweep::LacksPolicy(store, cell);
+  return trains_again ? ": trained again for a score, as its policy is not here" : "";
+}
+
 /// Throws where the disk is too small for what is left to do.
 void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, int at_once) {
   const std::int64_t needed = DiskNeeded(cells, store, at_once);
@@ -80,8 +87,8 @@ void PrintPlan(const SweepOptions& options) {
     rates.Observe(cell, status);
     num_done += status.state == sweep::CellState::kDone ? 1 : 0;
     const std::string steps = cell.config ? fmt::format("{}", cell.config->run.max_steps) : "-";
-    fmt::print("{:<17} {:<9} {:>12} {:>7}  {}\n", cell.id, sweep::ToString(status.state), steps,
-               cell.scores.size(), cell.name());
+    fmt::print("{:<17} {:<9} {:>12} {:>7}  {}{}\n", cell.id, sweep::ToString(status.state), steps,
+               cell.scores.size(), cell.name(), Remark(cell, options.store));
   }
   fmt::print("\n{} cells, {} done", sweep.chosen.size(), num_done);
   const int num_stale = sweep::CountStale(options.store, sweep.plan, sweep.all);
@@ -154,7 +161,7 @@ void PrintStatus(const SweepOptions& options) {
     ++counts[status.state];
     fmt::print("{:<17} {:<9} {:>12} {:>3} / {:<1}  {}{}\n", cell.id, sweep::ToString(status.state),
                status.steps, status.num_scores_done, cell.scores.size(), cell.name(),
-               status.failure ? ": " + status.failure->what : "");
+               status.failure ? ": " + status.failure->what : Remark(cell, options.store));
   }
   std::vector<std::string> texts;
   texts.reserve(counts.size());
@@ -335,6 +342,31 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
     const Reporter reporter(loaded, options->store);
     reporter.Write();
     fmt::print("{}", reporter.Summary());
+  });
+
+  CLI::App* export_cells = sweep->add_subcommand(
+      "export", "Copy the results of a plan's done cells, without policies, into a directory");
+  AddPlanOptions(*export_cells, *options);
+  export_cells
+      ->add_option("--to", options->archive, "Directory of the copies, one directory per cell")
+      ->required();
+  export_cells->callback([options] {
+    const sweep::Copied copied =
+        sweep::ExportCells(options->store, LoadSweep(*options).chosen, options->archive);
+    fmt::print("{}: {} cells are new, {} were there, {} are not done\n", options->archive,
+               copied.num_new, copied.num_same, copied.num_left);
+  });
+
+  CLI::App* import_cells = sweep->add_subcommand(
+      "import", "Take up results that `sweep export` wrote, so that their cells are done here");
+  import_cells->add_option("DIR", options->archive, "Directory that `sweep export` wrote")
+      ->required();
+  import_cells->add_option("--output", options->store,
+                           "Directory of all sweeps, which share their cells [runs/sweeps]");
+  import_cells->callback([options] {
+    const sweep::Copied copied = sweep::ImportCells(options->archive, options->store);
+    fmt::print("{}: {} cells are new, {} were there, {} are being worked on and left alone\n",
+               options->store, copied.num_new, copied.num_same, copied.num_busy);
   });
 
   CLI::App* serve = sweep->add_subcommand(

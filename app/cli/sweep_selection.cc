@@ -5,10 +5,13 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <utility>
 
+#include "app/sweep/cell_archive.h"
 #include "app/train/run_identity.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/suggestion.h"
 
 namespace slalom::cli {
@@ -75,6 +78,10 @@ Sweep LoadSweep(const SweepOptions& options) {
   Sweep sweep;
   sweep.plan = sweep::ReadPlan(options.plan, options.overrides);
   sweep.all = sweep::ExpandPlan(sweep.plan, train::ThisPlatform());
+  if (const std::string& results = sweep.plan.sweep.results; !results.empty()) {
+    const std::filesystem::path archive = sweep.plan.file.parent_path() / results;
+    if (base::Exists(archive)) sweep::ImportCells(archive, options.store, sweep.all.cells);
+  }
   sweep.chosen = Choose(options, sweep.plan, sweep.all.cells);
   return sweep;
 }

@@ -24,6 +24,7 @@ struct SweepOptions {
   int at_once = 0;
   int threads = 0;
   std::string metrics;
+  std::string archive;
   bool no_trial = false;
   bool retry_failed = false;
 };
@@ -38,7 +39,8 @@ struct Sweep {
   std::vector<sweep::Cell> chosen;  ///< In the order in which they are worked on.
 };
 
-/// Reads the plan, with the errors of `sweep::ReadPlan` and `sweep::ExpandPlan`. Throws
+/// Reads the plan, with the errors of `sweep::ReadPlan` and `sweep::ExpandPlan`, and takes up its
+/// committed results (`sweep.results`) as `sweep::ImportCells` does. Throws
 /// `base::Error`, too, if an option names a group or cell that the plan does not have.
 Sweep LoadSweep(const SweepOptions& options);
 

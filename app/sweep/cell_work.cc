@@ -114,8 +114,13 @@ class Work {
   /// Looks at the run, and moves one that cannot go on out of the way. Throws `base::Error`, and
   /// changes nothing, if it cannot be looked at: it may be there all the same.
   Training PrepareTraining() const {
-    if (!cell_.config || base::Exists(directory_.trained())) return Training::kNothing;
+    if (!cell_.config) return Training::kNothing;
     const run::RunDirectory run{directory_.run()};
+    if (LacksPolicy(options_.store, cell_)) {
+      ForgetImported();
+    } else if (base::Exists(directory_.trained())) {
+      return Training::kNothing;
+    }
     if (!base::Exists(run.root)) return Training::kToBegin;
     if (IsTrainedByAnother(run)) return Training::kOfAnother;
     const bool has_checkpoint = base::Exists(run.config()) && base::Exists(run.checkpoints()) &&
@@ -123,6 +128,18 @@ class Work {
     if (has_checkpoint) return Training::kToResume;
     SetAside(run.root);  // Of a training that was killed before its first checkpoint.
     return Training::kToBegin;
+  }
+
+  /// Removes results that were imported, as scores of two trainings do not belong together.
+  void ForgetImported() const {
+    spdlog::warn(
+        "{}: its results were imported without its policy, which a score needs that they do not "
+        "have; training it again",
+        cell_.name());
+    std::error_code ec;
+    fs::remove(directory_.trained(), ec);
+    fs::remove_all(directory_.root() / "scores", ec);
+    base::MakeDirectories(directory_.root() / "scores");
   }
 
   /// Moves a run out of the way, in place of one that was moved before.

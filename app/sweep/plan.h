@@ -29,6 +29,7 @@ struct SweepSettings {
   bool lockstep = true;
   bool mixed_platforms = false;
   std::int64_t checkpoint_steps = 100000;
+  std::string results;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -55,6 +56,9 @@ struct SweepSettings {
     v("checkpoint_steps", checkpoint_steps, base::Range{1, 1.0e12}, "",
       "Environment steps between checkpoints of a cell, where the preset has none "
       "(run.checkpoint_steps).");
+    v("results", results,
+      "Directory, relative to this file, with committed results of cells (`slalom sweep export`), "
+      "which count as done. Empty: there is none.");
   }
 };
 

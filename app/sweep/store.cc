@@ -154,6 +154,12 @@ bool IsDone(const fs::path& store, const Cell& cell) {
                              [&](const ScoreTask& task) { return IsScored(store, cell, task); });
 }
 
+bool LacksPolicy(const fs::path& store, const Cell& cell) {
+  const CellDirectory directory(store, cell.id);
+  return cell.config && base::Exists(directory.trained()) &&
+         !base::Exists(run::RunDirectory{directory.run()}.policy());
+}
+
 fs::path PlanDirectory(const fs::path& store, const std::string& name) {
   return store / "plans" / name;
 }

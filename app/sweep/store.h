@@ -109,6 +109,10 @@ bool IsScored(const std::filesystem::path& store, const Cell& cell, const ScoreT
 /// Whether every score that the plan asks of the cell is there.
 bool IsDone(const std::filesystem::path& store, const Cell& cell);
 
+/// Whether the training is finished and its policy is not here, as results were imported that are
+/// without (app/sweep/cell_archive.h). What they do not have can only be had by training again.
+bool LacksPolicy(const std::filesystem::path& store, const Cell& cell);
+
 /// The directory of a plan's own files.
 std::filesystem::path PlanDirectory(const std::filesystem::path& store, const std::string& name);
 

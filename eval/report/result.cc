@@ -155,20 +155,49 @@ Figures ReadFigures(const ObjectReader& reader) {
   return figures;
 }
 
+/// By its name, or by the letter with which that begins.
 env::Outcome ReadOutcome(const ObjectReader& reader, const Json& value) {
   for (const env::Outcome outcome :
        {env::Outcome::kSuccess, env::Outcome::kCollision, env::Outcome::kTimeout}) {
-    if (value == env::ToString(outcome)) return outcome;
+    const std::string_view name = env::ToString(outcome);
+    if (value == name || value == name.substr(0, 1)) return outcome;
   }
   reader.Fail("an outcome", value, "success, collision or timeout");
 }
 
-ResultCourse ReadCourse(const ObjectReader& reader) {
+/// A list of names; or a text, a letter for each.
+Json OutcomesOf(const ObjectReader& reader) {
+  if (!reader.Get("outcomes").is_string()) return reader.List("outcomes");
+  Json outcomes = Json::array();
+  for (const char letter : reader.Text("outcomes")) outcomes.push_back(std::string(1, letter));
+  return outcomes;
+}
+
+/// The times of a course's episodes, [s]; a compact file may count control steps of `step` seconds.
+Json TimesOf(const ObjectReader& reader, double step) {
+  if (!reader.HasValue("steps")) return reader.List("times_s");
+  Json times = Json::array();
+  for (const Json& steps : reader.List("steps")) {
+    reader.RequireCount("a number of steps", steps);
+    times.push_back(steps.get<int>() * step);
+  }
+  return times;
+}
+
+ResultCourse ReadCourse(const ObjectReader& reader, double step) {
   ResultCourse course{
       reader.Text("course"), reader.Number("optimal_time_s", 0.0, kLargestTime), {}};
-  const Json& outcomes = reader.List("outcomes");
-  const Json& times = reader.List("times_s");
-  const Json& collisions = reader.List("collisions_per_episode");
+  const Json outcomes = OutcomesOf(reader);
+  const Json times = TimesOf(reader, step);
+  Json collisions = Json::array();
+  const bool is_compact = reader.Get("outcomes").is_string();
+  if (!is_compact || reader.HasValue("collisions_per_episode")) {
+    collisions = reader.List("collisions_per_episode");
+  } else {  // One where it ended the episode.
+    for (const Json& outcome : outcomes) {
+      collisions.push_back(ReadOutcome(reader, outcome) == env::Outcome::kCollision ? 1 : 0);
+    }
+  }
   if (outcomes.size() != times.size() || outcomes.size() != collisions.size()) {
     reader.Fail("the number of times or collisions of " + course.name, times.size(),
                 fmt::format("{}, one for each outcome", outcomes.size()));
@@ -277,7 +306,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
   const std::size_t num_courses = reader.List("courses").size();
   if (num_courses == 0) reader.Fail("courses", reader.List("courses"), "at least one course");
   for (std::size_t c = 0; c < num_courses; ++c) {
-    result.courses.push_back(ReadCourse(reader.Element("courses", c)));
+    result.courses.push_back(ReadCourse(reader.Element("courses", c), result.step));
   }
   RequireConsistent(result, reader);
   const ObjectReader files = reader.Object("files");

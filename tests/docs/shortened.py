@@ -71,7 +71,7 @@ def shortened(program, page, arguments):
             [] if "--resume" in rest else ["run.learning_starts=1024", "actor.warmup_steps=1024"])
     if command == "evaluate":
         return few_courses(program, page, without(arguments, "--episodes")) + ["--episodes", "1"]
-    if command == "sweep":
+    if command == "sweep" and rest[:1] != ["import"]:  # Which has no plan.
         return arguments + ["--set", "sweep.seeds=[1]", f"run.max_steps={STEPS[False]}", "run.learning_starts=1024", "actor.warmup_steps=1024",
                             "evaluation.episodes_per_course=1"]
     if command in ROLES:

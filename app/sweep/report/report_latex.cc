@@ -37,7 +37,7 @@ std::string LatexCell(const GridCell& cell) {
   return "$" + number + "$";
 }
 
-std::string CellsText(const std::vector<GridCell>& cells) {
+std::string LatexCells(const std::vector<GridCell>& cells) {
   std::string text;
   for (const GridCell& cell : cells) {
     text += " & ";
@@ -77,9 +77,9 @@ std::string PrintGrid(const Grid& grid) {
   }
   text += " \\\\ \\midrule\n";
   for (const GridLine& line : grid.lines) {
-    text += LatexText(line.head) + CellsText(line.cells);
+    text += LatexText(line.head) + LatexCells(line.cells);
     for (const auto& [source, cells] : line.published) {
-      text += "\\quad \\textit{" + EscapeLatex(source) + "}" + CellsText(cells);
+      text += "\\quad \\textit{" + EscapeLatex(source) + "}" + LatexCells(cells);
     }
   }
   fmt::format_to(

@@ -100,5 +100,21 @@ TEST(CellWorkTest, ARunWithoutACheckpointIsSetAsideForOneThatBegins) {
   EXPECT_EQ(base::ReadFile(stopped.files.root() / "run.aside" / "metrics.csv"), "rows");
 }
 
+TEST(CellWorkTest, ATrainingWithoutItsPolicyIsTrainedAgainForAScoreThatIsNotThere) {
+  const test::ScratchDirectory scratch;
+  const StoppedCell imported(scratch.path());
+  fs::remove_all(imported.run.root);
+  WriteTrained(imported.files, {.steps = 4000, .updates = 9});
+  const fs::path score = imported.files.root() / "scores" / "of-another-plan";
+  base::MakeDirectories(score);
+  base::WriteFileAtomically(score / "evaluation.json", "{}");
+  EXPECT_EQ(imported.Work(), WorkEnd::kFailed);
+  EXPECT_FALSE(fs::exists(imported.files.trained()));
+  EXPECT_FALSE(fs::exists(score)) << "it is of another training";
+  EXPECT_EQ(imported.Calls(), Repeat("train " + imported.files.config().string() + " --output " +
+                                         imported.files.root().string() + " --no-evaluation\n",
+                                     3));
+}
+
 }  // namespace
 }  // namespace slalom::sweep

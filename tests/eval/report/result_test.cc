@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "eval/report/compact_result.h"
 #include "tests/eval/report/made_evaluation.h"
 #include "tests/support/scratch_directory.h"
 
@@ -48,6 +49,35 @@ class ResultTest : public ::testing::Test {
 
   test::ScratchDirectory scratch_;
 };
+
+TEST_F(ResultTest, ACompactTextHasTheSameEpisodesAndNoPath) {
+  const std::string text = base::ReadFile(Write("full") / "evaluation.json");
+  const std::string compact = CompactResult(text, "full");
+  EXPECT_LT(compact.size(), text.size() / 2);
+  EXPECT_EQ(CompactResult(compact, "compact"), compact);
+  EXPECT_THAT(compact, ::testing::Not(HasSubstr("config")));
+  json full = json::parse(text);
+  const Result expected = ParseResult(text, "full").result;
+  const Result read = ParseResult(compact, "compact").result;
+  ASSERT_EQ(read.courses.size(), expected.courses.size());
+  for (std::size_t c = 0; c < read.courses.size(); ++c) {
+    EXPECT_EQ(read.courses[c].name, expected.courses[c].name);
+    EXPECT_EQ(read.courses[c].optimal_time, expected.courses[c].optimal_time);
+    ASSERT_EQ(read.courses[c].episodes.size(), expected.courses[c].episodes.size());
+    for (std::size_t k = 0; k < read.courses[c].episodes.size(); ++k) {
+      EXPECT_EQ(read.courses[c].episodes[k].outcome, expected.courses[c].episodes[k].outcome);
+      EXPECT_EQ(read.courses[c].episodes[k].time, expected.courses[c].episodes[k].time);
+      EXPECT_EQ(read.courses[c].episodes[k].num_collisions,
+                expected.courses[c].episodes[k].num_collisions);
+    }
+  }
+  // Where collisions do not end episodes, they are kept.
+  full["courses"][1]["collisions_per_episode"][2] = 7;
+  full["provenance"]["source"] = "/home/someone/policy.safetensors";
+  const std::string many = CompactResult(full.dump(), "many");
+  EXPECT_EQ(ParseResult(many, "many").result.courses[1].episodes[2].num_collisions, 7);
+  EXPECT_THAT(many, ::testing::Not(HasSubstr("/home")));
+}
 
 TEST_F(ResultTest, GivesBackWhatWasWritten) {
   const Evaluation evaluation = testing::MakeEvaluation({0.2, 0.5, 0.8});
