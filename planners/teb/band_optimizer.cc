@@ -22,8 +22,8 @@ struct Sink {
   BandedSystem* system;
   double sum = 0.0;
 
-  template <std::size_t N>
-  void Add(int pose, const std::array<double, N>& gradient, double error, double weight) {
+  template <int N>
+  void Add(int pose, const Eigen::Matrix<double, N, 1>& gradient, double error, double weight) {
     if (error == 0.0 || weight == 0.0) return;
     sum += weight * error * error;
     if (system) system->AddError(kUnknownsPerPose * pose, gradient, error, weight);
@@ -33,9 +33,7 @@ struct Sink {
   template <int N>
   void Add(int pose, const Dual<N>& number, const Penalty& penalty, double weight) {
     if (penalty.value == 0.0) return;
-    std::array<double, N> gradient;
-    for (int i = 0; i < N; ++i) gradient[i] = penalty.slope * number.gradient[i];
-    Add(pose, gradient, penalty.value, weight);
+    Add<N>(pose, penalty.slope * number.gradient, penalty.value, weight);
   }
 };
 
@@ -89,7 +87,7 @@ void AddShape(const TebOptimizerConfig& weights, const TimedBand& band, Sink& si
       const Dual<kPairSize> distance = DistanceBetween(a, b);
       sink.Add(i, distance.gradient, distance.value, weights.weight_shortest_path);
     }
-    sink.Add(i, std::array{0.0, 0.0, 0.0, 1.0}, band.dts[i], weights.weight_time);
+    sink.Add<4>(i, Eigen::Vector4d::UnitW(), band.dts[i], weights.weight_time);
   }
 }
 
@@ -202,11 +200,13 @@ bool BandOptimizer::DescendFrom(const BandSurroundings& surroundings, double obs
         predicted += step_[i] * (damping * step_[i] + system_.gradient(i));
       }
       for (int i = 0; i <= last_pose; ++i) {
-        const double* const d = &step_[static_cast<std::size_t>(i) * std::size_t{kUnknownsPerPose}];
+        const Eigen::Vector3d d = step_.segment<3>(kUnknownsPerPose * i);
         base::Pose2& pose = tried_.poses[i];
-        pose.p = pose.p + base::Vec2{d[0], d[1]};
-        if (d[2] != 0.0) pose.yaw = base::WrapAngle(pose.yaw + std::clamp(d[2], -1e4, 1e4));
-        if (i < last_pose) tried_.dts[i] = std::max(tried_.dts[i] + d[3], kLeastTime);
+        pose.p = pose.p + base::Vec2{d.x(), d.y()};
+        if (d.z() != 0.0) pose.yaw = base::WrapAngle(pose.yaw + std::clamp(d.z(), -1e4, 1e4));
+        if (i < last_pose) {
+          tried_.dts[i] = std::max(tried_.dts[i] + step_[kUnknownsPerPose * i + 3], kLeastTime);
+        }
       }
       const double tried_cost = Sum(surroundings, obstacle_weight, tried_, nullptr).total();
       const double ratio = (cost - tried_cost) / predicted;

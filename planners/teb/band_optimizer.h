@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <span>
 #include <vector>
 
@@ -59,7 +60,7 @@ class BandOptimizer {
   std::vector<Contact> contacts_;
   std::vector<Contact> via_contacts_;
   BandedSystem system_;
-  std::vector<double> step_;
+  Eigen::VectorXd step_;
   TimedBand tried_;
 };
 

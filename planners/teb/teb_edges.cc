@@ -67,10 +67,8 @@ Dual<kTripleSize> AccelerationBetween(const Dual<kPairSize>& earlier, double ear
   Dual<kTripleSize> acceleration;
   const double time = 0.5 * (earlier_dt + later_dt);
   acceleration.value = (later.value - earlier.value) / time;
-  for (int i = 0; i < kPairSize; ++i) {
-    acceleration.gradient[i] -= earlier.gradient[i] / time;
-    acceleration.gradient[i + 4] += later.gradient[i] / time;
-  }
+  acceleration.gradient.head<kPairSize>() -= earlier.gradient / time;
+  acceleration.gradient.tail<kPairSize>() += later.gradient / time;
   acceleration.gradient[kDt] -= 0.5 * acceleration.value / time;
   acceleration.gradient[kDt + 4] -= 0.5 * acceleration.value / time;
   return acceleration;
@@ -81,7 +79,7 @@ Dual<kPairSize> AccelerationAtEnd(const Dual<kPairSize>& motion, double dt, doub
   const double sign = is_start ? 1.0 : -1.0;
   Dual<kPairSize> acceleration;
   acceleration.value = sign * (motion.value - end_speed) / dt;
-  for (int i = 0; i < kPairSize; ++i) acceleration.gradient[i] = sign * motion.gradient[i] / dt;
+  acceleration.gradient = sign * motion.gradient / dt;
   acceleration.gradient[kDt] -= acceleration.value / dt;
   return acceleration;
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <array>
+#include <Eigen/Core>
 
 #include "base/geometry.h"
 
@@ -16,7 +16,7 @@ namespace slalom::planners {
 template <int N>
 struct Dual {
   double value = 0.0;
-  std::array<double, N> gradient{};
+  Eigen::Matrix<double, N, 1> gradient = Eigen::Matrix<double, N, 1>::Zero();
 };
 
 /// Number of unknowns of two poses and the time between them, and of three poses and two times.

@@ -41,7 +41,7 @@ const std::map<std::string, Names>& Homes() {
       {"box2d/", {"sim"}},
       {"ode/", {"sim/engines/ode"}},
       {"mujoco/", {"sim/engines/mujoco"}},
-      {"Eigen/", {"sim/engines/jackal", "sim/engines/ode", "sim/engines/mujoco"}},
+      {"Eigen/", {"sim/engines/jackal", "sim/engines/ode", "sim/engines/mujoco", "planners/teb"}},
       {"tinyxml2.h", {"sim/courses"}},
       {"cairo", {"sim/pictures"}},
       {"toml++/", {"base"}},

@@ -9,6 +9,17 @@
 namespace slalom::planners {
 namespace {
 
+/// Adds an error with any number of derivatives.
+template <int N = 1>
+void AddError(int first, const Eigen::VectorXd& gradient, double error, double weight,
+              BandedSystem& system) {
+  if (gradient.size() == N) {
+    system.AddError<N>(first, gradient, error, weight);
+  } else if constexpr (N < BandedSystem::kBandwidth + 1) {
+    AddError<N + 1>(first, gradient, error, weight, system);
+  }
+}
+
 TEST(BandedSystem, SolvesAsADenseSolverDoes) {
   base::Random random(1);
   for (const int size : {1, 4, 11, 12, 43, 99}) {
@@ -19,14 +30,10 @@ TEST(BandedSystem, SolvesAsADenseSolverDoes) {
     for (int e = 0; e < 4 * size; ++e) {
       const int count = 1 + static_cast<int>(random.UniformInt(std::min(size, 11)));
       const int first = static_cast<int>(random.UniformInt(size - count + 1));
-      std::vector<double> gradient;
       Eigen::VectorXd J = Eigen::VectorXd::Zero(size);
-      for (int i = 0; i < count; ++i) {
-        gradient.push_back(random.Normal());
-        J[first + i] = gradient.back();
-      }
+      for (double& slope : J.segment(first, count)) slope = random.Normal();
       const double error = random.Normal(), weight = random.Uniform(0.1, 50.0);
-      system.AddError(first, gradient, error, weight);
+      AddError(first, J.segment(first, count), error, weight, system);
       H += weight * J * J.transpose();
       g -= weight * error * J;
     }
@@ -40,7 +47,7 @@ TEST(BandedSystem, SolvesAsADenseSolverDoes) {
       }
     }
     EXPECT_NEAR(system.MaxDiagonal(), H.diagonal().maxCoeff(), 1e-9);
-    std::vector<double> x;
+    Eigen::VectorXd x;
     ASSERT_TRUE(system.Solve(0.3, x));
     const Eigen::VectorXd exact = (H + 0.3 * Eigen::MatrixXd::Identity(size, size)).ldlt().solve(g);
     for (int i = 0; i < size; ++i) EXPECT_NEAR(x[i], exact[i], 1e-8) << size << " " << i;
@@ -50,8 +57,8 @@ TEST(BandedSystem, SolvesAsADenseSolverDoes) {
 TEST(BandedSystem, SaysWhereThereIsNoSolution) {
   BandedSystem system;
   system.Clear(3);
-  system.AddError(0, std::vector<double>{1.0, 1.0}, 1.0, 1.0);  // Unknown 2 is free.
-  std::vector<double> x;
+  system.AddError<2>(0, {1.0, 1.0}, 1.0, 1.0);  // Unknown 2 is free.
+  Eigen::VectorXd x;
   EXPECT_FALSE(system.Solve(0.0, x));
   EXPECT_TRUE(system.Solve(1e-3, x));
 }

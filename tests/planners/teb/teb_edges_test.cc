@@ -94,7 +94,7 @@ TEST(TebEdges, KnowSpeedsAndTheirSigns) {
 
 TEST(TebEdges, KnowAccelerations) {
   // From 0.4 to 0.7 m/s between the middles of 0.2 s and 0.4 s: over 0.3 s.
-  const Dual<kPairSize> slow{0.4, {}}, fast{0.7, {}};
+  const Dual<kPairSize> slow{.value = 0.4}, fast{.value = 0.7};
   EXPECT_NEAR(AccelerationBetween(slow, 0.2, fast, 0.4).value, 1.0, 1e-12);
   EXPECT_NEAR(AccelerationAtEnd(fast, 0.2, 0.5, true).value, 1.0, 1e-12);
   EXPECT_NEAR(AccelerationAtEnd(fast, 0.2, 0.0, false).value, -3.5, 1e-12);
