@@ -307,6 +307,21 @@ std::string SuggestFile(const std::filesystem::path& path) {
   return fmt::format("; did you mean '{}'?", files[static_cast<std::size_t>(index)]);
 }
 
+/// The paths that `base` names: one, or a list.
+std::vector<std::string> BasesOf(const toml::node& base, std::string_view source) {
+  if (const auto name = base.value_exact<std::string>()) return {*name};
+  const toml::array* list = base.as_array();
+  const bool is_list = list != nullptr && !list->empty() &&
+                       std::ranges::all_of(*list, [](const auto& n) { return n.is_string(); });
+  if (!is_list) {
+    throw Error(fmt::format("{}: base must be the path of a TOML file, or a list of such paths",
+                            Where(source, base)));
+  }
+  std::vector<std::string> names;
+  for (const toml::node& name : *list) names.push_back(*name.value_exact<std::string>());
+  return names;
+}
+
 void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers, int depth) {
   const std::string source = path.string();
   std::error_code ec;
@@ -315,15 +330,13 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
   }
   const toml::table table = Parse(base::ReadFile(path), source);
   if (const toml::node* base = table.get("base")) {
-    const auto name = base->value_exact<std::string>();
-    if (!name) {
-      throw Error(fmt::format("{}: base must be the path of a TOML file", Where(source, *base)));
-    }
     if (depth >= kMaxBases) {
       throw Error(fmt::format("{}: more than {} base files in a row; do they form a circle?",
                               Where(source, *base), kMaxBases));
     }
-    ReadFileWithBases(path.parent_path() / *name, readers, depth + 1);
+    for (const std::string& name : BasesOf(*base, source)) {
+      ReadFileWithBases(path.parent_path() / name, readers, depth + 1);
+    }
   }
   ReadTable(table, "", source, readers);
 }

@@ -16,8 +16,9 @@
 /// Typed configuration: structs with one field list each (`base/config_field.h`), read from TOML.
 ///
 /// A TOML file may name another as `base = "other.toml"` (relative to itself), whose values it
-/// overrides. Unknown keys, wrong types and values out of range are `base::Error`s that name file,
-/// line, key and what was expected.
+/// overrides, or several in a list, of which a later one overrides an earlier one. Unknown keys,
+/// wrong types and values out of range are `base::Error`s that name file, line, key and what was
+/// expected.
 
 namespace slalom::config {
 

@@ -24,9 +24,13 @@ constexpr char kPageHead[] =
     "`./slalom config docs > docs/config.md` makes this page from the field lists in the code; a "
     "test checks that it is up\n"
     "to date.\n\n"
-    "A file may start from another with `base = \"other.toml\"` (a path relative to itself). On "
-    "the command line\n"
-    "`--set section.key=value` overrides both. Unknown keys and values out of range are errors.\n";
+    "A file may start from another with `base = \"other.toml\"` (a path relative to itself), or "
+    "from "
+    "several with\n"
+    "`base = [\"a.toml\", \"b.toml\"]`, of which a later one overrides an earlier one. On the "
+    "command "
+    "line\n"
+    "`--set section.key=value` overrides all. Unknown keys and values out of range are errors.\n";
 
 constexpr char kAgentPageHead[] =
     "\n# Classical planners\n\n"

@@ -16,6 +16,7 @@
 #include "app/cli/signals.h"
 #include "app/cli/training_results.h"
 #include "app/train/evaluate_policy.h"
+#include "app/train/profile.h"
 #include "app/train/run_limits.h"
 #include "app/train/trainer.h"
 #include "app/train/training_overlap.h"
@@ -36,6 +37,7 @@ constexpr double kLargestUsualRate = 0.1;  // Of the learning rates that cause n
 
 struct TrainOptions {
   std::string config;
+  std::vector<std::string> profiles;
   std::vector<std::string> overrides;
   std::optional<std::string> name;
   std::optional<std::int64_t> seed;
@@ -86,7 +88,13 @@ Source FindSource(const TrainOptions& options) {
 }
 
 train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path) {
-  auto config = config::Load<train::RunConfig>(path, options.overrides);
+  train::RunConfig config;
+  const config::FieldList fields = config::ListFields(config);
+  config::ReadTomlFile(path, fields);
+  for (const std::string& file : options.profiles) train::LayProfile(file, config.environment);
+  for (const std::string& assignment : options.overrides) {
+    config::ApplyOverride(assignment, fields);
+  }
   if (options.name) config.run.name = *options.name;
   if (options.seed) config.run.seed = *options.seed;
   if (options.deterministic) config.run.deterministic = true;
@@ -107,6 +115,7 @@ std::string WithOverrides(const TrainOptions& options, const std::vector<std::st
   if (options.name) add("--name", *options.name);
   if (options.seed) add("--seed", std::to_string(*options.seed));
   if (options.output) add("--output", *options.output);
+  for (const std::string& file : options.profiles) add("--profile", file);
   for (const std::string& given : options.overrides) {
     const std::string key = given.substr(0, given.find('=') + 1);
     const bool is_replaced = std::any_of(
@@ -300,6 +309,11 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
       ->add_option("CONFIG", options->config,
                    "TOML file (configs/ has presets); with --resume, also a run's directory")
       ->required();
+  command
+      ->add_option("--profile", options->profiles,
+                   "Lay the [environment] keys of this TOML file over the task (repeatable), for "
+                   "example configs/real-robot.toml")
+      ->type_name("FILE");
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
   command->add_option("--name", options->name, "Name of the run [run.name of the config]");

@@ -89,6 +89,11 @@ class Expansion {
 
   fs::path Beside(const std::string& path) const { return plan_.file.parent_path() / path; }
 
+  void LayProfiles(const std::vector<std::string>& profiles,
+                   sim::EnvironmentConfig& environment) const {
+    for (const std::string& profile : profiles) train::LayProfile(Beside(profile), environment);
+  }
+
   const train::RunConfig& Preset(const std::string& preset) {
     auto found = presets_.find(preset);
     if (found == presets_.end()) {
@@ -101,6 +106,7 @@ class Expansion {
 
   train::RunConfig Configure(const Group& group, const Point& point) {
     train::RunConfig config = Preset(group.preset.empty() ? plan_.sweep.preset : group.preset);
+    LayProfiles(group.profiles, config.environment);
     const config::FieldList fields = config::ListFields(config);
     bool limits_steps = false;
     for (const auto* set : {&plan_.set, &group.set, &point.set, &plan_.overrides}) {
@@ -216,6 +222,7 @@ class Expansion {
     if (!group.preset.empty()) {
       config = train::ReadAgentRunConfig(Beside(group.preset), std::move(config));
     }
+    LayProfiles(group.profiles, config.environment);
     const config::FieldList fields = config::ListFields(config);
     for (const auto* set : {&plan_.set, &plan_.overrides}) {
       for (const base::TomlAssignment& assignment : *set) {
@@ -293,9 +300,7 @@ class Expansion {
     constexpr bool kIsPolicy = std::is_same_v<Config, train::RunConfig>;
     const std::string who = fmt::format("{}, score '{}'", cell.name(), score.name);
     const config::FieldList fields = config::ListFields(task);
-    for (const std::string& profile : score.profiles) {
-      train::LayProfile(Beside(profile), task.environment);
-    }
+    LayProfiles(score.profiles, task.environment);
     for (const auto& [key, value] : score.set) {
       if (!key.starts_with("environment.") && !key.starts_with("evaluation.") &&
           !key.starts_with("mpc.")) {

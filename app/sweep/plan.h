@@ -114,6 +114,7 @@ struct Group {
   std::string label;
   std::string preset;
   std::string planner;
+  std::vector<std::string> profiles;
   base::TomlAssignments set;
   std::vector<std::string> scores;
   std::vector<Axis> axes;
@@ -128,6 +129,8 @@ struct Group {
     v("planner", planner,
       "A classical planner (dwa, teb, eband, mppi), which is scored without training and has no "
       "seeds. Empty: policies are trained.");
+    v("profiles", profiles,
+      "TOML files, as paths relative to the plan, whose [environment] is laid over the preset's.");
     v("set", set, "Keys of the config and their values, for this group.");
     v("scores", scores, "Names of the scores for this group. Empty: sweep.scores.");
     v.Tables("axis", axes, "An axis of this group, besides those of the plan.");

@@ -248,6 +248,27 @@ TEST_F(ConfigFileTest, AFileOverridesItsBasesAndOverridesComeLast) {
   EXPECT_EQ(config.inner.speed, 4.0);
 }
 
+TEST_F(ConfigFileTest, OfSeveralBasesALaterOneOverridesAnEarlierOneAndTheFileBoth) {
+  Write("sub/root.toml", "flag = true\nname = 'root'\n");
+  Write("sub/a.toml", "base = 'root.toml'\ncount = 1\n[inner]\nkind = 'slow'\nspeed = 9\n");
+  Write("b.toml", "count = 2\nname = 'b'\n[inner]\nspeed = 7\n");
+  const fs::path top = Write("top.toml", "base = ['sub/a.toml', 'b.toml']\n[inner]\nspeed = 5\n");
+  const auto config = Load<Outer>(top, {});
+  EXPECT_TRUE(config.flag);
+  EXPECT_EQ(config.name, "b");
+  EXPECT_EQ(config.count, 2);
+  EXPECT_EQ(config.inner.kind, "slow");
+  EXPECT_EQ(config.inner.speed, 5.0);
+  EXPECT_THAT(ErrorOf(Write("gone.toml", "base = ['b.toml', 'none.toml']")),
+              HasSubstr("none.toml"));
+  EXPECT_THAT(ErrorOf(Write("c.toml", "base = ['b.toml', 'c.toml']")),
+              AllOf(HasSubstr("c.toml:1: "), HasSubstr("circle")));
+  for (const std::string list : {"['b.toml', 3]", "[]"}) {
+    EXPECT_THAT(ErrorOf(Write("d.toml", "\nbase = " + list)),
+                AllOf(HasSubstr("d.toml:2: "), HasSubstr("or a list of such paths")));
+  }
+}
+
 TEST_F(ConfigFileTest, ErrorsNameTheFileThatIsWrong) {
   const fs::path root = Write("root.toml", "\ncuont = 1\n");
   const fs::path top = Write("top.toml", "base = 'root.toml'\n");

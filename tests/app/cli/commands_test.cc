@@ -172,6 +172,27 @@ TEST(CommandsTest, APlannersEvaluationIsTheSameOnAnyThreadsAndMakesAReport) {
   }
 }
 
+TEST(CommandsTest, AProfileOfATrainingIsRecordedAndARunKeepsIt) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 1500);
+  base::WriteFileAtomically(scratch.path() / "worn.toml",
+                            "[environment.robot]\nspeed_gain = 0.9\nyaw_gain = 0.8\n");
+  base::WriteFileAtomically(scratch.path() / "new.toml", "[environment.robot]\nspeed_gain = 1.0\n");
+  const ProgramResult trained = RunProgram({"train", "tiny.toml", "--no-evaluation", "--profile",
+                                            "worn.toml", "--set", "environment.robot.yaw_gain=0.7"},
+                                           scratch.path());
+  EXPECT_EQ(trained.exit_code, 0) << trained.err;
+  EXPECT_THAT(base::ReadFile(scratch.path() / "runs/tiny/config.toml"),
+              AllOf(HasSubstr("speed_gain = 0.9"), HasSubstr("yaw_gain = 0.7")));
+  const std::vector<std::string> resume = {"train", "runs/tiny", "--resume", "--no-evaluation"};
+  EXPECT_EQ(RunProgram(resume, scratch.path()).exit_code, 0);
+  std::vector<std::string> with_another = resume;
+  with_another.insert(with_another.end(), {"--profile", "new.toml"});
+  const ProgramResult refused = RunProgram(with_another, scratch.path());
+  EXPECT_NE(refused.exit_code, 0);
+  EXPECT_THAT(refused.err, HasSubstr("environment.robot.speed_gain was 0.9"));
+}
+
 TEST(CommandsTest, APlannerHasTheRobotOfItsProtocolUnlessToldOtherwise) {
   const ScratchDirectory scratch;
   base::WriteFileAtomically(scratch.path() / "runs.toml",

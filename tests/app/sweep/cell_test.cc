@@ -173,6 +173,25 @@ TEST(CellTest, APlannerHasTheRobotOfItsProtocolAndItsGroupsKeys) {
               ThrowsMessage<base::Error>(HasSubstr("in the `set` of a group")));
 }
 
+TEST(CellTest, AGroupsProfilesLieOverItsPresetAndUnderItsKeys) {
+  const test::ScratchDirectory scratch;
+  base::WriteFileAtomically(scratch.path() / "worn.toml",
+                            "[environment.robot]\nspeed_gain = 0.9\nyaw_gain = 0.8\n");
+  const std::string groups =
+      "[[group]]\nname = \"new\"\n[[group]]\nname = \"worn\"\nprofiles = [\"worn.toml\"]\n"
+      "set = {environment.robot.yaw_gain = 0.7}\n"
+      "[[group]]\nname = \"dwa\"\nplanner = \"dwa\"\nprofiles = [\"worn.toml\"]\n";
+  const Cells cells = test::Expand(scratch.path(), kPlan + groups, {"sweep.seeds=[1]"});
+  const auto robot = [&](std::size_t cell) { return cells.cells[cell].config->environment.robot; };
+  EXPECT_EQ(robot(0).speed_gain, 1.0);
+  EXPECT_EQ(robot(1).speed_gain, 0.9);
+  EXPECT_EQ(robot(1).yaw_gain, 0.7);
+  EXPECT_THAT(cells.cells[1].scores[0].task, HasSubstr("speed_gain = 0.9"));
+  EXPECT_THAT(cells.cells[2].scores[0].task,
+              AllOf(HasSubstr("speed_gain = 0.9"), HasSubstr("yaw_gain = 0.8")));
+  EXPECT_EQ(Ids(cells).size(), 3U);
+}
+
 TEST(CellTest, TheIdDependsOnAllThatDecidesTheResultAndOnNothingElse) {
   const test::ScratchDirectory scratch;
   const auto ids = [&](const std::string& text, const std::vector<std::string>& overrides = {},
