@@ -74,7 +74,8 @@ void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, i
                   base::FormatBytes(static_cast<double>(available))));
 }
 
-void PrintPlan(const SweepOptions& options) {
+/// Returns the time left with this machine's cores, [s]; none: not known.
+std::optional<double> PrintPlan(const SweepOptions& options) {
   const Sweep sweep = LoadSweep(options);
   const sweep::Slots slots =
       sweep::ShareOut(base::AvailableCores(), options.at_once, sweep.plan.sweep.lockstep);
@@ -112,22 +113,37 @@ void PrintPlan(const SweepOptions& options) {
             "time: not known, as nothing like '{}' was trained here; without --no-trial it "
             "is measured\n",
             cell.name());
-        return;
+        return std::nullopt;
       }
       spdlog::info("measuring how fast '{}' trains", cell.name());
       const auto seconds = sweep::MeasureSecondsPerStep(cell, Program());
       if (!seconds) {
         fmt::print("time: not known, as '{}' made no update in a short trial\n", cell.name());
-        return;
+        return std::nullopt;
       }
       rates.Set(cell.group, *seconds);
     }
     left_s += rates.SecondsLeft(cell, status.steps, status.num_scores_done).value_or(0.0);
   }
-  fmt::print("time: about {} with {} at once on this machine{}\n",
-             base::FormatDuration(sweep::WallSeconds(left_s, num_left, slots.at_once)),
+  const double wall_s = sweep::WallSeconds(left_s, num_left, slots.at_once);
+  fmt::print("time: about {} with {} at once on this machine{}\n", base::FormatDuration(wall_s),
              slots.at_once,
              rates.knows_scores() ? "" : ", and the scores, which were never timed here");
+  return wall_s;
+}
+
+/// Prints every plan that the options ask for, and what they take together.
+void PrintPlans(const SweepOptions& options) {
+  const std::vector<SweepOptions> each = EachPlan(options);
+  std::optional<double> wall_s = 0.0;
+  for (const SweepOptions& one : each) {
+    const std::optional<double> left_s = PrintPlan(one);
+    if (wall_s) wall_s = left_s ? std::optional(*wall_s + *left_s) : std::nullopt;
+    if (each.size() > 1) fmt::print("\n");
+  }
+  if (each.size() == 1) return;
+  fmt::print("{}: {} plans, {}\n", options.plan, each.size(),
+             wall_s ? "about " + base::FormatDuration(*wall_s) : "time not known");
 }
 
 /// Where a sweep keeps what it tells and hears of Slurm.
@@ -174,7 +190,8 @@ void PrintStatus(const SweepOptions& options) {
 
 /// The command that goes on with the sweep.
 std::string Again(const SweepOptions& options, const std::string& more = "") {
-  std::vector<std::string> arguments = {"sweep", "run", options.plan};
+  std::vector<std::string> arguments = {"sweep", "run",
+                                        options.list.empty() ? options.plan : options.list};
   for (const std::string& set : options.overrides) {
     arguments.insert(arguments.end(), {"--set", set});
   }
@@ -301,6 +318,17 @@ int RunSweep(const SweepOptions& options) {
   return kExitOk;
 }
 
+/// Works on every plan that the options ask for, unless a signal says to stop.
+int RunSweeps(const SweepOptions& options) {
+  int exit_code = kExitOk;
+  for (const SweepOptions& one : EachPlan(options)) {
+    const int code = RunSweep(one);
+    if (code >= kExitSignalBase) return code;
+    if (code != kExitOk) exit_code = code;
+  }
+  return exit_code;
+}
+
 }  // namespace
 
 void AddSweepCommand(CLI::App& app, int* exit_code) {
@@ -314,7 +342,7 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   AddPlanOptions(*plan, *options);
   plan->add_flag("--no-trial", options->no_trial,
                  "Do not measure the speed of trainings that were never run here");
-  plan->callback([options] { PrintPlan(*options); });
+  plan->callback([options] { PrintPlans(*options); });
 
   CLI::App* run = sweep->add_subcommand(
       "run", "Work on a plan's cells until all are done; start it again to go on");
@@ -328,20 +356,24 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
                   "Who runs the cells: local, this machine; slurm, a job array of a Slurm cluster "
                   "(docs/sweeps-cluster.md) [local]")
       ->check(CLI::IsMember({"local", "slurm"}));
-  run->callback([options, exit_code] { *exit_code = RunSweep(*options); });
+  run->callback([options, exit_code] { *exit_code = RunSweeps(*options); });
 
   CLI::App* status = sweep->add_subcommand("status", "Print what has become of a plan's cells");
   AddPlanOptions(*status, *options);
-  status->callback([options] { PrintStatus(*options); });
+  status->callback([options] {
+    for (const SweepOptions& one : EachPlan(*options)) PrintStatus(one);
+  });
 
   CLI::App* report = sweep->add_subcommand(
       "report", "Write the report of what a plan's cells have come to, done or not");
   AddPlanOptions(*report, *options);
   report->callback([options] {
-    const Sweep loaded = LoadSweep(*options);
-    const Reporter reporter(loaded, options->store);
-    reporter.Write();
-    fmt::print("{}", reporter.Summary());
+    for (const SweepOptions& one : EachPlan(*options)) {
+      const Sweep loaded = LoadSweep(one);
+      const Reporter reporter(loaded, one.store);
+      reporter.Write();
+      fmt::print("{}", reporter.Summary());
+    }
   });
 
   CLI::App* export_cells = sweep->add_subcommand(
@@ -351,10 +383,13 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
       ->add_option("--to", options->archive, "Directory of the copies, one directory per cell")
       ->required();
   export_cells->callback([options] {
-    const sweep::Copied copied =
-        sweep::ExportCells(options->store, LoadSweep(*options).chosen, options->archive);
-    fmt::print("{}: {} cells are new, {} were there, {} are not done\n", options->archive,
-               copied.num_new, copied.num_same, copied.num_left);
+    for (const SweepOptions& one : EachPlan(*options)) {
+      const Sweep loaded = LoadSweep(one);
+      const sweep::Copied copied = sweep::ExportCells(one.store, loaded.chosen, one.archive);
+      fmt::print("{}: {} cells are new in {}, {} were there, {} are not done\n",
+                 loaded.plan.sweep.name, copied.num_new, one.archive, copied.num_same,
+                 copied.num_left);
+    }
   });
 
   CLI::App* import_cells = sweep->add_subcommand(

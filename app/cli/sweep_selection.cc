@@ -74,6 +74,24 @@ std::vector<sweep::Cell> Choose(const SweepOptions& options, const sweep::Plan& 
 
 }  // namespace
 
+std::vector<SweepOptions> EachPlan(const SweepOptions& options) {
+  const std::vector<std::filesystem::path> files = sweep::PlanFiles(options.plan);
+  if (files.size() == 1 && files.front() == options.plan) return {options};
+  for (const std::string& set : options.overrides) {
+    if (!set.starts_with("sweep.name=")) continue;
+    throw base::Error(fmt::format(
+        "--set {}: {} lists several plans, whose reports would lie in one place; use --output", set,
+        options.plan));
+  }
+  std::vector<SweepOptions> each;
+  for (const std::filesystem::path& file : files) {
+    each.push_back(options);
+    each.back().list = options.plan;
+    each.back().plan = file.string();
+  }
+  return each;
+}
+
 Sweep LoadSweep(const SweepOptions& options) {
   Sweep sweep;
   sweep.plan = sweep::ReadPlan(options.plan, options.overrides);

@@ -15,6 +15,7 @@ inline constexpr char kSweepStore[] = "runs/sweeps";
 /// The options of the commands `slalom sweep ...`, each of which has some of them.
 struct SweepOptions {
   std::string plan;
+  std::string list;  ///< The file with `sweep.plans` that names `plan`; empty: there is none.
   std::vector<std::string> overrides;
   std::string store = kSweepStore;
   std::vector<std::string> groups;
@@ -31,6 +32,10 @@ struct SweepOptions {
 
 /// Adds the options with which every command chooses a plan and some of its cells.
 void AddPlanOptions(CLI::App& command, SweepOptions& options);
+
+/// The options for each plan that the file `options.plan` asks for: itself, or those that it lists.
+/// Throws `base::Error` like `sweep::PlanFiles`.
+std::vector<SweepOptions> EachPlan(const SweepOptions& options);
 
 /// A plan with its cells, and those that the options choose.
 struct Sweep {

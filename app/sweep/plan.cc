@@ -204,10 +204,39 @@ class Checker {
 
 }  // namespace
 
+std::vector<fs::path> PlanFiles(const fs::path& file) {
+  Plan list;
+  config::ReadTomlFile(file, config::ListFields(list));
+  if (list.sweep.plans.empty()) return {file};
+  Plan only_plans;
+  only_plans.sweep.plans = list.sweep.plans;
+  if (config::ToToml(list) != config::ToToml(only_plans)) {
+    throw base::Error(
+        fmt::format("{}: has sweep.plans and other keys, expected nothing but the list of plans",
+                    file.string()));
+  }
+  std::vector<fs::path> files;
+  for (const std::string& path : list.sweep.plans) {
+    files.push_back(file.parent_path() / path);
+    Plan plan;
+    config::ReadTomlFile(files.back(), config::ListFields(plan));
+    if (plan.sweep.plans.empty()) continue;
+    throw base::Error(
+        fmt::format("{}: sweep.plans names {}, which is a list of plans; expected a "
+                    "plan",
+                    file.string(), path));
+  }
+  return files;
+}
+
 Plan ReadPlan(const fs::path& file, std::span<const std::string> overrides) {
   Plan plan;
   const config::FieldList fields = config::ListFields(plan);
   config::ReadTomlFile(file, fields);
+  if (!plan.sweep.plans.empty()) {
+    throw base::Error(fmt::format("{}: is a list of plans, expected one of them: {}", file.string(),
+                                  fmt::join(plan.sweep.plans, ", ")));
+  }
   plan.file = file;
   for (const std::string& assignment : overrides) {
     if (IsOfPlan(assignment)) {

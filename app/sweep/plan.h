@@ -22,6 +22,7 @@ inline base::OneOf QuantityKeys() {
 struct SweepSettings {
   std::string name;
   std::string title;
+  std::vector<std::string> plans;
   std::string preset;
   std::vector<int> seeds = {1, 2, 3};
   std::vector<std::string> scores;
@@ -36,6 +37,9 @@ struct SweepSettings {
     v("name", name,
       "Name of the sweep: a directory below --output holds its report. Empty: that of the file.");
     v("title", title, "Title of the report. Empty: the name.");
+    v("plans", plans,
+      "Plans to work on one after the other, as paths relative to this file, which then holds "
+      "nothing else. Empty: this file is a plan itself.");
     v("preset", preset,
       "Config from which trainings start, as a path relative to this file. A group may have its "
       "own.");
@@ -245,10 +249,15 @@ struct Plan {
   }
 };
 
+/// The plans that a file asks for: itself, or those of `sweep.plans`. Throws `base::Error` like
+/// `ReadPlan`, and if one of these does not exist or names plans itself.
+std::vector<std::filesystem::path> PlanFiles(const std::filesystem::path& file);
+
 /// Reads a plan. `overrides`: `--set` of the command line. Keys of the plan (sweep, budget, slurm)
 /// change the plan; any other is a key of the run's config and changes every training. Throws
 /// `base::Error` that names file, line and key: unknown key, no score, an empty axis, lists of
-/// different lengths, two groups or scores of one name, a preset that is not there.
+/// different lengths, two groups or scores of one name, a preset that is not there, a file with
+/// `sweep.plans`.
 Plan ReadPlan(const std::filesystem::path& file, std::span<const std::string> overrides);
 
 }  // namespace slalom::sweep

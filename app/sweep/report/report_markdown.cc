@@ -153,7 +153,7 @@ std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
 }
 
 /// "**65.1 ± 4.0**"
-std::string CellText(const GridCell& cell) {
+std::string MarkdownCell(const GridCell& cell) {
   if (!cell.mean) return "–";
   std::string number = fmt::format("{:.1f}", *cell.mean);
   if (cell.deviation) number += fmt::format(" ± {:.1f}", *cell.deviation);
@@ -162,10 +162,10 @@ std::string CellText(const GridCell& cell) {
 }
 
 /// A cell over several columns stands in the first of them.
-std::string CellsText(const std::vector<GridCell>& cells) {
+std::string MarkdownCells(const std::vector<GridCell>& cells) {
   std::string text;
   for (const GridCell& cell : cells) {
-    text += " " + CellText(cell) + " |";
+    text += " " + MarkdownCell(cell) + " |";
     for (int i = 1; i < cell.num_columns; ++i) text += " |";
   }
   return text + "\n";
@@ -183,9 +183,9 @@ std::string GridTable(const Grid& grid) {
   }
   text += "\n" + rule + "\n";
   for (const GridLine& line : grid.lines) {
-    text += "| " + EscapeMarkdown(line.head) + " |" + CellsText(line.cells);
+    text += "| " + EscapeMarkdown(line.head) + " |" + MarkdownCells(line.cells);
     for (const auto& [source, cells] : line.published) {
-      text += "| *" + EscapeMarkdown(source) + "* |" + CellsText(cells);
+      text += "| *" + EscapeMarkdown(source) + "* |" + MarkdownCells(cells);
     }
   }
   return text + "\n" + EscapeMarkdown(grid.caption) + "\n";

@@ -13,7 +13,11 @@ namespace slalom::sweep {
 namespace {
 
 using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+namespace fs = std::filesystem;
 
 const std::string kPlan = std::string(test::kSweep) + test::kTinyScore;
 
@@ -44,6 +48,25 @@ TEST(PlanTest, OverridesOfThePlanAndOfTheTrainingsAreToldApart) {
   EXPECT_EQ(plan.sweep.seeds, std::vector<int>{7});
   ASSERT_EQ(plan.overrides.size(), 1U);
   EXPECT_EQ(plan.overrides[0].key, "run.max_steps");
+}
+
+TEST(PlanTest, AFileMayNamePlansInPlaceOfBeingOne) {
+  const test::ScratchDirectory scratch;
+  const fs::path plan = test::WritePlan(scratch.path(), kPlan);
+  const fs::path list = scratch.path() / "list.toml";
+  const auto write = [&](const std::string& text) { base::WriteFileAtomically(list, text); };
+  const auto files = [&] { return PlanFiles(list); };
+  EXPECT_THAT(PlanFiles(plan), ElementsAre(plan));
+  write("[sweep]\nplans = [\"plan.toml\", \"plan.toml\"]\n");
+  EXPECT_THAT(files(), ElementsAre(plan, plan));
+  EXPECT_THAT([&] { ReadPlan(list, {}); },
+              ThrowsMessage<base::Error>(HasSubstr("list.toml: is a list of plans, expected one")));
+  write("[sweep]\nplans = [\"plan.toml\"]\nseeds = [1]\n");
+  EXPECT_THAT(files, ThrowsMessage<base::Error>(HasSubstr("nothing but the list of plans")));
+  write("[sweep]\nplans = [\"list.toml\"]\n");
+  EXPECT_THAT(files, ThrowsMessage<base::Error>(HasSubstr("list.toml, which is a list of plans")));
+  write("[sweep]\nplans = [\"gone.toml\"]\n");
+  EXPECT_THAT(files, ThrowsMessage<base::Error>(HasSubstr("gone.toml")));
 }
 
 TEST(PlanTest, WhatIsPrintedReadsBack) {

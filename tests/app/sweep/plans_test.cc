@@ -29,6 +29,18 @@ Cells Expand(const std::string& plan, const std::vector<std::string>& overrides 
   return ExpandPlan(ReadPlan(kConfigs / "sweeps" / (plan + ".toml"), overrides), kPlatform);
 }
 
+/// The files of configs/sweeps that are plans.
+std::vector<fs::path> Plans() {
+  std::vector<fs::path> plans;
+  for (const auto& file : fs::recursive_directory_iterator(kConfigs / "sweeps")) {
+    const fs::path name = file.path().filename();
+    // A list of plans, and the base of plans.
+    if (!file.is_regular_file() || name == "paper.toml" || name == "settings.toml") continue;
+    plans.push_back(file.path());
+  }
+  return plans;
+}
+
 const Cell* FindRow(const Cells& cells, const std::string& row) {
   const auto found = std::ranges::find(cells.cells, row, &Cell::row_name);
   return found == cells.cells.end() ? nullptr : &*found;
@@ -53,16 +65,17 @@ TEST(PlansTest, EveryPlanHasItsRows) {
       {"ablations", 21, {"TD3", "without mirror images", "Dyna as published"}},
       {"as-published", 48, {"TD3", "MPC, probabilistic", "TD3, transformer, 8 frames"}},
       {"classical", 4, {"DWA", "TEB", "E-band", "MPPI"}},
-      {"methods", 30, {"TD3", "DDPG", "SAC", "TD3 with a constraint", "MBPO", "TD3 with a model"}},
-      {"networks-boxes",
-       30,
-       {"MLP / 1", "GRU / 4", "transformer / 8", "MLP with a constraint / 1"}},
-      {"networks-static", 27, {"MLP / 1", "MLP / 4", "CNN / 8"}},
-      {"networks-walls", 27, {"MLP / 1", "GRU / 4", "transformer / 8"}},
+      {"paper/algorithms", 15, {"TD3 / MLP / 1", "SAC / GRU / 4", "DDPG / Transformer / 4"}},
+      {"paper/memory", 81, {"MLP / 1", "GRU / 4", "Transformer / 8"}},
+      {"paper/models", 42, {"MLP", "Dyna-style deterministic", "MPC probabilistic", "MBPO"}},
+      {"paper/physical", 29, {"MLP, 50 courses", "Lagrangian, trained under the profile", "DWA"}},
+      {"paper/published-code", 3, {"the paper, done right", "code of March 2022"}},
+      {"paper/reward", 24, {"5.0 / 0.0 / 4.0", "20.0 / 1.0 / 1.0"}},
+      {"paper/safety", 19, {"MLP", "Lagrangian", "MPC", "DWA", "TEB", "E-band", "MPPI"}},
       {"planning", 3, {"td3-with-model"}},
       {"prioritized", 6, {"TD3", "prioritized replay"}},
       {"static", 9, {"250 courses", "50 courses", "250 courses, lifelike drive"}},
-      {"training-sets", 15, {"5", "250"}},
+      {"training-sets", 25, {"5", "250"}},
   };
   std::set<std::string> tested;
   for (const Expected& expected : all) {
@@ -72,73 +85,59 @@ TEST(PlansTest, EveryPlanHasItsRows) {
     for (const std::string& row : expected.rows) EXPECT_NE(FindRow(cells, row), nullptr) << row;
     tested.insert(expected.plan);
   }
-  for (const auto& file : fs::directory_iterator(kConfigs / "sweeps")) {
-    EXPECT_THAT(tested, Contains(file.path().stem().string())) << "has no line in this test";
+  for (const fs::path& file : Plans()) {
+    EXPECT_THAT(tested, Contains(file.lexically_relative(kConfigs / "sweeps").replace_extension()))
+        << "has no line in this test";
   }
 }
 
-/// The config of a preset with what a plan may change besides: limits, courses and checkpoints.
-std::string SettingsOf(train::RunConfig config) {
-  config.run = {};
-  config.courses = {};
-  return config::ToToml(config);
-}
-
-std::string SettingsOfPreset(const std::string& preset) {
-  train::RunConfig config;
-  config::ReadTomlFile(kConfigs / preset, config::ListFields(config));
-  return SettingsOf(config);
-}
-
-TEST(PlansTest, RowsOfNetworksAreThePresets) {
-  const std::map<std::string, std::string> folders = {
-      {"static", ""}, {"boxes", ""}, {"walls", "wall/"}};
-  for (const auto& [scenario, folder] : folders) {
-    const Cells cells = Expand("networks-" + scenario, {"sweep.seeds=[1]"});
-    for (const std::string network : {"MLP", "GRU", "CNN", "transformer"}) {
-      for (const std::string frames : {"4", "8"}) {
-        const std::string row = network + " / " + frames;
-        SCOPED_TRACE(scenario + ", " + row);
-        std::string name = network;
-        std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
-        // There are no presets with eight frames among walls: they differ in the frames alone.
-        const bool derived = frames == "8" && !folder.empty();
-        const Cell* cell = FindRow(cells, row);
-        ASSERT_NE(cell, nullptr);
-        train::RunConfig config = *cell->config;
-        EXPECT_EQ(config.network.history, std::stoi(frames));
-        if (derived) config.network.history = 4;
-        EXPECT_EQ(SettingsOf(config), SettingsOfPreset("fast/" + folder + "td3-" + name + "-h" +
-                                                       (derived ? "4" : frames) + ".toml"));
-      }
-    }
+TEST(PlansTest, ThePaperIsAllPlansOfItsFolder) {
+  std::set<fs::path> listed;
+  for (const fs::path& file : PlanFiles(kConfigs / "sweeps" / "paper.toml")) {
+    EXPECT_TRUE(listed.insert(file.lexically_normal()).second) << file;
+  }
+  for (const fs::path& file : Plans()) {
+    if (file.parent_path().filename() == "paper") EXPECT_THAT(listed, Contains(file));
   }
 }
 
-TEST(PlansTest, AmongWallsStandingStillCostsMoreThanBeingHit) {
-  const Cells cells = Expand("networks-walls", {"sweep.seeds=[1]"});
+TEST(PlansTest, NetworksOfTheMemoryTableDifferInNothingElse) {
+  const Cells cells = Expand("paper/memory", {"sweep.seeds=[1]"});
+  ASSERT_EQ(cells.cells.size(), 27U);
+  const train::RunConfig& first = *cells.cells[0].config;
   for (const Cell& cell : cells.cells) {
     SCOPED_TRACE(cell.name());
-    EXPECT_EQ(cell.config->environment.reward.collision, 1.0);
-    EXPECT_EQ(cell.config->environment.reward.slack, 0.02);
-    EXPECT_EQ(cell.config->method.learner.gamma, 0.995);
+    train::RunConfig config = *cell.config;
+    EXPECT_EQ(cell.scores.size(), 2U);
+    config.network = first.network;
+    config.courses = first.courses;
+    EXPECT_EQ(config::ToToml(config), config::ToToml(first));
+  }
+}
+
+TEST(PlansTest, ModelsAreComparedAtOneRatioOfUpdates) {
+  for (const Cell& cell : Expand("paper/models").cells) {
+    EXPECT_EQ(cell.config->run.updates_per_step, 0.25) << cell.name();
   }
 }
 
 TEST(PlansTest, PlansShareCells) {
-  const Cells methods = Expand("methods");
-  EXPECT_EQ(FindRow(methods, "TD3 with a model")->id, Expand("planning").cells[0].id);
-  EXPECT_EQ(FindRow(methods, "TD3")->id, FindRow(Expand("networks-static"), "MLP / 1")->id);
+  const std::string mlp = FindRow(Expand("paper/memory"), "MLP / 1")->id;
+  EXPECT_EQ(FindRow(Expand("paper/safety"), "MLP")->id, mlp);
+  EXPECT_EQ(FindRow(Expand("training-sets"), "50")->id, mlp);
+  EXPECT_EQ(FindRow(Expand("paper/physical"), "MLP, 50 courses")->id, mlp);
+  EXPECT_EQ(FindRow(Expand("paper/reward"), "20.0 / 1.0 / 1.0")->id, mlp);
 }
 
-TEST(PlansTest, ValidationNeverDrivesTestCourses) {
-  const Cells cells =
-      Expand("methods", {"sweep.scores=[\"validation\"]", "courses.train=static-train-210"});
-  for (const Cell& cell : cells.cells) {
-    EXPECT_THAT(ScoreNames(cell), ElementsAre("validation"));
-    EXPECT_EQ(cell.num_training_courses, 210);
+TEST(PlansTest, AConstraintTakesThePlaceOfTheCostOfACollision) {
+  for (const char* plan : {"paper/safety", "paper/physical"}) {
+    for (const Cell& cell : Expand(plan).cells) {
+      if (!cell.config) continue;
+      const bool constrained =
+          cell.config->method.constraint.kind != learner::ConstraintKind::kNone;
+      EXPECT_EQ(cell.config->environment.reward.collision, constrained ? 0.0 : 1.0) << cell.name();
+    }
   }
-  EXPECT_THAT(ScoreNames(Expand("methods").cells[0]), ElementsAre("test", "fresh", "lifelike"));
 }
 
 TEST(PlansTest, PlannersDriveWhatTheirGroupsList) {
