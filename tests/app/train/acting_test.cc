@@ -26,7 +26,7 @@ std::vector<nn::NetworkShape> ShippedActors() {
   std::set<std::string> seen;
   const fs::path root = fs::path(SLALOM_SOURCE_DIR) / "configs";
   for (const auto& entry : fs::recursive_directory_iterator(root)) {
-    const fs::path folder = entry.path().parent_path().filename();
+    const fs::path folder = *fs::relative(entry.path(), root).begin();
     if (entry.path().extension() != ".toml" || folder == "planners" || folder == "sweeps") continue;
     const RunConfig config =
         config::Load<RunConfig>(entry.path(), std::vector<std::string>{"learner.device=cpu"});

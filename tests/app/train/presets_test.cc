@@ -29,7 +29,7 @@ std::vector<std::string> Presets() {
   std::vector<std::string> names;
   for (const auto& entry : fs::recursive_directory_iterator(Root())) {
     fs::path path = entry.path();
-    const fs::path folder = path.parent_path().filename();
+    const fs::path folder = *fs::relative(path, Root()).begin();
     if (path.extension() != ".toml" || folder == "planners" || folder == "sweeps") continue;
     names.push_back(fs::relative(path.replace_extension(), Root()).string());
   }
