@@ -12,24 +12,20 @@
 #include "policy/nn/inference/inference_network.h"
 #include "policy/nn/kernels/small_gemm.h"
 #include "policy/nn/network.h"
+#include "tests/app/train/presets.h"
 
 /// Whether what drives robots computes what was trained, for the network of every preset.
 
 namespace slalom::train {
 namespace {
 
-namespace fs = std::filesystem;
-
 /// The actor of each preset that trains, by its parameters' names and shapes: each once.
 std::vector<nn::NetworkShape> ShippedActors() {
   std::vector<nn::NetworkShape> shapes;
   std::set<std::string> seen;
-  const fs::path root = fs::path(SLALOM_SOURCE_DIR) / "configs";
-  for (const auto& entry : fs::recursive_directory_iterator(root)) {
-    const fs::path folder = *fs::relative(entry.path(), root).begin();
-    if (entry.path().extension() != ".toml" || folder == "planners" || folder == "sweeps") continue;
+  for (const std::filesystem::path& preset : test::TrainingPresets()) {
     const RunConfig config =
-        config::Load<RunConfig>(entry.path(), std::vector<std::string>{"learner.device=cpu"});
+        config::Load<RunConfig>(preset, std::vector<std::string>{"learner.device=cpu"});
     const nn::NetworkShape shape = MakePolicySpec(config).actor_shape();
     std::string key;
     for (const nn::ParameterSlot& slot : shape.Slots()) {

@@ -1,3 +1,5 @@
+#include "tests/app/train/presets.h"
+
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -27,11 +29,8 @@ const fs::path& Root() {
 /// Every preset that trains, below configs/, without ".toml".
 std::vector<std::string> Presets() {
   std::vector<std::string> names;
-  for (const auto& entry : fs::recursive_directory_iterator(Root())) {
-    fs::path path = entry.path();
-    const fs::path folder = *fs::relative(path, Root()).begin();
-    if (path.extension() != ".toml" || folder == "planners" || folder == "sweeps") continue;
-    names.push_back(fs::relative(path.replace_extension(), Root()).string());
+  for (fs::path preset : test::TrainingPresets()) {
+    names.push_back(fs::relative(preset.replace_extension(), Root()).string());
   }
   std::sort(names.begin(), names.end());
   return names;
