@@ -259,10 +259,10 @@ class Expansion {
                 ConfigurePlanner(group, point, published.value_or(train::AgentRunConfig{})));
     }
     train::AgentRunConfig anywhere = ConfigurePlanner(group, point, {});
+    Describe(anywhere, cell);
     anywhere.courses = {};
     cell.id = train::Digest(
         fmt::format("planner {}\n{}\n{}", group.planner, config::Changes(anywhere), platform_));
-    Describe(ConfigurePlanner(group, point, {}), cell);
     Add(std::move(cell));
   }
 
@@ -409,9 +409,12 @@ std::string Cell::row_name() const {
   return row.empty() ? group : fmt::format("{}", fmt::join(row, " / "));
 }
 
+std::string Cell::training_name() const {
+  return column.empty() ? row_name() : fmt::format("{}, {}", row_name(), column);
+}
+
 std::string Cell::name() const {
-  if (!planner.empty()) return row_name();
-  return fmt::format("{}{}{}, seed {}", row_name(), column.empty() ? "" : ", ", column, seed);
+  return planner.empty() ? fmt::format("{}, seed {}", training_name(), seed) : row_name();
 }
 
 Cells ExpandPlan(const Plan& plan, const train::Platform& platform) {

@@ -39,6 +39,8 @@ struct Cell {
 
   /// "TD3 / 50", the row's name in tables.
   std::string row_name() const;
+  /// "TD3 / 50", or "TD3 / 50, walls" if there is an axis of columns: all seeds of a training.
+  std::string training_name() const;
   /// "TD3 / 50, seed 2", or "TD3 / 50, walls, seed 2", for progress and errors.
   std::string name() const;
 };

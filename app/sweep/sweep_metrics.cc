@@ -39,7 +39,7 @@ Labels With(Labels labels, std::string value) {
 Labels LabelsOf(const std::string& sweep, const Cell& cell) {
   return {sweep,
           cell.id,
-          cell.column.empty() ? cell.row_name() : cell.row_name() + ", " + cell.column,
+          cell.training_name(),
           MethodName(cell),
           NetworkName(cell),
           fmt::format("{}", cell.num_training_courses),
