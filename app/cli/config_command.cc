@@ -25,11 +25,9 @@ constexpr char kPageHead[] =
     "test checks that it is up\n"
     "to date.\n\n"
     "A file may start from another with `base = \"other.toml\"` (a path relative to itself), or "
-    "from "
-    "several with\n"
+    "from several with\n"
     "`base = [\"a.toml\", \"b.toml\"]`, of which a later one overrides an earlier one. On the "
-    "command "
-    "line\n"
+    "command line\n"
     "`--set section.key=value` overrides all. Unknown keys and values out of range are errors.\n";
 
 constexpr char kAgentPageHead[] =

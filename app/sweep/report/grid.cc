@@ -78,6 +78,38 @@ GridLine MakeLine(std::string head, const std::vector<Place>& places) {
   return line;
 }
 
+/// Makes the best number of `cells` bold, and those that print alike. Nothing is bold if all
+/// numbers print alike.
+void EmboldenBest(const std::vector<GridCell*>& cells, bool higher_is_better) {
+  std::vector<GridCell*> numbers;
+  for (GridCell* cell : cells) {
+    if (cell->mean) numbers.push_back(cell);
+  }
+  if (numbers.size() < 2) return;
+  const double sign = higher_is_better ? 1.0 : -1.0;
+  double best = sign * Rounded(*numbers.front()->mean);
+  for (const GridCell* cell : numbers) best = std::max(best, sign * Rounded(*cell->mean));
+  const auto is_best = [&](const GridCell* cell) { return sign * Rounded(*cell->mean) == best; };
+  if (std::ranges::all_of(numbers, is_best)) return;
+  for (GridCell* cell : numbers) cell->is_bold = is_best(cell);
+}
+
+/// Makes the best number of a column bold. Requires: no cell spans several columns.
+void EmboldenBest(Grid& grid, std::size_t column, bool higher_is_better) {
+  std::vector<GridCell*> cells;
+  for (GridLine& line : grid.lines) cells.push_back(&line.cells[column]);
+  EmboldenBest(cells, higher_is_better);
+}
+
+/// The scores that have rows.
+std::vector<const ScoreContent*> ScoresWithRows(const ReportContent& content) {
+  std::vector<const ScoreContent*> scores;
+  for (const ScoreContent& score : content.scores) {
+    if (!score.rows.empty()) scores.push_back(&score);
+  }
+  return scores;
+}
+
 /// What every caption says of how to read the table.
 std::string Explain(const std::vector<GridLine>& lines) {
   bool has_deviations = false;
@@ -96,7 +128,7 @@ std::string Explain(const std::vector<GridLine>& lines) {
   if (has_deviations) text += " Mean and standard deviation over seeds.";
   if (has_bold) text += " The bold font marks the best.";
   if (has_published) text += " Lines in italics are published numbers.";
-  if (has_marks) text += " A superscript says how many of the planned seeds are in the number.";
+  if (has_marks) text += " A fraction says how many of the planned seeds are in the number.";
   return text;
 }
 
@@ -205,10 +237,7 @@ std::vector<std::size_t> QuantitiesOf(const Plan& plan) {
 }
 
 std::vector<Grid> AxesTables(const ReportContent& content) {
-  std::vector<const ScoreContent*> scores;
-  for (const ScoreContent& score : content.scores) {
-    if (!score.rows.empty()) scores.push_back(&score);
-  }
+  const std::vector<const ScoreContent*> scores = ScoresWithRows(content);
   const std::size_t columns = Axes(content).columns.size();
   const std::size_t most =
       std::max<std::size_t>(1, kMaxColumns / std::max<std::size_t>(1, columns));
@@ -265,9 +294,7 @@ Grid Downwards(const ReportContent& content, const ScoreContent& score) {
     grid.lines.push_back(MakeLine(content.row(row).name, places));
   }
   for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
-    std::vector<GridCell*> cells;
-    for (GridLine& line : grid.lines) cells.push_back(&line.cells[q]);
-    EmboldenBest(cells, kQuantities[q].higher_is_better);
+    EmboldenBest(grid, q, kQuantities[q].higher_is_better);
   }
   grid.caption = fmt::format("{}: {}.", content.title, score.label) + Explain(grid.lines);
   grid.label = fmt::format("tab::{}", score.name);
@@ -280,22 +307,18 @@ Grid ScoresTable(const ReportContent& content, std::size_t q) {
   Grid grid;
   grid.corner = QuantityHead(quantity);
   grid.blocks.push_back({"", {}});
-  for (const ScoreContent& score : content.scores) {
-    if (!score.rows.empty()) grid.blocks.front().columns.push_back(score.label);
-  }
+  const std::vector<const ScoreContent*> scores = ScoresWithRows(content);
+  for (const ScoreContent* score : scores) grid.blocks.front().columns.push_back(score->label);
   for (std::size_t r = 0; r < content.results.rows.size(); ++r) {
     std::vector<Place> places;
-    for (const ScoreContent& score : content.scores) {
-      if (score.rows.empty()) continue;
-      const auto row = std::ranges::find(score.rows, r, &RowFigures::row);
-      places.push_back({row == score.rows.end() ? nullptr : &*row, q, 1});
+    for (const ScoreContent* score : scores) {
+      const auto row = std::ranges::find(score->rows, r, &RowFigures::row);
+      places.push_back({row == score->rows.end() ? nullptr : &*row, q, 1});
     }
     grid.lines.push_back(MakeLine(content.results.rows[r].name, places));
   }
-  for (std::size_t column = 0; column < grid.blocks.front().columns.size(); ++column) {
-    std::vector<GridCell*> cells;
-    for (GridLine& line : grid.lines) cells.push_back(&line.cells[column]);
-    EmboldenBest(cells, quantity.higher_is_better);
+  for (std::size_t s = 0; s < scores.size(); ++s) {
+    EmboldenBest(grid, s, quantity.higher_is_better);
   }
   grid.caption =
       fmt::format("{}: {}.", content.title, QuantityHead(quantity)) + Explain(grid.lines);
@@ -326,11 +349,7 @@ Grid SnapshotTable(const ReportContent& content, const ScoreContent& score) {
     }
     grid.lines.push_back(MakeLine(content.results.rows[row].name, places));
   }
-  for (std::size_t column = 0; column < steps.size(); ++column) {
-    std::vector<GridCell*> cells;
-    for (GridLine& line : grid.lines) cells.push_back(&line.cells[column]);
-    EmboldenBest(cells, true);
-  }
+  for (std::size_t column = 0; column < steps.size(); ++column) EmboldenBest(grid, column, true);
   grid.caption = fmt::format("{}: {} on {} after so many environment steps.", content.title,
                              QuantityHead(kQuantities[0]), score.label) +
                  Explain(grid.lines);
@@ -349,30 +368,15 @@ std::vector<Grid> MakeGrids(const ReportContent& content) {
       grids.push_back(ScoresTable(content, q));
     }
   } else {
-    for (const ScoreContent& score : content.scores) {
-      if (score.rows.empty()) continue;
-      grids.push_back(score.rows.size() <= kMaxRowsSideBySide ? SideBySide(content, score)
-                                                              : Downwards(content, score));
+    for (const ScoreContent* score : ScoresWithRows(content)) {
+      grids.push_back(score->rows.size() <= kMaxRowsSideBySide ? SideBySide(content, *score)
+                                                               : Downwards(content, *score));
     }
   }
   for (const ScoreContent& score : content.scores) {
     if (!score.snapshots.empty()) grids.push_back(SnapshotTable(content, score));
   }
   return grids;
-}
-
-void EmboldenBest(const std::vector<GridCell*>& cells, bool higher_is_better) {
-  std::vector<GridCell*> numbers;
-  for (GridCell* cell : cells) {
-    if (cell && cell->mean) numbers.push_back(cell);
-  }
-  if (numbers.size() < 2) return;
-  const double sign = higher_is_better ? 1.0 : -1.0;
-  double best = sign * Rounded(*numbers.front()->mean);
-  for (const GridCell* cell : numbers) best = std::max(best, sign * Rounded(*cell->mean));
-  const auto is_best = [&](const GridCell* cell) { return sign * Rounded(*cell->mean) == best; };
-  if (std::ranges::all_of(numbers, is_best)) return;
-  for (GridCell* cell : numbers) cell->is_bold = is_best(cell);
 }
 
 }  // namespace slalom::sweep

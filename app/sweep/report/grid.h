@@ -57,8 +57,4 @@ struct Grid {
 /// side. If snapshots were scored, another table has their steps as columns.
 std::vector<Grid> MakeGrids(const ReportContent& content);
 
-/// Makes the best number of `cells` bold, and those that print alike; null pointers are passed
-/// over. Nothing is bold if all numbers print alike.
-void EmboldenBest(const std::vector<GridCell*>& cells, bool higher_is_better);
-
 }  // namespace slalom::sweep

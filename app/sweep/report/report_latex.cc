@@ -4,7 +4,8 @@
 
 #include <algorithm>
 #include <iterator>
-#include <regex>
+#include <string_view>
+#include <utility>
 
 #include "app/sweep/report/grid.h"
 #include "eval/report/table_text.h"
@@ -14,10 +15,8 @@ namespace {
 
 using eval::EscapeLatex;
 
-/// Text of a grid. "H=4" becomes a formula, and arrows become LaTeX's.
+/// Text of a grid. Arrows become LaTeX's.
 std::string LatexText(const std::string& text) {
-  static const std::regex kFormula("[A-Za-z]{1,2}=.+");
-  if (std::regex_match(text, kFormula)) return "$" + EscapeLatex(text) + "$";
   std::string latex = EscapeLatex(text);
   for (const auto& [arrow, command] : {std::pair{"↑", "$\\uparrow$"}, {"↓", "$\\downarrow$"}}) {
     for (std::size_t at = latex.find(arrow); at != std::string::npos; at = latex.find(arrow)) {
@@ -27,7 +26,14 @@ std::string LatexText(const std::string& text) {
   return latex;
 }
 
-/// "$65.1 \\pm 4.0$"
+/// The head of a column. "H=4", the axis by at most two characters, becomes a formula.
+std::string LatexColumn(const std::string& head) {
+  const std::size_t equals = head.find('=');
+  const bool is_formula = equals == 1 || equals == 2;
+  return is_formula ? "$" + EscapeLatex(head) + "$" : LatexText(head);
+}
+
+/// "$65.1 \pm 4.0$"
 std::string LatexCell(const GridCell& cell) {
   if (!cell.mean) return "-";
   std::string number = fmt::format("{:.1f}", *cell.mean);
@@ -73,7 +79,7 @@ std::string PrintGrid(const Grid& grid) {
       std::ranges::any_of(grid.blocks, [](const GridBlock& block) { return !block.head.empty(); });
   text += has_heads ? BlockHeads(grid) : "  " + LatexText(grid.corner);
   for (const GridBlock& block : grid.blocks) {
-    for (const std::string& column : block.columns) text += " & " + LatexText(column);
+    for (const std::string& column : block.columns) text += " & " + LatexColumn(column);
   }
   text += " \\\\ \\midrule\n";
   for (const GridLine& line : grid.lines) {

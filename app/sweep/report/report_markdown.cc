@@ -225,9 +225,8 @@ std::string MarkdownReport(const ReportContent& content) {
   text +=
       "\nIn brackets 95 % intervals over seeds and courses; with one seed over courses alone. IQM "
       "is the mean of the middle half of all success rates by seed and course, and *worst 5 %* "
-      "that of "
-      "the lowest twentieth. Survival is the time of "
-      "failed episodes, traversal that of successful ones.\n";
+      "that of the lowest twentieth. Survival is the time of failed episodes, traversal that of "
+      "successful ones.\n";
   for (const ScoreContent& score : content.scores) text += ScoreText(content, score);
   return text + MissingText(content);
 }
