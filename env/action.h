@@ -15,7 +15,7 @@ struct Action {
 /// How many numbers an action has.
 inline constexpr int kActionSize = 2;
 
-/// The speeds for which an action of +-1 stands (docs/original-system.md, section 1.3).
+/// The speeds that an action of +-1 commands (docs/original-system.md, section 1.3).
 struct ActionBounds {
   double linear_min = -1.0;
   double linear_max = 2.0;

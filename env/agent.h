@@ -8,7 +8,7 @@
 
 namespace slalom::env {
 
-/// Whatever drives the robot: a network, a planner or a script.
+/// The driver of the robot: a network, a planner or a script.
 ///
 /// An agent drives a batch of environments. Environment i is the same one in every call, and
 /// `observations.first[i]` tells when a new episode began in it. Confined to one thread at a time.

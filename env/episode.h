@@ -22,10 +22,11 @@ struct StepResult {
   bool terminated() const { return outcome == Outcome::kSuccess || outcome == Outcome::kCollision; }
 };
 
-/// What determines an episode. With the same spec, config and actions it is the same, bit for bit.
+/// Course and seed of an episode. The same spec, config and actions give the same episode, bit for
+/// bit.
 struct EpisodeSpec {
   int course = 0;          ///< Index in the environment's list of courses.
-  std::uint64_t seed = 0;  ///< For the start pose, sensor noise and all else that is random.
+  std::uint64_t seed = 0;  ///< Seeds the start pose, sensor noise and all other draws.
 };
 
 }  // namespace slalom::env

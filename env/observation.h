@@ -22,11 +22,11 @@ struct FrameView {
   std::span<const float, kStateSize> state;  ///< See kStateSize.
 };
 
-/// Where the robot believes it is and how it moves, according to its wheels and gyroscope. For
-/// planners; not part of a stored frame. A value.
+/// Where the robot believes it is and how it moves, according to its wheels and gyroscope. Planners
+/// use it; it is not part of a stored frame. A value.
 struct Odometry {
   base::Pose2 X_OR;      ///< In O, the frame of the robot when the episode began.
-  double linear = 0.0;   ///< Forward speed, of the body or, `from_wheels`, of the wheels, [m/s].
+  double linear = 0.0;   ///< Forward speed of the body, or of the wheels if `from_wheels`, [m/s].
   double angular = 0.0;  ///< Turn rate, [rad/s].
 
   friend bool operator==(const Odometry&, const Odometry&) = default;

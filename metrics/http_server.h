@@ -19,10 +19,10 @@ struct HttpAnswer {
 /// Answers HTTP GET and HEAD requests, each on its own connection, in one thread. It answers
 /// anything else with 405 or 400.
 ///
-/// Why not a library: those available either bring a TLS stack along or start threads with small
-/// stacks. No program that links LibTorch runs on those, because LibTorch's thread-local storage
-/// alone is larger. Connections, and the bytes and seconds of each, are bounded. There is no
-/// encryption and no password.
+/// No library is used because those available either bring a TLS stack along or start threads with
+/// small stacks. A program that links LibTorch cannot run on small stacks, because LibTorch's
+/// thread-local storage alone is larger. Connections, and the bytes and seconds of each, are
+/// bounded. There is no encryption and no password.
 class HttpServer {
  public:
   /// Returns the answer to a path, which excludes `?` and what follows it. Called by the server's
@@ -47,8 +47,8 @@ class HttpServer {
   std::jthread thread_;
 };
 
-/// The bytes with which a connection answers `request`, which may hold anything. As thread-safe as
-/// the handler.
+/// Returns the bytes of the response to `request`, which is untrusted. As thread-safe as the
+/// handler.
 std::string AnswerHttp(std::string_view request, const HttpServer::Handler& handler);
 
 }  // namespace slalom::metrics

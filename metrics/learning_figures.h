@@ -8,8 +8,8 @@
 
 namespace slalom::metrics {
 
-/// Figures of a transition model: means over its updates since the last reading. NaN: there is no
-/// model, nothing was held out, or this kind of model has no such figure.
+/// Figures of a transition model: means over its updates since the last reading. A figure is NaN if
+/// there is no model, nothing was held out, or this kind of model does not have it.
 struct ModelFigures {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   std::int64_t num_updates = 0;  ///< Updates of each ensemble member. Not shown.
@@ -25,8 +25,8 @@ struct ModelFigures {
   double steps_error = kNone;
 };
 
-/// Figures of a learner: means over the updates since the last reading, unless said otherwise. NaN:
-/// the method has no such figure.
+/// Figures of a learner: means over the updates since the last reading, unless `Visit` says
+/// otherwise. A figure is NaN if the method does not have it.
 ///
 /// `Visit` lists each figure once. The same name stands for it everywhere: it is a column of
 /// metrics.csv, the scalar "training/NAME" of TensorBoard, and Prometheus' gauge slalom_NAME.

@@ -7,14 +7,14 @@ namespace slalom::metrics {
 
 /// A TCP socket that listens.
 struct Listener {
-  int socket = -1;  ///< The caller's to close.
-  int port = 0;     ///< The one that was chosen where any was asked for.
+  int socket = -1;  ///< The caller closes it.
+  int port = 0;     ///< The port in use, which the system chose if port 0 was asked for.
 };
 
-/// Listens at `address`: HOST:PORT, as "127.0.0.1:9400", "[::1]:9400", "0.0.0.0:9400" (every
-/// interface of IPv4) or "localhost:9400"; port 0: any free one. Throws `base::Error` ("cannot
-/// PURPOSE on 'ADDRESS': ...") where the address has another form, its host is not known, or it
-/// cannot be listened on, with the reason.
+/// Listens at `address`: HOST:PORT, such as "127.0.0.1:9400", "[::1]:9400", "0.0.0.0:9400" (every
+/// IPv4 interface) or "localhost:9400". Port 0 stands for any free port. Throws `base::Error`
+/// ("cannot PURPOSE on 'ADDRESS': ...") with the reason if the address has another form, its host
+/// is not known, or it cannot be listened on.
 Listener Listen(const std::string& address, std::string_view purpose);
 
 }  // namespace slalom::metrics

@@ -26,10 +26,10 @@ struct Spec {
   std::string_view name;
   Type type = Type::kCounter;
   std::string_view roles;  ///< The roles that show it, for the documentation: "actor, learner".
-  std::string_view help;   ///< A sentence that says what it is and what its labels hold.
+  std::string_view help;   ///< A sentence about its meaning and the values of its labels.
   std::vector<std::string_view>
       labels;                   ///< Besides `run`, `role` and `name`, which all metrics have.
-  std::vector<double> buckets;  ///< Of a histogram: upper bounds, ascending.
+  std::vector<double> buckets;  ///< Upper bounds of a histogram's buckets, ascending.
 };
 
 /// The handles `Counter`, `Gauge` and `Histogram` are values. They are valid as long as their
@@ -76,23 +76,23 @@ struct Sample {
   double value = 0.0;
 };
 
-/// Whose metrics they are. The first three become labels of every metric; `slalom_build_info` and
-/// `slalom_blas_info` show the rest.
+/// The process that the metrics describe. The first three become labels of every metric;
+/// `slalom_build_info` and `slalom_blas_info` show the rest.
 struct Identity {
-  std::string role;                 ///< "actor", "replay", "learner", "evaluator", "sweep".
-  std::string name;                 ///< Of this process within its role; the same after a restart.
-  std::string run = "run";          ///< `run.name` of its config, which tells services apart.
-  std::string version = "unknown";  ///< Of the program.
-  std::string commit = "unknown";   ///< Of the program.
+  std::string role;         ///< "actor", "replay", "learner", "evaluator", "sweep".
+  std::string name;         ///< Name of this process within its role; the same after a restart.
+  std::string run = "run";  ///< `run.name` of its config, which tells services apart.
+  std::string version = "unknown";  ///< Version of the program.
+  std::string commit = "unknown";   ///< Commit of the program.
   std::string blas_kernel =
-      "none";  ///< Of the library that multiplies matrices; "none" if not used.
+      "none";  ///< Kernel of the library that multiplies matrices; "none" if not used.
 };
 
 /// The metrics of one role in one process. Thread-safe.
 class Registry {
  public:
   /// Process metrics (memory, descriptors, CPU time, start time) and build info exist from the
-  /// start. The process metrics are read anew whenever `Text` is called.
+  /// start. The process metrics are read whenever `Text` is called.
   explicit Registry(Identity identity);
   Registry(std::string role, std::string name);
   ~Registry();
@@ -110,8 +110,8 @@ class Registry {
   Gauge gauge(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
   Histogram histogram(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
 
-  /// Shows these series, in place of those of the last call. For what is read from files that
-  /// appear and vanish: with a handle, a series would stay for ever.
+  /// Shows these series in place of those of the last call. Meant for values read from files that
+  /// appear and vanish: a series with a handle would stay for as long as the registry.
   ///
   /// Requires: no histograms; as many values as labels, in UTF-8; no two samples of one metric with
   /// the same values, and no metric of which a handle was taken.
@@ -120,7 +120,7 @@ class Registry {
   /// All metrics in Prometheus' text format.
   std::string Text() const;
 
-  /// What is wrong with the role now, in words, which `/healthy` shows; empty if nothing is.
+  /// Describes in words what is wrong with the role now, for `/healthy`. Empty if it is well.
   void SetFault(std::string fault);
   std::string fault() const;
 

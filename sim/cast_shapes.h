@@ -9,7 +9,7 @@
 
 namespace slalom::sim {
 
-/// How many numbers an array of beams has to have after its last: vectors reach that far.
+/// Padding after the last number of an array of beams, because vectors reach beyond the end.
 inline constexpr int kBeamPadding = 16;
 
 /// The sensor in W and its beams.
@@ -23,17 +23,17 @@ struct Sensor {
   const float* beam_sin;  // [num_beams + kBeamPadding]
 };
 
-/// Circles as arrays that may be read in whole vectors, [m].
+/// Circles as arrays that can be read in whole vectors, [m].
 struct Circles {
   const float *x, *y, *radius;
 };
 
 /// Shortens `ranges` [num_beams + kBeamPadding] [m] to the circles of all runs. The padding is
-/// scratch.
+/// overwritten.
 void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs,
                  const Sensor& sensor, float* ranges);
 
-/// The same to boxes.
+/// Shortens `ranges` to the boxes in the same way.
 void CastBoxes(std::span<const PlacedBox> boxes, const Sensor& sensor, float* ranges);
 
 }  // namespace slalom::sim

@@ -13,7 +13,8 @@ class b2World;
 
 namespace slalom::sim {
 
-/// Pose and velocity of a body in W: of the point named and of the body's directions. A value.
+/// Pose and velocity in W of a point of the body, which each use names, and the body's heading. A
+/// value.
 struct BodyState {
   float x = 0.0f;         ///< [m]
   float y = 0.0f;         ///< [m]
@@ -27,9 +28,9 @@ struct BodyState {
 
 /// A Box2D world with the robot's body and, during a step, the obstacles that it may touch.
 ///
-/// Memoryless: a step is a function of the body's state and the obstacles alone, to the bit,
-/// whatever was stepped before; so one instance serves any number of environments. Confined to one
-/// thread at a time. Allocates nothing once warm.
+/// It keeps no memory of earlier steps: a step is a function of the body's state and the obstacles
+/// alone, bit for bit. One instance therefore serves any number of environments. Confined to one
+/// thread at a time. Allocates nothing once its pools have grown.
 class ContactWorld {
  public:
   explicit ContactWorld(const RobotConfig& config);
@@ -37,11 +38,11 @@ class ContactWorld {
   ContactWorld(const ContactWorld&) = delete;
   ContactWorld& operator=(const ContactWorld&) = delete;
 
-  /// Moves the body on by `dt` [s]: contacts present at the start push back, without bounce and
-  /// with friction; otherwise it keeps its velocity. `state`: of the centre of mass
-  /// (sim/mass_distribution.h), about which the outline lies where the config says. `moving`: those
-  /// that it may touch, at the start of the step; they give way to nothing. Returns whether
-  /// anything was touched at the start. Cost: about 2 us.
+  /// Moves the body on by `dt` [s]. Contacts present at the start push it back, without bounce and
+  /// with friction; otherwise it keeps its velocity. `state` is that of the centre of mass
+  /// (sim/mass_distribution.h); the config says where the outline lies about it. `moving` holds the
+  /// moving obstacles that the body may touch, as they are at the start of the step; they do not
+  /// give way. Returns whether the body touched anything at the start. Cost: about 2 us.
   bool Step(const CollisionMap& map, std::span<const MovingShape> moving, float dt,
             BodyState& state);
 
@@ -52,11 +53,11 @@ class ContactWorld {
   bool Touching() const;
 
   const float
-      reach_;  // From the centre of mass to the farthest corner of the outline, at most, [m].
+      reach_;  // Upper bound of the distance from the centre of mass to the outline's corners, [m].
   std::unique_ptr<b2World> world_;
   b2Body* robot_ = nullptr;      // Owned by world_.
-  b2Body* obstacles_ = nullptr;  // Those that do not move. Owned by world_.
-  std::vector<b2Body*> moving_;  // During a step. Owned by world_.
+  b2Body* obstacles_ = nullptr;  // The fixed obstacles. Owned by world_.
+  std::vector<b2Body*> moving_;  // The moving obstacles during a step. Owned by world_.
 };
 
 /// The footprint of the configured robot.

@@ -160,8 +160,8 @@ struct LidarConfig {
   }
 };
 
-/// How the robot reckons where it is, and how far that belief drifts from the truth at each step,
-/// as random walks.
+/// How the robot estimates its pose, and the random walks by which that belief drifts from the
+/// truth at each step.
 struct LocalisationConfig {
   bool from_wheels = false;
   double position_drift = 0.0;

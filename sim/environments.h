@@ -26,8 +26,9 @@ namespace slalom::sim {
 /// - Contact at any of the rigid-body steps, the first included, is a collision. It ends the
 ///   episode if `episode.collision_ends`; if not, every control step in which a contact begins or
 ///   lasts has a cost.
-/// - A robot nearer to the goal than the tolerance at the end of the step has succeeded, or one
-///   beyond `episode.finish_ahead`; with `episode.look_period`, only at the end of a period.
+/// - A robot that is nearer to the goal than the tolerance at the end of the step, or beyond
+///   `episode.finish_ahead`, has succeeded. With `episode.look_period` this is only decided at the
+///   end of a period.
 /// - At the step limit the episode ends in a timeout.
 ///
 /// Frames are taken at the end of the step and show moving obstacles where they are then.
@@ -39,13 +40,13 @@ namespace slalom::sim {
 /// Odometry and the observed goal follow from where the robot believes it is (sim/localisation.h),
 /// rewards and success from where it really is.
 ///
-/// An episode is a function of (config, course, seed, actions), bit for bit, whatever the batch,
-/// its order and the number of threads. `Reset` and `Step` do not allocate, except that the first
-/// contacts grow Box2D's own pools. Confined to one thread at a time.
+/// An episode is a function of (config, course, seed, actions), bit for bit. It does not depend on
+/// the batch, its order or the number of threads. `Reset` and `Step` do not allocate, except that
+/// the first contacts grow Box2D's own pools. Confined to one thread at a time.
 class CourseEnvironments : public env::BatchEnvironment {
  public:
-  /// `parallel`: runs the batch on its threads and must outlive this object. Null: the batch runs
-  /// on the caller's thread.
+  /// `parallel` runs the batch on its threads and must outlive this object. If it is null, the
+  /// batch runs on the caller's thread.
   ///
   /// Throws `base::Error` if the config contradicts itself, or if at the start of a course the
   /// robot would touch a fixed obstacle, or moving ones at nearly any time.
@@ -55,7 +56,8 @@ class CourseEnvironments : public env::BatchEnvironment {
                      std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
                      base::ParallelFor* parallel,
                      Robot::Stepping stepping = Robot::Stepping::kBox2dInContact);
-  /// The same with bodies of another physics, whose errors it throws, too.
+  /// Constructs environments with bodies of another physics. Also throws the errors of that
+  /// physics.
   CourseEnvironments(const EnvironmentConfig& config,
                      std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
                      base::ParallelFor* parallel, const MakeRobotBodies& make_bodies);
@@ -69,7 +71,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   /// Requires: 0 <= i < batch_size(), 0 <= spec.course < num_courses().
   void Reset(int i, const env::EpisodeSpec& spec) override;
 
-  /// Actions are clipped to [-1, 1]. Requires: they are finite where an episode is running.
+  /// Actions are clipped to [-1, 1]. Requires: they are finite for every environment with a running
+  /// episode.
   void Step(std::span<const env::Action> actions, std::span<env::StepResult> results) override;
 
   const env::ObservationBatch& observations() const override { return observations_; }
@@ -84,18 +87,18 @@ class CourseEnvironments : public env::BatchEnvironment {
     Environment(std::unique_ptr<RobotBody> body, const LocalisationConfig& drift)
         : robot(std::move(body)), localisation(drift), lidar_noise(0) {}
 
-    const Scene* scene = nullptr;  // Null: never reset.
+    const Scene* scene = nullptr;  // Null before the first `Reset`.
     std::unique_ptr<RobotBody> robot;
     Localisation localisation;
     base::Random lidar_noise;
-    MovingShapes moving;  // Where the last scan saw them.
+    MovingShapes moving;  // As the last scan saw them.
     env::Action last_action;
     double motion_start = 0.0;   // Motion time at which the episode began, [s].
     double motion_time = 0.0;    // [s]
     double goal_distance = 0.0;  // [m]
     int num_steps = 0;
     bool running = false;
-    bool touched = false;  // Anything, in the last step.
+    bool touched = false;  // Whether the robot touched anything in the last step.
   };
 
   struct Start {
@@ -103,7 +106,7 @@ class CourseEnvironments : public env::BatchEnvironment {
     double motion_time = 0.0;  // [s]
   };
 
-  // Nothing where every draw touches an obstacle.
+  // Returns nothing if every draw touches an obstacle.
   std::optional<Start> DrawStart(const Scene& scene, std::uint64_t seed) const;
   bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
   void DriveGroup(int group, ContactWorld& contacts);

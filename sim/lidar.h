@@ -24,7 +24,7 @@ double LongestEcho(const LidarConfig& config);
 /// construction, so one instance may serve many threads. Scans do not allocate.
 class Lidar {
  public:
-  /// `clip`: longer ranges are reported as this, [m].
+  /// `clip`: longer ranges are reported as this range, [m].
   Lidar(const LidarConfig& config, double clip);
 
   /// Writes one scan, as the sensor reports it, taken with the robot at `X_WR`.

@@ -11,8 +11,8 @@ namespace slalom::sim {
 /// A moving obstacle at one time.
 struct MovingShape {
   PlacedBox box;          ///< Pose, and the size of a box.
-  float radius = 0.0f;    ///< Of a cylinder, [m]; 0 for a box.
-  float vx = 0.0f;        ///< Of its origin in W, [m/s].
+  float radius = 0.0f;    ///< Radius of a cylinder, [m]; 0 for a box.
+  float vx = 0.0f;        ///< Velocity of its origin in W, [m/s].
   float vy = 0.0f;        ///< [m/s]
   float yaw_rate = 0.0f;  ///< [rad/s]
 };
@@ -27,7 +27,7 @@ struct MovingShapes {
   std::vector<PlacedBox> boxes;
   int num_circles = 0;
 
-  /// Makes room for that many obstacles, so that filling does not allocate.
+  /// Makes room for `num_obstacles`, so that filling does not allocate.
   void Reserve(int num_obstacles);
 };
 

@@ -24,27 +24,29 @@ class RobotBody {
  public:
   virtual ~RobotBody() = default;
 
-  /// Puts the robot at rest, with no command under way. `seed`: of the commands' jitter.
+  /// Puts the robot at rest, with no command under way. `seed` determines the commands' jitter.
   virtual void Reset(const base::Pose2& X_WR, std::uint64_t seed) = 0;
 
   /// Drives for one control step, which begins at `motion_time` [s], towards the commanded speeds
-  /// (`linear` [m/s], `angular` [rad/s]). Returns whether it touched anything, moving obstacles
-  /// being where they are then. `contacts`: for bodies that Box2D moves; others leave it alone.
+  /// (`linear` [m/s], `angular` [rad/s]). Returns whether it touched anything; moving obstacles are
+  /// where they are at each moment of the step. `contacts` is for bodies that Box2D moves; others
+  /// leave it alone.
   virtual bool Drive(double linear, double angular, const Scene& scene, double motion_time,
                      ContactWorld& contacts) = 0;
 
-  /// What one robot is to drive.
+  /// One robot's control step for `DriveTogether`.
   struct Order {
     RobotBody* robot = nullptr;
     const Scene* scene = nullptr;
     double linear = 0.0;       ///< [m/s]
     double angular = 0.0;      ///< [rad/s]
     double motion_time = 0.0;  ///< [s]
-    bool touched = false;      ///< What `Drive` returns.
+    bool touched = false;      ///< The result: what `Drive` returns.
   };
 
-  /// `Drive` for many robots, of which this may be one: the same results. Of use where they are
-  /// driven side by side in less time. Requires: all were made together (`MakeRobotBodies`).
+  /// Drives many robots, of which this may be one, with the same results as `Drive`. A physics that
+  /// can step robots side by side in less time overrides it. Requires: all were made together
+  /// (`MakeRobotBodies`).
   virtual void DriveTogether(std::span<Order> orders, ContactWorld& contacts) {
     for (Order& order : orders) {
       order.touched = order.robot->Drive(order.linear, order.angular, *order.scene,
@@ -55,7 +57,7 @@ class RobotBody {
   /// Pose in W, heading in [-pi, pi).
   virtual base::Pose2 pose() const = 0;
   virtual const BodyState& body() const = 0;
-  /// What turns its wheels.
+  /// The controller that turns its wheels.
   virtual const DriveController& drive() const = 0;
 
  protected:
@@ -70,11 +72,11 @@ using MakeRobotBodies = std::function<std::vector<std::unique_ptr<RobotBody>>(
     const EnvironmentConfig& config, std::span<const std::shared_ptr<const Scene>> scenes,
     int count)>;
 
-/// What moves the robot. A value.
+/// The physics that moves the robot. A value.
 struct Physics {
   std::string name = "slalom";
-  std::string version{};          ///< Of whose it is; empty: of this program.
-  MakeRobotBodies make_bodies{};  ///< Empty: Slalom's own.
+  std::string version{};          ///< The engine's version. Empty for Slalom's own physics.
+  MakeRobotBodies make_bodies{};  ///< Empty for Slalom's own physics.
 };
 
 }  // namespace slalom::sim

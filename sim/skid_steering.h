@@ -9,14 +9,15 @@
 
 namespace slalom::sim {
 
-/// Speed of the wheels' surface where they meet the ground, backwards along the body, [m/s]: what
-/// the body's own speed would be if they did not slip.
+/// Speed of the wheels' surface where they meet the ground, backwards along the body, [m/s]. It
+/// equals the body's own speed if the wheels do not slip.
 struct WheelSpeeds {
   float left = 0.0f;
   float right = 0.0f;
 };
 
-/// Drives of up to `kSize` robots side by side. What a lane holds does not depend on the others.
+/// Drives of up to `kSize` robots side by side. The numbers of a lane do not depend on the other
+/// lanes.
 struct SkidLanes {
   static constexpr int kSize = 8;
   using Each = std::array<float, kSize>;
@@ -24,32 +25,33 @@ struct SkidLanes {
   /// Velocity of the centre of mass, [m/s], in the directions that C has half-way through the last
   /// step, and the turn rate, [rad/s].
   alignas(32) Each ahead{}, left{}, yaw_rate{};
-  /// The same a step before. The search for the next begins where these two point; at rest and
-  /// after a contact they are equal.
+  /// The same one step earlier. The search for the next velocity extrapolates from these two; at
+  /// rest and after a contact they are equal.
   alignas(32) Each ahead_before{}, left_before{}, yaw_rate_before{};
-  /// By how much C turns from half-way through the last step to half-way through the next, [rad].
+  /// Angle by which C turns from half-way through the last step to half-way through the next,
+  /// [rad].
   alignas(32) Each turn{};
-  /// How far each wheel has turned about its axle, [rad]: front left, front right, rear left, rear
-  /// right. 0: its own x axis points ahead. Half a turn changes nothing, so angles are kept in
+  /// Angle of each wheel about its axle, [rad]: front left, front right, rear left, rear right. At
+  /// 0 the wheel's own x axis points ahead. Half a turn changes nothing, so angles are kept in
   /// [-pi/2, pi/2]. Only the law "gazebo" looks at them.
   alignas(32) std::array<Each, 4> angles{};
 
-  /// To be set before a step: the heading then, [rad], within 100, and the speeds of the wheels.
+  /// Input of a step, set before it: the heading, [rad], within 100, and the speeds of the wheels.
   alignas(32) Each yaw{};
   alignas(32) Each wheel_left{}, wheel_right{};  ///< [m/s]
 
-  /// Of a step: velocity of the centre of mass in W, [m/s].
+  /// Output of a step: velocity of the centre of mass in W, [m/s].
   alignas(32) Each vx{}, vy{};
 
-  /// Gives a lane a velocity in W, at that heading, as after a contact.
+  /// Sets the velocity of a lane, given in W, at that heading, for example after a contact.
   void Resume(int lane, float new_yaw, float new_vx, float new_vy, float new_yaw_rate, double dt);
 };
 
-/// What the equations of motion need to know of a robot.
+/// The constants of a robot in the equations of motion.
 struct SkidContacts {
   float dt = 0.0f;  // [s]
   float friction = 0.0f;
-  float inverse_radius = 0.0f;  // Of a wheel, [1/m].
+  float inverse_radius = 0.0f;  // Inverse radius of a wheel, [1/m].
   float mass = 0.0f;            // [kg]
   float inertia = 0.0f;         // [kg m^2]
   // Contacts in C: x of the axles; y from the left to the right; and the greatest impulse of each
@@ -59,8 +61,9 @@ struct SkidContacts {
   std::array<float, 4> edges{};
   std::array<float, 4> front_grips{};
   std::array<float, 4> rear_grips{};
-  // What a change of speed in a step takes off the greatest impulse of each contact in front, and
-  // on the left, and puts on those opposite, [kg]; at most as much as the least has at rest, [N s].
+  // Load transfer: a change of speed in a step, times these, is taken off the greatest impulse
+  // of each contact in front (on the left) and added to the contacts opposite, [kg]. The transfer
+  // is at most the least impulse at rest, [N s].
   float shift_ahead = 0.0f;
   float shift_left = 0.0f;
   float most_shift = 0.0f;
@@ -111,7 +114,7 @@ class SkidSteering {
  public:
   static constexpr int kMaxRounds = 8;
 
-  /// `dt`: of a step, [s]. Requires: `CheckMassDistribution(config)` passes.
+  /// `dt`: duration of a step, [s]. Requires: `CheckMassDistribution(config)` passes.
   SkidSteering(const RobotConfig& config, double dt);
 
   /// Surface speeds that the drive's controller asks for to go at `linear` [m/s] and turn at
@@ -123,15 +126,15 @@ class SkidSteering {
             static_cast<float>((1.0 + half_imbalance_) * (linear + side))};
   }
 
-  /// Moves all lanes on by a step. Cost: about 25 ns a lane where all are used.
+  /// Moves all lanes on by a step. Cost: about 25 ns per lane if all lanes are used.
   void Step(SkidLanes& lanes) const;
 
-  /// Whether the law looks at the wheels' angles.
+  /// Whether the law depends on the wheels' angles.
   bool needs_angles() const { return law_ == FrictionLaw::kGazebo; }
 
  private:
   const FrictionLaw law_;
-  const double half_separation_;  // As the controller believes, [m].
+  const double half_separation_;  // As the controller assumes it, [m].
   const double half_imbalance_;
   const SkidContacts contacts_;
 };
