@@ -17,7 +17,7 @@
 
 namespace slalom::sim {
 
-inline constexpr int kFieldSize = 30;      ///< Rows, and columns, of the field.
+inline constexpr int kFieldSize = 30;      ///< Rows of the field, and columns.
 inline constexpr int kPenColumns = 34;     ///< Columns of the start pen, in front of the field.
 inline constexpr double kCellSize = 0.15;  ///< [m]
 inline constexpr double kCylinderRadius = 0.075;  ///< [m]

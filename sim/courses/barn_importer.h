@@ -16,7 +16,7 @@
 
 namespace slalom::sim {
 
-/// What was imported from a directory of the original data set. A value.
+/// The courses imported from a directory of the original data set. A value.
 struct BarnImport {
   std::map<int, std::shared_ptr<const Course>> courses;  ///< By the N of world_N.world.
   std::vector<std::string> warnings;  ///< One sentence each: mended files, worlds without a path.
@@ -26,36 +26,37 @@ struct BarnImport {
 /// Makes the course of one world. `path` holds (row, col) cells of the field and may be null.
 ///
 /// Start, goal and bounds are those of the static courses. A world whose obstacles all lie on the
-/// lattice gets its difficulty measured along the path. Throws `Error` that names `source` where
-/// the path is not one or the course cannot be driven (`WhyUnsolvable`). Requires:
-/// world.num_moving_models == 0.
+/// lattice gets its difficulty measured along the path. Throws `Error` that names `source` if
+/// `path` is not a path through the field or the course cannot be driven (`WhyUnsolvable`).
+/// Requires: world.num_moving_models == 0.
 Course MakeImportedCourse(std::string name, const World& world, const IntegerTable* path,
                           const std::string& source);
 
-/// Imports every world_N.world of `directory`, or of its world_files/ where it has none itself, as
-/// course "barn-NNN"; its path is sought in path_files/, beside it, and in a path_files/ beside its
-/// directory.
+/// Imports every world_N.world of `directory` as course "barn-NNN". If `directory` holds none,
+/// takes those of its world_files/. Looks for the path of a world in path_files/, beside the world,
+/// and in a path_files/ beside the world's directory.
 ///
-/// Moving obstacles are played as the files of `motions` say (`ReadMotions`; none: those in
-/// `directory`, if there are any), as courses "barn-box-NNN" and "barn-wall-NNN" with the fixed
-/// obstacles of their world; where `directory` has no such world, with those of the motions' own
-/// files. A world whose motion is not known is skipped.
+/// Moving obstacles follow the files in `motions` (`ReadMotions`), or those in `directory` if
+/// `motions` is not given. Their courses are "barn-box-NNN" and "barn-wall-NNN", with the fixed
+/// obstacles of their world, or with those of the motions' own files if `directory` has no such
+/// world. A world without known motion is skipped.
 ///
-/// Throws `Error` that names file and reason at the first file that cannot be read or made a
-/// course, where world and motions differ in the number of moving obstacles, where `motions` holds
-/// none, or `directory` neither world nor motions.
+/// Throws `Error` that names file and reason if a file cannot be read or made a course, if a world
+/// and its motions differ in the number of moving obstacles, if `motions` holds no motions, or if
+/// `directory` holds neither worlds nor motions.
 BarnImport ImportBarn(const std::filesystem::path& directory,
                       const std::optional<std::filesystem::path>& motions);
 
-/// What `WriteCollection` wrote. A value.
+/// The set files that `WriteCollection` wrote. A value.
 struct WrittenCollection {
   std::vector<std::string> sets;        ///< Names of the set files.
-  std::vector<std::string> incomplete;  ///< Sets left out, because a course of theirs is missing.
+  std::vector<std::string> incomplete;  ///< Sets left out because one of their courses is missing.
 };
 
-/// Writes a collection for `ResolveCourses`: a set file, its courses in it, for each kind of which
-/// there are any ("static", "dynamic-box", "dynamic-wall": all there are) and for each of
-/// `SplitNames()` whose courses are all there. Throws `Error` where that fails.
+/// Writes a collection for `ResolveCourses`: one set file for each kind that has any courses
+/// ("static", "dynamic-box", "dynamic-wall", with all courses of the kind) and one for each of
+/// `SplitNames()` whose courses are all there. A set file holds its courses. Throws `Error` if that
+/// fails.
 WrittenCollection WriteCollection(const BarnImport& import, const std::filesystem::path& output);
 
 }  // namespace slalom::sim

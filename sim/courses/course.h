@@ -35,15 +35,15 @@ struct KeyFrame {
   friend bool operator==(const KeyFrame&, const KeyFrame&) = default;
 };
 
-/// What an obstacle does after its last key frame: kLoop jumps back to the first, kPingPong drives
-/// the same way back.
+/// Behaviour of an obstacle after its last key frame: kLoop jumps back to the first, kPingPong
+/// drives the same way back.
 enum class Playback { kLoop, kPingPong };
 
 /// A cylinder or an upright box that follows its key frames for ever. Nothing stops it
 /// (docs/original-system.md, section 7.4).
 struct MovingObstacle {
-  double radius = 0.0;               ///< Of a cylinder, [m]; 0 for a box.
-  base::Vec2 half_size;              ///< Of a box, along B's x and y, [m].
+  double radius = 0.0;               ///< Radius of a cylinder, [m]; 0 for a box.
+  base::Vec2 half_size;              ///< Half size of a box along B's x and y, [m].
   std::vector<KeyFrame> key_frames;  ///< Two or more, times strictly ascending from 0.
   Playback playback = Playback::kLoop;
 

@@ -34,9 +34,10 @@ std::optional<std::string> WhyBadKeyFrame(const MovingObstacle& obstacle, std::s
 /// to 0.02 m wider than the robot. Cost: about 1 ms for a BARN course.
 std::optional<std::string> WhyUnsolvable(const Course& course);
 
-/// Warns of what is allowed but may be a mistake, in one sentence each: moving obstacles that drive
-/// over a robot waiting at the start, and moving obstacles that stand still. Obstacles are numbered
-/// from 0. Requires: !WhyUnsolvable(course). Cost: about 0.1 ms for each moving obstacle.
+/// Returns warnings, one sentence each, about things that are allowed but may be mistakes: moving
+/// obstacles that drive over a robot waiting at the start, and moving obstacles that stand still.
+/// Obstacles are numbered from 0. Requires: !WhyUnsolvable(course). Cost: about 0.1 ms for each
+/// moving obstacle.
 std::vector<std::string> CourseWarnings(const Course& course);
 
 }  // namespace slalom::sim

@@ -4,9 +4,9 @@
 
 namespace slalom::sim {
 
-/// How many courses of `scored` have the obstacles of a course of `trained`, fixed and moving ones,
-/// in whichever order they stand. Names, starts, goals, paths and bounds do not count: where the
-/// obstacles are those of a course that was trained on, a score is no test, whatever it is called.
+/// Counts the courses of `scored` that have the same obstacles, fixed and moving, as a course of
+/// `trained`, in any order. Names, starts, goals, paths and bounds do not count: a score on the
+/// obstacles that a policy was trained on is no test.
 int CountSharedCourses(const CourseSet& scored, const CourseSet& trained);
 
 }  // namespace slalom::sim

@@ -13,7 +13,7 @@ enum class CourseKind { kStatic, kDynamicBox, kDynamicWall };
 /// "static", "dynamic-box" or "dynamic-wall": the name of the set of all courses of this kind.
 std::string_view ToString(CourseKind kind);
 
-/// How many courses of this kind there are in the original data set: 300, 100, 100.
+/// Number of courses of this kind in the original data set: 300, 100, 100.
 int NumCourses(CourseKind kind);
 
 /// The N of the first world_N.world of this kind: 0, 300, 400.
@@ -42,7 +42,7 @@ struct CourseSplit {
 /// two of our own, for choosing settings without a look at static-test:
 ///
 /// - `static-validation`: 40 of static-train-250, every third or fourth that is not in
-///   static-train-100, so it is unseen by what trains on static-train-100 or less;
+///   static-train-100, so nothing that trains on static-train-100 or less has seen it;
 /// - `static-train-210`: static-train-250 without static-validation;
 ///
 /// and one for scores on static-challenge, of which 40 are in static-train-250:

@@ -39,9 +39,9 @@ struct DynamicWallRecipe {
   double max_yaw = base::kPi / 18.0;  ///< The slant is constant, uniform within +- this, [rad].
 };
 
-/// What all courses of a kind share: frame, start, goal, bounds that hold everything that may move
-/// in them, and the fixed obstacles. These are three walls round 13.5 m x 13.5 m for boxes, and the
-/// pen and side walls of the static courses for walls.
+/// The parts that all courses of a kind share: frame, start, goal, bounds that hold everything that
+/// may move in them, and the fixed obstacles. For boxes these are three walls round 13.5 m x 13.5
+/// m; for walls they are the pen and side walls of the static courses.
 Course DynamicBoxArena(std::string name);
 Course DynamicWallArena(std::string name);
 

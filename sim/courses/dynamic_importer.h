@@ -25,20 +25,23 @@ struct FixedObstacles {
 struct DynamicMotions {
   CourseKind kind = CourseKind::kDynamicBox;
   std::filesystem::path file;
-  std::map<int, std::vector<MovingObstacle>> worlds;  ///< By N of world_N, in the file's order.
-  std::optional<FixedObstacles> fixed;  ///< Of every world; none: there is no such file.
+  std::map<int, std::vector<MovingObstacle>>
+      worlds;  ///< Keyed by N of world_N; obstacles in the file's order.
+  std::optional<FixedObstacles>
+      fixed;  ///< The same in every world. Empty if there is no such file.
 };
 
-/// The motions in `directory`; empty: it holds neither dynamic_box.csv nor dynamic_wall.csv.
+/// Reads the motions in `directory`. Empty if it holds neither dynamic_box.csv nor
+/// dynamic_wall.csv.
 ///
-/// Throws `Error` that names file and line where a file cannot be read, begins with other columns,
-/// or has a line that is none: a field too few, a number that is none, a size or period that is not
-/// above 0, a world of another kind, an object that stands twice.
+/// Throws `Error` that names file and line if a file cannot be read, begins with other columns, or
+/// has an invalid line: a missing field, a malformed number, a size or period that is not above 0,
+/// a world of another kind, a repeated object.
 std::vector<DynamicMotions> ReadMotions(const std::filesystem::path& directory);
 
-/// The course of one world: start, goal and bounds of its kind, the bounds widened where an
-/// obstacle reaches beyond. Throws `Error` that names `source` where it cannot be driven
-/// (`WhyUnsolvable`). Requires: kind is not kStatic.
+/// Makes the course of one world with start, goal and bounds of its kind. The bounds are widened if
+/// an obstacle reaches beyond them. Throws `Error` that names `source` if the course cannot be
+/// driven (`WhyUnsolvable`). Requires: kind is not kStatic.
 Course MakeDynamicCourse(std::string name, CourseKind kind, const FixedObstacles& fixed,
                          const std::vector<MovingObstacle>& moving, const std::string& source);
 

@@ -13,16 +13,18 @@
 
 namespace slalom::sim {
 
-/// Where the beams of a track's scans point: beam k leaves the sensor at angle_min + k angle_step.
+/// Directions of the beams of a track's scans: beam k leaves the sensor at angle_min + k
+/// angle_step.
 struct TrackBeams {
   base::Vec2 p_RS;          ///< The sensor in the robot's frame, [m].
-  double angle_min = 0.0;   ///< Of the first beam, counter-clockwise from ahead, [rad].
+  double angle_min = 0.0;   ///< Angle of the first beam, counter-clockwise from ahead, [rad].
   double angle_step = 0.0;  ///< [rad]
 
   friend bool operator==(const TrackBeams&, const TrackBeams&) = default;
 };
 
-/// Where the robot was in one episode and what it saw, for pictures and later study. A value.
+/// Poses of the robot in one episode and, optionally, its scans, for pictures and later study. A
+/// value.
 struct EpisodeTrack {
   std::string course;  ///< Name of the course.
   env::Outcome outcome = env::Outcome::kRunning;

@@ -9,7 +9,7 @@
 
 namespace slalom::sim {
 
-/// Where a moving obstacle is and how it moves. A value.
+/// Pose and velocity of a moving obstacle. A value.
 struct MotionState {
   base::Pose2 X_WB;       ///< The heading is not wrapped within a round: it may exceed pi.
   base::Vec2 v_B;         ///< Velocity of B's origin in W, [m/s].
@@ -26,7 +26,7 @@ struct MotionState {
 /// two are at the same place (a closed round): then it is half the way from the last but one to the
 /// second. With two key frames alone the obstacle has therefore gone 0.5 u + 1.5 u^2 - u^3 of the
 /// way. The heading turns at a constant rate, the shorter way round: Gazebo's rotation spline is
-/// cubic only where roll, pitch and yaw all differ, which they never do in the plane.
+/// cubic only if roll, pitch and yaw all differ, which they never do in the plane.
 ///
 /// Motion time 0 is the first key frame. After the last one, a looping obstacle jumps to the first,
 /// and a ping-pong obstacle goes the same way back.

@@ -11,7 +11,7 @@ namespace slalom::engines {
 /// A physics that this project knows, whether this program was built with it or not.
 struct PhysicsInfo {
   std::string_view name;
-  std::string_view package;  ///< Debian's, with which it is built; empty: Slalom's own.
+  std::string_view package;  ///< Debian package that it is built with. Empty for Slalom's own.
   bool is_built_in = true;
 };
 
@@ -19,8 +19,8 @@ struct PhysicsInfo {
 const std::vector<PhysicsInfo>& KnownPhysics();
 
 /// The physics of this name. Throws `base::Error` if there is none (the error lists them), or if
-/// the program was built without it (the error says what to install and that it has to be built
-/// anew).
+/// the program was built without it (the error says what to install, and that the program has to be
+/// built again).
 sim::Physics FindPhysics(std::string_view name);
 
 /// The physics of a list such as "slalom,ode", or of "all". Slalom's own comes first if it is in

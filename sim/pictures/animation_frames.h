@@ -11,7 +11,8 @@ namespace slalom::sim {
 /// Draws an animation frame by frame, for a video. Confined to one thread.
 class AnimationFrames {
  public:
-  /// `animation` must outlive this. Throws `Error` where there is no memory for a picture so large.
+  /// `animation` must outlive this. Throws `Error` if there is no memory for a picture of this
+  /// size.
   explicit AnimationFrames(const Animation& animation);
   ~AnimationFrames();
   AnimationFrames(const AnimationFrames&) = delete;

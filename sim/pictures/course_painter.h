@@ -27,7 +27,7 @@ Colour OutcomeColour(env::Outcome outcome);
 
 void SetColour(cairo_t* cairo, Colour colour, double alpha = 1.0);
 
-/// `bounds`, and all that a moving obstacle covers on its way.
+/// Widens `bounds` by everything that a moving obstacle covers on its way.
 Bounds IncludingSweep(Bounds bounds, const MovingObstacle& obstacle);
 
 /// Returns the part of the plane that a scene needs: the course's bounds, the ways of its moving

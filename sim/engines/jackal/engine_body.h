@@ -11,17 +11,18 @@
 
 namespace slalom::engines {
 
-/// A robot that an engine moves: the drive's controller ticks as it does in Slalom, and between two
-/// ticks the engine does steps of about a millisecond, with those obstacles near that the robot may
-/// touch. It has touched something if the engine says so, or if it was lifted by more than 0.1 m,
-/// which ends an episode of the original, too.
+/// A robot that an engine moves. The drive's controller ticks as it does in Slalom, and between two
+/// ticks the engine takes steps of about a millisecond, with the obstacles that the robot may
+/// touch. The robot has touched something if the engine reports a contact, or if it was lifted by
+/// more than 0.1 m, which ends an episode of the original, too.
 class EngineBody final : public sim::RobotBody {
  public:
-  /// `world` steps by `StepOf(config.robot)`. `num_ticks`: of the controller in a control step.
+  /// `world` steps by `StepOf(config.robot)`. `num_ticks`: ticks of the controller in a control
+  /// step.
   EngineBody(const sim::RobotConfig& config, int num_ticks, std::unique_ptr<World> world);
 
-  /// The angles of the wheels are drawn from `seed`, too, each uniformly: the original puts its
-  /// robot back with the wheels as the last episode left them, and friction may ask for them.
+  /// Also draws the angle of each wheel uniformly from `seed`, because the original puts its robot
+  /// back with the wheels as the last episode left them, and friction may depend on them.
   void Reset(const base::Pose2& X_WR, std::uint64_t seed) override;
   bool Drive(double linear, double angular, const sim::Scene& scene, double motion_time,
              sim::ContactWorld& contacts) override;
@@ -38,16 +39,17 @@ class EngineBody final : public sim::RobotBody {
   const int num_ticks_;
   const int steps_per_tick_;
   const double step_;                 // [s]
-  const sim::SkidSteering steering_;  // For what is asked of each wheel alone.
+  const sim::SkidSteering steering_;  // Only for the speed asked of each wheel.
   sim::DriveController controller_;
   NearObstacles near_;
   std::unique_ptr<World> world_;
   sim::BodyState state_;
 };
 
-/// Makes bodies in worlds of `make_worlds`, for `sim::CourseEnvironments`. Errors call this
-/// `physics`: a key that no Jackal can honour (`MakeJackal`), and a course with an obstacle too
-/// thin or too fast for steps of a millisecond.
+/// Makes bodies in worlds of `make_worlds`, for `sim::CourseEnvironments`. The bodies' errors call
+/// the engine `physics`. They throw `base::Error` for a key that no Jackal can honour
+/// (`MakeJackal`), and for a course with an obstacle too thin or too fast for steps of a
+/// millisecond.
 sim::MakeRobotBodies BodiesIn(std::string_view physics, MakeWorlds make_worlds);
 
 }  // namespace slalom::engines

@@ -15,11 +15,11 @@ namespace slalom::engines {
 /// outline. Thread-compatible.
 class NearObstacles {
  public:
-  /// Finds at most so many, the nearest.
+  /// Finds at most `max_obstacles`, the nearest.
   NearObstacles(const sim::Footprint& footprint, int max_obstacles);
 
-  /// The obstacles at motion time `time` [s], those that stand still with no speed. In an order
-  /// that depends on nothing else. Valid until the next call.
+  /// Returns the obstacles near the robot at motion time `time` [s]; fixed obstacles have speed 0.
+  /// The order depends on the arguments alone. Valid until the next call.
   std::span<const sim::MovingShape> Find(const sim::Scene& scene, double time,
                                          const sim::BodyState& robot);
 
