@@ -17,16 +17,16 @@ namespace slalom::planners {
 /// scan, goal vector and odometry, but no map of the course.
 ///
 /// An episode's goal is where the goal vector of its first observation points; it stays fixed in
-/// the odometry frame. What the navigator is told of poses is in a frame C of the same origin in
-/// which the robot starts at `navigation.start_heading`, so that this heading says how the maps'
-/// cells lie on the course. The planner's random numbers are seeded by a checksum of the first
+/// the odometry frame. The navigator gets poses in a frame C that has the same origin and in which
+/// the robot starts at `navigation.start_heading`, so that this heading decides how the maps' cells
+/// lie on the course. The planner's random numbers are seeded by a checksum of the first
 /// observation, so an episode is the same at any index of any batch and on any number of threads.
 /// Confined to one thread at a time. Allocates when the batch size changes.
 class PlannerAgent : public env::Agent {
  public:
   /// `name`: one of `PlannerNames()`. `geometry` and `bounds` describe the environment's scans and
   /// actions, `step` is its control step, [s]. The navigators run on the threads of `parallel`,
-  /// which must outlive this object; if it is null, on the caller's thread.
+  /// which must outlive this object, or on the caller's thread if it is null.
   ///
   /// Throws `base::Error` if there is no planner of this name.
   PlannerAgent(const std::string& name, const PlannersConfig& config, const ScanGeometry& geometry,

@@ -14,8 +14,8 @@
 namespace slalom::planners {
 
 /// Settings of all classical systems: the navigation that they share, and each local planner with
-/// its own settings of navigation. This is the list of planners, too: the registry knows each
-/// section whose config has a `MakePlanner`, by the section's name.
+/// its own settings of navigation. It is also the list of planners: the registry knows each section
+/// whose config has a `MakePlanner` by the section's name.
 struct PlannersConfig {
   NavigationConfig navigation;
   DwaConfig dwa;

@@ -11,7 +11,7 @@
 
 namespace slalom::policy {
 
-/// A plan: what to do in each of the next T steps, and how far samples may stray from it.
+/// A plan: the mean action of each of the next T steps, and the deviation of samples from it.
 struct ActionPlan {
   explicit ActionPlan(int horizon) : mean(horizon), deviation(horizon) {}
 
@@ -19,7 +19,7 @@ struct ActionPlan {
   std::vector<env::Action> deviation;  ///< [T]
 };
 
-/// S action sequences, what they are worth, and how they count. Allocates on construction only.
+/// S action sequences with their returns and weights. Allocates on construction only.
 struct ActionSamples {
   ActionSamples(int horizon, int size);
 
@@ -41,10 +41,11 @@ struct ActionSamples {
 env::Action DrawAround(const env::Action& centre, const env::Action& deviation,
                        base::Random& random);
 
-/// w_s in proportion to e^(R_s / temperature) (MPPI: Williams et al. 2017, equation 6).
+/// Sets w_s in proportion to e^(R_s / temperature) (MPPI: Williams et al. 2017, equation 6).
 void WeighByReturn(double temperature, ActionSamples& samples);
 
-/// w_s alike for the `num_best` of highest return, 0 for others (CEM: Chua et al. 2018, section 5).
+/// Sets w_s to 1 / num_best for the sequences of highest return and to 0 for the others (CEM: Chua
+/// et al. 2018, section 5).
 void WeighTheBest(int num_best, ActionSamples& samples);
 
 /// Sets the plan to the weighted mean and standard deviation of the actions, of at least 0.01.

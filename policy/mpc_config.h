@@ -11,7 +11,7 @@ enum class PlanUpdate { kMppi, kCem, kSample };
 inline base::OneOf EnumNames(PlanUpdate) { return {"mppi", "cem", "sample"}; }
 
 /// How an agent plans. The defaults are those of the paper's experiments (docs/original-system.md,
-/// section 5.2), done right.
+/// section 5.2), without the faults of its code.
 struct MpcConfig {
   bool enabled = false;
   int horizon = 5;

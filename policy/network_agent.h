@@ -8,18 +8,19 @@
 
 namespace slalom::policy {
 
-/// Drives with a policy network, without exploration noise (a gaussian policy by its mode), on the
-/// calling thread and without LibTorch (`nn::InferenceNetwork`).
+/// Drives with a policy network, on the calling thread and without LibTorch
+/// (`nn::InferenceNetwork`). There is no exploration noise; a gaussian policy drives by its mode.
 ///
-/// Keeps each environment's last H frames; before the first frame of an episode stand copies of it.
-/// Confined to one thread at a time. Allocates only when the batch size changes.
+/// Keeps each environment's last H frames. At the start of an episode, copies of its first frame
+/// take the place of earlier ones. Confined to one thread at a time. Allocates only when the batch
+/// size changes.
 class NetworkAgent : public PolicyAgent {
  public:
-  /// Throws `base::Error` where the policy's sectors do not divide its beams.
+  /// Throws `base::Error` if the policy's sectors do not divide its beams.
   explicit NetworkAgent(PolicySnapshot snapshot);
   ~NetworkAgent() override;
 
-  /// Goes on with other weights of the same spec; what was seen stays.
+  /// Replaces the weights by others of the same spec; the frames seen so far stay.
   /// Requires: network, distribution and observation spec are those it was made with.
   void SetSnapshot(PolicySnapshot snapshot) override;
 

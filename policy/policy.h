@@ -19,18 +19,17 @@
 
 namespace slalom::policy {
 
-/// What a policy's outputs are the parameters of.
+/// The kind of distribution whose parameters a policy's outputs are.
 enum class DistributionKind { kDeterministic, kGaussian };
 inline base::OneOf EnumNames(DistributionKind) { return {"deterministic", "gaussian"}; }
 
 /// How a policy's outputs become an action. A value.
 ///
 /// deterministic: a = tanh(x) of 2 outputs. gaussian: a = tanh(mean + std * noise) of 4 outputs,
-/// the means and what the deviations come of; its mode, tanh(mean), drives where nothing is to be
-/// explored.
+/// mean and raw log std. Without exploration the agent takes tanh(mean), the mode.
 struct ActionDistribution {
   DistributionKind kind = DistributionKind::kDeterministic;
-  double log_std_min = 0.0;  ///< Of a gaussian.
+  double log_std_min = 0.0;  ///< Lower bound of a gaussian's log std.
   double log_std_max = 0.0;
 
   bool is_deterministic() const { return kind == DistributionKind::kDeterministic; }
@@ -52,12 +51,12 @@ struct ActionDistribution {
   friend bool operator==(const ActionDistribution&, const ActionDistribution&) = default;
 };
 
-/// What a policy carries so that agents can plan with it: a transition model, and how it values
-/// what lies ahead. A value. Without a model ("none") it carries nothing.
+/// The parts of a policy that agents plan with: a transition model, and the discount and goal of
+/// its critic. A value. Without a model ("none") a policy carries none of them.
 struct PlanningSpec {
   nn::TransitionModelConfig model;
   double gamma = 0.99;  ///< Discount per step that its critic was trained with.
-  nn::GoalRule goal;    ///< Of the task that it was trained for.
+  nn::GoalRule goal;    ///< Goal of the task that it was trained for.
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -71,7 +70,7 @@ struct PlanningSpec {
   friend bool operator==(const PlanningSpec&, const PlanningSpec&) = default;
 };
 
-/// What a policy sees, is and commands. A value.
+/// The observation, network and action bounds of a policy. A value.
 struct PolicySpec {
   env::ObservationSpec observation;
   nn::NetworkConfig network;
@@ -79,10 +78,10 @@ struct PolicySpec {
   ActionDistribution distribution;
   PlanningSpec planning;
 
-  /// These throw `base::Error` where the sectors do not divide the beams, or as `ActorShape`.
+  /// These throw `base::Error` if the sectors do not divide the beams, or as `ActorShape` does.
   nn::NetworkShape actor_shape() const;
   nn::NetworkShape critic_shape() const;
-  /// Throws, too, where the model contradicts itself. Requires: planning.is_carried().
+  /// Throws, too, if the model contradicts itself. Requires: planning.is_carried().
   nn::ModelShape model_shape() const;
 };
 
@@ -92,13 +91,13 @@ struct PolicySnapshot {
   std::int64_t version = 0;  ///< Rises with each snapshot that a learner gives out.
   PolicySpec spec;
   std::shared_ptr<const std::vector<float>> weights;  ///< [spec.actor_shape().num_parameters()]
-  /// Where the spec says that they are carried, else null: the model's,
-  /// [spec.model_shape().num_parameters()], and those of one critic.
+  /// Weights of the model, [spec.model_shape().num_parameters()], and of one critic. Null unless
+  /// the spec says that the policy carries them.
   std::shared_ptr<const std::vector<float>> model_weights = nullptr;
   std::shared_ptr<const std::vector<float>> critic_weights = nullptr;
 };
 
-/// A policy all of whose weights are 0, of version -1.
+/// A policy of version -1 whose weights are all 0.
 PolicySnapshot ZeroSnapshot(const PolicySpec& spec);
 
 struct LoadedPolicy {
@@ -108,23 +107,23 @@ struct LoadedPolicy {
 
 /// A policy as the bytes of a safetensors file, which is also how it travels in messages: tensors
 /// "actor.encoder.0.weight" and so on, "critic...." and "model.0...." for each member of a model's
-/// ensemble where the policy carries them, and `metadata` (config, commit, seed, steps, ...) beside
+/// ensemble if the policy carries them, and `metadata` (config, commit, seed, steps, ...) beside
 /// the spec.
 std::string PrintPolicy(const PolicySnapshot& snapshot, const nn::Metadata& metadata);
 
-/// Throws `base::Error` that begins with `source` where the bytes, which anybody may have sent, are
-/// cut short, damaged or no policy of this program, or a weight is not finite. Allocates a few
-/// times their size.
+/// Parses the bytes of a policy, which are untrusted. Throws `base::Error` that begins with
+/// `source` if they are cut short, damaged or not a policy of this program, or if a weight is not
+/// finite. Allocates a few times their size.
 LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view source);
 
-/// Saves a policy as a file. Throws `base::Error` where it cannot be written.
+/// Saves a policy as a file. Throws `base::Error` if it cannot be written.
 void SavePolicy(const std::filesystem::path& path, const PolicySnapshot& snapshot,
                 const nn::Metadata& metadata);
 
-/// Throws `base::Error` naming the file where it is missing, or as `ParsePolicy`.
+/// Loads a policy. Throws `base::Error` naming the file if it is missing, or as `ParsePolicy` does.
 LoadedPolicy LoadPolicy(const std::filesystem::path& path);
 
-/// Throws `base::Error` naming `source`, the policy's file, where a policy of `spec` cannot drive
+/// Throws `base::Error` naming `source`, the policy's file, if a policy of `spec` cannot drive
 /// on `observation` with `actions`.
 void RequireSameInterface(const std::string& source, const PolicySpec& spec,
                           const env::ObservationSpec& observation,

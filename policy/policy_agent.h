@@ -9,10 +9,10 @@
 
 namespace slalom::policy {
 
-/// An agent that drives by a policy, whose weights may be replaced while it drives.
+/// An agent that drives by a policy. The weights may be replaced while it drives.
 class PolicyAgent : public env::Agent {
  public:
-  /// Goes on with other weights of the same spec; what was seen stays.
+  /// Replaces the weights by others of the same spec; the frames seen so far stay.
   /// Requires: network, distribution, planning and observation spec are those it was made with.
   virtual void SetSnapshot(PolicySnapshot snapshot) = 0;
 
@@ -20,7 +20,7 @@ class PolicyAgent : public env::Agent {
 };
 
 /// The agent that `config` asks for: one that plans (`MpcAgent`) or the policy itself
-/// (`NetworkAgent`). Throws `base::Error` as their constructors.
+/// (`NetworkAgent`). Throws `base::Error` as their constructors do.
 std::unique_ptr<PolicyAgent> MakePolicyAgent(PolicySnapshot snapshot, const MpcConfig& config,
                                              std::uint64_t seed);
 

@@ -8,12 +8,12 @@
 
 namespace slalom::policy {
 
-/// The spec and version of a policy as the JSON text that stands in its file.
+/// Prints the spec and version of a policy as the JSON text of its file.
 std::string PrintSpec(const PolicySpec& spec, std::int64_t version);
 
-/// Reads it into `snapshot`. What sizes arrays or is computed with is held to the ranges of a
-/// config, so a file's word is not taken for it. Throws `base::Error` that names `source` and the
-/// key where one is missing, of another type or out of range.
+/// Parses that text into `snapshot`. Checks every number that sizes arrays or enters computations
+/// against the ranges of a config, because the file is untrusted. Throws `base::Error` that names
+/// `source` and the key if one is missing, of another type or out of range.
 void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* snapshot);
 
 /// Throws `base::Error` that names `source` and the first field in which a policy's spec is not the

@@ -25,8 +25,8 @@ namespace slalom::planners {
 ///
 /// With `meter_scoring`, the weights of the two distances are multiplied by the map's resolution,
 /// and that of the costmap's value is not (`TrajectoryPlannerROS::initialize` and
-/// `TrajectoryPlanner::reconfigure` of base_local_planner, melodic 1.16.7; before navigation's pull
-/// request 1000 it was). docs/planners.md says what speaks for it.
+/// `TrajectoryPlanner::reconfigure` of base_local_planner, melodic 1.16.7; versions before
+/// navigation's pull request 1000 multiply it, too). docs/planners.md gives the evidence for it.
 ///
 /// Inflated cells under the robot are exempt in the distances to the path alone, as
 /// `TrajectoryPlanner::findBestPath` (base_local_planner) marks them `within_robot` in `path_map_`
@@ -81,7 +81,7 @@ class DwaPlanner : public LocalPlanner {
     Twist command;
   };
   std::vector<Candidate> candidates_;
-  std::vector<std::size_t> order_;  // Of the candidates, by least cost.
+  std::vector<std::size_t> order_;  // Indices of the candidates, by least cost.
 
   // Directions turned on the spot since the robot last moved on, and directions given up: after two
   // turns to one side, the robot may not turn to the other.

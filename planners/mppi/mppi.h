@@ -21,7 +21,7 @@ namespace slalom::planners {
 /// Differences from Nav2:
 /// - A command acts at once, so the first step of the sequence is commanded. Nav2 expects one
 ///   period of latency and commands the second.
-/// - Clearance comes from a distance field of the lethal cells, whatever the costmap's inflation.
+/// - Clearance comes from a distance field of the lethal cells, not from the costmap's inflation.
 /// - If the softmax mean of rollouts on both sides of an obstacle collides, the best single rollout
 ///   is driven.
 /// - Only free rollouts, and the way they drove, decide how far along the path the rollouts get

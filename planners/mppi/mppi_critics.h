@@ -38,9 +38,8 @@ struct CriticView {
 
 /// Marks the path points whose inscribed circle is free, and finds `furthest` among the rollouts
 /// that do not collide (`collides`: [B], 1 if it does); it is 0 if all collide. Unlike in Nav2, a
-/// rollout cannot reach a path point much farther along the path than the way it drove: where the
-/// path comes back behind a wall, the nearest point would lead the robot into that wall. Cost: B x
-/// P.
+/// rollout cannot reach a path point much farther along the path than the way it drove. If the path
+/// comes back behind a wall, the nearest point would lead the robot into that wall. Cost: B x P.
 void SurveyPath(const Rollouts& rollouts, float dt, std::span<const char> collides,
                 const ClearanceMap& clearance, const DiscOutline& outline, CriticPath& path);
 

@@ -13,7 +13,7 @@ namespace slalom::planners {
 /// The limits of a differential drive per step.
 struct DriveLimits {
   float max_linear_step = 0.0f;   ///< Largest change of speed in a step, [m/s].
-  float max_angular_step = 0.0f;  ///< Of turn rate, [rad/s].
+  float max_angular_step = 0.0f;  ///< Largest change of turn rate in a step, [rad/s].
   float dt = 0.0f;                ///< [s]
 };
 

@@ -30,14 +30,14 @@ class ClearanceMap {
   float At(float x, float y) const {
     const float column = (x - origin_x_) * cells_per_metre_;
     const float row = (y - origin_y_) * cells_per_metre_;
-    // Written so that NaN is off the map.
+    // In this form, NaN counts as off the map.
     if (!(column >= 0.0f && row >= 0.0f && column < width_ && row < height_)) return max_distance_;
     const int cell = static_cast<int>(row) * size_x_ + static_cast<int>(column);
     return distances_[static_cast<std::size_t>(cell)];
   }
 
   float max_distance() const { return max_distance_; }
-  float resolution() const { return resolution_; }  ///< Of the last costmap, [m].
+  float resolution() const { return resolution_; }  ///< Resolution of the last costmap, [m].
 
  private:
   void MeasureRows(const Costmap& costmap);
@@ -50,7 +50,7 @@ class ClearanceMap {
   float width_ = 0.0f, height_ = 0.0f;  // [cells]
   int size_x_ = 0;
   int size_y_ = 0;
-  int reach_ = 0;                     // Of max_distance, rounded up, [cells].
+  int reach_ = 0;                     // max_distance, rounded up, [cells].
   std::vector<float> row_distances_;  // [size_y, size_x] along the row, squared, [cells^2].
   std::vector<float> distances_;      // [size_y, size_x], [m].
 };

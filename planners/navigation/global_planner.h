@@ -37,11 +37,11 @@ class GlobalPlanner {
   /// per cell, or an empty one if there is no way. `changed` must contain all cells whose cost
   /// changed since the last call, which must have been with the same map in the same place; the
   /// first call after `Reset` ignores it. Cost: O(cells near the path), a few 0.1 ms over 10 m;
-  /// much less where neither the robot's cell nor the map changed.
+  /// much less if neither the robot's cell nor the map changed.
   const std::vector<base::Vec2>& Plan(const Costmap& costmap, const CellWindow& changed,
                                       base::Vec2 start_O, base::Vec2 goal_O);
 
-  /// Returns the potential of a cell; infinite where it has not spread.
+  /// Returns the potential of a cell; infinite if the potential has not spread there.
   float potential(CellIndex c) const {
     return potential_[static_cast<std::size_t>(c.y) * static_cast<std::size_t>(size_x_) +
                       static_cast<std::size_t>(c.x)];

@@ -19,7 +19,7 @@ struct Twist {
   friend bool operator==(const Twist&, const Twist&) = default;
 };
 
-/// What a local planner sees in one control cycle.
+/// Input of a local planner in one control cycle.
 struct LocalView {
   base::Pose2 X_OR;
   Twist velocity;                      ///< Measured.
@@ -37,7 +37,7 @@ class LocalPlanner {
  public:
   virtual ~LocalPlanner() = default;
 
-  /// Forgets everything, as a new episode begins. `seed`: for the planner's random numbers.
+  /// Forgets everything before a new episode. `seed` determines the planner's random numbers.
   virtual void Reset(std::uint64_t seed) = 0;
 
   /// Returns the command of this control cycle, or nothing if no command is admissible. The

@@ -39,7 +39,7 @@ struct NavigatorRecord {
   int num_recoveries = 0;       ///< Recovery behaviours begun.
   int num_backwards = 0;        ///< Cycles that commanded a negative speed.
   int num_turns_in_place = 0;   ///< Cycles that commanded a turn without a speed.
-  Twist last_command;           ///< Of the last control cycle.
+  Twist last_command;           ///< Command of the last control cycle.
 };
 
 /// The navigation system of one robot: ROS's move_base with a local and a global costmap, a global
@@ -50,8 +50,8 @@ struct NavigatorRecord {
 /// cycle, the state machine acts on the maps and the plan as they were left a cycle ago; then the
 /// maps are updated, and then the global planner plans. A scan enters the maps `scan_age` after it
 /// was taken, at its own place, because costmap_2d's `ObstacleLayer` has its message filter wait
-/// for transforms that much younger. Where a step is longer than the maps' period, the maps are up
-/// to date when the state machine acts. Confined to one thread at a time.
+/// for transforms that much younger. If a step is longer than the maps' period, the maps are up to
+/// date when the state machine acts. Confined to one thread at a time.
 class Navigator {
  public:
   /// `step`: time between two calls of `Step`, [s]. An activity with a configured rate runs in
@@ -59,8 +59,8 @@ class Navigator {
   Navigator(const NavigationConfig& config, const PlannerNavigationConfig& planner_config,
             const ScanGeometry& geometry, double step, std::unique_ptr<LocalPlanner> planner);
 
-  /// Begins an episode with the robot at X_OR and a goal. Forgets everything before. `seed`: for
-  /// the local planner.
+  /// Begins an episode with the robot at X_OR and a goal, and forgets everything before. `seed` is
+  /// for the local planner.
   void Reset(const base::Pose2& X_OR, base::Vec2 goal_O, std::uint64_t seed);
 
   /// Returns the command until the next call. `ranges_cm`: the present scan, [N] [cm].
@@ -96,22 +96,22 @@ class Navigator {
   const PaddedFootprint footprint_;
   const ScanProjector projector_;
   const std::unique_ptr<LocalPlanner> planner_;
-  std::vector<ScanRays> scans_;  // Of the last steps, a ring; its size is the age of those in use.
+  std::vector<ScanRays> scans_;  // Of the last steps, a ring as long as `scan_age`.
   ObstacleMap local_map_;
-  std::optional<ObstacleMap> global_map_;  // From the first Reset on.
+  std::optional<ObstacleMap> global_map_;  // Set by the first Reset.
   GlobalPlanner global_planner_;
 
   base::Vec2 goal_O_;
   std::int64_t num_steps_ = 0;  // Since the episode began.
   NavigatorState state_ = NavigatorState::kPlanning;
-  Trigger trigger_ = Trigger::kPlanning;  // What the recoveries were started by.
+  Trigger trigger_ = Trigger::kPlanning;  // The failure that started the recoveries.
   int recovery_index_ = 0;
   std::optional<RotateRecovery> turn_;                     // The turn being made, if any.
   double last_plan_time_ = 0.0, last_command_time_ = 0.0;  // Patience counts from here, [s].
   double last_sent_time_ = 0.0;                            // Time of the last command, [s].
   CellWindow global_change_;                               // Since the last plan.
   std::vector<base::Vec2> path_O_;
-  std::size_t path_begin_ = 0;  // The first point that was not passed.
+  std::size_t path_begin_ = 0;  // The first point that the robot has not passed.
   bool path_is_new_ = false;
   Twist command_;
   NavigatorRecord record_;

@@ -11,11 +11,11 @@
 
 namespace slalom::planners {
 
-/// What pulls and pushes a band, besides the robot's limits.
+/// The obstacles, via-points and start velocity that shape a band, besides the robot's limits.
 struct BandSurroundings {
   std::span<const base::Vec2> obstacles_O;   ///< Points to keep away from, [m].
   std::span<const base::Vec2> via_points_O;  ///< Points to come near to, [m].
-  Twist start_velocity;                      ///< The robot's; it must stand at the band's end.
+  Twist start_velocity;  ///< Velocity of the robot at the start; at the band's end it stands still.
 };
 
 /// The cost by which bands are compared.

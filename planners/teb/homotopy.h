@@ -38,11 +38,11 @@ using HomotopyClass = std::vector<double>;
 HomotopyClass ClassOf(std::span<const base::Vec2> path, std::span<const base::Vec2> points);
 bool SameClass(const HomotopyClass& a, const HomotopyClass& b);
 
-/// The roadmap of teb_local_planner: random points between start and goal, joined where the
-/// straight way leads towards the goal and is clear.
+/// The roadmap of teb_local_planner: random points between start and goal, joined if the straight
+/// way leads towards the goal and is clear.
 struct RoadmapConfig {
   int num_samples = 15;
-  double width = 6.0;               ///< Of the area across the line from start to goal, [m].
+  double width = 6.0;               ///< Width of the area across the line from start to goal, [m].
   double heading_threshold = 0.45;  ///< Least cosine between an edge and that line, at least 0.
   double min_clearance = 0.25;      ///< Least distance of edges from lethal cells, [m].
   int max_paths = 500;              ///< Most paths that are visited.

@@ -46,7 +46,7 @@ class TebPlanner : public LocalPlanner {
     TimedBand band;
     HomotopyClass homotopy;
     double cost = 0.0;
-    bool is_plans = false;  // Whether its class is that of the global plan.
+    bool is_plans = false;  // Whether it has the class of the global plan.
   };
   struct Cycle;  // Values that are constant during one control cycle.
 

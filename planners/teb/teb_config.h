@@ -7,8 +7,8 @@
 #include "planners/navigation/navigation_config.h"
 
 /// Defaults are the settings with which PRIEST's authors ran TEB on BARN (docs/original-system.md,
-/// section 8.4; no TEB configuration is in the repositories of the benchmark's authors), and where
-/// section 8.4 gives none, those of teb_local_planner itself.
+/// section 8.4; the repositories of the benchmark's authors hold no TEB configuration). If section
+/// 8.4 gives no value, the default is that of teb_local_planner itself.
 
 namespace slalom::planners {
 

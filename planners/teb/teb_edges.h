@@ -23,8 +23,8 @@ struct Dual {
 inline constexpr int kPairSize = 7;
 inline constexpr int kTripleSize = 11;
 
-/// How far a value is outside an allowed range, 0 inside, and the slope of that: -1, 0 or 1. The
-/// ranges are [low + margin, high - margin], and for `PenalizeBelow` [low + margin, infinity).
+/// Distance of a value from an allowed range, 0 inside, and its slope: -1, 0 or 1. The ranges are
+/// [low + margin, high - margin], and for `PenalizeBelow` [low + margin, infinity).
 struct Penalty {
   double value = 0.0;
   double slope = 0.0;

@@ -20,14 +20,14 @@ struct TimedBand {
 TimedBand MakeBand(std::span<const base::Vec2> points, double start_yaw, double goal_yaw,
                    double max_linear, double max_angular, int min_samples);
 
-/// Inserts poses where a time is longer than dt_ref + dt_hysteresis and removes poses where one is
-/// shorter than dt_ref - dt_hysteresis, in one pass from the start. Keeps the total duration, and
-/// the number of times within [min_samples, max_samples].
+/// Inserts a pose if a time is longer than dt_ref + dt_hysteresis, and removes one if it is shorter
+/// than dt_ref - dt_hysteresis, in one pass from the start. Keeps the total duration, and the
+/// number of times within [min_samples, max_samples].
 void ResizeBand(double dt_ref, double dt_hysteresis, int min_samples, int max_samples,
                 TimedBand& band);
 
-/// Makes the band begin at `start` and end at `goal`. Removes those of the first ten poses that
-/// were passed, as long as min_samples remain.
+/// Makes the band begin at `start` and end at `goal`. Removes the poses among the first ten that
+/// the robot has passed, as long as min_samples remain.
 void MoveEnds(const base::Pose2& start, const base::Pose2& goal, int min_samples, TimedBand& band);
 
 }  // namespace slalom::planners

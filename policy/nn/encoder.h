@@ -12,17 +12,17 @@
 
 namespace slalom::nn {
 
-/// What an encoder's pass reads and writes. Tensors are kept, not copied.
+/// Input and output of an encoder's pass. Tensors are kept, not copied.
 struct EncoderPorts {
   at::Tensor input;             ///< [B, H * F], oldest frame first; rows may lie further apart.
   at::Tensor features;          ///< [B, W], inside the head's input.
   at::Tensor feature_gradient;  ///< [B, W], for the backward pass; undefined in inference.
   PassUse use = PassUse::kTraining;
-  base::Random* dropout = nullptr;  ///< Draws the masks in this pass; null: no dropout.
+  base::Random* dropout = nullptr;  ///< Draws the masks in this pass; null for no dropout.
 };
 
-/// What an encoder leaves behind between its passes, for one batch size. Allocates on construction
-/// only. Confined to one thread at a time.
+/// Intermediate results of an encoder between forward and backward pass, for one batch size.
+/// Allocates on construction only. Confined to one thread at a time.
 class EncoderPass {
  public:
   virtual ~EncoderPass() = default;
@@ -37,16 +37,17 @@ class Encoder {
   /// Writes the features. Requires: a pass that `MakeEncoderPass` made for the same shape.
   virtual void Forward(EncoderPass& pass) const = 0;
 
-  /// After Forward and with the feature gradient set: writes the gradients of all parameters into
-  /// those of `gradient`, an encoder of the same shape. Uses up the pass.
+  /// Writes the gradients of all parameters into those of `gradient`, an encoder of the same shape.
+  /// Uses up the pass. Requires: `Forward` has run and the feature gradient is set.
   virtual void ParameterGradient(EncoderPass& pass, Encoder& gradient) const = 0;
 };
 
-/// Requires: shape.has_encoder(). `parameters`: the encoder's, shared, not copied.
+/// Makes the encoder of a shape. `parameters`: the encoder's, shared, not copied. Requires:
+/// shape.has_encoder().
 std::unique_ptr<Encoder> MakeEncoder(const NetworkShape& shape, const at::Tensor& parameters);
 std::unique_ptr<EncoderPass> MakeEncoderPass(const NetworkShape& shape, const EncoderPorts& ports);
 
-/// These two for one kind, defined in the source of that encoder.
+/// The two functions above for one kind, defined in the source of that encoder.
 template <EncoderKind kKind>
 std::unique_ptr<Encoder> MakeEncoderOf(const NetworkShape& shape, const at::Tensor& parameters);
 template <EncoderKind kKind>

@@ -6,18 +6,19 @@
 #include "policy/nn/network_config.h"
 #include "policy/nn/parameter_slot.h"
 
-/// What encoders other than "mlp" are made of; docs/networks.md has the formulas.
+/// The parameters of encoders other than "mlp"; docs/networks.md has the formulas.
 
 namespace slalom::nn {
 
-/// Throws `base::Error` that names the key where `config` makes no network.
+/// Throws `base::Error` that names the key if `config` makes no network.
 void CheckNetwork(const NetworkConfig& config);
 
 /// The encoder's parameters, named "encoder...". Requires: an encoder other than "mlp".
-/// Throws `base::Error` where frames of `frame_size` numbers are too small for it.
+/// Throws `base::Error` if frames of `frame_size` numbers are too small for it.
 std::vector<ParameterSlot> EncoderSlots(const NetworkConfig& config, int frame_size);
 
-/// These two for one kind, defined in the source of that encoder in policy/nn/inference/.
+/// The two functions above for one kind, defined in the source of that encoder in
+/// policy/nn/inference/.
 template <EncoderKind kKind>
 void CheckEncoder(const NetworkConfig& config);
 template <EncoderKind kKind>
@@ -36,8 +37,8 @@ SLALOM_FOR_EACH_ENCODER(SLALOM_DECLARE)
 
 /// One convolution over beams.
 struct BeamConvolution {
-  int width;        ///< Beams that one number is made of.
-  int stride;       ///< Beams from one number to the next.
+  int width;        ///< Number of beams that one output reads.
+  int stride;       ///< Beams from one output to the next.
   int in_channels;  ///< Frames, or the numbers of the layer before.
   int out_channels;
   int in_positions;

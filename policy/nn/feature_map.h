@@ -12,24 +12,25 @@
 
 namespace slalom::nn {
 
-/// How a frame becomes the numbers that a network sees: sectors pooled by minimum, ranges and goal
-/// mapped.
+/// Maps a frame to the numbers that a network sees: pools sectors by their minimum, and scales
+/// ranges and goal.
 ///
 /// With sectors = 0 and both transforms "linear" it is exactly `env::WriteObservation`. Ranges are
 /// pooled as the sensor's integers and mapped by table, so every machine computes the same numbers.
 /// Immutable after construction, so one instance may serve many threads.
 class FeatureMap {
  public:
-  /// Throws `base::Error` where the sectors do not divide the beams.
+  /// Throws `base::Error` if the sectors do not divide the beams.
   FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config);
 
-  /// Writes one frame's features. `mirrored`: as the same scene seen in a mirror, left for right:
-  /// beams reversed, goal y and last turn negated. `ranges_cm`: [N]; `state`: [S]; `features`: [F].
+  /// Writes one frame's features. If `mirrored`, writes those of the scene with left and right
+  /// exchanged: beams reversed, goal y and last turn negated. `ranges_cm`: [N]; `state`: [S];
+  /// `features`: [F].
   void Write(const std::uint16_t* ranges_cm, const float* state, bool mirrored,
              float* features) const;
 
-  /// Writes the newest frames of environments behind those before them: every stack moves up by
-  /// one, and where an episode begins it is copies of its first frame. `stacks`: [B, H * F], oldest
+  /// Appends the newest frame of each environment to its stack: the stack moves up by one, or, at
+  /// the beginning of an episode, becomes copies of the first frame. `stacks`: [B, H * F], oldest
   /// first.
   void PushFrames(const env::ObservationBatch& observations, int history, float* stacks) const;
 
@@ -47,7 +48,7 @@ class FeatureMap {
   int beams_per_range_;
   float goal_scale_;
   float goal_y_offset_;
-  std::vector<float> table_;  ///< [clip in cm + 1], what a range of so many cm becomes.
+  std::vector<float> table_;  ///< [clip in cm + 1], the feature of each range in cm.
 };
 
 }  // namespace slalom::nn

@@ -10,22 +10,22 @@
 
 namespace slalom::nn {
 
-/// What a pass is for, and so what it keeps.
+/// Purpose of a pass, which decides what it keeps.
 enum class PassUse {
   kTraining,   ///< Forward and backward.
   kInference,  ///< Forward only: no memory for gradients.
 };
 
-/// What a pass through an `Mlp` reads and leaves behind, for one batch size. Allocates on
-/// construction only.
+/// Inputs, outputs and intermediate results of a pass through an `Mlp`, for one batch size.
+/// Allocates on construction only.
 ///
 /// Bound to its input: fill that tensor's memory, then call `Mlp::Forward`. Confined to one thread
 /// at a time.
 class MlpPass {
  public:
   /// `input`: [B, I + E], features with the extra inputs behind them; kept, not copied.
-  /// `input_gradient`: [B, I], written by `Mlp::ParameterGradient`; undefined where it is not
-  /// wanted. With `PassUse::kInference` there are no gradients.
+  /// `input_gradient`: [B, I], written by `Mlp::ParameterGradient`; undefined if not wanted. With
+  /// `PassUse::kInference` there are no gradients.
   explicit MlpPass(const MlpShape& shape, const at::Tensor& input, PassUse use = PassUse::kTraining,
                    const at::Tensor& input_gradient = {});
 
@@ -45,20 +45,20 @@ class MlpPass {
   };
 
   std::vector<Layer> layers_;
-  at::Tensor
-      extra_source_;       // [B, E] in the input; undefined where the input layer reads it in place
-  at::Tensor extra_copy_;  // [B, E] in the input of layer `extra_layer`
+  at::Tensor extra_source_;  // [B, E] in the input; undefined if the input layer reads it in place
+  at::Tensor extra_copy_;    // [B, E] in the input of layer `extra_layer`
   at::Tensor output_;
   at::Tensor output_gradient_;
   at::Tensor extra_gradient_;
-  at::Tensor input_gradient_;  // [B, I], undefined where it is not wanted
+  at::Tensor input_gradient_;  // [B, I], undefined if not wanted
 };
 
 /// A fully connected network whose parameters are views into one flat tensor, so that an optimiser,
 /// Polyak averaging and saving are single passes over it.
 ///
-/// Forward and backward are explicit: nothing is recorded, and a pass computes just what is asked
-/// for. Thread-compatible; `Forward` of one network into different passes is thread-safe.
+/// Forward and backward are explicit: nothing is recorded, and a pass computes only the results
+/// that are asked for. Thread-compatible; `Forward` of one network into different passes is
+/// thread-safe.
 class Mlp {
  public:
   /// `parameters`: [shape.num_parameters()], shared, not copied.
@@ -67,11 +67,12 @@ class Mlp {
   /// Computes pass.output() from the pass's input.
   void Forward(MlpPass& pass) const;
 
-  /// After Forward and with pass.output_gradient() set: writes the gradients of all parameters into
-  /// those of `gradient`, a network of the same shape. Uses up the pass.
+  /// Writes the gradients of all parameters into those of `gradient`, a network of the same shape.
+  /// Uses up the pass. Requires: `Forward` has run and pass.output_gradient() is set.
   void ParameterGradient(MlpPass& pass, Mlp& gradient) const;
 
-  /// As above, for the extra inputs only, with the parameters frozen: writes pass.extra_gradient().
+  /// Writes pass.extra_gradient(), the gradient by the extra inputs, with the parameters frozen.
+  /// Requires the same.
   void ExtraGradient(MlpPass& pass) const;
 
  private:
@@ -83,11 +84,11 @@ class Mlp {
     at::Tensor weight_before;  // [outputs, inputs from the layer before]
   };
 
-  /// From the gradient by the output of `layer` > 0 to that of the layer before it, through its
-  /// ReLU where it has no LayerNorm.
+  /// Passes the gradient by the output of `layer` > 0 back to the output of the layer before it,
+  /// and through that layer's ReLU if it has no LayerNorm.
   void InputGradient(MlpPass& pass, int layer) const;
-  /// Passes the output gradient of a hidden layer back through its LayerNorm and ReLU, where it has
-  /// that; `gradient` may be null.
+  /// Passes the output gradient of a hidden layer back through its LayerNorm and ReLU, if it has
+  /// LayerNorm; `gradient` may be null.
   void NormGradient(MlpPass::Layer& pass, int layer, Layer* gradient) const;
 
   MlpShape shape_;

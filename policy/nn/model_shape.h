@@ -29,8 +29,9 @@ inline base::OneOf EnumNames(LogStdBounds) { return {"bounded", "published"}; }
 enum class ModelSuccess { kLearned, kKnown };
 inline base::OneOf EnumNames(ModelSuccess) { return {"learned", "known"}; }
 
-/// What a transition model is (docs/original-system.md, section 5.1; docs/models.md), whose
-/// networks read frames by the encoder of the actor and critics. Part of a policy that carries one.
+/// Settings of a transition model (docs/original-system.md, section 5.1; docs/models.md). Its
+/// networks read frames by the encoder of the actor and critics. Part of a policy that carries a
+/// model.
 struct TransitionModelConfig {
   ModelKind kind = ModelKind::kNone;
   ModelTargets targets = ModelTargets::kDifference;
@@ -82,18 +83,19 @@ struct TransitionModelConfig {
   friend bool operator==(const TransitionModelConfig&, const TransitionModelConfig&) = default;
 };
 
-/// When an episode ends in success, a part of the task. A value.
+/// The condition under which an episode ends in success, a part of the task. A value.
 struct GoalRule {
   double radius = 0.0;  ///< The goal is nearer than this, [m].
-  double reward = 0.0;  ///< What that adds to the reward, scaled as the learner's.
+  double reward = 0.0;  ///< Reward of the success, scaled as the learner's.
 
   friend bool operator==(const GoalRule&, const GoalRule&) = default;
 };
 
-/// The sizes of a transition model: what its networks read and what their outputs mean. A value.
+/// The sizes of a transition model: the inputs of its networks and the meaning of their outputs. A
+/// value.
 ///
 /// A network reads the stack of frames [H * F] with the action [2] as its extra input, and gives M
-/// means, M raw logarithms of standard deviations where probabilistic, the reward and the logit of
+/// means, M raw logarithms of standard deviations if probabilistic, the reward and the logit of
 /// termination. All members lie in one flat array, [ensemble * P].
 struct ModelShape {
   NetworkShape network;
@@ -103,12 +105,13 @@ struct ModelShape {
   bool probabilistic = false;
   bool difference = true;
   bool bound_ranges = false;
-  float log_std_min = 0.0f;  ///< Of the first `num_bounded` numbers; of the others there is none.
+  float log_std_min = 0.0f;  ///< Bound of the first `num_bounded` numbers; the others have none.
   float log_std_max = 0.0f;
   int num_bounded = 0;
   float range_low = 0.0f;  ///< The features of ranges of `clip` and 0, in either order.
   float range_high = 0.0f;
-  /// Of the distance to the goal in features. Negative where success is learned.
+  /// Squared distance to the goal, in features, below which an episode succeeds. Negative if
+  /// success is learned.
   float squared_goal_radius = -1.0f;
   float goal_y_offset = 0.0f;
   float goal_reward = 0.0f;
@@ -121,7 +124,7 @@ struct ModelShape {
   int reward_column() const { return num_predicted * (probabilistic ? 2 : 1); }
   int termination_column() const { return reward_column() + 1; }
   bool knows_success() const { return squared_goal_radius >= 0.0f; }
-  /// Whether `frame` [F] is one in which an episode ends in success, as far as that is known.
+  /// Whether an episode ends in success in `frame` [F]. False if success is learned.
   bool IsSuccess(const float* frame) const {
     const float x = frame[num_ranges] + 1.0f;
     const float y = frame[num_ranges + 1] + goal_y_offset;
@@ -129,10 +132,10 @@ struct ModelShape {
   }
 };
 
-/// Of a model that predicts frames which a `FeatureMap` of `observation` and `network` wrote, of
-/// `frame_size` F numbers. `goal`: used where success is known. Throws `base::Error` naming the key
-/// where the config contradicts itself or what the features are. Requires: config.kind is not
-/// "none".
+/// Makes the shape of a model that predicts frames of `frame_size` F numbers, written by a
+/// `FeatureMap` of `observation` and `network`. `goal` is used if success is known. Throws
+/// `base::Error` naming the key if the config contradicts itself or the features. Requires:
+/// config.kind is not "none".
 ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConfig& network,
                           int frame_size, const env::ObservationSpec& observation = {},
                           const GoalRule& goal = {});

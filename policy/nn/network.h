@@ -15,16 +15,16 @@
 
 namespace slalom::nn {
 
-/// What a pass through a `Network` reads and leaves behind, for one batch size. Allocates on
-/// construction only.
+/// Inputs, outputs and intermediate results of a pass through a `Network`, for one batch size.
+/// Allocates on construction only.
 ///
 /// Bound to its input: fill that tensor's memory, then call `Network::Forward`. Confined to one
 /// thread at a time. Movable.
 class NetworkPass {
  public:
   /// `input`: [B, I + E], the stack of frames with the extra inputs behind it; kept, not copied.
-  /// `dropout` draws the masks of a network that has dropout, and must outlive the pass; null: none
-  /// is applied, nor is it in inference unless the config has it everywhere.
+  /// `dropout` draws the masks of a network that has dropout, and must outlive the pass. No dropout
+  /// is applied if it is null, or in inference unless the config has it everywhere.
   explicit NetworkPass(const NetworkShape& shape, const at::Tensor& input,
                        PassUse use = PassUse::kTraining, base::Random* dropout = nullptr);
 
@@ -39,7 +39,7 @@ class NetworkPass {
   friend class Network;
 
   std::unique_ptr<EncoderPass> encoder_;  // Null with encoder "mlp".
-  at::Tensor extra_source_;               // [B, E] in the input; undefined where not copied
+  at::Tensor extra_source_;               // [B, E] in the input; undefined if not copied
   at::Tensor extra_copy_;                 // [B, E] in the head's input
   std::optional<MlpPass> mlp_;
 };
@@ -47,8 +47,9 @@ class NetworkPass {
 /// An actor, a critic or a model: encoder and head on one flat parameter tensor, so that an
 /// optimiser, Polyak averaging and saving are single passes over it.
 ///
-/// Forward and backward are explicit: nothing is recorded, and a pass computes just what is asked
-/// for. Thread-compatible; `Forward` of one network into different passes is thread-safe. Movable.
+/// Forward and backward are explicit: nothing is recorded, and a pass computes only the results
+/// that are asked for. Thread-compatible; `Forward` of one network into different passes is
+/// thread-safe. Movable.
 class Network {
  public:
   /// `parameters`: [shape.num_parameters()], shared, not copied.
@@ -57,20 +58,21 @@ class Network {
   /// Computes pass.output() from the pass's input.
   void Forward(NetworkPass& pass) const;
 
-  /// After Forward and with pass.output_gradient() set: writes the gradients of all parameters into
-  /// those of `gradient`, a network of the same shape. Uses up the pass.
+  /// Writes the gradients of all parameters into those of `gradient`, a network of the same shape.
+  /// Uses up the pass. Requires: `Forward` has run and pass.output_gradient() is set.
   void ParameterGradient(NetworkPass& pass, Network& gradient) const;
 
-  /// As above, for the extra inputs only, with the parameters frozen: writes pass.extra_gradient().
+  /// Writes pass.extra_gradient(), the gradient by the extra inputs, with the parameters frozen.
+  /// Requires the same.
   void ExtraGradient(NetworkPass& pass) const { mlp_.ExtraGradient(*pass.mlp_); }
 
  private:
   std::unique_ptr<Encoder> encoder_;  // Null with encoder "mlp".
-  Mlp mlp_;                           // All of it, or the head.
+  Mlp mlp_;                           // The whole network, or its head.
 };
 
-/// A tensor on weights that others share, for networks that are only run forward: nothing may write
-/// to it, and the weights must outlive it. [P]
+/// Views shared weights as a tensor [P], for networks that only run forward. Nothing may write to
+/// it, and the weights must outlive it.
 at::Tensor ViewWeights(const std::vector<float>& weights);
 
 }  // namespace slalom::nn

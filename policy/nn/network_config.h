@@ -7,7 +7,7 @@
 
 namespace slalom::nn {
 
-/// What `network.encoder` names.
+/// The families that `network.encoder` names.
 enum class EncoderFamily { kMlp, kCnn, kGru, kTransformer };
 inline base::OneOf EnumNames(EncoderFamily) { return {"mlp", "cnn", "gru", "transformer"}; }
 
@@ -23,12 +23,12 @@ inline base::OneOf EnumNames(RangeTransform) { return {"linear", "inverse"}; }
 enum class GoalTransform { kLinear, kCentred };
 inline base::OneOf EnumNames(GoalTransform) { return {"linear", "centred"}; }
 
-/// What an actor or a critic is made of. The defaults are the paper's (docs/original-system.md,
-/// section 3.3). Part of every saved policy.
+/// Settings of an actor's or critic's network. The defaults are the paper's
+/// (docs/original-system.md, section 3.3). Part of every saved policy.
 ///
 /// Actor: encoder -> head -> 2 outputs, tanh. Critic: encoder, then the action beside its features
 /// -> head -> 1; without encoder layers the action stands beside the input itself. docs/networks.md
-/// has the encoders' formulas. What makes no network is refused by `CheckNetwork`.
+/// has the encoders' formulas. `CheckNetwork` refuses settings that do not make a network.
 struct NetworkConfig {
   EncoderFamily encoder = EncoderFamily::kMlp;
   std::vector<int> encoder_layers = {512, 512};
@@ -83,7 +83,7 @@ struct NetworkConfig {
 /// LibTorch) and one in policy/nn/ (how it is trained), which define the functions that are
 /// declared with `SLALOM_FOR_EACH_ENCODER`.
 enum class EncoderKind {
-  kMlp,  ///< None of its own: the layers belong to the head.
+  kMlp,  ///< No encoder of its own: the layers belong to the head.
   kTimeCnn,
   kBeamCnn,
   kGru,
@@ -105,8 +105,8 @@ inline EncoderKind EncoderOf(const NetworkConfig& config) {
   return EncoderKind::kMlp;
 }
 
-/// Lists the encoders other than kMlp, for what has a function per encoder: `declare` is a macro of
-/// one enumerator.
+/// Lists the encoders other than kMlp, to declare a function for each: `declare` is a macro of one
+/// enumerator.
 #define SLALOM_FOR_EACH_ENCODER(declare) \
   declare(kTimeCnn) declare(kBeamCnn) declare(kGru) declare(kTransformer)
 

@@ -20,11 +20,13 @@ namespace slalom::nn {
 /// extra inputs behind them. All parameters lie in one flat array, the encoder's first.
 struct NetworkShape {
   NetworkConfig config;
-  EncoderKind encoder = EncoderKind::kMlp;  ///< What the texts of `config` name.
+  EncoderKind encoder = EncoderKind::kMlp;  ///< The encoder that `config` names.
   int frame_size = 0;                       ///< F
   MlpShape mlp;
 
-  int num_inputs() const { return config.history * frame_size; }  ///< H * F, without the extra.
+  int num_inputs() const {
+    return config.history * frame_size;
+  }  ///< H * F, without the extra inputs.
   int num_outputs() const { return mlp.num_outputs; }
   int num_extra() const { return mlp.num_extra; }
   /// Whether `mlp` is a head behind an encoder of its own.
@@ -34,14 +36,14 @@ struct NetworkShape {
 };
 
 /// Actor: features [H * F] -> outputs, before tanh. The paper's at H = 1: 1,160,194 parameters.
-/// Throws `base::Error` that names the key where the config makes no network.
+/// Throws `base::Error` that names the key if the config makes no network.
 NetworkShape ActorShape(const NetworkConfig& config, int frame_size, int num_outputs = 2);
 
 /// Critic and transition model: features [H * F] and action [2] -> outputs. Throws as `ActorShape`.
 NetworkShape CriticShape(const NetworkConfig& config, int frame_size, int num_outputs = 1);
 
-/// What every parameter starts as, by its slot; LibTorch's defaults but for what docs/networks.md
-/// says. `parameters`: [shape.num_parameters()].
+/// Sets every parameter to its initial value, by its slot: LibTorch's defaults, with the exceptions
+/// in docs/networks.md. `parameters`: [shape.num_parameters()].
 void InitialiseParameters(const NetworkShape& shape, base::Random& random,
                           std::span<float> parameters);
 

@@ -9,11 +9,11 @@
 
 namespace slalom::nn {
 
-/// What the numbers of a parameter tensor start as.
+/// Initial values of a parameter tensor.
 struct InitialValues {
   enum class Kind { kUniform, kNormal, kConstant };
   Kind kind = Kind::kConstant;
-  double value = 0.0;  ///< Uniform in +- this; standard deviation, mean 0; or all are this.
+  double value = 0.0;  ///< Bound of a uniform, deviation of a normal with mean 0, or constant.
 
   /// LibTorch's default for linear layers and convolutions: uniform in +-1 / sqrt(fan_in).
   static InitialValues Uniform(std::int64_t fan_in);
@@ -24,7 +24,7 @@ struct InitialValues {
 /// One parameter tensor in a network's flat parameters.
 struct ParameterSlot {
   std::string name;                 ///< "encoder.0.weight"
-  std::int64_t offset = 0;          ///< Of its first number.
+  std::int64_t offset = 0;          ///< Place of its first number.
   std::vector<std::int64_t> shape;  ///< Row-major: [outputs, inputs] or [outputs].
   InitialValues initial;
 
@@ -49,7 +49,7 @@ class ParameterSlots {
   std::int64_t num_parameters_ = 0;
 };
 
-/// Numbers of all slots together.
+/// Counts the numbers of all slots.
 std::int64_t CountParameters(const std::vector<ParameterSlot>& slots);
 
 /// Fills `parameters`, [CountParameters(slots)], slot by slot.

@@ -55,14 +55,14 @@ struct StoredTensor {
 using TensorMap = std::map<std::string, StoredTensor>;
 using Metadata = std::map<std::string, std::string>;
 
-/// What a file holds. `source` names it in errors.
+/// Contents of a file. Errors call it `source`.
 struct TensorFile {
   std::string source;
   TensorMap tensors;
   Metadata metadata;  ///< Without the checksum.
 
   /// Copies a tensor's numbers into `values`.
-  /// Throws `base::Error` where it is missing or has another type or number of elements.
+  /// Throws `base::Error` if it is missing or has another type or number of elements.
   template <class T, std::size_t kExtent>
   void Read(const std::string& name, std::span<T, kExtent> values) const {
     std::memcpy(values.data(), Find(name, kTensorType<T>, values.size()).bytes.data(),
@@ -73,20 +73,21 @@ struct TensorFile {
   const StoredTensor& Find(const std::string& name, std::string_view type, std::size_t size) const;
 };
 
-/// The bytes of a file.
+/// Prints the bytes of a file.
 std::string PrintTensors(const TensorMap& tensors, const Metadata& metadata);
 
-/// Reads the bytes of `PrintTensors`, or of any other safetensors file (then without a checksum to
-/// compare). Throws `base::Error` that begins with `source` where they are cut short, are no
-/// safetensors file or do not match their checksum. Allocates a few times their size, whatever they
-/// hold.
+/// Reads the bytes of `PrintTensors`, or of any other safetensors file (which has no checksum to
+/// compare). Throws `base::Error` that begins with `source` if they are cut short, are not a
+/// safetensors file or do not match their checksum. Allocates at most a few times their size, for
+/// any bytes.
 TensorFile ParseTensors(std::span<const std::byte> bytes, std::string_view source);
 
-/// Writes the file whole or not at all. Throws `base::Error` where that fails.
+/// Writes the file whole or not at all. Throws `base::Error` if that fails.
 void SaveTensors(const std::filesystem::path& path, const TensorMap& tensors,
                  const Metadata& metadata);
 
-/// Throws `base::Error` naming the file where it cannot be read, or as `ParseTensors`.
+/// Reads a file. Throws `base::Error` naming the file if it cannot be read, or as `ParseTensors`
+/// does.
 TensorFile LoadTensors(const std::filesystem::path& path);
 
 }  // namespace slalom::nn

@@ -25,10 +25,8 @@ struct FixedObstacles {
 struct DynamicMotions {
   CourseKind kind = CourseKind::kDynamicBox;
   std::filesystem::path file;
-  std::map<int, std::vector<MovingObstacle>>
-      worlds;  ///< Keyed by N of world_N; obstacles in the file's order.
-  std::optional<FixedObstacles>
-      fixed;  ///< The same in every world. Empty if there is no such file.
+  std::map<int, std::vector<MovingObstacle>> worlds;  ///< By N of world_N, in the file's order.
+  std::optional<FixedObstacles> fixed;  ///< Common to all worlds. Empty without such a file.
 };
 
 /// Reads the motions in `directory`. Empty if it holds neither dynamic_box.csv nor

@@ -24,7 +24,7 @@ class InferenceEncoder {
   virtual void Resize(std::int64_t batch) = 0;
 
   /// input: [B, H * F], oldest frame first; features: [B, W]. `dropout` draws the masks of an
-  /// encoder that drops when acting; null: nothing is dropped. Allocates nothing.
+  /// encoder that drops when acting; if it is null, nothing is dropped. Allocates nothing.
   virtual void Forward(Rows input, base::Random* dropout, Rows features) = 0;
 };
 
@@ -32,7 +32,7 @@ class InferenceEncoder {
 std::unique_ptr<InferenceEncoder> MakeInferenceEncoder(const NetworkShape& shape,
                                                        const CpuFeatures& cpu);
 
-/// As above for one kind, defined in the source of that encoder.
+/// The function above for one kind, defined in the source of that encoder.
 template <EncoderKind kKind>
 std::unique_ptr<InferenceEncoder> MakeInferenceEncoderOf(const NetworkShape& shape,
                                                          const CpuFeatures& cpu);

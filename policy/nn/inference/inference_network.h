@@ -16,8 +16,7 @@
 namespace slalom::nn {
 
 /// A network that only acts: the forward pass of `nn::Network` on float32 in host memory, with
-/// kernels of its own and without LibTorch or a BLAS. This is what drives robots, actors and
-/// evaluators.
+/// kernels of its own and without LibTorch or a BLAS. It drives robots, actors and evaluators.
 ///
 /// The result has the same bits on every processor and, without dropout, in every batch. They are
 /// those of `nn::Network` on a processor with AVX2 and FMA, unless a layer has more than
@@ -25,7 +24,7 @@ namespace slalom::nn {
 /// Movable.
 class InferenceNetwork {
  public:
-  /// All weights are 0 until they are set. `cpu` may deny what the processor can do.
+  /// All weights are 0 until they are set. `cpu` may deny features that the processor has.
   explicit InferenceNetwork(const NetworkShape& shape,
                             const CpuFeatures& cpu = DetectCpuFeatures());
 
@@ -40,11 +39,11 @@ class InferenceNetwork {
   std::span<float> input() { return {input_.data(), static_cast<std::size_t>(input_.size())}; }
 
   /// Computes the outputs from the input. `dropout` draws the masks of a network that has dropout
-  /// when acting (`NetworkConfig::dropout_everywhere`); null: nothing is dropped. Allocates
-  /// nothing. Requires: `Resize` was called.
+  /// when acting (`NetworkConfig::dropout_everywhere`); if it is null, nothing is dropped.
+  /// Allocates nothing. Requires: `Resize` was called.
   void Forward(base::Random* dropout = nullptr);
 
-  /// [B, O], what `Forward` computed, before any tanh.
+  /// [B, O], the output of the last `Forward`, before any tanh.
   std::span<const float> output() const {
     return {output_.data(), static_cast<std::size_t>(output_.size())};
   }
@@ -55,7 +54,7 @@ class InferenceNetwork {
     std::vector<NamedNorm> norm;  ///< One, or none without LayerNorm.
   };
 
-  /// Where layer i reads: the network's input, or what was computed before it.
+  /// Input of layer i: the network's input, or the output of the layer before it.
   Rows LayerInput(int layer);
   /// Copies the extra inputs to where the head reads them.
   void CopyExtra();

@@ -10,8 +10,8 @@
 #include "policy/nn/kernels/packed_linear.h"
 #include "policy/nn/parameter_slot.h"
 
-/// The layers that networks which only act are made of. Each knows where its parameters lie in the
-/// network's flat array, and copies them when they are set.
+/// Layers of networks that only act. Each knows the place of its parameters in the network's flat
+/// array, and copies them when they are set.
 
 namespace slalom::nn {
 
@@ -29,7 +29,7 @@ class NamedLinear {
  public:
   NamedLinear(const std::vector<ParameterSlot>& slots, const std::string& name,
               const CpuFeatures& cpu);
-  /// Some of the outputs only.
+  /// Computes only some of the outputs.
   NamedLinear(const std::vector<ParameterSlot>& slots, const std::string& name, OutputRange outputs,
               const CpuFeatures& cpu);
 

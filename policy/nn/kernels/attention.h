@@ -4,7 +4,7 @@
 
 /// Causal self-attention of several heads (Vaswani et al. 2017, section 3.2), forward and backward.
 ///
-/// Shapes: `B` batch, `T` tokens of a sequence, `Q` <= T of them that ask, the last ones, `D`
+/// Shapes: `B` batch, `T` tokens of a sequence, `Q` <= T queries, which are the last tokens, `D`
 /// width, `A` heads, each on D / A columns. Rows of keys and values are [B * T], of queries [B *
 /// Q], token after token of each sequence. Matrices may be column ranges of wider ones. On the CPU
 /// and float32 these are kernels without allocation; on other devices and types LibTorch's own
@@ -16,10 +16,10 @@ struct AttentionInput {
   at::Tensor query;         ///< [B * Q, D]
   at::Tensor key;           ///< [B * T, D]
   at::Tensor value;         ///< [B * T, D]
-  at::Tensor dropout_mask;  ///< [B, A, Q, T], what each weight is multiplied by; or undefined.
+  at::Tensor dropout_mask;  ///< [B, A, Q, T], factor of each weight; or undefined.
 };
 
-/// weights = softmax(query key^T / sqrt(D / A)) over the tokens up to the one that asks, 0 beyond;
+/// weights = softmax(query key^T / sqrt(D / A)) over the tokens up to the query's own, 0 beyond;
 /// result = (weights * dropout_mask) value, head by head. weights: [B, A, Q, T]; result: [B * Q,
 /// D].
 void Attend(const AttentionInput& input, at::Tensor& weights, at::Tensor& result);

@@ -2,7 +2,7 @@
 
 namespace slalom::nn {
 
-/// What the processor can do, as far as a kernel asks for it.
+/// The instruction sets of the processor that kernels ask for.
 struct CpuFeatures {
   bool avx2_fma = false;
   bool avx512 = false;  ///< F, BW, DQ, VL.

@@ -11,7 +11,7 @@ namespace slalom::nn {
 /// construction only.
 class Dropout {
  public:
-  Dropout() = default;  ///< None: every call does nothing.
+  Dropout() = default;  ///< No dropout: every call does nothing.
 
   /// For tensors of `like`'s shape. Requires: 0 < rate < 1.
   Dropout(double rate, const at::Tensor& like, base::Random* random);
@@ -21,7 +21,7 @@ class Dropout {
   /// y *= mask. y: of `like`'s shape, dense.
   void Apply(at::Tensor& y) const;
 
-  /// Undefined where there is no dropout.
+  /// Undefined if there is no dropout.
   const at::Tensor& mask() const { return mask_; }
 
  private:

@@ -42,11 +42,11 @@ void GeluNumbers(const float* x, std::int64_t n, float* y);
 /// formula. before, after: [N, W]; state_gates, gates: [N, 3 W].
 void GruStepRows(MatrixSize size, Rows before, Rows state_gates, Rows gates, Rows after);
 
-/// Of causal attention: sequences, heads, tokens that ask, tokens, and columns of a head.
+/// Sizes of causal attention: sequences, heads, queries, tokens, and columns of a head.
 struct AttentionSizes {
   std::int64_t batch = 0;    ///< B
   std::int64_t heads = 0;    ///< A
-  std::int64_t queries = 0;  ///< Q, the last of the tokens.
+  std::int64_t queries = 0;  ///< Q, the last tokens.
   std::int64_t tokens = 0;   ///< T
   std::int64_t width = 0;    ///< D / A
 };
@@ -56,8 +56,8 @@ struct AttentionSizes {
 void AttendRows(const AttentionSizes& sizes, Rows query, Rows key, Rows value, const float* mask,
                 float* weights, Rows result);
 
-/// Draws what each number is multiplied by under dropout: 0 with probability `rate`, else 1 / (1 -
-/// rate). Requires: 0 < rate < 1.
+/// Draws the factor of each number under dropout: 0 with probability `rate`, else 1 / (1 - rate).
+/// Requires: 0 < rate < 1.
 void DrawDropoutMask(double rate, base::Random& random, std::span<float> mask);
 
 /// y *= mask. mask, y: [n].

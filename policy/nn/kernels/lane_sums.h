@@ -9,11 +9,10 @@
 
 namespace slalom::nn {
 
-/// Numbers that are summed side by side, so that sums vectorise in an order that is always the
-/// same.
+/// Number of partial sums side by side, so that sums vectorise in an order that is always the same.
 inline constexpr int kLanes = 16;
 
-/// By halves: 16 numbers to 8, 4, 2, 1.
+/// Sums by halves: 16 numbers to 8, 4, 2, 1.
 SLALOM_ALWAYS_INLINE float LaneSum(const float (&lanes)[kLanes]) {
   float eight[8], four[4];
   for (int j = 0; j < 8; ++j) eight[j] = lanes[j] + lanes[j + 8];
@@ -33,7 +32,7 @@ SLALOM_ALWAYS_INLINE float Sum(const float* __restrict x, std::int64_t n) {
 
 constexpr int kDotLanes = 8;
 
-/// Scalar product, in eight sums: heads of attention are narrow.
+/// Scalar product in eight partial sums, because heads of attention are narrow.
 SLALOM_ALWAYS_INLINE float Dot(const float* __restrict x, const float* __restrict y,
                                std::int64_t n) {
   float lanes[kDotLanes] = {};

@@ -12,10 +12,10 @@
 
 namespace slalom::nn {
 
-/// What becomes of the numbers that stand where a result goes.
+/// Whether a result overwrites its destination or is added to it.
 enum class Into { kReplace, kAdd };
 
-/// y = x w^T + b, then ReLU where `relu`. x: [B, I]; w: [O, I]; b: [O]; y: [B, O].
+/// y = x w^T + b, then ReLU if `relu`. x: [B, I]; w: [O, I]; b: [O]; y: [B, O].
 void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool relu,
             at::Tensor& y);
 
@@ -23,9 +23,9 @@ void Linear(const at::Tensor& x, const at::Tensor& w, const at::Tensor& b, bool 
 void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor& dw, at::Tensor& db,
                           Into into = Into::kReplace);
 
-/// dx = dy w, the gradient by x; where x = max(0, ...) came out of a ReLU, `relu_output` is that x
-/// and dx is passed back through it: 0 where x <= 0. Else it is an undefined tensor. dx: [B, I].
-/// Requires: no `relu_output` with `Into::kAdd`.
+/// dx = dy w, the gradient by x. If x = max(0, ...) is the output of a ReLU, `relu_output` is that
+/// x and dx is passed back through the ReLU: 0 where x <= 0. Otherwise `relu_output` is an
+/// undefined tensor. dx: [B, I]. Requires: no `relu_output` with `Into::kAdd`.
 void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Tensor& relu_output,
                          at::Tensor& dx, Into into = Into::kReplace);
 
@@ -38,7 +38,7 @@ void LayerNormRelu(const at::Tensor& gain, const at::Tensor& bias, at::Tensor& y
                    at::Tensor& normal, at::Tensor& rstd);
 
 /// Passes a gradient back through `LayerNormRelu`, in place.
-/// `dgain`, `dbias`: gradients by gain and bias; undefined tensors where they are not wanted.
+/// `dgain`, `dbias`: gradients by gain and bias; undefined tensors if not wanted.
 void LayerNormReluGradient(const at::Tensor& gain, const at::Tensor& y, const at::Tensor& normal,
                            const at::Tensor& rstd, at::Tensor& dy, at::Tensor& dgain,
                            at::Tensor& dbias);
@@ -49,7 +49,7 @@ void Tanh(at::Tensor& y);
 /// Passes a gradient back through y = tanh(x), in place: dy = dy (1 - y^2). Both [B, O], dense.
 void TanhGradient(const at::Tensor& y, at::Tensor& dy);
 
-/// Whether a tensor is served by the fused kernels: float32 in host memory.
+/// Whether the fused kernels serve a tensor: float32 in host memory.
 inline bool IsHostFloat(const at::Tensor& t) {
   return t.device().is_cpu() && t.scalar_type() == at::kFloat;
 }

@@ -9,8 +9,8 @@
 
 namespace slalom::nn {
 
-/// A fully connected layer for many forward passes with the same weights: they are brought into the
-/// order in which the product reads them once, not in every pass.
+/// A fully connected layer for many forward passes with the same weights. Setting the weights
+/// brings them into the order in which the product reads them, so that a pass need not.
 ///
 /// Gives the bits of `SmallGemm`, at any depth: they depend neither on the processor nor on the
 /// other rows. `Forward` is thread-safe and allocates nothing.
@@ -25,12 +25,13 @@ class PackedLinear {
   /// `weight`: [O, I], dense; `bias`: [O]. Both are copied. Allocates nothing.
   void SetWeights(const float* weight, const float* bias);
 
-  /// y = x w^T + b, then ReLU where `relu`. x: [N, I]; y: [N, O].
+  /// y = x w^T + b, then ReLU if `relu`. x: [N, I]; y: [N, O].
   void Forward(std::int64_t rows, Rows x, bool relu, Rows y) const {
     ForwardPart(rows, x, 0, inputs_, relu, y);
   }
 
-  /// As if all inputs but `count` from `first` on were 0. x: [N, count], those inputs. Requires:
+  /// Computes `Forward` as if all inputs but `count` from `first` on were 0. x: [N, count], those
+  /// inputs. Requires:
   /// 0 <= first, first + count <= inputs().
   void ForwardPart(std::int64_t rows, Rows x, std::int64_t first, std::int64_t count, bool relu,
                    Rows y) const;
@@ -39,7 +40,7 @@ class PackedLinear {
   std::int64_t outputs() const { return outputs_; }
 
  private:
-  /// So that no vector of a panel lies across two lines of the cache.
+  /// Keeps vectors of a panel from crossing lines of the cache.
   struct alignas(64) CacheLine {
     float numbers[16] = {};
   };

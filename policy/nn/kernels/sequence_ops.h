@@ -16,10 +16,10 @@ namespace slalom::nn {
 /// y += x. y: [N, W]; x: [N, W], or [W] for every row.
 void AddTo(const at::Tensor& x, at::Tensor& y);
 
-/// Every row of y becomes `row`. row: [W]; y: [N, W].
+/// Sets every row of y to `row`. row: [W]; y: [N, W].
 void SetRows(const at::Tensor& row, at::Tensor& y);
 
-/// sum += the sum of x's rows. x: [N, W]; sum: [W].
+/// Adds the sum of x's rows to `sum`. x: [N, W]; sum: [W].
 void AddColumnSums(const at::Tensor& x, at::Tensor& sum);
 
 /// y = gain * normal + bias, normal = (x - mean) * rstd over each row. x, y, normal: [N, W]; rstd:
@@ -27,7 +27,7 @@ void AddColumnSums(const at::Tensor& x, at::Tensor& sum);
 void LayerNorm(const at::Tensor& gain, const at::Tensor& bias, const at::Tensor& x, at::Tensor& y,
                at::Tensor& normal, at::Tensor& rstd);
 
-/// dx, or what is added to it, from dy. dx may be dy with `Into::kReplace`. dgain, dbias: [W],
+/// Computes dx from dy, or adds to dx. dx may be dy with `Into::kReplace`. dgain, dbias: [W],
 /// overwritten.
 void LayerNormGradient(const at::Tensor& gain, const at::Tensor& normal, const at::Tensor& rstd,
                        const at::Tensor& dy, at::Tensor& dx, at::Tensor& dgain, at::Tensor& dbias,
@@ -49,9 +49,9 @@ void GeluGradient(const at::Tensor& x, at::Tensor& dy);
 void GruStep(const at::Tensor& before, const at::Tensor& state_gates, at::Tensor& gates,
              at::Tensor& after);
 
-/// Passes `after`'s gradient `dafter` [N, W] back through `GruStep`: `gates` and `state_gates`
-/// become the gradients by what they were before, and what comes through z is added to `dbefore`,
-/// [N, W], unless that is undefined.
+/// Passes `after`'s gradient `dafter` [N, W] back through `GruStep`: replaces `gates` and
+/// `state_gates` by the gradients by their values before the step, and adds the gradient through z
+/// to `dbefore`, [N, W], unless that is undefined.
 void GruStepGradient(const at::Tensor& before, const at::Tensor& dafter, at::Tensor& state_gates,
                      at::Tensor& gates, at::Tensor& dbefore);
 

@@ -4,14 +4,14 @@
 
 #include "policy/nn/kernels/cpu_features.h"
 
-/// Matrix products as small as those of a fully connected layer, where a BLAS spends a good part of
-/// its time on what surrounds the product.
+/// Matrix products as small as those of a fully connected layer, for which a BLAS spends a good
+/// part of its time outside the product itself.
 
 namespace slalom::nn {
 
 /// C = op(A) op(B) + bias in float32, then ReLU or a mask; or C += op(A) op(B). All row-major.
 ///
-/// op transposes where said. Shapes after op: `a` [m, k], `b` [k, n], `c` [m, n].
+/// op transposes if asked to. Shapes after op: `a` [m, k], `b` [k, n], `c` [m, n].
 struct GemmTask {
   bool transpose_a = false;
   bool transpose_b = false;
@@ -24,9 +24,9 @@ struct GemmTask {
   std::int64_t ldb = 0;
   float* c = nullptr;
   std::int64_t ldc = 0;
-  const float* bias = nullptr;  ///< [n], added to every row; null: none.
+  const float* bias = nullptr;  ///< [n], added to every row; null for none.
   bool relu = false;            ///< c = max(c, 0).
-  const float* mask = nullptr;  ///< [m, n]: c = mask > 0 ? c : 0; null: none.
+  const float* mask = nullptr;  ///< [m, n]: c = mask > 0 ? c : 0; null for none.
   std::int64_t ld_mask = 0;
   bool add = false;  ///< C += ...; without bias, ReLU and mask.
 };
@@ -34,17 +34,17 @@ struct GemmTask {
 /// Products deeper than this are left to the BLAS.
 constexpr std::int64_t kMaxSmallDepth = 1024;
 
-/// Computes `task` where the processor has AVX2 and FMA (`cpu` may deny it more than those) and the
-/// product is small; otherwise does nothing and returns false.
+/// Computes `task` if the processor has AVX2 and FMA and the product is small; otherwise does
+/// nothing and returns false. `cpu` may deny features that the processor has.
 ///
-/// Each number of C starts as the bias (or 0, or itself where added to), and its k products are
-/// added one after the other, each with one rounding (fused). Where n <= kMaxNarrow and A is not
-/// transposed, product k goes to sum k % 16 of sixteen; these are added in turn, then the bias. So
-/// the result depends neither on the processor, nor on places in memory, nor on the rest of the
-/// matrix. What is not a number becomes 0 under ReLU. Thread-safe; no allocation.
+/// Each number of C starts as the bias, as 0, or as itself with `add`. Its k products are added one
+/// after the other, each with one rounding (fused). If n <= kMaxNarrow and A is not transposed,
+/// product k goes to partial sum k % 16; the sixteen sums are added in turn, then the bias. So the
+/// result depends neither on the processor, nor on addresses, nor on the rest of the matrix. NaN
+/// becomes 0 under ReLU. Thread-safe; no allocation.
 [[nodiscard]] bool SmallGemm(const GemmTask& task, const CpuFeatures& cpu);
 
-/// The widest C whose numbers are computed as scalar products of rows.
+/// Largest width of a C that is computed by scalar products of rows.
 constexpr std::int64_t kMaxNarrow = 4;
 
 }  // namespace slalom::nn

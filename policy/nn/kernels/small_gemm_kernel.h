@@ -5,8 +5,8 @@
 #include "policy/nn/kernels/small_gemm.h"
 
 /// The algorithm of `SmallGemm` over `Lanes`, the vectors of an instruction set. Each source that
-/// instantiates it is compiled for its own instruction set, so nothing here may be a function that
-/// other sources share: all are members of templates over their `Lanes`.
+/// instantiates it is compiled for its own instruction set, so no function here may be shared with
+/// other sources: all are members of templates over their `Lanes`.
 
 namespace slalom::nn {
 
@@ -33,8 +33,7 @@ class SmallGemmKernel {
   }
 
   /// Writes w [n, k], rows `ldw` apart, as the panels that `RunPacked` reads: the columns of w^T,
-  /// one panel after the other, or w itself where n <= kMaxNarrow. `panels`: [PackedColumns(n) *
-  /// k].
+  /// one panel after the other, or w itself if n <= kMaxNarrow. `panels`: [PackedColumns(n) * k].
   static void PackWeights(const float* w, std::int64_t ldw, std::int64_t n, std::int64_t k,
                           float* panels) {
     if (n <= kMaxNarrow) {
@@ -51,14 +50,14 @@ class SmallGemmKernel {
     }
   }
 
-  /// Columns that the panels of a product with `n` columns have.
+  /// Number of columns in the panels of a product with `n` columns.
   static std::int64_t PackedColumns(std::int64_t n) {
     return n <= kMaxNarrow ? n : (n + kWidth - 1) / kWidth * kWidth;
   }
 
-  /// As `Run` with transpose_b, on what `PackWeights` wrote of `depth` columns of w: B^T is those
-  /// from `first` on, task.k of them. `task.b` and `task.mask` are not used. No scratch memory, so
-  /// as deep as you like.
+  /// Computes `Run` with transpose_b on the panels that `PackWeights` wrote from `depth` columns of
+  /// w: B^T is task.k of these columns, from `first` on. `task.b` and `task.mask` are not used.
+  /// Needs no scratch memory, so the depth has no bound.
   static void RunPacked(const GemmTask& task, const float* panels, std::int64_t depth,
                         std::int64_t first) {
     if (task.n <= kMaxNarrow) {
@@ -106,7 +105,7 @@ class SmallGemmKernel {
   static constexpr int kTogether = 4;                           // Panels, for one row or two.
   static constexpr int kParts = static_cast<int>(16 / kWidth);  // Vectors of sixteen sums.
 
-  /// What a tile reads and writes. `b`: [k, ...], rows `ldb` apart.
+  /// The memory that a tile reads and writes. `b`: [k, ...], rows `ldb` apart.
   struct Tile {
     const float* a;
     const float* b;

@@ -6,12 +6,12 @@
 
 #include "base/vector_clones.h"
 
-/// Exponential and what follows from it, in float32, written so that loops over them vectorise
-/// where the standard library's would be a call for each number. Pure functions.
+/// The exponential and functions made of it, in float32, in a form that compilers vectorise in
+/// loops. The standard library's need a call for each number. Pure functions.
 
 namespace slalom::nn {
 
-/// e^x, relative error below 3e-7; x is taken as within -87 and 88.
+/// e^x with a relative error below 3e-7; x is clipped to [-87, 88].
 SLALOM_ALWAYS_INLINE float SmoothExp(float x) {
   const float low = x < -87.0f ? -87.0f : x;
   const float bounded = low > 88.0f ? 88.0f : low;
