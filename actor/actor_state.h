@@ -11,7 +11,7 @@
 
 namespace slalom::actor {
 
-/// A finished episode, as the statistics need it.
+/// The figures of a finished episode that enter the statistics.
 struct EpisodeSummary {
   env::Outcome outcome = env::Outcome::kRunning;
   std::int32_t num_steps = 0;
@@ -25,8 +25,8 @@ struct OpenEpisode {
   std::uint64_t number = 0;  ///< Number of episodes that this environment began before.
   env::EpisodeSpec spec;
   base::Random::State noise{};       ///< Stream of the exploration noise, before the next step.
-  float episode_return = 0.0f;       ///< So far.
-  std::uint64_t frame_checksum = 0;  ///< Of the current frame, to check that `Restore` led to it.
+  float episode_return = 0.0f;       ///< Return so far.
+  std::uint64_t frame_checksum = 0;  ///< Checks that `Restore` led to the current frame.
   std::vector<env::Action> actions;  ///< Actions so far, as given to the environment.
 };
 

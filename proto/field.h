@@ -4,7 +4,7 @@
 #include <string_view>
 #include <utility>
 
-/// What a message's list of fields says of each field. A visitor of the list is called with
+/// Vocabulary of a message's list of fields. A visitor of the list is called with
 ///
 ///     (int number, std::string_view name, T& member, access, bound, std::string_view meaning)
 ///
@@ -15,7 +15,7 @@ namespace slalom::proto {
 struct Any {};
 
 /// A bound that other fields or the sender's role decide: proto/bounds.cc or the receiver checks
-/// it. `text` says it to people.
+/// it. `text` describes it for people.
 struct Related {
   std::string_view text;
 };
@@ -36,10 +36,10 @@ struct Finite {};
 /// A name (`base::IsName`).
 struct Name {};
 
-/// Printable ASCII of at most `kMaxTextBytes`. What is sent is made to fit.
+/// Printable ASCII of at most `kMaxTextBytes`. Text to be sent is made to fit.
 struct Text {};
 
-/// Of a list or a map: at most so many entries. Keys are names, texts in a map are `Text`.
+/// Largest number of entries of a list or a map. Keys are names, texts in a map are `Text`.
 struct AtMost {
   std::size_t size;
 };
@@ -48,9 +48,9 @@ struct AtMost {
 /// lambdas are templates, so nobody else needs that class.
 template <class Get, class Set, class Mutable>
 struct FieldAccess {
-  Get get;           ///< Of the wire's message: the value.
-  Set set;           ///< Of the wire's message and a value.
-  Mutable mutable_;  ///< Of the wire's message: a pointer to a list, map or message.
+  Get get;           ///< From the wire's message to the value.
+  Set set;           ///< Takes the wire's message and a value.
+  Mutable mutable_;  ///< From the wire's message to a pointer to a list, map or message.
 };
 template <class Get, class Set, class Mutable>
 FieldAccess(Get, Set, Mutable) -> FieldAccess<Get, Set, Mutable>;

@@ -34,7 +34,7 @@ inline constexpr int kMinorVersion = 0;
 inline constexpr std::size_t kPrefixBytes = 16;
 
 /// Bounds on what a header may hold. A header beyond them is refused with `kBadMessage`.
-inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;  ///< Of protobuf.
+inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;  ///< Size of the protobuf.
 inline constexpr std::size_t kMaxTextBytes = 1024;
 inline constexpr int kMaxBeams = 4096;
 inline constexpr int kMaxStreams = 4096;
@@ -43,8 +43,8 @@ inline constexpr int kMaxBatch = 1 << 16;
 inline constexpr int kMaxHistory = 256;
 inline constexpr int kMaxFrames = 1 << 17;  ///< Batch times history of a sample.
 inline constexpr int kMaxNStep = 1024;
-inline constexpr int kMaxFigures = 256;  ///< Of a report. The same bound holds for its facts.
-inline constexpr int kMaxRoles = 4096;   ///< Of a status.
+inline constexpr int kMaxFigures = 256;  ///< Figures in a report, and facts.
+inline constexpr int kMaxRoles = 4096;   ///< Roles in a status.
 
 struct Hello {
   static constexpr std::string_view kName = "Hello";
@@ -309,8 +309,8 @@ std::string_view NameOf(const Header& header);
 std::string Encode(const Header& header, std::span<const std::byte> payload);
 
 /// Decodes a header's frame and compares its checksum with the payload. If the bytes are not a
-/// message of this protocol, returns the `Refusal` to answer with. Whatever `frame` holds, at most
-/// 1 MiB and 64 bytes for each of its bytes are allocated.
+/// message of this protocol, returns the `Refusal` to answer with. Allocates at most 1 MiB and 64
+/// bytes for each byte of `frame`, for any bytes.
 base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
                                      std::span<const std::byte> payload);
 

@@ -26,17 +26,17 @@ class PolicyLink {
   PolicyLink(transport::Context& context, const transport::ClientOptions& learner, std::string name,
              InstallPolicy install);
 
-  /// Handles what came, without waiting, and asks for more. Returns whether a new policy was
-  /// installed. Throws `base::Error` if the learner refuses this process for good, or the policy is
-  /// of another spec.
+  /// Handles the messages that have come, without waiting, and asks for more. Returns whether a new
+  /// policy was installed. Throws `base::Error` if the learner refuses this process for good, or
+  /// the policy is of another spec.
   bool Poll();
 
   /// The version of the policy held, or -1 if there is none yet.
   std::int64_t version() const { return version_; }
   bool has_policy() const { return version_ >= 0; }
   std::int64_t received() const { return received_; }
-  /// When the policy held was published, and how long after that it was installed, [s]. The two
-  /// times are taken by the clocks of two machines.
+  /// Time at which the policy held was published, and the time from then until it was installed,
+  /// [s]. The two moments are measured by the clocks of two machines.
   double published_s() const { return published_s_; }
   double latency_s() const { return latency_s_; }
   int connections() { return client_.connections(); }

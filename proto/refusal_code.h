@@ -6,7 +6,7 @@
 
 namespace slalom::proto {
 
-/// Why a message was refused. The numbers are part of the protocol; `Describe` says what they mean.
+/// Reasons for refusing a message. The numbers are part of the protocol; `Describe` explains them.
 enum class RefusalCode : std::uint32_t {
   kBadMessage = 1,
   kWrongVersion = 2,
@@ -22,11 +22,12 @@ enum class RefusalCode : std::uint32_t {
 };
 
 struct RefusalDescription {
-  std::string_view name;  ///< In logs and as a label of metrics.
+  std::string_view name;  ///< Name in logs and in labels of metrics.
   std::string_view meaning;
 };
 
-/// The one list of codes, which the compiler holds complete. "other": of a newer minor version.
+/// The only list of codes, which the compiler keeps complete. "other" stands for the codes of a
+/// newer minor version.
 constexpr RefusalDescription Describe(RefusalCode code) {
   switch (code) {
     case RefusalCode::kBadMessage:

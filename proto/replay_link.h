@@ -21,7 +21,8 @@ class ReplayLink {
   /// Changes the hello, and sends it at once if there is a connection.
   void SetHello(proto::Hello hello);
   const proto::Hello& hello() const { return hello_; }
-  /// Sends the hello again, as after a refusal. `welcomed` then refers to the answer to this one.
+  /// Sends the hello again, for example after a refusal. `welcomed` then refers to the answer to
+  /// this one.
   void SayHello();
 
   struct Received {
@@ -32,9 +33,9 @@ class ReplayLink {
   /// refusal. Returns nothing if none came within `timeout`, or if the link handled it itself.
   /// Throws `base::Error` if the server refuses this process for good (key, version, spec).
   ///
-  /// The link ignores a refusal of what was sent before the hello on a new connection. It logs any
-  /// other refusal and says hello again, and the role then sends again from where the welcome says.
-  /// Only `kReplaced`, which answers a hello, is left to the role.
+  /// The link ignores the refusal of a message that was sent before the hello on a new connection.
+  /// It logs any other refusal and says hello again; the role then sends again from the place that
+  /// the welcome names. Only `kReplaced`, which answers a hello, is left to the role.
   std::optional<Received> Receive(std::chrono::milliseconds timeout);
 
   /// Sends a message. Returns false if that is impossible now (no connection, or a full queue).

@@ -11,14 +11,14 @@
 
 namespace slalom::replay {
 
-/// What to sample.
+/// A request for samples.
 struct SampleSpec {
   int batch = 128;                   ///< B
   int history = 1;                   ///< H
   int n_step = 1;                    ///< Longest window of a return, in steps.
   double gamma = 0.99;               ///< Discount per step.
   bool prioritized = false;          ///< Draw in proportion to the rows' weights.
-  double importance_exponent = 0.0;  ///< beta of the importance weights, where prioritized.
+  double importance_exponent = 0.0;  ///< beta of the importance weights, if prioritized.
 };
 
 /// B transitions drawn from a `Table`. The scans are pointers into the table, which saves a copy
@@ -37,13 +37,12 @@ struct SampledRows {
   AlignedBuffer<env::Action> action;   ///< [B], as floats [B, 2]: linear, angular
   AlignedBuffer<float> n_step_return;  ///< [B], sum over i < k of gamma^i reward_i
   AlignedBuffer<float> cost_return;    ///< [B], the same sum over the costs
-  AlignedBuffer<float> discount;       ///< [B], gamma^k, or 0 where the window terminated
-  AlignedBuffer<float> weight;         ///< [B], importance weight; 1 where draws are uniform
+  AlignedBuffer<float> discount;       ///< [B], gamma^k, or 0 if the window terminated
+  AlignedBuffer<float> weight;         ///< [B], importance weight; 1 if draws are uniform
   std::vector<const std::uint16_t*> next_ranges_cm;  ///< [B, H] -> [N] [cm], after the window
   AlignedBuffer<float> next_state;                   ///< [B, H, S]
 
-  /// Row numbers of each sample, [B]: of the step that was drawn, and of the frame after its
-  /// window.
+  /// Row numbers of each sample, [B]: the step that was drawn, and the frame after its window.
   std::vector<std::int64_t> sequence;
   std::vector<std::int64_t> next_sequence;
 

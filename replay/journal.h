@@ -178,11 +178,11 @@ class Journal final : public RecordLog {
   std::deque<Entry> queue_ GUARDED_BY(mutex_);
   bool closing_ GUARDED_BY(mutex_) = false;
   bool writer_done_ GUARDED_BY(mutex_) = false;
-  Status status_ GUARDED_BY(mutex_);                         ///< Except `blocked` and `failing`.
-  std::string write_fault_ GUARDED_BY(mutex_);               ///< Of the last attempt; or empty.
-  std::string sync_fault_ GUARDED_BY(mutex_);                ///< Likewise.
-  std::vector<JournalSegment> segments_ GUARDED_BY(mutex_);  ///< The last is being written.
-  std::vector<std::shared_ptr<File>> unsynced_ GUARDED_BY(mutex_);  ///< Likewise.
+  Status status_ GUARDED_BY(mutex_);            ///< Except `blocked` and `failing`.
+  std::string write_fault_ GUARDED_BY(mutex_);  ///< Fault of the last attempt, or empty.
+  std::string sync_fault_ GUARDED_BY(mutex_);   ///< The same of syncs.
+  std::vector<JournalSegment> segments_ GUARDED_BY(mutex_);         ///< The last is being written.
+  std::vector<std::shared_ptr<File>> unsynced_ GUARDED_BY(mutex_);  ///< The last is being written.
   std::int64_t oldest_row_ GUARDED_BY(mutex_) = 0;
   std::string priorities_ GUARDED_BY(mutex_);  ///< To be saved at the next sync; or empty.
   bool closed_ = false;                        // Used by the calling thread only.

@@ -8,8 +8,9 @@
 
 namespace slalom::replay {
 
-/// A large array of zeros that takes physical memory only where it is written. It uses pages of 2
-/// MiB if the system offers them, so that random access causes fewer TLB misses. Movable.
+/// A large array of zeros that takes physical memory only for the pages that are written. It uses
+/// pages of 2 MiB if the system offers them, so that random access causes fewer TLB misses.
+/// Movable.
 class LazyMemory {
  public:
   LazyMemory() = default;

@@ -6,9 +6,9 @@
 
 namespace slalom::replay {
 
-/// Keeps samples and inserted steps at a fixed ratio by holding back whichever side is ahead, with
-/// one cursor per learner (as the rate limiter of Reverb). It only decides; its owner holds those
-/// who wait: the desks of a replay server, or the source of a run in one process.
+/// Keeps samples and inserted steps at a fixed ratio by holding back the side that is ahead, with
+/// one cursor per learner (as the rate limiter of Reverb). It only decides; its owner makes
+/// requests wait: the desks of a replay server, or the source of a run in one process.
 /// Thread-compatible.
 ///
 /// Granted batches, summed over the learners' cursors, never exceed what the steps have earned:
@@ -34,7 +34,7 @@ class RateLimiter {
   void AddSteps(std::int64_t n) { steps_ += n; }
 
   /// Notes that a learner waits for the batch `cursor`. It asks for 0, 1, 2, ...; after a restart,
-  /// it continues from its checkpoint, and what it had got beyond that no longer counts.
+  /// it continues from its checkpoint, and batches granted beyond that no longer count.
   void Ask(const std::string& learner, std::uint64_t cursor);
   /// Whether the learner may have that batch now. Requires: `Ask` was called.
   bool MaySample(const std::string& learner) const;
@@ -58,7 +58,7 @@ class RateLimiter {
 
  private:
   struct Learner {
-    std::uint64_t next = 0;  ///< The next batch; so many were granted.
+    std::uint64_t next = 0;  ///< The next batch, which is also the number granted.
     bool present = false;
     std::uint64_t used = 0;  ///< Number of the call that used it last.
   };

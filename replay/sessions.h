@@ -10,9 +10,9 @@
 
 namespace slalom::replay {
 
-/// What a replay server keeps about an actor: its present session and the one before. Plain data.
+/// Record of an actor in a replay server: its present session and the one before. Plain data.
 struct Session {
-  std::uint32_t id = 0;  ///< Stands for the name; never reused.
+  std::uint32_t id = 0;  ///< Short for the name; never reused.
   std::string name;
   std::uint64_t number = 0;         ///< The session's number; rises with each start of the actor.
   std::uint64_t next_sequence = 0;  ///< Sequence number of the next expected chunk.

@@ -37,7 +37,7 @@ class Storage {
   /// (`DeleteAll` is for that) or one of them is damaged.
   void Commit(std::span<const std::string> manifests);
 
-  /// Deletes the directory, since no checkpoint is to remain. What cannot be deleted stays. No
+  /// Deletes the directory, for runs that keep no checkpoint. Files that cannot be deleted stay. No
   /// `Save` may follow.
   void DeleteAll();
 
@@ -46,10 +46,10 @@ class Storage {
   /// short or damaged. The message names the file, and the manifest by `source`.
   [[nodiscard]] Table Load(std::string_view manifest, std::string_view source = "replay manifest");
 
-  /// The bytes of part files that hold `num_rows` rows, about: each file has a header besides.
+  /// The approximate size of part files that hold `num_rows` rows: headers of files do not count.
   static std::int64_t BytesOfRows(int num_beams, std::int64_t num_rows);
-  /// The most rows in a part file. A part file goes when its last row is overwritten, so this
-  /// bounds what rows that are overwritten already take on disk.
+  /// The most rows in a part file. A part file is deleted once its last row is overwritten, so this
+  /// bounds the disk space of rows that are overwritten already.
   static constexpr std::int64_t kPartFileRows = 32768;
 
   /// A file with the rows [begin, end).
@@ -65,8 +65,8 @@ class Storage {
   void ReadPartFile(const PartFile& part, std::size_t num_streams, Table* table) const;
 
   const std::filesystem::path directory_;
-  std::vector<PartFile> part_files_;  ///< Of the last manifest saved or loaded.
-  std::int64_t next_index_ = 0;       ///< Of the names of part files; none is used twice.
+  std::vector<PartFile> part_files_;  ///< Part files of the last manifest saved or loaded.
+  std::int64_t next_index_ = 0;       ///< Index of the next part file; none is used twice.
 };
 
 }  // namespace slalom::replay

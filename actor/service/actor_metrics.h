@@ -27,8 +27,8 @@ class ActorMetrics {
   void AddAcknowledged(int chunks);
   void AddRefused(std::string_view reason);
   void AddPolicyInstalled(double latency_s);
-  /// Sets what the actor waits for although it should be there, or null. It is the registry's
-  /// fault, which the health check shows.
+  /// Sets the missing thing that the actor waits for, or null. It becomes the registry's fault,
+  /// which the health check shows.
   void SetObstacle(const char* obstacle);
 
  private:

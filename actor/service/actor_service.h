@@ -115,10 +115,10 @@ class ActorService {
   ActorMetrics metrics_;
 
   Phase phase_ = Phase::kStarting;
-  LossReason reason_ = LossReason::kKilled;  ///< Of the steps that the last session left open.
+  LossReason reason_ = LossReason::kKilled;  ///< For steps that the last session left open.
   std::int64_t window_bytes_ = 0;
   int refused_in_a_row_ = 0;
-  std::unique_ptr<Actor> actor_;  ///< While a session is running.
+  std::unique_ptr<Actor> actor_;  ///< Set while a session is running.
   replay::Chunk chunk_;           ///< The chunk being filled.
   int chunk_steps_ = 0;
   std::int64_t chunk_oldest_version_ = 0;

@@ -7,7 +7,7 @@
 
 namespace slalom::actor {
 
-/// Why environment steps that were made never reached the replay table, or are no longer there.
+/// Reasons why environment steps never reached the replay table, or are no longer there.
 enum class LossReason {
   kKilled,    ///< Not acknowledged when the actor was killed.
   kReplaced,  ///< Not acknowledged when another session took over, or when the server no longer
@@ -17,11 +17,11 @@ enum class LossReason {
 inline constexpr int kNumLossReasons = 3;
 std::string_view ToString(LossReason reason);
 
-/// What became of all environment steps ever made by actors of one name:
-/// made = accepted + pending + lost.
+/// Accounts for all environment steps ever made by actors of one name: made = accepted + pending +
+/// lost.
 struct StepAccount {
   std::int64_t made = 0;
-  std::int64_t accepted = 0;  ///< Are, or were, in the replay server's table.
+  std::int64_t accepted = 0;  ///< Steps that are, or were, in the replay server's table.
   std::int64_t pending = 0;   ///< Not acknowledged yet.
   std::array<std::int64_t, kNumLossReasons> lost{};
 };
@@ -47,9 +47,9 @@ class Ledger {
   void BeginSession(std::uint64_t session, std::int64_t accepted, LossReason reason);
 
   void AddMade(std::int64_t steps);
-  /// Counts all steps of the session as acknowledged but `pending`, those that the actor still
-  /// keeps. What was once counted stays counted: a spool may hold what was acknowledged before a
-  /// kill. Requires: pending >= 0.
+  /// Counts all steps of the session as acknowledged except `pending`, which the actor still keeps.
+  /// A step that was counted once stays counted, because a spool may hold steps that were
+  /// acknowledged before a kill. Requires: pending >= 0.
   void AcknowledgeAllBut(std::int64_t pending);
 
   StepAccount account() const;

@@ -30,7 +30,7 @@ class Outbox {
   bool full() const { return bytes_ >= max_bytes_; }
   bool empty() const { return chunks_.empty(); }
 
-  /// Adds a chunk and gives it session and sequence number. A full outbox takes it, too.
+  /// Adds a chunk and gives it session and sequence number. A full outbox accepts it, too.
   void Add(proto::Insert header, transport::Frame payload);
 
   /// Returns the next chunk to send, or null if there is none or it would take the unacknowledged

@@ -47,17 +47,17 @@ class Client {
   /// signal interrupted the wait. Messages that do not have two parts are dropped.
   std::optional<Message> Receive(std::chrono::milliseconds timeout);
 
-  /// How often the connection has been established so far. After a change, the caller must say
+  /// Number of times that the connection has been established. After a change, the caller must say
   /// hello again.
   int connections();
 
   /// Whether there is a connection now.
   bool connected();
 
-  /// Why there is no connection, in words for a log; empty if there is one.
+  /// Reason why there is no connection, in words for a log; empty if there is one.
   std::string trouble();
 
-  /// Drops the connection and everything queued, and connects anew. For a peer that accepts
+  /// Drops the connection and everything queued, and connects again. Meant for a peer that accepts
   /// connections but does not answer.
   void Reconnect();
 
@@ -80,7 +80,7 @@ class Client {
   bool connected_ = false;
   std::string trouble_;
   std::string warned_;  // The last trouble that was logged.
-  /// When ZeroMQ last lost the connection without announcing that it will try again.
+  /// Time at which ZeroMQ last lost the connection without announcing that it will try again.
   std::optional<Clock::time_point> given_up_;
 };
 

@@ -11,9 +11,9 @@
 
 namespace slalom::transport {
 
-/// What all sockets of a process share: ZeroMQ's threads and, once a server listens beyond the
-/// process, the thread that decides who may connect to it (ZAP, RFC 27). Must outlive its sockets.
-/// Thread-safe.
+/// The part that all sockets of a process share: ZeroMQ's threads and, once a server listens beyond
+/// the process, the thread that decides who may connect to it (ZAP, RFC 27). Must outlive its
+/// sockets. Thread-safe.
 class Context {
  public:
   /// `io_threads`: the number of threads that encrypt and copy data between sockets and the kernel.
@@ -30,7 +30,7 @@ class Context {
   class Authenticator;
 
   /// Lets the server of this ZAP domain accept the keys in `allowed` and no others, or, without a
-  /// list, everybody who connects in plaintext. A domain that was never given is closed to all.
+  /// list, everybody who connects in plaintext. A domain without this call is closed to all.
   void Authenticate(const std::string& domain, std::optional<AllowList> allowed);
   void Forget(const std::string& domain);
 

@@ -7,12 +7,12 @@
 #include <string_view>
 #include <vector>
 
-/// CURVE keys (ZeroMQ RFC 25, 26): who a peer is and what it may do. docs/operations.md describes
-/// the directory that `slalom keys new` makes.
+/// CURVE keys (ZeroMQ RFC 25, 26), which identify peers and give them roles. docs/operations.md
+/// describes the directory that `slalom keys new` makes.
 
 namespace slalom::transport {
 
-/// What a peer is allowed to do follows from its role.
+/// Roles of peers, which decide what they may send.
 enum class Role { kReplay, kLearner, kActor, kEvaluator, kOperator };
 inline constexpr Role kRoles[] = {Role::kReplay, Role::kLearner, Role::kActor, Role::kEvaluator,
                                   Role::kOperator};
@@ -27,7 +27,7 @@ struct KeyPair {
 };
 KeyPair NewKeyPair();
 
-/// Public keys, and the roles of those who hold them.
+/// Public keys, and the roles of their holders.
 using AllowList = std::map<std::string, Role>;
 
 /// Writes new keys to a directory of mode 0700, as `slalom keys new DIR` does.

@@ -13,25 +13,25 @@ namespace slalom::transport {
 /// Identifies a connection as long as it lasts.
 using PeerId = std::string;
 
-/// The connections of a server, and the limits on what each of them may take up.
+/// The connections of a server, and the limits on the resources of each.
 ///
 /// ZeroMQ bounds the size of a part and the number of complete messages that wait, but neither the
 /// number of parts nor the bytes of an incomplete message. This class therefore compares the bytes
 /// that the kernel has received on a connection with those that have been handed on, and ends the
 /// connection if the difference is too large.
 ///
-/// Memory is bounded by the number of open connections, whatever ids and however many peers come
-/// and go. Confined to the thread of its server.
+/// Memory is bounded by the number of open connections, not by the ids and peers that come and go.
+/// Confined to the thread of its server.
 class Peers {
  public:
   using Clock = std::chrono::steady_clock;
 
   struct Limits {
-    double messages_per_second = 0.0;  ///< Of one peer, which may send as many at once.
+    double messages_per_second = 0.0;  ///< Rate of one peer, which may send as many at once.
     std::int64_t connection_bytes = 0;
     std::int64_t total_bytes = 0;
     int connections = 0;
-    std::chrono::milliseconds handshake{0};  ///< How long a handshake may take.
+    std::chrono::milliseconds handshake{0};  ///< Longest time of a handshake.
   };
 
   /// `monitor` must outlive this object and read `kEvents`.
@@ -80,7 +80,7 @@ class Peers {
   const Limits limits_;
   std::map<int, Connection> connections_;  // By descriptor.
   std::unordered_map<PeerId, Peer> peers_;
-  Bucket strangers_;  // Shared by all whose connection is not known any more.
+  Bucket strangers_;  // Shared by peers whose connection is no longer known.
   std::int64_t accepted_ = 0;
   std::int64_t succeeded_ = 0;
   std::int64_t rejected_ = 0;

@@ -21,11 +21,11 @@ struct ServerOptions {
   std::string endpoint;
   ServerSecurity security = {};               ///< Not used over inproc.
   std::int64_t max_message_bytes = 64 << 20;  ///< A larger part ends its connection.
-  double max_messages_per_second = 20000.0;   ///< Of one peer, over about a second.
+  double max_messages_per_second = 20000.0;   ///< Rate of one peer, over about a second.
   int queue_messages = 256;                   ///< Messages that may wait to be sent to a peer.
-  /// Bytes that were received from one peer and not taken yet. A connection that exceeds this is
-  /// ended. While all connections together exceed four times this, the one with most is ended. Must
-  /// be larger than what an honest peer may have under way.
+  /// Bytes received from one peer and not taken yet. A connection that exceeds this is ended. While
+  /// all connections together exceed four times this, the one with most is ended. Must be larger
+  /// than the bytes that an honest peer may have under way.
   std::int64_t max_pending_bytes = 256 << 20;
   int max_connections = 512;  ///< Further connections are ended at once.
   /// Interval of heartbeats on a silent connection, at most half an hour. After three without an
@@ -91,7 +91,7 @@ class Server {
 
   Context& context_;
   const ServerOptions options_;
-  const std::string domain_;  // Of authentication; empty for inproc.
+  const std::string domain_;  // Authentication domain; empty for inproc.
   zmq::socket_t socket_;
   Monitor monitor_;
   Peers peers_;

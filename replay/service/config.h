@@ -55,7 +55,7 @@ struct ReplayServerConfig {
   }
 };
 
-/// What a replay server takes from the run's config.
+/// The parts of the run's config that a replay server needs.
 struct ReplayServerSpec {
   std::string endpoint;  ///< As `transport::ServerOptions`.
   transport::ServerSecurity security = {};

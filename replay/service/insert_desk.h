@@ -37,9 +37,9 @@ class InsertDesk {
   using Time = std::chrono::steady_clock::time_point;
 
   struct Options {
-    std::int64_t window_bytes = 256 << 20;  ///< For all connected sessions together.
+    std::int64_t window_bytes = 256 << 20;  ///< Shared by all connected sessions.
     std::int64_t max_message_bytes = 16 << 20;
-    std::chrono::duration<double> silence{10.0};  ///< After which an actor counts as gone.
+    std::chrono::duration<double> silence{10.0};  ///< Silence after which an actor counts as gone.
     std::uint64_t server = 0;                     ///< As in `proto::Welcome`.
     std::string software;
   };
@@ -58,7 +58,7 @@ class InsertDesk {
     std::int64_t episodes_cut = 0;
   };
 
-  /// `sessions`: those that were recovered with the table. The pointers must outlive the desk.
+  /// `sessions`: the sessions recovered with the table. The pointers must outlive the desk.
   InsertDesk(const Options& options, Sessions sessions, Table* table, RateLimiter* limiter,
              RecordLog* log, ReplySender* replies);
 
@@ -70,7 +70,7 @@ class InsertDesk {
   void Insert(const transport::PeerId& peer, const proto::Insert& insert, transport::Frame payload,
               Time now);
   void Goodbye(const transport::PeerId& peer, const proto::Goodbye& goodbye, Time now);
-  /// Notes that another message of this peer came.
+  /// Notes that the peer sent some other message.
   void Heard(const transport::PeerId& peer, Time now);
   /// Notes that the peer's connection is gone.
   void Gone(const transport::PeerId& peer);

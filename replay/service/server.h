@@ -44,7 +44,7 @@ class ReplayServer {
   /// fails.
   void Run(std::stop_token stop);
 
-  /// The endpoint it listens on, with the port that was chosen.
+  /// The endpoint that it listens on, with the actual port.
   const std::string& endpoint() const { return server_->endpoint(); }
 
  private:
@@ -80,7 +80,7 @@ class ReplayServer {
   const ReplayServerSpec spec_;
   std::optional<Table> table_;
   std::unique_ptr<transport::Server> server_;
-  std::unique_ptr<Journal> journal_;  ///< Null: in memory only.
+  std::unique_ptr<Journal> journal_;  ///< Null if the table is in memory only.
   NoLog no_log_;
   std::unique_ptr<SocketReplies> replies_;
   std::optional<RateLimiter> limiter_;
