@@ -16,7 +16,7 @@ namespace slalom::learner {
 template <class Actor>
 class ActorCritic : public Algorithm {
  public:
-  /// `critic_outputs`: numbers that a critic gives, such as quantiles.
+  /// `critic_outputs`: number of outputs of a critic, such as quantiles.
   ActorCritic(const AlgorithmContext& context, int num_critics, int critic_outputs = 1)
       : config_(context.config),
         minibatch_(context.minibatch),

@@ -16,7 +16,7 @@
 
 namespace slalom::learner {
 
-/// What an algorithm is constructed from. Everything here must outlive the algorithm.
+/// The parts that an algorithm is constructed from. They must outlive the algorithm.
 struct AlgorithmContext {
   const LearnerConfig& config;
   const policy::PolicySpec& spec;
@@ -37,10 +37,10 @@ class Algorithm {
   /// rates are multiplied by `rate`. Does not wait for a GPU. TD3, DDPG and SAC allocate nothing on
   /// the CPU.
   ///
-  /// An update does more than take steps on its losses. No error says so where one of these is
-  /// left out:
-  /// - It calls `Totals::CountActorUpdate` before each step of the actor, since averages go by it,
-  ///   and adds to the totals what metrics report (`Total`).
+  /// An update does more than take steps on its losses. These duties are easy to forget, because
+  /// nothing checks them:
+  /// - It calls `Totals::CountActorUpdate` before each step of the actor, because averages depend
+  ///   on it, and adds the figures that metrics report to the totals (`Total`).
   /// - With config.prioritized, it multiplies each transition's loss of the critics by
   ///   `Minibatch::weight` and writes `td_errors`.
   /// - With a constraint, it calls `Constraint::UpdateCritics` and adds `Constraint::Penalty` to
@@ -53,12 +53,12 @@ class Algorithm {
 
   virtual int num_critics() const = 0;
   virtual const at::Tensor& actor_parameters() const = 0;  ///< [P]
-  /// The averaged actor's parameters, or the actor's own where averaging is off, [P].
+  /// The averaged actor's parameters, or the actor's own if averaging is off, [P].
   virtual const at::Tensor& average_parameters() const = 0;
   virtual const at::Tensor& critic_parameters() const = 0;  ///< [K * P]
 
   /// Returns noise-free actions for the minibatch's next states, [B, A], as model rollouts need
-  /// them: the target actor's where there is one (TD3, DDPG), else the current policy's mode (SAC).
+  /// them: the target actor's if there is one (TD3, DDPG), else the current policy's mode (SAC).
   /// The next call overwrites them.
   virtual const at::Tensor& ActNext() = 0;
 

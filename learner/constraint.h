@@ -44,8 +44,7 @@ class Constraint {
   void AddActionGradient(const at::Tensor& state, const at::Tensor& action,
                          at::Tensor& action_gradient);
 
-  /// Returns lambda mean_i Q_C,1(s_i, a_i), which an actor's loss that autograd differentiates
-  /// adds.
+  /// Returns lambda mean_i Q_C,1(s_i, a_i), a term for actors' losses that autograd differentiates.
   at::Tensor Penalty(const at::Tensor& state, const at::Tensor& action) const;
 
   /// Updates lambda from recent training episodes: `collisions` is their mean per episode (NaN if

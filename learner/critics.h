@@ -23,8 +23,8 @@ namespace slalom::learner {
 /// They are trained in one of two ways. The first is for losses that are written in LibTorch's
 /// operations: `Values` and `TargetValues` are functions, and `Descend` takes the loss. The second
 /// is for the losses of TD3, DDPG and SAC, whose gradients are written by hand: it records nothing,
-/// allocates nothing, and computes just what is asked for; it takes states that are the minibatch's
-/// own tensors, in whose memory the networks read them.
+/// allocates nothing, and computes only the gradients that are asked for. States must then be the
+/// minibatch's own tensors, because the networks read them there.
 ///
 /// The parameters of all K networks are one tensor [K * P]; those of the target networks another.
 class Critics {
@@ -41,7 +41,7 @@ class Critics {
   at::Tensor TargetValues(const at::Tensor& state, const at::Tensor& action) const;
 
   /// Takes one step of Adam on `loss`, a tensor with one element that depends on `Values`, then
-  /// updates the target networks at `polyak_rate` (0: they stay). Adds the gradient's norm to
+  /// updates the target networks at `polyak_rate` (0 leaves them). Adds the gradient's norm to
   /// `norm_total`, a float64 tensor with one element.
   void Descend(const at::Tensor& loss, double learning_rate, double polyak_rate,
                at::Tensor& norm_total);
@@ -52,14 +52,14 @@ class Critics {
                        const at::Tensor& reward, const at::Tensor& discount,
                        TargetReduction reduction, at::Tensor& y);
 
-  /// Needed for samples that were drawn by priority.
+  /// Weights and errors of samples that were drawn by priority.
   struct Importance {
     const at::Tensor& weight;  ///< [B], input: importance weights
     at::Tensor& td_error;      ///< [B], output: mean over the critics of |Q_k(s, a) - y|
   };
 
   /// Takes one step of Adam on sum_k mean (Q_k(s, a) - y)^2, then updates the target networks at
-  /// `polyak_rate` (0: they stay). Adds loss, mean Q and gradient norm to their totals (float64
+  /// `polyak_rate` (0 leaves them). Adds loss, mean Q and gradient norm to their totals (float64
   /// tensors with one element). With `importance`, each sample's gradient is multiplied by its
   /// weight, and the TD errors are written. state: the minibatch's; action: [B, A].
   void GradientStep(const at::Tensor& state, const at::Tensor& action, const at::Tensor& y,
@@ -92,14 +92,15 @@ class Critics {
     nn::NetworkPass target_pass;
   };
 
-  /// Puts the action behind the state, where the networks read it. Requires: the minibatch's state.
+  /// Copies the action behind the state, where the networks read it. Requires: the minibatch's
+  /// state.
   void SetAction(const at::Tensor& state, const at::Tensor& action);
   /// Takes the step down `gradient_`.
   void Step(double learning_rate, double polyak_rate, at::Tensor& norm_total);
 
   const std::string name_;
   const at::Tensor state_, next_state_;  // The minibatch's.
-  at::Tensor room_, next_room_;          // Behind them, where the networks read actions.
+  at::Tensor room_, next_room_;  // Places behind the states, where the networks read actions.
   at::Tensor parameters_;
   at::Tensor target_parameters_;
   at::Tensor gradient_;

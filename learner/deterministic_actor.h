@@ -44,7 +44,7 @@ class DeterministicActor {
   /// Takes one step of Adam. The loss has the gradient `action_gradient` [B, A] with respect to the
   /// actions that `Act` returned, plus `preactivation_penalty` times the mean of |u|^2, where u is
   /// the input of tanh (Andrychowicz et al. 2017, appendix A). Then updates the target network at
-  /// `polyak_rate` and the average at `average_rate` (0: it stays). Adds the gradient norm to
+  /// `polyak_rate` and the average at `average_rate` (0 leaves it). Adds the gradient norm to
   /// `norm_total`.
   void PolicyGradientStep(const at::Tensor& action_gradient, double preactivation_penalty,
                           double learning_rate, double polyak_rate, double average_rate,

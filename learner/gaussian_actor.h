@@ -14,7 +14,7 @@
 
 namespace slalom::learner {
 
-/// As `DrawnActions`: views, which the next draw overwrites.
+/// The views of `DrawnActions`, which the next draw overwrites.
 struct SampledActions {
   const at::Tensor& action;
   const at::Tensor& log_probability;
@@ -49,7 +49,7 @@ class GaussianActor {
 
   /// Takes one step of Adam on mean_i alpha log pi(a_i|s_i) plus a loss whose gradient with respect
   /// to the actions of the last `Sample` is `action_gradient`, [B, A]. `log_temperature`: log
-  /// alpha, [1]. Then updates the average at `average_rate` (0: it stays).
+  /// alpha, [1]. Then updates the average at `average_rate` (0 leaves it).
   void PolicyGradientStep(const at::Tensor& action_gradient, const at::Tensor& log_temperature,
                           double learning_rate, double average_rate, at::Tensor& norm_total);
 
@@ -80,7 +80,7 @@ class GaussianActor {
   nn::Network network_gradient_;
   Draws now_;
   Draws next_;
-  at::Tensor noise_;  // [B, A], of the last `Sample`.
+  at::Tensor noise_;  // [B, A], noise of the last `Sample`.
   nn::AutogradNetworks functions_;
 };
 

@@ -19,13 +19,13 @@ struct DrawnActions {
 
 /// a = tanh(u), u = mean + std * noise, and
 /// log pi = sum -noise^2 / 2 - log std - log sqrt(2 pi) - log(1 - a^2)
-/// (Haarnoja et al. 2018, appendix C), in LibTorch's operations, through which autograd goes.
-/// output: [B, 2 A], the means, then raw values that `policy::ActionDistribution` maps to standard
-/// deviations; noise: [B, A].
+/// (Haarnoja et al. 2018, appendix C), in LibTorch's operations, so that autograd differentiates
+/// it. output: [B, 2 A], the means, then raw values that `policy::ActionDistribution` maps to
+/// standard deviations; noise: [B, A].
 DrawnActions SquashedDraw(const policy::ActionDistribution& distribution, const at::Tensor& output,
                           const at::Tensor& noise);
 
-/// The same into memory that is there. actions: [B, A]; log_probability: [B].
+/// Computes the same into existing memory. actions: [B, A]; log_probability: [B].
 void SquashedSample(const policy::ActionDistribution& distribution, const at::Tensor& output,
                     const at::Tensor& noise, at::Tensor& actions, at::Tensor& log_probability);
 

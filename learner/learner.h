@@ -26,7 +26,7 @@ struct MethodConfig {
   ImaginationConfig imagination;
 };
 
-/// Returns what agents that plan need to know about the method's model. It is stored in every
+/// Returns the facts about the method's model that planning agents need. They are stored in every
 /// policy file. `goal`: when the task's episodes end in success.
 policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal = {});
 
@@ -49,7 +49,7 @@ class Learner {
   /// batch for each of `sample_specs()`, in their order.
   void Update(std::span<const replay::SampledRows> batches, double progress);
 
-  /// What to sample for an update: the algorithm's batch, then, if there is one, the model's.
+  /// The samples of an update: the algorithm's batch, then the model's if there is one.
   const std::vector<replay::SampleSpec>& sample_specs() const { return sample_specs_; }
   static std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
                                                      const policy::PolicySpec& spec);
@@ -102,7 +102,8 @@ class Learner {
  private:
   struct Parts;
 
-  /// Throws `base::Error` with LibTorch's words where it refuses an operation of the algorithm.
+  /// Throws `base::Error` with LibTorch's message if LibTorch refuses an operation of the
+  /// algorithm.
   void UpdateAlgorithm(double rate);
 
   const MethodConfig method_;

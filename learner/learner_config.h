@@ -31,7 +31,7 @@ inline constexpr AlgorithmEntry kAlgorithms[] = {
     {"tqc", true, MakeTqc},
 };
 
-/// The values that `LearnerConfig::algorithm` may have: the registry's names.
+/// The choices for `LearnerConfig::algorithm`: the registry's names.
 base::OneOf AlgorithmChoices();
 
 /// Where the learner computes.

@@ -10,21 +10,21 @@
 
 namespace slalom::learner {
 
-/// What a learner says of its updates since the last reading.
+/// A learner's figures of its updates since the last reading.
 using LearnerStats = metrics::LearningFigures;
 using ModelStats = metrics::ModelFigures;
 
-/// The sums that updates add to. `Totals::Read` makes means of them: those of the critics are
-/// divided by the updates, kCriticLoss and kQ by the number of critics, too; those of the actor by
-/// its updates.
+/// The sums that updates add to. `Totals::Read` makes means of them. It divides sums of the critics
+/// by the number of updates (kCriticLoss and kQ also by the number of critics), and sums of the
+/// actor by the actor's updates.
 enum class Total {
   kCriticLoss,  ///< Sum over the critics of their losses.
   kQ,           ///< Sum over the critics of mean Q_k(s, a); see `learner.divergence_limit`.
-  kCriticNorm,  ///< Of the gradient; `Critics::Descend` adds it, likewise for the actor.
+  kCriticNorm,  ///< Gradient norm; `Critics::Descend` adds it, and likewise for the actor.
   kActorQ,      ///< Mean Q(s, pi(s)), which the actor climbs.
   kActorNorm,
-  kEntropy,   ///< -mean log pi(a|s), of a stochastic policy.
-  kCostLoss,  ///< These three are the constraint's.
+  kEntropy,   ///< -mean log pi(a|s) of a stochastic policy.
+  kCostLoss,  ///< This and the next two belong to the constraint.
   kCostQ,
   kCostNorm,
   kCount
@@ -39,8 +39,8 @@ class Totals {
   /// Returns one sum: a view, float64, [1].
   at::Tensor& operator[](Total total) { return views_[static_cast<std::size_t>(total)]; }
 
-  void CountUpdate() { ++num_updates_; }             ///< `Learner` does, before each update.
-  void CountActorUpdate() { ++num_actor_updates_; }  ///< The algorithm does.
+  void CountUpdate() { ++num_updates_; }             ///< Called by `Learner` before each update.
+  void CountActorUpdate() { ++num_actor_updates_; }  ///< Called by the algorithm.
   std::int64_t num_updates() const { return num_updates_; }              ///< Since the beginning.
   std::int64_t num_actor_updates() const { return num_actor_updates_; }  ///< Since the beginning.
 

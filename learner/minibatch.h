@@ -18,8 +18,8 @@ struct Minibatch {
   /// `batch`: B; `history`: H; `frame_size`: F.
   Minibatch(int batch, int history, int frame_size, at::Device device);
 
-  /// What networks read: a state, and behind it room for an action, into which those that read one
-  /// copy it.
+  /// Input of the networks: a state, and behind it room for an action, into which critics and
+  /// models copy it.
   at::Tensor input;                 ///< [B, H * F + A], s and room
   at::Tensor next_input;            ///< [B, H * F + A], s' and room
   at::Tensor features;              ///< [B, H * F], s, a view
@@ -29,8 +29,8 @@ struct Minibatch {
   at::Tensor actions;               ///< [B, A], a
   at::Tensor reward;                ///< [B], scaled n-step return
   at::Tensor cost;                  ///< [B], n-step cost
-  at::Tensor discount;              ///< [B], gamma^n, or 0 where the window terminated
-  at::Tensor weight;                ///< [B], importance weight; 1 where draws are uniform
+  at::Tensor discount;              ///< [B], gamma^n, or 0 if the window terminated
+  at::Tensor weight;                ///< [B], importance weight; 1 if draws are uniform
   base::Random* dropout = nullptr;  ///< Draws the masks of networks that have dropout.
 };
 

@@ -6,7 +6,7 @@
 
 namespace slalom::learner {
 
-/// How the error of the next frame is taken over its features.
+/// Whether the loss of the next frame is the sum or the mean over its features.
 enum class StateLoss { kSum, kMean };
 inline base::OneOf EnumNames(StateLoss) { return {"sum", "mean"}; }
 

@@ -13,8 +13,8 @@ struct ModelTargets {
   at::Tensor features;       ///< [B, H * F], the model's input
   at::Tensor next_features;  ///< [B, H * F], after the action; the newest frame is the target
   at::Tensor reward;         ///< [B], scaled
-  at::Tensor discount;       ///< [B], 0 where the episode terminated
-  at::Tensor cost;           ///< [B], above 0 where it terminated by a collision
+  at::Tensor discount;       ///< [B], 0 if the episode terminated
+  at::Tensor cost;           ///< [B], above 0 if it terminated by a collision
   at::Tensor weight;         ///< [B], the transition's weight in the loss; 0 if held out
 };
 

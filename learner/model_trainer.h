@@ -21,7 +21,7 @@
 
 namespace slalom::learner {
 
-/// Returns how many members of an ensemble of this size are elites, which predict.
+/// Returns the number of elites in an ensemble of this size. Only elites predict.
 int NumElites(const ModelTrainingConfig& config, int ensemble);
 
 /// Trains a transition model from replayed one-step transitions.
@@ -38,16 +38,16 @@ class ModelTrainer {
                const nn::FeatureMap& features, double reward_scale, bool mirror, at::Device device,
                std::uint64_t seed, int num_rows = 0);
 
-  /// What to sample for `Load`: U * B one-step transitions, or `num_rows` if that is more.
+  /// The samples that `Load` needs: U * B one-step transitions, or `num_rows` if that is more.
   replay::SampleSpec sample_spec() const { return SampleSpec(config_, history_, num_rows_); }
   static replay::SampleSpec SampleSpec(const ModelTrainingConfig& config, int history,
                                        int num_rows);
 
-  /// Copies what it needs out of the rows. Requires: rows sampled as `sample_spec()` says.
+  /// Copies the transitions out of the rows. Requires: rows sampled as `sample_spec()` says.
   void Load(const replay::SampledRows& rows);
 
-  /// Does U updates of every member from the loaded transitions. Only when it chooses new elites
-  /// does it allocate memory or wait for a GPU.
+  /// Does U updates of every member from the loaded transitions. Allocates memory and waits for a
+  /// GPU only when it chooses new elites.
   void Update();
 
   /// The transitions that were loaded.

@@ -24,7 +24,7 @@ class Noise {
 
  private:
   at::Tensor host_;
-  at::Tensor values_;  // The same tensor where the device is the CPU.
+  at::Tensor values_;  // The same tensor if the device is the CPU.
 };
 
 }  // namespace slalom::learner

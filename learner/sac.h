@@ -21,7 +21,7 @@ class Sac : public ActorCritic<GaussianActor> {
   void LoadState(const nn::TensorFile& file) override;
 
  protected:
-  /// For methods with other critics.
+  /// For derived methods with other critics.
   Sac(const AlgorithmContext& context, int num_critics, int critic_outputs);
 
   /// Equation 18, in log alpha: log alpha <- argmin -log alpha mean (log pi(a|s) + target entropy).

@@ -16,14 +16,14 @@
 
 namespace slalom::learner {
 
-/// What a loop does besides learning.
+/// Settings of a loop besides those of learning.
 struct LoopPlan {
   run::RunPlan run;
-  double publish_seconds = 0.0;  ///< Least time between two published policies, [s].
-  /// How checkpoints are numbered: by updates or by steps. The numbers must rise.
+  double publish_seconds = 0.0;  ///< Shortest time between two published policies, [s].
+  /// Whether checkpoints are numbered by updates, not by steps. The numbers must rise.
   bool numbers_by_updates = false;
-  /// The process lives on when the run has finished: a last checkpoint or policy that cannot be
-  /// written then is said and left out, instead of ending the process.
+  /// Whether the process keeps running after the last step. If so, a failed final save is logged
+  /// and not fatal.
   bool lives_on = false;
 };
 
@@ -37,27 +37,27 @@ enum class TrainingEnd {
               ///< be written.
   kLearnedNothing,  ///< At its limit, without an update or with a dead network
                     ///< (`run::LearningWatch`). A checkpoint is saved, but no policy.
-  kWasFinished,     ///< A resumed run that stood at its limit already. What a crash at its end may
-                    ///< have left undone was done (policy), nothing else.
+  kWasFinished,  ///< A resumed run that was at its limit already. The policy is written if a crash
+                 ///< at the end of the run has left it out; nothing else happens.
 };
 
 /// Trains a learner from a source of batches to the end of its run: updates, publishes policies,
-/// logs, keeps snapshots and checkpoints. All that trains goes through here, as one process and as
-/// a service. Confined to the thread that made it.
+/// logs, keeps snapshots and checkpoints. One process and the service both train by this loop.
+/// Confined to the thread that made it.
 class LearnerLoop {
  public:
   /// Opens the run's checkpoints. Keeps references to `learner`, `source`, `sink` and `registry`,
-  /// which must outlive the loop. Throws as `run::TrainingRun`.
+  /// which must outlive the loop. Throws as `run::TrainingRun` does.
   LearnerLoop(LoopPlan plan, Learner& learner, BatchSource& source, PolicySink& sink,
               metrics::Registry& registry, run::TrainingClock clock);
 
-  /// Goes on from the newest checkpoint that is whole (`run::TrainingRun::Restore`). Returns false
-  /// if there is none.
+  /// Continues from the newest intact checkpoint (`run::TrainingRun::Restore`). Returns false if
+  /// there is none.
   bool Restore();
 
   /// Trains to the end of the run, or until `stop`. Writes metrics.csv, checkpoints, snapshots and
-  /// policy.safetensors, and the latter before the last checkpoint. Throws `base::Error` if the
-  /// policy cannot be written, or the source fails.
+  /// policy.safetensors. The policy is written before the last checkpoint. Throws `base::Error` if
+  /// the policy cannot be written, or the source fails.
   TrainingEnd Run(std::stop_token stop);
 
   /// Shows the figures of a finished run again if the next row is due.
@@ -66,9 +66,9 @@ class LearnerLoop {
   void Publish();
 
   const run::TrainingRun& run() const { return run_; }
-  /// Removes all but the newest `num_kept` checkpoints, and what only those needed that were
-  /// removed. If none is left, the source keeps what it has. What cannot be removed stays, with a
-  /// warning.
+  /// Removes all but the newest `num_kept` checkpoints, and the data that only the removed ones
+  /// needed. If no checkpoint is left, the source keeps its data. Files that cannot be removed
+  /// stay, with a warning.
   void KeepCheckpoints(std::size_t num_kept);
 
  private:
@@ -83,8 +83,8 @@ class LearnerLoop {
   void KeepSnapshot();
   void TryCheckpoint();
   void Checkpoint();
-  /// Returns whether the checkpoint was written, or need not be, as the process lives on. If not,
-  /// says why, and then `what_is_kept`.
+  /// Writes the last checkpoint. Returns false if it could not be written and the process does not
+  /// keep running after the last step; it then logs the reason and `what_is_kept`.
   bool LastCheckpoint(const std::string& what_is_kept);
   bool HasLearnedNothing() const;
   bool HasNewestPolicy() const;
@@ -101,9 +101,9 @@ class LearnerLoop {
   int unpublished_ = 0;  // Updates since the last published policy.
   int unobserved_ = 0;   // Updates since the last look at the episodes that ended.
   std::optional<std::chrono::steady_clock::time_point> published_at_;
-  std::optional<double> waiting_since_s_;              // By the run's wall clock.
+  std::optional<double> waiting_since_s_;              // On the run's wall clock.
   double model_steps_error_ = run::MetricsRow::kNone;  // The newest.
-  bool had_learned_nothing_ = false;  // As of the checkpoint that the run goes on from.
+  bool had_learned_nothing_ = false;  // At the checkpoint that the run continues from.
   bool finished_ = false;
 };
 

@@ -7,7 +7,7 @@
 
 namespace slalom::learner {
 
-/// The metrics of whoever learns. Confined to one thread.
+/// The metrics of a process that learns. Confined to one thread.
 class LearnerMetrics {
  public:
   explicit LearnerMetrics(metrics::Registry& registry);

@@ -6,8 +6,8 @@
 
 namespace slalom::learner {
 
-/// Where a learner's policies go: to the actor of this process, or over the network to whoever asks
-/// (`PolicyServer`). Confined to the loop's thread.
+/// The destination of a learner's policies: the actor of this process, or all who ask over the
+/// network (`PolicyServer`). Confined to the loop's thread.
 class PolicySink {
  public:
   virtual ~PolicySink() = default;
@@ -15,7 +15,8 @@ class PolicySink {
   /// Hands out a policy in place of all earlier ones. `steps`: environment steps of the run so far.
   virtual void Publish(policy::PolicySnapshot snapshot, std::int64_t steps) = 0;
 
-  /// Answers those who wait for a policy, without waiting. Once in each turn of the loop.
+  /// Answers the readers that wait for a policy, without waiting itself. The loop calls it once in
+  /// each turn.
   virtual void Serve() {}
 };
 

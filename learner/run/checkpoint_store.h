@@ -12,16 +12,17 @@ namespace slalom::run {
 /// one thread.
 class CheckpointStore {
  public:
-  /// How many to `Keep` during a run: if the newest is damaged, the one before it serves.
+  /// Number of checkpoints to `Keep` during a run: if the newest is damaged, the one before it
+  /// serves.
   static constexpr std::size_t kNumKept = 2;
 
-  /// Makes the directory and removes what a crash left half written. Throws `base::Error` if it
-  /// cannot.
+  /// Makes the directory and removes incomplete checkpoints that a crash left. Throws `base::Error`
+  /// if that fails.
   explicit CheckpointStore(const std::filesystem::path& directory);
 
-  /// Lets `write` fill a fresh directory, which takes its name `step-N` only once all of it is on
-  /// disk, and returns that directory. An exception from `write` leaves the earlier checkpoints as
-  /// they were, and nothing else. Throws `base::Error` if the directory cannot be made or named.
+  /// Lets `write` fill a fresh directory, which gets its name `step-N` only once all of it is on
+  /// disk. Returns that directory. An exception from `write` leaves the earlier checkpoints as they
+  /// were, and nothing else. Throws `base::Error` if the directory cannot be made or named.
   std::filesystem::path Write(std::int64_t steps,
                               const std::function<void(const std::filesystem::path&)>& write);
 

@@ -23,9 +23,9 @@ class LearningWatch {
   static constexpr std::int64_t kStillUpdates = 1000;
   static constexpr std::int64_t kEpisodes = 200;
 
-  /// What a session that resumes has to know of the sessions before: updates since the last
-  /// gradient that was not 0, of the actor and of the critics, and whether (1) or not (0) a
-  /// training episode has reached its goal.
+  /// The state that a resumed session needs from earlier sessions: updates since the last gradient
+  /// that was not 0, of the actor and of the critics, and whether a training episode has reached
+  /// its goal (1) or not (0).
   using State = std::array<std::int64_t, 3>;
 
   LearningWatch() = default;
@@ -39,11 +39,11 @@ class LearningWatch {
   /// there is a reason for one that was not given before.
   std::optional<std::string> Observe(const MetricsRow& row, double fraction);
 
-  /// Returns a sentence that says what is wrong as of the last row; empty: nothing is.
+  /// Returns a sentence about what is wrong as of the last row, or an empty text.
   std::string fault() const;
 
-  /// Returns whether nothing was learned beyond doubt: a network has no gradient, and no training
-  /// episode has reached its goal.
+  /// Returns whether the run has certainly learned nothing: a network has no gradient, and no
+  /// training episode has reached its goal.
   bool nothing_learned() const;
 
  private:

@@ -12,10 +12,11 @@
 
 namespace slalom::run {
 
-/// One row of `metrics.csv`, and what the progress line shows. Rates are over the time since the
-/// last row; statistics of episodes are over the actor's most recent episodes. NaN: not known yet
-/// (an empty cell). `Visit` lists the columns in their order: name, value, meaning and, if it is
-/// not written as it is (whole numbers) or with six digits, its format.
+/// One row of `metrics.csv`, which the progress line shows, too. Rates are over the time since the
+/// last row; statistics of episodes are over the actor's most recent episodes. NaN stands for a
+/// value that is not known yet (an empty cell). `Visit` lists the columns in their order: name,
+/// value, meaning and format. Without a format, whole numbers are written in full and others with
+/// six digits.
 struct MetricsRow {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   double training_s = 0.0;
@@ -51,21 +52,21 @@ struct MetricsRow {
   }
 };
 
-/// Returns the row as a progress line. `remaining_s`: time left, [s]; negative: not known.
+/// Returns the row as a progress line. `remaining_s`: time left, [s]; negative if not known.
 std::string FormatProgress(const MetricsRow& row, double remaining_s);
 
-/// Appends rows to `metrics.csv`, each written at once, so that a killed run keeps what it had, and
-/// to a TensorBoard event file beside it (`EventFile`): every column as a scalar
+/// Appends rows to `metrics.csv`, each written at once, so that a killed run keeps its rows, and to
+/// a TensorBoard event file beside it (`EventFile`): every column as a scalar
 /// "training/COLUMN". Confined to one thread.
 class MetricsLog {
  public:
   /// Opens or makes the file. Rows after `keep_until_step` are dropped first: a resumed run writes
-  /// them anew, and its event file supersedes them. Throws `base::Error` if a file cannot be
+  /// them again, and its event file supersedes them. Throws `base::Error` if a file cannot be
   /// written.
   MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step);
 
-  /// Appends a row. One that cannot be written is left out as a whole, and the first of several
-  /// such rows is logged: a full disk does not end the training.
+  /// Appends a row. A row that cannot be written is left out as a whole, and the first of several
+  /// is logged: a full disk does not end the training.
   void Append(const MetricsRow& row);
 
  private:

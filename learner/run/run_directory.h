@@ -14,14 +14,15 @@ struct RunDirectory {
   std::filesystem::path metrics() const { return root / "metrics.csv"; }
   std::filesystem::path checkpoints() const { return root / "checkpoints"; }
   std::filesystem::path snapshots() const { return root / "snapshots"; }
-  /// The policy that is kept at so many steps. Names are in the order of the steps.
+  /// Snapshot taken at `steps`. Names sort in the order of the steps.
   std::filesystem::path snapshot(std::int64_t steps) const;
   std::filesystem::path curve() const { return root / "curve.csv"; }
   std::filesystem::path training_picture() const { return root / "training.svg"; }
 };
 
-/// Locks a run's directory against other processes for as long as this object exists, however the
-/// process ends. The lock stays with a directory that is renamed. Movable.
+/// Locks a run's directory against other processes while this object exists. The end of the
+/// process, of whatever kind, releases it. The lock stays with a directory that is renamed.
+/// Movable.
 class RunLock {
  public:
   /// Throws `base::Error` if another process holds the lock, or the directory cannot be opened. On

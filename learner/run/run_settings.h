@@ -8,7 +8,7 @@
 
 namespace slalom::run {
 
-/// What stays of the checkpoints of a finished run.
+/// The checkpoints that a finished run keeps.
 enum class KeepCheckpoints { kNewest, kAll, kNone };
 inline base::OneOf EnumNames(KeepCheckpoints) { return {"newest", "all", "none"}; }
 

@@ -19,7 +19,7 @@ struct Scalar {
 /// The first event of a file: the version of the format.
 std::string EncodeVersionEvent(double wall_time);
 
-/// A session start: readers drop what earlier files hold of `first_step` and later steps.
+/// A session start: readers drop the values of `first_step` and later steps in earlier files.
 std::string EncodeSessionStart(double wall_time, std::int64_t first_step);
 
 /// The finite ones among these values as float32. Tags are ASCII.

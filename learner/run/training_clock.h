@@ -16,22 +16,22 @@ ClockReading ReadProcessClocks();
 /// Counts the time that a run has trained, over all its sessions.
 ///
 /// The clock counts between `Start` and `Stop` only, so that nothing that happens before training
-/// can begin (installing, building, loading courses, networks and checkpoints) counts. A run that
-/// goes on begins with `Restore`.
+/// can begin (installing, building, loading courses, networks and checkpoints) counts. A resumed
+/// run begins with `Restore`.
 ///
 /// It also leaves out time in which the process did not run: stopped with Ctrl-Z or SIGSTOP, frozen
 /// by a batch system, or in a virtual machine that was paused. A training loop looks at the clock
 /// many times a second. A gap of more than `kLongestGap` between two looks therefore means that the
-/// process waited or did not run, and of such a gap only the processor time that the process used
-/// in it counts, but at least `kLongestGap`. So a machine that is merely busy costs a run nothing,
-/// and a long write to a slow disk counts with the work in it.
+/// process waited or did not run. Only the processor time that the process used in such a gap
+/// counts, but at least `kLongestGap`. So a machine that is merely busy costs a run nothing, and a
+/// long write to a slow disk counts with the work in it.
 ///
 /// Confined to one thread.
 class TrainingClock {
  public:
   static constexpr double kLongestGap = 1.0;  ///< [s]
 
-  /// The clock stands at 0 and does not run. `read` gives the time; tests give their own.
+  /// The clock starts at 0 and stopped. `read` gives the time; tests give their own.
   explicit TrainingClock(std::function<ClockReading()> read = ReadProcessClocks);
 
   /// Sets the time that earlier sessions trained, [s]. Requires: the clock does not run.

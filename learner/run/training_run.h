@@ -19,31 +19,31 @@
 
 namespace slalom::run {
 
-/// What a run is to do, and where.
+/// The settings of a run and its place.
 struct RunPlan {
   RunDirectory directory;
   RunSettings settings;
-  std::string config;  ///< The run's, as TOML: goes with every policy that is kept.
-  std::string commit;  ///< Of the program.
+  std::string config;  ///< The run's config as TOML, stored with every policy.
+  std::string commit;  ///< Commit of the program.
 };
 
-/// A run on its way: its clock and limits, metrics.csv, checkpoints, and when copies of the policy
-/// are due. It knows nothing of what is trained: functions that the caller gives write and read
-/// that. Confined to one thread.
+/// A running training: its clock and limits, metrics.csv, checkpoints, and the times of snapshots.
+/// It does not know what is trained: functions of the caller write and read that. Confined to one
+/// thread.
 class TrainingRun {
  public:
   /// Writes files into the directory of a checkpoint and adds to its state, an object.
   using Write = std::function<void(const std::filesystem::path&, nlohmann::json&)>;
-  /// Reads both again. Returns the number of updates that were made.
+  /// Reads both back. Returns the number of updates done.
   using Read = std::function<std::int64_t(const std::filesystem::path&, const nlohmann::json&)>;
 
   /// Opens the checkpoints. Training time does not count before `StartClock`. Throws `base::Error`
-  /// if the directory cannot be written. Requires: the directory is this process's (`RunLock`).
+  /// if the directory cannot be written. Requires: this process holds the directory's `RunLock`.
   TrainingRun(RunPlan plan, TrainingClock clock);
 
   const RunPlan& plan() const { return plan_; }
 
-  /// Environment steps and updates that the run has made, as far as is known here.
+  /// Environment steps and updates of the run, as of the last `SetProgress` or `Restore`.
   std::int64_t steps() const { return steps_; }
   std::int64_t updates() const { return updates_; }
   void SetProgress(std::int64_t steps, std::int64_t updates) {
@@ -51,11 +51,12 @@ class TrainingRun {
     updates_ = updates;
   }
 
-  /// Training time counts from here on. Call it when the next thing to happen is training, and
-  /// `StopClock` when training has to wait for another process.
+  /// Starts to count training time. Call it just before training, and `StopClock` when training has
+  /// to wait for another process.
   void StartClock() { clock_.Start(); }
   void StopClock() { clock_.Stop(); }
-  /// Takes the time, for all that asks for it until the next look. Once in each turn of the loop.
+  /// Reads the clock; the time stays the same until the next look. Call it once in each turn of the
+  /// loop.
   void LookAtClock() { clock_.Look(); }
 
   /// Time spent training, over all sessions of the run, as of the last look at the clock, [s].
@@ -65,7 +66,7 @@ class TrainingRun {
   double Fraction() const;  ///< Part of the run that is done, in [0, 1].
   bool AtLimit() const { return Fraction() >= 1.0; }
 
-  /// Opens metrics.csv where the run goes on from. Once, after `Restore`.
+  /// Opens metrics.csv at the row from which the run continues. Call it once, after `Restore`.
   void OpenLog();
   bool LogDue() const {
     return !logged_at_s_ || wall_s() - *logged_at_s_ >= plan_.settings.log_interval;
@@ -76,27 +77,27 @@ class TrainingRun {
   MetricsRow Log(MetricsRow row);
   /// The last row and the time left, as a progress line.
   std::string Progress() const;
-  /// What the rows say of whether the run learns.
+  /// The watch over the rows, which knows whether the run learns.
   const LearningWatch& watch() const { return watch_; }
 
   /// Whether the plan's next time or number of steps for a snapshot has passed since the last call.
   /// If so, the caller writes it to `RunDirectory::snapshot`.
   [[nodiscard]] bool TakeSnapshotDue();
-  /// What is kept with every policy: config, commit, seed, steps, updates and training time.
+  /// The metadata of every policy: config, commit, seed, steps, updates and training time.
   std::map<std::string, std::string> Provenance() const;
 
-  /// Whether a checkpoint is due, by steps or, unless the run is deterministic, by the wall clock:
-  /// so what was learned before an outage is saved while it lasts.
+  /// Whether a checkpoint is due, by steps or, unless the run is deterministic, by the wall clock.
+  /// So the learner saves its progress even during an outage.
   bool CheckpointDue() const;
-  /// A checkpoint was tried now, with or without success.
+  /// Notes that a checkpoint was tried now, with or without success.
   void MarkCheckpoint();
-  /// Writes the checkpoint `step-NUMBER`, the run's own state and what `write` writes, and returns
-  /// its directory. Throws `base::Error` if that fails.
+  /// Writes the checkpoint `step-NUMBER`, which holds the run's own state and the files of `write`.
+  /// Returns its directory. Throws `base::Error` if that fails.
   std::filesystem::path Checkpoint(std::int64_t number, const Write& write);
 
-  /// Goes on from the newest checkpoint that is whole; `read` throws `base::Error` if what it reads
-  /// is damaged. Damaged ones that are newer are set aside. Returns false if there is none. Throws
-  /// `base::Error` if all are damaged.
+  /// Continues from the newest intact checkpoint. `read` throws `base::Error` if its data is
+  /// damaged. Damaged checkpoints that are newer are set aside. Returns false if there is no
+  /// checkpoint. Throws `base::Error` if all are damaged.
   bool Restore(const Read& read);
 
   /// Removes all but the newest `num_kept` checkpoints (`CheckpointStore::Keep`).
@@ -117,8 +118,8 @@ class TrainingRun {
   double last_snapshot_s_ = 0.0;
   std::int64_t last_snapshot_steps_ = 0;
   MetricsRow last_row_;
-  std::optional<double> logged_at_s_;  // By `wall_s`.
-  double checkpoint_at_s_ = 0.0;       // By `wall_s`; set by `OpenLog`.
+  std::optional<double> logged_at_s_;  // On the clock of `wall_s`.
+  double checkpoint_at_s_ = 0.0;       // On the same clock; set by `OpenLog`.
   std::int64_t checkpoint_at_steps_ = 0;
   LearningWatch watch_;
 };

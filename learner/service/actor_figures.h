@@ -26,8 +26,8 @@ ActorFigures Summarise(const proto::StatusReply& status);
 class FinishedEpisodes {
  public:
   /// Returns the number of episodes since the last call. A new name counts from its first report
-  /// on, as nobody knows which of its episodes were counted before; a restarted actor counts from
-  /// 0.
+  /// on, because it is unknown which of its episodes were counted before. A restarted actor counts
+  /// from 0.
   std::int64_t Take(const proto::StatusReply& status);
 
  private:

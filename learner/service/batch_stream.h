@@ -15,7 +15,7 @@
 
 namespace slalom::learner {
 
-/// The batches of one update as the replay server sent them, one of each kind. Their scans stay in
+/// The batches of one update as the replay server sent them, one of each kind. The scans stay in
 /// the messages.
 struct RemoteBatches {
   proto::SampleReply header;               ///< The header of the last one.
@@ -23,13 +23,13 @@ struct RemoteBatches {
   std::vector<replay::SampledRows> rows;   ///< [K], pointing into `payloads`.
 };
 
-/// Fetches the batches of a run in order, several ahead. Whatever happens to the connection, batch
-/// k is requested again until it has come, and no other takes its place. With K kinds of batches,
-/// batch k is of kind k mod K. Confined to one thread; ZeroMQ's own thread receives meanwhile.
+/// Fetches the batches of a run in order, several ahead. If the connection breaks, batch k is
+/// requested again until it has come; no other takes its place. With K kinds of batches, batch k is
+/// of kind k mod K. Confined to one thread; ZeroMQ's own thread receives meanwhile.
 class BatchStream {
  public:
-  /// Begins at batch `cursor`, a multiple of specs.size(). `prefetch`: for how many updates ahead
-  /// batches are requested.
+  /// Begins at batch `cursor`, a multiple of specs.size(). `prefetch`: number of updates whose
+  /// batches are requested ahead.
   BatchStream(transport::Context& context, const transport::ClientOptions& replay,
               proto::Hello hello, std::vector<replay::SampleSpec> specs, int prefetch,
               std::uint64_t cursor);
@@ -63,7 +63,7 @@ class BatchStream {
 
  private:
   void Request();
-  /// Sends a request. False: it cannot be sent now.
+  /// Sends a request. Returns false if it cannot be sent now.
   [[nodiscard]] bool Ask(const replay::SampleSpec& spec);
   void Parse(const proto::SampleReply& reply, const replay::SampleSpec& spec,
              const transport::Frame& payload, replay::SampledRows* rows) const;
@@ -74,14 +74,14 @@ class BatchStream {
   const int prefetch_;
   std::uint64_t cursor_;     // The next batch to be returned.
   std::uint64_t requested_;  // The next batch to be requested.
-  int num_welcomes_ = 0;     // The link's, when the last request was made.
+  int num_welcomes_ = 0;     // Welcomes of the link at the last request.
   RemoteBatches batches_;
-  int num_here_ = 0;  // How many of the batches from `cursor_` on have come.
-  std::optional<replay::SampleSpec> window_spec_;  // Of the last request.
+  int num_here_ = 0;  // Number of batches from `cursor_` on that have come.
+  std::optional<replay::SampleSpec> window_spec_;  // The spec of the last request.
   transport::Frame window_payload_;
   replay::SampledRows windows_;
   bool windows_came_ = false;
-  int windows_asked_ = -1;  // num_welcomes() at the request; -1: none is pending.
+  int windows_asked_ = -1;  // num_welcomes() at the request; -1 if none is pending.
   std::optional<proto::StatusReply> status_;
 };
 

@@ -17,32 +17,32 @@
 
 namespace slalom::learner {
 
-/// What a learner process is to do, beside the algorithm.
+/// The task of a learner process, besides the algorithm.
 struct LearnerJob {
   std::string name = "learner";
-  LoopPlan loop;  ///< Except what `LearnerServiceConfig` says.
+  LoopPlan loop;  ///< `LearnerServiceConfig` overrides some fields.
   std::uint64_t spec_hash = 0;
   transport::ClientOptions replay;
   transport::ServerOptions policies;
 };
 
-/// The learner as a process of its own: a `LearnerLoop` from a replay server's batches to whoever
-/// asks for policies. Confined to the thread that made it.
+/// The learner as a process of its own: a `LearnerLoop` between the batches of a replay server and
+/// the readers of its policies. Confined to the thread that made it.
 class LearnerService {
  public:
-  /// Goes on from the newest checkpoint in the directory that is whole; where there is none, begins
-  /// anew. Publishes the policy it starts with. `clock` measures training time, which counts while
-  /// batches come: not before the first one, nor in an outage of the replay server or of the
-  /// actors. Tests give their own clock. Throws `base::Error` where config, checkpoints or endpoint
+  /// Continues from the newest intact checkpoint in the directory, or starts a new run if there is
+  /// none. Publishes the policy that it starts with. `clock` measures training time, which counts
+  /// while batches come: not before the first one, nor in an outage of the replay server or of the
+  /// actors. Tests give their own clock. Throws `base::Error` if config, checkpoints or endpoint
   /// are unusable.
   LearnerService(const LearnerServiceConfig& config, const MethodConfig& method,
                  const policy::PolicySpec& spec, LearnerJob job, transport::Context& context,
                  metrics::Registry& registry, run::TrainingClock clock = run::TrainingClock());
 
-  /// Learns to the end of the run, then goes on serving its policy until `stop`, unless the config
-  /// says otherwise, and returns how the run ended. Stopped before the end, it saves. Throws
-  /// `base::Error` where the replay server refuses this process for good, or what must be kept
-  /// cannot be written at the end.
+  /// Learns until the run ends, then serves its policy until `stop`, unless the config says
+  /// otherwise. Returns how the run ended. If stopped before the end, it saves. Throws
+  /// `base::Error` if the replay server refuses this process for good, or if the files that must be
+  /// kept cannot be written at the end.
   TrainingEnd Run(std::stop_token stop);
 
   const std::string& endpoint() const { return policies_.endpoint(); }

@@ -16,8 +16,8 @@
 namespace slalom::learner {
 
 /// Hands policies to actors and evaluators. Each asks for one newer than it holds and is answered
-/// as soon as there is one. So a slow reader gets only the newest policy, and nothing queues,
-/// however many readers there are. Confined to one thread, which polls it.
+/// as soon as there is one. So a slow reader gets only the newest policy, and nothing queues, for
+/// any number of readers. Confined to one thread, which polls it.
 class PolicyServer final : public PolicySink {
  public:
   /// Throws `base::Error` if the endpoint cannot be bound.

@@ -18,11 +18,11 @@
 
 namespace slalom::learner {
 
-/// Batches out of a replay server, in whose name the learner also reports to it.
+/// A source of batches from a replay server, to which it also sends the learner's reports.
 class RemoteSource final : public BatchSource {
  public:
   /// Connects at `Start`. Keeps references to `context`, `policies` and `registry`, which must
-  /// outlive it. `prefetch`: as `BatchStream`.
+  /// outlive it. `prefetch`: as for `BatchStream`.
   RemoteSource(transport::Context& context, transport::ClientOptions replay, proto::Hello hello,
                std::vector<replay::SampleSpec> specs, int prefetch, const PolicyServer& policies,
                metrics::Registry& registry);

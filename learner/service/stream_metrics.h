@@ -4,7 +4,7 @@
 
 namespace slalom::learner {
 
-/// The metrics of a stream of batches out of a replay server. Confined to one thread.
+/// The metrics of a stream of batches from a replay server. Confined to one thread.
 class StreamMetrics {
  public:
   explicit StreamMetrics(metrics::Registry& registry);
