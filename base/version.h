@@ -2,7 +2,7 @@
 
 #include <string_view>
 
-namespace slalom::cli {
+namespace slalom::base {
 
 /// "0.1.0 (a1b2c3d4e5f6, Release)": version, commit (with "+" where the tree had changes), build
 /// type.
@@ -11,4 +11,4 @@ std::string_view Version();
 /// Returns the commit alone; "unknown" if the source was not a git checkout.
 std::string_view Commit();
 
-}  // namespace slalom::cli
+}  // namespace slalom::base

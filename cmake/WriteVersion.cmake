@@ -14,10 +14,10 @@ else()
   endif()
 endif()
 set(content "#include \"base/version.h\"\n
-namespace slalom::cli {\n
+namespace slalom::base {\n
 std::string_view Version() { return \"${VERSION} (${commit}, ${BUILD_TYPE})\"; }\n
 std::string_view Commit() { return \"${commit}\"; }\n
-}  // namespace slalom::cli\n")
+}  // namespace slalom::base\n")
 set(old "")
 if(EXISTS ${OUTPUT})
   file(READ ${OUTPUT} old)

@@ -19,15 +19,19 @@
 #include "app/cli/course_selection.h"
 #include "app/cli/output.h"
 #include "app/cli/signals.h"
+#include "app/train/command_options.h"
 #include "app/train/evaluate_planner.h"
 #include "app/train/evaluate_policy.h"
 #include "app/train/profile.h"
 #include "app/train/recorded_config.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "base/exit_code.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "eval/report/physics_table.h"
+#include "eval/report/result.h"
+#include "learner/run/run_directory.h"
 #include "sim/engines/physics.h"
 #include "sim/scene.h"
 
@@ -173,7 +177,7 @@ train::RunConfig TaskOf(const EvaluateOptions& options,
 /// Who names a run means its policy, but says so.
 void RequireNoRunDirectory(const std::string& path) {
   std::error_code error;
-  const fs::path policy = fs::path(path) / "policy.safetensors";
+  const fs::path policy = run::RunDirectory{path}.policy();
   if (!fs::is_directory(path, error) || !fs::exists(policy, error)) return;
   throw base::Error(fmt::format("{}: is a directory; did you mean '{}'?", path, policy.string()));
 }
@@ -250,11 +254,12 @@ std::vector<fs::path> OutputDirectories(const fs::path& output,
 
 void RequireOutput(const EvaluateOptions& options, const std::vector<sim::Physics>& physics) {
   const fs::path output = *options.output;
-  RequireOutputDirectory(output, {"slalom evaluate", {"evaluation.json", kPhysicsFile}},
+  RequireOutputDirectory(output, {"slalom evaluate", {eval::kEvaluationFile, kPhysicsFile}},
                          options.force);
   if (physics.size() > 1) {
     for (const fs::path& directory : OutputDirectories(output, physics)) {
-      RequireOutputDirectory(directory, {"slalom evaluate", {"evaluation.json"}}, options.force);
+      RequireOutputDirectory(directory, {"slalom evaluate", {eval::kEvaluationFile}},
+                             options.force);
     }
   }
   base::MakeDirectories(output);
@@ -303,7 +308,7 @@ int Evaluate(const EvaluateOptions& options) {
   for (std::size_t k = 0; k < physics.size(); ++k) {
     prepared.task.physics = physics[k];
     auto run = RunScored(prepared, parallel, signals.token());
-    if (!run) return kExitSignalBase + signals.received();
+    if (!run) return base::kExitSignalBase + signals.received();
     if (options.output) WriteScoredRun(*run, OutputDirectories(*options.output, physics)[k]);
     runs.push_back(std::move(*run));
   }
@@ -315,7 +320,7 @@ int Evaluate(const EvaluateOptions& options) {
                               ReportSideBySide(runs, false));
   }
   if (options.output && !options.json) fmt::print("\nscores and pictures: {}/\n", *options.output);
-  return kExitOk;
+  return base::kExitOk;
 }
 
 }  // namespace
@@ -341,13 +346,13 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
       "environment.robot.command_delay=0.04\n");
   auto options = std::make_shared<EvaluateOptions>();
   CLI::Option_group* driver = command->add_option_group("driver", "Who drives");
-  driver->add_option("--policy", options->policy, "Policy file (policy.safetensors)");
+  driver->add_option(train::kPolicyOption, options->policy, "Policy file (policy.safetensors)");
   driver->add_option(
-      "--agent", options->agent,
+      train::kAgentOption, options->agent,
       fmt::format("Classical planner: {}", fmt::join(planners::PlannerNames(), ", ")));
   driver->require_option(1);
   command
-      ->add_option("--courses", options->courses,
+      ->add_option(train::kCoursesOption, options->courses,
                    "Name of a set (see `slalom courses list`), generated:SEED:COUNT, or a course "
                    "or set file")
       ->required();
@@ -364,23 +369,23 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
                    "Lay the [environment] keys of this TOML file over the task (repeatable), for "
                    "example configs/real-robot.toml")
       ->type_name("FILE");
-  command->add_option("--name", options->name, "Name of the agent in reports");
+  command->add_option(train::kNameOption, options->name, "Name of the agent in reports");
   command->add_option("--episodes", options->episodes, "Episodes per course [10]")
       ->check(CLI::Range(1, 100000));
   command->add_option("--seed", options->seed, "Seed of the evaluation's random streams [1]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
-  command->add_option("--output", options->output,
+  command->add_option(train::kOutputOption, options->output,
                       "Directory for JSON, CSV, trajectories and pictures");
-  command->add_flag("--force", options->force, kForceHelp);
+  command->add_flag(train::kForceOption, options->force, kForceHelp);
   command->add_flag("--json", options->json, "Print one JSON object instead of the table");
-  command->add_option("--config", options->config,
+  command->add_option(train::kConfigOption, options->config,
                       "Take the task from this TOML file instead of the policy or the defaults");
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
   command
-      ->add_option("--threads", options->threads,
+      ->add_option(train::kThreadsOption, options->threads,
                    "Number of threads, which changes only the speed [one per core]")
-      ->check(CLI::Range(0, 256));
+      ->check(CLI::Range(0, train::kMaxThreads));
   command->callback([options, exit_code] { *exit_code = Evaluate(*options); });
 }
 

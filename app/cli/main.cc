@@ -13,6 +13,7 @@
 #include "app/cli/commands.h"
 #include "base/descriptor_limit.h"
 #include "base/error.h"
+#include "base/exit_code.h"
 #include "base/log.h"
 #include "base/suggestion.h"
 #include "base/version.h"
@@ -96,11 +97,11 @@ int Run(int argc, char** argv) {
   CLI::App app{
       "Slalom trains robots to drive through obstacle courses, and scores how well they drive.",
       "slalom"};
-  app.set_version_flag("--version", std::string(slalom::cli::Version()));
+  app.set_version_flag("--version", std::string(slalom::base::Version()));
   app.set_help_all_flag("--help-all", "Print the help of every command and exit");
   app.require_subcommand(1);
   app.fallthrough(false);
-  int exit_code = slalom::cli::kExitOk;
+  int exit_code = slalom::base::kExitOk;
   slalom::cli::AddTrainCommand(app, &exit_code);
   slalom::cli::AddEvaluateCommand(app, &exit_code);
   slalom::cli::AddReportCommand(app);
@@ -119,7 +120,7 @@ int Run(int argc, char** argv) {
   const NamedCommand named = FindCommand(app, words);
   if (!named.mistake.empty()) {
     fmt::print(stderr, "slalom: {}\n", named.mistake);
-    return slalom::cli::kExitUsage;
+    return slalom::base::kExitUsage;
   }
   try {
     app.parse(argc, argv);
@@ -133,16 +134,16 @@ int Run(int argc, char** argv) {
     const std::string unknown = UnknownOptions(named, words);
     if (unknown.empty()) app.exit(error);
     fmt::print(stderr, "{}", unknown);
-    return slalom::cli::kExitUsage;
+    return slalom::base::kExitUsage;
   } catch (const slalom::base::Error& error) {
     fmt::print(stderr, "slalom: {}\n", error.what());
-    return slalom::cli::kExitError;
+    return slalom::base::kExitError;
   } catch (const std::bad_alloc&) {
     fmt::print(stderr, "slalom: not enough memory\n");
-    return slalom::cli::kExitError;
+    return slalom::base::kExitError;
   } catch (const std::exception& error) {
     fmt::print(stderr, "slalom: {}\n", error.what());
-    return slalom::cli::kExitError;
+    return slalom::base::kExitError;
   }
   return exit_code;
 }
@@ -156,10 +157,10 @@ int main(int argc, char** argv) {
     slalom::nn::SetMathThreads(1);
     slalom::base::InitLog();
     const int exit_code = Run(argc, argv);
-    if (FlushOutput() || exit_code != slalom::cli::kExitOk) return exit_code;
+    if (FlushOutput() || exit_code != slalom::base::kExitOk) return exit_code;
     fmt::print(stderr, "slalom: cannot write to standard output ({})\n", std::strerror(errno));
   } catch (const std::exception& error) {
     std::fprintf(stderr, "slalom: %s\n", error.what());
   }
-  return slalom::cli::kExitError;
+  return slalom::base::kExitError;
 }

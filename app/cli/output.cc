@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <string>
@@ -11,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "learner/run/run_directory.h"
 
 namespace slalom::cli {
 namespace {
@@ -18,7 +20,10 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What training leaves in a run's directory, whose scores are not another command's to replace.
-constexpr std::string_view kFilesOfRuns[] = {"config.toml", "policy.safetensors", "metrics.csv"};
+std::array<fs::path, 3> FilesOfRun(const fs::path& directory) {
+  const run::RunDirectory run{directory};
+  return {run.config(), run.policy(), run.metrics()};
+}
 
 void RequireWritable(const fs::path& path, const fs::path& named) {
   if (::access(path.c_str(), W_OK) == 0) return;
@@ -84,13 +89,14 @@ void RequireOutputDirectory(const fs::path& path, const OwnOutput& own, bool for
   if (there != path) return;
   const std::string first = FirstFile(path);
   if (first.empty() || force) return;
-  const auto holds = [&](std::string_view name) { return base::Exists(path / name); };
-  if (const auto run = std::ranges::find_if(kFilesOfRuns, holds); run != std::end(kFilesOfRuns)) {
+  const auto files = FilesOfRun(path);
+  if (const auto run = std::ranges::find_if(files, base::Exists); run != files.end()) {
     throw base::Error(fmt::format(
         "{}: holds the {} of a training run, whose files `{}` might replace; choose another "
         "--output, or say --force",
-        path.string(), *run, own.command));
+        path.string(), run->filename().string(), own.command));
   }
+  const auto holds = [&](std::string_view name) { return base::Exists(path / name); };
   if (std::ranges::any_of(own.markers, holds)) return;
   throw base::Error(fmt::format(
       "{}: holds {}, but no output of `{}`, which might replace it; choose a new directory as "

@@ -14,6 +14,7 @@
 #include "app/train/training_overlap.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "base/exit_code.h"
 #include "base/log.h"
 #include "base/parallel.h"
 #include "base/version.h"
@@ -61,11 +62,11 @@ int RunReplay(const ServiceOptions& options) {
   spec.updates_per_step = config.run.updates_per_step;
   spec.batches_per_update = train::BatchesPerUpdate(config);
   spec.learning_starts = config.run.learning_starts;
-  spec.software = fmt::format("slalom {}", Version());
+  spec.software = fmt::format("slalom {}", base::Version());
   replay::ReplayServer server(server_config, spec, process.context(), process.registry());
   spdlog::info("listening at {}, journal in {}", server.endpoint(), server_config.directory);
   server.Run(signals.token());
-  return kExitOk;
+  return base::kExitOk;
 }
 
 int RunLearner(const ServiceOptions& options) {
@@ -79,7 +80,7 @@ int RunLearner(const ServiceOptions& options) {
       resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
   learner::LearnerJob job;
   job.name = process.name();
-  job.loop.run = {directory, config.run, config::ToToml(config), std::string(Commit())};
+  job.loop.run = {directory, config.run, config::ToToml(config), std::string(base::Commit())};
   job.spec_hash = process.spec_hash();
   job.replay = process.replay();
   job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
@@ -91,13 +92,13 @@ int RunLearner(const ServiceOptions& options) {
   spdlog::info("policies at {}, run directory {}", learner.endpoint(), directory.root.string());
   switch (learner.Run(signals.token())) {
     case learner::TrainingEnd::kUnsaved:
-      return kExitError;
+      return base::kExitError;
     case learner::TrainingEnd::kDiverged:
-      return kExitDiverged;
+      return base::kExitDiverged;
     case learner::TrainingEnd::kLearnedNothing:
-      return kExitLearnedNothing;
+      return base::kExitLearnedNothing;
     default:
-      return kExitOk;
+      return base::kExitOk;
   }
 }
 
@@ -130,7 +131,7 @@ int RunActor(const ServiceOptions& options) {
   actor::ActorService actor(config.actor_service, config.actor, std::move(identity), environments,
                             *agent, install, process.context(), process.registry());
   actor.Run(signals.token());
-  return kExitOk;
+  return base::kExitOk;
 }
 
 int RunEvaluator(const ServiceOptions& options) {
@@ -170,7 +171,7 @@ int RunEvaluator(const ServiceOptions& options) {
       eval::ResolveEvaluation(config.evaluation, config.environment, scored), std::move(identity),
       read_policy, parallel, process.context(), process.registry());
   evaluator.Run(signals.token());
-  return kExitOk;
+  return base::kExitOk;
 }
 
 void AddRole(CLI::App& app, int* exit_code, const std::string& name, const std::string& meaning,

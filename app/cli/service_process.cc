@@ -68,7 +68,7 @@ ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& optio
           MakeIdentity(std::string(transport::ToString(role)), name_, config_.run.name))) {
   registry_->counter(metrics::kRestarts)
       .Increment(CountEarlierStarts(state(), transport::ToString(role), name_));
-  spdlog::info("slalom {} {}, {} '{}'", Version(), transport::ToString(role),
+  spdlog::info("slalom {} {}, {} '{}'", base::Version(), transport::ToString(role),
                transport::ToString(role), name_);
   if (!config_.service.metrics.empty()) exposer_ = ShowMetrics(config_.service.metrics, *registry_);
 }
@@ -91,8 +91,8 @@ metrics::Identity MakeIdentity(std::string role, std::string name, std::string r
   return {.role = std::move(role),
           .name = std::move(name),
           .run = std::move(run),
-          .version = std::string(Version()),
-          .commit = std::string(Commit()),
+          .version = std::string(base::Version()),
+          .commit = std::string(base::Commit()),
           .blas_kernel = nn::BlasKernel()};
 }
 

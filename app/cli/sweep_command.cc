@@ -27,9 +27,11 @@
 #include "app/sweep/runner.h"
 #include "app/sweep/slurm.h"
 #include "app/sweep/store.h"
+#include "app/train/command_options.h"
 #include "app/train/run_identity.h"
 #include "base/child_process.h"
 #include "base/error.h"
+#include "base/exit_code.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
@@ -277,7 +279,7 @@ int RunSweep(const SweepOptions& options) {
   }
   RequireDisk(sweep.chosen, options.store, slots.at_once);
   const train::Platform platform = train::ThisPlatform();
-  sweep::BeginPlan(options.store, sweep.plan, sweep.all, platform, std::string(Commit()));
+  sweep::BeginPlan(options.store, sweep.plan, sweep.all, platform, std::string(base::Commit()));
   if (options.retry_failed) {
     for (const sweep::Cell& cell : sweep.chosen) {
       std::error_code ec;
@@ -286,7 +288,7 @@ int RunSweep(const SweepOptions& options) {
   }
   if (options.engine == "slurm") {
     SubmitSweep(options, sweep);
-    return kExitOk;
+    return base::kExitOk;
   }
   spdlog::info("{}: {} cells in {}, {} at once{}", sweep.plan.sweep.name, sweep.chosen.size(),
                options.store, slots.at_once,
@@ -298,7 +300,7 @@ int RunSweep(const SweepOptions& options) {
   const sweep::WorkOptions work = {.store = options.store,
                                    // The file that runs, also once a newer one lies at its path.
                                    .program = fmt::format("/proc/{}/exe", ::getpid()),
-                                   .commit = std::string(Commit()),
+                                   .commit = std::string(base::Commit()),
                                    .platform = train::Describe(platform)};
   Reporter reporter(sweep, options.store);
   const sweep::SweepEnd end = sweep::RunCells(sweep.chosen, work, slots, signals.token(),
@@ -307,24 +309,24 @@ int RunSweep(const SweepOptions& options) {
   if (end.stopped) {
     fmt::print("stopped: {} of {} cells are done; to go on: {}\n", end.num_done,
                sweep.chosen.size(), Again(options));
-    return kExitSignalBase + signals.received();
+    return base::kExitSignalBase + signals.received();
   }
   fmt::print("\n{}", reporter.Summary());
   if (end.num_failed > 0) {
     fmt::print(stderr, "slalom: {} of {} cells failed; to try them again: {}\n", end.num_failed,
                sweep.chosen.size(), Again(options, "--retry-failed"));
-    return kExitError;
+    return base::kExitError;
   }
-  return kExitOk;
+  return base::kExitOk;
 }
 
 /// Works on every plan that the options ask for, unless a signal says to stop.
 int RunSweeps(const SweepOptions& options) {
-  int exit_code = kExitOk;
+  int exit_code = base::kExitOk;
   for (const SweepOptions& one : EachPlan(options)) {
     const int code = RunSweep(one);
-    if (code >= kExitSignalBase) return code;
-    if (code != kExitOk) exit_code = code;
+    if (code >= base::kExitSignalBase) return code;
+    if (code != base::kExitOk) exit_code = code;
   }
   return exit_code;
 }
@@ -351,7 +353,7 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   run->add_option("--metrics", options->metrics,
                   "Show the cells to Prometheus meanwhile, at this HOST:PORT, as `serve` does");
   run->add_option("--threads", options->threads, "Threads for each cell [its share of the cores]")
-      ->check(CLI::Range(0, 256));
+      ->check(CLI::Range(0, train::kMaxThreads));
   run->add_option("--engine", options->engine,
                   "Who runs the cells: local, this machine; slurm, a job array of a Slurm cluster "
                   "(docs/sweeps-cluster.md) [local]")

@@ -9,6 +9,7 @@
 
 #include "app/cli/commands.h"
 #include "app/cli/signals.h"
+#include "base/exit_code.h"
 #include "base/mutex.h"
 #include "base/version.h"
 
@@ -19,8 +20,8 @@ metrics::Identity ThisProcess() {
   std::array<char, 256> host{};
   metrics::Identity identity;
   identity.name = ::gethostname(host.data(), host.size() - 1) == 0 ? host.data() : "host";
-  identity.version = Version();
-  identity.commit = Commit();
+  identity.version = base::Version();
+  identity.commit = base::Commit();
   return identity;
 }
 
@@ -60,7 +61,7 @@ int ServeSweep(const sweep::Plan& plan, const sweep::Cells& cells,
   StopSignals signals;
   const SweepExposer exposer(plan, cells, store, address);
   RepeatUntilStop(signals.token(), [] {});
-  return kExitOk;
+  return base::kExitOk;
 }
 
 }  // namespace slalom::cli

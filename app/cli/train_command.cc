@@ -15,6 +15,7 @@
 #include "app/cli/service_process.h"
 #include "app/cli/signals.h"
 #include "app/cli/training_results.h"
+#include "app/train/command_options.h"
 #include "app/train/evaluate_policy.h"
 #include "app/train/profile.h"
 #include "app/train/run_limits.h"
@@ -22,6 +23,7 @@
 #include "app/train/training_overlap.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "base/exit_code.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
@@ -201,22 +203,23 @@ int FailToLearn(const TrainOptions& options, const run::RunDirectory& directory,
                "slalom: nothing was learned: {}. No policy was kept; begin anew with other "
                "settings\n",
                fault.empty() ? "a network had no gradient when the run ended" : fault);
-    return kExitLearnedNothing;
+    return base::kExitLearnedNothing;
   }
   const auto why = train::ExplainNoUpdate(config, trainer.steps(), trainer.training_s());
   fmt::print(stderr, "slalom: nothing was learned: {}. To go on: {}\n", why.reason,
              ResumeCommand(options, directory, why.override));
-  return kExitLearnedNothing;
+  return base::kExitLearnedNothing;
 }
 
 int Score(const TrainOptions& options, const run::RunDirectory& directory,
           const train::RunConfig& config, const std::string& train_longer,
           const StopSignals& signals) {
   base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
-  int exit_code = kExitError;
+  int exit_code = base::kExitError;
   try {
-    if (ScoreTraining(directory, config, train_longer, parallel, signals.token())) return kExitOk;
-    exit_code = kExitSignalBase + signals.received();
+    if (ScoreTraining(directory, config, train_longer, parallel, signals.token()))
+      return base::kExitOk;
+    exit_code = base::kExitSignalBase + signals.received();
   } catch (const base::Error& error) {
     fmt::print(stderr, "slalom: {}\n", error.what());
   }
@@ -243,11 +246,11 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
     Say(fmt::format("{} is finished: it has reached its limit, and nothing was changed",
                     directory.root.string()));
     if (!longer.empty()) Say("to go on: " + longer);
-    return kExitOk;
+    return base::kExitOk;
   }
   if (is_to_be_scored) return Score(options, directory, config, longer, signals);
   Say("policy: " + directory.policy().string());
-  return kExitOk;
+  return base::kExitOk;
 }
 
 int Train(const TrainOptions& options) {
@@ -269,9 +272,9 @@ int Train(const TrainOptions& options) {
                config.courses.test.empty() ? "nothing" : config.courses.test);
   metrics::Registry registry(MakeIdentity("train", config.run.name, config.run.name));
   const auto exposer = options.metrics ? ShowMetrics(*options.metrics, registry) : nullptr;
-  train::Trainer trainer(config, directory, std::string(Commit()), options.resume, registry);
+  train::Trainer trainer(config, directory, std::string(base::Commit()), options.resume, registry);
   const train::TrainingEnd end = trainer.Run(signals.token());
-  if (end == train::TrainingEnd::kDiverged) return kExitDiverged;
+  if (end == train::TrainingEnd::kDiverged) return base::kExitDiverged;
   spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),
                base::FormatCount(static_cast<double>(trainer.steps())),
                base::FormatCount(static_cast<double>(trainer.updates())));
@@ -282,11 +285,11 @@ int Train(const TrainOptions& options) {
     DrawTraining(directory);
     if (!config.courses.test.empty())
       Say("to score the policy: " + EvaluateCommand(directory, config.courses));
-    return kExitError;
+    return base::kExitError;
   }
   if (end == train::TrainingEnd::kStopped) {
     Say("stopped and saved; to go on: " + ResumeCommand(options, directory));
-    return kExitSignalBase + signals.received();
+    return base::kExitSignalBase + signals.received();
   }
   return Finish(options, directory, config, trainer, end == train::TrainingEnd::kWasFinished,
                 signals);
@@ -316,21 +319,23 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
       ->type_name("FILE");
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")
       ->type_name("KEY=VALUE");
-  command->add_option("--name", options->name, "Name of the run [run.name of the config]");
+  command->add_option(train::kNameOption, options->name,
+                      "Name of the run [run.name of the config]");
   command
       ->add_option("--seed", options->seed, "Seed of all random streams [run.seed of the config]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
-  command->add_option("--output", options->output,
+  command->add_option(train::kOutputOption, options->output,
                       "Directory in which the run's directory is made [runs]");
   command
       ->add_option("--metrics", options->metrics,
                    "Address at which the training shows /metrics to Prometheus; port 0: any free "
                    "one [shown nowhere]")
       ->type_name("HOST:PORT");
-  command->add_flag("--resume", options->resume, "Continue from the run's newest checkpoint");
+  command->add_flag(train::kResumeOption, options->resume,
+                    "Continue from the run's newest checkpoint");
   command->add_flag("--deterministic", options->deterministic,
                     "Use one thread, so that the same seed gives the same policy, bit for bit");
-  command->add_flag("--no-evaluation", options->no_evaluation,
+  command->add_flag(train::kNoEvaluationOption, options->no_evaluation,
                     "Do not score the policy at the end");
   command->callback([options, exit_code] { *exit_code = Train(*options); });
 }

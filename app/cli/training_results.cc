@@ -60,16 +60,6 @@ class Curve {
   const bool prints_;
 };
 
-std::vector<fs::path> ListSnapshots(const run::RunDirectory& directory) {
-  std::vector<fs::path> paths;
-  if (!fs::exists(directory.snapshots())) return paths;
-  for (const auto& entry : fs::directory_iterator(directory.snapshots())) {
-    if (entry.path().extension() == ".safetensors") paths.push_back(entry.path());
-  }
-  std::sort(paths.begin(), paths.end());
-  return paths;
-}
-
 /// The course with the lowest success rate; the set's first among equals.
 std::string WorstCourse(const eval::Summary& summary) {
   return std::ranges::min_element(
@@ -133,7 +123,7 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   if (!result) return false;
   fmt::print("{}", eval::TextReport(result->evaluation));
   WriteScoredRun(*result, directory.root);
-  const std::vector<fs::path> snapshots = ListSnapshots(directory);
+  const std::vector<fs::path> snapshots = directory.ListSnapshots();
   Curve curve(!snapshots.empty());
   for (const fs::path& path : snapshots) {
     const policy::LoadedPolicy kept = policy::LoadPolicy(path);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <string>
 
+#include "app/sweep/cell_command.h"
 #include "base/child_process.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -62,8 +63,7 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
   const fs::path log = scratch.path() / "log.txt";
   base::WriteFileAtomically(file, config::ToToml(config));
   {
-    base::ChildProcess child({.arguments = {program.string(), "train", file.string(), "--output",
-                                            scratch.path().string(), "--no-evaluation"},
+    base::ChildProcess child({.arguments = TrainCommand(program, file, scratch.path()),
                               .log = log,
                               .environment = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1"}});
     if (const auto exit_code = child.Wait(kTrial); exit_code && *exit_code != 0) {

@@ -17,6 +17,7 @@
 #include "app/train/agent_run_config.h"
 #include "app/train/profile.h"
 #include "app/train/run_limits.h"
+#include "app/train/sweep_files.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -137,7 +138,7 @@ class Expansion {
       }
     }
     // What the sweep itself decides.
-    config.run.name = "run";
+    config.run.name = train::kCellRunDirectory;
     // The runner removes it in the end.
     config.run.keep_checkpoints = run::KeepCheckpoints::kNewest;
     return config;

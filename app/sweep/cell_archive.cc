@@ -42,14 +42,14 @@ std::string ReadJson(const fs::path& file) {
 }
 
 std::string ScoreFile(const std::string& digest) {
-  return (fs::path("scores") / digest / "evaluation.json").string();
+  return (fs::path("scores") / digest / eval::kEvaluationFile).string();
 }
 
 /// The scores that lie in a cell's directory.
 std::vector<std::string> DigestsIn(const fs::path& root) {
   std::vector<std::string> digests;
   for (const fs::path& path : base::ListDirectory(root / "scores")) {
-    if (base::Exists(path / "evaluation.json")) digests.push_back(path.filename().string());
+    if (base::Exists(path / eval::kEvaluationFile)) digests.push_back(path.filename().string());
   }
   std::ranges::sort(digests);
   return digests;
@@ -145,7 +145,7 @@ std::string ResultsOf(std::string_view text, const std::string& source) {
 /// Throws if the target has another result for one of the scores.
 void RequireSame(const CellFiles& cell, const fs::path& target) {
   for (const auto& [path, text] : cell.files) {
-    if (path.filename() != "evaluation.json") continue;
+    if (path.filename() != eval::kEvaluationFile) continue;
     const fs::path there = target / path;
     if (!base::Exists(there)) continue;
     if (ResultsOf(text, (cell.root / path).string()) ==

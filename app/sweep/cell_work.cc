@@ -12,10 +12,12 @@
 #include <optional>
 #include <utility>
 
+#include "app/sweep/cell_command.h"
 #include "app/sweep/store.h"
 #include "base/child_process.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "base/exit_code.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "learner/run/checkpoint_store.h"
@@ -29,10 +31,6 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr int kAttempts = 3;
-constexpr int kMostThreads = 256;  // That `slalom evaluate` takes.
-// Exit codes of `slalom train` (docs/operations.md).
-constexpr int kDiverged = 3;
-constexpr int kLearnedNothing = 4;
 constexpr std::chrono::seconds kTimeToSave{120};
 
 double SecondsSince(Clock::time_point begin) {
@@ -172,20 +170,14 @@ class Work {
 
   std::optional<WorkEnd> Train(bool resume) {
     const run::RunDirectory run{directory_.run()};
-    std::vector<std::string> arguments = {options_.program.string(), "train"};
-    if (resume) {
-      arguments.insert(arguments.end(), {run.root.string(), "--resume"});
-    } else {
-      arguments.insert(arguments.end(),
-                       {directory_.config().string(), "--output", directory_.root().string()});
-    }
-    arguments.emplace_back("--no-evaluation");
     const Clock::time_point begin = Clock::now();
-    const Ended ended = RunChild(arguments);
+    const Ended ended =
+        RunChild(resume ? TrainCommand(options_.program, std::nullopt, run.root)
+                        : TrainCommand(options_.program, directory_.config(), directory_.root()));
     if (ended.end) return *ended.end;
-    if (ended.exit_code == kDiverged || ended.exit_code == kLearnedNothing) {
-      fault_ =
-          ended.exit_code == kDiverged ? "the training diverged" : "the training learned nothing";
+    if (ended.exit_code == base::kExitDiverged || ended.exit_code == base::kExitLearnedNothing) {
+      fault_ = ended.exit_code == base::kExitDiverged ? "the training diverged"
+                                                      : "the training learned nothing";
       if (cell_.config->run.deterministic) return std::nullopt;
       std::error_code ignored;
       fs::remove_all(run.root, ignored);  // The next attempt begins again.
@@ -241,23 +233,20 @@ class Work {
 
   WorkEnd ScoreOn(const ScoreTask& task) {
     base::WriteFileAtomically(directory_.score_task(task), task.task);
-    std::vector<std::string> arguments = {options_.program.string(), "evaluate"};
+    ScoreCommand score{.policy = std::nullopt,
+                       .config = directory_.score_task(task),
+                       .output = directory_.score(task),
+                       .threads = options_.threads};
     if (cell_.config) {
-      const auto policy = PolicyOf(task);
-      if (!policy) {
-        fault_ = fmt::format("the training kept no policy at {} steps", task.snapshot_steps);
-        return WorkEnd::kFailed;
+      fault_ = fmt::format("the training kept no policy at {} steps", task.snapshot_steps);
+      try {
+        score.policy = PolicyOf(task);
+      } catch (const base::Error& error) {
+        fault_ = error.what();
       }
-      arguments.insert(arguments.end(), {"--policy", policy->string()});
-    } else {
-      arguments.insert(arguments.end(), {"--agent", cell_.planner});
+      if (!score.policy) return WorkEnd::kFailed;
     }
-    arguments.insert(
-        arguments.end(),
-        {"--config", directory_.score_task(task).string(), "--courses", task.courses, "--output",
-         directory_.score(task).string(), "--force", "--name", cell_.row_name(), "--threads",
-         std::to_string(std::min(options_.threads, kMostThreads))});
-    const Ended ended = RunChild(arguments);
+    const Ended ended = RunChild(EvaluateCommand(options_.program, cell_, task, score));
     if (ended.end) return *ended.end;
     if (ended.exit_code == 0 && IsScored(options_.store, cell_, task)) return WorkEnd::kDone;
     fault_ = fmt::format("`slalom evaluate` ended with exit code {} (score '{}')", ended.exit_code,
@@ -277,14 +266,10 @@ class Work {
       if (steps > task.snapshot_steps) end = std::min<std::int64_t>(end, steps);
     }
     end = std::max(end, task.snapshot_steps + batch);
-    std::optional<fs::path> first;
-    std::error_code ec;
-    for (const auto& entry : fs::directory_iterator(run.snapshots(), ec)) {
-      const fs::path& path = entry.path();
-      if (path.extension() != ".safetensors" || path < run.snapshot(task.snapshot_steps)) continue;
-      if (path < run.snapshot(end) && (!first || path < *first)) first = path;
-    }
-    return first;
+    const std::vector<fs::path> snapshots = run.ListSnapshots();
+    const auto first = std::ranges::lower_bound(snapshots, run.snapshot(task.snapshot_steps));
+    if (first == snapshots.end() || *first >= run.snapshot(end)) return std::nullopt;
+    return *first;
   }
 
   /// How a child ended: by itself, or because the work ends.

@@ -40,7 +40,7 @@ struct ReadScore {
 };
 
 ReadScore Read(const fs::path& directory, const CellStatus& status) {
-  const fs::path file = directory / "evaluation.json";
+  const fs::path file = directory / eval::kEvaluationFile;
   std::error_code error;
   if (!fs::exists(file, error)) return {std::nullopt, std::string(ToString(status.state))};
   try {

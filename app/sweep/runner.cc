@@ -17,6 +17,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/progress.h"
+#include "eval/report/result.h"
 
 namespace slalom::sweep {
 namespace {
@@ -30,7 +31,7 @@ std::string Scores(const std::filesystem::path& store, const Cell& cell) {
   std::vector<std::string> texts;
   for (const ScoreTask& task : cell.scores) {
     if (task.snapshot_steps > 0) continue;
-    std::ifstream file(CellDirectory(store, cell.id).score(task) / "evaluation.json");
+    std::ifstream file(CellDirectory(store, cell.id).score(task) / eval::kEvaluationFile);
     const auto json = nlohmann::json::parse(file, nullptr, false);
     if (!json.is_object() || !json.contains("success_rate")) continue;
     texts.push_back(

@@ -9,6 +9,7 @@
 
 #include "app/sweep/claim.h"
 #include "base/file.h"
+#include "eval/report/result.h"
 #include "learner/run/metrics_table.h"
 #include "learner/run/run_directory.h"
 
@@ -143,7 +144,7 @@ CellStatus ReadCellStatus(const fs::path& store, const Cell& cell) {
 
 bool IsScored(const fs::path& store, const Cell& cell, const ScoreTask& task) {
   std::error_code ec;
-  return fs::exists(CellDirectory(store, cell.id).score(task) / "evaluation.json", ec);
+  return fs::exists(CellDirectory(store, cell.id).score(task) / eval::kEvaluationFile, ec);
 }
 
 bool IsDone(const fs::path& store, const Cell& cell) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "app/sweep/cell.h"
+#include "app/train/sweep_files.h"
 
 /// The files of sweeps. Every cell has a directory named by its id, whichever plan asked for it
 /// first, so that plans share cells:
@@ -29,12 +30,12 @@ namespace slalom::sweep {
 class CellDirectory {
  public:
   CellDirectory(const std::filesystem::path& store, const std::string& id)
-      : root_(store / "cells" / id) {}
+      : root_(store / train::kCellsDirectory / id) {}
 
   const std::filesystem::path& root() const { return root_; }
-  std::filesystem::path facts() const { return root_ / "cell.json"; }
+  std::filesystem::path facts() const { return root_ / train::kCellFactsFile; }
   std::filesystem::path config() const { return root_ / "training.toml"; }
-  std::filesystem::path run() const { return root_ / "run"; }
+  std::filesystem::path run() const { return root_ / train::kCellRunDirectory; }
   std::filesystem::path trained() const { return root_ / "trained.json"; }
   std::filesystem::path failed() const { return root_ / "failed.json"; }
   std::filesystem::path scored() const { return root_ / "scored.json"; }

@@ -124,7 +124,7 @@ void SweepMetrics::AddCell(const Cell& cell, const CellStatus& status,
     show(metrics::kSweepTrainingCourses, labels, static_cast<double>(cell.num_training_courses));
   }
   for (const ScoreTask& task : cell.scores) {
-    const auto score = ReadScore(directory.score(task) / "evaluation.json");
+    const auto score = ReadScore(directory.score(task) / eval::kEvaluationFile);
     if (!score) continue;
     const Labels of_score = With(With(labels, task.name), fmt::format("{}", task.snapshot_steps));
     show(metrics::kSweepSuccessRate, of_score, score->success_rate);

@@ -24,7 +24,7 @@ PreparedRun PreparePlanner(const std::string& name, const train::AgentRunConfig&
   provenance.source = name;
   provenance.course_set = courses_spec;
   provenance.collection = config.courses.collection;
-  provenance.commit = Commit();
+  provenance.commit = base::Commit();
   provenance.config = config::ToToml(config);
   const auto make_agent = [name, planners_config = config.planners, &parallel](
                               int, const sim::EnvironmentConfig& environment) {

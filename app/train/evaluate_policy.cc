@@ -46,7 +46,7 @@ PreparedRun PreparePolicy(const policy::PolicySnapshot& policy, const std::strin
   provenance.source = policy_source;
   provenance.course_set = courses_spec;
   provenance.collection = config.courses.collection;
-  provenance.commit = Commit();
+  provenance.commit = base::Commit();
   provenance.config = config::ToToml(config);
   const std::uint64_t seed =
       base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), "mpc of evaluations");

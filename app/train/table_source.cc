@@ -12,6 +12,7 @@
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "learner/run/run_directory.h"
 #include "metrics/catalogue.h"
 #include "policy/policy_spec.h"
 
@@ -20,12 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kActorFile[] = "actor.bin";
-constexpr char kActingFile[] = "acting.safetensors";
 constexpr char kConfigKey[] = "config";  // In the acting policy's metadata.
-constexpr char kReplayFile[] = "replay.manifest";
 constexpr char kReplayDirectory[] = "replay";
-constexpr char kPrioritiesFile[] = "priorities";
 const std::string kLearner = "learner";  // The limiter's only one.
 
 std::int64_t CountSteps(const replay::Chunk& chunk) {
@@ -155,13 +152,13 @@ void TableSource::Save(const fs::path& checkpoint, nlohmann::json& state) {
   state["updates_due"] = static_cast<std::int64_t>(limiter_->granted());
   state["observed_episodes"] = observed_episodes_;
   state["sampling"] = sampling_.state();
-  base::WriteFileAtomically(checkpoint / kReplayFile, storage_.Save(table_));
+  const run::CheckpointFiles files{checkpoint};
+  base::WriteFileAtomically(files.replay(), storage_.Save(table_));
   if (table_.has_priorities()) {
-    base::WriteFileAtomically(checkpoint / kPrioritiesFile, table_.PrintPriorities());
+    base::WriteFileAtomically(files.priorities(), table_.PrintPriorities());
   }
-  policy::SavePolicy(checkpoint / kActingFile, agent_.snapshot(),
-                     {{kConfigKey, config::ToToml(config_)}});
-  base::WriteFileAtomically(checkpoint / kActorFile, actor_.Save().Serialize());
+  policy::SavePolicy(files.acting(), agent_.snapshot(), {{kConfigKey, config::ToToml(config_)}});
+  base::WriteFileAtomically(files.actor(), actor_.Save().Serialize());
 }
 
 void TableSource::Restore(const fs::path& checkpoint, const nlohmann::json& state) {
@@ -169,19 +166,20 @@ void TableSource::Restore(const fs::path& checkpoint, const nlohmann::json& stat
   const auto updates = state.at("updates_due").get<std::int64_t>();
   const auto observed_episodes = state.at("observed_episodes").get<std::int64_t>();
   const auto sampling = state.at("sampling").get<base::Random::State>();
-  const std::string acting_path = (checkpoint / kActingFile).string();
+  const run::CheckpointFiles files{checkpoint};
+  const std::string acting_path = files.acting().string();
   const auto acting = policy::LoadPolicy(acting_path);
   policy::RequireSameSpec(acting_path, acting.snapshot.spec, agent_.snapshot().spec);
   // Checkpoints from before do not say it.
   if (const auto config = acting.metadata.find(kConfigKey); config != acting.metadata.end()) {
     RequireResumable(config->second, acting_path + " (its config)", config_);
   }
-  const fs::path actor_path = checkpoint / kActorFile;
+  const fs::path actor_path = files.actor();
   const auto actor_state =
       actor::ActorState::Parse(base::ReadFile(actor_path), actor_path.string());
-  const fs::path replay_path = checkpoint / kReplayFile;
+  const fs::path replay_path = files.replay();
   table_ = storage_.Load(base::ReadFile(replay_path), replay_path.string());
-  RestorePriorities(checkpoint / kPrioritiesFile);
+  RestorePriorities(files.priorities());
   agent_.SetSnapshot(acting.snapshot);
   actor_.Restore(actor_state);
   ResetLimiter(steps, updates);
@@ -204,7 +202,7 @@ void TableSource::KeepOnly(const std::vector<fs::path>& checkpoints) {
   std::vector<std::string> manifests;
   manifests.reserve(checkpoints.size());
   for (const fs::path& checkpoint : checkpoints) {
-    manifests.push_back(base::ReadFile(checkpoint / kReplayFile));
+    manifests.push_back(base::ReadFile(run::CheckpointFiles{checkpoint}.replay()));
   }
   storage_.Commit(manifests);
 }

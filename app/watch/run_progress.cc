@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "app/train/sweep_files.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "learner/run/run_directory.h"
@@ -20,7 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kRunOfCell = "run";  // In the directory of a sweep's cell.
 constexpr double kFresh = 15.0;      // A file written within so many seconds has a writer.
 constexpr double kComplete = 0.995;  // Of a limit; a run ends a moment before or after it.
 
@@ -112,11 +112,11 @@ std::vector<fs::path> ListRuns(const fs::path& root) {
   if (IsRun(root)) return {root};
   std::vector<fs::path> runs;
   std::error_code ended;
-  const fs::path cells = root / "cells";
+  const fs::path cells = root / train::kCellsDirectory;
   const fs::path& around = fs::is_directory(cells, ended) ? cells : root;
   for (fs::directory_iterator it(around, ended); !ended && it != fs::directory_iterator();
        it.increment(ended)) {
-    for (const fs::path& place : {it->path(), it->path() / kRunOfCell}) {
+    for (const fs::path& place : {it->path(), it->path() / train::kCellRunDirectory}) {
       if (IsRun(place)) runs.push_back(place);
     }
   }
@@ -129,10 +129,11 @@ std::string NameOf(const fs::path& run) {
   const fs::path named = normal.has_filename() ? normal : normal.parent_path();
   std::error_code ec;
   const fs::path cell = named.parent_path();
-  if (named.filename() != kRunOfCell || !fs::is_regular_file(cell / "cell.json", ec)) {
+  if (named.filename() != train::kCellRunDirectory ||
+      !fs::is_regular_file(cell / train::kCellFactsFile, ec)) {
     return named.filename().string();
   }
-  std::ifstream file(cell / "cell.json");
+  std::ifstream file(cell / train::kCellFactsFile);
   const auto facts = nlohmann::json::parse(file, nullptr, false);
   std::string id = cell.filename().string();
   if (!facts.is_object() || !facts.value("row", nlohmann::json()).is_string()) return id;

@@ -18,6 +18,7 @@
 #include "app/train/recorded_config.h"
 #include "app/train/run_config.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/mutex.h"
 #include "base/progress.h"
 #include "eval/evaluation.h"
@@ -48,7 +49,8 @@ void Consider(const fs::path& path, std::optional<PolicyFile>& newest) {
   if (!missing && (!newest || written > newest->written)) newest = PolicyFile{path, written};
 }
 
-/// The newest of the run's policy, its snapshots and what acts in its checkpoints.
+/// The newest of the run's policy, its snapshots and what acts in its checkpoints. Throws
+/// `base::Error` if they cannot be listed.
 std::optional<PolicyFile> FindNewest(const run::RunDirectory& run) {
   std::optional<PolicyFile> newest;
   Consider(run.policy(), newest);
@@ -56,14 +58,9 @@ std::optional<PolicyFile> FindNewest(const run::RunDirectory& run) {
   std::error_code missing;
   const fs::file_time_type trained = fs::last_write_time(run.metrics(), missing);
   if (newest && !missing && newest->written >= trained) return newest;
-  std::error_code ended;
-  for (fs::directory_iterator it(run.snapshots(), ended); !ended && it != fs::directory_iterator();
-       it.increment(ended)) {
-    if (it->path().extension() == ".safetensors") Consider(it->path(), newest);
-  }
-  for (fs::directory_iterator it(run.checkpoints(), ended);
-       !ended && it != fs::directory_iterator(); it.increment(ended)) {
-    Consider(it->path() / "acting.safetensors", newest);
+  for (const fs::path& snapshot : run.ListSnapshots()) Consider(snapshot, newest);
+  for (const fs::path& checkpoint : base::ListDirectory(run.checkpoints())) {
+    Consider(run::CheckpointFiles{checkpoint}.acting(), newest);
   }
   return newest;
 }
@@ -150,7 +147,14 @@ struct WatchDrives::Impl {
 
   /// Drives the run's newest policy if that is not the one that is known.
   void Refresh(const fs::path& directory) {
-    const std::optional<PolicyFile> newest = FindNewest({directory});
+    std::optional<PolicyFile> newest;
+    try {
+      newest = FindNewest({directory});
+    } catch (const base::Error& error) {
+      const base::MutexLock lock(mutex);
+      known[directory].drives.note = error.what();
+      return;
+    }
     {
       const base::MutexLock lock(mutex);
       Known& entry = known[directory];

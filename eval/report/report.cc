@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "eval/report/result.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/episode_file.h"
 
@@ -317,7 +318,7 @@ void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
   sim::WriteEpisodes(directory / kTracksFile, evaluation.episodes.tracks);
   sim::WriteCourseSet(directory / kCoursesFile,
                       {FileSetName(evaluation.task.courses.name), evaluation.task.courses.courses});
-  base::WriteFileAtomically(directory / "evaluation.json", JsonReport(evaluation, provenance));
+  base::WriteFileAtomically(directory / kEvaluationFile, JsonReport(evaluation, provenance));
 }
 
 }  // namespace slalom::eval

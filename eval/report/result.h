@@ -19,6 +19,9 @@
 
 namespace slalom::eval {
 
+/// The report that `slalom evaluate` writes as JSON, in the directory of its output.
+inline constexpr char kEvaluationFile[] = "evaluation.json";
+
 /// One episode. A value.
 struct ResultEpisode {
   env::Outcome outcome = env::Outcome::kTimeout;

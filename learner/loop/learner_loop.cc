@@ -11,6 +11,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
+#include "learner/run/run_directory.h"
 
 namespace slalom::learner {
 namespace {
@@ -18,7 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::steady_clock;
 
-constexpr char kLearnerFile[] = "learner.safetensors";
 // A wait for another process counts as training time up to this [s]: a rate limiter holds batches
 // back for moments while actors make the steps that earn them. A longer one is an outage.
 constexpr double kCountedWaitS = 1.0;
@@ -57,7 +57,7 @@ bool LearnerLoop::Restore() {
     unpublished_ = state.value("unpublished",
                                state.value("updates_due", 0) % plan_.run.settings.publish_interval);
     unobserved_ = state.value("unobserved", unpublished_);
-    const nn::TensorFile tensors = nn::LoadTensors(checkpoint / kLearnerFile);
+    const nn::TensorFile tensors = nn::LoadTensors(run::CheckpointFiles{checkpoint}.learner());
     source_.Restore(checkpoint, state);
     learner_.LoadState(tensors);
     return learner_.num_updates();
@@ -252,7 +252,7 @@ void LearnerLoop::Checkpoint() {
       run_.Checkpoint(number, [this](const fs::path& directory, nlohmann::json& state) {
         nn::TensorMap tensors;
         learner_.SaveState(tensors);
-        nn::SaveTensors(directory / kLearnerFile, tensors, {});
+        nn::SaveTensors(run::CheckpointFiles{directory}.learner(), tensors, {});
         state["unpublished"] = unpublished_;
         state["unobserved"] = unobserved_;
         state["finished"] = run_.AtLimit();  // For those who go back to the version before.

@@ -77,13 +77,12 @@ EventFile::EventFile(const fs::path& directory, std::int64_t first_step)
             base::AppendFile::Mode::kMakeNew) {
   const double now = base::UnixSeconds();
   const std::string head =
-      Record(proto::EncodeVersionEvent(now)) + Record(proto::EncodeSessionStart(now, first_step));
+      Record(EncodeVersionEvent(now)) + Record(EncodeSessionStart(now, first_step));
   if (const auto failure = file_.Append(head)) throw base::Error(failure->text);
 }
 
-std::optional<base::Failure> EventFile::Append(std::int64_t step,
-                                               std::span<const proto::Scalar> scalars) {
-  return file_.Append(Record(proto::EncodeScalars(base::UnixSeconds(), step, scalars)));
+std::optional<base::Failure> EventFile::Append(std::int64_t step, std::span<const Scalar> scalars) {
+  return file_.Append(Record(EncodeScalars(base::UnixSeconds(), step, scalars)));
 }
 
 }  // namespace slalom::run

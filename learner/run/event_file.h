@@ -30,7 +30,7 @@ class EventFile {
   /// Adds one event with the finite ones among these values, as float32. If it cannot be written,
   /// the file is left as it was and a later call may succeed.
   [[nodiscard]] std::optional<base::Failure> Append(std::int64_t step,
-                                                    std::span<const proto::Scalar> scalars);
+                                                    std::span<const Scalar> scalars);
 
   const std::filesystem::path& path() const { return file_.path(); }
 

@@ -103,7 +103,7 @@ MetricsLog::MetricsLog(const std::filesystem::path& path, std::int64_t keep_unti
 
 void MetricsLog::Append(const MetricsRow& row) {
   const std::vector<Column> columns = Columns(row);
-  std::vector<proto::Scalar> scalars;
+  std::vector<Scalar> scalars;
   scalars.reserve(columns.size());
   for (const Column& column : columns) scalars.push_back({column.tag, column.value});
   auto failure = file_->Append(Line(columns, false));

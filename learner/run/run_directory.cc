@@ -5,11 +5,13 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
 
 #include "base/error.h"
+#include "base/file.h"
 
 namespace slalom::run {
 
@@ -17,6 +19,13 @@ namespace fs = std::filesystem;
 
 fs::path RunDirectory::snapshot(std::int64_t steps) const {
   return snapshots() / fmt::format("step-{:012}.safetensors", steps);
+}
+
+std::vector<fs::path> RunDirectory::ListSnapshots() const {
+  std::vector<fs::path> paths = base::ListDirectory(snapshots());
+  std::erase_if(paths, [](const fs::path& path) { return path.extension() != ".safetensors"; });
+  std::ranges::sort(paths);
+  return paths;
 }
 
 RunLock::RunLock(const fs::path& root)

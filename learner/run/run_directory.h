@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <vector>
 
 namespace slalom::run {
 
@@ -16,8 +17,24 @@ struct RunDirectory {
   std::filesystem::path snapshots() const { return root / "snapshots"; }
   /// Snapshot taken at `steps`. Names sort in the order of the steps.
   std::filesystem::path snapshot(std::int64_t steps) const;
+  /// The snapshots that are there, in the order of their steps. Throws `base::Error` if they cannot
+  /// be listed.
+  std::vector<std::filesystem::path> ListSnapshots() const;
   std::filesystem::path curve() const { return root / "curve.csv"; }
   std::filesystem::path training_picture() const { return root / "training.svg"; }
+};
+
+/// The paths of a checkpoint's files. A value; makes no file.
+struct CheckpointFiles {
+  std::filesystem::path root;
+
+  std::filesystem::path state() const { return root / "state.json"; }
+  std::filesystem::path learner() const { return root / "learner.safetensors"; }
+  /// The policy that acted.
+  std::filesystem::path acting() const { return root / "acting.safetensors"; }
+  std::filesystem::path actor() const { return root / "actor.bin"; }
+  std::filesystem::path replay() const { return root / "replay.manifest"; }
+  std::filesystem::path priorities() const { return root / "priorities"; }
 };
 
 /// Locks a run's directory against other processes while this object exists. The end of the

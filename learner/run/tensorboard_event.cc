@@ -5,7 +5,7 @@
 
 #include "learner/run/tensorboard.pb.h"
 
-namespace slalom::proto {
+namespace slalom::run {
 namespace {
 
 constexpr char kVersion[] = "brain.Event:2";
@@ -43,4 +43,4 @@ std::string EncodeScalars(double wall_time, std::int64_t step, std::span<const S
   return event.SerializeAsString();
 }
 
-}  // namespace slalom::proto
+}  // namespace slalom::run

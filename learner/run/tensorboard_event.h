@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-namespace slalom::proto {
+namespace slalom::run {
 
 /// A value and the tag under which TensorBoard shows it.
 struct Scalar {
@@ -25,4 +25,4 @@ std::string EncodeSessionStart(double wall_time, std::int64_t first_step);
 /// The finite ones among these values as float32. Tags are ASCII.
 std::string EncodeScalars(double wall_time, std::int64_t step, std::span<const Scalar> scalars);
 
-}  // namespace slalom::proto
+}  // namespace slalom::run

@@ -10,13 +10,12 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
+#include "learner/run/run_directory.h"
 
 namespace slalom::run {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr char kStateFile[] = "state.json";
 
 /// Of the state in `state.json`, as 16 hexadecimal digits.
 std::string StateChecksum(const nlohmann::json& state) {
@@ -116,7 +115,7 @@ fs::path TrainingRun::Checkpoint(std::int64_t number, const Write& write) {
     state["snapshot_steps"] = last_snapshot_steps_;
     state["learning_watch"] = watch_.state();
     const nlohmann::json file = {{"state", state}, {"checksum", StateChecksum(state)}};
-    base::WriteFileAtomically(directory / kStateFile, file.dump(1) + "\n");
+    base::WriteFileAtomically(CheckpointFiles{directory}.state(), file.dump(1) + "\n");
   });
 }
 
@@ -141,7 +140,7 @@ bool TrainingRun::Restore(const Read& read) {
 }
 
 void TrainingRun::RestoreFrom(const fs::path& checkpoint, const Read& read) {
-  const fs::path path = checkpoint / kStateFile;
+  const fs::path path = CheckpointFiles{checkpoint}.state();
   try {
     const auto file = nlohmann::json::parse(base::ReadFile(path));
     const auto& state = file.at("state");

@@ -14,7 +14,6 @@
 namespace slalom::run {
 namespace {
 
-using proto::Scalar;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Pair;

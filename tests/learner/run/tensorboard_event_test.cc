@@ -7,7 +7,7 @@
 
 #include <limits>
 
-namespace slalom::proto {
+namespace slalom::run {
 namespace {
 
 using namespace std::string_literals;
@@ -38,4 +38,4 @@ TEST(TensorboardEventTest, FiniteScalarsAreFloats) {
 }
 
 }  // namespace
-}  // namespace slalom::proto
+}  // namespace slalom::run
