@@ -14,7 +14,7 @@ class AppendFile {
  public:
   enum class Mode {
     kMakeNew,  ///< The file must not exist yet.
-    kGoOn,     ///< Appends to the file if it exists.
+    kGoOn,     ///< Appends to the file if it exists, and makes it if not.
   };
 
   /// Throws `base::Error` if the file cannot be opened or created.

@@ -10,18 +10,17 @@
 
 namespace slalom::base {
 
-/// How a program is started.
+/// Options for starting a program.
 struct ChildOptions {
-  std::vector<std::string> arguments;  ///< The first one is the program, sought in PATH.
-  std::filesystem::path
-      log{};                 ///< Gets what it prints, at its end; empty: this program's own output.
-  std::vector<int> cores{};  ///< Processors that it may use; empty: all that this program may.
-  std::vector<std::string> environment{};  ///< "NAME=VALUE", besides this program's own.
+  std::vector<std::string> arguments;  ///< The first one is the program, looked up in PATH.
+  std::filesystem::path log{};  ///< Output is appended to this file. Empty for this program's.
+  std::vector<int> cores{};     ///< Processors that it may use; empty for all of this program's.
+  std::vector<std::string> environment{};  ///< "NAME=VALUE", in addition to this program's.
 };
 
-/// A program that runs beside this one. If this program ends for whatever reason, the child is
-/// killed, so that nothing works on unseen. Confined to the thread that made it, which must live
-/// as long as the child.
+/// A program that runs beside this one. If this program ends for any reason, the child is killed,
+/// so that it does not run on unnoticed. Confined to the thread that made it, which must live as
+/// long as the child.
 class ChildProcess {
  public:
   /// Starts it. Throws `Error` if it cannot be started or the log cannot be written.
@@ -31,11 +30,11 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  /// Waits at most so long for its end. Returns its exit code, or 128 plus the number of the signal
-  /// that ended it; none: it still runs.
+  /// Waits up to `time` for the child to exit. Returns its exit code, or 128 plus the number of the
+  /// signal that ended it, or nothing if it still runs.
   std::optional<int> Wait(std::chrono::milliseconds time);
 
-  /// Sends it a signal. Does nothing if it has ended.
+  /// Sends the child a signal. Does nothing if it has ended.
   void Signal(int signal);
 
  private:

@@ -36,7 +36,7 @@ struct Field {
   std::string key;  ///< Dotted from the root, "lidar.num_beams".
   Pointer value;
   std::optional<base::Range> range;
-  std::vector<std::string_view> choices;  ///< Empty: free text.
+  std::vector<std::string_view> choices;  ///< Empty for free text.
   std::string_view unit;
   std::string_view meaning;
 };
@@ -54,7 +54,7 @@ struct Tables {
   std::string key;  ///< Dotted.
   std::string_view meaning;
   std::function<void()> clear;
-  std::function<FieldList()> add;  ///< Appends an element; earlier lists of elements are invalid.
+  std::function<FieldList()> add;  ///< Appends an element. Invalidates earlier lists of elements.
   std::function<std::vector<FieldList>()> elements;
 };
 
@@ -130,14 +130,14 @@ void FieldCollector::Tables(std::string_view key, std::vector<Config>& list,
 }
 
 /// Reads `path` (and its bases) into the listed fields. Fields that the file does not name keep
-/// their values; an array of tables in the file takes the place of what was there. If there is no
-/// such file, the error names the one that was probably meant.
+/// their values; an array of tables in the file replaces the earlier one. If there is no such file,
+/// the error suggests the most similar name.
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list);
 
 /// Like `ReadTomlFile`, for a file that other commands read, too: keys that only `others` has are
-/// checked and put into the fields of `others`, which the caller ignores. Returns what is ignored,
-/// each once, in the file's order: the name of a section if `list` has no key of that section, else
-/// the key.
+/// checked and put into the fields of `others`, which the caller ignores. Returns the ignored
+/// names, each once, in the file's order: the name of a section if `list` has no key of that
+/// section, else the key.
 std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
                                             const FieldList& list, const FieldList& others);
 
@@ -150,7 +150,7 @@ void ReadToml(std::string_view text, std::string_view source, const FieldList& l
 /// Applies one command-line override "a.b=value". The value is TOML; a bare word is a string.
 void ApplyOverride(std::string_view assignment, const FieldList& list);
 
-/// Puts `value`, as TOML, into the field of this key, as `ApplyOverride` does. Errors begin with
+/// Sets the field of this key to `value`, given as TOML, as `ApplyOverride` does. Errors begin with
 /// `where`.
 void SetField(std::string_view key, std::string_view value, std::string_view where,
               const FieldList& list);

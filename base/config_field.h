@@ -29,14 +29,14 @@
 /// and free text), its unit and its meaning. From this list base/config.h reads, checks, prints
 /// and documents the struct. A field is a bool, int, std::int64_t, double, std::string, a
 /// `NamedEnum`, a std::vector of int, double, std::string or `TomlValue`, or `TomlAssignments`.
-/// What `Tables` takes is a std::vector of structs with a `Visit` of their own.
+/// `Tables` takes a std::vector of structs with a `Visit` of their own.
 
 namespace slalom::base {
 
-/// A TOML value whose type only the reader of the struct knows.
+/// A TOML value whose type is known only to the reader of the struct.
 struct TomlValue {
   std::string text;   ///< As TOML: `0.5`, `"static-train-50"`, `[256, 256]`.
-  std::string where;  ///< Where it was read, for errors: "plan.toml:7". Empty: nowhere.
+  std::string where;  ///< Its place, for errors: "plan.toml:7". Empty if not read.
 
   friend bool operator==(const TomlValue& a, const TomlValue& b) { return a.text == b.text; }
 };

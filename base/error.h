@@ -5,8 +5,8 @@
 
 namespace slalom::base {
 
-/// A problem that keeps the program from starting or continuing and that its user can solve: a bad
-/// config, course file, checkpoint, policy or command line, no space, no permission.
+/// A problem that keeps the program from starting or continuing and that its user can solve: for
+/// example a bad config, course file, checkpoint, policy or command line, no space, no permission.
 ///
 /// `what()` is one or two sentences for the user. They name the file (and line or key), what was
 /// found and what was expected. Errors are thrown by constructors and loaders, and caught only in

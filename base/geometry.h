@@ -27,8 +27,8 @@ struct SinCosResult {
 };
 
 /// Sine and cosine of `angle` [rad], exact to 1e-15. They are computed from additions and
-/// multiplications alone, so that they have the same bits on every machine, which the C library
-/// does not promise.
+/// multiplications alone, so they have the same bits on every machine. The C library does not
+/// promise that.
 ///
 /// Requires: |angle| < 1e5.
 SinCosResult SinCos(double angle);

@@ -14,14 +14,14 @@ namespace slalom::base {
 /// A fixed set of threads that run the same loop body over an index range, again and again.
 ///
 /// Every thread begins with an even, contiguous share of the indices, the same in each call, so
-/// that it finds their data in its cache. One that has done its share takes over what others have
-/// not begun. The caller thus waits for bodies that run, but never for a thread that is late: on a
-/// busy machine it does the work alone.
+/// that it finds their data in its cache. A thread that has done its share takes over indices that
+/// others have not begun. The caller thus waits for bodies that run, but never for a thread that is
+/// late: on a busy machine it does the work alone.
 ///
 /// Confined to its owner: one thread at a time calls `For`. With one thread, `For` runs the loop in
-/// place. With more, a call costs about 1 us if the one before ended within the last 50 us: for so
-/// long threads look out for work before they sleep, unless there are more of them than processors.
-/// To wake a thread takes 5 us and more.
+/// place. With more, a call costs about 1 us if the one before ended within the last 50 us, because
+/// threads look for work for that long before they sleep (unless there are more of them than
+/// processors). To wake a thread takes 5 us or more.
 class ParallelFor {
  public:
   /// Starts `num_threads - 1` threads, since the caller of `For` works, too.
@@ -40,8 +40,8 @@ class ParallelFor {
   int num_threads() const { return num_threads_; }
 
  private:
-  /// Which call of `For` a share belongs to, in the upper half, and how many of its indices nobody
-  /// has begun. On a cache line of its own.
+  /// The number of the call of `For` that a share belongs to, in the upper half, and the number of
+  /// its indices that no thread has begun. On a cache line of its own.
   struct alignas(64) Share {
     std::atomic<std::uint64_t> left = 0;
   };
@@ -54,7 +54,7 @@ class ParallelFor {
   int RunShare(int share, int thread) noexcept;
 
   const int num_threads_;
-  const int num_looks_;  // How often to look out for a change before sleeping until it comes.
+  const int num_looks_;  // Looks for a change before sleeping until it comes.
   std::vector<Share> shares_;
   // Written by For before it fills the shares, read by who has taken an index from one.
   int n_ = 0;

@@ -15,11 +15,11 @@ std::string FormatBytes(double bytes);
 /// "2:05", "1:02:03": a duration in seconds for people.
 std::string FormatDuration(double seconds);
 
-/// Shows on standard error how long work goes on. On a terminal it rewrites one line in place, at
-/// most five times a second. Elsewhere (a file, nohup, a batch system) it writes plain lines: the
-/// first after ten seconds, later ones at intervals that grow to a minute, so that short work
-/// leaves no line and long work one a minute. What cannot be written, as to a terminal that was
-/// closed, is left out. Confined to one thread.
+/// Shows the progress of long work on standard error. On a terminal it rewrites one line in place,
+/// at most five times a second. Elsewhere (a file, nohup, a batch system) it writes plain lines:
+/// the first after ten seconds, later ones at intervals that grow to a minute, so that short work
+/// leaves no line and long work one a minute. Text that cannot be written, for example to a closed
+/// terminal, is left out. Confined to one thread.
 class ProgressLine {
  public:
   ProgressLine();
@@ -30,12 +30,12 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  /// Shows `text` if it is time to, on a terminal cut to its present width; `now_s` [s] is any
-  /// clock that goes forward.
+  /// Shows `text` if it is time to, cut to the terminal's present width. `now_s` [s] is any clock
+  /// that goes forward.
   void Show(const std::string& text, double now_s);
 
-  /// Ends the line so that other output starts on a fresh one. If an earlier text was shown, then
-  /// the last one given stands there at the end, whether it was time to show it or not.
+  /// Ends the line so that other output starts on a fresh one. If an earlier text was shown, the
+  /// line ends with the last text given, even if it was not yet time to show it.
   void End();
 
  private:
@@ -44,11 +44,11 @@ class ProgressLine {
   std::FILE* const out_;
   const bool terminal_;
   std::string last_text_;       ///< Given to `Show`, and not shown yet.
-  std::size_t line_width_ = 0;  ///< Of the line on the terminal; 0: the cursor is on a fresh line.
-  bool shown_ = false;          ///< Anything, since the beginning or the last `End`.
+  std::size_t line_width_ = 0;  ///< Width on the terminal; 0 if the cursor is on a fresh line.
+  bool shown_ = false;          ///< Whether anything was shown since the last `End`.
   bool timed_ = false;
   double last_shown_s_ = 0.0;
-  double interval_s_ = 0.0;  ///< Until the next plain line.
+  double interval_s_ = 0.0;  ///< Time until the next plain line.
 };
 
 }  // namespace slalom::base

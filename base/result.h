@@ -8,7 +8,7 @@
 
 namespace slalom::base {
 
-/// Why an operation that may be expected to fail has failed, in words for a log.
+/// The reason why an operation that is expected to fail at times has failed, in words for a log.
 struct Failure {
   std::string text;
 };
