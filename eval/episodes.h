@@ -46,9 +46,9 @@ struct Episodes {
   std::vector<sim::EpisodeTrack> tracks;
 };
 
-/// How far an evaluation has come.
+/// Progress of an evaluation.
 struct EpisodeCount {
-  int all = 0;  ///< To be driven.
+  int all = 0;  ///< Episodes to be driven.
   int ended = 0;
   int successes = 0;
   int collisions = 0;  ///< Episodes with one, whether it ended them or not.

@@ -21,7 +21,7 @@ struct Evaluation {
   EvaluationTask task;
   Episodes episodes;
   Summary summary;
-  /// None: the agent was not trained, or its training courses are not known.
+  /// Empty if the agent was not trained, or if its training courses are not known.
   std::optional<TrainingOverlap> training_overlap = std::nullopt;
 };
 

@@ -17,18 +17,18 @@ struct Recording {
   int beams = 90;
 };
 
-/// What an evaluation drives and by which rules: an `EvaluationConfig` resolved once. All that
-/// comes after (driving, summary, reports, the evaluator's service) is given this value and sees
-/// neither the config nor the name of a protocol. A value.
+/// The courses and rules of an evaluation: an `EvaluationConfig` resolved once. Everything after
+/// that (driving, summary, reports, the evaluator's service) gets this value and sees neither the
+/// config nor the name of a protocol. A value.
 struct EvaluationTask {
   Protocol protocol;
   sim::EnvironmentConfig environment;  ///< With the protocol applied.
-  sim::CourseSet courses;              ///< With start and goal where the protocol has them.
+  sim::CourseSet courses;              ///< With the protocol's start and goal.
   int episodes_per_course = 10;
   std::int64_t seed = 1;
   int num_environments = 1;  ///< Driven side by side; at most as many as there are episodes.
   Recording recording;
-  sim::Physics physics;  ///< Slalom's own, unless whoever resolved it says otherwise.
+  sim::Physics physics;  ///< Defaults to Slalom's own.
 
   int num_episodes() const {
     return static_cast<int>(courses.courses.size()) * episodes_per_course;

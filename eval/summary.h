@@ -23,7 +23,7 @@ struct Figures {
   Estimate contact_rate;  ///< Share of episodes with a collision, whether it ended them or not.
   int num_contacts = 0;   ///< Sum of `EpisodeRecord::num_collisions`.
   std::optional<Estimate> survival_time;   ///< Of failed episodes (collision or time limit), [s].
-  std::optional<Estimate> traversal_time;  ///< Of successful episodes, [s].
+  std::optional<Estimate> traversal_time;  ///< Mean over successful episodes, [s].
   Estimate barn_score;                     ///< Mean of `BarnScore`, 0 to 0.5.
   Estimate barn_score_until_2024;          ///< The same with its older lower limit, 0 to 0.25.
   double mean_return = 0.0;

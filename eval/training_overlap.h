@@ -4,7 +4,7 @@
 
 namespace slalom::eval {
 
-/// How many of the courses on which a policy is scored it was also trained on. A value.
+/// Counts the courses on which a policy is scored and was also trained. A value.
 struct TrainingOverlap {
   int num_courses = 0;     ///< Scored courses that were trained on, too.
   int num_scored = 0;      ///< Scored courses.

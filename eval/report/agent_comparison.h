@@ -21,9 +21,9 @@ struct AgentResults {
   std::vector<std::size_t> results;  ///< Indices, at least one.
 };
 
-/// Throws `base::Error` that names two files and what differs unless all results are of one
-/// protocol, on the same courses, with as many episodes on each course from the same starts. Also
-/// where a course has no episode.
+/// Throws `base::Error` that names two files and their difference unless all results are of one
+/// protocol, on the same courses, with equally many episodes on each course from the same starts.
+/// Also throws if a course has no episode.
 void RequireComparable(std::span<const Result> results);
 
 /// Returns the share of episodes on each course that ended with `outcome`.
@@ -35,16 +35,16 @@ ScoreTable OutcomeTable(std::span<const Result> results, const AgentResults& age
 struct AgentFigures {
   std::string label;
   int num_seeds = 0;
-  std::vector<std::string> files;          ///< Of each seed.
+  std::vector<std::string> files;          ///< File of each seed.
   std::vector<double> seed_success;        ///< Success rate of each seed.
   Estimate success_rate;                   ///< Mean over seeds and courses.
   Estimate interquartile_success;          ///< Interquartile mean of the success rates.
   Estimate collision_rate;                 ///< Share of episodes that a collision ended.
-  std::optional<Estimate> traversal_time;  ///< Of successful episodes, [s].
+  std::optional<Estimate> traversal_time;  ///< Mean over successful episodes, [s].
   std::vector<Estimate> profile;           ///< At the thresholds of the comparison.
 };
 
-/// Two agents of a comparison, the earlier minus the later. All of the success rate.
+/// Two agents of a comparison, the earlier minus the later, by their success rates.
 struct AgentPair {
   std::size_t first = 0;  ///< Indices of agents.
   std::size_t second = 0;
@@ -69,10 +69,10 @@ struct AgentComparison {
   std::string title;     ///< The courses: "static-test".
   std::string protocol;  ///< A sentence with its rules.
   int num_courses = 0;
-  std::vector<double> thresholds;  ///< Of the performance profiles.
+  std::vector<double> thresholds;  ///< Thresholds of the performance profiles.
   std::vector<AgentFigures> agents;
   std::vector<AgentPair> pairs;    ///< Every two agents, in order.
-  std::vector<std::string> notes;  ///< What a reader must know of these numbers, in sentences.
+  std::vector<std::string> notes;  ///< Sentences that a reader of the numbers needs.
 };
 
 /// Compares the agents. Ten agents of five seeds on 300 courses take about a second.

@@ -10,7 +10,7 @@ namespace slalom::eval {
 /// differences as dots with their intervals, performance profiles, and every number as a table.
 std::string ComparisonPage(const AgentComparison& comparison);
 
-/// Returns what the page shows, as compact JSON (docs/statistics.md, "The page").
+/// Returns the data of the page as compact JSON (docs/statistics.md, "The page").
 std::string ComparisonPageData(const AgentComparison& comparison);
 
 }  // namespace slalom::eval

@@ -12,7 +12,7 @@ namespace slalom::eval {
 std::string MarkdownOf(const AgentComparison& comparison);
 
 /// Returns CSV with a line for every number: agent, against (of pairs), quantity, threshold (of
-/// profiles), value, low, high. What does not exist is empty.
+/// profiles), value, low, high. Cells without a value are empty.
 std::string CsvOf(const AgentComparison& comparison);
 
 /// Returns both tables in LaTeX with booktabs.

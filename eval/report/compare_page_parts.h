@@ -2,12 +2,12 @@
 
 #include <string_view>
 
-/// The files of eval/report/compare_page/ and what they share with the report, put into the program
+/// The files of eval/report/compare_page/ and the files that they share with the report, embedded
 /// at build time (cmake/EmbedPage.cmake).
 
 namespace slalom::eval {
 
-extern const std::string_view kComparePageHtml;    ///< With marks where the other parts go.
+extern const std::string_view kComparePageHtml;    ///< With marks for the other parts.
 extern const std::string_view kComparePageStyle;   ///< CSS.
 extern const std::string_view kComparePageScript;  ///< JavaScript.
 

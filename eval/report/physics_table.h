@@ -12,7 +12,7 @@
 
 namespace slalom::eval {
 
-/// The evaluation as a `Result`, as if it had been written and read.
+/// Converts the evaluation to a `Result`, as if it had been written and read.
 Result ResultOf(const Evaluation& evaluation, const Provenance& provenance);
 
 /// Returns a Markdown table of the results with a line for each physics, and one of the differences
@@ -23,7 +23,7 @@ std::string PhysicsTable(std::span<const Result> results);
 
 /// Returns one JSON object, indented, that ends in a newline: "evaluations", the objects in
 /// `reports` (`JsonReport`, as many as there are results), and "differences", those of
-/// `PhysicsTable`. Has its requirements.
+/// `PhysicsTable`. Requires the same.
 std::string PhysicsJson(std::span<const Result> results, std::span<const std::string> reports);
 
 }  // namespace slalom::eval

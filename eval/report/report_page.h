@@ -7,9 +7,9 @@
 
 namespace slalom::eval {
 
-/// Returns what the page of a report shows, as compact JSON (docs/evaluation.md, "The page").
-/// Statistics are as in the results; tracks, scans, courses and motions are rounded and thinned, so
-/// that the page has a few MB whatever the number of results and courses.
+/// Returns the data of a report's page as compact JSON (docs/evaluation.md, "The page"). Statistics
+/// are as in the results. Tracks, scans, courses and motions are rounded and thinned, so that the
+/// page has a few MB for any number of results and courses.
 /// Requires: at least one result, one protocol (`RequireSameProtocol`).
 std::string ReportPageData(std::span<const Result> results);
 

@@ -15,7 +15,7 @@
 #include "sim/courses/course.h"
 #include "sim/courses/episode_file.h"
 
-/// Evaluations read back from the files that `WriteReports` made, to be compared.
+/// Evaluations that are read back from the files of `WriteReports`, to be compared.
 
 namespace slalom::eval {
 
@@ -39,16 +39,16 @@ struct ResultCourse {
 /// One evaluation, whole. A value.
 struct Result {
   std::string file;   ///< Path of its evaluation.json.
-  std::string agent;  ///< What to call it in tables.
+  std::string agent;  ///< Its name in tables.
   std::string kind;   ///< "policy" or "planner".
   std::string source;
   std::vector<std::string> profiles;
   std::string course_set;
-  std::string collection;  ///< Empty: the built-in courses.
+  std::string collection;  ///< Empty for the built-in courses.
   std::string commit;
-  std::optional<TrainingOverlap> training_overlap;  ///< None: not known, or a planner.
-  std::string physics = "slalom";                   ///< What moved the robot.
-  std::string physics_version;                      ///< Empty: not known.
+  std::optional<TrainingOverlap> training_overlap;  ///< Empty if not known, or for a planner.
+  std::string physics = "slalom";                   ///< The physics that moved the robot.
+  std::string physics_version;                      ///< Empty if not known.
   std::map<std::string, std::string> protocol;      ///< As JSON texts, by key.
   std::int64_t seed = 0;
   double step = 0.0;          ///< Control step, [s].
@@ -67,9 +67,9 @@ struct Result {
 /// Reads `path`, a directory that `slalom evaluate --output` wrote or the evaluation.json in it,
 /// and the files that it names.
 ///
-/// Throws `base::Error` that names the file and what is wrong with it: missing, no JSON (cut
-/// short), not an evaluation, of another version, a key missing or out of range, statistics that
-/// contradict its episodes, courses or tracks of another evaluation.
+/// Throws `base::Error` that names the file and its fault: it is missing, is not JSON (cut short),
+/// is not an evaluation or of another version, lacks a key or has one out of range, has statistics
+/// that contradict its episodes, or has the courses or tracks of another evaluation.
 Result ReadResult(const std::filesystem::path& path);
 
 /// An evaluation.json without the files that it names.

@@ -3,7 +3,7 @@
 #include <string>
 #include <string_view>
 
-/// Text as a cell of a table, whatever characters it has.
+/// Escapes any text for a cell of a table.
 
 namespace slalom::eval {
 
@@ -13,7 +13,7 @@ std::string EscapeMarkdown(std::string_view text);
 /// Line breaks become spaces.
 std::string EscapeLatex(std::string_view text);
 
-/// In quotes where it needs them.
+/// Adds quotes if needed.
 std::string CsvField(const std::string& text);
 
 }  // namespace slalom::eval

@@ -24,10 +24,10 @@
 
 namespace slalom::eval {
 
-/// Who an evaluator process is and where it connects to.
+/// The identity of an evaluator process and the servers it connects to.
 struct EvaluatorIdentity {
   std::string name;
-  std::filesystem::path state_directory;  ///< Of scores.csv and best.safetensors.
+  std::filesystem::path state_directory;  ///< Holds scores.csv and best.safetensors.
   std::uint64_t spec_hash = 0;
   std::string course_set;
   transport::ClientOptions replay;
@@ -35,20 +35,21 @@ struct EvaluatorIdentity {
 };
 
 /// Follows the learner's policies and scores them on courses, one after the other, always the
-/// newest. Writes a line of scores.csv for each, keeps the best one on this course set, over all
-/// its lives, as best.safetensors, and shows both as metrics. A full disk is said and costs the
-/// line or the file, no more. Confined to the thread that made it.
+/// newest. Writes a line of scores.csv for each and shows it as metrics. Keeps the best policy on
+/// this course set as best.safetensors, also across restarts. If the disk is full, the error is
+/// logged and that line or file is lost. Confined to the thread that made it.
 class EvaluatorService {
  public:
-  /// Reads a policy file's bytes: what makes agents that drive with it, or why none can.
+  /// Reads a policy file's bytes. Returns a function that makes agents of the policy, or the reason
+  /// why it cannot.
   using ReadPolicy = std::function<base::Result<MakeAgent>(std::span<const std::byte> policy)>;
 
-  /// `parallel` must outlive it. Throws `base::Error` where the directory cannot be written.
+  /// `parallel` must outlive it. Throws `base::Error` if the directory cannot be written.
   EvaluatorService(const EvaluatorServiceConfig& config, EvaluationTask task,
                    EvaluatorIdentity identity, ReadPolicy read_policy, base::ParallelFor& parallel,
                    transport::Context& context, metrics::Registry& registry);
 
-  /// Works until `stop`. Throws `base::Error` where a server refuses this process for good, or a
+  /// Works until `stop`. Throws `base::Error` if a server refuses this process for good, or if a
   /// policy is of another spec.
   void Run(std::stop_token stop);
 
@@ -59,7 +60,7 @@ class EvaluatorService {
   void Record(const Evaluation& evaluation, std::int64_t version, double seconds);
   proto::Report MakeReport() const;
 
-  /// Keeps the policy, which scored better than all before.
+  /// Keeps the policy, which scored better than all earlier ones.
   void KeepBest(std::string_view policy, double success_rate);
 
   std::filesystem::path best() const { return identity_.state_directory / "best.safetensors"; }
@@ -74,7 +75,7 @@ class EvaluatorService {
   service::ReplayLink replay_;
   service::PolicyLink policy_;
 
-  std::string newest_;  ///< Policy file's bytes.
+  std::string newest_;  ///< Bytes of the newest policy file.
   std::int64_t scored_version_ = -1;
   std::int64_t num_scored_ = 0;
   double success_rate_ = 0.0;

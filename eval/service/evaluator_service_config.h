@@ -6,7 +6,7 @@
 
 namespace slalom::eval {
 
-/// What an evaluator process scores, and how often.
+/// The courses and the interval of an evaluator process.
 struct EvaluatorServiceConfig {
   std::string courses;
   double interval = 0.0;

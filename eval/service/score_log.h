@@ -13,15 +13,15 @@ namespace slalom::eval {
 /// scores.csv: a line for each policy that an evaluator scored. Thread-compatible.
 class ScoreLog {
  public:
-  /// Goes on behind what is there. Throws `base::Error` where it cannot be read or written.
+  /// Appends to an existing file. Throws `base::Error` if it cannot be read or written.
   ScoreLog(const std::filesystem::path& path, std::string course_set);
 
-  /// Adds the line of policy `version`, scored in `seconds`. Fails where it cannot be written.
+  /// Adds the line of policy `version`, scored in `seconds`. Fails if it cannot be written.
   [[nodiscard]] std::optional<base::Failure> Append(const Figures& set, std::int64_t version,
                                                     double seconds);
 
   /// The best success rate on this course set that the file held when it was opened, to four
-  /// digits; -1: none.
+  /// digits; -1 if it held none.
   double best_before() const { return best_before_; }
 
  private:

@@ -14,9 +14,9 @@
 /// agent as many of its seeds as it has, with replacement. A drawn seed brings its scores on all
 /// drawn courses, since one policy drives them all, and both agents of a comparison get the same
 /// courses, since they drove the same ones. This is the bootstrap of two crossed factors (Owen
-/// 2007). The stratified bootstrap of Agarwal et al. 2021 draws runs anew within each task, which
-/// is right where every task trains a policy of its own. Here it would average out that one policy
-/// is better than another on every course, and it would not hold for other courses of the kind.
+/// 2007). The stratified bootstrap of Agarwal et al. 2021 draws runs within each task, which is
+/// right if every task trains a policy of its own. Here it would average out that one policy is
+/// better than another on every course, and it would not hold for other courses of the kind.
 ///
 /// *The interval* reaches from the 2.5 % to the 97.5 % percentile of the resamples, stretched about
 /// the estimate. Percentiles are too narrow for few seeds (Hesterberg 2015); the stretch makes up
@@ -24,15 +24,15 @@
 /// many.
 ///
 /// *With one seed* only courses are drawn: the interval holds for this policy on other courses, and
-/// says nothing about another training. *There is no interval* on fewer than two courses, and where
-/// leaving out any one course or seed changes nothing, so that the spread is not known.
+/// says nothing about another training. *There is no interval* on fewer than two courses, or if
+/// leaving out any one course or seed changes nothing, because the spread is then not known.
 ///
 /// The same input and options give the same numbers on every machine. Functions of one options'
 /// seed draw the same courses.
 
 namespace slalom::eval {
 
-/// How a bootstrap draws.
+/// Options of a bootstrap.
 struct BootstrapOptions {
   int num_samples = 2000;  ///< At least 100.
   std::uint64_t seed = 1;

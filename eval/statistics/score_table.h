@@ -6,9 +6,8 @@
 
 #include "eval/statistics/statistics.h"
 
-/// The scores of agents that were trained with several seeds, and what they come to without an
-/// interval. eval/statistics/bootstrap.h adds the intervals; docs/statistics.md has the formulas
-/// and sources.
+/// The scores of agents that were trained with several seeds, and their point estimates.
+/// eval/statistics/bootstrap.h adds the intervals; docs/statistics.md has the formulas and sources.
 
 namespace slalom::eval {
 
@@ -22,7 +21,7 @@ namespace slalom::eval {
 struct ScoreTable {
   std::string agent;
   std::vector<std::vector<double>> scores;  ///< [seed][course]
-  Interval limits{0.0, 1.0};                ///< What a score can be. Intervals are cut to it.
+  Interval limits{0.0, 1.0};                ///< Limits of a score. Intervals are cut to them.
   bool trained = true;  ///< Each row is a training. A planner has one row and no training.
 
   std::size_t num_seeds() const { return scores.size(); }
@@ -40,16 +39,16 @@ double InterquartileMean(const ScoreTable& table);
 /// 20) lowest of n.
 double LowestTwentiethMean(const ScoreTable& table);
 
-/// Returns how likely a policy of `first` scores higher than a policy of `second` on the same
-/// course, where a draw counts half (Agarwal et al. 2021): the Mann-Whitney statistic over all
-/// pairs of seeds, averaged over courses. Requires: the same number of courses.
+/// Returns the probability that a policy of `first` scores higher than a policy of `second` on the
+/// same course; a draw counts half (Agarwal et al. 2021): the Mann-Whitney statistic over all pairs
+/// of seeds, averaged over courses. Requires: the same number of courses.
 double ProbabilityOfImprovement(const ScoreTable& first, const ScoreTable& second);
 
 /// Returns, for each threshold, the share of all scores that lie above it (Agarwal et al. 2021).
 std::vector<double> PerformanceProfile(const ScoreTable& table, std::span<const double> thresholds);
 
 /// Returns the area under the lines through the points (x[i], y[i]), divided by the range of x: the
-/// mean height of the curve. For success against steps or seconds of training.
+/// mean height of the curve. Meant for success against steps or seconds of training.
 ///
 /// The area is linear in y. The areas of each seed's curve on each course therefore make a
 /// `ScoreTable`, whose mean is the area under the mean curve and has an interval by
