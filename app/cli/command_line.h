@@ -8,11 +8,11 @@
 
 namespace slalom::cli {
 
-/// The text as one word of a POSIX shell, in single quotes where it needs them.
+/// The text as one word of a POSIX shell, in single quotes if it needs them.
 std::string ShellWord(std::string_view text);
 
-/// How the user called this program: the environment's SLALOM_COMMAND, which the script `slalom`
-/// sets to the path it was called by, else the path that this process was called by.
+/// The name by which the user called this program: the environment's SLALOM_COMMAND, which the
+/// script `slalom` sets to its own path, else the path of this process.
 std::string ProgramName();
 
 /// `ProgramName()` and the arguments as a line for a shell. It works from the directory in which

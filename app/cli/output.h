@@ -4,8 +4,8 @@
 #include <initializer_list>
 #include <string_view>
 
-/// Rules for what `--output` may replace. A command checks them before it starts to work, so that
-/// nobody waits for output that then cannot be written.
+/// Rules for the files that `--output` may replace. A command checks them before it starts to work,
+/// so that nobody waits for output that then cannot be written.
 
 namespace slalom::cli {
 
@@ -24,9 +24,9 @@ struct OwnOutput {
 };
 
 /// Throws `base::Error` that names `path` unless a command may write its files into this directory.
-/// It must be possible to make it or write to it. Unless `force` is given, it must also hold no
-/// file, or have one of the markers and not be the directory of a training run. Directories in it
-/// do not matter, as they cannot be replaced. Makes nothing.
+/// It must be possible to make the directory or to write to it. Unless `force` is given, it must
+/// also hold no file, or hold one of the markers and not be the directory of a training run.
+/// Directories in it do not matter, because they cannot be replaced. Makes nothing.
 void RequireOutputDirectory(const std::filesystem::path& path, const OwnOutput& own, bool force);
 
 }  // namespace slalom::cli

@@ -22,7 +22,7 @@ struct ServiceOptions {
   std::optional<std::string> name;
 };
 
-/// What the processes of the service have in common: config, name, sockets' context, metrics.
+/// The common parts of the service's processes: config, name, context of the sockets, metrics.
 /// Confined to the main thread.
 class ServiceProcess {
  public:
@@ -37,7 +37,7 @@ class ServiceProcess {
   transport::Context& context() { return context_; }
   metrics::Registry& registry() { return *registry_; }
 
-  /// How to reach the others, with this role's keys.
+  /// Options for connecting to the servers with this role's keys.
   transport::ClientOptions replay() const;
   transport::ClientOptions learner() const;
 
@@ -50,10 +50,10 @@ class ServiceProcess {
   std::unique_ptr<metrics::Exposer> exposer_;
 };
 
-/// Returns whose metrics these are: those of this program in this role. `run`: `run.name`.
+/// Returns the identity of this program in this role, for its metrics. `run`: `run.name`.
 metrics::Identity MakeIdentity(std::string role, std::string name, std::string run);
 
-/// Shows the metrics at `address` and says where (`metrics::Exposer`, with its errors).
+/// Shows the metrics at `address` and logs the address (`metrics::Exposer`, with its errors).
 std::unique_ptr<metrics::Exposer> ShowMetrics(const std::string& address,
                                               metrics::Registry& registry);
 

@@ -11,15 +11,15 @@
 
 namespace slalom::cli {
 
-/// Where `slalom sweep serve` shows metrics unless told otherwise.
+/// Default address at which `slalom sweep serve` shows metrics.
 inline constexpr char kSweepMetricsAddress[] = "127.0.0.1:9420";
 
 /// Shows the metrics of a sweep (`sweep::SweepMetrics`) for as long as it exists, and keeps them up
-/// to date in a thread of its own. Works on no cell and writes nothing, so any number may show the
-/// same sweep, even before its store is there.
+/// to date in a thread of its own. Works on no cell and writes nothing, so any number of them may
+/// show the same sweep, even before its store exists.
 class SweepExposer {
  public:
-  /// `address`: as `metrics::Exposer` takes it, with its errors. Prints where the metrics are.
+  /// `address`: as for `metrics::Exposer`, with its errors. Prints the address of the metrics.
   SweepExposer(const sweep::Plan& plan, const sweep::Cells& cells,
                const std::filesystem::path& store, const std::string& address);
 

@@ -14,9 +14,9 @@ namespace slalom::cli {
 void DrawTraining(const run::RunDirectory& directory);
 
 /// Scores the run's policy, and those of its snapshots (curve.csv), on its test courses; prints the
-/// table before it writes anything, then where everything lies and what to do next. `train_longer`:
-/// the command that continues the run; empty: none can. Returns false if it was stopped before the
-/// end. Throws `base::Error` if a file cannot be read or written.
+/// table before it writes anything, then the places of all files and the next commands.
+/// `train_longer`: the command that continues the run; empty if none can. Returns false if it was
+/// stopped before the end. Throws `base::Error` if a file cannot be read or written.
 [[nodiscard]] bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,
                                  const std::string& train_longer, base::ParallelFor& parallel,
                                  std::stop_token stop);

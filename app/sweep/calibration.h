@@ -7,9 +7,9 @@
 
 namespace slalom::sweep {
 
-/// Trains as the cell would for a few seconds, and returns how long a step with its updates took,
-/// [s]. None: it made no update in that time. Requires: cell.config. Throws `base::Error` if the
-/// training cannot be started, with the end of what it printed.
+/// Trains as the cell would for a few seconds, and returns the time of a step with its updates,
+/// [s], or nothing if no update was made in that time. Requires: cell.config. Throws `base::Error`
+/// with the end of the training's output if the training cannot be started.
 std::optional<double> MeasureSecondsPerStep(const Cell& cell, const std::filesystem::path& program);
 
 }  // namespace slalom::sweep

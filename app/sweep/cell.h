@@ -13,26 +13,26 @@ namespace slalom::sweep {
 
 /// One evaluation that a cell needs: `slalom evaluate --config TASK --courses COURSES`.
 struct ScoreTask {
-  std::string name;     ///< Of the plan's score.
-  std::string digest;   ///< Of all that decides its result besides the policy: 16 hex digits.
+  std::string name;     ///< Name of the plan's score.
+  std::string digest;   ///< Of everything that decides its result but the policy: 16 hex digits.
   std::string task;     ///< The config of the evaluation: TOML, every key.
   std::string courses;  ///< Course set as `--courses` takes it.
-  int num_courses = 0;  ///< In that set.
+  int num_courses = 0;  ///< Number of courses in that set.
   std::int64_t num_episodes = 0;
-  std::int64_t snapshot_steps = 0;  ///< Which snapshot of the training is scored; 0: its policy.
+  std::int64_t snapshot_steps = 0;  ///< Steps of the scored snapshot; 0: the final policy.
 };
 
 /// One unit of work of a sweep: a training and its scores, or the scores of a planner. A value.
 struct Cell {
-  std::string id;     ///< Digest of all that decides the training: 16 hex digits.
+  std::string id;     ///< Digest of everything that decides the training: 16 hex digits.
   std::string group;  ///< Name of the plan's group.
   /// Labels of the group, if there are several, and of each axis but that of the columns.
   std::vector<std::string> row;
-  std::string column;  ///< Label on the axis of the columns; empty: there is none.
+  std::string column;  ///< Label on the axis of the columns; empty if there is none.
   std::int64_t seed = 0;
-  std::string planner;                     ///< Empty: a policy is trained.
-  std::optional<train::RunConfig> config;  ///< Of the training; none: a planner.
-  std::string collection;                  ///< Name of the courses' collection; empty: built in.
+  std::string planner;                     ///< Empty if a policy is trained.
+  std::optional<train::RunConfig> config;  ///< Config of the training; empty for a planner.
+  std::string collection;                  ///< Name of the courses' collection; empty if built in.
   std::string friction;                    ///< Friction law of the robot, as configs name it.
   int num_training_courses = 0;
   std::vector<ScoreTask> scores;
@@ -48,14 +48,14 @@ struct Cell {
 /// A plan, resolved. A value.
 struct Cells {
   std::vector<Cell> cells;              ///< Seeds of a row in turn, rows in the plan's order.
-  std::vector<std::string> axis_names;  ///< Of `Cell::row`, for the heads of tables.
+  std::vector<std::string> axis_names;  ///< Axes of `Cell::row`, for the heads of tables.
 };
 
-/// Resolves a plan: every config is read and checked as `slalom train` would, every course set is
-/// read. With `platform` in the cells' ids unless the plan mixes platforms. Throws `base::Error`
-/// that names the plan's file, and line where there is one, and what was expected: a key or value
-/// that no config has, a training that could learn nothing, course sets that are not there, two
-/// cells of one id.
+/// Resolves a plan: reads every course set, and reads and checks every config as `slalom train`
+/// would. Puts `platform` into the cells' ids unless the plan mixes platforms. Throws `base::Error`
+/// that names the plan's file, the line if there is one, and what was expected, if a config does
+/// not have a key or value, a training could learn nothing, a course set does not exist, or two
+/// cells have one id.
 Cells ExpandPlan(const Plan& plan, const train::Platform& platform);
 
 }  // namespace slalom::sweep

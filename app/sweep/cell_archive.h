@@ -19,12 +19,12 @@
 
 namespace slalom::sweep {
 
-/// What became of the cells.
+/// Counts of the cells by what happened to them.
 struct Copied {
-  int num_new = 0;   ///< Got files.
-  int num_same = 0;  ///< Were there, with the same results.
-  int num_busy = 0;  ///< Somebody works on them; left alone.
-  int num_left = 0;  ///< Not done, or not of the plan.
+  int num_new = 0;   ///< Cells that got files.
+  int num_same = 0;  ///< Cells that were there, with the same results.
+  int num_busy = 0;  ///< Cells that a worker has, which are left alone.
+  int num_left = 0;  ///< Cells that are not done, or not of the plan.
 };
 
 /// Writes the results of all cells that are done into an archive. Throws `base::Error` before it
@@ -33,9 +33,9 @@ struct Copied {
 Copied ExportCells(const std::filesystem::path& store, const std::vector<Cell>& cells,
                    const std::filesystem::path& archive);
 
-/// Puts the cells of an archive into a store, where they are then done. A cell that is there with
-/// its policy is left alone. `cells`: only these, if it is given. Throws like `ExportCells`, and if
-/// there is no such archive.
+/// Copies the cells of an archive into a store, where they then count as done. A cell that the
+/// store has with its policy is left alone. If `cells` is given, copies only these. Throws like
+/// `ExportCells`, and if there is no such archive.
 Copied ImportCells(const std::filesystem::path& archive, const std::filesystem::path& store,
                    const std::optional<std::vector<Cell>>& cells = std::nullopt);
 

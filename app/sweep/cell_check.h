@@ -7,12 +7,12 @@
 
 namespace slalom::sweep {
 
-/// The environment steps after which a training of this config has made so many updates.
+/// The environment steps after which a training of this config has made `updates` updates.
 std::int64_t StepsForUpdates(const train::RunConfig& config, std::int64_t updates);
 
-/// Throws `base::Error` where `slalom evaluate` would refuse the policy of a training once it is
-/// over: what the task shows or lets it do is not what it was trained with, or it cannot plan yet.
-/// `snapshots`: steps at which policies are scored, too.
+/// Throws `base::Error` if `slalom evaluate` would refuse the policy of the finished training:
+/// because the task has other observations or actions than the training, or because the policy
+/// cannot plan yet. `snapshots`: steps at which policies are scored, too.
 void RequireScorable(const train::RunConfig& trained, const train::RunConfig& task,
                      const std::vector<int>& snapshots);
 

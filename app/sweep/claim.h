@@ -7,13 +7,14 @@
 #include <string>
 #include <vector>
 
-/// Who works on a cell, where several workers share a directory.
+/// Claims on cells, for workers that share a directory.
 ///
 /// A claim is a file claim-N in the cell's directory, and the claim with the highest N counts. It
-/// is made by a hard link, which either succeeds or finds the name taken, on network file systems
-/// too, and never changes. Its owner shows that it lives by counting up in a file of its own,
-/// beat-TOKEN. Nobody compares clocks of different machines: a claim has expired once somebody has
-/// watched its count stand still for a minute, by their own clock, and then takes claim-(N+1).
+/// is made by a hard link, which either succeeds or finds the name taken, also on network file
+/// systems, and it never changes. Its owner shows that it lives by counting up in a file of its
+/// own, beat-TOKEN. Clocks of different machines are never compared: a claim has expired once
+/// another worker has seen its count stand still for a minute on its own clock. That worker then
+/// takes claim-(N+1).
 
 namespace slalom::sweep {
 
@@ -24,7 +25,7 @@ void RequireSharable(const std::filesystem::path& directory);
 /// The right to work on a cell, until this object ends. Thread-compatible.
 class Claim {
  public:
-  static constexpr std::chrono::seconds kBeat{5};     ///< How often to `Renew`.
+  static constexpr std::chrono::seconds kBeat{5};     ///< Time between two calls of `Renew`.
   static constexpr std::chrono::seconds kExpiry{60};  ///< Time without a beat after which it ends.
 
   /// Gives the claim back.
@@ -33,7 +34,8 @@ class Claim {
   Claim& operator=(const Claim&) = delete;
 
   /// Shows that the owner lives. Returns false if the claim was lost, because this process stood
-  /// still for too long and somebody else has taken the cell: stop to work on it.
+  /// still for too long and another worker has taken the cell. The caller must then stop working on
+  /// it.
   [[nodiscard]] bool Renew();
 
  private:
@@ -47,14 +49,14 @@ class Claim {
   long count_ = 0;
 };
 
-/// Takes claims, and remembers what it saw of those of others. Thread-compatible.
+/// Takes claims, and remembers the counts of other workers' claims. Thread-compatible.
 class ClaimTaker {
  public:
   using Clock = std::chrono::steady_clock;
 
   /// Takes the claim of a cell if nobody has it, if its owner has died (a process of this machine
-  /// that is no more), or if it has expired. Null: somebody else works on it, or it cannot be seen
-  /// whether somebody does. Throws `base::Error` if the directory cannot be written. `now`: of this
+  /// that is no more), or if it has expired. Returns null if another worker has it, or if the files
+  /// do not tell. Throws `base::Error` if the directory cannot be written. `now`: the time of this
   /// machine; tests give their own.
   std::unique_ptr<Claim> Try(const std::filesystem::path& cell,
                              Clock::time_point now = Clock::now());
@@ -70,11 +72,11 @@ class ClaimTaker {
   std::map<std::filesystem::path, Sighting> sightings_;
 };
 
-/// Whether somebody holds a claim on a cell and is not known to be dead, or the cell cannot be
+/// Whether a worker that is not known to be dead holds a claim on the cell, or the cell cannot be
 /// listed.
 bool IsClaimed(const std::filesystem::path& cell);
 
-/// Whether somebody works on any of the cells for sure: a process of this machine, or one whose
+/// Whether a worker certainly works on any of the cells: a process of this machine, or one whose
 /// count goes up while this function waits, for `patience` at most.
 bool AreWorkedOn(const std::vector<std::filesystem::path>& cells, std::chrono::seconds patience);
 

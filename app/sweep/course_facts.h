@@ -6,11 +6,10 @@
 
 namespace slalom::sweep {
 
-/// A course set as far as a cell's identity needs it.
+/// The facts about a course set that a cell's identity needs.
 struct CourseFacts {
   int num_courses = 0;
-  std::string
-      digest;  ///< Of the courses themselves, wherever they lie and whatever the set's name.
+  std::string digest;  ///< Digest of the courses themselves, not of their place or the set's name.
 };
 
 /// Reads each course set once. Thread-compatible.

@@ -10,20 +10,20 @@
 #include "app/sweep/cell.h"
 #include "app/sweep/store.h"
 
-/// How long cells take and how much they write, from those that are done.
+/// Estimates of the time and disk space of cells, from those that are done.
 
 namespace slalom::sweep {
 
-/// What a cell takes, in processor time of one worker. A value.
+/// Processor time of one worker for the work of cells. A value.
 class Rates {
  public:
   /// Learns from a cell's files.
   void Observe(const Cell& cell, const CellStatus& status);
-  /// Learns what was measured otherwise: seconds of training for each step in a group.
+  /// Sets a rate that was measured otherwise: seconds of training for each step in a group.
   void Set(const std::string& group, double seconds_per_step);
 
-  /// The time that is left of a cell, [s]: `steps` and `scores` of it are done. None: nothing like
-  /// it was measured. What is not known about scores counts as 0.
+  /// The remaining time of a cell, [s], with `steps` and `scores` of it done. Empty if nothing like
+  /// it was measured. Unknown times of scores count as 0.
   std::optional<double> SecondsLeft(const Cell& cell, std::int64_t steps, int scores) const;
 
   bool knows(const std::string& group) const { return training_.contains(group); }
@@ -40,13 +40,14 @@ class Rates {
   Mean episodes_;
 };
 
-/// How long work of `work_s` processor seconds takes where `at_once` of the `num_cells` cells that
-/// are left run at the same time, [s]. Requires: at_once >= 1.
+/// Duration of work of `work_s` processor seconds, [s], if `at_once` of the `num_cells` remaining
+/// cells run at the same time. Requires: at_once >= 1.
 double WallSeconds(double work_s, int num_cells, int at_once);
 
-/// The most that a cell has on disk while it trains, [bytes]: replay data and checkpoints.
+/// Largest disk space of a cell while it trains, [bytes]: replay data and checkpoints.
 std::int64_t BytesWhileTraining(const Cell& cell);
-/// About what stays of it, [bytes]: policies, metrics, and tracks of its evaluations.
+/// Approximate disk space of a finished cell, [bytes]: policies, metrics, and tracks of its
+/// evaluations.
 std::int64_t BytesKept(const Cell& cell);
 
 }  // namespace slalom::sweep

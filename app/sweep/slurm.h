@@ -7,25 +7,25 @@
 
 #include "app/sweep/plan.h"
 
-/// Cells as tasks of a Slurm cluster (`--engine slurm`, docs/sweeps-cluster.md). Slurm is reached
-/// through its own commands sbatch, squeue and sacct, which are looked for on the PATH.
+/// Cells as tasks of a Slurm cluster (`--engine slurm`, docs/sweeps-cluster.md). Slurm is used
+/// through its own commands sbatch, squeue and sacct, which are looked up in PATH.
 
 namespace slalom::sweep {
 
-/// A sweep as Slurm gets it. A value.
+/// A sweep for Slurm. A value.
 struct SlurmSweep {
-  std::string name;  ///< Of the plan. The array is called "slalom-NAME".
+  std::string name;  ///< Name of the plan. The array is called "slalom-NAME".
   SlurmSettings settings;
   /// The program and its arguments, to which a task appends `--cell ID`. Paths must hold on every
   /// machine of the cluster; relative ones count from the present working directory.
   std::vector<std::string> command;
-  /// Where job.sh, submitted.json and the tasks' output lie: ROOT/plans/NAME/slurm.
+  /// Directory of job.sh, submitted.json and the tasks' output: ROOT/plans/NAME/slurm.
   std::filesystem::path directory;
 };
 
-/// What came of handing cells over.
+/// The result of a submission.
 struct SlurmSubmission {
-  std::string job;        ///< The array's number; empty: none of the cells was left to submit.
+  std::string job;        ///< The array's number; empty if no cell was left to submit.
   int num_submitted = 0;  ///< Cells of the new array.
   int num_queued = 0;     ///< Cells that an earlier array holds, waiting or running.
 };
@@ -45,20 +45,20 @@ SlurmSubmission SubmitToSlurm(const SlurmSweep& sweep, std::span<const std::stri
 struct SlurmTask {
   std::string cell;                ///< Its id.
   std::string task;                ///< "12_3": index 3 of array 12.
-  std::string state;               ///< In Slurm's words, "PENDING"; empty: not known.
-  std::string reason;              ///< Why it waits, in Slurm's words, "Resources"; or empty.
+  std::string state;               ///< In Slurm's words, "PENDING"; empty if not known.
+  std::string reason;              ///< Reason for waiting, in Slurm's words, "Resources"; or empty.
   std::filesystem::path output{};  ///< What the task prints.
 };
 
-/// What Slurm says of a sweep. A value.
+/// Slurm's view of a sweep. A value.
 struct SlurmStatus {
-  std::vector<SlurmTask> tasks;    ///< In the order of submission. Empty: nothing was submitted.
-  std::vector<std::string> notes;  ///< What could not be asked, one sentence each.
+  std::vector<SlurmTask> tasks;    ///< In the order of submission. Empty if nothing was submitted.
+  std::vector<std::string> notes;  ///< Questions that had no answer, one sentence each.
 };
 
-/// Asks squeue for the tasks in the queue, and sacct, where there is a database, for those that
-/// left it. What does not answer becomes a note, since a cell's own files say what matters. Throws
-/// `base::Error` if submitted.json is damaged.
+/// Asks squeue for the tasks in the queue and, if there is a database, sacct for those that have
+/// left it. A command that does not answer gives a note, not an error, because a cell's own files
+/// say what matters. Throws `base::Error` if submitted.json is damaged.
 SlurmStatus ReadSlurmStatus(const std::filesystem::path& directory, const std::string& name);
 
 }  // namespace slalom::sweep

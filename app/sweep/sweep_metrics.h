@@ -14,16 +14,16 @@
 
 namespace slalom::sweep {
 
-/// What a cell's training is, for the label `method`: the algorithm and what it is combined with,
-/// joined by '-' (td3, td3-lagrangian, td3-dyna, sac-mbpo, td3-mpc), or the planner.
+/// The label `method` of a cell: the algorithm and the parts that it is combined with, joined by
+/// '-' (td3, td3-lagrangian, td3-dyna, sac-mbpo, td3-mpc), or the planner.
 std::string MethodName(const Cell& cell);
 
 /// The encoder, with its history if that is more than one frame ("gru-h4"); "none" for a planner.
 std::string NetworkName(const Cell& cell);
 
-/// The metrics of a sweep (docs/metrics.md, "Sweeps"), read from its cells' files alone: whoever
-/// works on the cells, and on which machine, does not matter. Every reading replaces the one
-/// before, so cells that are no longer there leave no series behind.
+/// The metrics of a sweep (docs/metrics.md, "Sweeps"), read from its cells' files alone, so that
+/// the workers may be on any machine. Every reading replaces the one before, so cells that have
+/// gone leave no series behind.
 ///
 /// Thread-compatible; its registry is thread-safe, so an `Exposer` may show it meanwhile.
 class SweepMetrics {
@@ -45,14 +45,14 @@ class SweepMetrics {
   const metrics::Registry& registry() const { return registry_; }
 
  private:
-  /// What is shown of an evaluation.
+  /// The figures of an evaluation that are shown.
   struct Score {
     double success_rate = 0.0;
     double collision_rate = 0.0;
   };
   struct CachedScore {
     std::filesystem::file_time_type written;
-    std::optional<Score> score;  ///< None: the file is damaged.
+    std::optional<Score> score;  ///< Empty if the file is damaged.
   };
 
   std::optional<Score> ReadScore(const std::filesystem::path& file);

@@ -13,14 +13,14 @@
 
 namespace slalom::train {
 
-/// Where the learner's data come from: an actor, in this thread or in its own. Confined to the
+/// The source of the learner's data: an actor, in this thread or in its own. Confined to the
 /// learner's thread.
 class Collector {
  public:
   virtual ~Collector() = default;
 
-  /// The next batch step of the actor. Null: stopped, and all that the actor did has been handed
-  /// out. Throws what the actor threw. The chunk goes back with `Recycle`.
+  /// Returns the next batch step of the actor, or null once the actor has stopped and all its steps
+  /// have been returned. Throws what the actor threw. Give the chunk back with `Recycle`.
   virtual std::unique_ptr<replay::Chunk> Next() = 0;
   virtual void Recycle(std::unique_ptr<replay::Chunk> chunk) = 0;
 
@@ -28,8 +28,8 @@ class Collector {
   /// older one not yet taken is forgotten.
   virtual void Publish(policy::PolicySnapshot snapshot) = 0;
 
-  /// Lets the actor end. Call `Next` until it gives null: then actor and agent are the caller's
-  /// again, and no step of theirs was lost.
+  /// Stops the actor. Call `Next` until it returns null: then actor and agent belong to the caller
+  /// again, and none of their steps is lost.
   virtual void Stop() = 0;
 };
 
@@ -54,8 +54,8 @@ class InlineCollector : public Collector {
 /// Steps the actor in a thread of its own, at most `queue_length` batch steps ahead of the learner.
 class ThreadedCollector : public Collector {
  public:
-  /// Starts the thread. `actor` and `agent` must outlive the collector and are the thread's, but
-  /// for `stats`.
+  /// Starts the thread. `actor` and `agent` must outlive the collector and belong to the thread,
+  /// except for `stats`.
   ThreadedCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams,
                     int queue_length);
   ~ThreadedCollector() override;

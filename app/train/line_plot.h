@@ -14,9 +14,9 @@ struct Series {
   Colour colour = Colour::kBlue;
   std::vector<double> x;
   std::vector<double> y;         ///< Same length as x; NaN leaves a gap.
-  std::vector<double> low = {};  ///< Ends of intervals, each as long as x; empty: none.
+  std::vector<double> low = {};  ///< Ends of intervals, each as long as x; empty for none.
   std::vector<double> high = {};
-  bool has_dots = false;  ///< Each point stands out: few, measured one by one.
+  bool has_dots = false;  ///< Draws each point, for few points measured one by one.
 };
 
 /// Lines over the figure's x axis.
@@ -30,15 +30,15 @@ struct Panel {
 struct Figure {
   std::string title;
   std::string x_label;
-  std::string top_label;  ///< Of a second scale above the panels.
-  /// What the second scale reads at which x, in the order of x; empty: no second scale.
+  std::string top_label;  ///< Label of a second scale above the panels.
+  /// Readings of the second scale by x, in the order of x; empty for no second scale.
   std::vector<double> top_x;
   std::vector<double> top_values;
-  std::vector<Panel> panels;  ///< Those without any known y are left out.
+  std::vector<Panel> panels;  ///< Panels without any known y are left out.
 };
 
 /// The figure as a self-contained SVG document, which follows the viewer's light or dark scheme.
-/// All texts are escaped. With no panel left, a figure that says so.
+/// All texts are escaped. Without any panel, the figure holds a sentence about that.
 std::string DrawFigure(const Figure& figure);
 
 }  // namespace slalom::plot

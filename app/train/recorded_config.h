@@ -7,7 +7,7 @@
 
 namespace slalom::train {
 
-/// The config that a policy, a checkpoint or a run directory holds. It has every key that there was
+/// The config that a policy, a checkpoint or a run directory holds. It has every key that existed
 /// when it was written.
 struct RecordedConfig {
   RunConfig config;
@@ -17,8 +17,8 @@ struct RecordedConfig {
   bool before_friction_laws = false;
 };
 
-/// Reads such a config. Throws `base::Error`, which names `source`, where it is damaged or has keys
-/// that this program does not know.
+/// Reads such a config. Throws `base::Error` that names `source` if it is damaged or has keys that
+/// this program does not know.
 RecordedConfig ReadRecordedConfig(std::string_view text, std::string_view source);
 
 /// One line about such a config, to be put after its source: what the old drive is, and how to have

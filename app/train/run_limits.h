@@ -6,28 +6,28 @@
 
 #include "app/train/run_config.h"
 
-/// What the limits of a run allow, and what to change where they allow too little. An "override" is
-/// a text `section.key=value`, as `--set` takes it.
+/// Checks of a run's limits, and overrides that change them. An "override" is a text
+/// `section.key=value`, as `--set` takes it.
 
 namespace slalom::train {
 
-/// Throws `base::Error` that names the keys where a new run certainly learns nothing: it ends by
-/// `run.max_steps` before its first update, or its replay cannot hold what one update samples.
+/// Throws `base::Error` that names the keys if a new run certainly learns nothing: it ends by
+/// `run.max_steps` before its first update, or its replay cannot hold the samples of one update.
 void RequireLearnable(const RunConfig& config);
 
-/// The override with which a run that ended at its limit goes on for about as long again.
+/// The override with which a run that ended at its limit continues for about as long again.
 std::string LongerLimit(const RunConfig& config, std::int64_t steps, double training_s);
 
-/// Why a run that ended at its limit after `steps` steps made no update, and the override with
-/// which it goes on to make some.
+/// The reason why a run that ended at its limit after `steps` steps made no update, and the
+/// override with which it continues and makes some.
 struct NothingLearned {
   std::string reason;    ///< A sentence without its full stop.
   std::string override;  ///< As `LongerLimit` gives it.
 };
 NothingLearned ExplainNoUpdate(const RunConfig& config, std::int64_t steps, double training_s);
 
-/// The overrides that a deterministic run of this config needs besides, all of them. Empty: none.
-/// The run must end by steps, since what it learns in some seconds depends on the machine.
+/// All further overrides that a deterministic run of this config needs; empty if none. The run must
+/// end by steps, because its progress per second depends on the machine.
 std::vector<std::string> OverridesForDeterminism(const RunConfig& config);
 
 }  // namespace slalom::train

@@ -6,7 +6,7 @@
 
 namespace slalom::train {
 
-/// Where the processes of the distributed service find each other, and where each keeps its state.
+/// Addresses of the distributed service's processes, and the directories of their state.
 struct ServiceConfig {
   std::string name;
   std::string replay = "tcp://127.0.0.1:5550";

@@ -20,15 +20,15 @@
 
 namespace slalom::train {
 
-/// Batches out of a table in this process, which an actor of this process fills and whose policies
-/// go to that actor: what a replay server, an actor and a policy server are in a service. Takes the
-/// actor's chunks as they are needed for the next update, so no lock is held while sampling. In a
+/// Draws batches from a table in this process. An actor of this process fills the table and gets
+/// the policies. It replaces the replay server, actor and policy server of a service. It takes the
+/// actor's chunks as the next update needs them, so no lock is held while sampling. In a
 /// deterministic run, actor and learner take turns. Confined to the learner's thread.
 class TableSource final : public learner::BatchSource, public learner::PolicySink {
  public:
-  /// Saves the table below the directory `checkpoints`, which it makes. `specs`: of the learner's
-  /// batches. Keeps references to `actor`, `agent`, `table` and `registry`, which must outlive it.
-  /// Throws `base::Error` if the directory cannot be made.
+  /// Saves the table below the directory `checkpoints`, which it makes. `specs`: the specs of the
+  /// learner's batches. Keeps references to `actor`, `agent`, `table` and `registry`, which must
+  /// outlive it. Throws `base::Error` if the directory cannot be made.
   TableSource(const RunConfig& config, std::vector<replay::SampleSpec> specs, actor::Actor& actor,
               policy::PolicyAgent& agent, replay::Table& table,
               const std::filesystem::path& checkpoints, metrics::Registry& registry);
@@ -67,12 +67,12 @@ class TableSource final : public learner::BatchSource, public learner::PolicySin
   metrics::Registry& registry_;
   metrics::Counter batches_;
   metrics::Counter waited_;
-  std::unique_ptr<Collector> collector_;  // Null: stopped.
+  std::unique_ptr<Collector> collector_;  // Null if stopped.
 
   std::optional<replay::RateLimiter> limiter_;  // Its cursor counts updates.
   std::vector<replay::SampledRows> rows_;       // One of each kind.
   base::Random sampling_;
-  base::Random diagnostics_;  // For figures alone.
+  base::Random diagnostics_;  // Serves figures only.
   replay::SampledRows windows_;
   std::int64_t observed_episodes_ = 0;
 };

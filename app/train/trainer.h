@@ -24,32 +24,33 @@ using learner::TrainingEnd;
 /// One training run in one process: a `learner::LearnerLoop` between a table and the actor that
 /// fills it.
 ///
-/// Confined to the thread that made it (it starts others inside). A deterministic run is a value of
-/// its config: the same policy, bit for bit, however often it was killed and resumed.
+/// Confined to the thread that made it (it starts others inside). A deterministic run is a function
+/// of its config: it gives the same policy, bit for bit, even if it is killed and resumed any
+/// number of times.
 class Trainer {
  public:
-  /// Builds everything, then begins the run's directory (`BeginRun`), or where `resume` checks it
-  /// (`ResumeRun`) and continues from its newest checkpoint that is whole. `commit`: of the
-  /// program, for provenance. `registry`, which must outlive it, shows what a learner shows.
-  /// `clock`: measures training time, which counts from `Run` on; tests give their own. Throws
-  /// `base::Error` where courses, config or checkpoint are unusable, a new run could not learn
-  /// anything (`RequireLearnable`), its disk has no room (`RequireRoom`), or another process trains
-  /// there.
+  /// Builds everything, then begins the run's directory (`BeginRun`). With `resume`, checks the
+  /// directory instead (`ResumeRun`) and continues from the newest intact checkpoint. `commit`: the
+  /// program's commit, for provenance. `registry`, which must outlive the trainer, shows the
+  /// metrics of a learner. `clock` measures training time, which counts from `Run` on; tests give
+  /// their own. Throws `base::Error` if courses, config or checkpoint are unusable, if a new run
+  /// could not learn anything (`RequireLearnable`), if the disk has no room (`RequireRoom`), or if
+  /// another process trains there.
   Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
           bool resume, metrics::Registry& registry,
           run::TrainingClock clock = run::TrainingClock());
   ~Trainer();
 
-  /// Trains to the end of the run, or until `stop` (`learner::LearnerLoop::Run`). Of a finished
-  /// run's checkpoints keeps what `run.keep_checkpoints` says. Throws `base::Error` if the policy
-  /// cannot be written.
+  /// Trains to the end of the run, or until `stop` (`learner::LearnerLoop::Run`). Keeps the
+  /// checkpoints of a finished run that `run.keep_checkpoints` names. Throws `base::Error` if the
+  /// policy cannot be written.
   TrainingEnd Run(std::stop_token stop);
 
   /// Time spent training, over all sessions of the run, [s].
   double training_s() const { return loop_.run().training_s(); }
   std::int64_t steps() const { return loop_.run().steps(); }
   std::int64_t updates() const { return loop_.run().updates(); }
-  /// What this session's metrics say of whether the run learns.
+  /// The watch over this session's metrics, which knows whether the run learns.
   const run::LearningWatch& watch() const { return loop_.run().watch(); }
 
  private:
@@ -60,7 +61,7 @@ class Trainer {
   std::unique_ptr<policy::PolicyAgent> agent_;
   actor::Actor actor_;
   replay::Table table_;
-  // Nothing on disk is touched before all that a bad config can break has been built.
+  // The disk is not touched before everything that a bad config can break has been built.
   const run::RunLock lock_;
   TableSource source_;
   learner::LearnerLoop loop_;

@@ -15,17 +15,17 @@
 
 namespace slalom::watch {
 
-/// What `slalom watch` shows of a run's config.
+/// The facts about a run's config that `slalom watch` shows.
 struct RunFacts {
-  std::int64_t max_steps = 0;                                ///< 0: not known.
-  double max_seconds = 0.0;                                  ///< 0: no limit.
+  std::int64_t max_steps = 0;                                ///< 0 if not known.
+  double max_seconds = 0.0;                                  ///< 0 for no limit.
   std::vector<std::pair<std::string, std::string>> lines{};  ///< Name and value, in order.
 };
 
 enum class RunState {
   kStarting,  ///< No row of metrics.csv yet.
   kTraining,
-  kFinished,  ///< Came to one of its limits.
+  kFinished,  ///< Reached one of its limits.
   kStopped,   ///< No process trains it, and no limit was reached.
 };
 
@@ -35,8 +35,8 @@ std::string_view ToString(RunState state);
 struct RunProgress {
   std::string name;
   RunState state = RunState::kStarting;
-  double age_s = 0.0;  ///< Since metrics.csv was written last, [s].
-  /// Time left at the rate so far, [s]; none: not known, or not training.
+  double age_s = 0.0;  ///< Time since metrics.csv was written last, [s].
+  /// Time left at the rate so far, [s]; empty if not known, or not training.
   std::optional<double> left_s;
   run::MetricsTable metrics;
 };

@@ -2,11 +2,11 @@
 
 #include <string_view>
 
-/// The files of app/watch/page/, put into the program at build time (cmake/EmbedPage.cmake).
+/// The files of app/watch/page/, embedded at build time (cmake/EmbedPage.cmake).
 
 namespace slalom::watch {
 
-extern const std::string_view kWatchPageHtml;    ///< With marks where the other parts go.
+extern const std::string_view kWatchPageHtml;    ///< With marks for the other parts.
 extern const std::string_view kWatchPageStyle;   ///< CSS, that of the report first.
 extern const std::string_view kWatchPageScript;  ///< JavaScript.
 

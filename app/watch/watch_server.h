@@ -14,13 +14,13 @@ namespace slalom::watch {
 
 /// Drives of a run's newest policy as a picture.
 struct Drives {
-  std::string svg;   ///< Empty: there is none yet.
-  std::string note;  ///< Whose drives, or why there are none.
+  std::string svg;   ///< Empty if there is none yet.
+  std::string note;  ///< A description of the drives, or the reason why there are none.
   int number = 0;    ///< Goes up with every new picture.
 };
 
-/// Where the pages get what is not in metrics.csv. The server's thread calls these functions, which
-/// must be quick and must not throw.
+/// Functions that give the pages the data that is not in metrics.csv. The server's thread calls
+/// them; they must be quick and must not throw.
 struct RunSources {
   std::function<RunFacts(const std::filesystem::path& run)> facts;
   std::function<Drives(const std::filesystem::path& run)> drives;
@@ -31,7 +31,7 @@ struct RunSources {
 /// - `/`: the page, everything in it;
 /// - `/runs.json`: name, state, steps, success rate and age of each run;
 /// - `/run/NAME.json`: one run with its curves; `/run/NAME.svg`: its newest drives;
-/// - anything else, a run that is gone too: 404.
+/// - anything else, including a run that is gone: 404.
 ///
 /// NAME is percent-encoded and only ever compared with the names of the runs below `root`, so no
 /// path of the file system can be asked for. Stateless: a run that appears or goes is seen with the

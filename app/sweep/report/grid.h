@@ -6,17 +6,17 @@
 
 #include "app/sweep/report/report_content.h"
 
-/// Tables of numbers with their deviations, laid out as papers have them. What they hold is plain
-/// text; report_latex.h and report_markdown.h print them.
+/// Tables of numbers with their deviations, laid out as papers have them. They hold plain text;
+/// report_latex.h and report_markdown.h print them.
 
 namespace slalom::sweep {
 
 /// One number of a table, as it is printed: in percent or seconds.
 struct GridCell {
-  std::optional<double> mean;  ///< None: a dash.
+  std::optional<double> mean;  ///< Empty for a dash.
   std::optional<double> deviation;
   std::string mark;     ///< Above the number: "2/3". May be empty.
-  int num_columns = 1;  ///< That it spans.
+  int num_columns = 1;  ///< Number of columns the cell spans.
   bool is_bold = false;
 };
 
@@ -34,7 +34,7 @@ struct GridLine {
 
 /// Neighbouring columns under one head.
 struct GridBlock {
-  std::string head;  ///< Empty: none of the blocks has a head.
+  std::string head;  ///< Empty if none of the blocks has a head.
   std::vector<std::string> columns;
 };
 

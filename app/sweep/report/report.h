@@ -23,8 +23,8 @@ namespace slalom::sweep {
 void WriteSweepReport(const Plan& plan, const Cells& cells, const std::filesystem::path& store);
 
 /// Returns a table for the terminal: success of each row on each score in percent, with its 95 %
-/// interval, and how many of its seeds are in it. Lines end in newlines.
-/// Cost: reads every evaluation that is there.
+/// interval, and the number of its seeds. Lines end in newlines. Cost: reads every finished
+/// evaluation.
 std::string SweepSummary(const Plan& plan, const Cells& cells, const std::filesystem::path& store);
 
 }  // namespace slalom::sweep

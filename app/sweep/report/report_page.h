@@ -6,7 +6,7 @@
 
 namespace slalom::sweep {
 
-/// Returns what the page shows, as compact JSON that may stand in a `<script>` element.
+/// Returns the data of the page as compact JSON that is safe in a `<script>` element.
 std::string SweepPageData(const ReportContent& content);
 
 /// Returns one HTML page with everything in it, which opens without a network: tables, success over
