@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 #include "base/check.h"
 #include "base/error.h"
@@ -166,6 +167,7 @@ void Imagination::Step(bool clip) {
   const bool noisy = trainer_.model().shape().probabilistic;
   trainer_.model().Predict(pass_, member, noisy ? model_noise_.Draw(random_) : at::Tensor(),
                            minibatch_.next_features);
+  num_transitions_ += minibatch_.reward.size(0);
 }
 
 /// The n-step transition of docs/models.md: r = sum_i gamma^i alive_i r_i, then gamma^n alive_n.
@@ -227,11 +229,14 @@ void Imagination::RollOut(std::int64_t row, int steps) {
 
 void Imagination::SaveState(nn::TensorMap& tensors) const {
   tensors["imagination.random"] = StoreRandom(random_);
+  tensors["imagination.transitions"] =
+      nn::StoredTensor::Of(std::span<const std::int64_t>(&num_transitions_, 1));
   if (config_.kind == ImaginationKind::kMbpo) transitions_.SaveState(tensors);
 }
 
 void Imagination::LoadState(const nn::TensorFile& file) {
   ReadRandom(file, "imagination.random", random_);
+  file.Read("imagination.transitions", std::span(&num_transitions_, 1));
   if (config_.kind == ImaginationKind::kMbpo) transitions_.LoadState(file);
 }
 

@@ -57,6 +57,9 @@ class Imagination {
   /// Fills the minibatch with batch `k`, 0 <= k < num_batches(). Requires: `Begin` was called.
   void Fill(int k);
 
+  /// Number of transitions imagined since the beginning: one for each state and step of a rollout.
+  std::int64_t num_transitions() const { return num_transitions_; }
+
   void SaveState(nn::TensorMap& tensors) const;
   void LoadState(const nn::TensorFile& file);
 
@@ -73,6 +76,7 @@ class Imagination {
   Algorithm& algorithm_;
   Minibatch& minibatch_;
   base::Random random_;
+  std::int64_t num_transitions_ = 0;
   nn::ModelPass pass_;               // Reads minibatch.next_input and is rolled forward in it.
   Noise action_noise_;               // [B, 2]
   Noise model_noise_;                // [B, M]

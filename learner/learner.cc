@@ -273,6 +273,9 @@ LearnerStats Learner::ReadStats() {
     stats.cost_q_mean = stats.cost_critic_loss = LearnerStats::kNone;
   }
   if (p.model) stats.model = p.model->ReadStats();
+  if (p.imagination) {
+    stats.imagined_transitions = static_cast<double>(p.imagination->num_transitions());
+  }
   p.last_stats = stats;
   return stats;
 }

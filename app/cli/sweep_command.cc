@@ -24,6 +24,7 @@
 #include "app/sweep/plan.h"
 #include "app/sweep/plan_record.h"
 #include "app/sweep/report/report.h"
+#include "app/sweep/report/report_markdown.h"
 #include "app/sweep/runner.h"
 #include "app/sweep/slurm.h"
 #include "app/sweep/store.h"
@@ -265,10 +266,9 @@ class Reporter {
   std::optional<Clock::time_point> last_;
 };
 
-int RunSweep(const SweepOptions& options) {
+int RunSweep(const SweepOptions& options, const Sweep& sweep) {
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   StopSignals signals;
-  const Sweep sweep = LoadSweep(options);
   base::MakeDirectories(options.store);
   sweep::RequireSharable(options.store);
   sweep::Slots slots =
@@ -320,15 +320,44 @@ int RunSweep(const SweepOptions& options) {
   return base::kExitOk;
 }
 
+/// The sweeps of all plans, so that a mistake in the last one shows before the first one runs.
+std::vector<Sweep> LoadSweeps(const std::vector<SweepOptions>& each) {
+  std::vector<Sweep> sweeps;
+  sweeps.reserve(each.size());
+  for (const SweepOptions& one : each) sweeps.push_back(LoadSweep(one));
+  return sweeps;
+}
+
 /// Works on every plan that the options ask for, unless a signal says to stop.
 int RunSweeps(const SweepOptions& options) {
   int exit_code = base::kExitOk;
-  for (const SweepOptions& one : EachPlan(options)) {
-    const int code = RunSweep(one);
+  const std::vector<SweepOptions> each = EachPlan(options);
+  const std::vector<Sweep> sweeps = LoadSweeps(each);
+  for (std::size_t i = 0; i < each.size(); ++i) {
+    const int code = RunSweep(each[i], sweeps[i]);
     if (code >= base::kExitSignalBase) return code;
     if (code != base::kExitOk) exit_code = code;
   }
   return exit_code;
+}
+
+/// Writes the report of every plan that the options ask for, and their tables into the pages.
+void WriteReports(const SweepOptions& options) {
+  const std::vector<Sweep> sweeps = LoadSweeps(EachPlan(options));
+  std::vector<sweep::ReportContent> contents;
+  contents.reserve(sweeps.size());
+  std::vector<const sweep::ReportContent*> each;
+  for (const Sweep& sweep : sweeps) {
+    const Reporter reporter(sweep, options.store);
+    reporter.Write();
+    fmt::print("{}", reporter.Summary());
+    if (options.pages.empty()) continue;
+    contents.push_back(sweep::MakeContent(sweep.plan, sweep.all, options.store));
+    each.push_back(&contents.back());
+  }
+  for (const std::string& page : options.pages) {
+    base::WriteFileAtomically(page, sweep::FillBlocks(base::ReadFile(page), page, each));
+  }
 }
 
 }  // namespace
@@ -369,14 +398,11 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   CLI::App* report = sweep->add_subcommand(
       "report", "Write the report of what a plan's cells have come to, done or not");
   AddPlanOptions(*report, *options);
-  report->callback([options] {
-    for (const SweepOptions& one : EachPlan(*options)) {
-      const Sweep loaded = LoadSweep(one);
-      const Reporter reporter(loaded, one.store);
-      reporter.Write();
-      fmt::print("{}", reporter.Summary());
-    }
-  });
+  report
+      ->add_option("--into", options->pages,
+                   "Fill the tables of this Markdown page anew, too (docs/sweeps.md; repeatable)")
+      ->check(CLI::ExistingFile);
+  report->callback([options] { WriteReports(*options); });
 
   CLI::App* export_cells = sweep->add_subcommand(
       "export", "Copy the results of a plan's done cells, without policies, into a directory");

@@ -26,6 +26,7 @@ struct SweepOptions {
   int threads = 0;
   std::string metrics;
   std::string archive;
+  std::vector<std::string> pages;
   bool no_trial = false;
   bool retry_failed = false;
 };

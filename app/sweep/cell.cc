@@ -79,7 +79,7 @@ class Expansion {
       }
     }
     if (names_groups) axis_names_.insert(axis_names_.begin(), "method");
-    CheckReferences();
+    CheckTables();
     return {std::move(cells_), std::move(axis_names_)};
   }
 
@@ -378,19 +378,42 @@ class Expansion {
     cells_.push_back(std::move(cell));
   }
 
-  void CheckReferences() const {
-    for (const Reference& reference : plan_.references) {
-      for (const std::string& row : reference.rows) {
-        const bool found =
-            std::ranges::any_of(cells_, [&](const Cell& cell) { return cell.row_name() == row; });
-        if (found) continue;
-        std::vector<std::string> rows;
-        for (const Cell& cell : cells_) {
-          if (rows.empty() || rows.back() != cell.row_name()) rows.push_back(cell.row_name());
-        }
-        Fail(fmt::format("[[reference]] '{}'", reference.source),
-             fmt::format("there is no row '{}', expected one of: {}", row, fmt::join(rows, "; ")));
+  /// Fails unless each row is one of the plan's.
+  void CheckRows(const std::string& where, const std::vector<std::string>& names) const {
+    for (const std::string& name : names) {
+      if (std::ranges::find(cells_, name, &Cell::row_name) != cells_.end()) continue;
+      std::vector<std::string> rows;
+      for (const Cell& cell : cells_) {
+        if (rows.empty() || rows.back() != cell.row_name()) rows.push_back(cell.row_name());
       }
+      Fail(where,
+           fmt::format("there is no row '{}', expected one of: {}", name, fmt::join(rows, "; ")));
+    }
+  }
+
+  /// Fails unless each row has the score.
+  void CheckScored(const std::string& where, const std::vector<std::string>& names,
+                   const std::string& score) const {
+    CheckRows(where, names);
+    for (const std::string& name : names) {
+      const bool is_scored = std::ranges::any_of(cells_, [&](const Cell& cell) {
+        return cell.row_name() == name &&
+               std::ranges::find(cell.scores, score, &ScoreTask::name) != cell.scores.end();
+      });
+      if (is_scored) continue;
+      Fail(where,
+           fmt::format("the row '{}' has no score '{}', expected one that it has", name, score));
+    }
+  }
+
+  void CheckTables() const {
+    for (const Reference& reference : plan_.references) {
+      CheckRows(fmt::format("[[reference]] '{}'", reference.source), reference.rows);
+    }
+    for (const Conclusion& conclusion : plan_.conclusions) {
+      const std::string where = fmt::format("[[conclusion]] '{}'", conclusion.text);
+      CheckScored(where, conclusion.rows, conclusion.score);
+      CheckScored(where, conclusion.than, conclusion.other_score());
     }
   }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <fstream>
 #include <iterator>
@@ -21,6 +22,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "learner/run/checkpoint_store.h"
+#include "learner/run/metrics_table.h"
 #include "learner/run/run_directory.h"
 #include "policy/policy.h"
 
@@ -188,14 +190,18 @@ class Work {
       return WorkEnd::kFailed;
     }
     const nn::Metadata metadata = policy::LoadPolicy(run.policy()).metadata;
-    WriteTrained(directory_, {.steps = Provenance<std::int64_t>(metadata, "steps"),
-                              .updates = Provenance<std::int64_t>(metadata, "updates"),
-                              .training_s = Provenance<double>(metadata, "training_s"),
-                              .wall_s = SecondsSince(begin),
-                              .host = base::HostName(),
-                              .platform = options_.platform,
-                              .commit = options_.commit,
-                              .at_once = options_.at_once});
+    const double imagined = run::ReadLastMetrics(run.metrics()).Last("imagined_transitions");
+    WriteTrained(
+        directory_,
+        {.steps = Provenance<std::int64_t>(metadata, "steps"),
+         .updates = Provenance<std::int64_t>(metadata, "updates"),
+         .imagined = std::isnan(imagined) ? std::nullopt : std::optional(std::llround(imagined)),
+         .training_s = Provenance<double>(metadata, "training_s"),
+         .wall_s = SecondsSince(begin),
+         .host = base::HostName(),
+         .platform = options_.platform,
+         .commit = options_.commit,
+         .at_once = options_.at_once});
     return WorkEnd::kDone;
   }
 

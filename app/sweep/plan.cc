@@ -66,6 +66,7 @@ class Checker {
       CheckGroup(group);
     }
     for (const Reference& reference : plan_.references) CheckReference(reference);
+    for (const Conclusion& conclusion : plan_.conclusions) CheckConclusion(conclusion);
   }
 
  private:
@@ -196,6 +197,30 @@ class Checker {
                       "many of each",
                       reference.source, reference.rows.size(), reference.values.size(),
                       reference.deviations.size()));
+    }
+  }
+
+  void CheckConclusion(const Conclusion& conclusion) const {
+    const std::string where = fmt::format("[[conclusion]] '{}'", conclusion.text);
+    if (conclusion.text.empty()) Fail("[[conclusion]] has no text, expected a sentence");
+    for (const std::string& score : {conclusion.score, conclusion.other_score()}) {
+      if (HasScore(score)) continue;
+      Fail(fmt::format("{} names the score '{}', expected the name of a [[score]]", where, score));
+    }
+    if (conclusion.rows.empty()) Fail(fmt::format("{} has no rows, expected at least one", where));
+    const std::size_t others = conclusion.than.size();
+    if (others > 1 && others != conclusion.rows.size()) {
+      Fail(fmt::format("{} has {} rows and {} in conclusion.than, expected none, one or as many",
+                       where, conclusion.rows.size(), others));
+    }
+    if (others == 0 && !conclusion.than_score.empty()) {
+      Fail(fmt::format("{} has conclusion.than_score without conclusion.than, expected both",
+                       where));
+    }
+    if (conclusion.kind == ConclusionKind::kWithin && conclusion.limit <= 0.0) {
+      Fail(fmt::format(
+          "{} has conclusion.limit = {}, expected more than 0 with conclusion.kind = \"within\"",
+          where, conclusion.limit));
     }
   }
 

@@ -196,7 +196,43 @@ struct Reference {
       "\" / \", such as \"GRU / 4\".");
     v("values", values, base::Range{-1e9, 1e9}, "", "One number for each row.");
     v("deviations", deviations, base::Range{0.0, 1e9}, "",
-      "Their standard deviations over runs. Empty: not known.");
+      "Their standard deviations over runs. Empty, or 0: not known.");
+  }
+};
+
+/// On which side of its limit a conclusion says that a figure lies.
+enum class ConclusionKind { kAbove, kBelow, kWithin };
+inline base::OneOf EnumNames(ConclusionKind) { return {"above", "below", "within"}; }
+
+/// A sentence about the results that they bear out or not: each row's quantity, or its difference
+/// from that of another row, lies above or below a limit, or within a limit on both sides of 0.
+struct Conclusion {
+  std::string text;
+  std::string score;
+  std::string quantity = "success_rate";
+  std::vector<std::string> rows;
+  std::vector<std::string> than;
+  std::string than_score;
+  ConclusionKind kind = ConclusionKind::kAbove;
+  double limit = 0.0;
+
+  const std::string& other_score() const { return than_score.empty() ? score : than_score; }
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("text", text, "The conclusion, in words.");
+    v("score", score, "Name of the score that it is about.");
+    v("quantity", quantity, QuantityKeys(), "", "What is compared. Rates are shares from 0 to 1.");
+    v("rows", rows,
+      "Rows of the table that it speaks of, as in reference.rows. It holds if it holds for each.");
+    v("than", than,
+      "The row that is subtracted from each of them, or one row for all. Empty: nothing is "
+      "subtracted.");
+    v("than_score", than_score, "Name of the score of these rows. Empty: that of the others.");
+    v("kind", kind,
+      "above, below: the whole 95 % interval of the figure must lie on that side of the limit. "
+      "within: between minus the limit and the limit.");
+    v("limit", limit, base::Range{-1e9, 1e9}, "", "The limit, a share from 0 to 1 for rates.");
   }
 };
 
@@ -230,6 +266,7 @@ struct Plan {
   std::vector<Group> groups;
   std::vector<Score> scores;
   std::vector<Reference> references;
+  std::vector<Conclusion> conclusions;
   SlurmSettings slurm;
 
   std::filesystem::path file;         ///< Where it was read; paths in it are relative to this.
@@ -245,6 +282,7 @@ struct Plan {
              "Cells that belong together. Without any there is one group, with the sweep's name.");
     v.Tables("score", scores, "What every policy and planner is scored on.");
     v.Tables("reference", references, "Published numbers, shown beside the results.");
+    v.Tables("conclusion", conclusions, "Sentences that the report judges by the results.");
     v.Section("slurm", slurm, "How cells are handed to Slurm.");
   }
 };

@@ -192,9 +192,9 @@ std::optional<double> ValueOf(const eval::Result& result, const Quantity& quanti
   return sum / count;
 }
 
-QuantityTables TablesOf(const RowScore& score, const Quantity& quantity) {
+eval::RatioTables TablesOf(const RowScore& score, const Quantity& quantity) {
   SLALOM_CHECK(!score.seeds.empty());
-  QuantityTables tables;
+  eval::RatioTables tables;
   tables.sums.limits = LimitsOf(score.seeds.front().result, quantity);
   tables.sums.trained = score.seeds.front().result.is_trained();
   for (const CellScore& seed : score.seeds) {
@@ -218,7 +218,7 @@ QuantityTables TablesOf(const RowScore& score, const Quantity& quantity) {
 
 eval::ScoreTable RateTable(const RowScore& score, const Quantity& rate) {
   SLALOM_CHECK(rate.is_rate);
-  QuantityTables tables = TablesOf(score, rate);
+  eval::RatioTables tables = TablesOf(score, rate);
   for (std::size_t s = 0; s < tables.sums.scores.size(); ++s) {
     for (std::size_t c = 0; c < tables.sums.scores[s].size(); ++c) {
       // A course without episodes cannot be in a file that was read.

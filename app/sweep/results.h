@@ -11,6 +11,7 @@
 #include "app/sweep/plan.h"
 #include "app/sweep/store.h"
 #include "eval/report/result.h"
+#include "eval/statistics/bootstrap.h"
 #include "eval/statistics/score_table.h"
 
 /// What the cells of a plan have come to so far: their evaluations by row and score. The reports
@@ -95,14 +96,8 @@ inline constexpr Quantity kQuantities[] = {
 /// A quantity of one evaluation; none: no episode has it (no success, so no traversal time).
 std::optional<double> ValueOf(const eval::Result& result, const Quantity& quantity);
 
-/// Sums of a quantity over the episodes on each course, and how many episodes have it. Their ratio
-/// is the quantity's mean over episodes.
-struct QuantityTables {
-  eval::ScoreTable sums;    ///< [seed][course]
-  eval::ScoreTable counts;  ///< [seed][course]
-};
-/// Requires: at least one seed.
-QuantityTables TablesOf(const RowScore& score, const Quantity& quantity);
+/// A quantity over the episodes on each course. Requires: at least one seed.
+eval::RatioTables TablesOf(const RowScore& score, const Quantity& quantity);
 
 /// The mean of a rate over the episodes on each course: [seed][course]. Requires: at least one
 /// seed, a rate.

@@ -39,6 +39,7 @@ std::optional<TrainedCell> ReadTrained(const fs::path& path) {
   try {
     trained.steps = json->at("steps");
     trained.updates = json->at("updates");
+    if (json->contains("imagined")) trained.imagined = json->at("imagined").get<std::int64_t>();
     trained.training_s = json->at("training_s");
     trained.wall_s = json->at("wall_s");
     trained.host = json->at("host");
@@ -96,14 +97,15 @@ std::string_view ToString(CellState state) {
 }
 
 void WriteTrained(const CellDirectory& directory, const TrainedCell& trained) {
-  WriteObject(directory.trained(), {{"steps", trained.steps},
-                                    {"updates", trained.updates},
-                                    {"training_s", trained.training_s},
-                                    {"wall_s", trained.wall_s},
-                                    {"host", trained.host},
-                                    {"platform", trained.platform},
-                                    {"commit", trained.commit},
-                                    {"at_once", trained.at_once}});
+  Json json = {{"steps", trained.steps}, {"updates", trained.updates}};
+  if (trained.imagined) json["imagined"] = *trained.imagined;
+  json.update({{"training_s", trained.training_s},
+               {"wall_s", trained.wall_s},
+               {"host", trained.host},
+               {"platform", trained.platform},
+               {"commit", trained.commit},
+               {"at_once", trained.at_once}});
+  WriteObject(directory.trained(), json);
 }
 
 void WriteScored(const CellDirectory& directory, const ScoredCell& scored) {

@@ -57,6 +57,8 @@ class CellDirectory {
 struct TrainedCell {
   std::int64_t steps = 0;
   std::int64_t updates = 0;
+  /// Transitions that a model imagined to learn from. None: nothing was imagined.
+  std::optional<std::int64_t> imagined{};
   double training_s = 0.0;  ///< Time spent training, over all sessions, [s].
   double wall_s = 0.0;      ///< The last session as a whole, loading included, [s].
   std::string host{};       ///< Machine of the last session.

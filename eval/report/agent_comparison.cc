@@ -80,7 +80,7 @@ std::optional<Estimate> TraversalTime(std::span<const Result> results, const Age
   const ScoreTable counts = MakeTable(results, agent, any, [&](const ResultCourse& course) {
     return sum_over_successes(course, [](const ResultEpisode&) { return 1.0; });
   });
-  return BootstrapRatio(times, counts, options);
+  return BootstrapRatio({times, counts}, options);
 }
 
 AgentFigures FiguresOf(std::span<const Result> results, const AgentResults& agent,

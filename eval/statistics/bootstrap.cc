@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -159,6 +160,13 @@ double WeightedMean(const ScoreTable& table, const Drawn& seeds, const Drawn& co
   return WeightedSum(table, seeds, courses) / (Sum(seeds) * Sum(courses));
 }
 
+/// NaN: nothing was counted.
+double WeightedRatio(const RatioTables& tables, const Drawn& seeds, const Drawn& courses) {
+  const double count = WeightedSum(tables.counts, seeds, courses);
+  return count > 0.0 ? WeightedSum(tables.sums, seeds, courses) / count
+                     : std::numeric_limits<double>::quiet_NaN();
+}
+
 /// A score with its place in the table.
 struct PlacedScore {
   double score = 0.0;
@@ -179,6 +187,12 @@ std::vector<PlacedScore> SortedScores(const ScoreTable& table) {
 
 std::vector<std::size_t> SizesOf(const ScoreTable& table) {
   return {table.num_courses(), table.num_seeds()};
+}
+
+std::vector<std::size_t> SizesOf(const RatioTables& tables) {
+  SLALOM_CHECK_EQ(tables.sums.num_seeds(), tables.counts.num_seeds());
+  SLALOM_CHECK_EQ(tables.sums.num_courses(), tables.counts.num_courses());
+  return SizesOf(tables.sums);
 }
 
 std::vector<std::size_t> SizesOf(const ScoreTable& first, const ScoreTable& second) {
@@ -230,16 +244,32 @@ Estimate BootstrapLowestTwentiethMean(const ScoreTable& table, const BootstrapOp
   return BootstrapMeanOfRanks(table, lowest, options);
 }
 
-std::optional<Estimate> BootstrapRatio(const ScoreTable& sums, const ScoreTable& counts,
-                                       const BootstrapOptions& options) {
-  SLALOM_CHECK_EQ(sums.num_seeds(), counts.num_seeds());
-  SLALOM_CHECK_EQ(sums.num_courses(), counts.num_courses());
+std::optional<Estimate> BootstrapRatio(const RatioTables& tables, const BootstrapOptions& options) {
   const auto ratio = [&](std::span<const Drawn> drawn) {
-    const double count = WeightedSum(counts, drawn[1], drawn[0]);
-    return count > 0.0 ? WeightedSum(sums, drawn[1], drawn[0]) / count
-                       : std::numeric_limits<double>::quiet_NaN();
+    return WeightedRatio(tables, drawn[1], drawn[0]);
   };
-  const Estimate estimate = BootstrapOne(SizesOf(sums), ratio, sums.limits, options);
+  const Estimate estimate = BootstrapOne(SizesOf(tables), ratio, tables.sums.limits, options);
+  if (std::isnan(estimate.value)) return std::nullopt;
+  return estimate;
+}
+
+std::optional<Estimate> BootstrapRatioDifference(const RatioTables& first,
+                                                 const RatioTables& second, bool same_courses,
+                                                 const BootstrapOptions& options) {
+  std::vector<std::size_t> sizes = SizesOf(first);
+  if (same_courses) {
+    SLALOM_CHECK_EQ(first.sums.num_courses(), second.sums.num_courses());
+    sizes.push_back(second.sums.num_seeds());
+  } else {
+    std::ranges::copy(SizesOf(second), std::back_inserter(sizes));
+  }
+  const auto difference = [&](std::span<const Drawn> drawn) {
+    const Drawn& courses = same_courses ? drawn.front() : drawn[2];
+    return WeightedRatio(first, drawn[1], drawn[0]) - WeightedRatio(second, drawn.back(), courses);
+  };
+  const Interval limits{first.sums.limits.low - second.sums.limits.high,
+                        first.sums.limits.high - second.sums.limits.low};
+  const Estimate estimate = BootstrapOne(sizes, difference, limits, options);
   if (std::isnan(estimate.value)) return std::nullopt;
   return estimate;
 }

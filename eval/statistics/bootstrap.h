@@ -48,13 +48,26 @@ Estimate BootstrapInterquartileMean(const ScoreTable& table, const BootstrapOpti
 Estimate BootstrapLowestTwentiethMean(const ScoreTable& table,
                                       const BootstrapOptions& options = {});
 
-/// Estimates the sum of `sums` over the sum of `counts`, where `sums` adds up a quantity that not
-/// every episode has (for example the time of those that succeeded) and `counts` those that have
-/// it. Returns nothing if all counts are 0. The interval is cut to the limits of `sums`. There is
-/// none if only one seed or one course has a count.
-/// Requires: tables of one shape, counts of 0 or more.
-std::optional<Estimate> BootstrapRatio(const ScoreTable& sums, const ScoreTable& counts,
+/// A quantity that not every episode has, such as the time of those that succeeded: its sums over
+/// the episodes on each course, and how many of these have it. Requires: tables of one shape,
+/// counts of 0 or more.
+struct RatioTables {
+  ScoreTable sums;
+  ScoreTable counts;
+};
+
+/// Estimates the sum of all `sums` over that of all `counts`. Returns nothing if all counts are 0.
+/// The interval is cut to the limits of `sums`. There is none if only one seed or one course has a
+/// count.
+std::optional<Estimate> BootstrapRatio(const RatioTables& tables,
                                        const BootstrapOptions& options = {});
+
+/// Estimates the ratio of `first` minus that of `second`. `same_courses`: both drove the same
+/// courses in the same order, so these are drawn for both together; otherwise each ratio has draws
+/// of its own. Returns nothing, and no interval, as `BootstrapRatio` does.
+std::optional<Estimate> BootstrapRatioDifference(const RatioTables& first,
+                                                 const RatioTables& second, bool same_courses,
+                                                 const BootstrapOptions& options = {});
 
 /// Estimates `Mean(first) - Mean(second)`. Requires: the same courses in the same order.
 Estimate BootstrapDifference(const ScoreTable& first, const ScoreTable& second,

@@ -132,6 +132,7 @@ TEST(Imagination, DynaStepsForthAndSumsUp) {
     ExpectClose(scene.minibatch.discount, std::pow(kGamma, 4) * alive);
     EXPECT_EQ(scene.minibatch.cost.abs().max().item<float>(), 0.0f);
     EXPECT_EQ(scene.minibatch.weight.min().item<float>(), 1.0f);
+    EXPECT_EQ(scene.imagination.num_transitions(), (k + 1) * 4 * kBatch);
   }
 }
 
@@ -263,6 +264,9 @@ TEST(Imagination, IsAFunctionOfItsSeedAndGoesOnAfterARestore) {
     }
     EXPECT_TRUE(at::equal(a.minibatch.next_features, resumed.minibatch.next_features))
         << base::EnumName(kind);
+    const ImaginationConfig config = Mbpo();
+    EXPECT_EQ(resumed.imagination.num_transitions(),
+              config.rollouts * (RolloutSteps(config, 0) + RolloutSteps(config, 1)));
   }
 }
 

@@ -32,8 +32,7 @@ std::optional<double> DeviationOfSeeds(const std::vector<double>& values) {
 std::optional<eval::Estimate> EstimateOf(const RowScore& row, const Quantity& quantity) {
   if (row.seeds.empty()) return std::nullopt;
   if (quantity.is_rate) return eval::BootstrapMean(RateTable(row, quantity));
-  const QuantityTables tables = TablesOf(row, quantity);
-  return eval::BootstrapRatio(tables.sums, tables.counts);
+  return eval::BootstrapRatio(TablesOf(row, quantity));
 }
 
 QuantityFigures FiguresOf(const RowScore& row, const Quantity& quantity) {
@@ -148,6 +147,14 @@ bool AreOnSameCourses(const eval::Result& a, const eval::Result& b) {
 
 }  // namespace
 
+bool AreOnSameCourses(const RowScore& a, const RowScore& b) {
+  return std::ranges::all_of(a.seeds, [&](const CellScore& one) {
+    return std::ranges::all_of(b.seeds, [&](const CellScore& other) {
+      return AreOnSameCourses(one.result, other.result);
+    });
+  });
+}
+
 std::vector<Published> FindPublished(const Plan& plan, const std::string& score,
                                      const std::string& row, const Quantity& quantity) {
   std::vector<Published> published;
@@ -155,7 +162,7 @@ std::vector<Published> FindPublished(const Plan& plan, const std::string& score,
     if (reference.score != score || reference.quantity != quantity.key) continue;
     for (std::size_t i = 0; i < reference.rows.size(); ++i) {
       if (reference.rows[i] != row || i >= reference.values.size()) continue;
-      const bool has_deviation = i < reference.deviations.size();
+      const bool has_deviation = i < reference.deviations.size() && reference.deviations[i] > 0.0;
       published.push_back({reference.source, reference.values[i],
                            has_deviation ? std::optional(reference.deviations[i]) : std::nullopt});
     }
@@ -183,6 +190,7 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
   }
   std::vector<double> steps;
   std::vector<double> updates;
+  std::vector<double> imagined;
   std::vector<double> seconds;
   for (const CellScore& seed : row.seeds) {
     const auto& trained = results.statuses[seed.cell].trained;
@@ -195,10 +203,12 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
     if (!trained) continue;
     steps.push_back(static_cast<double>(trained->steps));
     updates.push_back(static_cast<double>(trained->updates));
+    if (trained->imagined) imagined.push_back(static_cast<double>(*trained->imagined));
     seconds.push_back(trained->training_s);
   }
   figures.steps = MeanOfSeeds(steps);
   figures.updates = MeanOfSeeds(updates);
+  figures.imagined = MeanOfSeeds(imagined);
   figures.training_s = MeanOfSeeds(seconds);
   return figures;
 }
@@ -252,12 +262,7 @@ RowPairs CompareRows(const ScoreResults& score) {
   int num_different = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     for (std::size_t j = i + 1; j < rows.size(); ++j) {
-      const bool is_same = std::ranges::all_of(rows[i]->seeds, [&](const CellScore& a) {
-        return std::ranges::all_of(rows[j]->seeds, [&](const CellScore& b) {
-          return AreOnSameCourses(a.result, b.result);
-        });
-      });
-      if (!is_same) {
+      if (!AreOnSameCourses(*rows[i], *rows[j])) {
         ++num_different;
         continue;
       }

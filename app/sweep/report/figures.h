@@ -45,10 +45,15 @@ struct RowFigures {
   /// Of the training until then: means over the seeds of which they are known. None: of none.
   std::optional<double> steps;
   std::optional<double> updates;
+  std::optional<double> imagined;  ///< Transitions that a model imagined.
   std::optional<double> training_s;
 
   const QuantityFigures& success() const { return quantities.front(); }
 };
+
+/// Whether all evaluations of both were on the same courses by the same rules. Requires: each has
+/// one.
+bool AreOnSameCourses(const RowScore& a, const RowScore& b);
 
 /// The published numbers of a row, in the plan's order.
 std::vector<Published> FindPublished(const Plan& plan, const std::string& score,

@@ -129,8 +129,8 @@ std::vector<std::string> WarningsOf(const Plan& plan, const SweepResults& result
   }
   if (!results.missing.empty()) {
     warnings.push_back(fmt::format(
-        "{} evaluation{} of the plan {} missing and listed below. A row's column \"seeds\" says "
-        "how many of its seeds are in its numbers.",
+        "{} evaluation{} of the plan {} missing. Fractions, and a row's column \"seeds\", say how "
+        "many seeds are in a number.",
         results.missing.size(), results.missing.size() == 1 ? "" : "s",
         results.missing.size() == 1 ? "is" : "are"));
   }
@@ -210,7 +210,7 @@ ScoreContent MakeScore(const Plan& plan, const SweepResults& results, const Scor
 }  // namespace
 
 ReportContent MakeContent(const Plan& plan, const Cells& cells, const fs::path& store) {
-  ReportContent content{plan, cells, CollectResults(plan, cells, store), {}, {}, {}, {}};
+  ReportContent content{plan, cells, CollectResults(plan, cells, store), {}, {}, {}, {}, {}};
   content.title = fmt::format(
       "{} ({})", plan.sweep.title.empty() ? plan.sweep.name : plan.sweep.title, TaskOf(cells));
   content.provenance = ProvenanceOf(plan, cells, content.results);
@@ -219,6 +219,7 @@ ReportContent MakeContent(const Plan& plan, const Cells& cells, const fs::path& 
     content.scores.push_back(
         MakeScore(plan, content.results, content.results.scores[s], plan.scores[s].courses));
   }
+  content.conclusions = JudgeConclusions(plan, content.results);
   return content;
 }
 

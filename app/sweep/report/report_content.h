@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "app/sweep/plan.h"
+#include "app/sweep/report/conclusions.h"
 #include "app/sweep/report/figures.h"
 #include "app/sweep/results.h"
 
@@ -43,7 +44,8 @@ struct ReportContent {
   std::vector<std::pair<std::string, std::string>> provenance;
   /// What a reader must know before reading a number, in sentences.
   std::vector<std::string> warnings;
-  std::vector<ScoreContent> scores;  ///< In the plan's order.
+  std::vector<ScoreContent> scores;           ///< In the plan's order.
+  std::vector<JudgedConclusion> conclusions;  ///< In the plan's order.
 
   const Row& row(const RowFigures& figures) const { return results.rows[figures.row]; }
 };

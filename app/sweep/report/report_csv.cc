@@ -73,9 +73,11 @@ std::string ResultFields(const eval::Result* result) {
 }
 
 std::string TrainingFields(const std::optional<TrainedCell>& trained) {
-  if (!trained) return ",,,,,";
-  return fmt::format("{},{},{:.6g},{},{},{}", trained->steps, trained->updates, trained->training_s,
-                     CsvField(trained->host), trained->at_once, CsvField(trained->commit));
+  if (!trained) return ",,,,,,";
+  return fmt::format("{},{},{},{:.6g},{},{},{}", trained->steps, trained->updates,
+                     trained->imagined ? fmt::format("{}", *trained->imagined) : "",
+                     trained->training_s, CsvField(trained->host), trained->at_once,
+                     CsvField(trained->commit));
 }
 
 /// Sources of published numbers in the plan's order.
@@ -101,7 +103,8 @@ std::string RowLine(const ReportContent& content, const ScoreContent& score, con
   }
   line += "," + EstimateFields(row.interquartile_mean);
   line += "," + EstimateFields(row.lowest_twentieth);
-  line += "," + Field(row.steps) + "," + Field(row.updates) + "," + Field(row.training_s);
+  line += "," + Field(row.steps) + "," + Field(row.updates) + "," + Field(row.imagined) + "," +
+          Field(row.training_s);
   for (const std::string& source : sources) {
     const bool has_any = std::ranges::any_of(row.published, [&](const auto& published) {
       return std::ranges::find(published, source, &Published::source) != published.end();
@@ -122,7 +125,7 @@ std::string CellCsv(const ReportContent& content) {
   std::string text = "id,group," + LabelHead(content.cells) + ",seed,score,snapshot_steps,state";
   text += ",courses,episodes";
   for (const Quantity& quantity : kQuantities) text += "," + std::string(quantity.key);
-  text += ",timeout_rate,barn_score,steps,updates,training_s,host,at_once,commit\n";
+  text += ",timeout_rate,barn_score,steps,updates,imagined,training_s,host,at_once,commit\n";
   const Evaluations evaluations = EvaluationsOf(content.results);
   for (const Row& row : content.results.rows) {
     for (const std::size_t c : row.cells) {
@@ -153,7 +156,7 @@ std::string RowCsv(const ReportContent& content) {
   }
   text +=
       ",success_iqm,success_iqm_low,success_iqm_high,success_worst,success_worst_low,success_worst_"
-      "high,steps,updates,training_s";
+      "high,steps,updates,imagined,training_s";
   for (std::size_t s = 0; s < sources.size(); ++s) {
     const std::string prefix = s == 0 ? "published" : fmt::format("published_{}", s + 1);
     text += "," + prefix;

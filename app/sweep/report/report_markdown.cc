@@ -3,9 +3,14 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <iterator>
+#include <sstream>
+#include <vector>
 
 #include "app/sweep/report/grid.h"
+#include "base/config_field.h"
+#include "base/error.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::sweep {
@@ -13,13 +18,14 @@ namespace {
 
 using eval::EscapeMarkdown;
 
-/// "74.2 (70.1–78.0)" in the quantity's unit.
+/// "74.2 (70.1–78.0)", "-1.2 (-2.1 to 0.4)" in the quantity's unit.
 std::string EstimateText(const std::optional<eval::Estimate>& estimate, double factor, int digits) {
   if (!estimate) return "–";
   std::string text = fmt::format("{:.{}f}", factor * estimate->value, digits);
   if (estimate->interval) {
-    text += fmt::format(" ({:.{}f}–{:.{}f})", factor * estimate->interval->low, digits,
-                        factor * estimate->interval->high, digits);
+    const auto [low, high] = *estimate->interval;
+    text += fmt::format(" ({:.{}f}{}{:.{}f})", factor * low, digits, low < 0.0 ? " to " : "–",
+                        factor * high, digits);
   }
   return text;
 }
@@ -38,6 +44,14 @@ std::string SeedsText(const RowFigures& row, bool is_planner) {
   return row.num_seeds == row.num_planned
              ? fmt::format("{}", row.num_seeds)
              : fmt::format("**{} of {}**", row.num_seeds, row.num_planned);
+}
+
+/// "500k", "500k + 12.5M imagined"
+std::string StepsText(const RowFigures& row) {
+  if (!row.steps) return "–";
+  std::string text = FormatCount(*row.steps);
+  if (row.imagined) text += fmt::format(" + {} imagined", FormatCount(*row.imagined));
+  return text;
 }
 
 std::string RowTable(const ReportContent& content, const std::vector<RowFigures>& rows,
@@ -83,7 +97,7 @@ std::string RowTable(const ReportContent& content, const std::vector<RowFigures>
       text += " " + EstimateText(row.interquartile_mean, 100.0, 1) + " |";
       text += " " + EstimateText(row.lowest_twentieth, 100.0, 1) + " |";
     }
-    text += " " + (row.steps ? FormatCount(*row.steps) : "–") + " |";
+    text += " " + StepsText(row) + " |";
     text += " " + (row.training_s ? FormatSeconds(*row.training_s) : "–") + " |";
     for (const PublishedColumn& column : published) {
       text += " " + PublishedText(FindPublished(row, column), kQuantities[column.quantity]) + " |";
@@ -191,6 +205,44 @@ std::string GridTable(const Grid& grid) {
   return text + "\n" + EscapeMarkdown(grid.caption) + "\n";
 }
 
+std::string ProvenanceText(const ReportContent& content) {
+  std::string text;
+  for (const auto& [name, value] : content.provenance) {
+    text += fmt::format("- {}: {}\n", name, EscapeMarkdown(value));
+  }
+  for (const std::string& warning : content.warnings) {
+    text += fmt::format("\n**Note:** {}\n", EscapeMarkdown(warning));
+  }
+  return text;
+}
+
+/// "GRU / 4 less MLP / 1 on static-test: success -3.8 (-6.1–-1.5) points, above 0?"
+std::string FigureText(const ReportContent& content, const Conclusion& conclusion,
+                       const ConclusionFigure& figure) {
+  const Quantity& quantity = *std::ranges::find(kQuantities, conclusion.quantity, &Quantity::key);
+  const auto on = [&](const std::string& row, const std::string& name) {
+    const auto score = std::ranges::find(content.scores, name, &ScoreContent::name);
+    return fmt::format("{} on {}", row, score->label);
+  };
+  std::string text = EscapeMarkdown(
+      figure.than.empty() ? on(figure.row, conclusion.score)
+      : conclusion.than_score.empty()
+          ? on(fmt::format("{} less {}", figure.row, figure.than), conclusion.score)
+          : on(figure.row, conclusion.score) + " less " + on(figure.than, conclusion.than_score));
+  const std::string_view unit = quantity.is_rate && !figure.than.empty() ? "points" : quantity.unit;
+  if (!figure.estimate) return text + ": –";
+  fmt::format_to(std::back_inserter(text), ": {} {} {}", quantity.title,
+                 EstimateText(figure.estimate, quantity.factor, 1), unit);
+  return text;
+}
+
+std::string LimitText(const Conclusion& conclusion) {
+  const Quantity& quantity = *std::ranges::find(kQuantities, conclusion.quantity, &Quantity::key);
+  return fmt::format("{} {}{:.4g}", base::EnumName(conclusion.kind),
+                     conclusion.kind == ConclusionKind::kWithin ? "± " : "",
+                     quantity.factor * conclusion.limit);
+}
+
 std::string MissingText(const ReportContent& content) {
   const SweepResults& results = content.results;
   std::string text;
@@ -213,15 +265,39 @@ std::string MissingText(const ReportContent& content) {
 
 }  // namespace
 
-std::string MarkdownReport(const ReportContent& content) {
-  std::string text = fmt::format("# {}\n\n", EscapeMarkdown(content.title));
-  for (const auto& [name, value] : content.provenance) {
-    text += fmt::format("- {}: {}\n", name, EscapeMarkdown(value));
+std::string MarkdownTable(const ReportContent& content) {
+  const std::vector<Grid> grids = MakeGrids(content);
+  return grids.empty() ? "" : GridTable(grids.front());
+}
+
+std::string MarkdownConclusions(std::span<const ReportContent* const> contents) {
+  std::string text =
+      "\n| conclusion | figure, with its 95 % interval | expected | verdict |\n|---|---|---|---|\n";
+  for (const ReportContent* content : contents) {
+    for (const JudgedConclusion& judged : content->conclusions) {
+      std::vector<std::string> figures;
+      for (const ConclusionFigure& figure : judged.figures) {
+        figures.push_back(FigureText(*content, judged.conclusion, figure));
+      }
+      text += fmt::format("| {} | {} | {} | {} |\n", EscapeMarkdown(judged.conclusion.text),
+                          fmt::join(figures, "<br>"), LimitText(judged.conclusion),
+                          ToString(judged.verdict));
+    }
   }
-  for (const std::string& warning : content.warnings) {
-    text += fmt::format("\n**Note:** {}\n", EscapeMarkdown(warning));
-  }
+  return text;
+}
+
+std::string MarkdownSummary(const ReportContent& content) {
+  std::string text = ProvenanceText(content);
   for (const Grid& grid : MakeGrids(content)) text += GridTable(grid);
+  return text;
+}
+
+std::string MarkdownReport(const ReportContent& content) {
+  std::string text =
+      fmt::format("# {}\n\n", EscapeMarkdown(content.title)) + MarkdownSummary(content);
+  const ReportContent* one = &content;
+  if (!content.conclusions.empty()) text += MarkdownConclusions(std::span(&one, 1));
   text +=
       "\nIn brackets 95 % intervals over seeds and courses; with one seed over courses alone. IQM "
       "is the mean of the middle half of all success rates by seed and course, and *worst 5 %* "
@@ -229,6 +305,50 @@ std::string MarkdownReport(const ReportContent& content) {
       "successful ones.\n";
   for (const ScoreContent& score : content.scores) text += ScoreText(content, score);
   return text + MissingText(content);
+}
+
+std::string FillBlocks(const std::string& page, const std::string& source,
+                       std::span<const ReportContent* const> contents) {
+  constexpr std::string_view kBegin = "<!-- sweep ";
+  constexpr std::string_view kEnd = "<!-- end of sweep -->";
+  std::istringstream lines(page);
+  std::string text;
+  std::string line;
+  bool has_filled = false;
+  for (int number = 1; std::getline(lines, line); ++number) {
+    text += line + "\n";
+    if (!line.starts_with(kBegin)) continue;
+    const auto fail = [&](std::string_view what) {
+      throw base::Error(fmt::format("{}:{}: {}", source, number, what));
+    };
+    std::istringstream words(line.substr(kBegin.size()));
+    std::string kind;
+    std::string name;
+    words >> kind;
+    if (kind != "conclusions") words >> name;
+    const auto content = std::ranges::find_if(
+        contents, [&](const ReportContent* one) { return one->plan.sweep.name == name; });
+    std::optional<std::string> block;
+    if (kind == "conclusions") {
+      block = MarkdownConclusions(contents);
+    } else if (kind != "table" && kind != "summary") {
+      fail(fmt::format("the block is of the kind '{}', expected table, summary or conclusions",
+                       kind));
+    } else if (content != contents.end()) {
+      block = kind == "table" ? MarkdownTable(**content) : "\n" + MarkdownSummary(**content);
+    }
+    std::string former;
+    while (std::getline(lines, line) && line != kEnd) former += line + "\n";
+    if (!lines) fail(fmt::format("the block has no end, expected a line \"{}\"", kEnd));
+    number += static_cast<int>(std::ranges::count(former, '\n')) + 1;
+    text += block ? *block + "\n" : former;
+    text += fmt::format("{}\n", kEnd);
+    has_filled = has_filled || block.has_value();
+  }
+  if (has_filled) return text;
+  throw base::Error(
+      fmt::format("{}: has no block of these plans, expected a line such as \"{}table {} -->\"",
+                  source, kBegin, contents.front()->plan.sweep.name));
 }
 
 }  // namespace slalom::sweep

@@ -52,6 +52,7 @@ PageJson RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
           {"seed_success", std::move(seeds)},
           {"steps", ToJson(row.steps)},
           {"updates", ToJson(row.updates)},
+          {"imagined", ToJson(row.imagined)},
           {"training_s", ToJson(row.training_s)}};
 }
 

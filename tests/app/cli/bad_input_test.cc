@@ -307,5 +307,15 @@ TEST_F(BadInputTest, AFullDiskKeepsTheLastGoodCheckpointAndTheNewestPolicy) {
   EXPECT_EQ(again.exit_code, 0) << again.err;
 }
 
+TEST_F(BadInputTest, AMistakeInTheLastPlanOfAListShowsBeforeTheFirstRuns) {
+  const std::string plan = "[sweep]\npreset = \"tiny.toml\"\nseeds = [1]\n";
+  Write("first.toml", plan + "[[score]]\nname = \"test\"\ncourses = \"generated:4:2\"\n");
+  Write("last.toml", plan + "[[score]]\nname = \"test\"\ncourses = \"statc-test\"\n");
+  Write("list.toml", "[sweep]\nplans = [\"first.toml\", \"last.toml\"]\n");
+  ExpectError({"sweep", "run", "list.toml"},
+              AllOf(HasSubstr("last.toml"), HasSubstr("statc-test")));
+  EXPECT_FALSE(base::Exists(scratch_.path() / "runs/sweeps/cells"));
+}
+
 }  // namespace
 }  // namespace slalom::test

@@ -113,10 +113,12 @@ void FakeSweep::AddSnapshot(std::size_t cell, std::int64_t steps) {
   }
 }
 
-void FakeSweep::FinishTraining(std::size_t index, double training_s) {
+void FakeSweep::FinishTraining(std::size_t index, double training_s,
+                               std::optional<std::int64_t> imagined) {
   sweep::TrainedCell trained;
   trained.steps = 4000;
   trained.updates = 900;
+  trained.imagined = imagined;
   trained.training_s = training_s;
   trained.host = "node-1";
   trained.commit = "abc123";

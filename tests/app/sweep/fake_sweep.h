@@ -28,7 +28,8 @@ class FakeSweep {
   void AddSnapshot(std::size_t cell, std::int64_t steps);
 
   /// Writes trained.json: 4000 steps, 900 updates.
-  void FinishTraining(std::size_t cell, double training_s = 40.0);
+  void FinishTraining(std::size_t cell, double training_s = 40.0,
+                      std::optional<std::int64_t> imagined = std::nullopt);
   void Fail(std::size_t cell, const std::string& what, const std::string& log);
   /// Writes an evaluation: for each course the outcomes of its episodes, such as "SSCT". A success
   /// takes `success_time`, a collision 5 s, and a timeout 80 s.

@@ -94,6 +94,20 @@ TEST(PlanTest, BadPlansAreOneErrorThatNamesWhatIsWrong) {
   EXPECT_THAT(ErrorOf(kPlan + "[swep]\n"), AllOf(HasSubstr("plan.toml:8"), HasSubstr("'swep'")));
   EXPECT_THAT(ErrorOf(kPlan + "[[axis]]\nkey = \"a\"\n"),
               AllOf(HasSubstr("plan.toml:9"), HasSubstr("did you mean 'keys'")));
+  const auto concluding = [](const std::string& keys) {
+    return ErrorOf(kPlan + "[[conclusion]]\n" + keys);
+  };
+  const std::string sound = "text = \"a\"\nscore = \"test\"\nrows = [\"plan\"]\n";
+  EXPECT_EQ(concluding(sound), "");
+  EXPECT_THAT(concluding(""), HasSubstr("[[conclusion]] has no text"));
+  EXPECT_THAT(concluding("text = \"a\"\nscore = \"b\"\n"),
+              HasSubstr("[[conclusion]] 'a' names the score 'b'"));
+  EXPECT_THAT(concluding("text = \"a\"\nscore = \"test\"\n"), HasSubstr("has no rows"));
+  EXPECT_THAT(concluding(sound + "than = [\"b\"]\n"), HasSubstr("there is no row 'b'"));
+  EXPECT_THAT(concluding(sound + "than = [\"b\", \"c\"]\n"), HasSubstr("1 rows and 2"));
+  EXPECT_THAT(concluding(sound + "than_score = \"test\"\n"), HasSubstr("without conclusion.than"));
+  EXPECT_THAT(concluding(sound + "kind = \"within\"\n"), HasSubstr("limit = 0"));
+  EXPECT_THAT(concluding(sound + "kind = \"over\"\n"), HasSubstr("above"));
   EXPECT_THAT(ErrorOf(test::kSweep), HasSubstr("no [[score]]"));
   EXPECT_THAT(ErrorOf(kPlan + "[[axis]]\nkeys = [\"learner.tau\"]\nvalues = []\n"),
               HasSubstr("[[axis]] 'learner.tau' is empty"));

@@ -66,6 +66,7 @@ TEST(PlansTest, EveryPlanHasItsRows) {
       {"as-published", 48, {"TD3", "MPC, probabilistic", "TD3, transformer, 8 frames"}},
       {"classical", 4, {"DWA", "TEB", "E-band", "MPPI"}},
       {"paper/algorithms", 15, {"TD3 / MLP / 1", "SAC / GRU / 4", "DDPG / Transformer / 4"}},
+      {"paper/figure-1", 17, {"RL", "DWA", "E-band"}},
       {"paper/memory", 81, {"MLP / 1", "GRU / 4", "Transformer / 8"}},
       {"paper/models", 42, {"MLP", "Dyna-style deterministic", "MPC probabilistic", "MBPO"}},
       {"paper/physical", 29, {"MLP, 50 courses", "Lagrangian, trained under the profile", "DWA"}},

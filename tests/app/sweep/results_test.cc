@@ -72,7 +72,7 @@ TEST(SweepResultsTest, TablesAreBySeedAndCourse) {
                           ElementsAre(1.0, 1.0, 0.6, 0.2)));
   EXPECT_THAT(RateTable(row, kQuantities[1]).scores[0], ElementsAre(0.2, 0.0, 0.8, 0.6));
   // Survival: collisions after 5 s, timeouts after 80 s.
-  const QuantityTables survival = TablesOf(row, kQuantities[2]);
+  const eval::RatioTables survival = TablesOf(row, kQuantities[2]);
   EXPECT_THAT(survival.counts.scores[0], ElementsAre(1, 1, 4, 4));
   EXPECT_THAT(survival.sums.scores[0], ElementsAre(5.0, 80.0, 20.0, 95.0));
   EXPECT_EQ(survival.sums.limits.high, 80.0);

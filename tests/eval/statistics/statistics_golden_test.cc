@@ -95,7 +95,7 @@ TEST(StatisticsGolden, ARatioAgrees) {
   const json& golden = Golden().at("ratio");
   ScoreTable sums = Table(golden.at("sums"));
   sums.limits = {0.0, std::numeric_limits<double>::infinity()};
-  const auto estimate = BootstrapRatio(sums, Table(golden.at("counts")));
+  const auto estimate = BootstrapRatio({sums, Table(golden.at("counts"))});
   ASSERT_TRUE(estimate);
   EXPECT_NEAR(estimate->value, golden.at("value").get<double>(), kExact);
   ExpectInterval(*estimate, golden.at("interval"), "ratio");

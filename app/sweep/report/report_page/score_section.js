@@ -24,8 +24,9 @@ function seedsNode({seeds, planned, episodes}, isPlanner = false) {
   return element('span', {class: seeds === planned ? 'sub' : 'sub partial'}, episodes > 0 ? `${text}, ${episodes} episodes` : text);
 }
 
-function trainingCells({steps, training_s}) {
-  return [element('td', {'data-title': 'Steps'}, steps === null ? '–' : count(steps)),
+function trainingCells({steps, imagined, training_s}) {
+  return [element('td', {'data-title': 'Steps'}, steps === null ? '–' : count(steps),
+    ...(imagined === null ? [] : [element('span', {class: 'sub'}, `+ ${count(imagined)} imagined`)])),
     element('td', {'data-title': 'Training'}, training_s === null ? '–' : duration(training_s))];
 }
 

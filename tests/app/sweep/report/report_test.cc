@@ -60,6 +60,23 @@ TEST(SweepReportTest, MarkdownHasEveryRowAndWhatIsMissing) {
   EXPECT_THAT(text, HasSubstr("- 50, seed 3, training: waiting\n"));
 }
 
+TEST(SweepReportTest, ImaginedTransitionsStandBesideTheSteps) {
+  test::FakeSweep sweep({"method"}, {"test"});
+  for (const std::string method : {"TD3", "Dyna"}) {
+    const std::size_t cell = sweep.AddTraining({method}, 1);
+    if (method == "TD3") sweep.FinishTraining(cell);
+    if (method == "Dyna") sweep.FinishTraining(cell, 40.0, 5'120'000);
+    sweep.Evaluate(cell, "test", {"SSC"});
+  }
+  const std::string text = sweep.Report("report.md");
+  EXPECT_THAT(text, HasSubstr("| 4k | 40 s |\n| Dyna |"));
+  EXPECT_THAT(text, HasSubstr("| 4k + 5.12M imagined | 40 s |\n"));
+  const std::string rows = sweep.Report("report-rows.csv");
+  EXPECT_EQ(CsvCell(rows, 1, "imagined"), "");
+  EXPECT_EQ(CsvCell(rows, 2, "imagined"), "5.12e+06");
+  EXPECT_EQ(CsvCell(sweep.Report("report.csv"), 2, "imagined"), "5120000");
+}
+
 TEST(SweepReportTest, TheCsvOfCellsHasALineForEachEvaluationOfThePlan) {
   const std::string csv = test::MakeTrainingSets().Report("report.csv");
   EXPECT_EQ(Lines(csv).size(), 1u + 9 * 2);
