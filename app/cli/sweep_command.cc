@@ -407,8 +407,7 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   CLI::App* export_cells = sweep->add_subcommand(
       "export", "Copy the results of a plan's done cells, without policies, into a directory");
   AddPlanOptions(*export_cells, *options);
-  export_cells
-      ->add_option("--to", options->archive, "Directory of the copies, one directory per cell")
+  export_cells->add_option("--to", options->archive, "Directory of the copies, one file per cell")
       ->required();
   export_cells->callback([options] {
     for (const SweepOptions& one : EachPlan(*options)) {

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <utility>
 
 #include "app/sweep/claim.h"
@@ -23,47 +25,38 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxMetricsRows = 200;
+constexpr std::string_view kArchiveFormat = "slalom-cell";
+constexpr int kArchiveVersion = 1;
+
+using Json = nlohmann::ordered_json;
 
 /// The files of one cell, by their paths below its directory, in the order in which they are
 /// written: the last ones make it count as done.
 struct CellFiles {
   std::string id;
-  fs::path root;  // Where they were read.
+  std::string source;  // Where they were read, for errors.
   std::vector<std::pair<fs::path, std::string>> files;
 
   void Add(const fs::path& path, std::string text) { files.emplace_back(path, std::move(text)); }
+  /// The text of a file; null: there is none.
+  const std::string* Find(const fs::path& path) const {
+    for (const auto& [there, text] : files) {
+      if (there == path) return &text;
+    }
+    return nullptr;
+  }
+  std::string PathOf(const fs::path& path) const { return source + "/" + path.string(); }
 };
 
 /// The text of a file that must hold a JSON object.
 std::string ReadJson(const fs::path& file) {
   std::string text = base::ReadFile(file);
-  if (nlohmann::json::parse(text, nullptr, false).is_object()) return text;
+  if (Json::parse(text, nullptr, false).is_object()) return text;
   throw base::Error(fmt::format("{}: is damaged, expected a JSON object", file.string()));
 }
 
 std::string ScoreFile(const std::string& digest) {
   return (fs::path("scores") / digest / eval::kEvaluationFile).string();
-}
-
-/// The scores that lie in a cell's directory.
-std::vector<std::string> DigestsIn(const fs::path& root) {
-  std::vector<std::string> digests;
-  for (const fs::path& path : base::ListDirectory(root / "scores")) {
-    if (base::Exists(path / eval::kEvaluationFile)) digests.push_back(path.filename().string());
-  }
-  std::ranges::sort(digests);
-  return digests;
-}
-
-/// A file of a cell that not each cell has.
-void AddIfThere(CellFiles& cell, const fs::path& path) {
-  if (base::Exists(cell.root / path)) cell.Add(path, ReadJson(cell.root / path));
-}
-
-void AddScore(CellFiles& cell, const std::string& digest, std::string task) {
-  const fs::path file = cell.root / ScoreFile(digest);
-  cell.Add(fs::path("scores") / (digest + ".toml"), std::move(task));
-  cell.Add(ScoreFile(digest), eval::CompactResult(base::ReadFile(file), file.string()));
 }
 
 /// The changed keys of a config, without where courses lie.
@@ -88,44 +81,98 @@ std::string Rhythm(const fs::path& metrics) {
 /// A finished cell of a store.
 CellFiles ReadFinished(const fs::path& store, const Cell& cell) {
   const CellDirectory directory(store, cell.id);
-  CellFiles files{cell.id, directory.root(), {}};
-  AddIfThere(files, "cell.json");
+  CellFiles files{cell.id, directory.root().string(), {}};
+  const auto add_if_there = [&](const fs::path& path) {
+    const fs::path file = directory.root() / path;
+    if (base::Exists(file)) files.Add(path, ReadJson(file));
+  };
+  add_if_there("cell.json");
   if (cell.config) files.Add("training.toml", Portable(*cell.config));
   bool has_snapshots = false;
   for (const ScoreTask& task : cell.scores) {
     const std::string source = directory.score_task(task).string();
-    AddScore(files, task.digest,
-             cell.config ? Portable(config::FromToml<train::RunConfig>(task.task, source))
-                         : Portable(config::FromToml<train::AgentRunConfig>(task.task, source)));
+    files.Add(fs::path("scores") / (task.digest + ".toml"),
+              cell.config ? Portable(config::FromToml<train::RunConfig>(task.task, source))
+                          : Portable(config::FromToml<train::AgentRunConfig>(task.task, source)));
+    const std::string evaluation = ScoreFile(task.digest);
+    files.Add(evaluation, eval::CompactResult(base::ReadFile(directory.root() / evaluation),
+                                              files.PathOf(evaluation)));
     has_snapshots = has_snapshots || task.snapshot_steps > 0;
   }
   const fs::path metrics = run::RunDirectory{directory.run()}.metrics();
   if (has_snapshots && base::Exists(metrics)) files.Add("run/metrics.csv", Rhythm(metrics));
-  AddIfThere(files, "scored.json");
-  AddIfThere(files, "trained.json");
+  add_if_there("scored.json");
+  add_if_there("trained.json");
   return files;
 }
 
+/// The file of a cell in an archive.
+fs::path ArchiveFile(const fs::path& archive, const std::string& id) {
+  return archive / (id + ".json");
+}
+
+bool IsJson(const fs::path& path) { return path.extension() == ".json"; }
+
+std::string PrintArchived(const CellFiles& cell) {
+  std::string text =
+      fmt::format("{{\n\"format\": \"{}\",\n\"version\": {},\n\"id\": {},\n\"files\": {{\n",
+                  kArchiveFormat, kArchiveVersion, Json(cell.id).dump());
+  for (std::size_t i = 0; i < cell.files.size(); ++i) {
+    const auto& [path, content] = cell.files[i];
+    // An evaluation keeps its lines, one for each course.
+    const std::string value = path.filename() == "evaluation.json" ? content
+                              : IsJson(path)                       ? Json::parse(content).dump()
+                                                                   : Json(content).dump();
+    text += fmt::format("\"{}\": {}{}\n", path.string(),
+                        value.substr(0, value.find_last_not_of('\n') + 1),
+                        i + 1 < cell.files.size() ? "," : "");
+  }
+  return text + "}\n}\n";
+}
+
+/// Whether an archive may have a file of this path below a cell's directory.
+bool IsArchived(const fs::path& path) {
+  const std::string text = path.string();
+  if (text.find("..") != std::string::npos || path.is_absolute()) return false;
+  for (const char* name :
+       {"cell.json", "training.toml", "scored.json", "trained.json", "run/metrics.csv"}) {
+    if (text == name) return true;
+  }
+  const auto depth = std::distance(path.begin(), path.end());
+  return *path.begin() == "scores" && ((depth == 2 && path.extension() == ".toml") ||
+                                       (depth == 3 && path.filename() == "evaluation.json"));
+}
+
 /// A cell of an archive. Its configs are not read: they may be of an older program.
-CellFiles ReadArchived(const fs::path& root) {
-  CellFiles files{root.filename().string(), root, {}};
-  files.Add("cell.json", ReadJson(root / "cell.json"));
-  const auto id = nlohmann::json::parse(files.files.front().second).value("id", "");
-  if (id != files.id) {
-    throw base::Error(fmt::format("{}: is of the cell '{}', expected that of its directory, '{}'",
-                                  (root / "cell.json").string(), id, files.id));
+CellFiles ReadArchived(const fs::path& file) {
+  const std::string source = file.string();
+  const Json json = Json::parse(base::ReadFile(file), nullptr, false);
+  const auto require = [&](bool condition, const std::string& what) {
+    if (!condition) throw base::Error(fmt::format("{}: {}", source, what));
+  };
+  require(json.is_object() && json.value("format", "") == kArchiveFormat &&
+              json.contains("files") && json["files"].is_object(),
+          "is damaged, expected a cell that `slalom sweep export` wrote");
+  require(json.value("version", 0) == kArchiveVersion,
+          fmt::format("has another version than {}, export it anew", kArchiveVersion));
+  CellFiles cell{file.stem().string(), source, {}};
+  require(json.value("id", "") == cell.id,
+          fmt::format("is of the cell '{}', expected that of its name, '{}'", json.value("id", ""),
+                      cell.id));
+  for (const auto& [name, value] : json["files"].items()) {
+    require(IsArchived(name), fmt::format("has a file '{}', which no cell has", name));
+    require(IsJson(name) ? value.is_object() : value.is_string(),
+            fmt::format("is damaged at '{}'", name));
+    if (fs::path(name).filename() == "evaluation.json") {
+      cell.Add(name, eval::CompactResult(value.dump(), cell.PathOf(name)));
+    } else {
+      cell.Add(name, IsJson(name) ? value.dump(2) + "\n" : value.get<std::string>());
+    }
   }
-  const bool is_training = base::Exists(root / "training.toml");
-  if (is_training) files.Add("training.toml", base::ReadFile(root / "training.toml"));
-  for (const std::string& digest : DigestsIn(root)) {
-    AddScore(files, digest, base::ReadFile(root / "scores" / (digest + ".toml")));
-  }
-  if (base::Exists(root / "run/metrics.csv")) {
-    files.Add("run/metrics.csv", base::ReadFile(root / "run/metrics.csv"));
-  }
-  AddIfThere(files, "scored.json");
-  if (is_training) files.Add("trained.json", ReadJson(root / "trained.json"));
-  return files;
+  require(cell.Find("cell.json") != nullptr, "has no cell.json");
+  require(cell.Find("training.toml") == nullptr || cell.Find("trained.json") != nullptr,
+          "has a training without its trained.json");
+  return cell;
 }
 
 /// The outcomes of an evaluation, apart from who made them and when.
@@ -142,24 +189,25 @@ std::string ResultsOf(std::string_view text, const std::string& source) {
   return results;
 }
 
-/// Throws if the target has another result for one of the scores.
-void RequireSame(const CellFiles& cell, const fs::path& target) {
+/// Throws if another place has another result for one of the scores. `find` returns the text of a
+/// file there, or null.
+template <class Find>
+void RequireSame(const CellFiles& cell, const std::string& other, Find find) {
   for (const auto& [path, text] : cell.files) {
-    if (path.filename() != eval::kEvaluationFile) continue;
-    const fs::path there = target / path;
-    if (!base::Exists(there)) continue;
-    if (ResultsOf(text, (cell.root / path).string()) ==
-        ResultsOf(base::ReadFile(there), there.string())) {
-      continue;
-    }
+    if (path.filename() != "evaluation.json") continue;
+    const auto there = find(path);
+    if (!there) continue;
+    const std::string here = cell.PathOf(path);
+    const std::string elsewhere = other + "/" + path.string();
+    if (ResultsOf(text, here) == ResultsOf(*there, elsewhere)) continue;
     throw base::Error(fmt::format(
         "cell {}: {} and {} are results of the same cell and differ, expected the same; remove one "
         "of the two cells",
-        cell.id, (cell.root / path).string(), there.string()));
+        cell.id, here, elsewhere));
   }
 }
 
-/// Writes what the target does not have. Returns whether there was anything.
+/// Writes what the directory does not have. Returns whether there was anything.
 bool Put(const CellFiles& cell, const fs::path& target) {
   bool is_new = false;
   for (const auto& [path, text] : cell.files) {
@@ -171,34 +219,35 @@ bool Put(const CellFiles& cell, const fs::path& target) {
   return is_new;
 }
 
-/// Writes cells below a directory, each into the one of its id.
-void PutAll(const std::vector<CellFiles>& cells, const fs::path& directory, Copied& copied) {
-  for (const CellFiles& cell : cells) RequireSame(cell, directory / cell.id);
-  for (const CellFiles& cell : cells) {
-    const fs::path target = directory / cell.id;
-    if (base::Exists(run::RunDirectory{target / "run"}.policy())) {
-      ++copied.num_same;
-    } else if (IsClaimed(target)) {
-      ++copied.num_busy;
-    } else {
-      ++(Put(cell, target) ? copied.num_new : copied.num_same);
-    }
-  }
-}
-
 }  // namespace
 
 Copied ExportCells(const fs::path& store, const std::vector<Cell>& cells, const fs::path& archive) {
   Copied copied;
-  std::vector<CellFiles> done;
+  std::vector<CellFiles> changed;
   for (const Cell& cell : cells) {
-    if (IsDone(store, cell)) {
-      done.push_back(ReadFinished(store, cell));
-    } else {
+    if (!IsDone(store, cell)) {
       ++copied.num_left;
+      continue;
+    }
+    const CellFiles done = ReadFinished(store, cell);
+    const fs::path file = ArchiveFile(archive, cell.id);
+    CellFiles archived = base::Exists(file) ? ReadArchived(file) : CellFiles{cell.id, {}, {}};
+    RequireSame(done, file.string(), [&](const fs::path& path) { return archived.Find(path); });
+    const std::size_t num_before = archived.files.size();
+    for (const auto& [path, text] : done.files) {
+      if (archived.Find(path) == nullptr) archived.Add(path, text);
+    }
+    if (archived.files.size() == num_before) {
+      ++copied.num_same;
+    } else {
+      ++copied.num_new;
+      changed.push_back(std::move(archived));
     }
   }
-  PutAll(done, archive, copied);
+  base::MakeDirectories(archive);
+  for (const CellFiles& cell : changed) {
+    base::WriteFileAtomically(ArchiveFile(archive, cell.id), PrintArchived(cell));
+  }
   return copied;
 }
 
@@ -211,18 +260,39 @@ Copied ImportCells(const fs::path& archive, const fs::path& store,
   }
   Copied copied;
   std::vector<CellFiles> found;
-  std::vector<fs::path> roots = base::ListDirectory(archive);
-  std::ranges::sort(roots);
-  for (const fs::path& root : roots) {
-    if (!fs::is_directory(root)) continue;
-    const std::string id = root.filename().string();
-    if (cells && std::ranges::find(*cells, id, &Cell::id) == cells->end()) {
+  std::vector<fs::path> files = base::ListDirectory(archive);
+  std::ranges::sort(files);
+  for (const fs::path& file : files) {
+    if (!IsJson(file)) continue;
+    if (cells && std::ranges::find(*cells, file.stem().string(), &Cell::id) == cells->end()) {
       ++copied.num_left;
     } else {
-      found.push_back(ReadArchived(root));
+      found.push_back(ReadArchived(file));
     }
   }
-  PutAll(found, store / "cells", copied);
+  const fs::path directory = store / "cells";
+  // One with its policy was trained here, perhaps on another class of machine.
+  const auto is_own = [&](const CellFiles& cell) {
+    return base::Exists(run::RunDirectory{directory / cell.id / "run"}.policy());
+  };
+  for (const CellFiles& cell : found) {
+    if (is_own(cell)) continue;
+    const fs::path target = directory / cell.id;
+    RequireSame(cell, target.string(), [&](const fs::path& path) {
+      return base::Exists(target / path) ? std::optional(base::ReadFile(target / path))
+                                         : std::nullopt;
+    });
+  }
+  for (const CellFiles& cell : found) {
+    const fs::path target = directory / cell.id;
+    if (is_own(cell)) {
+      ++copied.num_same;
+    } else if (IsClaimed(target)) {
+      ++copied.num_busy;
+    } else {
+      ++(Put(cell, target) ? copied.num_new : copied.num_same);
+    }
+  }
   return copied;
 }
 

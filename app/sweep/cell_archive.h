@@ -8,14 +8,16 @@
 #include "app/sweep/cell.h"
 
 /// Results of finished cells without their policies, to be committed or taken to another store. An
-/// archive is a directory with one directory for each cell, as a store's `cells/` has:
+/// archive is a directory with a file ID.json for each cell: a JSON object with the keys `format`
+/// ("slalom-cell"), `version` (1), `id` and `files`. `files` has these files of the cell's
+/// directory in a store by their paths, JSON as it is and anything else as a string:
 ///
-///     DIR/ID/cell.json, trained.json, scored.json   as in the store
-///     DIR/ID/training.toml, scores/DIGEST.toml      the keys that are not at their defaults
-///     DIR/ID/scores/DIGEST/evaluation.json          `eval::CompactResult`
-///     DIR/ID/run/metrics.csv                        if snapshots are scored: steps and seconds
+///     cell.json, trained.json, scored.json   as in the store
+///     training.toml, scores/DIGEST.toml      the keys that are not at their defaults
+///     scores/DIGEST/evaluation.json          `eval::CompactResult`
+///     run/metrics.csv                        if snapshots are scored: steps and seconds
 ///
-/// No file there names a path of the machine that made it.
+/// No path of the machine that made it is among them.
 
 namespace slalom::sweep {
 
@@ -29,7 +31,7 @@ struct Copied {
 
 /// Writes the results of all cells that are done into an archive. Throws `base::Error` before it
 /// writes anything if a file is damaged, or if the archive has other results for a cell; the error
-/// names both files. No file is overwritten.
+/// names both. Results that are there stay.
 Copied ExportCells(const std::filesystem::path& store, const std::vector<Cell>& cells,
                    const std::filesystem::path& archive);
 

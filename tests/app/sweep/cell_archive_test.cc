@@ -59,8 +59,9 @@ class ArchiveTest : public testing::Test {
   Copied Import() const { return ImportCells(archive(), other()); }
   fs::path archive() const { return scratch_.path() / "archive"; }
   fs::path other() const { return scratch_.path() / "store"; }
-  fs::path Evaluation(const fs::path& cells, std::size_t index) const {
-    return cells / cell(index).id / "scores" / "test-0" / "evaluation.json";
+  fs::path Archived(std::size_t index) const { return archive() / (cell(index).id + ".json"); }
+  std::string Evaluation(const fs::path& cell) const {
+    return (cell / "scores/test-0/evaluation.json").string();
   }
 
   test::FakeSweep sweep_;
@@ -92,7 +93,10 @@ TEST_F(ArchiveTest, DoneCellsAreDoneInAnotherStoreWithTheSameResults) {
   EXPECT_EQ(Export().num_same, 2);
   EXPECT_EQ(Import().num_same, 2);
   EXPECT_EQ(FilesBelow(archive()), files);
-  EXPECT_EQ(FilesBelow(other() / "cells"), files);
+  // From there without the policies: the same archive.
+  const fs::path again = scratch_.path() / "again";
+  EXPECT_EQ(ExportCells(other(), sweep_.cells.cells, again).num_new, 2);
+  EXPECT_EQ(FilesBelow(again), files);
 }
 
 TEST_F(ArchiveTest, OnlyCellsOfThePlanAreTakenUpIfOneIsGiven) {
@@ -107,27 +111,51 @@ TEST_F(ArchiveTest, OtherResultsOfACellAreAnErrorThatNamesBothFiles) {
   Export();
   sweep_.Evaluate(2, "test", {"SSS", "CSS"});
   const auto names_both = ThrowsMessage<base::Error>(
-      AllOf(HasSubstr("cell " + cell(2).id), HasSubstr(Evaluation(archive(), 2).string()),
-            HasSubstr(Evaluation(sweep_.store() / "cells", 2).string())));
+      AllOf(HasSubstr("cell " + cell(2).id), HasSubstr(Evaluation(Archived(2))),
+            HasSubstr(Evaluation(sweep_.store() / "cells" / cell(2).id))));
+  EXPECT_EQ(ImportCells(archive(), sweep_.store()).num_same, 2) << "trained here, left alone";
+  fs::remove(CellDirectory(sweep_.store(), cell(2).id).run() / "policy.safetensors");
   const auto files = FilesBelow(sweep_.store());
   EXPECT_THAT([&] { ImportCells(archive(), sweep_.store()); }, names_both);
   EXPECT_EQ(FilesBelow(sweep_.store()), files);
   EXPECT_THAT([&] { Export(); }, names_both);
 }
 
+TEST_F(ArchiveTest, AScoreIsAddedToACellThatIsThere) {
+  Export();
+  const std::string before = base::ReadFile(Archived(2));
+  sweep_.AddSnapshot(2, 0);
+  sweep_.cells.cells[2].scores.back().digest = "test-1";
+  base::MakeDirectories(sweep_.store() / "cells" / cell(2).id / "scores/test-1");
+  base::WriteFileAtomically(sweep_.store() / "cells" / cell(2).id / "scores/test-1/evaluation.json",
+                            base::ReadFile(Evaluation(sweep_.store() / "cells" / cell(2).id)));
+  EXPECT_EQ(Export().num_new, 1);
+  EXPECT_THAT(base::ReadFile(Archived(2)), HasSubstr("\"scores/test-1/evaluation.json\": {"));
+  EXPECT_GT(base::ReadFile(Archived(2)).size(), before.size());
+}
+
 TEST_F(ArchiveTest, ADamagedFileIsRefusedBeforeAnythingIsWritten) {
   Export();
-  for (const fs::path& damaged :
-       {Evaluation(archive(), 2), archive() / cell(2).id / "cell.json",
-        archive() / cell(0).id / "trained.json", Evaluation(archive(), 0)}) {
-    const std::string text = base::ReadFile(damaged);
-    base::WriteFileAtomically(damaged, text.substr(0, text.size() / 2));
-    EXPECT_THAT([&] { Import(); }, ThrowsMessage<base::Error>(HasSubstr(damaged.string())));
+  const auto refused = [&](std::size_t index, const std::string& from, const std::string& to,
+                           const std::string& what) {
+    const std::string text = base::ReadFile(Archived(index));
+    std::string damaged = text;
+    damaged.replace(damaged.find(from), from.size(), to);
+    base::WriteFileAtomically(Archived(index), damaged);
+    EXPECT_THAT([&] { Import(); },
+                ThrowsMessage<base::Error>(AllOf(HasSubstr(Archived(index)), HasSubstr(what))));
     EXPECT_TRUE(FilesBelow(other()).empty());
-    base::WriteFileAtomically(damaged, text);
-  }
-  fs::remove(archive() / cell(0).id / "trained.json");
-  EXPECT_THAT([&] { Import(); }, ThrowsMessage<base::Error>(HasSubstr("trained.json")));
+    base::WriteFileAtomically(Archived(index), text);
+  };
+  refused(2, "\"files\"", "files", "is damaged");
+  refused(2, "slalom-cell", "slalom-sell", "is damaged");
+  refused(2, "\"version\": 1", "\"version\": 2", "another version");
+  refused(2, "\"id\": \"", "\"id\": \"x", "is of the cell 'x");
+  refused(2, "\"cell.json\"", "\"../cell.json\"", "'../cell.json', which no cell has");
+  refused(2, "\"cell.json\"", "\"scored.json\"", "has no cell.json");
+  refused(2, "slalom-evaluation", "slalom-evalution", "evaluation.json");
+  refused(0, "\"trained.json\"", "\"scored.json\"", "without its trained.json");
+  refused(0, "\"training.toml\": \"", "\"training.toml\": 1, \"a\": \"", "at 'training.toml'");
   EXPECT_THAT([&] { ImportCells("nowhere", other()); },
               ThrowsMessage<base::Error>(HasSubstr("nowhere: there is no such directory")));
 }
