@@ -118,6 +118,8 @@ LEARNING = dashboard("learning", "learning", "What is learned, and how well the 
     graph("Calibration of the model", RATIO, "Numbers inside what should hold half and nine tenths of them.",
           (largest("slalom_model_inside_50"), "{{run}} half"),
           (largest("slalom_model_inside_90"), "{{run}} nine tenths"), maximum=1),
+    graph("Imagined transitions", COUNT, "What the model imagined for the policy to learn from, so far.",
+          (largest("slalom_imagined_transitions"), "{{run}}")),
     graph("Updates", PER_SECOND, "Of the critics.",
           (f"run:slalom_updates:rate1m{{{R}}}", "{{run}}")),
     graph("Time of an update", SECONDS, "Without the wait for its batch.",
