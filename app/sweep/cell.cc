@@ -284,8 +284,7 @@ class Expansion {
     return scores;
   }
 
-  template <class CoursesConfig>
-  const CourseFacts& FindCourses(const std::string& who, const CoursesConfig& config,
+  const CourseFacts& FindCourses(const std::string& who, const train::CollectionConfig& config,
                                  const std::string& spec) {
     try {
       return courses_.Find(config.collection, config.generator_seed, spec);

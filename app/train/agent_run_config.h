@@ -1,33 +1,16 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
-#include <string>
 #include <string_view>
 
-#include "base/config_field.h"
+#include "app/train/run_config.h"
 #include "eval/evaluation_config.h"
 #include "planners/planner_registry.h"
 #include "sim/environment_config.h"
 
 namespace slalom::train {
-
-/// Where set names are looked up.
-struct CollectionConfig {
-  std::string collection;
-  std::int64_t generator_seed = 1;
-
-  template <class Visitor>
-  void Visit(Visitor& v) {
-    v("collection", collection,
-      "Directory of imported courses in which set names are looked up. Empty: they name sets of "
-      "the built-in generator.");
-    v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
-      "Seed of the built-in generator.");
-  }
-};
 
 /// All settings of `slalom evaluate --agent`. Some defaults differ from those of a training run:
 /// classical systems are asked for a command 20 times a second, as move_base asks them

@@ -35,7 +35,7 @@ nn::GoalRule GoalOf(const RunConfig& config) {
 
 }  // namespace
 
-sim::CourseSet CoursesConfig::Resolve(const std::string& spec) const {
+sim::CourseSet CollectionConfig::Resolve(const std::string& spec) const {
   return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
 }
 

@@ -25,17 +25,30 @@
 
 namespace slalom::train {
 
-/// Which courses a run trains and is scored on.
-struct CoursesConfig {
-  std::string train = "static-train-50";
-  std::string test = "static-test";
+/// Where names of course sets are looked up.
+struct CollectionConfig {
   std::string collection;
   std::int64_t generator_seed = 1;
 
-  /// The set that `spec` names (`sim::ResolveCourses`, with its errors) under this collection and
-  /// seed.
+  /// Returns the set that `spec` names (`sim::ResolveCourses`, with its errors).
   sim::CourseSet Resolve(const std::string& spec) const;
-  /// The sets of `train` and `test`. Errors name the key, too.
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("collection", collection,
+      "Directory of imported courses in which set names are looked up. Empty: they name sets of "
+      "the built-in generator.");
+    v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
+      "Seed of the built-in generator.");
+  }
+};
+
+/// Which courses a run trains and is scored on.
+struct CoursesConfig : CollectionConfig {
+  std::string train = "static-train-50";
+  std::string test = "static-test";
+
+  /// Return the sets of `train` and `test`. Errors name the key, too.
   sim::CourseSet ResolveTrain() const;
   sim::CourseSet ResolveTest() const;
 
@@ -46,11 +59,7 @@ struct CoursesConfig {
     v("test", test,
       "Courses on which the trained policy is scored; they should not be among the training "
       "courses. Empty: it is not scored.");
-    v("collection", collection,
-      "Directory of imported courses in which set names are looked up. Empty: they name sets of "
-      "the built-in generator.");
-    v("generator_seed", generator_seed, base::Range{0, 9.0e15}, "",
-      "Seed of the built-in generator.");
+    CollectionConfig::Visit(v);
   }
 };
 
