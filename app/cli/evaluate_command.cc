@@ -20,10 +20,9 @@
 #include "app/cli/output.h"
 #include "app/cli/signals.h"
 #include "app/train/command_options.h"
-#include "app/train/evaluate_planner.h"
-#include "app/train/evaluate_policy.h"
 #include "app/train/profile.h"
 #include "app/train/recorded_config.h"
+#include "app/train/scoring.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -214,18 +213,18 @@ void RequirePlannable(const std::string& path, const policy::PolicySnapshot& pol
   }
 }
 
-PreparedRun PreparePolicyRun(const EvaluateOptions& options) {
+train::Scoring PrepareThePolicy(const EvaluateOptions& options) {
   RequireNoRunDirectory(*options.policy);
   const policy::LoadedPolicy loaded = policy::LoadPolicy(*options.policy);
   const auto trained = TrainedConfig(options, loaded);
   const train::RunConfig config = TaskOf(options, trained);
   if (trained) RequireSameFieldOfView(options, *trained, config);
   RequirePlannable(*options.policy, loaded.snapshot, config);
-  return PreparePolicy(loaded.snapshot, *options.policy, config, options.courses,
-                       trained ? std::optional(trained->courses) : std::nullopt);
+  return train::PreparePolicy(loaded.snapshot, *options.policy, config, options.courses,
+                              trained ? std::optional(trained->courses) : std::nullopt);
 }
 
-PreparedRun PreparePlannerRun(const EvaluateOptions& options, base::ParallelFor& parallel) {
+train::Scoring PrepareThePlanner(const EvaluateOptions& options, base::ParallelFor& parallel) {
   const train::AgentRunConfig config = train::ResolveAgentRun([&](train::AgentRunConfig& task) {
     if (options.config) task = train::ReadAgentRunConfig(*options.config, task);
     ApplyOptions(options, task);
@@ -238,7 +237,7 @@ PreparedRun PreparePlannerRun(const EvaluateOptions& options, base::ParallelFor&
         "figures are from Gazebo and a Jackal with an LMS1xx (docs/planners.md)",
         protocol, base::EnumName(robot.friction), robot.sensor_mass);
   }
-  return PreparePlanner(*options.agent, config, options.courses, parallel);
+  return train::PreparePlanner(*options.agent, config, options.courses, parallel);
 }
 
 /// Where the scores in each physics go: the output directory or, if there are several, directories
@@ -275,17 +274,18 @@ void RequireDrivable(const eval::EvaluationTask& task, const std::vector<sim::Ph
 }
 
 /// One evaluation, as text or JSON.
-std::string OneReport(const ScoredRun& run, bool json) {
-  return json ? eval::JsonReport(run.evaluation, run.provenance) : eval::TextReport(run.evaluation);
+std::string OneReport(const train::Scores& scores, bool json) {
+  return json ? eval::JsonReport(scores.evaluation, scores.provenance)
+              : eval::TextReport(scores.evaluation);
 }
 
 /// Several in as many physics, side by side.
-std::string ReportSideBySide(const std::vector<ScoredRun>& runs, bool json) {
+std::string ReportSideBySide(const std::vector<train::Scores>& all, bool json) {
   std::vector<eval::Result> results;
   std::vector<std::string> reports;
-  for (const ScoredRun& run : runs) {
-    results.push_back(eval::ResultOf(run.evaluation, run.provenance));
-    reports.push_back(eval::JsonReport(run.evaluation, run.provenance));
+  for (const train::Scores& scores : all) {
+    results.push_back(eval::ResultOf(scores.evaluation, scores.provenance));
+    reports.push_back(eval::JsonReport(scores.evaluation, scores.provenance));
   }
   return json ? eval::PhysicsJson(results, reports) : eval::PhysicsTable(results);
 }
@@ -299,25 +299,25 @@ int Evaluate(const EvaluateOptions& options) {
   const std::vector<sim::Physics> physics = engines::FindPhysicsList(options.physics);
   if (options.output) RequireOutput(options, physics);
   base::ParallelFor parallel(threads);
-  PreparedRun prepared =
-      options.policy ? PreparePolicyRun(options) : PreparePlannerRun(options, parallel);
-  if (options.name) prepared.provenance.agent = *options.name;
-  prepared.provenance.profiles = options.profiles;
-  if (physics.size() > 1) RequireDrivable(prepared.task, physics);
-  std::vector<ScoredRun> runs;
+  train::Scoring scoring =
+      options.policy ? PrepareThePolicy(options) : PrepareThePlanner(options, parallel);
+  if (options.name) scoring.provenance.agent = *options.name;
+  scoring.provenance.profiles = options.profiles;
+  if (physics.size() > 1) RequireDrivable(scoring.task, physics);
+  std::vector<train::Scores> all;
   for (std::size_t k = 0; k < physics.size(); ++k) {
-    prepared.task.physics = physics[k];
-    auto run = RunScored(prepared, parallel, signals.token());
-    if (!run) return base::kExitSignalBase + signals.received();
-    if (options.output) WriteScoredRun(*run, OutputDirectories(*options.output, physics)[k]);
-    runs.push_back(std::move(*run));
+    scoring.task.physics = physics[k];
+    auto scores = train::Score(scoring, parallel, signals.token());
+    if (!scores) return base::kExitSignalBase + signals.received();
+    if (options.output) train::WriteScores(*scores, OutputDirectories(*options.output, physics)[k]);
+    all.push_back(std::move(*scores));
   }
-  const std::string report = runs.size() == 1 ? OneReport(runs.front(), options.json)
-                                              : ReportSideBySide(runs, options.json);
+  const std::string report =
+      all.size() == 1 ? OneReport(all.front(), options.json) : ReportSideBySide(all, options.json);
   fmt::print("{}", report);
-  if (options.output && runs.size() > 1) {
+  if (options.output && all.size() > 1) {
     base::WriteFileAtomically(fs::path(*options.output) / kPhysicsFile,
-                              ReportSideBySide(runs, false));
+                              ReportSideBySide(all, false));
   }
   if (options.output && !options.json) fmt::print("\nscores and pictures: {}/\n", *options.output);
   return base::kExitOk;

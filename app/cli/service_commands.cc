@@ -11,7 +11,7 @@
 #include "app/cli/signals.h"
 #include "app/train/begin_run.h"
 #include "app/train/run_limits.h"
-#include "app/train/training_overlap.h"
+#include "app/train/scoring.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -147,17 +147,13 @@ int RunEvaluator(const ServiceOptions& options) {
         "on");
   }
   const sim::CourseSet scored = config.courses.Resolve(courses);
-  WarnOfTrainingOverlap(scored, config.courses);
+  train::WarnOfTrainingOverlap(scored, config.courses);
   base::ParallelFor parallel(config.run.simulation_threads);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
-  const std::uint64_t seed = train::SeedOf(config, "mpc of evaluations");
   const auto read_policy = [&](std::span<const std::byte> bytes) -> base::Result<eval::MakeAgent> {
     const auto snapshot = ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();
-    return eval::MakeAgent(
-        [snapshot = *snapshot, mpc = config.mpc, seed](int, const sim::EnvironmentConfig&) {
-          return policy::MakePolicyAgent(snapshot, mpc, seed);
-        });
+    return train::MakeAgentsOf(*snapshot, config);
   };
   eval::EvaluatorIdentity identity;
   identity.name = process.name();

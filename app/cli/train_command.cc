@@ -16,11 +16,10 @@
 #include "app/cli/signals.h"
 #include "app/cli/training_results.h"
 #include "app/train/command_options.h"
-#include "app/train/evaluate_policy.h"
 #include "app/train/profile.h"
 #include "app/train/run_limits.h"
+#include "app/train/scoring.h"
 #include "app/train/trainer.h"
-#include "app/train/training_overlap.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -264,8 +263,8 @@ int Train(const TrainOptions& options) {
   CheckDeterminism(options, config);
   WarnOfLearningRates(config.method.learner);
   if (!options.no_evaluation && !config.courses.test.empty()) {
-    // Test courses that cannot be had are an error now, and not after the training.
-    WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
+    // Fails now, not after the training, if the test courses are missing.
+    train::WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
   }
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
                directory.root.string(), config.courses.train,

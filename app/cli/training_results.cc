@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "app/cli/command_line.h"
-#include "app/train/evaluate_policy.h"
+#include "app/train/scoring.h"
 #include "app/train/training_figure.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -118,17 +118,20 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
                    std::stop_token stop) {
   const std::string policy_path = directory.policy().string();
   const policy::LoadedPolicy policy = policy::LoadPolicy(directory.policy());
-  const auto result = EvaluatePolicy(policy.snapshot, policy_path, config, config.courses.test,
-                                     config.courses, parallel, stop);
+  const std::string& test = config.courses.test;
+  const auto result =
+      train::Score(train::PreparePolicy(policy.snapshot, policy_path, config, test, config.courses),
+                   parallel, stop);
   if (!result) return false;
   fmt::print("{}", eval::TextReport(result->evaluation));
-  WriteScoredRun(*result, directory.root);
+  train::WriteScores(*result, directory.root);
   const std::vector<fs::path> snapshots = directory.ListSnapshots();
   Curve curve(!snapshots.empty());
   for (const fs::path& path : snapshots) {
     const policy::LoadedPolicy kept = policy::LoadPolicy(path);
-    const auto scored = EvaluatePolicy(kept.snapshot, path.string(), config, config.courses.test,
-                                       std::nullopt, parallel, stop);
+    const auto scored =
+        train::Score(train::PreparePolicy(kept.snapshot, path.string(), config, test, std::nullopt),
+                     parallel, stop);
     if (!scored) return false;
     curve.Add(kept, scored->evaluation.summary.set);
   }

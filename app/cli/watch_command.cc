@@ -106,7 +106,7 @@ void Watch(const WatchOptions& options) {
   const metrics::Listener listener =
       metrics::Listen(fmt::format("{}:{}", host, options.port), "serve the page");
   StopSignals signals;
-  WatchDrives drives;
+  watch::WatchDrives drives;
   const watch::WatchPages pages(root, {.facts = FactsOf, .drives = [&drives](const fs::path& run) {
                                          return drives.Newest(run);
                                        }});

@@ -16,18 +16,17 @@
 #include <utility>
 
 #include "app/train/recorded_config.h"
-#include "app/train/run_config.h"
+#include "app/train/scoring.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/mutex.h"
 #include "base/progress.h"
 #include "eval/evaluation.h"
 #include "learner/run/run_directory.h"
-#include "policy/policy_agent.h"
 #include "sim/pictures/animation.h"
 #include "sim/pictures/animation_svg.h"
 
-namespace slalom::cli {
+namespace slalom::watch {
 namespace {
 
 namespace fs = std::filesystem;
@@ -76,27 +75,22 @@ sim::CourseSet Some(sim::CourseSet set) {
 }
 
 /// The picture of a policy's drives. None: stopped first.
-std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop_token& stop) {
+std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token& stop) {
   const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
   train::RunConfig config;
   if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
     config = train::ReadRecordedConfig(it->second, file.path.string() + " (its config)").config;
   }
-  policy::RequireSameInterface(file.path.string(), loaded.snapshot.spec,
-                               sim::MakeObservationSpec(config.environment),
-                               config.environment.action);
   config.evaluation.episodes_per_course = 1;
   config.evaluation.recorded_episodes_per_course = 1;
   config.evaluation.recorded_scan_courses = 0;
-  policy::MpcConfig plain;  // Planning would take the processor from the run.
-  plain.enabled = false;
-  auto evaluation = eval::EvaluateOnCourses(
-      eval::ResolveEvaluation(config.evaluation, config.environment,
-                              Some(config.courses.Resolve(config.courses.train))),
-      [&](int, const sim::EnvironmentConfig&) {
-        return policy::MakePolicyAgent(loaded.snapshot, plain, 0);
-      },
-      nullptr, {}, stop);
+  // Planning would take the processor from the run.
+  const bool plans = std::exchange(config.mpc.enabled, false);
+  train::Scoring scoring = train::PreparePolicy(loaded.snapshot, file.path.string(), config,
+                                                config.courses.train, std::nullopt);
+  scoring.task.courses = Some(std::move(scoring.task.courses));
+  scoring.task.num_environments = scoring.task.num_episodes();
+  auto evaluation = eval::EvaluateOnCourses(scoring.task, scoring.make_agent, nullptr, {}, stop);
   if (!evaluation) return std::nullopt;
   sim::AnimationOptions options;
   options.num_columns = static_cast<int>(kNumCourses);
@@ -108,7 +102,7 @@ std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop
     longest = std::max(longest, sim::DurationOf(panel));
   }
   options.speed = std::max(1.0, std::ceil(longest / kLongestLoop));
-  watch::Drives drives;
+  Drives drives;
   drives.svg = sim::PrintAnimationSvg(sim::PlaceAnimation(std::move(panels), options));
   const auto steps = loaded.metadata.find("steps");
   drives.note = fmt::format(
@@ -116,7 +110,7 @@ std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop
       steps == loaded.metadata.end()
           ? file.path.parent_path().filename().string()
           : fmt::format("after {} steps", base::FormatCount(std::stod(steps->second))),
-      config.courses.train, config.mpc.enabled ? ", without planning" : "",
+      config.courses.train, plans ? ", without planning" : "",
       options.speed > 1.0 ? fmt::format(", {:g} times as fast as driven", options.speed) : "");
   return drives;
 }
@@ -124,7 +118,7 @@ std::optional<watch::Drives> DrivePolicy(const PolicyFile& file, const std::stop
 /// What is known of one run.
 struct Known {
   std::optional<PolicyFile> file;  ///< That `drives` is of, or that could not be driven.
-  watch::Drives drives;
+  Drives drives;
 };
 
 }  // namespace
@@ -165,7 +159,7 @@ struct WatchDrives::Impl {
       if (entry.file == newest) return;
       if (entry.drives.svg.empty()) entry.drives.note = "The newest policy is being driven.";
     }
-    std::optional<watch::Drives> drives;
+    std::optional<Drives> drives;
     std::string fault;
     try {
       drives = DrivePolicy(*newest, stopping.get_token());
@@ -203,11 +197,11 @@ WatchDrives::~WatchDrives() {
   impl_->wanted_changed.NotifyAll();
 }
 
-watch::Drives WatchDrives::Newest(const fs::path& directory) {
+Drives WatchDrives::Newest(const fs::path& directory) {
   const base::MutexLock lock(impl_->mutex);
   impl_->wanted = directory;
   impl_->wanted_changed.NotifyOne();
   return impl_->known[directory].drives;
 }
 
-}  // namespace slalom::cli
+}  // namespace slalom::watch

@@ -5,7 +5,7 @@
 
 #include "app/watch/watch_server.h"
 
-namespace slalom::cli {
+namespace slalom::watch {
 
 /// Drives the newest policy of a run over four of the courses that it trains on, whenever somebody
 /// asks for a picture and there is a new policy. Works in a thread of its own that gives way to
@@ -20,11 +20,11 @@ class WatchDrives {
 
   /// Returns the newest picture of the run in `directory`, and a note that says what it shows or
   /// why there is none. Returns at once; a newer picture is made in the background.
-  watch::Drives Newest(const std::filesystem::path& directory);
+  Drives Newest(const std::filesystem::path& directory);
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace slalom::cli
+}  // namespace slalom::watch

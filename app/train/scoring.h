@@ -1,0 +1,67 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <stop_token>
+#include <string>
+
+#include "app/train/agent_run_config.h"
+#include "app/train/run_config.h"
+#include "base/parallel.h"
+#include "eval/evaluation.h"
+#include "eval/report/report.h"
+#include "policy/policy.h"
+
+/// How a policy or a planner is scored, whichever command asks for it.
+
+namespace slalom::train {
+
+/// An evaluation that is ready to be driven, any number of times. A value, except that a planner's
+/// agents use threads that must outlive it.
+struct Scoring {
+  eval::EvaluationTask task;
+  eval::MakeAgent make_agent;
+  eval::Provenance provenance;
+  std::optional<eval::TrainingOverlap> training_overlap = std::nullopt;  ///< As in `Evaluation`.
+};
+
+/// An evaluation and where it comes from.
+struct Scores {
+  eval::Evaluation evaluation;
+  eval::Provenance provenance;
+};
+
+/// Returns the makers of agents that drive evaluations with `policy`, and plan if `config.mpc` says
+/// so. The plans' seed is derived from the run's.
+eval::MakeAgent MakeAgentsOf(const policy::PolicySnapshot& policy, const RunConfig& config);
+
+/// Prepares to drive a policy over the courses of `courses_spec` with the task, collection and
+/// protocol of `config`. `trained`: the courses that it was trained on; a warning says how many of
+/// them are driven here. Give none if they are not known or do not matter. Throws `base::Error` if
+/// the policy does not fit the task (the error names `policy_source`) or the courses cannot be
+/// read.
+Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
+                      const RunConfig& config, const std::string& courses_spec,
+                      const std::optional<CoursesConfig>& trained);
+
+/// Prepares to drive the classical planner `name`, likewise. `parallel`: threads on which it plans.
+/// Throws `base::Error` if there is no such planner (the error lists them) or the courses cannot be
+/// read.
+Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
+                       const std::string& courses_spec, base::ParallelFor& parallel);
+
+/// Runs `eval::EvaluateOnCourses`, with its errors, and shows a line of progress on standard error:
+/// episodes, rate, time left and the success so far. Returns nothing if it was stopped before the
+/// end.
+std::optional<Scores> Score(const Scoring& scoring, base::ParallelFor& parallel,
+                            std::stop_token stop);
+
+/// Writes the reports, the trajectories and a picture of the courses with them (courses.png,
+/// courses.svg) into `directory`. Throws `base::Error` if that fails.
+void WriteScores(const Scores& scores, const std::filesystem::path& directory);
+
+/// Warns, before a training, if courses on which its policies will be scored are among its training
+/// courses. Throws `base::Error` if these cannot be read.
+void WarnOfTrainingOverlap(const sim::CourseSet& scored, const CoursesConfig& training);
+
+}  // namespace slalom::train
