@@ -79,6 +79,33 @@ function(slalom_add_messages NAME FILE)
   target_link_libraries(${NAME} PUBLIC protobuf::libprotobuf-lite)
 endfunction()
 
+# slalom_embed_page(NAME CONSTANT NAMESPACE TITLE PAGE SCRIPTS ... [SOURCES ...])
+# Puts an HTML page into the library slalom_NAME: `extern const std::string_view NAMESPACE::CONSTANT`, which has everything in it
+# but its data (eval/report/embedded_page.h). PAGE holds its bar and its <main>; the skeleton, the style and the scripts that all
+# pages share are in eval/report/pages/. SOURCES: directives of its policy that let it load something.
+function(slalom_embed_page NAME CONSTANT NAMESPACE TITLE PAGE)
+  cmake_parse_arguments(ARG "" "" "SCRIPTS;SOURCES" ${ARGN})
+  if(NOT ARG_SOURCES)
+    set(ARG_SOURCES "img-src data:")
+  endif()
+  set(shared ${PROJECT_SOURCE_DIR}/eval/report/pages)
+  set(rule ${PROJECT_SOURCE_DIR}/cmake/EmbedPage.cmake)
+  set(output ${CMAKE_CURRENT_BINARY_DIR}/${CONSTANT}.cc)
+  list(TRANSFORM ARG_SCRIPTS PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/)
+  set(scripts ${shared}/page.js ${shared}/chart.js ${ARG_SCRIPTS})
+  set(page ${CMAKE_CURRENT_SOURCE_DIR}/${PAGE})
+  list(JOIN scripts "|" joined)
+  list(JOIN ARG_SOURCES "|" sources)
+  add_custom_command(
+    OUTPUT ${output}
+    COMMAND ${CMAKE_COMMAND} -DSHARED=${shared} -DPAGE=${page} -DTITLE=${TITLE} "-DSOURCES=${sources}" "-DSCRIPTS=${joined}"
+      -DNAMESPACE=${NAMESPACE} -DCONSTANT=${CONSTANT} -DOUTPUT=${output} -P ${rule}
+    DEPENDS ${shared}/page.html ${shared}/page.css ${page} ${scripts} ${rule}
+    VERBATIM)
+  target_sources(slalom_${NAME} PRIVATE ${output})
+  set_source_files_properties(${output} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+endfunction()
+
 # slalom_add_test(NAME SOURCES ... DEPS ... [LABELS ...] [TIMEOUT seconds] [WHOLE])
 # One GoogleTest program, one ctest entry per test case, or WHOLE one for all of them: LibTorch alone takes a second to load.
 # Labels: each folder from tests/ to the test's, and those given.

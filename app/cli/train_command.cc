@@ -234,7 +234,7 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
   if (const std::string fault = trainer.watch().fault(); !fault.empty()) {
     spdlog::warn("the policy is probably of no use: {}", fault);
   }
-  if (fs::exists(directory.metrics())) DrawTraining(directory);
+  if (fs::exists(directory.metrics())) WriteTrainingPage(directory);
   const std::string longer =
       config.run.keep_checkpoints == run::KeepCheckpoints::kNone
           ? ""
@@ -281,7 +281,7 @@ int Train(const TrainOptions& options) {
     return FailToLearn(options, directory, config, trainer);
   }
   if (end == train::TrainingEnd::kUnsaved) {
-    DrawTraining(directory);
+    WriteTrainingPage(directory);
     if (!config.courses.test.empty())
       Say("to score the policy: " + EvaluateCommand(directory, config.courses));
     return base::kExitError;

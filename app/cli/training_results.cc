@@ -9,7 +9,8 @@
 
 #include "app/cli/command_line.h"
 #include "app/train/scoring.h"
-#include "app/train/training_figure.h"
+#include "app/watch/run_facts.h"
+#include "app/watch/run_page.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -82,7 +83,7 @@ std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig&
   std::string text = fmt::format(
       "\npolicy    {0}\n"
       "scores    {1}/evaluation.json, evaluation-courses.csv, metrics.csv\n"
-      "pictures  {1}/courses.png (what it drove), {1}/training.svg\n"
+      "pictures  {1}/courses.png (what it drove), {1}/training.html (how it learned)\n"
       "\nnext\n"
       "  a page with plots  {2}\n"
       "  the worst course   {3}\n"
@@ -100,16 +101,12 @@ std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig&
 
 }  // namespace
 
-void DrawTraining(const run::RunDirectory& directory) {
+void WriteTrainingPage(const run::RunDirectory& directory) {
   try {
-    const std::string curve =
-        base::Exists(directory.curve()) ? base::ReadFile(directory.curve()) : "";
-    const std::string name = fs::absolute(directory.root).lexically_normal().filename().string();
-    base::WriteFileAtomically(
-        directory.training_picture(),
-        train::DrawTrainingFigure(name, base::ReadFile(directory.metrics()), curve));
+    base::WriteFileAtomically(directory.training_page(),
+                              watch::RunPage(directory.root, watch::FactsOf(directory.root)));
   } catch (const base::Error& error) {
-    spdlog::warn("{}; the training is not drawn", error.what());
+    spdlog::warn("{}; the page of the training is left out", error.what());
   }
 }
 
@@ -137,7 +134,7 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   }
   curve.Add(policy, result->evaluation.summary.set);
   base::WriteFileAtomically(directory.curve(), curve.csv());
-  DrawTraining(directory);  // Again, with the scores.
+  WriteTrainingPage(directory);  // Again, with the scores.
   fmt::print("{}",
              WhatNext(directory, config, WorstCourse(result->evaluation.summary), train_longer));
   return true;

@@ -9,9 +9,9 @@
 
 namespace slalom::cli {
 
-/// Draws metrics.csv, and curve.csv if there is one, as training.svg. If a file cannot be read or
-/// written, warns and leaves it out.
-void DrawTraining(const run::RunDirectory& directory);
+/// Writes training.html, the page that `slalom watch` shows, as the run is now. If a file cannot be
+/// read or written, warns and leaves it out.
+void WriteTrainingPage(const run::RunDirectory& directory);
 
 /// Scores the run's policy, and those of its snapshots (curve.csv), on its test courses; prints the
 /// table before it writes anything, then the places of all files and the next commands.

@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -8,17 +7,14 @@
 #include <memory>
 #include <stop_token>
 #include <string>
-#include <vector>
 
 #include "app/cli/commands.h"
 #include "app/cli/signals.h"
-#include "app/train/run_config.h"
+#include "app/watch/run_facts.h"
 #include "app/watch/watch_drives.h"
 #include "app/watch/watch_server.h"
-#include "base/config.h"
 #include "base/error.h"
 #include "base/mutex.h"
-#include "learner/run/run_directory.h"
 #include "metrics/http_server.h"
 #include "metrics/listener.h"
 
@@ -50,40 +46,6 @@ void RequireRuns(const fs::path& root) {
   }
 }
 
-std::string List(const std::vector<int>& numbers) {
-  return numbers.empty() ? "none" : fmt::format("{}", fmt::join(numbers, ", "));
-}
-
-/// Of the run's config; without lines where it cannot be read.
-watch::RunFacts FactsOf(const fs::path& directory) {
-  train::RunConfig config;
-  try {
-    config::ReadTomlFile(run::RunDirectory{directory}.config(), config::ListFields(config));
-  } catch (const base::Error& error) {
-    return {.lines = {{"config.toml", error.what()}}};
-  }
-  watch::RunFacts facts;
-  facts.max_steps = config.run.max_steps;
-  facts.max_seconds = config.run.max_seconds;
-  facts.lines = {
-      {"Directory", directory.string()},
-      {"Algorithm", config.method.learner.algorithm},
-      {"Training courses", config.courses.train},
-      {"Test courses", config.courses.test.empty() ? "none" : config.courses.test},
-      {"Network",
-       fmt::format("{}, encoder {}, head {}", base::EnumName(config.network.encoder),
-                   List(config.network.encoder_layers), List(config.network.head_layers))},
-      {"Environments", fmt::format("{}", config.actor.num_environments)},
-      {"Batch", fmt::format("{} transitions, {:g} updates per step",
-                            config.method.learner.batch_size, config.run.updates_per_step)},
-      {"Ends after", fmt::format("{} steps{}", config.run.max_steps,
-                                 config.run.max_seconds > 0.0
-                                     ? fmt::format(" or {:g} s of training", config.run.max_seconds)
-                                     : "")},
-      {"Seed", fmt::format("{}", config.run.seed)}};
-  return facts;
-}
-
 /// Returns once a stop is requested.
 void WaitForStop(const std::stop_token& stop) {
   base::Mutex mutex;
@@ -107,9 +69,9 @@ void Watch(const WatchOptions& options) {
       metrics::Listen(fmt::format("{}:{}", host, options.port), "serve the page");
   StopSignals signals;
   watch::WatchDrives drives;
-  const watch::WatchPages pages(root, {.facts = FactsOf, .drives = [&drives](const fs::path& run) {
-                                         return drives.Newest(run);
-                                       }});
+  const watch::WatchPages pages(
+      root, {.facts = watch::FactsOf,
+             .drives = [&drives](const fs::path& run) { return drives.Newest(run); }});
   const metrics::HttpServer server(
       listener.socket, [&pages](std::string_view path) -> metrics::HttpAnswer {
         try {

@@ -94,6 +94,11 @@ std::optional<RunProgress> ReadRun(const fs::path& directory, const RunFacts& fa
       if (!IsRun(directory)) return std::nullopt;  // Deleted since.
     }
   }
+  try {
+    const fs::path scores = run::RunDirectory{directory}.curve();
+    if (base::Exists(scores)) progress.scores = run::ParseMetrics(base::ReadFile(scores), max_rows);
+  } catch (const base::Error&) {  // Replaced or deleted at this moment.
+  }
   const double fraction = FractionOf(progress.metrics, facts);
   const bool held = IsHeld(directory);
   const bool fresh = !missing && progress.age_s < kFresh;

@@ -39,10 +39,14 @@ struct RunProgress {
   /// Time left at the rate so far, [s]; empty if not known, or not training.
   std::optional<double> left_s;
   run::MetricsTable metrics;
+  run::MetricsTable scores;  ///< Of curve.csv; empty: not scored.
 };
 
 /// Returns whether a directory is that of a run: it holds config.toml or metrics.csv.
 bool IsRun(const std::filesystem::path& directory);
+
+/// Points of a curve that a page shows; more cannot be seen.
+inline constexpr std::size_t kMaxPoints = 600;
 
 /// Reads the run in `directory`. Returns nothing if it no longer exists. `max_rows`: as in
 /// `run::ParseMetrics`.

@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "app/watch/watch_page_parts.h"
-#include "base/check.h"
+#include "app/watch/run_page.h"
 
 namespace slalom::watch {
 namespace {
@@ -15,23 +13,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using metrics::HttpAnswer;
-
-constexpr std::size_t kMaxPoints = 600;  // Of a curve.
-
-void Replace(std::string& text, std::string_view mark, std::string_view content) {
-  const std::size_t at = text.find(mark);
-  SLALOM_CHECK(at != std::string::npos);
-  text.replace(at, mark.size(), content);
-}
-
-std::string Page() {
-  std::string page(kWatchPageHtml);
-  Replace(page, "/*STYLE*/", kWatchPageStyle);
-  Replace(page, "/*SCRIPT*/", kWatchPageScript);
-  return page;
-}
-
-Json Number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 /// What a directory's name holds beside UTF-8 is replaced.
 HttpAnswer JsonAnswer(const Json& json) {
@@ -57,40 +38,15 @@ std::string Decode(std::string_view text) {
   return decoded;
 }
 
-Json Summary(const RunProgress& run) {
-  return {{"name", run.name},
-          {"state", std::string(ToString(run.state))},
-          {"age_s", run.age_s},
-          {"left_s", run.left_s ? Number(*run.left_s) : Json(nullptr)},
-          {"training_s", Number(run.metrics.Last("training_s"))},
-          {"steps", Number(run.metrics.Last("steps"))},
-          {"success_rate", Number(run.metrics.Last("success_rate"))}};
-}
-
-/// The columns in which anything stands.
-Json Curves(const run::MetricsTable& metrics) {
-  Json curves = Json::object();
-  for (std::size_t c = 0; c < metrics.names.size(); ++c) {
-    Json values = Json::array();
-    bool is_known = false;
-    for (const double value : metrics.columns[c]) {
-      values.push_back(Number(value));
-      is_known = is_known || std::isfinite(value);
-    }
-    if (is_known) curves[metrics.names[c]] = std::move(values);
-  }
-  return curves;
-}
-
 }  // namespace
 
 HttpAnswer WatchPages::Answer(std::string_view path) const {
-  if (path == "/") return {200, "OK", "text/html; charset=utf-8", Page()};
+  if (path == "/") return {200, "OK", "text/html; charset=utf-8", LivePage()};
   if (path == "/runs.json") {
     Json runs = Json::array();
     for (const fs::path& directory : ListRuns(root_)) {
       if (const auto run = ReadRun(directory, sources_.facts(directory), 2)) {
-        runs.push_back(Summary(*run));
+        runs.push_back(SummaryJson(*run));
       }
     }
     return JsonAnswer({{"runs", std::move(runs)}});
@@ -117,10 +73,8 @@ HttpAnswer WatchPages::AnswerRun(std::string_view name, bool wants_picture) cons
     const RunFacts facts = sources_.facts(directory);
     const auto run = ReadRun(directory, facts, kMaxPoints);
     if (!run) break;
-    Json json = Summary(*run);
-    json["facts"] = facts.lines;
+    Json json = RunJson(*run, facts);
     json["drives"] = {{"number", drives.svg.empty() ? 0 : drives.number}, {"note", drives.note}};
-    json["curves"] = Curves(run->metrics);
     return JsonAnswer(json);
   }
   return NotFound("there is no such run\n");

@@ -3,10 +3,12 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "eval/report/compare_page_parts.h"
 #include "eval/report/embedded_page.h"
 
 namespace slalom::eval {
+
+extern const std::string_view kComparisonPage;  // An embedded page.
+
 namespace {
 
 /// [value, low, high]; null where there is none.
@@ -60,8 +62,7 @@ std::string ComparisonPageData(const AgentComparison& comparison) {
 }
 
 std::string ComparisonPage(const AgentComparison& comparison) {
-  return FillPage(kComparePageHtml, kComparePageStyle, kComparePageScript,
-                  ComparisonPageData(comparison));
+  return FillPage(kComparisonPage, ComparisonPageData(comparison));
 }
 
 }  // namespace slalom::eval

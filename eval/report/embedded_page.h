@@ -4,7 +4,8 @@
 #include <string>
 #include <string_view>
 
-/// HTML pages with everything in them, which open without a network.
+/// HTML pages with everything in them, which open without a network. `slalom_embed_page`
+/// (cmake/SlalomTargets.cmake) puts them into the program; their data is added here.
 
 namespace slalom::eval {
 
@@ -12,9 +13,8 @@ namespace slalom::eval {
 /// are replaced, and no text in it can end the element.
 std::string JsonForPage(const nlohmann::json& json);
 
-/// Returns `html` with its marks /*STYLE*/, /*SCRIPT*/ and /*DATA*/ replaced.
-/// Requires: it has all three; `data` is from `JsonForPage`.
-std::string FillPage(std::string_view html, std::string_view style, std::string_view script,
-                     std::string_view data);
+/// Returns an embedded page with its data. Requires: `page` has the mark /*DATA*/; `data` is from
+/// `JsonForPage`.
+std::string FillPage(std::string_view page, std::string_view data);
 
 }  // namespace slalom::eval

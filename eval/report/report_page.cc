@@ -13,10 +13,12 @@
 #include "eval/report/embedded_page.h"
 #include "eval/report/packed_numbers.h"
 #include "eval/report/paired_comparison.h"
-#include "eval/report/report_page_parts.h"
 #include "sim/courses/motion.h"
 
 namespace slalom::eval {
+
+extern const std::string_view kReportPage;  // An embedded page.
+
 namespace {
 
 using Json = nlohmann::json;
@@ -319,7 +321,7 @@ std::string ReportPageData(std::span<const Result> results) {
 }
 
 std::string ReportPage(std::span<const Result> results) {
-  return FillPage(kReportPageHtml, kReportPageStyle, kReportPageScript, ReportPageData(results));
+  return FillPage(kReportPage, ReportPageData(results));
 }
 
 }  // namespace slalom::eval

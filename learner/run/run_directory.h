@@ -21,7 +21,7 @@ struct RunDirectory {
   /// be listed.
   std::vector<std::filesystem::path> ListSnapshots() const;
   std::filesystem::path curve() const { return root / "curve.csv"; }
-  std::filesystem::path training_picture() const { return root / "training.svg"; }
+  std::filesystem::path training_page() const { return root / "training.html"; }
 };
 
 /// The paths of a checkpoint's files. A value; makes no file.

@@ -158,6 +158,8 @@ std::vector<LegendEntry> LegendOf(std::span<const CourseScene> scenes) {
                          painter.PaintMovingSymbol(p, 9.0);
                        }});
   }
+  std::size_t num_drives = 0;
+  for (const CourseScene& scene : scenes) num_drives += scene.tracks.size();
   for (const env::Outcome outcome : {env::Outcome::kSuccess, env::Outcome::kCollision,
                                      env::Outcome::kTimeout, env::Outcome::kRunning}) {
     std::ptrdiff_t count = 0;
@@ -166,10 +168,11 @@ std::vector<LegendEntry> LegendOf(std::span<const CourseScene> scenes) {
                              [outcome](const EpisodeTrack& t) { return t.outcome == outcome; });
     }
     if (count == 0) continue;
-    entries.push_back({fmt::format("{} ({})", ToString(outcome), count),
-                       [outcome](CoursePainter& painter, base::Vec2 p) {
-                         painter.PaintEndMark(p, 5.0, outcome);
-                       }});
+    entries.push_back(
+        {fmt::format("{} ({} of {} drives shown)", ToString(outcome), count, num_drives),
+         [outcome](CoursePainter& painter, base::Vec2 p) {
+           painter.PaintEndMark(p, 5.0, outcome);
+         }});
   }
   return entries;
 }

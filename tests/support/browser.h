@@ -33,6 +33,18 @@ class Browser {
     return Dump("page.html");
   }
 
+  /// The page at an address, of a file or of this machine, after three seconds of the browser's own
+  /// time.
+  std::string Open(const std::string& address) const {
+    const std::string command = fmt::format(
+        "HOME={0} {1} --headless --no-sandbox --disable-gpu --user-data-dir={0}/profile "
+        "--host-resolver-rules='MAP * ~NOTFOUND, EXCLUDE 127.0.0.1' --window-size=1280,2000 "
+        "--virtual-time-budget=3000 --dump-dom '{2}' >{0}/dom.html 2>{0}/log",
+        directory_.string(), Find().value(), address);
+    EXPECT_EQ(std::system(command.c_str()), 0) << base::ReadFile(directory_ / "log");
+    return base::ReadFile(directory_ / "dom.html");
+  }
+
   /// What `script` posts to the page around it, in which the page is a frame of this width: a
   /// window of its own is never as narrow as a phone.
   std::string PostedInFrame(std::string page, int width, const std::string& script) const {
@@ -57,13 +69,7 @@ class Browser {
   }
 
   std::string Dump(const std::string& file) const {
-    const std::string command = fmt::format(
-        "HOME={0} {1} --headless --no-sandbox --disable-gpu --user-data-dir={0}/profile "
-        "--host-resolver-rules='MAP * ~NOTFOUND' --window-size=1280,2000 "
-        "--virtual-time-budget=3000 --dump-dom 'file://{0}/{2}' >{0}/dom.html 2>{0}/log",
-        directory_.string(), Find().value(), file);
-    EXPECT_EQ(std::system(command.c_str()), 0) << base::ReadFile(directory_ / "log");
-    return base::ReadFile(directory_ / "dom.html");
+    return Open("file://" + (directory_ / file).string());
   }
 
   const std::filesystem::path directory_;

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "app/sweep/report/report_page_parts.h"
 #include "eval/report/embedded_page.h"
 
 namespace slalom::sweep {
+
+extern const std::string_view kSweepPage;  // An embedded page.
+
 namespace {
 
 using PageJson = nlohmann::json;
@@ -113,8 +115,7 @@ PageJson FailuresJson(const ReportContent& content) {
   return failures;
 }
 
-}  // namespace
-
+/// What the page shows, as `eval::JsonForPage`.
 std::string SweepPageData(const ReportContent& content) {
   PageJson data = {{"title", content.title},
                    {"progress", ProgressText(content.results)},
@@ -139,8 +140,10 @@ std::string SweepPageData(const ReportContent& content) {
   return eval::JsonForPage(data);
 }
 
+}  // namespace
+
 std::string SweepPage(const ReportContent& content) {
-  return eval::FillPage(kSweepPageHtml, kSweepPageStyle, kSweepPageScript, SweepPageData(content));
+  return eval::FillPage(kSweepPage, SweepPageData(content));
 }
 
 }  // namespace slalom::sweep

@@ -1,24 +1,26 @@
-// ---- Asks for the run every two seconds and shows what is new.
+// ---- The page of a run: live, where it asks for the run every two seconds, or with the run's data in it.
 
 const kInterval = 2000;
-const kUnit = [0, 1];
-// Title, columns with their names, range, whether the values are rates.
+// Title and columns with their names and colours; `isRate`: from 0 to 1. An agent's colours where there are none.
+const kOutcomes = [['success_rate', 'success', 'var(--success)'], ['collision_rate', 'collision', 'var(--collision)'],
+  ['timeout_rate', 'timeout', 'var(--timeout)']];
 const kCharts = [
-  ['Episodes', [['success_rate', 'success'], ['collision_rate', 'collision'], ['timeout_rate', 'timeout']], kUnit, true],
-  ['Return', [['episode_return', 'mean return']]],
-  ['Episode length', [['episode_steps', 'steps']]],
-  ['Simulation rate', [['steps_per_s', 'steps/s']]],
-  ['Update rate', [['updates_per_s', 'updates/s']]],
-  ['Critic loss', [['critic_loss', 'loss']]],
-  ['Values', [['q_mean', 'critics, on what was done'], ['actor_q_mean', 'on what the actor would do']]],
-  ['Gradient norms', [['critic_gradient_norm', 'critics'], ['actor_gradient_norm', 'actor']]],
-  ['Replay', [['table_steps', 'steps held']]],
-  ['Entropy', [['policy_entropy_nats', 'nats'], ['temperature', 'temperature']]],
-  ['Constraint', [['cost_q_mean', 'cost'], ['constraint_multiplier', 'multiplier'], ['constraint_violation', 'violation']]],
-  ['Model error', [['model_error', 'one step'], ['model_steps_error', 'five steps'], ['model_change', 'standing still']]],
-  ['Model loss', [['model_loss', 'loss'], ['model_likelihood_nats', 'likelihood']]],
-  ['Inside intervals', [['model_inside_50', 'of 50 %'], ['model_inside_90', 'of 90 %']], kUnit, true],
+  {title: 'Training episodes', columns: kOutcomes, isRate: true},
+  {title: 'Return', columns: [['episode_return', 'mean return']]},
+  {title: 'Episode length', columns: [['episode_steps', 'steps']]},
+  {title: 'Simulation rate', columns: [['steps_per_s', 'steps/s']]},
+  {title: 'Update rate', columns: [['updates_per_s', 'updates/s']]},
+  {title: 'Critic loss', columns: [['critic_loss', 'loss']]},
+  {title: 'Values', columns: [['q_mean', 'critics, on what was done'], ['actor_q_mean', 'on what the actor would do']]},
+  {title: 'Gradient norms', columns: [['critic_gradient_norm', 'critics'], ['actor_gradient_norm', 'actor']]},
+  {title: 'Replay', columns: [['table_steps', 'steps held']]},
+  {title: 'Entropy', columns: [['policy_entropy_nats', 'nats'], ['temperature', 'temperature']]},
+  {title: 'Constraint', columns: [['cost_q_mean', 'cost'], ['constraint_multiplier', 'multiplier'], ['constraint_violation', 'violation']]},
+  {title: 'Model error', columns: [['model_error', 'one step'], ['model_steps_error', 'five steps'], ['model_change', 'standing still']]},
+  {title: 'Model loss', columns: [['model_loss', 'loss'], ['model_likelihood_nats', 'likelihood']]},
+  {title: 'Inside intervals', columns: [['model_inside_50', 'of 50 %'], ['model_inside_90', 'of 90 %']], isRate: true},
 ];
+const kScores = {title: 'Test scores, 95 % intervals', columns: kOutcomes, isRate: true, dots: true};
 
 const byId = (id) => document.getElementById(id);
 let shownPicture = '';
@@ -36,7 +38,7 @@ function chosen() {
 function showRuns(runs) {
   byId('runs').replaceChildren(...(runs.length < 2 ? [] : runs).map((run) => {
     const link = element('a', {href: `#${encodeURIComponent(run.name)}`, title: `${run.state}, ${count(run.steps)} steps`},
-      `${run.name} ${percent(run.success_rate)}`);
+      `${run.name} ${percent(run.success_rate, 1)}`);
     if (run.name === chosen()) link.setAttribute('aria-current', 'page');
     return link;
   }));
@@ -48,21 +50,23 @@ function last(curves, column) {
 }
 
 function showOverview(run) {
-  document.title = `${run.name} · Slalom watch`;
+  document.title = `${run.name} · Slalom run`;
   byId('name').textContent = run.name;
+  byId('state').hidden = !run.state;
   byId('state').className = `state ${run.state}`;
-  byId('state').textContent = run.state === 'training' && run.age_s > 60
-    ? `training, silent for ${duration(run.age_s)}` : run.state;
+  byId('state').textContent = run.state === 'training' && run.age_s > 60 ?
+    `training, silent for ${duration(run.age_s)}` : run.state || '';
   const {curves} = run;
   const cards = [
-    ['success', percent(run.success_rate)],
-    ['collision', percent(last(curves, 'collision_rate'))],
+    ...(run.scores.success_rate ? [['test score', percent(last(run.scores, 'success_rate'), 1)]] : []),
+    ['success', percent(run.success_rate, 1)],
+    ['collision', percent(last(curves, 'collision_rate'), 1)],
     ['environment steps', count(run.steps)],
     ['steps/s', count(last(curves, 'steps_per_s'))],
     ['updates', count(last(curves, 'updates'))],
     ['updates/s', count(last(curves, 'updates_per_s'))],
     ['training time', duration(run.training_s)],
-    ['time left', duration(run.left_s)],
+    ...(run.left_s === null ? [] : [['time left', duration(run.left_s)]]),
   ];
   byId('cards').replaceChildren(...cards.map(([label, figure]) => element('div', {class: 'card', 'data-card': label},
     element('span', {class: 'label'}, label), element('span', {class: 'figure'}, figure))));
@@ -71,31 +75,39 @@ function showOverview(run) {
   if (!bar.hidden) byId('done').style.width = `${100 * run.training_s / (run.training_s + run.left_s || 1)}%`;
 }
 
+// The lines of a chart over column `axis`; empty: nothing of it is known.
+function linesOf({columns}, table, axis) {
+  const xs = table[axis] || [];
+  return columns.filter(([column]) => table[column]).map(([column, label, colour], i) => ({
+    label,
+    colour: colour || lookOf(i).colour,
+    points: xs.map((x, k) => {
+      const value = table[column][k];
+      const [low, high] = column === 'success_rate' && table.success_low ? [table.success_low[k], table.success_high[k]] : [null, null];
+      return {x, name: axis === 'training_s' ? duration(x) : count(x), estimate: value === null ? null : [value, low, high]};
+    }).filter((point) => point.x !== null),
+  })).filter((line) => line.points.length > 0);
+}
+
 function showCharts(run) {
-  const {curves} = run;
   const axis = byId('axis').value;
-  const xs = curves[axis] || [];
-  const showX = axis === 'training_s' ? duration : count;
-  const figures = [];
-  for (const [title, columns, range, isRate] of xs.length === 0 ? [] : kCharts) {
-    const series = columns.filter(([column]) => curves[column]).map(([column, name]) => [name, curves[column]]);
-    if (series.length === 0) continue;
-    const showY = isRate ? (value) => `${Number((100 * value).toPrecision(3))} %` : count;
-    const drawing = drawChart(series, xs, {range, showX, showY});
-    addTip(drawing, series, xs, showX, showY);
-    const figure = element('figure', {'data-chart': title}, element('figcaption', {}, title), drawing);
-    figure.append(element('div', {class: 'key'}, ...series.map(([name], i) => {
-      const swatch = element('span', {class: 'swatch'});
-      swatch.style.background = kColours[i];
-      return element('span', {}, swatch, name);
-    })));
-    figures.push(figure);
-  }
+  const charts = [{...kScores, table: run.scores}, ...kCharts.map((chart) => ({...chart, table: run.curves}))]
+    .map((chart) => ({...chart, lines: linesOf(chart, chart.table, axis)})).filter(({lines}) => lines.length > 0);
+  const figures = charts.map(({title, lines}) =>
+    element('figure', {'data-chart': title}, element('figcaption', {}, title), element('div', {class: 'plot'}), keyOf(lines)));
   byId('charts').replaceChildren(...figures);
   byId('no-curves').hidden = figures.length > 0;
+  charts.forEach(({lines, isRate = false, dots = false}, i) => {
+    const highest = Math.max(...lines.flatMap((line) => line.points.map(({x}) => x)));
+    const scale = axis === 'training_s' ? timeAxis(highest) : {title: byId('axis').selectedOptions[0].textContent, begin: 0, show: count};
+    drawLines(figures[i].querySelector('.plot'), lines, scale,
+      {y: {title: '', isRate, low: 0, show: isRate ? percent : count}, dots, height: 210});
+  });
 }
 
 function showDrives(run) {
+  byId('drives').hidden = !run.drives;
+  if (!run.drives) return;
   byId('drives-note').textContent = run.drives.note;
   const picture = byId('drives-picture');
   const address = run.drives.number ? `/run/${encodeURIComponent(run.name)}.svg?${run.drives.number}` : '';
@@ -153,9 +165,15 @@ async function updateForEver() {
   setTimeout(updateForEver, kInterval);
 }
 
+const kInside = readData();
+if (kInside === null) {
+  window.addEventListener('hashchange', () => {
+    latest = null;
+    update();
+  });
+  updateForEver();
+} else {
+  show(kInside);
+}
 byId('axis').addEventListener('change', () => latest && showCharts(latest));
-window.addEventListener('hashchange', () => {
-  latest = null;
-  update();
-});
-updateForEver();
+redrawOnChange(() => latest && showCharts(latest));

@@ -81,13 +81,13 @@ TEST(CommandsTest, ATrainingLeavesWhatTheManualSaysAndItsPolicyScoresTheSameAgai
   for (const char* name :
        {"config.toml", "policy.safetensors", "metrics.csv", "evaluation.json",
         "evaluation-courses.csv", "evaluation-episodes.csv", "evaluation-tracks.jsonl",
-        "courses.png", "courses.svg", "training.svg", "curve.csv", "checkpoints", "snapshots"}) {
+        "courses.png", "courses.svg", "training.html", "curve.csv", "checkpoints", "snapshots"}) {
     EXPECT_TRUE(std::filesystem::exists(run / name)) << name;
   }
-  // The picture is drawn again when the scores are there.
-  const std::string picture = base::ReadFile(run / "training.svg");
-  EXPECT_THAT(picture, HasSubstr(">tiny</text>"));
-  EXPECT_THAT(picture, HasSubstr(">Scores on the test courses, with 95 % intervals</text>"));
+  // The page is written again when the scores are there.
+  const std::string page = base::ReadFile(run / "training.html");
+  EXPECT_THAT(page, HasSubstr("\"name\":\"tiny\""));
+  EXPECT_THAT(page, HasSubstr("\"success_high\":["));
   const auto events = ReadRun(run);
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events.back().scalars.at("training/steps"), static_cast<float>(events.back().step));

@@ -93,7 +93,7 @@ TEST(FailingDiskTest, AFullDiskAtTheEndOfATrainingCostsItsLastCheckpointAlone) {
     EXPECT_THAT(result.out, HasSubstr("evaluate --policy runs/tiny/policy.safetensors"));
   }
   EXPECT_EQ(policy::LoadPolicy(run / "policy.safetensors").metadata.at("steps"), "2000");
-  EXPECT_TRUE(fs::exists(run / "training.svg"));
+  EXPECT_TRUE(fs::exists(run / "training.html"));
   // With room again, the run goes on from the checkpoint before.
   const ProgramResult resumed = RunProgram({"train", "runs/tiny", "--resume"}, scratch.path());
   EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
@@ -141,15 +141,15 @@ TEST(FailingDiskTest, ScoresThatAreNotWrittenAreShownAndCanBeMadeLater) {
   EXPECT_THAT(RunShell(resume, scratch.path()).out, HasSubstr("nothing was changed"));
 }
 
-TEST(FailingDiskTest, APictureThatIsNotDrawnKeepsNoPolicyFromBeingScored) {
+TEST(FailingDiskTest, APageThatIsNotWrittenKeepsNoPolicyFromBeingScored) {
   const ScratchDirectory scratch;
   WriteTinyConfig(scratch.path(), 1000);
   const FailingCalls failing(
-      {.function = "write", .path = "*/training.svg.tmp", .error = ENOSPC, .last = 1000},
+      {.function = "write", .path = "*/training.html.tmp", .error = ENOSPC, .last = 1000},
       scratch.path() / "calls", SLALOM_FAILING_LIBC);
   const ProgramResult result = RunProgram({"train", "tiny.toml"}, scratch.path());
   EXPECT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_THAT(result.err, HasSubstr("training.svg: cannot write"));
+  EXPECT_THAT(result.err, HasSubstr("training.html: cannot write"));
   EXPECT_TRUE(fs::exists(scratch.path() / "runs/tiny/curve.csv"));
 }
 

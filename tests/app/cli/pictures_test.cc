@@ -130,7 +130,7 @@ TEST_F(PicturesTest, WatchServesThePageUntilItIsStopped) {
   BackgroundProgram program({"watch", "runs/mine", "--port", "0"}, scratch_.path());
   const int port = PortOf("out");
   ASSERT_GT(port, 0);
-  EXPECT_THAT(Exchange(port, "GET / HTTP/1.1\r\n\r\n"), HasSubstr("<title>Slalom watch</title>"));
+  EXPECT_THAT(Exchange(port, "GET / HTTP/1.1\r\n\r\n"), HasSubstr("<title>Slalom run</title>"));
   const std::string run = Exchange(port, "GET /run/mine.json HTTP/1.1\r\n\r\n");
   EXPECT_THAT(run, HasSubstr("\"steps\":100"));
   EXPECT_THAT(run, HasSubstr("\"left_s\":3"));

@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "app/watch/run_page.h"
+#include "base/error.h"
 #include "base/file.h"
 #include "tests/support/scratch_directory.h"
 
@@ -45,10 +47,12 @@ TEST_F(WatchPagesTest, ThePageIsWholeAndLoadsNothingFromElsewhere) {
   const metrics::HttpAnswer page = Get("/");
   EXPECT_EQ(page.status, 200);
   EXPECT_EQ(page.type, "text/html; charset=utf-8");
-  for (const char* mark : {"/*STYLE*/", "/*SCRIPT*/", "src=\"", "https:", "@import"}) {
+  for (const char* mark : {"/*DATA*/", "@STYLE@", "@SCRIPT@", "src=\"", "https:", "@import"}) {
     EXPECT_THAT(page.body, Not(HasSubstr(mark)));
   }
-  EXPECT_THAT(page.body, HasSubstr("default-src 'none'"));
+  EXPECT_THAT(page.body, HasSubstr("default-src 'none'; style-src 'unsafe-inline'; "
+                                   "script-src 'unsafe-inline'; connect-src 'self'; "
+                                   "img-src 'self' data:\">"));
   EXPECT_THAT(page.body, HasSubstr("--paper"));          // The report's style.
   EXPECT_THAT(page.body, HasSubstr("function update"));  // The script.
 }
@@ -63,6 +67,21 @@ TEST_F(WatchPagesTest, ARunIsShownWithItsCurvesAndFacts) {
   EXPECT_FALSE(run["curves"].contains("policy_entropy_nats")) << "a column without a number";
   EXPECT_EQ(run["facts"][0][1], "td3");
   EXPECT_EQ(run["drives"]["number"], 0);
+  EXPECT_EQ(run["scores"], Json::object());
+  base::WriteFileAtomically(root() / "one/curve.csv",
+                            "training_s,success_rate,traversal_time_s\n2,0.5,\n");
+  EXPECT_EQ(GetJson("/run/one.json")["scores"],
+            Json({{"training_s", {2.0}}, {"success_rate", {0.5}}}));
+}
+
+TEST_F(WatchPagesTest, APageOfARunHoldsItsDataAndNothingThatEndsItsScript) {
+  MakeRun("one");
+  const std::string page = RunPage(root() / "one", {.lines = {{"Algorithm", "</script><b>"}}});
+  EXPECT_THAT(page, HasSubstr("\"name\":\"one\""));
+  EXPECT_THAT(page, HasSubstr("\"success_rate\":[0.5,0.75]"));
+  EXPECT_THAT(page, HasSubstr("\\u003c/script>\\u003cb>"));
+  EXPECT_THAT(page, Not(HasSubstr("\"state\":")));
+  EXPECT_THROW(RunPage(root() / "two", {}), base::Error);
 }
 
 TEST_F(WatchPagesTest, RunsAreListedAndFoundByTheirNameWhateverItIs) {

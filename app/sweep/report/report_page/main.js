@@ -1,4 +1,4 @@
-// ---- The page: sections in turn, drawn anew when the width or the colours change.
+// ---- The page: sections in turn.
 
 const MAX_MISSING = 100;  // Lines of the list; report.csv has all.
 
@@ -15,14 +15,8 @@ class Page {
     for (const score of data.scores) addScoreSection(this, score);
     this.addFailures();
     this.addMissing();
-    this.theme = new Theme(() => this.draw());
-    let width = window.innerWidth;
-    window.addEventListener('resize', () => {
-      if (window.innerWidth === width) return;
-      width = window.innerWidth;
-      this.draw();
-    });
     this.draw();
+    redrawOnChange(() => this.draw());
   }
 
   addSection(id, title, link) {
@@ -72,5 +66,5 @@ class Page {
   }
 }
 
-new Page(JSON.parse(document.getElementById('data').textContent));
+new Page(readData());
 document.body.dataset.ready = 'true';

@@ -20,14 +20,14 @@ function valueCell(title, estimate, factor, attributes = {}) {
 }
 
 function seedsNode({seeds, planned, episodes}, isPlanner = false) {
-  const text = seeds === planned ? (isPlanner ? 'planner' : `${seeds} seed${seeds === 1 ? '' : 's'}`) : `${seeds} of ${planned} seeds`;
+  const text = seeds === planned ? (isPlanner ? 'planner' : plural(seeds, 'seed')) : `${seeds} of ${planned} seeds`;
   return element('span', {class: seeds === planned ? 'sub' : 'sub partial'}, episodes > 0 ? `${text}, ${episodes} episodes` : text);
 }
 
 function trainingCells({steps, imagined, training_s}) {
-  return [element('td', {'data-title': 'Steps'}, steps === null ? '–' : count(steps),
+  return [element('td', {'data-title': 'Steps'}, count(steps),
     ...(imagined === null ? [] : [element('span', {class: 'sub'}, `+ ${count(imagined)} imagined`)])),
-    element('td', {'data-title': 'Training'}, training_s === null ? '–' : duration(training_s))];
+  element('td', {'data-title': 'Training'}, duration(training_s))];
 }
 
 function scoreTable(page, score) {
@@ -49,28 +49,32 @@ function scoreTable(page, score) {
     return element('tr', {}, agent, cells[0], valueCell('IQM [%]', row.iqm, 100), valueCell('Worst 5 % [%]', row.worst, 100),
       ...cells.slice(1), ...trainingCells(row));
   });
-  return element('div', {class: 'scroll'}, element('table', {class: 'figures-table'},
-    element('thead', {}, element('tr', {}, ...head.map((title) => element('th', {}, title)))), element('tbody', {}, ...rows)));
+  return scrollTable('figures-table', head, rows);
 }
 
 // A chart with its heading and key, drawn whenever the page is.
 function addChart(page, section, name, caption, lines, draw) {
   const box = element('div', {class: 'plot', 'data-figure': name});
-  section.append(element('figure', {}, ...(caption ? [element('figcaption', {}, caption)] : []), box, ...(lines ? [keyOf(lines, [])] : [])));
+  section.append(element('figure', {}, ...(caption ? [element('figcaption', {}, caption)] : []), box, ...(lines ? [keyOf(lines)] : [])));
   page.onDraw(() => draw(box));
 }
 
 function addDots(page, section, score) {
   const onAxis = new Set(numericAxes(page.data).flatMap(({a}) =>
     page.data.rows.map((row, r) => (row.labels.length > a ? r : -1))));
-  const rows = score.rows.filter((row) => !onAxis.has(row.row)).map((row) => ({label: page.rowTitle(row.row),
-    colour: lookOf(row.row).colour, estimate: row.figures.success_rate.estimate, seeds: row.seed_success,
-    published: row.published.success_rate}));
+  const rows = score.rows.filter((row) => !onAxis.has(row.row)).map((row) => {
+    const {estimate} = row.figures.success_rate;
+    const label = page.rowTitle(row.row);
+    const seeds = row.seed_success;
+    return {label, colour: lookOf(row.row).colour, estimate, seeds, published: row.published.success_rate,
+      tip: `${label}\n${estimateText(estimate)}${seeds.length > 1 ? `\nseeds: ${seeds.map((s) => percent(s, 1)).join(', ')}` : ''}`};
+  });
   if (rows.length < 2) return;
   section.append(element('h3', {}, 'Success'));
   addChart(page, section, 'dots', rows.some((row) => row.published.length > 0) ?
     'Dots are means, bars 95 % intervals, ticks seeds, diamonds published numbers.' :
-    'Dots are means, bars 95 % intervals, ticks seeds.', null, (box) => drawDots(box, rows));
+    'Dots are means, bars 95 % intervals, ticks seeds.', null, (box) =>
+    drawRows(box, rows, {low: 0, high: 1, show: percent}));
 }
 
 function addCurves(page, section, score) {
@@ -88,40 +92,33 @@ function addCurves(page, section, score) {
     addChart(page, pair, 'seconds', 'Success over training time', null, (box) =>
       drawLines(box, lines('seconds'), timeAxis(Math.max(...lines('seconds').flatMap((line) => line.points.map(({x}) => x))))));
   }
-  section.append(keyOf(lines('steps'), []));
+  section.append(keyOf(lines('steps')));
   const rows = score.curves.map((curve) => element('tr', {},
     element('td', {class: 'wrap'}, page.rowTitle(curve.row), seedsNode({...curve, episodes: 0})),
     valueCell('', curve.area_over_steps, 100), valueCell('', curve.area_over_seconds, 100)));
   const head = ['Area under the curve [%]', 'over steps', 'over seconds'];
-  section.append(element('div', {class: 'scroll'}, element('table', {class: 'compact'},
-    element('thead', {}, element('tr', {}, ...head.map((title) => element('th', {}, title)))), element('tbody', {}, ...rows))),
-  element('p', {class: 'note'}, 'The area is the mean height of the curve from its first to its last snapshot.'));
+  section.append(scrollTable('compact', head, rows), element('p', {class: 'note'}, 'The area is the mean height of the curve from its first to its last snapshot.'));
 }
 
 function addProfiles(page, section, score) {
   if (score.profiles.length === 0) return;
-  const lines = score.profiles.map((profile) => ({label: page.rowTitle(profile.row), ...lookOf(profile.row),
-    points: profile.shares.map((estimate, i) => ({x: page.data.thresholds[i], estimate,
-      name: `more than ${percent(page.data.thresholds[i])} on a course`}))}));
+  const lines = score.profiles.map((profile) => ({label: page.rowTitle(profile.row), ...lookOf(profile.row), shares: profile.shares}));
   section.append(element('h3', {}, 'Performance profile'));
   addChart(page, section, 'profile', 'Share of courses and seeds with more success than the number below', lines, (box) =>
-    drawLines(box, lines, {title: 'success on a course', begin: 0, marks: [0, 0.2, 0.4, 0.6, 0.8, 1], show: percent},
-      {steps: true, yTitle: 'share'}));
+    drawProfiles(box, lines, page.data.thresholds));
 }
 
 function addPairs(page, section, score) {
   if (score.pairs.length === 0 && score.pairs_note === '') return;
   section.append(element('h3', {}, 'Row against row'));
   if (score.pairs.length > 0) {
-    const signed = (number) => `${number > 0 ? '+' : ''}${(100 * number).toFixed(1)}`.replace('-', '−');
-    const pValue = (p) => (p === null ? '–' : p < 0.001 ? '< 0.001' : p.toFixed(3));
     const rows = score.pairs.map((pair) => {
       const [value, low, high] = pair.difference;
       return element('tr', {'data-pair': `${pair.first} ${pair.second}`},
         element('td', {class: 'wrap'}, page.rowTitle(pair.first), element('span', {class: 'sub'}, `against ${page.rowTitle(pair.second)}`)),
-        element('td', {}, element('span', {class: 'value'}, signed(value)),
-          element('span', {class: 'sub'}, low === null ? '' : `${signed(low)} to ${signed(high)}`)),
-        element('td', {'data-p': pair.p}, pValue(pair.p)), element('td', {}, pValue(pair.training_p)),
+        element('td', {}, element('span', {class: 'value'}, signed(100 * value)),
+          element('span', {class: 'sub'}, low === null ? '' : `${signed(100 * low)} to ${signed(100 * high)}`)),
+        element('td', {'data-p': pair.p}, pText(pair.p)), element('td', {}, pText(pair.training_p)),
         element('td', {class: 'wrap', 'data-verdict': pair.verdict}, pair.verdict), element('td', {}, percent(pair.improvement[0])));
     });
     const head = ['', 'Difference [points]', 'p, courses', 'p, trainings', 'Verdict', 'Better on a course'];
@@ -129,8 +126,7 @@ function addPairs(page, section, score) {
       'p-values are of permutation tests, corrected by Holm for the number of pairs: over courses for these trained policies, ' +
       'over trainings for the two ways to train. Few seeds cannot give a small one. The verdict is that of the trainings, ' +
       'or that of the courses for two planners.'),
-    element('div', {class: 'scroll'}, element('table', {class: 'compact'},
-      element('thead', {}, element('tr', {}, ...head.map((title) => element('th', {}, title)))), element('tbody', {}, ...rows))));
+    scrollTable('compact', head, rows));
   }
   if (score.pairs_note) section.append(element('p', {class: 'note'}, score.pairs_note));
 }

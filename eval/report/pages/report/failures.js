@@ -38,11 +38,9 @@ class FailureList {
       (agent === '' || this.data.results[Number(agent)] === result) && kind.includes(outcome));
     const shown = this.showsAll ? chosen : chosen.slice(0, FAILURES_AT_FIRST);
     const several = this.group.results.length > 1;
-    const head = element('tr', {}, ...['Course', 'Episode', ...(several ? ['Agent'] : []), 'Ended by', 'After']
-      .map((title) => element('th', {}, title)));
     const rows = shown.map((failure) => this.row(failure, several));
     document.getElementById('failure-table').replaceChildren(
-      element('thead', {}, head), element('tbody', {}, ...rows));
+      ...tableParts(['Course', 'Episode', ...(several ? ['Agent'] : []), 'Ended by', 'After'], rows));
     document.getElementById('failure-note').textContent =
       describeFailures(chosen.length, chosen.filter(({track}) => track).length);
     const more = document.getElementById('more-failures');

@@ -1,16 +1,3 @@
-'use strict';
-
-// Whatever goes wrong stands on the page, for people and for the test.
-function showError(text) {
-  const box = document.getElementById('errors');
-  box.hidden = false;
-  box.append(`${text}\n`);
-}
-window.addEventListener('error', (event) => {
-  showError(`${event.message} (line ${event.lineno})`);
-});
-window.addEventListener('unhandledrejection', (event) => showError(String(event.reason)));
-
 // ---- Numbers as eval/report/packed_numbers.h packs them.
 
 function decodeBase64(text) {
@@ -32,17 +19,13 @@ function unpack([scale, base64]) {
 
 // ---- What is drawn, unpacked when it is first asked for.
 
-const NUM_AGENT_COLOURS = 10;  // Of page.css.
-
 const OUTCOMES = {S: 'success', C: 'collision', T: 'timeout'};
 
-function readData() {
-  const data = JSON.parse(document.getElementById('data').textContent);
+function readReport() {
+  const data = readData();
   // An agent has one colour, whatever the courses.
   const labels = [...new Set(data.results.map((result) => result.label))];
-  for (const result of data.results) {
-    result.colour = `var(--agent-${labels.indexOf(result.label) % NUM_AGENT_COLOURS})`;
-  }
+  for (const result of data.results) result.colour = lookOf(labels.indexOf(result.label)).colour;
   return data;
 }
 

@@ -66,7 +66,7 @@ class Versus {
     const rows = DIFFERENCES.filter(({key}) => this.pair[key]).map((difference) => {
       const {key, title, unit, factor, digits} = difference;
       const [value, low, high] = this.pair[key];
-      const text = (number) => `${number > 0 ? '+' : ''}${(factor * number).toFixed(digits)}`.replace('-', '−');
+      const text = (number) => signed(factor * number, digits);
       const interval = low === null ? 'none: too little to go by' : `${text(low)} to ${text(high)}${unit}`;
       const differs = low !== null && (low > 0 || high < 0);
       const verdict = !differs ? 'could be chance' : this.areTwoTrainings() ?
@@ -79,8 +79,7 @@ class Versus {
         figure, element('td', {}, element('span', {class: 'value'}, text(value) + unit)),
         element('td', {}, interval, element('span', {class: 'sub'}, verdict)));
     });
-    const head = element('tr', {}, ...['Score', 'Difference', '95 % interval'].map((title) => element('th', {}, title)));
-    document.getElementById('versus-table').replaceChildren(element('thead', {}, head), element('tbody', {}, ...rows));
+    document.getElementById('versus-table').replaceChildren(...tableParts(['Score', 'Difference', '95 % interval'], rows));
     document.getElementById('versus-note').textContent =
       `${this.a.label} minus ${this.b.label}, course by course, which leaves out how courses differ from each other.` +
       this.episodeSentence();
@@ -136,7 +135,7 @@ class Versus {
       const dot = svg('circle', {class: 'pair-dot clickable', cx: x(ra), cy: y(rb),
         r: Math.max(4, 18 * Math.sqrt(courses.length / Math.max(most, 4))), fill: colour, opacity: 0.72, 'data-courses': courses.length});
       const names = courses.slice(0, 8).map((course) => this.group.courses[course].name).join(', ');
-      setTip(dot, `${courses.length} course${courses.length === 1 ? '' : 's'}: ${this.a.label} ${percent(ra)}, ` +
+      setTip(dot, `${plural(courses.length, 'course')}: ${this.a.label} ${percent(ra)}, ` +
         `${this.b.label} ${percent(rb)}\n${names}${courses.length > 8 ? ', …' : ''}`);
       dot.addEventListener('click', () => this.onCourse(courses[0], ra > rb ? this.b : this.a));
       drawing.append(dot);

@@ -14,12 +14,11 @@ class Page {
     this.toCourse = toCourse;
     this.failures = new FailureList(data, (failure) => this.playFailure(failure));
     this.versus = new Versus(data, toCourse);
-    this.theme = new Theme(() => this.redraw());
     this.listen();
     this.fillGroups();
     drawWarnings(data);
     document.getElementById('protocol').textContent =
-      `${data.protocol} ${data.results.length} evaluation${data.results.length === 1 ? '' : 's'}.`;
+      `${data.protocol} ${plural(data.results.length, 'evaluation')}.`;
     this.showGroup(0);
     this.drawProvenance();
   }
@@ -33,12 +32,7 @@ class Page {
     on('previous-course', 'click', () => this.stepCourse(-1));
     on('next-course', 'click', () => this.stepCourse(1));
     on('track', 'change', (event) => this.showTrack(Number(event.target.value)));
-    let width = window.innerWidth;
-    window.addEventListener('resize', () => {
-      if (window.innerWidth === width) return;
-      width = window.innerWidth;
-      this.redraw();
-    });
+    redrawOnChange(() => this.redraw());
   }
 
   redraw() {
@@ -228,7 +222,7 @@ function drawWarnings(data) {
 }
 
 // Opened as report.html#play, the episode plays at once.
-const page = new Page(readData());
+const page = new Page(readReport());
 for (const section of document.querySelectorAll('section')) section.dataset.drawn = 'true';
 document.body.dataset.ready = 'true';
 if (location.hash === '#play') page.player.play();

@@ -29,8 +29,12 @@ function drawFigures(data, group) {
   const columns = FIGURES.filter((figure) => (figure.key !== 'contact_rate' || !data.collision_ends) &&
     results.some((result) => result.figures[figure.key] !== null));
   const titleOf = (figure) => (figure.unit ? `${figure.title} [${figure.unit}]` : figure.title);
-  const head = element('tr', {}, element('th', {}, 'Agent'),
-    ...columns.map((figure) => element('th', {}, titleOf(figure))));
+  const text = (figure, number) => (figure.factor * number).toFixed(figure.digits);
+  // Where a strip ends: at the largest value that there can be, or else at the highest of the column.
+  const fullOf = (figure) => figure.full || Math.max(1e-9, ...results.map((result) => result.figures[figure.key])
+    .filter(Boolean).map((estimate) => figure.factor * (estimate[2] === null ? estimate[0] : estimate[2])));
+  const titles = ['Agent', ...columns.map((figure) => element('span', {}, titleOf(figure),
+    element('span', {class: 'sub'}, `strips 0 – ${Number(fullOf(figure).toPrecision(3))}`)))];
   const rows = results.map((result, place) => {
     const agent = element('td', {class: 'agent', title: result.label}, swatch(result.colour), result.label,
       element('span', {class: 'sub'}, `${result.kind}, ${result.episodes} episodes`));
@@ -45,28 +49,24 @@ function drawFigures(data, group) {
         cell.append(element('span', {class: 'sub'}, 'none'));
         return cell;
       }
-      const text = (number) => (figure.factor * number).toFixed(figure.digits);
-      cell.append(element('span', {class: 'value'}, text(estimate[0])));
+      cell.append(element('span', {class: 'value'}, text(figure, estimate[0])));
       if (estimate[1] !== null) {
-        cell.append(element('span', {class: 'interval'}, `${text(estimate[1])} – ${text(estimate[2])}`));
+        cell.append(element('span', {class: 'interval'}, `${text(figure, estimate[1])} – ${text(figure, estimate[2])}`));
       }
-      const highest = Math.max(...results.map((r) => r.figures[figure.key]).filter(Boolean)
-        .map((e) => figure.factor * (e[2] === null ? e[0] : e[2])));
-      cell.append(drawWhisker(estimate, figure.factor, figure.full || Math.max(highest, 1e-9), result.colour));
+      cell.append(drawWhisker(estimate, figure.factor, fullOf(figure), result.colour));
       return cell;
     });
     return element('tr', {}, agent, ...cells);
   });
-  table.replaceChildren(element('thead', {}, head), element('tbody', {}, ...rows));
+  table.replaceChildren(...tableParts(titles, rows));
 }
 
 // ---- Success by course.
 
-// From brown (no success) over a pale or dark middle to blue, as people who see few colours tell
-// apart.
+// From brown (no success) over a pale or dark middle to the green of success, as people who see few colours tell apart.
 function successColour(rate) {
-  const stops = isDark() ? [[206, 112, 36], [74, 74, 76], [70, 150, 226]] :
-    [[166, 78, 8], [236, 224, 205], [28, 100, 168]];
+  const stops = isDark() ? [[206, 112, 36], [74, 74, 76], [28, 158, 118]] :
+    [[166, 78, 8], [236, 228, 212], [0, 128, 93]];
   const place = Math.min(Math.max(rate, 0), 1) * 2;
   const i = Math.min(Math.floor(place), 1);
   const mix = stops[i].map((from, k) => Math.round(from + (place - i) * (stops[i + 1][k] - from)));
@@ -161,7 +161,8 @@ function drawDifficulty(data, group) {
   const measure = group.measures.find((m) => m.key === document.getElementById('measure').value);
   const results = group.results.map((index) => data.results[index]);
   if (!measure) return;
-  fillAgentLegend(document.getElementById('difficulty-legend'), results);
+  document.getElementById('difficulty-legend').replaceChildren(
+    ...results.map((result) => element('span', {}, swatch(result.colour), result.label)));
   const width = widthOf(box);
   const height = 300;
   const [left, right, top] = [46, 10, 10];
@@ -198,7 +199,7 @@ function drawDifficulty(data, group) {
         drawing.append(svg('line', {x1: x, x2: x, y1: y(low), y2: y(high), stroke: result.colour, 'stroke-width': 2, opacity: 0.6}));
       }
       const dot = svg('circle', {cx: x, cy: y(rate), r: 4.5, fill: result.colour});
-      setTip(dot, `${result.label}\n${percent(rate, 1)}` + (low === null ? '' : ` (${percent(low, 1)} – ${percent(high, 1)})`));
+      setTip(dot, `${result.label}\n${estimateText([rate, low, high])}`);
       drawing.append(dot);
     });
   });
@@ -221,7 +222,7 @@ function drawTimes(data, group, id, wanted) {
   const width = widthOf(box);
   const results = group.results.map((index) => data.results[index]);
   const all = results.map((result) => timesOf(result, wanted));
-  const ticks = niceTicks(Math.max(1, ...all.map((times) => (times.length ? times[times.length - 1] : 0))));
+  const ticks = roundTicks(0, Math.max(1, ...all.map((times) => (times.length ? times[times.length - 1] : 0))), {around: true});
   const full = ticks[ticks.length - 1];
   const narrow = width < 460;  // Names stand above their rows.
   const [left, right, rowHeight, bottom] = narrow ? [6, 16, 62, 34] : [150, 30, 46, 34];
@@ -261,6 +262,6 @@ function drawTimes(data, group, id, wanted) {
     drawing.append(svg('line', {x1: x(median), x2: x(median), y1: base - barHeight - 2, y2: base + 3, class: 'mark'}));
     const side = x(median) > width - right - 40 ? -1 : 1;  // Of the mark: its number stays in the drawing.
     drawing.append(svgText(x(median) + 5 * side, base - barHeight + 6, median.toFixed(1),
-      {'font-size': 11, 'text-anchor': side < 0 ? 'end' : 'start'}));
+      {'font-size': 11, class: 'halo', 'text-anchor': side < 0 ? 'end' : 'start'}));
   });
 }

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <filesystem>
+
+#include "app/watch/run_progress.h"
+
+namespace slalom::watch {
+
+/// Returns what the config of the run in `directory` says. If it cannot be read, the one line says
+/// why.
+RunFacts FactsOf(const std::filesystem::path& directory);
+
+}  // namespace slalom::watch
