@@ -1,7 +1,10 @@
 #include "eval/evaluation.h"
 
+#include <fmt/format.h>
+
 #include <utility>
 
+#include "base/check.h"
 #include "sim/environments.h"
 #include "sim/scene.h"
 
@@ -30,6 +33,15 @@ std::optional<Evaluation> EvaluateOnCourses(const EvaluationTask& task, const Ma
                                                       batch_size, parallel);
   const std::unique_ptr<env::Agent> agent = make_agent(task.num_environments, task.environment);
   return Evaluate(task, *environments, *agent, progress, std::move(stop));
+}
+
+std::string DescribeOverlap(const TrainingOverlap& overlap) {
+  SLALOM_CHECK(overlap.num_courses > 0);
+  return fmt::format(
+      "{} of the {} courses {} among those that the policy was trained on ({}): there the score "
+      "says what it remembers, not how it drives on new courses",
+      overlap.num_courses, overlap.num_scored, overlap.num_courses == 1 ? "is" : "are",
+      overlap.trained_on);
 }
 
 }  // namespace slalom::eval

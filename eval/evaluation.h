@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <stop_token>
+#include <string>
 
 #include "base/parallel.h"
 #include "env/agent.h"
@@ -11,10 +12,22 @@
 #include "eval/episodes.h"
 #include "eval/evaluation_task.h"
 #include "eval/summary.h"
-#include "eval/training_overlap.h"
 #include "sim/environment_config.h"
 
 namespace slalom::eval {
+
+/// Counts the courses on which a policy is scored and was also trained. A value.
+struct TrainingOverlap {
+  int num_courses = 0;     ///< Scored courses that were trained on, too.
+  int num_scored = 0;      ///< Scored courses.
+  std::string trained_on;  ///< The set that it was trained on, as its config names it.
+
+  friend bool operator==(const TrainingOverlap&, const TrainingOverlap&) = default;
+};
+
+/// "40 of the 50 courses are among those that the policy was trained on (static-train-250): ...", a
+/// sentence for warnings. Requires: num_courses > 0.
+std::string DescribeOverlap(const TrainingOverlap& overlap);
 
 /// An evaluation with everything that its reports need. A value.
 struct Evaluation {

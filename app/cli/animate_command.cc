@@ -1,5 +1,3 @@
-#include "app/cli/animate_command.h"
-
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -13,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "app/cli/commands.h"
 #include "app/cli/course_selection.h"
 #include "app/cli/output.h"
 #include "app/cli/video_encoder.h"

@@ -2,8 +2,6 @@
 
 #include <CLI/App.hpp>
 
-#include "app/cli/courses_command.h"
-
 /// The commands of the program. Each `Add...Command` adds a subcommand whose callback does the work
 /// and throws `base::Error` for mistakes that the user can correct.
 
@@ -13,6 +11,9 @@ void AddTrainCommand(CLI::App& app, int* exit_code);
 void AddEvaluateCommand(CLI::App& app, int* exit_code);
 void AddReportCommand(CLI::App& app);
 void AddCompareCommand(CLI::App& app);
+void AddCoursesCommand(CLI::App& app);
+/// Adds `animate` to `slalom courses`: recorded drives as a moving picture.
+void AddAnimateCommand(CLI::App& courses);
 void AddConfigCommand(CLI::App& app);
 void AddServiceCommands(CLI::App& app, int* exit_code);
 void AddWatchCommand(CLI::App& app);

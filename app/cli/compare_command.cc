@@ -15,8 +15,6 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "eval/report/agent_comparison.h"
-#include "eval/report/agent_comparison_page.h"
-#include "eval/report/agent_comparison_text.h"
 #include "eval/report/comparison.h"
 #include "eval/report/result.h"
 
@@ -136,9 +134,8 @@ void Compare(const CompareOptions& options) {
   base::MakeDirectories(directory);
   base::WriteFileAtomically(directory / "compare.md", markdown);
   base::WriteFileAtomically(directory / "compare.csv", eval::CsvOf(comparison));
-  base::WriteFileAtomically(directory / "compare.tex", eval::LatexOf(comparison));
   base::WriteFileAtomically(directory / "compare.html", eval::ComparisonPage(comparison));
-  fmt::print("\npage: {}, tables: compare.md, compare.csv, compare.tex beside it\n",
+  fmt::print("\npage: {}, tables: compare.md, compare.csv beside it\n",
              (directory / "compare.html").string());
 }
 
@@ -169,7 +166,7 @@ void AddCompareCommand(CLI::App& app) {
       ->trigger_on_parse()
       ->type_name("LABEL RESULT");
   command->add_option("--output", options->output,
-                      "Directory to write compare.html, .md, .csv and .tex to");
+                      "Directory to write compare.html, .md and .csv to");
   command->add_flag("--force", options->force, kForceHelp);
   command->callback([options] { Compare(*options); });
 }

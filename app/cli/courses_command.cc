@@ -1,5 +1,3 @@
-#include "app/cli/courses_command.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -13,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "app/cli/animate_command.h"
+#include "app/cli/commands.h"
 #include "app/cli/course_selection.h"
 #include "app/cli/output.h"
 #include "base/error.h"

@@ -32,9 +32,8 @@ void Report(const ReportOptions& options) {
   const std::string markdown = eval::MarkdownComparison(results);
   base::WriteFileAtomically(directory / "report.md", markdown);
   base::WriteFileAtomically(directory / "report.csv", eval::CsvComparison(results));
-  base::WriteFileAtomically(directory / "report.tex", eval::LatexComparison(results));
   base::WriteFileAtomically(directory / "report.html", eval::ReportPage(results));
-  fmt::print("{}\npage: {}, tables: report.md, report.csv, report.tex beside it\n", markdown,
+  fmt::print("{}\npage: {}, tables: report.md, report.csv beside it\n", markdown,
              (directory / "report.html").string());
 }
 
@@ -46,7 +45,7 @@ void AddReportCommand(CLI::App& app) {
   command->footer(
       "Takes what `slalom evaluate --output` wrote, for any number of agents and course sets under "
       "one protocol, and writes\n"
-      "report.html (which opens without a network), report.md, report.csv and report.tex "
+      "report.html (which opens without a network), report.md and report.csv "
       "(docs/evaluation.md). Example:\n\n"
       "  slalom evaluate --agent dwa --courses static-test --output out/dwa\n"
       "  slalom evaluate --policy runs/fast/policy.safetensors --courses static-test --output "

@@ -14,7 +14,6 @@
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "eval/report/compact_result.h"
 #include "eval/report/result.h"
 #include "learner/run/metrics_table.h"
 #include "learner/run/run_directory.h"

@@ -3,13 +3,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string_view>
 
 #include "base/check.h"
 #include "base/error.h"
 #include "eval/report/comparison.h"
+#include "eval/report/embedded_page.h"
+#include "eval/report/table_text.h"
 
 namespace slalom::eval {
+
+extern const std::string_view kComparisonPage;  // An embedded page.
+
 namespace {
 
 [[noreturn]] void Refuse(const Result& first, const Result& other, const std::string& difference) {
@@ -235,6 +244,177 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
     }
   }
   return comparison;
+}
+
+namespace {
+
+constexpr std::array<EstimateColumn<AgentFigures>, 4> kAgentColumns = {{
+    {"success [%]", "success_rate", 100.0, 1, false,
+     [](const AgentFigures& a) -> std::optional<Estimate> { return a.success_rate; }},
+    {"success, IQM [%]", "success_rate_iqm", 100.0, 1, false,
+     [](const AgentFigures& a) -> std::optional<Estimate> { return a.interquartile_success; }},
+    {"collision [%]", "collision_rate", 100.0, 1, false,
+     [](const AgentFigures& a) -> std::optional<Estimate> { return a.collision_rate; }},
+    {"traversal [s]", "traversal_time_s", 1.0, 1, false,
+     [](const AgentFigures& a) { return a.traversal_time; }},
+}};
+
+constexpr std::array<EstimateColumn<AgentPair>, 2> kPairColumns = {{
+    {"difference [points]", "success_rate_difference", 100.0, 1, true,
+     [](const AgentPair& p) -> std::optional<Estimate> { return p.test.difference; }},
+    {"first better [%]", "probability_of_improvement", 100.0, 1, false,
+     [](const AgentPair& p) -> std::optional<Estimate> { return p.improvement; }},
+}};
+
+/// A p-value of a pair.
+struct PColumn {
+  std::string_view title;
+  std::string_view key;  // Of the CSV.
+  std::optional<double> (*p)(const AgentPair& pair);
+};
+
+constexpr std::array<PColumn, 4> kPColumns = {{
+    {"p of these policies", "p_value",
+     [](const AgentPair& p) -> std::optional<double> { return p.test.p_value; }},
+    {"corrected", "p_value_holm",
+     [](const AgentPair& p) -> std::optional<double> { return p.corrected_p_value; }},
+    {"p of the trainings", "training_p_value",
+     [](const AgentPair& p) { return p.test.training_p_value; }},
+    {"corrected", "training_p_value_holm",
+     [](const AgentPair& p) { return p.corrected_training_p_value; }},
+}};
+
+/// What the columns mean, below the tables.
+constexpr std::string_view kLegend =
+    "In brackets 95 % bootstrap intervals over courses and, where an agent has several, seeds. IQM "
+    "is the interquartile mean. The difference is of success, the first agent minus the second. "
+    "First better is the chance that a policy of the first scores higher on a course; draws "
+    "count half. p of these policies is that of flipping signs of the courses' differences, and p "
+    "of the trainings that of relabelling the seeds. Corrected is after Holm, for the number "
+    "of pairs.";
+
+MarkdownTable AgentTable(const AgentComparison& comparison) {
+  MarkdownTable table{.titles = {"agent", "seeds"}};
+  for (const auto& column : kAgentColumns) table.titles.emplace_back(column.title);
+  for (const AgentFigures& agent : comparison.agents) {
+    auto& row = table.rows.emplace_back();
+    row = {EscapeMarkdown(agent.label), std::to_string(agent.num_seeds)};
+    for (const auto& column : kAgentColumns) row.push_back(CellText(column, agent));
+  }
+  return table;
+}
+
+MarkdownTable PairTable(const AgentComparison& comparison) {
+  MarkdownTable table{.titles = {"first", "second"}, .num_names = 2};
+  for (const auto& column : kPairColumns) table.titles.emplace_back(column.title);
+  for (const PColumn& column : kPColumns) table.titles.emplace_back(column.title);
+  for (const AgentPair& pair : comparison.pairs) {
+    auto& row = table.rows.emplace_back();
+    row = {EscapeMarkdown(comparison.agents[pair.first].label),
+           EscapeMarkdown(comparison.agents[pair.second].label)};
+    for (const auto& column : kPairColumns) row.push_back(CellText(column, pair));
+    for (const PColumn& column : kPColumns) row.push_back(PValueText(column.p(pair)));
+  }
+  return table;
+}
+
+std::string CsvLine(const std::string& agent, const std::string& against, std::string_view quantity,
+                    const std::optional<double>& threshold,
+                    const std::optional<Estimate>& estimate) {
+  return fmt::format("{},{},{},{},{}\n", CsvField(agent), CsvField(against), quantity,
+                     threshold ? fmt::format("{:.6f}", *threshold) : "", CsvEstimate(estimate));
+}
+
+/// [value, low, high]; null where there is none.
+nlohmann::json Triple(const std::optional<Estimate>& estimate) {
+  if (!estimate) return nullptr;
+  if (!estimate->interval) return {estimate->value, nullptr, nullptr};
+  return {estimate->value, estimate->interval->low, estimate->interval->high};
+}
+
+nlohmann::json NumberOrNull(const std::optional<double>& number) {
+  return number ? nlohmann::json(*number) : nlohmann::json(nullptr);
+}
+
+nlohmann::json AgentJson(const AgentFigures& agent) {
+  nlohmann::json profile = nlohmann::json::array();
+  for (const Estimate& share : agent.profile) profile.push_back(Triple(share));
+  return {{"label", agent.label},
+          {"files", agent.files},
+          {"seed_success", agent.seed_success},
+          {"success_rate", Triple(agent.success_rate)},
+          {"success_rate_iqm", Triple(agent.interquartile_success)},
+          {"collision_rate", Triple(agent.collision_rate)},
+          {"traversal_time_s", Triple(agent.traversal_time)},
+          {"profile", std::move(profile)}};
+}
+
+nlohmann::json PairJson(const AgentPair& pair) {
+  return {{"first", pair.first},
+          {"second", pair.second},
+          {"difference", Triple(pair.test.difference)},
+          {"improvement", Triple(pair.improvement)},
+          {"p", pair.test.p_value},
+          {"p_holm", pair.corrected_p_value},
+          {"training_p", NumberOrNull(pair.test.training_p_value)},
+          {"training_p_holm", NumberOrNull(pair.corrected_training_p_value)}};
+}
+
+}  // namespace
+
+std::string MarkdownOf(const AgentComparison& comparison) {
+  std::string text =
+      fmt::format("# Agents on {}\n\n{} course{}. {}\n\n{}", EscapeMarkdown(comparison.title),
+                  comparison.num_courses, comparison.num_courses == 1 ? "" : "s",
+                  EscapeMarkdown(comparison.protocol), AgentTable(comparison).Print());
+  if (!comparison.pairs.empty()) text += fmt::format("\n{}", PairTable(comparison).Print());
+  text += fmt::format("\n{}\n", kLegend);
+  for (const std::string& note : comparison.notes)
+    text += fmt::format("\n{}\n", EscapeMarkdown(note));
+  return text;
+}
+
+std::string CsvOf(const AgentComparison& comparison) {
+  std::string text = "agent,against,quantity,threshold,value,low,high\n";
+  for (const AgentFigures& agent : comparison.agents) {
+    text += CsvLine(agent.label, "", "seeds", {}, Estimate{double(agent.num_seeds), {}});
+    for (const auto& column : kAgentColumns) {
+      text += CsvLine(agent.label, "", column.key, {}, column.estimate(agent));
+    }
+    for (std::size_t t = 0; t < agent.profile.size(); ++t) {
+      text += CsvLine(agent.label, "", "share_of_success_rates_above", comparison.thresholds[t],
+                      agent.profile[t]);
+    }
+  }
+  for (const AgentPair& pair : comparison.pairs) {
+    const auto add = [&](std::string_view quantity, const std::optional<Estimate>& estimate) {
+      text += CsvLine(comparison.agents[pair.first].label, comparison.agents[pair.second].label,
+                      quantity, {}, estimate);
+    };
+    for (const auto& column : kPairColumns) add(column.key, column.estimate(pair));
+    for (const PColumn& column : kPColumns) {
+      const std::optional<double> p = column.p(pair);
+      add(column.key, p ? std::optional(Estimate{*p, std::nullopt}) : std::nullopt);
+    }
+  }
+  return text;
+}
+
+std::string ComparisonPageData(const AgentComparison& comparison) {
+  nlohmann::json data = {{"title", comparison.title},
+                         {"protocol", comparison.protocol},
+                         {"num_courses", comparison.num_courses},
+                         {"thresholds", comparison.thresholds},
+                         {"notes", comparison.notes},
+                         {"agents", nlohmann::json::array()},
+                         {"pairs", nlohmann::json::array()}};
+  for (const AgentFigures& agent : comparison.agents) data["agents"].push_back(AgentJson(agent));
+  for (const AgentPair& pair : comparison.pairs) data["pairs"].push_back(PairJson(pair));
+  return JsonForPage(data);
+}
+
+std::string ComparisonPage(const AgentComparison& comparison) {
+  return FillPage(kComparisonPage, ComparisonPageData(comparison));
 }
 
 }  // namespace slalom::eval

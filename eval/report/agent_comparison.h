@@ -81,4 +81,18 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
                               const BootstrapOptions& bootstrap = {},
                               const PermutationOptions& permutation = {});
 
+/// Returns the comparison in Markdown: a table of agents, a table of pairs, and the notes.
+std::string MarkdownOf(const AgentComparison& comparison);
+
+/// Returns CSV with a line for every number: agent, against (of pairs), quantity, threshold (of
+/// profiles), value, low, high. Cells without a value are empty.
+std::string CsvOf(const AgentComparison& comparison);
+
+/// Returns one HTML page with everything in it, which opens without a network: scores and
+/// differences as dots with their intervals, performance profiles, and every number as a table.
+std::string ComparisonPage(const AgentComparison& comparison);
+
+/// Returns the data of the page as compact JSON (docs/statistics.md, "The page").
+std::string ComparisonPageData(const AgentComparison& comparison);
+
 }  // namespace slalom::eval

@@ -17,57 +17,34 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// One column of the tables.
-struct Column {
-  std::string_view title;
-  std::string_view unit;
-  std::string_view key;  // Of the CSV.
-  double factor;         // From the figure to what is shown.
-  int digits;
-  std::optional<Estimate> (*figure)(const Figures& set);
-  bool only_where_collisions_go_on = false;
-};
+constexpr std::string_view kContactRate = "contact_rate";
+
+using Column = EstimateColumn<Figures>;
 
 constexpr std::array<Column, 7> kColumns = {{
-    {"success", "%", "success_rate", 100.0, 1,
+    {"success [%]", "success_rate", 100.0, 1, false,
      [](const Figures& f) -> std::optional<Estimate> { return f.success_rate; }},
-    {"collision", "%", "collision_rate", 100.0, 1,
+    {"collision [%]", "collision_rate", 100.0, 1, false,
      [](const Figures& f) -> std::optional<Estimate> { return f.collision_rate; }},
-    {"timeout", "%", "timeout_rate", 100.0, 1,
+    {"timeout [%]", "timeout_rate", 100.0, 1, false,
      [](const Figures& f) -> std::optional<Estimate> { return f.timeout_rate; }},
-    {"touched", "%", "contact_rate", 100.0, 1,
-     [](const Figures& f) -> std::optional<Estimate> { return f.contact_rate; }, true},
-    {"traversal", "s", "traversal_time_s", 1.0, 1,
+    {"touched [%]", kContactRate, 100.0, 1, false,
+     [](const Figures& f) -> std::optional<Estimate> { return f.contact_rate; }},
+    {"traversal [s]", "traversal_time_s", 1.0, 1, false,
      [](const Figures& f) { return f.traversal_time; }},
-    {"survival", "s", "survival_time_s", 1.0, 1, [](const Figures& f) { return f.survival_time; }},
-    {"BARN score", "", "barn_score", 1.0, 3,
+    {"survival [s]", "survival_time_s", 1.0, 1, false,
+     [](const Figures& f) { return f.survival_time; }},
+    {"BARN score", "barn_score", 1.0, 3, false,
      [](const Figures& f) -> std::optional<Estimate> { return f.barn_score; }},
 }};
 
+/// Contacts tell more than collisions only if these end nothing.
 std::vector<const Column*> ColumnsFor(const Result& result) {
   std::vector<const Column*> columns;
   for (const Column& column : kColumns) {
-    if (!column.only_where_collisions_go_on || !result.collision_ends()) columns.push_back(&column);
+    if (column.key != kContactRate || !result.collision_ends()) columns.push_back(&column);
   }
   return columns;
-}
-
-std::string HeaderText(const Column& column) {
-  return column.unit.empty() ? std::string(column.title)
-                             : fmt::format("{} [{}]", column.title, column.unit);
-}
-
-/// "93.5 (90.1-96.0)", with `dash` between the ends of the interval.
-std::string CellText(const Column& column, const Figures& figures, std::string_view dash) {
-  const std::optional<Estimate> estimate = column.figure(figures);
-  if (!estimate) return std::string(dash);
-  std::string text = fmt::format("{:.{}f}", column.factor * estimate->value, column.digits);
-  if (estimate->interval) {
-    text +=
-        fmt::format(" ({:.{}f}{}{:.{}f})", column.factor * estimate->interval->low, column.digits,
-                    dash, column.factor * estimate->interval->high, column.digits);
-  }
-  return text;
 }
 
 std::string BaseLabel(const Result& result) {
@@ -182,19 +159,15 @@ std::string MarkdownComparison(std::span<const Result> results) {
   auto out = std::back_inserter(text);
   for (const ResultGroup& group : GroupByCourses(results)) {
     const auto columns = ColumnsFor(results.front());
-    fmt::format_to(out, "\n## {}\n\n{}.\n\n| agent | episodes |", EscapeMarkdown(group.title),
-                   SizeText(group, results));
-    for (const Column* column : columns) fmt::format_to(out, " {} |", HeaderText(*column));
-    text += "\n|---|---:|";
-    for (std::size_t k = 0; k < columns.size(); ++k) text += "---:|";
-    text += '\n';
+    MarkdownTable table{.titles = {"agent", "episodes"}};
+    for (const Column* column : columns) table.titles.emplace_back(column->title);
     for (const std::size_t r : group.results) {
-      fmt::format_to(out, "| {} | {} |", EscapeMarkdown(labels[r]), results[r].set.num_episodes);
-      for (const Column* column : columns) {
-        fmt::format_to(out, " {} |", CellText(*column, results[r].set, "–"));
-      }
-      text += '\n';
+      auto& row = table.rows.emplace_back();
+      row = {EscapeMarkdown(labels[r]), std::to_string(results[r].set.num_episodes)};
+      for (const Column* column : columns) row.push_back(CellText(*column, results[r].set));
     }
+    fmt::format_to(out, "\n## {}\n\n{}.\n\n{}", EscapeMarkdown(group.title),
+                   SizeText(group, results), table.Print());
     for (const std::size_t r : group.results) text += OverlapNote(results[r], labels[r]);
   }
   return text;
@@ -217,48 +190,11 @@ std::string CsvComparison(std::span<const Result> results) {
                      result.courses.size(), result.set.num_episodes, result.set.num_successes,
                      result.set.num_collisions, result.set.num_timeouts, result.set.num_contacts);
       for (const Column& column : kColumns) {
-        const auto estimate = column.figure(result.set);
-        text += ',';
-        if (estimate) fmt::format_to(out, "{:.6f}", estimate->value);
-        if (estimate && estimate->interval) {
-          fmt::format_to(out, ",{:.6f},{:.6f}", estimate->interval->low, estimate->interval->high);
-        } else {
-          text += ",,";
-        }
+        text += ',' + CsvEstimate(column.estimate(result.set));
       }
       fmt::format_to(out, ",{:.6f},{:.4f},{}\n", result.set.barn_score_until_2024.value,
                      result.set.mean_path_length, CsvField(result.file));
     }
-  }
-  return text;
-}
-
-std::string LatexComparison(std::span<const Result> results) {
-  const std::vector<std::string> labels = Labels(results);
-  std::string text =
-      "% Needs \\usepackage{booktabs}. In brackets 95 % intervals (Wilson's for rates, Student's "
-      "t\n"
-      "% for times and scores).\n";
-  auto out = std::back_inserter(text);
-  const auto columns = ColumnsFor(results.front());
-  for (const ResultGroup& group : GroupByCourses(results)) {
-    fmt::format_to(out, "\\begin{{table}}\n  \\centering\n  \\caption{{{}, {}. {}}}\n",
-                   EscapeLatex(group.title), SizeText(group, results),
-                   EscapeLatex(ProtocolSentence(results.front())));
-    fmt::format_to(out, "  \\begin{{tabular}}{{l{}}}\n    \\toprule\n    agent",
-                   std::string(columns.size(), 'r'));
-    for (const Column* column : columns) {
-      fmt::format_to(out, " & {}", EscapeLatex(HeaderText(*column)));
-    }
-    text += " \\\\\n    \\midrule\n";
-    for (const std::size_t r : group.results) {
-      fmt::format_to(out, "    {}", EscapeLatex(labels[r]));
-      for (const Column* column : columns) {
-        fmt::format_to(out, " & {}", CellText(*column, results[r].set, "--"));
-      }
-      text += " \\\\\n";
-    }
-    text += "    \\bottomrule\n  \\end{tabular}\n\\end{table}\n\n";
   }
   return text;
 }

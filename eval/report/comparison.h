@@ -40,7 +40,4 @@ std::string MarkdownComparison(std::span<const Result> results);
 /// of a statistic that does not exist are empty.
 std::string CsvComparison(std::span<const Result> results);
 
-/// Returns a LaTeX table (booktabs) per group.
-std::string LatexComparison(std::span<const Result> results);
-
 }  // namespace slalom::eval

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -16,5 +18,18 @@ std::string JsonForPage(const nlohmann::json& json);
 /// Returns an embedded page with its data. Requires: `page` has the mark /*DATA*/; `data` is from
 /// `JsonForPage`.
 std::string FillPage(std::string_view page, std::string_view data);
+
+/// Encodes bytes as Base64 (RFC 4648, with padding).
+std::string Base64(std::span<const std::uint8_t> bytes);
+
+/// Numbers as multiples of one scale.
+struct PackedNumbers {
+  double scale = 0.0;
+  std::string base64;  ///< 16-bit signed integers, lower byte first.
+};
+
+/// Rounds each number to a multiple of the scale. The scale is `resolution` or, if that is too
+/// small for the largest number, 1/32000 of that number. Requires: resolution > 0, numbers finite.
+PackedNumbers PackNumbers(std::span<const double> numbers, double resolution);
 
 }  // namespace slalom::eval

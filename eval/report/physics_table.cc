@@ -18,41 +18,24 @@ namespace {
 
 using OrderedJson = nlohmann::ordered_json;
 
-/// One column of the differences.
-struct Difference {
-  std::string_view title;
-  std::string_view key;  // Of JSON.
-  double factor;         // From the difference to what is shown.
-  int digits;
-  std::optional<Estimate> (*value)(const PairedComparison& pair);
-};
+using Difference = EstimateColumn<PairedComparison>;
 
 constexpr std::array<Difference, 5> kDifferences = {{
-    {"success [points]", "success_rate", 100.0, 1,
+    {"success [points]", "success_rate", 100.0, 1, true,
      [](const PairedComparison& p) -> std::optional<Estimate> { return p.success_rate; }},
-    {"collision [points]", "collision_rate", 100.0, 1,
+    {"collision [points]", "collision_rate", 100.0, 1, true,
      [](const PairedComparison& p) -> std::optional<Estimate> { return p.collision_rate; }},
-    {"timeout [points]", "timeout_rate", 100.0, 1,
+    {"timeout [points]", "timeout_rate", 100.0, 1, true,
      [](const PairedComparison& p) -> std::optional<Estimate> { return p.timeout_rate; }},
-    {"traversal [s]", "traversal_time_s", 1.0, 2,
+    {"traversal [s]", "traversal_time_s", 1.0, 2, true,
      [](const PairedComparison& p) { return p.traversal_time; }},
-    {"BARN score", "barn_score", 1.0, 3,
+    {"BARN score", "barn_score", 1.0, 3, true,
      [](const PairedComparison& p) -> std::optional<Estimate> { return p.barn_score; }},
 }};
 
 std::string PhysicsText(const Result& result) {
   return result.physics_version.empty() ? result.physics
                                         : result.physics + " " + result.physics_version;
-}
-
-/// "-5.0 (-10.5 to -0.5)"
-std::string CellText(const Difference& column, const std::optional<Estimate>& difference) {
-  if (!difference) return "–";
-  std::string text = fmt::format("{:+.{}f}", column.factor * difference->value, column.digits);
-  if (!difference->interval) return text;
-  return text + fmt::format(" ({:+.{}f} to {:+.{}f})", column.factor * difference->interval->low,
-                            column.digits, column.factor * difference->interval->high,
-                            column.digits);
 }
 
 }  // namespace
@@ -74,22 +57,18 @@ std::string PhysicsTable(std::span<const Result> results) {
   fmt::format_to(out, "\nPhysics: {}.\n", EscapeMarkdown(versions));
   const std::string reference = EscapeMarkdown(results.front().physics);
   if (results.size() == 1) return text;
-  fmt::format_to(out,
-                 "\nDifferences to {} in the same episodes, course by course, with 95 % "
-                 "intervals:\n\n| physics |",
-                 reference);
-  for (const Difference& column : kDifferences) fmt::format_to(out, " {} |", column.title);
-  text += "\n|---|";
-  for (std::size_t k = 0; k < kDifferences.size(); ++k) text += "---:|";
-  text += '\n';
+  MarkdownTable table{.titles = {"physics"}};
+  for (const Difference& column : kDifferences) table.titles.emplace_back(column.title);
   for (const Result& result : results.subspan(1)) {
     const PairedComparison pair = CompareInPairs(result, results.front());
-    fmt::format_to(out, "| {} minus {} |", EscapeMarkdown(result.physics), reference);
-    for (const Difference& column : kDifferences) {
-      fmt::format_to(out, " {} |", CellText(column, column.value(pair)));
-    }
-    text += '\n';
+    auto& row = table.rows.emplace_back();
+    row.push_back(EscapeMarkdown(result.physics) + " minus " + reference);
+    for (const Difference& column : kDifferences) row.push_back(CellText(column, pair));
   }
+  fmt::format_to(out,
+                 "\nDifferences to {} in the same episodes, course by course, with 95 % "
+                 "intervals:\n\n{}",
+                 reference, table.Print());
   return text;
 }
 
@@ -106,7 +85,7 @@ std::string PhysicsJson(std::span<const Result> results, std::span<const std::st
     const PairedComparison pair = CompareInPairs(result, results.front());
     OrderedJson difference = {{"physics", result.physics}, {"minus", results.front().physics}};
     for (const Difference& column : kDifferences) {
-      const std::optional<Estimate> value = column.value(pair);
+      const std::optional<Estimate> value = column.estimate(pair);
       const std::string key(column.key);
       difference[key] = value ? OrderedJson(value->value) : OrderedJson(nullptr);
       difference[key + "_interval"] =

@@ -11,7 +11,6 @@
 #include "eval/report/comparison.h"
 #include "eval/report/difficulty_bins.h"
 #include "eval/report/embedded_page.h"
-#include "eval/report/packed_numbers.h"
 #include "eval/report/paired_comparison.h"
 #include "sim/courses/motion.h"
 

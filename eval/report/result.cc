@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -336,6 +337,64 @@ void RequireSameProtocol(std::span<const Result> results) {
           first.file, result.file, key, value, other));
     }
   }
+}
+
+namespace {
+
+using OrderedJson = nlohmann::ordered_json;
+
+std::string PrintCompactly(const OrderedJson& json) {
+  return json.dump(-1, ' ', false, OrderedJson::error_handler_t::replace);
+}
+
+OrderedJson CompactCourse(const ResultCourse& course, double step) {
+  std::string outcomes;
+  OrderedJson times = OrderedJson::array();
+  OrderedJson steps = OrderedJson::array();
+  OrderedJson collisions = OrderedJson::array();
+  bool are_implied = true;
+  bool are_steps = true;
+  for (const ResultEpisode& episode : course.episodes) {
+    outcomes += env::ToString(episode.outcome).front();
+    times.push_back(episode.time);
+    const int count = static_cast<int>(std::lround(episode.time / step));
+    steps.push_back(count);
+    are_steps = are_steps && count * step == episode.time;
+    collisions.push_back(episode.num_collisions);
+    const int implied = episode.outcome == env::Outcome::kCollision ? 1 : 0;
+    are_implied = are_implied && episode.num_collisions == implied;
+  }
+  OrderedJson json = {
+      {"course", course.name}, {"optimal_time_s", course.optimal_time}, {"outcomes", outcomes}};
+  json[are_steps ? "steps" : "times_s"] = std::move(are_steps ? steps : times);
+  if (!are_implied) json["collisions_per_episode"] = std::move(collisions);
+  return json;
+}
+
+}  // namespace
+
+std::string CompactResult(std::string_view text, const std::string& source) {
+  const Result result = ParseResult(text, source).result;
+  const OrderedJson full = OrderedJson::parse(text);
+  std::string compact = "{\n";
+  for (const auto& [key, value] : full.items()) {
+    if (key == "courses") continue;
+    OrderedJson kept = value;
+    if (key == "provenance") {
+      kept.erase("config");
+      // Where the policy and the courses lay, on the machine that drove.
+      for (const char* path : {"source", "collection"}) {
+        kept[path] = std::filesystem::path(kept[path].get<std::string>()).filename().string();
+      }
+    }
+    compact += PrintCompactly(key) + ": " + PrintCompactly(kept) + ",\n";
+  }
+  compact += "\"courses\": [\n";
+  for (const ResultCourse& course : result.courses) {
+    if (&course != &result.courses.front()) compact += ",\n";
+    compact += PrintCompactly(CompactCourse(course, result.step));
+  }
+  return compact + "\n]\n}\n";
 }
 
 }  // namespace slalom::eval

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "env/episode.h"
+#include "eval/evaluation.h"
 #include "eval/summary.h"
-#include "eval/training_overlap.h"
 #include "sim/courses/course.h"
 #include "sim/courses/episode_file.h"
 
@@ -84,5 +84,11 @@ ParsedResult ParseResult(std::string_view text, const std::string& source);
 
 /// Throws `base::Error` that names two files and the first difference between their protocols.
 void RequireSameProtocol(std::span<const Result> results);
+
+/// Returns the text of an evaluation.json with only the parts that `ParseResult` reads: a line for
+/// each course, a letter for the outcome of each episode, and no path of the machine that made it.
+/// The same evaluation gives the same text. Throws like `ParseResult`; errors call the text
+/// `source`.
+std::string CompactResult(std::string_view text, const std::string& source);
 
 }  // namespace slalom::eval

@@ -1,5 +1,10 @@
 #include "eval/report/table_text.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+
 namespace slalom::eval {
 namespace {
 
@@ -13,7 +18,48 @@ std::string Escape(std::string_view text, std::string_view special) {
   return escaped;
 }
 
+/// A number with so many digits. What would be a zero has no sign.
+std::string NumberText(double value, int digits, bool with_sign) {
+  const std::string text = fmt::format("{:.{}f}", std::abs(value), digits);
+  if (text.find_first_not_of("0.") == std::string::npos) return text;
+  return fmt::format("{}{}", value < 0.0 ? "-" : with_sign ? "+" : "", text);
+}
+
 }  // namespace
+
+std::string EstimateText(const std::optional<Estimate>& estimate, double factor, int digits,
+                         bool is_difference) {
+  if (!estimate) return "–";
+  const auto number = [&](double value) {
+    return NumberText(factor * value, digits, is_difference);
+  };
+  if (!estimate->interval) return number(estimate->value);
+  return fmt::format("{} ({}{}{})", number(estimate->value), number(estimate->interval->low),
+                     is_difference ? " to " : "–", number(estimate->interval->high));
+}
+
+std::string PValueText(const std::optional<double>& p) {
+  if (!p) return "–";
+  return *p < 0.001 ? "\\< 0.001" : fmt::format("{:.3f}", *p);
+}
+
+std::string MarkdownTable::Print() const {
+  const auto line = [](const std::vector<std::string>& cells) {
+    return fmt::format("| {} |\n", fmt::join(cells, " | "));
+  };
+  std::string text = line(titles) + "|";
+  for (std::size_t c = 0; c < titles.size(); ++c) text += c < num_names ? "---|" : "---:|";
+  text += '\n';
+  for (const std::vector<std::string>& row : rows) text += line(row);
+  return text;
+}
+
+std::string CsvEstimate(const std::optional<Estimate>& estimate) {
+  if (!estimate) return ",,";
+  if (!estimate->interval) return fmt::format("{:.6f},,", estimate->value);
+  return fmt::format("{:.6f},{:.6f},{:.6f}", estimate->value, estimate->interval->low,
+                     estimate->interval->high);
+}
 
 std::string EscapeMarkdown(std::string_view text) { return Escape(text, "\\|`*_[]<>#"); }
 

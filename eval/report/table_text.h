@@ -1,19 +1,61 @@
 #pragma once
 
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
-/// Escapes any text for a cell of a table.
+#include "eval/statistics/statistics.h"
+
+/// Tables of estimates in Markdown and CSV, and text as a cell of one, whatever characters it has.
 
 namespace slalom::eval {
 
-/// Line breaks become spaces.
+/// A column of estimates of `Row`s: how it is headed in Markdown, what it is called in CSV and
+/// JSON, and how an estimate is shown.
+template <class Row>
+struct EstimateColumn {
+  std::string_view title;  ///< With the unit: "success [%]".
+  std::string_view key;
+  double factor = 1.0;  ///< From the estimate to what is shown.
+  int digits = 1;
+  bool is_difference = false;  ///< Numbers above 0 have a sign, too.
+  std::optional<Estimate> (*estimate)(const Row& row);
+};
+
+/// Returns "93.5 (90.1–96.0)", or "+1.5 (-0.5 to +3.5)" for a difference; "–" if there is none.
+std::string EstimateText(const std::optional<Estimate>& estimate, double factor, int digits,
+                         bool is_difference);
+
+/// Returns the text of a column's cell for `row`.
+template <class Row>
+std::string CellText(const EstimateColumn<Row>& column, const Row& row) {
+  return EstimateText(column.estimate(row), column.factor, column.digits, column.is_difference);
+}
+
+/// Returns "0.125", "\\< 0.001" or, if there is none, "–".
+std::string PValueText(const std::optional<double>& p);
+
+/// A table as Markdown. A value.
+struct MarkdownTable {
+  std::vector<std::string> titles;
+  std::size_t num_names = 1;  ///< Columns from the left that hold names; the others hold numbers.
+  std::vector<std::vector<std::string>> rows{};  ///< Cells, as many as titles, already escaped.
+
+  std::string Print() const;
+};
+
+/// Returns "value,low,high" with six decimals. What does not exist is empty.
+std::string CsvEstimate(const std::optional<Estimate>& estimate);
+
+/// Escapes what Markdown would read as its own. Line breaks become spaces.
 std::string EscapeMarkdown(std::string_view text);
 
-/// Line breaks become spaces.
+/// Escapes what LaTeX would read as its own. Line breaks become spaces.
 std::string EscapeLatex(std::string_view text);
 
-/// Adds quotes if needed.
+/// Returns the text in quotes if it needs them.
 std::string CsvField(const std::string& text);
 
 }  // namespace slalom::eval

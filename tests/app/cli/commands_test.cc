@@ -167,7 +167,7 @@ TEST(CommandsTest, APlannersEvaluationIsTheSameOnAnyThreadsAndMakesAReport) {
   EXPECT_THAT(report.out, HasSubstr("| dwa | 4 |"));
   EXPECT_THAT(report.out, HasSubstr("| also dwa | 4 |"));
   EXPECT_THAT(report.out, HasSubstr("| dwa (heavy) | 4 |"));
-  for (const char* name : {"report.md", "report.csv", "report.tex", "report.html"}) {
+  for (const char* name : {"report.md", "report.csv", "report.html"}) {
     EXPECT_TRUE(std::filesystem::exists(scratch.path() / "report" / name)) << name;
   }
 }

@@ -62,7 +62,6 @@ TEST_F(CompareTest, GroupsSeedsAndWritesEveryForm) {
   };
   EXPECT_THAT(result.out, HasSubstr(text("compare.md")));
   EXPECT_THAT(text("compare.csv"), HasSubstr("slow,,seeds,,2.000000,,\n"));
-  EXPECT_THAT(text("compare.tex"), HasSubstr("\\toprule"));
   EXPECT_THAT(text("compare.html"), HasSubstr("\"label\":\"slow\""));
   // Its own output is replaced; another command's is not.
   EXPECT_EQ(Run({"dwa", "--output", "compared"}).exit_code, 0);

@@ -12,8 +12,6 @@
 #include <vector>
 
 #include "base/error.h"
-#include "eval/report/agent_comparison_page.h"
-#include "eval/report/agent_comparison_text.h"
 
 namespace slalom::eval {
 namespace {
@@ -200,22 +198,6 @@ TEST(CsvOf, HasALineForEveryNumber) {
   EXPECT_THAT(text, HasSubstr("td3,,share_of_success_rates_above,0.500000,0.500000,"));
   EXPECT_THAT(text, HasSubstr("td3,\"a|b, 5 % <dwa>\",p_value,,0.125000,,\n"));
   EXPECT_THAT(text, HasSubstr("td3,\"a|b, 5 % <dwa>\",training_p_value,,,,\n"));
-}
-
-TEST(LatexOf, IsTwoBooktabsTables) {
-  const std::string text = LatexOf(Study().Compare());
-  EXPECT_THAT(text, HasSubstr("td3 & 2 & 68.8 ("));
-  EXPECT_THAT(text, HasSubstr("a|b, 5 \\% <dwa> & 1 & 25.0 ("));
-  EXPECT_THAT(text, HasSubstr("success [\\%]"));
-  EXPECT_THAT(text, HasSubstr("+43.8 ($-$"));
-  std::size_t num_tables = 0;
-  for (std::size_t at = 0; (at = text.find("\\bottomrule", at)) != std::string::npos; ++at) {
-    ++num_tables;
-  }
-  EXPECT_EQ(num_tables, 2u);
-  const Study study;
-  EXPECT_THAT(LatexOf(CompareAgents(study.results, std::span(study.agents).first(1))),
-              Not(HasSubstr("first & second")));
 }
 
 TEST(ComparisonPage, HoldsTheNumbersAndNoEndOfItsData) {

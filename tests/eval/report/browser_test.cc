@@ -9,7 +9,7 @@
 #include <regex>
 
 #include "base/file.h"
-#include "eval/report/agent_comparison_page.h"
+#include "eval/report/agent_comparison.h"
 #include "eval/report/paired_comparison.h"
 #include "eval/report/report_page.h"
 #include "tests/eval/report/made_evaluation.h"

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <memory>
 
+#include "eval/report/table_text.h"
+
 namespace slalom::eval {
 namespace {
 
@@ -67,7 +69,7 @@ TEST(Comparison, ShowsContactsWhereCollisionsEndNothing) {
   std::vector<Result> results{MakeResult("dwa")};
   results[0].protocol["collision_ends"] = "false";
   EXPECT_THAT(MarkdownComparison(results), HasSubstr("10.0 (5.0–20.0)"));
-  EXPECT_THAT(LatexComparison(results), HasSubstr("touched"));
+  EXPECT_THAT(MarkdownComparison(results), HasSubstr("| touched [%] |"));
 }
 
 TEST(Comparison, GroupsByCourses) {
@@ -104,8 +106,6 @@ TEST(Comparison, NamesCannotBreakTheTables) {
   const std::vector<Result> results{MakeResult(name)};
   EXPECT_THAT(MarkdownComparison(results),
               HasSubstr("| a\\|b\\_c \"x\", 100 % & \\<i\\>\\#1\\\\ | 500 |"));
-  EXPECT_THAT(LatexComparison(results),
-              HasSubstr("a|b\\_c \"x\", 100 \\% \\& <i>\\#1\\textbackslash{} & 93.4"));
   EXPECT_THAT(CsvComparison(results),
               HasSubstr("static-test,\"a|b_c \"\"x\"\", 100 % & <i>#1\\\","));
 }
@@ -127,20 +127,18 @@ TEST(Comparison, CsvHasAllFiguresInAsManyColumnsAsTheHeader) {
   EXPECT_THAT(lines[1], HasSubstr(",6.130000,5.740000,6.520000,,,,"));  // No survival time.
 }
 
-TEST(Comparison, LatexIsABooktabsTablePerGroup) {
-  const std::vector<Result> results{MakeResult("dwa"), MakeResult("dwa", "dynamic_box")};
-  const std::string text = LatexComparison(results);
-  EXPECT_THAT(text, HasSubstr("\\begin{tabular}{lrrrrrr}"));
-  EXPECT_THAT(text, HasSubstr("dwa & 93.4 (83.7--97.5) & 6.6 (2.5--16.3)"));
-  EXPECT_THAT(text, HasSubstr("\\caption{dynamic\\_box, 1 course."));
-  const auto count = [&](const std::string& what) {
-    int n = 0;
-    for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; ++at) ++n;
-    return n;
+TEST(TableText, ShowsDifferencesWithASignAndZeroWithout) {
+  const auto text = [](double value, double low, double high) {
+    return EstimateText(Estimate{value, Interval{low, high}}, 100.0, 1, true);
   };
-  EXPECT_EQ(count("\\toprule"), 2);
-  EXPECT_EQ(count("\\bottomrule"), 2);
-  EXPECT_EQ(count("\\end{table}"), 2);
+  EXPECT_EQ(text(0.05, -0.0004, 0.1), "+5.0 (0.0 to +10.0)");
+  EXPECT_EQ(text(-0.05, -0.1, 0.0006), "-5.0 (-10.0 to +0.1)");
+  EXPECT_EQ(EstimateText(Estimate{-1.5, std::nullopt}, 2.0, 2, false), "-3.00");
+  EXPECT_EQ(EstimateText(std::nullopt, 1.0, 1, true), "–");
+  EXPECT_EQ(PValueText(0.0009), "\\< 0.001");
+  EXPECT_EQ(PValueText(0.001), "0.001");
+  const MarkdownTable table{.titles = {"a", "b", "c"}, .num_names = 2, .rows = {{"x", "y", "1"}}};
+  EXPECT_EQ(table.Print(), "| a | b | c |\n|---|---|---:|\n| x | y | 1 |\n");
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "eval/report/compact_result.h"
 #include "tests/eval/report/made_evaluation.h"
 #include "tests/support/scratch_directory.h"
 

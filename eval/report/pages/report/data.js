@@ -1,4 +1,4 @@
-// ---- Numbers as eval/report/packed_numbers.h packs them.
+// ---- Numbers as eval/report/embedded_page.h packs them.
 
 function decodeBase64(text) {
   const binary = atob(text);
