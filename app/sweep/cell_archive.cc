@@ -54,6 +54,8 @@ std::string ReadJson(const fs::path& file) {
   throw base::Error(fmt::format("{}: is damaged, expected a JSON object", file.string()));
 }
 
+bool IsEvaluation(const fs::path& path) { return path.filename() == eval::kEvaluationFile; }
+
 std::string ScoreFile(const std::string& digest) {
   return (fs::path("scores") / digest / eval::kEvaluationFile).string();
 }
@@ -119,9 +121,9 @@ std::string PrintArchived(const CellFiles& cell) {
   for (std::size_t i = 0; i < cell.files.size(); ++i) {
     const auto& [path, content] = cell.files[i];
     // An evaluation keeps its lines, one for each course.
-    const std::string value = path.filename() == "evaluation.json" ? content
-                              : IsJson(path)                       ? Json::parse(content).dump()
-                                                                   : Json(content).dump();
+    const std::string value = IsEvaluation(path) ? content
+                              : IsJson(path)     ? Json::parse(content).dump()
+                                                 : Json(content).dump();
     text += fmt::format("\"{}\": {}{}\n", path.string(),
                         value.substr(0, value.find_last_not_of('\n') + 1),
                         i + 1 < cell.files.size() ? "," : "");
@@ -132,14 +134,14 @@ std::string PrintArchived(const CellFiles& cell) {
 /// Whether an archive may have a file of this path below a cell's directory.
 bool IsArchived(const fs::path& path) {
   const std::string text = path.string();
-  if (text.find("..") != std::string::npos || path.is_absolute()) return false;
+  if (text.empty() || text.find("..") != std::string::npos || path.is_absolute()) return false;
   for (const char* name :
        {"cell.json", "training.toml", "scored.json", "trained.json", "run/metrics.csv"}) {
     if (text == name) return true;
   }
   const auto depth = std::distance(path.begin(), path.end());
-  return *path.begin() == "scores" && ((depth == 2 && path.extension() == ".toml") ||
-                                       (depth == 3 && path.filename() == "evaluation.json"));
+  return *path.begin() == "scores" &&
+         ((depth == 2 && path.extension() == ".toml") || (depth == 3 && IsEvaluation(path)));
 }
 
 /// A cell of an archive. Its configs are not read: they may be of an older program.
@@ -149,20 +151,22 @@ CellFiles ReadArchived(const fs::path& file) {
   const auto require = [&](bool condition, const std::string& what) {
     if (!condition) throw base::Error(fmt::format("{}: {}", source, what));
   };
-  require(json.is_object() && json.value("format", "") == kArchiveFormat &&
-              json.contains("files") && json["files"].is_object(),
+  const auto is = [&](const char* key, const Json& value) {
+    return json.is_object() && json.contains(key) && json[key] == value;
+  };
+  require(is("format", kArchiveFormat) && json.contains("files") && json["files"].is_object(),
           "is damaged, expected a cell that `slalom sweep export` wrote");
-  require(json.value("version", 0) == kArchiveVersion,
+  require(is("version", kArchiveVersion),
           fmt::format("has another version than {}, export it anew", kArchiveVersion));
   CellFiles cell{file.stem().string(), source, {}};
-  require(json.value("id", "") == cell.id,
-          fmt::format("is of the cell '{}', expected that of its name, '{}'", json.value("id", ""),
-                      cell.id));
+  const Json id = json.value("id", Json(""));
+  require(id == cell.id, fmt::format("is of the cell '{}', expected that of its name, '{}'",
+                                     id.is_string() ? id.get<std::string>() : id.dump(), cell.id));
   for (const auto& [name, value] : json["files"].items()) {
     require(IsArchived(name), fmt::format("has a file '{}', which no cell has", name));
     require(IsJson(name) ? value.is_object() : value.is_string(),
             fmt::format("is damaged at '{}'", name));
-    if (fs::path(name).filename() == "evaluation.json") {
+    if (IsEvaluation(name)) {
       cell.Add(name, eval::CompactResult(value.dump(), cell.PathOf(name)));
     } else {
       cell.Add(name, IsJson(name) ? value.dump(2) + "\n" : value.get<std::string>());
@@ -193,7 +197,7 @@ std::string ResultsOf(std::string_view text, const std::string& source) {
 template <class Find>
 void RequireSame(const CellFiles& cell, const std::string& other, Find find) {
   for (const auto& [path, text] : cell.files) {
-    if (path.filename() != "evaluation.json") continue;
+    if (!IsEvaluation(path)) continue;
     const auto there = find(path);
     if (!there) continue;
     const std::string here = cell.PathOf(path);

@@ -150,7 +150,11 @@ TEST_F(ArchiveTest, ADamagedFileIsRefusedBeforeAnythingIsWritten) {
   refused(2, "\"files\"", "files", "is damaged");
   refused(2, "slalom-cell", "slalom-sell", "is damaged");
   refused(2, "\"version\": 1", "\"version\": 2", "another version");
+  refused(2, "\"version\": 1", "\"version\": \"1\"", "another version");
   refused(2, "\"id\": \"", "\"id\": \"x", "is of the cell 'x");
+  refused(2, "\"id\": \"", "\"id\": 1, \"name\": \"", "is of the cell '1'");
+  refused(2, "\"slalom-cell\"", "7", "is damaged");
+  refused(2, "\"cell.json\"", "\"\"", "has a file '', which no cell has");
   refused(2, "\"cell.json\"", "\"../cell.json\"", "'../cell.json', which no cell has");
   refused(2, "\"cell.json\"", "\"scored.json\"", "has no cell.json");
   refused(2, "slalom-evaluation", "slalom-evalution", "evaluation.json");
