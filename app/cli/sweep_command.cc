@@ -248,13 +248,18 @@ class Reporter {
     last_ = Clock::now();
   }
 
-  void Write() const { sweep::WriteSweepReport(sweep_.plan, sweep_.all, store_); }
+  /// Writes it, and returns what is in it, which refers to the sweep.
+  sweep::ReportContent Write() const {
+    sweep::ReportContent content = sweep::MakeContent(sweep_.plan, sweep_.all, store_);
+    sweep::WriteSweepReport(content, store_);
+    return content;
+  }
 
   /// The table of the scores, and where the report lies.
-  std::string Summary() const {
+  std::string Summary(const sweep::ReportContent& content) const {
     const fs::path page = sweep::PlanDirectory(store_, sweep_.plan.sweep.name) / "report.html";
     return fmt::format("{}\nreport: {}, and report.md, .csv, .tex beside it\n",
-                       sweep::SweepSummary(sweep_.plan, sweep_.all, store_), page.string());
+                       sweep::SweepSummary(content.results), page.string());
   }
 
  private:
@@ -305,13 +310,13 @@ int RunSweep(const SweepOptions& options, const Sweep& sweep) {
   Reporter reporter(sweep, options.store);
   const sweep::SweepEnd end = sweep::RunCells(sweep.chosen, work, slots, signals.token(),
                                               [&reporter] { reporter.Update(); });
-  reporter.Write();
+  const sweep::ReportContent content = reporter.Write();
   if (end.stopped) {
     fmt::print("stopped: {} of {} cells are done; to go on: {}\n", end.num_done,
                sweep.chosen.size(), Again(options));
     return base::kExitSignalBase + signals.received();
   }
-  fmt::print("\n{}", reporter.Summary());
+  fmt::print("\n{}", reporter.Summary(content));
   if (end.num_failed > 0) {
     fmt::print(stderr, "slalom: {} of {} cells failed; to try them again: {}\n", end.num_failed,
                sweep.chosen.size(), Again(options, "--retry-failed"));
@@ -346,17 +351,13 @@ void WriteReports(const SweepOptions& options) {
   const std::vector<Sweep> sweeps = LoadSweeps(EachPlan(options));
   std::vector<sweep::ReportContent> contents;
   contents.reserve(sweeps.size());
-  std::vector<const sweep::ReportContent*> each;
   for (const Sweep& sweep : sweeps) {
     const Reporter reporter(sweep, options.store);
-    reporter.Write();
-    fmt::print("{}", reporter.Summary());
-    if (options.pages.empty()) continue;
-    contents.push_back(sweep::MakeContent(sweep.plan, sweep.all, options.store));
-    each.push_back(&contents.back());
+    contents.push_back(reporter.Write());
+    fmt::print("{}", reporter.Summary(contents.back()));
   }
   for (const std::string& page : options.pages) {
-    base::WriteFileAtomically(page, sweep::FillBlocks(base::ReadFile(page), page, each));
+    base::WriteFileAtomically(page, sweep::FillBlocks(base::ReadFile(page), page, contents));
   }
 }
 
@@ -400,7 +401,7 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   AddPlanOptions(*report, *options);
   report
       ->add_option("--into", options->pages,
-                   "Fill the tables of this Markdown page anew, too (docs/sweeps.md; repeatable)")
+                   "Also fill the tables of this Markdown page (docs/sweeps.md; repeatable)")
       ->check(CLI::ExistingFile);
   report->callback([options] { WriteReports(*options); });
 

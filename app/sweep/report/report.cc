@@ -5,12 +5,10 @@
 #include <algorithm>
 #include <vector>
 
-#include "app/sweep/report/report_content.h"
 #include "app/sweep/report/report_csv.h"
 #include "app/sweep/report/report_latex.h"
 #include "app/sweep/report/report_markdown.h"
 #include "app/sweep/report/report_page.h"
-#include "app/sweep/results.h"
 #include "app/sweep/store.h"
 #include "base/file.h"
 #include "eval/statistics/bootstrap.h"
@@ -43,9 +41,8 @@ std::string SummaryCell(const RowScore& score) {
 
 }  // namespace
 
-void WriteSweepReport(const Plan& plan, const Cells& cells, const fs::path& store) {
-  const ReportContent content = MakeContent(plan, cells, store);
-  const fs::path directory = PlanDirectory(store, plan.sweep.name);
+void WriteSweepReport(const ReportContent& content, const fs::path& store) {
+  const fs::path directory = PlanDirectory(store, content.plan.sweep.name);
   base::MakeDirectories(directory);
   base::WriteFileAtomically(directory / "report.csv", CellCsv(content));
   base::WriteFileAtomically(directory / "report-rows.csv", RowCsv(content));
@@ -54,8 +51,7 @@ void WriteSweepReport(const Plan& plan, const Cells& cells, const fs::path& stor
   base::WriteFileAtomically(directory / "report.html", SweepPage(content));
 }
 
-std::string SweepSummary(const Plan& plan, const Cells& cells, const fs::path& store) {
-  const SweepResults results = CollectResults(plan, cells, store);
+std::string SweepSummary(const SweepResults& results) {
   std::vector<std::vector<std::string>> table(1 + results.rows.size());
   table[0].push_back("success [%]");
   for (std::size_t r = 0; r < results.rows.size(); ++r) {

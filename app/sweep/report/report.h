@@ -3,8 +3,8 @@
 #include <filesystem>
 #include <string>
 
-#include "app/sweep/cell.h"
-#include "app/sweep/plan.h"
+#include "app/sweep/report/report_content.h"
+#include "app/sweep/results.h"
 
 /// The report of a sweep, at any time: cells that are not done are listed as missing.
 /// docs/sweeps.md explains it.
@@ -20,11 +20,10 @@ namespace slalom::sweep {
 ///     report.tex        tables in the layout of the paper's
 ///
 /// Throws `base::Error` if a file cannot be written.
-void WriteSweepReport(const Plan& plan, const Cells& cells, const std::filesystem::path& store);
+void WriteSweepReport(const ReportContent& content, const std::filesystem::path& store);
 
 /// Returns a table for the terminal: success of each row on each score in percent, with its 95 %
-/// interval, and the number of its seeds. Lines end in newlines. Cost: reads every finished
-/// evaluation.
-std::string SweepSummary(const Plan& plan, const Cells& cells, const std::filesystem::path& store);
+/// interval, and the number of its seeds. Lines end in newlines.
+std::string SweepSummary(const SweepResults& results);
 
 }  // namespace slalom::sweep

@@ -270,14 +270,14 @@ std::string MarkdownTable(const ReportContent& content) {
   return grids.empty() ? "" : GridTable(grids.front());
 }
 
-std::string MarkdownConclusions(std::span<const ReportContent* const> contents) {
+std::string MarkdownConclusions(std::span<const ReportContent> contents) {
   std::string text =
       "\n| conclusion | figure, with its 95 % interval | expected | verdict |\n|---|---|---|---|\n";
-  for (const ReportContent* content : contents) {
-    for (const JudgedConclusion& judged : content->conclusions) {
+  for (const ReportContent& content : contents) {
+    for (const JudgedConclusion& judged : content.conclusions) {
       std::vector<std::string> figures;
       for (const ConclusionFigure& figure : judged.figures) {
-        figures.push_back(FigureText(*content, judged.conclusion, figure));
+        figures.push_back(FigureText(content, judged.conclusion, figure));
       }
       text += fmt::format("| {} | {} | {} | {} |\n", EscapeMarkdown(judged.conclusion.text),
                           fmt::join(figures, "<br>"), LimitText(judged.conclusion),
@@ -296,8 +296,7 @@ std::string MarkdownSummary(const ReportContent& content) {
 std::string MarkdownReport(const ReportContent& content) {
   std::string text =
       fmt::format("# {}\n\n", EscapeMarkdown(content.title)) + MarkdownSummary(content);
-  const ReportContent* one = &content;
-  if (!content.conclusions.empty()) text += MarkdownConclusions(std::span(&one, 1));
+  if (!content.conclusions.empty()) text += MarkdownConclusions(std::span(&content, 1));
   text +=
       "\nIn brackets 95 % intervals over seeds and courses; with one seed over courses alone. IQM "
       "is the mean of the middle half of all success rates by seed and course, and *worst 5 %* "
@@ -307,8 +306,23 @@ std::string MarkdownReport(const ReportContent& content) {
   return text + MissingText(content);
 }
 
+namespace {
+
+/// The new text of a block; none: it is of another plan.
+std::optional<std::string> BlockText(const std::string& kind, const std::string& name,
+                                     std::span<const ReportContent> contents) {
+  if (kind == "conclusions") return MarkdownConclusions(contents);
+  for (const ReportContent& content : contents) {
+    if (content.plan.sweep.name != name) continue;
+    return kind == "table" ? MarkdownTable(content) : "\n" + MarkdownSummary(content);
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
 std::string FillBlocks(const std::string& page, const std::string& source,
-                       std::span<const ReportContent* const> contents) {
+                       std::span<const ReportContent> contents) {
   constexpr std::string_view kBegin = "<!-- sweep ";
   constexpr std::string_view kEnd = "<!-- end of sweep -->";
   std::istringstream lines(page);
@@ -318,37 +332,28 @@ std::string FillBlocks(const std::string& page, const std::string& source,
   for (int number = 1; std::getline(lines, line); ++number) {
     text += line + "\n";
     if (!line.starts_with(kBegin)) continue;
-    const auto fail = [&](std::string_view what) {
-      throw base::Error(fmt::format("{}:{}: {}", source, number, what));
+    const auto require = [&](bool condition, const std::string& what) {
+      if (!condition) throw base::Error(fmt::format("{}:{}: {}", source, number, what));
     };
-    std::istringstream words(line.substr(kBegin.size()));
     std::string kind;
     std::string name;
-    words >> kind;
-    if (kind != "conclusions") words >> name;
-    const auto content = std::ranges::find_if(
-        contents, [&](const ReportContent* one) { return one->plan.sweep.name == name; });
-    std::optional<std::string> block;
-    if (kind == "conclusions") {
-      block = MarkdownConclusions(contents);
-    } else if (kind != "table" && kind != "summary") {
-      fail(fmt::format("the block is of the kind '{}', expected table, summary or conclusions",
-                       kind));
-    } else if (content != contents.end()) {
-      block = kind == "table" ? MarkdownTable(**content) : "\n" + MarkdownSummary(**content);
-    }
+    std::istringstream(line.substr(kBegin.size())) >> kind >> name;
+    require(
+        kind == "table" || kind == "summary" || kind == "conclusions",
+        fmt::format("the block is of the kind '{}', expected table, summary or conclusions", kind));
     std::string former;
     while (std::getline(lines, line) && line != kEnd) former += line + "\n";
-    if (!lines) fail(fmt::format("the block has no end, expected a line \"{}\"", kEnd));
+    require(static_cast<bool>(lines),
+            fmt::format("the block has no end, expected a line \"{}\"", kEnd));
     number += static_cast<int>(std::ranges::count(former, '\n')) + 1;
-    text += block ? *block + "\n" : former;
-    text += fmt::format("{}\n", kEnd);
+    const std::optional<std::string> block = BlockText(kind, name, contents);
     has_filled = has_filled || block.has_value();
+    text += fmt::format("{}{}\n", block ? *block + "\n" : former, kEnd);
   }
   if (has_filled) return text;
   throw base::Error(
       fmt::format("{}: has no block of these plans, expected a line such as \"{}table {} -->\"",
-                  source, kBegin, contents.front()->plan.sweep.name));
+                  source, kBegin, contents.front().plan.sweep.name));
 }
 
 }  // namespace slalom::sweep

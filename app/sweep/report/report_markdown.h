@@ -20,7 +20,7 @@ std::string MarkdownTable(const ReportContent& content);
 
 /// Returns a table of the conclusions of several plans: each with its figures and what they say of
 /// it.
-std::string MarkdownConclusions(std::span<const ReportContent* const> contents);
+std::string MarkdownConclusions(std::span<const ReportContent> contents);
 
 /// Returns a Markdown page with its blocks filled anew. A block lies between two lines and has
 /// one of these beginnings, where NAME is the name of a plan:
@@ -33,6 +33,6 @@ std::string MarkdownConclusions(std::span<const ReportContent* const> contents);
 /// Blocks of other plans stay as they are. `source` names the page in errors. Throws `base::Error`
 /// with the line if a block is of another kind or has no end, or if there is none to fill.
 std::string FillBlocks(const std::string& page, const std::string& source,
-                       std::span<const ReportContent* const> contents);
+                       std::span<const ReportContent> contents);
 
 }  // namespace slalom::sweep

@@ -158,7 +158,7 @@ void FakeSweep::Evaluate(std::size_t index, const std::string& score,
 }
 
 std::string FakeSweep::Report(const std::string& file) const {
-  WriteSweepReport(plan, cells, store());
+  WriteSweepReport(sweep::MakeContent(plan, cells, store()), store());
   return base::ReadFile(sweep::PlanDirectory(store(), plan.sweep.name) / file);
 }
 

@@ -127,9 +127,8 @@ TEST(ConclusionsTest, BlocksOfAPageAreFilledAnew) {
   test::FakeSweep sweep = MakeSweep();
   sweep.plan.conclusions = {{.text = "TD3 is good", .score = "test", .rows = {"TD3"}}};
   const ReportContent content = MakeContent(sweep.plan, sweep.cells, sweep.store());
-  const ReportContent* const one = &content;
   const auto fill = [&](const std::string& page) {
-    return FillBlocks(page, "page.markdown", std::span(&one, 1));
+    return FillBlocks(page, "page.markdown", std::span(&content, 1));
   };
   const std::string end = "<!-- end of sweep -->\n";
   EXPECT_EQ(fill("a\n<!-- sweep table fake -->\nold\n" + end +

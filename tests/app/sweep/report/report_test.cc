@@ -204,7 +204,7 @@ TEST(SweepReportTest, APlannerHasNoSeeds) {
 
 TEST(SweepReportTest, TheSummaryNamesSeedsThatAreMissing) {
   const test::FakeSweep fake = test::MakeTrainingSets();
-  const std::string text = SweepSummary(fake.plan, fake.cells, fake.store());
+  const std::string text = SweepSummary(fake.Results());
   const std::vector<std::string> lines = Lines(text);
   ASSERT_EQ(lines.size(), 5u);
   EXPECT_THAT(lines[0], HasSubstr("| on test"));
