@@ -185,11 +185,13 @@ class Checker {
     }
   }
 
+  void RequireScore(const std::string& where, const std::string& score) const {
+    if (HasScore(score)) return;
+    Fail(fmt::format("{} names the score '{}', expected the name of a [[score]]", where, score));
+  }
+
   void CheckReference(const Reference& reference) const {
-    if (!HasScore(reference.score)) {
-      Fail(fmt::format("[[reference]] '{}' names the score '{}', expected the name of a [[score]]",
-                       reference.source, reference.score));
-    }
+    RequireScore(fmt::format("[[reference]] '{}'", reference.source), reference.score);
     if (reference.rows.size() != reference.values.size() ||
         (!reference.deviations.empty() && reference.deviations.size() != reference.values.size())) {
       Fail(
@@ -203,10 +205,8 @@ class Checker {
   void CheckConclusion(const Conclusion& conclusion) const {
     const std::string where = fmt::format("[[conclusion]] '{}'", conclusion.text);
     if (conclusion.text.empty()) Fail("[[conclusion]] has no text, expected a sentence");
-    for (const std::string& score : {conclusion.score, conclusion.other_score()}) {
-      if (HasScore(score)) continue;
-      Fail(fmt::format("{} names the score '{}', expected the name of a [[score]]", where, score));
-    }
+    RequireScore(where, conclusion.score);
+    RequireScore(where, conclusion.other_score());
     if (conclusion.rows.empty()) Fail(fmt::format("{} has no rows, expected at least one", where));
     const std::size_t others = conclusion.than.size();
     if (others > 1 && others != conclusion.rows.size()) {

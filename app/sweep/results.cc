@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -175,6 +176,12 @@ SweepResults CollectResults(const Plan& plan, const Cells& cells, const fs::path
   std::ranges::stable_sort(results.missing, {}, &MissingScore::cell);
   ReadSnapshotSeconds(cells, store, results);
   return results;
+}
+
+const Quantity& FindQuantity(std::string_view key) {
+  const auto found = std::ranges::find(kQuantities, key, &Quantity::key);
+  SLALOM_CHECK(found != std::end(kQuantities));
+  return *found;
 }
 
 std::optional<double> ValueOf(const eval::Result& result, const Quantity& quantity) {

@@ -93,7 +93,11 @@ inline constexpr Quantity kQuantities[] = {
     {"traversal_time_s", "traversal", "s", 1.0, false, false},
 };
 
-/// A quantity of one evaluation; none: no episode has it (no success, so no traversal time).
+/// Returns the quantity of this key. Requires: there is one.
+const Quantity& FindQuantity(std::string_view key);
+
+/// Returns a quantity of one evaluation; none: no episode has it (no success, so no traversal
+/// time).
 std::optional<double> ValueOf(const eval::Result& result, const Quantity& quantity);
 
 /// A quantity over the episodes on each course. Requires: at least one seed.

@@ -34,8 +34,9 @@ std::string EstimateText(const std::optional<Estimate>& estimate, double factor,
     return NumberText(factor * value, digits, is_difference);
   };
   if (!estimate->interval) return number(estimate->value);
-  return fmt::format("{} ({}{}{})", number(estimate->value), number(estimate->interval->low),
-                     is_difference ? " to " : "–", number(estimate->interval->high));
+  const auto [low, high] = *estimate->interval;
+  return fmt::format("{} ({}{}{})", number(estimate->value), number(low),
+                     is_difference || low < 0.0 ? " to " : "–", number(high));
 }
 
 std::string PValueText(const std::optional<double>& p) {

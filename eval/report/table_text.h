@@ -24,9 +24,10 @@ struct EstimateColumn {
   std::optional<Estimate> (*estimate)(const Row& row);
 };
 
-/// Returns "93.5 (90.1–96.0)", or "+1.5 (-0.5 to +3.5)" for a difference; "–" if there is none.
+/// Returns "93.5 (90.1–96.0)", "1.5 (-0.5 to 3.5)", or "+1.5 (-0.5 to +3.5)" for a difference; "–"
+/// if there is none.
 std::string EstimateText(const std::optional<Estimate>& estimate, double factor, int digits,
-                         bool is_difference);
+                         bool is_difference = false);
 
 /// Returns the text of a column's cell for `row`.
 template <class Row>

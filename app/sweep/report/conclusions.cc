@@ -94,7 +94,7 @@ ConclusionVerdict Judge(const eval::Estimate& estimate, ConclusionKind kind, dou
 std::vector<JudgedConclusion> JudgeConclusions(const Plan& plan, const SweepResults& results) {
   std::vector<JudgedConclusion> judged;
   for (const Conclusion& conclusion : plan.conclusions) {
-    const Quantity& quantity = *std::ranges::find(kQuantities, conclusion.quantity, &Quantity::key);
+    const Quantity& quantity = FindQuantity(conclusion.quantity);
     JudgedConclusion& one = judged.emplace_back();
     one.conclusion = conclusion;
     for (std::size_t i = 0; i < conclusion.rows.size(); ++i) {

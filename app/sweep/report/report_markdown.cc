@@ -17,18 +17,8 @@ namespace slalom::sweep {
 namespace {
 
 using eval::EscapeMarkdown;
-
-/// "74.2 (70.1–78.0)", "-1.2 (-2.1 to 0.4)" in the quantity's unit.
-std::string EstimateText(const std::optional<eval::Estimate>& estimate, double factor, int digits) {
-  if (!estimate) return "–";
-  std::string text = fmt::format("{:.{}f}", factor * estimate->value, digits);
-  if (estimate->interval) {
-    const auto [low, high] = *estimate->interval;
-    text += fmt::format(" ({:.{}f}{}{:.{}f})", factor * low, digits, low < 0.0 ? " to " : "–",
-                        factor * high, digits);
-  }
-  return text;
-}
+using eval::EstimateText;
+using eval::PValueText;
 
 std::string PublishedText(const std::optional<Published>& published, const Quantity& quantity) {
   if (!published) return "";
@@ -59,56 +49,45 @@ std::string RowTable(const ReportContent& content, const std::vector<RowFigures>
   const std::vector<PublishedColumn> published = PublishedColumns(rows);
   const bool has_snapshots = !snapshot_steps.empty();
   const auto& axes = content.cells.axis_names;
-  const std::string head =
-      axes.empty() ? "row" : EscapeMarkdown(fmt::format("{}", fmt::join(axes, " / ")));
-  std::string text = "| " + head + (has_snapshots ? " | after | seeds |" : " | seeds |");
-  std::string rule = has_snapshots ? "|---|---:|---:|" : "|---|---:|";
-  const auto add_column = [&](const std::string& title) {
-    text += " " + title + " |";
-    rule += "---:|";
-  };
+  eval::MarkdownTable table;
+  table.titles.push_back(axes.empty() ? "row"
+                                      : EscapeMarkdown(fmt::format("{}", fmt::join(axes, " / "))));
+  if (has_snapshots) table.titles.push_back("after");
+  table.titles.push_back("seeds");
   for (const Quantity& quantity : kQuantities) {
-    add_column(fmt::format("{} [{}]", quantity.title, quantity.unit));
+    table.titles.push_back(fmt::format("{} [{}]", quantity.title, quantity.unit));
     if (quantity.key == "success_rate") {
-      add_column("IQM [%]");
-      add_column("worst 5 % [%]");
+      table.titles.insert(table.titles.end(), {"IQM [%]", "worst 5 % [%]"});
     }
   }
-  add_column("steps");
-  add_column("training");
+  table.titles.insert(table.titles.end(), {"steps", "training"});
   for (const PublishedColumn& column : published) {
     const Quantity& quantity = kQuantities[column.quantity];
-    add_column(
+    table.titles.push_back(
         fmt::format("{}: {} [{}]", EscapeMarkdown(column.source), quantity.title, quantity.unit));
   }
-  text += "\n" + rule + "\n";
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const RowFigures& row = rows[i];
-    text += "| " + EscapeMarkdown(content.row(row).name) + " | ";
+    std::vector<std::string>& cells = table.rows.emplace_back();
+    cells.push_back(EscapeMarkdown(content.row(row).name));
     if (has_snapshots) {
-      text +=
-          snapshot_steps[i] > 0 ? FormatCount(static_cast<double>(snapshot_steps[i])) : "the end";
-      text += " | ";
+      cells.push_back(snapshot_steps[i] > 0 ? FormatCount(static_cast<double>(snapshot_steps[i]))
+                                            : "the end");
     }
-    text += SeedsText(row, content.row(row).is_planner) + " |";
+    cells.push_back(SeedsText(row, content.row(row).is_planner));
     for (std::size_t q = 0; q < row.quantities.size(); ++q) {
-      text += " " + EstimateText(row.quantities[q].estimate, kQuantities[q].factor, 1) + " |";
+      cells.push_back(EstimateText(row.quantities[q].estimate, kQuantities[q].factor, 1));
       if (q != 0) continue;
-      text += " " + EstimateText(row.interquartile_mean, 100.0, 1) + " |";
-      text += " " + EstimateText(row.lowest_twentieth, 100.0, 1) + " |";
+      cells.push_back(EstimateText(row.interquartile_mean, 100.0, 1));
+      cells.push_back(EstimateText(row.lowest_twentieth, 100.0, 1));
     }
-    text += " " + StepsText(row) + " |";
-    text += " " + (row.training_s ? FormatSeconds(*row.training_s) : "–") + " |";
+    cells.push_back(StepsText(row));
+    cells.push_back(row.training_s ? FormatSeconds(*row.training_s) : "–");
     for (const PublishedColumn& column : published) {
-      text += " " + PublishedText(FindPublished(row, column), kQuantities[column.quantity]) + " |";
+      cells.push_back(PublishedText(FindPublished(row, column), kQuantities[column.quantity]));
     }
-    text += "\n";
   }
-  return text;
-}
-
-std::string PValueText(double p_value) {
-  return p_value < 0.001 ? "< 0.001" : fmt::format("{:.3f}", p_value);
+  return table.Print();
 }
 
 std::string PairTable(const ReportContent& content, const RowPairs& compared) {
@@ -116,27 +95,26 @@ std::string PairTable(const ReportContent& content, const RowPairs& compared) {
       "| first | second | difference [points] | p, courses | p, trainings | verdict | first better "
       "|\n|---|---|---:|---:|---:|---|---:|\n";
   for (const eval::AgentPair& pair : compared.pairs) {
-    fmt::format_to(
-        std::back_inserter(text), "| {} | {} | {} | {} | {} | {} | {} |\n",
-        EscapeMarkdown(content.results.rows[pair.first].name),
-        EscapeMarkdown(content.results.rows[pair.second].name),
-        EstimateText(pair.test.difference, 100.0, 1), PValueText(pair.corrected_p_value),
-        pair.corrected_training_p_value ? PValueText(*pair.corrected_training_p_value) : "–",
-        eval::ToString(pair.verdict), EstimateText(pair.improvement, 1.0, 2));
+    fmt::format_to(std::back_inserter(text), "| {} | {} | {} | {} | {} | {} | {} |\n",
+                   EscapeMarkdown(content.results.rows[pair.first].name),
+                   EscapeMarkdown(content.results.rows[pair.second].name),
+                   EstimateText(pair.test.difference, 100.0, 1), PValueText(pair.corrected_p_value),
+                   PValueText(pair.corrected_training_p_value), eval::ToString(pair.verdict),
+                   EstimateText(pair.improvement, 1.0, 2));
   }
   return text;
 }
 
 std::string CurveTable(const ReportContent& content, const ScoreContent& score) {
-  std::string text =
-      "| row | seeds | area over steps [%] | area over seconds [%] |\n|---|---:|---:|---:|\n";
+  eval::MarkdownTable table{
+      .titles = {"row", "seeds", "area over steps [%]", "area over seconds [%]"}};
   for (const LearningCurve& curve : score.curves) {
-    fmt::format_to(std::back_inserter(text), "| {} | {} of {} | {} | {} |\n",
-                   EscapeMarkdown(content.results.rows[curve.row].name), curve.num_seeds,
-                   curve.num_planned, EstimateText(curve.area_over_steps, 100.0, 1),
-                   EstimateText(curve.area_over_seconds, 100.0, 1));
+    table.rows.push_back({EscapeMarkdown(content.results.rows[curve.row].name),
+                          fmt::format("{} of {}", curve.num_seeds, curve.num_planned),
+                          EstimateText(curve.area_over_steps, 100.0, 1),
+                          EstimateText(curve.area_over_seconds, 100.0, 1)});
   }
-  return text;
+  return table.Print();
 }
 
 std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
@@ -219,7 +197,7 @@ std::string ProvenanceText(const ReportContent& content) {
 /// "GRU / 4 less MLP / 1 on static-test: success -3.8 (-6.1–-1.5) points, above 0?"
 std::string FigureText(const ReportContent& content, const Conclusion& conclusion,
                        const ConclusionFigure& figure) {
-  const Quantity& quantity = *std::ranges::find(kQuantities, conclusion.quantity, &Quantity::key);
+  const Quantity& quantity = FindQuantity(conclusion.quantity);
   const auto on = [&](const std::string& row, const std::string& name) {
     const auto score = std::ranges::find(content.scores, name, &ScoreContent::name);
     return fmt::format("{} on {}", row, score->label);
@@ -237,7 +215,7 @@ std::string FigureText(const ReportContent& content, const Conclusion& conclusio
 }
 
 std::string LimitText(const Conclusion& conclusion) {
-  const Quantity& quantity = *std::ranges::find(kQuantities, conclusion.quantity, &Quantity::key);
+  const Quantity& quantity = FindQuantity(conclusion.quantity);
   return fmt::format("{} {}{:.4g}", base::EnumName(conclusion.kind),
                      conclusion.kind == ConclusionKind::kWithin ? "± " : "",
                      quantity.factor * conclusion.limit);
@@ -271,20 +249,21 @@ std::string MarkdownTable(const ReportContent& content) {
 }
 
 std::string MarkdownConclusions(std::span<const ReportContent> contents) {
-  std::string text =
-      "\n| conclusion | figure, with its 95 % interval | expected | verdict |\n|---|---|---|---|\n";
+  eval::MarkdownTable table{
+      .titles = {"conclusion", "figure, with its 95 % interval", "expected", "verdict"},
+      .num_names = 4};
   for (const ReportContent& content : contents) {
     for (const JudgedConclusion& judged : content.conclusions) {
       std::vector<std::string> figures;
       for (const ConclusionFigure& figure : judged.figures) {
         figures.push_back(FigureText(content, judged.conclusion, figure));
       }
-      text += fmt::format("| {} | {} | {} | {} |\n", EscapeMarkdown(judged.conclusion.text),
-                          fmt::join(figures, "<br>"), LimitText(judged.conclusion),
-                          ToString(judged.verdict));
+      table.rows.push_back({EscapeMarkdown(judged.conclusion.text),
+                            fmt::format("{}", fmt::join(figures, "<br>")),
+                            LimitText(judged.conclusion), std::string(ToString(judged.verdict))});
     }
   }
-  return text;
+  return "\n" + table.Print();
 }
 
 std::string MarkdownSummary(const ReportContent& content) {
