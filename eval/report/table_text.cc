@@ -20,7 +20,7 @@ std::string Escape(std::string_view text, std::string_view special) {
 
 /// A number with so many digits. What would be a zero has no sign.
 std::string NumberText(double value, int digits, bool with_sign) {
-  const std::string text = fmt::format("{:.{}f}", std::abs(value), digits);
+  std::string text = fmt::format("{:.{}f}", std::abs(value), digits);
   if (text.find_first_not_of("0.") == std::string::npos) return text;
   return fmt::format("{}{}", value < 0.0 ? "-" : with_sign ? "+" : "", text);
 }
