@@ -43,7 +43,7 @@ struct LearningFigures {
   double cost_critic_loss = kNone;
   double constraint_multiplier = kNone;
   double constraint_violation = kNone;
-  double imagined_transitions = kNone;
+  double imagined_transitions = 0.0;
   ModelFigures model;
 
   template <class Visitor>
@@ -66,8 +66,8 @@ struct LearningFigures {
     v("constraint_violation", constraint_violation,
       "Collisions per training episode above the constraint's limit, when last observed.");
     v("imagined_transitions", imagined_transitions,
-      "Transitions that the model imagined for the policy to learn from, since the beginning. NaN "
-      "without imagination.");
+      "Transitions that the model imagined for the policy to learn from, since the "
+      "beginning. 0 without imagination.");
     v("model_loss", model.loss,
       "Training loss of the transition model, mean over its members. NaN without a model, as for "
       "all its metrics.");

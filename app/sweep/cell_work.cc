@@ -191,17 +191,16 @@ class Work {
     }
     const nn::Metadata metadata = policy::LoadPolicy(run.policy()).metadata;
     const double imagined = run::ReadLastMetrics(run.metrics()).Last("imagined_transitions");
-    WriteTrained(
-        directory_,
-        {.steps = Provenance<std::int64_t>(metadata, "steps"),
-         .updates = Provenance<std::int64_t>(metadata, "updates"),
-         .imagined = std::isnan(imagined) ? std::nullopt : std::optional(std::llround(imagined)),
-         .training_s = Provenance<double>(metadata, "training_s"),
-         .wall_s = SecondsSince(begin),
-         .host = base::HostName(),
-         .platform = options_.platform,
-         .commit = options_.commit,
-         .at_once = options_.at_once});
+    WriteTrained(directory_,
+                 {.steps = Provenance<std::int64_t>(metadata, "steps"),
+                  .updates = Provenance<std::int64_t>(metadata, "updates"),
+                  .imagined = imagined > 0.0 ? std::optional(std::llround(imagined)) : std::nullopt,
+                  .training_s = Provenance<double>(metadata, "training_s"),
+                  .wall_s = SecondsSince(begin),
+                  .host = base::HostName(),
+                  .platform = options_.platform,
+                  .commit = options_.commit,
+                  .at_once = options_.at_once});
     return WorkEnd::kDone;
   }
 
