@@ -77,6 +77,21 @@ skipped_tests() {
   done
 }
 
+# failed_tests PRESET: "NAME" for each test that failed, and under it the last lines that it wrote.
+failed_tests() {
+  local log=$root/build/$1.ctest.log details=$root/build/$1.ctest-details.log
+  [[ -f $log ]] || return 0
+  awk '/^The following tests FAILED:/ { listed = 1; next } /^[^\t ]/ { listed = 0 } listed && NF' "$log" |
+    sed -n 's/^[[:space:]]*[0-9]* - \(.*[^ ]\) ([^()]*).*/\1/p' | sort -u | while IFS= read -r name; do
+    echo "$name"
+    awk -v name="$name" '
+      /^[0-9]+\/[0-9]+ (Test|Testing): / { here = substr($0, index($0, ": ") + 2) == name; next }
+      here && /^Test time = / { exit }
+      here && NF { lines[count++] = "    " $0 }
+      END { for (i = count > 12 ? count - 12 : 0; i < count; ++i) print lines[i] }' "$details" 2>/dev/null
+  done
+}
+
 part_format() {
   local listed file files=()
   mapfile -t listed < <(cd "$root" && git ls-files --cached --others --exclude-standard '*.h' '*.cc' '*.inc')
@@ -230,7 +245,7 @@ run_tests() {
   install_packages "${packages[@]}"
   check_blas
 
-  local part preset summary=() skipped=() failed=0 start status
+  local part preset summary=() failures=() skipped=() failed=0 start status
   for part in "${chosen[@]}"; do
     say "test: $part"
     # The soak's tests are those of the release build.
@@ -251,6 +266,7 @@ run_tests() {
       summary+=("$(printf 'FAILED  %-8s %5d s  %s' "$part" $((SECONDS - start)) "$(ctest_result "$preset")")")
     fi
     local line
+    while IFS= read -r line; do failures+=("$part: $line"); done < <(failed_tests "$preset")
     while IFS= read -r line; do skipped+=("$part: $line"); done < <(skipped_tests "$preset")
   done
   echo
@@ -266,6 +282,11 @@ run_tests() {
         ((failed += 1))
       fi
     fi
+    echo
+  fi
+  if ((${#failures[@]} > 0)); then
+    echo "These tests failed, with the last lines that each wrote:"
+    printf '  %s\n' "${failures[@]}"
     echo
   fi
   if [[ $tier == all && " ${chosen[*]} " == *" release "* ]] && ! young_clocks; then
