@@ -23,7 +23,7 @@ const AlgorithmContext& CheckedForTqc(const AlgorithmContext& context) {
   if (context.spec.planning.is_carried()) {
     throw base::Error(
         "learner.algorithm is \"tqc\", expected another with a transition model (model.kind): "
-        "whoever plans with it reads critics that give one value, not quantiles");
+        "planning needs critics that give one value, not quantiles");
   }
   return context;
 }

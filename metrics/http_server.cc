@@ -25,7 +25,8 @@ constexpr std::size_t kMaxConnections = 64;
 constexpr std::size_t kMaxRequestBytes = 8192;
 // From the connection to the end of its answer.
 constexpr std::chrono::seconds kMaxTime{5};
-// Of 4 KiB, once it is answered: whoever sends without an end must not keep the others waiting.
+// Of 4 KiB, once it is answered: a client that sends without an end must not keep the others
+// waiting.
 constexpr int kMaxReadsAfter = 256;
 
 HttpAnswer Answer(std::string_view request, const HttpServer::Handler& handler) {

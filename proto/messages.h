@@ -61,7 +61,7 @@ struct Hello {
     v(1, SLALOM_FIELD(role), Name{}, "role: actor, learner, evaluator, operator");
     v(2, SLALOM_FIELD(name), Name{}, "name of the process, the same after a restart");
     v(3, SLALOM_FIELD(session), Related{"an actor's: 1 or more"},
-      "session; rises with each start of an actor; 0 for who inserts nothing");
+      "session; rises with each start of an actor; 0 for a peer that inserts nothing");
     v(4, SLALOM_FIELD(spec_hash), Any{}, "spec hash: of what is observed and commanded");
     v(5, SLALOM_FIELD(num_beams), In{0, kMaxBeams}, "beams in a scan");
     v(6, SLALOM_FIELD(num_streams), In{0, kMaxStreams},
@@ -82,7 +82,7 @@ struct Welcome {
 
   template <class Self, class Visitor>
   static void Visit(Self& m, Visitor& v) {
-    v(1, SLALOM_FIELD(server), Any{}, "server: drawn anew at each start of it");
+    v(1, SLALOM_FIELD(server), Any{}, "server: drawn at random at each start of the server");
     v(2, SLALOM_FIELD(session), Any{}, "session, as in the hello");
     v(3, SLALOM_FIELD(next_sequence), Any{},
       "next sequence: chunks of this session before it are safe");
@@ -207,7 +207,7 @@ struct SnapshotRequest {
   template <class Self, class Visitor>
   static void Visit(Self& m, Visitor& v) {
     v(1, SLALOM_FIELD(held_version), AtLeast{-1}, "version held; -1: none");
-    v(2, SLALOM_FIELD(name), Name{}, "name of who asks");
+    v(2, SLALOM_FIELD(name), Name{}, "name of the process that asks");
   }
 };
 

@@ -164,7 +164,7 @@ class Replayer {
   }
 
   /// Discards everything applied so far and returns the number of lost rows. The next segment
-  /// starts anew.
+  /// starts again.
   std::int64_t Drop() {
     const std::int64_t rows = table_.num_rows();
     table_ = Table::BeginRestore(config_, beams(), 0);

@@ -182,7 +182,7 @@ void AddAnimateCommand(CLI::App& courses) {
                    "Pictures per second of a GIF [20] or a video [30]")
       ->check(CLI::Range(1, 60));
   command->add_flag("--lidar", options->shown.shows_scans,
-                    "Show what the range finder saw, where it was recorded");
+                    "Show the readings of the LiDAR if they were recorded");
   options->selection.AddSource(*command);
   command->footer(
       "An .svg needs nothing else and plays in a README; the other formats are made by the program "

@@ -264,7 +264,7 @@ void RequireOutput(const EvaluateOptions& options, const std::vector<sim::Physic
   base::MakeDirectories(output);
 }
 
-/// What one of the physics refuses is said before any of them drives.
+/// An error of any of the physics is reported before the first of them drives.
 void RequireDrivable(const eval::EvaluationTask& task, const std::vector<sim::Physics>& physics) {
   sim::CheckConsistent(task.environment);
   const auto scenes = sim::MakeScenes(task.courses);

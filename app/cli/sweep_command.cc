@@ -390,14 +390,14 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
       ->check(CLI::IsMember({"local", "slurm"}));
   run->callback([options, exit_code] { *exit_code = RunSweeps(*options); });
 
-  CLI::App* status = sweep->add_subcommand("status", "Print what has become of a plan's cells");
+  CLI::App* status = sweep->add_subcommand("status", "Print the state of a plan's cells");
   AddPlanOptions(*status, *options);
   status->callback([options] {
     for (const SweepOptions& one : EachPlan(*options)) PrintStatus(one);
   });
 
-  CLI::App* report = sweep->add_subcommand(
-      "report", "Write the report of what a plan's cells have come to, done or not");
+  CLI::App* report =
+      sweep->add_subcommand("report", "Write the report of a plan's cells, done or not");
   AddPlanOptions(*report, *options);
   report
       ->add_option("--into", options->pages,

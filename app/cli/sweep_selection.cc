@@ -122,7 +122,7 @@ void AddPlanOptions(CLI::App& command, SweepOptions& options) {
       ->type_name("PART/PARTS");
   command
       .add_option("--at-once", options.at_once,
-                  "Cells at the same time [one per core; half as many where trainings use threads]")
+                  "Cells at the same time [one per core; half as many if trainings use threads]")
       ->check(CLI::Range(0, 4096));
 }
 

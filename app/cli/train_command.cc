@@ -199,8 +199,8 @@ int FailToLearn(const TrainOptions& options, const run::RunDirectory& directory,
   if (trainer.updates() > 0) {
     const std::string fault = trainer.watch().fault();
     fmt::print(stderr,
-               "slalom: nothing was learned: {}. No policy was kept; begin anew with other "
-               "settings\n",
+               "slalom: nothing was learned: {}. No policy was kept; start a new run with "
+               "other settings\n",
                fault.empty() ? "a network had no gradient when the run ended" : fault);
     return base::kExitLearnedNothing;
   }

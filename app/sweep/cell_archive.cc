@@ -157,7 +157,7 @@ CellFiles ReadArchived(const fs::path& file) {
   require(is("format", kArchiveFormat) && json.contains("files") && json["files"].is_object(),
           "is damaged, expected a cell that `slalom sweep export` wrote");
   require(is("version", kArchiveVersion),
-          fmt::format("has another version than {}, export it anew", kArchiveVersion));
+          fmt::format("has another version than {}, export it again", kArchiveVersion));
   CellFiles cell{file.stem().string(), source, {}};
   const Json id = json.value("id", Json(""));
   require(id == cell.id, fmt::format("is of the cell '{}', expected that of its name, '{}'",

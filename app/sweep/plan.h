@@ -8,8 +8,8 @@
 
 #include "base/config_field.h"
 
-/// The plan of a sweep, as its TOML file has it (docs/sweeps.md). What it comes to, cell by cell,
-/// is in app/sweep/cell.h.
+/// The plan of a sweep, as its TOML file has it (docs/sweeps.md). Its cells are in
+/// app/sweep/cell.h.
 
 namespace slalom::sweep {
 
@@ -46,8 +46,8 @@ struct SweepSettings {
     v("seeds", seeds, base::Range{0, 2.0e9}, "",
       "Each combination of the axes is trained once with each of these seeds (run.seed).");
     v("scores", scores,
-      "Names of the scores for groups that list none. Empty: all. With --set, a plan can so be "
-      "scored on courses for choosing settings in place of the test courses.");
+      "Names of the scores for groups that list none. Empty: all. With --set, a plan can "
+      "thus be scored on validation courses in place of the test courses.");
     v("quantities", quantities,
       "Quantities (success_rate, collision_rate, survival_time_s, traversal_time_s) that have a "
       "table each, with the scores side by side. Empty: all, and with one axis a table per score.");

@@ -88,7 +88,7 @@ std::map<std::int64_t, RowScore> ReadRow(const Cells& cells, std::size_t row,
   return by_steps;
 }
 
-/// The training time at which a run had made so many steps, between the rows of its log.
+/// The training time at which a run had made a number of steps, between the rows of its log.
 std::optional<double> SecondsAt(const run::MetricsTable& log, std::int64_t steps) {
   const std::vector<double> at = log.Column("steps");
   const std::vector<double> seconds = log.Column("training_s");

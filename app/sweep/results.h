@@ -14,7 +14,7 @@
 #include "eval/statistics/bootstrap.h"
 #include "eval/statistics/score_table.h"
 
-/// What the cells of a plan have come to so far: their evaluations by row and score. The reports
+/// The results of a plan's cells so far: their evaluations by row and score. The reports
 /// are made from it (app/sweep/report/figures.h, app/sweep/report/report.h).
 
 namespace slalom::sweep {

@@ -53,7 +53,7 @@ class CellDirectory {
   std::filesystem::path root_;
 };
 
-/// What a finished training came to.
+/// Provenance of a finished training.
 struct TrainedCell {
   std::int64_t steps = 0;
   std::int64_t updates = 0;

@@ -68,7 +68,7 @@ void RequireCombination(const RunConfig& config) {
   if (config.method.constraint.kind != learner::ConstraintKind::kNone &&
       !config.environment.episode.collision_ends) {
     throw base::Error(fmt::format(
-        "constraint.kind is \"{}\", expected \"none\" where environment.episode.collision_ends is "
+        "constraint.kind is \"{}\", expected \"none\" if environment.episode.collision_ends is "
         "false: the constraint counts episodes that a collision ended",
         base::EnumName(config.method.constraint.kind)));
   }

@@ -70,7 +70,7 @@ NothingLearned ExplainNoUpdate(const RunConfig& config, std::int64_t steps, doub
   const std::int64_t first = FirstUpdate(config);
   if (steps >= first) {
     return {fmt::format("no update could be made in {} steps, as replay.capacity = {} frames are "
-                        "too few to sample from; begin anew with a larger one",
+                        "too few to sample from; start a new run with a larger one",
                         steps, config.replay.capacity),
             LongerLimit(config, steps, training_s)};
   }
@@ -80,8 +80,8 @@ NothingLearned ExplainNoUpdate(const RunConfig& config, std::int64_t steps, doub
   const std::string ended = by_seconds ? fmt::format("run.max_seconds = {}", config.run.max_seconds)
                                        : fmt::format("run.max_steps = {}", config.run.max_steps);
   return {fmt::format("the run ended at {} after {} steps, and the first update comes after {} "
-                      "(run.learning_starts = {}); raise the limit, or begin anew with a smaller "
-                      "run.learning_starts",
+                      "(run.learning_starts = {}); raise the limit, or start a new run with a "
+                      "smaller run.learning_starts",
                       ended, steps, first, config.run.learning_starts),
           by_seconds ? SecondsOverride(2.0 * std::max(config.run.max_seconds, estimate))
                      : fmt::format("run.max_steps={}", 2 * first)};

@@ -70,7 +70,8 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
         "there is moved aside and a new one begins",
         directory.checkpoints().string(), directory.policy().string()));
   }
-  spdlog::warn("{}: no checkpoint yet, the run begins anew", directory.checkpoints().string());
+  spdlog::warn("{}: no checkpoint yet, the run starts from the beginning",
+               directory.checkpoints().string());
 }
 
 Trainer::~Trainer() = default;

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kFresh = 15.0;      // A file written within so many seconds has a writer.
+constexpr double kFresh = 15.0;  // Seconds since its last write within which a file has a writer.
 constexpr double kComplete = 0.995;  // Of a limit; a run ends a moment before or after it.
 
 /// Whether a process holds the directory as `run::RunLock` does. Asked of the kernel's list of

@@ -244,7 +244,7 @@ CELL = "sweep, cell, row, method, training_courses, seed"
 
 
 def cells(metric, labels=CELL, where=C):
-    """The figure of each cell, whoever shows it."""
+    """The figure of each cell, from whichever worker shows it."""
     return f"max by ({labels}) ({metric}{{{where}}})"
 
 

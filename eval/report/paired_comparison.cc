@@ -9,7 +9,7 @@
 namespace slalom::eval {
 namespace {
 
-/// What the episodes of one course come to, on average. None of a time without a success.
+/// Means over the episodes of one course. A time is none without a success.
 struct CourseMeans {
   double success_rate = 0.0;
   double collision_rate = 0.0;

@@ -18,7 +18,7 @@ std::string Escape(std::string_view text, std::string_view special) {
   return escaped;
 }
 
-/// A number with so many digits. What would be a zero has no sign.
+/// A number with `digits` decimals. One that is rounded to zero has no sign.
 std::string NumberText(double value, int digits, bool with_sign) {
   std::string text = fmt::format("{:.{}f}", std::abs(value), digits);
   if (text.find_first_not_of("0.") == std::string::npos) return text;

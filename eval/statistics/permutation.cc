@@ -12,7 +12,7 @@ namespace slalom::eval {
 namespace {
 
 /// Sums that differ by rounding alone are equal: scores are multiples of one over the number of
-/// episodes, so many permutations tie with what was seen.
+/// episodes, and many permutations tie with the observed statistic.
 constexpr double kRelativeRounding = 1e-10;
 
 /// The sum of numbers whose signs are the bits of some bytes, eight numbers by one look into a

@@ -23,7 +23,7 @@ constexpr float kBucketWidth = 25.0f;
 // If the goal was not reached, paths that cost this much more are searched next.
 constexpr float kBoundGrowth = 1.2f;
 // Where a change is nearer than this share of the way, nearly everything lies behind it, and it is
-// quicker to begin anew.
+// quicker to start from nothing.
 constexpr float kWorthKeeping = 0.5f;
 // Cells whose paths cost this much more than the best are settled too: the descent's gradients look
 // up to two cells beside the path, where a cell costs 251 at most.

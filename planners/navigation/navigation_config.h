@@ -66,7 +66,7 @@ struct NavigationConfig {
     v("command_timeout", command_timeout, base::Range{0.0, 100.0}, "s",
       "While it waits for a plan, the robot keeps its last command for this long, then stops.");
     v("goal_resend_rate", goal_resend_rate, base::Range{0.0, 100.0}, "Hz",
-      "Rate at which the goal is sent anew, which restarts patience and recoveries; the BARN "
+      "Rate at which the goal is sent again, which restarts patience and recoveries; the BARN "
       "Challenge's launch files do so at 10 Hz. 0: it is sent once, and a robot that gave up stays "
       "where it is.");
     v("recovery", recovery, "Try to recover (clear, rotate, clear, rotate) before giving up.");

@@ -66,9 +66,9 @@ struct TebTrajectoryConfig {
     v("via_point_separation", via_point_separation, base::Range{0.0, 100.0}, "m",
       "Distance between the points of the global plan that attract the band. 0: none do.");
     v("reinit_distance", reinit_distance, base::Range{0.0, 100.0}, "m",
-      "A band is made anew if its goal has moved by more than this.");
+      "A new band is made if its goal has moved by more than this.");
     v("reinit_angle", reinit_angle, base::Range{0.0, 3.1416}, "rad",
-      "A band is made anew if its goal has turned by more than this.");
+      "A new band is made if its goal has turned by more than this.");
     v("feasibility_check_poses", feasibility_check_poses, base::Range{1, 1000}, "",
       "Poses of the chosen band at which the robot's outline must be free.");
     v("shrink_horizon", shrink_horizon, "Halve the horizon for a while after an infeasible band.");

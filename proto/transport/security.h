@@ -19,7 +19,8 @@ struct SecurityConfig {
       "Directory of CURVE keys, from `slalom keys new DIR`: TCP connections are then authenticated "
       "and encrypted. Empty: plaintext, on loopback only.");
     v("allow_plaintext", allow_plaintext,
-      "Accept plaintext from other machines, too. Whoever reaches the port can then read and write "
+      "Accept plaintext from other machines, too. Anyone who reaches the port can then read and "
+      "write "
       "everything.");
   }
 };

@@ -53,7 +53,7 @@ sim::Physics FindPhysics(std::string_view name) {
   if (!info->is_built_in) {
     throw base::Error(fmt::format(
         "--physics {}: this program was built without it; install Debian 12's {} (apt-get install "
-        "{}) and build the program anew (./slalom build) without SLALOM_{}=OFF",
+        "{}) and build the program again (./slalom build) without SLALOM_{}=OFF",
         name, info->package, info->package, name == "ode" ? "ODE" : "MUJOCO"));
   }
 #if SLALOM_HAS_ODE

@@ -9,7 +9,7 @@
 #include "eval/report/agent_comparison.h"
 #include "eval/statistics/statistics.h"
 
-/// What the results of a sweep come to, as its reports show them. Intervals are 95 % intervals over
+/// The figures of a sweep's results, as its reports show them. Intervals are 95 % intervals over
 /// seeds and courses (eval/statistics/bootstrap.h). docs/sweeps.md explains the reports.
 
 namespace slalom::sweep {

@@ -350,7 +350,7 @@ Grid SnapshotTable(const ReportContent& content, const ScoreContent& score) {
     grid.lines.push_back(MakeLine(content.results.rows[row].name, places));
   }
   for (std::size_t column = 0; column < steps.size(); ++column) EmboldenBest(grid, column, true);
-  grid.caption = fmt::format("{}: {} on {} after so many environment steps.", content.title,
+  grid.caption = fmt::format("{}: {} on {} by number of environment steps.", content.title,
                              QuantityHead(kQuantities[0]), score.label) +
                  Explain(grid.lines);
   grid.label = fmt::format("tab::{}-steps", score.name);

@@ -241,6 +241,17 @@ std::string MissingText(const ReportContent& content) {
   return text;
 }
 
+/// The new text of a block; none: it is of another plan.
+std::optional<std::string> BlockText(const std::string& kind, const std::string& name,
+                                     std::span<const ReportContent> contents) {
+  if (kind == "conclusions") return MarkdownConclusions(contents);
+  for (const ReportContent& content : contents) {
+    if (content.plan.sweep.name != name) continue;
+    return kind == "table" ? MarkdownTable(content) : "\n" + MarkdownSummary(content);
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::string MarkdownTable(const ReportContent& content) {
@@ -284,21 +295,6 @@ std::string MarkdownReport(const ReportContent& content) {
   for (const ScoreContent& score : content.scores) text += ScoreText(content, score);
   return text + MissingText(content);
 }
-
-namespace {
-
-/// The new text of a block; none: it is of another plan.
-std::optional<std::string> BlockText(const std::string& kind, const std::string& name,
-                                     std::span<const ReportContent> contents) {
-  if (kind == "conclusions") return MarkdownConclusions(contents);
-  for (const ReportContent& content : contents) {
-    if (content.plan.sweep.name != name) continue;
-    return kind == "table" ? MarkdownTable(content) : "\n" + MarkdownSummary(content);
-  }
-  return std::nullopt;
-}
-
-}  // namespace
 
 std::string FillBlocks(const std::string& page, const std::string& source,
                        std::span<const ReportContent> contents) {

@@ -22,7 +22,7 @@ std::string MarkdownTable(const ReportContent& content);
 /// it.
 std::string MarkdownConclusions(std::span<const ReportContent> contents);
 
-/// Returns a Markdown page with its blocks filled anew. A block lies between two lines and has
+/// Returns a Markdown page with its blocks replaced. A block lies between two lines and has
 /// one of these beginnings, where NAME is the name of a plan:
 ///
 ///     <!-- sweep table NAME -->     `MarkdownTable`

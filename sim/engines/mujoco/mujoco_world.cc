@@ -89,7 +89,7 @@ MujocoWorld::MujocoWorld(const mjModel& model, double wheel_radius, const Rest* 
   }
 }
 
-/// Lets the robot come to rest where the model has it and keeps what it then stands like.
+/// Lets the robot settle where the model has it and keeps its pose at rest.
 void MujocoWorld::Settle() {
   const int num_steps = static_cast<int>(std::lround(kSettlingTime / model_->opt.timestep));
   for (int k = 0; k < num_steps; ++k) Step({}, {});

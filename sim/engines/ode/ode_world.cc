@@ -171,7 +171,7 @@ void OdeWorld::BuildWheel(const Jackal& jackal, int wheel) {
   dJointSetHingeParam(motors_[wheel], dParamFMax, kMotorTorque);
 }
 
-/// Lets the robot come to rest where it was built and keeps what it then stands like.
+/// Lets the robot settle where it was built and keeps its pose at rest.
 void OdeWorld::Settle() {
   const int num_steps = static_cast<int>(std::lround(kSettlingTime / step_));
   for (int k = 0; k < num_steps; ++k) Step({}, {});

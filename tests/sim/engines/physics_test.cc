@@ -45,7 +45,7 @@ TEST(Physics, SaysWhatToInstallForOneThatWasNotBuilt) {
     if (info.is_built_in) continue;
     EXPECT_THAT(ErrorOf(info.name), AllOf(HasSubstr("built without it"),
                                           HasSubstr("apt-get install " + std::string(info.package)),
-                                          HasSubstr("anew")));
+                                          HasSubstr("again")));
     EXPECT_THAT(ErrorOf("all"), HasSubstr("built without it"));
   }
 }
