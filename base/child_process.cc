@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sched.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -14,9 +15,9 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 #include "base/check.h"
-#include "base/error.h"
 
 namespace slalom::base {
 namespace {
@@ -46,9 +47,24 @@ int ExitCode(int status) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
+/// Opens `path` read-only as descriptor `fd`. Safe after fork.
+void OpenAs(const char* path, int fd) {
+  const int file = ::open(path, O_RDONLY);
+  if (file < 0 || file == fd) return;
+  ::dup2(file, fd);
+  ::close(file);
+}
+
+/// Moves a descriptor to a number that no child asks for. Safe after fork.
+int MoveAway(int fd) {
+  constexpr int kFirstFree = 64;
+  return ::fcntl(fd, F_DUPFD_CLOEXEC, kFirstFree);
+}
+
 /// What the child does between fork and its program: calls that are safe there alone.
 [[noreturn]] void BecomeProgram(char* const* arguments, char* const* environment,
-                                const cpu_set_t* cores, int log, int report, pid_t parent) {
+                                const cpu_set_t* cores, int log,
+                                std::vector<std::pair<int, int>>& files, int report, pid_t parent) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(127);
   ::setpgid(0, 0);  // Ctrl-C is the parent's to pass on.
@@ -59,8 +75,13 @@ int ExitCode(int status) {
   if (log >= 0) {
     ::dup2(log, STDOUT_FILENO);
     ::dup2(log, STDERR_FILENO);
-    const int nothing = ::open("/dev/null", O_RDONLY);
-    if (nothing >= 0) ::dup2(nothing, STDIN_FILENO);
+    OpenAs("/dev/null", STDIN_FILENO);
+  }
+  if (!files.empty()) {
+    // All are moved before the first gets its number, which may be the present one of another.
+    report = MoveAway(report);
+    for (auto& [ours, childs] : files) ours = MoveAway(ours);
+    for (const auto& [ours, childs] : files) ::dup2(ours, childs);
   }
   ::execvpe(arguments[0], arguments, environment);
   const int error = errno;
@@ -76,6 +97,7 @@ ChildProcess::ChildProcess(const ChildOptions& options) {
   const std::vector<std::string> environment = Environment(options.environment);
   const std::vector<char*> argument_pointers = Pointers(options.arguments);
   const std::vector<char*> environment_pointers = Pointers(environment);
+  std::vector<std::pair<int, int>> files = options.files;
   cpu_set_t cores;
   CPU_ZERO(&cores);
   for (const int core : options.cores) CPU_SET(static_cast<std::size_t>(core), &cores);
@@ -97,7 +119,7 @@ ChildProcess::ChildProcess(const ChildOptions& options) {
   pid_ = ::fork();
   if (pid_ == 0) {
     BecomeProgram(argument_pointers.data(), environment_pointers.data(),
-                  options.cores.empty() ? nullptr : &cores, log, pipe[1], parent);
+                  options.cores.empty() ? nullptr : &cores, log, files, pipe[1], parent);
   }
   int error = pid_ < 0 ? errno : 0;
   ::close(pipe[1]);
@@ -107,6 +129,7 @@ ChildProcess::ChildProcess(const ChildOptions& options) {
   ::close(pipe[0]);
   if (error != 0) {
     if (pid_ > 0) ::waitpid(pid_, nullptr, 0);
+    if (error == ENOENT) throw ProgramMissing(fmt::format("{} is not installed", program));
     throw Error(fmt::format("cannot start {}: {}", program, std::strerror(error)));
   }
   pidfd_ = static_cast<int>(::syscall(SYS_pidfd_open, pid_, 0));
@@ -130,8 +153,47 @@ std::optional<int> ChildProcess::Wait(std::chrono::milliseconds time) {
   return exit_code_;
 }
 
+int ChildProcess::Wait() {
+  int status = 0;
+  while (!exit_code_) {
+    if (::waitpid(pid_, &status, 0) == pid_) exit_code_ = ExitCode(status);
+  }
+  return *exit_code_;
+}
+
 void ChildProcess::Signal(int signal) {
   if (!exit_code_) ::kill(pid_, signal);
+}
+
+MemoryFile::MemoryFile() : fd_(::memfd_create("slalom", MFD_CLOEXEC)) {
+  if (fd_ < 0) {
+    throw Error(fmt::format("cannot make a file in memory: {}", std::strerror(errno)));
+  }
+}
+
+MemoryFile::~MemoryFile() { ::close(fd_); }
+
+std::string MemoryFile::Content() const {
+  std::string content;
+  std::array<char, 65536> bytes;
+  ssize_t size = 0;
+  while ((size = ::pread(fd_, bytes.data(), bytes.size(), static_cast<off_t>(content.size()))) >
+         0) {
+    content.append(bytes.data(), static_cast<std::size_t>(size));
+  }
+  return content;
+}
+
+ProgramResult RunProgram(std::vector<std::string> arguments) {
+  const MemoryFile nothing;
+  const MemoryFile output;
+  const MemoryFile errors;
+  ChildProcess child({.arguments = std::move(arguments),
+                      .files = {{nothing.descriptor(), STDIN_FILENO},
+                                {output.descriptor(), STDOUT_FILENO},
+                                {errors.descriptor(), STDERR_FILENO}}});
+  const int exit_code = child.Wait();
+  return {exit_code, output.Content(), errors.Content()};
 }
 
 std::string HostName() {

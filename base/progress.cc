@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace slalom::base {
 namespace {
@@ -29,9 +30,11 @@ void Write(std::FILE* out, const std::string& text) {
 }  // namespace
 
 std::string FormatCount(double count) {
-  if (count >= 999'950.0) return fmt::format("{:.2f}M", count / 1e6);
-  if (count >= 9'999.5) return fmt::format("{:.0f}k", count / 1e3);
-  return fmt::format("{:.0f}", count);
+  for (const auto& [unit, size] : {std::pair{"G", 1e9}, {"M", 1e6}, {"k", 1e3}}) {
+    // Less would be rounded to 1000 of the next unit.
+    if (count >= 0.9995 * size) return fmt::format("{:.3g}{}", count / size, unit);
+  }
+  return fmt::format("{:.3g}", count);
 }
 
 std::string FormatBytes(double bytes) {

@@ -6,7 +6,7 @@
 
 namespace slalom::base {
 
-/// "1.2M", "34.5k", "678": a count for people.
+/// "2.5M", "34.5k", "678": a count for people, in three digits.
 std::string FormatCount(double count);
 
 /// "820 MB", "1.5 GB": a size for people.

@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/file_lock.h"
 #include "base/mutex.h"
 #include "replay/journal_record.h"
 #include "replay/record_log.h"
@@ -27,19 +28,11 @@ struct JournalOptions {
   std::uint64_t spec_hash = 0;  ///< Hash of the observation and action spec.
 };
 
-/// An exclusive lock on a journal's directory. It is released when the object or the process ends,
-/// even by a kill. Movable.
-class JournalLock {
- public:
+/// Locks a journal's directory against other processes (`base::FileLock` of the file "lock").
+struct JournalLock : base::FileLock {
   /// Creates the directory if it is missing. Throws `base::Error` if that fails or another process
   /// holds the lock.
   explicit JournalLock(const std::filesystem::path& directory);
-  ~JournalLock();
-  JournalLock(JournalLock&& other) noexcept;
-  JournalLock& operator=(JournalLock&&) = delete;
-
- private:
-  int fd_;
 };
 
 /// One file of the journal. Its rows have numbers below `end_row`.

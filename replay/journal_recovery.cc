@@ -1,6 +1,5 @@
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -254,25 +253,17 @@ class Replayer {
 
 }  // namespace
 
-JournalLock::JournalLock(const fs::path& directory) {
+namespace {
+
+fs::path LockFile(const fs::path& directory) {
   base::MakeDirectories(directory);
-  const fs::path path = directory / "lock";
-  fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (fd_ < 0) {
-    throw base::Error(fmt::format("{}: cannot create ({})", path.string(), std::strerror(errno)));
-  }
-  // If the file system has no locks, nothing is locked.
-  if (::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
-  ::close(fd_);
-  throw base::Error(
-      fmt::format("{}: another replay server uses this directory", directory.string()));
+  return directory / "lock";
 }
 
-JournalLock::~JournalLock() {
-  if (fd_ >= 0) ::close(fd_);
-}
+}  // namespace
 
-JournalLock::JournalLock(JournalLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+JournalLock::JournalLock(const fs::path& directory)
+    : FileLock(OfFile(LockFile(directory), "another replay server uses this directory")) {}
 
 Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& config) {
   const auto listed = ListSegments(options.directory);

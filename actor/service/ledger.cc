@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -55,30 +54,28 @@ struct Ledger::File {
 };
 
 Ledger::Ledger(const std::filesystem::path& path)
-    : fd_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
+    : lock_(base::FileLock::OfFile(path,
+                                   "an actor of this name is running; choose another service.name "
+                                   "or state directory")) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
   const auto fail = [&](std::string_view what) {
     const std::string reason = std::strerror(errno);
-    if (fd_ >= 0) ::close(fd_);
+    if (fd >= 0) ::close(fd);
     return base::Error(fmt::format("{}: {} ({})", path.string(), what, reason));
   };
-  if (fd_ < 0) throw fail("cannot open the actor's ledger");
-  if (::flock(fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-    ::close(fd_);
-    throw base::Error(fmt::format(
-        "{}: an actor of this name is running; choose another service.name or state directory",
-        path.string()));
-  }
+  if (fd < 0) throw fail("cannot open the actor's ledger");
   struct stat status {};
-  if (::fstat(fd_, &status) != 0) throw fail("cannot read");
+  if (::fstat(fd, &status) != 0) throw fail("cannot read");
   const bool is_new = status.st_size == 0;
   if (!is_new && status.st_size != static_cast<off_t>(sizeof(File))) {
-    ::close(fd_);
+    ::close(fd);
     throw base::Error(fmt::format("{}: {} bytes, expected an actor's ledger of {}", path.string(),
                                   status.st_size, sizeof(File)));
   }
-  if (is_new && ::ftruncate(fd_, sizeof(File)) != 0) throw fail("cannot write");
-  void* const memory = ::mmap(nullptr, sizeof(File), PROT_READ | PROT_WRITE, MAP_SHARED, fd_, 0);
+  if (is_new && ::ftruncate(fd, sizeof(File)) != 0) throw fail("cannot write");
+  void* const memory = ::mmap(nullptr, sizeof(File), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
   if (memory == MAP_FAILED) throw fail("cannot map");
+  ::close(fd);
   file_ = static_cast<File*>(memory);
   constexpr char kZeros[sizeof(kLedgerMagic)] = {};
   if (std::memcmp(file_->magic, kZeros, sizeof(kLedgerMagic)) == 0) {
@@ -87,15 +84,11 @@ Ledger::Ledger(const std::filesystem::path& path)
   }
   if (std::memcmp(file_->magic, kLedgerMagic, sizeof(kLedgerMagic)) != 0) {
     ::munmap(file_, sizeof(File));
-    ::close(fd_);
     throw base::Error(fmt::format("{}: not an actor's ledger", path.string()));
   }
 }
 
-Ledger::~Ledger() {
-  ::munmap(file_, sizeof(File));
-  ::close(fd_);
-}
+Ledger::~Ledger() { ::munmap(file_, sizeof(File)); }
 
 std::uint64_t Ledger::session() const { return file().now().session; }
 

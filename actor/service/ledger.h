@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <string_view>
 
+#include "base/file_lock.h"
+
 namespace slalom::actor {
 
 /// Reasons why environment steps never reached the replay table, or are no longer there.
@@ -59,7 +61,7 @@ class Ledger {
 
   const File& file() const { return *file_; }
 
-  int fd_ = -1;
+  const base::FileLock lock_;
   File* file_ = nullptr;
 };
 

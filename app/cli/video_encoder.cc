@@ -1,11 +1,7 @@
 #include "app/cli/video_encoder.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <spawn.h>
-#include <sys/mman.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,22 +14,19 @@
 #include <vector>
 
 #include "base/check.h"
+#include "base/child_process.h"
 #include "base/error.h"
 
 namespace slalom::cli {
 namespace {
 
-/// A file descriptor with an owner.
-class Descriptor {
+/// A socket with an owner.
+class Socket {
  public:
-  explicit Descriptor(int fd) : fd_(fd) {
-    if (fd_ < 0) {
-      throw base::Error(fmt::format("cannot make a video: {}", std::strerror(errno)));
-    }
-  }
-  ~Descriptor() { Close(); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
+  explicit Socket(int fd) : fd_(fd) {}
+  ~Socket() { Close(); }
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
 
   int get() const { return fd_; }
   void Close() {
@@ -44,17 +37,14 @@ class Descriptor {
   int fd_;
 };
 
-int MakeMemoryFile() { return ::memfd_create("slalom", MFD_CLOEXEC); }
-
-std::string Content(const Descriptor& file) {
-  std::string content;
-  std::array<char, 65536> bytes;
-  ssize_t size = 0;
-  while ((size = ::pread(file.get(), bytes.data(), bytes.size(),
-                         static_cast<off_t>(content.size()))) > 0) {
-    content.append(bytes.data(), static_cast<std::size_t>(size));
+base::ChildProcess StartFfmpeg(const base::ChildOptions& options) {
+  try {
+    return base::ChildProcess(options);
+  } catch (const base::ProgramMissing&) {
+    throw base::Error(
+        "a video needs the program ffmpeg, which is not installed: apt-get install ffmpeg; an "
+        "animation named *.svg needs none");
   }
-  return content;
 }
 
 /// Whether all of it arrived; false: the other side has closed.
@@ -68,52 +58,13 @@ bool Send(int socket, std::span<const std::byte> bytes) {
   return true;
 }
 
-// What the child finds where: frames come in at 0, the file goes out at 3, a palette lies at 4.
+// Descriptors of the child: frames come in at 0, the file goes out at 3, a palette lies at 4.
 constexpr int kOutput = 3;
 constexpr int kPalette = 4;
-constexpr int kFirstSpare = 16;  // Ours lie above these while the child's are put in their places.
-
-/// Starts ffmpeg. The arguments say what becomes of what it reads.
-pid_t Start(const std::vector<std::string>& arguments, int input, int output, int messages,
-            int palette) {
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_adddup2(&actions, input, STDIN_FILENO);
-  posix_spawn_file_actions_adddup2(&actions, messages, STDOUT_FILENO);
-  posix_spawn_file_actions_adddup2(&actions, messages, STDERR_FILENO);
-  posix_spawn_file_actions_adddup2(&actions, output, kOutput);
-  if (palette >= 0) posix_spawn_file_actions_adddup2(&actions, palette, kPalette);
-  std::vector<char*> pointers;
-  pointers.reserve(arguments.size() + 1);
-  for (const std::string& argument : arguments) {
-    pointers.push_back(const_cast<char*>(argument.c_str()));
-  }
-  pointers.push_back(nullptr);
-  pid_t child = -1;
-  const int error =
-      posix_spawnp(&child, pointers.front(), &actions, nullptr, pointers.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error == 0) return child;
-  if (error == ENOENT) {
-    throw base::Error(
-        "a video needs the program ffmpeg, which is not installed: apt-get install ffmpeg; an "
-        "animation named *.svg needs none");
-  }
-  throw base::Error(fmt::format("ffmpeg cannot be started: {}", std::strerror(error)));
-}
-
-/// A descriptor above those that the child gets, of the same file.
-int Above(int fd) {
-  const int above = ::fcntl(fd, F_DUPFD_CLOEXEC, kFirstSpare);
-  const int error = errno;
-  ::close(fd);
-  errno = error;
-  return above;
-}
 
 /// What ffmpeg makes of the frames whose numbers are given.
 std::string RunFfmpeg(const std::vector<std::string>& conversion, const VideoFrames& frames,
-                      const std::vector<int>& numbers, int palette) {
+                      const std::vector<int>& numbers, const base::MemoryFile* palette = nullptr) {
   std::vector<std::string> arguments = {"ffmpeg",
                                         "-v",
                                         "error",
@@ -135,26 +86,28 @@ std::string RunFfmpeg(const std::vector<std::string>& conversion, const VideoFra
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets.data()) != 0) {
     throw base::Error(fmt::format("cannot make a video: {}", std::strerror(errno)));
   }
-  Descriptor ours(sockets[0]);
-  Descriptor theirs(Above(sockets[1]));
-  const Descriptor output(Above(MakeMemoryFile()));
-  const Descriptor messages(Above(MakeMemoryFile()));
-  const pid_t child = Start(arguments, theirs.get(), output.get(), messages.get(), palette);
+  Socket ours(sockets[0]);
+  Socket theirs(sockets[1]);
+  const base::MemoryFile output;
+  const base::MemoryFile messages;
+  base::ChildOptions options{.arguments = std::move(arguments),
+                             .files = {{theirs.get(), STDIN_FILENO},
+                                       {messages.descriptor(), STDOUT_FILENO},
+                                       {messages.descriptor(), STDERR_FILENO},
+                                       {output.descriptor(), kOutput}}};
+  if (palette != nullptr) options.files.emplace_back(palette->descriptor(), kPalette);
+  base::ChildProcess child = StartFfmpeg(options);
   theirs.Close();
   for (const int i : numbers) {
-    if (!Send(ours.get(), frames.draw(i))) break;  // It says below what is wrong.
+    if (!Send(ours.get(), frames.draw(i))) break;  // Its messages have the reason.
   }
   ours.Close();
-  int status = 0;
-  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  std::string content = Content(output);
-  if (status == 0 && !content.empty()) return content;
-  const std::string text = Content(messages);
-  throw base::Error(
-      fmt::format("ffmpeg failed (exit code {}): {}",
-                  WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
-                  text.empty() ? "it said nothing" : text.substr(0, text.find('\n'))));
+  const int exit_code = child.Wait();
+  std::string content = output.Content();
+  if (exit_code == 0 && !content.empty()) return content;
+  const std::string text = messages.Content();
+  throw base::Error(fmt::format("ffmpeg failed (exit code {}): {}", exit_code,
+                                text.empty() ? "no message" : text.substr(0, text.find('\n'))));
 }
 
 std::vector<int> Numbers(int count, int num_frames) {
@@ -173,14 +126,14 @@ std::string EncodeGif(const VideoFrames& frames, const std::vector<int>& all) {
   constexpr int kNumLookedAt = 12;
   const std::string colours = RunFfmpeg(
       {"-vf", "palettegen=stats_mode=full", "-frames:v", "1", "-c:v", "png", "-f", "image2pipe"},
-      frames, Numbers(std::min(kNumLookedAt, frames.num_frames), frames.num_frames), -1);
-  const Descriptor palette(Above(MakeMemoryFile()));
-  SLALOM_CHECK_EQ(::write(palette.get(), colours.data(), colours.size()),
+      frames, Numbers(std::min(kNumLookedAt, frames.num_frames), frames.num_frames));
+  const base::MemoryFile palette;
+  SLALOM_CHECK_EQ(::write(palette.descriptor(), colours.data(), colours.size()),
                   static_cast<ssize_t>(colours.size()));
-  ::lseek(palette.get(), 0, SEEK_SET);
+  ::lseek(palette.descriptor(), 0, SEEK_SET);
   return RunFfmpeg({"-f", "png_pipe", "-i", fmt::format("/proc/self/fd/{}", kPalette), "-lavfi",
                     "paletteuse=dither=none:diff_mode=rectangle", "-loop", "0", "-f", "gif"},
-                   frames, all, palette.get());
+                   frames, all, &palette);
 }
 
 }  // namespace
@@ -194,11 +147,11 @@ std::string EncodeVideo(VideoFormat format, const VideoFrames& frames) {
     case VideoFormat::kWebm:
       return RunFfmpeg({"-c:v", "libvpx-vp9", "-crf", "32", "-b:v", "0", "-deadline", "good",
                         "-cpu-used", "4", "-row-mt", "1", "-pix_fmt", "yuv420p", "-f", "webm"},
-                       frames, all, -1);
+                       frames, all);
     case VideoFormat::kMp4:
       return RunFfmpeg({"-c:v", "libx264", "-crf", "21", "-pix_fmt", "yuv420p", "-movflags",
                         "+faststart", "-f", "mp4"},
-                       frames, all, -1);
+                       frames, all);
   }
   base::CheckFailed(__FILE__, __LINE__, "a video format that is none");
 }

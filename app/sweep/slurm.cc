@@ -13,8 +13,8 @@
 #include <sstream>
 #include <string_view>
 
-#include "app/sweep/slurm_tool.h"
 #include "base/check.h"
+#include "base/child_process.h"
 #include "base/error.h"
 #include "base/file.h"
 
@@ -80,22 +80,26 @@ std::string Quoted(std::string_view text) {
   return quoted + "'";
 }
 
-/// What a command of Slurm said, in one line: its errors, without the empty lines.
-std::string Words(const ToolAnswer& answer) {
-  std::istringstream in(answer.errors.empty() ? answer.output : answer.errors);
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(in, line);) {
-    if (!line.empty()) lines.push_back(line);
+/// Runs a command of Slurm and returns its output. Throws `base::Error` if it is not installed, or
+/// if it fails: `fault`, then the command's own words.
+std::string AskSlurm(const std::vector<std::string>& arguments, std::string_view fault) {
+  const std::string& program = arguments.front();
+  try {
+    const base::ProgramResult result = base::RunProgram(arguments);
+    if (result.exit_code == 0) return result.output;
+    std::istringstream in(result.errors.empty() ? result.output : result.errors);
+    std::vector<std::string> lines;
+    for (std::string line; std::getline(in, line);) {
+      if (!line.empty()) lines.push_back(line);
+    }
+    if (lines.empty()) lines.push_back(fmt::format("exit code {}", result.exit_code));
+    throw base::Error(fmt::format("{}: {}", fault, fmt::join(lines, "; ")));
+  } catch (const base::ProgramMissing&) {
+    throw base::Error(
+        fmt::format("{} is not installed here, expected a machine of a Slurm cluster (Debian's "
+                    "package slurm-client)",
+                    program));
   }
-  return lines.empty() ? fmt::format("it ended with {} and said nothing", answer.exit_code)
-                       : fmt::format("{}", fmt::join(lines, "; "));
-}
-
-std::string NotInstalled(std::string_view program) {
-  return fmt::format(
-      "{} is not installed here, expected a machine of a Slurm cluster (Debian's package "
-      "slurm-client)",
-      program);
 }
 
 /// What squeue or sacct says of a task.
@@ -122,19 +126,11 @@ TaskStates ReadTable(const std::string& table) {
   return states;
 }
 
-/// The answer of squeue: tasks that wait or run. Another sweep of the same name may be among them.
-ToolAnswer AskQueue(const std::string& sweep) {
-  return RunTool(
-      {"squeue", "--noheader", "--array", "--name=" + JobName(sweep), "--format=%F_%K|%T|%r"});
-}
-
+/// The tasks that wait or run. Another sweep of the same name may be among them.
 TaskStates ReadQueue(const std::string& sweep) {
-  const ToolAnswer answer = AskQueue(sweep);
-  if (!answer.is_installed) throw base::Error(NotInstalled("squeue"));
-  if (answer.exit_code != 0) {
-    throw base::Error(fmt::format("squeue cannot say what is queued: {}", Words(answer)));
-  }
-  return ReadTable(answer.output);
+  return ReadTable(AskSlurm(
+      {"squeue", "--noheader", "--array", "--name=" + JobName(sweep), "--format=%F_%K|%T|%r"},
+      "squeue cannot say what is queued"));
 }
 
 /// The script of the array. It holds all that a task needs, since Slurm keeps a copy of it and a
@@ -195,8 +191,12 @@ std::vector<std::string> SbatchCommand(const SlurmSweep& sweep, std::size_t num_
   return command;
 }
 
-/// The number in the answer of `sbatch --parsable`: "12", or "12;cluster".
-std::string JobNumber(const std::string& answer) {
+/// Submits the array and returns its number.
+std::string SubmitArray(const SlurmSweep& sweep, std::size_t num_cells, const fs::path& script) {
+  const std::string answer =
+      AskSlurm(SbatchCommand(sweep, num_cells, script),
+               fmt::format("sbatch refused an array of {} cells", num_cells));
+  // "12", or "12;cluster".
   std::string job = answer.substr(0, answer.find_first_of(";\n"));
   if (job.empty() || job.find_first_not_of("0123456789") != std::string::npos) {
     throw base::Error(
@@ -207,25 +207,21 @@ std::string JobNumber(const std::string& answer) {
   return job;
 }
 
-/// Fills in what sacct knows of tasks that have left the queue. Returns why it could not, or "".
-std::string AddEnded(std::vector<SlurmTask>& tasks) {
+/// Fills in what sacct knows of tasks that have left the queue. Throws as `AskSlurm`.
+void AddEnded(std::vector<SlurmTask>& tasks) {
   std::set<std::string> jobs;
   for (const SlurmTask& task : tasks) {
     if (task.state.empty()) jobs.insert(task.task.substr(0, task.task.find('_')));
   }
-  if (jobs.empty()) return "";
-  const ToolAnswer answer =
-      RunTool({"sacct", "--noheader", "--parsable2", "--allocations",
-               fmt::format("--jobs={}", fmt::join(jobs, ",")), "--format=JobID,State"});
-  const std::string ended = "How tasks ended that have left the queue is not known: ";
-  if (!answer.is_installed) return ended + NotInstalled("sacct") + ".";
-  if (answer.exit_code != 0) return ended + Words(answer) + ".";
-  const TaskStates states = ReadTable(answer.output);
+  if (jobs.empty()) return;
+  const TaskStates states =
+      ReadTable(AskSlurm({"sacct", "--noheader", "--parsable2", "--allocations",
+                          fmt::format("--jobs={}", fmt::join(jobs, ",")), "--format=JobID,State"},
+                         "sacct cannot say how tasks ended that have left the queue"));
   for (SlurmTask& task : tasks) {
     const auto state = states.find(task.task);
     if (task.state.empty() && state != states.end()) task.state = state->second.state;
   }
-  return "";
 }
 
 }  // namespace
@@ -254,13 +250,7 @@ SlurmSubmission SubmitToSlurm(const SlurmSweep& sweep, std::span<const std::stri
   base::MakeDirectories(sweep.directory);
   const fs::path script = sweep.directory / "job.sh";
   base::WriteFileAtomically(script, Script(sweep, array.cells));
-  const ToolAnswer answer = RunTool(SbatchCommand(sweep, array.cells.size(), script));
-  if (!answer.is_installed) throw base::Error(NotInstalled("sbatch"));
-  if (answer.exit_code != 0) {
-    throw base::Error(
-        fmt::format("sbatch refused an array of {} cells: {}", array.cells.size(), Words(answer)));
-  }
-  array.job = JobNumber(answer.output);
+  array.job = SubmitArray(sweep, array.cells.size(), script);
   submission.job = array.job;
   arrays.push_back(std::move(array));
   WriteRecord(sweep.directory, arrays);
@@ -278,22 +268,23 @@ SlurmStatus ReadSlurmStatus(const fs::path& directory, const std::string& name) 
     }
   }
   if (status.tasks.empty()) return status;
-  const ToolAnswer answer = AskQueue(name);
-  if (!answer.is_installed || answer.exit_code != 0) {
-    status.notes.push_back(
-        fmt::format("What is queued is not known: {}.",
-                    answer.is_installed ? Words(answer) : NotInstalled("squeue")));
-  } else {
-    const TaskStates states = ReadTable(answer.output);
+  const auto ask = [&](const auto& question) {
+    try {
+      question();
+    } catch (const base::Error& error) {
+      status.notes.push_back(fmt::format("{}.", error.what()));
+    }
+  };
+  ask([&] {
+    const TaskStates states = ReadQueue(name);
     for (SlurmTask& task : status.tasks) {
       const auto state = states.find(task.task);
       if (state == states.end()) continue;
       task.state = state->second.state;
       task.reason = state->second.reason;
     }
-  }
-  const std::string note = AddEnded(status.tasks);
-  if (!note.empty()) status.notes.push_back(note);
+  });
+  ask([&] { AddEnded(status.tasks); });
   return status;
 }
 

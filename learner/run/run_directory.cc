@@ -1,16 +1,9 @@
 #include "learner/run/run_directory.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <utility>
 
-#include "base/error.h"
 #include "base/file.h"
 
 namespace slalom::run {
@@ -29,22 +22,8 @@ std::vector<fs::path> RunDirectory::ListSnapshots() const {
 }
 
 RunLock::RunLock(const fs::path& root)
-    : fd_(::open(root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-  if (fd_ < 0) {
-    throw base::Error(
-        fmt::format("{}: cannot be opened ({})", root.string(), std::strerror(errno)));
-  }
-  if (::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
-  ::close(fd_);
-  throw base::Error(fmt::format(
-      "{}: another process is training in this directory; stop it, or choose another --name",
-      root.string()));
-}
-
-RunLock::~RunLock() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
-RunLock::RunLock(RunLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+    : FileLock(OfDirectory(root,
+                           "another process is training in this directory; stop it, or choose "
+                           "another --name")) {}
 
 }  // namespace slalom::run

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "base/file_lock.h"
+
 namespace slalom::run {
 
 /// The paths of a run's files (docs/operations.md). A value; makes no file.
@@ -37,20 +39,10 @@ struct CheckpointFiles {
   std::filesystem::path priorities() const { return root / "priorities"; }
 };
 
-/// Locks a run's directory against other processes while this object exists. The end of the
-/// process, of whatever kind, releases it. The lock stays with a directory that is renamed.
-/// Movable.
-class RunLock {
- public:
-  /// Throws `base::Error` if another process holds the lock, or the directory cannot be opened. On
-  /// a file system without locks, nothing is locked.
+/// Locks a run's directory against other processes (`base::FileLock`).
+struct RunLock : base::FileLock {
+  /// Throws `base::Error` if another process holds the lock, or the directory cannot be opened.
   explicit RunLock(const std::filesystem::path& root);
-  ~RunLock();
-  RunLock(RunLock&& other) noexcept;
-  RunLock& operator=(RunLock&&) = delete;
-
- private:
-  int fd_;
 };
 
 }  // namespace slalom::run

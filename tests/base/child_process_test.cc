@@ -46,8 +46,30 @@ TEST(ChildProcessTest, KeepsToItsCores) {
 }
 
 TEST(ChildProcessTest, AProgramThatIsNotThereIsAnError) {
-  EXPECT_THROW(ChildProcess({.arguments = {"no-such-program-anywhere"}}), Error);
+  EXPECT_THROW(ChildProcess({.arguments = {"no-such-program-anywhere"}}), ProgramMissing);
   EXPECT_THROW(ChildProcess({.arguments = {"true"}, .log = "/no/such/directory/log"}), Error);
+}
+
+TEST(ChildProcessTest, GetsFilesUnderItsOwnNumbers) {
+  // Each has the number that the child has for the other one.
+  const MemoryFile a, b;
+  ChildProcess child(
+      {.arguments = {"sh", "-c",
+                     "echo a >/proc/self/fd/" + std::to_string(b.descriptor()) +
+                         "; echo b >/proc/self/fd/" + std::to_string(a.descriptor())},
+       .files = {{a.descriptor(), b.descriptor()}, {b.descriptor(), a.descriptor()}}});
+  EXPECT_EQ(child.Wait(), 0);
+  EXPECT_EQ(a.Content(), "a\n");
+  EXPECT_EQ(b.Content(), "b\n");
+}
+
+TEST(RunProgramTest, GivesWhatItWroteAndHowItEnded) {
+  const ProgramResult result = RunProgram({"sh", "-c", "cat; echo out; echo error >&2; exit 3"});
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_EQ(result.output, "out\n");
+  EXPECT_EQ(result.errors, "error\n");
+  EXPECT_EQ(RunProgram({"sh", "-c", "kill -9 $$"}).exit_code, 128 + SIGKILL);
+  EXPECT_THROW(RunProgram({"no-such-program-anywhere"}), ProgramMissing);
 }
 
 TEST(ChildProcessTest, DiesWithThisProgramHoweverThatEnds) {

@@ -69,6 +69,17 @@ class Terminal {
   std::FILE* out_ = nullptr;
 };
 
+TEST(FormatCountTest, HasThreeDigitsAndTheUnitThatTheyRoundTo) {
+  EXPECT_EQ(FormatCount(0.0), "0");
+  EXPECT_EQ(FormatCount(678.0), "678");
+  EXPECT_EQ(FormatCount(999.4), "999");
+  EXPECT_EQ(FormatCount(999.6), "1k");
+  EXPECT_EQ(FormatCount(34'512.0), "34.5k");
+  EXPECT_EQ(FormatCount(999'600.0), "1M");
+  EXPECT_EQ(FormatCount(12'500'000.0), "12.5M");
+  EXPECT_EQ(FormatCount(3e9), "3G");
+}
+
 TEST(FormatBytesTest, GoesOnToGigabytes) {
   EXPECT_EQ(FormatBytes(0.0), "0 MB");
   EXPECT_EQ(FormatBytes(999.4e6), "999 MB");

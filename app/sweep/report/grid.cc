@@ -8,6 +8,8 @@
 #include <span>
 #include <utility>
 
+#include "base/progress.h"
+
 namespace slalom::sweep {
 namespace {
 
@@ -338,7 +340,8 @@ Grid SnapshotTable(const ReportContent& content, const ScoreContent& score) {
   grid.corner = "Steps";
   grid.blocks.push_back({"", {}});
   for (const std::int64_t at : steps) {
-    grid.blocks.front().columns.push_back(at > 0 ? FormatCount(static_cast<double>(at)) : "end");
+    grid.blocks.front().columns.push_back(at > 0 ? base::FormatCount(static_cast<double>(at))
+                                                 : "end");
   }
   for (std::size_t i = 0; i < score.snapshots.size();) {
     const std::size_t row = score.snapshots[i].row;

@@ -8,6 +8,7 @@
 #include <functional>
 #include <set>
 
+#include "base/progress.h"
 #include "eval/report/comparison.h"
 
 namespace slalom::sweep {
@@ -36,7 +37,7 @@ std::string BudgetText(const Cells& cells) {
     }
   }
   std::vector<std::string> texts;
-  if (!steps.empty()) texts.push_back(Span(steps, FormatCount) + " steps");
+  if (!steps.empty()) texts.push_back(Span(steps, base::FormatCount) + " steps");
   if (!seconds.empty()) texts.push_back(Span(seconds, FormatSeconds) + " of training time");
   return fmt::format("{}", fmt::join(texts, ", "));
 }
@@ -238,17 +239,11 @@ std::string ProgressText(const SweepResults& results) {
 std::string Describe(const MissingScore& missing, const Cells& cells) {
   const std::string snapshot =
       missing.snapshot_steps > 0
-          ? fmt::format(" after {} steps", FormatCount(static_cast<double>(missing.snapshot_steps)))
+          ? fmt::format(" after {} steps",
+                        base::FormatCount(static_cast<double>(missing.snapshot_steps)))
           : "";
   return fmt::format("{}, {}{}: {}", cells.cells[missing.cell].name(), missing.score, snapshot,
                      missing.why);
-}
-
-std::string FormatCount(double count) {
-  for (const auto& [unit, size] : {std::pair{"G", 1e9}, {"M", 1e6}, {"k", 1e3}}) {
-    if (count >= size) return fmt::format("{:.3g}{}", count / size, unit);
-  }
-  return fmt::format("{:.3g}", count);
 }
 
 std::string FormatSeconds(double seconds) {

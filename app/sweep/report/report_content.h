@@ -59,8 +59,6 @@ std::string ProgressText(const SweepResults& results);
 /// "TD3 / 50, seed 2, static-test: failed".
 std::string Describe(const MissingScore& missing, const Cells& cells);
 
-/// "2.5M", "200k", "950".
-std::string FormatCount(double count);
 /// "2 h 05 min", "3 min 20 s", "12 s".
 std::string FormatSeconds(double seconds);
 

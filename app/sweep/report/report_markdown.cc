@@ -11,6 +11,7 @@
 #include "app/sweep/report/grid.h"
 #include "base/config_field.h"
 #include "base/error.h"
+#include "base/progress.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::sweep {
@@ -39,8 +40,8 @@ std::string SeedsText(const RowFigures& row, bool is_planner) {
 /// "500k", "500k + 12.5M imagined"
 std::string StepsText(const RowFigures& row) {
   if (!row.steps) return "–";
-  std::string text = FormatCount(*row.steps);
-  if (row.imagined) text += fmt::format(" + {} imagined", FormatCount(*row.imagined));
+  std::string text = base::FormatCount(*row.steps);
+  if (row.imagined) text += fmt::format(" + {} imagined", base::FormatCount(*row.imagined));
   return text;
 }
 
@@ -71,8 +72,9 @@ std::string RowTable(const ReportContent& content, const std::vector<RowFigures>
     std::vector<std::string>& cells = table.rows.emplace_back();
     cells.push_back(EscapeMarkdown(content.row(row).name));
     if (has_snapshots) {
-      cells.push_back(snapshot_steps[i] > 0 ? FormatCount(static_cast<double>(snapshot_steps[i]))
-                                            : "the end");
+      cells.push_back(snapshot_steps[i] > 0
+                          ? base::FormatCount(static_cast<double>(snapshot_steps[i]))
+                          : "the end");
     }
     cells.push_back(SeedsText(row, content.row(row).is_planner));
     for (std::size_t q = 0; q < row.quantities.size(); ++q) {

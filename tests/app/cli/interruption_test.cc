@@ -184,7 +184,7 @@ TEST(ResumeTest, PrintedCommandsWorkWhenPastedWhereverTheRunLies) {
   EXPECT_THAT(finished.out, testing::HasSubstr("is finished"));
   const ProgramResult longer = RunShell(CommandAfter(finished.out, "to go on: "), scratch.path());
   ASSERT_EQ(longer.exit_code, 0) << longer.err;
-  EXPECT_THAT(longer.err, testing::HasSubstr("4000 steps"));
+  EXPECT_THAT(longer.err, testing::HasSubstr("4k steps"));
 
   // Another name, another place: the directory holds all that belongs to the run.
   RunShell("mv \"it's $HOME/a name\" elsewhere", scratch.path());
@@ -193,7 +193,7 @@ TEST(ResumeTest, PrintedCommandsWorkWhenPastedWhereverTheRunLies) {
         RunProgram({"train", source, "--resume", "--set", "run.max_steps=4500", "--no-evaluation"},
                    scratch.path());
     ASSERT_EQ(moved.exit_code, 0) << moved.err;
-    EXPECT_THAT(moved.err, testing::HasSubstr("4504 steps"));
+    EXPECT_THAT(moved.err, testing::HasSubstr("4.5k steps"));
     EXPECT_FALSE(fs::exists(scratch.path() / "runs"));
   }
 }

@@ -93,7 +93,7 @@ TEST(MetricsLogTest, TheEventFileHoldsEveryCell) {
       if (!cells[c].empty()) expected["training/" + names[c]] = std::stof(cells[c]);
     }
     EXPECT_EQ(events[i].scalars, expected);
-    EXPECT_EQ(events[i].scalars.size(), 18u - i) << "the second row has an empty cell";
+    EXPECT_EQ(events[i].scalars.size(), 19u - i) << "the second row has an empty cell";
     EXPECT_EQ(events[i].step, std::stoll(cells.at(1)));
   }
 }
@@ -162,7 +162,7 @@ TEST(FormatProgressTest, ShowsWhatMatters) {
   row.success_rate = 0.954;
   row.collision_rate = 0.04;
   const std::string text = FormatProgress(row, 65.0);
-  EXPECT_THAT(text, testing::HasSubstr("1.25M steps (43k/s)"));
+  EXPECT_THAT(text, testing::HasSubstr("1.25M steps (43.2k/s)"));
   EXPECT_THAT(text, testing::HasSubstr("success  95%"));
   EXPECT_THAT(text, testing::HasSubstr("left 1:05"));
   EXPECT_LE(FormatProgress(row, 36'000.0).size(), 79u) << "wraps on a narrow terminal";

@@ -1,0 +1,57 @@
+#include "base/file_lock.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <utility>
+
+#include "base/error.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::base {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+template <class Lock>
+std::string RefusalOf(const Lock& lock) {
+  try {
+    lock();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(FileLockTest, OneAtATimeHoldsAFile) {
+  const test::ScratchDirectory scratch;
+  const fs::path file = scratch.path() / "lock";
+  const auto lock = [&] { return FileLock::OfFile(file, "it is in use"); };
+  {
+    FileLock first = lock();
+    EXPECT_EQ(RefusalOf(lock), file.string() + ": it is in use");
+    const FileLock moved = std::move(first);
+    EXPECT_EQ(RefusalOf(lock), file.string() + ": it is in use");
+  }
+  EXPECT_EQ(RefusalOf(lock), "");
+}
+
+TEST(FileLockTest, TheLockStaysWithADirectoryThatIsRenamed) {
+  const test::ScratchDirectory scratch;
+  const fs::path directory = scratch.path() / "a";
+  const auto lock = [&] { return FileLock::OfDirectory(directory, "it is in use"); };
+  EXPECT_THAT(RefusalOf(lock), HasSubstr("cannot be opened"));
+  EXPECT_FALSE(fs::exists(directory)) << "only files are created";
+  fs::create_directory(directory);
+  const FileLock first = lock();
+  fs::rename(directory, scratch.path() / "b");
+  fs::create_directory(directory);
+  EXPECT_EQ(RefusalOf(lock), "");
+  EXPECT_THROW(FileLock::OfDirectory(scratch.path() / "b", "it is in use"), Error);
+}
+
+}  // namespace
+}  // namespace slalom::base
