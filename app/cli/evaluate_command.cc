@@ -21,7 +21,6 @@
 #include "app/cli/signals.h"
 #include "app/train/command_options.h"
 #include "app/train/profile.h"
-#include "app/train/recorded_config.h"
 #include "app/train/scoring.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -142,11 +141,7 @@ std::optional<train::RunConfig> TrainedConfig(const EvaluateOptions& options,
   const auto it = loaded.metadata.find("config");
   if (it == loaded.metadata.end()) return std::nullopt;
   try {
-    auto recorded = train::ReadRecordedConfig(it->second, *options.policy + " (its config)");
-    if (recorded.before_friction_laws) {
-      spdlog::info("{} {}", *options.policy, train::DescribeDriveBeforeFrictionLaws());
-    }
-    return std::move(recorded.config);
+    return train::ReadRecordedConfig(it->second, *options.policy + " (its config)");
   } catch (const base::Error& error) {
     if (!options.config) throw;
     spdlog::warn("cannot tell what the policy was trained on: {}", error.what());

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "app/train/recorded_config.h"
 #include "app/train/run_identity.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -53,7 +52,7 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
 
 void RequireResumable(const std::string& earlier, const std::string& source,
                       const RunConfig& config) {
-  const auto difference = FindDifference(ReadRecordedConfig(earlier, source).config, config);
+  const auto difference = FindDifference(ReadRecordedConfig(earlier, source), config);
   if (difference.key.empty()) return;
   throw base::Error(
       fmt::format("{}: {} was {} when the run began and is {} now; a resumed run must keep it",

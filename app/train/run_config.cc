@@ -47,6 +47,12 @@ sim::CourseSet CoursesConfig::ResolveTest() const {
   return ResolveKey("courses.test", *this, test);
 }
 
+RunConfig ReadRecordedConfig(std::string_view text, std::string_view source) {
+  RunConfig config;
+  config::ReadToml(text, source, config::ListFields(config));
+  return config;
+}
+
 std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose) {
   return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
 }

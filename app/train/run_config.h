@@ -108,6 +108,10 @@ struct RunConfig {
   }
 };
 
+/// Reads the config that a policy, a checkpoint or a run directory holds. Keys that it lacks have
+/// their defaults. Throws `base::Error` that names `source` if it is damaged or has unknown keys.
+RunConfig ReadRecordedConfig(std::string_view text, std::string_view source);
+
 /// The seed of one of the run's random streams.
 std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose);
 

@@ -170,10 +170,11 @@ void TableSource::Restore(const fs::path& checkpoint, const nlohmann::json& stat
   const std::string acting_path = files.acting().string();
   const auto acting = policy::LoadPolicy(acting_path);
   policy::RequireSameSpec(acting_path, acting.snapshot.spec, agent_.snapshot().spec);
-  // Checkpoints from before do not say it.
-  if (const auto config = acting.metadata.find(kConfigKey); config != acting.metadata.end()) {
-    RequireResumable(config->second, acting_path + " (its config)", config_);
+  const auto config = acting.metadata.find(kConfigKey);
+  if (config == acting.metadata.end()) {
+    throw base::Error(fmt::format("{}: has no config; the checkpoint is damaged", acting_path));
   }
+  RequireResumable(config->second, acting_path + " (its config)", config_);
   const fs::path actor_path = files.actor();
   const auto actor_state =
       actor::ActorState::Parse(base::ReadFile(actor_path), actor_path.string());
@@ -190,8 +191,6 @@ void TableSource::Restore(const fs::path& checkpoint, const nlohmann::json& stat
 void TableSource::RestorePriorities(const fs::path& file) {
   if (!specs_[0].prioritized) return;
   const double alpha = config_.replay_server.priority_exponent;
-  // Checkpoints from before have no such file: all steps then have the same priority.
-  if (!fs::exists(file)) return table_.UsePriorities(alpha);
   if (const auto failure = table_.RestorePriorities(base::ReadFile(file), alpha)) {
     throw base::Error(
         fmt::format("{}: damaged: {}; the checkpoint is damaged", file.string(), failure->text));

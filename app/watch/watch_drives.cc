@@ -15,7 +15,6 @@
 #include <thread>
 #include <utility>
 
-#include "app/train/recorded_config.h"
 #include "app/train/scoring.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -79,7 +78,7 @@ std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token&
   const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
   train::RunConfig config;
   if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
-    config = train::ReadRecordedConfig(it->second, file.path.string() + " (its config)").config;
+    config = train::ReadRecordedConfig(it->second, file.path.string() + " (its config)");
   }
   config.evaluation.episodes_per_course = 1;
   config.evaluation.recorded_episodes_per_course = 1;

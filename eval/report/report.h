@@ -11,8 +11,7 @@
 
 namespace slalom::eval {
 
-/// The version of evaluation.json and of the files beside it. Version 1 had neither of the keys
-/// `format` and `version`.
+/// The version of evaluation.json and of the files beside it.
 inline constexpr int kResultVersion = 2;
 
 /// What drove and where the scores come from, for the JSON report. What is not known is empty.

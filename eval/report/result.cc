@@ -120,12 +120,7 @@ class ObjectReader {
   const std::string place_;  // "" or "courses[3].".
 };
 
-void RequireFormat(const ObjectReader& reader, const Json& object) {
-  if (!object.contains("format") && object.contains("course_set")) {
-    throw base::Error(fmt::format(
-        "{}: written by an older slalom (version 1), expected version {}; evaluate again",
-        reader.file(), kResultVersion));
-  }
+void RequireFormat(const ObjectReader& reader) {
   if (const std::string format = reader.Text("format"); format != "slalom-evaluation") {
     throw base::Error(
         fmt::format("{}: format is \"{}\", expected \"slalom-evaluation\"", reader.file(), format));
@@ -273,7 +268,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
     throw base::Error(fmt::format("{}: not valid JSON: {}", source, range_error.what()));
   }
   const ObjectReader reader(object, source, "");
-  RequireFormat(reader, object);
+  RequireFormat(reader);
   Result result;
   result.file = source;
   const ObjectReader agent = reader.Object("agent");

@@ -52,11 +52,9 @@ LearnerLoop::LearnerLoop(LoopPlan plan, Learner& learner, BatchSource& source, P
 
 bool LearnerLoop::Restore() {
   return run_.Restore([this](const fs::path& checkpoint, const nlohmann::json& state) {
-    // Checkpoints from before do not say these three.
-    had_learned_nothing_ = state.value("nothing_learned", false);
-    unpublished_ = state.value("unpublished",
-                               state.value("updates_due", 0) % plan_.run.settings.publish_interval);
-    unobserved_ = state.value("unobserved", unpublished_);
+    state.at("nothing_learned").get_to(had_learned_nothing_);
+    state.at("unpublished").get_to(unpublished_);
+    state.at("unobserved").get_to(unobserved_);
     const nn::TensorFile tensors = nn::LoadTensors(run::CheckpointFiles{checkpoint}.learner());
     source_.Restore(checkpoint, state);
     learner_.LoadState(tensors);

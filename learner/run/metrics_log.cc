@@ -57,17 +57,17 @@ std::string Line(const std::vector<Column>& columns, bool names) {
   return line;
 }
 
-/// The rows of an earlier metrics file up to a step, and nothing of a half-written last line. Cells
-/// of an earlier version go to their columns of today.
+/// The rows of an earlier metrics file up to a step, without a half-written last line. Cells go to
+/// the columns of their names.
 std::string KeptRows(const std::filesystem::path& path, std::int64_t keep_until_step) {
   const std::vector<Column> columns = Columns({});
   std::string kept = Line(columns, true);
   if (keep_until_step <= 0 || !std::filesystem::exists(path)) return kept;
   std::istringstream lines(base::ReadFile(path));
-  std::string line;
-  std::getline(lines, line);
-  const std::vector<std::string> names = SplitNames(line);
-  while (std::getline(lines, line)) {
+  std::string head;
+  std::getline(lines, head);
+  const std::vector<std::string_view> names = SplitCells(head);
+  for (std::string line; std::getline(lines, line);) {
     const std::vector<std::string_view> cells = SplitCells(line);
     if (cells.size() != names.size() || lines.eof()) continue;
     std::vector<Column> row = columns;

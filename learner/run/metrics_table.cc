@@ -15,21 +15,6 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-/// Names of columns in files of earlier versions, and what they are called now.
-constexpr std::pair<std::string_view, std::string_view> kFormerNames[] = {
-    {"mean_return", "episode_return"},
-    {"mean_episode_steps", "episode_steps"},
-    {"replay_steps", "table_steps"},
-    {"mean_q", "q_mean"},
-    {"actor_q", "actor_q_mean"},
-    {"entropy", "policy_entropy_nats"},
-    {"cost_q", "cost_q_mean"},
-    {"multiplier", "constraint_multiplier"},
-    {"violation", "constraint_violation"},
-    {"model_likelihood", "model_likelihood_nats"},
-    {"model_termination", "model_termination_nats"},
-};
-
 /// The numbers of a line; none: it is not a whole row.
 std::optional<std::vector<double>> ParseRow(std::string_view line, std::size_t num_columns) {
   const std::vector<std::string_view> cells = SplitCells(line);
@@ -70,16 +55,6 @@ std::vector<std::string_view> SplitCells(std::string_view line) {
   }
 }
 
-std::vector<std::string> SplitNames(std::string_view line) {
-  std::vector<std::string> names;
-  for (const std::string_view name : SplitCells(line)) {
-    const auto* const former = std::ranges::find(
-        kFormerNames, name, &std::pair<std::string_view, std::string_view>::first);
-    names.emplace_back(former == std::end(kFormerNames) ? name : former->second);
-  }
-  return names;
-}
-
 std::vector<double> MetricsTable::Column(std::string_view name) const {
   const auto it = std::find(names.begin(), names.end(), name);
   if (it == names.end()) return std::vector<double>(num_rows(), kNone);
@@ -98,7 +73,8 @@ MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows) {
     const std::string_view line = text.substr(0, end);
     text.remove_prefix(end + 1);
     if (table.names.empty()) {
-      table.names = SplitNames(line);
+      const std::vector<std::string_view> names = SplitCells(line);
+      table.names.assign(names.begin(), names.end());
       table.columns.resize(table.names.size());
       continue;
     }

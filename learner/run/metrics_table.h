@@ -22,8 +22,6 @@ struct MetricsTable {
 
 /// Splits a line without its end into cells.
 std::vector<std::string_view> SplitCells(std::string_view line);
-/// The names of a header line. Names that earlier versions wrote become those of today.
-std::vector<std::string> SplitNames(std::string_view line);
 
 /// Parses the table in `text`, which may be incomplete. Leaves out a last line without its end, and
 /// lines with a cell that is neither empty nor a number. Keeps at most `max_rows` > 1 rows, evenly

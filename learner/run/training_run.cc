@@ -150,10 +150,9 @@ void TrainingRun::RestoreFrom(const fs::path& checkpoint, const Read& read) {
     }
     const auto steps = state.at("steps").get<std::int64_t>();
     const auto training_s = state.at("training_s").get<double>();
-    // Checkpoints from before do not say these three.
-    const auto snapshot_s = state.value("snapshot_s", training_s);
-    const auto snapshot_steps = state.value("snapshot_steps", steps);
-    const auto watch = state.value("learning_watch", LearningWatch::State{});
+    const auto snapshot_s = state.at("snapshot_s").get<double>();
+    const auto snapshot_steps = state.at("snapshot_steps").get<std::int64_t>();
+    const auto watch = state.at("learning_watch").get<LearningWatch::State>();
     const std::int64_t updates = read(checkpoint, state);
     SetProgress(steps, updates);
     clock_.Restore(training_s);

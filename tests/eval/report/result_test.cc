@@ -190,11 +190,7 @@ TEST_F(ResultTest, ANumberBeyondWhatADoubleHoldsIsRefused) {
 TEST_F(ResultTest, OtherVersionsAndFormatsAreRefused) {
   EXPECT_THAT(ErrorAfter([](json& o) { o["version"] = kResultVersion + 1; }),
               AllOf(HasSubstr("evaluation.json: version is 3, expected 2"), HasSubstr("newer")));
-  EXPECT_THAT(ErrorAfter([](json& o) {
-                o.erase("format");
-                o.erase("version");
-              }),
-              AllOf(HasSubstr("version 1"), HasSubstr("evaluate again")));
+  EXPECT_THAT(ErrorAfter([](json& o) { o.erase("format"); }), HasSubstr("format"));
   EXPECT_THAT(ErrorAfter([](json& o) { o["format"] = "other"; }), HasSubstr("\"other\""));
   EXPECT_THAT(ErrorAfter([](json& o) {
                 o = json::array({1, 2});

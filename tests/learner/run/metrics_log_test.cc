@@ -98,21 +98,21 @@ TEST(MetricsLogTest, TheEventFileHoldsEveryCell) {
   }
 }
 
-TEST(MetricsLogTest, RowsOfAnEarlierVersionGoToTheColumnsOfToday) {
+TEST(MetricsLogTest, RowsThatAreKeptGoToTheColumnsOfTheirNames) {
   const test::ScratchDirectory scratch;
   const auto path = scratch.path() / "metrics.csv";
   base::WriteFileAtomically(path,
-                            "training_s,steps,mean_return,critic_loss,mean_q,replay_steps\n"
+                            "training_s,steps,q_mean,critic_loss,episode_return,unknown\n"
                             "2.00,100,7.5,0.25,3,90\n4.00,200,8.5,,4,180\n");
   const MetricsLog log(path, 100);
   const MetricsTable table = ParseMetrics(base::ReadFile(path), 0);
   ASSERT_EQ(table.num_rows(), 1u);
   EXPECT_EQ(table.Last("training_s"), 2.0);
   EXPECT_EQ(table.Last("steps"), 100.0);
-  EXPECT_EQ(table.Last("episode_return"), 7.5);
+  EXPECT_EQ(table.Last("q_mean"), 7.5);
   EXPECT_EQ(table.Last("critic_loss"), 0.25);
-  EXPECT_EQ(table.Last("q_mean"), 3.0);
-  EXPECT_EQ(table.Last("table_steps"), 90.0);
+  EXPECT_EQ(table.Last("episode_return"), 3.0);
+  EXPECT_EQ(std::ranges::count(table.names, "unknown"), 0);
   EXPECT_TRUE(std::isnan(table.Last("updates")));
 }
 
