@@ -143,7 +143,7 @@ def main():
     parser.add_argument("parts", nargs="*", metavar="|".join(parts))
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=30.0)
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     if wrong := [part for part in options.parts if part not in parts]:
         parser.error(f"there is no part {wrong[0]!r}, expected {', '.join(parts)}")
     print("| what | before | after | after : before |\n|---|---|---|---|")

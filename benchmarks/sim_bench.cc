@@ -81,7 +81,7 @@ void StepEnvironments(benchmark::State& state, const EnvironmentConfig& config,
                       Robot::Stepping stepping,
                       const std::vector<std::shared_ptr<const Scene>>& scenes = StaticScenes()) {
   base::ParallelFor parallel(static_cast<int>(state.range(0)));
-  CourseEnvironments environments(config, scenes, kBatch, &parallel, stepping);
+  CourseEnvironments environments(config, scenes, kBatch, &parallel, MakeRobots(stepping));
   std::vector<base::Random> random;  // Of each environment: threads share nothing.
   for (int i = 0; i < kBatch; ++i)
     random.emplace_back(base::DeriveSeed(3, "environment", {static_cast<std::uint64_t>(i)}));

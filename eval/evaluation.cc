@@ -23,16 +23,11 @@ std::optional<Evaluation> Evaluate(const EvaluationTask& task, env::BatchEnviron
 std::optional<Evaluation> EvaluateOnCourses(const EvaluationTask& task, const MakeAgent& make_agent,
                                             base::ParallelFor* parallel, const Progress& progress,
                                             std::stop_token stop) {
-  auto scenes = sim::MakeScenes(task.courses);
-  const int batch_size = task.num_environments;
-  const auto environments =
-      task.physics.make_bodies
-          ? std::make_unique<sim::CourseEnvironments>(
-                task.environment, std::move(scenes), batch_size, parallel, task.physics.make_bodies)
-          : std::make_unique<sim::CourseEnvironments>(task.environment, std::move(scenes),
-                                                      batch_size, parallel);
+  sim::CourseEnvironments environments(
+      task.environment, sim::MakeScenes(task.courses), task.num_environments, parallel,
+      task.physics.make_bodies ? task.physics.make_bodies : sim::MakeRobots());
   const std::unique_ptr<env::Agent> agent = make_agent(task.num_environments, task.environment);
-  return Evaluate(task, *environments, *agent, progress, std::move(stop));
+  return Evaluate(task, environments, *agent, progress, std::move(stop));
 }
 
 std::string DescribeOverlap(const TrainingOverlap& overlap) {

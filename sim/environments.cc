@@ -22,31 +22,7 @@ const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
   return config;
 }
 
-/// Bodies of Slalom's own physics.
-MakeRobotBodies RobotsThat(Robot::Stepping stepping) {
-  return [stepping](const EnvironmentConfig& config,
-                    std::span<const std::shared_ptr<const Scene>> scenes, int count) {
-    int max_moving = 0;
-    for (const auto& scene : scenes) {
-      max_moving = std::max(max_moving, scene->moving_obstacles().size());
-    }
-    std::vector<std::unique_ptr<RobotBody>> bodies;
-    for (int i = 0; i < count; ++i) {
-      auto robot = std::make_unique<Robot>(config.robot, NumSubsteps(config), stepping);
-      robot->Reserve(max_moving);
-      bodies.push_back(std::move(robot));
-    }
-    return bodies;
-  };
-}
-
 }  // namespace
-
-CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
-                                       std::vector<std::shared_ptr<const Scene>> scenes,
-                                       int batch_size, base::ParallelFor* parallel,
-                                       Robot::Stepping stepping)
-    : CourseEnvironments(config, std::move(scenes), batch_size, parallel, RobotsThat(stepping)) {}
 
 CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
                                        std::vector<std::shared_ptr<const Scene>> scenes,

@@ -46,21 +46,17 @@ namespace slalom::sim {
 class CourseEnvironments : public env::BatchEnvironment {
  public:
   /// `parallel` runs the batch on its threads and must outlive this object. If it is null, the
-  /// batch runs on the caller's thread.
+  /// batch runs on the caller's thread. `make_bodies` makes the robots of a physics.
   ///
   /// Throws `base::Error` if the config contradicts itself, or if at the start of a course the
-  /// robot would touch a fixed obstacle, or moving ones at nearly any time.
+  /// robot would touch a fixed obstacle, or moving ones at nearly any time; and the errors of
+  /// `make_bodies`.
   ///
   /// Requires: batch_size >= 1, at least one scene, none of them null.
   CourseEnvironments(const EnvironmentConfig& config,
                      std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
                      base::ParallelFor* parallel,
-                     Robot::Stepping stepping = Robot::Stepping::kBox2dInContact);
-  /// Constructs environments with bodies of another physics. Also throws the errors of that
-  /// physics.
-  CourseEnvironments(const EnvironmentConfig& config,
-                     std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
-                     base::ParallelFor* parallel, const MakeRobotBodies& make_bodies);
+                     const MakeRobotBodies& make_bodies = MakeRobots());
 
   int batch_size() const override { return static_cast<int>(environments_.size()); }
   int num_courses() const override { return static_cast<int>(scenes_.size()); }

@@ -222,4 +222,21 @@ void Robot::MoveIdeally(const DriveCommand& wheels) {
   centre_.vy = static_cast<float>(wheels.linear * s);
 }
 
+MakeRobotBodies MakeRobots(Robot::Stepping stepping) {
+  return [stepping](const EnvironmentConfig& config,
+                    std::span<const std::shared_ptr<const Scene>> scenes, int count) {
+    int max_moving = 0;
+    for (const auto& scene : scenes) {
+      max_moving = std::max(max_moving, scene->moving_obstacles().size());
+    }
+    std::vector<std::unique_ptr<RobotBody>> bodies;
+    for (int i = 0; i < count; ++i) {
+      auto robot = std::make_unique<Robot>(config.robot, NumSubsteps(config), stepping);
+      robot->Reserve(max_moving);
+      bodies.push_back(std::move(robot));
+    }
+    return bodies;
+  };
+}
+
 }  // namespace slalom::sim

@@ -107,4 +107,7 @@ class Robot final : public RobotBody {
   float found_y_ = 0.0f;           // [m]
 };
 
+/// Makes bodies of Slalom's own physics.
+MakeRobotBodies MakeRobots(Robot::Stepping stepping = Robot::Stepping::kBox2dInContact);
+
 }  // namespace slalom::sim

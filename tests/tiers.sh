@@ -87,6 +87,7 @@ failed_tests() {
     awk -v name="$name" '
       /^[0-9]+\/[0-9]+ (Test|Testing): / { here = substr($0, index($0, ": ") + 2) == name; next }
       here && /^Test time = / { exit }
+      /^\[[-= ]|^Running main|^Note: Google Test|^<end of output>/ { next }
       here && NF { lines[count++] = "    " $0 }
       END { for (i = count > 12 ? count - 12 : 0; i < count; ++i) print lines[i] }' "$details" 2>/dev/null
   done

@@ -120,7 +120,7 @@ std::vector<Record> Play(int batch_size, int num_threads, bool backwards,
                          Robot::Stepping stepping = Robot::Stepping::kBox2dInContact,
                          const EnvironmentConfig& config = TestConfig()) {
   base::ParallelFor parallel(num_threads);
-  CourseEnvironments environments(config, Scenes(), batch_size, &parallel, stepping);
+  CourseEnvironments environments(config, Scenes(), batch_size, &parallel, MakeRobots(stepping));
   std::vector<Record> records(kNumEpisodes);
   std::vector<int> episode_of(batch_size, -1);
   int num_started = 0;
