@@ -1,10 +1,11 @@
 #include "planners/mppi/control_sequence.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "base/check.h"
-#include "base/vector_clones.h"
 
 namespace slalom::planners {
 namespace {
@@ -12,25 +13,19 @@ namespace {
 /// Coefficients of the quadratic filter over 9 points, times 231.
 constexpr float kSavitzkyGolay[9] = {-21, 14, 39, 54, 59, 54, 39, 14, -21};
 
-/// Sum of weights[b] * values[b], in eight partial sums, so that it runs on vectors.
-SLALOM_VECTOR_CLONES
-float WeightedSum(const float* weights, const float* values, int size) {
-  constexpr int kParts = 8;
-  float parts[kParts] = {};
-  int b = 0;
-  for (; b + kParts <= size; b += kParts) {
-    for (int k = 0; k < kParts; ++k) parts[k] += weights[b + k] * values[b + k];
-  }
-  for (; b < size; ++b) parts[0] += weights[b] * values[b];
-  float sum = 0.0f;
-  for (const float part : parts) sum += part;
-  return sum;
+/// Sampled controls, [T, B].
+using Controls =
+    Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+
+Controls AsMatrix(const std::vector<float>& controls, const Rollouts& rollouts) {
+  return {controls.data(), rollouts.num_steps, rollouts.batch_size};
 }
 
-/// costs[b] += factor * (sampled[b] - mean).
-SLALOM_VECTOR_CLONES
-void AddDeviation(const float* sampled, float mean, float factor, int size, float* costs) {
-  for (int b = 0; b < size; ++b) costs[b] += factor * (sampled[b] - mean);
+template <class Values>
+auto AsVector(Values& values) {
+  using Value = std::remove_reference_t<decltype(values[0])>;
+  using Vector = std::conditional_t<std::is_const_v<Value>, const Eigen::VectorXf, Eigen::VectorXf>;
+  return Eigen::Map<Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
 float Limit(float wanted, float from, float largest_step) {
@@ -83,26 +78,22 @@ void SoftmaxOfCosts(std::span<const float> costs, double temperature, std::span<
 
 void AddControlCosts(const Rollouts& rollouts, const ControlSequence& sequence, double gamma,
                      double linear_std, double angular_std, std::span<float> costs) {
-  const auto linear_factor = static_cast<float>(gamma / (linear_std * linear_std));
-  const auto angular_factor = static_cast<float>(gamma / (angular_std * angular_std));
-  for (int t = 0; t < rollouts.num_steps; ++t) {
-    const std::size_t row = rollouts.Index(t, 0);
-    AddDeviation(&rollouts.control_linear[row], sequence.linear[t],
-                 linear_factor * sequence.linear[t], rollouts.batch_size, costs.data());
-    AddDeviation(&rollouts.control_angular[row], sequence.angular[t],
-                 angular_factor * sequence.angular[t], rollouts.batch_size, costs.data());
-  }
+  const auto add = [&](const std::vector<float>& sampled, const std::vector<float>& mean,
+                       double std) {
+    const Eigen::VectorXf factors = static_cast<float>(gamma / (std * std)) * AsVector(mean);
+    AsVector(costs).noalias() += AsMatrix(sampled, rollouts).transpose() * factors;
+    AsVector(costs).array() -= factors.dot(AsVector(mean));
+  };
+  add(rollouts.control_linear, sequence.linear, linear_std);
+  add(rollouts.control_angular, sequence.angular, angular_std);
 }
 
 void TakeWeightedMean(const Rollouts& rollouts, std::span<const float> weights,
                       ControlSequence& sequence) {
-  for (int t = 0; t < rollouts.num_steps; ++t) {
-    const std::size_t row = rollouts.Index(t, 0);
-    sequence.linear[t] =
-        WeightedSum(weights.data(), &rollouts.control_linear[row], rollouts.batch_size);
-    sequence.angular[t] =
-        WeightedSum(weights.data(), &rollouts.control_angular[row], rollouts.batch_size);
-  }
+  AsVector(sequence.linear).noalias() =
+      AsMatrix(rollouts.control_linear, rollouts) * AsVector(weights);
+  AsVector(sequence.angular).noalias() =
+      AsMatrix(rollouts.control_angular, rollouts) * AsVector(weights);
 }
 
 void Smooth(ControlSequence& sequence) {
