@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <span>
 #include <utility>
 
@@ -26,15 +27,19 @@ std::string QuantityHead(const Quantity& quantity) {
                      quantity.higher_is_better ? "↑" : "↓");
 }
 
+/// The share of the planned seeds that a row has: "1/3". Empty: it has all.
+std::string Fraction(const RowFigures& row) {
+  if (row.num_seeds == row.num_planned) return "";
+  return fmt::format("{}/{}", row.num_seeds, row.num_planned);
+}
+
 GridCell CellOf(const RowFigures& row, std::size_t q) {
   const QuantityFigures& figures = row.quantities[q];
   const double factor = kQuantities[q].factor;
   GridCell cell;
   if (figures.seed_mean) cell.mean = factor * *figures.seed_mean;
   if (figures.seed_deviation) cell.deviation = factor * *figures.seed_deviation;
-  if (row.num_seeds < row.num_planned) {
-    cell.mark = fmt::format("{}/{}", row.num_seeds, row.num_planned);
-  }
+  cell.mark = Fraction(row);
   return cell;
 }
 
@@ -110,28 +115,6 @@ std::vector<const ScoreContent*> ScoresWithRows(const ReportContent& content) {
     if (!score.rows.empty()) scores.push_back(&score);
   }
   return scores;
-}
-
-/// What every caption says of how to read the table.
-std::string Explain(const std::vector<GridLine>& lines) {
-  bool has_deviations = false;
-  bool has_marks = false;
-  bool has_bold = false;
-  bool has_published = false;
-  for (const GridLine& line : lines) {
-    has_published = has_published || !line.published.empty();
-    for (const GridCell& cell : line.cells) {
-      has_deviations = has_deviations || cell.deviation;
-      has_marks = has_marks || (cell.mean && !cell.mark.empty());
-      has_bold = has_bold || cell.is_bold;
-    }
-  }
-  std::string text;
-  if (has_deviations) text += " Mean and standard deviation over seeds.";
-  if (has_bold) text += " The bold font marks the best.";
-  if (has_published) text += " Lines in italics are published numbers.";
-  if (has_marks) text += " A fraction says how many of the planned seeds are in the number.";
-  return text;
 }
 
 std::string Joined(const std::vector<std::string>& labels, std::size_t count) {
@@ -220,8 +203,7 @@ Grid AxesTable(const ReportContent& content, std::span<const ScoreContent* const
     EmboldenBest(cells, quantity.higher_is_better);
   }
   grid.caption =
-      fmt::format("{}: {} by {}.", content.title, QuantityHead(quantity), axes.column_axis) +
-      Explain(grid.lines);
+      fmt::format("{}: {} by {}.", content.title, QuantityHead(quantity), axes.column_axis);
   grid.label = fmt::format("tab::{}-{}", scores.front()->name, quantity.key);
   return grid;
 }
@@ -277,7 +259,7 @@ Grid SideBySide(const ReportContent& content, const ScoreContent& score) {
     for (GridCell& cell : grid.lines.back().cells) cells.push_back(&cell);
     EmboldenBest(cells, kQuantities[q].higher_is_better);
   }
-  grid.caption = fmt::format("{}: {}.", content.title, score.label) + Explain(grid.lines);
+  grid.caption = fmt::format("{}: {}.", content.title, score.label);
   grid.label = fmt::format("tab::{}", score.name);
   return grid;
 }
@@ -298,7 +280,7 @@ Grid Downwards(const ReportContent& content, const ScoreContent& score) {
   for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
     EmboldenBest(grid, q, kQuantities[q].higher_is_better);
   }
-  grid.caption = fmt::format("{}: {}.", content.title, score.label) + Explain(grid.lines);
+  grid.caption = fmt::format("{}: {}.", content.title, score.label);
   grid.label = fmt::format("tab::{}", score.name);
   return grid;
 }
@@ -322,8 +304,7 @@ Grid ScoresTable(const ReportContent& content, std::size_t q) {
   for (std::size_t s = 0; s < scores.size(); ++s) {
     EmboldenBest(grid, s, quantity.higher_is_better);
   }
-  grid.caption =
-      fmt::format("{}: {}.", content.title, QuantityHead(quantity)) + Explain(grid.lines);
+  grid.caption = fmt::format("{}: {}.", content.title, QuantityHead(quantity));
   grid.label = fmt::format("tab::{}", quantity.key);
   return grid;
 }
@@ -354,10 +335,50 @@ Grid SnapshotTable(const ReportContent& content, const ScoreContent& score) {
   }
   for (std::size_t column = 0; column < steps.size(); ++column) EmboldenBest(grid, column, true);
   grid.caption = fmt::format("{}: {} on {} by number of environment steps.", content.title,
-                             QuantityHead(kQuantities[0]), score.label) +
-                 Explain(grid.lines);
+                             QuantityHead(kQuantities[0]), score.label);
   grid.label = fmt::format("tab::{}-steps", score.name);
   return grid;
+}
+
+/// The fraction of the planned seeds that all rows with more than one planned seed have: "1/3".
+/// Empty: they have all, or not all have the same.
+std::string SeedsOfAll(const ReportContent& content) {
+  std::set<std::string> fractions;
+  const auto add = [&](std::span<const RowFigures> rows) {
+    for (const RowFigures& row : rows) {
+      if (row.num_seeds > 0 && row.num_planned > 1) fractions.insert(Fraction(row));
+    }
+  };
+  for (const ScoreContent& score : content.scores) {
+    add(score.rows);
+    add(score.snapshots);
+  }
+  return fractions.size() == 1 ? *fractions.begin() : "";
+}
+
+/// Adds to the caption how to read the table. `seeds`: of `SeedsOfAll`; the numbers then go
+/// without.
+void Explain(const std::string& seeds, Grid& grid) {
+  bool has_deviations = false;
+  bool has_marks = false;
+  bool has_bold = false;
+  bool has_published = false;
+  for (GridLine& line : grid.lines) {
+    has_published = has_published || !line.published.empty();
+    for (GridCell& cell : line.cells) {
+      has_deviations = has_deviations || cell.deviation;
+      has_marks = has_marks || (cell.mean && !cell.mark.empty());
+      has_bold = has_bold || cell.is_bold;
+      if (!seeds.empty()) cell.mark.clear();
+    }
+  }
+  if (has_deviations) grid.caption += " Mean and standard deviation over seeds.";
+  if (has_bold) grid.caption += " The bold font marks the best.";
+  if (has_published) grid.caption += " Lines in italics are published numbers.";
+  if (!has_marks) return;
+  grid.caption += seeds.empty()
+                      ? " A fraction says how many of the planned seeds are in the number."
+                      : fmt::format(" Trained so far: {} seeds.", seeds);
 }
 
 }  // namespace
@@ -379,6 +400,8 @@ std::vector<Grid> MakeGrids(const ReportContent& content) {
   for (const ScoreContent& score : content.scores) {
     if (!score.snapshots.empty()) grids.push_back(SnapshotTable(content, score));
   }
+  const std::string seeds = SeedsOfAll(content);
+  for (Grid& grid : grids) Explain(seeds, grid);
   return grids;
 }
 

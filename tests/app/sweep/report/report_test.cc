@@ -131,6 +131,27 @@ TEST(SweepReportTest, LatexOfOneAxisSetsRowsSideBySide) {
   EXPECT_THAT(text, HasSubstr("how many of the planned seeds"));
 }
 
+TEST(SweepReportTest, AFractionOfTheSeedsThatAllRowsShareStandsInTheCaption) {
+  test::FakeSweep fake({"method"}, {"test"});
+  for (const char* row : {"MLP", "GRU"}) {
+    for (const int seed : {1, 2, 3}) {
+      const std::size_t cell = fake.AddTraining({row}, seed);
+      if (seed == 1)
+        fake.Evaluate(cell, "test", {"SSC", row == std::string("MLP") ? "SCC" : "SSS"});
+    }
+  }
+  fake.Evaluate(fake.AddPlanner({"DWA"}), "test", {"SSS", "SSS"});
+  const std::string shared = fake.Report("report.tex");
+  EXPECT_THAT(shared, HasSubstr("& $50.0$ & $83.3$ & $\\boldsymbol{100.0}$ \\\\"));
+  EXPECT_THAT(shared, HasSubstr("Trained so far: 1/3 seeds."));
+  EXPECT_THAT(shared, testing::Not(HasSubstr("A fraction")));
+
+  fake.Evaluate(1, "test", {"SSC", "SCC"});
+  const std::string mixed = fake.Report("report.tex");
+  EXPECT_THAT(mixed, HasSubstr("& $50.0 \\pm 0.0^{2/3}$ & $83.3^{1/3}$ &"));
+  EXPECT_THAT(mixed, HasSubstr("A fraction says how many"));
+}
+
 TEST(SweepReportTest, LatexOfTwoAxesHasColumnsBelowTheScores) {
   const std::string text = test::MakeArchitectures().Report("report.tex");
   EXPECT_THAT(text, HasSubstr("\\begin{tabular}{lcccc}\n"));
