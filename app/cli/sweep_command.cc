@@ -24,7 +24,6 @@
 #include "app/sweep/plan.h"
 #include "app/sweep/plan_record.h"
 #include "app/sweep/report/report.h"
-#include "app/sweep/report/report_markdown.h"
 #include "app/sweep/runner.h"
 #include "app/sweep/slurm.h"
 #include "app/sweep/store.h"

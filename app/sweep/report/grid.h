@@ -7,7 +7,7 @@
 #include "app/sweep/report/report_content.h"
 
 /// Tables of numbers with their deviations, laid out as papers have them. They hold plain text;
-/// report_latex.h and report_markdown.h print them.
+/// report.h prints them.
 
 namespace slalom::sweep {
 

@@ -5,10 +5,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "app/sweep/report/report_csv.h"
-#include "app/sweep/report/report_latex.h"
-#include "app/sweep/report/report_markdown.h"
-#include "app/sweep/report/report_page.h"
 #include "app/sweep/store.h"
 #include "base/file.h"
 #include "eval/statistics/bootstrap.h"

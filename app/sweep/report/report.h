@@ -1,13 +1,14 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 
 #include "app/sweep/report/report_content.h"
 #include "app/sweep/results.h"
 
 /// The report of a sweep, at any time: cells that are not done are listed as missing.
-/// docs/sweeps.md explains it.
+/// docs/sweeps.md explains it. Each form of it is in a source of its own.
 
 namespace slalom::sweep {
 
@@ -25,5 +26,49 @@ void WriteSweepReport(const ReportContent& content, const std::filesystem::path&
 /// Returns a table for the terminal: success of each row on each score in percent, with its 95 %
 /// interval, and the number of its seeds. Lines end in newlines.
 std::string SweepSummary(const SweepResults& results);
+
+/// Returns one HTML page with everything in it, which opens without a network: tables, success over
+/// numeric axes, curves of sample efficiency, performance profiles, comparisons of rows.
+std::string SweepPage(const ReportContent& content);
+
+/// Returns CSV with one line for each evaluation that the plan asks for. If one is missing, `state`
+/// says why, and the cells of its numbers are empty. Rates are shares from 0 to 1.
+std::string CellCsv(const ReportContent& content);
+
+/// Returns CSV with one line for each row, score and snapshot: for each quantity the estimate over
+/// all seeds with both ends of its 95 % interval, mean and standard deviation of the seeds' values,
+/// and the published numbers. Cells without a value are empty.
+std::string RowCsv(const ReportContent& content);
+
+/// Returns the tables of `MakeGrids` in LaTeX, with booktabs and multirow.
+std::string LatexReport(const ReportContent& content);
+
+/// Returns the report in Markdown: provenance, a table for each score, comparisons of rows, and
+/// what is missing.
+std::string MarkdownReport(const ReportContent& content);
+
+/// Returns its part that goes into a page with several reports: where the numbers come from, and
+/// the tables in the paper's layout.
+std::string MarkdownSummary(const ReportContent& content);
+
+/// Returns the first table in the paper's layout. Empty: there is none.
+std::string MarkdownTable(const ReportContent& content);
+
+/// Returns a table of the conclusions of several plans: each with its figures and what they say of
+/// it.
+std::string MarkdownConclusions(std::span<const ReportContent> contents);
+
+/// Returns a Markdown page with its blocks replaced. A block lies between two lines and has
+/// one of these beginnings, where NAME is the name of a plan:
+///
+///     <!-- sweep table NAME -->     `MarkdownTable`
+///     <!-- sweep summary NAME -->   `MarkdownSummary`
+///     <!-- sweep conclusions -->    `MarkdownConclusions` of all plans
+///     <!-- end of sweep -->
+///
+/// Blocks of other plans stay as they are. `source` names the page in errors. Throws `base::Error`
+/// with the line if a block is of another kind or has no end, or if there is none to fill.
+std::string FillBlocks(const std::string& page, const std::string& source,
+                       std::span<const ReportContent> contents);
 
 }  // namespace slalom::sweep

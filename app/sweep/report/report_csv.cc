@@ -1,5 +1,3 @@
-#include "app/sweep/report/report_csv.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 #include <map>
 #include <tuple>
 
+#include "app/sweep/report/report.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::sweep {

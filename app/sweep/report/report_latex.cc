@@ -1,5 +1,3 @@
-#include "app/sweep/report/report_latex.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 #include <utility>
 
 #include "app/sweep/report/grid.h"
+#include "app/sweep/report/report.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::sweep {

@@ -1,5 +1,3 @@
-#include "app/sweep/report/report_markdown.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -9,6 +7,7 @@
 #include <vector>
 
 #include "app/sweep/report/grid.h"
+#include "app/sweep/report/report.h"
 #include "base/config_field.h"
 #include "base/error.h"
 #include "base/progress.h"

@@ -1,8 +1,7 @@
-#include "app/sweep/report/report_page.h"
-
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "app/sweep/report/report.h"
 #include "eval/report/embedded_page.h"
 
 namespace slalom::sweep {

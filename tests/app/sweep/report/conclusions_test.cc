@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "app/sweep/report/report.h"
 #include "app/sweep/report/report_content.h"
-#include "app/sweep/report/report_markdown.h"
 #include "base/error.h"
 #include "tests/app/sweep/fake_sweep.h"
 

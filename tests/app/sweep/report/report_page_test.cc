@@ -1,11 +1,10 @@
-#include "app/sweep/report/report_page.h"
-
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <utility>
 
+#include "app/sweep/report/report.h"
 #include "base/file.h"
 #include "tests/app/sweep/fake_sweep.h"
 #include "tests/support/browser.h"
