@@ -47,14 +47,6 @@ int ExitCode(int status) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
-/// Opens `path` read-only as descriptor `fd`. Safe after fork.
-void OpenAs(const char* path, int fd) {
-  const int file = ::open(path, O_RDONLY);
-  if (file < 0 || file == fd) return;
-  ::dup2(file, fd);
-  ::close(file);
-}
-
 /// Moves a descriptor to a number that no child asks for. Safe after fork.
 int MoveAway(int fd) {
   constexpr int kFirstFree = 64;
@@ -75,15 +67,17 @@ int MoveAway(int fd) {
   if (log >= 0) {
     ::dup2(log, STDOUT_FILENO);
     ::dup2(log, STDERR_FILENO);
-    OpenAs("/dev/null", STDIN_FILENO);
+    const int nothing = ::open("/dev/null", O_RDONLY);
+    if (nothing >= 0) ::dup2(nothing, STDIN_FILENO);
   }
+  bool has_files = true;
   if (!files.empty()) {
     // All are moved before the first gets its number, which may be the present one of another.
     report = MoveAway(report);
     for (auto& [ours, childs] : files) ours = MoveAway(ours);
-    for (const auto& [ours, childs] : files) ::dup2(ours, childs);
+    for (const auto& [ours, childs] : files) has_files = has_files && ::dup2(ours, childs) >= 0;
   }
-  ::execvpe(arguments[0], arguments, environment);
+  if (has_files) ::execvpe(arguments[0], arguments, environment);
   const int error = errno;
   [[maybe_unused]] const auto written = ::write(report, &error, sizeof(error));
   ::_exit(127);

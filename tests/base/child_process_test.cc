@@ -63,6 +63,10 @@ TEST(ChildProcessTest, GetsFilesUnderItsOwnNumbers) {
   EXPECT_EQ(b.Content(), "b\n");
 }
 
+TEST(ChildProcessTest, AFileThatIsNotOpenIsAnError) {
+  EXPECT_THROW(ChildProcess({.arguments = {"true"}, .files = {{-1, 3}}}), Error);
+}
+
 TEST(RunProgramTest, GivesWhatItWroteAndHowItEnded) {
   const ProgramResult result = RunProgram({"sh", "-c", "cat; echo out; echo error >&2; exit 3"});
   EXPECT_EQ(result.exit_code, 3);
