@@ -251,10 +251,6 @@ class Replayer {
   bool started_ = false;
 };
 
-}  // namespace
-
-namespace {
-
 fs::path LockFile(const fs::path& directory) {
   base::MakeDirectories(directory);
   return directory / "lock";

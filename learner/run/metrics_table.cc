@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <charconv>
 #include <fstream>
-#include <iterator>
 #include <limits>
 #include <optional>
 #include <string>
 #include <system_error>
-#include <utility>
 
 namespace slalom::run {
 namespace {

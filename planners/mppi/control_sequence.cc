@@ -3,7 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <type_traits>
+#include <span>
 
 #include "base/check.h"
 
@@ -21,11 +21,12 @@ Controls AsMatrix(const std::vector<float>& controls, const Rollouts& rollouts) 
   return {controls.data(), rollouts.num_steps, rollouts.batch_size};
 }
 
-template <class Values>
-auto AsVector(Values& values) {
-  using Value = std::remove_reference_t<decltype(values[0])>;
-  using Vector = std::conditional_t<std::is_const_v<Value>, const Eigen::VectorXf, Eigen::VectorXf>;
-  return Eigen::Map<Vector>(values.data(), static_cast<Eigen::Index>(values.size()));
+Eigen::Map<const Eigen::VectorXf> AsVector(std::span<const float> values) {
+  return {values.data(), static_cast<Eigen::Index>(values.size())};
+}
+
+Eigen::Map<Eigen::VectorXf> AsResult(std::span<float> values) {
+  return {values.data(), static_cast<Eigen::Index>(values.size())};
 }
 
 float Limit(float wanted, float from, float largest_step) {
@@ -81,8 +82,8 @@ void AddControlCosts(const Rollouts& rollouts, const ControlSequence& sequence, 
   const auto add = [&](const std::vector<float>& sampled, const std::vector<float>& mean,
                        double std) {
     const Eigen::VectorXf factors = static_cast<float>(gamma / (std * std)) * AsVector(mean);
-    AsVector(costs).noalias() += AsMatrix(sampled, rollouts).transpose() * factors;
-    AsVector(costs).array() -= factors.dot(AsVector(mean));
+    AsResult(costs).noalias() += AsMatrix(sampled, rollouts).transpose() * factors;
+    AsResult(costs).array() -= factors.dot(AsVector(mean));
   };
   add(rollouts.control_linear, sequence.linear, linear_std);
   add(rollouts.control_angular, sequence.angular, angular_std);
@@ -90,9 +91,9 @@ void AddControlCosts(const Rollouts& rollouts, const ControlSequence& sequence, 
 
 void TakeWeightedMean(const Rollouts& rollouts, std::span<const float> weights,
                       ControlSequence& sequence) {
-  AsVector(sequence.linear).noalias() =
+  AsResult(sequence.linear).noalias() =
       AsMatrix(rollouts.control_linear, rollouts) * AsVector(weights);
-  AsVector(sequence.angular).noalias() =
+  AsResult(sequence.angular).noalias() =
       AsMatrix(rollouts.control_angular, rollouts) * AsVector(weights);
 }
 
