@@ -13,7 +13,6 @@
 #include "app/cli/commands.h"
 #include "app/cli/output.h"
 #include "base/error.h"
-#include "base/file.h"
 #include "eval/report/agent_comparison.h"
 #include "eval/report/comparison.h"
 #include "eval/report/result.h"
@@ -131,12 +130,8 @@ void Compare(const CompareOptions& options) {
   const std::string markdown = eval::MarkdownOf(comparison);
   fmt::print("{}", markdown);
   if (options.output.empty()) return;
-  base::MakeDirectories(directory);
-  base::WriteFileAtomically(directory / "compare.md", markdown);
-  base::WriteFileAtomically(directory / "compare.csv", eval::CsvOf(comparison));
-  base::WriteFileAtomically(directory / "compare.html", eval::ComparisonPage(comparison));
-  fmt::print("\npage: {}, tables: compare.md, compare.csv beside it\n",
-             (directory / "compare.html").string());
+  WritePage(directory, "compare",
+            {eval::ComparisonPage(comparison), markdown, eval::CsvOf(comparison)});
 }
 
 }  // namespace

@@ -104,4 +104,15 @@ void RequireOutputDirectory(const fs::path& path, const OwnOutput& own, bool for
       path.string(), first, own.command));
 }
 
+void WritePage(const fs::path& directory, std::string_view name, const PageFiles& files) {
+  const auto path = [&](std::string_view ending) {
+    return directory / fmt::format("{}.{}", name, ending);
+  };
+  base::MakeDirectories(directory);
+  base::WriteFileAtomically(path("md"), files.markdown);
+  base::WriteFileAtomically(path("csv"), files.csv);
+  base::WriteFileAtomically(path("html"), files.html);
+  fmt::print("\npage: {}, tables: {}.md, {}.csv beside it\n", path("html").string(), name, name);
+}
+
 }  // namespace slalom::cli

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <initializer_list>
+#include <string>
 #include <string_view>
 
 /// Rules for the files that `--output` may replace. A command checks them before it starts to work,
@@ -28,5 +29,17 @@ struct OwnOutput {
 /// also hold no file, or hold one of the markers and not be the directory of a training run.
 /// Directories in it do not matter, because they cannot be replaced. Makes nothing.
 void RequireOutputDirectory(const std::filesystem::path& path, const OwnOutput& own, bool force);
+
+/// A page and its tables.
+struct PageFiles {
+  std::string html;
+  std::string markdown;
+  std::string csv;
+};
+
+/// Writes NAME.html, NAME.md and NAME.csv to `directory`, which is made if it is missing, and says
+/// on standard output where they are. Throws `base::Error` if a file cannot be written.
+void WritePage(const std::filesystem::path& directory, std::string_view name,
+               const PageFiles& files);
 
 }  // namespace slalom::cli

@@ -8,7 +8,6 @@
 
 #include "app/cli/commands.h"
 #include "app/cli/output.h"
-#include "base/file.h"
 #include "eval/report/comparison.h"
 #include "eval/report/report_page.h"
 #include "eval/report/result.h"
@@ -28,13 +27,10 @@ void Report(const ReportOptions& options) {
   eval::RequireSameProtocol(results);
   const std::filesystem::path directory = options.output;
   RequireOutputDirectory(directory, {"slalom report", {"report.html"}}, options.force);
-  base::MakeDirectories(directory);
   const std::string markdown = eval::MarkdownComparison(results);
-  base::WriteFileAtomically(directory / "report.md", markdown);
-  base::WriteFileAtomically(directory / "report.csv", eval::CsvComparison(results));
-  base::WriteFileAtomically(directory / "report.html", eval::ReportPage(results));
-  fmt::print("{}\npage: {}, tables: report.md, report.csv beside it\n", markdown,
-             (directory / "report.html").string());
+  fmt::print("{}", markdown);
+  WritePage(directory, "report",
+            {eval::ReportPage(results), markdown, eval::CsvComparison(results)});
 }
 
 }  // namespace

@@ -235,11 +235,9 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
   comparison.notes = NotesFor(comparison, successes);
   for (const AgentResults& agent : agents) {
     for (const std::size_t r : agent.results) {
-      const auto& overlap = results[r].training_overlap;
-      if (!overlap || overlap->num_courses == 0) continue;
-      comparison.notes.push_back(
-          fmt::format("Trained on its test: {} was trained on {} of these {} courses ({}).",
-                      agent.label, overlap->num_courses, overlap->num_scored, overlap->trained_on));
+      const std::string overlap = OverlapSentence(results[r], agent.label);
+      if (overlap.empty()) continue;
+      comparison.notes.push_back("Trained on its test: " + overlap);
       break;
     }
   }
@@ -325,39 +323,28 @@ std::string CsvLine(const std::string& agent, const std::string& against, std::s
                      threshold ? fmt::format("{:.6f}", *threshold) : "", CsvEstimate(estimate));
 }
 
-/// [value, low, high]; null where there is none.
-nlohmann::json Triple(const std::optional<Estimate>& estimate) {
-  if (!estimate) return nullptr;
-  if (!estimate->interval) return {estimate->value, nullptr, nullptr};
-  return {estimate->value, estimate->interval->low, estimate->interval->high};
-}
-
-nlohmann::json NumberOrNull(const std::optional<double>& number) {
-  return number ? nlohmann::json(*number) : nlohmann::json(nullptr);
-}
-
 nlohmann::json AgentJson(const AgentFigures& agent) {
   nlohmann::json profile = nlohmann::json::array();
-  for (const Estimate& share : agent.profile) profile.push_back(Triple(share));
+  for (const Estimate& share : agent.profile) profile.push_back(JsonOf(share));
   return {{"label", agent.label},
           {"files", agent.files},
           {"seed_success", agent.seed_success},
-          {"success_rate", Triple(agent.success_rate)},
-          {"success_rate_iqm", Triple(agent.interquartile_success)},
-          {"collision_rate", Triple(agent.collision_rate)},
-          {"traversal_time_s", Triple(agent.traversal_time)},
+          {"success_rate", JsonOf(agent.success_rate)},
+          {"success_rate_iqm", JsonOf(agent.interquartile_success)},
+          {"collision_rate", JsonOf(agent.collision_rate)},
+          {"traversal_time_s", JsonOf(agent.traversal_time)},
           {"profile", std::move(profile)}};
 }
 
 nlohmann::json PairJson(const AgentPair& pair) {
   return {{"first", pair.first},
           {"second", pair.second},
-          {"difference", Triple(pair.test.difference)},
-          {"improvement", Triple(pair.improvement)},
+          {"difference", JsonOf(pair.test.difference)},
+          {"improvement", JsonOf(pair.improvement)},
           {"p", pair.test.p_value},
           {"p_holm", pair.corrected_p_value},
-          {"training_p", NumberOrNull(pair.test.training_p_value)},
-          {"training_p_holm", NumberOrNull(pair.corrected_training_p_value)}};
+          {"training_p", JsonOf(pair.test.training_p_value)},
+          {"training_p_holm", JsonOf(pair.corrected_training_p_value)}};
 }
 
 }  // namespace

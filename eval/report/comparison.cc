@@ -61,15 +61,6 @@ std::string SizeText(const ResultGroup& group, std::span<const Result> results) 
   return fmt::format("{} course{}", first.courses.size(), first.courses.size() == 1 ? "" : "s");
 }
 
-/// What a reader of the table must know of a policy that had been trained on its test; else "".
-std::string OverlapNote(const Result& result, const std::string& label) {
-  const auto& overlap = result.training_overlap;
-  if (!overlap || overlap->num_courses == 0) return "";
-  return fmt::format("\n**Trained on its test:** {} was trained on {} of these {} courses ({}).\n",
-                     EscapeMarkdown(label), overlap->num_courses, overlap->num_scored,
-                     EscapeMarkdown(overlap->trained_on));
-}
-
 }  // namespace
 
 bool HaveSameCourses(const Result& a, const Result& b) {
@@ -149,6 +140,13 @@ std::string ProtocolSentence(const Result& result) {
       value("start_position_jitter_m"), value("start_yaw_jitter_rad"));
 }
 
+std::string OverlapSentence(const Result& result, const std::string& label) {
+  const auto& overlap = result.training_overlap;
+  if (!overlap || overlap->num_courses == 0) return "";
+  return fmt::format("{} was trained on {} of these {} courses ({}).", label, overlap->num_courses,
+                     overlap->num_scored, overlap->trained_on);
+}
+
 std::string MarkdownComparison(std::span<const Result> results) {
   const std::vector<std::string> labels = Labels(results);
   std::string text =
@@ -168,7 +166,11 @@ std::string MarkdownComparison(std::span<const Result> results) {
     }
     fmt::format_to(out, "\n## {}\n\n{}.\n\n{}", EscapeMarkdown(group.title),
                    SizeText(group, results), table.Print());
-    for (const std::size_t r : group.results) text += OverlapNote(results[r], labels[r]);
+    for (const std::size_t r : group.results) {
+      const std::string overlap = OverlapSentence(results[r], labels[r]);
+      if (overlap.empty()) continue;
+      fmt::format_to(out, "\n**Trained on its test:** {}\n", EscapeMarkdown(overlap));
+    }
   }
   return text;
 }

@@ -32,6 +32,10 @@ std::vector<std::string> Labels(std::span<const Result> results);
 /// Returns a sentence with the rules of the result's protocol.
 std::string ProtocolSentence(const Result& result);
 
+/// Returns "td3 was trained on 40 of these 50 courses (static-train)." of the result that is called
+/// `label`. Empty if it was trained on none, or if that is not known.
+std::string OverlapSentence(const Result& result, const std::string& label);
+
 /// Returns a Markdown table per group, with 95 % intervals. Below it, a note names each policy that
 /// was trained on courses of the group.
 std::string MarkdownComparison(std::span<const Result> results);

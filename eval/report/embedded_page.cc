@@ -30,6 +30,16 @@ std::string JsonForPage(const nlohmann::json& json) {
   return text;
 }
 
+nlohmann::json JsonOf(const std::optional<Estimate>& estimate) {
+  if (!estimate) return nullptr;
+  if (!estimate->interval) return {estimate->value, nullptr, nullptr};
+  return {estimate->value, estimate->interval->low, estimate->interval->high};
+}
+
+nlohmann::json JsonOf(const std::optional<double>& number) {
+  return number ? nlohmann::json(*number) : nlohmann::json(nullptr);
+}
+
 namespace {
 
 constexpr double kLargestInteger = 32000.0;

@@ -2,9 +2,12 @@
 
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+
+#include "eval/statistics/statistics.h"
 
 /// HTML pages with everything in them, which open without a network. `slalom_embed_page`
 /// (cmake/SlalomTargets.cmake) puts them into the program; their data is added here.
@@ -18,6 +21,12 @@ std::string JsonForPage(const nlohmann::json& json);
 /// Returns an embedded page with its data. Requires: `page` has the mark /*DATA*/; `data` is from
 /// `JsonForPage`.
 std::string FillPage(std::string_view page, std::string_view data);
+
+/// Returns [value, low, high], with null for the ends of an interval that does not exist, or null.
+nlohmann::json JsonOf(const std::optional<Estimate>& estimate);
+
+/// Returns the number or null.
+nlohmann::json JsonOf(const std::optional<double>& number);
 
 /// Encodes bytes as Base64 (RFC 4648, with padding).
 std::string Base64(std::span<const std::uint8_t> bytes);

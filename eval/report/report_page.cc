@@ -30,16 +30,9 @@ constexpr double kMaxTrackFrames = 250000;
 constexpr double kMaxScanBytes = 1500000;
 constexpr double kMaxMotionFrames = 150000;
 
-Json ToJson(const PackedNumbers& packed) { return {packed.scale, packed.base64}; }
-
 Json Packed(const std::vector<double>& numbers, double resolution) {
-  return ToJson(PackNumbers(numbers, resolution));
-}
-
-Json ToJson(const std::optional<Estimate>& estimate) {
-  if (!estimate) return nullptr;
-  if (!estimate->interval) return {estimate->value, nullptr, nullptr};
-  return {estimate->value, estimate->interval->low, estimate->interval->high};
+  const PackedNumbers packed = PackNumbers(numbers, resolution);
+  return {packed.scale, packed.base64};
 }
 
 char Letter(env::Outcome outcome) {
@@ -127,7 +120,7 @@ Json MeasuresJson(const ResultGroup& group, std::span<const Result> results) {
     for (const CourseBin& bin : bins) {
       Json rates = Json::array();
       for (const std::size_t r : group.results) {
-        rates.push_back(ToJson(std::optional(SuccessInBin(results[r], bin))));
+        rates.push_back(JsonOf(SuccessInBin(results[r], bin)));
       }
       bins_json.push_back({{"low", bin.low},
                            {"high", bin.high},
@@ -153,9 +146,9 @@ Json PairsJson(const ResultGroup& group, std::span<const Result> results) {
                       {"second", second},
                       {"same_starts", pair.same_starts},
                       {"traversal_courses", pair.num_traversal_courses},
-                      {"success_rate", ToJson(std::optional(pair.success_rate))},
-                      {"traversal_time_s", ToJson(pair.traversal_time)},
-                      {"barn_score", ToJson(std::optional(pair.barn_score))}});
+                      {"success_rate", JsonOf(pair.success_rate)},
+                      {"traversal_time_s", JsonOf(pair.traversal_time)},
+                      {"barn_score", JsonOf(pair.barn_score)}});
     }
   }
   return json;
@@ -251,13 +244,13 @@ Json TrackJson(const sim::EpisodeTrack& track, std::size_t course, const Thinnin
 // ---- Results
 
 Json FiguresJson(const Figures& set) {
-  return {{"success_rate", ToJson(std::optional(set.success_rate))},
-          {"collision_rate", ToJson(std::optional(set.collision_rate))},
-          {"timeout_rate", ToJson(std::optional(set.timeout_rate))},
-          {"contact_rate", ToJson(std::optional(set.contact_rate))},
-          {"traversal_time_s", ToJson(set.traversal_time)},
-          {"survival_time_s", ToJson(set.survival_time)},
-          {"barn_score", ToJson(std::optional(set.barn_score))}};
+  return {{"success_rate", JsonOf(set.success_rate)},
+          {"collision_rate", JsonOf(set.collision_rate)},
+          {"timeout_rate", JsonOf(set.timeout_rate)},
+          {"contact_rate", JsonOf(set.contact_rate)},
+          {"traversal_time_s", JsonOf(set.traversal_time)},
+          {"survival_time_s", JsonOf(set.survival_time)},
+          {"barn_score", JsonOf(set.barn_score)}};
 }
 
 Json ResultJson(const Result& result, const std::string& label, const Thinning& thinning) {

@@ -12,29 +12,20 @@ namespace {
 
 using PageJson = nlohmann::json;
 
-/// [value, low, high], or null.
-PageJson ToJson(const std::optional<eval::Estimate>& estimate) {
-  if (!estimate) return nullptr;
-  if (!estimate->interval) return {estimate->value, nullptr, nullptr};
-  return {estimate->value, estimate->interval->low, estimate->interval->high};
-}
-
-PageJson ToJson(const std::optional<double>& number) {
-  return number ? PageJson(*number) : PageJson(nullptr);
-}
+using eval::JsonOf;
 
 PageJson RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
   PageJson figures = PageJson::object();
   PageJson published = PageJson::object();
   for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
     const std::string key(kQuantities[q].key);
-    figures[key] = {{"estimate", ToJson(row.quantities[q].estimate)},
-                    {"mean", ToJson(row.quantities[q].seed_mean)},
-                    {"deviation", ToJson(row.quantities[q].seed_deviation)}};
+    figures[key] = {{"estimate", JsonOf(row.quantities[q].estimate)},
+                    {"mean", JsonOf(row.quantities[q].seed_mean)},
+                    {"deviation", JsonOf(row.quantities[q].seed_deviation)}};
     published[key] = PageJson::array();
     for (const Published& one : row.published[q]) {
       published[key].push_back(
-          {{"source", one.source}, {"value", one.value}, {"deviation", ToJson(one.deviation)}});
+          {{"source", one.source}, {"value", one.value}, {"deviation", JsonOf(one.deviation)}});
     }
   }
   PageJson seeds = PageJson::array();
@@ -48,38 +39,38 @@ PageJson RowJson(const RowFigures& row, const std::vector<RowScore>& results) {
           {"episodes", row.num_episodes},
           {"figures", std::move(figures)},
           {"published", std::move(published)},
-          {"iqm", ToJson(row.interquartile_mean)},
-          {"worst", ToJson(row.lowest_twentieth)},
+          {"iqm", JsonOf(row.interquartile_mean)},
+          {"worst", JsonOf(row.lowest_twentieth)},
           {"seed_success", std::move(seeds)},
-          {"steps", ToJson(row.steps)},
-          {"updates", ToJson(row.updates)},
-          {"imagined", ToJson(row.imagined)},
-          {"training_s", ToJson(row.training_s)}};
+          {"steps", JsonOf(row.steps)},
+          {"updates", JsonOf(row.updates)},
+          {"imagined", JsonOf(row.imagined)},
+          {"training_s", JsonOf(row.training_s)}};
 }
 
 PageJson CurveJson(const LearningCurve& curve) {
   PageJson points = PageJson::array();
   for (const LearningCurve::Point& point : curve.points) {
     points.push_back({{"steps", point.steps},
-                      {"seconds", ToJson(point.seconds)},
-                      {"success", ToJson(std::optional(point.success))}});
+                      {"seconds", JsonOf(point.seconds)},
+                      {"success", JsonOf(point.success)}});
   }
   return {{"row", curve.row},
           {"seeds", curve.num_seeds},
           {"planned", curve.num_planned},
           {"points", std::move(points)},
-          {"area_over_steps", ToJson(std::optional(curve.area_over_steps))},
-          {"area_over_seconds", ToJson(curve.area_over_seconds)}};
+          {"area_over_steps", JsonOf(curve.area_over_steps)},
+          {"area_over_seconds", JsonOf(curve.area_over_seconds)}};
 }
 
 PageJson PairJson(const eval::AgentPair& pair) {
   return {{"first", pair.first},
           {"second", pair.second},
-          {"difference", ToJson(std::optional(pair.test.difference))},
+          {"difference", JsonOf(pair.test.difference)},
           {"p", pair.corrected_p_value},
-          {"training_p", ToJson(pair.corrected_training_p_value)},
+          {"training_p", JsonOf(pair.corrected_training_p_value)},
           {"verdict", eval::ToString(pair.verdict)},
-          {"improvement", ToJson(std::optional(pair.improvement))}};
+          {"improvement", JsonOf(pair.improvement)}};
 }
 
 PageJson ScoreJson(const ScoreContent& score, const ScoreResults& results) {
@@ -93,7 +84,7 @@ PageJson ScoreJson(const ScoreContent& score, const ScoreResults& results) {
   for (const Profile& profile : score.profiles) {
     PageJson shares = PageJson::array();
     for (const eval::Estimate& share : profile.shares) {
-      shares.push_back(ToJson(std::optional(share)));
+      shares.push_back(JsonOf(share));
     }
     json["profiles"].push_back({{"row", profile.row}, {"shares", std::move(shares)}});
   }

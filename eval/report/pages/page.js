@@ -47,6 +47,26 @@ function scrollTable(kind, titles, rows) {
   return element('div', {class: 'scroll'}, element('table', {class: kind}, ...tableParts(titles, rows)));
 }
 
+// ---- Tables of figures. A figure: {key, title, unit, factor, digits}; `factor` brings an estimate to `unit`.
+
+function figureTitle({title, unit}) {
+  return unit ? `${title} [${unit}]` : title;
+}
+
+// A cell with an estimate, [value, low, high] or null, and its interval below.
+function figureCell(figure, estimate, attributes = {}) {
+  const cell = element('td', {...attributes, 'data-figure': figure.key, 'data-title': figureTitle(figure),
+    'data-value': estimate === null ? '' : estimate[0]});
+  if (estimate === null) {
+    cell.append(element('span', {class: 'sub'}, 'none'));
+    return cell;
+  }
+  const text = (number) => (figure.factor * number).toFixed(figure.digits === undefined ? 1 : figure.digits);
+  cell.append(element('span', {class: 'value'}, text(estimate[0])));
+  if (estimate[1] !== null) cell.append(element('span', {class: 'interval'}, `${text(estimate[1])} – ${text(estimate[2])}`));
+  return cell;
+}
+
 // ---- Numbers as text. What is not known (null) is a dash.
 
 const UNKNOWN = '–';

@@ -7,17 +7,9 @@ const QUANTITIES = [
   {key: 'traversal_time_s', title: 'Traversal', unit: 's', factor: 1},
 ];
 
-function valueCell(title, estimate, factor, attributes = {}) {
-  const cell = element('td', {'data-title': title, ...attributes});
-  if (estimate === null) {
-    cell.append(element('span', {class: 'sub'}, 'none'));
-    return cell;
-  }
-  const text = (number) => (factor * number).toFixed(1);
-  cell.append(element('span', {class: 'value'}, text(estimate[0])));
-  if (estimate[1] !== null) cell.append(element('span', {class: 'interval'}, `${text(estimate[1])} – ${text(estimate[2])}`));
-  return cell;
-}
+const INTERQUARTILE = {key: 'iqm', title: 'IQM', unit: '%', factor: 100};
+const WORST = {key: 'worst', title: 'Worst 5 %', unit: '%', factor: 100};
+const AREA = {key: 'area', title: '', unit: '', factor: 100};
 
 function seedsNode({seeds, planned, episodes}, isPlanner = false) {
   const text = seeds === planned ? (isPlanner ? 'planner' : plural(seeds, 'seed')) : `${seeds} of ${planned} seeds`;
@@ -31,22 +23,20 @@ function trainingCells({steps, imagined, training_s}) {
 }
 
 function scoreTable(page, score) {
-  const titleOf = ({title, unit}) => `${title} [${unit}]`;
-  const head = [page.rowHead(), titleOf(QUANTITIES[0]), 'IQM [%]', 'Worst 5 % [%]', ...QUANTITIES.slice(1).map(titleOf), 'Steps', 'Training'];
+  const figures = [QUANTITIES[0], INTERQUARTILE, WORST, ...QUANTITIES.slice(1)];
+  const head = [page.rowHead(), ...figures.map(figureTitle), 'Steps', 'Training'];
   const rows = score.rows.map((row) => {
     const agent = element('td', {class: 'agent', 'data-title': page.rowHead()}, swatch(lookOf(row.row).colour), page.data.rows[row.row].name,
       seedsNode(row, page.data.rows[row.row].is_planner));
     const cells = QUANTITIES.map((quantity) => {
-      const {estimate} = row.figures[quantity.key];
-      const cell = valueCell(titleOf(quantity), estimate, quantity.factor,
-        {'data-score': score.name, 'data-row': row.row, 'data-figure': quantity.key, 'data-value': estimate === null ? '' : estimate[0]});
+      const cell = figureCell(quantity, row.figures[quantity.key].estimate, {'data-score': score.name, 'data-row': row.row});
       for (const published of row.published[quantity.key]) {
         cell.append(element('span', {class: 'sub'}, `${published.source}: `,
           element('span', {class: 'published-value'}, publishedText(published, quantity.factor))));
       }
       return cell;
     });
-    return element('tr', {}, agent, cells[0], valueCell('IQM [%]', row.iqm, 100), valueCell('Worst 5 % [%]', row.worst, 100),
+    return element('tr', {}, agent, cells[0], figureCell(INTERQUARTILE, row.iqm), figureCell(WORST, row.worst),
       ...cells.slice(1), ...trainingCells(row));
   });
   return scrollTable('figures-table', head, rows);
@@ -95,7 +85,7 @@ function addCurves(page, section, score) {
   section.append(keyOf(lines('steps')));
   const rows = score.curves.map((curve) => element('tr', {},
     element('td', {class: 'wrap'}, page.rowTitle(curve.row), seedsNode({...curve, episodes: 0})),
-    valueCell('', curve.area_over_steps, 100), valueCell('', curve.area_over_seconds, 100)));
+    figureCell(AREA, curve.area_over_steps), figureCell(AREA, curve.area_over_seconds)));
   const head = ['Area under the curve [%]', 'over steps', 'over seconds'];
   section.append(scrollTable('compact', head, rows), element('p', {class: 'note'}, 'The area is the mean height of the curve from its first to its last snapshot.'));
 }

@@ -80,12 +80,11 @@ function drawProfileSection(data) {
 }
 
 function drawNumbers(data) {
-  const titles = ['Agent', 'Seeds', ...SCORES.map((score) => `${score.title} [${score.unit}]`)];
+  const titles = ['Agent', ...SCORES.map(figureTitle)];
   document.getElementById('agent-table').replaceChildren(...tableParts(titles, data.agents.map((agent, index) => element('tr', {},
-    element('td', {class: 'agent', title: agent.files.join('\n')}, swatch(lookOf(index).colour), agent.label),
-    element('td', {}, String(agent.files.length)),
-    ...SCORES.map((score) => element('td', {'data-figure': score.key,
-      'data-value': agent[score.key] === null ? '' : agent[score.key][0]}, estimateText(agent[score.key], {factor: score.factor, unit: ''})))))));
+    element('td', {class: 'agent', title: agent.files.join('\n')}, swatch(lookOf(index).colour), agent.label,
+      element('span', {class: 'sub'}, plural(agent.files.length, 'seed'))),
+    ...SCORES.map((score) => figureCell(score, agent[score.key]))))));
 }
 
 function main() {

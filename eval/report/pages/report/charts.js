@@ -1,12 +1,12 @@
 // ---- Figures: a table whose cells hold number, interval and both drawn to the column's scale.
 
 const FIGURES = [
-  {key: 'success_rate', title: 'Success', unit: '%', factor: 100, digits: 1, full: 100},
-  {key: 'collision_rate', title: 'Collision', unit: '%', factor: 100, digits: 1, full: 100},
-  {key: 'timeout_rate', title: 'Timeout', unit: '%', factor: 100, digits: 1, full: 100},
-  {key: 'contact_rate', title: 'Touched', unit: '%', factor: 100, digits: 1, full: 100},
-  {key: 'traversal_time_s', title: 'Traversal', unit: 's', factor: 1, digits: 1},
-  {key: 'survival_time_s', title: 'Survival', unit: 's', factor: 1, digits: 1},
+  {key: 'success_rate', title: 'Success', unit: '%', factor: 100, full: 100},
+  {key: 'collision_rate', title: 'Collision', unit: '%', factor: 100, full: 100},
+  {key: 'timeout_rate', title: 'Timeout', unit: '%', factor: 100, full: 100},
+  {key: 'contact_rate', title: 'Touched', unit: '%', factor: 100, full: 100},
+  {key: 'traversal_time_s', title: 'Traversal', unit: 's', factor: 1},
+  {key: 'survival_time_s', title: 'Survival', unit: 's', factor: 1},
   {key: 'barn_score', title: 'BARN score', unit: '', factor: 1, digits: 3, full: 0.5},
 ];
 
@@ -28,12 +28,10 @@ function drawFigures(data, group) {
   const results = group.results.map((index) => data.results[index]);
   const columns = FIGURES.filter((figure) => (figure.key !== 'contact_rate' || !data.collision_ends) &&
     results.some((result) => result.figures[figure.key] !== null));
-  const titleOf = (figure) => (figure.unit ? `${figure.title} [${figure.unit}]` : figure.title);
-  const text = (figure, number) => (figure.factor * number).toFixed(figure.digits);
   // Where a strip ends: at the largest value that there can be, or else at the highest of the column.
   const fullOf = (figure) => figure.full || Math.max(1e-9, ...results.map((result) => result.figures[figure.key])
     .filter(Boolean).map((estimate) => figure.factor * (estimate[2] === null ? estimate[0] : estimate[2])));
-  const titles = ['Agent', ...columns.map((figure) => element('span', {}, titleOf(figure),
+  const titles = ['Agent', ...columns.map((figure) => element('span', {}, figureTitle(figure),
     element('span', {class: 'sub'}, `strips 0 – ${Number(fullOf(figure).toPrecision(3))}`)))];
   const rows = results.map((result, place) => {
     const agent = element('td', {class: 'agent', title: result.label}, swatch(result.colour), result.label,
@@ -43,17 +41,8 @@ function drawFigures(data, group) {
     }
     const cells = columns.map((figure) => {
       const estimate = result.figures[figure.key];
-      const cell = element('td', {'data-result': group.results[place], 'data-figure': figure.key,
-        'data-title': titleOf(figure), 'data-value': estimate === null ? '' : estimate[0]});
-      if (estimate === null) {
-        cell.append(element('span', {class: 'sub'}, 'none'));
-        return cell;
-      }
-      cell.append(element('span', {class: 'value'}, text(figure, estimate[0])));
-      if (estimate[1] !== null) {
-        cell.append(element('span', {class: 'interval'}, `${text(figure, estimate[1])} – ${text(figure, estimate[2])}`));
-      }
-      cell.append(drawWhisker(estimate, figure.factor, fullOf(figure), result.colour));
+      const cell = figureCell(figure, estimate, {'data-result': group.results[place]});
+      if (estimate !== null) cell.append(drawWhisker(estimate, figure.factor, fullOf(figure), result.colour));
       return cell;
     });
     return element('tr', {}, agent, ...cells);
