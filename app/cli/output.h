@@ -37,8 +37,8 @@ struct PageFiles {
   std::string csv;
 };
 
-/// Writes NAME.html, NAME.md and NAME.csv to `directory`, which is made if it is missing, and says
-/// on standard output where they are. Throws `base::Error` if a file cannot be written.
+/// Writes the files to `directory`, which is made if it is missing, under `name` with the endings
+/// html, md and csv, and prints where they are. Throws `base::Error` if one cannot be written.
 void WritePage(const std::filesystem::path& directory, std::string_view name,
                const PageFiles& files);
 
