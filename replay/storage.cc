@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "replay/manifest.h"
+#include "replay/rows.h"
 
 namespace slalom::replay {
 namespace {
@@ -113,7 +114,7 @@ Storage::Storage(const fs::path& directory) : directory_(directory) {
 }
 
 std::int64_t Storage::BytesOfRows(int num_beams, std::int64_t num_rows) {
-  const std::int64_t row = 4 + 1 + 2 * num_beams + 4 * env::kStateSize + 8 + 4 + 4;
+  const auto row = static_cast<std::int64_t>(RowBytes::Size(1, num_beams));
   const std::int64_t num_blocks = (num_rows + kBlockRows - 1) / kBlockRows;
   return num_rows * row + num_blocks * 8;
 }
