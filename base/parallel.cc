@@ -49,12 +49,8 @@ ParallelFor::~ParallelFor() {
 }
 
 void ParallelFor::For(int n, const std::function<void(int)>& body) {
-  For(n, [&body](int i, int) { body(i); });
-}
-
-void ParallelFor::For(int n, const std::function<void(int, int)>& body) {
   if (num_threads_ == 1) {
-    for (int i = 0; i < n; ++i) body(i, 0);
+    for (int i = 0; i < n; ++i) body(i);
     return;
   }
   n_ = n;
@@ -98,7 +94,7 @@ void ParallelFor::Work(int thread) {
 // later call, and takes part in that.
 void ParallelFor::RunShares(int thread) noexcept {
   int num_run = 0;
-  for (int k = 0; k < num_threads_; ++k) num_run += RunShare((thread + k) % num_threads_, thread);
+  for (int k = 0; k < num_threads_; ++k) num_run += RunShare((thread + k) % num_threads_);
   if (num_run > 0 && num_unfinished_.fetch_sub(num_run) == num_run) {
     MutexLock lock(mutex_);
     done_.NotifyOne();
@@ -107,7 +103,7 @@ void ParallelFor::RunShares(int thread) noexcept {
 
 // Returns how many bodies it has run. Only the call of the first of them can be under way, since it
 // cannot end before they are counted.
-int ParallelFor::RunShare(int share, int thread) noexcept {
+int ParallelFor::RunShare(int share) noexcept {
   std::atomic<std::uint64_t>& left = shares_[share].left;
   int num_run = 0;
   std::uint64_t found = left.load(std::memory_order_acquire);
@@ -116,7 +112,7 @@ int ParallelFor::RunShare(int share, int thread) noexcept {
     --found;
     ++num_run;
     try {
-      (*body_)(ShareBegin(share + 1) - 1 - static_cast<int>(found & kCountMask), thread);
+      (*body_)(ShareBegin(share + 1) - 1 - static_cast<int>(found & kCountMask));
     } catch (...) {
       MutexLock lock(mutex_);
       if (!error_) error_ = std::current_exception();

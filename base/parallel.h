@@ -31,10 +31,8 @@ class ParallelFor {
   ParallelFor(const ParallelFor&) = delete;
   ParallelFor& operator=(const ParallelFor&) = delete;
 
-  /// Calls body(i, thread) once for each i in [0, n), and waits for all of them. No two bodies run
-  /// at the same time with the same `thread`, which is in [0, num_threads()). If bodies throw, one
-  /// of the exceptions is thrown again here once all have ended.
-  void For(int n, const std::function<void(int i, int thread)>& body);
+  /// Calls body(i) once for each i in [0, n), and waits for all of them. If bodies throw, one of
+  /// the exceptions is thrown again here once all have ended.
   void For(int n, const std::function<void(int i)>& body);
 
   int num_threads() const { return num_threads_; }
@@ -51,14 +49,14 @@ class ParallelFor {
   }
   void Work(int thread);
   void RunShares(int thread) noexcept;
-  int RunShare(int share, int thread) noexcept;
+  int RunShare(int share) noexcept;
 
   const int num_threads_;
   const int num_looks_;  // Looks for a change before sleeping until it comes.
   std::vector<Share> shares_;
   // Written by For before it fills the shares, read by who has taken an index from one.
   int n_ = 0;
-  const std::function<void(int, int)>* body_ = nullptr;
+  const std::function<void(int)>* body_ = nullptr;
   std::atomic<int> num_unfinished_ = 0;
 
   Mutex mutex_;

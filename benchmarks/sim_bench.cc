@@ -257,7 +257,6 @@ void DriveOnly(benchmark::State& state, FrictionLaw law, Robot::Stepping steppin
   EnvironmentConfig config;
   config.robot.friction = law;
   const Scene& scene = *StaticScenes().front();
-  ContactWorld contacts(config.robot);
   std::vector<Robot> robots(SkidLanes::kSize, Robot(config.robot, NumSubsteps(config), stepping));
   for (Robot& robot : robots) robot.Reset(scene.course().start);
   base::Random random(5);
@@ -270,7 +269,7 @@ void DriveOnly(benchmark::State& state, FrictionLaw law, Robot::Stepping steppin
                    .linear = random.Uniform(-1.0, 2.0),
                    .angular = random.Uniform(-3.0, 3.0)};
     }
-    robots.front().DriveTogether(orders, contacts);
+    robots.front().DriveTogether(orders);
   }
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(robots.size()));
 }

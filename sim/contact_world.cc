@@ -3,6 +3,7 @@
 #include <box2d/box2d.h>
 
 #include <cmath>
+#include <utility>
 
 #include "sim/mass_distribution.h"
 
@@ -28,7 +29,28 @@ Footprint MakeFootprint(const RobotConfig& config) {
           .half_width = static_cast<float>(0.5 * config.width)};
 }
 
-ContactWorld::ContactWorld(const RobotConfig& config)
+/// A Box2D world with the robot's body and, during a step, the obstacles that it may touch.
+class ContactWorld::World {
+ public:
+  explicit World(const RobotConfig& config);
+  bool Step(const CollisionMap& map, std::span<const MovingShape> moving, float dt,
+            BodyState& state);
+
+ private:
+  void PlaceObstacles(const CollisionMap& map, const BodyState& state);
+  void PlaceMoving(std::span<const MovingShape> moving);
+  void RemoveObstacles();
+  bool Touching() const;
+
+  // Upper bound of the distance from the centre of mass to the outline's corners, [m].
+  const float reach_;
+  std::unique_ptr<b2World> world_;
+  b2Body* robot_ = nullptr;      // Owned by world_.
+  b2Body* obstacles_ = nullptr;  // The fixed obstacles. Owned by world_.
+  std::vector<b2Body*> moving_;  // The moving obstacles during a step. Owned by world_.
+};
+
+ContactWorld::World::World(const RobotConfig& config)
     : reach_(Reach(config)), world_(std::make_unique<b2World>(b2Vec2(0.0f, 0.0f))) {
   world_->SetAllowSleeping(false);
   // What a step leaves behind must not matter to the next, and in one step (at most 0.1 m) the
@@ -63,10 +85,8 @@ ContactWorld::ContactWorld(const RobotConfig& config)
   robot_->SetMassData(&mass);
 }
 
-ContactWorld::~ContactWorld() = default;
-
-bool ContactWorld::Step(const CollisionMap& map, std::span<const MovingShape> moving, float dt,
-                        BodyState& state) {
+bool ContactWorld::World::Step(const CollisionMap& map, std::span<const MovingShape> moving,
+                               float dt, BodyState& state) {
   robot_->SetTransform({state.x, state.y}, state.yaw);
   robot_->SetLinearVelocity({state.vx, state.vy});
   robot_->SetAngularVelocity(state.yaw_rate);
@@ -83,7 +103,7 @@ bool ContactWorld::Step(const CollisionMap& map, std::span<const MovingShape> mo
   return touching;
 }
 
-void ContactWorld::PlaceObstacles(const CollisionMap& map, const BodyState& state) {
+void ContactWorld::World::PlaceObstacles(const CollisionMap& map, const BodyState& state) {
   const float reach = reach_ + kMargin;
   const auto near = [&](float x, float y, float radius) {
     const float dx = x - state.x, dy = y - state.y, far = reach + radius;
@@ -113,7 +133,7 @@ void ContactWorld::PlaceObstacles(const CollisionMap& map, const BodyState& stat
   }
 }
 
-void ContactWorld::PlaceMoving(std::span<const MovingShape> moving) {
+void ContactWorld::World::PlaceMoving(std::span<const MovingShape> moving) {
   for (const MovingShape& shape : moving) {
     b2BodyDef definition;
     definition.type = b2_kinematicBody;
@@ -139,17 +159,38 @@ void ContactWorld::PlaceMoving(std::span<const MovingShape> moving) {
   }
 }
 
-void ContactWorld::RemoveObstacles() {
+void ContactWorld::World::RemoveObstacles() {
   for (b2Body* const body : moving_) world_->DestroyBody(body);
   moving_.clear();
   while (b2Fixture* fixture = obstacles_->GetFixtureList()) obstacles_->DestroyFixture(fixture);
 }
 
-bool ContactWorld::Touching() const {
+bool ContactWorld::World::Touching() const {
   for (const b2ContactEdge* edge = robot_->GetContactList(); edge != nullptr; edge = edge->next) {
     if (edge->contact->IsTouching()) return true;
   }
   return false;
+}
+
+ContactWorld::ContactWorld(const RobotConfig& config) : config_(config) {}
+
+ContactWorld::~ContactWorld() = default;
+
+bool ContactWorld::Step(const CollisionMap& map, std::span<const MovingShape> moving, float dt,
+                        BodyState& state) {
+  std::unique_ptr<World> world;
+  {
+    base::MutexLock lock(mutex_);
+    if (!idle_.empty()) {
+      world = std::move(idle_.back());
+      idle_.pop_back();
+    }
+  }
+  if (!world) world = std::make_unique<World>(config_);
+  const bool touched = world->Step(map, moving, dt, state);
+  base::MutexLock lock(mutex_);
+  idle_.push_back(std::move(world));
+  return touched;
 }
 
 }  // namespace slalom::sim

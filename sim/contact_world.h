@@ -4,33 +4,20 @@
 #include <span>
 #include <vector>
 
+#include "base/mutex.h"
 #include "sim/collision_map.h"
 #include "sim/environment_config.h"
 #include "sim/moving_obstacles.h"
-
-class b2Body;
-class b2World;
+#include "sim/robot_body.h"
 
 namespace slalom::sim {
 
-/// Pose and velocity in W of a point of the body, which each use names, and the body's heading. A
-/// value.
-struct BodyState {
-  float x = 0.0f;         ///< [m]
-  float y = 0.0f;         ///< [m]
-  float yaw = 0.0f;       ///< [rad]
-  float vx = 0.0f;        ///< In W, [m/s].
-  float vy = 0.0f;        ///< In W, [m/s].
-  float yaw_rate = 0.0f;  ///< [rad/s]
-
-  friend bool operator==(const BodyState&, const BodyState&) = default;
-};
-
-/// A Box2D world with the robot's body and, during a step, the obstacles that it may touch.
+/// Rigid-body steps of the robot while it touches something, computed by Box2D.
 ///
-/// It keeps no memory of earlier steps: a step is a function of the body's state and the obstacles
-/// alone, bit for bit. One instance therefore serves any number of environments. Confined to one
-/// thread at a time. Allocates nothing once its pools have grown.
+/// A step is a function of the body's state and the obstacles alone, bit for bit: nothing of
+/// earlier steps is kept. So any number of robots share one instance. Thread-safe: there are as
+/// many Box2D worlds as threads have stepped at the same time. Allocates nothing once these have
+/// grown.
 class ContactWorld {
  public:
   explicit ContactWorld(const RobotConfig& config);
@@ -47,17 +34,11 @@ class ContactWorld {
             BodyState& state);
 
  private:
-  void PlaceObstacles(const CollisionMap& map, const BodyState& state);
-  void PlaceMoving(std::span<const MovingShape> moving);
-  void RemoveObstacles();
-  bool Touching() const;
+  class World;
 
-  const float
-      reach_;  // Upper bound of the distance from the centre of mass to the outline's corners, [m].
-  std::unique_ptr<b2World> world_;
-  b2Body* robot_ = nullptr;      // Owned by world_.
-  b2Body* obstacles_ = nullptr;  // The fixed obstacles. Owned by world_.
-  std::vector<b2Body*> moving_;  // The moving obstacles during a step. Owned by world_.
+  const RobotConfig config_;
+  base::Mutex mutex_;
+  std::vector<std::unique_ptr<World>> idle_ GUARDED_BY(mutex_);
 };
 
 /// The footprint of the configured robot.

@@ -61,10 +61,6 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
     environment.moving.Reserve(max_moving);
   }
   SLALOM_CHECK_EQ(static_cast<int>(environments_.size()), batch_size);
-  const int num_threads = parallel == nullptr ? 1 : parallel->num_threads();
-  for (int thread = 0; thread < num_threads; ++thread) {
-    contact_worlds_.push_back(std::make_unique<ContactWorld>(config.robot));
-  }
   observations_.Resize(batch_size, config.lidar.num_beams);
 }
 
@@ -128,18 +124,17 @@ void CourseEnvironments::Step(std::span<const env::Action> actions,
   results_ = results;
   const int num_groups = (batch_size() + kGroup - 1) / kGroup;
   if (parallel_ == nullptr) {
-    for (int group = 0; group < num_groups; ++group) DriveGroup(group, *contact_worlds_[0]);
+    for (int group = 0; group < num_groups; ++group) DriveGroup(group);
     for (int i = 0; i < batch_size(); ++i) EndStep(i);
   } else {
     // Robots drive in groups. Scans, which take longer, are then done one by one, so that no thread
     // waits long for the last.
-    parallel_->For(num_groups,
-                   [this](int group, int thread) { DriveGroup(group, *contact_worlds_[thread]); });
+    parallel_->For(num_groups, [this](int group) { DriveGroup(group); });
     parallel_->For(batch_size(), [this](int i) { EndStep(i); });
   }
 }
 
-void CourseEnvironments::DriveGroup(int group, ContactWorld& contacts) {
+void CourseEnvironments::DriveGroup(int group) {
   const int begin = group * kGroup, end = std::min(begin + kGroup, batch_size());
   std::array<RobotBody::Order, kGroup> orders;
   int num_orders = 0;
@@ -147,7 +142,7 @@ void CourseEnvironments::DriveGroup(int group, ContactWorld& contacts) {
     if (environments_[i].running) orders[num_orders++] = OrderFor(environments_[i], actions_[i]);
   }
   if (num_orders == 0) return;
-  orders[0].robot->DriveTogether(std::span(orders).first(num_orders), contacts);
+  orders[0].robot->DriveTogether(std::span(orders).first(num_orders));
   num_orders = 0;
   for (int i = begin; i < end; ++i) {
     if (environments_[i].running) environments_[i].touched = orders[num_orders++].touched;

@@ -9,7 +9,6 @@
 #include "base/parallel.h"
 #include "base/random.h"
 #include "env/environment.h"
-#include "sim/contact_world.h"
 #include "sim/environment_config.h"
 #include "sim/lidar.h"
 #include "sim/localisation.h"
@@ -105,7 +104,7 @@ class CourseEnvironments : public env::BatchEnvironment {
   // Returns nothing if every draw touches an obstacle.
   std::optional<Start> DrawStart(const Scene& scene, std::uint64_t seed) const;
   bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
-  void DriveGroup(int group, ContactWorld& contacts);
+  void DriveGroup(int group);
   void EndStep(int i);
   RobotBody::Order OrderFor(Environment& environment, const env::Action& action) const;
   env::StepResult ResultOf(Environment& environment) const;
@@ -118,8 +117,7 @@ class CourseEnvironments : public env::BatchEnvironment {
   const Footprint footprint_;
   const Lidar lidar_;
   base::ParallelFor* const parallel_;
-  std::vector<Environment> environments_;                      // [B]
-  std::vector<std::unique_ptr<ContactWorld>> contact_worlds_;  // One per thread.
+  std::vector<Environment> environments_;  // [B]
   env::ObservationBatch observations_;
   // Arguments of the `Step` that is running.
   std::span<const env::Action> actions_;

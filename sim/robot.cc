@@ -26,7 +26,8 @@ Robot::Robot(const RobotConfig& config, int num_substeps, Stepping stepping)
                          : std::nullopt),
       num_substeps_(num_substeps),
       stepping_(stepping),
-      controller_(config, num_substeps) {}
+      controller_(config, num_substeps),
+      contacts_(std::make_shared<ContactWorld>(config)) {}
 
 void Robot::Reserve(int num_moving) {
   moving_.reserve(num_moving);
@@ -56,14 +57,13 @@ void Robot::TurnWheelsTo(double angle) {
   slip_.angles.fill(static_cast<float>(angle - half_turns * base::kPi));
 }
 
-bool Robot::Drive(double linear, double angular, const Scene& scene, double motion_time,
-                  ContactWorld& contacts) {
+bool Robot::Drive(double linear, double angular, const Scene& scene, double motion_time) {
   Order order{this, &scene, linear, angular, motion_time};
-  DriveTogether({&order, 1}, contacts);
+  DriveTogether({&order, 1});
   return order.touched;
 }
 
-void Robot::DriveTogether(std::span<Order> orders, ContactWorld& contacts) {
+void Robot::DriveTogether(std::span<Order> orders) {
   while (!orders.empty()) {
     const int count = static_cast<int>(std::min<std::size_t>(orders.size(), SkidLanes::kSize));
     std::array<Robot*, SkidLanes::kSize> robots{};
@@ -77,7 +77,7 @@ void Robot::DriveTogether(std::span<Order> orders, ContactWorld& contacts) {
       for (int i = 0; i < count; ++i) robots[i]->TurnWheels(substep, lanes, i);
       if (skid_steering_) skid_steering_->Step(lanes);
       for (int i = 0; i < count; ++i) {
-        robots[i]->Move(substep, orders[i], contacts, lanes, i);
+        robots[i]->Move(substep, orders[i], lanes, i);
         orders[i].touched = orders[i].touched || robots[i]->Touches();
       }
     }
@@ -113,8 +113,7 @@ void Robot::TurnWheels(int substep, SkidLanes& lanes, int lane) {
   lanes.yaw[lane] = centre_.yaw;
 }
 
-void Robot::Move(int substep, const Order& order, ContactWorld& contacts, SkidLanes& lanes,
-                 int lane) {
+void Robot::Move(int substep, const Order& order, SkidLanes& lanes, int lane) {
   if (skid_steering_) {
     centre_.vx = lanes.vx[lane];
     centre_.vy = lanes.vy[lane];
@@ -124,7 +123,7 @@ void Robot::Move(int substep, const Order& order, ContactWorld& contacts, SkidLa
   const CollisionMap& map = order.scene->collision_map();
   const bool in_contact = std::min(clearance_, moving_clearance_) < kClearanceMargin;
   if (in_contact || stepping_ == Stepping::kBox2dAlways) {
-    if (contacts.Step(map, moving_shapes_, dt, centre_)) {
+    if (contacts_->Step(map, moving_shapes_, dt, centre_)) {
       if (skid_steering_) {
         lanes.Resume(lane, centre_.yaw, centre_.vx, centre_.vy, centre_.yaw_rate, dt_);
       } else {  // Wheels that do not slip turn as the body goes.
@@ -229,9 +228,10 @@ MakeRobotBodies MakeRobots(Robot::Stepping stepping) {
     for (const auto& scene : scenes) {
       max_moving = std::max(max_moving, scene->moving_obstacles().size());
     }
+    const Robot prototype(config.robot, NumSubsteps(config), stepping);
     std::vector<std::unique_ptr<RobotBody>> bodies;
     for (int i = 0; i < count; ++i) {
-      auto robot = std::make_unique<Robot>(config.robot, NumSubsteps(config), stepping);
+      auto robot = std::make_unique<Robot>(prototype);
       robot->Reserve(max_moving);
       bodies.push_back(std::move(robot));
     }

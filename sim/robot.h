@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -25,7 +26,7 @@ namespace slalom::sim {
 /// LiDAR are measured. The simulation moves the centre of mass C: wheels act on C's velocity, then
 /// contacts do, then C moves. Without contact it moves exactly as Box2D would move it, so Box2D is
 /// only called while the robot touches something; the result is the same to the bit.
-/// Thread-compatible; a value.
+/// Thread-compatible; a value. Copies share what they need for that.
 class Robot final : public RobotBody {
  public:
   /// The rigid-body steps that Box2D computes.
@@ -49,12 +50,11 @@ class Robot final : public RobotBody {
   void TurnWheelsTo(double angle);
 
   /// Looks for contact at the start and after each of the rigid-body steps.
-  bool Drive(double linear, double angular, const Scene& scene, double motion_time,
-             ContactWorld& contacts) override;
+  bool Drive(double linear, double angular, const Scene& scene, double motion_time) override;
 
   /// Gives the results of `Drive` in a fraction of the time. Requires: all are `Robot`s of the same
   /// config, number of rigid-body steps and stepping.
-  void DriveTogether(std::span<Order> orders, ContactWorld& contacts) override;
+  void DriveTogether(std::span<Order> orders) override;
 
   /// Pose of R.
   base::Pose2 pose() const override;
@@ -65,7 +65,7 @@ class Robot final : public RobotBody {
  private:
   void Begin(const Order& order, SkidLanes& lanes, int lane);
   void TurnWheels(int substep, SkidLanes& lanes, int lane);
-  void Move(int substep, const Order& order, ContactWorld& contacts, SkidLanes& lanes, int lane);
+  void Move(int substep, const Order& order, SkidLanes& lanes, int lane);
   void End(const SkidLanes& lanes, int lane);
   bool Touches() const;
   FootprintPose Outline() const;
@@ -86,6 +86,7 @@ class Robot final : public RobotBody {
   BodyState centre_;  // State of C.
   BodyState body_;    // State of R at the end of a control step.
   DriveController controller_;
+  std::shared_ptr<ContactWorld> contacts_;
 
   // The skid-steering state between control steps, as in `SkidLanes`.
   struct Slip {

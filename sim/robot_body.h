@@ -8,12 +8,24 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "sim/contact_world.h"
 #include "sim/drive_controller.h"
 #include "sim/environment_config.h"
 #include "sim/scene.h"
 
 namespace slalom::sim {
+
+/// Pose and velocity in W of a point of the body, which each use names, and the body's heading. A
+/// value.
+struct BodyState {
+  float x = 0.0f;         ///< [m]
+  float y = 0.0f;         ///< [m]
+  float yaw = 0.0f;       ///< [rad]
+  float vx = 0.0f;        ///< In W, [m/s].
+  float vy = 0.0f;        ///< In W, [m/s].
+  float yaw_rate = 0.0f;  ///< [rad/s]
+
+  friend bool operator==(const BodyState&, const BodyState&) = default;
+};
 
 /// The robot's body and its drive, as `CourseEnvironments` drives them: the seam between a task and
 /// the physics that moves the robot. `Robot` is Slalom's own; sim/engines/ has those of others.
@@ -29,10 +41,8 @@ class RobotBody {
 
   /// Drives for one control step, which begins at `motion_time` [s], towards the commanded speeds
   /// (`linear` [m/s], `angular` [rad/s]). Returns whether it touched anything; moving obstacles are
-  /// where they are at each moment of the step. `contacts` is for bodies that Box2D moves; others
-  /// leave it alone.
-  virtual bool Drive(double linear, double angular, const Scene& scene, double motion_time,
-                     ContactWorld& contacts) = 0;
+  /// where they are at each moment of the step.
+  virtual bool Drive(double linear, double angular, const Scene& scene, double motion_time) = 0;
 
   /// One robot's control step for `DriveTogether`.
   struct Order {
@@ -47,10 +57,10 @@ class RobotBody {
   /// Drives many robots, of which this may be one, with the same results as `Drive`. A physics that
   /// can step robots side by side in less time overrides it. Requires: all were made together
   /// (`MakeRobotBodies`).
-  virtual void DriveTogether(std::span<Order> orders, ContactWorld& contacts) {
+  virtual void DriveTogether(std::span<Order> orders) {
     for (Order& order : orders) {
-      order.touched = order.robot->Drive(order.linear, order.angular, *order.scene,
-                                         order.motion_time, contacts);
+      order.touched =
+          order.robot->Drive(order.linear, order.angular, *order.scene, order.motion_time);
     }
   }
 

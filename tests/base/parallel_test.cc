@@ -31,17 +31,6 @@ TEST_P(ParallelForTest, WhatABodyWroteIsSeenAfterwards) {
   for (int i = 0; i < static_cast<int>(values.size()); ++i) EXPECT_EQ(values[i], 200 * i);
 }
 
-TEST_P(ParallelForTest, NoTwoBodiesShareAThreadNumber) {
-  ParallelFor parallel(GetParam());
-  std::vector<std::atomic<bool>> busy(GetParam());
-  for (int round = 0; round < 200; ++round) {
-    parallel.For(50, [&](int, int thread) {
-      EXPECT_FALSE(busy.at(thread).exchange(true));
-      busy[thread] = false;
-    });
-  }
-}
-
 // The body of index 0 ends only after all others have: their thread's neighbours must have taken
 // them over.
 TEST_P(ParallelForTest, WhatALateThreadHasNotBegunIsDoneByOthers) {

@@ -45,13 +45,12 @@ TEST(ContactTest, ARobotThatDrivesAgainstAWallStaysPut) {
     for (const DriveKind drive : {DriveKind::kSkidSteer, DriveKind::kIdeal}) {
       for (const double yaw : {0.0, 0.3, 0.8}) {
         const RobotConfig config = WithDrive(drive);
-        ContactWorld contacts(config);
         Robot robot(config, 1);
         robot.Reset({{0.0, 0.0}, yaw});
         Extremes first, later;
         base::Pose2 settled;
         for (int step = 0; step < 1500; ++step) {
-          const bool touched = robot.Drive(2.0, 0.0, scene, 0.0, contacts);
+          const bool touched = robot.Drive(2.0, 0.0, scene, 0.0);
           (step < 500 ? first : later).Add(scene, robot.body());
           later.touched += step >= 500 && touched;
           if (step == 499) settled = robot.pose();
@@ -64,8 +63,8 @@ TEST(ContactTest, ARobotThatDrivesAgainstAWallStaysPut) {
         EXPECT_NEAR(robot.pose().p.x, settled.p.x, 2e-3);
         EXPECT_NEAR(robot.pose().p.y, settled.p.y, 0.03) << "20 s of wheels at 2 m/s";
         EXPECT_NEAR(robot.pose().yaw, settled.yaw, 0.03);
-        for (int step = 0; step < 25; ++step) robot.Drive(-0.5, 0.0, scene, 0.0, contacts);
-        EXPECT_FALSE(robot.Drive(-0.5, 0.0, scene, 0.0, contacts)) << "and comes free";
+        for (int step = 0; step < 25; ++step) robot.Drive(-0.5, 0.0, scene, 0.0);
+        EXPECT_FALSE(robot.Drive(-0.5, 0.0, scene, 0.0)) << "and comes free";
       }
     }
   }
@@ -87,12 +86,11 @@ TEST(ContactTest, ScrapingNeitherExplodesNorSinksIn) {
       }
       const Scene scene(std::make_shared<const Course>(room));
       const RobotConfig config = WithDrive(drive);
-      ContactWorld contacts(config);
       Robot robot(config, 25);
       robot.Reset({});
       for (int step = 0; step < 400; ++step) {
         extremes.touched +=
-            robot.Drive(random.Uniform(-2.0, 2.0), random.Uniform(-4.0, 4.0), scene, 0.0, contacts);
+            robot.Drive(random.Uniform(-2.0, 2.0), random.Uniform(-4.0, 4.0), scene, 0.0);
         extremes.Add(scene, robot.body());
       }
     }
@@ -120,7 +118,6 @@ TEST(ContactTest, SweepingWallsDoNotShootItAway) {
   const Scene scene(std::make_shared<const Course>(course));
   for (const DriveKind drive : {DriveKind::kSkidSteer, DriveKind::kIdeal}) {
     const RobotConfig config = WithDrive(drive);
-    ContactWorld contacts(config);
     Robot robot(config, 1);
     base::Random random(2);
     Extremes extremes;
@@ -128,8 +125,8 @@ TEST(ContactTest, SweepingWallsDoNotShootItAway) {
       robot.Reset({{0.0, -0.2}, random.Uniform(-3.0, 3.0)});
       for (int step = 0; step < 2500; ++step) {
         const base::Vec2 before = robot.pose().p;
-        extremes.touched += robot.Drive(random.Uniform(-1.0, 2.0), random.Uniform(-2.0, 2.0), scene,
-                                        0.02 * step, contacts);
+        extremes.touched +=
+            robot.Drive(random.Uniform(-1.0, 2.0), random.Uniform(-2.0, 2.0), scene, 0.02 * step);
         extremes.Add(scene, robot.body());
         // Box2D sets overlaps right by at most 0.2 m a round, three a step; a wall that jumps into
         // the robot overlaps it by up to its own length.

@@ -64,11 +64,10 @@ TEST(FrictionLawsTest, WheelsTurnAsTheirSpeedsSayUpToHalfTurns) {
 TEST(FrictionLawsTest, WheelsBeginAtAnglesOfTheSeed) {
   const RobotConfig config = WithFriction(FrictionLaw::kGazebo);
   const Scene scene(std::make_shared<const Course>());
-  ContactWorld contacts(config);
   Robot robot(config, 10);
   const auto drive = [&](std::uint64_t seed) {
     robot.Reset({}, seed);
-    for (int i = 0; i < 10; ++i) robot.Drive(1.0, 2.0, scene, 0.0, contacts);
+    for (int i = 0; i < 10; ++i) robot.Drive(1.0, 2.0, scene, 0.0);
     return robot.body();
   };
   const BodyState first = drive(1);

@@ -65,7 +65,6 @@ TEST(MovingObstaclesTest, ContactIsWhatBruteForceFindsAtEveryRigidBodyStep) {
   constexpr double kDt = 0.02;
   base::Random random(2);
   const RobotConfig config;
-  ContactWorld contacts(config);
   int num_contacts = 0, num_free_steps = 0;
   for (int round = 0; round < 150; ++round) {
     const auto course =
@@ -82,11 +81,11 @@ TEST(MovingObstaclesTest, ContactIsWhatBruteForceFindsAtEveryRigidBodyStep) {
       const double linear = random.Uniform(-2.0, 2.0), angular = random.Uniform(-3.0, 3.0);
       Truth truth = TruthAt(*course, time, twin.pose());
       for (int substep = 0; substep < 10; ++substep) {
-        twin.Drive(linear, angular, scene, time + substep * kDt, contacts);
+        twin.Drive(linear, angular, scene, time + substep * kDt);
         const Truth now = TruthAt(*course, time + (substep + 1) * kDt, twin.pose());
         truth = {truth.touched || now.touched, truth.unclear || now.unclear};
       }
-      const bool touched = robot.Drive(linear, angular, scene, time, contacts);
+      const bool touched = robot.Drive(linear, angular, scene, time);
       time += 10 * kDt;
       if (truth.unclear) break;
       ASSERT_EQ(touched, truth.touched) << "round " << round << ", step " << step;
@@ -110,13 +109,12 @@ TEST(MovingObstaclesTest, PushesARobotThatStandsInItsWay) {
   course.moving = {BoxBetween({{-2.0, 0.0}, 0.0}, {{2.0, 0.0}, 0.0}, 5.0, {0.2, 0.3})};
   const Scene scene(std::make_shared<const Course>(course));
   const RobotConfig config;
-  ContactWorld contacts(config);
   Robot robot(config, 10);
   robot.Reset({});
   const Motion motion(course.moving[0]);
   int num_touched = 0;
   for (int step = 0; step < 25; ++step) {
-    num_touched += robot.Drive(0.0, 0.0, scene, 0.2 * step, contacts);
+    num_touched += robot.Drive(0.0, 0.0, scene, 0.2 * step);
     // Its front is pushed along; a rigid-body step at 1 m/s is 0.02 m, and Box2D takes back a fifth
     // of what overlaps in each of three rounds a step.
     const double front = motion.At(0.2 * (step + 1) - 1e-9).X_WB.p.x + 0.2;

@@ -46,14 +46,13 @@ struct Distance {
 Distance DistanceFrom(std::array<base::Pose2, 2> Drive::*engine, const RobotConfig& config) {
   static const std::vector<Drive> drives = ReadDrives();
   const Scene open_field(std::make_shared<const Course>());
-  ContactWorld contacts(config);
   Robot robot(config, 10);
   Distance mean;
   for (const Drive& drive : drives) {
     robot.Reset({});
     robot.TurnWheelsTo(0.0);
     for (const auto& [speed, turn_rate] : drive.commands) {
-      EXPECT_FALSE(robot.Drive(speed, turn_rate, open_field, 0.0, contacts));
+      EXPECT_FALSE(robot.Drive(speed, turn_rate, open_field, 0.0));
     }
     const base::Pose2 expected = (drive.*engine)[1], found = robot.pose();
     mean.position += base::Norm(found.p - expected.p) / static_cast<double>(drives.size());

@@ -141,13 +141,13 @@ inline void Integrate(Controller& controller, double linear, double angular, dou
 class OpenField {
  public:
   explicit OpenField(const RobotConfig& config, int num_substeps = 1)
-      : config_(config), contacts_(config), robot_(config, num_substeps) {
+      : config_(config), robot_(config, num_substeps) {
     robot_.Reset({});
     robot_.TurnWheelsTo(0.0);
   }
   void Drive(double linear, double angular, int num_steps = 1) {
     for (int i = 0; i < num_steps; ++i) {
-      EXPECT_FALSE(robot_.Drive(linear, angular, scene_, 0.0, contacts_));
+      EXPECT_FALSE(robot_.Drive(linear, angular, scene_, 0.0));
     }
   }
   base::Pose2 pose() const { return robot_.pose(); }
@@ -168,7 +168,6 @@ class OpenField {
  private:
   const RobotConfig config_;
   const Scene scene_{std::make_shared<const Course>()};
-  ContactWorld contacts_;
   Robot robot_;
 };
 

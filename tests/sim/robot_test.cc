@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <thread>
+#include <vector>
 
 #include "sim/mass_distribution.h"
 #include "tests/support/random_courses.h"
@@ -30,19 +33,15 @@ RobotConfig Instant() {
 /// A robot on an open field.
 class OpenField {
  public:
-  explicit OpenField(const RobotConfig& config) : contacts_(config), robot_(config, kSubsteps) {
-    robot_.Reset({});
-  }
+  explicit OpenField(const RobotConfig& config) : robot_(config, kSubsteps) { robot_.Reset({}); }
   void Drive(double linear, double angular, int num_steps) {
-    for (int i = 0; i < num_steps; ++i)
-      EXPECT_FALSE(robot_.Drive(linear, angular, *scene_, 0.0, contacts_));
+    for (int i = 0; i < num_steps; ++i) EXPECT_FALSE(robot_.Drive(linear, angular, *scene_, 0.0));
   }
   base::Pose2 pose() const { return robot_.pose(); }
   const BodyState& body() const { return robot_.body(); }
 
  private:
   const std::shared_ptr<const Scene> scene_ = MakeScene(std::make_shared<const Course>());
-  ContactWorld contacts_;
   Robot robot_;
 };
 
@@ -120,7 +119,6 @@ TEST(RobotTest, JitterDelaysEachCommandButLetsNoneOvertake) {
     constexpr int kSteps = 300;
     constexpr std::uint64_t kSeed = 77;
     const Scene scene(std::make_shared<const Course>());
-    ContactWorld contacts(config);
     Robot robot(config, kSubsteps);
     robot.Reset({}, kSeed);
     // The oracle: when each command arrives, and which arrived last at every rigid-body step.
@@ -142,7 +140,7 @@ TEST(RobotTest, JitterDelaysEachCommandButLetsNoneOvertake) {
         }
         x += kDt * speed;
       }
-      robot.Drive(speeds.back(), 0.0, scene, 0.0, contacts);
+      robot.Drive(speeds.back(), 0.0, scene, 0.0);
       ASSERT_NEAR(robot.pose().p.x, x, 1e-4) << "step " << step;
     }
     EXPECT_EQ(late > 0, jitter > 0.2) << "only then can commands queue up";
@@ -177,7 +175,6 @@ TEST(RobotTest, RobotsDriveTogetherAsEachDoesAlone) {
     RobotConfig config;
     ASSERT_TRUE(base::ParseEnum(law, config.friction));
     const Scene scene(test::RandomCourse(random, {.num_circles = 40, .num_boxes = 5}));
-    ContactWorld contacts(config);
     constexpr int kCount = 19;  // Two groups of lanes and a part of one.
     std::vector<Robot> together(kCount, Robot(config, kSubsteps)), alone = together;
     for (int i = 0; i < kCount; ++i) {
@@ -195,10 +192,9 @@ TEST(RobotTest, RobotsDriveTogetherAsEachDoesAlone) {
                      .linear = random.Uniform(-1.0, 2.0),
                      .angular = random.Uniform(-3.0, 3.0)};
       }
-      orders.front().robot->DriveTogether(orders, contacts);
+      orders.front().robot->DriveTogether(orders);
       for (int i = 0; i < kCount; ++i) {
-        const bool alone_touched =
-            alone[i].Drive(orders[i].linear, orders[i].angular, scene, 0.0, contacts);
+        const bool alone_touched = alone[i].Drive(orders[i].linear, orders[i].angular, scene, 0.0);
         ASSERT_EQ(orders[i].touched, alone_touched);
         ASSERT_EQ(together[i].body(), alone[i].body()) << law << " robot " << i;
         touched += alone_touched;
@@ -215,12 +211,11 @@ TEST(RobotTest, PushesAgainstAWallWithoutPassingOrGainingEnergy) {
     course.boxes = {{{{1.5, 0.0}, 0.0}, {0.05, 20.0}}};
     const Scene scene(std::make_shared<const Course>(course));
     const RobotConfig config;
-    ContactWorld contacts(config);
     Robot robot(config, kSubsteps);
     robot.Reset({{0.0, 0.0}, yaw});
     bool touched = false;
     for (int i = 0; i < 50; ++i) {
-      touched = robot.Drive(2.0, 0.0, scene, 0.0, contacts) || touched;
+      touched = robot.Drive(2.0, 0.0, scene, 0.0) || touched;
       const BodyState& body = robot.body();
       EXPECT_LE(std::hypot(body.vx, body.vy), 2.0 + 1e-5);
       EXPECT_LT(body.x, 1.45 - 0.208 + 0.08) << "its nearest side is not 0.08 m into the wall";
@@ -287,6 +282,38 @@ TEST(ContactWorldTest, RemembersNothing) {
     }
   }
   EXPECT_GT(touched, 300);
+}
+
+// A sum of what 3,000 steps against random obstacles leave of the robot's state.
+double PushAround(ContactWorld& contacts, std::uint64_t seed) {
+  base::Random random(seed);
+  const auto course = test::RandomCourse(random, {.num_circles = 60, .num_boxes = 10});
+  const CollisionMap map(*course);
+  double sum = 0.0;
+  for (int step = 0; step < 3000; ++step) {
+    BodyState state{.x = static_cast<float>(random.Uniform(-4.0, 4.0)),
+                    .y = static_cast<float>(random.Uniform(-4.0, 4.0)),
+                    .vx = 1.0f};
+    contacts.Step(map, {}, 0.02f, state);
+    sum += state.x + state.y + state.vx + state.vy + state.yaw_rate;
+  }
+  return sum;
+}
+
+TEST(ContactWorldTest, ServesSeveralThreadsAtTheSameTime) {
+  constexpr int kThreads = 4;
+  ContactWorld shared({});
+  std::array<double, kThreads> sums{};
+  {
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < kThreads; ++i) {
+      threads.emplace_back([&, i] { sums[i] = PushAround(shared, i); });
+    }
+  }
+  for (int i = 0; i < kThreads; ++i) {
+    ContactWorld own({});
+    EXPECT_EQ(sums[i], PushAround(own, i)) << "thread " << i;
+  }
 }
 
 }  // namespace

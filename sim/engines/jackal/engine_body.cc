@@ -10,6 +10,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/random.h"
+#include "sim/contact_world.h"
 #include "sim/courses/course.h"
 #include "sim/courses/motion.h"
 
@@ -84,8 +85,7 @@ void EngineBody::Reset(const base::Pose2& X_WR, std::uint64_t seed) {
   state_ = world_->state();
 }
 
-bool EngineBody::Drive(double linear, double angular, const sim::Scene& scene, double motion_time,
-                       sim::ContactWorld&) {
+bool EngineBody::Drive(double linear, double angular, const sim::Scene& scene, double motion_time) {
   controller_.Push(linear, angular);
   bool touched = false;
   for (int tick = 0; tick < num_ticks_; ++tick) {

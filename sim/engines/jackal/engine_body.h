@@ -24,8 +24,7 @@ class EngineBody final : public sim::RobotBody {
   /// Also draws the angle of each wheel uniformly from `seed`, because the original puts its robot
   /// back with the wheels as the last episode left them, and friction may depend on them.
   void Reset(const base::Pose2& X_WR, std::uint64_t seed) override;
-  bool Drive(double linear, double angular, const sim::Scene& scene, double motion_time,
-             sim::ContactWorld& contacts) override;
+  bool Drive(double linear, double angular, const sim::Scene& scene, double motion_time) override;
   base::Pose2 pose() const override;
   const sim::BodyState& body() const override { return state_; }
   const sim::DriveController& drive() const override { return controller_; }

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "sim/collision_map.h"
-#include "sim/contact_world.h"
 #include "sim/moving_obstacles.h"
+#include "sim/robot_body.h"
 #include "sim/scene.h"
 
 namespace slalom::engines {

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "sim/contact_world.h"
 #include "sim/engines/jackal/jackal.h"
 #include "sim/moving_obstacles.h"
+#include "sim/robot_body.h"
 #include "sim/skid_steering.h"
 
 namespace slalom::engines {

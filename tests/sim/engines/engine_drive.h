@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "sim/contact_world.h"
 #include "sim/engines/physics.h"
 #include "sim/environments.h"
 #include "sim/robot.h"
@@ -29,7 +28,7 @@ class EngineDrive {
  public:
   explicit EngineDrive(const std::string& physics, const sim::EnvironmentConfig& config = {},
                        sim::Course course = {})
-      : step_(config.episode.step), contacts_(config.robot) {
+      : step_(config.episode.step) {
     course.name = "test";
     scenes_ = {sim::MakeScene(std::make_shared<const sim::Course>(std::move(course)))};
     const sim::Physics found = engines::FindPhysics(physics);
@@ -45,7 +44,7 @@ class EngineDrive {
 
   /// Drives for one control step. Returns whether it touched anything.
   bool Drive(double linear, double angular) {
-    const bool touched = body_->Drive(linear, angular, *scenes_[0], time_, contacts_);
+    const bool touched = body_->Drive(linear, angular, *scenes_[0], time_);
     time_ += step_;
     return touched;
   }
@@ -67,7 +66,6 @@ class EngineDrive {
 
  private:
   const double step_;  // [s]
-  sim::ContactWorld contacts_;
   std::vector<std::shared_ptr<const sim::Scene>> scenes_;
   std::unique_ptr<sim::RobotBody> body_;
   double time_ = 0.0;  // [s]

@@ -179,15 +179,14 @@ TEST(EngineBody, GivesItsWorldTheObstaclesThatAreNear) {
                     .key_frames = {{0.0, {{-1.0, -0.28}, 0.0}}, {2.0, {{1.0, -0.28}, 0.0}}}}};
   std::vector<std::vector<sim::MovingShape>> seen;
   const auto body = BodyOn(course, seen);
-  sim::ContactWorld contacts({});
   body->Reset({}, 0);
   const sim::Scene scene(std::make_shared<const sim::Course>(course));
-  body->Drive(0.0, 0.0, scene, 0.0, contacts);
+  body->Drive(0.0, 0.0, scene, 0.0);
   ASSERT_EQ(seen.size(), 200u);  // Steps of 1 ms.
   ASSERT_EQ(seen.back().size(), 2u);
   EXPECT_EQ(seen.back()[0].radius, 0.1f);
   EXPECT_EQ(seen.back()[1].radius, 0.0f);
-  body->Drive(0.0, 0.0, scene, 0.9, contacts);
+  body->Drive(0.0, 0.0, scene, 0.9);
   ASSERT_EQ(seen.back().size(), 3u);
   // Where it is as the last step begins, at 1.099 s.
   EXPECT_NEAR(seen.back()[2].box.x, sim::Motion(course.moving[0]).At(1.099).X_WB.p.x, 1e-5);
@@ -199,9 +198,8 @@ TEST(EngineBody, GivesItsWorldTheNearestOfMany) {
   for (int i = 0; i < 100; ++i) course.circles.push_back({{0.3 + 0.0001 * i, 0.0}, 0.05});
   std::vector<std::vector<sim::MovingShape>> seen;
   const auto body = BodyOn(course, seen);
-  sim::ContactWorld contacts({});
   body->Reset({}, 0);
-  body->Drive(0.0, 0.0, sim::Scene(std::make_shared<const sim::Course>(course)), 0.0, contacts);
+  body->Drive(0.0, 0.0, sim::Scene(std::make_shared<const sim::Course>(course)), 0.0);
   ASSERT_EQ(seen.back().size(), static_cast<std::size_t>(kMaxNearObstacles));
   for (const sim::MovingShape& shape : seen.back()) EXPECT_LT(shape.box.x, 0.3033f);
 }
