@@ -14,6 +14,12 @@ namespace {
 
 float Clip(double value) { return static_cast<float>(std::clamp(value, -1.0, 1.0)); }
 
+/// Where in the stream of fresh courses an actor begins, so that several drive different ones.
+int FirstFreshCourse(std::uint64_t seed) {
+  return static_cast<int>(
+      base::Random(base::DeriveSeed(seed, "fresh courses")).UniformInt(std::uint64_t{1} << 30));
+}
+
 }  // namespace
 
 std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments) {
@@ -38,18 +44,19 @@ std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments)
 }
 
 Actor::Actor(const ActorConfig& config, env::BatchEnvironment& environments, env::Agent& agent,
-             std::uint64_t seed)
+             std::uint64_t seed, const SamplingConfig& sampling)
     : config_(config),
       seed_(seed),
       environments_(environments),
       agent_(agent),
       noise_(SpreadNoise(config, environments.batch_size())),
+      sampler_(sampling, environments.num_courses(), environments.has_fresh_courses(),
+               FirstFreshCourse(seed)),
       running_(environments.batch_size()),
       actions_(environments.batch_size()),
       normal_(environments.batch_size()),
       results_(environments.batch_size()),
       rows_(environments.batch_size()) {
-  SLALOM_CHECK_GE(environments.num_courses(), 1);
   for (int i = 0; i < environments_.batch_size(); ++i) {
     running_[i].noise =
         base::Random(base::DeriveSeed(seed_, "exploration", {static_cast<std::uint64_t>(i)}));
@@ -87,8 +94,9 @@ void Actor::BeginEpisode(int i) {
   Environment& environment = running_[i];
   base::Random draw(base::DeriveSeed(seed_, "training episode",
                                      {static_cast<std::uint64_t>(i), environment.episode_number}));
-  const auto num_courses = static_cast<std::uint64_t>(environments_.num_courses());
-  environment.spec.course = static_cast<int>(draw.UniformInt(num_courses));
+  const CourseSampler::Draw course = sampler_.Next(draw);
+  environment.spec.course = course.course;
+  environment.is_learnable = course.is_learnable;
   environment.spec.seed = draw.NextU64();
   environment.episode_return = 0.0f;
   environment.actions.clear();
@@ -98,9 +106,13 @@ void Actor::BeginEpisode(int i) {
 void Actor::EndEpisode(int i) {
   Environment& environment = running_[i];
   ++environment.episode_number;
+  sampler_.Report({environment.spec.course, environment.is_learnable},
+                  results_[i].outcome == env::Outcome::kSuccess);
   base::MutexLock lock(mutex_);
   ++num_episodes_;
   ++num_outcomes_[static_cast<int>(results_[i].outcome)];
+  sampling_stats_ = sampler_.stats();
+  if (environment.is_learnable) return;
   recent_.push_back({results_[i].outcome, static_cast<std::int32_t>(environment.actions.size()),
                      environment.episode_return});
   while (std::ssize(recent_) > config_.stats_episodes) recent_.pop_front();
@@ -148,6 +160,7 @@ ActorStats Actor::stats() const {
   stats.num_episodes = num_episodes_;
   stats.num_outcomes = num_outcomes_;
   stats.num_recent = static_cast<int>(recent_.size());
+  stats.sampling = sampling_stats_;
   if (recent_.empty()) return stats;
   const double share = 1.0 / static_cast<double>(recent_.size());
   int num_outcomes[4] = {};
@@ -178,9 +191,11 @@ ActorState Actor::Save() const {
   }
   for (int i = 0; i < environments_.batch_size(); ++i) {
     const Environment& environment = running_[i];
-    state.open.push_back({environment.episode_number, environment.spec, environment.noise.state(),
-                          environment.episode_return, FrameChecksum(i), environment.actions});
+    state.open.push_back({environment.episode_number, environment.spec, environment.is_learnable,
+                          environment.noise.state(), environment.episode_return, FrameChecksum(i),
+                          environment.actions});
   }
+  state.sampler = sampler_.Save();
   return state;
 }
 
@@ -192,6 +207,7 @@ void Actor::Restore(const ActorState& state) {
     throw base::Error(fmt::format("the actor state has {} environments, expected {}",
                                   state.open.size(), environments_.batch_size()));
   }
+  sampler_.Restore(state.sampler);
   ReplayOpenEpisodes(state.open);
   for (int i = 0; i < environments_.batch_size(); ++i) {
     const OpenEpisode& open = state.open[i];
@@ -204,6 +220,7 @@ void Actor::Restore(const ActorState& state) {
     Environment& environment = running_[i];
     environment.episode_number = open.number;
     environment.spec = open.spec;
+    environment.is_learnable = open.is_learnable;
     environment.noise.set_state(open.noise);
     environment.episode_return = open.episode_return;
     environment.actions = open.actions;
@@ -212,6 +229,7 @@ void Actor::Restore(const ActorState& state) {
   num_steps_ = state.num_steps;
   num_episodes_ = state.num_episodes;
   recent_.assign(state.recent.begin(), state.recent.end());
+  sampling_stats_ = sampler_.stats();
 }
 
 /// Aligns the open episodes at their ends: shorter ones begin later, so that each step is driven
@@ -220,7 +238,9 @@ void Actor::Restore(const ActorState& state) {
 void Actor::ReplayOpenEpisodes(const std::vector<OpenEpisode>& open) {
   std::size_t longest = 0;
   for (const OpenEpisode& episode : open) {
-    if (episode.spec.course < 0 || episode.spec.course >= environments_.num_courses()) {
+    const bool is_known =
+        episode.spec.course < environments_.num_courses() || environments_.has_fresh_courses();
+    if (episode.spec.course < 0 || !is_known) {
       throw base::Error(fmt::format("the actor state is on course {}, expected a number below {}",
                                     episode.spec.course, environments_.num_courses()));
     }

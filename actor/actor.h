@@ -8,6 +8,7 @@
 
 #include "actor/actor_config.h"
 #include "actor/actor_state.h"
+#include "actor/course_sampler.h"
 #include "base/mutex.h"
 #include "base/random.h"
 #include "env/agent.h"
@@ -18,7 +19,8 @@
 
 namespace slalom::actor {
 
-/// Statistics of the last `stats_episodes` finished episodes; 0 if there is none yet.
+/// Statistics of the last `stats_episodes` finished episodes whose courses were drawn uniformly; 0
+/// if there is none yet.
 struct ActorStats {
   std::int64_t num_steps = 0;     ///< Environment steps in total.
   std::int64_t num_episodes = 0;  ///< Finished episodes in total.
@@ -30,6 +32,7 @@ struct ActorStats {
   double timeout_rate = 0.0;
   double mean_return = 0.0;
   double mean_length = 0.0;  ///< Control steps.
+  SamplingStats sampling;
 };
 
 /// Returns the standard deviation of the exploration noise in each environment, [B]. Throws
@@ -39,8 +42,9 @@ std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments)
 
 /// Drives a batch of environments with an agent and exploration noise, and collects the rows.
 ///
-/// The course of each episode is drawn uniformly. Every environment has its own random streams, so
-/// its draws do not depend on when the episodes of other environments end.
+/// A `CourseSampler` draws the course of each episode. Every environment has its own random
+/// streams, so with uniform sampling on a named set its draws do not depend on when the episodes of
+/// other environments end.
 ///
 /// `Step`, `Save` and `Restore` are confined to one thread at a time; `stats` may be called by any.
 class Actor {
@@ -48,7 +52,7 @@ class Actor {
   /// Begins the first episode of every environment. Both references must outlive the actor.
   /// Throws `base::Error` if `config` contradicts itself.
   Actor(const ActorConfig& config, env::BatchEnvironment& environments, env::Agent& agent,
-        std::uint64_t seed);
+        std::uint64_t seed, const SamplingConfig& sampling = {});
 
   /// Does one control step in every environment. Adds B rows to `out`, and a final row for each
   /// episode that ends, whose environment then begins the next one. Stream i of the chunk is
@@ -74,6 +78,7 @@ class Actor {
   struct Environment {
     std::uint64_t episode_number = 0;
     env::EpisodeSpec spec;
+    bool is_learnable = false;  // Its course was drawn as a learnable one.
     base::Random noise{0};
     float episode_return = 0.0f;
     std::vector<env::Action> actions;  // Taken in the running episode.
@@ -90,7 +95,8 @@ class Actor {
   const std::uint64_t seed_;
   env::BatchEnvironment& environments_;
   env::Agent& agent_;
-  const std::vector<double> noise_;       // [B]
+  const std::vector<double> noise_;  // [B]
+  CourseSampler sampler_;
   std::vector<Environment> running_;      // [B]
   std::vector<env::Action> actions_;      // [B]
   std::vector<env::Action> normal_;       // [B], a step's standard normal numbers.
@@ -102,6 +108,7 @@ class Actor {
   std::int64_t num_episodes_ GUARDED_BY(mutex_) = 0;
   std::array<std::int64_t, 4> num_outcomes_ GUARDED_BY(mutex_){};
   std::deque<EpisodeSummary> recent_ GUARDED_BY(mutex_);
+  SamplingStats sampling_stats_ GUARDED_BY(mutex_);
 };
 
 }  // namespace slalom::actor

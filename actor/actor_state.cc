@@ -14,7 +14,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the format is little-endian");
 
-constexpr std::string_view kMagic = "SLACTOR1";
+constexpr std::string_view kMagic = "SLACTOR2";
 
 class Writer {
  public:
@@ -87,6 +87,7 @@ void VisitOpen(Stream& s, Open& open) {
   s(open.number);
   s(open.spec.course);
   s(open.spec.seed);
+  s(open.is_learnable);
   for (auto& word : open.noise) s(word);
   s(open.episode_return);
   s(open.frame_checksum);
@@ -96,6 +97,18 @@ void VisitOpen(Stream& s, Open& open) {
   });
 }
 
+template <class Stream, class Sampler>
+void VisitSampler(Stream& s, Sampler& sampler) {
+  s(sampler.num_fresh_draws);
+  for (auto* courses : {&sampler.named, &sampler.candidates, &sampler.learnable, &sampler.recent}) {
+    s.List(*courses, [](Stream& inner, auto& course) {
+      inner(course.course);
+      inner(course.num_successes);
+      inner(course.num_failures);
+    });
+  }
+}
+
 template <class Stream, class State>
 void VisitState(Stream& s, State& state) {
   s(state.seed);
@@ -103,6 +116,7 @@ void VisitState(Stream& s, State& state) {
   s(state.num_episodes);
   s.List(state.recent, [](Stream& inner, auto& summary) { VisitSummary(inner, summary); });
   s.List(state.open, [](Stream& inner, auto& open) { VisitOpen(inner, open); });
+  VisitSampler(s, state.sampler);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "actor/course_sampler.h"
 #include "base/random.h"
 #include "env/action.h"
 #include "env/episode.h"
@@ -24,6 +25,7 @@ struct EpisodeSummary {
 struct OpenEpisode {
   std::uint64_t number = 0;  ///< Number of episodes that this environment began before.
   env::EpisodeSpec spec;
+  bool is_learnable = false;         ///< Its course was drawn as a learnable one.
   base::Random::State noise{};       ///< Stream of the exploration noise, before the next step.
   float episode_return = 0.0f;       ///< Return so far.
   std::uint64_t frame_checksum = 0;  ///< Checks that `Restore` led to the current frame.
@@ -38,8 +40,9 @@ struct ActorState {
   std::int64_t num_episodes = 0;       ///< Finished episodes in total.
   std::vector<EpisodeSummary> recent;  ///< The last finished episodes, oldest first.
   std::vector<OpenEpisode> open;       ///< One per environment.
+  SamplerState sampler;
 
-  /// Returns the state as bytes, little-endian: "SLACTOR1", the fields in the order above (each
+  /// Returns the state as bytes, little-endian: "SLACTOR2", the fields in the order above (each
   /// list preceded by its length as u64), then the XXH3 checksum of all bytes before.
   std::string Serialize() const;
 

@@ -20,6 +20,8 @@ class BatchEnvironment {
 
   virtual int batch_size() const = 0;
   virtual int num_courses() const = 0;
+  /// Whether every number from `num_courses()` on is a course as well: fresh ones without end.
+  virtual bool has_fresh_courses() const { return false; }
 
   /// Starts an episode in environment `i`. On return its first frame is in `observations()`.
   virtual void Reset(int i, const EpisodeSpec& spec) = 0;

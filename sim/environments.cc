@@ -27,34 +27,23 @@ const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
 CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
                                        std::vector<std::shared_ptr<const Scene>> scenes,
                                        int batch_size, base::ParallelFor* parallel,
-                                       const MakeRobotBodies& make_bodies)
+                                       const MakeRobotBodies& make_bodies,
+                                       std::unique_ptr<SceneStream> fresh)
     : config_(Checked(config)),
       scenes_(std::move(scenes)),
+      fresh_(std::move(fresh)),
       footprint_(MakeFootprint(config.robot)),
       lidar_(config.lidar, config.observation.range_clip),
       parallel_(parallel) {
   SLALOM_CHECK_GE(batch_size, 1);
-  SLALOM_CHECK_GE(scenes_.size(), 1u);
+  SLALOM_CHECK(!scenes_.empty() || fresh_ != nullptr);
   int max_moving = 0;
   for (const auto& scene : scenes_) {
     SLALOM_CHECK(scene != nullptr);
-    const base::Pose2& start = scene->course().start;
-    if (Touches(*scene, start)) {
-      throw base::Error(
-          fmt::format("course '{}': a robot of {} x {} m touches an obstacle at the start pose ({} "
-                      "m, {} m, {} rad)",
-                      scene->course().name, config.robot.length, config.robot.width, start.p.x,
-                      start.p.y, start.yaw));
-    }
-    if (!DrawStart(*scene, 0)) {
-      throw base::Error(fmt::format(
-          "course '{}': moving obstacles touch a robot of {} x {} m at the start pose ({} m, {} m, "
-          "{} rad) at each of {} times",
-          scene->course().name, config.robot.length, config.robot.width, start.p.x, start.p.y,
-          start.yaw, kMaxStartDraws));
-    }
+    RequireDrivable(*scene);
     max_moving = std::max(max_moving, scene->moving_obstacles().size());
   }
+  if (fresh_) RequireDrivable(*fresh_->Get(0));  // They all begin alike.
   environments_.reserve(batch_size);
   for (auto& body : make_bodies(config, scenes_, batch_size)) {
     Environment& environment = environments_.emplace_back(std::move(body), config.localisation);
@@ -64,14 +53,36 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
   observations_.Resize(batch_size, config.lidar.num_beams);
 }
 
+void CourseEnvironments::RequireDrivable(const Scene& scene) const {
+  const base::Pose2& start = scene.course().start;
+  if (Touches(scene, start)) {
+    throw base::Error(
+        fmt::format("course '{}': a robot of {} x {} m touches an obstacle at the start pose ({} "
+                    "m, {} m, {} rad)",
+                    scene.course().name, config_.robot.length, config_.robot.width, start.p.x,
+                    start.p.y, start.yaw));
+  }
+  if (!DrawStart(scene, 0)) {
+    throw base::Error(fmt::format(
+        "course '{}': moving obstacles touch a robot of {} x {} m at the start pose ({} m, {} m, "
+        "{} rad) at each of {} times",
+        scene.course().name, config_.robot.length, config_.robot.width, start.p.x, start.p.y,
+        start.yaw, kMaxStartDraws));
+  }
+}
+
 void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   SLALOM_CHECK_GE(i, 0);
   SLALOM_CHECK_LT(i, batch_size());
   SLALOM_CHECK_GE(spec.course, 0);
-  SLALOM_CHECK_LT(spec.course, num_courses());
-  const Scene& scene = *scenes_[spec.course];
   Environment& environment = environments_[i];
-  environment.scene = &scene;
+  if (spec.course < num_courses()) {
+    environment.scene = scenes_[spec.course];
+  } else {
+    SLALOM_CHECK(has_fresh_courses());
+    environment.scene = fresh_->Get(spec.course - num_courses());
+  }
+  const Scene& scene = *environment.scene;
   const Start start = DrawStart(scene, spec.seed).value_or(Start{scene.course().start});
   environment.robot->Reset(start.X_WR, base::DeriveSeed(spec.seed, "command jitter"));
   environment.motion_start = environment.motion_time = start.motion_time;
@@ -165,7 +176,7 @@ RobotBody::Order CourseEnvironments::OrderFor(Environment& environment,
                             std::clamp(action.angular, -1.0f, 1.0f)};
   environment.last_action = clipped;
   return {.robot = environment.robot.get(),
-          .scene = environment.scene,
+          .scene = environment.scene.get(),
           .linear = config_.action.linear_mps(clipped),
           .angular = config_.action.angular_radps(clipped),
           .motion_time = environment.motion_time};

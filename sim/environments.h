@@ -15,6 +15,7 @@
 #include "sim/robot.h"
 #include "sim/robot_body.h"
 #include "sim/scene.h"
+#include "sim/scene_stream.h"
 
 namespace slalom::sim {
 
@@ -45,25 +46,27 @@ namespace slalom::sim {
 class CourseEnvironments : public env::BatchEnvironment {
  public:
   /// `parallel` runs the batch on its threads and must outlive this object. If it is null, the
-  /// batch runs on the caller's thread. `make_bodies` makes the robots of a physics.
+  /// batch runs on the caller's thread. `make_bodies` makes the robots of a physics. With `fresh`,
+  /// its course i has the number `num_courses()` + i.
   ///
-  /// Throws `base::Error` if the config contradicts itself, or if at the start of a course the
-  /// robot would touch a fixed obstacle, or moving ones at nearly any time; and the errors of
-  /// `make_bodies`.
+  /// Throws `base::Error` if the config contradicts itself, or if at the start of a course (of the
+  /// fresh ones, the first) the robot would touch a fixed obstacle, or moving ones at nearly any
+  /// time; and the errors of `make_bodies`.
   ///
-  /// Requires: batch_size >= 1, at least one scene, none of them null.
+  /// Requires: batch_size >= 1, at least one scene or `fresh`, no scene is null.
   CourseEnvironments(const EnvironmentConfig& config,
                      std::vector<std::shared_ptr<const Scene>> scenes, int batch_size,
-                     base::ParallelFor* parallel,
-                     const MakeRobotBodies& make_bodies = MakeRobots());
+                     base::ParallelFor* parallel, const MakeRobotBodies& make_bodies = MakeRobots(),
+                     std::unique_ptr<SceneStream> fresh = nullptr);
 
   int batch_size() const override { return static_cast<int>(environments_.size()); }
   int num_courses() const override { return static_cast<int>(scenes_.size()); }
+  bool has_fresh_courses() const override { return fresh_ != nullptr; }
 
   /// Draws the start pose, jittered as configured, and the motion time, until the robot touches no
   /// obstacle. After 1000 draws it takes the course's own start pose and motion time 0. Different
   /// environments may be reset at the same time.
-  /// Requires: 0 <= i < batch_size(), 0 <= spec.course < num_courses().
+  /// Requires: 0 <= i < batch_size(), spec.course >= 0, and below num_courses() without fresh ones.
   void Reset(int i, const env::EpisodeSpec& spec) override;
 
   /// Actions are clipped to [-1, 1]. Requires: they are finite for every environment with a running
@@ -82,7 +85,7 @@ class CourseEnvironments : public env::BatchEnvironment {
     Environment(std::unique_ptr<RobotBody> body, const LocalisationConfig& drift)
         : robot(std::move(body)), localisation(drift), lidar_noise(0) {}
 
-    const Scene* scene = nullptr;  // Null before the first `Reset`.
+    std::shared_ptr<const Scene> scene;  // Null before the first `Reset`.
     std::unique_ptr<RobotBody> robot;
     Localisation localisation;
     base::Random lidar_noise;
@@ -101,6 +104,7 @@ class CourseEnvironments : public env::BatchEnvironment {
     double motion_time = 0.0;  // [s]
   };
 
+  void RequireDrivable(const Scene& scene) const;
   // Returns nothing if every draw touches an obstacle.
   std::optional<Start> DrawStart(const Scene& scene, std::uint64_t seed) const;
   bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
@@ -114,6 +118,7 @@ class CourseEnvironments : public env::BatchEnvironment {
 
   const EnvironmentConfig config_;
   const std::vector<std::shared_ptr<const Scene>> scenes_;
+  const std::unique_ptr<SceneStream> fresh_;  // May be null.
   const Footprint footprint_;
   const Lidar lidar_;
   base::ParallelFor* const parallel_;

@@ -56,6 +56,9 @@ void ActorMetrics::Update(const StepAccount& account, const Outbox& outbox,
   registry_.gauge(metrics::kCollisionRate).Set(known(episodes.collision_rate));
   registry_.gauge(metrics::kEpisodeReturn).Set(known(episodes.mean_return));
   registry_.gauge(metrics::kEpisodeSteps).Set(known(episodes.mean_length));
+  registry_.gauge(metrics::kCoursesDriven).Set(static_cast<double>(episodes.sampling.num_courses));
+  registry_.gauge(metrics::kFreshSuccess).Set(episodes.sampling.mean_success);
+  registry_.gauge(metrics::kLearnableShare).Set(episodes.sampling.learnable_share);
   registry_.counter(metrics::kConnections, {"replay"}).RaiseTo(replay.connections());
   registry_.counter(metrics::kConnections, {"learner"}).RaiseTo(policy.connections());
   registry_.counter(metrics::kPoliciesReceived).RaiseTo(static_cast<double>(policy.received()));

@@ -32,11 +32,13 @@ const std::filesystem::path& Made(const std::filesystem::path& directory) {
 }  // namespace
 
 ActorService::ActorService(const ActorServiceConfig& config, const ActorConfig& actor_config,
-                           ActorIdentity identity, env::BatchEnvironment& environments,
-                           env::Agent& agent, service::InstallPolicy install,
-                           transport::Context& context, metrics::Registry& registry)
+                           const SamplingConfig& sampling, ActorIdentity identity,
+                           env::BatchEnvironment& environments, env::Agent& agent,
+                           service::InstallPolicy install, transport::Context& context,
+                           metrics::Registry& registry)
     : config_(config),
       actor_config_(actor_config),
+      sampling_(sampling),
       identity_(std::move(identity)),
       environments_(environments),
       agent_(agent),
@@ -114,7 +116,7 @@ void ActorService::OnWelcome(const proto::Welcome& welcome) {
     const std::uint64_t seed =
         base::DeriveSeed(identity_.seed, "actor",
                          {base::Checksum(std::string_view(identity_.name)), outbox_.session()});
-    actor_ = std::make_unique<Actor>(actor_config_, environments_, agent_, seed);
+    actor_ = std::make_unique<Actor>(actor_config_, environments_, agent_, seed, sampling_);
     phase_ = Phase::kRunning;
     spdlog::info("session {} with the replay server at {}", outbox_.session(), replay_.endpoint());
     return;

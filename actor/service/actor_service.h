@@ -46,7 +46,8 @@ class ActorService {
   /// `environments` and `agent` must outlive the service; `install` gives a policy to the agent.
   /// Throws `base::Error` if the state directory is unusable.
   ActorService(const ActorServiceConfig& config, const ActorConfig& actor_config,
-               ActorIdentity identity, env::BatchEnvironment& environments, env::Agent& agent,
+               const SamplingConfig& sampling, ActorIdentity identity,
+               env::BatchEnvironment& environments, env::Agent& agent,
                service::InstallPolicy install, transport::Context& context,
                metrics::Registry& registry);
 
@@ -104,6 +105,7 @@ class ActorService {
 
   const ActorServiceConfig config_;
   const ActorConfig actor_config_;
+  const SamplingConfig sampling_;
   const ActorIdentity identity_;
   env::BatchEnvironment& environments_;
   env::Agent& agent_;

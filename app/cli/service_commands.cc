@@ -107,9 +107,7 @@ int RunActor(const ServiceOptions& options) {
   ServiceProcess process(transport::Role::kActor, options);
   const train::RunConfig& config = process.config();
   base::ParallelFor parallel(config.run.simulation_threads);
-  sim::CourseEnvironments environments(config.environment,
-                                       sim::MakeScenes(config.courses.ResolveTrain()),
-                                       config.actor.num_environments, &parallel);
+  sim::CourseEnvironments environments = train::MakeTrainingEnvironments(config, parallel);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
   // Drives nothing before the learner's first policy takes its place.
   const auto agent =
@@ -125,11 +123,12 @@ int RunActor(const ServiceOptions& options) {
   identity.state_directory = process.state() / "actors" / process.name();
   identity.seed = static_cast<std::uint64_t>(config.run.seed);
   identity.spec_hash = process.spec_hash();
-  identity.course_set = config.courses.train;
+  identity.course_set = config.courses.DescribeTrain();
   identity.replay = process.replay();
   identity.learner = process.learner();
-  actor::ActorService actor(config.actor_service, config.actor, std::move(identity), environments,
-                            *agent, install, process.context(), process.registry());
+  actor::ActorService actor(config.actor_service, config.actor, config.courses.sampling,
+                            std::move(identity), environments, *agent, install, process.context(),
+                            process.registry());
   actor.Run(signals.token());
   return base::kExitOk;
 }

@@ -267,7 +267,7 @@ int Train(const TrainOptions& options) {
     train::WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
   }
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
-               directory.root.string(), config.courses.train,
+               directory.root.string(), config.courses.DescribeTrain(),
                config.courses.test.empty() ? "nothing" : config.courses.test);
   metrics::Registry registry(MakeIdentity("train", config.run.name, config.run.name));
   const auto exposer = options.metrics ? ShowMetrics(*options.metrics, registry) : nullptr;

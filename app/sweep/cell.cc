@@ -196,7 +196,9 @@ class Expansion {
       config.run.seed = seed;
       const std::string who = cell.name();
       Check(who, config);
-      const CourseFacts& courses = FindCourses(who, config.courses, config.courses.train);
+      const CourseFacts courses = config.courses.has_named()
+                                      ? FindCourses(who, config.courses, config.courses.train)
+                                      : CourseFacts{};
       cell.num_training_courses = courses.num_courses;
       for (const Score* score : ScoresOf(group)) {
         if (score->column == column) AddScores(cell, *score, config);
@@ -205,7 +207,8 @@ class Expansion {
       config.courses.test = "";           // The scores are the plan's.
       // Courses count by what they are, not by where they lie.
       train::RunConfig anywhere = config;
-      anywhere.courses = {};
+      static_cast<train::CollectionConfig&>(anywhere.courses) = {};
+      anywhere.courses.train = train::CoursesConfig{}.train;
       cell.id = train::Digest(fmt::format(
           "{}\n{}\n{}\n{}\n{}\n{}\n{}", train::RunDigest(anywhere), courses.digest,
           config.run.max_steps, config.run.max_seconds, fmt::join(config.run.snapshot_steps, " "),
@@ -322,7 +325,14 @@ class Expansion {
     std::string what_decides;
     std::vector<int> snapshots;
     if constexpr (kIsPolicy) {
-      if (score.courses == "training") base.courses = task.courses.train;
+      if (score.courses == "training") {
+        if (!task.courses.has_named()) {
+          Fail(who, fmt::format("score '{}' is on training courses, expected courses.train to name "
+                                "some",
+                                score.name));
+        }
+        base.courses = task.courses.train;
+      }
       if (score.planning) task.mpc.enabled = true;
       if (task.mpc.enabled && task.method.model.kind == nn::ModelKind::kNone) {
         Fail(who,

@@ -14,6 +14,7 @@
 #include "replay/rows.h"
 #include "sim/courses/course_sets.h"
 #include "sim/scene.h"
+#include "sim/scene_stream.h"
 
 namespace slalom::train {
 namespace {
@@ -39,7 +40,14 @@ sim::CourseSet CollectionConfig::Resolve(const std::string& spec) const {
   return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
 }
 
+std::string CoursesConfig::DescribeTrain() const {
+  if (fresh == sim::FreshCourses::kNone) return train;
+  return fmt::format("{}fresh courses ({})", train.empty() ? "" : train + " and ",
+                     base::EnumName(fresh));
+}
+
 sim::CourseSet CoursesConfig::ResolveTrain() const {
+  if (!has_named()) return {};
   return ResolveKey("courses.train", *this, train);
 }
 
@@ -63,6 +71,19 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config) {
           .actions = config.environment.action,
           .distribution = learner::DistributionOf(config.method.learner),
           .planning = learner::PlanningOf(config.method, GoalOf(config))};
+}
+
+sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
+                                                 base::ParallelFor& parallel) {
+  auto fresh =
+      config.courses.fresh == sim::FreshCourses::kNone
+          ? nullptr
+          : std::make_unique<sim::SceneStream>(
+                config.courses.fresh, SeedOf(config, "fresh courses"),
+                config.courses.sampling.learnable_courses + 2 * config.actor.num_environments);
+  return sim::CourseEnvironments(config.environment, sim::MakeScenes(config.courses.ResolveTrain()),
+                                 config.actor.num_environments, &parallel, sim::MakeRobots(),
+                                 std::move(fresh));
 }
 
 int BatchesPerUpdate(const RunConfig& config) {

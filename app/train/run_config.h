@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "actor/actor_config.h"
+#include "actor/course_sampler.h"
 #include "actor/service/actor_service_config.h"
 #include "app/train/service_config.h"
 #include "base/config_field.h"
@@ -21,7 +22,9 @@
 #include "replay/service/config.h"
 #include "replay/table.h"
 #include "sim/courses/course.h"
+#include "sim/courses/course_stream.h"
 #include "sim/environment_config.h"
+#include "sim/environments.h"
 
 namespace slalom::train {
 
@@ -47,7 +50,13 @@ struct CollectionConfig {
 struct CoursesConfig : CollectionConfig {
   std::string train = "static-train-50";
   std::string test = "static-test";
+  sim::FreshCourses fresh = sim::FreshCourses::kNone;
+  actor::SamplingConfig sampling;
 
+  /// Whether there are training courses besides fresh ones.
+  bool has_named() const { return !train.empty() || fresh == sim::FreshCourses::kNone; }
+  /// What the run trains on, for people.
+  std::string DescribeTrain() const;
   /// Return the sets of `train` and `test`. Errors name the key, too.
   sim::CourseSet ResolveTrain() const;
   sim::CourseSet ResolveTest() const;
@@ -55,7 +64,12 @@ struct CoursesConfig : CollectionConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("train", train,
-      "Courses to train on: a set's name, generated:SEED:COUNT, or a file (docs/courses.md).");
+      "Courses to train on: a set's name, generated:SEED:COUNT, or a file (docs/courses.md). "
+      "Empty: only fresh ones (courses.fresh).");
+    v("fresh", fresh,
+      "Generated courses without end to train on, besides those of courses.train or in their "
+      "place: static ones, ones with boxes or with walls that move, or none.");
+    sampling.Visit(v);
     v("test", test,
       "Courses on which the trained policy is scored; they should not be among the training "
       "courses. Empty: it is not scored.");
@@ -117,6 +131,11 @@ std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose);
 
 /// What the run's policies see, are and command.
 policy::PolicySpec MakePolicySpec(const RunConfig& config);
+
+/// Makes the environments that training episodes are driven in, on `parallel`'s threads. Throws
+/// `base::Error` as their constructor does, and if the courses are not found.
+sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
+                                                 base::ParallelFor& parallel);
 
 /// Batches that an update learns from, one of each kind. The replay server counts batches.
 int BatchesPerUpdate(const RunConfig& config);

@@ -61,7 +61,7 @@ std::string AgentName(const std::string& policy_source) {
 
 eval::TrainingOverlap CountOverlap(const sim::CourseSet& scored, const CoursesConfig& training) {
   return {sim::CountSharedCourses(scored, training.ResolveTrain()),
-          static_cast<int>(scored.courses.size()), training.train};
+          static_cast<int>(scored.courses.size()), training.DescribeTrain()};
 }
 
 /// Returns nothing, after a warning, if the training courses can no longer be read (for example

@@ -132,6 +132,9 @@ void TableSource::Describe(run::MetricsRow& row) {
   row.timeout_rate = known(acting.timeout_rate);
   row.episode_return = known(acting.mean_return);
   row.episode_steps = known(acting.mean_length);
+  row.courses = static_cast<double>(acting.sampling.num_courses);
+  row.fresh_success = acting.sampling.mean_success;
+  row.learnable_share = acting.sampling.learnable_share;
   row.table_steps = table_.num_steps();
 }
 
@@ -142,6 +145,9 @@ void TableSource::Report(const run::MetricsRow& row, bool) {
   registry_.gauge(metrics::kCollisionRate).Set(row.collision_rate);
   registry_.gauge(metrics::kEpisodeReturn).Set(row.episode_return);
   registry_.gauge(metrics::kEpisodeSteps).Set(row.episode_steps);
+  registry_.gauge(metrics::kCoursesDriven).Set(row.courses);
+  registry_.gauge(metrics::kFreshSuccess).Set(row.fresh_success);
+  registry_.gauge(metrics::kLearnableShare).Set(row.learnable_share);
   registry_.gauge(metrics::kTableSteps).Set(static_cast<double>(row.table_steps));
   registry_.gauge(metrics::kTableRows).Set(static_cast<double>(table_.num_rows()));
   registry_.gauge(metrics::kTableCapacityRows).Set(static_cast<double>(config_.replay.capacity));

@@ -12,7 +12,6 @@
 #include "base/config.h"
 #include "base/error.h"
 #include "base/log.h"
-#include "sim/scene.h"
 
 namespace slalom::train {
 namespace {
@@ -52,11 +51,11 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
                  bool resume, metrics::Registry& registry, run::TrainingClock clock)
     : config_(Checked(config, resume)),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
-      environments_(config.environment, sim::MakeScenes(config.courses.ResolveTrain()),
-                    config.actor.num_environments, &parallel_),
+      environments_(MakeTrainingEnvironments(config, parallel_)),
       learner_(config.method, MakePolicySpec(config), SeedOf(config, "learner")),
       agent_(policy::MakePolicyAgent(learner_.Snapshot(), config.mpc, SeedOf(config, "mpc"))),
-      actor_(config.actor, environments_, *agent_, SeedOf(config, "actor")),
+      actor_(config.actor, environments_, *agent_, SeedOf(config, "actor"),
+             config.courses.sampling),
       table_(config.replay, config.environment.lidar.num_beams),
       lock_(Begin(directory, config, learner_, resume)),
       source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),

@@ -33,7 +33,7 @@ RunFacts FactsOf(const std::filesystem::path& directory) {
   facts.lines = {
       {"Directory", directory.string()},
       {"Algorithm", config.method.learner.algorithm},
-      {"Training courses", config.courses.train},
+      {"Training courses", config.courses.DescribeTrain()},
       {"Test courses", config.courses.test.empty() ? "none" : config.courses.test},
       {"Network",
        fmt::format("{}, encoder {}, head {}", base::EnumName(config.network.encoder),

@@ -73,6 +73,14 @@ sim::CourseSet Some(sim::CourseSet set) {
   return some;
 }
 
+/// The training courses, or some of their kind if only fresh ones are trained on.
+std::string CoursesLike(const train::CoursesConfig& courses) {
+  if (courses.has_named()) return courses.train;
+  const std::string kind(base::EnumName(courses.fresh));
+  return fmt::format("generated{}:1:{}",
+                     courses.fresh == sim::FreshCourses::kStatic ? "" : "-" + kind, kNumCourses);
+}
+
 /// The picture of a policy's drives. None: stopped first.
 std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token& stop) {
   const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
@@ -86,7 +94,7 @@ std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token&
   // Planning would take the processor from the run.
   const bool plans = std::exchange(config.mpc.enabled, false);
   train::Scoring scoring = train::PreparePolicy(loaded.snapshot, file.path.string(), config,
-                                                config.courses.train, std::nullopt);
+                                                CoursesLike(config.courses), std::nullopt);
   scoring.task.courses = Some(std::move(scoring.task.courses));
   scoring.task.num_environments = scoring.task.num_episodes();
   auto evaluation = eval::EvaluateOnCourses(scoring.task, scoring.make_agent, nullptr, {}, stop);
@@ -105,11 +113,14 @@ std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token&
   drives.svg = sim::PrintAnimationSvg(sim::PlaceAnimation(std::move(panels), options));
   const auto steps = loaded.metadata.find("steps");
   drives.note = fmt::format(
-      "The policy {} on courses of {}, which it trains on{}{}.",
+      "The policy {} on {}{}{}.",
       steps == loaded.metadata.end()
           ? file.path.parent_path().filename().string()
           : fmt::format("after {} steps", base::FormatCount(std::stod(steps->second))),
-      config.courses.train, plans ? ", without planning" : "",
+      config.courses.has_named()
+          ? fmt::format("courses of {}, which it trains on", config.courses.train)
+          : "generated courses like those that it trains on",
+      plans ? ", without planning" : "",
       options.speed > 1.0 ? fmt::format(", {:g} times as fast as driven", options.speed) : "");
   return drives;
 }

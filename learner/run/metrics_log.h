@@ -30,6 +30,9 @@ struct MetricsRow {
   double timeout_rate = 0.0;
   double episode_return = 0.0;
   double episode_steps = 0.0;
+  double courses = kNone;
+  double fresh_success = kNone;
+  double learnable_share = kNone;
   std::int64_t table_steps = 0;
   metrics::LearningFigures learning;
 
@@ -47,6 +50,10 @@ struct MetricsRow {
     v("timeout_rate", timeout_rate, "Share of episodes that ran out of time.");
     v("episode_return", episode_return, "Mean return of an episode.");
     v("episode_steps", episode_steps, "Mean steps of an episode.");
+    v("courses", courses, "Different courses driven in training.", "{:.0f}");
+    v("fresh_success", fresh_success, "Mean success on the fresh courses measured last.");
+    v("learnable_share", learnable_share,
+      "Share of the fresh courses measured last with both successes and failures.");
     v("table_steps", table_steps, "Environment steps in the replay table.");
     learning.Visit(v);
   }

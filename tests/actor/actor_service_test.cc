@@ -106,7 +106,7 @@ class ActorServiceTest : public ::testing::Test {
               ActorConfig actor;
               actor.num_environments = kEnvironments;
               ActorService service(
-                  config, actor, identity, environments_, agent_,
+                  config, actor, {}, identity, environments_, agent_,
                   [](std::span<const std::byte>) { return std::nullopt; }, context_, registry_);
               service.Run(stop);
               account_ = service.account();

@@ -14,8 +14,13 @@ ActorState MakeState() {
   state.num_steps = 123456789012;
   state.num_episodes = 4711;
   state.recent = {{env::Outcome::kSuccess, 30, 29.5f}, {env::Outcome::kTimeout, 400, -0.25f}};
-  state.open = {{7, {3, 99}, {1, 2, 3, 4}, 1.5f, 55, {{0.5f, -0.5f}, {1.0f, 0.25f}}},
-                {8, {0, 100}, {5, 6, 7, 8}, 0.0f, 56, {}}};
+  state.open = {{7, {3, 99}, true, {1, 2, 3, 4}, 1.5f, 55, {{0.5f, -0.5f}, {1.0f, 0.25f}}},
+                {8, {0, 100}, false, {5, 6, 7, 8}, 0.0f, 56, {}}};
+  state.sampler = {.num_fresh_draws = 12,
+                   .named = {{0, 0.5f, 1.0f}},
+                   .candidates = {{9, 1.0f, 0.0f}, {10, 0.0f, 0.0f}},
+                   .learnable = {{8, 1.0f, 3.0f}},
+                   .recent = {{7, 4.0f, 0.0f}, {8, 1.0f, 3.0f}}};
   return state;
 }
 
@@ -40,11 +45,17 @@ TEST(ActorState, ReadsBackWhatItWrote) {
     EXPECT_EQ(read.open[i].number, state.open[i].number);
     EXPECT_EQ(read.open[i].spec.course, state.open[i].spec.course);
     EXPECT_EQ(read.open[i].spec.seed, state.open[i].spec.seed);
+    EXPECT_EQ(read.open[i].is_learnable, state.open[i].is_learnable);
     EXPECT_EQ(read.open[i].noise, state.open[i].noise);
     EXPECT_EQ(read.open[i].episode_return, state.open[i].episode_return);
     EXPECT_EQ(read.open[i].frame_checksum, state.open[i].frame_checksum);
     EXPECT_EQ(read.open[i].actions, state.open[i].actions);
   }
+  EXPECT_EQ(read.sampler.num_fresh_draws, state.sampler.num_fresh_draws);
+  EXPECT_EQ(read.sampler.named, state.sampler.named);
+  EXPECT_EQ(read.sampler.candidates, state.sampler.candidates);
+  EXPECT_EQ(read.sampler.learnable, state.sampler.learnable);
+  EXPECT_EQ(read.sampler.recent, state.sampler.recent);
   EXPECT_EQ(read.Serialize(), state.Serialize());
 }
 

@@ -11,11 +11,16 @@ namespace {
 /// An actor on real courses, under a drive with a delay, so that an episode has state beyond its
 /// pose.
 struct CourseActor {
-  explicit CourseActor(base::ParallelFor* parallel)
+  CourseActor(base::ParallelFor* parallel, sim::FreshCourses fresh)
       : environments(MakeEnvironment(),
                      sim::MakeScenes(sim::ResolveCourses("generated:3:5", std::nullopt, 0)), 12,
-                     parallel),
-        actor({}, environments, agent, 21) {}
+                     parallel, sim::MakeRobots(),
+                     fresh == sim::FreshCourses::kNone
+                         ? nullptr
+                         : std::make_unique<sim::SceneStream>(fresh, 8, 30)),
+        actor({}, environments, agent, 21,
+              {.sampling = fresh == sim::FreshCourses::kNone ? Sampling::kUniform
+                                                             : Sampling::kLearnable}) {}
 
   static sim::EnvironmentConfig MakeEnvironment() {
     sim::EnvironmentConfig config;
@@ -31,12 +36,12 @@ struct CourseActor {
   Actor actor;
 };
 
-TEST(ActorOnCourses, RestoredGoesOnBitForBit) {
+void ExpectRestoredGoesOnBitForBit(sim::FreshCourses fresh) {
   base::ParallelFor parallel(2);
-  CourseActor whole(nullptr);
-  CourseActor restored(&parallel);
+  CourseActor whole(nullptr, fresh);
+  CourseActor restored(&parallel, fresh);
   replay::Chunk chunk(720);
-  for (int step = 0; step < 120; ++step) {
+  for (int step = 0; step < 240; ++step) {
     chunk.Clear();
     whole.actor.Step(&chunk);
   }
@@ -54,6 +59,15 @@ TEST(ActorOnCourses, RestoredGoesOnBitForBit) {
   EXPECT_EQ(found.reward, expected.reward);
   EXPECT_TRUE(found.ranges_cm == expected.ranges_cm);
   EXPECT_EQ(restored.actor.Save().Serialize(), whole.actor.Save().Serialize());
+}
+
+TEST(ActorOnCourses, RestoredGoesOnBitForBit) {
+  ExpectRestoredGoesOnBitForBit(sim::FreshCourses::kNone);
+}
+
+TEST(ActorOnCourses, RestoredGoesOnBitForBitOnFreshAndLearnableCourses) {
+  ExpectRestoredGoesOnBitForBit(sim::FreshCourses::kBox);
+  ExpectRestoredGoesOnBitForBit(sim::FreshCourses::kStatic);
 }
 
 }  // namespace

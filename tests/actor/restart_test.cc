@@ -46,7 +46,7 @@ class Restart : public ::testing::Test {
       ActorConfig actor;
       actor.num_environments = kEnvironments;
       service.emplace(
-          config, actor, identity, environments, agent,
+          config, actor, SamplingConfig{}, identity, environments, agent,
           [](std::span<const std::byte>) { return std::nullopt; }, context, registry);
     }
 

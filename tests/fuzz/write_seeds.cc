@@ -149,6 +149,11 @@ Seeds ActorStateSeeds() {
   state.recent = {{env::Outcome::kSuccess, 30, 12.5f}, {env::Outcome::kCollision, 3, -1.0f}};
   state.open.resize(2);
   state.open[0].actions = {{0.5f, 0.25f}, {1.0f, -1.0f}};
+  state.sampler = {.num_fresh_draws = 9,
+                   .named = {{0, 1.5f, 0.5f}},
+                   .candidates = {{4, 1.0f, 0.0f}},
+                   .learnable = {{2, 3.0f, 1.0f}},
+                   .recent = {{2, 3.0f, 1.0f}, {3, 0.0f, 4.0f}}};
   const std::string bytes = state.Serialize();
   return {bytes, bytes.substr(0, bytes.size() - 8)};
 }

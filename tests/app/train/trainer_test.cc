@@ -57,6 +57,15 @@ void ExpectAKillChangesNothing(RunConfig config) {
 
 TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) { ExpectAKillChangesNothing(SmallRun()); }
 
+TEST(TrainerTest, ARunOnLearnableCoursesResumedAfterAKillEndsBitIdentical) {
+  RunConfig config = SmallRun();
+  config.courses.fresh = sim::FreshCourses::kStatic;
+  config.courses.sampling.sampling = actor::Sampling::kLearnable;
+  ExpectAKillChangesNothing(config);
+  config.courses.train = "";
+  ExpectAKillChangesNothing(config);
+}
+
 TEST(TrainerTest, APrioritizedRunResumedAfterAKillEndsBitIdentical) {
   RunConfig config = SmallRun();
   config.method.learner.prioritized = true;

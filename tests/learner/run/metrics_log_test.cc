@@ -73,7 +73,8 @@ TEST(MetricsLogTest, TheEventFileHoldsEveryCell) {
   const test::ScratchDirectory scratch;
   const auto path = scratch.path() / "metrics.csv";
   // Numbers that a cell and a float32 hold whole.
-  MetricsRow row{1.5, 640, 160, 12, 512.0, 128.0, 0.75, 0.125, 0.25, 24.5, 120.0, 600, {}};
+  MetricsRow row{1.5,  640,  160,   12, 512.0, 128.0, 0.75, 0.125,
+                 0.25, 24.5, 120.0, 40, 0.5,   0.25,  600,  {}};
   row.learning.critic_loss = 0.375;
   row.learning.model.inside_50 = 0.5;
   MetricsLog log(path, 0);
@@ -93,7 +94,7 @@ TEST(MetricsLogTest, TheEventFileHoldsEveryCell) {
       if (!cells[c].empty()) expected["training/" + names[c]] = std::stof(cells[c]);
     }
     EXPECT_EQ(events[i].scalars, expected);
-    EXPECT_EQ(events[i].scalars.size(), 19u - i) << "the second row has an empty cell";
+    EXPECT_EQ(events[i].scalars.size(), 22u - i) << "the second row has an empty cell";
     EXPECT_EQ(events[i].step, std::stoll(cells.at(1)));
   }
 }

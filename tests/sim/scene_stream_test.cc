@@ -1,0 +1,103 @@
+#include "sim/scene_stream.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "sim/courses/course_check.h"
+#include "sim/courses/course_overlap.h"
+#include "sim/courses/course_sets.h"
+#include "sim/environments.h"
+
+namespace slalom::sim {
+namespace {
+
+constexpr FreshCourses kKinds[] = {FreshCourses::kStatic, FreshCourses::kBox, FreshCourses::kWall};
+
+CourseSet FirstOfStream(FreshCourses kind, std::uint64_t seed, int count) {
+  CourseSet set{"stream", {}};
+  for (int i = 0; i < count; ++i) {
+    set.courses.push_back(std::make_shared<const Course>(GenerateStreamCourse(kind, seed, i)));
+  }
+  return set;
+}
+
+TEST(CourseStream, CoursesDependOnSeedAndNumberAloneAndCanBeDriven) {
+  for (const FreshCourses kind : kKinds) {
+    const CourseSet set = FirstOfStream(kind, 5, 30);
+    for (const int i : {29, 3, 11}) {
+      EXPECT_EQ(GenerateStreamCourse(kind, 5, i), *set.courses[i]);
+      EXPECT_EQ(WhyUnsolvable(*set.courses[i]), std::nullopt);
+    }
+    EXPECT_EQ(CountSharedCourses(set, FirstOfStream(kind, 6, 30)), 0);
+    EXPECT_EQ(CountSharedCourses({"rest", {set.courses.begin() + 1, set.courses.end()}},
+                                 {"first", {set.courses[0]}}),
+              0);
+  }
+}
+
+// The same seed, on purpose: what a run is scored on must not be what it was trained on.
+TEST(CourseStream, SharesNoCourseWithAnySet) {
+  const CourseSet set = FirstOfStream(FreshCourses::kStatic, 1, 60);
+  for (const char* other : {"static", "static-validation", "generated:1:60"}) {
+    EXPECT_EQ(CountSharedCourses(set, ResolveCourses(other, std::nullopt, 1)), 0) << other;
+  }
+  EXPECT_EQ(CountSharedCourses(FirstOfStream(FreshCourses::kBox, 1, 60),
+                               ResolveCourses("generated-box:1:60", std::nullopt, 1)),
+            0);
+  EXPECT_EQ(CountSharedCourses(FirstOfStream(FreshCourses::kWall, 1, 60),
+                               ResolveCourses("generated-wall:1:60", std::nullopt, 1)),
+            0);
+}
+
+TEST(SceneStream, AForgottenSceneIsMadeAgain) {
+  SceneStream stream(FreshCourses::kStatic, 5, 2);
+  const auto first = stream.Get(0);
+  EXPECT_EQ(stream.Get(0), first) << "it is kept";
+  (void)stream.Get(1);
+  (void)stream.Get(0);
+  (void)stream.Get(2);  // Drops 1, which was asked for longest ago.
+  EXPECT_EQ(stream.Get(0), first);
+  (void)stream.Get(3);
+  (void)stream.Get(4);
+  const auto again = stream.Get(0);
+  EXPECT_NE(again, first);
+  EXPECT_EQ(again->course(), first->course());
+}
+
+/// The frames of an episode on course `course`, driven straight ahead.
+std::vector<std::uint16_t> Drive(CourseEnvironments& environments, int course) {
+  std::vector<std::uint16_t> frames;
+  std::vector<env::StepResult> results(1);
+  const std::vector<env::Action> ahead(1, env::Action{0.5f, 0.1f});
+  environments.Reset(0, {course, 9});
+  for (int step = 0; step < 40; ++step) {
+    const auto ranges = environments.observations().frame(0).ranges_cm;
+    frames.insert(frames.end(), ranges.begin(), ranges.end());
+    environments.Step(ahead, results);
+    if (results[0].ended()) break;
+  }
+  return frames;
+}
+
+TEST(EnvironmentsTest, AFreshCourseIsDrivenLikeANamedOne) {
+  for (const FreshCourses kind : kKinds) {
+    const CourseSet set = FirstOfStream(kind, 7, 4);
+    CourseEnvironments named({}, MakeScenes(set), 1, nullptr);
+    CourseEnvironments fresh({}, MakeScenes({"one", {set.courses[2]}}), 1, nullptr, MakeRobots(),
+                             std::make_unique<SceneStream>(kind, 7, 1));
+    CourseEnvironments only_fresh({}, {}, 1, nullptr, MakeRobots(),
+                                  std::make_unique<SceneStream>(kind, 7, 1));
+    ASSERT_FALSE(named.has_fresh_courses());
+    ASSERT_TRUE(fresh.has_fresh_courses());
+    for (int course = 0; course < 4; ++course) {
+      const auto expected = Drive(named, course);
+      EXPECT_EQ(Drive(fresh, 1 + course), expected);
+      EXPECT_EQ(Drive(only_fresh, course), expected);
+    }
+    EXPECT_EQ(Drive(fresh, 0), Drive(named, 2));
+  }
+}
+
+}  // namespace
+}  // namespace slalom::sim
