@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "env/action.h"
@@ -56,5 +57,8 @@ struct Batch {
   AlignedBuffer<std::uint16_t> ranges_cm;       ///< [B, H, N] [cm]
   AlignedBuffer<std::uint16_t> next_ranges_cm;  ///< [B, H, N] [cm]
 };
+
+/// Copies scans to `out`, [scans.size(), num_beams]. Each scan is prefetched some scans ahead.
+void GatherScans(std::span<const std::uint16_t* const> scans, int num_beams, std::uint16_t* out);
 
 }  // namespace slalom::replay

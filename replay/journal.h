@@ -15,7 +15,6 @@
 #include "base/file_lock.h"
 #include "base/mutex.h"
 #include "replay/journal_record.h"
-#include "replay/record_log.h"
 #include "replay/table.h"
 
 namespace slalom::replay {

@@ -1,17 +1,22 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 
 #include "base/result.h"
 #include "replay/batch.h"
 
-/// A sample as a replay server sends it, in one block of bytes: sequence [B] int64, next_sequence
-/// [B] int64, state [B, H, S] float32, next_state [B, H, S] float32, action [B, 2] float32,
-/// n_step_return [B] float32, cost_return [B] float32, discount [B] float32, if weighted weight [B]
-/// float32, then ranges [B, H, N] uint16 [cm] and next ranges [B, H, N] uint16 [cm]; without
-/// padding, little-endian.
+/// Samples that a replay server sends a learner, and priorities that it gets back, each in one
+/// block of bytes, without padding, little-endian.
+///
+/// A sample: sequence [B] int64, next_sequence [B] int64, state [B, H, S] float32, next_state [B,
+/// H, S] float32, action [B, 2] float32, n_step_return [B] float32, cost_return [B] float32,
+/// discount [B] float32, if weighted weight [B] float32, then ranges [B, H, N] uint16 [cm] and next
+/// ranges [B, H, N] uint16 [cm].
+///
+/// New priorities of sampled rows: sequence [C] int64, priority [C] float32.
 
 namespace slalom::replay {
 
@@ -38,5 +43,23 @@ void WriteSample(const SampledRows& rows, bool weighted, std::span<std::byte> ou
 /// most the size of `bytes`, and nothing after the first call with a shape.
 [[nodiscard]] std::optional<base::Failure> ParseSample(std::span<const std::byte> bytes,
                                                        const SampleShape& shape, SampledRows* rows);
+
+/// Returns the size of `count` priorities in bytes. Requires: count >= 0.
+std::size_t PrioritySize(int count);
+
+/// Writes priorities to `out`. Requires: both spans have the same size; out.size() ==
+/// PrioritySize(...); `out` starts on a multiple of 8 bytes.
+void WritePriorities(std::span<const std::int64_t> sequence, std::span<const float> priority,
+                     std::span<std::byte> out);
+
+/// Views only.
+struct PriorityView {
+  std::span<const std::int64_t> sequence;  ///< [C] >= 0; the table may no longer hold such a row.
+  std::span<const float> priority;         ///< [C] finite, >= 0
+};
+
+/// Parses bytes from an untrusted peer. Fails if their number is not that of `count` priorities, if
+/// they do not start on a multiple of 8 bytes, or if a value is outside the ranges above.
+base::Result<PriorityView> ParsePriorities(std::span<const std::byte> bytes, int count);
 
 }  // namespace slalom::replay

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "base/error.h"
-#include "replay/priority_bytes.h"
 #include "replay/sample_bytes.h"
 
 namespace slalom::learner {

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "proto/messages.h"
+#include "replay/journal_record.h"
 #include "replay/rate_limiter.h"
-#include "replay/record_log.h"
 #include "replay/rows.h"
 #include "replay/service/reply_sender.h"
 #include "replay/sessions.h"

@@ -7,7 +7,6 @@
 
 #include "base/check.h"
 #include "base/random.h"
-#include "replay/priority_bytes.h"
 #include "replay/sample_bytes.h"
 
 namespace slalom::replay {

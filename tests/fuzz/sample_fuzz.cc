@@ -1,6 +1,5 @@
 // Payloads of samples and of priorities.
 
-#include "replay/priority_bytes.h"
 #include "replay/sample_bytes.h"
 #include "tests/fuzz/fuzz_input.h"
 

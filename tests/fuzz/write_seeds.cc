@@ -10,7 +10,6 @@
 #include "proto/messages.h"
 #include "replay/journal.h"
 #include "replay/manifest.h"
-#include "replay/priority_bytes.h"
 #include "replay/rows.h"
 #include "replay/sample_bytes.h"
 #include "sim/courses/course_file.h"

@@ -7,7 +7,6 @@
 #include <functional>
 #include <limits>
 
-#include "replay/priority_bytes.h"
 #include "tests/replay/aligned_bytes.h"
 #include "tests/replay/model.h"
 

@@ -10,7 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "replay/record_log.h"
+#include "replay/journal_record.h"
 #include "replay/rows.h"
 #include "replay/table.h"
 

@@ -5,7 +5,6 @@
 #include <thread>
 
 #include "base/error.h"
-#include "replay/priority_bytes.h"
 #include "replay/sample_bytes.h"
 #include "tests/replay/service/rows_source.h"
 #include "tests/replay/service/running_server.h"
