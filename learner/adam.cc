@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "base/check.h"
+#include "base/vector_clones.h"
 #include "learner/stored_state.h"
 #include "policy/nn/kernels/layer_ops.h"
-#include "policy/nn/kernels/simd.h"
 
 namespace slalom::learner {
 namespace {

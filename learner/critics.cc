@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "base/check.h"
-#include "learner/parameters.h"
 #include "learner/stored_state.h"
+#include "policy/nn/network.h"
 
 namespace slalom::learner {
 Critics::Critics(std::string name, const nn::NetworkShape& shape, int num_critics,

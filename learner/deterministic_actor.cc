@@ -5,10 +5,10 @@
 #include <array>
 
 #include "base/check.h"
-#include "learner/parameters.h"
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
 #include "policy/nn/kernels/layer_ops.h"
+#include "policy/nn/network.h"
 
 namespace slalom::learner {
 DeterministicActor::DeterministicActor(const nn::NetworkShape& shape,

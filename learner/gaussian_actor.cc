@@ -6,10 +6,10 @@
 
 #include "base/check.h"
 #include "env/action.h"
-#include "learner/parameters.h"
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
 #include "policy/nn/kernels/layer_ops.h"
+#include "policy/nn/network.h"
 
 namespace slalom::learner {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/vector_clones.h"
 #include "policy/nn/kernels/layer_ops.h"
-#include "policy/nn/kernels/simd.h"
 #include "policy/nn/kernels/smooth_math.h"
 
 namespace slalom::learner {

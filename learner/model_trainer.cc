@@ -10,8 +10,8 @@
 
 #include "base/check.h"
 #include "base/error.h"
-#include "learner/parameters.h"
 #include "learner/stored_state.h"
+#include "policy/nn/network.h"
 
 namespace slalom::learner {
 namespace {

@@ -9,7 +9,6 @@
 #include "policy/nn/encoder_slots.h"
 #include "policy/nn/kernels/layer_ops.h"
 #include "policy/nn/network_shape.h"
-#include "policy/nn/parameter_views.h"
 
 /// Shapes: `B` batch, `H` frames of `F` numbers, the first `R` of them ranges; `L` positions of `C`
 /// channels after a convolution, `P` before it.

@@ -2,11 +2,16 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <algorithm>
 #include <memory>
+#include <string_view>
+#include <vector>
 
+#include "base/check.h"
 #include "base/random.h"
 #include "policy/nn/mlp.h"
 #include "policy/nn/network_shape.h"
+#include "policy/nn/parameter_slot.h"
 
 /// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `W` features of an encoder.
 
@@ -40,6 +45,28 @@ class Encoder {
   /// Writes the gradients of all parameters into those of `gradient`, an encoder of the same shape.
   /// Uses up the pass. Requires: `Forward` has run and the feature gradient is set.
   virtual void ParameterGradient(EncoderPass& pass, Encoder& gradient) const = 0;
+};
+
+/// The parameters of a flat tensor by their names.
+class ParameterViews {
+ public:
+  /// `parameters`: [CountParameters(slots)], shared, not copied.
+  ParameterViews(std::vector<ParameterSlot> slots, const at::Tensor& parameters)
+      : slots_(std::move(slots)), parameters_(parameters) {
+    SLALOM_CHECK_EQ(parameters.numel(), CountParameters(slots_));
+    SLALOM_CHECK(parameters.is_contiguous());
+  }
+
+  /// Requires: there is a slot of this name.
+  at::Tensor operator[](std::string_view name) const {
+    const auto slot = std::ranges::find(slots_, name, &ParameterSlot::name);
+    SLALOM_CHECK(slot != slots_.end());
+    return parameters_.narrow(0, slot->offset, slot->size()).view(slot->shape);
+  }
+
+ private:
+  std::vector<ParameterSlot> slots_;
+  at::Tensor parameters_;
 };
 
 /// Makes the encoder of a shape. `parameters`: the encoder's, shared, not copied. Requires:

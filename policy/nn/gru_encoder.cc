@@ -9,7 +9,6 @@
 #include "policy/nn/kernels/layer_ops.h"
 #include "policy/nn/kernels/sequence_ops.h"
 #include "policy/nn/network_shape.h"
-#include "policy/nn/parameter_views.h"
 
 /// Shapes: `B` batch, `H` steps, `I` inputs and `W` width of a layer. Rows of all steps lie step
 /// after step.

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "policy/nn/mlp_shape.h"
+#include "policy/nn/network_shape.h"
 
 /// Shapes: `B` batch, `I` inputs, `E` extra inputs, `O` outputs of a network.
 

@@ -2,6 +2,9 @@
 
 #include <ATen/ATen.h>
 
+#include <span>
+#include <vector>
+
 #include "base/check.h"
 
 namespace slalom::nn {
@@ -51,6 +54,16 @@ void Network::Forward(NetworkPass& pass) const {
 void Network::ParameterGradient(NetworkPass& pass, Network& gradient) const {
   mlp_.ParameterGradient(*pass.mlp_, gradient.mlp_);
   if (encoder_) encoder_->ParameterGradient(*pass.encoder_, *gradient.encoder_);
+}
+
+at::Tensor InitialParameters(const NetworkShape& shape, int num_networks, base::Random& random,
+                             at::Device device) {
+  const std::int64_t size = shape.num_parameters();
+  std::vector<float> host(static_cast<std::size_t>(num_networks * size));
+  for (int i = 0; i < num_networks; ++i) {
+    InitialiseParameters(shape, random, std::span(host).subspan(i * size, size));
+  }
+  return at::from_blob(host.data(), {num_networks * size}, at::kFloat).clone().to(device);
 }
 
 at::Tensor ViewWeights(const std::vector<float>& weights) {

@@ -71,6 +71,11 @@ class Network {
   Mlp mlp_;                           // The whole network, or its head.
 };
 
+/// Returns newly initialised parameters of `num_networks` networks of one shape, one network after
+/// the other: [num_networks * P].
+at::Tensor InitialParameters(const NetworkShape& shape, int num_networks, base::Random& random,
+                             at::Device device);
+
 /// Views shared weights as a tensor [P], for networks that only run forward. Nothing may write to
 /// it, and the weights must outlive it.
 at::Tensor ViewWeights(const std::vector<float>& weights);

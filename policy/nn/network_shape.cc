@@ -1,5 +1,7 @@
 #include "policy/nn/network_shape.h"
 
+#include <fmt/format.h>
+
 #include "env/action.h"
 #include "policy/nn/encoder_slots.h"
 
@@ -27,6 +29,30 @@ NetworkShape BodyShape(const NetworkConfig& config, int frame_size, int num_outp
 }
 
 }  // namespace
+
+int MlpShape::layer_inputs(int layer) const {
+  const int inputs = layer == 0 ? num_inputs : hidden[layer - 1];
+  return layer == extra_layer ? inputs + num_extra : inputs;
+}
+
+int MlpShape::layer_outputs(int layer) const {
+  return layer + 1 == num_layers() ? num_outputs : hidden[layer];
+}
+
+std::string MlpShape::layer_name(int layer) const {
+  return layer < num_encoder_layers ? fmt::format("encoder.{}", layer)
+                                    : fmt::format("head.{}", layer - num_encoder_layers);
+}
+
+std::vector<ParameterSlot> MlpShape::Slots() const {
+  ParameterSlots slots;
+  for (int i = 0; i < num_layers(); ++i) {
+    const std::string layer = layer_name(i);
+    slots.AddLinear(layer, layer_outputs(i), layer_inputs(i));
+    if (layer_norm && i + 1 < num_layers()) slots.AddNorm(layer + ".norm", layer_outputs(i));
+  }
+  return slots.Take();
+}
 
 std::vector<ParameterSlot> NetworkShape::Slots() const {
   ParameterSlots slots;

@@ -11,7 +11,6 @@
 #include "policy/nn/kernels/layer_ops.h"
 #include "policy/nn/kernels/sequence_ops.h"
 #include "policy/nn/network_shape.h"
-#include "policy/nn/parameter_views.h"
 
 /// Shapes: `B` batch, `H` frames, `W` width, `A` heads; `N` = B * H rows, frame after frame of each
 /// sample; `M` rows that a block gives on, N or, in the last, B.

@@ -7,9 +7,9 @@
 #include <cstring>
 
 #include "base/check.h"
+#include "base/vector_clones.h"
 #include "env/action.h"
 #include "policy/nn/kernels/layer_ops.h"
-#include "policy/nn/kernels/simd.h"
 #include "policy/nn/kernels/smooth_math.h"
 
 namespace slalom::nn {

@@ -6,10 +6,10 @@
 #include <cmath>
 
 #include "base/check.h"
+#include "base/vector_clones.h"
 #include "policy/nn/kernels/forward_kernels.h"
 #include "policy/nn/kernels/lane_sums.h"
 #include "policy/nn/kernels/layer_ops.h"
-#include "policy/nn/kernels/simd.h"
 #include "policy/nn/kernels/tensor_rows.h"
 
 namespace slalom::nn {

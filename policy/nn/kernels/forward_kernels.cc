@@ -6,7 +6,6 @@
 #include "base/check.h"
 #include "base/vector_clones.h"
 #include "policy/nn/kernels/lane_sums.h"
-#include "policy/nn/kernels/simd.h"
 #include "policy/nn/kernels/smooth_math.h"
 
 namespace slalom::nn {

@@ -10,7 +10,6 @@
 #include "policy/nn/kernels/blas.h"
 #include "policy/nn/kernels/forward_kernels.h"
 #include "policy/nn/kernels/lane_sums.h"
-#include "policy/nn/kernels/simd.h"
 #include "policy/nn/kernels/small_gemm.h"
 #include "policy/nn/kernels/tensor_rows.h"
 

@@ -9,7 +9,6 @@
 #include "base/vector_clones.h"
 #include "policy/nn/kernels/forward_kernels.h"
 #include "policy/nn/kernels/lane_sums.h"
-#include "policy/nn/kernels/simd.h"
 #include "policy/nn/kernels/smooth_math.h"
 #include "policy/nn/kernels/tensor_rows.h"
 
