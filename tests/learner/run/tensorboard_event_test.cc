@@ -1,11 +1,11 @@
 // The bytes of events, put together by hand from the field numbers and types of TensorBoard's
 // format.
 
-#include "learner/run/tensorboard_event.h"
-
 #include <gtest/gtest.h>
 
 #include <limits>
+
+#include "learner/run/event_file.h"
 
 namespace slalom::run {
 namespace {
