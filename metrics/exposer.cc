@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "metrics/http_server.h"
-#include "metrics/listener.h"
 
 namespace slalom::metrics {
 namespace {

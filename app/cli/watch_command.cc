@@ -16,7 +16,6 @@
 #include "base/error.h"
 #include "base/mutex.h"
 #include "metrics/http_server.h"
-#include "metrics/listener.h"
 
 namespace slalom::cli {
 namespace {

@@ -9,7 +9,7 @@
 #include "app/watch/run_page.h"
 #include "app/watch/watch_server.h"
 #include "base/file.h"
-#include "metrics/listener.h"
+#include "metrics/http_server.h"
 #include "tests/support/scratch_directory.h"
 
 /// Opens the page of `slalom watch` in headless Chromium and looks at what became of it. Skipped
