@@ -17,7 +17,6 @@
 #include "app/cli/signals.h"
 #include "app/cli/sweep_selection.h"
 #include "app/cli/sweep_serve.h"
-#include "app/sweep/calibration.h"
 #include "app/sweep/cell.h"
 #include "app/sweep/cell_archive.h"
 #include "app/sweep/estimate.h"

@@ -5,23 +5,31 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <set>
 #include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
-#include "app/sweep/axes.h"
-#include "app/sweep/cell_check.h"
-#include "app/sweep/course_facts.h"
+#include "app/sweep/plan.h"
 #include "app/train/agent_run_config.h"
 #include "app/train/profile.h"
+#include "app/train/run_config.h"
+#include "app/train/run_identity.h"
 #include "app/train/run_limits.h"
 #include "app/train/sweep_files.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "planners/planner_registry.h"
+#include "policy/policy.h"
+#include "sim/courses/course_file.h"
+#include "sim/courses/course_sets.h"
+#include "sim/scene.h"
 
 namespace slalom::sweep {
 namespace {
@@ -35,6 +43,66 @@ void Apply(const base::TomlAssignments& set, const config::FieldList& fields) {
 bool Sets(const base::TomlAssignments& set, std::string_view key) {
   return std::ranges::find(set, key, &base::TomlAssignment::key) != set.end();
 }
+
+/// The environment steps after which a training of this config has made `updates` updates.
+std::int64_t StepsForUpdates(const train::RunConfig& config, std::int64_t updates) {
+  return config.run.learning_starts +
+         static_cast<std::int64_t>(
+             std::ceil(static_cast<double>(updates) / config.run.updates_per_step));
+}
+
+/// Throws `base::Error` if `slalom evaluate` would refuse the policy of the finished training:
+/// because the task has other observations or actions than the training, or because the policy
+/// cannot plan yet. `snapshots`: steps at which policies are scored, too.
+void RequireScorable(const train::RunConfig& trained, const train::RunConfig& task,
+                     const std::vector<int>& snapshots) {
+  policy::RequireSameInterface("the policy", train::MakePolicySpec(trained),
+                               sim::MakeObservationSpec(task.environment), task.environment.action);
+  if (task.environment.lidar.field_of_view != trained.environment.lidar.field_of_view) {
+    throw base::Error(fmt::format(
+        "environment.lidar.field_of_view is {} rad, expected {}, which the policy is trained with",
+        task.environment.lidar.field_of_view, trained.environment.lidar.field_of_view));
+  }
+  if (!task.mpc.enabled) return;
+  const std::int64_t first = StepsForUpdates(task, task.mpc.learning_starts);
+  for (const std::int64_t steps : snapshots) {
+    if (steps >= first) continue;
+    throw base::Error(
+        fmt::format("there is no planning at {} steps, expected snapshots from {} steps on "
+                    "(mpc.learning_starts = {})",
+                    steps, first, task.mpc.learning_starts));
+  }
+}
+
+/// The facts about a course set that a cell's identity needs.
+struct CourseFacts {
+  int num_courses = 0;
+  std::string digest;  ///< Digest of the courses themselves, not of their place or the set's name.
+};
+
+/// Reads each course set once. Thread-compatible.
+class CourseFactsCache {
+ public:
+  /// The set that `spec` names. Throws `base::Error` like `sim::ResolveCourses`.
+  const CourseFacts& Find(const std::string& collection, std::int64_t generator_seed,
+                          const std::string& spec) {
+    const std::string key = fmt::format("{}\n{}\n{}", collection, generator_seed, spec);
+    auto found = facts_.find(key);
+    if (found == facts_.end()) {
+      sim::CourseSet set =
+          sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
+      set.name = "courses";  // What a set is called is not what it is.
+      found = facts_
+                  .emplace(key, CourseFacts{static_cast<int>(set.courses.size()),
+                                            train::Digest(sim::PrintCourseSet(set))})
+                  .first;
+    }
+    return found->second;
+  }
+
+ private:
+  std::map<std::string, CourseFacts> facts_;
+};
 
 /// Turns a plan into cells.
 class Expansion {

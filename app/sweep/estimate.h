@@ -10,7 +10,7 @@
 #include "app/sweep/cell.h"
 #include "app/sweep/store.h"
 
-/// Estimates of the time and disk space of cells, from those that are done.
+/// Estimates of the time and disk space of cells, from those that are done or from a short trial.
 
 namespace slalom::sweep {
 
@@ -39,6 +39,11 @@ class Rates {
   Mean all_training_;
   Mean episodes_;
 };
+
+/// Trains as the cell would for a few seconds, and returns the time of a step with its updates,
+/// [s], or nothing if no update was made in that time. Requires: cell.config. Throws `base::Error`
+/// with the end of the training's output if the training cannot be started.
+std::optional<double> MeasureSecondsPerStep(const Cell& cell, const std::filesystem::path& program);
 
 /// Duration of work of `work_s` processor seconds, [s], if `at_once` of the `num_cells` remaining
 /// cells run at the same time. Requires: at_once >= 1.
