@@ -1,4 +1,3 @@
-#include "eval/protocol.h"
 
 #include <gtest/gtest.h>
 
