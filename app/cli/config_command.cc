@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -36,7 +35,7 @@ constexpr char kAgentPageHead[] =
     "`[evaluation]` above, the keys\n"
     "`collection` and `generator_seed` of `[courses]`, and the sections below. It checks keys that "
     "only training reads, and\n"
-    "ignores them. For planners, some keys of the sections above have other defaults:\n";
+    "ignores them. For planners, some keys of the sections above have other defaults:\n\n";
 
 constexpr char kPlanPageHead[] =
     "\n# Sweep plans\n\n"
@@ -46,22 +45,22 @@ constexpr char kPlanPageHead[] =
     "`base`, as above; its\n"
     "`[[axis]]` sections, say, then take the place of all that the other has.\n";
 
-/// "`environment.episode.step` 0.05 s, ...": the defaults of an agent's run that a training run's
-/// are not.
+/// A list with lines "- `environment.episode.step`: 0.05 s": the defaults of an agent's run that a
+/// training run's are not.
 std::string OtherDefaults() {
   train::AgentRunConfig agent;
   train::RunConfig run;
   const config::FieldList run_fields = config::ListFields(run);
-  std::vector<std::string> texts;
+  std::string text;
   for (const config::Field& field : config::ListFields(agent).fields) {
     const auto same = std::ranges::find(run_fields.fields, field.key, &config::Field::key);
     if (same == run_fields.fields.end()) continue;
     const std::string value = config::PrintValue(field);
     if (value == config::PrintValue(*same)) continue;
-    texts.push_back(
-        fmt::format("`{}` {}{}{}", field.key, value, field.unit.empty() ? "" : " ", field.unit));
+    text += fmt::format("- `{}`: {}{}{}\n", field.key, value, field.unit.empty() ? "" : " ",
+                        field.unit);
   }
-  return fmt::format("{}.\n", fmt::join(texts, ", "));
+  return text;
 }
 
 struct PrintOptions {
