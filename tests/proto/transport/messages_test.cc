@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <string>
 #include <thread>
@@ -28,6 +29,13 @@ ClientOptions ClientWithQueue(int messages) {
   ClientOptions options;
   options.queue_messages = messages;
   return options;
+}
+
+/// Compares by `memcmp`, which ThreadSanitizer checks as one access. Byte by byte, it would report,
+/// and suppress, a race with ZeroMQ's thread for each of 20 million bytes.
+bool SameBytes(const Frame& a, const Frame& b) {
+  return a.size() == b.size() &&
+         (a.size() == 0 || std::memcmp(a.bytes().data(), b.bytes().data(), a.size()) == 0);
 }
 
 class MessagesTest : public ::testing::TestWithParam<Wire> {
@@ -120,10 +128,10 @@ TEST_P(MessagesTest, PayloadsOfEverySizeArriveUnchangedAndAligned) {
     EXPECT_EQ(received.message.header.size(), seed);
     EXPECT_TRUE(is_aligned(received.message.header)) << size;
     EXPECT_TRUE(is_aligned(received.message.payload)) << size;
-    EXPECT_TRUE(std::ranges::equal(received.message.payload.bytes(), payload.bytes())) << size;
+    EXPECT_TRUE(SameBytes(received.message.payload, payload)) << size;
     ASSERT_EQ(service.server().Send(received.peer, std::move(received.message)),
               Server::Sent::kYes);
-    EXPECT_TRUE(std::ranges::equal(ReceiveFrom(*client).payload.bytes(), payload.bytes())) << size;
+    EXPECT_TRUE(SameBytes(ReceiveFrom(*client).payload, payload)) << size;
   }
 }
 
@@ -134,7 +142,7 @@ TEST(FrameTest, ShareIsAnotherReferenceToTheSameBytes) {
   EXPECT_EQ(second.size(), first.size());
   const Frame copy = Frame::Copy(first.bytes());
   EXPECT_NE(copy.bytes().data(), first.bytes().data());
-  EXPECT_TRUE(std::ranges::equal(copy.bytes(), first.bytes()));
+  EXPECT_TRUE(SameBytes(copy, first));
 }
 
 TEST(FrameTest, WithinAProcessTheBytesAreNotCopied) {
