@@ -12,6 +12,7 @@ namespace slalom::learner {
 Critics::Critics(std::string name, const nn::NetworkShape& shape, int num_critics,
                  base::Random& random, const Minibatch& minibatch)
     : name_(std::move(name)),
+      parallel_(minibatch.parallel),
       state_(minibatch.features),
       next_state_(minibatch.next_features),
       room_(minibatch.room),
@@ -56,6 +57,11 @@ void Critics::Step(double learning_rate, double polyak_rate, at::Tensor& norm_to
   adam_.Step(learning_rate, std::span(&target_networks, polyak_rate > 0.0 ? 1 : 0), norm_total);
 }
 
+void Critics::ForEach(const std::function<void(int k)>& body) {
+  if (parallel_ != nullptr) return parallel_->For(size(), body);
+  for (int k = 0; k < size(); ++k) body(k);
+}
+
 void Critics::SetAction(const at::Tensor& state, const at::Tensor& action) {
   SLALOM_CHECK(state.is_same(state_));
   CopyActions(action, room_);
@@ -66,7 +72,7 @@ void Critics::ComputeTdTarget(const at::Tensor& next_state, const at::Tensor& ne
                               TargetReduction reduction, at::Tensor& y) {
   SLALOM_CHECK(next_state.is_same(next_state_));
   CopyActions(next_action, next_room_);
-  for (Critic& critic : critics_) critic.target.Forward(critic.target_pass);
+  ForEach([this](int k) { critics_[k].target.Forward(critics_[k].target_pass); });
   TdTarget(target_values_, reduction, reward, discount, y);
 }
 
@@ -76,16 +82,18 @@ void Critics::GradientStep(const at::Tensor& state, const at::Tensor& action, co
                            const Importance* importance) {
   SetAction(state, action);
   if (importance != nullptr) importance->td_error.zero_();
+  ForEach([this](int k) { critics_[k].network.Forward(critics_[k].pass); });
   for (Critic& critic : critics_) {
-    critic.network.Forward(critic.pass);
     SquaredError(critic.pass.output(), y, critic.pass.output_gradient(), loss_total, value_total);
     if (importance != nullptr) {
       ApplyImportanceWeights(critic.pass.output(), y, importance->weight,
                              1.0 / static_cast<double>(critics_.size()),
                              critic.pass.output_gradient(), importance->td_error);
     }
-    critic.network.ParameterGradient(critic.pass, critic.gradient);
   }
+  ForEach([this](int k) {
+    critics_[k].network.ParameterGradient(critics_[k].pass, critics_[k].gradient);
+  });
   Step(learning_rate, polyak_rate, norm_total);
 }
 
@@ -103,11 +111,11 @@ at::Tensor& Critics::ActionGradient(const at::Tensor& state, const at::Tensor& a
 at::Tensor& Critics::MinActionGradient(const at::Tensor& state, const at::Tensor& action,
                                        at::Tensor& value_total) {
   SetAction(state, action);
-  for (Critic& critic : critics_) critic.network.Forward(critic.pass);
+  ForEach([this](int k) { critics_[k].network.Forward(critics_[k].pass); });
   MinGradient(values_, value_gradients_, value_total);
+  ForEach([this](int k) { critics_[k].network.ExtraGradient(critics_[k].pass); });
   at::Tensor& sum = critics_.front().pass.extra_gradient();
   for (Critic& critic : critics_) {
-    critic.network.ExtraGradient(critic.pass);
     if (&critic != &critics_.front()) sum.add_(critic.pass.extra_gradient());
   }
   return sum;

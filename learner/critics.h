@@ -2,10 +2,12 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "base/parallel.h"
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/minibatch.h"
@@ -92,6 +94,8 @@ class Critics {
     nn::NetworkPass target_pass;
   };
 
+  /// Calls body(k) for each critic, side by side if the minibatch has threads.
+  void ForEach(const std::function<void(int k)>& body);
   /// Copies the action behind the state, where the networks read it. Requires: the minibatch's
   /// state.
   void SetAction(const at::Tensor& state, const at::Tensor& action);
@@ -99,6 +103,7 @@ class Critics {
   void Step(double learning_rate, double polyak_rate, at::Tensor& norm_total);
 
   const std::string name_;
+  base::ParallelFor* const parallel_;    // The minibatch's.
   const at::Tensor state_, next_state_;  // The minibatch's.
   at::Tensor room_, next_room_;  // Places behind the states, where the networks read actions.
   at::Tensor parameters_;

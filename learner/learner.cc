@@ -137,6 +137,10 @@ struct Learner::Parts {
         minibatch(method.learner.batch_size, spec.network.history, features.frame_size(), device),
         totals(device) {
     minibatch.dropout = &dropout;
+    // Networks with dropout draw from one stream, in turn.
+    if (method.learner.threads > 1 && device.is_cpu() && spec.network.dropout == 0.0) {
+      minibatch.parallel = &parallel.emplace(method.learner.threads);
+    }
     if (method.constraint.kind != ConstraintKind::kNone) {
       base::Random weights(base::DeriveSeed(seed, "cost critic weights"));
       constraint.emplace(method.constraint, nn::CriticShape(spec.network, features.frame_size()),
@@ -177,6 +181,7 @@ struct Learner::Parts {
   base::Random initial_weights;
   base::Random mirror;
   base::Random dropout;
+  std::optional<base::ParallelFor> parallel;
   nn::FeatureMap features;
   MinibatchReader reader;
   Minibatch minibatch;

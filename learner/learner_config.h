@@ -43,6 +43,7 @@ inline base::OneOf EnumNames(DeviceChoice) { return {"auto", "cpu", "cuda"}; }
 struct LearnerConfig {
   std::string algorithm = "td3";
   DeviceChoice device = DeviceChoice::kAuto;
+  int threads = 1;
   double actor_learning_rate = 1e-5;
   double critic_learning_rate = 2e-5;
   double final_learning_rate_fraction = 1.0;
@@ -74,6 +75,10 @@ struct LearnerConfig {
   void Visit(Visitor& v) {
     v("algorithm", algorithm, AlgorithmChoices(), "", "The update rule (docs/algorithms.md).");
     v("device", device, "Where the learner computes. auto: on a GPU if LibTorch finds one.");
+    v("threads", threads, base::Range{1, 16}, "",
+      "TD3, SAC, constraints: threads that compute the critics of an update, at most one for each "
+      "critic. The results are the same bits. Deterministic runs use one thread, as do GPUs and "
+      "networks with dropout.");
     v("actor_learning_rate", actor_learning_rate, base::Range{0.0, 1.0}, "",
       "Adam's learning rate for the actor.");
     v("critic_learning_rate", critic_learning_rate, base::Range{0.0, 1.0}, "",

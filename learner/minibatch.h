@@ -4,6 +4,7 @@
 
 #include <memory>
 
+#include "base/parallel.h"
 #include "base/random.h"
 #include "policy/nn/feature_map.h"
 #include "replay/batch.h"
@@ -20,18 +21,19 @@ struct Minibatch {
 
   /// Input of the networks: a state, and behind it room for an action, into which critics and
   /// models copy it.
-  at::Tensor input;                 ///< [B, H * F + A], s and room
-  at::Tensor next_input;            ///< [B, H * F + A], s' and room
-  at::Tensor features;              ///< [B, H * F], s, a view
-  at::Tensor next_features;         ///< [B, H * F], s', a view
-  at::Tensor room;                  ///< [B, A], behind s, a view
-  at::Tensor next_room;             ///< [B, A], behind s', a view
-  at::Tensor actions;               ///< [B, A], a
-  at::Tensor reward;                ///< [B], scaled n-step return
-  at::Tensor cost;                  ///< [B], n-step cost
-  at::Tensor discount;              ///< [B], gamma^n, or 0 if the window terminated
-  at::Tensor weight;                ///< [B], importance weight; 1 if draws are uniform
-  base::Random* dropout = nullptr;  ///< Draws the masks of networks that have dropout.
+  at::Tensor input;                       ///< [B, H * F + A], s and room
+  at::Tensor next_input;                  ///< [B, H * F + A], s' and room
+  at::Tensor features;                    ///< [B, H * F], s, a view
+  at::Tensor next_features;               ///< [B, H * F], s', a view
+  at::Tensor room;                        ///< [B, A], behind s, a view
+  at::Tensor next_room;                   ///< [B, A], behind s', a view
+  at::Tensor actions;                     ///< [B, A], a
+  at::Tensor reward;                      ///< [B], scaled n-step return
+  at::Tensor cost;                        ///< [B], n-step cost
+  at::Tensor discount;                    ///< [B], gamma^n, or 0 if the window terminated
+  at::Tensor weight;                      ///< [B], importance weight; 1 if draws are uniform
+  base::Random* dropout = nullptr;        ///< Draws the masks of networks that have dropout.
+  base::ParallelFor* parallel = nullptr;  ///< Computes critics side by side; null: in turn.
 };
 
 /// Turns sampled rows into minibatches. Scans are pooled straight from the replay table's memory,

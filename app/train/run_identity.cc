@@ -13,7 +13,7 @@ namespace slalom::train {
 namespace {
 
 /// Keys, and sections that end in a dot, which a resumed run may change.
-constexpr std::array<std::string_view, 17> kFreeKeys = {"run.max_steps",
+constexpr std::array<std::string_view, 18> kFreeKeys = {"run.max_steps",
                                                         "run.max_seconds",
                                                         "run.log_interval",
                                                         "run.checkpoint_seconds",
@@ -22,6 +22,7 @@ constexpr std::array<std::string_view, 17> kFreeKeys = {"run.max_steps",
                                                         "run.snapshot_steps",
                                                         "run.simulation_threads",
                                                         "run.keep_checkpoints",
+                                                        "learner.threads",
                                                         "courses.test",
                                                         "evaluation.",
                                                         "service.",

@@ -33,6 +33,12 @@ run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config,
   return resume ? ResumeRun(directory, config) : BeginRun(directory, config);
 }
 
+learner::MethodConfig MethodOf(const RunConfig& config) {
+  learner::MethodConfig method = config.method;
+  if (config.run.deterministic) method.learner.threads = 1;
+  return method;
+}
+
 const RunConfig& Checked(const RunConfig& config, bool resume) {
   RequireCombination(config);
   // A resumed run has learned already, and may be given a limit that ends it at once.
@@ -52,7 +58,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
     : config_(Checked(config, resume)),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
       environments_(MakeTrainingEnvironments(config, parallel_)),
-      learner_(config.method, MakePolicySpec(config), SeedOf(config, "learner")),
+      learner_(MethodOf(config), MakePolicySpec(config), SeedOf(config, "learner")),
       agent_(policy::MakePolicyAgent(learner_.Snapshot(), config.mpc, SeedOf(config, "mpc"))),
       actor_(config.actor, environments_, *agent_, SeedOf(config, "actor"),
              config.courses.sampling),

@@ -332,6 +332,15 @@ TEST_P(MethodTest, GoesOnBitForBitAfterARestore) {
   EXPECT_NE(whole.ReadStats().constraint_multiplier, 1.0);
 }
 
+TEST_P(MethodTest, ThreadsChangeNoBits) {
+  Learner one(method_, spec_, 5);
+  method_.learner.threads = 2;
+  Learner two(method_, spec_, 5);
+  for (Learner* learner : {&one, &two}) Train(*learner, 0, 50);
+  EXPECT_EQ(Saved(one).tensors, Saved(two).tensors);
+  EXPECT_EQ(one.ReadStats().critic_loss, two.ReadStats().critic_loss);
+}
+
 TEST_P(MethodTest, ASnapshotIsAPolicyThatLoads) {
   Learner learner(method_, spec_, 5);
   Train(learner, 0, 3);
