@@ -39,10 +39,17 @@ std::filesystem::path PrioritiesPath(const std::filesystem::path& directory) {
   return directory / "priorities";
 }
 
-/// A segment file that is being written or waits to be synced.
+/// The journal's directory, or a segment file that is being written or waits to be synced.
 class Journal::File {
  public:
   File(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
+  static std::unique_ptr<const File> OfDirectory(const std::filesystem::path& path) {
+    const int fd = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd < 0) {
+      throw base::Error(fmt::format("{}: cannot open ({})", path.string(), std::strerror(errno)));
+    }
+    return std::make_unique<const File>(fd, path);
+  }
   ~File() { ::close(fd_); }
   File(const File&) = delete;
   File& operator=(const File&) = delete;
@@ -63,18 +70,11 @@ Journal::Journal(const JournalOptions& options, JournalLock lock,
       on_written_(std::move(on_written)),
       next_index_(next_index),
       said_(Clock::now() - kSayInterval),
+      directory_(File::OfDirectory(options_.directory)),
       segments_(std::move(segments)) {
   status_.synced = Clock::now();
   for (const JournalSegment& segment : segments_) status_.disk_bytes += segment.bytes;
   status_.num_segments = static_cast<int>(segments_.size());
-  if (!segments_.empty()) {
-    const std::filesystem::path& last = segments_.back().path;
-    const int fd = ::open(last.c_str(), O_RDONLY | O_CLOEXEC);
-    if (fd < 0) {
-      throw base::Error(fmt::format("{}: cannot open ({})", last.string(), std::strerror(errno)));
-    }
-    file_ = std::make_shared<File>(fd, last);
-  }
   BeginSegment(state, 0);
   writer_ = std::jthread([this] { WriteLoop(); });
   syncer_ = std::jthread([this] { SyncLoop(); });
@@ -137,8 +137,7 @@ void Journal::SavePriorities(std::string bytes) {
 Journal::Status Journal::status() const {
   base::MutexLock lock(mutex_);
   Status status = status_;
-  status.blocked = !write_fault_.empty();
-  status.failing = status.blocked ? write_fault_ : sync_fault_;
+  status.failing = sync_fault_.empty() ? write_fault_ : sync_fault_;
   return status;
 }
 
@@ -166,6 +165,10 @@ void Journal::WriteLoop() {
 }
 
 bool Journal::WriteBatch(const std::vector<Entry>& batch) {
+  {
+    base::MutexLock lock(mutex_);
+    if (!sync_fault_.empty()) return false;
+  }
   if (batch.front().begins_segment && !OpenSegment(batch.front())) return false;
   std::vector<std::array<std::byte, RecordBytes::kPrefixBytes>> prefixes(batch.size());
   std::vector<std::span<const std::byte>> parts;
@@ -199,15 +202,49 @@ bool Journal::WriteBatch(const std::vector<Entry>& batch) {
 // Later segments must not survive a loss of power without this one: a recovery would begin with
 // them and drop everything before.
 bool Journal::SealSegment() {
-  if (!file_) return true;
-  while (::fdatasync(file_->fd()) != 0) {
-    if (!WaitAfterFailure(fmt::format("{}: cannot sync before the next segment ({})",
-                                      file_->path().string(), std::strerror(errno)))) {
-      return false;
+  if (file_ ? !Sync(*file_) : !CopyLastSegment()) return false;
+  return Sync(*directory_);
+}
+
+// A sync of the process before may have failed, whose pages a sync of the same file would pass
+// over. All earlier segments were synced before this one was begun.
+bool Journal::CopyLastSegment() {
+  std::filesystem::path last;
+  {
+    base::MutexLock lock(mutex_);
+    if (segments_.empty()) return true;
+    last = segments_.back().path;
+  }
+  for (;;) {
+    try {
+      base::WriteFileAtomically(last, base::ReadFile(last));
+      return true;
+    } catch (const base::Error& error) {
+      if (!WaitAfterFailure(error.what())) return false;
     }
   }
-  base::SyncDirectory(options_.directory);
-  return true;
+}
+
+bool Journal::Sync(const File& file) {
+  base::MutexLock one_at_a_time(syncing_);
+  {
+    base::MutexLock lock(mutex_);
+    if (!sync_fault_.empty()) return false;
+  }
+  const bool is_directory = &file == directory_.get();
+  const int failed = is_directory ? ::fsync(file.fd()) : ::fdatasync(file.fd());
+  // EINVAL: the file system cannot sync directories.
+  if (failed == 0 || (is_directory && errno == EINVAL)) return true;
+  std::string fault = fmt::format(
+      "{}: cannot sync ({}); nothing more is acknowledged until the replay server is "
+      "started again",
+      file.path().string(), std::strerror(errno));
+  spdlog::error("{}; what was acknowledged since the sync before may not survive a loss of power",
+                fault);
+  base::MutexLock lock(mutex_);
+  ++status_.failures;
+  sync_fault_ = std::move(fault);
+  return false;
 }
 
 bool Journal::OpenSegment(const Entry& entry) {
@@ -307,12 +344,8 @@ void Journal::SyncOnce() {
       if (segments_[i].end_row <= oldest_row_) unneeded.push_back(segments_[i].path);
     }
   }
-  std::string failure;
-  for (const auto& file : files) {
-    if (::fdatasync(file->fd()) != 0) {
-      failure = fmt::format("{}: cannot sync ({})", file->path().string(), std::strerror(errno));
-    }
-  }
+  bool synced = true;
+  for (const auto& file : files) synced = synced && Sync(*file);
   try {
     if (!priorities.empty()) {
       base::WriteFileAtomically(PrioritiesPath(options_.directory), priorities);
@@ -320,23 +353,17 @@ void Journal::SyncOnce() {
   } catch (const base::Error& error) {
     spdlog::warn("{}; after a restart, older priorities would be used", error.what());
   }
-  base::SyncDirectory(options_.directory);
+  synced = synced && Sync(*directory_);
   // Segments are deleted only once the rows that replaced theirs are synced.
   std::error_code ignored;
-  if (failure.empty()) {
+  if (synced) {
     for (const auto& path : unneeded) std::filesystem::remove(path, ignored);
   }
 
+  if (!synced) return;
   base::MutexLock lock(mutex_);
   ++status_.syncs;
   status_.sync_s += std::chrono::duration<double>(Clock::now() - begin).count();
-  if (!failure.empty()) {
-    ++status_.failures;
-    if (sync_fault_.empty()) spdlog::error("{}", failure);
-    sync_fault_ = failure;
-    return;
-  }
-  sync_fault_.clear();
   status_.synced = begin;
   // Sealed files are finished; only the last one is still written.
   for (std::size_t i = 0; i + 1 < files.size(); ++i) std::erase(unsynced_, files[i]);

@@ -73,9 +73,13 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
 /// that ends. After at most `sync_interval` it is synced and survives a loss of power, too. Each
 /// segment begins with the state that results from all earlier records, and is begun only when
 /// these are synced, so that a loss of power can tear only the last segment. Segments whose rows
-/// the table has overwritten are deleted. If the disk is full or fails, the journal logs it, keeps
-/// everything in memory and tries again. The caller bounds that memory, as it acknowledges only
-/// what is written.
+/// the table has overwritten are deleted. If the disk is full or cannot be written, the journal
+/// logs it, keeps everything in memory and tries again. The caller bounds that memory, as it
+/// acknowledges only what is written.
+///
+/// The first sync that fails ends the writing for good: nothing more is `written`, no segment is
+/// begun or deleted. The system reports a lost page once, so a later sync that succeeds would prove
+/// nothing. The next journal of the directory copies the last segment before it begins its own.
 ///
 /// All calls except `written` and `status` belong to one thread. Rows are not copied: `owner` keeps
 /// them alive until they are written. One thread of the journal writes, and syncs at the end of a
@@ -83,8 +87,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
 class Journal final : public RecordLog {
  public:
   /// Begins a new segment with `state`. The writing thread calls `on_written` when `written` has
-  /// grown. Throws `base::Error` if the last of `segments` cannot be opened or no thread can be
-  /// started.
+  /// grown. Throws `base::Error` if the directory cannot be opened or no thread can be started.
   Journal(const JournalOptions& options, JournalLock lock, std::vector<JournalSegment> segments,
           std::uint64_t next_index, const StateRecord& state, std::function<void()> on_written);
   /// Calls `Close`.
@@ -111,9 +114,8 @@ class Journal final : public RecordLog {
     std::int64_t disk_bytes = 0;     ///< Size of all segments.
     int num_segments = 0;
     std::int64_t failures = 0;  ///< Attempts to write or sync that failed.
-    bool blocked = false;       ///< The last attempt to write failed: nothing is acknowledged.
-    std::string failing;        ///< Why the last attempt to write, or else the last one to sync,
-                                ///< failed; empty if neither did.
+    std::string failing;        ///< Why nothing is acknowledged: a sync failed, or the last attempt
+                                ///< to write. Empty if neither did.
     std::int64_t syncs = 0;
     double sync_s = 0.0;                           ///< Total time of all syncs.
     std::chrono::steady_clock::time_point synced;  ///< Start of the last sync that succeeded.
@@ -138,6 +140,9 @@ class Journal final : public RecordLog {
   void WriteLoop();
   [[nodiscard]] bool WriteBatch(const std::vector<Entry>& batch);
   [[nodiscard]] bool SealSegment();
+  [[nodiscard]] bool CopyLastSegment();
+  /// Returns false if this sync failed or one before it did.
+  [[nodiscard]] bool Sync(const File& file) EXCLUDES(syncing_, mutex_);
   [[nodiscard]] bool OpenSegment(const Entry& entry);
   [[nodiscard]] bool WriteAt(std::int64_t end, std::vector<std::span<const std::byte>> parts);
   /// Returns false if the journal is being closed.
@@ -155,7 +160,7 @@ class Journal final : public RecordLog {
   std::int64_t end_row_ = 0;
 
   // Used by the writing thread only.
-  std::shared_ptr<File> file_;  ///< At first the last segment that was found; null if none was.
+  std::shared_ptr<File> file_;  ///< Null before the first segment is begun.
   std::int64_t offset_ = 0;
   std::int64_t begun_ = 0;  ///< Offset up to which the kernel was told to start writing to disk.
   std::uint64_t next_index_;
@@ -164,15 +169,18 @@ class Journal final : public RecordLog {
 
   std::atomic<std::uint64_t> written_{0};
 
+  const std::unique_ptr<const File> directory_;
+
+  base::Mutex syncing_;  ///< Held from a sync until its failure is in `sync_fault_`.
   mutable base::Mutex mutex_;
   base::CondVar queue_changed_;
   base::CondVar closing_changed_;
   std::deque<Entry> queue_ GUARDED_BY(mutex_);
   bool closing_ GUARDED_BY(mutex_) = false;
   bool writer_done_ GUARDED_BY(mutex_) = false;
-  Status status_ GUARDED_BY(mutex_);            ///< Except `blocked` and `failing`.
+  Status status_ GUARDED_BY(mutex_);            ///< Except `failing`.
   std::string write_fault_ GUARDED_BY(mutex_);  ///< Fault of the last attempt, or empty.
-  std::string sync_fault_ GUARDED_BY(mutex_);   ///< The same of syncs.
+  std::string sync_fault_ GUARDED_BY(mutex_);   ///< The first that failed, or empty.
   std::vector<JournalSegment> segments_ GUARDED_BY(mutex_);         ///< The last is being written.
   std::vector<std::shared_ptr<File>> unsynced_ GUARDED_BY(mutex_);  ///< The last is being written.
   std::int64_t oldest_row_ GUARDED_BY(mutex_) = 0;

@@ -156,7 +156,7 @@ void ServerMetrics::Show(const Sources& sources, Time now) {
   shown_batches_ = out.batches;
   if (sources.journal != nullptr) {
     const Journal::Status status = sources.journal->status();
-    if (status.blocked) blocked_journal_.Increment(elapsed);
+    if (!status.failing.empty()) blocked_journal_.Increment(elapsed);
     ShowJournal(status);
   }
 }

@@ -18,9 +18,15 @@ FailingSyncs::~FailingSyncs() { failing = false; }
 
 }  // namespace slalom::replay
 
-/// Takes the place of the C library's.
+/// These take the place of the C library's.
 extern "C" int fdatasync(int fd) {
   if (!slalom::replay::failing) return static_cast<int>(::syscall(SYS_fdatasync, fd));
+  errno = EIO;
+  return -1;
+}
+
+extern "C" int fsync(int fd) {
+  if (!slalom::replay::failing) return static_cast<int>(::syscall(SYS_fsync, fd));
   errno = EIO;
   return -1;
 }
