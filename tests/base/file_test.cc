@@ -3,16 +3,15 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
-#include <csignal>
 #include <filesystem>
 #include <stdexcept>
 
 #include "base/error.h"
+#include "tests/support/small_files.h"
 
 namespace slalom::base {
 namespace {
@@ -95,14 +94,10 @@ TEST_F(FileTest, TwoWritersOfOneFileDoNotMeet) {
 TEST_F(FileTest, AFullDiskLeavesTheOldFileAndNoOther) {
   const fs::path path = directory_ / "file";
   WriteFileAtomically(path, "old");
-  rlimit before{};
-  ::getrlimit(RLIMIT_FSIZE, &before);
-  const rlimit limit{100, before.rlim_max};
-  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  ::setrlimit(RLIMIT_FSIZE, &limit);
-  const std::string error = ErrorOf([&] { WriteFileAtomically(path, std::string(1000, 'x')); });
-  ::setrlimit(RLIMIT_FSIZE, &before);
-  std::signal(SIGXFSZ, handler);
+  const std::string error = ErrorOf([&] {
+    const test::SmallFiles limit(100);
+    WriteFileAtomically(path, std::string(1000, 'x'));
+  });
   EXPECT_THAT(error, HasSubstr(path.string()));
   EXPECT_EQ(ReadFile(path), "old");
   EXPECT_EQ(NumFiles(), 1);

@@ -2,12 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/resource.h>
 
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <thread>
 
 #include "base/error.h"
@@ -15,6 +14,7 @@
 #include "tests/replay/failing_syncs.h"
 #include "tests/replay/journal_scene.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/support/small_files.h"
 
 namespace slalom::replay {
 namespace {
@@ -246,12 +246,7 @@ TEST(JournalTest, AFullDiskHoldsBackWhatIsWrittenAndLosesNothing) {
   scene.Open();
   scene.Append(5);
   scene.WaitWritten();
-  signal(SIGXFSZ, SIG_IGN);
-  rlimit before;
-  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
-  rlimit limit = before;
-  limit.rlim_cur = 4001;  // In the middle of some record.
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  std::optional<test::SmallFiles> limit(4001);  // In the middle of some record.
   scene.Append(200);
   while (scene.journal().status().failures == 0) std::this_thread::yield();
   const std::uint64_t written = scene.journal().written();
@@ -261,7 +256,7 @@ TEST(JournalTest, AFullDiskHoldsBackWhatIsWrittenAndLosesNothing) {
   // What is on disk now is a whole prefix and a torn record.
   EXPECT_EQ(fs::file_size(scratch.path() / "journal-00000001.log"), 4001u);
 
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  limit.reset();
   scene.WaitWritten();
   EXPECT_THAT(scene.journal().status().failing, IsEmpty());
   EXPECT_EQ(scene.journal().status().waiting_bytes, 0);
@@ -277,15 +272,10 @@ TEST(JournalTest, ClosesOnAFullDisk) {
   test::ScratchDirectory scratch;
   JournalScene scene(scratch.path(), 1000, 1 << 20, 3);
   scene.Open();
-  signal(SIGXFSZ, SIG_IGN);
-  rlimit before;
-  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
-  rlimit limit = before;
-  limit.rlim_cur = 4001;
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  std::optional<test::SmallFiles> limit(4001);
   scene.Append(200);
   scene.Close();
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  limit.reset();
   std::string expected;
   for (const auto& mark : scene.marks()) {
     if (mark.end <= 4001) expected = mark.state;
@@ -364,17 +354,12 @@ TEST(JournalTest, StartsOnAFullDisk) {
   scene.WaitWritten();
   const std::string state = scene.marks().back().state;
   scene.Close();
-  signal(SIGXFSZ, SIG_IGN);
-  rlimit before;
-  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
-  rlimit limit = before;
-  limit.rlim_cur = 4001;
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  std::optional<test::SmallFiles> limit(4001);
   scene.Open();
   while (scene.journal().status().failing.empty()) std::this_thread::yield();
   EXPECT_THAT(scene.journal().status().failing, HasSubstr("cannot write"));
   EXPECT_EQ(scene.journal().written(), 0u);
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+  limit.reset();
   scene.WaitWritten();
   scene.Close();
   scene.Open();

@@ -2,12 +2,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -18,6 +16,7 @@
 #include "tests/replay/model.h"
 #include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
+#include "tests/support/small_files.h"
 
 namespace slalom::replay {
 namespace {
@@ -291,25 +290,6 @@ TEST_F(StorageTest, AnotherPartFileUnderTheSameNameIsNoticed) {
   EXPECT_THAT(LoadError(manifests[0]), HasSubstr("not the file that the checkpoint was made with"));
 }
 
-/// Keeps files of this process below a size, as a full disk would.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) {
-    ::getrlimit(RLIMIT_FSIZE, &before_);
-    const rlimit limit{bytes, before_.rlim_max};
-    ::setrlimit(RLIMIT_FSIZE, &limit);
-    handler_ = std::signal(SIGXFSZ, SIG_IGN);
-  }
-  ~FileSizeLimit() {
-    ::setrlimit(RLIMIT_FSIZE, &before_);
-    std::signal(SIGXFSZ, handler_);
-  }
-
- private:
-  rlimit before_{};
-  void (*handler_)(int) = nullptr;
-};
-
 TEST_F(StorageTest, AFullDiskLeavesTheEarlierSaveWhole) {
   ReplayModel model(2000, kBeams, 4, 1);
   Table table({.capacity = 2000}, kBeams);
@@ -318,7 +298,7 @@ TEST_F(StorageTest, AFullDiskLeavesTheEarlierSaveWhole) {
   const std::string first = storage.Save(table);
   for (int i = 0; i < 200; ++i) model.Advance(&table);
   {
-    const FileSizeLimit limit(4096);
+    const test::SmallFiles limit(4096);
     EXPECT_THROW((void)storage.Save(table), base::Error);
   }
   EXPECT_EQ(Files().size(), 1u) << "a half-written file was left";

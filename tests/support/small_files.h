@@ -1,5 +1,6 @@
 #pragma once
 
+#include <gtest/gtest.h>
 #include <sys/resource.h>
 
 #include <csignal>
@@ -11,13 +12,13 @@ namespace slalom::test {
 class SmallFiles {
  public:
   explicit SmallFiles(rlim_t bytes) {
-    ::getrlimit(RLIMIT_FSIZE, &before_);
+    EXPECT_EQ(::getrlimit(RLIMIT_FSIZE, &before_), 0);
     handler_ = std::signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{bytes, before_.rlim_max};
-    ::setrlimit(RLIMIT_FSIZE, &limit);
+    EXPECT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
   }
   ~SmallFiles() {
-    ::setrlimit(RLIMIT_FSIZE, &before_);
+    EXPECT_EQ(::setrlimit(RLIMIT_FSIZE, &before_), 0);
     std::signal(SIGXFSZ, handler_);
   }
   SmallFiles(const SmallFiles&) = delete;
