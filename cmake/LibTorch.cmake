@@ -28,9 +28,16 @@ function(slalom_import_libtorch FOLDER)
   else()
     message(STATUS "LibTorch without CUDA: ${FOLDER}")
   endif()
+  # Only its own headers: a download of pip has those of fmt and others beside them, which would hide Debian's.
+  set(include ${CMAKE_BINARY_DIR}/libtorch-include)
+  file(MAKE_DIRECTORY ${include})
+  foreach(folder ATen c10 caffe2 torch)
+    if(EXISTS ${SLALOM_LIBTORCH_INCLUDE}/${folder})
+      file(CREATE_LINK ${SLALOM_LIBTORCH_INCLUDE}/${folder} ${include}/${folder} SYMBOLIC)
+    endif()
+  endforeach()
   add_library(torch INTERFACE IMPORTED GLOBAL)
-  target_include_directories(torch SYSTEM INTERFACE
-    ${SLALOM_LIBTORCH_INCLUDE} ${SLALOM_LIBTORCH_INCLUDE}/torch/csrc/api/include)
+  target_include_directories(torch SYSTEM INTERFACE ${include} ${include}/torch/csrc/api/include)
   # What its libraries need in turn (CUDA's own, the driver) is found when a program starts.
   target_link_libraries(torch INTERFACE ${libraries} -Wl,--allow-shlib-undefined)
 endfunction()

@@ -1,6 +1,7 @@
 #include "learner/deterministic_actor.h"
 
 #include <ATen/ATen.h>
+#include <ATen/core/grad_mode.h>
 
 #include <array>
 

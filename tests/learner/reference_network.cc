@@ -71,7 +71,7 @@ Tensor Gru(Parts& parts, const nn::NetworkConfig& config, const Tensor& frames) 
   const Tensor start =
       torch::zeros({layers, frames.size(0), config.encoder_layers[0]}, frames.options());
   const Tensor outputs = std::get<0>(torch::gru(frames, start, weights, /*has_biases=*/true, layers,
-                                                /*dropout=*/0.0, /*train=*/false,
+                                                /*dropout=*/0.0, /*train=*/true,
                                                 /*bidirectional=*/false, /*batch_first=*/true));
   return outputs.select(1, -1);
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "sim/engines/jackal/world.h"
 
 namespace slalom::engines {
 namespace {
