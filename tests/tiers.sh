@@ -27,6 +27,7 @@ Parts:
   tsan      those of them with threads under ThreadSanitizer                                                        --all
   tidy      clang-tidy with clang's thread-safety analysis                                                          --all
   arm64     what drives by a policy, compiled for 64-bit ARM, and its tests under an emulator                       --all
+  python    the Python package: its tests with Debian's Python and, in a virtual environment, with Gymnasium          --all
   fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
   soak      drills at full length, the image compiled from source, ten minutes for each fuzzer                      --soak
 HELP
@@ -151,6 +152,17 @@ part_tidy() {
     xargs -0 -n 1 -P "$jobs" clang-tidy --quiet --warnings-as-errors='*' -p build/tidy 2> >(grep -v ' warnings generated' >&2))
 }
 
+# The policy is any that the program has just trained.
+part_python() {
+  local runs=$root/build/python/trained
+  build_program
+  VIRTUAL_ENV='' build_python
+  rm -rf "$runs"
+  "$program" train "$root/configs/quickstart.toml" --deterministic --no-evaluation --output "$runs" --name tiny \
+    --set run.max_seconds=0 --set run.max_steps=100000
+  SLALOM_POLICY=$runs/tiny/policy.safetensors SLALOM_PROGRAM=$program run_ctest python
+}
+
 # fuzz NAME: what it finds stays in build/fuzz/found/NAME, and what crashes it in build/fuzz/NAME-crash-*.
 fuzz() {
   local root=$1 seconds=$2 name=$3
@@ -209,7 +221,7 @@ write_record() {
 
 # Each part in a shell of its own, so that one which fails does not keep the others from running.
 run_tests() {
-  local parts=(format release dev arm64 asan tsan tidy fuzz soak) chosen=() ctest_arguments=() record=""
+  local parts=(format release dev arm64 asan tsan tidy python fuzz soak) chosen=() ctest_arguments=() record=""
   tier=quick tier_option=""
   while (($# > 0)); do
     case $1 in
@@ -234,7 +246,7 @@ run_tests() {
     elif [[ $tier == quick ]]; then
       chosen=(format release)
     elif [[ $tier == all ]]; then
-      chosen=(format release dev arm64 asan fuzz tsan tidy)
+      chosen=(format release dev arm64 asan fuzz tsan tidy python)
     else
       chosen=(soak)
     fi

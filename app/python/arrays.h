@@ -1,0 +1,44 @@
+#pragma once
+
+#include <fmt/format.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "env/action.h"
+
+/// Arrays that come from Python.
+
+namespace slalom::python {
+
+namespace py = pybind11;
+
+/// Numbers of this type in rows, converted if they come as others.
+template <class T>
+using Array = py::array_t<T, py::array::c_style | py::array::forcecast>;
+
+/// Throws `base::Error` that names the array and both shapes.
+template <class T>
+void RequireShape(const char* name, const Array<T>& array,
+                  const std::vector<py::ssize_t>& expected) {
+  const std::vector<py::ssize_t> found(array.shape(), array.shape() + array.ndim());
+  if (found == expected) return;
+  throw base::Error(fmt::format("{}: its shape is {}, expected {}", name,
+                                std::string(py::str(py::tuple(py::cast(found)))),
+                                std::string(py::str(py::tuple(py::cast(expected))))));
+}
+
+/// [batch_size, 2] as actions. A view of the array.
+inline std::span<const env::Action> ActionsOf(const Array<float>& actions, int batch_size) {
+  RequireShape("actions", actions, {batch_size, env::kActionSize});
+  static_assert(sizeof(env::Action) == env::kActionSize * sizeof(float));
+  return {reinterpret_cast<const env::Action*>(actions.data()),
+          static_cast<std::size_t>(batch_size)};
+}
+
+}  // namespace slalom::python

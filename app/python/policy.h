@@ -1,0 +1,50 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+
+#include "app/python/arrays.h"
+#include "env/observation.h"
+#include "policy/network_agent.h"
+#include "policy/policy.h"
+
+namespace slalom::python {
+
+/// A policy that drives, with what its file says of it.
+class Policy {
+ public:
+  explicit Policy(const std::string& path)
+      : loaded_(policy::LoadPolicy(path)), agent_(loaded_.snapshot) {}
+
+  const policy::LoadedPolicy& loaded() const { return loaded_; }
+  const policy::PolicySpec& spec() const { return loaded_.snapshot.spec; }
+
+  /// `first`: [B], whether a frame is the first of an episode.
+  py::array_t<float> Act(const Array<std::uint16_t>& ranges, const Array<float>& state,
+                         const Array<bool>& first) {
+    const py::ssize_t batch = ranges.ndim() > 0 ? ranges.shape(0) : 0;
+    const int num_beams = spec().observation.num_beams;
+    RequireShape("ranges", ranges, {batch, num_beams});
+    RequireShape("state", state, {batch, env::kStateSize});
+    RequireShape("first", first, {batch});
+    py::array_t<float> actions({batch, static_cast<py::ssize_t>(env::kActionSize)});
+    if (batch == 0) return actions;
+    auto* out = reinterpret_cast<env::Action*>(actions.mutable_data());
+    const py::gil_scoped_release release;
+    const bool is_new = frames_.batch_size != batch;
+    if (is_new) frames_.Resize(static_cast<int>(batch), num_beams);
+    std::copy_n(ranges.data(), ranges.size(), frames_.ranges_cm.begin());
+    std::copy_n(state.data(), state.size(), frames_.state.begin());
+    for (py::ssize_t i = 0; i < batch; ++i) frames_.first[i] = is_new || first.data()[i];
+    agent_.Act(frames_, {out, static_cast<std::size_t>(batch)});
+    return actions;
+  }
+
+ private:
+  const policy::LoadedPolicy loaded_;
+  policy::NetworkAgent agent_;
+  env::ObservationBatch frames_;
+};
+
+}  // namespace slalom::python

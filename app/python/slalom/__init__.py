@@ -1,0 +1,22 @@
+"""Slalom's simulator and policies in Python. docs/python.md is the guide."""
+
+from ._slalom import Error, __version__, commit, course_sets
+from .environment import Environment, VectorEnvironment, make, make_vec
+from .evaluation import Evaluation, evaluate
+from .policy import Policy
+
+Error.__module__ = "slalom"
+
+__all__ = [
+    "Environment",
+    "Error",
+    "Evaluation",
+    "Policy",
+    "VectorEnvironment",
+    "__version__",
+    "commit",
+    "course_sets",
+    "evaluate",
+    "make",
+    "make_vec",
+]

@@ -1,0 +1,330 @@
+"""The simulator behind Gymnasium's interfaces."""
+
+import json
+import os
+
+import numpy as np
+
+from . import _slalom
+from ._gymnasium import AUTORESET_MODES, Box, Dict, Env, VectorEnv, batched
+
+_OUTCOMES = np.array(["running", "success", "collision", "timeout"])
+
+
+def _toml(value):
+    """Returns a Python value as TOML."""
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    return json.dumps(str(value))
+
+
+def _settings(sections):
+    """Returns (key, TOML) for each of {"robot": {"friction": "gazebo"}, ...}."""
+    settings = []
+    for section, values in sections.items():
+        if not isinstance(values, dict):
+            raise _slalom.Error(
+                f"{section}: expected a dictionary of keys of [environment.{section}], such as "
+                f"robot={{'friction': 'gazebo'}}; docs/config.md lists them")
+        for key, value in values.items():
+            settings.append((f"environment.{section}.{key}", _toml(value)))
+    return settings
+
+
+def _core(courses, num_envs, profile, sections, collection, generator_seed, threads, autoreset,
+          physics):
+    profiles = [profile] if isinstance(profile, (str, os.PathLike)) else profile
+    return _slalom.VectorEnvironment(
+        courses=os.fspath(courses), num_envs=num_envs, profiles=[os.fspath(p) for p in profiles],
+        settings=_settings(sections), collection=os.fspath(collection),
+        generator_seed=generator_seed, threads=threads, autoreset=autoreset, physics=physics)
+
+
+def _spaces(core, observation):
+    """Returns the spaces of one environment: of observations and of actions."""
+    n = core.num_beams
+    if observation == "vector":
+        seen = Box(-np.inf, np.inf, (n + 4,), np.float32)
+    elif observation == "frame":
+        seen = Dict({
+            "ranges": Box(0, int(np.ceil(core.range_clip_cm)), (n,), np.uint16),
+            "state": Box(np.array([-np.inf, -np.inf, -1, -1], np.float32),
+                         np.array([np.inf, np.inf, 1, 1], np.float32), dtype=np.float32)
+        })
+    else:
+        raise _slalom.Error(f"observation is {observation!r}, expected 'frame' or 'vector'")
+    return seen, Box(-1.0, 1.0, (2,), np.float32)
+
+
+def _course_number(core, course):
+    """Returns the number of a course, which may be given by its name."""
+    if not isinstance(course, str):
+        return int(course)
+    try:
+        return core.course_names.index(course)
+    except ValueError:
+        raise _slalom.Error(f"course: found {course!r}, expected one of {core.course_names}"
+                            ) from None
+
+
+def _options(options, known):
+    options = dict(options or {})
+    for key in options:
+        if key not in known:
+            raise _slalom.Error(f"options: found {key!r}, expected {' or '.join(known)}")
+    return options
+
+
+class VectorEnvironment(VectorEnv):
+    """Environments that are stepped together, with Gymnasium's vector interface.
+
+    `make_vec` makes one. An object may be used by one thread at a time; while it steps, Python's
+    other threads run.
+
+    Observations are those of `single_observation_space`, stacked:
+
+    - "frame": {"ranges": [B, N] uint16, the LiDAR's beams from right to left in centimetres,
+      clipped; "state": [B, 4] float32, the goal in the robot's frame (x forward, y left) in metres
+      and the last action};
+    - "vector": [B, N + 4] float32, the same as the paper's networks see it, around [-1, 1].
+
+    Actions are [B, 2] float32 in [-1, 1], speed and turn rate; beyond that they are clipped.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": None}
+    render_mode = None
+    spec = None
+    closed = False
+
+    def __init__(self, core, observation, autoreset_mode, copy):
+        self._core = core
+        self._copy = copy
+        self._vector = observation == "vector"
+        self.num_envs = len(core.views()["rewards"])
+        self.metadata = {**self.metadata,
+                         "autoreset_mode": AUTORESET_MODES.get(_MODES[autoreset_mode],
+                                                               autoreset_mode)}
+        self.single_observation_space, self.single_action_space = _spaces(core, observation)
+        self.observation_space = batched(self.single_observation_space, self.num_envs)
+        self.action_space = batched(self.single_action_space, self.num_envs)
+        self._seeded = False
+        self._same_step = autoreset_mode == "SameStep"
+        views = core.views()
+        self._frames = views["observations"]
+        self._final_frames = views["final_observations"]
+        self._results = [views[name] for name in ("rewards", "terminations", "truncations")]
+        self._views = views
+
+    @property
+    def resets_in_the_same_step(self):
+        """Whether autoreset is "SameStep"."""
+        return self._same_step
+
+    @property
+    def course_names(self):
+        """The names of the courses, in the order of their numbers."""
+        return self._core.course_names
+
+    @property
+    def config(self):
+        """The task as TOML: every key of [environment] with the value that is used."""
+        return self._core.task
+
+    def poses(self):
+        """Returns the robots' true poses in their courses' frames: [B, 3], x and y in metres and
+        the heading in radians. For records, not for agents."""
+        return np.array([self._core.pose(i) for i in range(self.num_envs)])
+
+    def reset(self, *, seed=None, options=None):
+        """Begins an episode in every environment and returns (observations, infos).
+
+        seed: environment i draws its episodes from a stream of seed + i, or of seed[i] of a list.
+        The same seed, courses and actions give the same episodes, bit for bit. Without a seed the
+        streams go on; they begin with one of the system's.
+
+        options: "course", the number or name of the course that is driven next, or one for each
+        environment; "episode_seed", the seed of that episode, likewise, for `slalom evaluate`'s
+        episodes; "reset_mask", [B] bool: only these environments are reset.
+        """
+        options = _options(options, ("course", "episode_seed", "reset_mask"))
+        size = self.num_envs
+        mask = np.asarray(options.get("reset_mask", np.ones(size, bool)))
+        if mask.shape != (size,) or mask.dtype != bool:
+            raise _slalom.Error(f"options: reset_mask is {mask.dtype} {mask.shape}, expected bool "
+                                f"({size},)")
+        if seed is None and not self._seeded:
+            seed = [int(s) for s in np.random.SeedSequence().generate_state(size, np.uint64)]
+        if isinstance(seed, (int, np.integer)):
+            seed = [int(seed) + i for i in range(size)]
+        courses = self._for_each(options.get("course"), "course")
+        seeds = self._for_each(options.get("episode_seed"), "episode_seed")
+        if seed is not None and len(seed) != size:
+            raise _slalom.Error(f"seed: found {len(seed)} numbers, expected {size}")
+        for i in np.flatnonzero(mask):
+            if seed is not None and seed[i] is not None:
+                self._core.seed(int(i), int(seed[i]) & 0xFFFFFFFFFFFFFFFF)
+            course = courses[i]
+            self._core.reset(int(i), None if course is None else _course_number(self._core, course),
+                             None if seeds[i] is None else int(seeds[i]))
+        self._seeded = True
+        return self._observations(self._frames, self._copy), {
+            "course": self._views["courses"].copy(), "_course": mask.copy()}
+
+    def step(self, actions):
+        """Runs one control step of every environment.
+
+        Returns (observations, rewards, terminations, truncations, infos). An episode that succeeds
+        or collides is terminated, one whose time is up is truncated.
+
+        With autoreset "SameStep", `infos["final_obs"]` has the last observations of the episodes
+        that ended, and with any mode `infos["final_info"]` what became of them: outcome ("success",
+        "collision" or "timeout"), course, length in steps and return. `infos["_final_info"]` says
+        in which environments; other rows mean nothing. Without an ended episode infos is empty.
+        """
+        any_ended = self._core.step(actions)
+        rewards, terminations, truncations = (view.copy() for view in self._results)
+        infos = self._infos() if any_ended else {}
+        return (self._observations(self._frames, self._copy), rewards, terminations, truncations,
+                infos)
+
+    def _for_each(self, value, key):
+        if value is None or isinstance(value, (str, int, np.integer)):
+            return [value] * self.num_envs
+        if len(value) != self.num_envs:
+            raise _slalom.Error(f"options: {key} has {len(value)} elements, expected one or "
+                                f"{self.num_envs}")
+        return list(value)
+
+    def _observations(self, frames, copy):
+        if self._vector:
+            return self._core.observe(frames["ranges"], frames["state"])
+        if not copy:
+            return frames
+        return {"ranges": frames["ranges"].copy(), "state": frames["state"].copy()}
+
+    def _infos(self):
+        views = self._views
+        ended = views["ended"].copy()
+        final = {
+            "outcome": _OUTCOMES[views["outcomes"]],
+            "course": views["final_courses"].copy(),
+            "length": views["final_lengths"].copy(),
+            "return": views["final_returns"].copy(),
+        }
+        final.update({"_" + key: ended for key in tuple(final)})
+        infos = {"final_info": final, "_final_info": ended}
+        if self._same_step:
+            infos["final_obs"] = self._observations(self._final_frames, self._copy)
+            infos["_final_obs"] = ended
+        return infos
+
+
+class Environment(Env):
+    """One environment, with Gymnasium's interface. `make` makes one."""
+
+    metadata = {"render_modes": []}
+    render_mode = None
+
+    def __init__(self, core, observation):
+        self._core = core
+        self._vector = observation == "vector"
+        self.observation_space, self.action_space = _spaces(core, observation)
+        self._seeded = False
+        self._views = core.views()
+
+    @property
+    def course_names(self):
+        """The names of the courses, in the order of their numbers."""
+        return self._core.course_names
+
+    @property
+    def config(self):
+        """The task as TOML: every key of [environment] with the value that is used."""
+        return self._core.task
+
+    def pose(self):
+        """Returns the robot's true pose in the course's frame: x and y in metres, the heading in
+        radians. For records, not for agents."""
+        return self._core.pose(0)
+
+    def reset(self, *, seed=None, options=None):
+        """Begins an episode and returns (observation, info). As `VectorEnvironment.reset`."""
+        options = _options(options, ("course", "episode_seed"))
+        super_reset = getattr(super(), "reset", None)
+        if super_reset is not None:
+            super_reset(seed=seed)
+        if seed is None and not self._seeded:
+            seed = int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
+        if seed is not None:
+            self._core.seed(0, int(seed) & 0xFFFFFFFFFFFFFFFF)
+        self._seeded = True
+        course, episode_seed = options.get("course"), options.get("episode_seed")
+        self._core.reset(0, None if course is None else _course_number(self._core, course),
+                         None if episode_seed is None else int(episode_seed))
+        return self._observation(), {"course": int(self._views["courses"][0])}
+
+    def step(self, action):
+        """Runs one control step; as `VectorEnvironment.step`, but nothing is reset."""
+        ended = self._core.step(np.asarray(action, np.float32).reshape(1, -1))
+        views = self._views
+        info = {"outcome": str(_OUTCOMES[views["outcomes"][0]])} if ended else {}
+        return (self._observation(), float(views["rewards"][0]), bool(views["terminations"][0]),
+                bool(views["truncations"][0]), info)
+
+    def _observation(self):
+        frames = self._views["observations"]
+        if self._vector:
+            return self._core.observe(frames["ranges"], frames["state"])[0]
+        return {"ranges": frames["ranges"][0].copy(), "state": frames["state"][0].copy()}
+
+
+_MODES = {"SameStep": "SAME_STEP", "NextStep": "NEXT_STEP", "Disabled": "DISABLED"}
+
+
+def _mode_name(mode):
+    """Returns "SameStep" of "SameStep", "SAME_STEP" or Gymnasium's AutoresetMode.SAME_STEP."""
+    text = getattr(mode, "name", None) or str(mode)
+    for name, gymnasium_name in _MODES.items():
+        if text in (name, gymnasium_name):
+            return name
+    return text
+
+
+def make_vec(courses="static-train-50", num_envs=64, *, observation="frame",
+             autoreset_mode="SameStep", copy=True, threads=1, profile=(), collection="",
+             generator_seed=1, physics="slalom", **sections):
+    """Makes `num_envs` environments on a set of courses.
+
+    courses: a set's name, "generated:SEED:COUNT", or a file (docs/courses.md).
+    observation: "frame" for the LiDAR's readings and the robot's state as they are stored, or
+    "vector" for the paper's numbers.
+    autoreset_mode: "SameStep", "NextStep" or "Disabled", or Gymnasium's AutoresetMode.
+    copy: whether observations and `final_obs` are copies. If not, they are read-only views of the
+    simulator's memory, which the next `step` or `reset` overwrites ("frame" only).
+    threads: threads that step. They change the speed, not the episodes.
+    profile: TOML files whose [environment] is laid over the defaults, such as
+    "configs/real-robot.toml".
+    collection, generator_seed: as in docs/courses.md.
+    physics: "slalom", "ode" or "mujoco".
+    sections: the keys of [environment] (docs/config.md), for example robot={"friction": "gazebo"},
+    lidar={"noise_std": 0.02}, episode={"max_steps": 200}.
+
+    Raises `slalom.Error`, a ValueError, which says what was found and expected.
+    """
+    mode = _mode_name(autoreset_mode)
+    core = _core(courses, num_envs, profile, sections, collection, generator_seed, threads, mode,
+                 physics)
+    return VectorEnvironment(core, observation, mode, copy)
+
+
+def make(courses="static-train-50", *, observation="frame", profile=(), collection="",
+         generator_seed=1, physics="slalom", **sections):
+    """Makes one environment. The arguments are those of `make_vec`."""
+    core = _core(courses, 1, profile, sections, collection, generator_seed, 1, "Disabled", physics)
+    return Environment(core, observation)

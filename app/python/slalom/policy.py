@@ -1,0 +1,69 @@
+"""Trained policies."""
+
+import os
+
+import numpy as np
+
+from . import _slalom
+
+
+class Policy:
+    """A policy that `slalom train` has written, driving as it does in C++, bit for bit.
+
+    It remembers the last frames of each environment where its network has a history. An object may
+    be used by one thread at a time.
+    """
+
+    def __init__(self, path):
+        """Loads a policy file. Raises `slalom.Error` if it is damaged, or if the policy was trained
+        to plan with its model, which this package cannot."""
+        import tomllib
+
+        self.path = path = os.fspath(path)
+        self._core = _slalom.Policy(path)
+        self._config = tomllib.loads(self._core.metadata.get("config", ""))
+        if self._config.get("mpc", {}).get("enabled"):
+            raise _slalom.Error(
+                f"{path}: this policy plans with a transition model (mpc.enabled), which the Python "
+                f"package cannot do; drive it with `slalom evaluate`")
+
+    load = classmethod(lambda cls, path: cls(path))
+
+    def act(self, observation, first):
+        """Returns the actions, [B, 2] float32 in [-1, 1].
+
+        observation: {"ranges": [B, N] uint16, "state": [B, 4] float32}, as `make_vec` gives them.
+        first: [B] bool, True where the observation is the first of an episode. With autoreset in
+        the same step that is `terminations | truncations` of the step that returned it.
+        """
+        return self._core.act(observation["ranges"], observation["state"], np.asarray(first, bool))
+
+    def speeds(self, actions):
+        """Returns what actions command: [B, 2], speed in m/s and turn rate in rad/s."""
+        return self._core.speeds(actions)
+
+    def weights(self):
+        """Returns the network's parameters by name, as read-only arrays that share its memory.
+        docs/networks.md says what they are."""
+        return self._core.weights()
+
+    @property
+    def metadata(self):
+        """What the trainer wrote beside the weights: config (TOML), commit, seed, steps, ..."""
+        return self._core.metadata
+
+    @property
+    def task(self):
+        """The task of its training, section by section, as `make_vec(courses, **policy.task)` takes
+        it. Empty if the file does not tell."""
+        return self._config.get("environment", {})
+
+    @property
+    def num_beams(self):
+        """Beams per scan that it was trained for."""
+        return self._core.num_beams
+
+    @property
+    def history(self):
+        """Frames that its network sees at once."""
+        return self._core.history
