@@ -5,6 +5,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -31,6 +32,16 @@ void RequireShape(const char* name, const Array<T>& array,
   throw base::Error(fmt::format("{}: its shape is {}, expected {}", name,
                                 std::string(py::str(py::tuple(py::cast(found)))),
                                 std::string(py::str(py::tuple(py::cast(expected))))));
+}
+
+/// Ranges as they are stored. Throws `base::Error` if they are of another type: metres, cast to
+/// centimetres, would be wrong without a word.
+inline Array<std::uint16_t> RangesOf(const py::array& ranges) {
+  if (!py::isinstance<py::array_t<std::uint16_t>>(ranges)) {
+    throw base::Error(fmt::format("ranges: their type is {}, expected uint16, in centimetres",
+                                  std::string(py::str(ranges.dtype()))));
+  }
+  return ranges;
 }
 
 /// [batch_size, 2] as actions. A view of the array.

@@ -79,8 +79,9 @@ std::unique_ptr<VectorEnvironment> MakeEnvironment(
 }
 
 /// [B, N + 4]: the paper's observation of each frame.
-py::array_t<float> ObservationsOf(const env::ObservationSpec& spec,
-                                  const Array<std::uint16_t>& ranges, const Array<float>& state) {
+py::array_t<float> ObservationsOf(const env::ObservationSpec& spec, const py::array& given_ranges,
+                                  const Array<float>& state) {
+  const Array<std::uint16_t> ranges = RangesOf(given_ranges);
   const py::ssize_t batch = ranges.ndim() > 0 ? ranges.shape(0) : 0;
   RequireShape("ranges", ranges, {batch, spec.num_beams});
   RequireShape("state", state, {batch, env::kStateSize});
@@ -158,10 +159,10 @@ void DefineEnvironment(py::module_& module) {
              views["courses"] = View(owner, self.courses());
              return views;
            })
-      .def("observe", [](const Environment& self, const Array<std::uint16_t>& ranges,
-                         const Array<float>& state) {
-        return ObservationsOf(sim::MakeObservationSpec(self.config()), ranges, state);
-      });
+      .def("observe",
+           [](const Environment& self, const py::array& ranges, const Array<float>& state) {
+             return ObservationsOf(sim::MakeObservationSpec(self.config()), ranges, state);
+           });
 }
 
 void DefinePolicy(py::module_& module) {

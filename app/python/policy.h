@@ -21,8 +21,9 @@ class Policy {
   const policy::PolicySpec& spec() const { return loaded_.snapshot.spec; }
 
   /// `first`: [B], whether a frame is the first of an episode.
-  py::array_t<float> Act(const Array<std::uint16_t>& ranges, const Array<float>& state,
+  py::array_t<float> Act(const py::array& given_ranges, const Array<float>& state,
                          const Array<bool>& first) {
+    const Array<std::uint16_t> ranges = RangesOf(given_ranges);
     const py::ssize_t batch = ranges.ndim() > 0 ? ranges.shape(0) : 0;
     const int num_beams = spec().observation.num_beams;
     RequireShape("ranges", ranges, {batch, num_beams});

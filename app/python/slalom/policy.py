@@ -34,7 +34,8 @@ class Policy:
 
         observation: {"ranges": [B, N] uint16, "state": [B, 4] float32}, as `make_vec` gives them.
         first: [B] bool, True where the observation is the first of an episode. With autoreset in
-        the same step that is `terminations | truncations` of the step that returned it.
+        the same step that is `terminations | truncations` of the step that returned it. A batch of
+        another size than the one before begins anew in every row.
         """
         return self._core.act(observation["ranges"], observation["state"], np.asarray(first, bool))
 

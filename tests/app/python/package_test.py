@@ -309,7 +309,10 @@ class PolicyTest(unittest.TestCase):
 
     def test_refuses_what_is_no_observation_of_it(self):
         with self.assertRaisesRegex(slalom.Error, r"ranges: its shape is \(2, 10\), expected \(2, 720\)"):
-            self.policy.act({"ranges": np.zeros((2, 10)), "state": np.zeros((2, 4))}, [True, True])
+            self.policy.act({"ranges": np.zeros((2, 10), np.uint16), "state": np.zeros((2, 4))},
+                            [True, True])
+        with self.assertRaisesRegex(slalom.Error, "ranges: their type is float64, expected uint16"):
+            self.policy.act({"ranges": np.zeros((2, 720)), "state": np.zeros((2, 4))}, [True, True])
 
     def test_refuses_a_damaged_file(self):
         import tempfile
