@@ -81,7 +81,21 @@ def _options(options, known):
     return options
 
 
-class VectorEnvironment(VectorEnv):
+class _Described:
+    """What both kinds of environments tell of themselves."""
+
+    @property
+    def course_names(self):
+        """The names of the courses, in the order of their numbers."""
+        return self._core.course_names
+
+    @property
+    def config(self):
+        """The task as TOML: every key of [environment] with the value that is used."""
+        return self._core.task
+
+
+class VectorEnvironment(_Described, VectorEnv):
     """Environments that are stepped together, with Gymnasium's vector interface.
 
     `make_vec` makes one. An object may be used by one thread at a time; while it steps, Python's
@@ -125,16 +139,6 @@ class VectorEnvironment(VectorEnv):
     def resets_in_the_same_step(self):
         """Whether autoreset is "SameStep"."""
         return self._same_step
-
-    @property
-    def course_names(self):
-        """The names of the courses, in the order of their numbers."""
-        return self._core.course_names
-
-    @property
-    def config(self):
-        """The task as TOML: every key of [environment] with the value that is used."""
-        return self._core.task
 
     def poses(self):
         """Returns the robots' true poses in their courses' frames: [B, 3], x and y in metres and
@@ -225,7 +229,7 @@ class VectorEnvironment(VectorEnv):
         return infos
 
 
-class Environment(Env):
+class Environment(_Described, Env):
     """One environment, with Gymnasium's interface. `make` makes one."""
 
     metadata = {"render_modes": []}
@@ -237,16 +241,6 @@ class Environment(Env):
         self.observation_space, self.action_space = _spaces(core, observation)
         self._seeded = False
         self._views = core.views()
-
-    @property
-    def course_names(self):
-        """The names of the courses, in the order of their numbers."""
-        return self._core.course_names
-
-    @property
-    def config(self):
-        """The task as TOML: every key of [environment] with the value that is used."""
-        return self._core.task
 
     def pose(self):
         """Returns the robot's true pose in the course's frame: x and y in metres, the heading in
