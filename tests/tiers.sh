@@ -27,7 +27,7 @@ Parts:
   tsan      those of them with threads under ThreadSanitizer                                                        --all
   tidy      clang-tidy with clang's thread-safety analysis                                                          --all
   arm64     what drives by a policy, compiled for 64-bit ARM, and its tests under an emulator                       --all
-  python    the Python package: its tests with Debian's Python and, in a virtual environment, with Gymnasium          --all
+  python    the Python package: its tests with Debian's Python and, in a virtual environment, with Gymnasium and ONNX Runtime --all
   fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
   soak      drills at full length, the image compiled from source, ten minutes for each fuzzer                      --soak
 HELP
@@ -145,7 +145,7 @@ part_arm64() {
 }
 part_tidy() {
   configure tidy
-  build_targets tidy slalom_proto_wire slalom_run_wire slalom_version
+  build_targets tidy slalom_onnx_wire slalom_proto_wire slalom_run_wire slalom_version
   # What the preset compiles: the sources of a library some at a time, so that their headers are parsed once.
   (cd "$root" && sed -n 's/^  "file": "\(.*\)",\?$/\1/p' build/tidy/compile_commands.json |
     grep -vE '/generated/|slalom_proto_wire|_headers\.cc|small_gemm_avx' | tr '\n' '\0' |

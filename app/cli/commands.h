@@ -14,6 +14,9 @@ void AddCompareCommand(CLI::App& app);
 void AddCoursesCommand(CLI::App& app);
 /// Adds `animate` to `slalom courses`: recorded drives as a moving picture.
 void AddAnimateCommand(CLI::App& courses);
+/// `slalom act`: a policy that reads what a robot senses and writes what it commands.
+void AddActCommand(CLI::App& app);
+void AddExportCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 void AddServiceCommands(CLI::App& app, int* exit_code);
 void AddWatchCommand(CLI::App& app);

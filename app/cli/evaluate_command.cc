@@ -138,10 +138,8 @@ void ApplyOptions(const EvaluateOptions& options, Config& config) {
 /// program does not read, and `--config` is given in its place.
 std::optional<train::RunConfig> TrainedConfig(const EvaluateOptions& options,
                                               const policy::LoadedPolicy& loaded) {
-  const auto it = loaded.metadata.find("config");
-  if (it == loaded.metadata.end()) return std::nullopt;
   try {
-    return train::ReadRecordedConfig(it->second, *options.policy + " (its config)");
+    return train::TrainedConfig(loaded.metadata, *options.policy);
   } catch (const base::Error& error) {
     if (!options.config) throw;
     spdlog::warn("cannot tell what the policy was trained on: {}", error.what());

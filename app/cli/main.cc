@@ -109,6 +109,8 @@ int Run(int argc, char** argv) {
   slalom::cli::AddSweepCommand(app, &exit_code);
   slalom::cli::AddWatchCommand(app);
   slalom::cli::AddCoursesCommand(app);
+  slalom::cli::AddActCommand(app);
+  slalom::cli::AddExportCommand(app);
   slalom::cli::AddServiceCommands(app, &exit_code);
   slalom::cli::AddStatusCommand(app);
   slalom::cli::AddConfigCommand(app);

@@ -61,6 +61,12 @@ RunConfig ReadRecordedConfig(std::string_view text, std::string_view source) {
   return config;
 }
 
+std::optional<RunConfig> TrainedConfig(const nn::Metadata& metadata, std::string_view policy_file) {
+  const auto it = metadata.find("config");
+  if (it == metadata.end()) return std::nullopt;
+  return ReadRecordedConfig(it->second, fmt::format("{} (its config)", policy_file));
+}
+
 std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose) {
   return base::DeriveSeed(static_cast<std::uint64_t>(config.run.seed), purpose);
 }

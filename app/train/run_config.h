@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -125,6 +126,10 @@ struct RunConfig {
 /// Reads the config that a policy, a checkpoint or a run directory holds. Keys that it lacks have
 /// their defaults. Throws `base::Error` that names `source` if it is damaged or has unknown keys.
 RunConfig ReadRecordedConfig(std::string_view text, std::string_view source);
+
+/// The config that a policy was trained with. None: its metadata does not tell. Throws as
+/// `ReadRecordedConfig`, naming `policy_file`.
+std::optional<RunConfig> TrainedConfig(const nn::Metadata& metadata, std::string_view policy_file);
 
 /// The seed of one of the run's random streams.
 std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose);

@@ -84,10 +84,8 @@ std::string CoursesLike(const train::CoursesConfig& courses) {
 /// The picture of a policy's drives. None: stopped first.
 std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token& stop) {
   const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
-  train::RunConfig config;
-  if (const auto it = loaded.metadata.find("config"); it != loaded.metadata.end()) {
-    config = train::ReadRecordedConfig(it->second, file.path.string() + " (its config)");
-  }
+  auto config =
+      train::TrainedConfig(loaded.metadata, file.path.string()).value_or(train::RunConfig{});
   config.evaluation.episodes_per_course = 1;
   config.evaluation.recorded_episodes_per_course = 1;
   config.evaluation.recorded_scan_courses = 0;

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# with_gymnasium.sh VENV: the tests of the Python package in a virtual environment with Gymnasium, which is no Debian package.
+# with_packages.sh VENV: the tests of the Python package in a virtual environment with Gymnasium and ONNX Runtime, which are no Debian packages.
 set -euo pipefail
 here=$(dirname "$(readlink -f "$0")") venv=$1
 [[ -x $venv/bin/python3 ]] || /usr/bin/python3 -m venv --system-site-packages "$venv"
@@ -7,6 +7,6 @@ if ! "$venv/bin/pip" install -q --no-deps --require-hashes -r "$here/requirement
   echo "SKIPPED: no index of Python packages is reached here"
   exit 0
 fi
-for test in package page gymnasium; do
+for test in package page gymnasium onnx; do
   "$venv/bin/python3" -B "$here/${test}_test.py"
 done

@@ -1,0 +1,145 @@
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "base/file.h"
+#include "base/random.h"
+#include "policy/network_agent.h"
+#include "tests/app/cli/program.h"
+#include "tests/support/scratch_directory.h"
+
+/// `slalom act` and `slalom export`: a policy outside the simulator.
+
+namespace slalom::test {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr int kNumBeams = 6;
+
+/// A policy of random weights that sees two frames.
+policy::PolicySnapshot MakeSnapshot() {
+  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(
+      {.observation = {.num_beams = kNumBeams},
+       .network = {.encoder_layers = {8}, .head_layers = {8}, .history = 2},
+       .actions = {.linear_min = -0.5, .linear_max = 1.0, .angular_max = 2.0}});
+  std::vector<float> weights(snapshot.weights->size());
+  base::Random random(5);
+  nn::InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
+  snapshot.weights = std::make_shared<const std::vector<float>>(weights);
+  snapshot.version = 10;
+  return snapshot;
+}
+
+class PolicyToolsTest : public ::testing::Test {
+ protected:
+  PolicyToolsTest() { Save({}); }
+
+  void Save(const nn::Metadata& metadata, const char* file = "policy.safetensors") {
+    policy::SavePolicy(scratch_.path() / file, MakeSnapshot(), metadata);
+  }
+
+  /// The program's answers to `lines`.
+  ProgramResult Act(const std::string& lines) {
+    base::WriteFileAtomically(scratch_.path() / "lines", lines);
+    return RunShell("$SLALOM act --policy policy.safetensors < lines", scratch_.path());
+  }
+
+  ProgramResult Export(const std::string& more = "") {
+    return RunShell("$SLALOM export --policy policy.safetensors --onnx policy.onnx " + more,
+                    scratch_.path());
+  }
+
+  const ScratchDirectory scratch_;
+};
+
+TEST_F(PolicyToolsTest, ActAnswersEachLineAsThePolicyDrives) {
+  const ProgramResult result =
+      Act("{\"ranges\": [0.5, 1.234, 2, 3, 4.996, null], \"goal\": [3, 0.5]}\n"
+          "{\"ranges\": [0.4, 1.2, 2, 3, 9, 1e300], \"goal\": [2.5, 0.25]}\n"
+          "{\"ranges\": [1, 1, 1, 1, 1, 1], \"goal\": [2, 0], \"last_action\": [0.5, -0.25]}\n"
+          "{\"ranges\": [1, 2, 1, 2, 1, 2], \"goal\": [2, 0], \"first\": true}\n");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  std::istringstream lines(result.out);
+
+  policy::NetworkAgent agent(MakeSnapshot());
+  const env::ActionBounds bounds = MakeSnapshot().spec.actions;
+  env::ObservationBatch seen;
+  seen.Resize(1, kNumBeams);
+  env::Action action;
+  const auto expect = [&](std::vector<std::uint16_t> ranges_cm, std::vector<float> state,
+                          bool first) {
+    seen.ranges_cm = std::move(ranges_cm);
+    seen.state = std::move(state);
+    seen.first[0] = first;
+    agent.Act(seen, {&action, 1});
+    std::string line;
+    ASSERT_TRUE(std::getline(lines, line));
+    const json answer = json::parse(line);
+    EXPECT_EQ(answer["action"][0].get<float>(), action.linear);
+    EXPECT_EQ(answer["action"][1].get<float>(), action.angular);
+    EXPECT_DOUBLE_EQ(answer["linear"].get<double>(), bounds.linear_mps(action));
+    EXPECT_DOUBLE_EQ(answer["angular"].get<double>(), bounds.angular_radps(action));
+  };
+  expect({50, 123, 200, 300, 500, 500}, {3, 0.5f, 0, 0}, true);
+  expect({40, 120, 200, 300, 500, 500}, {2.5f, 0.25f, action.linear, action.angular}, false);
+  expect({100, 100, 100, 100, 100, 100}, {2, 0, 0.5f, -0.25f}, false);
+  expect({100, 200, 100, 200, 100, 200}, {2, 0, 0, 0}, true);
+}
+
+TEST_F(PolicyToolsTest, ActNamesTheLineAndWhatWasExpectedOfIt) {
+  const std::string good = "{\"ranges\": [1, 1, 1, 1, 1, 1], \"goal\": [2, 0]}\n";
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {R"({"ranges": [1, 1, 1], "goal": [2, 0]})", "ranges: found 3 numbers, expected 6"},
+      {R"({"ranges": [1, 1, 1, 1, 1, -1], "goal": [2, 0]})", "ranges[5]: found -1, expected"},
+      {R"({"ranges": [1, 1, "a", 1, 1, 1], "goal": [2, 0]})", "ranges[2]: found \"a\", expected"},
+      {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2]})", "goal: found 1 numbers, expected 2"},
+      {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2, null]})", "goal[1]: found null"},
+      {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2, 1e39]})", "goal[1]: found 1e+39"},
+      {R"({"ranges": [1, 1, 1, 1, 1, 1]})", "goal: is missing, expected 2 numbers"},
+      {R"({"ranges": [1, 1, 1, 1, 1, 1], "gaol": [2, 0]})", "no key 'gaol', expected ranges, goal"},
+      {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2, 0], "first": 1})", "first: expected true"},
+      {R"([1, 2])", "expected a JSON object"},
+      {"", "expected a JSON object"},
+      {std::string(100'000, '['), "expected a JSON object"},
+      {R"({"goal": )" + std::string(100'000, '['), "expected a JSON object"},
+  };
+  for (const auto& [line, expected] : cases) {
+    const ProgramResult result = Act(good + line + "\n" + good);
+    EXPECT_EQ(result.exit_code, 1) << line.substr(0, 80);
+    EXPECT_THAT(result.err, HasSubstr("slalom: standard input: line 2: "));
+    EXPECT_THAT(result.err, HasSubstr(expected));
+    EXPECT_EQ(std::ranges::count(result.out, '\n'), 1) << "the line before was answered";
+  }
+}
+
+TEST_F(PolicyToolsTest, ExportWritesAModelAndReplacesNoFileUnasked) {
+  ASSERT_EQ(Export().exit_code, 0);
+  const std::string model = base::ReadFile(scratch_.path() / "policy.onnx");
+  EXPECT_THAT(model, HasSubstr("counter-clockwise"));
+  const ProgramResult again = Export();
+  EXPECT_EQ(again.exit_code, 1);
+  EXPECT_THAT(again.err, HasSubstr("policy.onnx"));
+  EXPECT_EQ(Export("--force").exit_code, 0);
+  EXPECT_EQ(base::ReadFile(scratch_.path() / "policy.onnx"), model) << "the same bytes each time";
+}
+
+TEST_F(PolicyToolsTest, ExportRefusesAPolicyThatPlans) {
+  Save({{"config", "[mpc]\nenabled = true\n"}});
+  const ProgramResult result = Export();
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, HasSubstr("policy.safetensors: mpc.enabled is true, expected false"));
+  EXPECT_FALSE(std::filesystem::exists(scratch_.path() / "policy.onnx"));
+  EXPECT_THAT(result.out, IsEmpty());
+}
+
+}  // namespace
+}  // namespace slalom::test
