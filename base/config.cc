@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -288,6 +290,17 @@ toml::table Parse(std::string_view text, std::string_view source) {
   }
 }
 
+/// What came with the program, by the path that it has in the repository: in the folder that
+/// SLALOM_SHARE names, or in share/slalom beside the folder of an installed program.
+std::filesystem::path InShare(const std::filesystem::path& path) {
+  if (const char* const share = std::getenv("SLALOM_SHARE")) {
+    return std::filesystem::path(share) / path;
+  }
+  std::error_code ec;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", ec);
+  return program.parent_path().parent_path() / "share/slalom" / path;
+}
+
 /// "; did you mean 'configs/fast.toml'?": the preset, beside the file that is not there or in
 /// configs/, whose name is nearest. Empty: none is near.
 std::string SuggestFile(const std::filesystem::path& path) {
@@ -295,7 +308,8 @@ std::string SuggestFile(const std::filesystem::path& path) {
   std::vector<std::string> files, stems;
   for (const fs::path& directory : {path.parent_path(), fs::path("configs")}) {
     std::error_code ec;
-    for (const auto& entry : fs::directory_iterator(directory.empty() ? "." : directory, ec)) {
+    for (const auto& entry :
+         fs::directory_iterator(directory.empty() ? "." : Locate(directory), ec)) {
       if (entry.path().extension() != ".toml") continue;
       files.push_back((directory / entry.path().filename()).string());
       stems.push_back(entry.path().stem().string());
@@ -343,14 +357,21 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
 
 }  // namespace
 
+std::filesystem::path Locate(const std::filesystem::path& path) {
+  std::error_code ec;
+  if (path.is_absolute() || std::filesystem::exists(path, ec)) return path;
+  std::filesystem::path shared = InShare(path);
+  return std::filesystem::exists(shared, ec) ? shared : path;
+}
+
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list) {
-  ReadFileWithBases(path, {list}, 0);
+  ReadFileWithBases(Locate(path), {list}, 0);
 }
 
 std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
                                             const FieldList& list, const FieldList& others) {
   std::vector<std::string> passed_over;
-  ReadFileWithBases(path, {list, &others, &passed_over}, 0);
+  ReadFileWithBases(Locate(path), {list, &others, &passed_over}, 0);
   return passed_over;
 }
 

@@ -129,9 +129,13 @@ void FieldCollector::Tables(std::string_view key, std::vector<Config>& list,
                           }});
 }
 
-/// Reads `path` (and its bases) into the listed fields. Fields that the file does not name keep
-/// their values; an array of tables in the file replaces the earlier one. If there is no such file,
-/// the error suggests the most similar name.
+/// The path itself or, if it is relative and nothing is there, that of the file or folder of this
+/// name that came with the program ("configs/fast.toml" in /usr/share/slalom).
+std::filesystem::path Locate(const std::filesystem::path& path);
+
+/// Reads `path` (and its bases), as `Locate` finds it, into the listed fields. Fields that the file
+/// does not name keep their values; an array of tables in the file replaces the earlier one. If
+/// there is no such file, the error suggests the most similar name.
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list);
 
 /// Like `ReadTomlFile`, for a file that other commands read, too: keys that only `others` has are

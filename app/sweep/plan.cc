@@ -229,7 +229,8 @@ class Checker {
 
 }  // namespace
 
-std::vector<fs::path> PlanFiles(const fs::path& file) {
+std::vector<fs::path> PlanFiles(const fs::path& given) {
+  const fs::path file = config::Locate(given);
   Plan list;
   config::ReadTomlFile(file, config::ListFields(list));
   if (list.sweep.plans.empty()) return {file};
@@ -262,7 +263,7 @@ Plan ReadPlan(const fs::path& file, std::span<const std::string> overrides) {
     throw base::Error(fmt::format("{}: is a list of plans, expected one of them: {}", file.string(),
                                   fmt::join(plan.sweep.plans, ", ")));
   }
-  plan.file = file;
+  plan.file = config::Locate(file);
   for (const std::string& assignment : overrides) {
     if (IsOfPlan(assignment)) {
       config::ApplyOverride(assignment, fields);

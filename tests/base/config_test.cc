@@ -416,5 +416,26 @@ TEST_F(FilesTest, OfAMissingFileTheNearestIsNamed) {
   EXPECT_THAT(error_of("none/mine.toml"), EndsWith("there is no such file"));
 }
 
+TEST_F(FilesTest, WhatIsNotHereIsReadFromWhatCameWithTheProgram) {
+  std::filesystem::create_directories(Path("configs/sweeps"));
+  Write("configs/ours.toml", "count = 7\n");
+  Write("configs/sweeps/other.toml", "base = \"../ours.toml\"\n");
+  setenv("SLALOM_SHARE", Path("").c_str(), /*replace=*/1);
+  Outer outer;
+  ReadTomlFile("configs/sweeps/other.toml", ListFields(outer));
+  EXPECT_EQ(outer.count, 7);
+  EXPECT_EQ(Locate("configs/ours.toml"), Path("configs/ours.toml"));
+  EXPECT_EQ(Locate("configs/none.toml"), "configs/none.toml") << "as the user named it";
+  EXPECT_EQ(Locate("/configs/ours.toml"), "/configs/ours.toml");
+  try {
+    ReadTomlFile("configs/oers.toml", ListFields(outer));
+    ADD_FAILURE() << "expected an error";
+  } catch (const base::Error& error) {
+    EXPECT_STREQ(error.what(),
+                 "configs/oers.toml: there is no such file; did you mean 'configs/ours.toml'?");
+  }
+  unsetenv("SLALOM_SHARE");
+}
+
 }  // namespace
 }  // namespace slalom::config
