@@ -1,7 +1,11 @@
 """The simulator behind Gymnasium's interfaces."""
 
+from __future__ import annotations
+
 import json
 import os
+from collections.abc import Sequence
+from typing import Any, Literal, Optional, Union
 
 import numpy as np
 
@@ -85,14 +89,19 @@ class _Described:
     """What both kinds of environments tell of themselves."""
 
     @property
-    def course_names(self):
+    def course_names(self) -> list[str]:
         """The names of the courses, in the order of their numbers."""
         return self._core.course_names
 
     @property
-    def config(self):
+    def config(self) -> str:
         """The task as TOML: every key of [environment] with the value that is used."""
         return self._core.task
+
+
+Seeds = Union[int, Sequence[Optional[int]], None]
+Observations = Union[dict[str, np.ndarray], np.ndarray]
+Courses = Union[str, os.PathLike]
 
 
 class VectorEnvironment(_Described, VectorEnv):
@@ -136,16 +145,17 @@ class VectorEnvironment(_Described, VectorEnv):
         self._views = views
 
     @property
-    def resets_in_the_same_step(self):
+    def resets_in_the_same_step(self) -> bool:
         """Whether autoreset is "SameStep"."""
         return self._same_step
 
-    def poses(self):
+    def poses(self) -> np.ndarray:
         """Returns the robots' true poses in their courses' frames: [B, 3], x and y in metres and
         the heading in radians. For records, not for agents."""
         return np.array([self._core.pose(i) for i in range(self.num_envs)])
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed: Seeds = None, options: dict[str, Any] | None = None
+              ) -> tuple[Observations, dict[str, Any]]:
         """Begins an episode in every environment and returns (observations, infos).
 
         seed: environment i draws its episodes from a stream of seed + i, or of seed[i] of a list.
@@ -180,7 +190,8 @@ class VectorEnvironment(_Described, VectorEnv):
         return self._observations(self._frames, self._copy), {
             "course": self._views["courses"].copy(), "_course": mask.copy()}
 
-    def step(self, actions):
+    def step(self, actions: np.ndarray
+             ) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Runs one control step of every environment.
 
         Returns (observations, rewards, terminations, truncations, infos). An episode that succeeds
@@ -242,12 +253,13 @@ class Environment(_Described, Env):
         self._seeded = False
         self._views = core.views()
 
-    def pose(self):
+    def pose(self) -> tuple[float, float, float]:
         """Returns the robot's true pose in the course's frame: x and y in metres, the heading in
         radians. For records, not for agents."""
         return self._core.pose(0)
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None
+              ) -> tuple[Observations, dict[str, Any]]:
         """Begins an episode and returns (observation, info). As `VectorEnvironment.reset`."""
         options = _options(options, ("course", "episode_seed"))
         super_reset = getattr(super(), "reset", None)
@@ -263,7 +275,8 @@ class Environment(_Described, Env):
                          None if episode_seed is None else int(episode_seed))
         return self._observation(), {"course": int(self._views["courses"][0])}
 
-    def step(self, action):
+    def step(self, action: np.ndarray
+             ) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
         """Runs one control step; as `VectorEnvironment.step`, but nothing is reset."""
         ended = self._core.step(np.asarray(action, np.float32).reshape(1, -1))
         views = self._views
@@ -290,9 +303,11 @@ def _mode_name(mode):
     return text
 
 
-def make_vec(courses="static-train-50", num_envs=64, *, observation="frame",
-             autoreset_mode="SameStep", copy=True, threads=1, profile=(), collection="",
-             generator_seed=1, physics="slalom", **sections):
+def make_vec(courses: Courses = "static-train-50", num_envs: int = 64, *,
+             observation: Literal["frame", "vector"] = "frame", autoreset_mode: Any = "SameStep",
+             copy: bool = True, threads: int = 1, profile: Courses | Sequence[Courses] = (),
+             collection: Courses = "", generator_seed: int = 1, physics: str = "slalom",
+             **sections: dict[str, Any]) -> VectorEnvironment:
     """Makes `num_envs` environments on a set of courses.
 
     courses: a set's name, "generated:SEED:COUNT", or a file (docs/courses.md).
@@ -317,8 +332,11 @@ def make_vec(courses="static-train-50", num_envs=64, *, observation="frame",
     return VectorEnvironment(core, observation, mode, copy)
 
 
-def make(courses="static-train-50", *, observation="frame", profile=(), collection="",
-         generator_seed=1, physics="slalom", **sections):
+def make(courses: Courses = "static-train-50", *,
+         observation: Literal["frame", "vector"] = "frame",
+         profile: Courses | Sequence[Courses] = (), collection: Courses = "",
+         generator_seed: int = 1, physics: str = "slalom",
+         **sections: dict[str, Any]) -> Environment:
     """Makes one environment. The arguments are those of `make_vec`."""
     core = _core(courses, 1, profile, sections, collection, generator_seed, 1, "Disabled", physics)
     return Environment(core, observation)

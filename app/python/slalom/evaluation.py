@@ -1,12 +1,18 @@
 """Scores of whatever drives, by the protocols of `slalom evaluate`."""
 
+from __future__ import annotations
+
 import csv
 import io
 import json
 import os
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import numpy as np
 
 from . import _slalom
-from .environment import _settings, _toml
+from .environment import Courses, _settings, _toml
 from .policy import Policy
 
 
@@ -21,20 +27,20 @@ class Evaluation:
         return self._core.text()
 
     @property
-    def success_rate(self):
+    def success_rate(self) -> float:
         """The share of the episodes that reached the goal. `report` has the interval and more."""
         return self.report["success_rate"]
 
-    def episodes(self):
+    def episodes(self) -> list[dict[str, Any]]:
         """Returns a dictionary for each episode; docs/evaluation.md has the columns. A pandas
         DataFrame of them is `pandas.DataFrame(evaluation.episodes())`."""
         return _rows(self._core.episode_csv())
 
-    def courses(self):
+    def courses(self) -> list[dict[str, Any]]:
         """Returns a dictionary for each course, likewise."""
         return _rows(self._core.course_csv())
 
-    def write(self, directory):
+    def write(self, directory: str | os.PathLike) -> None:
         """Writes the files that `slalom evaluate --output` writes, so that `slalom report` and
         `slalom compare` read them. Raises `slalom.Error` if there is such an evaluation already."""
         if os.path.exists(os.path.join(directory, "evaluation.json")):
@@ -57,9 +63,13 @@ def _rows(text):
             for row in csv.DictReader(io.StringIO(text))]
 
 
-def evaluate(agent, courses="static-test", *, name="", episodes=10, seed=1, protocol="paper",
-             observation="frame", threads=1, profile=(), collection="", generator_seed=1,
-             physics="slalom", evaluation=None, **sections):
+def evaluate(agent: Policy | Callable[[Any, np.ndarray], np.ndarray],
+             courses: Courses = "static-test", *, name: str = "", episodes: int = 10, seed: int = 1,
+             protocol: str = "paper", observation: Literal["frame", "vector"] = "frame",
+             threads: int = 1, profile: Courses | Sequence[Courses] = (), collection: Courses = "",
+             generator_seed: int = 1, physics: str = "slalom",
+             evaluation: dict[str, Any] | None = None,
+             **sections: dict[str, Any]) -> Evaluation:
     """Drives `episodes` episodes on each course and returns an `Evaluation`.
 
     agent: a `Policy`, or any function of (observations, first) that returns actions, as

@@ -1,8 +1,12 @@
 """Trained policies."""
 
+from __future__ import annotations
+
 import os
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import _slalom
 
@@ -14,7 +18,7 @@ class Policy:
     be used by one thread at a time.
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | os.PathLike):
         """Loads a policy file. Raises `slalom.Error` if it is damaged, or if the policy was trained
         to plan with its model, which this package cannot."""
         import tomllib
@@ -27,9 +31,12 @@ class Policy:
                 f"{path}: this policy plans with a transition model (mpc.enabled), which the Python "
                 f"package cannot do; drive it with `slalom evaluate`")
 
-    load = classmethod(lambda cls, path: cls(path))
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> Policy:
+        """The same as `Policy(path)`."""
+        return cls(path)
 
-    def act(self, observation, first):
+    def act(self, observation: dict[str, np.ndarray], first: ArrayLike) -> np.ndarray:
         """Returns the actions, [B, 2] float32 in [-1, 1].
 
         observation: {"ranges": [B, N] uint16, "state": [B, 4] float32}, as `make_vec` gives them.
@@ -39,32 +46,32 @@ class Policy:
         """
         return self._core.act(observation["ranges"], observation["state"], np.asarray(first, bool))
 
-    def speeds(self, actions):
+    def speeds(self, actions: np.ndarray) -> np.ndarray:
         """Returns what actions command: [B, 2], speed in m/s and turn rate in rad/s."""
         return self._core.speeds(actions)
 
-    def weights(self):
+    def weights(self) -> dict[str, np.ndarray]:
         """Returns the network's parameters by name, as read-only arrays that share its memory.
         docs/networks.md says what they are."""
         return self._core.weights()
 
     @property
-    def metadata(self):
+    def metadata(self) -> dict[str, str]:
         """What the trainer wrote beside the weights: config (TOML), commit, seed, steps, ..."""
         return self._core.metadata
 
     @property
-    def task(self):
+    def task(self) -> dict[str, dict[str, Any]]:
         """The task of its training, section by section, as `make_vec(courses, **policy.task)` takes
         it. Empty if the file does not tell."""
         return self._config.get("environment", {})
 
     @property
-    def num_beams(self):
+    def num_beams(self) -> int:
         """Beams per scan that it was trained for."""
         return self._core.num_beams
 
     @property
-    def history(self):
+    def history(self) -> int:
         """Frames that its network sees at once."""
         return self._core.history

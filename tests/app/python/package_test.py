@@ -1,5 +1,6 @@
 """Tests of the Python package, with and without Gymnasium."""
 
+import inspect
 import os
 import subprocess
 import sys
@@ -38,6 +39,22 @@ def flat(seen):
 def same(a, b):
     a, b = flat(a), flat(b)
     return len(a) == len(b) and all(np.array_equal(x, y) for x, y in zip(a, b))
+
+
+class SignaturesTest(unittest.TestCase):
+    def test_every_public_argument_and_result_has_a_type(self):
+        functions = [slalom.make, slalom.make_vec, slalom.evaluate]
+        for kind in slalom.VectorEnvironment, slalom.Environment, slalom.Policy, slalom.Evaluation:
+            for name, member in vars(kind).items():
+                function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+                if inspect.isfunction(function) and not name.startswith("_"):
+                    functions.append(function)
+        self.assertGreater(len(functions), 20)
+        for function in functions:
+            signature = inspect.signature(function)
+            arguments = [argument for name, argument in signature.parameters.items() if name not in ("self", "cls")]
+            for annotation in (signature.return_annotation, *(argument.annotation for argument in arguments)):
+                self.assertIsNot(annotation, inspect.Signature.empty, function.__qualname__)
 
 
 class VectorEnvironmentTest(unittest.TestCase):
