@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/json.h"
 #include "policy/nn/encoder_slots.h"
 
 namespace slalom::policy {
@@ -208,7 +209,7 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
 }
 
 void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* snapshot) {
-  json object = json::parse(text, nullptr, /*allow_exceptions=*/false);
+  json object = base::ParseJson(text);
   if (!object.is_object()) {
     throw base::Error(fmt::format("{}: its spec is not a JSON object", source));
   }

@@ -17,6 +17,7 @@
 #include "app/cli/commands.h"
 #include "app/train/run_config.h"
 #include "base/error.h"
+#include "base/json.h"
 #include "env/observation.h"
 #include "policy/policy_agent.h"
 
@@ -62,14 +63,11 @@ class LineDriver {
  private:
   static constexpr std::array<std::string_view, 4> kKeys = {"ranges", "goal", "last_action",
                                                             "first"};
-  static constexpr int kMaxDepth = 3;
 
   const policy::PolicySpec& spec() const { return agent_->snapshot().spec; }
 
   static json Parse(const std::string& line) {
-    // What is nested deeper is passed over, so that no line overflows the stack when it is freed.
-    const auto is_shallow = [](int depth, json::parse_event_t, json&) { return depth < kMaxDepth; };
-    json given = json::parse(line, is_shallow, /*allow_exceptions=*/false);
+    json given = base::ParseJson(line);
     if (!given.is_object()) {
       throw base::Error("expected a JSON object: {\"ranges\": [...], \"goal\": [x, y]}");
     }

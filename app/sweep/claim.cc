@@ -19,6 +19,7 @@
 #include "base/child_process.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/json.h"
 #include "base/log.h"
 
 namespace slalom::sweep {
@@ -118,7 +119,7 @@ bool IsKnownDead(const nlohmann::json& owner) {
 }
 
 nlohmann::json ParseOwner(const std::string& text) {
-  const auto json = nlohmann::json::parse(text, nullptr, false);
+  const auto json = base::ParseJson(text);
   return json.is_object() ? json : nlohmann::json::object();
 }
 

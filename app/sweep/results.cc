@@ -12,6 +12,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/json.h"
 #include "learner/run/metrics_table.h"
 #include "learner/run/run_directory.h"
 
@@ -142,9 +143,8 @@ std::optional<double> ValueOf(const eval::ResultEpisode& episode, const Quantity
 eval::Interval LimitsOf(const eval::Result& result, const Quantity& quantity) {
   if (quantity.is_rate) return {0.0, 1.0};
   const auto limit = result.protocol.find("time_limit_s");
-  const nlohmann::json number = limit == result.protocol.end()
-                                    ? nlohmann::json()
-                                    : nlohmann::json::parse(limit->second, nullptr, false);
+  const nlohmann::json number =
+      limit == result.protocol.end() ? nlohmann::json() : base::ParseJson(limit->second);
   return {0.0, number.is_number() ? number.get<double>() : 1e6};
 }
 

@@ -14,6 +14,7 @@
 #include "app/train/sweep_files.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/json.h"
 #include "learner/run/run_directory.h"
 
 namespace slalom::watch {
@@ -139,7 +140,7 @@ std::string NameOf(const fs::path& run) {
     return named.filename().string();
   }
   std::ifstream file(cell / train::kCellFactsFile);
-  const auto facts = nlohmann::json::parse(file, nullptr, false);
+  const auto facts = base::ParseJson(std::string(std::istreambuf_iterator<char>(file), {}));
   std::string id = cell.filename().string();
   if (!facts.is_object() || !facts.value("row", nlohmann::json()).is_string()) return id;
   return fmt::format("{}, seed {} ({})", facts["row"].get<std::string>(),

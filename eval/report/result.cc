@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/json.h"
 #include "eval/report/report.h"
 #include "sim/courses/course_file.h"
 
@@ -257,6 +258,10 @@ void ReadCoursesAndTracks(const fs::path& courses_file, const fs::path& tracks_f
 }  // namespace
 
 ParsedResult ParseResult(std::string_view text, const std::string& source) {
+  if (!base::IsShallowJson(text)) {
+    throw base::Error(fmt::format("{}: nested more than {} deep, expected an evaluation", source,
+                                  base::kMaxJsonDepth));
+  }
   Json object;
   try {
     object = Json::parse(text);

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/json.h"
 #include "base/log.h"
 #include "base/progress.h"
 #include "learner/run/run_directory.h"
@@ -142,7 +143,7 @@ bool TrainingRun::Restore(const Read& read) {
 void TrainingRun::RestoreFrom(const fs::path& checkpoint, const Read& read) {
   const fs::path path = CheckpointFiles{checkpoint}.state();
   try {
-    const auto file = nlohmann::json::parse(base::ReadFile(path));
+    const auto file = base::ParseJson(base::ReadFile(path));
     const auto& state = file.at("state");
     if (file.at("checksum").get<std::string>() != StateChecksum(state)) {
       throw base::Error(

@@ -9,6 +9,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/json.h"
 
 namespace slalom::nn {
 namespace {
@@ -130,8 +131,7 @@ TensorFile ParseTensors(std::span<const std::byte> bytes, std::string_view sourc
                              "short or no safetensors file",
                              length, file.size() - sizeof(length)));
   }
-  const json header = json::parse(file.substr(sizeof(length), length), nullptr,
-                                  /*allow_exceptions=*/false);
+  const json header = base::ParseJson(file.substr(sizeof(length), length));
   if (!header.is_object()) Fail(source, "the header is not JSON; no safetensors file, or damaged");
   const std::string_view data = file.substr(sizeof(length) + length);
   std::size_t described = 0;

@@ -15,6 +15,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/json.h"
 
 namespace slalom::sim {
 namespace {
@@ -92,7 +93,7 @@ std::string ReadOptionalKeys(const json& object, EpisodeTrack& track) {
 
 /// Parses the track of one line, or returns what is wrong with it.
 std::variant<EpisodeTrack, std::string> ParseLine(std::string_view line) {
-  const json object = json::parse(line, nullptr, /*allow_exceptions=*/false);
+  const json object = base::ParseJson(line);
   if (!object.is_object()) return "not a JSON object";
   const auto course = object.find("course");
   if (course == object.end() || !course->is_string()) return "no \"course\" with a name";

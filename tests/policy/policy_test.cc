@@ -7,10 +7,13 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "policy/policy_spec.h"
 
 namespace slalom::policy {
 namespace {
+
+using testing::HasSubstr;
 
 PolicySnapshot SmallPolicy() {
   PolicySnapshot snapshot;
@@ -85,6 +88,22 @@ TEST_F(PolicyFileTest, NamesTensorsForReaders) {
 TEST_F(PolicyFileTest, RefusesTensorFilesThatAreNoPolicy) {
   nn::SaveTensors(path_, {}, {});
   EXPECT_THROW(LoadPolicy(path_), base::Error);
+}
+
+TEST_F(PolicyFileTest, RefusesWhatIsNestedTooDeeply) {
+  // Printing a value of that depth, as errors do, would end the program.
+  const std::string deep = std::string(400'000, '[') + std::string(400'000, ']');
+  SavePolicy(path_, SmallPolicy(), {});
+  const nn::TensorFile file = nn::LoadTensors(path_);
+  nn::Metadata metadata = file.metadata;
+  metadata["slalom_policy"] = "{\"version\": " + deep + "}";
+  nn::SaveTensors(path_, file.tensors, metadata);
+  EXPECT_THAT(Refusal(), HasSubstr("not a JSON object"));
+  const std::string header = "{\"a\": " + deep + "}";
+  const std::uint64_t length = header.size();
+  const std::string bytes(reinterpret_cast<const char*>(&length), sizeof(length));
+  base::WriteFileAtomically(path_, bytes + header);
+  EXPECT_THAT(Refusal(), HasSubstr("the header is not JSON"));
 }
 
 TEST_F(PolicyFileTest, RefusesSpecsThatDoNotFitTheTensors) {

@@ -187,6 +187,13 @@ TEST_F(ResultTest, ANumberBeyondWhatADoubleHoldsIsRefused) {
   EXPECT_THAT(ErrorOf(file), AllOf(HasSubstr("large/evaluation.json"), HasSubstr("1e999")));
 }
 
+TEST_F(ResultTest, WhatIsNestedTooDeeplyIsRefused) {
+  const auto file = Write("deep") / "evaluation.json";
+  const std::string deep = std::string(400'000, '[') + std::string(400'000, ']');
+  base::WriteFileAtomically(file, "{\"version\": " + deep + "}");
+  EXPECT_THAT(ErrorOf(file), AllOf(HasSubstr("deep/evaluation.json"), HasSubstr("64 deep")));
+}
+
 TEST_F(ResultTest, OtherVersionsAndFormatsAreRefused) {
   EXPECT_THAT(ErrorAfter([](json& o) { o["version"] = kResultVersion + 1; }),
               AllOf(HasSubstr("evaluation.json: version is 3, expected 2"), HasSubstr("newer")));

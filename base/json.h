@@ -1,0 +1,23 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+namespace slalom::base {
+
+/// How deep objects and lists of a file may lie in each other: nlohmann's parser takes any depth,
+/// and its printer then recurses until the stack ends.
+inline constexpr int kMaxJsonDepth = 64;
+
+/// Whether `text`, which need not be JSON, opens no more brackets in each other than that.
+bool IsShallowJson(std::string_view text);
+
+/// Parses JSON that somebody else may have written. A text that is none, or nested too deeply,
+/// becomes a value of which `is_discarded()` is true.
+template <class Json = nlohmann::json>
+Json ParseJson(std::string_view text) {
+  if (!IsShallowJson(text)) return Json(Json::value_t::discarded);
+  return Json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
+}  // namespace slalom::base
