@@ -56,7 +56,7 @@ bool PolicyLink::Poll() {
 }
 
 void PolicyLink::Ask() {
-  const std::string header = proto::Encode(proto::SnapshotRequest{version_, name_}, {});
+  const std::string header = proto::Encode(proto::SnapshotRequest{newest_seen_, name_}, {});
   if (!client_.Send({transport::Frame::Copy(header), {}})) return;
   asked_ = true;
   asked_at_ = steady_clock::now();
@@ -78,12 +78,17 @@ bool PolicyLink::Take(const proto::Header& header, std::span<const std::byte> pa
   // Any version other than the one held is taken, even an older one: the learner went back to a
   // checkpoint. Without a payload there is no newer policy; the answer only shows that the learner
   // is alive.
-  if (snapshot->version == version_ || payload.empty()) return false;
+  if (snapshot->version == newest_seen_ || payload.empty()) return false;
   if (const auto failure = install_(payload)) {
-    throw base::Error(fmt::format("policy {} of the learner at {}: {}", snapshot->version,
-                                  endpoint_, failure->text));
+    const std::string text = fmt::format("policy {} of the learner at {}: {}", snapshot->version,
+                                         endpoint_, failure->text);
+    if (!has_policy()) throw base::Error(text);
+    spdlog::error("{}; policy {} stays", text, version_);
+    newest_seen_ = snapshot->version;
+    ++rejected_;
+    return false;
   }
-  version_ = snapshot->version;
+  version_ = newest_seen_ = snapshot->version;
   ++received_;
   published_s_ = 1e-9 * static_cast<double>(snapshot->published_ns);
   latency_s_ = base::UnixSeconds() - published_s_;

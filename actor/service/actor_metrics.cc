@@ -62,6 +62,7 @@ void ActorMetrics::Update(const StepAccount& account, const Outbox& outbox,
   registry_.counter(metrics::kConnections, {"replay"}).RaiseTo(replay.connections());
   registry_.counter(metrics::kConnections, {"learner"}).RaiseTo(policy.connections());
   registry_.counter(metrics::kPoliciesReceived).RaiseTo(static_cast<double>(policy.received()));
+  registry_.counter(metrics::kPoliciesRejected).RaiseTo(static_cast<double>(policy.rejected()));
   registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(policy.version()));
   registry_.gauge(metrics::kPolicyTimestamp).Set(policy.published_s());
 }

@@ -242,8 +242,22 @@ void ActorService::SayObstacle(const char* obstacle) {
 }
 
 void ActorService::Run(std::stop_token stop) {
-  while (!stop.stop_requested()) Turn(kWait);
+  try {
+    while (!stop.stop_requested()) Turn(kWait);
+  } catch (...) {
+    KeepUnsent();
+    throw;
+  }
   Finish(kPatience);
+}
+
+void ActorService::KeepUnsent() {
+  if (phase_ == Phase::kStarting) return;
+  try {
+    outbox_.SaveSpool(spool(), replay_.hello().num_streams);
+  } catch (const std::exception& error) {
+    spdlog::error("{}; what was not acknowledged is lost", error.what());
+  }
 }
 
 void ActorService::Turn(milliseconds wait) {

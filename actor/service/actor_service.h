@@ -51,7 +51,8 @@ class ActorService {
                service::InstallPolicy install, transport::Context& context,
                metrics::Registry& registry);
 
-  /// Calls `Turn` until `stop`, then `Finish`. Throws what they throw.
+  /// Calls `Turn` until `stop`, then `Finish`. Throws what they throw; what was not acknowledged is
+  /// spooled before.
   void Run(std::stop_token stop);
 
   /// Makes one step or, if something is missing for it, waits for at most `wait` for a message;
@@ -67,6 +68,9 @@ class ActorService {
   StepAccount account() const { return ledger_.account(); }
 
  private:
+  /// Spools what was not acknowledged, as well as can be, when an error ends the actor.
+  void KeepUnsent();
+
   /// The phases follow each other like this:
   ///
   /// kDraining -> kStarting  The outbox is empty, or the server cannot continue the session.

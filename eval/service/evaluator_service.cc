@@ -87,8 +87,13 @@ void EvaluatorService::Score(std::stop_token stop) {
   const std::string policy = newest_;
   const auto make_agent = read_policy_(std::as_bytes(std::span(policy)));
   if (!make_agent) {
-    throw base::Error(fmt::format("policy {} of the learner at {}: {}", version,
-                                  identity_.learner.endpoint, make_agent.failure().text));
+    const std::string text = fmt::format("policy {} of the learner at {}: {}", version,
+                                         identity_.learner.endpoint, make_agent.failure().text);
+    if (num_scored_ == 0) throw base::Error(text);
+    spdlog::error("{}; it is not scored", text);
+    registry_.counter(metrics::kPoliciesRejected).Increment();
+    scored_version_ = version;
+    return;
   }
   const auto began = steady_clock::now();
   const auto evaluation = EvaluateOnCourses(

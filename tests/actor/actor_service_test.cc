@@ -32,6 +32,7 @@ using std::chrono::steady_clock;
 constexpr int kBeams = 8;
 constexpr std::uint64_t kSpecHash = 11;
 constexpr int kEnvironments = 4;
+constexpr std::string_view kUnreadable = "no policy of this version";
 
 void WaitUntil(const std::function<bool()>& condition) {
   const auto give_up = steady_clock::now() + std::chrono::seconds(60);
@@ -107,7 +108,11 @@ class ActorServiceTest : public ::testing::Test {
               actor.num_environments = kEnvironments;
               ActorService service(
                   config, actor, {}, identity, environments_, agent_,
-                  [](std::span<const std::byte>) { return std::nullopt; }, context_, registry_);
+                  [](std::span<const std::byte> policy) -> std::optional<base::Failure> {
+                    if (policy.size() == kUnreadable.size()) return base::Failure{"damaged"};
+                    return std::nullopt;
+                  },
+                  context_, registry_);
               service.Run(stop);
               account_ = service.account();
             } catch (const base::Error& error) {
@@ -117,6 +122,7 @@ class ActorServiceTest : public ::testing::Test {
           }) {}
 
     std::string fault() const { return registry_.fault(); }
+    double count(const metrics::Spec& metric) { return registry_.counter(metric).value(); }
     double made() { return registry_.counter(metrics::kEnvironmentSteps).value(); }
     bool ended() const { return ended_; }
     /// Ends it as SIGTERM would.
@@ -293,6 +299,36 @@ TEST_F(ActorServiceTest, AChunkThatIsRefusedEachTimeEndsIt) {
   const PickyReplay replay;
   Running actor(*this, replay.endpoint());
   EXPECT_THAT(actor.Error(), ::testing::HasSubstr("keeps refusing chunk 0: not to my"));
+}
+
+TEST_F(ActorServiceTest, APolicyThatCannotBeReadLeavesTheOneBefore) {
+  Replay replay(journal());
+  Running actor(*this, replay.endpoint());
+  WaitUntil([&] { return actor.count(metrics::kPoliciesReceived) == 1; });
+  policy_.Publish(8, std::string(kUnreadable));
+  WaitUntil([&] { return actor.count(metrics::kPoliciesRejected) == 1; });
+  const double before = replay.steps();
+  WaitUntil([&] { return replay.steps() > before + 500; });
+  policy_.Publish(9, "a policy");
+  WaitUntil([&] { return actor.count(metrics::kPoliciesReceived) == 2; });
+  const StepAccount account = actor.Stop();
+  EXPECT_EQ(account.accepted, account.made);
+}
+
+TEST_F(ActorServiceTest, AFirstPolicyThatCannotBeReadEndsIt) {
+  policy_.Publish(8, std::string(kUnreadable));
+  Replay replay(journal());
+  Running actor(*this, replay.endpoint());
+  EXPECT_THAT(actor.Error(), ::testing::HasSubstr("policy 8 of the learner"));
+}
+
+TEST_F(ActorServiceTest, WhatWasNotAcknowledgedIsSpooledBeforeAnError) {
+  const PickyReplay picky;
+  {
+    Running actor(*this, picky.endpoint());
+    EXPECT_THAT(actor.Error(), ::testing::HasSubstr("keeps refusing"));
+  }
+  EXPECT_GT(std::filesystem::file_size(scratch_.path() / "actor" / "spool"), 0u);
 }
 
 TEST_F(ActorServiceTest, AServerOfAnotherRunRefusesIt) {
