@@ -1,10 +1,12 @@
 #include "metrics/http_server.h"
 
+#include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <poll.h>
+#include <strings.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -36,7 +38,50 @@ constexpr std::chrono::seconds kMaxTime{5};
 // waiting.
 constexpr int kMaxReadsAfter = 256;
 
-HttpAnswer Answer(std::string_view request, const HttpServer::Handler& handler) {
+/// What a header's line holds, without spaces around it. Empty: there is no such line.
+std::string_view HeaderOf(std::string_view request, std::string_view name) {
+  while (true) {
+    const auto line_end = request.find("\r\n");
+    if (line_end == std::string_view::npos) return {};
+    request.remove_prefix(line_end + 2);
+    if (request.size() <= name.size() || request[name.size()] != ':' ||
+        strncasecmp(request.data(), name.data(), name.size()) != 0) {
+      continue;
+    }
+    std::string_view value = request.substr(name.size() + 1);
+    value = value.substr(0, value.find("\r\n"));
+    const auto first = value.find_first_not_of(" \t");
+    if (first == std::string_view::npos) return {};
+    return value.substr(first, value.find_last_not_of(" \t") + 1 - first);
+  }
+}
+
+bool IsLoopback(const sockaddr_storage& address) {
+  if (address.ss_family == AF_INET6) {
+    return IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6&>(address).sin6_addr);
+  }
+  const std::uint32_t ipv4 = ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr);
+  return address.ss_family == AF_INET && ipv4 >> 24 == IN_LOOPBACKNET;
+}
+
+/// Whether a Host header, "NAME:PORT" or "NAME", names this machine to itself. A page of another
+/// site that a browser here has open may have its own name resolved to 127.0.0.1, but cannot say
+/// that it is this one.
+bool IsLocalHost(std::string_view host) {
+  const auto colon = host.rfind(':');
+  if (colon != std::string_view::npos && host.find(']', colon) == std::string_view::npos) {
+    host = host.substr(0, colon);
+  }
+  if (host == "[::1]") return true;
+  const std::string name(host);
+  in_addr ipv4{};
+  if (inet_pton(AF_INET, name.c_str(), &ipv4) == 1) {
+    return ntohl(ipv4.s_addr) >> 24 == IN_LOOPBACKNET;
+  }
+  return strcasecmp(name.c_str(), "localhost") == 0;
+}
+
+HttpAnswer Answer(std::string_view request, HostRule hosts, const HttpServer::Handler& handler) {
   const std::string_view line = request.substr(0, request.find("\r\n"));
   const std::size_t method_end = line.find(' ');
   const std::size_t path_end = line.rfind(" HTTP/1.");
@@ -48,13 +93,19 @@ HttpAnswer Answer(std::string_view request, const HttpServer::Handler& handler) 
   if (method != "GET" && method != "HEAD") {
     return {405, "Method Not Allowed", "text/plain; charset=utf-8", "expected GET\n"};
   }
+  const std::string_view host = HeaderOf(request, "Host");
+  if (hosts == HostRule::kLocal && !host.empty() && !IsLocalHost(host)) {
+    return {421, "Misdirected Request", "text/plain; charset=utf-8",
+            "this address answers for localhost and 127.0.0.1 only\n"};
+  }
   const std::string_view path = line.substr(method_end + 1, path_end - method_end - 1);
   return handler(path.substr(0, path.find('?')));
 }
 
 std::string Print(const HttpAnswer& answer, bool with_body) {
   return fmt::format(
-      "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{}Connection: close\r\n\r\n{}",
+      "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{}X-Content-Type-Options: "
+      "nosniff\r\nConnection: close\r\n\r\n{}",
       answer.status, answer.reason, answer.type, answer.body.size(),
       answer.status == 405 ? "Allow: GET, HEAD\r\n" : "", with_body ? answer.body : "");
 }
@@ -91,11 +142,17 @@ std::optional<Address> Parse(std::string_view text) {
   throw base::Error(fmt::format("cannot {} on '{}': {}", purpose, address, reason));
 }
 
-/// Of a socket that is bound; the port is at the same place in addresses of IPv4 and IPv6.
-int PortOf(int socket) {
+/// Of a socket that is bound.
+sockaddr_storage AddressOf(int socket) {
   sockaddr_storage address{};
   socklen_t length = sizeof address;
   getsockname(socket, reinterpret_cast<sockaddr*>(&address), &length);
+  return address;
+}
+
+/// The port is at the same place in addresses of IPv4 and IPv6.
+int PortOf(int socket) {
+  const sockaddr_storage address = AddressOf(socket);
   return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
 }
 
@@ -127,9 +184,10 @@ Listener Listen(const std::string& text, std::string_view purpose) {
   Refuse(text, purpose, std::strerror(error));
 }
 
-std::string AnswerHttp(std::string_view request, const HttpServer::Handler& handler) {
+std::string AnswerHttp(std::string_view request, HostRule hosts,
+                       const HttpServer::Handler& handler) {
   const bool whole = request.find("\r\n\r\n") != std::string_view::npos;
-  return Print(whole ? Answer(request, handler)
+  return Print(whole ? Answer(request, hosts, handler)
                      : HttpAnswer{400, "Bad Request", "text/plain; charset=utf-8",
                                   "expected a request of at most 8192 bytes\n"},
                !request.starts_with("HEAD "));
@@ -145,7 +203,7 @@ struct HttpServer::Connection {
   bool reading() const { return answer.empty(); }
 
   /// Returns false if the connection is finished or broken.
-  bool Read(const Handler& handler) {
+  bool Read(HostRule hosts, const Handler& handler) {
     std::array<char, 4096> bytes;
     const ssize_t size = ::recv(socket, bytes.data(), bytes.size(), 0);
     if (size < 0) return errno == EAGAIN || errno == EINTR;
@@ -153,7 +211,7 @@ struct HttpServer::Connection {
     const bool whole = request.find("\r\n\r\n") != std::string::npos;
     if (!whole && size > 0 && request.size() <= kMaxRequestBytes) return true;
     if (!whole && request.empty()) return false;
-    answer = AnswerHttp(request, handler);
+    answer = AnswerHttp(request, hosts, handler);
     return Write();
   }
 
@@ -174,6 +232,7 @@ struct HttpServer::Connection {
 
 HttpServer::HttpServer(int listener, Handler handler)
     : listener_(listener),
+      hosts_(IsLoopback(AddressOf(listener)) ? HostRule::kLocal : HostRule::kAny),
       wake_(::eventfd(0, EFD_CLOEXEC)),
       handler_(std::move(handler)),
       thread_([this] { Run(); }) {
@@ -206,7 +265,7 @@ void HttpServer::Run() {
       Connection& connection = connections[i];
       bool goes_on = now < connection.end;
       if (goes_on && polled[i + 2].revents != 0) {
-        goes_on = connection.reading() ? connection.Read(handler_) : connection.Write();
+        goes_on = connection.reading() ? connection.Read(hosts_, handler_) : connection.Write();
       }
       if (goes_on) continue;
       ::close(connection.socket);
@@ -218,10 +277,11 @@ void HttpServer::Run() {
       exhausted = socket < 0 && (errno == EMFILE || errno == ENFILE);
       if (socket < 0) break;
       if (connections.size() >= kMaxConnections) {
-        ::close(socket);
-      } else {
-        connections.push_back({socket, now + kMaxTime, {}, {}, 0});
+        // The oldest goes, so that silent strangers do not keep a health check out.
+        ::close(connections.front().socket);
+        connections.erase(connections.begin());
       }
+      connections.push_back({socket, now + kMaxTime, {}, {}, 0});
     }
   }
   for (const Connection& connection : connections) ::close(connection.socket);

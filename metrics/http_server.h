@@ -20,6 +20,12 @@ struct Listener {
 /// is not known, or it cannot be listened on.
 Listener Listen(const std::string& address, std::string_view purpose);
 
+/// Which names of its host a server answers to.
+enum class HostRule {
+  kAny,
+  kLocal,  ///< Those of this machine alone, "localhost" and 127.0.0.1.
+};
+
 /// The answer to a request.
 struct HttpAnswer {
   int status = 200;
@@ -34,7 +40,9 @@ struct HttpAnswer {
 /// No library is used because those available either bring a TLS stack along or start threads with
 /// small stacks. A program that links LibTorch cannot run on small stacks, because LibTorch's
 /// thread-local storage alone is larger. Connections, and the bytes and seconds of each, are
-/// bounded. There is no encryption and no password.
+/// bounded; if there are too many, the oldest ends. There is no encryption and no password. At an
+/// address that only this machine reaches, requests for other hosts are refused: they come from a
+/// page of another site in somebody's browser (DNS rebinding).
 class HttpServer {
  public:
   /// Returns the answer to a path, which excludes `?` and what follows it. Called by the server's
@@ -54,6 +62,7 @@ class HttpServer {
   void Run();
 
   const int listener_;
+  const HostRule hosts_;
   const int wake_;
   const Handler handler_;
   std::jthread thread_;
@@ -61,6 +70,7 @@ class HttpServer {
 
 /// Returns the bytes of the response to `request`, which is untrusted. As thread-safe as the
 /// handler.
-std::string AnswerHttp(std::string_view request, const HttpServer::Handler& handler);
+std::string AnswerHttp(std::string_view request, HostRule hosts,
+                       const HttpServer::Handler& handler);
 
 }  // namespace slalom::metrics

@@ -43,7 +43,6 @@ extern "C" void OnStopSignal(int number) {
       return;
     }
   }
-  if (number == SIGHUP) signal(SIGPIPE, SIG_IGN);
   *received_signal = number;
   sem_post(signal_arrived);
 }
@@ -65,6 +64,8 @@ StopSignals::StopSignals() : impl_(new Impl) {
   sigaction(SIGHUP, nullptr, &before);
   takes_hangup_ = before.sa_handler != SIG_IGN;
   if (takes_hangup_) sigaction(SIGHUP, &action, nullptr);
+  // Whoever reads the log may go (`2>&1 | tee log`); the work goes on.
+  signal(SIGPIPE, SIG_IGN);
   impl_->waiter = std::thread([impl = impl_] {
     while (sem_wait(&impl->arrived) != 0) {
     }

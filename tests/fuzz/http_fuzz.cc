@@ -9,8 +9,8 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace slalom;
   const fuzz::Input input(data, size);
-  const std::string answer =
-      metrics::AnswerHttp(input.text(), [](std::string_view path) -> metrics::HttpAnswer {
+  const std::string answer = metrics::AnswerHttp(
+      input.text(), metrics::HostRule::kLocal, [](std::string_view path) -> metrics::HttpAnswer {
         SLALOM_CHECK(path.find('?') == std::string_view::npos);
         if (path != "/metrics") return {404, "Not Found", "text/plain; charset=utf-8", "none\n"};
         return {.body = "slalom_up 1\n"};

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <memory>
@@ -22,7 +23,7 @@ using testing::HasSubstr;
 using testing::StartsWith;
 
 std::string Get(int port, const std::string& path) {
-  return Exchange(port, "GET " + path + " HTTP/1.1\r\nHost: test\r\n\r\n");
+  return Exchange(port, "GET " + path + " HTTP/1.1\r\nHost: localhost\r\n\r\n");
 }
 
 std::string ErrorOf(const std::string& address) {
@@ -70,13 +71,46 @@ TEST(ExposerTest, OtherPathsAndMethodsAreRefused) {
     EXPECT_THAT(Get(exposer.port(), path), StartsWith("HTTP/1.1 404 ")) << path;
   }
   for (const std::string method : {"POST", "PUT", "DELETE", "OPTIONS"}) {
-    EXPECT_THAT(Exchange(exposer.port(),
-                         method + " /metrics HTTP/1.1\r\nHost: test\r\nContent-Length: 0\r\n\r\n"),
-                StartsWith("HTTP/1.1 405 "))
+    EXPECT_THAT(
+        Exchange(exposer.port(),
+                 method + " /metrics HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\n\r\n"),
+        StartsWith("HTTP/1.1 405 "))
         << method;
   }
-  const std::string head = Exchange(exposer.port(), "HEAD /healthy HTTP/1.1\r\nHost: test\r\n\r\n");
+  const std::string head =
+      Exchange(exposer.port(), "HEAD /healthy HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_THAT(head, AllOf(StartsWith("HTTP/1.1 200 OK\r\n"), EndsWith("\r\n\r\n")));
+}
+
+TEST(ExposerTest, OnTheLoopbackAddressOtherHostsAreRefused) {
+  const Registry registry("actor", "a1");
+  const Exposer exposer("127.0.0.1:0", registry);
+  const auto status = [](int port, const std::string& host) {
+    return Exchange(port, "GET /healthy HTTP/1.1\r\nAccept: */*\r\n" + host + "\r\n\r\n")
+        .substr(0, 12);
+  };
+  for (const char* host : {"Host: localhost", "host:127.0.0.1:9400 ", "HOST: [::1]:9400",
+                           "Host: LocalHost:80", "Host: 127.1.2.3"}) {
+    EXPECT_EQ(status(exposer.port(), host), "HTTP/1.1 200") << host;
+  }
+  EXPECT_EQ(Exchange(exposer.port(), "GET /healthy HTTP/1.0\r\n\r\n").substr(0, 12),
+            "HTTP/1.1 200");
+  for (const char* host :
+       {"Host: example.org", "Host: 127.0.0.1.example.org:9400", "Host: localhost.example.org",
+        "Host: 10.0.0.1:9400", "Host: [::2]", "Host: 127.example.org"}) {
+    EXPECT_EQ(status(exposer.port(), host), "HTTP/1.1 421") << host;
+  }
+  const Exposer open("0.0.0.0:0", registry);
+  EXPECT_EQ(status(open.port(), "Host: actor-1:9400"), "HTTP/1.1 200");
+}
+
+TEST(ExposerTest, ManySilentConnectionsKeepNobodyOut) {
+  const Registry registry("actor", "a1");
+  const Exposer exposer("127.0.0.1:0", registry);
+  std::vector<int> silent;
+  for (int i = 0; i < 200; ++i) silent.push_back(test::Connect(exposer.port()));
+  EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
+  for (const int socket : silent) close(socket);
 }
 
 TEST(ExposerTest, NonsenseLeavesItStanding) {

@@ -140,7 +140,7 @@ TEST(InterruptionTest, ATrainingShowsItsMetricsWhereItIsTold) {
   ASSERT_GT(port, 0);
   const std::string labels = "{name=\"tiny\",role=\"train\",run=\"tiny\"} ";
   WaitUntil([&] {
-    const std::string page = Exchange(port, "GET /metrics HTTP/1.1\r\nHost: test\r\n\r\n");
+    const std::string page = Exchange(port, "GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
     const auto at = page.find("slalom_updates_total" + labels);
     return at != std::string::npos && std::atof(page.c_str() + at + 20 + labels.size()) > 10.0 &&
            page.find("slalom_q_mean" + labels) != std::string::npos;
@@ -158,6 +158,17 @@ TEST(InterruptionTest, NohupOutlivesAHangup) {
       "until [[ -e runs/tiny/metrics.csv ]]; do :; done; kill -HUP $!; wait $!",
       scratch.path());
   EXPECT_EQ(result.exit_code, 0) << result.err;
+}
+
+TEST(InterruptionTest, ATrainingOutlivesTheReaderOfItsLog) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 20000);
+  const ProgramResult result = RunShell(
+      "{ \"$SLALOM\" train tiny.toml --no-evaluation 2>&1; echo $? > code; } | head -n 1; "
+      "cat code",
+      scratch.path());
+  EXPECT_THAT(result.out, testing::EndsWith("1\n")) << "what it said at the end is lost";
+  EXPECT_TRUE(fs::exists(scratch.path() / "runs/tiny/policy.safetensors"));
 }
 
 /// The last line of `text` after `label`: a command to paste.
