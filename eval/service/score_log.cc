@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <charconv>
-#include <utility>
 #include <vector>
 
 #include "base/clock.h"
+#include "base/error.h"
 #include "base/file.h"
 
 namespace slalom::eval {
@@ -20,6 +20,14 @@ constexpr std::string_view kHeader =
     "timeout_rate,traversal_time_s,barn_score,evaluation_s\n";
 constexpr std::size_t kCourses = 2, kSuccessRate = 4;  // Columns.
 
+/// A cell of a CSV file.
+std::string Cell(std::string_view text) {
+  if (text.find_first_of(",\"\n") == std::string_view::npos) return std::string(text);
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + '"';
+}
+
 std::vector<std::string_view> Split(std::string_view text, char separator) {
   std::vector<std::string_view> parts;
   for (std::size_t begin = 0; begin <= text.size();) {
@@ -30,15 +38,26 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
   return parts;
 }
 
-/// The best of the lines that are whole.
-double BestOf(std::string_view text, std::string_view course_set) {
+/// What follows in a line behind so many cells without quotes.
+std::string_view Behind(std::string_view line, std::size_t num_cells) {
+  for (; num_cells > 0; --num_cells)
+    line.remove_prefix(std::min(line.find(','), line.size() - 1) + 1);
+  return line;
+}
+
+/// The best of the lines that are whole. `courses`: the cell of their course set.
+double BestOf(std::string_view text, const std::string& courses) {
   const std::size_t num_columns = Split(kHeader, ',').size();
   double best = -1.0;
   for (const std::string_view line : Split(text, '\n')) {
-    const auto cells = Split(line, ',');
-    if (cells.size() != num_columns || cells[kCourses] != course_set) continue;
+    if (line.empty()) continue;
+    std::string_view rest = Behind(line, kCourses);
+    if (!rest.starts_with(courses + ",")) continue;
+    rest.remove_prefix(courses.size() + 1);
+    const auto cells = Split(rest, ',');
+    if (cells.size() != num_columns - kCourses - 1) continue;
     double rate = 0.0;
-    const std::string_view cell = cells[kSuccessRate];
+    const std::string_view cell = cells[kSuccessRate - kCourses - 1];
     if (std::from_chars(cell.begin(), cell.end(), rate).ec == std::errc()) {
       best = std::max(best, rate);
     }
@@ -49,25 +68,31 @@ double BestOf(std::string_view text, std::string_view course_set) {
 base::AppendFile Open(const fs::path& path) {
   base::MakeDirectories(path.parent_path());
   if (!fs::exists(path)) base::WriteFileAtomically(path, kHeader);
-  return {path, base::AppendFile::Mode::kGoOn};
+  base::AppendFile file(path, base::AppendFile::Mode::kGoOn);
+  // A loss of power may have torn the last line, and the next must not be glued to it.
+  if (const auto failure =
+          base::ReadFile(path).ends_with('\n') ? std::nullopt : file.Append("\n")) {
+    throw base::Error(fmt::format("{}: {}", path.string(), failure->text));
+  }
+  return file;
 }
 
 }  // namespace
 
-ScoreLog::ScoreLog(const fs::path& path, std::string course_set)
-    : course_set_(std::move(course_set)),
-      best_before_(fs::exists(path) ? BestOf(base::ReadFile(path), course_set_) : -1.0),
+ScoreLog::ScoreLog(const fs::path& path, std::string_view course_set)
+    : courses_(Cell(course_set)),
+      best_before_(fs::exists(path) ? BestOf(base::ReadFile(path), courses_) : -1.0),
       file_(Open(path)) {}
 
 std::optional<base::Failure> ScoreLog::Append(const Figures& set, std::int64_t version,
                                               double seconds) {
   const Interval interval = set.success_rate.interval.value_or(Interval{0.0, 1.0});
-  return file_.Append(fmt::format(
-      "{:.0f},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{},{:.4f},{:.2f}\n", base::UnixSeconds(),
-      version, course_set_, set.num_episodes, set.success_rate.value, interval.low, interval.high,
-      set.collision_rate.value, set.timeout_rate.value,
-      set.traversal_time ? fmt::format("{:.2f}", set.traversal_time->value) : "",
-      set.barn_score.value, seconds));
+  return file_.Append(
+      fmt::format("{:.0f},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{},{:.4f},{:.2f}\n",
+                  base::UnixSeconds(), version, courses_, set.num_episodes, set.success_rate.value,
+                  interval.low, interval.high, set.collision_rate.value, set.timeout_rate.value,
+                  set.traversal_time ? fmt::format("{:.2f}", set.traversal_time->value) : "",
+                  set.barn_score.value, seconds));
 }
 
 }  // namespace slalom::eval

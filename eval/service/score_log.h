@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "base/append_file.h"
 #include "eval/summary.h"
@@ -14,7 +15,7 @@ namespace slalom::eval {
 class ScoreLog {
  public:
   /// Appends to an existing file. Throws `base::Error` if it cannot be read or written.
-  ScoreLog(const std::filesystem::path& path, std::string course_set);
+  ScoreLog(const std::filesystem::path& path, std::string_view course_set);
 
   /// Adds the line of policy `version`, scored in `seconds`. Fails if it cannot be written.
   [[nodiscard]] std::optional<base::Failure> Append(const Figures& set, std::int64_t version,
@@ -25,7 +26,7 @@ class ScoreLog {
   double best_before() const { return best_before_; }
 
  private:
-  std::string course_set_;
+  std::string courses_;  ///< The course set as a cell of the file.
   double best_before_;
   base::AppendFile file_;
 };

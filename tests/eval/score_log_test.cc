@@ -46,5 +46,23 @@ TEST(ScoreLog, LinesThatAreNoneAreNotReadAndStay) {
   EXPECT_EQ(base::ReadFile(path), good + torn + wrong);
 }
 
+TEST(ScoreLog, TheLineAfterATornOneIsWhole) {
+  const test::ScratchDirectory directory;
+  const std::filesystem::path path = directory.path() / "scores.csv";
+  { EXPECT_FALSE(ScoreLog(path, "static-test").Append(Scored(0.5), 10, 1.0)); }
+  base::WriteFileAtomically(path, base::ReadFile(path) + "1763000000,11,static-te");
+  { EXPECT_FALSE(ScoreLog(path, "static-test").Append(Scored(0.75), 12, 1.0)); }
+  EXPECT_DOUBLE_EQ(ScoreLog(path, "static-test").best_before(), 0.75);
+}
+
+TEST(ScoreLog, ACourseSetsNameMayHoldACommaOrQuotes) {
+  const test::ScratchDirectory directory;
+  const std::filesystem::path path = directory.path() / "scores.csv";
+  const std::string name = "my \"own\", and best.courses";
+  { EXPECT_FALSE(ScoreLog(path, name).Append(Scored(0.5), 10, 1.0)); }
+  EXPECT_DOUBLE_EQ(ScoreLog(path, name).best_before(), 0.5);
+  EXPECT_EQ(ScoreLog(path, "my \"own\"").best_before(), -1.0);
+}
+
 }  // namespace
 }  // namespace slalom::eval
