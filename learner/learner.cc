@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "base/check.h"
@@ -190,8 +191,8 @@ struct Learner::Parts {
   std::unique_ptr<Algorithm> algorithm;
   std::optional<ModelTrainer> model;
   std::optional<Imagination> imagination;
-  at::Tensor host_td_errors;  // [B]
-  LearnerStats last_stats;
+  at::Tensor host_td_errors;               // [B]
+  std::optional<LearnerStats> last_stats;  // Of the last reading with updates.
 };
 
 Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed)
@@ -269,6 +270,7 @@ void Learner::ObserveEpisodes(double collisions, std::int64_t finished) {
 
 LearnerStats Learner::ReadStats() {
   Parts& p = *parts_;
+  const bool has_new = p.totals.has_new();
   LearnerStats stats = p.totals.Read(p.algorithm->num_critics(), Constraint::kNumCritics);
   if (spec_.distribution.is_deterministic()) stats.policy_entropy_nats = LearnerStats::kNone;
   p.algorithm->Describe(stats);
@@ -281,7 +283,7 @@ LearnerStats Learner::ReadStats() {
   if (p.imagination) {
     stats.imagined_transitions = static_cast<double>(p.imagination->num_transitions());
   }
-  p.last_stats = stats;
+  if (has_new) p.last_stats = stats;
   return stats;
 }
 
@@ -307,9 +309,9 @@ std::optional<std::string> Learner::FindFault() const {
   if (p.model && !p.model->is_finite()) {
     return "the transition model's weights are no longer finite";
   }
-  if (!(std::abs(p.last_stats.q_mean) <= method_.learner.divergence_limit)) {
+  if (p.last_stats && !(std::abs(p.last_stats->q_mean) <= method_.learner.divergence_limit)) {
     return fmt::format("the mean action value is {:.3g}, beyond learner.divergence_limit = {:.3g}",
-                       p.last_stats.q_mean, method_.learner.divergence_limit);
+                       p.last_stats->q_mean, method_.learner.divergence_limit);
   }
   return std::nullopt;
 }

@@ -2,7 +2,6 @@
 
 #include <ATen/ATen.h>
 
-#include <algorithm>
 #include <span>
 #include <tuple>
 
@@ -19,19 +18,20 @@ Totals::Totals(at::Device device)
 LearnerStats Totals::Read(int num_critics, int num_cost_critics) {
   const at::Tensor host = sums_.to(at::kCPU);
   const auto total = [&host](Total t) { return host.data_ptr<double>()[static_cast<int>(t)]; };
+  const auto updates = static_cast<double>(num_updates_ - updates_at_reading_);
+  const auto actor_updates = static_cast<double>(num_actor_updates_ - actor_updates_at_reading_);
+  const auto mean = [&total](Total t, double count) {
+    return count > 0.0 ? total(t) / count : LearnerStats::kNone;
+  };
   LearnerStats stats;
-  const auto updates =
-      static_cast<double>(std::max<std::int64_t>(1, num_updates_ - updates_at_reading_));
-  const auto actor_updates = static_cast<double>(
-      std::max<std::int64_t>(1, num_actor_updates_ - actor_updates_at_reading_));
-  stats.critic_loss = total(Total::kCriticLoss) / (updates * num_critics);
-  stats.q_mean = total(Total::kQ) / (updates * num_critics);
-  stats.critic_gradient_norm = total(Total::kCriticNorm) / updates;
-  stats.actor_q_mean = total(Total::kActorQ) / actor_updates;
-  stats.actor_gradient_norm = total(Total::kActorNorm) / actor_updates;
-  stats.policy_entropy_nats = total(Total::kEntropy) / actor_updates;
-  stats.cost_critic_loss = total(Total::kCostLoss) / (updates * num_cost_critics);
-  stats.cost_q_mean = total(Total::kCostQ) / (updates * num_cost_critics);
+  stats.critic_loss = mean(Total::kCriticLoss, updates * num_critics);
+  stats.q_mean = mean(Total::kQ, updates * num_critics);
+  stats.critic_gradient_norm = mean(Total::kCriticNorm, updates);
+  stats.actor_q_mean = mean(Total::kActorQ, actor_updates);
+  stats.actor_gradient_norm = mean(Total::kActorNorm, actor_updates);
+  stats.policy_entropy_nats = mean(Total::kEntropy, actor_updates);
+  stats.cost_critic_loss = mean(Total::kCostLoss, updates * num_cost_critics);
+  stats.cost_q_mean = mean(Total::kCostQ, updates * num_cost_critics);
   sums_.zero_();
   updates_at_reading_ = num_updates_;
   actor_updates_at_reading_ = num_actor_updates_;

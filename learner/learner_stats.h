@@ -44,7 +44,10 @@ class Totals {
   std::int64_t num_updates() const { return num_updates_; }              ///< Since the beginning.
   std::int64_t num_actor_updates() const { return num_actor_updates_; }  ///< Since the beginning.
 
-  /// Returns the means and resets the sums. Waits for the device.
+  /// Whether there were updates since the last reading.
+  bool has_new() const { return num_updates_ > updates_at_reading_; }
+
+  /// Returns the means, NaN where there was no update, and resets the sums. Waits for the device.
   LearnerStats Read(int num_critics, int num_cost_critics);
 
   void SaveState(nn::TensorMap& tensors) const;

@@ -26,17 +26,17 @@ struct ModelFigures {
 };
 
 /// Figures of a learner: means over the updates since the last reading, unless `Visit` says
-/// otherwise. A figure is NaN if the method does not have it.
+/// otherwise. A figure is NaN if the method does not have it, or there was no update.
 ///
 /// `Visit` lists each figure once. The same name stands for it everywhere: it is a column of
 /// metrics.csv, the scalar "training/NAME" of TensorBoard, and Prometheus' gauge slalom_NAME.
 struct LearningFigures {
   static constexpr double kNone = ModelFigures::kNone;
-  double critic_loss = 0.0;
-  double q_mean = 0.0;
-  double actor_q_mean = 0.0;
-  double critic_gradient_norm = 0.0;
-  double actor_gradient_norm = 0.0;
+  double critic_loss = kNone;
+  double q_mean = kNone;
+  double actor_q_mean = kNone;
+  double critic_gradient_norm = kNone;
+  double actor_gradient_norm = kNone;
   double policy_entropy_nats = kNone;
   double temperature = kNone;
   double cost_q_mean = kNone;

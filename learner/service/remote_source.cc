@@ -1,6 +1,8 @@
 #include "learner/service/remote_source.h"
 
 #include <chrono>
+#include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -94,6 +96,8 @@ void RemoteSource::Report(const run::MetricsRow& row, bool finished) {
                     {"readers", static_cast<double>(policies_.num_readers())},
                     {"critic_loss", row.learning.critic_loss},
                     {"q_mean", row.learning.q_mean}};
+  // Of a second without updates.
+  std::erase_if(report.figures, [](const auto& figure) { return std::isnan(figure.second); });
   report.facts = {{"state", finished ? "finished" : "training"}};
   stream_->link().ReportEverySecond([&] { return report; });
 }

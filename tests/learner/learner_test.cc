@@ -212,6 +212,19 @@ TEST(Learner, ReportsNumbersThatAreNotFinite) {
   EXPECT_THAT(*learner.FindFault(), testing::HasSubstr("critics"));
 }
 
+TEST(Learner, HasNoFiguresWhereThereWasNoUpdate) {
+  Learner learner(SmallConfig(), SmallSpec(), 5);
+  EXPECT_TRUE(std::isnan(learner.ReadStats().critic_loss));
+  Train(learner, 0, 10);
+  EXPECT_GT(learner.ReadStats().critic_loss, 0.0);
+  const LearnerStats idle = learner.ReadStats();
+  for (const double figure : {idle.critic_loss, idle.q_mean, idle.actor_q_mean,
+                              idle.critic_gradient_norm, idle.actor_gradient_norm}) {
+    EXPECT_TRUE(std::isnan(figure));
+  }
+  EXPECT_EQ(learner.FindFault(), std::nullopt);
+}
+
 TEST(Learner, ReportsValuesBeyondTheLimit) {
   MethodConfig config = SmallConfig();
   config.learner.divergence_limit = 1.0;
