@@ -28,12 +28,15 @@ namespace {
   return true;
 }
 
+constexpr std::string_view kUnfinished = ".tmp";
+constexpr std::size_t kRandomDigits = 16;
+
 /// Owns a file being written; removes it unless it was committed.
 class TemporaryFile {
  public:
   /// `named`: what errors call the target, which may be a link to it.
   TemporaryFile(const std::filesystem::path& target, const std::filesystem::path& named)
-      : named_(named), target_(target), path_(target.string() + ".tmp") {
+      : named_(named), target_(target), path_(target.string() + std::string(kUnfinished)) {
     Open();
     if (fd_ < 0 && errno == EEXIST) {
       // Somebody else writes the same file, perhaps from another machine, or was killed at it.
@@ -196,13 +199,31 @@ void WriteFileAtomically(const std::filesystem::path& path,
   file.Commit();
 }
 
+void RemoveUnfinishedFiles(const std::filesystem::path& directory) {
+  for (const std::filesystem::path& path : ListDirectory(directory)) {
+    // "NAME.tmp" or "NAME.tmp-0123456789abcdef".
+    const std::string extension = path.extension().string();
+    const bool is_ours =
+        extension == kUnfinished || (extension.starts_with(std::string(kUnfinished) + "-") &&
+                                     extension.size() == kUnfinished.size() + 1 + kRandomDigits);
+    std::error_code ignored;
+    if (is_ours &&
+        std::filesystem::is_regular_file(std::filesystem::symlink_status(path, ignored))) {
+      std::filesystem::remove(path, ignored);
+    }
+  }
+}
+
 bool IsStream(const std::filesystem::path& path) { return FollowLinks(path).is_stream; }
 
 void SyncDirectory(const std::filesystem::path& path) {
-  if (const int fd = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); fd >= 0) {
-    ::fsync(fd);
-    ::close(fd);
-  }
+  const int fd = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const bool is_synced = fd >= 0 && ::fsync(fd) == 0;
+  const int error = errno;
+  if (fd >= 0) ::close(fd);
+  // Some file systems have no such operation on directories, and say so.
+  if (is_synced || error == EINVAL || error == ENOTSUP) return;
+  throw Error(fmt::format("{}: cannot be synced ({})", path.string(), std::strerror(error)));
 }
 
 bool Exists(const std::filesystem::path& path) {

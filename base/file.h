@@ -16,8 +16,9 @@ std::string ReadFile(const std::filesystem::path& path);
 
 /// Replaces `path` by `content` atomically: writes a file beside it, syncs it and renames it. After
 /// a crash at any moment, either the old or the new file is complete. Throws `Error` if that fails
-/// (no space, no permission); the old file is then untouched and no temporary file is left. Several
-/// processes may write one file at once: the content of the last to finish stays.
+/// (no space, no permission); the old file is then untouched and no temporary file is left, except
+/// that the new file may be there and not survive a loss of power if the directory cannot be
+/// synced. Several processes may write one file at once: the content of the last to finish stays.
 ///
 /// A symbolic link stays, and the file that it points to is replaced. If `path` is a device or pipe
 /// (such as /dev/stdout), writes to it instead of replacing it, which is not atomic.
@@ -29,12 +30,16 @@ using AppendBytes = std::function<void(std::span<const std::byte>)>;
 void WriteFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const AppendBytes&)>& write);
 
+/// Removes the temporary files that writers of files in `directory`, killed meanwhile, have left.
+/// Requires: nobody writes there now.
+void RemoveUnfinishedFiles(const std::filesystem::path& directory);
+
 /// Whether `WriteFileAtomically` would write to `path` instead of replacing it. Throws `Error` if
 /// `path` is a directory.
 [[nodiscard]] bool IsStream(const std::filesystem::path& path);
 
-/// Syncs the names in a directory, so that they survive a loss of power if the file system can do
-/// that.
+/// Syncs the names in a directory, so that they survive a loss of power. Throws `Error` if that
+/// fails. Does nothing on a file system that cannot do it.
 void SyncDirectory(const std::filesystem::path& path);
 
 /// Whether `path` exists. Throws `Error` if the system cannot tell.

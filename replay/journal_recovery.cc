@@ -262,6 +262,7 @@ JournalLock::JournalLock(const fs::path& directory)
     : FileLock(OfFile(LockFile(directory), "another replay server uses this directory")) {}
 
 Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& config) {
+  base::RemoveUnfinishedFiles(options.directory);
   const auto listed = ListSegments(options.directory);
   Replayer replayer(options, config);
   std::vector<JournalSegment> segments;

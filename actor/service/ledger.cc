@@ -13,6 +13,7 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "base/file.h"
 
 namespace slalom::actor {
 namespace {
@@ -57,6 +58,7 @@ Ledger::Ledger(const std::filesystem::path& path)
     : lock_(base::FileLock::OfFile(path,
                                    "an actor of this name is running; choose another service.name "
                                    "or state directory")) {
+  base::RemoveUnfinishedFiles(path.parent_path());
   const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
   const auto fail = [&](std::string_view what) {
     const std::string reason = std::strerror(errno);

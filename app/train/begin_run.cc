@@ -45,6 +45,7 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
     throw base::Error(fmt::format("{}: there is no run to resume here", directory.root.string()));
   }
   run::RunLock lock(directory.root);
+  base::RemoveUnfinishedFiles(directory.root);
   RequireResumable(base::ReadFile(directory.config()), directory.config().string(), config);
   WriteConfig(directory, config);
   return lock;

@@ -7,10 +7,15 @@
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "base/error.h"
+#include "tests/support/failing_calls.h"
 #include "tests/support/small_files.h"
 
 namespace slalom::base {
@@ -161,6 +166,32 @@ TEST_F(FileTest, ALinkStaysAndItsFileIsReplaced) {
 }
 
 // The kernel does not follow links that lead to each other: what they stand for is not known.
+TEST_F(FileTest, WhatKilledWritersLeftIsRemovedAndNothingElse) {
+  for (const char* name : {"policy.safetensors.tmp", "spool.tmp-0123456789abcdef", "notes.tmp-old",
+                           "tmp", "a.tmp.csv"}) {
+    std::ofstream(directory_ / name) << "x";
+  }
+  fs::create_directory(directory_ / "mine.tmp");
+  fs::create_symlink("a.tmp.csv", directory_ / "link.tmp");
+  RemoveUnfinishedFiles(directory_);
+  std::vector<std::string> left;
+  for (const fs::path& path : ListDirectory(directory_)) left.push_back(path.filename());
+  EXPECT_THAT(left, testing::UnorderedElementsAre("notes.tmp-old", "tmp", "a.tmp.csv", "mine.tmp",
+                                                  "link.tmp"));
+}
+
+TEST_F(FileTest, ADirectoryThatCannotBeSyncedIsAnError) {
+  const fs::path path = directory_ / "file";
+  const test::FailingCalls failing({.function = "open", .path = directory_.string(), .error = EIO},
+                                   directory_ / "calls");
+  EXPECT_THAT(ErrorOf([&] { WriteFileAtomically(path, "new"); }),
+              testing::AllOf(HasSubstr(directory_.string()), HasSubstr("cannot be synced")));
+  EXPECT_EQ(failing.num_calls(), 1);
+  WriteFileAtomically(path, "newer");
+  EXPECT_EQ(ReadFile(path), "newer");
+  EXPECT_EQ(NumFiles(), 2) << "no temporary file is left";
+}
+
 TEST_F(FileTest, WhatCannotBeLookedAtIsNotReplaced) {
   const fs::path link = directory_ / "link";
   fs::create_symlink("other", link);
