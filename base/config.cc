@@ -336,6 +336,18 @@ std::vector<std::string> BasesOf(const toml::node& base, std::string_view source
   return names;
 }
 
+/// The file that `name` stands for as a base in `path`. Throws `Error` that begins with `where`.
+std::filesystem::path FindBase(const std::filesystem::path& path, const std::string& name,
+                               const std::string& where) {
+  std::filesystem::path beside = path.parent_path() / name;
+  if (base::Exists(beside)) return beside;
+  if (std::filesystem::path shared = InShare(name); base::Exists(shared)) return shared;
+  throw Error(
+      fmt::format("{}: base = \"{}\": there is neither {} (a base is relative to the file "
+                  "that names it) nor a preset of this name{}",
+                  where, name, beside.string(), SuggestFile(name)));
+}
+
 void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers, int depth) {
   const std::string source = path.string();
   std::error_code ec;
@@ -349,7 +361,7 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
                               Where(source, *base), kMaxBases));
     }
     for (const std::string& name : BasesOf(*base, source)) {
-      ReadFileWithBases(path.parent_path() / name, readers, depth + 1);
+      ReadFileWithBases(FindBase(path, name, Where(source, *base)), readers, depth + 1);
     }
   }
   ReadTable(table, "", source, readers);
@@ -373,6 +385,11 @@ std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
   std::vector<std::string> passed_over;
   ReadFileWithBases(Locate(path), {list, &others, &passed_over}, 0);
   return passed_over;
+}
+
+bool HasSection(const std::filesystem::path& path, std::string_view name) {
+  const std::filesystem::path file = Locate(path);
+  return base::Exists(file) && Parse(base::ReadFile(file), path.string()).get_as<toml::table>(name);
 }
 
 bool HasKey(const FieldList& list, std::string_view key) { return Find(list, key) != nullptr; }

@@ -133,9 +133,10 @@ void FieldCollector::Tables(std::string_view key, std::vector<Config>& list,
 /// name that came with the program ("configs/fast.toml" in /usr/share/slalom).
 std::filesystem::path Locate(const std::filesystem::path& path);
 
-/// Reads `path` (and its bases), as `Locate` finds it, into the listed fields. Fields that the file
-/// does not name keep their values; an array of tables in the file replaces the earlier one. If
-/// there is no such file, the error suggests the most similar name.
+/// Reads `path` (and its bases), as `Locate` finds it, into the listed fields. A base is relative
+/// to the file that names it, or a file that came with the program. Fields that the file does not
+/// name keep their values; an array of tables in the file replaces the earlier one. If there is no
+/// such file, the error suggests the most similar name.
 void ReadTomlFile(const std::filesystem::path& path, const FieldList& list);
 
 /// Like `ReadTomlFile`, for a file that other commands read, too: keys that only `others` has are
@@ -144,6 +145,10 @@ void ReadTomlFile(const std::filesystem::path& path, const FieldList& list);
 /// section, else the key.
 std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
                                             const FieldList& list, const FieldList& others);
+
+/// Returns whether the TOML file itself has this section, its bases aside. A file that is not there
+/// has none. Throws `base::Error` if it is no TOML.
+[[nodiscard]] bool HasSection(const std::filesystem::path& path, std::string_view name);
 
 /// Returns whether the list has a field with this key.
 [[nodiscard]] bool HasKey(const FieldList& list, std::string_view key);

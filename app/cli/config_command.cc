@@ -23,11 +23,15 @@ constexpr char kPageHead[] =
     "`./slalom config docs > docs/config.md` makes this page from the field lists in the code; a "
     "test checks that it is up\n"
     "to date.\n\n"
-    "A file may start from another with `base = \"other.toml\"` (a path relative to itself), or "
-    "from several with\n"
-    "`base = [\"a.toml\", \"b.toml\"]`, of which a later one overrides an earlier one. On the "
-    "command line\n"
-    "`--set section.key=value` overrides all. Unknown keys and values out of range are errors.\n";
+    "A file may start from another with `base = \"other.toml\"`: a path relative to itself, or a "
+    "preset, such as\n"
+    "`base = \"configs/fast.toml\"`. With `base = [\"a.toml\", \"b.toml\"]` it starts from "
+    "several, "
+    "of which a later one\n"
+    "overrides an earlier one. On the command line `--set section.key=value` overrides all. "
+    "Unknown "
+    "keys and values out of\n"
+    "range are errors.\n";
 
 constexpr char kAgentPageHead[] =
     "\n# Classical planners\n\n"

@@ -91,6 +91,12 @@ Source FindSource(const TrainOptions& options) {
 train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path) {
   train::RunConfig config;
   const config::FieldList fields = config::ListFields(config);
+  if (config::HasSection(path, "sweep")) {
+    throw base::Error(
+        fmt::format("{}: is the plan of a sweep, expected a config; work on it with: "
+                    "slalom sweep run {}",
+                    path, path));
+  }
   config::ReadTomlFile(path, fields);
   for (const std::string& file : options.profiles) train::LayProfile(file, config.environment);
   for (const std::string& assignment : options.overrides) {

@@ -232,7 +232,15 @@ class Checker {
 std::vector<fs::path> PlanFiles(const fs::path& given) {
   const fs::path file = config::Locate(given);
   Plan list;
-  config::ReadTomlFile(file, config::ListFields(list));
+  try {
+    config::ReadTomlFile(file, config::ListFields(list));
+  } catch (const base::Error& error) {
+    if (config::HasSection(file, "sweep") || !fs::exists(file)) throw;
+    throw base::Error(
+        fmt::format("{}: has no section [sweep], expected the plan of a sweep (a config "
+                    "is trained with: slalom train {}): {}",
+                    given.string(), given.string(), error.what()));
+  }
   if (list.sweep.plans.empty()) return {file};
   Plan only_plans;
   only_plans.sweep.plans = list.sweep.plans;

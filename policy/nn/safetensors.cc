@@ -126,9 +126,10 @@ TensorFile ParseTensors(std::span<const std::byte> bytes, std::string_view sourc
     Fail(source, fmt::format("found {} bytes, expected a safetensors file", file.size()));
   }
   std::memcpy(&length, file.data(), sizeof(length));
-  if (length > kMaxHeaderBytes || length > file.size() - sizeof(length)) {
+  if (length > kMaxHeaderBytes) Fail(source, "is no safetensors file, or damaged");
+  if (length > file.size() - sizeof(length)) {
     Fail(source, fmt::format("the header should be {} bytes long but {} follow; the file is cut "
-                             "short or no safetensors file",
+                             "short",
                              length, file.size() - sizeof(length)));
   }
   const json header = base::ParseJson(file.substr(sizeof(length), length));

@@ -425,6 +425,24 @@ TEST_F(FilesTest, WhatIsNotHereIsReadFromWhatCameWithTheProgram) {
   ReadTomlFile("configs/sweeps/other.toml", ListFields(outer));
   EXPECT_EQ(outer.count, 7);
   EXPECT_EQ(Locate("configs/ours.toml"), Path("configs/ours.toml"));
+  Write("mine.toml", "\nbase = \"configs/ours.toml\"\n");
+  std::filesystem::create_directories(Path("elsewhere"));
+  Write("elsewhere/mine.toml", "\nbase = \"configs/ours.toml\"\n");
+  for (const char* mine : {"mine.toml", "elsewhere/mine.toml"}) {
+    outer.count = 1;
+    ReadTomlFile(Path(mine), ListFields(outer));
+    EXPECT_EQ(outer.count, 7) << mine;
+  }
+  Write("elsewhere/wrong.toml", "\nbase = \"configs/oers.toml\"\n");
+  try {
+    ReadTomlFile(Path("elsewhere/wrong.toml"), ListFields(outer));
+    ADD_FAILURE() << "expected an error";
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(),
+                AllOf(HasSubstr("elsewhere/wrong.toml:2: base = \"configs/oers.toml\""),
+                      HasSubstr("relative to the file that names it"),
+                      EndsWith("did you mean 'configs/ours.toml'?")));
+  }
   EXPECT_EQ(Locate("configs/none.toml"), "configs/none.toml") << "as the user named it";
   EXPECT_EQ(Locate("/configs/ours.toml"), "/configs/ours.toml");
   try {

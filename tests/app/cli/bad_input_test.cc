@@ -50,6 +50,16 @@ TEST_F(BadInputTest, AMistypedKeyIsNamedWithItsLineAndTheLikelyRightOne) {
                                          HasSubstr("did you mean 'learner.gamma'?")));
 }
 
+TEST_F(BadInputTest, APlanAndAConfigAreToldApart) {
+  Write("plan.toml", "[sweep]\npreset = \"tiny.toml\"\n");
+  ExpectError({"train", "plan.toml"}, AllOf(HasSubstr("plan.toml: is the plan of a sweep"),
+                                            HasSubstr("slalom sweep run plan.toml")));
+  ExpectError({"sweep", "run", "tiny.toml"}, AllOf(HasSubstr("tiny.toml: has no section [sweep]"),
+                                                   HasSubstr("slalom train tiny.toml")));
+  ExpectError({"evaluate", "--policy", "tiny.toml", "--courses", "static-test"},
+              HasSubstr("tiny.toml: is no safetensors file"));
+}
+
 TEST_F(BadInputTest, AValueOutOfRangeSaysTheRange) {
   Write("c.toml", "[learner]\ngamma = 1.5\n");
   ExpectError({"train", "c.toml"}, AllOf(HasSubstr("c.toml:2: learner.gamma is 1.5"),

@@ -21,8 +21,10 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 PolicySnapshot SnapshotOf(const nn::NetworkConfig& network) {
-  PolicySnapshot snapshot = ZeroSnapshot(
-      {.observation = {.num_beams = nn::kFrame - env::kStateSize}, .network = network});
+  PolicySpec spec;
+  spec.observation.num_beams = nn::kFrame - env::kStateSize;
+  spec.network = network;
+  PolicySnapshot snapshot = ZeroSnapshot(spec);
   const auto numbers = nn::SpreadNumbers(std::ssize(*snapshot.weights), 0.5, 1);
   snapshot.weights = std::make_shared<std::vector<float>>(numbers.begin(), numbers.end());
   return snapshot;
@@ -66,7 +68,9 @@ INSTANTIATE_TEST_SUITE_P(Networks, OnnxModelTest, ::testing::ValuesIn(nn::Cases(
                          [](const auto& tested) { return tested.param.name; });
 
 TEST(OnnxModelTest, FramesAreInputAndOutputWhereThereIsAHistory) {
-  nn::NetworkConfig network{.encoder_layers = {6}, .head_layers = {5}};
+  nn::NetworkConfig network;
+  network.encoder_layers = {6};
+  network.head_layers = {5};
   auto model = Parse(PrintOnnx(SnapshotOf(network), {{"seed", "7"}}));
   EXPECT_THAT(NamesOf(model.graph().input()), ElementsAre("ranges", "state"));
   EXPECT_THAT(NamesOf(model.graph().output()), ElementsAre("command", "action"));
