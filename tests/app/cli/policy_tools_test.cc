@@ -27,10 +27,12 @@ constexpr int kNumBeams = 6;
 
 /// A policy of random weights that sees two frames.
 policy::PolicySnapshot MakeSnapshot() {
-  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(
-      {.observation = {.num_beams = kNumBeams},
-       .network = {.encoder_layers = {8}, .head_layers = {8}, .history = 2},
-       .actions = {.linear_min = -0.5, .linear_max = 1.0, .angular_max = 2.0}});
+  policy::PolicySpec spec;
+  spec.observation.num_beams = kNumBeams;
+  spec.network.encoder_layers = spec.network.head_layers = {8};
+  spec.network.history = 2;
+  spec.actions = {.linear_min = -0.5, .linear_max = 1.0, .angular_max = 2.0};
+  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
   std::vector<float> weights(snapshot.weights->size());
   base::Random random(5);
   nn::InitialiseParameters(snapshot.spec.actor_shape(), random, weights);

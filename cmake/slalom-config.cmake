@@ -1,0 +1,7 @@
+# find_package(slalom): slalom::sim, slalom::replay, slalom::policy_actor and what they stand on (docs/robot.md, ARCHITECTURE.md).
+include(CMakeFindDependencyMacro)
+foreach(dependency Threads fmt spdlog nlohmann_json box2d tinyxml2 PkgConfig)
+  find_dependency(${dependency})
+endforeach()
+pkg_check_modules(XXHASH REQUIRED QUIET IMPORTED_TARGET libxxhash)
+include(${CMAKE_CURRENT_LIST_DIR}/slalom-targets.cmake)
