@@ -1,6 +1,5 @@
 #include "metrics/http_server.h"
 
-#include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <netdb.h>
@@ -13,9 +12,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <optional>
@@ -24,6 +25,7 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "base/local_host.h"
 
 namespace slalom::metrics {
 namespace {
@@ -56,29 +58,17 @@ std::string_view HeaderOf(std::string_view request, std::string_view name) {
   }
 }
 
-bool IsLoopback(const sockaddr_storage& address) {
-  if (address.ss_family == AF_INET6) {
-    return IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6&>(address).sin6_addr);
-  }
-  const std::uint32_t ipv4 = ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr);
-  return address.ss_family == AF_INET && ipv4 >> 24 == IN_LOOPBACKNET;
-}
-
 /// Whether a Host header, "NAME:PORT" or "NAME", names this machine to itself. A page of another
 /// site that a browser here has open may have its own name resolved to 127.0.0.1, but cannot say
 /// that it is this one.
-bool IsLocalHost(std::string_view host) {
+bool IsLocal(std::string_view host) {
   const auto colon = host.rfind(':');
   if (colon != std::string_view::npos && host.find(']', colon) == std::string_view::npos) {
     host = host.substr(0, colon);
   }
-  if (host == "[::1]") return true;
-  const std::string name(host);
-  in_addr ipv4{};
-  if (inet_pton(AF_INET, name.c_str(), &ipv4) == 1) {
-    return ntohl(ipv4.s_addr) >> 24 == IN_LOOPBACKNET;
-  }
-  return strcasecmp(name.c_str(), "localhost") == 0;
+  std::string name(host);
+  std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
+  return base::IsLocalHost(name);
 }
 
 HttpAnswer Answer(std::string_view request, HostRule hosts, const HttpServer::Handler& handler) {
@@ -94,7 +84,7 @@ HttpAnswer Answer(std::string_view request, HostRule hosts, const HttpServer::Ha
     return {405, "Method Not Allowed", "text/plain; charset=utf-8", "expected GET\n"};
   }
   const std::string_view host = HeaderOf(request, "Host");
-  if (hosts == HostRule::kLocal && !host.empty() && !IsLocalHost(host)) {
+  if (hosts == HostRule::kLocal && !host.empty() && !IsLocal(host)) {
     return {421, "Misdirected Request", "text/plain; charset=utf-8",
             "this address answers for localhost and 127.0.0.1 only\n"};
   }
@@ -142,18 +132,18 @@ std::optional<Address> Parse(std::string_view text) {
   throw base::Error(fmt::format("cannot {} on '{}': {}", purpose, address, reason));
 }
 
-/// Of a socket that is bound.
-sockaddr_storage AddressOf(int socket) {
+/// The address that a bound socket has, as numbers.
+Address AddressOf(int socket) {
   sockaddr_storage address{};
   socklen_t length = sizeof address;
-  getsockname(socket, reinterpret_cast<sockaddr*>(&address), &length);
-  return address;
-}
-
-/// The port is at the same place in addresses of IPv4 and IPv6.
-int PortOf(int socket) {
-  const sockaddr_storage address = AddressOf(socket);
-  return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
+  auto* const plain = reinterpret_cast<sockaddr*>(&address);
+  getsockname(socket, plain, &length);
+  std::array<char, NI_MAXHOST> host{};
+  std::array<char, NI_MAXSERV> port{};
+  const int error = getnameinfo(plain, length, host.data(), host.size(), port.data(), port.size(),
+                                NI_NUMERICHOST | NI_NUMERICSERV);
+  SLALOM_CHECK_EQ(error, 0);
+  return {host.data(), std::atoi(port.data())};
 }
 
 }  // namespace
@@ -177,7 +167,7 @@ Listener Listen(const std::string& text, std::string_view purpose) {
   const int yes = 1;
   if (socket >= 0 && setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
       bind(socket, found->ai_addr, found->ai_addrlen) == 0 && listen(socket, 16) == 0) {
-    return {socket, PortOf(socket)};
+    return {socket, AddressOf(socket).port};
   }
   const int error = errno;
   if (socket >= 0) close(socket);
@@ -232,7 +222,7 @@ struct HttpServer::Connection {
 
 HttpServer::HttpServer(int listener, Handler handler)
     : listener_(listener),
-      hosts_(IsLoopback(AddressOf(listener)) ? HostRule::kLocal : HostRule::kAny),
+      hosts_(base::IsLocalHost(AddressOf(listener).host) ? HostRule::kLocal : HostRule::kAny),
       wake_(::eventfd(0, EFD_CLOEXEC)),
       handler_(std::move(handler)),
       thread_([this] { Run(); }) {

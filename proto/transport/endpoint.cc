@@ -1,13 +1,12 @@
 #include "proto/transport/endpoint.h"
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 
-#include <array>
 #include <charconv>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/local_host.h"
 
 namespace slalom::transport {
 namespace {
@@ -63,15 +62,7 @@ bool IsIpv6(const std::string& endpoint) {
 
 bool IsLocal(const std::string& endpoint) {
   if (!IsTcp(endpoint)) return IsInproc(endpoint) || endpoint.starts_with(kIpc);
-  std::string host = Split(endpoint).host;
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  if (host == "localhost") return true;
-  std::array<unsigned char, 16> bytes{};
-  if (inet_pton(AF_INET, host.c_str(), bytes.data()) == 1) return bytes[0] == 127;
-  if (inet_pton(AF_INET6, host.c_str(), bytes.data()) != 1) return false;
-  std::array<unsigned char, 16> loopback{};
-  loopback[15] = 1;
-  return bytes == loopback;
+  return base::IsLocalHost(Split(endpoint).host);
 }
 
 }  // namespace slalom::transport
