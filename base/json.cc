@@ -21,4 +21,9 @@ bool IsShallowJson(std::string_view text) {
   return true;
 }
 
+nlohmann::json ParseJson(std::string_view text) {
+  if (!IsShallowJson(text)) return nlohmann::json(nlohmann::json::value_t::discarded);
+  return nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
 }  // namespace slalom::base

@@ -14,10 +14,6 @@ bool IsShallowJson(std::string_view text);
 
 /// Parses JSON that somebody else may have written. A text that is none, or nested too deeply,
 /// becomes a value of which `is_discarded()` is true.
-template <class Json = nlohmann::json>
-Json ParseJson(std::string_view text) {
-  if (!IsShallowJson(text)) return Json(Json::value_t::discarded);
-  return Json::parse(text, nullptr, /*allow_exceptions=*/false);
-}
+nlohmann::json ParseJson(std::string_view text);
 
 }  // namespace slalom::base

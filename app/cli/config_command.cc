@@ -26,11 +26,9 @@ constexpr char kPageHead[] =
     "A file may start from another with `base = \"other.toml\"`: a path relative to itself, or a "
     "preset, such as\n"
     "`base = \"configs/fast.toml\"`. With `base = [\"a.toml\", \"b.toml\"]` it starts from "
-    "several, "
-    "of which a later one\n"
+    "several, of which a later one\n"
     "overrides an earlier one. On the command line `--set section.key=value` overrides all. "
-    "Unknown "
-    "keys and values out of\n"
+    "Unknown keys and values out of\n"
     "range are errors.\n";
 
 constexpr char kAgentPageHead[] =

@@ -91,13 +91,15 @@ Source FindSource(const TrainOptions& options) {
 train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path) {
   train::RunConfig config;
   const config::FieldList fields = config::ListFields(config);
-  if (config::HasSection(path, "sweep")) {
+  try {
+    config::ReadTomlFile(path, fields);
+  } catch (const base::Error&) {
+    if (!config::HasSection(path, "sweep")) throw;
     throw base::Error(
         fmt::format("{}: is the plan of a sweep, expected a config; work on it with: "
                     "slalom sweep run {}",
                     path, path));
   }
-  config::ReadTomlFile(path, fields);
   for (const std::string& file : options.profiles) train::LayProfile(file, config.environment);
   for (const std::string& assignment : options.overrides) {
     config::ApplyOverride(assignment, fields);

@@ -11,6 +11,7 @@
 
 #include "base/check.h"
 #include "base/error.h"
+#include "eval/csv_field.h"
 #include "eval/report/comparison.h"
 #include "eval/report/embedded_page.h"
 #include "eval/report/table_text.h"

@@ -10,6 +10,7 @@
 #include <optional>
 #include <string_view>
 
+#include "eval/csv_field.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::eval {

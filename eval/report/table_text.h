@@ -56,7 +56,4 @@ std::string EscapeMarkdown(std::string_view text);
 /// Escapes what LaTeX would read as its own. Line breaks become spaces.
 std::string EscapeLatex(std::string_view text);
 
-/// Returns the text in quotes if it needs them.
-std::string CsvField(const std::string& text);
-
 }  // namespace slalom::eval

@@ -9,6 +9,7 @@
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "eval/csv_field.h"
 
 namespace slalom::eval {
 namespace {
@@ -19,14 +20,6 @@ constexpr std::string_view kHeader =
     "unix_s,policy_version,courses,episodes,success_rate,success_low,success_high,collision_rate,"
     "timeout_rate,traversal_time_s,barn_score,evaluation_s\n";
 constexpr std::size_t kCourses = 2, kSuccessRate = 4;  // Columns.
-
-/// A cell of a CSV file.
-std::string Cell(std::string_view text) {
-  if (text.find_first_of(",\"\n") == std::string_view::npos) return std::string(text);
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + '"';
-}
 
 std::vector<std::string_view> Split(std::string_view text, char separator) {
   std::vector<std::string_view> parts;
@@ -68,21 +61,21 @@ double BestOf(std::string_view text, const std::string& courses) {
 base::AppendFile Open(const fs::path& path) {
   base::MakeDirectories(path.parent_path());
   if (!fs::exists(path)) base::WriteFileAtomically(path, kHeader);
-  base::AppendFile file(path, base::AppendFile::Mode::kGoOn);
-  // A loss of power may have torn the last line, and the next must not be glued to it.
-  if (const auto failure =
-          base::ReadFile(path).ends_with('\n') ? std::nullopt : file.Append("\n")) {
-    throw base::Error(fmt::format("{}: {}", path.string(), failure->text));
-  }
-  return file;
+  return {path, base::AppendFile::Mode::kGoOn};
 }
 
 }  // namespace
 
 ScoreLog::ScoreLog(const fs::path& path, std::string_view course_set)
-    : courses_(Cell(course_set)),
-      best_before_(fs::exists(path) ? BestOf(base::ReadFile(path), courses_) : -1.0),
-      file_(Open(path)) {}
+    : courses_(CsvField(std::string(course_set))), file_(Open(path)) {
+  const std::string earlier = base::ReadFile(path);
+  best_before_ = BestOf(earlier, courses_);
+  // A loss of power may have torn the last line, and the next must not be glued to it.
+  if (earlier.ends_with('\n')) return;
+  if (const auto failure = file_.Append("\n")) {
+    throw base::Error(fmt::format("{}: {}", path.string(), failure->text));
+  }
+}
 
 std::optional<base::Failure> ScoreLog::Append(const Figures& set, std::int64_t version,
                                               double seconds) {

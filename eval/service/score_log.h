@@ -27,8 +27,8 @@ class ScoreLog {
 
  private:
   std::string courses_;  ///< The course set as a cell of the file.
-  double best_before_;
   base::AppendFile file_;
+  double best_before_ = -1.0;
 };
 
 }  // namespace slalom::eval

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "app/sweep/report/report.h"
+#include "eval/csv_field.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::sweep {

@@ -1,6 +1,7 @@
 """Policies as ONNX models: ONNX Runtime commands what the package, and so the C++ actor, does."""
 
 import os
+import shutil
 import subprocess
 import tempfile
 import unittest
@@ -97,10 +98,7 @@ class OnnxTest(unittest.TestCase):
         self.assertIn('"linear_max":2.0', told["slalom_policy"])
 
     def copy_of_trained(self):
-        path = os.path.join(self.directory, "policy.safetensors")
-        with open(os.environ["SLALOM_POLICY"], "rb") as source, open(path, "wb") as copy:
-            copy.write(source.read())
-        return path
+        return shutil.copy(os.environ["SLALOM_POLICY"], os.path.join(self.directory, "policy.safetensors"))
 
 
 if __name__ == "__main__":
