@@ -14,7 +14,7 @@ namespace {
 
 float Clip(double value) { return static_cast<float>(std::clamp(value, -1.0, 1.0)); }
 
-/// Where in the stream of fresh courses an actor begins, so that several drive different ones.
+/// First course of an actor in the stream of fresh courses, so that several drive different ones.
 int FirstFreshCourse(std::uint64_t seed) {
   return static_cast<int>(
       base::Random(base::DeriveSeed(seed, "fresh courses")).UniformInt(std::uint64_t{1} << 30));

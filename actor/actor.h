@@ -58,7 +58,7 @@ class Actor {
   /// episode that ends, whose environment then begins the next one. Stream i of the chunk is
   /// environment i. Throws `base::Error` if the agent chooses an action that is not finite (its
   /// network diverged); the actor is then unchanged.
-  /// Requires: out->num_beams is that of the observations.
+  /// Requires: out->num_beams is the observations'.
   void Step(replay::Chunk* out);
 
   ActorStats stats() const EXCLUDES(mutex_);
@@ -68,10 +68,10 @@ class Actor {
 
   /// Continues from `state`: drives the open episodes again with their recorded actions. The agent
   /// sees the same frames as then (its choices are ignored), which restores whatever it remembers
-  /// of an episode. The following steps are, bit for bit, those of the saved actor, provided that
-  /// the agent chooses the same actions. Throws `base::Error` if the state has another seed or
-  /// another number of environments, or does not lead to the frames it was saved with (other
-  /// courses or another environment config). Do not use the actor after that.
+  /// of an episode. The following steps are, bit for bit, the saved actor's if the agent chooses
+  /// the same actions. Throws `base::Error` if the state has another seed or another number of
+  /// environments, or does not lead to the frames it was saved with (other courses or another
+  /// environment config). Do not use the actor after that.
   void Restore(const ActorState& state);
 
  private:

@@ -10,7 +10,8 @@
 namespace slalom::actor {
 namespace {
 
-/// Of an older episode when another ends: the last eight count about as much as all before them.
+/// Factor on the weight of older episodes when another ends: the last five count about as much as
+/// all before them.
 constexpr float kMemory = 0.875f;
 constexpr std::size_t kNumRecent = 1000;
 

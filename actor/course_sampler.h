@@ -42,7 +42,7 @@ struct SamplingConfig {
   }
 };
 
-/// A course and what is known of the policy in training on it.
+/// A course and the results on it of the policy in training.
 struct MeasuredCourse {
   std::int32_t course = 0;  ///< Its number, as in `env::EpisodeSpec`.
   /// Numbers of episodes. On a course that is drawn as learnable, older ones count less, as the
@@ -51,13 +51,13 @@ struct MeasuredCourse {
   float num_failures = 0.0f;
 
   double num_episodes() const { return double{num_successes} + double{num_failures}; }
-  /// p (1 - p), where p is the share of successes; 0 without an episode.
+  /// p (1 - p) with the share of successes p; 0 without an episode.
   double learnability() const;
 
   friend bool operator==(const MeasuredCourse&, const MeasuredCourse&) = default;
 };
 
-/// What a `CourseSampler` remembers.
+/// State of a `CourseSampler`.
 struct SamplerState {
   std::int64_t num_fresh_draws = 0;        ///< Uniform draws of a fresh course so far.
   std::vector<MeasuredCourse> named;       ///< All courses of the named set, by number.
@@ -68,9 +68,9 @@ struct SamplerState {
 
 /// The courses drawn, and the policy's success on them.
 struct SamplingStats {
-  std::int64_t num_courses = 0;  ///< Different ones that were driven.
-  /// Of the fresh courses measured last: the mean share of successes, and the share of courses with
-  /// successes and failures. NaN before the first.
+  std::int64_t num_courses = 0;  ///< Different courses that were driven.
+  /// Mean share of successes of the fresh courses measured last, and the share of these courses
+  /// with successes and failures. NaN before the first.
   double mean_success = std::numeric_limits<double>::quiet_NaN();
   double learnable_share = std::numeric_limits<double>::quiet_NaN();
 };
@@ -78,11 +78,11 @@ struct SamplingStats {
 /// Chooses the course of each training episode, and measures how learnable courses are by the
 /// training episodes themselves.
 ///
-/// The rule is that of Rutherford et al., "No Regrets: Investigating and Improving Regret
-/// Approximations for Curriculum Discovery" (2024): a policy learns most where it succeeds as often
+/// The rule is by Rutherford et al., "No Regrets: Investigating and Improving Regret Approximations
+/// for Curriculum Discovery" (2024): a policy learns most on a course on which it succeeds as often
 /// as it fails. They measure it in episodes driven for that alone; here a fresh course is driven
-/// `fresh_episodes` times by uniform draws, which are training data as well. The ones that are
-/// more learnable than the least of `learnable_courses` take its place. Confined to one thread.
+/// `fresh_episodes` times by uniform draws, which are training data as well. The ones that are more
+/// learnable than the least of `learnable_courses` take its place. Confined to one thread.
 class CourseSampler {
  public:
   /// Courses are 0 to `num_named` - 1, and with `has_fresh` all numbers beyond. `first_fresh`: the

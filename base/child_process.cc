@@ -53,7 +53,7 @@ int MoveAway(int fd) {
   return ::fcntl(fd, F_DUPFD_CLOEXEC, kFirstFree);
 }
 
-/// What the child does between fork and its program: calls that are safe there alone.
+/// Runs in the child between fork and its program. Makes only calls that are safe there.
 [[noreturn]] void BecomeProgram(char* const* arguments, char* const* environment,
                                 const cpu_set_t* cores, int log,
                                 std::vector<std::pair<int, int>>& files, int report, pid_t parent) {

@@ -67,14 +67,14 @@ class MemoryFile {
   MemoryFile& operator=(const MemoryFile&) = delete;
 
   int descriptor() const { return fd_; }
-  /// Returns what was written to it.
+  /// Returns everything that was written to it.
   std::string Content() const;
 
  private:
   int fd_;
 };
 
-/// What a program wrote and how it ended.
+/// Output and exit code of a program.
 struct ProgramResult {
   int exit_code = 0;  ///< As of `ChildProcess::Wait`.
   std::string output;

@@ -99,7 +99,7 @@ std::string PrintNode(const toml::node& node) {
 }
 
 /// Puts a TOML node into a field. Throws `Error` with `where` and what was expected. `source`: the
-/// file of the node; empty: it is from a command line.
+/// file of the node; empty if it is from a command line.
 class Assign {
  public:
   Assign(const Field& field, const toml::node& node, std::string_view source,
@@ -201,16 +201,16 @@ class Assign {
   const std::string_view where_;
 };
 
-/// Where the keys of a file go.
+/// The fields that the keys of a file may set.
 struct Readers {
   const FieldList& list;
   const FieldList* others = nullptr;                ///< Keys that are checked and passed over.
-  std::vector<std::string>* passed_over = nullptr;  ///< Of `others`, as `ReadSharedTomlFile`.
+  std::vector<std::string>* passed_over = nullptr;  ///< Names as `ReadSharedTomlFile` returns them.
 
   bool IsSection(std::string_view key) const {
     return config::IsSection(list, key) || (others != nullptr && config::IsSection(*others, key));
   }
-  /// Null: there is no such key.
+  /// Returns the field of a key, or null if there is none.
   const Field* Find(std::string_view key) const {
     const Field* field = config::Find(list, key);
     if (field != nullptr || others == nullptr) return field;
@@ -290,7 +290,7 @@ toml::table Parse(std::string_view text, std::string_view source) {
   }
 }
 
-/// What came with the program, by the path that it has in the repository: in the folder that
+/// Path of a file that came with the program, by its path in the repository: in the folder that
 /// SLALOM_SHARE names, or in share/slalom beside the folder of an installed program.
 std::filesystem::path InShare(const std::filesystem::path& path) {
   if (const char* const share = std::getenv("SLALOM_SHARE")) {
@@ -302,7 +302,7 @@ std::filesystem::path InShare(const std::filesystem::path& path) {
 }
 
 /// "; did you mean 'configs/fast.toml'?": the preset, beside the file that is not there or in
-/// configs/, whose name is nearest. Empty: none is near.
+/// configs/, whose name is nearest. Empty if none is near.
 std::string SuggestFile(const std::filesystem::path& path) {
   namespace fs = std::filesystem;
   std::vector<std::string> files, stems;
@@ -421,7 +421,7 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
   }
   if (table.size() != 1) table = toml::table{{"value", value}};  // No TOML, or more than one value.
   const toml::node* node = table.get("value");
-  // A field of text takes digits and the like as they stand.
+  // A text field takes digits and other bare values as they stand.
   const bool is_text = std::holds_alternative<std::string*>(field->value) ||
                        std::holds_alternative<EnumField>(field->value);
   if (is_text && !node->is_string()) {

@@ -129,8 +129,8 @@ void FieldCollector::Tables(std::string_view key, std::vector<Config>& list,
                           }});
 }
 
-/// The path itself or, if it is relative and nothing is there, that of the file or folder of this
-/// name that came with the program ("configs/fast.toml" in /usr/share/slalom).
+/// The path itself or, if it is relative and nothing is there, the path of the file or folder of
+/// this name that came with the program ("configs/fast.toml" in /usr/share/slalom).
 std::filesystem::path Locate(const std::filesystem::path& path);
 
 /// Reads `path` (and its bases), as `Locate` finds it, into the listed fields. A base is relative

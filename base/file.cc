@@ -34,7 +34,7 @@ constexpr std::size_t kRandomDigits = 16;
 /// Owns a file being written; removes it unless it was committed.
 class TemporaryFile {
  public:
-  /// `named`: what errors call the target, which may be a link to it.
+  /// `named`: name of the target in errors, which may be a link to it.
   TemporaryFile(const std::filesystem::path& target, const std::filesystem::path& named)
       : named_(named), target_(target), path_(target.string() + std::string(kUnfinished)) {
     Open();
@@ -80,7 +80,8 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
-/// Some devices never end. Throws `Error` where `in`, which is at `path`, is one.
+/// Copies a stream. Throws `Error` if `in`, the file at `path`, has more than 2^28 bytes: some
+/// devices never end.
 void CopyBounded(std::istream& in, const std::filesystem::path& path, std::ostream& out) {
   constexpr std::size_t kMaxBytes = 1 << 28;
   std::vector<char> piece(1 << 16);
@@ -126,9 +127,9 @@ class Stream {
   int fd_ = -1;
 };
 
-/// What a path leads to once its links are followed.
+/// The target of a path once its links are followed.
 struct Target {
-  std::filesystem::path path;  ///< The regular file to replace or make, where it is no stream.
+  std::filesystem::path path;  ///< The regular file to replace or make, unless it is a stream.
   bool is_stream = false;
 };
 
@@ -138,7 +139,7 @@ Target FollowLinks(const std::filesystem::path& path) {
   constexpr int kMaxLinks = 40;  // As Linux itself.
   std::error_code ec;
   Target target{path, false};
-  // What is there must be known before it is replaced.
+  // The type of a file must be known before it is replaced.
   const auto known = [&](const fs::file_status& status) {
     if (fs::status_known(status)) return status;
     throw Error(fmt::format("{}: cannot be looked at ({})", path.string(), ec.message()));

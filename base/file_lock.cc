@@ -23,7 +23,7 @@ FileLock::FileLock(const std::filesystem::path& path, int flags, std::string_vie
   throw Error(fmt::format("{}: {}", path.string(), refusal));
 }
 
-// NFS locks only what is open for writing, so a file is.
+// NFS locks only files that are open for writing.
 FileLock FileLock::OfFile(const std::filesystem::path& file, std::string_view refusal) {
   return {file, O_RDWR | O_CREAT, refusal};
 }

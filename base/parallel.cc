@@ -90,8 +90,8 @@ void ParallelFor::Work(int thread) {
   }
 }
 
-// Its own first, then what is left of the others'. A worker that is late may find the shares of a
-// later call, and takes part in that.
+// Runs its own share first, then the rest of the others'. A worker that is late may find the shares
+// of a later call, and takes part in that.
 void ParallelFor::RunShares(int thread) noexcept {
   int num_run = 0;
   for (int k = 0; k < num_threads_; ++k) num_run += RunShare((thread + k) % num_threads_);

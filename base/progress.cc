@@ -21,7 +21,7 @@ std::size_t TerminalColumns(std::FILE* out) {
   return size.ws_col;
 }
 
-/// Unlike fmt::print this does not throw where the other end is gone.
+/// Unlike fmt::print this does not throw if the other end is gone.
 void Write(std::FILE* out, const std::string& text) {
   std::fwrite(text.data(), 1, text.size(), out);
   std::fflush(out);

@@ -12,9 +12,9 @@ namespace slalom::base {
 std::uint64_t DeriveSeed(std::uint64_t root, std::string_view purpose,
                          std::initializer_list<std::uint64_t> indices = {});
 
-/// The generator xoshiro256++ (Blackman and Vigna 2019), with samplers of our own because those of
-/// the standard library differ between implementations. Thread-compatible. A value: a copy
-/// continues the same stream.
+/// The generator xoshiro256++ (Blackman and Vigna 2019), with samplers of our own because the
+/// standard library's differ between implementations. Thread-compatible. A value: a copy continues
+/// the same stream.
 class Random {
  public:
   using State = std::array<std::uint64_t, 4>;

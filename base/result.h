@@ -14,7 +14,7 @@ struct Failure {
 };
 
 /// A value, or the reason why there is none. For failures that are expected while running, such as
-/// a bad message or a closed peer, where exceptions would be control flow. A value type.
+/// a bad message or a closed peer: exceptions for them would be control flow. A value type.
 template <class T, class E = Failure>
 class [[nodiscard]] Result {
  public:

@@ -24,7 +24,7 @@
 namespace slalom {
 namespace {
 
-/// What a preset says, with another algorithm, on the CPU.
+/// The config of a preset, with another algorithm, on the CPU.
 train::RunConfig LoadPreset(const std::string& preset, const std::string& algorithm = "td3") {
   const std::vector<std::string> overrides = {"learner.device=cpu",
                                               "learner.algorithm=" + algorithm};
@@ -61,7 +61,7 @@ replay::Table MakeTable(std::int64_t num_frames) {
   return table;
 }
 
-/// What an update of an algorithm does with its networks, on average.
+/// Network passes of an algorithm's update, on average.
 struct Work {
   const char* algorithm;
   double critics;           // Trained, each with a target that is computed.
@@ -156,8 +156,9 @@ void RunUpdates(benchmark::State& state, const std::string& preset, const Work& 
       CountFlops(products) * static_cast<double>(rounds) / small_gemm_seconds * 1e-9;
 }
 
-/// Of a method that has more than its algorithm: a constraint, or a model that it learns from. One
-/// update is what one replayed batch leads to, with the model's updates and imagined batches.
+/// Updates of a method that has more than its algorithm: a constraint, or a model that it learns
+/// from. One update includes the model's updates and imagined batches that one replayed batch leads
+/// to.
 void RunMethod(benchmark::State& state, const std::string& preset) {
   nn::SetMathThreads(1);
   train::RunConfig config = LoadPreset(preset);
@@ -172,7 +173,7 @@ void RunMethod(benchmark::State& state, const std::string& preset) {
       2.0 * static_cast<double>(state.iterations()) / (ThreadSeconds() - begin);
 }
 
-/// By the clock, with so many threads in each product: whether a second one pays.
+/// Updates by the clock, by the number of threads in each product: whether a second one pays.
 void RunByThreads(benchmark::State& state, const std::string& preset) {
   nn::SetMathThreads(static_cast<int>(state.range(0)));
   Updates learner(LoadPreset(preset));
@@ -180,8 +181,8 @@ void RunByThreads(benchmark::State& state, const std::string& preset) {
   nn::SetMathThreads(1);
 }
 
-/// Microseconds of an action of a preset's actor for so many environments, frames of 720 beams read
-/// included.
+/// Microseconds of an action of a preset's actor by the number of environments. Includes reading
+/// frames of 720 beams.
 void RunActing(benchmark::State& state, const std::string& preset) {
   nn::SetMathThreads(1);
   const policy::PolicySpec spec = train::MakePolicySpec(LoadPreset(preset));

@@ -5,8 +5,8 @@
 
 #include "policy/nn/network_shape.h"
 
-/// The matrix products that networks cannot do without: what the FLOPs "really needed" are counted
-/// from, and what the BLAS takes for them alone.
+/// The matrix products that networks cannot do without. They give the number of FLOPs "really
+/// needed", and the BLAS's time for them alone.
 
 namespace slalom {
 
@@ -17,7 +17,7 @@ struct Product {
 };
 using Products = std::vector<Product>;
 
-/// A pass through `shape` of so many rows.
+/// A pass of `batch` rows through `shape`.
 Products ForwardProducts(const nn::NetworkShape& shape, std::int64_t batch);
 /// The gradient by all parameters.
 Products BackwardProducts(const nn::NetworkShape& shape, std::int64_t batch);
@@ -29,8 +29,8 @@ void Add(const Products& more, double times, Products* products);
 
 double CountFlops(const Products& products);
 
-/// Processor time [s] of all the products, each run for `seconds_each`, by the BLAS or, where it
-/// serves them, by `policy::SmallGemm`.
+/// Processor time [s] of all the products, each run for `seconds_each`, by the BLAS or, if it takes
+/// them, by `policy::SmallGemm`.
 double MeasureProducts(const Products& products, bool small_gemm, double seconds_each);
 
 }  // namespace slalom

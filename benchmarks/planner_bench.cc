@@ -10,7 +10,7 @@
 #include "sim/courses/course_generator.h"
 #include "sim/environments.h"
 
-/// Speed of the classical systems on what a robot sees on generated courses of all recipes:
+/// Speed of the classical systems on a robot's observations on generated courses of all recipes:
 /// `items_per_second` is control cycles/s, map updates/s or plans/s as the name says.
 
 namespace slalom::planners {
@@ -28,7 +28,7 @@ struct Moment {
   base::Vec2 goal_R;
 };
 
-/// What a system sees that drives the courses one after the other.
+/// Records the observations of a system that drives the courses one after the other.
 std::vector<Moment> Record(const std::string& name) {
   sim::EnvironmentConfig config;
   config.episode.step = 0.05;
@@ -96,7 +96,8 @@ void BM_MapUpdate(benchmark::State& state, const ObstacleMapConfig& config) {
 BENCHMARK_CAPTURE(BM_MapUpdate, local, ObstacleMapConfig{});
 BENCHMARK_CAPTURE(BM_MapUpdate, global, ObstacleMapConfig{.num_cells = 800, .rolling = false});
 
-/// A plan on the global map per control cycle, map updates left out; `anew`: from nothing.
+/// A plan on the global map per control cycle, without map updates. `anew`: each plan starts from
+/// nothing.
 void BM_Plan(benchmark::State& state, bool anew) {
   static const std::vector<Moment> moments = Record("dwa");
   ObstacleMap map({.num_cells = 800, .rolling = false}, PaddedFootprint(FootprintConfig{}));

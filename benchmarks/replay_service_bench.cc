@@ -1,6 +1,6 @@
 // The replay server over loopback TCP at the sizes that training uses: frames of 720 beams, chunks
 // of 64 rows, samples of 256. Producers, consumers and the server have contexts (and so ZeroMQ
-// threads) of their own, as processes would. Then what it stands on, in process.
+// threads) of their own, as processes would. Its parts are then measured in process.
 
 #include <benchmark/benchmark.h>
 
@@ -50,7 +50,7 @@ transport::Frame ChunkBytes(bool first) {
   return bytes;
 }
 
-/// Keys of server, actor and learner; plaintext where not wanted.
+/// Keys of server, actor and learner; empty for plaintext.
 struct Keys {
   explicit Keys(bool curve) {
     if (!curve) return;
@@ -226,7 +226,7 @@ class Consumer {
     asked_.pop_front();
   }
 
-  /// Of the times from request to reply, with `kAhead` under way, [ms].
+  /// Percentile of the times from request to reply, with `kAhead` under way, [ms].
   double Percentile(double p) {
     std::sort(milliseconds_.begin(), milliseconds_.end());
     return milliseconds_[static_cast<std::size_t>(p * (milliseconds_.size() - 1))];
@@ -353,7 +353,7 @@ BENCHMARK(DrawByPriority)
     ->Arg(1000000)
     ->Unit(benchmark::kMicrosecond);
 
-/// From the files of so many steps (in the page cache) to a table.
+/// Recovers a table from the files of a number of steps (in the page cache).
 void Recover(benchmark::State& state) {
   const std::int64_t rows = state.range(0);
   const auto directory = std::filesystem::temp_directory_path() / "slalom-recover-bench";

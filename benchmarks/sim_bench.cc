@@ -12,8 +12,8 @@
 #include "sim/courses/dynamic_generator.h"
 #include "sim/environments.h"
 
-/// Simulator speed: whole environment steps, and its parts beside what a stock Box2D program would
-/// do. `items_per_second` is environment steps/s, scans/s or control steps/s as the name says.
+/// Simulator speed: whole environment steps, and its parts beside a stock Box2D program.
+/// `items_per_second` is environment steps/s, scans/s or control steps/s as the name says.
 
 namespace slalom::sim {
 namespace {
@@ -82,7 +82,7 @@ void StepEnvironments(benchmark::State& state, const EnvironmentConfig& config,
                       const std::vector<std::shared_ptr<const Scene>>& scenes = StaticScenes()) {
   base::ParallelFor parallel(static_cast<int>(state.range(0)));
   CourseEnvironments environments(config, scenes, kBatch, &parallel, MakeRobots(stepping));
-  std::vector<base::Random> random;  // Of each environment: threads share nothing.
+  std::vector<base::Random> random;  // One for each environment: threads share nothing.
   for (int i = 0; i < kBatch; ++i)
     random.emplace_back(base::DeriveSeed(3, "environment", {static_cast<std::uint64_t>(i)}));
   std::vector<env::Action> actions(kBatch);
@@ -190,7 +190,8 @@ void BM_LidarScans(benchmark::State& state) {
 }
 BENCHMARK(BM_LidarScans);
 
-/// What a program without a LiDAR of its own does: 720 calls of b2World::RayCast a scan, no noise.
+/// A world as a program without a LiDAR of its own uses it: 720 calls of b2World::RayCast a scan,
+/// no noise.
 class StockWorld {
  public:
   explicit StockWorld(const Course& course) : world_(b2Vec2(0.0f, 0.0f)) {

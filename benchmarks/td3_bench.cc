@@ -16,9 +16,9 @@
 
 /// TD3's update on one minibatch, for every network, done in three ways: by LibTorch eagerly, its
 /// autograd and its Adam (`eager`); as losses on the hand-written networks, which autograd
-/// differentiates (`losses`); and as shipped, with gradients written by hand (`kernels`). What the
-/// hand-written code is for is how many times as fast it is. One thread on the CPU, and the first
-/// GPU where there is one.
+/// differentiates (`losses`); and as shipped, with gradients written by hand (`kernels`). The
+/// benchmark shows how many times as fast the hand-written code is. It uses one thread on the CPU,
+/// and the first GPU if there is one.
 
 namespace slalom::learner {
 namespace {
@@ -127,7 +127,7 @@ class EagerTd3 {
   int num_updates_ = 0;
 };
 
-/// What an algorithm of a preset is constructed from, with a minibatch of random numbers.
+/// Arguments of an algorithm's constructor for a preset, with a minibatch of random numbers.
 struct Scene {
   Scene(const std::string& preset, at::Device device)
       : run(config::Load<train::RunConfig>(SLALOM_SOURCE_DIR "/configs/" + preset, {})),
@@ -162,7 +162,7 @@ struct Scene {
   AlgorithmContext context;
 };
 
-/// Processor time on the CPU, the clock where a GPU computes, [s].
+/// Processor time on the CPU, or the clock's time if a GPU computes, [s].
 double Seconds(at::Device device) {
   if (device.is_cpu()) return ThreadSeconds();
   torch::cuda::synchronize();

@@ -10,8 +10,8 @@
 #include "proto/transport/client.h"
 #include "proto/transport/server.h"
 
-/// What the sockets carry over loopback TCP, plaintext (0) and CURVE (1), between two threads with
-/// a context each, as between two processes.
+/// Throughput of the sockets over loopback TCP, plaintext (0) and CURVE (1), between two threads
+/// with a context each, as between two processes.
 /// - `OneWay`: an actor's chunk of 64 rows of 720 beams, 95 kB.
 /// - `RequestReply`: a learner's batch of 256 with n-step 4, 740 kB, two requests under way; and
 ///   the time there and back of a message of no size.

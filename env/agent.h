@@ -28,8 +28,8 @@ class Agent {
     return false;
   }
 
-  /// What the agent was doing in environment `i` at the last `Act`, in a few words without commas,
-  /// so that records can tell why an episode failed. May be empty.
+  /// Activity of the agent in environment `i` at the last `Act`, in a few words without commas, so
+  /// that records can tell why an episode failed. May be empty.
   virtual std::string Status(int /*i*/) const { return {}; }
 };
 

@@ -15,7 +15,7 @@ namespace slalom::env {
 /// action bounds.
 inline constexpr int kStateSize = 4;
 
-/// What one environment senses at one time step, in the form in which it is sensed, sent and
+/// Observation of one environment at one time step, in the form in which it is sensed, sent and
 /// stored. A view: it does not own the numbers.
 struct FrameView {
   std::span<const std::uint16_t> ranges_cm;  ///< [N], beams counter-clockwise, clipped, [cm].

@@ -105,7 +105,7 @@ class Driver {
   }
 
  private:
-  /// What is known of the episode that an environment drives.
+  /// State of the episode that an environment drives.
   struct Running {
     int record = kIdle;  ///< Index of the record.
     int clock_start = kNotStarted;
@@ -211,7 +211,7 @@ class Driver {
 
   const EvaluationTask& task_;
   const double step_;      // [s]
-  const int limit_steps_;  // Of the protocol's clock.
+  const int limit_steps_;  // Limit of the protocol's clock.
   env::BatchEnvironment& environments_;
   const int beam_stride_;  // Every n-th beam is kept.
   const sim::TrackBeams beams_;

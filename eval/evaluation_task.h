@@ -11,7 +11,7 @@
 #include "sim/robot_body.h"
 
 /// Evaluation protocols, which are the rules of an episode, the same for every agent
-/// (docs/evaluation.md gives their sources), and what an evaluation is asked to do.
+/// (docs/evaluation.md gives their sources), and the task of an evaluation.
 
 namespace slalom::eval {
 
@@ -89,7 +89,7 @@ struct EvaluationTask {
   }
 };
 
-/// Resolves what `config` names and applies it to the robot's task and the courses as they are.
+/// Resolves the names in `config` and applies it to the robot's task and the courses as they are.
 /// Requires: config.protocol is the name of a protocol (`base/config.h` checks it).
 EvaluationTask ResolveEvaluation(const EvaluationConfig& config,
                                  const sim::EnvironmentConfig& environment,

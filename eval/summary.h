@@ -22,7 +22,7 @@ struct Figures {
   Estimate timeout_rate;
   Estimate contact_rate;  ///< Share of episodes with a collision, whether it ended them or not.
   int num_contacts = 0;   ///< Sum of `EpisodeRecord::num_collisions`.
-  std::optional<Estimate> survival_time;   ///< Of failed episodes (collision or time limit), [s].
+  std::optional<Estimate> survival_time;   ///< Mean over failed episodes (collision, timeout), [s].
   std::optional<Estimate> traversal_time;  ///< Mean over successful episodes, [s].
   Estimate barn_score;                     ///< Mean of `BarnScore`, 0 to 0.5.
   Estimate barn_score_until_2024;          ///< The same with its older lower limit, 0 to 0.25.
@@ -47,7 +47,8 @@ struct Summary {
 /// Returns the time of the reference path at 2 m/s, [s].
 double OptimalTime(const sim::Course& course);
 
-/// Lower limits of the time in `BarnScore`, in optimal times: today's, and that of 2022 to 2024.
+/// Lower limits of the time in `BarnScore`, in optimal times: today's, and the limit of 2022 to
+/// 2024.
 inline constexpr double kBarnLimit = 2.0;
 inline constexpr double kBarnLimitUntil2024 = 4.0;
 

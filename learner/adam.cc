@@ -100,7 +100,7 @@ void Adam::Step(double learning_rate, std::span<const PolyakAverage> averages,
     }
   }
   *norm_total.data_ptr<double>() += std::sqrt(squared_norm);
-  // So that autograd refuses to differentiate what was computed with the old parameters.
+  // Autograd then refuses to differentiate results of the old parameters.
   parameters_.unsafeGetTensorImpl()->bump_version();
 }
 

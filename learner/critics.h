@@ -28,7 +28,7 @@ namespace slalom::learner {
 /// allocates nothing, and computes only the gradients that are asked for. States must then be the
 /// minibatch's own tensors, because the networks read them there.
 ///
-/// The parameters of all K networks are one tensor [K * P]; those of the target networks another.
+/// The parameters of all K networks are one tensor [K * P]; the target networks' are another.
 class Critics {
  public:
   /// The target networks start as copies. Keeps a reference to `minibatch`, which must outlive the

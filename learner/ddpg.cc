@@ -18,7 +18,7 @@ void Ddpg::Update(double rate) {
   // target network, theta' <- tau theta + (1 - tau) theta', which nothing reads until the next y
   UpdateCritics(next_action, rate, config_.tau);
 
-  // Update the actor by the sampled policy gradient, equation 6, of Q - lambda Q_C where there is a
+  // Update the actor by the sampled policy gradient, equation 6, of Q - lambda Q_C if there is a
   // constraint: grad_phi J = mean grad_a Q(s, a)|a=pi(s) grad_phi pi(s), and phi' follows as theta'
   // does
   const at::Tensor& action = actor_.Act(state);

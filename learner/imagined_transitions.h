@@ -14,7 +14,7 @@ namespace slalom::learner {
 
 /// MBPO's model buffer: a ring of imagined one-step transitions, on the device of the networks.
 ///
-/// Of the next state only the newest frame is stored, as the state holds the others.
+/// A transition stores only the newest frame of its next state, as its state holds the others.
 /// Thread-compatible. Memory: 4 (H + 1) F bytes per transition, allocated by the constructor.
 class ImaginedTransitions {
  public:

@@ -192,7 +192,7 @@ struct Learner::Parts {
   std::optional<ModelTrainer> model;
   std::optional<Imagination> imagination;
   at::Tensor host_td_errors;               // [B]
-  std::optional<LearnerStats> last_stats;  // Of the last reading with updates.
+  std::optional<LearnerStats> last_stats;  // The last reading with updates.
 };
 
 Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed)

@@ -47,7 +47,7 @@ class Totals {
   /// Whether there were updates since the last reading.
   bool has_new() const { return num_updates_ > updates_at_reading_; }
 
-  /// Returns the means, NaN where there was no update, and resets the sums. Waits for the device.
+  /// Returns the means, NaN if there was no update, and resets the sums. Waits for the device.
   LearnerStats Read(int num_critics, int num_cost_critics);
 
   void SaveState(nn::TensorMap& tensors) const;

@@ -26,8 +26,8 @@ inline double LaneSum(const float (&lanes)[kLanes]) {
   return sum;
 }
 
-/// Computes error = target - mean, where the network predicts the mean of the next frame or of its
-/// change from `newest`. Returns the sum of squares.
+/// Computes error = target - mean. The network predicts the mean of the next frame or of its change
+/// from `newest`. Returns the sum of squares.
 SLALOM_SIMD double Errors(bool difference, std::int64_t n, const float* __restrict newest,
                           const float* __restrict next, const float* __restrict mean,
                           float* __restrict error) {

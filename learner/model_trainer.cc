@@ -196,7 +196,7 @@ ModelStats ModelTrainer::ReadStats() {
   stats.loss = (f[kModelStateLoss] + f[kModelRewardLoss] + f[kModelTerminationLoss]) /
                std::max(f[kModelWeight], 1.0);
   stats.gradient_norm = f[kNumModelFigures] / steps;
-  const double held = f[kHeldOutCount];  // NaN where 0: 0 / 0.
+  const double held = f[kHeldOutCount];  // If 0, the quotients are 0 / 0: NaN.
   stats.error = std::sqrt(f[kHeldOutSquares] / held);
   stats.change = std::sqrt(f[kHeldOutChange] / held);
   stats.likelihood_nats = f[kHeldOutLikelihood] / held;

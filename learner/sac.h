@@ -8,8 +8,8 @@ namespace slalom::learner {
 
 /// Soft Actor-Critic with automatic temperature (Haarnoja et al. 2018, "Soft Actor-Critic
 /// Algorithms and Applications", algorithm 1), with n-step returns and a weight-averaged actor as
-/// options. Only the entropy at the end of an n-step window is rewarded, not that of the steps
-/// inside it.
+/// options. Only the entropy at the end of an n-step window is rewarded, not the entropy of the
+/// steps inside it.
 class Sac : public ActorCritic<GaussianActor> {
  public:
   explicit Sac(const AlgorithmContext& context) : Sac(context, /*num_critics=*/2, 1) {}

@@ -24,12 +24,12 @@ void Td3::Update(double rate) {
   // Clipped double Q-learning, equation 10: y = r + gamma^n min_k Q'_k(s', a')
   critics_.ComputeTdTarget(next_state, next_action_, minibatch_.reward, minibatch_.discount,
                            TargetReduction::kMin, target_);
-  // Update critics: theta_k <- argmin mean (Q_k(s, a) - y)^2; and, where it is their turn, update
+  // Update critics: theta_k <- argmin mean (Q_k(s, a) - y)^2; and, if it is their turn, update
   // target networks: theta'_k <- tau theta_k + (1 - tau) theta'_k
   UpdateCritics(next_action_, rate, polyak_rate);
   if (!update_actor) return;
 
-  // Deterministic policy gradient, of Q_1 - lambda Q_C where there is a constraint:
+  // Deterministic policy gradient, of Q_1 - lambda Q_C if there is a constraint:
   // grad_phi J = mean grad_a Q_1(s, a)|a=pi(s) grad_phi pi(s), and phi' follows as theta'_k does
   totals_.CountActorUpdate();
   const at::Tensor& action = actor_.Act(state);

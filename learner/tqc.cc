@@ -29,7 +29,7 @@ const AlgorithmContext& CheckedForTqc(const AlgorithmContext& context) {
 }
 
 /// The loss of quantile regression for one critic, the mean over i and m of |tau_m - 1(u < 0)| L(u)
-/// with u = y_i - z_m, tau_m = (2 m - 1) / (2 M) and Huber's L(u) = u^2 / 2 where |u| < 1, else
+/// with u = y_i - z_m, tau_m = (2 m - 1) / (2 M) and Huber's L(u) = u^2 / 2 if |u| < 1, else
 /// |u| - 1/2. z: [B, M]; y: [B, T]. Returns [B].
 at::Tensor QuantileHuberLoss(const at::Tensor& z, const at::Tensor& y) {
   const std::int64_t m = z.size(1);

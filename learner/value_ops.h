@@ -26,9 +26,9 @@ enum class TargetReduction { kMin, kMax };
 void TdTarget(std::span<const at::Tensor> values, TargetReduction reduction,
               const at::Tensor& reward, const at::Tensor& discount, at::Tensor& y);
 
-/// Computes the gradient of -mean_i min_k q_k,i with respect to every q_k, [B, 1] each: -1 / B
-/// where q_k is the minimum (the first of equals), else 0. Adds the mean of the minimum to
-/// `value_total`, a float64 tensor with one element.
+/// Computes the gradient of -mean_i min_k q_k,i with respect to every q_k, [B, 1] each: -1 / B if
+/// q_k is the minimum (the first of equals), else 0. Adds the mean of the minimum to `value_total`,
+/// a float64 tensor with one element.
 void MinGradient(std::span<const at::Tensor> q, std::span<at::Tensor> dq, at::Tensor& value_total);
 
 /// Computes the gradient dq of the loss mean_i (q_i - y_i)^2. q, dq: [B, 1]; y: [B].

@@ -9,7 +9,7 @@ namespace {
 
 using Labels = std::vector<std::string_view>;
 
-// Upper bounds of what takes from a tenth of a millisecond to a minute, [s].
+// Upper bounds for times from a tenth of a millisecond to a minute, [s].
 const std::vector<double> kWait = {0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05,
                                    0.1,    0.2,    0.5,    1.0,   2.0,   5.0,   10.0, 30.0, 60.0};
 // The same, closer around 50 ms, which publishing is to stay below.
@@ -21,8 +21,8 @@ Labels With(Labels labels, std::string_view label) {
   return labels;
 }
 
-// Of every metric of a sweep's cell, and of one of its scores. app/sweep/sweep_metrics.cc has the
-// values.
+// Labels of every metric of a sweep's cell, and of one of its scores. app/sweep/sweep_metrics.cc
+// has the values.
 const Labels kCell = {"sweep", "cell", "row", "method", "network", "training_courses", "seed"};
 const Labels kScore = With(With(kCell, "courses"), "snapshot_steps");
 

@@ -8,8 +8,8 @@
 #include "metrics/registry.h"
 
 /// Every metric that exists, as a `Spec` such as `kQueueDepth`. metrics/catalogue.inc describes
-/// each of them once: what it is, which roles show it and what its labels hold. `slalom metrics
-/// docs` prints docs/metrics.md from that list.
+/// each of them once: its meaning, the roles that show it and the values of its labels. `slalom
+/// metrics docs` prints docs/metrics.md from that list.
 
 namespace slalom::metrics {
 

@@ -36,11 +36,11 @@ constexpr std::size_t kMaxConnections = 64;
 constexpr std::size_t kMaxRequestBytes = 8192;
 // From the connection to the end of its answer.
 constexpr std::chrono::seconds kMaxTime{5};
-// Of 4 KiB, once it is answered: a client that sends without an end must not keep the others
-// waiting.
+// Reads of 4 KiB from an answered connection: a client that sends without an end must not keep the
+// others waiting.
 constexpr int kMaxReadsAfter = 256;
 
-/// What a header's line holds, without spaces around it. Empty: there is no such line.
+/// Value of a header's line, without spaces around it. Empty if there is no such line.
 std::string_view HeaderOf(std::string_view request, std::string_view name) {
   while (true) {
     const auto line_end = request.find("\r\n");
@@ -117,7 +117,7 @@ std::optional<Address> Parse(std::string_view text) {
   if (host.starts_with('[') && host.ends_with(']')) {
     host = host.substr(1, host.size() - 2);
   } else if (host.find(':') != std::string_view::npos) {
-    return std::nullopt;  // IPv6 without brackets: where the port begins is anyone's guess.
+    return std::nullopt;  // IPv6 without brackets: nothing tells where the port begins.
   }
   Address address{std::string(host), -1};
   const auto [end, error] =

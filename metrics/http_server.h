@@ -45,8 +45,8 @@ struct HttpAnswer {
 /// page of another site in somebody's browser (DNS rebinding).
 class HttpServer {
  public:
-  /// Returns the answer to a path, which excludes `?` and what follows it. Called by the server's
-  /// thread.
+  /// Returns the answer to a path, which excludes `?` and all that follows it. Called by the
+  /// server's thread.
   using Handler = std::function<HttpAnswer(std::string_view path)>;
 
   /// `listener`: a bound and listening TCP socket, which the server takes over.

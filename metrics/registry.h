@@ -105,13 +105,13 @@ class Registry {
   /// call takes locks and searches.
   ///
   /// Requires: the spec has the type of the function, and there are as many values as labels. The
-  /// values are UTF-8 and come from a short list, never from what a peer sent.
+  /// values are UTF-8 and come from a short list, never from a peer's message.
   Counter counter(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
   Gauge gauge(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
   Histogram histogram(const Spec& spec, std::initializer_list<std::string_view> label_values = {});
 
-  /// Shows these series in place of those of the last call. Meant for values read from files that
-  /// appear and vanish: a series with a handle would stay for as long as the registry.
+  /// Shows these series in place of the last call's. Meant for values read from files that appear
+  /// and vanish: a series with a handle would stay for as long as the registry.
   ///
   /// Requires: no histograms; as many values as labels, in UTF-8; no two samples of one metric with
   /// the same values, and no metric of which a handle was taken.

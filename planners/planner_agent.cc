@@ -31,7 +31,7 @@ PlannerAgent::PlannerAgent(const std::string& name, const PlannersConfig& config
       bounds_(bounds),
       step_(step),
       parallel_(parallel) {
-  NavigationOf(name, config);  // Throws where there is none.
+  NavigationOf(name, config);  // Throws if there is no such planner.
 }
 
 PlannerAgent::~PlannerAgent() = default;

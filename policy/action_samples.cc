@@ -33,7 +33,7 @@ ActionSamples::ActionSamples(int horizon, int size)
 
 env::Action DrawAround(const env::Action& centre, const env::Action& deviation,
                        base::Random& random) {
-  // One after the other, as the order of draws is part of what a seed means.
+  // One after the other, as the order of draws is part of a seed's meaning.
   const float linear = deviation.linear * static_cast<float>(random.Normal());
   const float angular = deviation.angular * static_cast<float>(random.Normal());
   return {std::clamp(centre.linear + linear, -1.0f, 1.0f),

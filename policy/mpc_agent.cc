@@ -124,8 +124,8 @@ struct MpcAgent::Planner {
     AddReturns(discount, critic_pass.output());
   }
 
-  /// Around the policy's actions in the states that were reached, or around the plan so far. The
-  /// first sequence has no noise.
+  /// Draws actions around the policy's in the states that were reached, or around the plan so far.
+  /// The first sequence has no noise.
   void SampleActions(int t, bool by_policy, base::Random& random) {
     if (by_policy) ActByPolicy(actor_pass, policy_actions);
     const bool narrows = !by_policy && refits();
@@ -153,7 +153,7 @@ struct MpcAgent::Planner {
     model->Predict(model_pass, static_cast<int>(member), model_noise, state);
   }
 
-  /// The policy's actions, or the means of what it draws from, in the pass's states.
+  /// The policy's actions, or the means of their distributions, in the pass's states.
   void ActByPolicy(nn::NetworkPass& pass, std::span<env::Action> actions) {
     actor->Forward(pass);
     nn::Tanh(pass.output());
@@ -184,7 +184,7 @@ struct MpcAgent::Planner {
 
   /// CEM: the plan's deviation follows from the best, too.
   bool refits() const { return config.update == PlanUpdate::kCem; }
-  /// The plan's first action is that of one sequence, not of the mean.
+  /// The plan's first action is one sequence's, not the mean.
   bool draws() const { return config.update == PlanUpdate::kSample; }
   float noise() const { return static_cast<float>(config.noise); }
 
@@ -198,8 +198,8 @@ struct MpcAgent::Planner {
   const int width;          // H * F
   at::Tensor state_action;  // [S, H * F + 2]
   at::Tensor state;         // [S, H * F], its first columns
-  at::Tensor model_noise;   // [S, M], where the model's is wanted
-  at::Tensor single_state;  // [1, H * F], where nothing is planned
+  at::Tensor model_noise;   // [S, M], undefined if the model has no noise
+  at::Tensor single_state;  // [1, H * F], for actions without a plan
   nn::NetworkPass actor_pass;
   nn::NetworkPass single_pass;
   nn::NetworkPass critic_pass;

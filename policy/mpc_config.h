@@ -10,7 +10,7 @@ namespace slalom::policy {
 enum class PlanUpdate { kMppi, kCem, kSample };
 inline base::OneOf EnumNames(PlanUpdate) { return {"mppi", "cem", "sample"}; }
 
-/// How an agent plans. The defaults are those of the paper's experiments (docs/original-system.md,
+/// How an agent plans. The defaults are from the paper's experiments (docs/original-system.md,
 /// section 5.2), without the faults of its code.
 struct MpcConfig {
   bool enabled = false;

@@ -17,7 +17,7 @@ struct NetworkAgent::Network {
 
   nn::FeatureMap features;
   nn::InferenceNetwork inference;
-  base::Random dropout{0};  // Of a policy that drops when acting; seeded by what is seen.
+  base::Random dropout{0};  // For policies that drop units when acting; seeded by the input.
 };
 
 NetworkAgent::NetworkAgent(PolicySnapshot snapshot)

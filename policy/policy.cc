@@ -28,8 +28,8 @@ void Store(const std::string& prefix, const Shape& shape, std::span<const float>
   }
 }
 
-/// Appends them to `weights`. Throws `base::Error` where one is missing, of another shape or not
-/// finite.
+/// Appends the parameters of `shape` to `weights`. Throws `base::Error` if one is missing, of
+/// another shape or not finite.
 template <class Shape>
 void Read(const nn::TensorFile& file, const std::string& prefix, const Shape& shape,
           std::vector<float>* weights) {

@@ -21,7 +21,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kMaxLayers = 64;  // Of encoder and of head.
+constexpr std::size_t kMaxLayers = 64;  // Largest number of layers of encoder or head.
 
 template <class T>
 json ToJson(const T& value) {
@@ -240,7 +240,7 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
     JsonReader planning(object, "planning", source);
     spec.planning.Visit(planning);
   }
-  try {  // What the fields say together.
+  try {  // The fields must agree with each other.
     nn::CheckNetwork(spec.network);
     (void)spec.actor_shape();
     if (spec.planning.is_carried()) (void)spec.model_shape();

@@ -31,7 +31,7 @@ class FaultFinder {
     }
   }
 
-  /// Checks each field of a message, and then what holds between them.
+  /// Checks each field of a message, and then the relations between them.
   template <class Message>
   void Look(const Message& m) {
     Message::Visit(m, *this);

@@ -15,7 +15,7 @@ enum class Way { kReceived, kToBeSent };
 /// was found and what was expected), or an empty text if everything is within bounds.
 std::string FindFault(const Header& header, Way way);
 
-/// Cuts a text to `kMaxTextBytes` and replaces what is not printable ASCII by '?'.
+/// Cuts a text to `kMaxTextBytes` and replaces bytes that are not printable ASCII by '?'.
 std::string FitText(std::string_view text);
 
 /// Whether the lists in the protobuf of a report or a status are within their bounds. These walk

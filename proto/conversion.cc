@@ -24,7 +24,7 @@ int ToInt(std::uint32_t value) {
   return static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
 }
 
-/// What protoc made of each message, in the order of `Header`.
+/// The classes that protoc made of the messages, in the order of `Header`.
 using WireMessages =
     std::tuple<wire::Hello, wire::Welcome, wire::Insert, wire::InsertAck, wire::Goodbye,
                wire::SampleRequest, wire::SampleReply, wire::PriorityUpdate, wire::SnapshotRequest,

@@ -8,7 +8,7 @@
 ///
 ///     (int number, std::string_view name, T& member, access, bound, std::string_view meaning)
 ///
-/// where `bound` is one of the types below and `access` a `FieldAccess`.
+/// with one of the types below as `bound` and a `FieldAccess` as `access`.
 
 namespace slalom::proto {
 

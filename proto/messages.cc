@@ -35,7 +35,7 @@ constexpr std::array<std::string_view, sizeof...(kIndex)> MakeNames(
 constexpr auto kNames = MakeNames(std::make_index_sequence<std::variant_size_v<Header>>());
 
 /// The checksum of the prefix (up to the checksum), the protobuf and the payload, each seeded with
-/// that of the part before.
+/// the checksum of the part before.
 std::uint64_t ChecksumOf(const Prefix& prefix, std::span<const std::byte> protobuf,
                          std::span<const std::byte> payload) {
   const auto start = std::as_bytes(std::span(&prefix, 1)).first(offsetof(Prefix, checksum));

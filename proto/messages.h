@@ -20,8 +20,8 @@
 ///
 /// Each message lists its fields once, in `Visit`, as configs do: number and name in
 /// proto/slalom.proto, the member, its bound (proto/field.h) and its meaning. The conversion from
-/// and to protobuf, the checks, the tables of docs/protocol.md and what tests compare follow from
-/// this list. `Self` is the message, const or not.
+/// and to protobuf, the checks, the tables of docs/protocol.md and the tests' comparisons follow
+/// from this list. `Self` is the message, const or not.
 
 namespace slalom::proto {
 
@@ -33,7 +33,7 @@ inline constexpr int kMinorVersion = 0;
 /// The number of bytes before the header's protobuf.
 inline constexpr std::size_t kPrefixBytes = 16;
 
-/// Bounds on what a header may hold. A header beyond them is refused with `kBadMessage`.
+/// Bounds on the contents of a header. A header beyond them is refused with `kBadMessage`.
 inline constexpr std::size_t kMaxHeaderBytes = 1 << 20;  ///< Size of the protobuf.
 inline constexpr std::size_t kMaxTextBytes = 1024;
 inline constexpr int kMaxBeams = 4096;
@@ -303,8 +303,8 @@ std::string_view NameOf(const Header& header);
 /// Encodes a header's frame: a prefix of `kPrefixBytes`, which holds a checksum of header and
 /// payload, and then protobuf. The same header always gives the same bytes.
 ///
-/// Texts are made to fit: they are cut, and '?' replaces what is not printable ASCII. A status is
-/// made to fit, too: roles for which there is no room are counted in `omitted`.
+/// Texts are made to fit: they are cut, and '?' replaces bytes that are not printable ASCII. A
+/// status is made to fit, too: roles for which there is no room are counted in `omitted`.
 /// Requires: everything else is within the bounds above.
 std::string Encode(const Header& header, std::span<const std::byte> payload);
 

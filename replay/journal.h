@@ -44,7 +44,7 @@ struct JournalSegment {
 /// Returns the path of the file that keeps the priorities of the rows (`Table::PrintPriorities`).
 std::filesystem::path PrioritiesPath(const std::filesystem::path& directory);
 
-/// What was recovered from a journal's directory.
+/// Data recovered from a journal's directory.
 struct Recovered {
   Table table;
   Sessions sessions;
@@ -75,7 +75,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
 /// these are synced, so that a loss of power can tear only the last segment. Segments whose rows
 /// the table has overwritten are deleted. If the disk is full or cannot be written, the journal
 /// logs it, keeps everything in memory and tries again. The caller bounds that memory, as it
-/// acknowledges only what is written.
+/// acknowledges only records that are written.
 ///
 /// The first sync that fails ends the writing for good: nothing more is `written`, no segment is
 /// begun or deleted. The system reports a lost page once, so a later sync that succeeds would prove
@@ -122,7 +122,7 @@ class Journal final : public RecordLog {
   };
   Status status() const EXCLUDES(mutex_);
 
-  /// Writes and syncs what is waiting, and ends the threads. If writing fails now, the waiting
+  /// Writes and syncs the waiting records, and ends the threads. If writing fails now, the waiting
   /// records are dropped; they were never acknowledged.
   void Close() EXCLUDES(mutex_);
 

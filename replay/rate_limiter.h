@@ -11,11 +11,11 @@ namespace slalom::replay {
 /// requests wait: the desks of a replay server, or the source of a run in one process.
 /// Thread-compatible.
 ///
-/// Granted batches, summed over the learners' cursors, never exceed what the steps have earned:
-/// updates_per_step * batches_per_update * (steps - learning_starts). Steps never run more than
-/// `max_ahead_steps` ahead of those that earned the granted batches. This also holds while no
-/// learner is connected: otherwise an ever older policy would make steps that push better ones out
-/// of the table, and the learner would have to catch up.
+/// Granted batches, summed over the learners' cursors, never exceed the number that the steps have
+/// earned: updates_per_step * batches_per_update * (steps - learning_starts). Steps never run more
+/// than `max_ahead_steps` ahead of the steps that earned the granted batches. This also holds while
+/// no learner is connected: otherwise an ever older policy would make steps that push better ones
+/// out of the table, and the learner would have to catch up.
 class RateLimiter {
  public:
   struct Options {

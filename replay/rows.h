@@ -24,9 +24,9 @@ class RowBytes {
   /// bytes.
   static void Write(const Chunk& chunk, std::span<std::byte> out);
 
-  /// Parses bytes from an untrusted peer. Fails if there is no row, the number of bytes is not that
-  /// of `num_rows` rows, they do not start on a multiple of 4 bytes, a number is not finite, flags
-  /// contradict each other, a final row has an action, reward or cost, or a stream is not in
+  /// Parses bytes from an untrusted peer. Fails if there is no row, the number of bytes is not the
+  /// size of `num_rows` rows, they do not start on a multiple of 4 bytes, a number is not finite,
+  /// flags contradict each other, a final row has an action, reward or cost, or a stream is not in
   /// [0, num_streams). Whether the flags form episodes is checked by `Table::CheckEpisodes`.
   /// Allocates only the text of a failure. Cost: reads everything except the ranges.
   static base::Result<RowBytes> Parse(std::span<const std::byte> bytes, int num_rows, int num_beams,

@@ -20,9 +20,9 @@ static_assert(sizeof(env::Action) == 2 * sizeof(float));
 /// The layout of a sample.
 struct Layout {
   std::size_t frames = 0;   // B H
-  std::size_t numbers = 0;  // Where float32 begins, ...
-  std::size_t scans = 0;    // ... where uint16 begins ...
-  std::size_t size = 0;     // ... and ends.
+  std::size_t numbers = 0;  // Offset of the float32 numbers.
+  std::size_t scans = 0;    // Offset of the uint16 scans.
+  std::size_t size = 0;     // End of the scans.
 };
 
 std::optional<Layout> LayoutOf(const SampleShape& shape) {

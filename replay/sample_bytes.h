@@ -37,8 +37,8 @@ std::optional<std::size_t> SampleSize(const SampleShape& shape);
 void WriteSample(const SampledRows& rows, bool weighted, std::span<std::byte> out);
 
 /// Parses bytes from an untrusted peer. `rows` then points to the scans in `bytes`, which must
-/// outlive it; the rest is copied. Fails, leaving `rows` unspecified, if the number of bytes is not
-/// that of the shape, they do not start on a multiple of 8 bytes, a number is not finite, a
+/// outlive it; the rest is copied. Fails, leaving `rows` unspecified, if the number of bytes does
+/// not fit the shape, they do not start on a multiple of 8 bytes, a number is not finite, a
 /// discount is not in [0, 1], a weight is negative, or sequences are not row numbers. Allocates at
 /// most the size of `bytes`, and nothing after the first call with a shape.
 [[nodiscard]] std::optional<base::Failure> ParseSample(std::span<const std::byte> bytes,
@@ -58,8 +58,9 @@ struct PriorityView {
   std::span<const float> priority;         ///< [C] finite, >= 0
 };
 
-/// Parses bytes from an untrusted peer. Fails if their number is not that of `count` priorities, if
-/// they do not start on a multiple of 8 bytes, or if a value is outside the ranges above.
+/// Parses bytes from an untrusted peer. Fails if their number is not the size of `count`
+/// priorities, if they do not start on a multiple of 8 bytes, or if a value is outside the ranges
+/// above.
 base::Result<PriorityView> ParsePriorities(std::span<const std::byte> bytes, int count);
 
 }  // namespace slalom::replay

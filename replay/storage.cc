@@ -36,7 +36,7 @@ struct Header {
   std::uint32_t num_beams;
   std::int64_t begin;
   std::int64_t num_rows;
-  std::uint64_t checksum;  // Of the bytes before.
+  std::uint64_t checksum;  // Checksum of the bytes before.
 };
 static_assert(sizeof(Header) == 40 && std::is_trivially_copyable_v<Header>);
 

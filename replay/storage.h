@@ -26,9 +26,9 @@ class Storage {
   /// Creates the directory if it is missing. Throws `base::Error` if that fails.
   explicit Storage(const std::filesystem::path& directory);
 
-  /// Writes what is new in `table` and returns its manifest. Throws `base::Error` if that fails (no
-  /// space, no permission). It then leaves no file, all earlier manifests remain valid, and `Save`
-  /// may be tried again.
+  /// Writes the new rows of `table` and returns its manifest. Throws `base::Error` if that fails
+  /// (no space, no permission). It then leaves no file, all earlier manifests remain valid, and
+  /// `Save` may be tried again.
   /// Requires: `table` is the one of earlier `Save`s, or the one that `Load` returned.
   [[nodiscard]] std::string Save(const Table& table);
 

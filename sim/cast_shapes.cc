@@ -182,7 +182,7 @@ void CastCircles(const Circles& circles, std::span<const CollisionMap::Run> runs
       const Floats low = middle - half, high = middle + half;
       const Ints in_reach = squared < far * far;
       const Ints seen = in_reach & (high >= Floats{}) & (low <= Fill(last_beam));
-      // Where the span crosses the backward direction, its other end is a full turn away. A circle
+      // If the span crosses the backward direction, its other end is a full turn away. A circle
       // nearby may fill half of all directions, or all.
       const Ints special = in_reach & ((low + turn <= Fill(last_beam)) | (high - turn >= Floats{}) |
                                        (sine >= Fill(near)));

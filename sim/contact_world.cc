@@ -53,8 +53,8 @@ class ContactWorld::World {
 ContactWorld::World::World(const RobotConfig& config)
     : reach_(Reach(config)), world_(std::make_unique<b2World>(b2Vec2(0.0f, 0.0f))) {
   world_->SetAllowSleeping(false);
-  // What a step leaves behind must not matter to the next, and in one step (at most 0.1 m) the
-  // robot cannot pass through anything, being wider than that itself.
+  // A step must not depend on impulses of the last one. In one step (at most 0.1 m) the robot
+  // cannot pass through anything, as it is wider than that itself.
   world_->SetWarmStarting(false);
   world_->SetContinuousPhysics(false);
 

@@ -26,7 +26,7 @@ class ContactWorld {
   ContactWorld& operator=(const ContactWorld&) = delete;
 
   /// Moves the body on by `dt` [s]. Contacts present at the start push it back, without bounce and
-  /// with friction; otherwise it keeps its velocity. `state` is that of the centre of mass
+  /// with friction; otherwise it keeps its velocity. `state` is the state of the centre of mass
   /// (sim/mass_distribution.h); the config says where the outline lies about it. `moving` holds the
   /// moving obstacles that the body may touch, as they are at the start of the step; they do not
   /// give way. Returns whether the body touched anything at the start. Cost: about 2 us.

@@ -78,8 +78,8 @@ class DriveController {
   const double jitter_;  // [ticks]
 
   DriveCommand wheels_;                   // The speeds that the controller asks of the wheels.
-  double rolled_ = 0.0;                   // In this control step, [m].
-  std::vector<PendingCommand> commands_;  // Of this control step and earlier, newest first.
+  double rolled_ = 0.0;                   // Way in this control step, [m].
+  std::vector<PendingCommand> commands_;  // Commands of this control step and before, newest first.
   base::Random random_jitter_;
 };
 

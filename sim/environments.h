@@ -37,8 +37,8 @@ namespace slalom::sim {
 /// every episode meets them in another phase. Here an episode's seed draws the motion time at which
 /// it begins, uniformly from 1000 s (0 on a course where nothing moves).
 ///
-/// Odometry and the observed goal follow from where the robot believes it is (sim/localisation.h),
-/// rewards and success from where it really is.
+/// Odometry and the observed goal follow from the robot's estimate of its pose
+/// (sim/localisation.h), rewards and success from its true pose.
 ///
 /// An episode is a function of (config, course, seed, actions), bit for bit. It does not depend on
 /// the batch, its order or the number of threads. `Reset` and `Step` do not allocate, except that

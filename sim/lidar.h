@@ -41,7 +41,7 @@ class Lidar {
 
   /// Writes the distances from the sensor to the nearest obstacle, before noise, rounding and clip.
   ///
-  /// `ranges`: [num_beams] [m], counter-clockwise, exact to 1e-4 m except where a beam grazes an
+  /// `ranges`: [num_beams] [m], counter-clockwise, exact to 1e-4 m unless a beam grazes an
   /// obstacle. They are 0 if the sensor is inside an obstacle. An obstacle so far away that neither
   /// clip nor noise lets it change a report counts as not hit and gives max_range.
   /// Requires: ranges.size() == num_beams().

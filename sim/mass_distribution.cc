@@ -19,7 +19,7 @@ MassDistribution DistributeMass(const RobotConfig& config) {
   const double y = config.mass * config.centre_of_mass_y / mass;
   const double z =
       (config.mass * config.centre_of_mass_z + config.sensor_mass * config.sensor_z) / mass;
-  // Of two masses about their common centre.
+  // Two masses turn about their common centre.
   const double dx = config.sensor_x - config.centre_of_mass_x, dy = -config.centre_of_mass_y;
   const double reduced_mass = config.mass * config.sensor_mass / mass;
   const double tilt_x = x / (0.5 * config.wheel_base), tilt_y = y / (0.5 * config.track);

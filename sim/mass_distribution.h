@@ -23,7 +23,7 @@ struct MassDistribution {
 /// Adds the sensor, as a point, to chassis and wheels, and distributes the weight over the wheels.
 ///
 /// The balance of forces and moments leaves one load free, because four wheels are one more than a
-/// body needs. If the ground is equally soft under all of them, the loads are those of a flat tilt:
+/// body needs. If the ground is equally soft under all of them, the loads are as in a flat tilt:
 ///
 ///     load = 1/4 (1 + X x / a^2 + Y y / b^2)
 ///

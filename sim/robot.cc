@@ -201,7 +201,7 @@ void Robot::PlaceMoving(const MovingObstacles& moving, double time) {
   }
 }
 
-// Where the outline is now.
+// The present pose of the outline.
 FootprintPose Robot::Outline() const {
   FootprintPose X_WR = MakeFootprintPose(centre_.x, centre_.y, centre_.yaw);
   X_WR.x -= X_WR.cos_yaw * centre_x_ - X_WR.sin_yaw * centre_y_;

@@ -22,11 +22,11 @@ namespace slalom::sim {
 /// drive says how the wheels move the body: with slip (sim/skid_steering.h), or ideally, which is
 /// forward and about its centre as commanded and never sideways.
 ///
-/// The robot's pose is that of R, the point midway between the wheels, from which footprint and
+/// The robot's pose is the pose of R, the point midway between the wheels, from which footprint and
 /// LiDAR are measured. The simulation moves the centre of mass C: wheels act on C's velocity, then
 /// contacts do, then C moves. Without contact it moves exactly as Box2D would move it, so Box2D is
 /// only called while the robot touches something; the result is the same to the bit.
-/// Thread-compatible; a value. Copies share what they need for that.
+/// Thread-compatible; a value. Copies share the Box2D world that they need for that.
 class Robot final : public RobotBody {
  public:
   /// The rigid-body steps that Box2D computes.
@@ -100,7 +100,7 @@ class Robot final : public RobotBody {
   float clearance_ = 0.0f;  // Lower bound to the fixed obstacles, [m]; 0 if not known.
 
   // Moving obstacles that can come near in this control step while the robot's centre stays within
-  // kTravel of (found_x_, found_y_); where they are now; and the distance to the nearest of them.
+  // kTravel of (found_x_, found_y_); their present places; and the distance to the nearest of them.
   std::vector<int> moving_;
   std::vector<MovingShape> moving_shapes_;
   float moving_clearance_ = 0.0f;  // [m]

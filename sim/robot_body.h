@@ -28,7 +28,8 @@ struct BodyState {
 };
 
 /// The robot's body and its drive, as `CourseEnvironments` drives them: the seam between a task and
-/// the physics that moves the robot. `Robot` is Slalom's own; sim/engines/ has those of others.
+/// the physics that moves the robot. `Robot` is Slalom's own; sim/engines/ has the bodies of other
+/// physics.
 ///
 /// A drive is a function of the pose and the seed of the last `Reset` and of the calls since, bit
 /// for bit. Confined to one thread at a time; different bodies may be driven at the same time.

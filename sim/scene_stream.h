@@ -15,8 +15,8 @@ namespace slalom::sim {
 /// are in use. May be used by several threads.
 class SceneStream {
  public:
-  /// Keeps the `capacity` scenes that were asked for last. What `Get` returns does not depend on
-  /// it. Requires: kind is not kNone, capacity >= 1.
+  /// Keeps the `capacity` scenes that were asked for last. The scenes do not depend on it.
+  /// Requires: kind is not kNone, capacity >= 1.
   SceneStream(FreshCourses kind, std::uint64_t seed, int capacity);
 
   /// The scene of `GenerateStreamCourse(kind, seed, number)`. Requires: number >= 0.

@@ -20,7 +20,7 @@ SLALOM_ALWAYS_INLINE void Set(SkidLanes::Each& each, Floats v) { Store(each.data
 
 /// The nearest whole number. Requires: |a| < 1000.
 SLALOM_ALWAYS_INLINE Floats Round(Floats a) {
-  constexpr float kShift = 1024.0f;  // What is positive is truncated downwards.
+  constexpr float kShift = 1024.0f;  // Positive numbers are truncated downwards.
   return ToFloats(ToInts(a + (kShift + 0.5f))) - kShift;
 }
 
@@ -59,7 +59,7 @@ struct Velocities {
   Floats ahead, left, yaw_rate;
 };
 
-/// What the contacts of an axle hold, by the wheel on the left and on the right.
+/// Grip of an axle's contacts, by the wheel on the left and on the right.
 struct AxleGrips {
   Floats part[2], press[2];
 };

@@ -103,8 +103,8 @@ struct SkidContacts {
 /// (|s_ahead| + |s_left| for the pyramid), by rounds of Weiszfeld's fixed point: friction in a
 /// round is viscous, as strong as dry friction is at the slip found last. Newton's method would
 /// need a line search here. Each such round alone takes kinetic energy from a body on standing
-/// wheels, for any step size and any law, and leaves a steady state where it is. Rounds end when
-/// one changes the velocity by less than 0.5 mm/s, at the latest after `kMaxRounds`.
+/// wheels, for any step size and any law, and leaves a steady state unchanged. Rounds end when one
+/// changes the velocity by less than 0.5 mm/s, at the latest after `kMaxRounds`.
 ///
 /// Robots are stepped side by side, each in a lane of a vector, because a round is one long chain
 /// of operations that a processor cannot shorten. A lane that has ended waits for the others.

@@ -51,8 +51,8 @@ class ActorService {
                service::InstallPolicy install, transport::Context& context,
                metrics::Registry& registry);
 
-  /// Calls `Turn` until `stop`, then `Finish`. Throws what they throw; what was not acknowledged is
-  /// spooled before.
+  /// Calls `Turn` until `stop`, then `Finish`. Throws what they throw, after it has spooled the
+  /// steps that were not acknowledged.
   void Run(std::stop_token stop);
 
   /// Makes one step or, if something is missing for it, waits for at most `wait` for a message;
@@ -68,7 +68,7 @@ class ActorService {
   StepAccount account() const { return ledger_.account(); }
 
  private:
-  /// Spools what was not acknowledged, as well as can be, when an error ends the actor.
+  /// Spools the steps that were not acknowledged, as well as it can, when an error ends the actor.
   void KeepUnsent();
 
   /// The phases follow each other like this:

@@ -24,7 +24,7 @@
 namespace slalom::cli {
 namespace {
 
-/// One robot that says on a line what it senses, and is told on a line what to do.
+/// One robot that sends its observation on a line and reads its command on a line.
 class LineDriver {
  public:
   using json = nlohmann::json;

@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 
 /// The options of `animate`.
 struct AnimateOptions {
-  CourseSelection selection;  ///< Of the sets in `specs`.
+  CourseSelection selection;  ///< Courses chosen from the sets in `specs`.
   std::vector<std::string> specs;
   std::vector<std::string> episode_files;
   std::vector<int> episodes;  ///< Numbers; empty: all.

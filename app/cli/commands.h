@@ -14,7 +14,7 @@ void AddCompareCommand(CLI::App& app);
 void AddCoursesCommand(CLI::App& app);
 /// Adds `animate` to `slalom courses`: recorded drives as a moving picture.
 void AddAnimateCommand(CLI::App& courses);
-/// `slalom act`: a policy that reads what a robot senses and writes what it commands.
+/// `slalom act`: a policy that reads a robot's observations and writes its commands.
 void AddActCommand(CLI::App& app);
 void AddExportCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);

@@ -29,7 +29,7 @@ struct CompareOptions {
   bool force = false;
 };
 
-/// What the command line names, read.
+/// The results that the command line names, and their agents.
 struct Agents {
   std::vector<eval::Result> results;
   std::vector<eval::AgentResults> agents;

@@ -53,7 +53,7 @@ std::string RemarkOn(const sim::CourseSet& set) {
   return count == 0 ? "" : fmt::format("  {} with a warning, see `slalom courses show`", count);
 }
 
-/// To stderr, what `CourseWarnings` says of each course; of more than five, the first five.
+/// Prints the `CourseWarnings` of each course to stderr; of more than five, the first five.
 void PrintWarnings(const std::vector<std::shared_ptr<const sim::Course>>& courses) {
   constexpr int kMaxShown = 5;
   int num_shown = 0;

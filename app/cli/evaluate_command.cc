@@ -78,7 +78,8 @@ void RefuseRulesOfTheTask(const std::vector<std::string>& overrides) {
   }
 }
 
-/// What a policy was trained with is in it, so another value would be set in vain.
+/// Throws `base::Error` for a key that the policy carries from its training: to set it has no
+/// effect.
 void RefuseKeysOfTraining(const std::vector<std::string>& overrides) {
   for (const std::string& assignment : overrides) {
     const bool is_read = std::ranges::any_of(
@@ -92,7 +93,7 @@ void RefuseKeysOfTraining(const std::vector<std::string>& overrides) {
   }
 }
 
-/// Nor does it plan unless asked to.
+/// Throws `base::Error` if planning keys are set without `mpc.enabled`.
 void RefusePlanningKeys(const std::vector<std::string>& overrides, const policy::MpcConfig& mpc) {
   for (const std::string& assignment : overrides) {
     if (mpc.enabled || !assignment.starts_with("mpc.") || assignment.starts_with("mpc.enabled=")) {
@@ -134,8 +135,8 @@ void ApplyOptions(const EvaluateOptions& options, Config& config) {
   if (options.seed) config.evaluation.seed = *options.seed;
 }
 
-/// The config that the policy was trained with. None: the file does not say, or in a way that this
-/// program does not read, and `--config` is given in its place.
+/// The config that the policy was trained with. Empty if the file does not hold it, or if this
+/// program cannot read it and `--config` replaces it.
 std::optional<train::RunConfig> TrainedConfig(const EvaluateOptions& options,
                                               const policy::LoadedPolicy& loaded) {
   try {
@@ -186,7 +187,7 @@ void RequireSameFieldOfView(const EvaluateOptions& options, const train::RunConf
                   *options.policy, found, expected));
 }
 
-/// Throws `base::Error` where planning is asked of a policy that cannot.
+/// Throws `base::Error` if `mpc.enabled` is set for a policy that cannot plan.
 void RequirePlannable(const std::string& path, const policy::PolicySnapshot& policy,
                       const train::RunConfig& config) {
   const policy::MpcConfig& mpc = config.mpc;
@@ -233,8 +234,8 @@ train::Scoring PrepareThePlanner(const EvaluateOptions& options, base::ParallelF
   return train::PreparePlanner(*options.agent, config, options.courses, parallel);
 }
 
-/// Where the scores in each physics go: the output directory or, if there are several, directories
-/// in it by their names.
+/// Directory of the scores in each physics: the output directory or, if there are several physics,
+/// directories in it by their names.
 std::vector<fs::path> OutputDirectories(const fs::path& output,
                                         const std::vector<sim::Physics>& physics) {
   if (physics.size() == 1) return {output};

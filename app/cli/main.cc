@@ -41,7 +41,7 @@ std::vector<const CLI::App*> Below(const CLI::App& parent, bool groups) {
 struct NamedCommand {
   const CLI::App* command = nullptr;
   std::string path;     ///< "slalom courses render".
-  std::string mistake;  ///< What is wrong with the words, where they name none; else empty.
+  std::string mistake;  ///< Why the words name no command; else empty.
 };
 
 /// CLI11 would say of a mistyped command that a command is missing.
@@ -92,7 +92,7 @@ std::string UnknownOptions(const NamedCommand& named, std::span<char* const> wor
 /// Whether all that was printed has arrived; a full disk shows here.
 [[nodiscard]] bool FlushOutput() { return std::fflush(stdout) == 0 && std::ferror(stdout) == 0; }
 
-/// Does what the command line says. Returns the exit code.
+/// Runs the command line. Returns the exit code.
 int Run(int argc, char** argv) {
   CLI::App app{
       "Slalom trains robots to drive through obstacle courses, and scores how well they drive.",

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What training leaves in a run's directory, whose scores are not another command's to replace.
+/// Files that training leaves in a run's directory. No other command may replace that run's scores.
 std::array<fs::path, 3> FilesOfRun(const fs::path& directory) {
   const run::RunDirectory run{directory};
   return {run.config(), run.policy(), run.metrics()};

@@ -32,8 +32,8 @@ std::string ChooseName(transport::Role role, const train::ServiceConfig& config,
   return name;
 }
 
-/// Starts of this process before this one, counted in a file of its state directory. 0 where that
-/// cannot be kept: no reason not to start.
+/// Starts of this process before this one, counted in a file of its state directory. 0 if the file
+/// cannot be kept: the process starts all the same.
 double CountEarlierStarts(const std::filesystem::path& state, std::string_view role,
                           const std::string& name) {
   const std::filesystem::path directory = state / "starts";

@@ -21,8 +21,8 @@ struct StopSignals::Impl {
 
 namespace {
 
-// What the handler reaches: libraries start threads with any signal mask before `main`, so signals
-// are taken by a handler and not waited for.
+// Variables that the handler reaches. Libraries start threads with any signal mask before `main`,
+// so a handler takes signals and no thread waits for them.
 std::atomic<int>* received_signal = nullptr;
 sem_t* signal_arrived = nullptr;
 
@@ -64,7 +64,7 @@ StopSignals::StopSignals() : impl_(new Impl) {
   sigaction(SIGHUP, nullptr, &before);
   takes_hangup_ = before.sa_handler != SIG_IGN;
   if (takes_hangup_) sigaction(SIGHUP, &action, nullptr);
-  // Whoever reads the log may go (`2>&1 | tee log`); the work goes on.
+  // The reader of the log may end (`2>&1 | tee log`); the work goes on.
   signal(SIGPIPE, SIG_IGN);
   impl_->waiter = std::thread([impl = impl_] {
     while (sem_wait(&impl->arrived) != 0) {
@@ -80,7 +80,7 @@ StopSignals::StopSignals() : impl_(new Impl) {
 StopSignals::~StopSignals() {
   signal(SIGINT, SIG_DFL);
   signal(SIGTERM, SIG_DFL);
-  // After a hangup another one must not end the program, which still has to say where things lie.
+  // After a hangup another one must not end the program, which still has to print where files lie.
   if (takes_hangup_) signal(SIGHUP, received() == SIGHUP ? SIG_IGN : SIG_DFL);
   sem_post(&impl_->arrived);
   impl_->waiter.join();

@@ -63,7 +63,7 @@ std::string Remark(const sweep::Cell& cell, const fs::path& store) {
   return trains_again ? ": trained again for a score, as its policy is not here" : "";
 }
 
-/// Throws where the disk is too small for what is left to do.
+/// Throws `base::Error` if the disk is too small for the remaining work.
 void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, int at_once) {
   const std::int64_t needed = DiskNeeded(cells, store, at_once);
   const auto available = static_cast<std::int64_t>(fs::space(store).available);
@@ -133,7 +133,7 @@ std::optional<double> PrintPlan(const SweepOptions& options) {
   return wall_s;
 }
 
-/// Prints every plan that the options ask for, and what they take together.
+/// Prints every plan that the options ask for, and the time that they take together.
 void PrintPlans(const SweepOptions& options) {
   const std::vector<SweepOptions> each = EachPlan(options);
   std::optional<double> wall_s = 0.0;
@@ -147,12 +147,12 @@ void PrintPlans(const SweepOptions& options) {
              wall_s ? "about " + base::FormatDuration(*wall_s) : "time not known");
 }
 
-/// Where a sweep keeps what it tells and hears of Slurm.
+/// Directory for the files that a sweep exchanges with Slurm.
 fs::path SlurmDirectory(const SweepOptions& options, const Sweep& sweep) {
   return sweep::PlanDirectory(options.store, sweep.plan.sweep.name) / "slurm";
 }
 
-/// What Slurm says of the cells, if any were submitted.
+/// Prints the states of the cells' tasks in Slurm, if any were submitted.
 void PrintSlurmStatus(const SweepOptions& options, const Sweep& sweep) {
   const sweep::SlurmStatus status =
       sweep::ReadSlurmStatus(SlurmDirectory(options, sweep), sweep.plan.sweep.name);
@@ -210,7 +210,7 @@ std::string Again(const SweepOptions& options, const std::string& more = "") {
   return CommandLine(arguments);
 }
 
-/// Submits what is neither done nor given up, and returns at once.
+/// Submits the cells that are neither done nor given up, and returns at once.
 void SubmitSweep(const SweepOptions& options, const Sweep& sweep) {
   std::vector<std::string> left;
   for (const sweep::Cell& cell : sweep.chosen) {
@@ -246,14 +246,14 @@ class Reporter {
     last_ = Clock::now();
   }
 
-  /// Writes it, and returns what is in it, which refers to the sweep.
+  /// Writes the report, and returns its content, which refers to the sweep.
   sweep::ReportContent Write() const {
     sweep::ReportContent content = sweep::MakeContent(sweep_.plan, sweep_.all, store_);
     sweep::WriteSweepReport(content, store_);
     return content;
   }
 
-  /// The table of the scores, and where the report lies.
+  /// The table of the scores, and the paths of the report.
   std::string Summary(const sweep::ReportContent& content) const {
     const fs::path page = sweep::PlanDirectory(store_, sweep_.plan.sweep.name) / "report.html";
     return fmt::format("{}\nreport: {}, and report.md, .csv, .tex beside it\n",

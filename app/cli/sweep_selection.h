@@ -9,7 +9,7 @@
 
 namespace slalom::cli {
 
-/// Where sweeps lie unless --output says otherwise.
+/// Where sweeps lie without --output.
 inline constexpr char kSweepStore[] = "runs/sweeps";
 
 /// The options of the commands `slalom sweep ...`, each of which has some of them.

@@ -33,8 +33,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kRuns[] = "runs";           // Where runs lie unless --output says otherwise.
-constexpr double kLargestUsualRate = 0.1;  // Of the learning rates that cause no warning.
+constexpr char kRuns[] = "runs";           // Where runs lie without --output.
+constexpr double kLargestUsualRate = 0.1;  // Higher learning rates cause a warning.
 
 struct TrainOptions {
   std::string config;
@@ -49,7 +49,7 @@ struct TrainOptions {
   bool no_evaluation = false;
 };
 
-/// The config file that the options name, and the run's directory where they name that, too.
+/// The config file that the options name, and the run's directory if they name that, too.
 struct Source {
   std::string config;
   std::optional<fs::path> run;
@@ -139,7 +139,7 @@ std::string WithOverrides(const TrainOptions& options, const std::vector<std::st
   return CommandLine(arguments);
 }
 
-/// Says what a deterministic run needs besides, with the command to use.
+/// Names the other keys that a deterministic run needs, with the command to use.
 void CheckDeterminism(const TrainOptions& options, const train::RunConfig& config) {
   if (!config.run.deterministic) return;
   const auto needed = train::OverridesForDeterminism(config);
@@ -188,10 +188,11 @@ std::string EvaluateCommand(const run::RunDirectory& directory,
   return CommandLine(arguments);
 }
 
-/// Prints a line, or nothing where the terminal is gone.
+/// Prints a line, or nothing if the terminal is gone.
 void Say(const std::string& line) { std::fputs((line + "\n").c_str(), stdout); }
 
-/// Whether the scores there are those of the policy there. Not if other ones are asked for.
+/// Whether the directory holds the scores of its policy. False if the overrides ask for other
+/// scores.
 bool IsScored(const TrainOptions& options, const run::RunDirectory& directory) {
   const bool asks_for_others = std::ranges::any_of(options.overrides, [](const std::string& set) {
     return set.starts_with("courses.test=") || set.starts_with("evaluation.");
@@ -235,7 +236,7 @@ int Score(const TrainOptions& options, const run::RunDirectory& directory,
   return exit_code;
 }
 
-/// Says what became of a run that reached its limit, and scores it where that is still to be done.
+/// Reports on a run that reached its limit, and scores it if it is not scored yet.
 int Finish(const TrainOptions& options, const run::RunDirectory& directory,
            const train::RunConfig& config, const train::Trainer& trainer, bool was_finished,
            const StopSignals& signals) {

@@ -29,7 +29,7 @@ std::string Provenance(const policy::LoadedPolicy& policy, const std::string& ke
 /// time.
 class Curve {
  public:
-  /// `prints`: not where the table would have one line alone, which stands above it already.
+  /// `prints`: whether to print the table. Not if it would only repeat the line above it.
   explicit Curve(bool prints) : prints_(prints) {
     if (!prints) return;
     fmt::print("\n{:>10} {:>12} {:>10} {:>9} {:>17} {:>11}\n", "seconds", "steps", "updates",
@@ -69,7 +69,7 @@ std::string WorstCourse(const eval::Summary& summary) {
       ->name;
 }
 
-/// Where everything lies, and what to do next.
+/// The paths of all files, and the next commands.
 std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig& config,
                      const std::string& course, const std::string& train_longer) {
   const std::string root = directory.root.string();

@@ -13,8 +13,8 @@ namespace slalom::cli {
 /// read or written, warns and leaves it out.
 void WriteTrainingPage(const run::RunDirectory& directory);
 
-/// Scores the run's policy, and those of its snapshots (curve.csv), on its test courses; prints the
-/// table before it writes anything, then the places of all files and the next commands.
+/// Scores the run's policy, and its snapshots' policies (curve.csv), on its test courses; prints
+/// the table before it writes anything, then the places of all files and the next commands.
 /// `train_longer`: the command that continues the run; empty if none can. Returns false if it was
 /// stopped before the end. Throws `base::Error` if a file cannot be read or written.
 [[nodiscard]] bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& config,

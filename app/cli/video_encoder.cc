@@ -62,7 +62,7 @@ bool Send(int socket, std::span<const std::byte> bytes) {
 constexpr int kOutput = 3;
 constexpr int kPalette = 4;
 
-/// What ffmpeg makes of the frames whose numbers are given.
+/// Returns the file that ffmpeg makes of the frames with these numbers.
 std::string RunFfmpeg(const std::vector<std::string>& conversion, const VideoFrames& frames,
                       const std::vector<int>& numbers, const base::MemoryFile* palette = nullptr) {
   std::vector<std::string> arguments = {"ffmpeg",

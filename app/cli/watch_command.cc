@@ -28,7 +28,7 @@ struct WatchOptions {
   int port = 7600;
 };
 
-/// Throws `base::Error` where there is nothing to watch.
+/// Throws `base::Error` if there is nothing to watch.
 void RequireRuns(const fs::path& root) {
   if (!fs::is_directory(root)) {
     const fs::path meant = fs::path("runs") / root;

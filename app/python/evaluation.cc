@@ -35,7 +35,7 @@ class CallableAgent : public env::Agent {
   void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override {
     const py::gil_scoped_acquire acquire;
     const py::ssize_t batch = observations.batch_size, beams = observations.num_beams;
-    // Copies, as a function may keep what it is given.
+    // Copies, as a function may keep its arguments.
     const py::array_t<std::uint16_t> ranges({batch, beams}, observations.ranges_cm.data());
     const py::array_t<float> state({batch, py::ssize_t{env::kStateSize}},
                                    observations.state.data());
@@ -49,13 +49,13 @@ class CallableAgent : public env::Agent {
   py::function function_;
 };
 
-/// What `slalom evaluate` prints and writes.
+/// An evaluation with its provenance, as `slalom evaluate` prints and writes it.
 struct Scores {
   eval::Evaluation evaluation;
   eval::Provenance provenance;
 };
 
-/// What a section of a config file may set.
+/// The keys of an evaluation's rules.
 struct Rules {
   eval::EvaluationConfig evaluation;
 

@@ -4,7 +4,8 @@
 
 namespace slalom::python {
 
-/// Adds `evaluate` and what it returns to the module. Requires: it has the class of policies.
+/// Adds `evaluate` and the class of its results to the module. Requires: it has the class of
+/// policies.
 void DefineEvaluation(pybind11::module_& module);
 
 }  // namespace slalom::python

@@ -11,7 +11,7 @@
 
 namespace slalom::python {
 
-/// A policy that drives, with what its file says of it.
+/// A policy that drives, with the metadata of its file.
 class Policy {
  public:
   explicit Policy(const std::string& path)

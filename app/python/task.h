@@ -12,7 +12,7 @@ namespace slalom::python {
 /// Keys as in a config file, and their values as TOML.
 using Settings = std::vector<std::pair<std::string, std::string>>;
 
-/// What a file or keywords may set: the keys of the task.
+/// The keys of the task, which a file or keywords may set.
 struct Task {
   sim::EnvironmentConfig environment;
 
@@ -22,7 +22,7 @@ struct Task {
   }
 };
 
-/// The defaults, under those of `trained`, under the files, under the settings.
+/// The task by the defaults, `trained`, the files and the settings, each laid over the ones before.
 inline sim::EnvironmentConfig TaskOf(const Settings& trained,
                                      const std::vector<std::string>& profiles,
                                      const Settings& settings) {

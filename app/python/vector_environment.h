@@ -64,8 +64,8 @@ class VectorEnvironment {
 
   /// Observations after the last step or reset.
   const env::ObservationBatch& observations() const { return environments_.observations(); }
-  /// The last frames of the episodes that ended in the last step, where `ended` is set. Other rows
-  /// are of earlier steps.
+  /// The last frames of the episodes that ended in the last step: the rows whose `ended` is set.
+  /// Other rows are of earlier steps.
   const env::ObservationBatch& final_observations() const { return final_; }
 
   /// Results of the last step, [size()].
@@ -74,8 +74,8 @@ class VectorEnvironment {
   std::span<const std::uint8_t> truncations() const { return truncations_; }
   std::span<const std::uint8_t> ended() const { return ended_; }
   std::span<const double> costs() const { return costs_; }
-  /// Of the episodes that ended in the last step, where `ended` is set: `env::Outcome`, course,
-  /// number of steps and sum of rewards.
+  /// `env::Outcome`, course, number of steps and sum of rewards of the episodes that ended in the
+  /// last step: the rows whose `ended` is set.
   std::span<const std::uint8_t> outcomes() const { return outcomes_; }
   std::span<const std::int32_t> final_courses() const { return final_courses_; }
   std::span<const std::int32_t> final_lengths() const { return final_lengths_; }

@@ -91,7 +91,7 @@ class CourseFactsCache {
     if (found == facts_.end()) {
       sim::CourseSet set =
           sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
-      set.name = "courses";  // What a set is called is not what it is.
+      set.name = "courses";  // The digest must not depend on the set's name.
       found = facts_
                   .emplace(key, CourseFacts{static_cast<int>(set.courses.size()),
                                             train::Digest(sim::PrintCourseSet(set))})
@@ -183,7 +183,7 @@ class Expansion {
       Apply(*set, fields);
       limits_steps = limits_steps || Sets(*set, "run.max_steps");
     }
-    // What the command line says stands above the budget, which needs all other keys.
+    // The command line overrides the budget, which needs all other keys.
     const std::int64_t max_steps = config.run.max_steps;
     limits_steps = ApplyBudget(config) || limits_steps;
     if (Sets(plan_.overrides, "run.max_steps")) config.run.max_steps = max_steps;
@@ -205,7 +205,7 @@ class Expansion {
         config.run.checkpoint_steps = plan_.sweep.checkpoint_steps;
       }
     }
-    // What the sweep itself decides.
+    // Keys that the sweep itself decides.
     config.run.name = train::kCellRunDirectory;
     // The runner removes it in the end.
     config.run.keep_checkpoints = run::KeepCheckpoints::kNewest;
@@ -273,7 +273,7 @@ class Expansion {
       }
       if (cell.scores.empty()) continue;  // Its group has no score of this column.
       config.courses.test = "";           // The scores are the plan's.
-      // Courses count by what they are, not by where they lie.
+      // The id depends on the courses themselves, not on where they lie.
       train::RunConfig anywhere = config;
       static_cast<train::CollectionConfig&>(anywhere.courses) = {};
       anywhere.courses.train = train::CoursesConfig{}.train;
@@ -287,7 +287,7 @@ class Expansion {
     }
   }
 
-  /// `defaults`, with what the plan says about a planner laid over them.
+  /// `defaults`, with the plan's keys of a planner laid over them.
   train::AgentRunConfig ConfigurePlanner(const Group& group, const Point& point,
                                          train::AgentRunConfig defaults) {
     train::AgentRunConfig config = std::move(defaults);
@@ -325,7 +325,7 @@ class Expansion {
                             fmt::join(planners, ", ")));
     }
     for (const Score* score : ScoresOf(group)) {
-      if (score->planning || score->courses == "training") continue;  // Of policies only.
+      if (score->planning || score->courses == "training") continue;  // For policies only.
       const auto published = train::DefaultsOfPublishedRuns(score->protocol);
       AddScores(cell, *score,
                 ConfigurePlanner(group, point, published.value_or(train::AgentRunConfig{})));
@@ -338,7 +338,7 @@ class Expansion {
     Add(std::move(cell));
   }
 
-  /// What titles of reports say of a cell's task.
+  /// Sets the facts of a cell's task that titles of reports show.
   template <class Config>
   static void Describe(const Config& config, Cell& cell) {
     cell.collection = fs::path(config.courses.collection).filename().string();

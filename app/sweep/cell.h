@@ -14,7 +14,7 @@ namespace slalom::sweep {
 /// One evaluation that a cell needs: `slalom evaluate --config TASK --courses COURSES`.
 struct ScoreTask {
   std::string name;     ///< Name of the plan's score.
-  std::string digest;   ///< Of everything that decides its result but the policy: 16 hex digits.
+  std::string digest;   ///< Digest (16 hex digits) of all that decides its result but the policy.
   std::string task;     ///< The config of the evaluation: TOML, every key.
   std::string courses;  ///< Course set as `--courses` takes it.
   int num_courses = 0;  ///< Number of courses in that set.
@@ -26,7 +26,7 @@ struct ScoreTask {
 struct Cell {
   std::string id;     ///< Digest of everything that decides the training: 16 hex digits.
   std::string group;  ///< Name of the plan's group.
-  /// Labels of the group, if there are several, and of each axis but that of the columns.
+  /// Labels of the group, if there are several, and of each axis but the columns' axis.
   std::vector<std::string> row;
   std::string column;  ///< Label on the axis of the columns; empty if there is none.
   std::int64_t seed = 0;

@@ -33,7 +33,7 @@ using Json = nlohmann::ordered_json;
 /// written: the last ones make it count as done.
 struct CellFiles {
   std::string id;
-  std::string source;  // Where they were read, for errors.
+  std::string source;  // The directory they were read from, for errors.
   std::vector<std::pair<fs::path, std::string>> files;
 
   void Add(const fs::path& path, std::string text) { files.emplace_back(path, std::move(text)); }
@@ -60,14 +60,14 @@ std::string ScoreFile(const std::string& digest) {
   return (fs::path("scores") / digest / eval::kEvaluationFile).string();
 }
 
-/// The changed keys of a config, without where courses lie.
+/// The changed keys of a config, without the path of the courses' collection.
 template <class Config>
 std::string Portable(Config config) {
   config.courses.collection = "";
   return config::Changes(std::move(config));
 }
 
-/// Of the rows of a training's log, when it had made how many steps.
+/// Training time and steps of each row of a training's log, as CSV.
 std::string Rhythm(const fs::path& metrics) {
   const run::MetricsTable log = run::ParseMetrics(base::ReadFile(metrics), kMaxMetricsRows);
   const std::vector<double> steps = log.Column("steps");
@@ -210,7 +210,7 @@ void RequireSame(const CellFiles& cell, const std::string& other, Find find) {
   }
 }
 
-/// Writes what the directory does not have. Returns whether there was anything.
+/// Writes the files that the directory does not have. Returns whether there were any.
 bool Put(const CellFiles& cell, const fs::path& target) {
   bool is_new = false;
   for (const auto& [path, text] : cell.files) {

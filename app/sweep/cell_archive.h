@@ -21,7 +21,7 @@
 
 namespace slalom::sweep {
 
-/// Counts of the cells by what happened to them.
+/// Counts of the cells by result of the copy.
 struct Copied {
   int num_new = 0;   ///< Cells that got files.
   int num_same = 0;  ///< Cells that were there, with the same results.
@@ -35,8 +35,8 @@ struct Copied {
 Copied ExportCells(const std::filesystem::path& store, const std::vector<Cell>& cells,
                    const std::filesystem::path& archive);
 
-/// Copies the cells of an archive into a store, where they then count as done. A cell that the
-/// store has with its policy is left alone. If `cells` is given, copies only these. Throws like
+/// Copies the cells of an archive into a store, where they then count as done. Leaves a cell alone
+/// if the store has it with its policy. If `cells` is given, copies only these. Throws like
 /// `ExportCells`, and if there is no such archive.
 Copied ImportCells(const std::filesystem::path& archive, const std::filesystem::path& store,
                    const std::optional<std::vector<Cell>>& cells = std::nullopt);

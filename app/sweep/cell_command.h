@@ -18,9 +18,9 @@ std::vector<std::string> TrainCommand(const std::filesystem::path& program,
                                       const std::optional<std::filesystem::path>& config,
                                       const std::filesystem::path& output);
 
-/// What `EvaluateCommand` scores, and how.
+/// One evaluation that `EvaluateCommand` runs.
 struct ScoreCommand {
-  std::optional<std::filesystem::path> policy;  ///< None: the cell's planner.
+  std::optional<std::filesystem::path> policy;  ///< Empty if the cell's planner drives.
   std::filesystem::path config;
   std::filesystem::path output;  ///< Replaced if it is there.
   int threads = 1;

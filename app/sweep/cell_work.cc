@@ -62,7 +62,7 @@ Number Provenance(const nn::Metadata& metadata, const std::string& key) {
   return number;
 }
 
-/// Where a run is that another one took the place of.
+/// Where a run lies that another run replaced.
 fs::path AsideOf(const fs::path& run) { return run.string() + ".aside"; }
 
 /// The work on one cell.
@@ -108,7 +108,7 @@ class Work {
     fs::remove(directory_.failed(), ec);
   }
 
-  /// What is left to do of a cell's training.
+  /// The remaining work on a cell's training.
   enum class Training { kNothing, kToBegin, kToResume, kOfAnother };
 
   /// Looks at the run, and moves one that cannot go on out of the way. Throws `base::Error`, and
@@ -126,7 +126,7 @@ class Work {
     const bool has_checkpoint = base::Exists(run.config()) && base::Exists(run.checkpoints()) &&
                                 !run::CheckpointStore(run.checkpoints()).List().empty();
     if (has_checkpoint) return Training::kToResume;
-    SetAside(run.root);  // Of a training that was killed before its first checkpoint.
+    SetAside(run.root);  // The training was killed before its first checkpoint.
     return Training::kToBegin;
   }
 
@@ -153,7 +153,7 @@ class Work {
         fmt::format("{}: cannot be moved to {} ({})", root.string(), aside.string(), ec.message()));
   }
 
-  /// None: failed, and another attempt would fail alike.
+  /// Trains and scores the cell. Empty if it failed and another attempt would fail alike.
   std::optional<WorkEnd> Attempt() {
     Training training = Training::kNothing;
     try {
@@ -315,7 +315,7 @@ class Work {
   const CellDirectory directory_;
   Claim& claim_;
   const std::stop_token stop_;
-  std::string fault_;  // Of the last attempt.
+  std::string fault_;  // Why the last attempt failed.
 };
 
 }  // namespace

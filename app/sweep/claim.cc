@@ -74,7 +74,7 @@ std::string PrintOwner(const std::string& token) {
   return owner.dump() + "\n";
 }
 
-/// What a file holds now; empty: it is not there, or cannot be read.
+/// Returns the content of a file. Empty if it is not there or cannot be read.
 std::string ContentOf(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
@@ -218,7 +218,7 @@ std::unique_ptr<Claim> ClaimTaker::Try(const fs::path& cell, Clock::time_point n
 }
 
 bool AreWorkedOn(const std::vector<fs::path>& cells, std::chrono::seconds patience) {
-  // What is seen of each claim; empty: nobody works on the cell.
+  // The text of each claim and of its heartbeat; empty if nobody works on the cell.
   const auto look = [&cells] {
     std::vector<std::string> seen;
     for (const fs::path& cell : cells) {

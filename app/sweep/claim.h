@@ -18,8 +18,8 @@
 
 namespace slalom::sweep {
 
-/// Throws `base::Error` that names the directory unless its file system has what claims and atomic
-/// files need: hard links, and renaming that replaces.
+/// Throws `base::Error` that names the directory unless its file system has the features that
+/// claims and atomic files need: hard links, and renaming that replaces.
 void RequireSharable(const std::filesystem::path& directory);
 
 /// The right to work on a cell, until this object ends. Thread-compatible.

@@ -20,8 +20,8 @@
 namespace slalom::sweep {
 namespace {
 
-// Measured on runs of configs/fast: what a course of an evaluation leaves (track, rows, picture),
-// and a run without its checkpoints.
+// Sizes on disk, measured on runs of configs/fast: a course of an evaluation (track, rows,
+// picture), and a run without its checkpoints.
 constexpr std::int64_t kBytesPerScoredCourse = 20'000;
 constexpr std::int64_t kBytesPerRun = 3'000'000;
 

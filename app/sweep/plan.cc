@@ -34,7 +34,7 @@ bool IsOfPlan(std::string_view assignment) {
 /// `--set KEY=VALUE` of a key that is not the plan's. A planner's key is refused, as is no key.
 base::TomlAssignment ParseOverride(const std::string& assignment) {
   train::RunConfig config;
-  config::ApplyOverride(assignment, config::ListFields(config));  // Throws where there is no such.
+  config::ApplyOverride(assignment, config::ListFields(config));  // Throws if there is no such key.
   const auto equals = assignment.find('=');
   return {assignment.substr(0, equals),
           {assignment.substr(equals + 1), fmt::format("--set {}", assignment)}};

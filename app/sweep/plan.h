@@ -19,7 +19,7 @@ inline base::OneOf QuantityKeys() {
   return {"success_rate", "collision_rate", "survival_time_s", "traversal_time_s"};
 }
 
-/// What all cells have in common.
+/// Settings that all cells share.
 struct SweepSettings {
   std::string name;
   std::string title;
@@ -206,7 +206,7 @@ enum class ConclusionKind { kAbove, kBelow, kWithin };
 inline base::OneOf EnumNames(ConclusionKind) { return {"above", "below", "within"}; }
 
 /// A sentence about the results that they bear out or not: each row's quantity, or its difference
-/// from that of another row, lies above or below a limit, or within a limit on both sides of 0.
+/// from another row's, lies above or below a limit, or within a limit on both sides of 0.
 struct Conclusion {
   std::string text;
   std::string score;
@@ -270,7 +270,7 @@ struct Plan {
   std::vector<Conclusion> conclusions;
   SlurmSettings slurm;
 
-  std::filesystem::path file;         ///< Where it was read; paths in it are relative to this.
+  std::filesystem::path file;         ///< File it was read from; paths in it are relative to this.
   base::TomlAssignments overrides{};  ///< `--set` of keys of the run's config, laid over all.
 
   template <class Visitor>
@@ -288,7 +288,7 @@ struct Plan {
   }
 };
 
-/// The plans that a file asks for: itself, or those of `sweep.plans`. Throws `base::Error` like
+/// The plans that a file asks for: itself, or the files in `sweep.plans`. Throws `base::Error` like
 /// `ReadPlan`, and if one of these does not exist or names plans itself.
 std::vector<std::filesystem::path> PlanFiles(const std::filesystem::path& file);
 

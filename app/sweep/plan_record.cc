@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What the file sweep.json holds. Empty: there is none, or it is damaged.
+/// The content of the file sweep.json. Empty if there is none or it is damaged.
 struct Record {
   std::string platform;
   std::string commit;

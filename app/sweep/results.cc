@@ -52,7 +52,7 @@ ReadScore Read(const fs::path& directory, const CellStatus& status) {
   }
 }
 
-/// Adds one evaluation to its row, or to what is missing.
+/// Adds one evaluation to its row, or to the missing ones.
 void Add(const Cells& cells, std::size_t cell, const ScoreTask& task, const fs::path& store,
          RowScore& score, SweepResults& results) {
   const CellDirectory directory(store, cells.cells[cell].id);
@@ -129,7 +129,7 @@ void ReadSnapshotSeconds(const Cells& cells, const fs::path& store, SweepResults
   }
 }
 
-/// Whether an episode counts towards a quantity, and with what.
+/// Value with which an episode counts towards a quantity. Empty if it does not count.
 std::optional<double> ValueOf(const eval::ResultEpisode& episode, const Quantity& quantity) {
   const bool is_success = episode.outcome == env::Outcome::kSuccess;
   if (quantity.key == "success_rate") return is_success ? 1.0 : 0.0;

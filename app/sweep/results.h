@@ -63,26 +63,26 @@ struct MissingScore {
 struct SweepResults {
   std::vector<Row> rows;              ///< In the plan's order.
   std::vector<ScoreResults> scores;   ///< In the plan's order.
-  std::vector<CellStatus> statuses;   ///< Of each cell.
+  std::vector<CellStatus> statuses;   ///< Status of each cell.
   std::vector<MissingScore> missing;  ///< Cell by cell.
-  /// Time spent training until each snapshot, [s], by cell and steps, where the run's metrics.csv
-  /// reaches that far.
+  /// Time spent training until each snapshot, [s], by cell and steps. Missing if the run's
+  /// metrics.csv does not reach that far.
   std::map<std::pair<std::size_t, std::int64_t>, double> snapshot_seconds;
 
   int num_cells(CellState state) const;
 };
 
-/// Collects the results below `store`. Never fails because of a cell: what cannot be read is listed
-/// in `missing`. Cost: reads every evaluation.json of the plan.
+/// Collects the results below `store`. Never fails because of a cell: lists unreadable scores in
+/// `missing`. Cost: reads every evaluation.json of the plan.
 SweepResults CollectResults(const Plan& plan, const Cells& cells,
                             const std::filesystem::path& store);
 
-/// What is measured of a row, in the order of the tables.
+/// A quantity that is measured of a row, in the order of the tables.
 struct Quantity {
   std::string_view key;    ///< As in `Reference::quantity` and in the CSV: "success_rate".
   std::string_view title;  ///< "success"
   std::string_view unit;   ///< As shown: "%" or "s".
-  double factor = 1.0;     ///< From the quantity to what is shown.
+  double factor = 1.0;     ///< From the quantity to the number that is shown.
   bool higher_is_better = true;
   bool is_rate = true;  ///< Else the time of those episodes that have one.
 };

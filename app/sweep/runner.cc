@@ -249,7 +249,7 @@ class Worker {
   const WorkOptions& options_;
   const Slots& slots_;
   const std::stop_token stop_;
-  Rates rates_;  // Of the thread that shows progress.
+  Rates rates_;  // Used by the thread that shows progress.
 
   std::mutex mutex_;
   std::condition_variable changed_;

@@ -23,8 +23,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Slurm ends a task 30 seconds after SIGTERM where it decides, and at its time limit; the program
-// gets as many seconds before that to save itself.
+// Slurm kills a task that it stops early 30 seconds after SIGTERM, any other at its time limit. The
+// program gets SIGTERM this many seconds before the limit, to save itself.
 constexpr int kSecondsToSave = 60;
 
 /// An array that was submitted, as submitted.json has it.
@@ -102,7 +102,7 @@ std::string AskSlurm(const std::vector<std::string>& arguments, std::string_view
   }
 }
 
-/// What squeue or sacct says of a task.
+/// State of a task, as squeue or sacct prints it.
 struct TaskState {
   std::string state;
   std::string reason;
@@ -207,7 +207,7 @@ std::string SubmitArray(const SlurmSweep& sweep, std::size_t num_cells, const fs
   return job;
 }
 
-/// Fills in what sacct knows of tasks that have left the queue. Throws as `AskSlurm`.
+/// Fills in sacct's states of tasks that have left the queue. Throws as `AskSlurm`.
 void AddEnded(std::vector<SlurmTask>& tasks) {
   std::set<std::string> jobs;
   for (const SlurmTask& task : tasks) {

@@ -47,7 +47,7 @@ struct SlurmTask {
   std::string task;                ///< "12_3": index 3 of array 12.
   std::string state;               ///< In Slurm's words, "PENDING"; empty if not known.
   std::string reason;              ///< Reason for waiting, in Slurm's words, "Resources"; or empty.
-  std::filesystem::path output{};  ///< What the task prints.
+  std::filesystem::path output{};  ///< Log of the task.
 };
 
 /// Slurm's view of a sweep. A value.
@@ -58,7 +58,7 @@ struct SlurmStatus {
 
 /// Asks squeue for the tasks in the queue and, if there is a database, sacct for those that have
 /// left it. A command that does not answer gives a note, not an error, because a cell's own files
-/// say what matters. Throws `base::Error` if submitted.json is damaged.
+/// have the facts that matter. Throws `base::Error` if submitted.json is damaged.
 SlurmStatus ReadSlurmStatus(const std::filesystem::path& directory, const std::string& name);
 
 }  // namespace slalom::sweep

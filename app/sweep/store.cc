@@ -113,7 +113,7 @@ void WriteScored(const CellDirectory& directory, const ScoredCell& scored) {
 }
 
 void WriteFailure(const CellDirectory& directory, const CellFailure& failure) {
-  // A program may have printed what is no UTF-8.
+  // A program may have printed bytes that are not UTF-8.
   const Json json = {{"what", failure.what}, {"log", failure.log}};
   base::WriteFileAtomically(directory.failed(),
                             json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");

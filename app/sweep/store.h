@@ -57,13 +57,13 @@ class CellDirectory {
 struct TrainedCell {
   std::int64_t steps = 0;
   std::int64_t updates = 0;
-  /// Transitions that a model imagined to learn from. None: nothing was imagined.
+  /// Transitions that a model imagined to learn from. Empty if nothing was imagined.
   std::optional<std::int64_t> imagined{};
   double training_s = 0.0;  ///< Time spent training, over all sessions, [s].
   double wall_s = 0.0;      ///< The last session as a whole, loading included, [s].
   std::string host{};       ///< Machine of the last session.
-  std::string platform{};   ///< `train::Describe` of it.
-  std::string commit{};     ///< Of the program.
+  std::string platform{};   ///< Platform of that machine, by `train::Describe`.
+  std::string commit{};     ///< Commit of the program.
   int at_once = 1;          ///< Cells that the last session's worker ran at the same time.
 };
 
@@ -92,17 +92,17 @@ std::string_view ToString(CellState state);
 struct CellStatus {
   CellState state = CellState::kWaiting;
   int num_scores_done = 0;
-  std::int64_t steps = 0;  ///< Of its training so far.
+  std::int64_t steps = 0;  ///< Steps of its training so far.
   std::optional<TrainedCell> trained;
   std::optional<ScoredCell> scored;
   std::optional<CellFailure> failure;
 };
 
-/// Reads a cell's files. Never waits or writes. What is being written or is damaged counts as not
-/// there.
+/// Reads a cell's files. Never waits or writes. A file that is damaged or still being written
+/// counts as missing.
 CellStatus ReadCellStatus(const std::filesystem::path& store, const Cell& cell);
 
-/// Write the files of these names. Throw `base::Error` where that fails.
+/// Write the files of these names. Throw `base::Error` if that fails.
 void WriteTrained(const CellDirectory& directory, const TrainedCell& trained);
 void WriteScored(const CellDirectory& directory, const ScoredCell& scored);
 void WriteFailure(const CellDirectory& directory, const CellFailure& failure);
@@ -112,8 +112,8 @@ bool IsScored(const std::filesystem::path& store, const Cell& cell, const ScoreT
 /// Whether every score that the plan asks of the cell is there.
 bool IsDone(const std::filesystem::path& store, const Cell& cell);
 
-/// Whether the training is finished and its policy is not here, as results were imported that are
-/// without (app/sweep/cell_archive.h). What they do not have can only be had by training again.
+/// Whether the training is finished but its policy is not here, because results were imported
+/// without it (app/sweep/cell_archive.h). Only another training yields what they lack.
 bool LacksPolicy(const std::filesystem::path& store, const Cell& cell);
 
 /// The directory of a plan's own files.

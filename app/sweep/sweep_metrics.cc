@@ -35,7 +35,7 @@ Labels With(Labels labels, std::string value) {
   return labels;
 }
 
-/// Of every metric of the cell.
+/// Labels that every metric of the cell has.
 Labels LabelsOf(const std::string& sweep, const Cell& cell) {
   return {sweep,
           cell.id,

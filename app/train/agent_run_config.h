@@ -12,10 +12,10 @@
 
 namespace slalom::train {
 
-/// All settings of `slalom evaluate --agent`. Some defaults differ from those of a training run:
-/// classical systems are asked for a command 20 times a second, as move_base asks them
+/// All settings of `slalom evaluate --agent`. Some defaults differ from a training run's: classical
+/// systems are asked for a command 20 times a second, as move_base asks them
 /// (docs/original-system.md, section 8.1), and the drive's controller therefore runs at 100 Hz, as
-/// 50 Hz is not a multiple of that. They are given ranges as long as the sensor's, because their
+/// 50 Hz is not a multiple of 20 Hz. They are given ranges as long as the sensor's, because their
 /// maps tell a long range from a missing echo. They reckon where they are as the Jackal's filter
 /// does, from the wheels and the heading.
 struct AgentRunConfig {
@@ -46,13 +46,13 @@ struct AgentRunConfig {
 /// These are "dwa-runs" and "barn-challenge"; any other has no defaults of its own.
 std::optional<AgentRunConfig> DefaultsOfPublishedRuns(std::string_view protocol);
 
-/// Returns the defaults with what `lay_over` says laid over them. It is called on a config twice if
-/// the protocol that it asks for has defaults of its own, the second time on these.
+/// Returns the defaults after `lay_over` has changed them. It is called on a config twice if the
+/// protocol that it asks for has defaults of its own, the second time on these.
 AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_over);
 
-/// Reads a TOML file for a planner on top of `defaults`. The file may be that of a training run:
-/// keys that only training reads are checked, then ignored, and a line on standard error names
-/// them. Throws `base::Error` like `config::ReadTomlFile`.
+/// Reads a TOML file for a planner on top of `defaults`. The file may be a training run's: keys
+/// that only training reads are checked, then ignored, and a line on standard error names them.
+/// Throws `base::Error` like `config::ReadTomlFile`.
 AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path, AgentRunConfig defaults = {});
 
 }  // namespace slalom::train

@@ -30,7 +30,7 @@ std::int64_t FreeBytes(fs::path path) {
   return ec || space.capacity == 0 ? -1 : static_cast<std::int64_t>(space.available);
 }
 
-/// Of all files below a directory that can be looked at.
+/// Size of all readable files below a directory.
 std::int64_t BytesBelow(const fs::path& directory) {
   std::uintmax_t bytes = 0;
   std::error_code ec;
@@ -43,7 +43,7 @@ std::int64_t BytesBelow(const fs::path& directory) {
   return static_cast<std::int64_t>(bytes);
 }
 
-/// What decides how much room checkpoints need: "replay.capacity = 5000, run.checkpoint_steps = 0".
+/// Keys that decide the size of checkpoints: "replay.capacity = 5000, run.checkpoint_steps = 0".
 std::string Keys(const RunConfig& config) {
   std::string keys = fmt::format("replay.capacity = {}, run.checkpoint_steps = {}",
                                  config.replay.capacity, config.run.checkpoint_steps);

@@ -13,7 +13,7 @@
 namespace slalom::train {
 namespace {
 
-/// What a profile may set: the keys of the task.
+/// The keys that a profile may set: the task's.
 struct Profile {
   sim::EnvironmentConfig& environment;
 

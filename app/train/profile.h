@@ -8,7 +8,7 @@
 
 namespace slalom::train {
 
-/// Every key that any TOML file of this program may hold, except those of a sweep's plan.
+/// Every key that any TOML file of this program may hold, except the keys of a sweep's plan.
 struct AnyConfig {
   RunConfig run;
   planners::PlannersConfig planners;

@@ -117,8 +117,8 @@ void RequireNoConstraint(const RunConfig& config) {
 }
 
 void RequireServable(const RunConfig& config) {
-  // A batch step begins below the limit and adds a row for each environment, and the frame behind
-  // it where its episode ends.
+  // A batch step begins below the limit and adds a row for each environment, and one more frame if
+  // its episode ends.
   const int rows = config.actor_service.chunk_rows - 1 + 2 * config.actor.num_environments;
   const auto bytes =
       static_cast<std::int64_t>(replay::RowBytes::Size(rows, config.environment.lidar.num_beams));

@@ -56,7 +56,7 @@ struct CoursesConfig : CollectionConfig {
 
   /// Whether there are training courses besides fresh ones.
   bool has_named() const { return !train.empty() || fresh == sim::FreshCourses::kNone; }
-  /// What the run trains on, for people.
+  /// Description of the training courses, for people.
   std::string DescribeTrain() const;
   /// Return the sets of `train` and `test`. Errors name the key, too.
   sim::CourseSet ResolveTrain() const;
@@ -78,7 +78,7 @@ struct CoursesConfig : CollectionConfig {
   }
 };
 
-/// Everything a run is made of: what a TOML file holds, and what a checkpoint and a policy carry.
+/// All settings of a run, as a TOML file holds them and a checkpoint and a policy carry them.
 struct RunConfig {
   run::RunSettings run;
   CoursesConfig courses;
@@ -127,14 +127,14 @@ struct RunConfig {
 /// their defaults. Throws `base::Error` that names `source` if it is damaged or has unknown keys.
 RunConfig ReadRecordedConfig(std::string_view text, std::string_view source);
 
-/// The config that a policy was trained with. None: its metadata does not tell. Throws as
+/// The config that a policy was trained with. Empty if its metadata does not hold it. Throws as
 /// `ReadRecordedConfig`, naming `policy_file`.
 std::optional<RunConfig> TrainedConfig(const nn::Metadata& metadata, std::string_view policy_file);
 
 /// The seed of one of the run's random streams.
 std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose);
 
-/// What the run's policies see, are and command.
+/// Observations, network and actions of the run's policies.
 policy::PolicySpec MakePolicySpec(const RunConfig& config);
 
 /// Makes the environments that training episodes are driven in, on `parallel`'s threads. Throws
@@ -145,19 +145,18 @@ sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
 /// Batches that an update learns from, one of each kind. The replay server counts batches.
 int BatchesPerUpdate(const RunConfig& config);
 
-/// Throws `base::Error` where sections that are each well do not go together, whichever program the
-/// config is for.
+/// Throws `base::Error` if sections contradict each other, whichever program reads the config.
 void RequireCombination(const RunConfig& config);
-/// Throws `base::Error` where policies of the run are made under a constraint, which planning with
-/// them would pass over.
+/// Throws `base::Error` if the run's policies are trained under a constraint, which planning would
+/// ignore.
 void RequireNoConstraint(const RunConfig& config);
 
-/// Throws `base::Error` where the roles of a service would not get on with each other.
+/// Throws `base::Error` if the limits of the service's roles are incompatible.
 void RequireServable(const RunConfig& config);
 
-/// Of what is observed, commanded and learned: processes of two runs whose hashes differ refuse
-/// each other. Of the keys that are not at their defaults, so that versions of which one has more
-/// keys agree.
+/// Hash of environment, network, algorithm and the model that policies carry; processes whose
+/// hashes differ refuse each other. Keys at their defaults do not count, so a version with more
+/// keys gives the same hash.
 std::uint64_t SpecHash(const RunConfig& config);
 
 }  // namespace slalom::train

@@ -12,7 +12,7 @@ namespace slalom::train {
 namespace {
 
 // Steps that a deterministic run is proposed to make in place of each second of its limit: about
-// what one thread of an ordinary processor makes.
+// the speed of one thread of an ordinary processor.
 constexpr double kStepsPerSecond = 10000.0;
 
 /// Environment steps by which the first update is due.

@@ -52,7 +52,7 @@ class EpisodeProgress {
   base::ProgressLine line_;
 };
 
-/// What to call a policy in tables: its run, or its file if this has a name of its own.
+/// Name of a policy in tables: its run's, or its file's if the file has a name of its own.
 std::string AgentName(const std::string& policy_source) {
   const std::filesystem::path path(policy_source);
   const std::string run = path.parent_path().filename().string();
@@ -76,7 +76,7 @@ std::optional<eval::TrainingOverlap> FindOverlap(const sim::CourseSet& scored,
   }
 }
 
-/// `config`: that of a policy or of a planner.
+/// `config`: a policy's or a planner's.
 template <class Config>
 Scoring Prepare(const Config& config, const sim::CourseSet& courses, eval::MakeAgent make_agent,
                 eval::Provenance provenance) {
@@ -158,7 +158,7 @@ void WriteScores(const Scores& scores, const std::filesystem::path& directory) {
 
   const auto& courses = scores.evaluation.task.courses.courses;
   const std::span<const sim::EpisodeTrack> tracks = scores.evaluation.episodes.tracks;
-  // Tracks are ordered by course, so those of one course stand together.
+  // Tracks are ordered by course, so the tracks of one course stand together.
   std::vector<sim::CourseScene> scenes;
   std::size_t begin = 0;
   for (std::size_t course = 0; course < courses.size() && scenes.size() < kMaxPictures; ++course) {

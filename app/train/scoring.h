@@ -25,7 +25,7 @@ struct Scoring {
   std::optional<eval::TrainingOverlap> training_overlap = std::nullopt;  ///< As in `Evaluation`.
 };
 
-/// An evaluation and where it comes from.
+/// An evaluation and its provenance.
 struct Scores {
   eval::Evaluation evaluation;
   eval::Provenance provenance;

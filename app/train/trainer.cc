@@ -16,7 +16,7 @@
 namespace slalom::train {
 namespace {
 
-/// Of the learner's state in a checkpoint.
+/// Size of the learner's state in a checkpoint.
 std::int64_t StateBytes(const learner::Learner& learner) {
   nn::TensorMap tensors;
   learner.SaveState(tensors);

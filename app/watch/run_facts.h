@@ -6,8 +6,8 @@
 
 namespace slalom::watch {
 
-/// Returns what the config of the run in `directory` says. If it cannot be read, the one line says
-/// why.
+/// Returns the facts in the config of the run in `directory`. If it cannot be read, the one line
+/// says why.
 RunFacts FactsOf(const std::filesystem::path& directory);
 
 }  // namespace slalom::watch

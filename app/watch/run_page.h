@@ -16,7 +16,7 @@ nlohmann::json SummaryJson(const RunProgress& run);
 /// Returns `SummaryJson` with the run's curves (metrics.csv), its scores (curve.csv) and facts.
 nlohmann::json RunJson(const RunProgress& run, const RunFacts& facts);
 
-/// Returns the page that asks the server for what it shows.
+/// Returns the page that asks the server for its data.
 std::string LivePage();
 
 /// Returns the page of the run in `directory` as it is now, with everything in it, which opens

@@ -23,11 +23,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kFresh = 15.0;  // Seconds since its last write within which a file has a writer.
-constexpr double kComplete = 0.995;  // Of a limit; a run ends a moment before or after it.
+constexpr double kComplete = 0.995;  // Share of a limit; a run ends a moment before or after it.
 
-/// Whether a process holds the directory as `run::RunLock` does. Asked of the kernel's list of
-/// locks, so that watching never holds one, were it for a moment. Not found where the kernel shows
-/// no list or the holder is on another machine.
+/// Whether a process holds the directory as `run::RunLock` does. Reads the kernel's list of locks,
+/// so that watching never holds a lock, not even for a moment. False if the kernel shows no list or
+/// the holder is on another machine.
 bool IsHeld(const fs::path& directory) {
   struct stat status {};
   if (::stat(directory.c_str(), &status) != 0) return false;
@@ -73,7 +73,7 @@ std::string_view ToString(RunState state) {
 
 bool IsRun(const fs::path& directory) {
   const run::RunDirectory files{directory};
-  std::error_code ignored;  // What cannot be looked at is no run.
+  std::error_code ignored;  // An unreadable directory is no run.
   return fs::is_regular_file(files.config(), ignored) ||
          fs::is_regular_file(files.metrics(), ignored);
 }

@@ -39,10 +39,10 @@ struct RunProgress {
   /// Time left at the rate so far, [s]; empty if not known, or not training.
   std::optional<double> left_s;
   run::MetricsTable metrics;
-  run::MetricsTable scores;  ///< Of curve.csv; empty: not scored.
+  run::MetricsTable scores;  ///< Content of curve.csv; empty: not scored.
 };
 
-/// Returns whether a directory is that of a run: it holds config.toml or metrics.csv.
+/// Returns whether a directory is a run's: it holds config.toml or metrics.csv.
 bool IsRun(const std::filesystem::path& directory);
 
 /// Points of a curve that a page shows; more cannot be seen.
@@ -53,12 +53,12 @@ inline constexpr std::size_t kMaxPoints = 600;
 std::optional<RunProgress> ReadRun(const std::filesystem::path& directory, const RunFacts& facts,
                                    std::size_t max_rows);
 
-/// Returns the runs to watch: `root` itself if it is a run, else those directly in it, and those of
-/// the cells of a sweep if it is the directory of sweeps or cells (app/sweep/store.h), by path.
+/// Returns the runs to watch: `root` itself if it is a run, else the runs directly in it, and the
+/// runs of a sweep's cells if it is the directory of sweeps or cells (app/sweep/store.h), by path.
 std::vector<std::filesystem::path> ListRuns(const std::filesystem::path& root);
 
-/// Returns the name of a run in lists and addresses: that of its directory, or for the cell of a
-/// sweep its row, seed and id.
+/// Returns the name of a run in lists and addresses: its directory's, or for the cell of a sweep
+/// its row, seed and id.
 std::string NameOf(const std::filesystem::path& run);
 
 }  // namespace slalom::watch

@@ -47,7 +47,7 @@ void Consider(const fs::path& path, std::optional<PolicyFile>& newest) {
   if (!missing && (!newest || written > newest->written)) newest = PolicyFile{path, written};
 }
 
-/// The newest of the run's policy, its snapshots and what acts in its checkpoints. Throws
+/// The newest of the run's policy, its snapshots and the policies in its checkpoints. Throws
 /// `base::Error` if they cannot be listed.
 std::optional<PolicyFile> FindNewest(const run::RunDirectory& run) {
   std::optional<PolicyFile> newest;
@@ -81,7 +81,7 @@ std::string CoursesLike(const train::CoursesConfig& courses) {
                      courses.fresh == sim::FreshCourses::kStatic ? "" : "-" + kind, kNumCourses);
 }
 
-/// The picture of a policy's drives. None: stopped first.
+/// The picture of a policy's drives. Empty if it was stopped first.
 std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token& stop) {
   const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
   auto config =
@@ -123,9 +123,9 @@ std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token&
   return drives;
 }
 
-/// What is known of one run.
+/// The newest drives of one run.
 struct Known {
-  std::optional<PolicyFile> file;  ///< That `drives` is of, or that could not be driven.
+  std::optional<PolicyFile> file;  ///< The policy of `drives`, or one that could not drive.
   Drives drives;
 };
 
@@ -187,7 +187,8 @@ struct WatchDrives::Impl {
   }
 
   void Work() {
-    // On Linux this is of the thread alone. Where it fails the thread is as important as others.
+    // On Linux this sets the priority of this thread alone. If it fails, the thread runs at the
+    // usual one.
     setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), 19);
     while (const auto directory = Wait()) Refresh(*directory);
   }

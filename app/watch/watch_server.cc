@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using metrics::HttpAnswer;
 
-/// What a directory's name holds beside UTF-8 is replaced.
+/// Replaces bytes of a directory's name that are not UTF-8.
 HttpAnswer JsonAnswer(const Json& json) {
   return {200, "OK", "application/json", json.dump(-1, ' ', false, Json::error_handler_t::replace)};
 }

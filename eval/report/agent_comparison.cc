@@ -116,7 +116,7 @@ void AddToList(const std::string& item, std::string& list) {
   list += (list.empty() ? "" : ", ") + item;
 }
 
-/// The agent, and in brackets what of it has no interval. Empty: everything has.
+/// The agent, and in brackets its figures without an interval. Empty if all have one.
 std::string WithoutInterval(const AgentFigures& agent) {
   std::string names;
   if (!agent.success_rate.interval) AddToList("success", names);
@@ -268,7 +268,7 @@ constexpr std::array<EstimateColumn<AgentPair>, 2> kPairColumns = {{
 /// A p-value of a pair.
 struct PColumn {
   std::string_view title;
-  std::string_view key;  // Of the CSV.
+  std::string_view key;  // Head of the CSV's column.
   std::optional<double> (*p)(const AgentPair& pair);
 };
 
@@ -283,7 +283,7 @@ constexpr std::array<PColumn, 4> kPColumns = {{
      [](const AgentPair& p) { return p.corrected_training_p_value; }},
 }};
 
-/// What the columns mean, below the tables.
+/// Explanation of the columns, below the tables.
 constexpr std::string_view kLegend =
     "In brackets 95 % bootstrap intervals over courses and, where an agent has several, seeds. IQM "
     "is the interquartile mean. The difference is of success, the first agent minus the second. "

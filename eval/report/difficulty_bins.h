@@ -19,8 +19,8 @@ struct CourseMeasure {
   std::vector<double> values;  ///< One per course.
 };
 
-/// Returns the measures that differ between the courses: those of `sim::Difficulty` if every course
-/// has them, the length of the reference path, and the number of obstacles.
+/// Returns the measures that differ between the courses: the measures of `sim::Difficulty` if every
+/// course has them, the length of the reference path, and the number of obstacles.
 std::vector<CourseMeasure> MeasureCourses(const sim::CourseSet& courses);
 
 /// Courses with similar values of a measure.

@@ -39,7 +39,7 @@ CourseMeans MeansOf(const ResultCourse& course) {
   return means;
 }
 
-/// The mean of one difference per course. None: no course.
+/// The mean of one difference per course. Empty if there is no course.
 std::optional<Estimate> MeanDifference(const std::vector<double>& differences) {
   std::vector<CourseTotal> totals;
   totals.reserve(differences.size());

@@ -10,10 +10,10 @@ namespace slalom::eval {
 /// The differences between two agents on the same courses, `first` minus `second`. A value.
 ///
 /// Differences are taken course by course, so how hard a course is cancels out: the 95 % intervals
-/// are narrower than those of the agents' own scores, and say which agent is better on further
-/// courses of the same kind. Every course has the same weight. There is no interval if there are
-/// fewer than two courses, or if all of them show exactly the same difference, so that the spread
-/// is not known.
+/// are narrower than the intervals of the agents' own scores, and tell which agent is better on
+/// further courses of the same kind. Every course has the same weight. There is no interval if
+/// there are fewer than two courses, or if all of them show exactly the same difference, so that
+/// the spread is not known.
 struct PairedComparison {
   Estimate success_rate;                   ///< -1 to 1.
   Estimate collision_rate;                 ///< Episodes that a collision ended; -1 to 1.

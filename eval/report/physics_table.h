@@ -22,8 +22,8 @@ Result ResultOf(const Evaluation& evaluation, const Provenance& provenance);
 std::string PhysicsTable(std::span<const Result> results);
 
 /// Returns one JSON object, indented, that ends in a newline: "evaluations", the objects in
-/// `reports` (`JsonReport`, as many as there are results), and "differences", those of
-/// `PhysicsTable`. Requires the same.
+/// `reports` (`JsonReport`, as many as there are results), and "differences", as in `PhysicsTable`.
+/// Requires the same.
 std::string PhysicsJson(std::span<const Result> results, std::span<const std::string> reports);
 
 }  // namespace slalom::eval

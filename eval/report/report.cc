@@ -143,7 +143,7 @@ OrderedJson ProtocolJson(const EvaluationTask& task) {
                       {"start_shift_m", {protocol.start_shift_W.x, protocol.start_shift_W.y}},
                       {"start_position_jitter_m", episode.start_position_jitter},
                       {"start_yaw_jitter_rad", episode.start_yaw_jitter}};
-  // Left out where they say nothing, so that earlier results of these protocols are comparable.
+  // Zeros are left out, so that earlier results of these protocols are comparable.
   for (const auto& [key, value] : {std::pair{"run_up_m", protocol.run_up},
                                    {"run_out_m", protocol.run_out},
                                    {"finish_ahead_m", protocol.finish_ahead},
@@ -265,7 +265,7 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
     courses.push_back(std::move(object));
   }
   report["courses"] = std::move(courses);
-  // A path need not be UTF-8; what is not is replaced, not refused.
+  // A path need not be UTF-8; other bytes are replaced, not refused.
   return report.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
 }
 

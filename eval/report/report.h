@@ -14,15 +14,15 @@ namespace slalom::eval {
 /// The version of evaluation.json and of the files beside it.
 inline constexpr int kResultVersion = 2;
 
-/// What drove and where the scores come from, for the JSON report. What is not known is empty.
+/// Driver and sources of the scores, for the JSON report. Fields that are not known are empty.
 struct Provenance {
-  std::string agent;                    ///< What to call it in tables.
+  std::string agent;                    ///< Name of the driver in tables.
   std::string kind;                     ///< "policy" or "planner".
   std::string source;                   ///< Path of the policy file, or the planner's name.
   std::vector<std::string> profiles{};  ///< Files laid over its task.
   std::string course_set;               ///< The set as it was asked for.
   std::string collection{};             ///< The imported collection it is from; empty: built in.
-  std::string commit{};                 ///< Of the program.
+  std::string commit{};                 ///< Commit of the program.
   std::string config{};                 ///< TOML, every key.
 };
 

@@ -24,8 +24,8 @@ using Json = nlohmann::json;
 
 constexpr double kLengthResolution = 0.001;  // [m]
 constexpr double kAngleResolution = 0.0002;  // [rad]
-constexpr double kFrameTime = 0.1;           // Of a track or a motion, where there is room, [s].
-// What the whole page may hold; beyond it frames are further apart.
+constexpr double kFrameTime = 0.1;           // Time between frames if the page has room, [s].
+// Limits of the whole page; beyond them frames are further apart.
 constexpr double kMaxTrackFrames = 250000;
 constexpr double kMaxScanBytes = 1500000;
 constexpr double kMaxMotionFrames = 150000;

@@ -190,7 +190,7 @@ ResultCourse ReadCourse(const ObjectReader& reader, double step) {
   const bool is_compact = reader.Get("outcomes").is_string();
   if (!is_compact || reader.HasValue("collisions_per_episode")) {
     collisions = reader.List("collisions_per_episode");
-  } else {  // One where it ended the episode.
+  } else {  // One if it ended the episode, else none.
     for (const Json& outcome : outcomes) {
       collisions.push_back(ReadOutcome(reader, outcome) == env::Outcome::kCollision ? 1 : 0);
     }
@@ -225,7 +225,7 @@ void RequireConsistent(const Result& result, const ObjectReader& reader) {
   }
 }
 
-/// None: null, or the file is older than this key.
+/// Empty if it is null, or if the file is older than this key.
 std::optional<TrainingOverlap> ReadOverlap(const ObjectReader& provenance) {
   if (!provenance.HasValue("training_overlap")) return std::nullopt;
   const ObjectReader overlap = provenance.Object("training_overlap");
@@ -269,7 +269,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
     throw base::Error(fmt::format("{}: not valid JSON from byte {} of {}{}", source,
                                   parse_error.byte, text.size(),
                                   parse_error.byte >= text.size() ? "; it was cut short" : ""));
-  } catch (const Json::out_of_range& range_error) {  // Of a number that no double holds.
+  } catch (const Json::out_of_range& range_error) {  // A number that no double holds.
     throw base::Error(fmt::format("{}: not valid JSON: {}", source, range_error.what()));
   }
   const ObjectReader reader(object, source, "");
@@ -382,7 +382,7 @@ std::string CompactResult(std::string_view text, const std::string& source) {
     OrderedJson kept = value;
     if (key == "provenance") {
       kept.erase("config");
-      // Where the policy and the courses lay, on the machine that drove.
+      // Paths on the machine that drove: only their last parts are kept.
       for (const char* path : {"source", "collection"}) {
         kept[path] = std::filesystem::path(kept[path].get<std::string>()).filename().string();
       }

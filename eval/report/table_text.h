@@ -12,13 +12,13 @@
 
 namespace slalom::eval {
 
-/// A column of estimates of `Row`s: how it is headed in Markdown, what it is called in CSV and
-/// JSON, and how an estimate is shown.
+/// A column of estimates of `Row`s: its head in Markdown, its key in CSV and JSON, and the format
+/// of an estimate.
 template <class Row>
 struct EstimateColumn {
   std::string_view title;  ///< With the unit: "success [%]".
   std::string_view key;
-  double factor = 1.0;  ///< From the estimate to what is shown.
+  double factor = 1.0;  ///< From the estimate to the number that is shown.
   int digits = 1;
   bool is_difference = false;  ///< Numbers above 0 have a sign, too.
   std::optional<Estimate> (*estimate)(const Row& row);
@@ -47,13 +47,13 @@ struct MarkdownTable {
   std::string Print() const;
 };
 
-/// Returns "value,low,high" with six decimals. What does not exist is empty.
+/// Returns "value,low,high" with six decimals. Numbers that do not exist are empty.
 std::string CsvEstimate(const std::optional<Estimate>& estimate);
 
-/// Escapes what Markdown would read as its own. Line breaks become spaces.
+/// Escapes characters that Markdown would read as its own. Line breaks become spaces.
 std::string EscapeMarkdown(std::string_view text);
 
-/// Escapes what LaTeX would read as its own. Line breaks become spaces.
+/// Escapes characters that LaTeX would read as its own. Line breaks become spaces.
 std::string EscapeLatex(std::string_view text);
 
 }  // namespace slalom::eval

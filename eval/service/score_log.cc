@@ -31,7 +31,7 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
   return parts;
 }
 
-/// What follows in a line behind so many cells without quotes.
+/// The rest of a line behind its first `num_cells` cells, which have no quotes.
 std::string_view Behind(std::string_view line, std::size_t num_cells) {
   for (; num_cells > 0; --num_cells)
     line.remove_prefix(std::min(line.find(','), line.size() - 1) + 1);

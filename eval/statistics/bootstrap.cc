@@ -24,7 +24,7 @@ using Statistic = std::function<void(std::span<const Drawn> drawn, std::span<dou
 /// course or seed at a time.
 struct Jackknife {
   double variance = 0.0;        ///< Sum over factors.
-  double drawn_variance = 0.0;  ///< Of it, what drawing as many as there are reproduces.
+  double drawn_variance = 0.0;  ///< Part that resamples as large as each factor reproduce.
   double squares_by_df = 0.0;   ///< Sum of variance^2 / degrees of freedom.
   double degrees_of_freedom() const { return variance * variance / squares_by_df; }
 };
@@ -58,7 +58,7 @@ std::vector<Jackknife> LeaveOneOut(const std::vector<Drawn>& all, std::size_t nu
   return jackknives;
 }
 
-/// By how much the percentile interval is stretched. None: the spread is not known.
+/// Factor by which the percentile interval is stretched. Empty if the spread is not known.
 std::optional<double> Stretch(const Jackknife& jackknife, double value) {
   const double smallest = 1e-12 * std::max(1.0, std::abs(value));
   // Written so that NaN has none, too.
@@ -200,7 +200,8 @@ std::vector<std::size_t> SizesOf(const ScoreTable& first, const ScoreTable& seco
   return {first.num_courses(), first.num_seeds(), second.num_seeds()};
 }
 
-/// Estimates the mean of some of the sorted scores. `ranks`: from where to where, of n scores.
+/// Estimates the mean of some of the sorted scores. `ranks`: the first rank and the rank after the
+/// last, of n scores.
 Estimate BootstrapMeanOfRanks(const ScoreTable& table,
                               const std::function<std::pair<double, double>(double n)>& ranks,
                               const BootstrapOptions& options) {
@@ -288,7 +289,7 @@ Estimate BootstrapProbabilityOfImprovement(const ScoreTable& first, const ScoreT
                                            const BootstrapOptions& options) {
   const std::vector<std::size_t> sizes = SizesOf(first, second);
   const std::size_t num_pairs = first.num_seeds() * second.num_seeds();
-  // [course][pair of seeds]: 1 where the first is better, 0.5 for a draw.
+  // [course][pair of seeds]: 1 if the first is better, 0.5 for a draw.
   std::vector<double> wins;
   for (std::size_t c = 0; c < first.num_courses(); ++c) {
     for (const std::vector<double>& a : first.scores) {

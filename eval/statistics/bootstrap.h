@@ -56,13 +56,13 @@ struct RatioTables {
   ScoreTable counts;
 };
 
-/// Estimates the sum of all `sums` over that of all `counts`. Returns nothing if all counts are 0.
-/// The interval is cut to the limits of `sums`. There is none if only one seed or one course has a
-/// count.
+/// Estimates the sum of all `sums` over the sum of all `counts`. Returns nothing if all counts are
+/// 0. The interval is cut to the limits of `sums`. There is none if only one seed or one course has
+/// a count.
 std::optional<Estimate> BootstrapRatio(const RatioTables& tables,
                                        const BootstrapOptions& options = {});
 
-/// Estimates the ratio of `first` minus that of `second`. `same_courses`: both drove the same
+/// Estimates the ratio of `first` minus the ratio of `second`. `same_courses`: both drove the same
 /// courses in the same order, so these are drawn for both together; otherwise each ratio has draws
 /// of its own. Returns nothing, and no interval, as `BootstrapRatio` does.
 std::optional<Estimate> BootstrapRatioDifference(const RatioTables& first,

@@ -29,8 +29,8 @@ double CentralStudentProbability(double t, int degrees) {
 struct Ratio {
   double value = 0.0;
   double count = 0.0;     ///< Episodes.
-  double variance = 0.0;  ///< Of the value; 0 with fewer than two courses.
-  int num_courses = 0;    ///< With at least one episode.
+  double variance = 0.0;  ///< Variance of the value; 0 with fewer than two courses.
+  int num_courses = 0;    ///< Courses with at least one episode.
 };
 
 Ratio LinearisedRatio(std::span<const CourseTotal> courses) {

@@ -14,7 +14,8 @@ namespace slalom::learner {
 
 /// The training episodes that ended since the last call.
 struct EndedEpisodes {
-  double collision_rate = std::numeric_limits<double>::quiet_NaN();  ///< Of the most recent ones.
+  /// Rate over the most recent episodes.
+  double collision_rate = std::numeric_limits<double>::quiet_NaN();
   std::int64_t count = 0;
 };
 
@@ -55,8 +56,8 @@ class BatchSource {
   /// Shows the finished row and the source's own figures to other processes.
   virtual void Report(const run::MetricsRow& row, bool finished) = 0;
 
-  /// Writes what `Restore` needs: files into the directory of a checkpoint, the rest into `state`.
-  /// Throws `base::Error` if that fails.
+  /// Writes the data that `Restore` needs: files into the directory of a checkpoint, the rest into
+  /// `state`. Throws `base::Error` if that fails.
   virtual void Save(const std::filesystem::path& checkpoint, nlohmann::json& state) = 0;
   /// Continues from a checkpoint. Throws `base::Error` or `nlohmann::json::exception` if it is
   /// damaged; a later call with another one must then succeed.

@@ -27,7 +27,7 @@ double SecondsSince(steady_clock::time_point begin) {
   return std::chrono::duration<double>(steady_clock::now() - begin).count();
 }
 
-/// Of the files in a directory, for a figure: what cannot be looked at is left out.
+/// Size of the files in a directory, for a figure. Leaves out files that cannot be read.
 std::int64_t DirectoryBytes(const fs::path& directory) {
   std::uintmax_t bytes = 0;
   std::error_code ec;
@@ -66,7 +66,7 @@ TrainingEnd LearnerLoop::Run(std::stop_token stop) {
   try {
     return Train(stop);
   } catch (const base::Error&) {
-    // An actor refuses what a network chooses that diverged since the last look at it.
+    // An actor refuses the actions of a network that diverged since the last check.
     if (IsWell()) throw;
     return TrainingEnd::kDiverged;
   }
@@ -105,8 +105,8 @@ TrainingEnd LearnerLoop::Train(std::stop_token stop) {
     LastCheckpoint("");
     return TrainingEnd::kLearnedNothing;
   }
-  // First what the run is for: it is small, and replay data may fill the disk. What keeps one of
-  // the two from being written costs nothing of the other.
+  // The policy comes first: it is small, and replay data may fill the disk. If one of the two
+  // cannot be written, the other still is.
   std::exception_ptr no_policy;
   try {
     SavePolicy();

@@ -16,7 +16,7 @@
 
 namespace slalom::learner {
 
-/// Settings of a loop besides those of learning.
+/// Settings of a loop besides the settings of learning.
 struct LoopPlan {
   run::RunPlan run;
   double publish_seconds = 0.0;  ///< Shortest time between two published policies, [s].

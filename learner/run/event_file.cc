@@ -58,8 +58,8 @@ std::string Record(std::string_view event) {
   return record.append(event).append(LittleEndian(MaskedCrc(event)));
 }
 
-/// The time now, [s], but at least one more than that of the newest event file, because the clock
-/// may have been set back.
+/// The time now, [s], but at least one more than the newest event file's, because the clock may
+/// have been set back.
 std::int64_t NextSeconds(const fs::path& directory) {
   auto seconds = static_cast<std::int64_t>(base::UnixSeconds());
   std::error_code error;

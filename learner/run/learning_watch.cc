@@ -27,7 +27,8 @@ std::optional<std::string> LearningWatch::Observe(const MetricsRow& row, double 
   has_succeeded_ = has_succeeded_ || row.success_rate > 0.0;
   last_ = row;
   fraction_ = fraction;
-  // The counts in the sentence change with each row; its kind is what was said or not.
+  // The counts in the sentence change with each row; only its kind decides whether it was logged
+  // before.
   const std::string kind = is_actor_still()    ? "actor"
                            : is_critic_still() ? "critic"
                            : fault().empty()   ? ""

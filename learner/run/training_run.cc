@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of the state in `state.json`, as 16 hexadecimal digits.
+/// Checksum of the state in `state.json`, as 16 hexadecimal digits.
 std::string StateChecksum(const nlohmann::json& state) {
   return fmt::format("{:016x}", base::Checksum(std::string_view(state.dump())));
 }

@@ -28,7 +28,7 @@ struct RunPlan {
 };
 
 /// A running training: its clock and limits, metrics.csv, checkpoints, and the times of snapshots.
-/// It does not know what is trained: functions of the caller write and read that. Confined to one
+/// It does not know the learner: functions of the caller write and read its state. Confined to one
 /// thread.
 class TrainingRun {
  public:

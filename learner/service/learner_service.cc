@@ -27,7 +27,7 @@ LoopPlan MakePlan(LoopPlan plan, const LearnerServiceConfig& config) {
   plan.run.settings.deterministic = false;  // Several processes never are; they go by the clock.
   plan.publish_seconds = config.publish_seconds;
   plan.lives_on = !config.exit_when_finished;
-  // Steps are counted by the replay server, and go back where it loses some.
+  // The replay server counts the steps, which go back if it loses some.
   plan.numbers_by_updates = true;
   return plan;
 }

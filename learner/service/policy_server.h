@@ -54,7 +54,7 @@ class PolicyServer final : public PolicySink {
   transport::Server server_;
   const std::uint64_t spec_hash_;
   metrics::Registry& registry_;
-  std::optional<std::int64_t> version_;  // Of the published policy.
+  std::optional<std::int64_t> version_;  // Version of the published policy.
   transport::Frame header_;
   transport::Frame payload_;
   std::map<transport::PeerId, Reader> readers_;

@@ -96,7 +96,7 @@ void RemoteSource::Report(const run::MetricsRow& row, bool finished) {
                     {"readers", static_cast<double>(policies_.num_readers())},
                     {"critic_loss", row.learning.critic_loss},
                     {"q_mean", row.learning.q_mean}};
-  // Of a second without updates.
+  // Figures of a second without updates are NaN.
   std::erase_if(report.figures, [](const auto& figure) { return std::isnan(figure.second); });
   report.facts = {{"state", finished ? "finished" : "training"}};
   stream_->link().ReportEverySecond([&] { return report; });

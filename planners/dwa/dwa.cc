@@ -64,7 +64,7 @@ bool DwaPlanner::MeasureDistances(const LocalView& view) {
       break;
     }
     local_end_O_ = p_O;
-    // Where points are farther apart than a cell, the cells between them are on the path too.
+    // If points are farther apart than a cell, the cells between them are on the path too.
     if (!path_cells_.empty()) {
       const base::Vec2 before_O = view.path_O[i - 1];
       const int steps = static_cast<int>(std::ceil(base::Norm(p_O - before_O) / map.resolution()));

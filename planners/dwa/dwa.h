@@ -24,7 +24,7 @@ namespace slalom::planners {
 /// ahead wins. If nothing is admissible, the robot backs up, unchecked, until it has moved.
 ///
 /// With `meter_scoring`, the weights of the two distances are multiplied by the map's resolution,
-/// and that of the costmap's value is not (`TrajectoryPlannerROS::initialize` and
+/// and the weight of the costmap's value is not (`TrajectoryPlannerROS::initialize` and
 /// `TrajectoryPlanner::reconfigure` of base_local_planner, melodic 1.16.7; versions before
 /// navigation's pull request 1000 multiply it, too). docs/planners.md gives the evidence for it.
 ///

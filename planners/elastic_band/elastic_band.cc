@@ -126,7 +126,7 @@ bool ElasticBand::RefineBetween(const BandField& field, std::size_t first, std::
   return true;
 }
 
-/// Appends `a` and what connects it to `b`.
+/// Appends `a` and the bubbles that connect it to `b`.
 bool ElasticBand::FillGap(const BandField& field, const Bubble& a, const Bubble& b,
                           std::vector<Bubble>& out) const {
   Bubble middle{0.5 * (a.p_O + b.p_O), 0.0};
@@ -167,7 +167,8 @@ void ElasticBand::Move(const BandField& field, std::size_t i) {
   bubbles_[i] = moved;
 }
 
-/// Walks in ever smaller steps to where the force turns around, because a whole step went too far.
+/// Walks in ever smaller steps to the point where the force turns around, because a whole step went
+/// too far.
 Bubble ElasticBand::TowardsEquilibrium(const BandField& field, std::size_t i, base::Vec2 force,
                                        base::Vec2 step, Bubble overshot) const {
   Bubble best = overshot;

@@ -10,7 +10,7 @@ namespace {
 /// Share of a bubble's radius that the controller counts on.
 constexpr double kUsedRadius = 0.7;
 
-/// `value` with its size within the bounds; positive where it is 0.
+/// `value` with its size within the bounds; positive if it is 0.
 double ClampSize(double value, double min_size, double max_size) {
   return std::copysign(std::clamp(std::fabs(value), std::min(min_size, max_size), max_size), value);
 }

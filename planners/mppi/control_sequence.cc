@@ -33,7 +33,7 @@ float Limit(float wanted, float from, float largest_step) {
   return std::clamp(wanted, from - largest_step, from + largest_step);
 }
 
-/// `padded`: four values before and four after those of `values`.
+/// Smooths `values`. `padded`: `values`, with four numbers before and four after them.
 void SmoothPadded(const std::vector<float>& padded, std::vector<float>& values) {
   for (std::size_t t = 0; t < values.size(); ++t) {
     float sum = 0.0f;
@@ -115,7 +115,7 @@ void LimitControls(double min_linear, double max_linear, double max_angular,
                    const DriveLimits& limits, Twist now, ControlSequence& sequence) {
   const auto low = static_cast<float>(min_linear), high = static_cast<float>(max_linear);
   const auto turn = static_cast<float>(max_angular);
-  // What is driven now may be beyond the limits: then it is brought back as fast as possible.
+  // The present speeds may be beyond the limits: then they are brought back as fast as possible.
   auto last_linear = static_cast<float>(now.linear), last_angular = static_cast<float>(now.angular);
   for (std::size_t t = 0; t < sequence.linear.size(); ++t) {
     last_linear =

@@ -6,8 +6,8 @@
 #include "planners/navigation/local_planner.h"
 #include "planners/navigation/navigation_config.h"
 
-/// Defaults are those of Nav2's nav2_mppi_controller (its README and sources) unless a comment says
-/// otherwise. The others were chosen on generated courses (docs/planners.md);
+/// Defaults are as in Nav2's nav2_mppi_controller (its README and sources) unless a comment names
+/// another. The others were chosen on generated courses (docs/planners.md);
 /// configs/planners/mppi-nav2.toml sets them as Nav2 has them.
 
 namespace slalom::planners {

@@ -57,7 +57,7 @@ void AddLateralExcess(const float* linear, const float* angular, float limit, in
 }
 
 /// Keeps, for each rollout, the nearest of the path points shown to it so far; a point at `length`
-/// along the path counts only where the rollout drove as far.
+/// along the path counts only if the rollout drove as far.
 SLALOM_VECTOR_CLONES
 void TakeNearer(const float* x, const float* y, const float* driven, float to_x, float to_y,
                 float length, int index, int size, float* nearest, int* nearest_index) {
@@ -97,7 +97,7 @@ int TargetOnPath(const CriticPath& path, int offset, bool must_be_free) {
   return target;
 }
 
-/// Returns whether so much of the path is blocked that the robot need not keep to it.
+/// Returns whether too much of the path is blocked for the robot to keep to it.
 bool IsBlocked(const MppiPathAlignConfig& config, const CriticPath& path) {
   const int reach = static_cast<int>(config.occupancy_check_distance / path.spacing);
   const int num_checked =

@@ -8,7 +8,7 @@
 #include "planners/navigation/clearance_map.h"
 
 /// The cost of rollouts: each function is one critic of Nav2's nav2_mppi_controller and adds its
-/// cost to that of every rollout.
+/// cost to every rollout's.
 ///
 /// Shapes: `B` rollouts, `T` steps, `P` path points. Frames: `L` axes of O at the robot's place.
 

@@ -19,7 +19,7 @@ struct DriveLimits {
 
 /// The start of a rollout in L; its position is the origin.
 struct RolloutStart {
-  float cosine = 1.0f, sine = 0.0f;  ///< Of the heading in L.
+  float cosine = 1.0f, sine = 0.0f;  ///< Cosine and sine of the heading in L.
   float linear = 0.0f;               ///< [m/s]
   float angular = 0.0f;              ///< [rad/s]
 };

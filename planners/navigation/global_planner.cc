@@ -11,7 +11,7 @@ namespace slalom::planners {
 namespace {
 
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
-constexpr float kNeutralCost = 50.0f;  // Of crossing a free cell.
+constexpr float kNeutralCost = 50.0f;  // Cost of crossing a free cell.
 constexpr float kCostFactor = 0.8f;
 constexpr double kPathStep = 0.5;  // [cells]
 // Less than a free cell can cost per cell of a straight line: the approximation's error is 0.45 %
@@ -22,7 +22,7 @@ constexpr float kHeuristicCost = 0.99f * kNeutralCost;
 constexpr float kBucketWidth = 25.0f;
 // If the goal was not reached, paths that cost this much more are searched next.
 constexpr float kBoundGrowth = 1.2f;
-// Where a change is nearer than this share of the way, nearly everything lies behind it, and it is
+// If a change is nearer than this share of the way, nearly everything lies behind it, and it is
 // quicker to start from nothing.
 constexpr float kWorthKeeping = 0.5f;
 // Cells whose paths cost this much more than the best are settled too: the descent's gradients look
@@ -149,7 +149,8 @@ void GlobalPlanner::SetCost(int n, std::uint8_t cost) {
                               potential_[n - size_x_], potential_[n + size_x_]});
 }
 
-/// Forgets the potentials that the change can matter to, and queues what can restore them.
+/// Forgets the potentials that the change can matter to, and queues the cells that can restore
+/// them.
 void GlobalPlanner::SpreadAnew() {
   waiting_.swap(deferred_);
   deferred_.clear();
@@ -196,7 +197,8 @@ void GlobalPlanner::Spread() {
   }
 }
 
-/// Lowers the potential of a cell to what its neighbours give it, and queues it where it fell.
+/// Lowers the potential of a cell to the value that its neighbours give it. Queues the cell if its
+/// potential fell.
 void GlobalPlanner::Relax(int n) {
   const float crossing = TraversalTable()[costs_[n]];
   if (!(crossing < kInfinite)) return;
@@ -216,8 +218,8 @@ float GlobalPlanner::Key(int n) const {
   return potential_[n] + kHeuristicCost * std::sqrt(dx * dx + dy * dy);
 }
 
-/// Queues a cell whose neighbours are to learn of its potential; for later, where no path that is
-/// wanted leads over it.
+/// Queues a cell, to update its neighbours from its potential. Defers it if no wanted path leads
+/// over it.
 void GlobalPlanner::Push(int n) {
   if (extent_ == Extent::kPath && Key(n) > bound_) {
     deferred_.push_back(n);
@@ -239,7 +241,7 @@ bool GlobalPlanner::Descend(const Costmap& costmap) {
   };
   int n = Index(goal_);
   const int robot = Index(robot_);
-  double dx = 0.0, dy = 0.0;  // Of the path's point from that of cell n, [cells].
+  double dx = 0.0, dy = 0.0;  // Offset of the path's point from cell n's, [cells].
   const std::size_t max_points = 4 * static_cast<std::size_t>(std::max(size_x_, size_y_));
   while (path_O_.size() < max_points) {
     const int nearest =
@@ -266,8 +268,8 @@ bool GlobalPlanner::Descend(const Costmap& costmap) {
         lowest_potential = std::floor(potential_[m]);
       }
     }
-    // No gradient beside walls, and none that helps where it points to and fro: to the lowest of
-    // the eight neighbours.
+    // There is no gradient beside walls, and one that points to and fro does not help: go to the
+    // lowest of the eight neighbours.
     if (at_boundary || turned_back) {
       if (lowest == n) return false;
       n = lowest;

@@ -62,7 +62,7 @@ class GlobalPlanner {
   int Index(CellIndex c) const { return c.y * size_x_ + c.x; }
 
   const Extent extent_;
-  bool valid_ = false;  // The potential is that of costs_, robot_ and goal_.
+  bool valid_ = false;  // The potential belongs to costs_, robot_ and goal_.
   int size_x_ = 0, size_y_ = 0;
   CellIndex robot_, goal_;
   std::vector<std::uint8_t> costs_;  // [size_y, size_x], the edge unknown, the robot's cell free.

@@ -48,8 +48,8 @@ void CutLocalPath(std::span<const base::Vec2> path, base::Vec2 p, double search_
   local.spacing = spacing;
   local.ends_at_goal = true;
   base::Vec2 from = start.p;
-  double walked = 0.0;    // From the start to `from`.
-  double next = spacing;  // Of the next point to write, from the start.
+  double walked = 0.0;    // Length from the start to `from`.
+  double next = spacing;  // Length from the start to the next point to write.
   for (std::size_t i = start.segment + 1; i < path.size(); ++i) {
     const double segment = base::Norm(path[i] - from);
     while (next <= walked + segment) {

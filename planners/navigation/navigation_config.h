@@ -6,8 +6,8 @@
 namespace slalom::planners {
 
 /// Settings of the navigation system around a local planner: costmaps, global planner and the state
-/// machine of ROS's move_base. Defaults are those of docs/original-system.md, section 8.2 or, if it
-/// gives none, of the ROS packages (melodic).
+/// machine of ROS's move_base. Defaults are from docs/original-system.md, section 8.2 or, if it
+/// gives none, from the ROS packages (melodic).
 struct NavigationConfig {
   FootprintConfig footprint;
   double start_heading = 1.57;

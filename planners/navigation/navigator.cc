@@ -89,8 +89,8 @@ void Navigator::Reset(const base::Pose2& X_OR, base::Vec2 goal_O, std::uint64_t 
 
 Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR,
                       Twist velocity) {
-  // Threads that wait for no other see each other's work of the cycle before; where a step holds
-  // several cycles, what they see is no older than a fraction of it.
+  // Threads that wait for no other see each other's work of the cycle before. If a step holds
+  // several cycles, that work is no older than a fraction of the step.
   const bool maps_are_late = step_ * config_.local_map_rate < 1.5;
   projector_.Project(ranges_cm, X_OR, NewestScan());
   if (!maps_are_late) UpdateMaps(X_OR);

@@ -31,7 +31,7 @@ enum class NavigatorState : std::uint8_t {
 
 std::string_view ToString(NavigatorState state);
 
-/// Counts of what happened in an episode, to tell kinds of failure apart. A value.
+/// Counts of an episode's events, to tell kinds of failure apart. A value.
 struct NavigatorRecord {
   int num_cycles = 0;           ///< Control cycles.
   int num_failed_plans = 0;     ///< Times the global planner found no way.
@@ -96,7 +96,7 @@ class Navigator {
   const PaddedFootprint footprint_;
   const ScanProjector projector_;
   const std::unique_ptr<LocalPlanner> planner_;
-  std::vector<ScanRays> scans_;  // Of the last steps, a ring as long as `scan_age`.
+  std::vector<ScanRays> scans_;  // Scans of the last steps, a ring as long as `scan_age`.
   ObstacleMap local_map_;
   std::optional<ObstacleMap> global_map_;  // Set by the first Reset.
   GlobalPlanner global_planner_;

@@ -35,7 +35,7 @@ class BandedSystem {
     g_.template segment<N>(first) -= error * weighted;
   }
 
-  /// Holds unknown i at 0: its row and column become those of the identity.
+  /// Holds unknown i at 0: its row and column become the identity's.
   void Fix(int i);
 
   double MaxDiagonal() const { return band_.row(0).maxCoeff(); }

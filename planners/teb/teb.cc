@@ -12,7 +12,7 @@ namespace {
 
 /// Distance between the points of the plan from which a band is made, [m].
 constexpr double kPlanSpacing = 0.05;
-/// Segments of the plan whose direction is that of the local goal.
+/// Segments of the plan that give the direction of the local goal.
 constexpr int kGoalSegments = 3;
 /// Share of the costmap's half width that the horizon may reach.
 constexpr double kMapShare = 0.85;
@@ -86,7 +86,7 @@ struct TebPlanner::Cycle {
   base::Pose2 goal;
   BandSurroundings surroundings;
   std::span<const base::Vec2> groups_O;
-  double collision_clearance;  // A pose collides where its clearance is no more, [m].
+  double collision_clearance;  // A pose with no more clearance collides, [m].
 };
 
 TebPlanner::TebPlanner(const TebConfig& config)

@@ -8,7 +8,7 @@
 
 /// Defaults are the settings with which PRIEST's authors ran TEB on BARN (docs/original-system.md,
 /// section 8.4; the repositories of the benchmark's authors hold no TEB configuration). If section
-/// 8.4 gives no value, the default is that of teb_local_planner itself.
+/// 8.4 gives no value, the default is teb_local_planner's own.
 
 namespace slalom::planners {
 

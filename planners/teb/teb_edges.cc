@@ -14,7 +14,7 @@ constexpr int kAx = 0, kAy = 1, kAyaw = 2, kDt = 3, kBx = 4, kBy = 5, kByaw = 6;
 struct Way {
   base::Vec2 d;
   double length;
-  base::Vec2 direction;  // Zero where there is no way.
+  base::Vec2 direction;  // Zero if there is no way.
 };
 
 Way WayBetween(const base::Pose2& a, const base::Pose2& b) {

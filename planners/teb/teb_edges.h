@@ -42,7 +42,7 @@ struct PairMotion {
 PairMotion MotionBetween(const base::Pose2& a, double dt, const base::Pose2& b);
 
 /// Returns the acceleration between two neighbouring motions: (later - earlier) / half of both
-/// times together. The unknowns are those of three poses and two times.
+/// times together. The unknowns are three poses and two times.
 Dual<kTripleSize> AccelerationBetween(const Dual<kPairSize>& earlier, double earlier_dt,
                                       const Dual<kPairSize>& later, double later_dt);
 /// Returns the acceleration between a motion and a given speed at its first pose (`is_start`) or at

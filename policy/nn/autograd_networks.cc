@@ -16,7 +16,7 @@
 namespace slalom::nn {
 namespace {
 
-/// What one call reads and leaves behind.
+/// Input and passes of one call.
 struct Passes {
   Passes(const NetworkShape& shape, std::int64_t num_networks, at::Tensor empty, PassUse for_use,
          base::Random* dropout)
@@ -92,7 +92,7 @@ class AutogradNetworks::Networks {
   std::vector<std::unique_ptr<Passes>> free_ GUARDED_BY(mutex_);
 };
 
-/// What a graph keeps of a call that was recorded.
+/// The passes of a recorded call, which its graph keeps.
 class AutogradNetworks::Call : public torch::CustomClassHolder {
  public:
   Call(std::shared_ptr<Networks> of_networks, std::int64_t batch)
@@ -132,7 +132,7 @@ struct AutogradNetworks::Apply : torch::autograd::Function<AutogradNetworks::App
           "AutogradNetworks: a second backward through one call (retain_graph) was asked for; "
           "expected one, or a call for each loss, as a backward pass uses up what the call left");
     }
-    context->get_saved_variables();  // Throws where the weights have moved since the call.
+    context->get_saved_variables();  // Throws if the weights have moved since the call.
     const Networks& networks = *call.networks;
     const std::int64_t size = networks.shape.num_parameters();
     at::Tensor by_parameters, by_extra;

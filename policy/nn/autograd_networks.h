@@ -19,10 +19,10 @@ namespace slalom::nn {
 ///     const at::Tensor loss = (q - y).square().mean();
 ///     critics.Differentiate(loss, gradient);        // [K * P], as `Adam` takes it
 ///
-/// The computation is that of `Network`: its kernels for float32 on the CPU, LibTorch's operations
-/// on any other device or type. A gradient reaches the parameters and the extra inputs (a critic's
-/// action), and a backward pass computes only the gradients that it asks for. A graph keeps what
-/// its backward pass needs, so the inputs may be overwritten in between.
+/// The computation is `Network`'s: its kernels for float32 on the CPU, LibTorch's operations on any
+/// other device or type. A gradient reaches the parameters and the extra inputs (a critic's
+/// action), and a backward pass computes only the gradients that it asks for. A graph keeps
+/// everything that its backward pass needs, so the inputs may be overwritten in between.
 ///
 /// Throws `base::Error` for a gradient by the features, a double backward (create_graph), and a
 /// second backward through one call (retain_graph). LibTorch refuses a backward pass after the

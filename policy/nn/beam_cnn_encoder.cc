@@ -17,7 +17,7 @@ namespace slalom::nn {
 namespace {
 
 /// Convolutions along the beams, the frames of the stack as channels; then a linear layer that
-/// reads all of what they give with the state numbers of the frames behind it. ReLU after each. In
+/// reads all their outputs, with the state numbers of the frames behind them. ReLU after each. In
 /// the manner of Long et al. 2018 ("Towards Optimally Decentralized Multi-Robot Collision Avoidance
 /// via Deep Reinforcement Learning"): first 5 beams wide, then 3, every second beam.
 ///
@@ -58,7 +58,7 @@ struct BeamCnnPass : EncoderPass {
   std::vector<std::vector<SamplePass>> layers;  // [convolutions][B]
   std::vector<at::Tensor> outputs;              // [B, L * C] each, rows may lie further apart
   std::vector<at::Tensor> output_gradients;     // As `outputs`.
-  at::Tensor flat;                              // [B, L * C + H * S], what the linear layer reads
+  at::Tensor flat;                              // [B, L * C + H * S], inputs of the linear layer
   at::Tensor features, feature_gradient;        // [B, W]
 };
 

@@ -42,8 +42,8 @@ class Encoder {
   /// Writes the features. Requires: a pass that `MakeEncoderPass` made for the same shape.
   virtual void Forward(EncoderPass& pass) const = 0;
 
-  /// Writes the gradients of all parameters into those of `gradient`, an encoder of the same shape.
-  /// Uses up the pass. Requires: `Forward` has run and the feature gradient is set.
+  /// Writes the gradients of all parameters into the parameters of `gradient`, an encoder of the
+  /// same shape. Uses up the pass. Requires: `Forward` has run and the feature gradient is set.
   virtual void ParameterGradient(EncoderPass& pass, Encoder& gradient) const = 0;
 };
 

@@ -32,7 +32,7 @@ std::vector<ParameterSlot> EncoderSlotsOf(const NetworkConfig& config, int frame
 SLALOM_FOR_EACH_ENCODER(SLALOM_DECLARE)
 #undef SLALOM_DECLARE
 
-/// Throws `base::Error` that network.encoder_layers are not what is `expected`.
+/// Throws `base::Error` that network.encoder_layers are not as `expected`.
 [[noreturn]] void RefuseLayers(const NetworkConfig& config, std::string_view expected);
 
 /// One convolution over beams.

@@ -23,8 +23,8 @@ class FeatureMap {
   /// Throws `base::Error` if the sectors do not divide the beams.
   FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config);
 
-  /// Writes one frame's features. If `mirrored`, writes those of the scene with left and right
-  /// exchanged: beams reversed, goal y and last turn negated. `ranges_cm`: [N]; `state`: [S];
+  /// Writes one frame's features. If `mirrored`, writes the features of the scene with left and
+  /// right exchanged: beams reversed, goal y and last turn negated. `ranges_cm`: [N]; `state`: [S];
   /// `features`: [F].
   void Write(const std::uint16_t* ranges_cm, const float* state, bool mirrored,
              float* features) const;

@@ -40,7 +40,7 @@ class GruEncoder : public Encoder {
   std::vector<Layer> layers_;
 };
 
-/// What one step of one layer reads and writes: views.
+/// Views that one step of one layer reads and writes.
 struct Step {
   at::Tensor input;           // [B, I]
   at::Tensor gates;           // [B, 3 W]
@@ -52,12 +52,12 @@ struct Step {
 
 struct LayerPass {
   std::vector<Step> steps;
-  at::Tensor inputs;           // [H * B, I], where they lie in one piece
+  at::Tensor inputs;           // [H * B, I], if they lie in one piece
   at::Tensor gates;            // [H * B, 3 W]
   at::Tensor state_gates;      // [H * B, 3 W]
   at::Tensor states;           // [(H + 1) * B, W], the first of them zeros
   at::Tensor state_gradients;  // [H * B, W], by the states after each step
-  // Views without the first step, whose state before it is zero; undefined where H is 1.
+  // Views without the first step, whose state before it is zero; undefined if H is 1.
   at::Tensor later_states;       // [(H - 1) * B, W], before each step
   at::Tensor later_state_gates;  // [(H - 1) * B, 3 W]
 };

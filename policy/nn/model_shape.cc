@@ -54,7 +54,7 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   shape.num_bounded = published ? shape.num_ranges : shape.num_predicted;
   shape.log_std_min = published ? -1.0f : static_cast<float>(config.log_std_min);
   shape.log_std_max = published ? 1.0f : static_cast<float>(config.log_std_max);
-  // What FeatureMap's transforms give for ranges of the clip and of 0.
+  // Values of FeatureMap's transforms for ranges of the clip and of 0.
   const bool inverse = network.range_transform == RangeTransform::kInverse;
   shape.range_low =
       inverse ? 0.6f / (static_cast<float>(observation.range_clip) + 0.2f) - 0.8f : -1.0f;

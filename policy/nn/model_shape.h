@@ -13,11 +13,11 @@
 
 namespace slalom::nn {
 
-/// What a transition model predicts.
+/// Kind of a transition model's predictions.
 enum class ModelKind { kNone, kDeterministic, kProbabilistic };
 inline base::OneOf EnumNames(ModelKind) { return {"none", "deterministic", "probabilistic"}; }
 
-/// What the network of a transition model computes.
+/// Output of a transition model's network: the change of a frame, or the next frame.
 enum class ModelTargets { kDifference, kAbsolute };
 inline base::OneOf EnumNames(ModelTargets) { return {"difference", "absolute"}; }
 

@@ -58,8 +58,8 @@ class Network {
   /// Computes pass.output() from the pass's input.
   void Forward(NetworkPass& pass) const;
 
-  /// Writes the gradients of all parameters into those of `gradient`, a network of the same shape.
-  /// Uses up the pass. Requires: `Forward` has run and pass.output_gradient() is set.
+  /// Writes the gradients of all parameters into the parameters of `gradient`, a network of the
+  /// same shape. Uses up the pass. Requires: `Forward` has run and pass.output_gradient() is set.
   void ParameterGradient(NetworkPass& pass, Network& gradient) const;
 
   /// Writes pass.extra_gradient(), the gradient by the extra inputs, with the parameters frozen.

@@ -15,7 +15,7 @@ NetworkShape BodyShape(const NetworkConfig& config, int frame_size, int num_outp
   shape.encoder = EncoderOf(config);
   shape.frame_size = frame_size;
   if (shape.has_encoder()) {
-    EncoderSlots(config, frame_size);  // Throws where the frames are too small for it.
+    EncoderSlots(config, frame_size);  // Throws if the frames are too small for it.
     shape.mlp.num_inputs = config.encoder_layers.back();
   } else {
     shape.mlp.num_inputs = shape.num_inputs();

@@ -17,7 +17,7 @@ namespace slalom::nn {
 ///
 /// All parameters lie in one flat array, layer by layer: weight [O, I], bias [O] and, in hidden
 /// layers with LayerNorm, gain [O], bias [O]. Layer `extra_layer` reads `num_extra` more inputs (a
-/// critic's action) behind those of the layer before it.
+/// critic's action) behind the outputs of the layer before it.
 struct MlpShape {
   int num_inputs = 0;
   std::vector<int> hidden;     ///< Widths of the ReLU layers, encoder then head.

@@ -18,7 +18,7 @@ namespace {
 /// each.
 ///
 /// A window of frames lies in one piece in the stack, so each is a product by itself, without a
-/// copy; what lies beyond the stack is left out instead of multiplied by zero.
+/// copy; frames beyond the stack are left out instead of multiplied by zero.
 class TimeCnnEncoder : public Encoder {
  public:
   TimeCnnEncoder(const NetworkShape& shape, const at::Tensor& parameters);

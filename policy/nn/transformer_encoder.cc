@@ -21,9 +21,9 @@ namespace {
 /// The body of GPT-2 (Radford et al. 2019) over the frames, as the original's: frames embedded
 /// linearly, a learned vector for each place in the stack added, LayerNorm; causal blocks, each
 /// LayerNorm and attention, then LayerNorm and a GELU layer of four times the width; LayerNorm. The
-/// features are those of the newest frame.
+/// features are the newest frame's.
 ///
-/// As nothing else of the last block is looked at, it asks for the newest frame alone.
+/// As nothing reads the last block's other rows, it asks for the newest frame alone.
 class TransformerEncoder : public Encoder {
  public:
   TransformerEncoder(const NetworkShape& shape, const at::Tensor& parameters);
@@ -60,7 +60,7 @@ class TransformerEncoder : public Encoder {
   Norm norm_;
 };
 
-/// What LayerNorm leaves behind.
+/// Results of LayerNorm that its gradient needs.
 struct NormPass {
   NormPass() = default;
   explicit NormPass(const at::Tensor& like)
@@ -120,11 +120,11 @@ struct TransformerEncoder::Pass : EncoderPass {
   at::Tensor embedded_rows;                 // [B, H * W], a view of `embedded`
   at::Tensor embedded;                      // [N, W]
   NormPass embedding_norm;
-  at::Tensor first;  // [N, W], what the first block reads
+  at::Tensor first;  // [N, W], input of the first block
   Dropout embedding_dropout;
   std::vector<BlockPass> blocks;
   NormPass norm;
-  at::Tensor newest;  // [B, W], what the last LayerNorm reads
+  at::Tensor newest;  // [B, W], input of the last LayerNorm
   at::Tensor features, feature_gradient;
 
   at::Tensor first_gradient;                      // [N, W]
@@ -324,7 +324,7 @@ void TransformerEncoder::ParameterGradient(EncoderPass& encoder_pass,
 }
 
 void TransformerEncoder::BlockGradient(const Block& block, BlockPass& pass, Block& gradient) const {
-  // Behind each branch the gradient of what it was added to is that of the sum.
+  // Each branch is added to its input, so behind it the input's gradient is the sum's.
   const auto branch_gradient = [&pass](const Dropout& dropout) -> at::Tensor& {
     if (!dropout.mask().defined()) return pass.output_gradient;
     pass.scratch.masked.copy_(pass.output_gradient);

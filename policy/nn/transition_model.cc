@@ -142,7 +142,7 @@ void TransitionModel::Predict(ModelPass& pass, int member, const at::Tensor& noi
     const float action[env::kActionSize] = {std::clamp(from[width], -1.0f, 1.0f),
                                             std::clamp(from[width + 1], -1.0f, 1.0f)};
     // The older frames move up; in their own place, too, as nothing there is written before it is
-    // read. The newest stays for a moment, for what is predicted is often a change of it.
+    // read. The newest stays for a moment, for the prediction is often a change of it.
     std::memmove(to, from + frame, static_cast<std::size_t>(width - frame) * sizeof(float));
     if (to != from) std::copy(from + width - frame, from + width, newest);
     AddMean(shape_.difference, learned, result, newest);

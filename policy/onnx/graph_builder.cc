@@ -14,7 +14,7 @@ namespace wire = slalom::onnx;
 
 constexpr std::int64_t kIrVersion = 8;
 constexpr std::int64_t kOperatorSet = 17;  // The first with LayerNormalization.
-constexpr int kInt64 = 7;                  // Of TensorProto.DataType.
+constexpr int kInt64 = 7;                  // Value of TensorProto.DataType.
 
 static_assert(std::endian::native == std::endian::little, "raw_data is little-endian");
 

@@ -14,7 +14,7 @@ namespace slalom::policy::onnx {
 /// The types of numbers, by their codes in ONNX's TensorProto.DataType.
 enum class NumberType { kFloat = 1, kUint16 = 4, kBool = 9 };
 
-/// The name of a value that flows through a graph: an input, a constant or what a node computes.
+/// The name of a value that flows through a graph: an input, a constant or the output of a node.
 using Value = std::string;
 
 /// An attribute of a node.
@@ -28,7 +28,7 @@ struct Port {
   const char* name;
   NumberType type = NumberType::kFloat;
   std::vector<std::int64_t> shape;  ///< Without the batch.
-  std::string meaning;              ///< For people: what the numbers are, with units.
+  std::string meaning;              ///< Meaning of the numbers for people, with units.
 };
 
 /// Builds an ONNX model of operator set 17, node by node. Confined to one thread.

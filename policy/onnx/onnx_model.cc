@@ -29,7 +29,7 @@ using onnx::NumberType;
 using onnx::Value;
 using Integers = std::vector<std::int64_t>;
 
-constexpr std::int64_t kEnd = std::numeric_limits<std::int64_t>::max();  // Of an axis.
+constexpr std::int64_t kEnd = std::numeric_limits<std::int64_t>::max();  // End of an axis.
 
 class ModelPrinter {
  public:
@@ -106,7 +106,7 @@ class ModelPrinter {
     return graph_.Add("Squeeze", {Slice(x, axis, -1, kEnd), graph_.Integers({axis})});
   }
 
-  /// What the robot senses -> [B, F], as `nn::FeatureMap` writes it.
+  /// Scan and state -> [B, F], as `nn::FeatureMap` writes them.
   Value Frame() {
     const int num_beams = spec_.observation.num_beams;
     Value ranges = graph_.AddInput({"ranges",
@@ -170,7 +170,7 @@ class ModelPrinter {
     return stack;
   }
 
-  /// [B, H, F] -> what the head reads, [B, W].
+  /// [B, H, F] -> the head's input, [B, W].
   Value Encode(const Value& stack) {
     switch (shape_.encoder) {
       case nn::EncoderKind::kMlp:
@@ -236,7 +236,7 @@ class ModelPrinter {
                      {steps, weight("input.weight"), weight("state.weight"),
                       graph_.Tensor(layer + "bias", {1, 6 * width}, biases)},
                      {{"hidden_size", width}, {"linear_before_reset", std::int64_t{1}}});
-      steps = graph_.Add("Squeeze", {outputs, graph_.Integers({1})});  // Of [H, 1, B, W]
+      steps = graph_.Add("Squeeze", {outputs, graph_.Integers({1})});  // From [H, 1, B, W]
     }
     return Last(steps, 0);
   }
@@ -324,7 +324,7 @@ class ModelPrinter {
   }
 
   void Command(const Value& outputs) {
-    // Means come first; what follows is for exploration only.
+    // Means come first; all other outputs are for exploration only.
     const Value action = graph_.Add("Tanh", {Slice(outputs, 1, 0, env::kActionSize)});
     const env::ActionBounds& bounds = spec_.actions;
     const float middle = static_cast<float>(bounds.linear_mps({}));

@@ -8,8 +8,8 @@
 
 namespace slalom::policy {
 
-/// A policy as the bytes of an ONNX model (operator set 17), which computes what `NetworkAgent`
-/// does, from what the robot senses to what it commands. For a batch of B, N beams, F = ranges +
+/// A policy as the bytes of an ONNX model (operator set 17), which computes the same as
+/// `NetworkAgent`, from the robot's scan to its command. For a batch of B, N beams, F = ranges +
 /// kStateSize features and H frames of history:
 ///
 /// in   `ranges` [B, N] uint16, [cm], counter-clockwise; `state` [B, 4] float, see
@@ -17,7 +17,7 @@ namespace slalom::policy {
 /// out  `command` [B, 2] float, [m/s] and [rad/s]; `action` [B, 2] float, in [-1, 1]; if H > 1 also
 ///      `frames_after` [B, H, F] float, the `frames` of the next step
 ///
-/// Where `first` is true an episode begins, and `frames` are not read. The model has `metadata` and
+/// If `first` is true, an episode begins, and `frames` are not read. The model has `metadata` and
 /// the policy's spec beside its graph.
 ///
 /// Throws `base::Error` if the policy drops units when it acts, which no model reproduces.

@@ -12,7 +12,7 @@
 
 namespace slalom::transport {
 
-/// Roles of peers, which decide what they may send.
+/// Roles of peers, which decide which messages they may send.
 enum class Role { kReplay, kLearner, kActor, kEvaluator, kOperator };
 inline constexpr Role kRoles[] = {Role::kReplay, Role::kLearner, Role::kActor, Role::kEvaluator,
                                   Role::kOperator};
@@ -51,7 +51,7 @@ struct KeysReport {
 };
 
 /// Checks whether each file in the directory can be used and agrees with the others. Files may be
-/// missing, since a machine needs only those of its roles. Throws `base::Error` if there is no such
+/// missing, since a machine needs only its roles' keys. Throws `base::Error` if there is no such
 /// directory, or no key in it.
 KeysReport CheckKeys(const std::filesystem::path& directory);
 

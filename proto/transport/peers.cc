@@ -10,7 +10,7 @@ namespace slalom::transport {
 namespace {
 
 constexpr std::chrono::milliseconds kCheckInterval{100};
-/// An upper bound of what framing, encryption and heartbeats add to a message.
+/// An upper bound of the bytes that framing, encryption and heartbeats add to a message.
 constexpr std::int64_t kFramingBytes = 256;
 
 }  // namespace

@@ -52,7 +52,7 @@ class Server {
 
   struct Received {
     PeerId peer;
-    /// The role that belongs to the peer's key. Empty for plaintext, where any claimed role must be
+    /// The role that belongs to the peer's key. Empty for plaintext: any claimed role must then be
     /// believed.
     std::optional<Role> role;
     Message message;

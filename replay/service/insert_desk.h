@@ -64,8 +64,7 @@ class InsertDesk {
 
   /// Handles the hello of an actor, which begins or resumes a session. The welcome is sent once
   /// everything that it reports is written. A hello without session or streams is refused.
-  /// Requires: it is within the bounds of `proto::Decode`; its beams and spec are those of the
-  /// table.
+  /// Requires: it is within the bounds of `proto::Decode`; its beams and spec are the table's.
   void Hello(const transport::PeerId& peer, const proto::Hello& hello, Time now);
   void Insert(const transport::PeerId& peer, const proto::Insert& insert, transport::Frame payload,
               Time now);
@@ -155,7 +154,7 @@ class InsertDesk {
   std::int64_t total_bytes_ = 0;
   std::set<std::uint32_t> acks_owed_;
   std::set<std::uint32_t> welcomes_owed_;
-  std::deque<double> versions_;  ///< Of the newest chunks.
+  std::deque<double> versions_;  ///< Versions of the newest chunks.
   Counts counts_;
   std::vector<double> insert_seconds_;
 };

@@ -17,7 +17,7 @@ class ReplySender {
   [[nodiscard]] virtual Sent Send(const transport::PeerId& peer, transport::Message&& message) = 0;
 };
 
-/// Makes a message of a header and a payload. Requires: what `proto::Encode` requires.
+/// Makes a message of a header and a payload. Requires the same as `proto::Encode`.
 inline transport::Message MakeMessage(const proto::Header& header, transport::Frame payload = {}) {
   return {transport::Frame::Copy(proto::Encode(header, payload.bytes())), std::move(payload)};
 }

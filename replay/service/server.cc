@@ -319,7 +319,7 @@ void ReplayServer::Refuse(const PeerId& peer, const proto::Refusal& refusal) {
 }
 
 void ReplayServer::Forget(const PeerId& peer) {
-  // The reference may point into what is erased below.
+  // The reference may point into an object that is erased below.
   // NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
   const PeerId id = peer;
   inserts_->Gone(id);

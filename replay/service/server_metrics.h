@@ -26,7 +26,7 @@ class ServerMetrics {
 
   ServerMetrics(metrics::Registry& registry, const ReplayServerSpec& spec);
 
-  /// Shows what this start recovered from disk.
+  /// Shows the data that this start recovered from disk.
   void ShowRecovery(const Recovered& recovered);
   /// Counts a message that was decoded.
   void CountMessage(const proto::Header& header) { messages_[header.index()].Increment(); }

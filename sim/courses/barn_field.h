@@ -59,7 +59,7 @@ class FieldGrid {
   std::array<std::uint32_t, kFieldSize> rows_{};
 };
 
-/// The cells where the robot's centre must not be: those with an obstacle among the 5 x 5 cells
+/// The cells where the robot's centre must not be: the cells with an obstacle among the 5 x 5 cells
 /// round them. Cells beyond the field count as free.
 FieldGrid InflateByRobot(const FieldGrid& obstacles);
 

@@ -23,8 +23,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Where the data are published: by Perille et al. 2020, and with the obstacles that move by Xu et
-/// al.
+/// Sites that publish the data: of Perille et al. 2020, and of Xu et al. with the obstacles that
+/// move.
 constexpr std::string_view kDataSetUrl = "https://www.cs.utexas.edu/~xiao/BARN/BARN.html";
 constexpr std::string_view kRepositoryUrl = "https://github.com/Daffan/ros_jackal";
 
@@ -55,7 +55,7 @@ std::map<int, fs::path> ListWorlds(const fs::path& directory) {
   return worlds;
 }
 
-/// `worlds`: where world_N.world lie.
+/// `worlds`: the directory of the files world_N.world.
 std::optional<fs::path> FindPathFile(const fs::path& worlds, int number) {
   const std::string name = fmt::format("path_{}.npy", number);
   for (const fs::path& path :
@@ -66,8 +66,8 @@ std::optional<fs::path> FindPathFile(const fs::path& worlds, int number) {
   return std::nullopt;
 }
 
-/// Where world_N.world lie: in `directory` itself or, as in the data set of Perille et al., in its
-/// world_files/.
+/// The directory of the files world_N.world: `directory` itself or, as in the data set of Perille
+/// et al., its world_files/.
 fs::path WorldsIn(const fs::path& directory) {
   const fs::path inside = directory / "world_files";
   std::error_code error;
@@ -106,7 +106,7 @@ std::vector<Cell> ReadCells(const IntegerTable& path, const std::string& source)
   return cells;
 }
 
-/// The field's obstacles. None: not all of the world lies on the lattice.
+/// The field's obstacles. Empty if not all of the world lies on the lattice.
 std::optional<FieldGrid> ReadField(const World& world) {
   if (!world.boxes.empty()) return std::nullopt;
   FieldGrid field;
@@ -127,7 +127,7 @@ Bounds BoundsWith(const World& world) {
   return bounds;
 }
 
-/// The course of world `number` with the motions of its kind; `world`: null, where it is not there.
+/// The course of world `number` with the motions of its kind; `world` is null if it is not there.
 Course MakeMovingCourse(const DynamicMotions& motions, int number, const World* world,
                         const fs::path& world_path) {
   const std::vector<MovingObstacle>& moving = motions.worlds.at(number);
@@ -149,7 +149,7 @@ CourseKind KindOf(int number, const Course& course) {
                                                        : CourseKind::kDynamicWall;
 }
 
-/// What the import says of worlds that are somehow remarkable.
+/// Numbers of the worlds that the import remarks on.
 struct Remarks {
   std::vector<int> mended, without_path, without_motion, without_fixed;
 };

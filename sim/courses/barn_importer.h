@@ -25,21 +25,21 @@ struct BarnImport {
 
 /// Makes the course of one world. `path` holds (row, col) cells of the field and may be null.
 ///
-/// Start, goal and bounds are those of the static courses. A world whose obstacles all lie on the
-/// lattice gets its difficulty measured along the path. Throws `Error` that names `source` if
+/// Start, goal and bounds are the same as in the static courses. A world whose obstacles all lie on
+/// the lattice gets its difficulty measured along the path. Throws `Error` that names `source` if
 /// `path` is not a path through the field or the course cannot be driven (`WhyUnsolvable`).
 /// Requires: world.num_moving_models == 0.
 Course MakeImportedCourse(std::string name, const World& world, const IntegerTable* path,
                           const std::string& source);
 
 /// Imports every world_N.world of `directory` as course "barn-NNN". If `directory` holds none,
-/// takes those of its world_files/. Looks for the path of a world in path_files/, beside the world,
-/// and in a path_files/ beside the world's directory.
+/// imports the worlds of its world_files/. Looks for the path of a world in path_files/, beside the
+/// world, and in a path_files/ beside the world's directory.
 ///
-/// Moving obstacles follow the files in `motions` (`ReadMotions`), or those in `directory` if
+/// Moving obstacles follow the files in `motions` (`ReadMotions`), or the files in `directory` if
 /// `motions` is not given. Their courses are "barn-box-NNN" and "barn-wall-NNN", with the fixed
-/// obstacles of their world, or with those of the motions' own files if `directory` has no such
-/// world. A world without known motion is skipped.
+/// obstacles of their world, or of the motions' own files if `directory` has no such world. A world
+/// without known motion is skipped.
 ///
 /// Throws `Error` that names file and reason if a file cannot be read or made a course, if a world
 /// and its motions differ in the number of moving obstacles, if `motions` holds no motions, or if

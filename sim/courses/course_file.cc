@@ -339,9 +339,9 @@ class Parser {
   bool ended_ = false;
   std::optional<Course> course_;              // Between "course" and "end".
   bool in_moving_ = false;                    // Key lines may follow: for course_->moving.back().
-  int moving_line_ = 0;                       // Where that began.
-  std::set<std::string, std::less<>> seen_;   // Lines of `course_` that may stand once.
-  std::set<std::string, std::less<>> names_;  // Of the courses in `set_`.
+  int moving_line_ = 0;                       // Line on which that obstacle began.
+  std::set<std::string, std::less<>> seen_;   // Lines of `course_` that may stand only once.
+  std::set<std::string, std::less<>> names_;  // Names of the courses in `set_`.
   CourseSet set_;
 };
 

@@ -67,7 +67,7 @@ bool MayMove(const FieldGrid& blocked, Cell from, int move) {
   return !(is_diagonal && blocked.filled({to.row, from.col}) && blocked.filled({from.row, to.col}));
 }
 
-/// A* over states; `FindPath` says what is sought.
+/// A* over states; `FindPath` describes the path.
 class PathSearch {
  public:
   PathSearch(const FieldGrid& blocked, Cell exit)

@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// "PREFIX:SEED:COUNT" and what makes these courses.
+/// "PREFIX:SEED:COUNT" and the generator of these courses.
 struct FreshSource {
   std::string_view prefix;
   CourseSet (*generate)(std::uint64_t seed, int count);
@@ -119,7 +119,7 @@ CourseSet ResolveGenerated(const std::string& spec, const FreshSource& source) {
   return set;
 }
 
-/// The number of "real-world-NUMBER", where there is such a course.
+/// The number of "real-world-NUMBER", if there is such a course.
 std::optional<int> RealWorldNumber(std::string_view name) {
   int number = 0;
   if (!name.starts_with(kRealWorldPrefix)) return std::nullopt;

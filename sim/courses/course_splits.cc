@@ -25,7 +25,7 @@ constexpr int kTest[] = {250, 292, 97,  162, 219, 125, 142, 289, 1,   106, 227, 
                          32,  14,  96,  139, 212, 245, 84,  156, 128, 58,  48};
 
 constexpr int kNumStatic = 300;
-constexpr int kNumDynamic = 100;  // Of each kind; the first half is for training.
+constexpr int kNumDynamic = 100;  // Courses of each kind; the first half is for training.
 
 constexpr std::string_view kNames[] = {"static",
                                        "static-test",

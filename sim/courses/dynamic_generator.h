@@ -8,12 +8,12 @@
 #include "sim/courses/course.h"
 
 /// Generators of courses with moving obstacles like worlds 300 to 499 of the original data set
-/// (docs/original-system.md, sections 7.2 and 7.3). The program that made those is not published,
-/// so these draw from distributions fitted to what was published; docs/courses.md sets both side by
-/// side.
+/// (docs/original-system.md, sections 7.2 and 7.3). The program that made those worlds is not
+/// published, so these generators draw from distributions fitted to the published ones;
+/// docs/courses.md sets both side by side.
 ///
 /// A course is a function of (seed, index) alone, with the same bits on every machine. Start, goal
-/// and frame are those of the static courses.
+/// and frame are the same as in the static courses.
 
 namespace slalom::sim {
 

@@ -41,7 +41,7 @@ std::vector<std::string_view> Split(std::string_view text, char separator) {
 /// line.
 class Table {
  public:
-  /// Throws `Error` where the file cannot be read or has other columns.
+  /// Throws `Error` if the file cannot be read or has other columns.
   Table(const fs::path& path, std::string_view columns)
       : source_(path.string()), text_(base::ReadFile(path)), columns_(Split(columns, ',')) {
     const std::vector<std::string_view> lines = Split(text_, '\n');
@@ -96,7 +96,7 @@ class Table {
   const std::string text_;
   const std::vector<std::string_view> columns_;
   std::vector<std::vector<std::string_view>> rows_;
-  std::vector<std::size_t> line_numbers_;  // Of each row.
+  std::vector<std::size_t> line_numbers_;  // Line of each row.
 };
 
 int ReadWorldNumber(const Table& table, std::size_t row, CourseKind kind) {

@@ -3,9 +3,9 @@
 #include "sim/courses/course.h"
 
 /// Stand-ins for the three places where the paper drove a real robot (Xu et al., sections III-D and
-/// IV-E). The plans of those places are not published, so the courses share with them only what the
-/// paper says. They were laid out by hand and never change. Each has a frame of its own, with the
-/// start at the origin facing +x.
+/// IV-E). The plans of those places are not published, so the courses share with them only the
+/// facts in the paper. They were laid out by hand and never change. Each has a frame of its own,
+/// with the start at the origin facing +x.
 ///
 /// - real-world-1: three rows of cardboard boxes with gaps; 6.0 m straight, 7.35 m of path;
 /// - real-world-2: three rooms, two doorways, tables, chairs; 7.58 m straight, 8.56 m of path;

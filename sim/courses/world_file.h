@@ -20,8 +20,9 @@ struct World {
 ///
 /// A damaged end is mended and reported in `has_damaged_end`: a missing last '>', or stray text
 /// after "</sdf>". Worlds 300 to 399 of the original end in `</sdf>"`, which strict parsers refuse.
-/// Throws `Error` that names `source` if the text is damaged elsewhere or holds what a course
-/// cannot: another shape, a tilted shape, or a model that is neither static nor driven by a plugin.
+/// Throws `Error` that names `source` if the text is damaged elsewhere or holds things that a
+/// course cannot: another shape, a tilted shape, or a model that is neither static nor driven by a
+/// plugin.
 World ParseWorld(std::string_view text, std::string_view source);
 
 /// Reads a .world file. Throws `Error` as `ParseWorld` does, or if the file cannot be read.

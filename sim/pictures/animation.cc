@@ -16,10 +16,10 @@ namespace slalom::sim {
 namespace {
 
 constexpr double kMaxScale = 64.0;        // [pixels/m]
-constexpr double kMaxRowHeight = 720.0;   // Of a course, [pixels].
+constexpr double kMaxRowHeight = 720.0;   // Largest height of a course, [pixels].
 constexpr double kMinScale = 4.0;         // [pixels/m]; below, nothing can be made out.
-constexpr double kMaxSide = 8000.0;       // Of the picture, [pixels].
-constexpr double kKeyTime = 0.05;         // Between the poses of a motion that are looked at, [s].
+constexpr double kMaxSide = 8000.0;       // Largest side of the picture, [pixels].
+constexpr double kKeyTime = 0.05;         // Time between poses of a motion that are checked, [s].
 constexpr double kAnglePerLength = 10.0;  // [rad/m]
 
 void RequirePlayable(const EpisodeTrack& track, const std::string& source) {
@@ -34,7 +34,7 @@ void RequirePlayable(const EpisodeTrack& track, const std::string& source) {
 double WidthOf(const Bounds& view) { return view.max_W.x - view.min_W.x; }
 double HeightOf(const Bounds& view) { return view.max_W.y - view.min_W.y; }
 
-/// What is shown of a panel's course. `around`: as in the options.
+/// The part of a panel's course that is shown. `around`: as in the options.
 Bounds ViewOf(const AnimationPanel& panel, double around) {
   if (!(around > 0.0)) return sim::ViewOf({panel.course.get(), panel.tracks});
   Bounds near{panel.course->goal_W, panel.course->goal_W};
@@ -48,10 +48,10 @@ Bounds ViewOf(const AnimationPanel& panel, double around) {
 struct Row {
   std::size_t begin = 0;
   std::size_t end = 0;
-  double width = 0.0;   ///< Of their views together, [m].
-  double height = 0.0;  ///< Of the highest, [m].
+  double width = 0.0;   ///< Width of their views together, [m].
+  double height = 0.0;  ///< Height of the highest, [m].
 
-  /// Of the space between and beside them, [pixels].
+  /// Width of the space between and beside them, [pixels].
   double margins() const { return static_cast<double>(end - begin + 1) * kPanelMargin; }
 };
 
@@ -82,7 +82,7 @@ double Deviation(const PoseKey& first, const PoseKey& last, const PoseKey& key) 
                   std::abs(key.pose.yaw - even.yaw) / kAnglePerLength);
 }
 
-/// Appends what is needed of keys[first + 1] ... keys[last] where keys[first] is there.
+/// Appends the needed ones of keys[first + 1] ... keys[last], if keys[first] is there already.
 void AppendNeeded(const std::vector<PoseKey>& keys, std::size_t first, std::size_t last,
                   double tolerance, std::vector<PoseKey>& needed) {
   std::size_t worst = first;
@@ -241,7 +241,7 @@ std::vector<PoseKey> KeysOf(const MovingObstacle& obstacle, double begin, double
   std::vector<PoseKey> needed;
   double time = 0.0;
   while (true) {
-    // Where this round ends: at a jump, or with the picture.
+    // The end of this round: at a jump, or with the picture.
     const double round_end =
         (std::floor((begin + time) / motion.period() + 1e-9) + 1.0) * motion.period() - begin;
     const double end = jumps ? std::min(duration, round_end) : duration;

@@ -47,7 +47,7 @@ Context MakeContext(cairo_surface_t* surface) {
   return context;
 }
 
-/// A text around `middle`, made smaller where it is wider than `room`.
+/// Paints a text around `middle`, smaller if it is wider than `room`.
 void PaintText(cairo_t* cairo, const std::string& text, double middle, double y, double room,
                Colour colour) {
   cairo_text_extents_t extents;
@@ -170,9 +170,9 @@ struct AnimationFrames::Impl {
   }
 
   const Animation& animation;
-  const Surface ground;  // What stands still.
+  const Surface ground;  // Everything that stands still.
   const Surface frame;
-  std::vector<std::vector<Motion>> motions;  // Of the obstacles, panel by panel.
+  std::vector<std::vector<Motion>> motions;  // Motions of the obstacles, panel by panel.
 };
 
 AnimationFrames::AnimationFrames(const Animation& animation)

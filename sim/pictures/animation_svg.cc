@@ -17,10 +17,10 @@ namespace slalom::sim {
 namespace {
 
 constexpr double kTolerance = 0.4;      // [pixels]
-constexpr double kScanInterval = 0.2;   // Between two scans that are shown, [s].
-constexpr std::size_t kMaxBeams = 60;   // Of a scan that is shown.
+constexpr double kScanInterval = 0.2;   // Time between two scans that are shown, [s].
+constexpr std::size_t kMaxBeams = 60;   // Beams of a scan that is shown.
 constexpr double kGoalTolerance = 0.4;  // [m]
-constexpr double kLineHeight = 16.0;    // Of the clock, [pixels].
+constexpr double kLineHeight = 16.0;    // Height of the clock's line, [pixels].
 
 constexpr std::string_view kStyle =
     ":root{color-scheme:light dark}"
@@ -356,7 +356,7 @@ class Writer {
   const Animation& animation_;
   const double speed_;
   const double loop_;
-  const PanelPlace* place_ = nullptr;  ///< Of the panel that is written.
+  const PanelPlace* place_ = nullptr;  ///< Place of the panel that is written.
   std::string text_;
 };
 

@@ -46,7 +46,7 @@ class CoursePainter {
   void PaintFixed(const Course& course);
   /// Draws a moving obstacle at one of its poses.
   void PaintMovingAt(const MovingObstacle& obstacle, const base::Pose2& X_WB);
-  /// Draws a line through where the robot was.
+  /// Draws a line through the robot's past places.
   void PaintTrail(std::span<const base::Vec2> points, Colour colour);
   /// Draws the robot filled, with a mark that points ahead.
   void PaintRobot(const base::Pose2& X_WR, Colour colour);

@@ -113,7 +113,7 @@ double SideOf(const Bounds& view) {
   return std::max(view.max_W.x - view.min_W.x, view.max_W.y - view.min_W.y);
 }
 
-/// `scale`, or less where a view of this side would exceed `max_side` on the page.
+/// `scale`, or less if a view of this side would exceed `max_side` on the page.
 double ScaleFor(double side, double scale, double max_side) {
   return std::max(kMinScale, std::min(scale, max_side / side));
 }
@@ -136,7 +136,7 @@ void PaintScene(Page& page, const CourseScene& scene, const Bounds& view, double
   cairo_restore(cairo);
 }
 
-/// What the legend of these scenes says, entry by entry.
+/// An entry of the scenes' legend.
 struct LegendEntry {
   std::string text;
   std::function<void(CoursePainter&, base::Vec2)>

@@ -10,7 +10,7 @@ namespace slalom::sim {
 
 enum class PictureFormat { kSvg, kPng };
 
-/// A course and what was driven on it.
+/// A course and the drives on it.
 struct CourseScene {
   const Course* course = nullptr;
   std::span<const EpisodeTrack> tracks;  ///< Drawn as they are; may be empty.

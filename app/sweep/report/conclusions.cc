@@ -45,7 +45,7 @@ ConclusionFigure JudgeRow(const SweepResults& results, const Conclusion& conclus
   return figure;
 }
 
-/// The verdict on all rows: that of the worst.
+/// The verdict on all rows: the worst of theirs.
 ConclusionVerdict Overall(const std::vector<ConclusionFigure>& figures) {
   for (const ConclusionVerdict verdict :
        {ConclusionVerdict::kDoesNotHold, ConclusionVerdict::kMissing,

@@ -12,7 +12,7 @@
 
 namespace slalom::sweep {
 
-/// What results say of a conclusion.
+/// Whether the results support a conclusion.
 enum class ConclusionVerdict {
   kHolds,        ///< The whole interval lies where the conclusion says.
   kDoesNotHold,  ///< The whole interval lies elsewhere.
@@ -25,8 +25,8 @@ std::string_view ToString(ConclusionVerdict verdict);
 struct ConclusionFigure {
   std::string row;
   std::string than;  ///< The row that was subtracted; empty: none was.
-  /// In the quantity's own unit, with its 95 % interval over seeds and courses. None: missing, or
-  /// no episode has the quantity.
+  /// In the quantity's own unit, with its 95 % interval over seeds and courses. Empty if a row is
+  /// missing or no episode has the quantity.
   std::optional<eval::Estimate> estimate;
   ConclusionVerdict verdict = ConclusionVerdict::kMissing;
 };

@@ -80,7 +80,7 @@ CurveTables TablesOfCurve(const SweepResults& results, std::span<const RowScore>
   return curve;
 }
 
-/// Training time at each point, [s]; empty where one of them is not known.
+/// Training time at each point, [s]; empty if one of them is not known or they do not rise.
 std::vector<double> SecondsOf(const SweepResults& results, std::size_t cell,
                               std::span<const std::int64_t> steps) {
   std::vector<double> seconds;

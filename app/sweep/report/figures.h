@@ -16,11 +16,11 @@ namespace slalom::sweep {
 
 /// One quantity of one row.
 struct QuantityFigures {
-  /// Over the episodes of all seeds. None: no episode has it.
+  /// Estimate over the episodes of all seeds. Empty if no episode has the quantity.
   std::optional<eval::Estimate> estimate;
-  /// Mean of the seeds' values, as papers print it. None: no seed has one.
+  /// Mean of the seeds' values, as papers print it. Empty if no seed has one.
   std::optional<double> seed_mean;
-  /// Standard deviation of the seeds' values (n - 1). None: fewer than two seeds have one.
+  /// Standard deviation of the seeds' values (n - 1). Empty if fewer than two seeds have one.
   std::optional<double> seed_deviation;
 };
 
@@ -34,15 +34,15 @@ struct Published {
 /// One row of one score's table.
 struct RowFigures {
   std::size_t row = 0;  ///< Index in `SweepResults::rows`.
-  int num_seeds = 0;    ///< That were evaluated.
+  int num_seeds = 0;    ///< Seeds that were evaluated.
   int num_planned = 0;
   int num_courses = 0;                               ///< 0: no seed.
-  int num_episodes = 0;                              ///< Of all seeds.
+  int num_episodes = 0;                              ///< Episodes of all seeds.
   std::vector<QuantityFigures> quantities;           ///< As `kQuantities`.
-  std::optional<eval::Estimate> interquartile_mean;  ///< Of success. None: no seed.
-  std::optional<eval::Estimate> lowest_twentieth;    ///< Of success. None: no seed.
+  std::optional<eval::Estimate> interquartile_mean;  ///< Of success; empty: no seed.
+  std::optional<eval::Estimate> lowest_twentieth;    ///< The same, of the lowest 5 %.
   std::vector<std::vector<Published>> published;     ///< For each quantity.
-  /// Of the training until then: means over the seeds of which they are known. None: of none.
+  /// Means of the training until then, over the seeds that have them. Empty if no seed has them.
   std::optional<double> steps;
   std::optional<double> updates;
   std::optional<double> imagined;  ///< Transitions that a model imagined.
@@ -67,11 +67,11 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
 struct LearningCurve {
   struct Point {
     double steps = 0.0;
-    std::optional<double> seconds;  ///< Mean over the seeds. None: not known of each of them.
+    std::optional<double> seconds;  ///< Mean over the seeds, [s]; empty if one is not known.
     eval::Estimate success;
   };
   std::size_t row = 0;
-  int num_seeds = 0;  ///< That have every snapshot. The others are not in the curve.
+  int num_seeds = 0;  ///< Seeds that have every snapshot. The others are not in the curve.
   int num_planned = 0;
   std::vector<Point> points;  ///< By steps, at least two.
   /// The curve's mean height between its first and last point, over steps and over seconds.

@@ -16,7 +16,7 @@ namespace {
 
 double Rounded(double value) { return std::round(10.0 * value); }
 
-constexpr std::size_t kMaxColumns = 12;  // Of one table: what fits across a page.
+constexpr std::size_t kMaxColumns = 12;  // Columns of a table that fit across a page.
 constexpr std::size_t kMaxRowsSideBySide = 7;
 
 /// "Success rate (%) (↑)"
@@ -27,7 +27,7 @@ std::string QuantityHead(const Quantity& quantity) {
                      quantity.higher_is_better ? "↑" : "↓");
 }
 
-/// The share of the planned seeds that a row has: "1/3". Empty: it has all.
+/// The share of the planned seeds that a row has: "1/3". Empty if it has all.
 std::string Fraction(const RowFigures& row) {
   if (row.num_seeds == row.num_planned) return "";
   return fmt::format("{}/{}", row.num_seeds, row.num_planned);
@@ -51,14 +51,14 @@ GridCell CellOf(const std::optional<Published>& published, std::size_t q) {
   return cell;
 }
 
-/// What stands in a cell of a grid: a row of a score; null: nothing.
+/// The content of a cell of a grid: a quantity of a row of a score. Empty if `row` is null.
 struct Place {
   const RowFigures* row = nullptr;
   std::size_t quantity = 0;
   int num_columns = 1;
 };
 
-/// A line with the numbers of its places, and below it those of each source.
+/// A line with the numbers of its places, and below it the published numbers of each source.
 GridLine MakeLine(std::string head, const std::vector<Place>& places) {
   GridLine line{std::move(head), {}, {}};
   std::vector<std::string> sources;
@@ -237,7 +237,7 @@ std::vector<Grid> AxesTables(const ReportContent& content) {
   return grids;
 }
 
-/// What the rows' names say, as a head.
+/// The head of the column with the rows' names.
 std::string RowHead(const ReportContent& content) {
   const auto& names = content.cells.axis_names;
   return names.empty() ? "Methods" : fmt::format("{}", fmt::join(names, " / "));
@@ -341,7 +341,7 @@ Grid SnapshotTable(const ReportContent& content, const ScoreContent& score) {
 }
 
 /// The fraction of the planned seeds that all rows with more than one planned seed have: "1/3".
-/// Empty: they have all, or not all have the same.
+/// Empty if they have all, or if their fractions differ.
 std::string SeedsOfAll(const ReportContent& content) {
   std::set<std::string> fractions;
   const auto add = [&](std::span<const RowFigures> rows) {

@@ -20,7 +20,7 @@ std::size_t WidthOf(const std::string& text) {
       text, [](char c) { return (static_cast<unsigned char>(c) & 0xc0u) != 0x80u; }));
 }
 
-/// "74.2 (70.1 - 78.0)", and how many seeds it is from where some are missing.
+/// "74.2 (70.1 - 78.0)", and the number of its seeds if some are missing.
 std::string SummaryCell(const RowScore& score) {
   if (score.seeds.empty()) return "-";
   const eval::Estimate success = eval::BootstrapMean(RateTable(score, kQuantities[0]));

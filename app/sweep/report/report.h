@@ -43,23 +43,22 @@ std::string RowCsv(const ReportContent& content);
 /// Returns the tables of `MakeGrids` in LaTeX, with booktabs and multirow.
 std::string LatexReport(const ReportContent& content);
 
-/// Returns the report in Markdown: provenance, a table for each score, comparisons of rows, and
-/// what is missing.
+/// Returns the report in Markdown: provenance, a table for each score, comparisons of rows, and the
+/// missing results.
 std::string MarkdownReport(const ReportContent& content);
 
-/// Returns its part that goes into a page with several reports: where the numbers come from, and
-/// the tables in the paper's layout.
+/// Returns its part that goes into a page with several reports: the source of the numbers, and the
+/// tables in the paper's layout.
 std::string MarkdownSummary(const ReportContent& content);
 
-/// Returns the first table in the paper's layout. Empty: there is none.
+/// Returns the first table in the paper's layout, or an empty text if there is none.
 std::string MarkdownTable(const ReportContent& content);
 
-/// Returns a table of the conclusions of several plans: each with its figures and what they say of
-/// it.
+/// Returns a table of the conclusions of several plans: each with its figures and its verdict.
 std::string MarkdownConclusions(std::span<const ReportContent> contents);
 
-/// Returns a Markdown page with its blocks replaced. A block lies between two lines and has
-/// one of these beginnings, where NAME is the name of a plan:
+/// Returns a Markdown page with its blocks replaced. A block lies between two lines and has one of
+/// these beginnings, with the name of a plan for NAME:
 ///
 ///     <!-- sweep table NAME -->     `MarkdownTable`
 ///     <!-- sweep summary NAME -->   `MarkdownSummary`

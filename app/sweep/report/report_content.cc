@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// "200k steps", "100k to 2M steps": the least and the most of what trainings were given.
+/// "200k steps", "100k to 2M steps": the least and the largest budget of the trainings.
 std::string Span(const std::set<double>& values, const std::function<std::string(double)>& print) {
   const std::string least = print(*values.begin());
   const std::string most = print(*values.rbegin());

@@ -28,7 +28,7 @@ struct ScoreContent {
   std::string overlap;
   std::vector<RowFigures> rows;
   std::vector<RowFigures> snapshots;         ///< Row by row, by steps, the finished policies last.
-  std::vector<std::int64_t> snapshot_steps;  ///< Of each of `snapshots`; 0: finished.
+  std::vector<std::int64_t> snapshot_steps;  ///< Steps of each of `snapshots`; 0: finished.
   std::vector<LearningCurve> curves;
   std::vector<Profile> profiles;
   RowPairs pairs;
@@ -40,9 +40,9 @@ struct ReportContent {
   const Cells& cells;
   SweepResults results;
   std::string title;
-  /// Where the numbers come from: names and values, as text.
+  /// Sources of the numbers: names and values, as text.
   std::vector<std::pair<std::string, std::string>> provenance;
-  /// What a reader must know before reading a number, in sentences.
+  /// Sentences that a reader must know before any number.
   std::vector<std::string> warnings;
   std::vector<ScoreContent> scores;           ///< In the plan's order.
   std::vector<JudgedConclusion> conclusions;  ///< In the plan's order.

@@ -105,7 +105,7 @@ PageJson FailuresJson(const ReportContent& content) {
   return failures;
 }
 
-/// What the page shows, as `eval::JsonForPage`.
+/// The data that the page shows, as `eval::JsonForPage`.
 std::string SweepPageData(const ReportContent& content) {
   PageJson data = {{"title", content.title},
                    {"progress", ProgressText(content.results)},

@@ -106,7 +106,7 @@ class BeamCnn : public InferenceEncoder {
     return static_cast<std::int64_t>(size.out_positions) * size.out_channels;
   }
 
-  /// Writes what the linear layer reads of one sample: [L * C + H * S]. frames: [H, F].
+  /// Writes the linear layer's inputs for one sample: [L * C + H * S]. frames: [H, F].
   void Convolve(const float* frames, float* flat) {
     const std::int64_t ranges = sizes_.front().in_positions;
     float* const channels = channels_.data();

@@ -19,7 +19,7 @@ namespace slalom::nn {
 /// kernels of its own and without LibTorch or a BLAS. It drives robots, actors and evaluators.
 ///
 /// The result has the same bits on every processor and, without dropout, in every batch. They are
-/// those of `nn::Network` on a processor with AVX2 and FMA, unless a layer has more than
+/// the bits of `nn::Network` on a processor with AVX2 and FMA, unless a layer has more than
 /// `kMaxSmallDepth` inputs, which training leaves to the BLAS. Confined to one thread at a time.
 /// Movable.
 class InferenceNetwork {
@@ -56,7 +56,7 @@ class InferenceNetwork {
 
   /// Input of layer i: the network's input, or the output of the layer before it.
   Rows LayerInput(int layer);
-  /// Copies the extra inputs to where the head reads them.
+  /// Copies the extra inputs to the place where the head reads them.
   void CopyExtra();
 
   NetworkShape shape_;
@@ -65,7 +65,7 @@ class InferenceNetwork {
   std::vector<Layer> layers_;
   std::int64_t batch_ = 0;
   Buffer input_;                     // [B, I + E]
-  std::vector<Buffer> layer_input_;  // [B, inputs of the layer]; empty for what reads `input_`
+  std::vector<Buffer> layer_input_;  // [B, inputs of the layer]; empty if it reads `input_`
   Buffer normal_, rstd_;             // [B, widest], [B, 1], of LayerNorm
   Buffer output_;                    // [B, O]
 };

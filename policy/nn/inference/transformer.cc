@@ -31,7 +31,7 @@ void CheckEncoder<EncoderKind::kTransformer>(const NetworkConfig& config) {
 template <>
 std::vector<ParameterSlot> EncoderSlotsOf<EncoderKind::kTransformer>(const NetworkConfig& config,
                                                                      int frame_size) {
-  constexpr double kGpt2Deviation = 0.02;  // Of the weights in a block, as the original's library.
+  constexpr double kGpt2Deviation = 0.02;  // Spread of a block's weights in the original's library.
   ParameterSlots slots;
   const std::int64_t width = config.encoder_layers.front();
   const auto add = [&slots](const std::string& name, std::int64_t outputs, std::int64_t inputs) {
@@ -164,7 +164,7 @@ class Transformer : public InferenceEncoder {
     ApplyDropoutMask(mask, y);
   }
 
-  /// Reads `stream_` [N, W] and leaves there what the block gives on, [M, W].
+  /// Reads `stream_` [N, W] and overwrites it by the block's output, [M, W].
   void ForwardBlock(const Block& block, base::Random* dropout) {
     const std::int64_t rows = batch_ * history_;
     const bool is_last = block.newest_query.has_value();
@@ -212,13 +212,13 @@ class Transformer : public InferenceEncoder {
   NamedNorm norm_;
   std::int64_t batch_ = 0;
   Buffer embedded_;    // [N, W]
-  Buffer stream_;      // [N, W], what goes from block to block
+  Buffer stream_;      // [N, W], passed from block to block
   Buffer normalised_;  // [N, W]
   Buffer query_;       // [B, W]
   Buffer products_;    // [N, 3 W]
   Buffer weights_;     // [B, A, H, H]
   Buffer attended_;    // [N, W]
-  Buffer middle_;      // [N, W], with what attention added
+  Buffer middle_;      // [N, W], after attention is added
   Buffer up_;          // [N, 4 W]
   Buffer activated_;   // [N, 4 W]
   Buffer unit_;        // [W], a row before gain and bias

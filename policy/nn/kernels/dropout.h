@@ -28,7 +28,7 @@ class Dropout {
   double rate_ = 0.0;
   base::Random* random_ = nullptr;
   at::Tensor mask_;
-  at::Tensor host_mask_;  // float32; mask_ itself where that is so, too
+  at::Tensor host_mask_;  // float32; mask_ itself if that is float32 in host memory
 };
 
 }  // namespace slalom::nn

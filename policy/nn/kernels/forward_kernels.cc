@@ -12,7 +12,7 @@ namespace slalom::nn {
 namespace {
 
 constexpr float kNormEpsilon = 1e-5f;
-/// Rows whose sums are taken together, so that no row waits for those of another.
+/// Rows whose sums are taken together, so that no row waits for another's.
 constexpr std::int64_t kNormBlock = 8;
 
 SLALOM_ALWAYS_INLINE float SquaredDistances(const float* __restrict x, float mean, std::int64_t n) {
@@ -240,7 +240,7 @@ void AttendRows(const AttentionSizes& s, Rows query, Rows key, Rows value, const
 
 void DrawDropoutMask(double rate, base::Random& random, std::span<float> mask) {
   SLALOM_CHECK(rate > 0.0 && rate < 1.0);
-  // Two numbers from each word of the stream, kept where they are not below the rate.
+  // Each word of the stream gives two numbers. A unit is kept if its number is not below the rate.
   const std::uint32_t limit = static_cast<std::uint32_t>(std::lround(std::ldexp(rate, 31)));
   const float scale = static_cast<float>(1.0 / (1.0 - rate));
   for (std::size_t i = 0; i < mask.size(); i += 2) {

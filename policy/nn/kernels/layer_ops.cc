@@ -59,7 +59,7 @@ SLALOM_SIMD void MaskByPositive(const float* y, std::int64_t y_stride, float* dy
   }
 }
 
-/// Rows whose sums are taken together, so that no row waits for those of another.
+/// Rows whose sums are taken together, so that no row waits for another's.
 constexpr std::int64_t kRowBlock = 8;
 
 struct GradientSums {
@@ -90,7 +90,7 @@ SLALOM_ALWAYS_INLINE GradientSums ScaleGradient(const float* __restrict gain,
   return {LaneSum(sum), LaneSum(dot)};
 }
 
-/// `rows` <= kRowBlock. `dgain` and `dbias` are added to, where they are not null.
+/// `rows` <= kRowBlock. Adds to `dgain` and `dbias` if they are not null.
 SLALOM_SIMD void NormaliseRowsGradient(const float* __restrict gain, std::int64_t rows,
                                        std::int64_t n, const float* __restrict y,
                                        std::int64_t y_stride, const float* __restrict normal,

@@ -24,12 +24,12 @@ void LinearWeightGradient(const at::Tensor& x, const at::Tensor& dy, at::Tensor&
                           Into into = Into::kReplace);
 
 /// dx = dy w, the gradient by x. If x = max(0, ...) is the output of a ReLU, `relu_output` is that
-/// x and dx is passed back through the ReLU: 0 where x <= 0. Otherwise `relu_output` is an
-/// undefined tensor. dx: [B, I]. Requires: no `relu_output` with `Into::kAdd`.
+/// x, and dx is passed back through the ReLU: 0 if x <= 0. Otherwise `relu_output` is an undefined
+/// tensor. dx: [B, I]. Requires: no `relu_output` with `Into::kAdd`.
 void LinearInputGradient(const at::Tensor& dy, const at::Tensor& w, const at::Tensor& relu_output,
                          at::Tensor& dx, Into into = Into::kReplace);
 
-/// dy = 0 where y, which came out of a ReLU, is 0. Both [B, O].
+/// Sets dy to 0 if y, the output of a ReLU, is 0. Both [B, O].
 void ReluGradient(const at::Tensor& y, at::Tensor& dy);
 
 /// LayerNorm over each row and ReLU, in place: y = max(0, gain * normal + bias), normal = (y -

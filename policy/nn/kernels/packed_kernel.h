@@ -8,7 +8,7 @@
 
 namespace slalom::nn {
 
-/// The functions of one instruction set; `SmallGemmKernel` says what they do.
+/// The functions of one instruction set; `SmallGemmKernel` explains them.
 struct PackedKernel {
   std::int64_t (*packed_columns)(std::int64_t n);
   void (*pack)(const float* w, std::int64_t ldw, std::int64_t n, std::int64_t k, float* panels);
@@ -16,7 +16,7 @@ struct PackedKernel {
 };
 
 // Each in a source of its own, compiled for its instruction set. The portable one serves every
-// processor, and is what ARM runs.
+// processor, and ARM runs it.
 extern const PackedKernel kPortablePackedKernel;
 extern const PackedKernel kAvx2PackedKernel;
 extern const PackedKernel kAvx512PackedKernel;

@@ -7,7 +7,7 @@ namespace slalom::nn {
 /// The rows of a float32 matrix. With a stride of 0, one row stands for all. A view.
 struct Rows {
   float* data = nullptr;
-  std::int64_t stride = 0;  ///< Numbers from the beginning of a row to that of the next.
+  std::int64_t stride = 0;  ///< Numbers from the beginning of a row to the next row's.
 
   float* operator[](std::int64_t i) const { return data + i * stride; }
 

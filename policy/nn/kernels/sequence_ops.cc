@@ -19,7 +19,7 @@ constexpr double kLayerNormEpsilon = 1e-5;
 constexpr double kGeluScale = 0.79788456080286536;  // sqrt(2 / pi)
 constexpr double kGeluCube = 0.044715;
 
-/// dx may be dy where it is not added to.
+/// dx may be dy if not `add`.
 SLALOM_SIMD void NormaliseRowGradient(const float* __restrict gain, std::int64_t n,
                                       const float* __restrict normal, float rstd, const float* dy,
                                       bool add, float* dx, float* __restrict dgain,

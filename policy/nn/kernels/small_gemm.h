@@ -4,8 +4,8 @@
 
 #include "policy/nn/kernels/cpu_features.h"
 
-/// Matrix products as small as those of a fully connected layer, for which a BLAS spends a good
-/// part of its time outside the product itself.
+/// Matrix products as small as a fully connected layer's. A BLAS spends a good part of its time on
+/// them outside the product itself.
 
 namespace slalom::nn {
 

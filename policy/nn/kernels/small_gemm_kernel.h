@@ -302,7 +302,7 @@ class SmallGemmKernel {
     }
   }
 
-  /// Scalar products of the rows of A with those of B^T.
+  /// Scalar products of the rows of A with the rows of B^T.
   static void RunNarrow(const GemmTask& task, float* scratch) {
     const float* b = task.b;
     std::int64_t ldb = task.ldb;

@@ -17,10 +17,10 @@
 namespace slalom::engines {
 namespace {
 
-constexpr double kStep = 1e-3;       // About so long is a step of an engine, [s].
+constexpr double kStep = 1e-3;       // Approximate duration of an engine's step, [s].
 constexpr double kMostLift = 0.1;    // [m]
-constexpr double kFastest = 20.0;    // Of obstacles, 2 cm in a step, [m/s].
-constexpr double kThinnest = 0.002;  // Of obstacles, [m].
+constexpr double kFastest = 20.0;    // Highest speed of obstacles, 2 cm in a step, [m/s].
+constexpr double kThinnest = 0.002;  // Least width of obstacles, [m].
 
 void RequireThick(const std::string& course, std::string_view physics, const char* what,
                   std::size_t index, double size) {

@@ -14,7 +14,7 @@ namespace {
 // docs/original-system.md, section 1.1.
 const Eigen::Matrix3d kChassisInertia{
     {0.3136, -0.0008, 0.0164}, {-0.0008, 0.3922, -0.0009}, {0.0164, -0.0009, 0.4485}};
-constexpr double kAxleHeight = 0.0345;    // Of the axles in C, [m].
+constexpr double kAxleHeight = 0.0345;    // Height of the axles in C, [m].
 constexpr double kThinnestWheel = 0.001;  // A body needs some width, [m].
 constexpr double kWheelMass = 0.477;
 const Eigen::Vector3d kWheelInertia{0.0013, 0.0024, 0.0013};
@@ -58,7 +58,7 @@ void RequireBuildable(const sim::RobotConfig& config, std::string_view physics) 
   }
 }
 
-/// Whether the outline is that of chassis and wheels together.
+/// Whether the outline is the one of chassis and wheels together.
 bool OutlineIsFilled(const sim::RobotConfig& config) {
   const double length =
       std::max(config.wheel_base + 2.0 * config.wheel_radius, 2.0 * kChassisBox.half_size[0]);
@@ -67,7 +67,7 @@ bool OutlineIsFilled(const sim::RobotConfig& config) {
          std::abs(config.width - width) < kSameLength;
 }
 
-/// Gives the chassis its mass, its centre and its inertia: what the wheels leave of the robot's.
+/// Gives the chassis its mass, its centre and its inertia: the robot's without the wheels'.
 void SpreadMass(const sim::RobotConfig& config, std::string_view physics, Jackal& jackal) {
   const double mass = jackal.chassis_mass = config.mass - kNumWheels * kWheelMass;
   const double share = config.mass / mass;

@@ -19,15 +19,15 @@
 namespace slalom::engines {
 namespace {
 
-constexpr int kFirstObstacle = 1;      // Of the geoms; the ground comes first.
-constexpr int kFirstHinge = 6;         // Of the velocities; the free joint has six.
+constexpr int kFirstObstacle = 1;      // Index among the geoms; the ground comes first.
+constexpr int kFirstHinge = 6;         // Index among the velocities; the free joint has six.
 constexpr double kSettlingTime = 2.0;  // [s]
 
 /// Bits of MuJoCo's contype and conaffinity, which say which geoms meet.
 constexpr int kMeetsGround = 1;
 constexpr int kMeetsObstacles = 2;
 
-// So much that no contact slows a wheel down by more than a millionth in a step, [kg m^2].
+// With this inertia no contact slows a wheel down by more than a millionth in a step, [kg m^2].
 constexpr double kWheelArmature = 1000.0;
 
 std::string Text(const Eigen::Vector3d& v) { return fmt::format("{} {} {}", v[0], v[1], v[2]); }
@@ -154,7 +154,7 @@ MujocoWorld::MujocoWorld(const mjModel& model, double wheel_radius, const Rest* 
   }
 }
 
-/// Lets the robot settle where the model has it and keeps its pose at rest.
+/// Lets the robot settle where the model puts it, and keeps its pose at rest.
 void MujocoWorld::Settle() {
   const int num_steps = static_cast<int>(std::lround(kSettlingTime / model_->opt.timestep));
   for (int k = 0; k < num_steps; ++k) Step({}, {});

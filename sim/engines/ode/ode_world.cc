@@ -15,15 +15,15 @@ namespace slalom::engines {
 namespace {
 
 constexpr int kNumParts = 1 + kNumWheels;  // The chassis and the wheels.
-constexpr int kMostPoints = 8;             // Of contact between two shapes.
+constexpr int kMostPoints = 8;             // Points of contact between two shapes.
 constexpr int kMostPushed = 8;             // Moving obstacles that are touched at once.
-constexpr double kStiffness = 1e7;         // Of a contact, [N/m].
-constexpr double kDamping = 2.0;           // Of a contact, both surfaces together, [N s/m].
-constexpr double kSurfaceLayer = 1e-3;     // How deep things sink at rest, [m].
+constexpr double kStiffness = 1e7;         // Stiffness of a contact, [N/m].
+constexpr double kDamping = 2.0;           // Damping of a contact, both surfaces together, [N s/m].
+constexpr double kSurfaceLayer = 1e-3;     // Depth to which bodies sink at rest, [m].
 constexpr double kSettlingTime = 0.3;      // [s]
-constexpr double kMotorTorque = 1e6;       // So much that wheels turn exactly as asked, [N m].
+constexpr double kMotorTorque = 1e6;       // Torque with which wheels turn exactly as asked, [N m].
 
-/// What draws the order of the constraints in the step that this thread does.
+/// Generator that draws the order of the constraints in this thread's step.
 thread_local base::Random* order_of_this_step = nullptr;
 
 struct PartPose {
@@ -63,7 +63,7 @@ class OdeWorld final : public World {
   dBodyID PushedBody(const sim::MovingShape& obstacle);
 
   const double step_;          // [s]
-  const double height_;        // Of C above level ground, at rest, [m].
+  const double height_;        // Height of C above level ground, at rest, [m].
   const double wheel_radius_;  // [m]
   const double wheel_friction_;
   const double obstacle_friction_;
@@ -72,7 +72,7 @@ class OdeWorld final : public World {
 
   dThreadingImplementationID threading_;
   dWorldID world_;
-  dJointGroupID contacts_;  // Of this step.
+  dJointGroupID contacts_;  // Contacts of this step.
   dGeomID ground_;
   dGeomID cylinder_, box_;  // Take the shape and place of one obstacle after the other.
   std::array<dBodyID, kNumParts> parts_{};
@@ -81,7 +81,7 @@ class OdeWorld final : public World {
   std::array<dBodyID, kMostPushed> pushed_{};  // Moving obstacles that are touched.
   int num_pushed_ = 0;
   Rest rest_{};
-  base::Random order_;  // Of constraints.
+  base::Random order_;  // Order of constraints.
 };
 
 OdeWorld::OdeWorld(const Jackal& jackal, double step, const Rest* rest)
@@ -331,7 +331,7 @@ std::vector<std::unique_ptr<World>> MakeOdeWorlds(const Jackal& jackal, double s
 }  // namespace slalom::engines
 
 /// Takes the place of ODE's own function, which draws from one generator for the whole process:
-/// with that, a drive would depend on what other threads do meanwhile.
+/// with that, a drive would depend on the work of other threads meanwhile.
 extern "C" int dRandInt(int n) {
   slalom::base::Random* const order = slalom::engines::order_of_this_step;
   SLALOM_CHECK(order != nullptr);
