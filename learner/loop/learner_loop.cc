@@ -7,11 +7,14 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
 #include "learner/run/run_directory.h"
+#include "metrics/catalogue.h"
+#include "metrics/learning_figures.h"
 
 namespace slalom::learner {
 namespace {
@@ -39,6 +42,38 @@ std::int64_t DirectoryBytes(const fs::path& directory) {
 }
 
 }  // namespace
+
+LearnerMetrics::LearnerMetrics(metrics::Registry& registry)
+    : registry_(registry),
+      updates_(registry.counter(metrics::kUpdates)),
+      update_seconds_(registry.histogram(metrics::kUpdateSeconds)) {
+  registry_.counter(metrics::kCheckpoints);
+  registry_.counter(metrics::kCheckpointFailures);
+  registry_.gauge(metrics::kCheckpointTimestamp).Set(base::UnixSeconds());
+}
+
+void LearnerMetrics::AddUpdate(double seconds) { update_seconds_.Observe(seconds); }
+
+void LearnerMetrics::SetLearning(const run::MetricsRow& row) {
+  updates_.RaiseTo(static_cast<double>(row.updates));
+  if (row.updates_per_s > 0.0) metrics::ShowLearning(row.learning, registry_);
+}
+
+void LearnerMetrics::AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates) {
+  registry_.counter(metrics::kCheckpoints).Increment();
+  registry_.gauge(metrics::kCheckpointTimestamp).Set(base::UnixSeconds());
+  registry_.gauge(metrics::kCheckpointSeconds).Set(seconds);
+  registry_.gauge(metrics::kCheckpointBytes).Set(static_cast<double>(bytes));
+  registry_.gauge(metrics::kCheckpointUpdates).Set(static_cast<double>(updates));
+}
+
+void LearnerMetrics::AddFailedCheckpoint() {
+  registry_.counter(metrics::kCheckpointFailures).Increment();
+}
+
+void LearnerMetrics::SetFinished(bool finished) {
+  registry_.gauge(metrics::kRunFinished).Set(finished ? 1.0 : 0.0);
+}
 
 LearnerLoop::LearnerLoop(LoopPlan plan, Learner& learner, BatchSource& source, PolicySink& sink,
                          metrics::Registry& registry, run::TrainingClock clock)
@@ -253,7 +288,6 @@ void LearnerLoop::Checkpoint() {
         nn::SaveTensors(run::CheckpointFiles{directory}.learner(), tensors, {});
         state["unpublished"] = unpublished_;
         state["unobserved"] = unobserved_;
-        state["finished"] = run_.AtLimit();  // For those who go back to the version before.
         state["nothing_learned"] = run_.watch().nothing_learned();
         source_.Save(directory, state);
       });

@@ -9,8 +9,8 @@
 
 #include "learner/learner.h"
 #include "learner/loop/batch_source.h"
-#include "learner/loop/learner_metrics.h"
 #include "learner/loop/policy_sink.h"
+#include "learner/run/metrics_log.h"
 #include "learner/run/training_run.h"
 #include "metrics/registry.h"
 
@@ -39,6 +39,24 @@ enum class TrainingEnd {
                     ///< (`run::LearningWatch`). A checkpoint is saved, but no policy.
   kWasFinished,  ///< A resumed run that was at its limit already. The policy is written if a crash
                  ///< at the end of the run has left it out; nothing else happens.
+};
+
+/// The metrics of a process that learns. Confined to one thread.
+class LearnerMetrics {
+ public:
+  explicit LearnerMetrics(metrics::Registry& registry);
+
+  void AddUpdate(double seconds);
+  /// Sets the learner's own columns of a row.
+  void SetLearning(const run::MetricsRow& row);
+  void AddCheckpoint(double seconds, std::int64_t bytes, std::int64_t updates);
+  void AddFailedCheckpoint();
+  void SetFinished(bool finished);
+
+ private:
+  metrics::Registry& registry_;
+  metrics::Counter updates_;
+  metrics::Histogram update_seconds_;
 };
 
 /// Trains a learner from a source of batches to the end of its run: updates, publishes policies,

@@ -10,13 +10,30 @@
 #include "learner/service/actor_figures.h"
 #include "learner/service/batch_stream.h"
 #include "learner/service/policy_server.h"
-#include "learner/service/stream_metrics.h"
 #include "metrics/registry.h"
 #include "proto/messages.h"
 #include "proto/transport/client.h"
 #include "proto/transport/context.h"
 
 namespace slalom::learner {
+
+/// The metrics of a stream of batches from a replay server. Confined to one thread.
+class StreamMetrics {
+ public:
+  explicit StreamMetrics(metrics::Registry& registry);
+
+  void AddBatch();
+  /// Adds time spent waiting for batches. After 10 s without a batch, this becomes the registry's
+  /// fault, which the health check shows, until a batch comes.
+  void AddWait(double seconds);
+  void SetStream(int in_flight, double policy_lag, int connections);
+
+ private:
+  metrics::Registry& registry_;
+  metrics::Counter batches_;
+  metrics::Counter waited_;
+  double waiting_s_ = 0.0;  ///< Since the last batch.
+};
 
 /// A source of batches from a replay server, to which it also sends the learner's reports.
 class RemoteSource final : public BatchSource {
