@@ -52,6 +52,7 @@ EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config, Evaluat
               }) {
   if (fs::exists(best())) best_success_rate_ = scores_.best_before();
   registry_.counter(metrics::kEvaluations);
+  registry_.counter(metrics::kPoliciesRejected);
 }
 
 void EvaluatorService::Listen() {
