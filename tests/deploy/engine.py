@@ -139,6 +139,7 @@ class Engine:
         else:
             self.build_image_of(program)
         self("build", "--tag", PROMETHEUS_IMAGE, "--build-arg", f"BASE={BASE}", ROOT / "deploy/prometheus")
+        self("run", "--rm", IMAGE, "config", "print", "configs/fast.toml")  # Presets are found by name.
         size = int(self.inspect(IMAGE, "{{.Size}}"))
         say(f"{IMAGE} has {size / 1e6:.0f} MB")
 
