@@ -101,7 +101,7 @@ class _Described:
 
 Seeds = Union[int, Sequence[Optional[int]], None]
 Observations = Union[dict[str, np.ndarray], np.ndarray]
-Courses = Union[str, os.PathLike]
+NameOrPath = Union[str, os.PathLike]
 
 
 class VectorEnvironment(_Described, VectorEnv):
@@ -303,10 +303,10 @@ def _mode_name(mode):
     return text
 
 
-def make_vec(courses: Courses = "static-train-50", num_envs: int = 64, *,
+def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
              observation: Literal["frame", "vector"] = "frame", autoreset_mode: Any = "SameStep",
-             copy: bool = True, threads: int = 1, profile: Courses | Sequence[Courses] = (),
-             collection: Courses = "", generator_seed: int = 1, physics: str = "slalom",
+             copy: bool = True, threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (),
+             collection: NameOrPath = "", generator_seed: int = 1, physics: str = "slalom",
              **sections: dict[str, Any]) -> VectorEnvironment:
     """Makes `num_envs` environments on a set of courses.
 
@@ -332,9 +332,9 @@ def make_vec(courses: Courses = "static-train-50", num_envs: int = 64, *,
     return VectorEnvironment(core, observation, mode, copy)
 
 
-def make(courses: Courses = "static-train-50", *,
+def make(courses: NameOrPath = "static-train-50", *,
          observation: Literal["frame", "vector"] = "frame",
-         profile: Courses | Sequence[Courses] = (), collection: Courses = "",
+         profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
          generator_seed: int = 1, physics: str = "slalom",
          **sections: dict[str, Any]) -> Environment:
     """Makes one environment. The arguments are those of `make_vec`."""

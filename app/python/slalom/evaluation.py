@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from . import _slalom
-from .environment import Courses, _settings, _toml
+from .environment import NameOrPath, _settings, _toml
 from .policy import Policy
 
 
@@ -64,9 +64,9 @@ def _rows(text):
 
 
 def evaluate(agent: Policy | Callable[[Any, np.ndarray], np.ndarray],
-             courses: Courses = "static-test", *, name: str = "", episodes: int = 10, seed: int = 1,
+             courses: NameOrPath = "static-test", *, name: str = "", episodes: int = 10, seed: int = 1,
              protocol: str = "paper", observation: Literal["frame", "vector"] = "frame",
-             threads: int = 1, profile: Courses | Sequence[Courses] = (), collection: Courses = "",
+             threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
              generator_seed: int = 1, physics: str = "slalom",
              evaluation: dict[str, Any] | None = None,
              **sections: dict[str, Any]) -> Evaluation:
