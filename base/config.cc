@@ -367,6 +367,31 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
   ReadTable(table, "", source, readers);
 }
 
+/// In the form of `PrintValue`: `PrintNode` puts texts between single quotes.
+std::string PrintAsConfig(const toml::node& node) {
+  if (const toml::array* array = node.as_array()) {
+    std::vector<std::string> texts;
+    for (const toml::node& element : *array) texts.push_back(PrintAsConfig(element));
+    return fmt::format("[{}]", fmt::join(texts, ", "));
+  }
+  auto text = node.value_exact<std::string>();
+  if (!text) return PrintNode(node);
+  return PrintValue(
+      {.key = "", .value = &*text, .range = {}, .choices = {}, .unit = "", .meaning = ""});
+}
+
+void FlattenTable(const toml::table& table, const std::string& prefix, std::string_view source,
+                  base::TomlAssignments& values) {
+  for (const auto& [name, node] : table) {
+    const std::string key = prefix + std::string(name.str());
+    if (node.is_table()) {
+      FlattenTable(*node.as_table(), key + ".", source, values);
+    } else {
+      values.push_back({key, {PrintAsConfig(node), Where(source, node)}});
+    }
+  }
+}
+
 }  // namespace
 
 std::filesystem::path Locate(const std::filesystem::path& path) {
@@ -396,6 +421,13 @@ bool HasKey(const FieldList& list, std::string_view key) { return Find(list, key
 
 void ReadToml(std::string_view text, std::string_view source, const FieldList& list) {
   ReadTable(Parse(text, source), "", source, {list});
+}
+
+base::TomlAssignments FlattenToml(std::string_view text, std::string_view source) {
+  base::TomlAssignments values;
+  FlattenTable(Parse(text, source), "", source, values);
+  std::ranges::sort(values, {}, &base::TomlAssignment::key);
+  return values;
 }
 
 void ApplyOverride(std::string_view assignment, const FieldList& list) {

@@ -156,6 +156,10 @@ std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
 /// Reads TOML from a text. Errors call it `source`.
 void ReadToml(std::string_view text, std::string_view source, const FieldList& list);
 
+/// Returns every key of a TOML text, sorted, with its value in the form of `PrintValue`. Tables
+/// inside are flattened ("learner.gamma"). Errors call the text `source`.
+base::TomlAssignments FlattenToml(std::string_view text, std::string_view source);
+
 /// Applies one command-line override "a.b=value". The value is TOML; a bare word is a string.
 void ApplyOverride(std::string_view assignment, const FieldList& list);
 

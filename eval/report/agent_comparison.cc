@@ -12,7 +12,6 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "eval/csv_field.h"
-#include "eval/report/comparison.h"
 #include "eval/report/embedded_page.h"
 #include "eval/report/table_text.h"
 
@@ -233,6 +232,7 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
     }
   }
   CorrectPValues(comparison.pairs);
+  comparison.settings = FindSettingDifferences(results, agents);
   comparison.notes = NotesFor(comparison, successes);
   for (const AgentResults& agent : agents) {
     for (const std::size_t r : agent.results) {
@@ -359,7 +359,7 @@ std::string MarkdownOf(const AgentComparison& comparison) {
   text += fmt::format("\n{}\n", kLegend);
   for (const std::string& note : comparison.notes)
     text += fmt::format("\n{}\n", EscapeMarkdown(note));
-  return text;
+  return text + MarkdownOf(comparison.settings, 2);
 }
 
 std::string CsvOf(const AgentComparison& comparison) {
@@ -394,6 +394,7 @@ std::string ComparisonPageData(const AgentComparison& comparison) {
                          {"num_courses", comparison.num_courses},
                          {"thresholds", comparison.thresholds},
                          {"notes", comparison.notes},
+                         {"settings", JsonOf(comparison.settings)},
                          {"agents", nlohmann::json::array()},
                          {"pairs", nlohmann::json::array()}};
   for (const AgentFigures& agent : comparison.agents) data["agents"].push_back(AgentJson(agent));

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "eval/report/comparison.h"
 #include "eval/report/result.h"
+#include "eval/report/setting_differences.h"
 #include "eval/statistics/bootstrap.h"
 #include "eval/statistics/permutation.h"
 #include "eval/statistics/score_table.h"
@@ -14,12 +16,6 @@
 /// numbers are made and read.
 
 namespace slalom::eval {
-
-/// An agent and its evaluations, one for each seed that it was trained with.
-struct AgentResults {
-  std::string label;                 ///< Unique.
-  std::vector<std::size_t> results;  ///< Indices, at least one.
-};
 
 /// Throws `base::Error` that names two files and their difference unless all results are of one
 /// protocol, on the same courses, with equally many episodes on each course from the same starts.
@@ -73,6 +69,7 @@ struct AgentComparison {
   std::vector<AgentFigures> agents;
   std::vector<AgentPair> pairs;    ///< Every two agents, in order.
   std::vector<std::string> notes;  ///< Sentences that a reader of the numbers needs.
+  std::vector<SettingDifferences> settings;
 };
 
 /// Compares the agents. Ten agents of five seeds on 300 courses take about a second.
@@ -81,7 +78,8 @@ AgentComparison CompareAgents(std::span<const Result> results, std::span<const A
                               const BootstrapOptions& bootstrap = {},
                               const PermutationOptions& permutation = {});
 
-/// Returns the comparison in Markdown: a table of agents, a table of pairs, and the notes.
+/// Returns the comparison in Markdown: a table of agents, a table of pairs, the notes, and a table
+/// of the settings in which agents differ.
 std::string MarkdownOf(const AgentComparison& comparison);
 
 /// Returns CSV with a line for every number: agent, against (of pairs), quantity, threshold (of
@@ -89,7 +87,8 @@ std::string MarkdownOf(const AgentComparison& comparison);
 std::string CsvOf(const AgentComparison& comparison);
 
 /// Returns one HTML page with everything in it, which opens without a network: scores and
-/// differences as dots with their intervals, performance profiles, and every number as a table.
+/// differences as dots with their intervals, performance profiles, every number as a table, and the
+/// settings in which agents differ.
 std::string ComparisonPage(const AgentComparison& comparison);
 
 /// Returns the data of the page as compact JSON (docs/statistics.md, "The page").

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "eval/csv_field.h"
+#include "eval/report/setting_differences.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::eval {
@@ -118,6 +119,12 @@ std::vector<std::string> Labels(std::span<const Result> results) {
   return labels;
 }
 
+std::vector<AgentResults> AgentsOf(const ResultGroup& group, std::span<const std::string> labels) {
+  std::vector<AgentResults> agents;
+  for (const std::size_t r : group.results) agents.push_back({labels[r], {r}});
+  return agents;
+}
+
 std::string ProtocolSentence(const Result& result) {
   const auto value = [&](const char* key) {
     const auto it = result.protocol.find(key);
@@ -172,6 +179,7 @@ std::string MarkdownComparison(std::span<const Result> results) {
       if (overlap.empty()) continue;
       fmt::format_to(out, "\n**Trained on its test:** {}\n", EscapeMarkdown(overlap));
     }
+    text += MarkdownOf(FindSettingDifferences(results, AgentsOf(group, labels)), 3);
   }
   return text;
 }

@@ -16,6 +16,12 @@ struct ResultGroup {
   std::vector<std::size_t> results;  ///< Indices.
 };
 
+/// An agent and its evaluations, one for each seed that it was trained with.
+struct AgentResults {
+  std::string label;                 ///< Unique.
+  std::vector<std::size_t> results;  ///< Indices, at least one.
+};
+
 /// Whether both were driven on the same courses: name of the set, collection, and the courses
 /// themselves.
 [[nodiscard]] bool HaveSameCourses(const Result& a, const Result& b);
@@ -29,6 +35,9 @@ std::vector<ResultGroup> GroupByCourses(std::span<const Result> results);
 /// number.
 std::vector<std::string> Labels(std::span<const Result> results);
 
+/// Returns an agent of one result for each result of the group. `labels`: of all results.
+std::vector<AgentResults> AgentsOf(const ResultGroup& group, std::span<const std::string> labels);
+
 /// Returns a sentence with the rules of the result's protocol.
 std::string ProtocolSentence(const Result& result);
 
@@ -37,7 +46,8 @@ std::string ProtocolSentence(const Result& result);
 std::string OverlapSentence(const Result& result, const std::string& label);
 
 /// Returns a Markdown table per group, with 95 % intervals. Below it, a note names each policy that
-/// was trained on courses of the group.
+/// was trained on courses of the group, and a table shows the settings in which its agents differ
+/// (`FindSettingDifferences`).
 std::string MarkdownComparison(std::span<const Result> results);
 
 /// Returns CSV with one line per result: every statistic with both ends of its interval. The cells

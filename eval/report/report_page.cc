@@ -12,6 +12,7 @@
 #include "eval/report/difficulty_bins.h"
 #include "eval/report/embedded_page.h"
 #include "eval/report/paired_comparison.h"
+#include "eval/report/setting_differences.h"
 #include "sim/courses/motion.h"
 
 namespace slalom::eval {
@@ -154,7 +155,8 @@ Json PairsJson(const ResultGroup& group, std::span<const Result> results) {
   return json;
 }
 
-Json GroupJson(const ResultGroup& group, std::span<const Result> results, double frame_time) {
+Json GroupJson(const ResultGroup& group, std::span<const Result> results,
+               std::span<const std::string> labels, double frame_time) {
   const Result& first = results[group.results.front()];
   Json courses = Json::array();
   for (const auto& course : first.course_set_data.courses) {
@@ -164,7 +166,8 @@ Json GroupJson(const ResultGroup& group, std::span<const Result> results, double
           {"results", group.results},
           {"courses", std::move(courses)},
           {"measures", MeasuresJson(group, results)},
-          {"pairs", PairsJson(group, results)}};
+          {"pairs", PairsJson(group, results)},
+          {"settings", JsonOf(FindSettingDifferences(results, AgentsOf(group, labels)))}};
 }
 
 // ---- Tracks
@@ -307,7 +310,7 @@ std::string ReportPageData(std::span<const Result> results) {
     data["results"].push_back(ResultJson(results[r], labels[r], thinning));
   }
   for (const ResultGroup& group : groups) {
-    data["groups"].push_back(GroupJson(group, results, frame_time));
+    data["groups"].push_back(GroupJson(group, results, labels, frame_time));
   }
   return JsonForPage(data);
 }

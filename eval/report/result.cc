@@ -8,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/json.h"
@@ -232,6 +233,17 @@ std::optional<TrainingOverlap> ReadOverlap(const ObjectReader& provenance) {
   return TrainingOverlap{overlap.Count("courses"), overlap.Count("of"), overlap.Text("trained_on")};
 }
 
+/// Empty if the file does not hold the config, as archives of sweeps.
+std::map<std::string, std::string> ReadSettings(const ObjectReader& provenance) {
+  std::map<std::string, std::string> settings;
+  if (!provenance.HasValue("config")) return settings;
+  const std::string source = provenance.file() + ": provenance.config";
+  for (auto& [key, value] : config::FlattenToml(provenance.Text("config"), source)) {
+    settings.emplace(key, std::move(value.text));
+  }
+  return settings;
+}
+
 void ReadCoursesAndTracks(const fs::path& courses_file, const fs::path& tracks_file,
                           Result& result) {
   result.course_set_data = sim::ReadCourseSet(courses_file);
@@ -299,6 +311,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
   result.source = provenance.Text("source");
   result.collection = provenance.Text("collection");
   result.commit = provenance.Text("commit");
+  result.settings = ReadSettings(provenance);
   result.training_overlap = ReadOverlap(provenance);
   for (const Json& profile : provenance.List("profiles")) {
     if (!profile.is_string()) provenance.Fail("a profile", profile, "a text");

@@ -46,6 +46,7 @@ struct Result {
   std::string course_set;
   std::string collection;  ///< Empty for the built-in courses.
   std::string commit;
+  std::map<std::string, std::string> settings;      ///< Its config, TOML by key. Empty: not known.
   std::optional<TrainingOverlap> training_overlap;  ///< Empty if not known, or for a planner.
   std::string physics = "slalom";                   ///< The physics that moved the robot.
   std::string physics_version;                      ///< Empty if not known.

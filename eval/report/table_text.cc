@@ -64,6 +64,11 @@ std::string CsvEstimate(const std::optional<Estimate>& estimate) {
 
 std::string EscapeMarkdown(std::string_view text) { return Escape(text, "\\|`*_[]<>#"); }
 
+std::string MarkdownCode(std::string_view text) {
+  const bool is_safe = !text.empty() && text.find_first_of("`|\\\r\n") == std::string_view::npos;
+  return is_safe ? fmt::format("`{}`", text) : EscapeMarkdown(text);
+}
+
 std::string EscapeLatex(std::string_view text) {
   std::string escaped;
   for (const char c : text) {

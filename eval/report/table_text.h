@@ -53,6 +53,9 @@ std::string CsvEstimate(const std::optional<Estimate>& estimate);
 /// Escapes characters that Markdown would read as its own. Line breaks become spaces.
 std::string EscapeMarkdown(std::string_view text);
 
+/// Returns the text as code in a cell of a Markdown table; escaped instead if code cannot hold it.
+std::string MarkdownCode(std::string_view text);
+
 /// Escapes characters that LaTeX would read as its own. Line breaks become spaces.
 std::string EscapeLatex(std::string_view text);
 

@@ -315,6 +315,16 @@ TEST(ConfigPrintTest, ChangesDoNotDependOnKeysAtTheirDefaultsOrOnTheirOrder) {
   EXPECT_EQ(Changes(NextVersion{.added = 8, .kept = changed}), "added = 8\n" + Changes(changed));
 }
 
+TEST(ConfigPrintTest, FlattensATextWhoseKeysNobodyKnows) {
+  const base::TomlAssignments values =
+      FlattenToml("z = 0.1\n[b.c]\nname = \"x y\"\nlist = [1, 2.5, \"u\"]\n", "a file");
+  std::vector<std::string> lines;
+  for (const auto& [key, value] : values) lines.push_back(key + " = " + value.text);
+  EXPECT_THAT(lines, ElementsAre("b.c.list = [1, 2.5, \"u\"]", "b.c.name = \"x y\"", "z = 0.1"));
+  EXPECT_THAT([] { (void)FlattenToml("a = 1\nb = ", "a file"); },
+              testing::ThrowsMessage<base::Error>(HasSubstr("a file:2: not valid TOML")));
+}
+
 TEST(ConfigPrintTest, MarkdownHoldsEveryField) {
   Outer config;
   const std::string page = PrintMarkdown(ListFields(config));

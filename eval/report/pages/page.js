@@ -67,6 +67,19 @@ function figureCell(figure, estimate, attributes = {}) {
   return cell;
 }
 
+// ---- Settings in which agents differ: a heading and a table for each kind of agent.
+
+// A key as code that may break after its dots.
+function keyNode(key) {
+  return element('code', {}, ...key.split('.').flatMap((part, i) => (i === 0 ? [part] : ['.', element('wbr'), part])));
+}
+
+function settingTables(settings) {
+  return settings.flatMap(({title, labels, rows}) => [element('h2', {}, title),
+    scrollTable('settings', ['Key', ...labels], rows.map(([key, ...values]) => element('tr', {'data-setting': key},
+      element('td', {}, keyNode(key)), ...values.map((value) => element('td', {}, element('code', {}, value))))))]);
+}
+
 // ---- Numbers as text. What is not known (null) is a dash.
 
 const UNKNOWN = '–';

@@ -200,6 +200,20 @@ TEST(CsvOf, HasALineForEveryNumber) {
   EXPECT_THAT(text, HasSubstr("td3,\"a|b, 5 % <dwa>\",training_p_value,,,,\n"));
 }
 
+TEST(CompareAgents, ShowsTheSettingsInWhichAgentsDiffer) {
+  Study study;
+  for (Result& result : study.results) result.settings = {{"run.max_seconds", "20.0"}};
+  EXPECT_THAT(MarkdownOf(study.Compare()), Not(HasSubstr("Settings")));
+  study.results[2].settings = {{"run.max_seconds", "90.0"}};
+  const AgentComparison comparison = study.Compare();
+  EXPECT_THAT(MarkdownOf(comparison),
+              HasSubstr("\n\n## Settings in which the policies differ\n\n"
+                        "| key | td3 | a\\|b, 5 % \\<dwa\\> |\n|---|---|---|\n"
+                        "| `run.max_seconds` | `20.0` | `90.0` |\n"));
+  const auto data = nlohmann::json::parse(ComparisonPageData(comparison));
+  EXPECT_EQ(data["settings"][0]["rows"][0], nlohmann::json({"run.max_seconds", "20.0", "90.0"}));
+}
+
 TEST(ComparisonPage, HoldsTheNumbersAndNoEndOfItsData) {
   const AgentComparison comparison = Study().Compare();
   const auto data = nlohmann::json::parse(ComparisonPageData(comparison));

@@ -141,7 +141,7 @@ TEST_F(BrowserTest, DrawsEverySectionWithTheFiguresOfTheResults) {
   }
   EXPECT_THAT(dom, HasSubstr("data-ready=\"true\""));
   EXPECT_THAT(dom, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
-  EXPECT_EQ(Count(dom, "data-drawn=\"true\""), 8);
+  EXPECT_EQ(Count(dom, "data-drawn=\"true\""), 9);
   for (std::size_t r = 0; r < 2; ++r) {
     const auto expect = [&](const std::string& key, const Estimate& estimate) {
       const std::string cell = Attribute(
@@ -382,6 +382,28 @@ TEST_F(BrowserTest, ComparesAgentsOnAPageThatFitsAPhone) {
     window.script = std::string(kFindClashes) +
                     "parent.postMessage(`${innerWidth} px: ${clashes}none else`, '*');";
     EXPECT_EQ(RenderInFrame(page, window), fmt::format("{} px: none else", width));
+  }
+}
+
+TEST_F(BrowserTest, ShowsTheSettingsInWhichAgentsDifferAndNoSectionIfNoneDoes) {
+  std::vector<Result> results = Read(
+      {{"a", testing::MakeEvaluation({0.5, 0.5})}, {"b", testing::MakeEvaluation({0.7, 0.5})}});
+  const auto pages = [&results] {
+    const std::vector<AgentResults> agents{{"a", {0}}, {"b", {1}}};
+    return std::vector{ReportPage(results), ComparisonPage(CompareAgents(results, agents))};
+  };
+  for (const std::string& page : pages()) {
+    EXPECT_THAT(Render(page), HasSubstr("<a href=\"#settings\" hidden"));
+  }
+  results[0].settings = {{"dwa.speed", "0.5"}, {"dwa.name", "\"x\""}};
+  results[1].settings = {{"dwa.speed", "\"<i>2\""}, {"dwa.name", "\"x\""}};
+  for (const std::string& page : pages()) {
+    const std::string dom = Render(page);
+    EXPECT_EQ(Count(dom, "data-setting="), 1);
+    EXPECT_EQ(Attribute(dom, "data-setting=", "data-setting"), "dwa.speed");
+    EXPECT_THAT(dom, HasSubstr("Settings in which the planners differ"));
+    EXPECT_THAT(dom, HasSubstr("<code>\"&lt;i&gt;2\"</code>"));
+    EXPECT_THAT(dom, Not(HasSubstr("<a href=\"#settings\" hidden")));
   }
 }
 

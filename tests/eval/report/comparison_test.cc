@@ -65,6 +65,17 @@ TEST(Comparison, MarkdownNotesATestThatWasTrainedOn) {
   EXPECT_THAT(text, Not(HasSubstr("mppi was trained")));
 }
 
+TEST(Comparison, MarkdownShowsTheSettingsInWhichTheAgentsOfAGroupDiffer) {
+  std::vector<Result> results{MakeResult("dwa"), MakeResult("fast"),
+                              MakeResult("dwa", "dynamic-box")};
+  for (Result& result : results) result.settings = {{"dwa.speed", "0.5"}, {"run.seed", "1"}};
+  EXPECT_THAT(MarkdownComparison(results), Not(HasSubstr("Settings")));
+  results[1].settings["dwa.speed"] = "2.0";
+  EXPECT_THAT(MarkdownComparison(results),
+              HasSubstr("|\n\n### Settings in which the planners differ\n\n| key | dwa | fast |\n"
+                        "|---|---|---|\n| `dwa.speed` | `0.5` | `2.0` |\n\n## dynamic-box"));
+}
+
 TEST(Comparison, ShowsContactsWhereCollisionsEndNothing) {
   std::vector<Result> results{MakeResult("dwa")};
   results[0].protocol["collision_ends"] = "false";

@@ -96,6 +96,7 @@ TEST(ReportPageData, HasEveryPairOfAGroupAndWhatWasTrainedOnItsTest) {
   EXPECT_EQ(pairs[2]["same_starts"], true);
   EXPECT_EQ(data["results"][2]["training_overlap"],
             json({{"courses", 2}, {"of", 3}, {"trained_on", "static-train"}}));
+  EXPECT_TRUE(data["groups"][0]["settings"].empty());
   for (const int r : {0, 1, 3}) EXPECT_FALSE(data["results"][r].contains("training_overlap")) << r;
 }
 

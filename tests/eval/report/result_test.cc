@@ -78,6 +78,20 @@ TEST_F(ResultTest, ACompactTextHasTheSameEpisodesAndNoPath) {
   EXPECT_THAT(many, ::testing::Not(HasSubstr("/home")));
 }
 
+TEST_F(ResultTest, HasTheSettingsOfItsConfig) {
+  Provenance provenance = testing::MakeProvenance("dwa");
+  provenance.config = "[run]\nseed = 7\n[learner.inner]\nlayers = [2, 3]\n";
+  WriteReports(testing::MakeEvaluation({0.2, 0.5, 0.8}), provenance, scratch_.path() / "with");
+  EXPECT_EQ(
+      ReadResult(scratch_.path() / "with").settings,
+      (std::map<std::string, std::string>{{"run.seed", "7"}, {"learner.inner.layers", "[2, 3]"}}));
+  EXPECT_TRUE(ReadResult(Write("without")).settings.empty());
+  EXPECT_THAT(ErrorAfter([](json& object) { object["provenance"]["config"] = "[run]\nseed = "; }),
+              HasSubstr("evaluation.json: provenance.config:2: not valid TOML"));
+  EXPECT_THAT(ErrorAfter([](json& object) { object["provenance"]["config"] = 7; }),
+              HasSubstr("provenance.config is 7, expected a text"));
+}
+
 TEST_F(ResultTest, GivesBackWhatWasWritten) {
   const Evaluation evaluation = testing::MakeEvaluation({0.2, 0.5, 0.8});
   Provenance provenance = testing::MakeProvenance("dwa");

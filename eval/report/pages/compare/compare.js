@@ -101,6 +101,9 @@ function main() {
   document.getElementById('provenance').textContent =
     `Made of ${data.agents.flatMap((agent) => agent.files).join(', ')}.`;
   drawNumbers(data);
+  document.getElementById('settings').replaceChildren(...settingTables(data.settings));
+  document.getElementById('settings').hidden = data.settings.length === 0;
+  document.querySelector('nav a[href="#settings"]').hidden = data.settings.length === 0;
   draw();
   redrawOnChange(draw);
   document.body.dataset.ready = 'true';

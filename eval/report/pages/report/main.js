@@ -59,6 +59,7 @@ class Page {
       element('option', {value: m.key}, m.unit ? `${m.name} [${m.unit}]` : m.name)));
     document.getElementById('course').replaceChildren(...this.group.courses.map((course, c) =>
       element('option', {value: c}, course.name)));
+    document.getElementById('settings').replaceChildren(...settingTables(this.group.settings));
     this.fillAgents();
     this.failures.show(this.group);
     this.versus.show(this.group);
@@ -75,6 +76,7 @@ class Page {
     };
     const none = (letters) => this.results().every((result) =>
       result.outcomes.every((course) => ![...course].some((letter) => letters.includes(letter))));
+    hide('settings', this.group.settings.length === 0);
     hide('versus', this.group.results.length < 2);
     hide('failures', none('CT'));
     hide('difficulty', this.group.measures.length === 0);
