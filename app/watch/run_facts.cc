@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "app/train/run_config.h"
@@ -18,6 +20,17 @@ std::string List(const std::vector<int>& numbers) {
   return numbers.empty() ? "none" : fmt::format("{}", fmt::join(numbers, ", "));
 }
 
+/// The lines `key = value` of `config::Changes`.
+std::vector<std::pair<std::string, std::string>> ChangesOf(const train::RunConfig& config) {
+  std::vector<std::pair<std::string, std::string>> changes;
+  std::istringstream lines(config::Changes(config));
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t equals = line.find(" = ");
+    changes.emplace_back(line.substr(0, equals), line.substr(equals + 3));
+  }
+  return changes;
+}
+
 }  // namespace
 
 RunFacts FactsOf(const std::filesystem::path& directory) {
@@ -30,6 +43,7 @@ RunFacts FactsOf(const std::filesystem::path& directory) {
   RunFacts facts;
   facts.max_steps = config.run.max_steps;
   facts.max_seconds = config.run.max_seconds;
+  facts.changes = ChangesOf(config);
   facts.lines = {
       {"Directory", directory.string()},
       {"Algorithm", config.method.learner.algorithm},

@@ -50,6 +50,7 @@ Json SummaryJson(const RunProgress& run) {
 Json RunJson(const RunProgress& run, const RunFacts& facts) {
   Json json = SummaryJson(run);
   json["facts"] = facts.lines;
+  json["changes"] = facts.changes;
   json["curves"] = ColumnsJson(run.metrics);
   json["scores"] = ColumnsJson(run.scores);
   return json;

@@ -20,6 +20,8 @@ struct RunFacts {
   std::int64_t max_steps = 0;                                ///< 0 if not known.
   double max_seconds = 0.0;                                  ///< 0 for no limit.
   std::vector<std::pair<std::string, std::string>> lines{};  ///< Name and value, in order.
+  /// Keys of the config that are not at their defaults, and their values as TOML.
+  std::vector<std::pair<std::string, std::string>> changes{};
 };
 
 enum class RunState {

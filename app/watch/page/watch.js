@@ -120,6 +120,9 @@ function showFacts(run) {
   byId('facts').hidden = run.facts.length === 0;
   byId('facts-table').replaceChildren(...run.facts.map(([name, value]) =>
     element('tr', {}, element('td', {}, name), element('td', {}, value))));
+  byId('changes').hidden = run.changes.length === 0;
+  byId('changes-table').replaceChildren(...run.changes.map(([key, value]) =>
+    element('tr', {'data-change': key}, element('td', {}, keyNode(key)), element('td', {}, element('code', {}, value)))));
 }
 
 function show(run) {

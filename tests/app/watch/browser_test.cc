@@ -39,7 +39,9 @@ class WatchBrowserTest : public ::testing::Test {
       root(),
       {.facts =
            [](const fs::path&) {
-             return RunFacts{.max_steps = 80000, .lines = {{"Algorithm", "<i>td3</i>"}}};
+             return RunFacts{.max_steps = 80000,
+                             .lines = {{"Algorithm", "<i>td3</i>"}},
+                             .changes = {{"courses.train", "\"<u>mine\""}}};
            },
        .drives =
            [](const fs::path&) {
@@ -69,6 +71,8 @@ TEST_F(WatchBrowserTest, ShowsTheRunThatWasWrittenLast) {
   EXPECT_THAT(dom, ::testing::Not(HasSubstr("data-chart=\"Entropy\"")));
   EXPECT_THAT(dom, HasSubstr("src=\"/run/%3Cb%3Eone.svg?1\""));
   EXPECT_THAT(dom, HasSubstr("&lt;i&gt;td3&lt;/i&gt;"));
+  EXPECT_THAT(dom, HasSubstr("data-change=\"courses.train\""));
+  EXPECT_THAT(dom, HasSubstr("<code>\"&lt;u&gt;mine\"</code>"));
 }
 
 TEST_F(WatchBrowserTest, OpensAPageThatHoldsItsRunWithoutAServer) {
@@ -83,6 +87,7 @@ TEST_F(WatchBrowserTest, OpensAPageThatHoldsItsRunWithoutAServer) {
   EXPECT_THAT(dom, HasSubstr("data-chart=\"Test scores, 95 % intervals\""));
   EXPECT_THAT(dom, HasSubstr("data-point=\"0.625\""));
   EXPECT_THAT(dom, HasSubstr("<section id=\"drives\" hidden=\"\">"));
+  EXPECT_THAT(dom, HasSubstr("<div id=\"changes\" hidden=\"\">"));
 }
 
 TEST_F(WatchBrowserTest, AxesHaveRoundNumbersAndHoldZero) {
