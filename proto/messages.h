@@ -61,7 +61,7 @@ struct Hello {
     v(1, SLALOM_FIELD(role), Name{}, "role: actor, learner, evaluator, operator");
     v(2, SLALOM_FIELD(name), Name{}, "name of the process, the same after a restart");
     v(3, SLALOM_FIELD(session), Related{"an actor's: 1 or more"},
-      "session; rises with each start of an actor; 0 for a peer that inserts nothing");
+      "session; rises with each start of the process");
     v(4, SLALOM_FIELD(spec_hash), Any{}, "spec hash: of what is observed and commanded");
     v(5, SLALOM_FIELD(num_beams), In{0, kMaxBeams}, "beams in a scan");
     v(6, SLALOM_FIELD(num_streams), In{0, kMaxStreams},

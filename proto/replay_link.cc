@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "base/clock.h"
 #include "base/error.h"
 #include "base/log.h"
 
@@ -24,11 +25,17 @@ bool IsForGood(proto::RefusalCode code) {
          code == proto::RefusalCode::kWrongSpec;
 }
 
+/// The hello of a process, whose session is its start if its role does not count sessions, [us].
+proto::Hello WithSession(proto::Hello hello) {
+  if (hello.session == 0) hello.session = static_cast<std::uint64_t>(1e6 * base::UnixSeconds());
+  return hello;
+}
+
 }  // namespace
 
 ReplayLink::ReplayLink(transport::Context& context, const transport::ClientOptions& replay,
                        proto::Hello hello)
-    : client_(context, replay), endpoint_(replay.endpoint), hello_(std::move(hello)) {}
+    : client_(context, replay), endpoint_(replay.endpoint), hello_(WithSession(std::move(hello))) {}
 
 void ReplayLink::SetHello(proto::Hello hello) {
   hello_ = std::move(hello);
@@ -54,11 +61,12 @@ std::optional<ReplayLink::Received> ReplayLink::Receive(std::chrono::millisecond
   heard_at_ = steady_clock::now();
   unanswered_ = 0;
   if (const auto* refusal = std::get_if<proto::Refusal>(&*header)) {
-    if (IsForGood(refusal->code)) {
+    const bool is_replaced = refusal->code == proto::RefusalCode::kReplaced;
+    if (IsForGood(refusal->code) || (is_replaced && hello_.role != "actor")) {
       throw base::Error(fmt::format("the replay server at {} refuses this process: {} ({})",
                                     endpoint_, refusal->text, proto::ToString(refusal->code)));
     }
-    if (refusal->code != proto::RefusalCode::kReplaced) {
+    if (!is_replaced) {
       if (!welcomed_) return std::nullopt;
       spdlog::warn("replay server at {}: {} ({})", endpoint_, refusal->text,
                    proto::ToString(refusal->code));

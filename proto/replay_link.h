@@ -15,6 +15,7 @@ namespace slalom::service {
 /// Confined to one thread.
 class ReplayLink {
  public:
+  /// A session of 0 stands for the time of this call, so that it rises with each start.
   ReplayLink(transport::Context& context, const transport::ClientOptions& replay,
              proto::Hello hello);
 
@@ -31,11 +32,12 @@ class ReplayLink {
   };
   /// Returns the next message for the role: a welcome, an acknowledgement, a sample, a status, or a
   /// refusal. Returns nothing if none came within `timeout`, or if the link handled it itself.
-  /// Throws `base::Error` if the server refuses this process for good (key, version, spec).
+  /// Throws `base::Error` if the server refuses this process for good (key, version, spec, or
+  /// another process of this role and name that started later; an actor is told that by a refusal).
   ///
   /// The link ignores the refusal of a message that was sent before the hello on a new connection.
   /// It logs any other refusal and says hello again; the role then sends again from the place that
-  /// the welcome names. Only `kReplaced`, which answers a hello, is left to the role.
+  /// the welcome names. It leaves only `kReplaced`, which answers an actor's hello, to the role.
   std::optional<Received> Receive(std::chrono::milliseconds timeout);
 
   /// Sends a message. Returns false if that is impossible now (no connection, or a full queue).

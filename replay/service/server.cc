@@ -65,6 +65,17 @@ bool MaySend(std::string_view role, const proto::Header& header) {
   return false;
 }
 
+/// Tells a process that the process of `session`, which started later, has its role and name.
+proto::Refusal Replaced(const proto::Hello& hello, std::uint64_t session) {
+  spdlog::warn("replay server: a second {} named {}: the one that started last is served",
+               hello.role, hello.name);
+  return {.code = RefusalCode::kReplaced,
+          .text = fmt::format("another {} named '{}' started later, expected one: give each a "
+                              "--name of its own",
+                              hello.role, hello.name),
+          .about = session};
+}
+
 }  // namespace
 
 class ReplayServer::SocketReplies : public ReplySender {
@@ -298,14 +309,20 @@ void ReplayServer::Greet(const PeerId& peer, const proto::Hello& hello, Time now
                                              spec_.spec_hash),
                          .about = 0});
   }
-  // The same process after a reconnect: requests of its old connection are obsolete.
+  // Requests of an old connection are obsolete: of the same process, or of one that started before.
   std::vector<PeerId> old;
   for (const auto& [id, other] : peers_) {
     if (id != peer && other.role == hello.role && other.name == hello.name) old.push_back(id);
   }
-  for (const PeerId& id : old) Forget(id);
-  peers_[peer] = {hello.role, hello.name, now};
-  if (hello.role == "actor") return inserts_->Hello(peer, hello, now);
+  const bool is_actor = hello.role == "actor";  // The insert desk knows the sessions of actors.
+  for (const PeerId& id : old) {
+    const std::uint64_t session = peers_.at(id).session;
+    if (!is_actor && session > hello.session) return Refuse(peer, Replaced(hello, session));
+    if (!is_actor && session < hello.session) Refuse(id, Replaced(hello, hello.session));
+    Forget(id);
+  }
+  peers_[peer] = {hello.role, hello.name, hello.session, now};
+  if (is_actor) return inserts_->Hello(peer, hello, now);
   Answer(peer, proto::Welcome{.server = id_, .session = hello.session, .software = spec_.software});
 }
 

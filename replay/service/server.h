@@ -54,6 +54,7 @@ class ReplayServer {
   struct Peer {
     std::string role;
     std::string name;
+    std::uint64_t session = 0;
     Time heard;
   };
   /// Sends replies through the server's socket.

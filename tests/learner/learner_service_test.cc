@@ -292,6 +292,33 @@ TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
   EXPECT_EQ(later, std::vector(all.begin() + 8, all.end()));
 }
 
+TEST(BatchStreamTest, EndsIfALearnerOfItsNameStartsLater) {
+  const FilledReplay replay;
+  transport::Context context;
+  const auto stream_of = [&](std::uint64_t session) {
+    proto::Hello hello = LearnerHello();
+    hello.session = session;
+    return std::make_unique<BatchStream>(context,
+                                         transport::ClientOptions{.endpoint = replay.endpoint()},
+                                         hello, std::vector<replay::SampleSpec>{{}}, 3, 0);
+  };
+  const auto older = stream_of(1);
+  WaitUntil([&] { return older->Next(milliseconds(100)) != nullptr; });
+  const auto newer = stream_of(2);
+  WaitUntil([&] { return newer->Next(milliseconds(100)) != nullptr; });
+  std::string error;
+  WaitUntil([&] {
+    try {
+      older->Next(milliseconds(100));
+    } catch (const base::Error& e) {
+      error = e.what();
+    }
+    return !error.empty();
+  });
+  EXPECT_THAT(error, ::testing::HasSubstr("another learner named"));
+  EXPECT_NE(newer->Next(milliseconds(1000)), nullptr);
+}
+
 // The server's limiter has earned kUpdates batches; what is asked for beside them takes none away.
 TEST(BatchStreamTest, WindowsCostTheRunNoBatch) {
   const FilledReplay replay;

@@ -291,6 +291,36 @@ TEST(ReplayServerTest, RolesMaySendOnlyWhatIsTheirs) {
 }
 
 // Reports become the status, and the learner's idea of what actors do.
+TEST(ReplayServerTest, OfTwoLearnersOfANameTheOneThatStartedLastIsServed) {
+  RunningServer server;
+  transport::Context context;
+  TestPeer older(context, server.endpoint());
+  TestPeer newer(context, server.endpoint());
+  const auto expect_replaced = [&older] {
+    const auto refusal = older.Expect<proto::Refusal>();
+    ASSERT_TRUE(refusal);
+    EXPECT_EQ(refusal->code, proto::RefusalCode::kReplaced);
+    EXPECT_EQ(refusal->about, 9u);
+    EXPECT_THAT(refusal->text, ::testing::HasSubstr("another learner named 'l'"));
+  };
+  older.Send(HelloOf("learner", "l", 5));
+  ASSERT_TRUE(older.Expect<proto::Welcome>());
+  newer.Send(HelloOf("learner", "l", 9));
+  ASSERT_TRUE(newer.Expect<proto::Welcome>());
+  expect_replaced();
+  older.Send(HelloOf("learner", "l", 5));
+  expect_replaced();
+
+  // The same process on a new connection, another name and another role are welcome.
+  TestPeer again(context, server.endpoint());
+  again.Send(HelloOf("learner", "l", 9));
+  EXPECT_TRUE(again.Expect<proto::Welcome>());
+  older.Send(HelloOf("learner", "m", 5));
+  EXPECT_TRUE(older.Expect<proto::Welcome>());
+  newer.Send(HelloOf("evaluator", "l", 5));
+  EXPECT_TRUE(newer.Expect<proto::Welcome>());
+}
+
 TEST(ReplayServerTest, NobodyReportsForAnother) {
   RunningServer server;
   transport::Context context;
