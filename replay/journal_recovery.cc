@@ -104,13 +104,23 @@ bool AnyBeginsSoundly(const JournalOptions& options,
   });
 }
 
-/// Truncates a segment at `offset`. If `keep`, the rest is kept in a file beside it.
+/// Renames a segment, so that no recovery reads it again.
+void SetAside(const fs::path& path, const fs::path& target) {
+  std::error_code ec;
+  fs::rename(path, target, ec);
+  if (ec) {
+    throw base::Error(fmt::format("{}: cannot rename it to {} ({})", path.string(),
+                                  target.filename().string(), ec.message()));
+  }
+}
+
+/// Truncates a segment at `offset`. If `keep`, the rest is in a synced file beside it before that.
 void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t offset,
            bool keep) {
   if (keep) {
-    std::ofstream out(DamagedPath(path), std::ios::binary);
-    out.write(reinterpret_cast<const char*>(content.data() + offset),
-              static_cast<std::streamsize>(content.size() - offset));
+    const auto rest = content.subspan(offset);
+    base::WriteFileAtomically(DamagedPath(path),
+                              {reinterpret_cast<const char*>(rest.data()), rest.size()});
   }
   const int failed =
       offset == 0 ? ::unlink(path.c_str()) : ::truncate(path.c_str(), static_cast<off_t>(offset));
@@ -272,8 +282,9 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
   // The segments so far are useless, as the next one does not continue them.
   const auto drop = [&] {
     lost_rows += replayer.Drop();
-    std::error_code ignored;
-    for (const JournalSegment& segment : segments) fs::remove(segment.path, ignored);
+    for (const JournalSegment& segment : segments) {
+      SetAside(segment.path, segment.path.string() + ".unused");
+    }
     segments.clear();
   };
   AlignedBuffer<std::byte> content;
@@ -284,7 +295,9 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
     Replayer::End end = replayer.Follow(index, path, bytes);
     if (end.gap) {
       notes.push_back(fmt::format(
-          "{}: rows before this segment are missing; the table begins with it", path.string()));
+          "{}: rows before this segment are missing; the table begins with it, and the segments "
+          "before it are kept as .unused",
+          path.string()));
       drop();
       end = replayer.Follow(index, path, bytes);
     }
@@ -292,12 +305,12 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
     const auto behind = static_cast<std::int64_t>(content.size() - end.offset);
     if (!why.empty() && AnyBeginsSoundly(options, std::span(listed).subspan(i + 1))) {
       notes.push_back(fmt::format(
-          "{}: damaged at byte {}: {}; kept as {}; the table begins with a later segment",
+          "{}: damaged at byte {}: {}; kept as {}; the table begins with a later segment, and "
+          "the segments before it are kept as .unused",
           path.string(), end.offset, why, DamagedPath(path).filename().string()));
       drop();
       lost_rows += behind / row_bytes;
-      std::error_code ignored;
-      fs::rename(path, DamagedPath(path), ignored);
+      SetAside(path, DamagedPath(path));
       continue;
     }
     if (!why.empty()) {

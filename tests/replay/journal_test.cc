@@ -145,7 +145,25 @@ TEST(JournalTest, AMissingSegmentIsNoticed) {
   EXPECT_THAT(recovered.notes, SizeIs(1));
   EXPECT_EQ(recovered.table.first_sequence(), written.scene.segments()[2].first_row);
   EXPECT_EQ(recovered.lost_rows, written.scene.segments()[1].first_row);
+  EXPECT_EQ(base::ReadFile(written.scratch.path() / (written.names[0] + ".unused")),
+            written.files[written.names[0]]);
   EXPECT_THAT(written.Recover().notes, IsEmpty());
+}
+
+TEST(JournalTest, DamagedBytesAreCutOffOnlyWhenTheirCopyIsWritten) {
+  Written written;
+  const std::string& last = written.names.back();
+  auto files = written.files;
+  files[last][files[last].size() / 2] ^= 1;
+  WriteSegments(written.scratch.path(), files);
+  const fs::path copy = written.scratch.path() / (last + ".damaged");
+  fs::create_directory(copy);  // In its way.
+  EXPECT_THROW(written.Recover(), base::Error);
+  EXPECT_EQ(base::ReadFile(written.scratch.path() / last), files[last]);
+
+  fs::remove(copy);
+  EXPECT_THAT(written.Recover().notes, SizeIs(1));
+  EXPECT_TRUE(files[last].ends_with(base::ReadFile(copy)));
 }
 
 // What a loss of power leaves where the disk wrote the files in another order: the segment after
