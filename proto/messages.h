@@ -203,11 +203,13 @@ struct SnapshotRequest {
   static constexpr std::string_view kName = "SnapshotRequest";
   std::int64_t held_version = -1;
   std::string name;
+  bool shipped = false;
 
   template <class Self, class Visitor>
   static void Visit(Self& m, Visitor& v) {
     v(1, SLALOM_FIELD(held_version), AtLeast{-1}, "version held; -1: none");
     v(2, SLALOM_FIELD(name), Name{}, "name of the process that asks");
+    v(3, SLALOM_FIELD(shipped), Any{}, "1: the policy that the run would save, not the acting one");
   }
 };
 

@@ -21,11 +21,12 @@ constexpr int kMaxUnansweredAsks = 2;
 }  // namespace
 
 PolicyLink::PolicyLink(transport::Context& context, const transport::ClientOptions& learner,
-                       std::string name, InstallPolicy install)
+                       std::string name, InstallPolicy install, bool shipped)
     : client_(context, learner),
       endpoint_(learner.endpoint),
       name_(std::move(name)),
-      install_(std::move(install)) {}
+      install_(std::move(install)),
+      shipped_(shipped) {}
 
 bool PolicyLink::Poll() {
   bool installed = false;
@@ -56,7 +57,8 @@ bool PolicyLink::Poll() {
 }
 
 void PolicyLink::Ask() {
-  const std::string header = proto::Encode(proto::SnapshotRequest{newest_seen_, name_}, {});
+  const std::string header =
+      proto::Encode(proto::SnapshotRequest{newest_seen_, name_, shipped_}, {});
   if (!client_.Send({transport::Frame::Copy(header), {}})) return;
   asked_ = true;
   asked_at_ = steady_clock::now();

@@ -24,8 +24,9 @@ using InstallPolicy =
 /// one thread.
 class PolicyLink {
  public:
+  /// `shipped`: whether to ask for the policy that the run would save, not for the acting one.
   PolicyLink(transport::Context& context, const transport::ClientOptions& learner, std::string name,
-             InstallPolicy install);
+             InstallPolicy install, bool shipped = false);
 
   /// Handles the messages that have come, without waiting, and asks for more. Returns whether a new
   /// policy was installed. Throws `base::Error` if the learner refuses this process for good, or
@@ -52,6 +53,7 @@ class PolicyLink {
   const std::string endpoint_;
   const std::string name_;
   const InstallPolicy install_;
+  const bool shipped_;
   std::int64_t version_ = -1;
   std::int64_t newest_seen_ = -1;  ///< The version held, or one that could not be installed.
   std::int64_t received_ = 0;

@@ -145,6 +145,12 @@ int RunEvaluator(const ServiceOptions& options) {
         "courses.test and evaluator_service.courses are empty, expected courses to score policies "
         "on");
   }
+  if (courses == config.courses.test) {
+    spdlog::warn(
+        "best.safetensors is chosen on {}, which is courses.test: its score there will be too "
+        "good; set evaluator_service.courses to others, such as static-validation",
+        courses);
+  }
   const sim::CourseSet scored = config.courses.Resolve(courses);
   train::WarnOfTrainingOverlap(scored, config.courses);
   base::ParallelFor parallel(config.run.simulation_threads);

@@ -113,8 +113,8 @@ void TableSource::SetPriorities(std::span<const std::int64_t> sequence,
   table_.SetPriorities(sequence, priority);
 }
 
-void TableSource::Publish(policy::PolicySnapshot snapshot, std::int64_t) {
-  collector_->Publish(std::move(snapshot));
+void TableSource::Publish(policy::PolicySnapshot acting, learner::ShippedPolicy, std::int64_t) {
+  collector_->Publish(std::move(acting));
 }
 
 const replay::SampledRows* TableSource::SampleForFigures(const replay::SampleSpec& spec) {

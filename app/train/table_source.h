@@ -51,7 +51,7 @@ class TableSource final : public learner::BatchSource, public learner::PolicySin
   /// Deletes the saved table of every checkpoint. No `Save` may follow.
   void DeleteSaved() { storage_.DeleteAll(); }
 
-  void Publish(policy::PolicySnapshot snapshot, std::int64_t steps) override;
+  void Publish(policy::PolicySnapshot acting, learner::ShippedPolicy, std::int64_t) override;
 
  private:
   void Insert(std::unique_ptr<replay::Chunk> chunk);

@@ -44,12 +44,14 @@ EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config, Evaluat
       registry_(registry),
       scores_(identity_.state_directory / "scores.csv", identity_.course_set),
       replay_(context, identity_.replay, MakeHello(identity_, task_.environment.lidar.num_beams)),
-      policy_(context, identity_.learner, identity_.name,
-              [this](std::span<const std::byte> policy) {
-                // Read when it is scored: most are replaced before.
-                newest_.assign(reinterpret_cast<const char*>(policy.data()), policy.size());
-                return std::nullopt;
-              }) {
+      policy_(
+          context, identity_.learner, identity_.name,
+          [this](std::span<const std::byte> policy) {
+            // Read when it is scored: most are replaced before.
+            newest_.assign(reinterpret_cast<const char*>(policy.data()), policy.size());
+            return std::nullopt;
+          },
+          /*shipped=*/true) {
   if (fs::exists(best())) best_success_rate_ = scores_.best_before();
   registry_.counter(metrics::kEvaluations);
   registry_.counter(metrics::kPoliciesRejected);
@@ -100,26 +102,31 @@ void EvaluatorService::Score(std::stop_token stop) {
   const auto evaluation = EvaluateOnCourses(
       task_, *make_agent, &parallel_, [this](const EpisodeCount&) { Listen(); }, std::move(stop));
   if (!evaluation) return;
-  Record(*evaluation, version, std::chrono::duration<double>(steady_clock::now() - began).count());
-  const double success_rate = evaluation->summary.set.success_rate.value;
-  if (success_rate > best_success_rate_) KeepBest(policy, success_rate);
+  const double seconds = std::chrono::duration<double>(steady_clock::now() - began).count();
+  // First the policy: a score that says "kept" without it would keep later ones from being saved.
+  const bool kept = KeepBest(policy, evaluation->summary.set.success_rate.value);
+  Record(*evaluation, version, seconds, kept);
 }
 
-void EvaluatorService::KeepBest(std::string_view policy, double success_rate) {
+bool EvaluatorService::KeepBest(std::string_view policy, double success_rate) {
+  if (success_rate <= best_success_rate_) return false;
   try {
     base::WriteFileAtomically(best(), policy);
     best_success_rate_ = success_rate;
+    return true;
   } catch (const base::Error& error) {
     spdlog::error("{}; the best policy so far is not kept", error.what());
+    return false;
   }
 }
 
-void EvaluatorService::Record(const Evaluation& evaluation, std::int64_t version, double seconds) {
+void EvaluatorService::Record(const Evaluation& evaluation, std::int64_t version, double seconds,
+                              bool kept) {
   const Figures& set = evaluation.summary.set;
   const Interval interval = set.success_rate.interval.value_or(Interval{0.0, 1.0});
   const double time =
       set.traversal_time ? set.traversal_time->value : std::numeric_limits<double>::quiet_NaN();
-  if (const auto failure = scores_.Append(set, version, seconds)) {
+  if (const auto failure = scores_.Append(set, version, seconds, kept)) {
     spdlog::error("{}; the score is in the log alone", failure->text);
   }
   const std::string_view courses = identity_.course_set;

@@ -34,10 +34,10 @@ struct EvaluatorIdentity {
   transport::ClientOptions learner;
 };
 
-/// Follows the learner's policies and scores them on courses, one after the other, always the
-/// newest. Writes a line of scores.csv for each and shows it as metrics. Keeps the best policy on
-/// this course set as best.safetensors, also across restarts. If the disk is full, the error is
-/// logged and that line or file is lost. Confined to the thread that made it.
+/// Follows the policies that the learner would save and scores them on courses, one after the
+/// other, always the newest. Writes a line of scores.csv for each and shows it as metrics. Keeps
+/// the best policy on this course set as best.safetensors, also across restarts. If the disk is
+/// full, the error is logged and that line or file is lost. Confined to the thread that made it.
 class EvaluatorService {
  public:
   /// Reads a policy file's bytes. Returns a function that makes agents of the policy, or the reason
@@ -57,11 +57,11 @@ class EvaluatorService {
   /// Keeps the connections alive.
   void Listen();
   void Score(std::stop_token stop);
-  void Record(const Evaluation& evaluation, std::int64_t version, double seconds);
+  void Record(const Evaluation& evaluation, std::int64_t version, double seconds, bool kept);
   proto::Report MakeReport() const;
 
-  /// Keeps the policy, which scored better than all earlier ones.
-  void KeepBest(std::string_view policy, double success_rate);
+  /// Saves the policy if it scored better than all that were saved before. Returns whether it did.
+  bool KeepBest(std::string_view policy, double success_rate);
 
   std::filesystem::path best() const { return identity_.state_directory / "best.safetensors"; }
 

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kHeader =
     "unix_s,policy_version,courses,episodes,success_rate,success_low,success_high,collision_rate,"
-    "timeout_rate,traversal_time_s,barn_score,evaluation_s\n";
+    "timeout_rate,traversal_time_s,barn_score,evaluation_s,kept\n";
 constexpr std::size_t kCourses = 2, kSuccessRate = 4;  // Columns.
 
 std::vector<std::string_view> Split(std::string_view text, char separator) {
@@ -38,7 +38,8 @@ std::string_view Behind(std::string_view line, std::size_t num_cells) {
   return line;
 }
 
-/// The best of the lines that are whole. `courses`: the cell of their course set.
+/// The best of the lines that are whole and whose policy was saved. `courses`: the cell of their
+/// course set.
 double BestOf(std::string_view text, const std::string& courses) {
   const std::size_t num_columns = Split(kHeader, ',').size();
   double best = -1.0;
@@ -48,7 +49,7 @@ double BestOf(std::string_view text, const std::string& courses) {
     if (!rest.starts_with(courses + ",")) continue;
     rest.remove_prefix(courses.size() + 1);
     const auto cells = Split(rest, ',');
-    if (cells.size() != num_columns - kCourses - 1) continue;
+    if (cells.size() != num_columns - kCourses - 1 || cells.back() != "1") continue;
     double rate = 0.0;
     const std::string_view cell = cells[kSuccessRate - kCourses - 1];
     if (std::from_chars(cell.begin(), cell.end(), rate).ec == std::errc()) {
@@ -60,6 +61,9 @@ double BestOf(std::string_view text, const std::string& courses) {
 
 base::AppendFile Open(const fs::path& path) {
   base::MakeDirectories(path.parent_path());
+  if (fs::exists(path) && !base::ReadFile(path).starts_with(kHeader)) {
+    fs::rename(path, path.string() + ".before");
+  }
   if (!fs::exists(path)) base::WriteFileAtomically(path, kHeader);
   return {path, base::AppendFile::Mode::kGoOn};
 }
@@ -78,14 +82,14 @@ ScoreLog::ScoreLog(const fs::path& path, std::string_view course_set)
 }
 
 std::optional<base::Failure> ScoreLog::Append(const Figures& set, std::int64_t version,
-                                              double seconds) {
+                                              double seconds, bool kept) {
   const Interval interval = set.success_rate.interval.value_or(Interval{0.0, 1.0});
   return file_.Append(
-      fmt::format("{:.0f},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{},{:.4f},{:.2f}\n",
+      fmt::format("{:.0f},{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f},{},{:.4f},{:.2f},{:d}\n",
                   base::UnixSeconds(), version, courses_, set.num_episodes, set.success_rate.value,
                   interval.low, interval.high, set.collision_rate.value, set.timeout_rate.value,
                   set.traversal_time ? fmt::format("{:.2f}", set.traversal_time->value) : "",
-                  set.barn_score.value, seconds));
+                  set.barn_score.value, seconds, kept));
 }
 
 }  // namespace slalom::eval

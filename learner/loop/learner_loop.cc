@@ -201,7 +201,11 @@ void LearnerLoop::CountTime() {
 }
 
 void LearnerLoop::Publish() {
-  sink_.Publish(learner_.Snapshot(), run_.steps());
+  const auto shipped = [this] {
+    const policy::PolicySnapshot best = learner_.BestSnapshot();
+    return PolicyFile{best.version, policy::PrintPolicy(best, run_.Provenance())};
+  };
+  sink_.Publish(learner_.Snapshot(), shipped, run_.steps());
   unpublished_ = 0;
   published_at_ = steady_clock::now();
 }

@@ -36,29 +36,46 @@ PolicyServer::PolicyServer(transport::Context& context, const transport::ServerO
   }
 }
 
-void PolicyServer::Publish(policy::PolicySnapshot published, std::int64_t steps) {
-  transport::Frame policy =
-      transport::Frame::Copy(std::string_view(policy::PrintPolicy(published, {})));
-  const std::int64_t version = published.version;
+void PolicyServer::Publish(policy::PolicySnapshot acting, ShippedPolicy shipped,
+                           std::int64_t steps) {
+  steps_ = steps;
+  published_ns_ = std::chrono::duration_cast<std::chrono::nanoseconds>(
+                      std::chrono::system_clock::now().time_since_epoch())
+                      .count();
+  acting_ = MakeMessage(acting.version, policy::PrintPolicy(acting, {}));
+  shipped_.reset();
+  make_shipped_ = std::move(shipped);
+  registry_.counter(metrics::kPoliciesPublished).Increment();
+  registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(acting_->version));
+  registry_.gauge(metrics::kPolicyTimestamp).Set(1e-9 * static_cast<double>(published_ns_));
+  registry_.gauge(metrics::kPolicyBytes).Set(static_cast<double>(acting_->payload.size()));
+  for (auto it = readers_.begin(); it != readers_.end();) {
+    const auto next = std::next(it);
+    if (it->second.waits) Send(it->first, it->second, *NewestFor(it->second));
+    it = next;
+  }
+}
+
+PolicyServer::Message PolicyServer::MakeMessage(std::int64_t version,
+                                                std::string_view policy) const {
+  transport::Frame payload = transport::Frame::Copy(policy);
   proto::Snapshot snapshot;
   snapshot.version = version;
   snapshot.spec_hash = spec_hash_;
-  snapshot.published_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(
-                              std::chrono::system_clock::now().time_since_epoch())
-                              .count();
-  snapshot.learner_steps = steps;
-  header_ = transport::Frame::Copy(proto::Encode(snapshot, policy.bytes()));
-  payload_ = std::move(policy);
-  version_ = version;
-  registry_.counter(metrics::kPoliciesPublished).Increment();
-  registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(version));
-  registry_.gauge(metrics::kPolicyTimestamp).Set(1e-9 * static_cast<double>(snapshot.published_ns));
-  registry_.gauge(metrics::kPolicyBytes).Set(static_cast<double>(payload_.size()));
-  for (auto it = readers_.begin(); it != readers_.end();) {
-    const auto next = std::next(it);
-    if (it->second.waits) Send(it->first, it->second);
-    it = next;
+  snapshot.published_ns = published_ns_;
+  snapshot.learner_steps = steps_;
+  transport::Frame header = transport::Frame::Copy(proto::Encode(snapshot, payload.bytes()));
+  return {version, std::move(header), std::move(payload)};
+}
+
+const PolicyServer::Message* PolicyServer::NewestFor(const Reader& reader) {
+  if (!acting_) return nullptr;
+  if (!reader.shipped) return &*acting_;
+  if (!shipped_) {
+    const PolicyFile file = make_shipped_();
+    shipped_ = MakeMessage(file.version, file.bytes);
   }
+  return &*shipped_;
 }
 
 void PolicyServer::Poll(milliseconds timeout) {
@@ -91,7 +108,11 @@ void PolicyServer::Answer(transport::Server::Received& received) {
   Reader& reader = it->second;
   reader.heard_at = steady_clock::now();
   reader.held_version = request->held_version;
-  if (version_ && *version_ != request->held_version) return Send(received.peer, reader);
+  reader.shipped = request->shipped;
+  const Message* const newest = NewestFor(reader);
+  if (newest != nullptr && newest->version != request->held_version) {
+    return Send(received.peer, reader, *newest);
+  }
   if (!reader.waits) {
     reader.waits = true;
     return;
@@ -105,10 +126,11 @@ void PolicyServer::Answer(transport::Server::Received& received) {
       server_.Send(received.peer, {transport::Frame::Copy(proto::Encode(nothing, {})), {}}));
 }
 
-void PolicyServer::Send(const transport::PeerId& peer, Reader& reader) {
+void PolicyServer::Send(const transport::PeerId& peer, Reader& reader, const Message& message) {
   reader.waits = false;
   // A reader that does not read now asks again later.
-  if (server_.Send(peer, {header_.Share(), payload_.Share()}) == transport::Server::Sent::kGone) {
+  const auto sent = server_.Send(peer, {message.header.Share(), message.payload.Share()});
+  if (sent == transport::Server::Sent::kGone) {
     readers_.erase(transport::PeerId(peer));
   }
 }
@@ -130,8 +152,9 @@ void PolicyServer::ForgetSilentReaders() {
       .RaiseTo(static_cast<double>(server_.rejected_connections()));
   registry_.counter(metrics::kMessagesMalformed).RaiseTo(static_cast<double>(server_.malformed()));
   registry_.gauge(metrics::kConnectedPeers, {"reader"}).Set(num_readers());
-  if (const auto oldest = oldest_held(); oldest && version_) {
-    registry_.gauge(metrics::kReaderLag).Set(static_cast<double>(*version_ - *oldest));
+  if (const auto oldest = oldest_held(); oldest && acting_) {
+    registry_.gauge(metrics::kReaderLag)
+        .Set(static_cast<double>(std::max<std::int64_t>(acting_->version - *oldest, 0)));
   }
 }
 

@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "learner/loop/policy_sink.h"
 #include "metrics/registry.h"
@@ -15,8 +16,9 @@
 
 namespace slalom::learner {
 
-/// Hands policies to actors and evaluators. Each asks for one newer than it holds and is answered
-/// as soon as there is one. So a slow reader gets only the newest policy, and nothing queues, for
+/// Hands policies to actors and evaluators: the acting one, or the one that the run would save, if
+/// the reader asks for that. Each asks for one newer than it holds and is answered as soon as there
+/// is one. So a slow reader gets only the newest policy, and nothing queues, for
 /// any number of readers. Confined to one thread, which polls it.
 class PolicyServer final : public PolicySink {
  public:
@@ -24,15 +26,16 @@ class PolicyServer final : public PolicySink {
   PolicyServer(transport::Context& context, const transport::ServerOptions& options,
                std::uint64_t spec_hash, metrics::Registry& registry);
 
-  /// Publishes a policy as the bytes of a policy file, and answers the readers that wait.
-  void Publish(policy::PolicySnapshot snapshot, std::int64_t steps) override;
+  /// Publishes policies as the bytes of policy files, and answers the readers that wait. Makes
+  /// `shipped` only if a reader asks for it.
+  void Publish(policy::PolicySnapshot acting, ShippedPolicy shipped, std::int64_t steps) override;
   void Serve() override { Poll(std::chrono::milliseconds(0)); }
 
   /// Answers requests, waiting for one no longer than `timeout`.
   void Poll(std::chrono::milliseconds timeout);
 
-  /// The version that was published last; 0 before the first.
-  std::int64_t version() const { return version_.value_or(0); }
+  /// The version of the acting policy that was published last; 0 before the first.
+  std::int64_t version() const { return acting_ ? acting_->version : 0; }
   const std::string& endpoint() const { return server_.endpoint(); }
   /// The number of readers that were heard from in the last seconds, and the oldest version among
   /// those that they hold.
@@ -40,23 +43,35 @@ class PolicyServer final : public PolicySink {
   std::optional<std::int64_t> oldest_held() const;
 
  private:
+  /// A policy as it is sent.
+  struct Message {
+    std::int64_t version = 0;
+    transport::Frame header;
+    transport::Frame payload;
+  };
   struct Reader {
     std::int64_t held_version = -1;
+    bool shipped = false;
     bool waits = false;
     std::chrono::steady_clock::time_point heard_at;
   };
 
+  Message MakeMessage(std::int64_t version, std::string_view policy) const;
+  /// The newest policy of the kind that the reader asks for; null before the first.
+  const Message* NewestFor(const Reader& reader);
   void Answer(transport::Server::Received& received);
-  void Send(const transport::PeerId& peer, Reader& reader);
+  void Send(const transport::PeerId& peer, Reader& reader, const Message& message);
   void Refuse(const transport::PeerId& peer, proto::RefusalCode code, std::string text);
   void ForgetSilentReaders();
 
   transport::Server server_;
   const std::uint64_t spec_hash_;
   metrics::Registry& registry_;
-  std::optional<std::int64_t> version_;  // Version of the published policy.
-  transport::Frame header_;
-  transport::Frame payload_;
+  std::optional<Message> acting_;
+  std::optional<Message> shipped_;  // Empty until a reader asks for it.
+  ShippedPolicy make_shipped_;      // Of the last publication.
+  std::int64_t steps_ = 0;
+  std::int64_t published_ns_ = 0;
   std::map<transport::PeerId, Reader> readers_;
   std::optional<std::chrono::steady_clock::time_point> looked_at_;
 };

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -208,6 +209,40 @@ TEST(LearnerServiceTest, ReadersGetTheNewestPolicyWhenTheyLackIt) {
     EXPECT_EQ(link.version(), versions.back());
     EXPECT_TRUE(std::ranges::is_sorted(versions, std::less_equal<>()));
   });
+}
+
+// What an evaluator scores is the file that the run saves: averaged weights, config and provenance.
+TEST(LearnerServiceTest, AReaderMayAskForThePolicyThatTheRunSaves) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  MethodConfig method;
+  method.learner.average_rate = 0.05;
+  const fs::path run = scratch.path() / "run";
+  Learn(replay.endpoint(), run, kUpdates, {}, method);
+  const policy::LoadedPolicy saved = Policy(run);
+  ASSERT_EQ(saved.snapshot.version, kUpdates);
+  std::map<bool, policy::LoadedPolicy> served;
+  const auto read = [&](const std::string& endpoint) {
+    for (const bool shipped : {false, true}) {
+      transport::Context context;
+      service::PolicyLink link(
+          context, {.endpoint = endpoint}, "reader",
+          [&](std::span<const std::byte> bytes) {
+            served.insert_or_assign(shipped, policy::ParsePolicy(bytes, "policy"));
+            return std::nullopt;
+          },
+          shipped);
+      WaitUntil([&] { return link.Poll(); });
+      EXPECT_EQ(link.version(), kUpdates);
+    }
+  };
+  Learn(replay.endpoint(), run, kUpdates, read, method);
+  EXPECT_EQ(policy::PrintPolicy(served.at(true).snapshot, {}),
+            policy::PrintPolicy(saved.snapshot, {}));
+  EXPECT_NE(policy::PrintPolicy(served.at(false).snapshot, {}),
+            policy::PrintPolicy(saved.snapshot, {}));
+  EXPECT_EQ(served.at(true).metadata.at("config"), saved.metadata.at("config"));
+  EXPECT_FALSE(served.at(false).metadata.contains("config"));
 }
 
 TEST(LearnerServiceTest, PrioritiesGoBackToTheReplayServer) {
