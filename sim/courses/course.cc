@@ -24,6 +24,17 @@ Bounds Including(Bounds bounds, const Box& box) {
                     std::abs(s) * box.half_size.x + std::abs(c) * box.half_size.y});
 }
 
+double DistanceTo(const Circle& circle, base::Vec2 p_W) {
+  return base::Norm(circle.p_W - p_W) - circle.radius;
+}
+
+double DistanceTo(const Box& box, base::Vec2 p_W) {
+  const base::Vec2 p_B = base::InverseTransform(box.X_WB, p_W);
+  const double x = std::max(0.0, std::abs(p_B.x) - box.half_size.x);
+  const double y = std::max(0.0, std::abs(p_B.y) - box.half_size.y);
+  return std::sqrt(x * x + y * y);
+}
+
 double ReferenceLength(const Course& course) {
   double length = 0.0;
   base::Vec2 last = course.start.p;

@@ -62,6 +62,10 @@ struct Bounds {
 Bounds Including(Bounds bounds, const Circle& circle);
 Bounds Including(Bounds bounds, const Box& box);
 
+/// Distances from a point to the obstacle, 0 or less inside.
+double DistanceTo(const Circle& circle, base::Vec2 p_W);
+double DistanceTo(const Box& box, base::Vec2 p_W);
+
 /// Mean over the reference path of the five measures of Perille et al. 2020
 /// (docs/original-system.md, section 7.1), in cells of 0.15 m, not normalised.
 struct Difficulty {

@@ -19,18 +19,10 @@ constexpr double kGridCell = 0.025;      // [m]
 constexpr double kMaxGridCells = 4.0e7;  // 158 m x 158 m.
 constexpr double kDiscRadius = 0.5 * kRobotWidth;
 
-/// Distance from `p_W` to the box, 0 inside.
-double DistanceTo(const Box& box, base::Vec2 p_W) {
-  const base::Vec2 p_B = base::InverseTransform(box.X_WB, p_W);
-  const double x = std::max(0.0, std::abs(p_B.x) - box.half_size.x);
-  const double y = std::max(0.0, std::abs(p_B.y) - box.half_size.y);
-  return std::sqrt(x * x + y * y);
-}
-
 double Clearance(const Course& course, base::Vec2 p_W) {
   double clearance = 1e9;
   for (const Circle& c : course.circles) {
-    clearance = std::min(clearance, base::Norm(c.p_W - p_W) - c.radius);
+    clearance = std::min(clearance, DistanceTo(c, p_W));
   }
   for (const Box& box : course.boxes) clearance = std::min(clearance, DistanceTo(box, p_W));
   return clearance;
@@ -92,8 +84,7 @@ class ClearanceGrid {
         num_y_(NumCells(course.bounds.max_W.y - course.bounds.min_W.y)),
         blocked_(static_cast<std::size_t>(num_x_) * static_cast<std::size_t>(num_y_), 0) {
     for (const Circle& c : course.circles) {
-      Block(Including({c.p_W, c.p_W}, c),
-            [&](base::Vec2 p_W) { return base::Norm(c.p_W - p_W) - c.radius; });
+      Block(Including({c.p_W, c.p_W}, c), [&](base::Vec2 p_W) { return DistanceTo(c, p_W); });
     }
     for (const Box& box : course.boxes) {
       Block(Including({box.X_WB.p, box.X_WB.p}, box),

@@ -1,6 +1,7 @@
 #include "sim/courses/course_file.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -89,8 +90,9 @@ std::vector<std::string_view> SplitWords(std::string_view line) {
 /// Reads one file, line by line; every `Fail` names the line.
 class Parser {
  public:
-  Parser(std::string_view text, std::string_view source, const std::filesystem::path& directory)
-      : text_(text), source_(source), directory_(directory) {}
+  Parser(std::string_view text, std::string_view source, const std::filesystem::path& directory,
+         OutsideBounds outside)
+      : text_(text), source_(source), directory_(directory), outside_(outside) {}
 
   CourseSet Run() {
     ReadHeader();
@@ -150,6 +152,7 @@ class Parser {
       course_.emplace();
       course_->name = ReadName(values);
       seen_.clear();
+      obstacles_.clear();
     } else {
       Fail(fmt::format(
           "found \"{}\" where \"set\", \"course\", \"file\" or \"checksum\" is expected", key));
@@ -166,6 +169,7 @@ class Parser {
           Fail(fmt::format("course {} has no \"{}\" line", course.name, part));
         }
       }
+      RequireInside(course);
       AddCourse(std::make_shared<const Course>(std::move(course)));
       course_.reset();
     } else if (key == "start") {
@@ -186,11 +190,15 @@ class Parser {
     } else if (key == "circle") {
       const auto v = ReadNumbers<3>(key, values, "x y radius");
       if (!(v[2] > 0.0)) Fail("the radius of a circle must be above 0");
-      course.circles.push_back({{v[0], v[1]}, v[2]});
+      const Circle circle{{v[0], v[1]}, v[2]};
+      course.circles.push_back(circle);
+      NoteObstacle(key, values, Including({circle.p_W, circle.p_W}, circle));
     } else if (key == "box") {
       const auto v = ReadNumbers<5>(key, values, "x y yaw half_x half_y");
       if (!(v[3] > 0.0 && v[4] > 0.0)) Fail("the half sizes of a box must be above 0");
-      course.boxes.push_back({{{v[0], v[1]}, v[2]}, {v[3], v[4]}});
+      const Box box{{{v[0], v[1]}, v[2]}, {v[3], v[4]}};
+      course.boxes.push_back(box);
+      NoteObstacle(key, values, Including({box.X_WB.p, box.X_WB.p}, box));
     } else if (key == "moving") {
       ReadMoving(values);
     } else if (key == "key") {
@@ -207,6 +215,27 @@ class Parser {
           fmt::format("unknown line \"{}\" in course {}; expected start, goal, bounds, difficulty, "
                       "circle, box, moving, key, path or end",
                       key, course.name));
+    }
+  }
+
+  /// Remembers an obstacle's line until the bounds are known. `extent`: its smallest bounds.
+  void NoteObstacle(std::string_view key, std::span<const std::string_view> values,
+                    const Bounds& extent) {
+    if (outside_ == OutsideBounds::kAllow) return;
+    obstacles_.push_back({line_number_, fmt::format("{} {}", key, fmt::join(values, " ")), extent});
+  }
+
+  void RequireInside(const Course& course) {
+    const Bounds& bounds = course.bounds;
+    for (const auto& [line, text, extent] : obstacles_) {
+      const bool is_inside = extent.min_W.x < bounds.max_W.x && extent.max_W.x > bounds.min_W.x &&
+                             extent.min_W.y < bounds.max_W.y && extent.max_W.y > bounds.min_W.y;
+      if (is_inside) continue;
+      line_number_ = line;
+      Fail(fmt::format(
+          "\"{}\" is wholly outside the bounds of course {}, expected it inside x = {} "
+          "to {} and y = {} to {}, at least in part",
+          text, course.name, bounds.min_W.x, bounds.max_W.x, bounds.min_W.y, bounds.max_W.y));
     }
   }
 
@@ -301,7 +330,7 @@ class Parser {
     if (is_named_) Fail("a file that a set names must hold its course itself");
     const std::string text = base::ReadFile(path);
     const std::string source = path.string();
-    Parser parser(text, source, path.parent_path());
+    Parser parser(text, source, path.parent_path(), outside_);
     parser.is_named_ = true;
     return parser.Run();
   }
@@ -331,12 +360,19 @@ class Parser {
   const std::string_view text_;
   const std::string_view source_;
   const std::filesystem::path directory_;
+  const OutsideBounds outside_;
   bool is_named_ = false;  // By another file's "file" line.
   std::size_t position_ = 0;
   std::size_t line_start_ = 0;
   int line_number_ = 0;
   int version_ = kFixedVersion;
   bool ended_ = false;
+  struct ObstacleLine {
+    int number = 0;
+    std::string text;
+    Bounds extent;
+  };
+  std::vector<ObstacleLine> obstacles_;       // Of `course_`, if `outside_` refuses some.
   std::optional<Course> course_;              // Between "course" and "end".
   bool in_moving_ = false;                    // Key lines may follow: for course_->moving.back().
   int moving_line_ = 0;                       // Line on which that obstacle began.
@@ -359,13 +395,13 @@ std::string PrintCourseSet(const CourseSet& set) {
 }
 
 CourseSet ParseCourseSet(std::string_view text, std::string_view source,
-                         const std::filesystem::path& directory) {
-  return Parser(text, source, directory).Run();
+                         const std::filesystem::path& directory, OutsideBounds outside) {
+  return Parser(text, source, directory, outside).Run();
 }
 
-CourseSet ReadCourseSet(const std::filesystem::path& path) {
+CourseSet ReadCourseSet(const std::filesystem::path& path, OutsideBounds outside) {
   const std::string text = base::ReadFile(path);
-  CourseSet set = ParseCourseSet(text, path.string(), path.parent_path());
+  CourseSet set = ParseCourseSet(text, path.string(), path.parent_path(), outside);
   if (set.name.empty()) set.name = path.stem().string();
   return set;
 }

@@ -21,18 +21,23 @@ inline constexpr std::string_view kCourseSetExtension = ".courses";
 /// Prints the set as text that holds every course.
 std::string PrintCourseSet(const CourseSet& set);
 
+/// Whether a file may have a fixed obstacle no part of which is inside the bounds of its course.
+enum class OutsideBounds { kAllow, kRefuse };
+
 /// Parses the set in `text`. Errors call it `source`. Files that it names are relative to
 /// `directory`.
 ///
 /// Throws `Error` that names source and line if the text is not a whole, unchanged course file:
 /// another format or version, an unknown, misplaced or malformed line, a size that is not above 0,
 /// fewer than two key frames or a first one not at time 0, a missing part, an invalid or repeated
-/// name, a wrong or missing checksum.
+/// name, a wrong or missing checksum, an obstacle outside the bounds if `outside` refuses it.
 CourseSet ParseCourseSet(std::string_view text, std::string_view source,
-                         const std::filesystem::path& directory);
+                         const std::filesystem::path& directory,
+                         OutsideBounds outside = OutsideBounds::kAllow);
 
 /// Reads the file `path`. Throws `Error` as `ParseCourseSet` does, or if the file cannot be read.
-CourseSet ReadCourseSet(const std::filesystem::path& path);
+CourseSet ReadCourseSet(const std::filesystem::path& path,
+                        OutsideBounds outside = OutsideBounds::kAllow);
 
 /// Writes `set` with every course to the file `path` atomically. Throws `Error` if that fails.
 void WriteCourseSet(const std::filesystem::path& path, const CourseSet& set);

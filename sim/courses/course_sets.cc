@@ -19,6 +19,7 @@
 #include "sim/courses/course_splits.h"
 #include "sim/courses/dynamic_generator.h"
 #include "sim/courses/real_world_courses.h"
+#include "sim/courses/reference_path.h"
 
 namespace slalom::sim {
 namespace {
@@ -68,6 +69,21 @@ std::vector<fs::path> ListFiles(const fs::path& directory,
   return files;
 }
 
+/// Reads a file of one's own: it is checked, and courses without a reference path get one.
+CourseSet ReadOwnFile(const fs::path& file) {
+  CourseSet set = ReadCourseSet(file, OutsideBounds::kRefuse);
+  CheckSolvable(set, file);
+  for (auto& course : set.courses) {
+    if (!course->reference_path_W.empty()) continue;
+    std::vector<base::Vec2> path_W = FindReferencePath(*course);
+    if (path_W.empty()) continue;
+    auto with_path = std::make_shared<Course>(*course);
+    with_path->reference_path_W = std::move(path_W);
+    course = std::move(with_path);
+  }
+  return set;
+}
+
 CourseSet ReadDirectory(const fs::path& directory) {
   CourseSet set{fs::absolute(directory).lexically_normal().filename().string(), {}};
   const std::vector<fs::path> files = ListFiles(directory, {kCourseExtension, kCourseSetExtension});
@@ -77,8 +93,7 @@ CourseSet ReadDirectory(const fs::path& directory) {
                     directory.string(), kCourseExtension, kCourseSetExtension));
   }
   for (const fs::path& file : files) {
-    const CourseSet part = ReadCourseSet(file);
-    CheckSolvable(part, file);
+    const CourseSet part = ReadOwnFile(file);
     for (const auto& course : part.courses) {
       const bool is_known = std::any_of(set.courses.begin(), set.courses.end(),
                                         [&](const auto& c) { return c->name == course->name; });
@@ -168,11 +183,7 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
   const fs::path path(spec);
   std::error_code error;
   if (fs::is_directory(path, error)) return ReadDirectory(path);
-  if (!spec.empty() && fs::exists(path, error)) {
-    CourseSet set = ReadCourseSet(path);
-    CheckSolvable(set, path);
-    return set;
-  }
+  if (!spec.empty() && fs::exists(path, error)) return ReadOwnFile(path);
   if (collection && !collection->empty() && !fs::is_directory(*collection, error)) {
     throw base::Error(
         fmt::format("{}: is no directory, expected a collection that `slalom courses import` wrote",

@@ -304,6 +304,52 @@ TEST(CourseSets, ACourseThatCannotBeDrivenIsRefusedWithTheReason) {
   EXPECT_THAT(ErrorOf(file), HasSubstr("x.course: the course set is empty"));
 }
 
+TEST(CourseSets, CoursesOfOnesOwnGetAReferencePathIfTheyHaveNone) {
+  const test::ScratchDirectory scratch;
+  const auto file = scratch.path() / "x.courses";
+  Course wall = Corridor(0.6);
+  wall.name = "wall";
+  wall.boxes[0].half_size.x += 0.5;  // Across the straight line, which leaves 1.3 m on the left.
+  wall.bounds.min_W.x = -5.0;
+  Course drawn = wall;
+  drawn.name = "drawn";
+  drawn.reference_path_W = {{-3.0, 3.0}};
+  WriteCourseSet(
+      file, {"x",
+             {std::make_shared<const Course>(Corridor(0.6)), std::make_shared<const Course>(wall),
+              std::make_shared<const Course>(drawn)}});
+  const CourseSet of_file = ResolveCourses(file, std::nullopt, 1);
+  ASSERT_EQ(of_file.courses.size(), 3u);
+  EXPECT_EQ(*of_file.courses[0], Corridor(0.6));
+  EXPECT_GT(ReferenceLength(*of_file.courses[1]), 6.5);
+  EXPECT_EQ(*of_file.courses[2], drawn);
+  const CourseSet of_directory = ResolveCourses(scratch.path(), std::nullopt, 1);
+  EXPECT_EQ(*of_directory.courses[1], *of_file.courses[1]);
+  // Collections and evaluations are as they were imported and driven.
+  EXPECT_EQ(*ResolveCourses("x", scratch.path(), 1).courses[1], wall);
+  EXPECT_EQ(*ReadCourseSet(file).courses[1], wall);
+}
+
+TEST(CourseSets, AnObstacleOutsideTheBoundsIsRefusedWithItsLine) {
+  const test::ScratchDirectory scratch;
+  const std::filesystem::path file = scratch.path() / "x.course";
+  const auto refusal = [&](const std::string& obstacle) {
+    base::WriteFileAtomically(file, "slalom-courses 1\ncourse x\n" + obstacle +
+                                        "\nstart 0 0 0\ngoal 0 6\nbounds -2 -1 2 7\nend\n"
+                                        "checksum none\n");
+    return ErrorOf(file);
+  };
+  EXPECT_THAT(refusal("circle 0 40 0.5"),
+              HasSubstr("x.course:3: \"circle 0 40 0.5\" is wholly outside the bounds of course x, "
+                        "expected it inside x = -2 to 2 and y = -1 to 7, at least in part"));
+  EXPECT_THAT(refusal("circle -2.6 3 0.5"), HasSubstr("x.course:3: "));
+  EXPECT_EQ(refusal("circle -2.4 3 0.5"), "");
+  EXPECT_THAT(refusal("box 4 3 0 1 0.1"), HasSubstr("x.course:3: \"box 4 3 0 1 0.1\" is wholly"));
+  EXPECT_EQ(refusal("box 4 3 0 2.5 0.1"), "");
+  EXPECT_THAT(refusal("box 4 3 1.5708 2.5 0.1"), HasSubstr("x.course:3: "));
+  EXPECT_EQ(ReadCourseSet(file).courses.size(), 1u);  // As an evaluation may have driven it.
+}
+
 TEST(CourseSets, EveryGeneratedCourseCanBeDriven) {
   for (const auto& course : GenerateFreshCourses(17, 48).courses) {
     EXPECT_EQ(WhyUnsolvable(*course), std::nullopt) << course->name;
