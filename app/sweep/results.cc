@@ -29,7 +29,13 @@ std::vector<Row> RowsOf(const Cells& cells) {
   for (std::size_t c = 0; c < cells.cells.size(); ++c) {
     const Cell& cell = cells.cells[c];
     const auto [place, is_new] = places.try_emplace({cell.group, cell.row}, rows.size());
-    if (is_new) rows.push_back({cell.row_name(), cell.row, {}, !cell.planner.empty()});
+    if (is_new) {
+      const bool is_planner = !cell.planner.empty();
+      std::string title = is_planner || cell.row.size() > cells.axis_names.size()
+                              ? cell.row_name()
+                              : RowTitle(cells.axis_names, cell.row);
+      rows.push_back({cell.row_name(), std::move(title), cell.row, {}, is_planner});
+    }
     rows[place->second].cells.push_back(c);
   }
   return rows;
@@ -149,6 +155,27 @@ eval::Interval LimitsOf(const eval::Result& result, const Quantity& quantity) {
 }
 
 }  // namespace
+
+std::string RowTitle(const std::vector<std::string>& axis_names,
+                     const std::vector<std::string>& labels) {
+  SLALOM_CHECK(labels.size() <= axis_names.size());
+  const auto last_part = [](std::string_view name) { return name.substr(name.rfind('.') + 1); };
+  std::vector<std::string> parts;
+  for (std::size_t a = 0; a < labels.size(); ++a) {
+    const std::string& axis = axis_names[a];
+    const bool is_word = !labels[a].empty() &&
+                         std::isalpha(static_cast<unsigned char>(labels[a][0])) &&
+                         labels[a] != "true" && labels[a] != "false";
+    const bool is_key = axis.find('.') != std::string::npos;
+    if (is_word && !is_key) {
+      parts.push_back(labels[a]);
+      continue;
+    }
+    const auto num_alike = std::ranges::count(axis_names, last_part(axis), last_part);
+    parts.push_back(fmt::format("{} {}", num_alike > 1 ? axis : last_part(axis), labels[a]));
+  }
+  return fmt::format("{}", fmt::join(parts, " / "));
+}
 
 int SweepResults::num_cells(CellState state) const {
   return static_cast<int>(std::ranges::count(statuses, state, &CellStatus::state));

@@ -46,10 +46,18 @@ struct ScoreResults {
 /// Cells that differ only in their seed.
 struct Row {
   std::string name;                 ///< "TD3 / 50".
+  std::string title;                ///< `RowTitle`: its name where no head names the axes.
   std::vector<std::string> labels;  ///< As `Cell::row`.
   std::vector<std::size_t> cells;   ///< Indices in `Cells::cells`.
   bool is_planner = false;
 };
+
+/// Returns a row's name with the axes: "n_step 4.0 / head_layers [64, 64]". An axis without a name
+/// of its own goes by the last part of its key, or by the whole key if two end alike. Labels that
+/// are words stand alone if their axis has a name of its own. Requires: at most as many labels as
+/// axes.
+std::string RowTitle(const std::vector<std::string>& axis_names,
+                     const std::vector<std::string>& labels);
 
 /// An evaluation that the plan asks for and that is not there.
 struct MissingScore {

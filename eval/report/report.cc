@@ -8,6 +8,7 @@
 
 #include "base/file.h"
 #include "eval/report/result.h"
+#include "eval/report/table_text.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/episode_file.h"
 
@@ -25,15 +26,15 @@ constexpr char kTracksFile[] = "evaluation-tracks.jsonl";
 std::string IntervalText(const std::optional<Interval>& interval, double factor, int digits,
                          std::string_view unit) {
   if (!interval) return "";
-  return fmt::format("{:.{}f} ... {:.{}f}{}", factor * interval->low, digits,
-                     factor * interval->high, digits, unit);
+  return fmt::format("{} ... {}{}", FixedText(factor * interval->low, digits),
+                     FixedText(factor * interval->high, digits), unit);
 }
 
 /// "  success          98.6 %     96.9 ... 99.4 %      493 of 500 episodes"
 std::string Line(std::string_view name, const std::optional<Estimate>& estimate, double factor,
                  int digits, std::string_view unit, const std::string& remark) {
   if (!estimate) return fmt::format("  {:<16}{:>10}   {:<22}{}\n", name, "-", "", remark);
-  const std::string value = fmt::format("{:.{}f}{}", factor * estimate->value, digits, unit);
+  const std::string value = FixedText(factor * estimate->value, digits) + std::string(unit);
   return fmt::format("  {:<16}{:>10}   {:<22}{}\n", name, value,
                      IntervalText(estimate->interval, factor, digits, unit), remark);
 }

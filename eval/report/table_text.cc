@@ -18,14 +18,27 @@ std::string Escape(std::string_view text, std::string_view special) {
   return escaped;
 }
 
-/// A number with `digits` decimals. One that is rounded to zero has no sign.
+/// `FixedText` with a sign above zero, too, if that is asked for.
 std::string NumberText(double value, int digits, bool with_sign) {
-  std::string text = fmt::format("{:.{}f}", std::abs(value), digits);
-  if (text.find_first_not_of("0.") == std::string::npos) return text;
-  return fmt::format("{}{}", value < 0.0 ? "-" : with_sign ? "+" : "", text);
+  std::string text = FixedText(value, digits);
+  const bool is_zero = text.find_first_not_of("0.") == std::string::npos;
+  return with_sign && value > 0.0 && !is_zero ? "+" + text : text;
 }
 
 }  // namespace
+
+std::string FixedText(double value, int digits) {
+  double scale = 1.0;
+  for (int i = 0; i < digits; ++i) scale *= 10.0;
+  double size = std::abs(value);
+  // fmt rounds an exact half to the even digit; the product has no rounding error if it is one.
+  const double scaled = size * scale;
+  const bool is_half = scaled - std::floor(scaled) == 0.5 && std::fma(size, scale, -scaled) == 0.0;
+  if (is_half) size = std::ceil(scaled) / scale;
+  std::string text = fmt::format("{:.{}f}", size, digits);
+  const bool is_zero = text.find_first_not_of("0.") == std::string::npos;
+  return value < 0.0 && !is_zero ? "-" + text : text;
+}
 
 std::string EstimateText(const std::optional<Estimate>& estimate, double factor, int digits,
                          bool is_difference) {

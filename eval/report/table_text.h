@@ -24,6 +24,11 @@ struct EstimateColumn {
   std::optional<Estimate> (*estimate)(const Row& row);
 };
 
+/// Returns the number with `digits` decimals, rounded to the nearest. Halves are rounded away from
+/// zero ("36.3" for 36.25), as the scripts of pages do, so every form of a report has one text. One
+/// that is rounded to zero has no sign. Requires: value finite, 0 <= digits <= 9.
+std::string FixedText(double value, int digits);
+
 /// Returns "93.5 (90.1–96.0)", "1.5 (-0.5 to 3.5)", or "+1.5 (-0.5 to +3.5)" for a difference; "–"
 /// if there is none.
 std::string EstimateText(const std::optional<Estimate>& estimate, double factor, int digits,

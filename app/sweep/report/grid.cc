@@ -126,6 +126,9 @@ void AddOnce(std::vector<std::string>& list, const std::string& value) {
   if (std::ranges::find(list, value) == list.end()) list.push_back(value);
 }
 
+/// Whether an axis goes by its key, as the plan gives it no name.
+bool IsKey(const std::string& axis_name) { return axis_name.find('.') != std::string::npos; }
+
 /// Lines and columns of rows with two labels or more.
 struct Axes {
   std::vector<std::string> lines;    // All labels but the last.
@@ -146,8 +149,19 @@ struct Axes {
     return Joined(row.labels, row.labels.size() - 1);
   }
 
-  /// "H=4", as papers print an axis with a short name, or the label alone.
+  /// The head of a line: its labels, with the axes if one of these has no name but a key.
+  static std::string LineHead(const ReportContent& content, const std::string& line) {
+    const auto& names = content.cells.axis_names;
+    const auto row = std::ranges::find_if(content.results.rows, [&](const Row& r) {
+      return r.labels.size() == names.size() && LineOf(r, names.size()) == line;
+    });
+    if (row == content.results.rows.end() || std::ranges::none_of(names, IsKey)) return line;
+    return RowTitle({names.begin(), names.end() - 1}, {row->labels.begin(), row->labels.end() - 1});
+  }
+
+  /// "H=4", as papers print an axis with a short name; "gamma 0.99" of a key; or the label alone.
   std::string ColumnHead(const std::string& label) const {
+    if (IsKey(column_axis)) return RowTitle({column_axis}, {label});
     return column_axis.size() > 2 ? label : column_axis + "=" + label;
   }
 };
@@ -188,7 +202,7 @@ Grid AxesTable(const ReportContent& content, std::span<const ScoreContent* const
     std::vector<Place> places;
     for (const ScoreContent* score : scores) AddPlaces(content, *score, axes, line, q, places);
     if (std::ranges::none_of(places, [](const Place& place) { return place.row; })) continue;
-    grid.lines.push_back(MakeLine(line, places));
+    grid.lines.push_back(MakeLine(Axes::LineHead(content, line), places));
   }
   // The best below each score.
   for (std::size_t s = 0; s < scores.size(); ++s) {

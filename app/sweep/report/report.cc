@@ -7,6 +7,7 @@
 
 #include "app/sweep/store.h"
 #include "base/file.h"
+#include "eval/report/table_text.h"
 #include "eval/statistics/bootstrap.h"
 
 namespace slalom::sweep {
@@ -24,10 +25,10 @@ std::size_t WidthOf(const std::string& text) {
 std::string SummaryCell(const RowScore& score) {
   if (score.seeds.empty()) return "-";
   const eval::Estimate success = eval::BootstrapMean(RateTable(score, kQuantities[0]));
-  std::string text = fmt::format("{:.1f}", 100.0 * success.value);
+  std::string text = eval::FixedText(100.0 * success.value, 1);
   if (success.interval) {
-    text += fmt::format(" ({:.1f} - {:.1f})", 100.0 * success.interval->low,
-                        100.0 * success.interval->high);
+    text += fmt::format(" ({} - {})", eval::FixedText(100.0 * success.interval->low, 1),
+                        eval::FixedText(100.0 * success.interval->high, 1));
   }
   if (!score.is_complete()) {
     text += fmt::format(", {} of {} seeds", score.seeds.size(), score.num_planned);
@@ -51,7 +52,7 @@ std::string SweepSummary(const SweepResults& results) {
   std::vector<std::vector<std::string>> table(1 + results.rows.size());
   table[0].push_back("success [%]");
   for (std::size_t r = 0; r < results.rows.size(); ++r) {
-    table[r + 1].push_back(results.rows[r].name);
+    table[r + 1].push_back(results.rows[r].title);
   }
   for (const ScoreResults& score : results.scores) {
     table[0].push_back(score.label);

@@ -10,6 +10,7 @@
 
 #include "base/progress.h"
 #include "eval/report/comparison.h"
+#include "eval/report/table_text.h"
 
 namespace slalom::sweep {
 namespace {
@@ -184,8 +185,35 @@ std::string OverlapOf(const SweepResults& results, const ScoreResults& score) {
   return fmt::format("Trained on some of these courses: {}.", fmt::join(rows, ", "));
 }
 
-ScoreContent MakeScore(const Plan& plan, const SweepResults& results, const ScoreResults& score,
-                       const std::string& courses) {
+/// Rows whose success prints alike are all named.
+std::string BestRowOf(const Cells& cells, const SweepResults& results,
+                      const std::vector<RowFigures>& rows) {
+  if (cells.axis_names.empty()) return "";
+  const auto success = [](const RowFigures& row) { return row.quantities[0].estimate; };
+  std::vector<const RowFigures*> scored;
+  for (const RowFigures& row : rows) {
+    if (success(row) && !results.rows[row.row].is_planner) scored.push_back(&row);
+  }
+  if (scored.size() < 2) return "";
+  const auto text = [&](const RowFigures* row) {
+    return eval::FixedText(100.0 * success(*row)->value, 1);
+  };
+  const RowFigures* best = *std::ranges::max_element(
+      scored, {}, [&](const RowFigures* row) { return success(*row)->value; });
+  std::vector<std::string> names;
+  for (const RowFigures* row : scored) {
+    if (text(row) == text(best)) names.push_back(results.rows[row->row].title);
+  }
+  if (names.size() == scored.size()) return "";
+  return fmt::format(
+      "Best row{}: {}, with {} % success, of {} rows. The best of many is partly so by chance: "
+      "score "
+      "it on other courses, or train it with other seeds, before you rely on the number.",
+      names.size() == 1 ? "" : "s", fmt::join(names, "; "), text(best), scored.size());
+}
+
+ScoreContent MakeScore(const Plan& plan, const Cells& cells, const SweepResults& results,
+                       const ScoreResults& score, const std::string& courses) {
   ScoreContent content;
   content.name = score.name;
   content.label = score.label;
@@ -202,6 +230,7 @@ ScoreContent MakeScore(const Plan& plan, const SweepResults& results, const Scor
     content.snapshots.push_back(std::move(figures));
     content.snapshot_steps.push_back(row.snapshot_steps);
   }
+  content.best_row = BestRowOf(cells, results, content.rows);
   content.curves = LearningCurves(results, score);
   content.profiles = ProfilesOf(score);
   content.pairs = CompareRows(score);
@@ -218,7 +247,7 @@ ReportContent MakeContent(const Plan& plan, const Cells& cells, const fs::path& 
   content.warnings = WarningsOf(plan, content.results);
   for (std::size_t s = 0; s < plan.scores.size(); ++s) {
     content.scores.push_back(
-        MakeScore(plan, content.results, content.results.scores[s], plan.scores[s].courses));
+        MakeScore(plan, cells, content.results, content.results.scores[s], plan.scores[s].courses));
   }
   content.conclusions = JudgeConclusions(plan, content.results);
   return content;

@@ -26,6 +26,9 @@ struct ScoreContent {
   /// A sentence that names the rows that were trained on some of the courses; empty: none was, or
   /// the score is meant to be on the courses of the training.
   std::string overlap;
+  /// A sentence that names the trained row with the most success; empty: the plan has no axes, or
+  /// fewer than two rows were scored.
+  std::string best_row;
   std::vector<RowFigures> rows;
   std::vector<RowFigures> snapshots;         ///< Row by row, by steps, the finished policies last.
   std::vector<std::int64_t> snapshot_steps;  ///< Steps of each of `snapshots`; 0: finished.

@@ -35,8 +35,8 @@ std::string LatexColumn(const std::string& head) {
 /// "$65.1 \pm 4.0$"
 std::string LatexCell(const GridCell& cell) {
   if (!cell.mean) return "-";
-  std::string number = fmt::format("{:.1f}", *cell.mean);
-  if (cell.deviation) number += fmt::format(" \\pm {:.1f}", *cell.deviation);
+  std::string number = eval::FixedText(*cell.mean, 1);
+  if (cell.deviation) number += " \\pm " + eval::FixedText(*cell.deviation, 1);
   if (cell.is_bold) number = "\\boldsymbol{" + number + "}";
   if (!cell.mark.empty()) number += "^{" + cell.mark + "}";
   return "$" + number + "$";

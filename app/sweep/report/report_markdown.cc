@@ -97,8 +97,8 @@ std::string PairTable(const ReportContent& content, const RowPairs& compared) {
       "|\n|---|---|---:|---:|---:|---|---:|\n";
   for (const eval::AgentPair& pair : compared.pairs) {
     fmt::format_to(std::back_inserter(text), "| {} | {} | {} | {} | {} | {} | {} |\n",
-                   EscapeMarkdown(content.results.rows[pair.first].name),
-                   EscapeMarkdown(content.results.rows[pair.second].name),
+                   EscapeMarkdown(content.results.rows[pair.first].title),
+                   EscapeMarkdown(content.results.rows[pair.second].title),
                    EstimateText(pair.test.difference, 100.0, 1), PValueText(pair.corrected_p_value),
                    PValueText(pair.corrected_training_p_value), eval::ToString(pair.verdict),
                    EstimateText(pair.improvement, 1.0, 2));
@@ -110,7 +110,7 @@ std::string CurveTable(const ReportContent& content, const ScoreContent& score) 
   eval::MarkdownTable table{
       .titles = {"row", "seeds", "area over steps [%]", "area over seconds [%]"}};
   for (const LearningCurve& curve : score.curves) {
-    table.rows.push_back({EscapeMarkdown(content.results.rows[curve.row].name),
+    table.rows.push_back({EscapeMarkdown(content.results.rows[curve.row].title),
                           fmt::format("{} of {}", curve.num_seeds, curve.num_planned),
                           EstimateText(curve.area_over_steps, 100.0, 1),
                           EstimateText(curve.area_over_seconds, 100.0, 1)});
@@ -122,6 +122,7 @@ std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
   std::string text = fmt::format("\n## {}\n\nCourses: {}. {}\n\n", EscapeMarkdown(score.label),
                                  EscapeMarkdown(score.courses), EscapeMarkdown(score.protocol));
   text += RowTable(content, score.rows, {});
+  if (!score.best_row.empty()) text += "\n" + EscapeMarkdown(score.best_row) + "\n";
   if (!score.overlap.empty()) text += "\n" + EscapeMarkdown(score.overlap) + "\n";
   if (!score.snapshots.empty()) {
     text += "\n### While learning\n\n" + RowTable(content, score.snapshots, score.snapshot_steps);
@@ -148,8 +149,8 @@ std::string ScoreText(const ReportContent& content, const ScoreContent& score) {
 /// "**65.1 ± 4.0**"
 std::string MarkdownCell(const GridCell& cell) {
   if (!cell.mean) return "–";
-  std::string number = fmt::format("{:.1f}", *cell.mean);
-  if (cell.deviation) number += fmt::format(" ± {:.1f}", *cell.deviation);
+  std::string number = eval::FixedText(*cell.mean, 1);
+  if (cell.deviation) number += " ± " + eval::FixedText(*cell.deviation, 1);
   if (cell.is_bold) number = "**" + number + "**";
   return cell.mark.empty() ? number : fmt::format("{} ({} seeds)", number, cell.mark);
 }

@@ -74,11 +74,17 @@ PageJson PairJson(const eval::AgentPair& pair) {
 }
 
 PageJson ScoreJson(const ScoreContent& score, const ScoreResults& results) {
-  PageJson json = {{"name", score.name},          {"label", score.label},
-                   {"courses", score.courses},    {"protocol", score.protocol},
-                   {"overlap", score.overlap},    {"rows", PageJson::array()},
-                   {"curves", PageJson::array()}, {"profiles", PageJson::array()},
-                   {"pairs", PageJson::array()},  {"pairs_note", score.pairs.note}};
+  PageJson json = {{"name", score.name},
+                   {"label", score.label},
+                   {"courses", score.courses},
+                   {"protocol", score.protocol},
+                   {"overlap", score.overlap},
+                   {"best_row", score.best_row},
+                   {"rows", PageJson::array()},
+                   {"curves", PageJson::array()},
+                   {"profiles", PageJson::array()},
+                   {"pairs", PageJson::array()},
+                   {"pairs_note", score.pairs.note}};
   for (const RowFigures& row : score.rows) json["rows"].push_back(RowJson(row, results.rows));
   for (const LearningCurve& curve : score.curves) json["curves"].push_back(CurveJson(curve));
   for (const Profile& profile : score.profiles) {
@@ -118,8 +124,10 @@ std::string SweepPageData(const ReportContent& content) {
                    {"failures", FailuresJson(content)},
                    {"missing", PageJson::array()}};
   for (const Row& row : content.results.rows) {
-    data["rows"].push_back(
-        {{"name", row.name}, {"labels", row.labels}, {"is_planner", row.is_planner}});
+    data["rows"].push_back({{"name", row.name},
+                            {"title", row.title},
+                            {"labels", row.labels},
+                            {"is_planner", row.is_planner}});
   }
   for (std::size_t s = 0; s < content.scores.size(); ++s) {
     data["scores"].push_back(ScoreJson(content.scores[s], content.results.scores[s]));

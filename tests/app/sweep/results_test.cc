@@ -33,6 +33,17 @@ TEST(SweepResultsTest, RowsHoldTheSeedsThatAreThere) {
   EXPECT_EQ(results.num_cells(CellState::kWaiting), 4);
 }
 
+TEST(SweepResultsTest, TitlesOfRowsNameTheAxes) {
+  const std::vector<std::string> keys{"learner.n_step", "network.head_layers"};
+  EXPECT_EQ(RowTitle(keys, {"4.0", "[64, 64]"}), "n_step 4.0 / head_layers [64, 64]");
+  EXPECT_EQ(RowTitle(keys, {"4.0"}), "n_step 4.0");
+  EXPECT_EQ(RowTitle({"method", "H"}, {"TD3", "4"}), "TD3 / H 4");
+  EXPECT_EQ(RowTitle({"courses.fresh", "mirrored"}, {"static", "true"}),
+            "fresh static / mirrored true");
+  EXPECT_EQ(RowTitle({"actor.rate", "critic.rate"}, {"1e-3", "1e-4"}),
+            "actor.rate 1e-3 / critic.rate 1e-4");
+}
+
 TEST(SweepResultsTest, EverythingThatIsMissingIsListed) {
   const SweepResults results = test::MakeTrainingSets().Results();
   ASSERT_EQ(results.missing.size(), 10u);  // Two scores of five cells.

@@ -1,9 +1,11 @@
 #include "eval/report/comparison.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "eval/report/table_text.h"
@@ -136,6 +138,26 @@ TEST(Comparison, CsvHasAllFiguresInAsManyColumnsAsTheHeader) {
     EXPECT_EQ(std::ranges::count(line, ','), num_commas) << line;
   EXPECT_THAT(lines[1], HasSubstr(",0.934000,0.837000,0.975000,"));
   EXPECT_THAT(lines[1], HasSubstr(",6.130000,5.740000,6.520000,,,,"));  // No survival time.
+}
+
+TEST(TableText, RoundsHalvesAwayFromZero) {
+  EXPECT_EQ(FixedText(36.25, 1), "36.3");
+  EXPECT_EQ(FixedText(-36.25, 1), "-36.3");
+  EXPECT_EQ(FixedText(36.75, 1), "36.8");
+  EXPECT_EQ(FixedText(0.5, 0), "1");
+  EXPECT_EQ(FixedText(99.95, 1), "100.0");  // 99.9500000000000028 in binary.
+  EXPECT_EQ(FixedText(-0.04, 1), "0.0");
+  // Just below and above a half, and 36.35, which is 36.35000000000000142 in binary.
+  EXPECT_EQ(FixedText(std::nextafter(36.25, 0.0), 1), "36.2");
+  EXPECT_EQ(FixedText(std::nextafter(36.25, 99.0), 1), "36.3");
+  EXPECT_EQ(FixedText(36.35, 1), "36.4");
+  // 1.45 is 1.4499999999999999556 in binary, though ten times that is 14.5.
+  EXPECT_EQ(FixedText(1.45, 1), "1.4");
+  // Multiples of 1/16, rounded in integers.
+  for (int k = 0; k < 5000; ++k) {
+    const int tenths = (2 * 10 * k + 16) / 32;
+    EXPECT_EQ(FixedText(k / 16.0, 1), fmt::format("{}.{}", tenths / 10, tenths % 10)) << k;
+  }
 }
 
 TEST(TableText, ShowsDifferencesWithASignAndZeroWithout) {

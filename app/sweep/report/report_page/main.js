@@ -33,8 +33,7 @@ class Page {
 
   // The row's name where nothing else says what its numbers are.
   rowTitle(row) {
-    const {name, labels} = this.data.rows[row];
-    return labels.length === 1 && isNumber(labels[0]) ? `${this.data.axes[0]} ${name}` : name;
+    return this.data.rows[row].title;
   }
 
   // Calls `action` whenever the page is drawn.

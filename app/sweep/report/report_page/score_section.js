@@ -125,6 +125,7 @@ function addScoreSection(page, score) {
   if (score.rows.length === 0) return;
   const section = page.addSection(`score-${score.name}`, score.label, score.label);
   section.append(element('p', {class: 'note'}, `Courses: ${score.courses}. ${score.protocol}`), scoreTable(page, score));
+  if (score.best_row) section.append(element('p', {class: 'note', 'data-best': 'true'}, score.best_row));
   if (score.overlap) section.append(element('p', {class: 'note'}, score.overlap));
   addDots(page, section, score);
   addCurves(page, section, score);

@@ -103,6 +103,19 @@ TEST_F(SweepPageTest, DrawsDotsWhereNoAxisIsNumeric) {
   EXPECT_EQ(Count(dom, "data-point=\"0.5\""), 2);
 }
 
+TEST_F(SweepPageTest, RoundsHalvesAsTheOtherFormsDo) {
+  test::FakeSweep fake({"learner.n_step"}, {"test"});
+  std::vector<std::string> outcomes(9, "SSSCCCCC");
+  outcomes.push_back("SSCCCCCC");  // 29 of 80 episodes: 36.25 %.
+  fake.Evaluate(fake.AddTraining({"4"}, 1), "test", outcomes);
+  fake.Evaluate(fake.AddTraining({"8"}, 1), "test", std::vector<std::string>(10, "SCCCCCCC"));
+  EXPECT_THAT(fake.Report("report.md"), HasSubstr("\n| 4 | 1 | 36.3 ("));
+  const std::string dom = browser_.Render(fake.Report("report.html"));
+  EXPECT_THAT(dom, HasSubstr("<span class=\"value\">36.3</span>"));
+  EXPECT_THAT(dom, HasSubstr("data-best=\"true\">Best row: n_step 4, with 36.3 % success"));
+  EXPECT_THAT(dom, HasSubstr("against n_step 8"));
+}
+
 TEST_F(SweepPageTest, AnAxisIsLabelledAsInThePlan) {
   const std::string dom = browser_.Render(MakeWide().Report("report.html"));
   EXPECT_THAT(dom, HasSubstr("class=\"faint\">1e-4</text>"));

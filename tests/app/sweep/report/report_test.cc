@@ -229,7 +229,7 @@ TEST(SweepReportTest, TheSummaryNamesSeedsThatAreMissing) {
   const std::vector<std::string> lines = Lines(text);
   ASSERT_EQ(lines.size(), 5u);
   EXPECT_THAT(lines[0], HasSubstr("| on test"));
-  EXPECT_THAT(lines[2], HasSubstr("| 5           | 60.0 ("));
+  EXPECT_THAT(lines[2], HasSubstr("| training courses 5  | 60.0 ("));
   EXPECT_THAT(lines[3], HasSubstr("1 of 3 seeds"));
   EXPECT_THAT(lines[4], HasSubstr("| -"));
   for (const std::string& line : lines) EXPECT_EQ(line.size(), lines[0].size());
@@ -281,6 +281,45 @@ TEST(SweepReportTest, SnapshotsHaveATableByTheirSteps) {
   EXPECT_EQ(CsvCell(rows, 2, "published"), "");
   EXPECT_EQ(CsvCell(rows, 1, "steps"), "4000");
   EXPECT_EQ(CsvCell(rows, 1, "published_success_rate"), "0.65");
+}
+
+/// Two rows of a grid; the first has 29 successes of 80 episodes, 36.25 %, on ten courses.
+test::FakeSweep MakeGridSweep() {
+  test::FakeSweep fake({"learner.n_step", "network.head_layers"}, {"test"});
+  std::vector<std::string> outcomes(9, "SSSCCCCC");
+  outcomes.push_back("SSCCCCCC");
+  fake.Evaluate(fake.AddTraining({"4", "[64, 64]"}, 1), "test", outcomes);
+  fake.Evaluate(fake.AddTraining({"8", "[64, 64]"}, 1), "test",
+                std::vector<std::string>(10, "SCCCCCCC"));
+  return fake;
+}
+
+TEST(SweepReportTest, RowsOfAGridNameTheirAxesAndTheBest) {
+  test::FakeSweep fake = MakeGridSweep();
+  const std::string text = fake.Report("report.md");
+  EXPECT_THAT(text, HasSubstr("| n\\_step 4 / head\\_layers \\[64, 64\\] | n\\_step 8 / "));
+  EXPECT_THAT(text, HasSubstr("\n\nBest row: n\\_step 4 / head\\_layers \\[64, 64\\], with 36.3 % "
+                              "success, of 2 rows."));
+  EXPECT_THAT(text, HasSubstr("| on test, head\\_layers \\[64, 64\\] |"));
+  EXPECT_THAT(text, HasSubstr("| n\\_step 4 | **36.3** |"));
+  EXPECT_THAT(fake.Report("report.html"), HasSubstr("Best row: n_step 4 / head_layers [64, 64]"));
+  // A planner is no row of the grid, and no row is the best of one.
+  fake.Evaluate(fake.AddPlanner({"DWA"}), "test", std::vector<std::string>(10, "SSSSSSSS"));
+  EXPECT_THAT(fake.Report("report.md"), HasSubstr("Best row: n\\_step 4"));
+  test::FakeSweep one({"learner.n_step"}, {"test"});
+  one.Evaluate(one.AddTraining({"4"}, 1), "test", {"SC"});
+  EXPECT_THAT(one.Report("report.md"), Not(HasSubstr("Best row")));
+}
+
+TEST(SweepReportTest, AHalfIsRoundedTheSameWayInEveryForm) {
+  const test::FakeSweep fake = MakeGridSweep();
+  ASSERT_EQ(100.0 * fake.Results().scores[0].rows[0].seeds[0].result.set.success_rate.value, 36.25);
+  const std::string markdown = fake.Report("report.md");
+  EXPECT_THAT(markdown, HasSubstr("| 4 / \\[64, 64\\] | 1 | 36.3 ("));
+  EXPECT_THAT(markdown, Not(HasSubstr("36.2")));
+  EXPECT_THAT(fake.Report("report.tex"), HasSubstr("36.3}$"));
+  EXPECT_THAT(SweepSummary(fake.Results()),
+              HasSubstr("| n_step 4 / head_layers [64, 64] | 36.3 ("));
 }
 
 TEST(SweepReportTest, ASweepThatHasNotBegunHasAReport) {
