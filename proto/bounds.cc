@@ -174,6 +174,7 @@ class FieldWalk {
 };
 
 // Field numbers of slalom.proto.
+constexpr std::uint64_t kHelloRun = 8;
 constexpr std::uint64_t kReportFigures = 3;
 constexpr std::uint64_t kReportFacts = 4;
 constexpr std::uint64_t kStatusRoles = 1;
@@ -192,6 +193,14 @@ std::string FindFault(const Header& header, Way way) {
   FaultFinder finder(way);
   std::visit([&](const auto& message) { finder.Look(message); }, header);
   return finder.Take();
+}
+
+bool HelloListsFit(std::span<const std::byte> protobuf) {
+  int keys = 0;
+  for (FieldWalk walk(protobuf); walk.NextWithBytes();) {
+    if (walk.number() == kHelloRun && ++keys > kMaxFigures) return false;
+  }
+  return true;
 }
 
 bool ReportListsFit(std::span<const std::byte> protobuf) {

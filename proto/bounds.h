@@ -18,9 +18,10 @@ std::string FindFault(const Header& header, Way way);
 /// Cuts a text to `kMaxTextBytes` and replaces bytes that are not printable ASCII by '?'.
 std::string FitText(std::string_view text);
 
-/// Whether the lists in the protobuf of a report or a status are within their bounds. These walk
-/// over the bytes and do not allocate, whereas the parser would first build the whole list. Bytes
-/// that are not a protobuf pass; the parser refuses them.
+/// Whether the lists in the protobuf of a hello, a report or a status are within their bounds.
+/// These walk over the bytes and do not allocate, whereas the parser would first build the whole
+/// list. Bytes that are not a protobuf pass; the parser refuses them.
+bool HelloListsFit(std::span<const std::byte> protobuf);
 bool ReportListsFit(std::span<const std::byte> protobuf);
 bool StatusListsFit(std::span<const std::byte> protobuf);
 

@@ -163,6 +163,7 @@ Message Read(const Wire& wire) {
 
 template <class Message>
 bool ListsFit(std::span<const std::byte> bytes) {
+  if constexpr (std::is_same_v<Message, Hello>) return HelloListsFit(bytes);
   if constexpr (std::is_same_v<Message, Report>) return ReportListsFit(bytes);
   if constexpr (std::is_same_v<Message, StatusReply>) return StatusListsFit(bytes);
   return true;

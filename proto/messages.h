@@ -12,6 +12,7 @@
 #include "base/result.h"
 #include "proto/field.h"
 #include "proto/refusal_code.h"
+#include "proto/run_identity.h"
 
 /// The messages between roles, as plain structs; protobuf types never leave this folder.
 /// docs/protocol.md gives their bytes and says who sends which. A message consists of a header,
@@ -43,7 +44,7 @@ inline constexpr int kMaxBatch = 1 << 16;
 inline constexpr int kMaxHistory = 256;
 inline constexpr int kMaxFrames = 1 << 17;  ///< Batch times history of a sample.
 inline constexpr int kMaxNStep = 1024;
-inline constexpr int kMaxFigures = 256;  ///< Figures in a report, and facts.
+inline constexpr int kMaxFigures = 256;  ///< Figures in a report, facts, keys of a run.
 inline constexpr int kMaxRoles = 4096;   ///< Roles in a status.
 
 struct Hello {
@@ -55,6 +56,7 @@ struct Hello {
   int num_beams = 0;
   int num_streams = 0;
   std::string software;
+  RunIdentity run;
 
   template <class Self, class Visitor>
   static void Visit(Self& m, Visitor& v) {
@@ -67,6 +69,8 @@ struct Hello {
     v(6, SLALOM_FIELD(num_streams), In{0, kMaxStreams},
       "streams: environments of an actor, which has 1 or more");
     v(7, SLALOM_FIELD(software), Text{}, "software, for people");
+    v(8, SLALOM_FIELD(run), AtMost{kMaxFigures},
+      "run: keys on which its processes must agree and that are not at their defaults");
   }
 };
 

@@ -39,7 +39,7 @@ constexpr RefusalDescription Describe(RefusalCode code) {
     case RefusalCode::kNotAllowed:
       return {"not_allowed", "the sender's role may not send it"};
     case RefusalCode::kWrongSpec:
-      return {"wrong_spec", "observations or actions are not those of this service"};
+      return {"wrong_spec", "the run, observations or actions are not those of this service"};
     case RefusalCode::kNoSession:
       return {"no_session", "insert before hello, or of a session that is not open: say hello"};
     case RefusalCode::kOutOfOrder:

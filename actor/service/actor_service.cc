@@ -76,6 +76,7 @@ proto::Hello ActorService::MakeHello(std::uint64_t session, int num_streams) con
   hello.spec_hash = identity_.spec_hash;
   hello.num_beams = chunk_.num_beams;
   hello.num_streams = num_streams;
+  hello.run = identity_.run;
   return hello;
 }
 

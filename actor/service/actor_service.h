@@ -30,6 +30,7 @@ struct ActorIdentity {
   std::filesystem::path state_directory;  ///< Holds ledger and spool; created if missing.
   std::uint64_t seed = 0;                 ///< The run's seed; name and session are mixed in.
   std::uint64_t spec_hash = 0;
+  proto::RunIdentity run;
   std::string course_set;  ///< The course set trained on, for metrics.
   transport::ClientOptions replay;
   transport::ClientOptions learner;

@@ -10,11 +10,13 @@
 #include "app/cli/service_process.h"
 #include "app/cli/signals.h"
 #include "app/train/begin_run.h"
+#include "app/train/run_identity.h"
 #include "app/train/run_limits.h"
 #include "app/train/scoring.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/exit_code.h"
+#include "base/file.h"
 #include "base/log.h"
 #include "base/parallel.h"
 #include "base/version.h"
@@ -45,6 +47,25 @@ base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes
   }
 }
 
+/// Throws `base::Error` if the journal in `directory` is of another run than `config`. Records the
+/// run if it is new.
+void RequireRunOf(const fs::path& directory, const train::RunConfig& config) {
+  const fs::path record = directory / "config.toml";
+  if (!base::Exists(record)) {
+    base::MakeDirectories(directory);
+    base::WriteFileAtomically(record, config::ToToml(config));
+    return;
+  }
+  const train::RunConfig begun = train::ReadRecordedConfig(base::ReadFile(record), record.string());
+  const std::string keys =
+      proto::DescribeDifference(train::ServiceIdentity(config), train::ServiceIdentity(begun));
+  if (keys.empty()) return;
+  throw base::Error(fmt::format(
+      "{}: the replay data in this directory is of another run: {}; use another service.state, or "
+      "the config that the run was begun with",
+      directory.string(), keys));
+}
+
 int RunReplay(const ServiceOptions& options) {
   StopSignals signals;
   ServiceProcess process(transport::Role::kReplay, options);
@@ -58,11 +79,13 @@ int RunReplay(const ServiceOptions& options) {
   spec.table = config.replay;
   spec.num_beams = config.environment.lidar.num_beams;
   spec.spec_hash = process.spec_hash();
+  spec.run = train::ServiceIdentity(config);
   spec.seed = static_cast<std::uint64_t>(config.run.seed);
   spec.updates_per_step = config.run.updates_per_step;
   spec.batches_per_update = train::BatchesPerUpdate(config);
   spec.learning_starts = config.run.learning_starts;
   spec.software = fmt::format("slalom {}", base::Version());
+  RequireRunOf(server_config.directory, config);
   replay::ReplayServer server(server_config, spec, process.context(), process.registry());
   spdlog::info("listening at {}, journal in {}", server.endpoint(), server_config.directory);
   server.Run(signals.token());
@@ -82,6 +105,7 @@ int RunLearner(const ServiceOptions& options) {
   job.name = process.name();
   job.loop.run = {directory, config.run, config::ToToml(config), std::string(base::Commit())};
   job.spec_hash = process.spec_hash();
+  job.run = train::ServiceIdentity(config);
   job.replay = process.replay();
   job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
   job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,
@@ -123,6 +147,7 @@ int RunActor(const ServiceOptions& options) {
   identity.state_directory = process.state() / "actors" / process.name();
   identity.seed = static_cast<std::uint64_t>(config.run.seed);
   identity.spec_hash = process.spec_hash();
+  identity.run = train::ServiceIdentity(config);
   identity.course_set = config.courses.DescribeTrain();
   identity.replay = process.replay();
   identity.learner = process.learner();

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <span>
+#include <utility>
 
 #include "base/config.h"
 #include "base/file.h"
@@ -32,6 +34,20 @@ constexpr std::array<std::string_view, 18> kFreeKeys = {"run.max_steps",
                                                         "actor_service.",
                                                         "evaluator_service."};
 
+/// Keys, and sections that end in a dot, on which the processes of a service must agree.
+constexpr std::array<std::string_view, 6> kSharedKeys = {
+    "run.name", "run.seed", "courses.", "environment.", "network.", "learner.algorithm"};
+/// Keys of these sections that are a process's own, like the path of its collection.
+constexpr std::array<std::string_view, 2> kOwnKeys = {"courses.test", "courses.collection"};
+
+constexpr std::size_t kMostShown = 200;  // A longer value is shown by its digest.
+
+bool Matches(std::span<const std::string_view> names, std::string_view key) {
+  return std::ranges::any_of(names, [key](std::string_view name) {
+    return name.ends_with('.') ? key.starts_with(name) : key == name;
+  });
+}
+
 std::string ProcessorClass() {
 #if defined(__x86_64__)
   const nn::CpuFeatures cpu = nn::DetectCpuFeatures();
@@ -59,9 +75,7 @@ std::string Describe(const Platform& platform) {
 bool DecidesRun(const RunConfig& config, std::string_view key) {
   // A single process reads this key of the server, too.
   if (key == "replay_server.priority_exponent") return config.method.learner.prioritized;
-  return std::ranges::none_of(kFreeKeys, [key](std::string_view free) {
-    return free.ends_with('.') ? key.starts_with(free) : key == free;
-  });
+  return !Matches(kFreeKeys, key);
 }
 
 std::string RunDigest(const RunConfig& config) {
@@ -87,6 +101,24 @@ KeyDifference FindDifference(const RunConfig& first, const RunConfig& second) {
     if (was != is) return {fields_a[i].key, std::move(was), std::move(is)};
   }
   return {};
+}
+
+proto::RunIdentity ServiceIdentity(const RunConfig& config) {
+  RunConfig copy = config;
+  RunConfig defaults;
+  const auto fields = config::ListFields(copy).fields;
+  const auto usual = config::ListFields(defaults).fields;
+  proto::RunIdentity identity;
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    const std::string& key = fields[i].key;
+    if (!Matches(kSharedKeys, key) || Matches(kOwnKeys, key)) continue;
+    std::string value = config::PrintValue(fields[i]);
+    if (value == config::PrintValue(usual[i])) continue;
+    const bool is_plain = value.size() <= kMostShown &&
+                          std::ranges::all_of(value, [](char c) { return c >= ' ' && c <= '~'; });
+    identity[key] = is_plain ? std::move(value) : "a text with digest " + Digest(value);
+  }
+  return identity;
 }
 
 std::string Digest(std::string_view text) { return fmt::format("{:016x}", base::Checksum(text)); }

@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "app/train/run_config.h"
+#include "proto/run_identity.h"
 
 /// Identity of a run: used by --resume and by sweeps.
 
@@ -45,6 +46,10 @@ struct KeyDifference {
   std::string second;
 };
 KeyDifference FindDifference(const RunConfig& first, const RunConfig& second);
+
+/// The identity of a run for the processes of a service: the keys that say what is driven, observed
+/// and rewarded. Each process may have its own of the others, for example exploration and paths.
+proto::RunIdentity ServiceIdentity(const RunConfig& config);
 
 /// The digest of a text: 16 hexadecimal digits. Digests of several texts are not exchangeable.
 std::string Digest(std::string_view text);

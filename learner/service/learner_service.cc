@@ -20,6 +20,7 @@ proto::Hello MakeHello(const LearnerJob& job, const policy::PolicySpec& spec) {
   hello.name = job.name;
   hello.spec_hash = job.spec_hash;
   hello.num_beams = spec.observation.num_beams;
+  hello.run = job.run;
   return hello;
 }
 

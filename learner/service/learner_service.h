@@ -22,6 +22,7 @@ struct LearnerJob {
   std::string name = "learner";
   LoopPlan loop;  ///< `LearnerServiceConfig` overrides some fields.
   std::uint64_t spec_hash = 0;
+  proto::RunIdentity run;
   transport::ClientOptions replay;
   transport::ServerOptions policies;
 };

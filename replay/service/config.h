@@ -4,6 +4,7 @@
 #include <string>
 
 #include "base/config_field.h"
+#include "proto/run_identity.h"
 #include "proto/transport/security.h"
 #include "replay/table.h"
 
@@ -67,6 +68,7 @@ struct ReplayServerSpec {
   int batches_per_update = 1;
   std::int64_t learning_starts = 4096;
   std::string software = "slalom";  ///< Name and version, shown to people.
+  proto::RunIdentity run = {};      ///< Actors and learners of another run are refused.
 };
 
 }  // namespace slalom::replay

@@ -297,17 +297,23 @@ void ReplayServer::Handle(const PeerId& peer, const proto::Header& header, trans
   }
 }
 
+std::string ReplayServer::FindMismatch(const proto::Hello& hello) const {
+  // Peers of earlier versions do not say which run they belong to.
+  if (!hello.run.empty()) {
+    const std::string keys = proto::DescribeDifference(hello.run, spec_.run);
+    if (!keys.empty()) return "its config is of another run: " + keys;
+  }
+  if (hello.num_beams == spec_.num_beams && hello.spec_hash == spec_.spec_hash) return "";
+  return fmt::format("found {} beams and spec {:016x}, expected {} and {:016x}: the configs differ",
+                     hello.num_beams, hello.spec_hash, spec_.num_beams, spec_.spec_hash);
+}
+
 void ReplayServer::Greet(const PeerId& peer, const proto::Hello& hello, Time now) {
-  const bool moves_data = hello.role == "actor" || hello.role == "learner";
-  if (moves_data && (hello.num_beams != spec_.num_beams || hello.spec_hash != spec_.spec_hash)) {
-    spdlog::warn("replay server: {} {} has another spec of observations or actions: refused",
-                 hello.role, hello.name);
-    return Refuse(peer, {.code = RefusalCode::kWrongSpec,
-                         .text = fmt::format("found {} beams and spec {:016x}, expected {} and "
-                                             "{:016x}: the configs differ",
-                                             hello.num_beams, hello.spec_hash, spec_.num_beams,
-                                             spec_.spec_hash),
-                         .about = 0});
+  if (hello.role == "actor" || hello.role == "learner") {
+    if (const std::string why = FindMismatch(hello); !why.empty()) {
+      spdlog::warn("replay server: {} {} is refused: {}", hello.role, hello.name, why);
+      return Refuse(peer, {.code = RefusalCode::kWrongSpec, .text = why, .about = 0});
+    }
   }
   // Requests of an old connection are obsolete: of the same process, or of one that started before.
   std::vector<PeerId> old;

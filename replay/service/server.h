@@ -65,6 +65,8 @@ class ReplayServer {
   void Take(transport::Server::Received received, Time now);
   void Handle(const transport::PeerId& peer, const proto::Header& header, transport::Frame payload,
               Time now);
+  /// Why a process may not move data here: it is of another run or spec. Empty if it may.
+  std::string FindMismatch(const proto::Hello& hello) const;
   void Greet(const transport::PeerId& peer, const proto::Hello& hello, Time now);
   /// Whether the sender may send this message, by its key or, without keys, by its hello. A report
   /// must have the role and name of that hello.

@@ -52,6 +52,7 @@ void ExpectBounded(const std::string& what, int number, const std::string& proto
 }
 
 TEST(AllocationTest, AFrameMakesItsReaderAllocateFewTimesItsSize) {
+  constexpr int kHello = 1;
   constexpr int kReport = 11;
   constexpr int kStatusReply = 13;
   const std::size_t most = kMaxHeaderBytes;
@@ -72,6 +73,11 @@ TEST(AllocationTest, AFrameMakesItsReaderAllocateFewTimesItsSize) {
   ExpectBounded("roles full of figures", kStatusReply, Repeat(Field(1, Field(1, few)), most));
   ExpectBounded("a report in pieces", kStatusReply,
                 Field(1, Repeat(Field(1, Field(1, "x")), most / 2)));
+  ExpectBounded("keys of a run of all names", kHello, [&] {
+    std::string keys;
+    for (int i = 0; keys.size() < most - 100; ++i) keys += Field(8, Field(1, std::to_string(i)));
+    return keys;
+  }());
   ExpectBounded("unknown fields", kReport, Repeat(Field(15, ""), most));
   ExpectBounded("unknown fields in roles", kStatusReply, Repeat(Field(1, Field(15, "")), most));
   ExpectBounded("nested groups", kReport, Repeat("\x7b", most));

@@ -101,7 +101,7 @@ TEST(CompatibilityTest, FieldsThatAnOlderPeerDoesNotHaveAreZero) {
   const std::string hello = "\x0a\x07learner\x12\x01l";
   const auto decoded = Decode(Bytes(FrameByHand(1, 0, kHello, hello)), {});
   ASSERT_TRUE(decoded) << decoded.failure().text;
-  EXPECT_EQ(Print(*decoded), "[Hello learner l 0 0 0 0 ]");
+  EXPECT_EQ(Print(*decoded), "[Hello learner l 0 0 0 0  {}]");
   // cursor = 1: 300, batch = 2: 128, history = 3: 4, n_step = 4: 5; no gamma, no prioritized.
   const std::string request = "\x08\xac\x02\x10\x80\x01\x18\x04\x20\x05";
   const auto sample = Decode(Bytes(FrameByHand(1, 0, kSampleRequest, request)), {});

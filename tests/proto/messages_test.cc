@@ -203,8 +203,8 @@ TEST(MessagesTest, TheLargestAndSmallestComeThrough) {
     facts["fact:" + std::to_string(i)] = text;
   }
   const Header headers[] = {
-      Hello{name, name, kMostUnsigned, kMostUnsigned, kMaxBeams, kMaxStreams, text},
-      Hello{"a", "b", 0, 0, 0, 0, ""},
+      Hello{name, name, kMostUnsigned, kMostUnsigned, kMaxBeams, kMaxStreams, text, facts},
+      Hello{"a", "b", 0, 0, 0, 0, "", {}},
       Welcome{kMostUnsigned, kMostUnsigned, kMostUnsigned, kMost, kMostUnsigned, kMost, text},
       Insert{kMostUnsigned, kMostUnsigned, kMaxRows, kMaxBeams, kMaxRows, kMost, kMost},
       Insert{0, 0, 1, 1, 0, -1, -1},
@@ -224,6 +224,17 @@ TEST(MessagesTest, TheLargestAndSmallestComeThrough) {
     ASSERT_TRUE(decoded) << NameOf(header) << ": " << decoded.failure().text;
     EXPECT_EQ(Print(*decoded), Print(header));
   }
+}
+
+TEST(RunIdentityTest, NamesTheKeysThatDiffer) {
+  const RunIdentity run = {{"courses.train", "\"static\""}, {"run.seed", "2"}};
+  EXPECT_EQ(DescribeDifference(run, run), "");
+  EXPECT_EQ(DescribeDifference({{"run.seed", "3"}}, run),
+            "courses.train is the default, expected \"static\"; run.seed is 3, expected 2");
+  RunIdentity many;
+  for (char c = 'a'; c <= 'g'; ++c) many[std::string(1, c)] = "1";
+  EXPECT_THAT(DescribeDifference(many, {}),
+              ::testing::EndsWith("e is 1, expected the default; and 2 more"));
 }
 
 TEST(MessagesTest, TextsAreMadeToFit) {

@@ -137,6 +137,16 @@ TEST_F(BadInputTest, AServiceWhoseMessagesWouldNotFitIsRefused) {
                     HasSubstr("replay_server.max_message_bytes")));
 }
 
+TEST_F(BadInputTest, ReplayDataOfAnotherRunAreRefused) {
+  const ProgramResult begun =
+      RunProgram({"config", "print", "tiny.toml", "--set", "run.seed=8"}, scratch_.path());
+  base::MakeDirectories(scratch_.path() / "state/replay");
+  base::WriteFileAtomically(scratch_.path() / "state/replay/config.toml", begun.out);
+  ExpectError({"replay", "--config", "tiny.toml", "--set", "service.state=state"},
+              AllOf(HasSubstr("state/replay"), HasSubstr("of another run"),
+                    HasSubstr("run.seed is"), HasSubstr("expected 8")));
+}
+
 TEST_F(BadInputTest, APolicyThatCannotPlanIsRefused) {
   Train();
   const std::string path = "runs/tiny/policy.safetensors";

@@ -1,6 +1,7 @@
 #include "app/train/run_identity.h"
 
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -73,6 +74,25 @@ TEST(RunIdentityTest, ADigestIsOfTheKeysThatDecideAndAreNotAtTheirDefaults) {
   config.method.learner.tau = 0.25;
   config.actor.num_environments = 3;
   EXPECT_EQ(RunDigest(config), Digest("actor.num_environments = 3\nlearner.tau = 0.25\n"));
+}
+
+TEST(RunIdentityTest, ProcessesOfAServiceAgreeOnWhatIsDrivenObservedAndRewarded) {
+  RunConfig config;
+  EXPECT_TRUE(ServiceIdentity(config).empty());
+  config.actor.noise_max = 0.3;
+  config.courses.collection = "/home/ada/barn";
+  config.method.learner.actor_learning_rate = 0.5;
+  EXPECT_TRUE(ServiceIdentity(config).empty()) << "each process may have its own";
+  config.run.seed = 7;
+  config.courses.train = "dynamic-box";
+  config.environment.reward.collision = -3.0;
+  const proto::RunIdentity expected = {{"courses.train", "\"dynamic-box\""},
+                                       {"environment.reward.collision", "-3.0"},
+                                       {"run.seed", "7"}};
+  EXPECT_EQ(ServiceIdentity(config), expected);
+  config.courses.train = std::string(500, 'x');
+  EXPECT_THAT(ServiceIdentity(config).at("courses.train"),
+              ::testing::StartsWith("a text with digest "));
 }
 
 }  // namespace

@@ -30,7 +30,8 @@ class RunningServer {
                  .spec_hash = kSpecHash,
                  .seed = kSeed,
                  .updates_per_step = 10.0,
-                 .learning_starts = 8},
+                 .learning_starts = 8,
+                 .run = {{"run.seed", "5"}}},
                 context_, registry_),
         thread_([this](std::stop_token stop) { server_.Run(stop); }) {}
 

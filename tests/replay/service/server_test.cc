@@ -321,6 +321,23 @@ TEST(ReplayServerTest, OfTwoLearnersOfANameTheOneThatStartedLastIsServed) {
   EXPECT_TRUE(newer.Expect<proto::Welcome>());
 }
 
+TEST(ReplayServerTest, AProcessOfAnotherRunIsToldWhichKeysDiffer) {
+  RunningServer server;
+  transport::Context context;
+  TestPeer actor(context, server.endpoint());
+  proto::Hello hello = HelloOf("actor", "a", 1);
+  hello.run = {{"courses.train", "\"dynamic-box\""}, {"run.seed", "5"}};
+  actor.Send(hello);
+  const auto refusal = actor.Expect<proto::Refusal>();
+  ASSERT_TRUE(refusal);
+  EXPECT_EQ(refusal->code, proto::RefusalCode::kWrongSpec);
+  EXPECT_THAT(refusal->text,
+              ::testing::HasSubstr("courses.train is \"dynamic-box\", expected the default"));
+  hello.run = {{"run.seed", "5"}};
+  actor.Send(hello);
+  EXPECT_TRUE(actor.Expect<proto::Welcome>());
+}
+
 TEST(ReplayServerTest, NobodyReportsForAnother) {
   RunningServer server;
   transport::Context context;
