@@ -104,19 +104,13 @@ KeyDifference FindDifference(const RunConfig& first, const RunConfig& second) {
 }
 
 proto::RunIdentity ServiceIdentity(const RunConfig& config) {
-  RunConfig copy = config;
-  RunConfig defaults;
-  const auto fields = config::ListFields(copy).fields;
-  const auto usual = config::ListFields(defaults).fields;
   proto::RunIdentity identity;
-  for (std::size_t i = 0; i < fields.size(); ++i) {
-    const std::string& key = fields[i].key;
+  for (const auto& [key, value] : config::FlattenToml(config::Changes(config), "the config")) {
     if (!Matches(kSharedKeys, key) || Matches(kOwnKeys, key)) continue;
-    std::string value = config::PrintValue(fields[i]);
-    if (value == config::PrintValue(usual[i])) continue;
-    const bool is_plain = value.size() <= kMostShown &&
-                          std::ranges::all_of(value, [](char c) { return c >= ' ' && c <= '~'; });
-    identity[key] = is_plain ? std::move(value) : "a text with digest " + Digest(value);
+    const std::string& text = value.text;
+    const bool is_plain = text.size() <= kMostShown &&
+                          std::ranges::all_of(text, [](char c) { return c >= ' ' && c <= '~'; });
+    identity[key] = is_plain ? text : "a text with digest " + Digest(text);
   }
   return identity;
 }

@@ -61,10 +61,11 @@ double BestOf(std::string_view text, const std::string& courses) {
 
 base::AppendFile Open(const fs::path& path) {
   base::MakeDirectories(path.parent_path());
-  if (fs::exists(path) && !base::ReadFile(path).starts_with(kHeader)) {
-    fs::rename(path, path.string() + ".before");
+  const std::string earlier = base::Exists(path) ? base::ReadFile(path) : "";
+  if (!earlier.starts_with(kHeader)) {
+    if (!earlier.empty()) base::WriteFileAtomically(path.string() + ".before", earlier);
+    base::WriteFileAtomically(path, kHeader);
   }
-  if (!fs::exists(path)) base::WriteFileAtomically(path, kHeader);
   return {path, base::AppendFile::Mode::kGoOn};
 }
 
