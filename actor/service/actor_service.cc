@@ -225,8 +225,10 @@ const char* ActorService::Obstacle() const {
 }
 
 bool ActorService::MustWait() const {
-  // A connected server that holds inserts back does not want steps of old policies later.
-  return outbox_.full() || (replay_.welcomed() && outbox_.bytes() >= window_bytes_);
+  // A connected server that holds inserts back does not want steps of old policies later. Without a
+  // window, one chunk is made ahead, to be sent as soon as the server has room.
+  const bool ahead = !outbox_.empty() && outbox_.bytes() >= window_bytes_;
+  return outbox_.full() || (replay_.welcomed() && ahead);
 }
 
 void ActorService::SayObstacle(const char* obstacle) {

@@ -73,7 +73,8 @@ const OutgoingChunk* Outbox::NextToSend(std::int64_t window_bytes) const {
   if (num_sent_ == chunks_.size()) return nullptr;
   const OutgoingChunk& next = chunks_[num_sent_];
   const auto size = static_cast<std::int64_t>(next.payload.size());
-  return num_sent_ == 0 || sent_bytes_ + size <= window_bytes ? &next : nullptr;
+  const bool alone = num_sent_ == 0 && window_bytes > 0;
+  return alone || sent_bytes_ + size <= window_bytes ? &next : nullptr;
 }
 
 void Outbox::MarkSent() {

@@ -34,8 +34,8 @@ class Outbox {
   void Add(proto::Insert header, transport::Frame payload);
 
   /// Returns the next chunk to send, or null if there is none or it would take the unacknowledged
-  /// payload beyond `window_bytes` (one chunk may always be sent). Call `MarkSent` after sending
-  /// it.
+  /// payload beyond `window_bytes`. If the window is above 0 and nothing is unacknowledged, a chunk
+  /// of any size may be sent. Call `MarkSent` after sending it.
   const OutgoingChunk* NextToSend(std::int64_t window_bytes) const;
   void MarkSent();
 

@@ -83,6 +83,7 @@ int RunReplay(const ServiceOptions& options) {
   spec.seed = static_cast<std::uint64_t>(config.run.seed);
   spec.updates_per_step = config.run.updates_per_step;
   spec.batches_per_update = train::BatchesPerUpdate(config);
+  spec.chunk_bytes = train::LargestChunkBytes(config);
   spec.learning_starts = config.run.learning_starts;
   spec.software = fmt::format("slalom {}", base::Version());
   RequireRunOf(server_config.directory, config);

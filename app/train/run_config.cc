@@ -34,6 +34,12 @@ nn::GoalRule GoalOf(const RunConfig& config) {
           .reward = config.environment.reward.success * config.method.learner.reward_scale};
 }
 
+/// A batch step begins below the limit and adds a row for each environment, and one more frame if
+/// its episode ends.
+int LargestChunkRows(const RunConfig& config) {
+  return config.actor_service.chunk_rows - 1 + 2 * config.actor.num_environments;
+}
+
 }  // namespace
 
 sim::CourseSet CollectionConfig::Resolve(const std::string& spec) const {
@@ -116,12 +122,14 @@ void RequireNoConstraint(const RunConfig& config) {
       base::EnumName(config.method.constraint.kind)));
 }
 
+std::int64_t LargestChunkBytes(const RunConfig& config) {
+  return static_cast<std::int64_t>(
+      replay::RowBytes::Size(LargestChunkRows(config), config.environment.lidar.num_beams));
+}
+
 void RequireServable(const RunConfig& config) {
-  // A batch step begins below the limit and adds a row for each environment, and one more frame if
-  // its episode ends.
-  const int rows = config.actor_service.chunk_rows - 1 + 2 * config.actor.num_environments;
-  const auto bytes =
-      static_cast<std::int64_t>(replay::RowBytes::Size(rows, config.environment.lidar.num_beams));
+  const int rows = LargestChunkRows(config);
+  const std::int64_t bytes = LargestChunkBytes(config);
   if (bytes > config.replay_server.max_message_bytes) {
     throw base::Error(fmt::format(
         "actor_service.chunk_rows is {} and actor.num_environments {}: a message may have {} rows "

@@ -151,6 +151,9 @@ void RequireCombination(const RunConfig& config);
 /// ignore.
 void RequireNoConstraint(const RunConfig& config);
 
+/// Size of the largest chunk that the run's actors send [bytes].
+std::int64_t LargestChunkBytes(const RunConfig& config);
+
 /// Throws `base::Error` if the limits of the service's roles are incompatible.
 void RequireServable(const RunConfig& config);
 

@@ -17,6 +17,7 @@ struct ReplayServerConfig {
   std::int64_t segment_bytes = 64 << 20;
   std::int64_t max_ahead_steps = 4096;
   std::int64_t window_bytes = 4 << 20;
+  std::int64_t unwritten_bytes = 64 << 20;
   std::int64_t max_message_bytes = 16 << 20;
   std::int64_t max_sample_bytes = 64 << 20;
   double max_messages_per_second = 20000.0;
@@ -41,6 +42,10 @@ struct ReplayServerConfig {
       "Flow-control window: the payload that all actors together may have sent without an "
       "acknowledgement. Each actor has an equal share, at least one message. With a larger window, "
       "rows come from older policies.");
+    v("unwritten_bytes", unwritten_bytes, base::Range{1048576.0, 68719476736.0}, "bytes",
+      "Payload that the server keeps before it is written: held by the rate limiter, or on its way "
+      "to the disk. If it has no room for a message of each actor, the actors are granted room in "
+      "turn. Less than max_message_bytes counts as that.");
     v("max_message_bytes", max_message_bytes, base::Range{65536.0, 268435456.0}, "bytes",
       "Largest message that is accepted.");
     v("max_sample_bytes", max_sample_bytes, base::Range{65536.0, 268435456.0}, "bytes",
@@ -66,6 +71,7 @@ struct ReplayServerSpec {
   std::uint64_t seed = 1;       ///< The run's seed; draws derive from it and the sample's cursor.
   double updates_per_step = 0.25;
   int batches_per_update = 1;
+  std::int64_t chunk_bytes = 64 << 10;  ///< Size of a full chunk of the run's actors.
   std::int64_t learning_starts = 4096;
   std::string software = "slalom";  ///< Name and version, shown to people.
   proto::RunIdentity run = {};      ///< Actors and learners of another run are refused.

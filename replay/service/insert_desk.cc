@@ -15,7 +15,10 @@ using proto::RefusalCode;
 using transport::PeerId;
 
 constexpr std::size_t kNewestChunks = 64;
-constexpr std::int64_t kSmallestWindow = 64 << 10;
+// How often a session that waits is told its window. An actor that hears nothing for 5 s says hello
+// and sends again (proto/replay_link.cc).
+constexpr std::chrono::seconds kRemindAfter{2};
+constexpr std::chrono::milliseconds kRemindInterval{500};
 // Most times kept between two readings.
 constexpr std::size_t kMaxInsertSeconds = 1 << 16;
 
@@ -28,7 +31,8 @@ InsertDesk::InsertDesk(const Options& options, Sessions sessions, Table* table,
       table_(table),
       limiter_(limiter),
       log_(log),
-      replies_(replies) {
+      replies_(replies),
+      flow_(options.flow) {
   for (const auto& [id, session] : sessions_.all()) {
     Live& live = live_[id];
     live.received = live.safe = session.next_sequence;
@@ -72,11 +76,10 @@ void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) 
   }
   ++counts_.sessions_started;
   const std::uint64_t position = Put(*session);
+  flow_.Forget(session->id);
   Attach(session->id, peer, now);
   Live& live = live_.at(session->id);
   live.received = live.safe = 0;
-  live.bytes = 0;
-  live.told_window = 0;
   live.welcome_at = position;
   acks_owed_.erase(session->id);
   SendOwed(now);
@@ -115,7 +118,7 @@ bool InsertDesk::MakeRoom() {
   if (sessions_.all().size() < static_cast<std::size_t>(Sessions::kMaxNames)) return true;
   std::uint32_t oldest = 0;
   for (const auto& [id, session] : sessions_.all()) {
-    if (live_.at(id).peer || live_.at(id).bytes > 0) continue;
+    if (live_.at(id).peer || flow_.bytes(id) > 0) continue;
     if (oldest == 0 || live_.at(id).heard < live_.at(oldest).heard) oldest = id;
   }
   if (oldest == 0) return false;
@@ -123,6 +126,7 @@ bool InsertDesk::MakeRoom() {
   log_->Append(ForgetRecord{oldest});
   SLALOM_CHECK(sessions_.Forget(oldest));
   live_.erase(oldest);
+  flow_.Forget(oldest);
   acks_owed_.erase(oldest);
   welcomes_owed_.erase(oldest);
   return true;
@@ -133,10 +137,13 @@ void InsertDesk::Attach(std::uint32_t id, const PeerId& peer, Time now) {
   if (live.peer) ids_.erase(*live.peer);
   if (const auto other = ids_.find(peer); other != ids_.end()) {
     live_.at(other->second).peer.reset();
+    flow_.Detach(other->second);
   }
   live.peer = peer;
   live.heard = now;
+  live.refusal.reset();
   ids_[peer] = id;
+  flow_.Attach(id);
   welcomes_owed_.insert(id);
 }
 
@@ -155,6 +162,7 @@ void InsertDesk::End(std::uint32_t id) {
   if (session.ended) return;
   session.ended = true;
   Put(session);
+  flow_.Detach(id);
 }
 
 InsertDesk::Live* InsertDesk::Find(const PeerId& peer, std::uint32_t* id) {
@@ -186,12 +194,10 @@ void InsertDesk::Insert(const PeerId& peer, const proto::Insert& insert, transpo
                        insert);
   }
   const auto size = static_cast<std::int64_t>(payload.size());
-  const std::int64_t limit = std::max(live->told_window, Window(now));
-  const std::int64_t total_limit = std::max(2 * options_.window_bytes, options_.max_message_bytes);
-  if ((live->bytes > 0 && live->bytes + size > limit) || total_bytes_ + size > total_limit) {
+  if (!flow_.Admits(id, size)) {
     return RefuseChunk(peer, RefusalCode::kOverWindow,
                        fmt::format("{} bytes after {} unacknowledged ones exceed the window {}",
-                                   size, live->bytes, limit),
+                                   size, flow_.bytes(id), flow_.window(id)),
                        insert);
   }
   auto frame = std::make_shared<const transport::Frame>(std::move(payload));
@@ -207,8 +213,7 @@ void InsertDesk::Insert(const PeerId& peer, const proto::Insert& insert, transpo
   }
   live->held.push_back({insert, std::move(frame), *rows, now});
   ++live->received;
-  live->bytes += size;
-  total_bytes_ += size;
+  flow_.Take(id, size, now);
   ++num_held_;
   held_order_.push_back(id);
   if (num_held_ == 1 && limiter_->MayInsert()) {
@@ -254,8 +259,7 @@ void InsertDesk::PlaceFront(std::uint32_t id) {
 void InsertDesk::DropHeld(std::uint32_t id) {
   Live& live = live_.at(id);
   for (const Held& held : live.held) {
-    live.bytes -= static_cast<std::int64_t>(held.payload->size());
-    total_bytes_ -= static_cast<std::int64_t>(held.payload->size());
+    flow_.Release(id, static_cast<std::int64_t>(held.payload->size()));
   }
   num_held_ -= static_cast<std::int64_t>(live.held.size());
   live.held.clear();
@@ -283,6 +287,8 @@ void InsertDesk::Gone(const PeerId& peer) {
   Live* const live = Find(peer, &id);
   if (live == nullptr) return;
   live->peer.reset();
+  live->refusal.reset();
+  flow_.Detach(id);
   ids_.erase(peer);
   acks_owed_.erase(id);
   welcomes_owed_.erase(id);
@@ -307,13 +313,14 @@ void InsertDesk::Retire(Time now) {
   const std::uint64_t written = log_->written();
   while (!unwritten_.empty() && unwritten_.front().position <= written) {
     const Unwritten& chunk = unwritten_.front();
-    total_bytes_ -= chunk.bytes;
     const Session* const session = sessions_.Find(chunk.id);
     if (session != nullptr && session->number == chunk.session) {
       Live& live = live_.at(chunk.id);
-      live.bytes -= chunk.bytes;
+      flow_.Release(chunk.id, chunk.bytes);
       live.safe = chunk.sequence + 1;
       if (live.peer) acks_owed_.insert(chunk.id);
+    } else {
+      flow_.ReleaseForgotten(chunk.bytes);
     }
     if (insert_seconds_.size() < kMaxInsertSeconds) {
       insert_seconds_.push_back(std::chrono::duration<double>(now - chunk.arrived).count());
@@ -324,7 +331,8 @@ void InsertDesk::Retire(Time now) {
 
 void InsertDesk::SendOwed(Time now) {
   const std::uint64_t written = log_->written();
-  const std::int64_t window = Window(now);
+  for (const std::uint32_t id : flow_.Grant(now, num_present(now))) acks_owed_.insert(id);
+  RemindWaiting(now);
   // Iterates over a copy, as peers that are gone leave the set.
   for (const std::uint32_t id : std::vector(welcomes_owed_.begin(), welcomes_owed_.end())) {
     Live& live = live_.at(id);
@@ -334,14 +342,15 @@ void InsertDesk::SendOwed(Time now) {
         *live.peer, proto::Welcome{.server = options_.server,
                                    .session = session.number,
                                    .next_sequence = live.safe,
-                                   .window_bytes = window,
+                                   .window_bytes = flow_.window(id),
                                    .previous_session = session.previous_number,
                                    .previous_accepted_steps = session.previous_accepted_steps,
                                    .software = options_.software});
     if (sent != ReplySender::Sent::kYes) continue;
     live.welcome_at.reset();
-    live.told_window = std::max(live.told_window, window);
+    live.told = now;
     welcomes_owed_.erase(id);
+    acks_owed_.erase(id);
   }
   for (const std::uint32_t id : std::vector(acks_owed_.begin(), acks_owed_.end())) {
     Live& live = live_.at(id);
@@ -349,9 +358,9 @@ void InsertDesk::SendOwed(Time now) {
     if (!live.peer || welcomes_owed_.contains(id)) continue;
     const auto sent = Answer(*live.peer, proto::InsertAck{.session = sessions_.Find(id)->number,
                                                           .next_sequence = live.safe,
-                                                          .window_bytes = window});
+                                                          .window_bytes = flow_.window(id)});
     if (sent != ReplySender::Sent::kYes) continue;
-    live.told_window = std::max(live.told_window, window);
+    live.told = now;
     acks_owed_.erase(id);
   }
 }
@@ -365,8 +374,22 @@ int InsertDesk::num_present(Time now) const {
   return count;
 }
 
-std::int64_t InsertDesk::Window(Time now) const {
-  return std::max(options_.window_bytes / std::max(1, num_present(now)), kSmallestWindow);
+void InsertDesk::RemindWaiting(Time now) {
+  if (now - reminded_ < kRemindInterval) return;
+  reminded_ = now;
+  std::vector<std::uint32_t> refused;
+  for (const auto& [peer, id] : ids_) {
+    const Live& live = live_.at(id);
+    if (live.refusal) refused.push_back(id);
+    const bool waits = flow_.bytes(id) > 0 || flow_.window(id) == 0;
+    if (waits && !sessions_.Find(id)->ended && now - live.told >= kRemindAfter) {
+      acks_owed_.insert(id);
+    }
+  }
+  for (const std::uint32_t id : refused) {
+    Live& live = live_.at(id);
+    if (Answer(*live.peer, *live.refusal) == ReplySender::Sent::kYes) live.refusal.reset();
+  }
 }
 
 double InsertDesk::acting_version() const {
@@ -394,7 +417,11 @@ void InsertDesk::RefuseChunk(const PeerId& peer, RefusalCode code, std::string_v
   const auto reason = static_cast<std::size_t>(code);
   ++counts_.chunks_rejected[reason];
   counts_.steps_rejected[reason] += insert.num_steps;
-  Refuse(peer, code, text, insert.sequence);
+  const proto::Refusal refusal{.code = code, .text = std::string(text), .about = insert.sequence};
+  if (Answer(peer, refusal) != ReplySender::Sent::kFull) return;
+  // Without it, the actor would wait for an acknowledgement that never comes.
+  std::uint32_t id = 0;
+  if (Live* const live = Find(peer, &id)) live->refusal = refusal;
 }
 
 }  // namespace slalom::replay

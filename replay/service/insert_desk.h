@@ -16,6 +16,7 @@
 #include "replay/journal_record.h"
 #include "replay/rate_limiter.h"
 #include "replay/rows.h"
+#include "replay/service/flow_control.h"
 #include "replay/service/reply_sender.h"
 #include "replay/sessions.h"
 #include "replay/table.h"
@@ -30,15 +31,18 @@ namespace slalom::replay {
 /// session's flow-control window, it is refused. A chunk that does not continue its streams is
 /// refused as a whole, together with the chunks of its session that were held behind it.
 ///
-/// Confined to the server's thread. Memory: the unwritten payload is at most twice `window_bytes`,
-/// or one message.
+/// If there is no room for further chunks, sessions are told a window of 0 and, in turn, a larger
+/// one when there is room (`FlowControl`). A session that waits is told its window every 2 s, so
+/// that its actor knows that the server is there.
+///
+/// Confined to the server's thread. Memory: the unwritten payload is at most `room_bytes`, or twice
+/// that if sessions exceed their windows.
 class InsertDesk {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
   struct Options {
-    std::int64_t window_bytes = 256 << 20;  ///< Shared by all connected sessions.
-    std::int64_t max_message_bytes = 16 << 20;
+    FlowControl::Options flow;
     std::chrono::duration<double> silence{10.0};  ///< Silence after which an actor counts as gone.
     std::uint64_t server = 0;                     ///< As in `proto::Welcome`.
     std::string software;
@@ -86,7 +90,9 @@ class InsertDesk {
   std::int64_t num_held() const { return num_held_; }
   std::int64_t num_unwritten() const { return static_cast<std::int64_t>(unwritten_.size()); }
   /// Bytes of payload received and not yet written.
-  std::int64_t unwritten_bytes() const { return total_bytes_; }
+  std::int64_t unwritten_bytes() const { return flow_.bytes(); }
+  /// Bytes of payload that sessions may have unwritten without exceeding their windows.
+  std::int64_t room_bytes() const { return flow_.room_bytes(); }
   /// Mean version of the policies that made the newest chunks.
   double acting_version() const;
   /// Returns the times from arrival to written of all chunks written since the last call, [s].
@@ -102,13 +108,13 @@ class InsertDesk {
   /// The state of a session that need not survive a restart.
   struct Live {
     std::optional<transport::PeerId> peer;
-    std::uint64_t received = 0;    ///< Sequence number of the next chunk to come.
-    std::uint64_t safe = 0;        ///< All chunks before this one are written.
-    std::int64_t bytes = 0;        ///< Payload received and not written.
-    std::int64_t told_window = 0;  ///< The largest window that the session was told.
+    std::uint64_t received = 0;  ///< Sequence number of the next chunk to come.
+    std::uint64_t safe = 0;      ///< All chunks before this one are written.
     std::deque<Held> held;
     std::optional<std::uint64_t> welcome_at;  ///< Send it when the log has written this position.
+    std::optional<proto::Refusal> refusal;    ///< Of a chunk; the peer's queue was full.
     Time heard;
+    Time told;  ///< When the last welcome or acknowledgement was sent.
   };
   /// A chunk that is in the log and not yet written.
   struct Unwritten {
@@ -132,7 +138,7 @@ class InsertDesk {
   void DropHeld(std::uint32_t id);
   void Retire(Time now);
   void SendOwed(Time now);
-  std::int64_t Window(Time now) const;
+  void RemindWaiting(Time now);
   ReplySender::Sent Answer(const transport::PeerId& peer, const proto::Header& header);
   void Refuse(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text,
               std::uint64_t about);
@@ -151,7 +157,8 @@ class InsertDesk {
   std::deque<std::uint32_t> held_order_;  ///< Ids, in the order in which chunks came.
   std::int64_t num_held_ = 0;
   std::deque<Unwritten> unwritten_;
-  std::int64_t total_bytes_ = 0;
+  FlowControl flow_;
+  Time reminded_;
   std::set<std::uint32_t> acks_owed_;
   std::set<std::uint32_t> welcomes_owed_;
   std::deque<double> versions_;  ///< Versions of the newest chunks.

@@ -137,8 +137,10 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                                         .max_ahead_steps = config_.max_ahead_steps},
                    sessions.accepted_steps());
   RecordLog* const log = journal_ ? static_cast<RecordLog*>(journal_.get()) : &no_log_;
-  inserts_.emplace(InsertDesk::Options{.window_bytes = config_.window_bytes,
-                                       .max_message_bytes = config_.max_message_bytes,
+  const std::int64_t room = std::max(config_.unwritten_bytes, config_.max_message_bytes);
+  inserts_.emplace(InsertDesk::Options{.flow = {.window_bytes = config_.window_bytes,
+                                                .room_bytes = room,
+                                                .chunk_bytes = spec_.chunk_bytes},
                                        .silence = std::chrono::duration<double>(config_.silence),
                                        .server = id_,
                                        .software = spec_.software},

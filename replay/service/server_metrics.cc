@@ -50,6 +50,7 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
       samples_depth_(registry.gauge(metrics::kQueueDepth, {"samples"})),
       journal_depth_(registry.gauge(metrics::kQueueDepth, {"journal"})),
       inserts_bytes_(registry.gauge(metrics::kQueueBytes, {"inserts"})),
+      inserts_limit_(registry.gauge(metrics::kQueueLimitBytes, {"inserts"})),
       journal_bytes_(registry.gauge(metrics::kQueueBytes, {"journal"})),
       disk_bytes_(registry.gauge(metrics::kJournalBytes)),
       disk_segments_(registry.gauge(metrics::kJournalSegments)),
@@ -75,7 +76,6 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
     peers_[ToString(role)] = registry.gauge(metrics::kConnectedPeers, {ToString(role)});
   }
   table_capacity_.Set(static_cast<double>(spec.table.capacity));
-  registry.gauge(metrics::kQueueLimitBytes, {"inserts"}).Set(0.0);
   report_.role = "replay";
   report_.name = "replay";
   report_.facts["software"] = spec.software;
@@ -128,6 +128,7 @@ void ServerMetrics::Show(const Sources& sources, Time now) {
   samples_per_insert_target_.Set(sources.limiter->batches_per_step() * batch);
   inserts_depth_.Set(static_cast<double>(sources.inserts->num_held()));
   inserts_bytes_.Set(static_cast<double>(sources.inserts->unwritten_bytes()));
+  inserts_limit_.Set(static_cast<double>(sources.inserts->room_bytes()));
   samples_depth_.Set(static_cast<double>(sources.samples->num_held()));
   journal_depth_.Set(static_cast<double>(sources.inserts->num_unwritten()));
   const int present = sources.inserts->num_present(now);

@@ -64,6 +64,7 @@ class ServerMetrics {
   metrics::Gauge table_rows_, table_steps_, table_capacity_, table_bytes_;
   metrics::Gauge samples_per_insert_, samples_per_insert_target_;
   metrics::Gauge inserts_depth_, samples_depth_, journal_depth_, inserts_bytes_, journal_bytes_;
+  metrics::Gauge inserts_limit_;
   metrics::Gauge disk_bytes_, disk_segments_, sync_timestamp_, failing_;
   metrics::Gauge recovered_steps_, damaged_steps_, sessions_;
   metrics::Histogram insert_seconds_, sample_seconds_, sync_seconds_;

@@ -88,8 +88,9 @@ TEST(OutboxTest, TheWindowHoldsBackAllButOneChunk) {
   ASSERT_NE(outbox.NextToSend(250), nullptr);
   EXPECT_EQ(outbox.NextToSend(250)->header.sequence, 2u);
   outbox.Acknowledge(2);
-  // Alone, even what is larger than the window may go.
+  // Alone, even what is larger than the window may go, but nothing without a window.
   EXPECT_NE(outbox.NextToSend(10), nullptr);
+  EXPECT_EQ(outbox.NextToSend(0), nullptr);
 }
 
 TEST(OutboxTest, AServerThatKnowsOtherChunksIsNoticed) {

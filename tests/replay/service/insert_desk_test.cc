@@ -19,16 +19,20 @@ using transport::PeerId;
 
 constexpr int kBeams = 1;
 constexpr std::int64_t kWindow = 1 << 17;
+constexpr std::int64_t kRoom = 1 << 18;
 
 /// The server's side, which can be killed.
 struct Server {
-  explicit Server(FakeLog* fake_log, FakeNetwork* network, std::int64_t ahead)
+  Server(FakeLog* fake_log, FakeNetwork* network, std::int64_t ahead, std::int64_t room = kRoom)
       : log(fake_log), limiter({.updates_per_step = 0.5, .max_ahead_steps = ahead}, 0) {
     Sessions sessions;
     log->Replay(&table, &sessions);
     limiter.AddSteps(sessions.accepted_steps());
     desk = std::make_unique<InsertDesk>(
-        InsertDesk::Options{.window_bytes = kWindow, .server = 1, .software = "test"},
+        InsertDesk::Options{
+            .flow = {.window_bytes = kWindow, .room_bytes = room, .chunk_bytes = 64},
+            .server = 1,
+            .software = "test"},
         std::move(sessions), &table, &limiter, log, network);
   }
 
@@ -46,9 +50,10 @@ TEST_P(InsertDeskModel, EveryStepIsAcceptedOnceOrLostAndKnownToBe) {
   base::Random random(GetParam());
   FakeLog log;
   FakeNetwork network;
-  // Every other run the limiter holds most chunks.
+  // Every other run the limiter holds most chunks. Every third has room for a few chunks only.
   const std::int64_t ahead = GetParam() % 2 == 0 ? 0 : 40;
-  auto server = std::make_unique<Server>(&log, &network, ahead);
+  const std::int64_t room = GetParam() % 3 == 0 ? 1000 : kRoom;
+  auto server = std::make_unique<Server>(&log, &network, ahead, room);
   InsertDesk::Time now{};
   std::vector<ModelActor> actors;
   for (int i = 0; i < 4; ++i) actors.emplace_back(fmt::format("actor-{}", i), 1 + i, 100 + i);
@@ -83,17 +88,18 @@ TEST_P(InsertDeskModel, EveryStepIsAcceptedOnceOrLostAndKnownToBe) {
       ++kills;
     } else {
       log.Crash(random.UniformInt(5));
-      server = std::make_unique<Server>(&log, &network, ahead);
+      server = std::make_unique<Server>(&log, &network, ahead, room);
       for (ModelActor& other : actors) other.Connect(&network);
       ++kills;
     }
-    ASSERT_LE(server->desk->unwritten_bytes(), 2 * kWindow);
+    ASSERT_LE(server->desk->unwritten_bytes(), 2 * room);
     if (testing::Test::HasFatalFailure()) FAIL() << "event " << i;
   }
   EXPECT_GT(kills, 60);
 
   // In the end all that is pending goes through.
   for (int i = 0; i < 2000; ++i) {
+    now += std::chrono::milliseconds(10);
     for (ModelActor& actor : actors) {
       actor.Send(server->desk.get(), now, random);
       actor.Receive(&network, log);
@@ -238,6 +244,44 @@ TEST_F(InsertDeskTest, NothingBeyondTheWindowIsKept) {
   server_.desk->Advance(now_, 10);
   EXPECT_EQ(server_.desk->unwritten_bytes(), 0);
   EXPECT_EQ(Only<proto::InsertAck>(peer).next_sequence, sequence - 1);
+}
+
+// An actor that hears nothing for long would say hello and send again what is held.
+TEST_F(InsertDeskTest, ASessionThatWaitsIsToldItsWindow) {
+  const PeerId peer = Greet("a", 1);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  Only<proto::Welcome>(peer);
+  const auto acks_within = [&](int seconds) {
+    int acks = 0;
+    for (int i = 0; i < 10 * seconds; ++i) {
+      now_ += std::chrono::milliseconds(100);
+      server_.desk->Advance(now_, 10);
+      for (const proto::Header& header : TakeAll(peer)) {
+        const auto* const ack = std::get_if<proto::InsertAck>(&header);
+        EXPECT_NE(ack, nullptr);
+        if (ack != nullptr) EXPECT_EQ(ack->next_sequence, 0u);
+        ++acks;
+      }
+    }
+    return acks;
+  };
+  EXPECT_EQ(acks_within(10), 0);  // It may send and has nothing to wait for.
+  Insert(peer, 1, 0, source_.Next());
+  EXPECT_GE(acks_within(10), 3);
+}
+
+// A refusal that finds no room in the peer's queue is sent later, or its actor would wait for ever.
+TEST_F(InsertDeskTest, ARefusalThatCannotBeSentIsSentLater) {
+  const PeerId peer = Greet("a", 1);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  Only<proto::Welcome>(peer);
+  for (int i = 0; i < 100; ++i) Insert(peer, 1, 7, source_.Next());
+  EXPECT_LT(TakeAll(peer).size(), 100u);
+  now_ += std::chrono::seconds(1);
+  server_.desk->Advance(now_, 10);
+  EXPECT_EQ(Only<proto::Refusal>(peer).code, RefusalCode::kOutOfOrder);
 }
 
 TEST_F(InsertDeskTest, NamesComeAndGoWithinBounds) {

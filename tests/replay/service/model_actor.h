@@ -100,6 +100,8 @@ class ModelActor {
     if (what > 0.95 && next_ + 1 < first_ + chunks_.size()) sequence = next_ + 1;
     if (sequence >= first_ + chunks_.size()) return;
     const Chunk& chunk = chunks_[sequence - first_];
+    // Now and then it minds no window.
+    if (sequence == next_ && !KeepsToWindow() && random.Uniform() > 0.02) return;
     desk->Insert(*peer_,
                  {.session = session_,
                   .sequence = sequence,
@@ -124,10 +126,12 @@ class ModelActor {
       Settle(*welcome);
       Acknowledge(welcome->next_sequence, log);
       next_ = first_;
+      window_ = welcome->window_bytes;
       greeted_ = true;
     } else if (const auto* ack = std::get_if<proto::InsertAck>(&*header)) {
       ASSERT_EQ(ack->session, session_);
       Acknowledge(ack->next_sequence, log);
+      window_ = ack->window_bytes;
     } else if (const auto* refusal = std::get_if<proto::Refusal>(&*header)) {
       ASSERT_NE(refusal->code, proto::RefusalCode::kBadMessage) << refusal->text;
       ++refusals_[refusal->code];
@@ -147,6 +151,17 @@ class ModelActor {
   int refusals(proto::RefusalCode code) { return refusals_[code]; }
 
  private:
+  /// Whether the chunk `next_` may be sent now.
+  bool KeepsToWindow() const {
+    if (next_ == first_) return window_ > 0;
+    std::int64_t bytes = 0;
+    for (std::uint64_t i = first_; i <= next_; ++i) {
+      const Chunk& chunk = chunks_[i - first_];
+      bytes += static_cast<std::int64_t>(RowBytes::Size(chunk.num_rows(), source_.num_beams()));
+    }
+    return bytes <= window_;
+  }
+
   void Settle(const proto::Welcome& welcome) {
     for (const auto& [number, made] : unsettled_) {
       const bool known = number == welcome.previous_session;
@@ -188,7 +203,8 @@ class ModelActor {
   std::deque<Chunk> chunks_;  ///< Not acknowledged.
   std::uint64_t first_ = 0;   ///< Sequence of the first of them.
   std::uint64_t next_ = 0;    ///< To be sent.
-  std::int64_t made_ = 0;     ///< Steps in this session.
+  std::int64_t window_ = 0;
+  std::int64_t made_ = 0;  ///< Steps in this session.
   std::int64_t total_made_ = 0;
   std::int64_t accepted_ = 0;
   std::int64_t lost_ = 0;
