@@ -34,8 +34,10 @@ using std::chrono::steady_clock;
 
 constexpr std::size_t kMaxConnections = 64;
 constexpr std::size_t kMaxRequestBytes = 8192;
-// From the connection to the end of its answer.
-constexpr std::chrono::seconds kMaxTime{5};
+// From the connection to the end of its request, and from there to the end of the answer.
+constexpr std::chrono::seconds kMaxRequestTime{1};
+constexpr std::chrono::seconds kMaxAnswerTime{5};
+constexpr int kBacklog = 256;
 // Reads of 4 KiB from an answered connection: a client that sends without an end must not keep the
 // others waiting.
 constexpr int kMaxReadsAfter = 256;
@@ -166,7 +168,7 @@ Listener Listen(const std::string& text, std::string_view purpose) {
   const int socket = ::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int yes = 1;
   if (socket >= 0 && setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) == 0 &&
-      bind(socket, found->ai_addr, found->ai_addrlen) == 0 && listen(socket, 16) == 0) {
+      bind(socket, found->ai_addr, found->ai_addrlen) == 0 && listen(socket, kBacklog) == 0) {
     return {socket, AddressOf(socket).port};
   }
   const int error = errno;
@@ -202,6 +204,7 @@ struct HttpServer::Connection {
     if (!whole && size > 0 && request.size() <= kMaxRequestBytes) return true;
     if (!whole && request.empty()) return false;
     answer = AnswerHttp(request, hosts, handler);
+    end = steady_clock::now() + kMaxAnswerTime;
     return Write();
   }
 
@@ -271,7 +274,7 @@ void HttpServer::Run() {
         ::close(connections.front().socket);
         connections.erase(connections.begin());
       }
-      connections.push_back({socket, now + kMaxTime, {}, {}, 0});
+      connections.push_back({socket, now + kMaxRequestTime, {}, {}, 0});
     }
   }
   for (const Connection& connection : connections) ::close(connection.socket);

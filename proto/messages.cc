@@ -62,6 +62,13 @@ std::string Encode(const Header& header, std::span<const std::byte> payload) {
   return frame;
 }
 
+Refusal NoRoom(int max_connections) {
+  return {.code = RefusalCode::kNotReady,
+          .text = fmt::format("found {} connections, as many as service.max_connections: this one "
+                              "ends",
+                              max_connections)};
+}
+
 base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
                                      std::span<const std::byte> payload) {
   Prefix prefix;

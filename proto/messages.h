@@ -298,6 +298,9 @@ struct Refusal {
   }
 };
 
+/// The refusal of a server that has as many connections as it may have.
+Refusal NoRoom(int max_connections);
+
 /// All headers. Their places in the list, counted from 1, are the messages' numbers on the wire.
 using Header = std::variant<Hello, Welcome, Insert, InsertAck, Goodbye, SampleRequest, SampleReply,
                             PriorityUpdate, SnapshotRequest, Snapshot, Report, StatusRequest,

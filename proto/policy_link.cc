@@ -17,6 +17,8 @@ using std::chrono::steady_clock;
 constexpr std::chrono::seconds kAskAgain{5};
 // Unanswered requests after which the connection is dropped.
 constexpr int kMaxUnansweredAsks = 2;
+// Between two lines about requests that were refused.
+constexpr std::chrono::minutes kSayAskRefusal{1};
 
 }  // namespace
 
@@ -68,6 +70,12 @@ bool PolicyLink::Take(const proto::Header& header, std::span<const std::byte> pa
   if (const auto* refusal = std::get_if<proto::Refusal>(&header)) {
     if (refusal->code == proto::RefusalCode::kTooFast ||
         refusal->code == proto::RefusalCode::kNotReady) {
+      const auto now = steady_clock::now();
+      if (!said_refusal_at_ || now - *said_refusal_at_ > kSayAskRefusal) {
+        said_refusal_at_ = now;
+        spdlog::warn("learner at {}: {} ({}); trying again", endpoint_, refusal->text,
+                     proto::ToString(refusal->code));
+      }
       return false;
     }
     throw base::Error(fmt::format("the learner at {} refuses this process: {} ({})", endpoint_,

@@ -64,6 +64,7 @@ class PolicyLink {
   bool asked_ = false;
   int unanswered_ = 0;
   std::chrono::steady_clock::time_point asked_at_;
+  std::optional<std::chrono::steady_clock::time_point> said_refusal_at_;
 };
 
 }  // namespace slalom::service

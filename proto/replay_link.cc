@@ -19,6 +19,8 @@ constexpr std::chrono::seconds kAnswerWithin{5};
 // Unanswered hellos after which the connection is dropped.
 constexpr int kMaxUnanswered = 2;
 constexpr std::chrono::seconds kReportInterval{1};
+// Between two lines about hellos that were refused.
+constexpr std::chrono::minutes kSayRefusal{1};
 
 bool IsForGood(proto::RefusalCode code) {
   return code == proto::RefusalCode::kWrongVersion || code == proto::RefusalCode::kNotAllowed ||
@@ -67,7 +69,10 @@ std::optional<ReplayLink::Received> ReplayLink::Receive(std::chrono::millisecond
                                     endpoint_, refusal->text, proto::ToString(refusal->code)));
     }
     if (!is_replaced) {
-      if (!welcomed_) return std::nullopt;
+      if (!welcomed_) {
+        NoteRefusal(*refusal);
+        return std::nullopt;
+      }
       spdlog::warn("replay server at {}: {} ({})", endpoint_, refusal->text,
                    proto::ToString(refusal->code));
       SayHello();
@@ -77,10 +82,26 @@ std::optional<ReplayLink::Received> ReplayLink::Receive(std::chrono::millisecond
     // This answers an earlier hello, not the last one.
     if (welcome->session != hello_.session) return std::nullopt;
     welcomed_ = true;
+    refusal_.clear();
     num_welcomes_ += is_new_ ? 1 : 0;
     is_new_ = false;
   }
   return Received{std::move(*header), std::move(message->payload)};
+}
+
+void ReplayLink::NoteRefusal(const proto::Refusal& refusal) {
+  // It answers a message from before the hello, which was meant for an earlier connection.
+  if (refusal.code == proto::RefusalCode::kNoSession) return;
+  refusal_ = fmt::format("{} ({})", refusal.text, proto::ToString(refusal.code));
+  const auto now = steady_clock::now();
+  if (said_refusal_at_ && now - *said_refusal_at_ < kSayRefusal) return;
+  said_refusal_at_ = now;
+  spdlog::warn("replay server at {}: {}; trying again", endpoint_, refusal_);
+}
+
+std::string ReplayLink::trouble() {
+  if (welcomed_) return "";
+  return refusal_.empty() ? client_.trouble() : refusal_;
 }
 
 bool ReplayLink::Send(const proto::Header& header, transport::Frame payload) {

@@ -35,9 +35,10 @@ class ReplayLink {
   /// Throws `base::Error` if the server refuses this process for good (key, version, spec, or
   /// another process of this role and name that started later; an actor is told that by a refusal).
   ///
-  /// The link ignores the refusal of a message that was sent before the hello on a new connection.
-  /// It logs any other refusal and says hello again; the role then sends again from the place that
-  /// the welcome names. It leaves only `kReplaced`, which answers an actor's hello, to the role.
+  /// The link ignores the refusal of a message that was sent before the hello on a new connection,
+  /// logs that of a hello once a minute, and tries again. After any other refusal it says hello
+  /// again; the role then sends again from the place that the welcome names. It leaves only
+  /// `kReplaced`, which answers an actor's hello, to the role.
   std::optional<Received> Receive(std::chrono::milliseconds timeout);
 
   /// Sends a message. Returns false if that is impossible now (no connection, or a full queue).
@@ -49,6 +50,10 @@ class ReplayLink {
     if (report_due()) SendReport(make());
   }
 
+  /// Why there is no welcome, in words: the last refusal, or the connection's trouble. Empty if the
+  /// link is welcomed or there was no answer yet.
+  std::string trouble();
+
   /// Whether the server has answered the last hello.
   bool welcomed() const { return welcomed_; }
   /// Number of welcomes so far on new connections or after `SayHello`. When it changes, answers to
@@ -59,6 +64,7 @@ class ReplayLink {
   transport::Client& client() { return client_; }
 
  private:
+  void NoteRefusal(const proto::Refusal& refusal);
   /// Notices new connections and silence.
   void Watch();
   bool report_due() const;
@@ -76,6 +82,8 @@ class ReplayLink {
   std::optional<std::chrono::steady_clock::time_point> hello_at_;  // The last one.
   std::chrono::steady_clock::time_point heard_at_;                 // Since the last connection.
   std::optional<std::chrono::steady_clock::time_point> reported_at_;
+  std::string refusal_;  // Of the last hello.
+  std::optional<std::chrono::steady_clock::time_point> said_refusal_at_;
 };
 
 }  // namespace slalom::service

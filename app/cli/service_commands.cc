@@ -76,6 +76,7 @@ int RunReplay(const ServiceOptions& options) {
   spec.endpoint = BindAddress(config.service.replay_bind, config.service.replay);
   spec.security =
       transport::MakeServerSecurity(config.security, transport::Role::kReplay, spec.endpoint);
+  spec.max_connections = config.service.max_connections;
   spec.table = config.replay;
   spec.num_beams = config.environment.lidar.num_beams;
   spec.spec_hash = process.spec_hash();
@@ -109,6 +110,7 @@ int RunLearner(const ServiceOptions& options) {
   job.run = train::ServiceIdentity(config);
   job.replay = process.replay();
   job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
+  job.policies.max_connections = config.service.max_connections;
   job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,
                                                         job.policies.endpoint);
   learner::LearnerService learner(config.learner_service, config.method,

@@ -71,6 +71,9 @@ ServiceProcess::ServiceProcess(transport::Role role, const ServiceOptions& optio
   spdlog::info("slalom {} {}, {} '{}'", base::Version(), transport::ToString(role),
                transport::ToString(role), name_);
   if (!config_.service.metrics.empty()) exposer_ = ShowMetrics(config_.service.metrics, *registry_);
+  if (!config_.service.health.empty()) {
+    health_ = std::make_unique<metrics::Exposer>(config_.service.health, *registry_);
+  }
 }
 
 transport::ClientOptions ServiceProcess::replay() const {

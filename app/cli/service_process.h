@@ -48,6 +48,7 @@ class ServiceProcess {
   transport::Context context_;
   std::unique_ptr<metrics::Registry> registry_;
   std::unique_ptr<metrics::Exposer> exposer_;
+  std::unique_ptr<metrics::Exposer> health_;
 };
 
 /// Returns the identity of this program in this role, for its metrics. `run`: `run.name`.

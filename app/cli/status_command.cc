@@ -55,7 +55,7 @@ proto::StatusReply AskStatus(const train::RunConfig& config) {
     if (!received) continue;
     if (auto* status = std::get_if<proto::StatusReply>(&received->header)) return *status;
   }
-  const std::string trouble = link.client().trouble();
+  const std::string trouble = link.trouble();
   throw base::Error(fmt::format("no replay server answers at {}{}{}", endpoint,
                                 trouble.empty() ? "" : ": ", trouble));
 }

@@ -14,8 +14,10 @@ struct ServiceConfig {
   std::string learner = "tcp://127.0.0.1:5551";
   std::string learner_bind;
   std::string metrics = "127.0.0.1:0";
+  std::string health;
   std::string state = "state";
   int io_threads = 1;
+  int max_connections = 4096;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -30,11 +32,19 @@ struct ServiceConfig {
     v("metrics", metrics,
       "Address at which this process shows /metrics to Prometheus and answers /healthy; port 0: "
       "any free one. Empty: none.");
+    v("health", health,
+      "A second address for the same, such as 127.0.0.1:9401, which only health checks on this "
+      "machine reach: whoever fills the first one with connections does not keep them out. Empty: "
+      "none.");
     v("state", state,
       "Directory below which each process keeps its state: replay/, learner/, actors/NAME/, "
       "evaluators/NAME/.");
     v("io_threads", io_threads, base::Range{1, 16}, "",
       "Threads that copy between sockets and the network, and encrypt.");
+    v("max_connections", max_connections, base::Range{1, 65536}, "",
+      "Connections that the replay server and the learner have at most, each. The next one is told "
+      "so and ends. Connections that have sent nothing yet have places of their own, and so have "
+      "eight with an operator's key.");
   }
 };
 

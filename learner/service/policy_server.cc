@@ -28,8 +28,16 @@ bool MayRead(std::optional<transport::Role> role) {
 
 PolicyServer::PolicyServer(transport::Context& context, const transport::ServerOptions& options,
                            std::uint64_t spec_hash, metrics::Registry& registry)
-    : server_(context, options), spec_hash_(spec_hash), registry_(registry) {
+    : server_(context, options),
+      max_connections_(options.max_connections),
+      spec_hash_(spec_hash),
+      registry_(registry) {
   registry_.counter(metrics::kRejectedConnections);
+  for (const transport::EndReason reason : transport::kEndReasons) {
+    registry_.counter(metrics::kConnectionsEnded, {transport::ToString(reason)});
+  }
+  registry_.gauge(metrics::kServerConnections);
+  registry_.gauge(metrics::kServerConnectionsLimit).Set(max_connections_);
   registry_.counter(metrics::kMessagesMalformed);
   for (const proto::RefusalCode code : proto::kRefusalCodes) {
     registry_.counter(metrics::kMessagesRefused, {proto::ToString(code)});
@@ -88,6 +96,10 @@ void PolicyServer::Poll(milliseconds timeout) {
 }
 
 void PolicyServer::Answer(transport::Server::Received& received) {
+  if (received.no_room) {
+    const proto::Refusal refusal = proto::NoRoom(max_connections_);
+    return Refuse(received.peer, refusal.code, refusal.text);
+  }
   if (received.too_fast) {
     return Refuse(received.peer, proto::RefusalCode::kTooFast, "too many messages a second");
   }
@@ -148,8 +160,14 @@ void PolicyServer::ForgetSilentReaders() {
   looked_at_ = now;
   std::erase_if(readers_,
                 [&](const auto& reader) { return now - reader.second.heard_at > kSilence; });
+  const transport::Server::Connections connections = server_.connections();
   registry_.counter(metrics::kRejectedConnections)
-      .RaiseTo(static_cast<double>(server_.rejected_connections()));
+      .RaiseTo(static_cast<double>(connections.rejected));
+  registry_.gauge(metrics::kServerConnections).Set(connections.open);
+  for (const auto& [reason, count] : connections.ended) {
+    registry_.counter(metrics::kConnectionsEnded, {transport::ToString(reason)})
+        .RaiseTo(static_cast<double>(count));
+  }
   registry_.counter(metrics::kMessagesMalformed).RaiseTo(static_cast<double>(server_.malformed()));
   registry_.gauge(metrics::kConnectedPeers, {"reader"}).Set(num_readers());
   if (const auto oldest = oldest_held(); oldest && acting_) {

@@ -65,6 +65,7 @@ class PolicyServer final : public PolicySink {
   void ForgetSilentReaders();
 
   transport::Server server_;
+  const int max_connections_;
   const std::uint64_t spec_hash_;
   metrics::Registry& registry_;
   std::optional<Message> acting_;

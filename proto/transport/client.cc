@@ -32,7 +32,8 @@ constexpr int kEvents = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_CONNECT_RETRIED | ZMQ_EV
 constexpr char kNobody[] = "nobody listens there";
 constexpr char kBroke[] = "the connection broke";
 constexpr char kSilent[] =
-    "the handshake failed: the other side has other keys or is not a server of Slalom";
+    "the handshake failed: the other side has other keys, has too many connections, or is not a "
+    "server of Slalom";
 constexpr char kRefused[] = "our key is not on the server's allow list";
 
 }  // namespace

@@ -5,30 +5,79 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 namespace slalom::transport {
 namespace {
 
 constexpr std::chrono::milliseconds kCheckInterval{100};
+/// Time in which a refusal reaches its peer before the connection ends.
+constexpr std::chrono::milliseconds kFarewell{300};
+/// Time in which a handshake succeeds on a busy machine. Unless there are very many of them, no
+/// younger connection is ended for its silence.
+constexpr std::chrono::milliseconds kGrace{200};
+constexpr int kManyHandshakes = 16;  ///< Times the limit.
 /// An upper bound of the bytes that framing, encryption and heartbeats add to a message.
 constexpr std::int64_t kFramingBytes = 256;
 
 }  // namespace
 
-bool Peers::Admit(const PeerId& peer, int fd, std::int64_t bytes, Clock::time_point now) {
-  if (fd < 0) return true;
+std::string_view ToString(EndReason reason) {
+  switch (reason) {
+    case EndReason::kHandshakes:
+      return "handshakes";
+    case EndReason::kConnections:
+      return "connections";
+    case EndReason::kBytes:
+      return "bytes";
+  }
+  return "";
+}
+
+Peers::Admission Peers::Admit(const PeerId& peer, int fd, std::int64_t bytes, bool is_operator,
+                              Clock::time_point now) {
+  const auto by_rate = [](bool has_token) {
+    return has_token ? Admission::kYes : Admission::kTooFast;
+  };
+  if (fd < 0) return Admission::kYes;
   if (now >= next_check_) Update(now);
   auto known = peers_.find(peer);
   if (known == peers_.end() || known->second.fd != fd) {
     ReadEvents(now);
     const auto connection = connections_.find(fd);
-    if (connection == connections_.end()) return TakeToken(strangers_, now);
+    if (connection == connections_.end()) return by_rate(TakeToken(strangers_, now));
+    const bool has_room = HasRoom(is_operator);
     peers_.erase(connection->second.peer);
     connection->second.peer = peer;
-    known = peers_.insert_or_assign(peer, Peer{fd, 0, {limits_.messages_per_second, now}}).first;
+    connection->second.is_operator = is_operator;
+    if (!has_room) connection->second.refused = now;
+    known = peers_
+                .insert_or_assign(peer, Peer{.fd = fd,
+                                             .delivered = 0,
+                                             .bucket = {limits_.messages_per_second, now},
+                                             .has_room = has_room})
+                .first;
   }
   known->second.delivered += bytes + kFramingBytes;
-  return TakeToken(known->second.bucket, now);
+  if (!known->second.has_room) return Admission::kNoRoom;
+  return by_rate(TakeToken(known->second.bucket, now));
+}
+
+bool Peers::HasRoom(bool is_operator) const {
+  const auto count =
+      std::count_if(connections_.begin(), connections_.end(), [&](const auto& entry) {
+        const Connection& connection = entry.second;
+        return !connection.peer.empty() && !connection.refused &&
+               connection.is_operator == is_operator;
+      });
+  return count < (is_operator ? limits_.operators : limits_.connections);
+}
+
+int Peers::open() const {
+  return static_cast<int>(std::count_if(
+      connections_.begin(), connections_.end(),
+      [](const auto& entry) { return !entry.second.peer.empty() && !entry.second.refused; }));
 }
 
 bool Peers::TakeToken(Bucket& bucket, Clock::time_point now) {
@@ -45,6 +94,8 @@ void Peers::Update(Clock::time_point now) {
   ReadEvents(now);
   if (now < next_check_) return;
   next_check_ = now + kCheckInterval;
+  EndSilent(now);
+  EndRefused(now);
   EndOverfull();
 }
 
@@ -65,36 +116,57 @@ void Peers::ReadEvents(Clock::time_point now) {
     }
     if (event->type != ZMQ_EVENT_ACCEPTED) continue;
     ++accepted_;
-    if (static_cast<int>(connections_.size()) >= limits_.connections) {
-      End(fd);
-    } else {
-      connections_[fd] = {now, ""};
-    }
+    connections_[fd].accepted = now;
   }
   if (any) CountRejected(now);
 }
 
 // ZeroMQ does not report every failed handshake. So a handshake counts as failed if it is neither
-// established nor can still be under way.
+// established nor can still be under way, and this server did not end it to make room.
 void Peers::CountRejected(Clock::time_point now) {
   const auto may_be_shaking = [&](const auto& entry) {
-    return entry.second.peer.empty() && now - entry.second.accepted < limits_.handshake;
+    const Connection& connection = entry.second;
+    return connection.peer.empty() && !connection.ended &&
+           now - connection.accepted < limits_.handshake;
   };
   const auto shaking = std::count_if(connections_.begin(), connections_.end(), may_be_shaking);
-  rejected_ = std::max(rejected_, accepted_ - succeeded_ - shaking);
+  rejected_ = std::max(rejected_, accepted_ - succeeded_ - shaking - ended(EndReason::kHandshakes));
+}
+
+void Peers::EndSilent(Clock::time_point now) {
+  std::vector<std::pair<Clock::time_point, int>> silent;
+  for (const auto& [fd, connection] : connections_) {
+    if (connection.peer.empty() && !connection.ended) silent.emplace_back(connection.accepted, fd);
+  }
+  std::sort(silent.begin(), silent.end());
+  const auto limit = static_cast<std::size_t>(limits_.handshakes);
+  for (std::size_t i = 0; i + limit < silent.size(); ++i) {
+    const bool very_many = silent.size() - i > kManyHandshakes * limit;
+    if (now - silent[i].first < kGrace && !very_many) break;
+    End(silent[i].second, EndReason::kHandshakes);
+  }
+}
+
+void Peers::EndRefused(Clock::time_point now) {
+  for (const auto& [fd, connection] : connections_) {
+    const bool is_due = connection.refused && now - *connection.refused >= kFarewell;
+    if (is_due && !connection.ended) End(fd, EndReason::kConnections);
+  }
 }
 
 void Peers::EndOverfull() {
   std::map<int, std::int64_t> pending;
   std::int64_t total = 0;
-  for (const auto& [fd, connection] : connections_) total += pending[fd] = Pending(fd, connection);
+  for (const auto& [fd, connection] : connections_) {
+    if (!connection.ended) total += pending[fd] = Pending(fd, connection);
+  }
   while (!pending.empty()) {
     const auto most =
         std::max_element(pending.begin(), pending.end(),
                          [](const auto& a, const auto& b) { return a.second < b.second; });
     if (most->second <= limits_.connection_bytes && total <= limits_.total_bytes) return;
     total -= most->second;
-    End(most->first);
+    End(most->first, EndReason::kBytes);
     pending.erase(most);
   }
 }
@@ -103,8 +175,9 @@ void Peers::EndOverfull() {
 // may have closed it a moment ago for another reason. If another connection uses the number by now,
 // that one is ended instead and connects again; if something that is not a socket uses it, the call
 // has no effect.
-void Peers::End(int fd) {
-  if (shutdown(fd, SHUT_RDWR) == 0) ++ended_;
+void Peers::End(int fd, EndReason reason) {
+  connections_.at(fd).ended = true;
+  if (shutdown(fd, SHUT_RDWR) == 0) ++ended_[static_cast<std::size_t>(reason)];
 }
 
 std::int64_t Peers::Pending(int fd, const Connection& connection) {

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 
 #include "proto/transport/monitor.h"
@@ -13,7 +16,22 @@ namespace slalom::transport {
 /// Identifies a connection as long as it lasts.
 using PeerId = std::string;
 
+/// Why a server ended a connection.
+enum class EndReason {
+  kHandshakes,   ///< More connections than the limit had not sent a message yet; the oldest end.
+  kConnections,  ///< It was beyond the limit on connections.
+  kBytes,        ///< More bytes than the limit waited on it, or on all connections.
+};
+inline constexpr std::array kEndReasons = {EndReason::kHandshakes, EndReason::kConnections,
+                                           EndReason::kBytes};
+/// "handshakes", "connections" or "bytes".
+std::string_view ToString(EndReason reason);
+
 /// The connections of a server, and the limits on the resources of each.
+///
+/// A connection counts as open once it has sent a message, which nobody can without an allowed key
+/// (if there are keys). Those that have not are bounded by a limit of their own, so that strangers
+/// who say nothing take no place of peers.
 ///
 /// ZeroMQ bounds the size of a part and the number of complete messages that wait, but neither the
 /// number of parts nor the bytes of an incomplete message. This class therefore compares the bytes
@@ -30,7 +48,9 @@ class Peers {
     double messages_per_second = 0.0;  ///< Rate of one peer, which may send as many at once.
     std::int64_t connection_bytes = 0;
     std::int64_t total_bytes = 0;
-    int connections = 0;
+    int connections = 0;                     ///< Open ones, those of operators aside.
+    int operators = 0;                       ///< The same for peers with an operator's key.
+    int handshakes = 0;                      ///< Connections that have not sent a message.
     std::chrono::milliseconds handshake{0};  ///< Longest time of a handshake.
   };
 
@@ -40,9 +60,15 @@ class Peers {
   static constexpr int kEvents =
       ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_DISCONNECTED;
 
+  enum class Admission {
+    kYes,
+    kTooFast,  ///< The peer is over its rate.
+    kNoRoom,   ///< There are as many connections as the limit, so this one ends in a moment.
+  };
   /// Counts a message of `bytes` that arrived on the connection with this descriptor (-1 for
-  /// inproc, which has no limits). Returns false if the peer is over its rate.
-  bool Admit(const PeerId& peer, int fd, std::int64_t bytes, Clock::time_point now);
+  /// inproc, which has no limits).
+  Admission Admit(const PeerId& peer, int fd, std::int64_t bytes, bool is_operator,
+                  Clock::time_point now);
 
   /// Learns of new and closed connections and, from time to time, ends those over a limit. Call it
   /// several times a second.
@@ -51,7 +77,9 @@ class Peers {
   /// Connections whose handshake failed.
   std::int64_t rejected() const { return rejected_; }
   /// Connections that were ended because they were over a limit.
-  std::int64_t ended() const { return ended_; }
+  std::int64_t ended(EndReason reason) const { return ended_[static_cast<std::size_t>(reason)]; }
+  /// Open connections.
+  int open() const;
 
  private:
   struct Bucket {
@@ -62,16 +90,23 @@ class Peers {
     int fd = -1;
     std::int64_t delivered = 0;  // Bytes, with an allowance for framing.
     Bucket bucket;
+    bool has_room = true;
   };
   struct Connection {
     Clock::time_point accepted;
     PeerId peer;  // Empty until it has sent a message.
+    bool is_operator = false;
+    std::optional<Clock::time_point> refused;  // When it was found to be beyond the limit.
+    bool ended = false;                        // ZeroMQ has not closed it yet.
   };
 
   void ReadEvents(Clock::time_point now);
   void CountRejected(Clock::time_point now);
+  bool HasRoom(bool is_operator) const;
+  void EndSilent(Clock::time_point now);
+  void EndRefused(Clock::time_point now);
   void EndOverfull();
-  void End(int fd);
+  void End(int fd, EndReason reason);
   bool TakeToken(Bucket& bucket, Clock::time_point now);
   /// Bytes received on a connection and not handed on yet; 0 if the kernel does not tell.
   std::int64_t Pending(int fd, const Connection& connection);
@@ -84,7 +119,7 @@ class Peers {
   std::int64_t accepted_ = 0;
   std::int64_t succeeded_ = 0;
   std::int64_t rejected_ = 0;
-  std::int64_t ended_ = 0;
+  std::array<std::int64_t, kEndReasons.size()> ended_{};
   Clock::time_point next_check_;
 };
 

@@ -22,13 +22,18 @@ using Clock = Peers::Clock;
 constexpr milliseconds kUpdateInterval{100};
 constexpr milliseconds kCloseTimeout{1000};
 constexpr std::int64_t kTotalOverPeer = 4;
+constexpr int kOperators = 8;
 
 milliseconds HandshakeTime(milliseconds heartbeat) { return 5 * heartbeat; }
 
 Peers::Limits LimitsOf(const ServerOptions& options) {
-  return {options.max_messages_per_second, options.max_pending_bytes,
-          kTotalOverPeer * options.max_pending_bytes, options.max_connections,
-          HandshakeTime(options.heartbeat)};
+  return {.messages_per_second = options.max_messages_per_second,
+          .connection_bytes = options.max_pending_bytes,
+          .total_bytes = kTotalOverPeer * options.max_pending_bytes,
+          .connections = options.max_connections,
+          .operators = kOperators,
+          .handshakes = options.max_handshakes,
+          .handshake = HandshakeTime(options.heartbeat)};
 }
 
 std::optional<Role> RoleOf(zmq::message_t& part) {
@@ -145,17 +150,19 @@ Server::Taken Server::Take(std::optional<Received>& received) {
   const auto now = Clock::now();
   PeerId peer = parts[0].to_string();
   const int fd = zmq_msg_get(parts[1].handle(), ZMQ_SRCFD);
-  const bool admitted = peers_.Admit(peer, fd, bytes, now);
+  const std::optional<Role> role = RoleOf(parts[1]);
+  const auto admission = peers_.Admit(peer, fd, bytes, role == Role::kOperator, now);
   if (num_parts != parts.size()) {
     ++malformed_;
     return Taken::kMalformed;
   }
   received.emplace();
   received->peer = std::move(peer);
-  received->role = RoleOf(parts[1]);
+  received->role = role;
   received->message.header = Frame(std::move(parts[1]));
   received->message.payload = Frame(std::move(parts[2]));
-  received->too_fast = !admitted;
+  received->too_fast = admission == Peers::Admission::kTooFast;
+  received->no_room = admission == Peers::Admission::kNoRoom;
   return Taken::kMessage;
 }
 
@@ -170,14 +177,14 @@ Server::Sent Server::Send(const PeerId& peer, Message&& message) {
   return Sent::kYes;
 }
 
-std::int64_t Server::rejected_connections() {
+Server::Connections Server::connections() {
   peers_.Update(Clock::now());
-  return peers_.rejected();
-}
-
-std::int64_t Server::ended_connections() {
-  peers_.Update(Clock::now());
-  return peers_.ended();
+  Connections connections{.rejected = peers_.rejected(),
+                          .ended = {},
+                          .open = peers_.open(),
+                          .limit = options_.max_connections};
+  for (const EndReason reason : kEndReasons) connections.ended[reason] = peers_.ended(reason);
+  return connections;
 }
 
 }  // namespace slalom::transport

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <zmq.hpp>
@@ -27,7 +28,11 @@ struct ServerOptions {
   /// all connections together exceed four times this, the one with most is ended. Must be larger
   /// than the bytes that an honest peer may have under way.
   std::int64_t max_pending_bytes = 256 << 20;
-  int max_connections = 512;  ///< Further connections are ended at once.
+  /// Connections that have sent a message. The next one is told so (`Received::no_room`) and ends.
+  /// Eight more are kept for peers with an operator's key.
+  int max_connections = 4096;
+  /// Connections that have not sent a message yet. If there are more, the oldest end.
+  int max_handshakes = 256;
   /// Interval of heartbeats on a silent connection, at most half an hour. After three without an
   /// answer the connection counts as lost.
   std::chrono::milliseconds heartbeat{2000};
@@ -57,6 +62,7 @@ class Server {
     std::optional<Role> role;
     Message message;
     bool too_fast = false;  ///< The peer is over its rate. Refuse the message unread.
+    bool no_room = false;   ///< The peer's connection ends in a moment. Refuse the message unread.
   };
 
   /// Waits for at most `timeout` and returns the next message, or nothing if none arrived, `Wake`
@@ -79,10 +85,14 @@ class Server {
   /// The endpoint on which it listens, with the actual port.
   const std::string& endpoint() const { return endpoint_; }
   std::int64_t malformed() const { return malformed_; }
-  /// Connections whose handshake failed: wrong keys, no keys, not ZeroMQ.
-  std::int64_t rejected_connections();
-  /// Connections that were ended because they exceeded a bound of `ServerOptions`.
-  std::int64_t ended_connections();
+  /// What became of the connections so far.
+  struct Connections {
+    std::int64_t rejected = 0;                ///< Handshakes failed: wrong keys, not ZeroMQ.
+    std::map<EndReason, std::int64_t> ended;  ///< They exceeded a bound of `ServerOptions`.
+    int open = 0;                             ///< Now.
+    int limit = 0;                            ///< `ServerOptions::max_connections`.
+  };
+  Connections connections();
 
  private:
   enum class Taken { kMessage, kMalformed, kNone };

@@ -65,6 +65,7 @@ struct ReplayServerConfig {
 struct ReplayServerSpec {
   std::string endpoint;  ///< As `transport::ServerOptions`.
   transport::ServerSecurity security = {};
+  int max_connections = 4096;  ///< As `transport::ServerOptions`.
   ReplayConfig table = {};
   int num_beams = 720;
   std::uint64_t spec_hash = 0;  ///< Hash of the observation and action spec.

@@ -124,7 +124,8 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                                         .security = spec_.security,
                                         .max_message_bytes = config_.max_message_bytes,
                                         .max_messages_per_second = config_.max_messages_per_second,
-                                        .queue_messages = kQueueMessages});
+                                        .queue_messages = kQueueMessages,
+                                        .max_connections = spec_.max_connections});
   if (lock) {
     StateRecord state = State();
     state.sessions = sessions;
@@ -215,7 +216,7 @@ void ReplayServer::Tick(Time now) {
                                  .samples = &*samples_,
                                  .journal = journal_.get(),
                                  .malformed = server_->malformed(),
-                                 .rejected_connections = server_->rejected_connections(),
+                                 .connections = server_->connections(),
                                  .peers = {},
                                  .held_inserts_s = inserts_->num_held() > 0 ? elapsed : 0.0,
                                  .held_samples_s = samples_->num_held() > 0 ? elapsed : 0.0};
@@ -229,6 +230,9 @@ void ReplayServer::Tick(Time now) {
 }
 
 void ReplayServer::Take(transport::Server::Received received, Time now) {
+  if (received.no_room) {
+    return Refuse(received.peer, proto::NoRoom(spec_.max_connections));
+  }
   if (received.too_fast) {
     return Refuse(
         received.peer,

@@ -52,6 +52,8 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
       inserts_bytes_(registry.gauge(metrics::kQueueBytes, {"inserts"})),
       inserts_limit_(registry.gauge(metrics::kQueueLimitBytes, {"inserts"})),
       journal_bytes_(registry.gauge(metrics::kQueueBytes, {"journal"})),
+      connections_(registry.gauge(metrics::kServerConnections)),
+      connections_limit_(registry.gauge(metrics::kServerConnectionsLimit)),
       disk_bytes_(registry.gauge(metrics::kJournalBytes)),
       disk_segments_(registry.gauge(metrics::kJournalSegments)),
       sync_timestamp_(registry.gauge(metrics::kJournalSyncTimestamp)),
@@ -70,6 +72,10 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
     chunks_rejected_[i] = registry.counter(metrics::kChunksRejected, {ToString(code)});
     steps_rejected_[i] = registry.counter(metrics::kStepsRejected, {ToString(code)});
     refusals_[i] = registry.counter(metrics::kMessagesRefused, {ToString(code)});
+  }
+  for (const transport::EndReason reason : transport::kEndReasons) {
+    connections_ended_[reason] =
+        registry.counter(metrics::kConnectionsEnded, {transport::ToString(reason)});
   }
   for (const transport::Role role : transport::kRoles) {
     if (role == transport::Role::kReplay) continue;
@@ -113,7 +119,12 @@ void ServerMetrics::Show(const Sources& sources, Time now) {
   priorities_updated_.RaiseTo(static_cast<double>(out.priorities_set));
   priorities_stale_.RaiseTo(static_cast<double>(out.priorities_stale));
   malformed_.RaiseTo(static_cast<double>(sources.malformed));
-  rejected_connections_.RaiseTo(static_cast<double>(sources.rejected_connections));
+  rejected_connections_.RaiseTo(static_cast<double>(sources.connections.rejected));
+  connections_.Set(sources.connections.open);
+  connections_limit_.Set(sources.connections.limit);
+  for (const auto& [reason, count] : sources.connections.ended) {
+    connections_ended_.at(reason).RaiseTo(static_cast<double>(count));
+  }
   blocked_inserts_.Increment(sources.held_inserts_s);
   blocked_samples_.Increment(sources.held_samples_s);
 

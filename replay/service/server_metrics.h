@@ -9,6 +9,7 @@
 
 #include "metrics/registry.h"
 #include "proto/messages.h"
+#include "proto/transport/server.h"
 #include "replay/journal.h"
 #include "replay/rate_limiter.h"
 #include "replay/service/config.h"
@@ -40,7 +41,7 @@ class ServerMetrics {
     SampleDesk* samples = nullptr;
     const Journal* journal = nullptr;
     std::int64_t malformed = 0;
-    std::int64_t rejected_connections = 0;
+    transport::Server::Connections connections;
     std::map<std::string_view, int> peers;  ///< Number of peers heard from lately, by role.
     double held_inserts_s = 0.0;            ///< Time since the last call with inserts held, [s].
     double held_samples_s = 0.0;            ///< The same for samples, [s].
@@ -63,12 +64,13 @@ class ServerMetrics {
   metrics::Counter journal_written_, journal_errors_;
   metrics::Gauge table_rows_, table_steps_, table_capacity_, table_bytes_;
   metrics::Gauge samples_per_insert_, samples_per_insert_target_;
-  metrics::Gauge inserts_depth_, samples_depth_, journal_depth_, inserts_bytes_, journal_bytes_;
-  metrics::Gauge inserts_limit_;
+  metrics::Gauge inserts_depth_, samples_depth_, journal_depth_, inserts_bytes_, inserts_limit_;
+  metrics::Gauge journal_bytes_, connections_, connections_limit_;
   metrics::Gauge disk_bytes_, disk_segments_, sync_timestamp_, failing_;
   metrics::Gauge recovered_steps_, damaged_steps_, sessions_;
   metrics::Histogram insert_seconds_, sample_seconds_, sync_seconds_;
   std::map<std::string_view, metrics::Gauge> peers_;
+  std::map<transport::EndReason, metrics::Counter> connections_ended_;
   std::array<metrics::Counter, InsertDesk::Counts::kReasons> chunks_rejected_, steps_rejected_,
       refusals_;
   std::vector<metrics::Counter> messages_;

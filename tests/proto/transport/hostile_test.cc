@@ -60,9 +60,9 @@ class HostileTest : public ::testing::TestWithParam<Wire> {
   static void UntilRejected(Service& service, std::int64_t count) {
     Until([&] {
       EXPECT_FALSE(service.server().Receive(1ms));
-      return service.server().rejected_connections() >= count;
+      return service.server().connections().rejected >= count;
     });
-    EXPECT_EQ(service.server().rejected_connections(), count);
+    EXPECT_EQ(service.server().connections().rejected, count);
   }
 };
 
@@ -160,7 +160,7 @@ TEST(EndlessTest, AMessageWithoutEndEndsTheConnection) {
     EXPECT_FALSE(service.server().Receive(1ms));
     return !is_open;
   });
-  EXPECT_EQ(service.server().ended_connections(), 1);
+  EXPECT_EQ(service.server().connections().ended.at(EndReason::kBytes), 1);
   EXPECT_EQ(service.server().malformed(), 0);
 }
 
@@ -181,7 +181,7 @@ TEST_P(HostileTest, HonestTrafficIsFarFromTheBoundOnPendingBytes) {
     }
   }
   EXPECT_EQ(client->connections(), 1);
-  EXPECT_EQ(service.server().ended_connections(), 0);
+  for (const auto& [reason, count] : service.server().connections().ended) EXPECT_EQ(count, 0);
 }
 
 TEST_P(HostileTest, WhoIsOverTheRateIsSaidToBeAndOthersAreNot) {
@@ -203,7 +203,8 @@ TEST_P(HostileTest, WhoIsOverTheRateIsSaidToBeAndOthersAreNot) {
   ExpectServed(service);
 }
 
-TEST_P(HostileTest, MoreConnectionsThanTheBoundAreEnded) {
+// The next one learns why, and those that were there stay.
+TEST_P(HostileTest, AConnectionBeyondTheBoundIsToldSoAndEnds) {
   ServerOptions options;
   options.max_connections = 3;
   Service service(GetParam(), options);
@@ -212,14 +213,25 @@ TEST_P(HostileTest, MoreConnectionsThanTheBoundAreEnded) {
   for (int i = 0; i < 3; ++i) {
     clients.push_back(service.NewClient());
     SendTo(*clients.back(), Text("hello"));
-    last = ReceiveFrom(service.server()).peer;
+    const auto received = ReceiveFrom(service.server());
+    EXPECT_FALSE(received.no_room);
+    last = received.peer;
   }
-  RawSocket one_more(service.server().endpoint());
+  const auto one_more = service.NewClient();
+  SendTo(*one_more, Text("hello"));
+  const auto received = ReceiveFrom(service.server());
+  EXPECT_TRUE(received.no_room);
+  ASSERT_EQ(service.server().Send(received.peer, Text("no room")), Server::Sent::kYes);
+  EXPECT_EQ(HeaderOf(ReceiveFrom(*one_more)), "no room");
   Until([&] {
     EXPECT_FALSE(service.server().Receive(1ms));
-    return service.server().ended_connections() == 1;
+    return !one_more->connected();
   });
-  one_more.ReadToEnd();
+  const auto connections = service.server().connections();
+  EXPECT_EQ(connections.ended.at(EndReason::kConnections), 1);
+  EXPECT_EQ(connections.rejected, 0);
+  EXPECT_EQ(connections.open, 3);
+  EXPECT_EQ(connections.limit, 3);
   clients.pop_back();
   Until([&] {
     EXPECT_FALSE(service.server().Receive(1ms));
@@ -227,6 +239,44 @@ TEST_P(HostileTest, MoreConnectionsThanTheBoundAreEnded) {
   });
   ExpectServed(service);
   for (const auto& client : clients) EXPECT_EQ(client->connections(), 1);
+}
+
+TEST(OperatorTest, AnOperatorIsServedWhereOthersFindNoRoom) {
+  ServerOptions options;
+  options.max_connections = 1;
+  Service service(Wire::kCurve, options);
+  const auto actor = service.NewClient(Role::kActor);
+  SendTo(*actor, Text("hello"));
+  EXPECT_FALSE(ReceiveFrom(service.server()).no_room);
+  const auto second = service.NewClient(Role::kActor);
+  SendTo(*second, Text("hello"));
+  EXPECT_TRUE(ReceiveFrom(service.server()).no_room);
+  const auto operator_ = service.NewClient(Role::kOperator);
+  SendTo(*operator_, Text("hello"));
+  EXPECT_FALSE(ReceiveFrom(service.server()).no_room);
+}
+
+// They have places of their own, and of those the oldest give way.
+TEST_P(HostileTest, StrangersWhoSayNothingTakeNobodysPlace) {
+  ServerOptions options;
+  options.max_connections = 3;
+  options.max_handshakes = 5;
+  Service service(GetParam(), options);
+  const auto client = service.NewClient();
+  SendTo(*client, Text("hello"));
+  ReceiveFrom(service.server());
+  std::vector<RawSocket> strangers;
+  for (int i = 0; i < 50; ++i) strangers.emplace_back(service.server().endpoint());
+  ExpectServed(service);
+  Until([&] {
+    EXPECT_FALSE(service.server().Receive(1ms));
+    return service.server().connections().ended.at(EndReason::kHandshakes) >= 45;
+  });
+  strangers[0].ReadToEnd();
+  ExpectServed(service);
+  // Nobody showed a wrong key.
+  EXPECT_EQ(service.server().connections().rejected, 0);
+  EXPECT_EQ(client->connections(), 1);
 }
 
 // Each connection is a new peer, and none of them may leave anything behind: in a sanitizer's run
@@ -273,7 +323,7 @@ TEST(SilenceTest, AServerEndsAConnectionThatNeverShakesHands) {
   peer.ReadToEnd();
   Until([&] {
     EXPECT_FALSE(service.server().Receive(1ms));
-    return service.server().rejected_connections() == 1;
+    return service.server().connections().rejected == 1;
   });
 }
 

@@ -62,7 +62,7 @@ TEST_P(MessagesTest, ARequestIsAnswered) {
   EXPECT_EQ(client->connections(), 1);
   EXPECT_TRUE(client->connected());
   EXPECT_EQ(client->trouble(), "");
-  EXPECT_EQ(service.server().rejected_connections(), 0);
+  EXPECT_EQ(service.server().connections().rejected, 0);
   EXPECT_EQ(service.server().malformed(), 0);
 }
 

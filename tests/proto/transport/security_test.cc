@@ -88,7 +88,7 @@ class IntruderTest : public ::testing::Test {
     Until([&] {
       EXPECT_FALSE(service_.server().Receive(1ms));
       EXPECT_FALSE(client.Send(Text("let me in")));
-      return service_.server().rejected_connections() > 0 && client.trouble() != "" &&
+      return service_.server().connections().rejected > 0 && client.trouble() != "" &&
              client.trouble() != "not connected yet";
     });
     EXPECT_EQ(client.connections(), 0);
@@ -139,7 +139,7 @@ TEST_F(IntruderTest, AServerInPlaintextTakesNoKeys) {
   Until([&] {
     EXPECT_FALSE(plaintext.server().Receive(1ms));
     EXPECT_FALSE(client.Send(Text("let me in")));
-    return plaintext.server().rejected_connections() > 0;
+    return plaintext.server().connections().rejected > 0;
   });
   EXPECT_EQ(client.connections(), 0);
 }

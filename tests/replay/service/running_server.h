@@ -20,11 +20,12 @@ class RunningServer {
   static constexpr std::uint64_t kSeed = 5;
 
   explicit RunningServer(const ReplayServerConfig& config = {},
-                         transport::ServerSecurity security = {})
+                         transport::ServerSecurity security = {}, int max_connections = 64)
       : registry_("replay", "replay"),
         server_(config,
                 {.endpoint = "tcp://127.0.0.1:*",
                  .security = std::move(security),
+                 .max_connections = max_connections,
                  .table = {.capacity = 500},
                  .num_beams = kBeams,
                  .spec_hash = kSpecHash,

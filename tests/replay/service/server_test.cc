@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "proto/replay_link.h"
 #include "replay/sample_bytes.h"
 #include "tests/replay/service/rows_source.h"
 #include "tests/replay/service/running_server.h"
@@ -227,6 +228,20 @@ TEST(ReplayServerTest, TwoProducersAndTwoConsumersAtOnce) {
                      {.capacity = 500});
   EXPECT_EQ(recovered.sessions.accepted_steps(), steps);
   EXPECT_THAT(recovered.notes, testing::IsEmpty());
+}
+
+TEST(ReplayServerTest, APeerWithoutRoomIsToldTheKey) {
+  RunningServer server({}, {}, 1);
+  transport::Context context;
+  TestPeer actor(context, server.endpoint());
+  actor.Send(HelloOf("actor", "a", 1));
+  ASSERT_TRUE(actor.Expect<proto::Welcome>());
+  service::ReplayLink link(context, {.endpoint = server.endpoint()}, HelloOf("learner", "l"));
+  const auto deadline = std::chrono::steady_clock::now() + TestPeer::kPatience;
+  while (link.trouble().find("service.max_connections") == std::string::npos) {
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline) << link.trouble();
+    EXPECT_FALSE(link.Receive(std::chrono::milliseconds(5)));
+  }
 }
 
 TEST(ReplayServerTest, TwoServersInOneDirectoryAreRefused) {
