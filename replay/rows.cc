@@ -90,6 +90,13 @@ base::Result<RowBytes> RowBytes::Parse(std::span<const std::byte> bytes, int num
   if (const std::size_t bad = FirstNotFinite(numbers); bad < numbers.size()) {
     return base::Failure{fmt::format("rows: number {} of {} is not finite", bad, numbers.size())};
   }
+  // Sums over windows of larger ones would not be finite.
+  const auto large =
+      std::ranges::find_if(numbers, [](float value) { return std::abs(value) > kMaxNumber; });
+  if (large != numbers.end()) {
+    return base::Failure{fmt::format("rows: number {} of {} is {}, expected {} at most",
+                                     large - numbers.begin(), numbers.size(), *large, kMaxNumber)};
+  }
   for (int r = 0; r < num_rows; ++r) {
     if (!FlagsGoTogether(rows.flags(r))) {
       return base::Failure{fmt::format("rows: row {} has flags {:#x}, which contradict each other",

@@ -24,11 +24,15 @@ class RowBytes {
   /// bytes.
   static void Write(const Chunk& chunk, std::span<std::byte> out);
 
+  /// Largest magnitude of a state's number, a reward or a cost, far above what a simulator makes.
+  static constexpr float kMaxNumber = 1e6f;
+
   /// Parses bytes from an untrusted peer. Fails if there is no row, the number of bytes is not the
-  /// size of `num_rows` rows, they do not start on a multiple of 4 bytes, a number is not finite,
-  /// flags contradict each other, a final row has an action, reward or cost, or a stream is not in
-  /// [0, num_streams). Whether the flags form episodes is checked by `Table::CheckEpisodes`.
-  /// Allocates only the text of a failure. Cost: reads everything except the ranges.
+  /// size of `num_rows` rows, they do not start on a multiple of 4 bytes, a number is not finite or
+  /// its magnitude is above `kMaxNumber`, flags contradict each other, a final row has an action,
+  /// reward or cost, or a stream is not in [0, num_streams). Whether the flags form episodes is
+  /// checked by `Table::CheckEpisodes`. Allocates only the text of a failure. Cost: reads
+  /// everything except the ranges.
   static base::Result<RowBytes> Parse(std::span<const std::byte> bytes, int num_rows, int num_beams,
                                       int num_streams);
 

@@ -12,6 +12,7 @@
 #include "base/random.h"
 #include "learner/algorithm.h"
 #include "replay/rows.h"
+#include "replay/sample_bytes.h"
 #include "sim/courses/course_sets.h"
 #include "sim/scene.h"
 #include "sim/scene_stream.h"
@@ -136,6 +137,19 @@ void RequireServable(const RunConfig& config) {
         "and {} bytes, expected at most replay_server.max_message_bytes = {}",
         config.actor_service.chunk_rows, config.actor.num_environments, rows, bytes,
         config.replay_server.max_message_bytes));
+  }
+  for (const replay::SampleSpec& spec :
+       learner::Learner::SampleSpecs(config.method, MakePolicySpec(config))) {
+    const auto size = replay::SampleSize({.batch = spec.batch,
+                                          .history = spec.history,
+                                          .num_beams = config.environment.lidar.num_beams,
+                                          .weighted = spec.prioritized});
+    if (size && *size <= static_cast<std::size_t>(config.replay_server.max_sample_bytes)) continue;
+    throw base::Error(fmt::format(
+        "learner.batch_size is {} and model_training.batch_size {}: a batch of {} windows of {} "
+        "scans has {} bytes, expected at most replay_server.max_sample_bytes = {}",
+        config.method.learner.batch_size, config.method.model_training.batch_size, spec.batch,
+        spec.history, size.value_or(0), config.replay_server.max_sample_bytes));
   }
 }
 

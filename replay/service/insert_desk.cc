@@ -21,6 +21,13 @@ constexpr std::chrono::seconds kRemindAfter{2};
 constexpr std::chrono::milliseconds kRemindInterval{500};
 // Most times kept between two readings.
 constexpr std::size_t kMaxInsertSeconds = 1 << 16;
+// An actor counts its starts. Numbers that no actor reaches would lock its name for ever, since
+// sessions only rise.
+constexpr std::uint64_t kMaxSession = std::uint64_t{1} << 63;
+constexpr std::uint64_t kMaxSessionJump = std::uint64_t{1} << 32;
+// Each session is a record of the journal, which no rows push out.
+constexpr int kSessionsPerMinute = 60;  // Of one name.
+constexpr int kSessionsPerMinuteOfAll = 10000;
 
 }  // namespace
 
@@ -68,6 +75,25 @@ void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) 
     return SendOwed(now);
   }
 
+  const std::uint64_t before = known == nullptr ? 0 : known->number;
+  if (hello.session >= kMaxSession || hello.session - before > kMaxSessionJump) {
+    return Refuse(peer, RefusalCode::kBadMessage,
+                  fmt::format("session {} of {} follows session {}, expected at most {} more",
+                              hello.session, hello.name, before, kMaxSessionJump),
+                  hello.session);
+  }
+  if (known != nullptr && !live_.at(known->id).begun.Count(now, kSessionsPerMinute)) {
+    return Refuse(peer, RefusalCode::kNotReady,
+                  fmt::format("more than {} sessions of {} began within a minute",
+                              kSessionsPerMinute, hello.name),
+                  hello.session);
+  }
+  if (!begun_.Count(now, kSessionsPerMinuteOfAll)) {
+    return Refuse(
+        peer, RefusalCode::kNotReady,
+        fmt::format("more than {} sessions began within a minute", kSessionsPerMinuteOfAll),
+        hello.session);
+  }
   if (known != nullptr) PlaceAll(known->id);
   const std::optional<Session> session = BeginSession(hello, known);
   if (!session) {
@@ -83,6 +109,11 @@ void InsertDesk::Hello(const PeerId& peer, const proto::Hello& hello, Time now) 
   live.welcome_at = position;
   acks_owed_.erase(session->id);
   SendOwed(now);
+}
+
+bool InsertDesk::PerMinute::Count(Time now, int max) {
+  if (now - since >= std::chrono::minutes(1)) *this = {.since = now, .count = 0};
+  return ++count <= max;
 }
 
 std::optional<Session> InsertDesk::BeginSession(const proto::Hello& hello, const Session* known) {
@@ -409,12 +440,14 @@ ReplySender::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& he
 
 void InsertDesk::Refuse(const PeerId& peer, RefusalCode code, std::string_view text,
                         std::uint64_t about) {
+  replies_->CountRefusal(code);
   (void)Answer(peer, proto::Refusal{.code = code, .text = std::string(text), .about = about});
 }
 
 void InsertDesk::RefuseChunk(const PeerId& peer, RefusalCode code, std::string_view text,
                              const proto::Insert& insert) {
   const auto reason = static_cast<std::size_t>(code);
+  replies_->CountRefusal(code);
   ++counts_.chunks_rejected[reason];
   counts_.steps_rejected[reason] += insert.num_steps;
   const proto::Refusal refusal{.code = code, .text = std::string(text), .about = insert.sequence};

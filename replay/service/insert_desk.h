@@ -67,8 +67,9 @@ class InsertDesk {
              RecordLog* log, ReplySender* replies);
 
   /// Handles the hello of an actor, which begins or resumes a session. The welcome is sent once
-  /// everything that it reports is written. A hello without session or streams is refused.
-  /// Requires: it is within the bounds of `proto::Decode`; its beams and spec are the table's.
+  /// everything that it reports is written. A hello without session or streams is refused, and so
+  /// is one whose session is far above the last, or that begins too many within a minute. Requires:
+  /// it is within the bounds of `proto::Decode`; its beams and spec are the table's.
   void Hello(const transport::PeerId& peer, const proto::Hello& hello, Time now);
   void Insert(const transport::PeerId& peer, const proto::Insert& insert, transport::Frame payload,
               Time now);
@@ -105,6 +106,13 @@ class InsertDesk {
     RowBytes rows;
     Time arrived;
   };
+  /// Counts events within a minute.
+  struct PerMinute {
+    Time since;
+    int count = 0;
+    /// Counts one more. Returns false if that is more than `max` within this minute.
+    bool Count(Time now, int max);
+  };
   /// The state of a session that need not survive a restart.
   struct Live {
     std::optional<transport::PeerId> peer;
@@ -114,7 +122,8 @@ class InsertDesk {
     std::optional<std::uint64_t> welcome_at;  ///< Send it when the log has written this position.
     std::optional<proto::Refusal> refusal;    ///< Of a chunk; the peer's queue was full.
     Time heard;
-    Time told;  ///< When the last welcome or acknowledgement was sent.
+    Time told;        ///< When the last welcome or acknowledgement was sent.
+    PerMinute begun;  ///< Sessions of this name.
   };
   /// A chunk that is in the log and not yet written.
   struct Unwritten {
@@ -157,6 +166,7 @@ class InsertDesk {
   std::deque<std::uint32_t> held_order_;  ///< Ids, in the order in which chunks came.
   std::int64_t num_held_ = 0;
   std::deque<Unwritten> unwritten_;
+  PerMinute begun_;  ///< Sessions of all names.
   FlowControl flow_;
   Time reminded_;
   std::set<std::uint32_t> acks_owed_;

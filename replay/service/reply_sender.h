@@ -15,6 +15,8 @@ class ReplySender {
   virtual ~ReplySender() = default;
   /// As `transport::Server::Send`.
   [[nodiscard]] virtual Sent Send(const transport::PeerId& peer, transport::Message&& message) = 0;
+  /// Notes a refusal, for metrics. It may not have been sent.
+  virtual void CountRefusal(proto::RefusalCode) {}
 };
 
 /// Makes a message of a header and a payload. Requires the same as `proto::Encode`.

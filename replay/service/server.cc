@@ -84,6 +84,7 @@ class ReplayServer::SocketReplies : public ReplySender {
   Sent Send(const PeerId& peer, transport::Message&& message) override {
     return owner_->server_->Send(peer, std::move(message));
   }
+  void CountRefusal(RefusalCode code) override { owner_->metrics_->CountRefusal(code); }
 
  private:
   ReplayServer* const owner_;

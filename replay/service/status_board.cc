@@ -41,12 +41,16 @@ void StatusBoard::Put(proto::Report report, Time now) {
 proto::StatusReply StatusBoard::Reply(Time now) const {
   proto::StatusReply reply;
   std::size_t size = 0;
-  for (const auto& [key, entry] : entries_) {
-    size += entry.bytes;
-    if (size > kMaxReplyBytes) break;
-    const std::chrono::duration<double> age = now - entry.came;
-    reply.roles.push_back(
-        {.report = entry.report, .age_s = age.count(), .connected = age < silence_});
+  // Of actors there are many. The others come first, so that none of them is left out.
+  for (const bool actors : {false, true}) {
+    for (const auto& [key, entry] : entries_) {
+      if ((entry.report.role == "actor") != actors) continue;
+      size += entry.bytes;
+      if (size > kMaxReplyBytes) break;
+      const std::chrono::duration<double> age = now - entry.came;
+      reply.roles.push_back(
+          {.report = entry.report, .age_s = age.count(), .connected = age < silence_});
+    }
   }
   reply.omitted = static_cast<int>(entries_.size() - reply.roles.size());
   return reply;

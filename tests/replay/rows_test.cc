@@ -141,6 +141,26 @@ TEST(RowBytesTest, RefusesNumbersThatAreNotFinite) {
   }
 }
 
+// Returns and losses of larger ones overflow, and would end the learner.
+TEST(RowBytesTest, RefusesNumbersThatNoSimulatorMakes) {
+  const Chunk good = SmallChunk();
+  const std::function<void(Chunk&, float)> places[] = {
+      [](Chunk& c, float value) { c.state.back() = value; },
+      [](Chunk& c, float value) { c.reward[2] = value; },
+      [](Chunk& c, float value) { c.cost[0] = value; },
+  };
+  for (const auto& put : places) {
+    for (const float value : {RowBytes::kMaxNumber, 3e38f, -3e38f}) {
+      Chunk chunk = good;
+      put(chunk, value);
+      AlignedBytes bytes = Written(chunk);
+      const auto rows = RowBytes::Parse(bytes.span(), 4, kBeams, kStreams);
+      ASSERT_EQ(rows.ok(), value == RowBytes::kMaxNumber) << value;
+      if (!rows) EXPECT_THAT(rows.failure().text, HasSubstr("expected 1000000 at most"));
+    }
+  }
+}
+
 TEST(RowBytesTest, RefusesFlagsThatDoNotGoTogether) {
   for (int flags = 0; flags < 256; ++flags) {
     Chunk chunk = SmallChunk();

@@ -1,5 +1,6 @@
 #include "app/train/run_config.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <set>
@@ -40,6 +41,21 @@ TEST(RunConfigTest, RolesWhoseMessagesDoNotFitAreNotServed) {
   config.actor_service.chunk_rows = 16384;
   EXPECT_THROW(RequireServable(config), base::Error);
   config.replay_server.max_message_bytes = 64 << 20;
+  EXPECT_NO_THROW(RequireServable(config));
+}
+
+// The replay server would refuse every request for a batch, for ever.
+TEST(RunConfigTest, BatchesThatDoNotFitAreNotServed) {
+  RunConfig config;
+  config.method.learner.batch_size = 32768;
+  try {
+    RequireServable(config);
+    FAIL() << "it was accepted";
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("learner.batch_size is 32768"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("replay_server.max_sample_bytes"));
+  }
+  config.replay_server.max_sample_bytes = 256 << 20;
   EXPECT_NO_THROW(RequireServable(config));
 }
 

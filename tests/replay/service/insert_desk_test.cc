@@ -99,7 +99,7 @@ TEST_P(InsertDeskModel, EveryStepIsAcceptedOnceOrLostAndKnownToBe) {
 
   // In the end all that is pending goes through.
   for (int i = 0; i < 2000; ++i) {
-    now += std::chrono::milliseconds(10);
+    now += std::chrono::milliseconds(50);
     for (ModelActor& actor : actors) {
       actor.Send(server->desk.get(), now, random);
       actor.Receive(&network, log);
@@ -325,6 +325,54 @@ TEST_F(InsertDeskTest, AHelloWithoutSessionOrStreamsIsRefused) {
   EXPECT_EQ(Only<proto::Refusal>(again).code, RefusalCode::kBadMessage);
   Insert(sound, 7, 0, source_.Next());
   EXPECT_GT(server_.table.total_inserted(), 0);
+}
+
+// Sessions only rise, so such a number would lock its name for ever.
+TEST_F(InsertDeskTest, ASessionThatNoActorReachesIsRefused) {
+  const std::uint64_t jump = std::uint64_t{1} << 32;
+  for (const std::uint64_t session : {~std::uint64_t{0}, std::uint64_t{1} << 63, jump + 1}) {
+    const auto refusal = Only<proto::Refusal>(Greet("a", session));
+    EXPECT_EQ(refusal.code, RefusalCode::kBadMessage);
+    EXPECT_EQ(refusal.about, session);
+  }
+  for (const std::uint64_t session : {jump, 2 * jump, 2 * jump + 1}) {
+    const PeerId peer = Greet("a", session);
+    log_.WriteAll();
+    server_.desk->Advance(now_, 10);
+    EXPECT_EQ(Only<proto::Welcome>(peer).session, session);
+  }
+}
+
+// Each is a record that stays in the journal.
+TEST_F(InsertDeskTest, SessionsOfANameAreBoundedPerMinute) {
+  std::uint64_t session = 1;
+  for (; session <= 1000; ++session) {
+    const PeerId peer = Greet("a", session);
+    log_.WriteAll();
+    server_.desk->Advance(now_, 10);
+    const auto all = TakeAll(peer);
+    ASSERT_EQ(all.size(), 1u);
+    if (const auto* refusal = std::get_if<proto::Refusal>(&all[0])) {
+      EXPECT_EQ(refusal->code, RefusalCode::kNotReady);
+      EXPECT_THAT(refusal->text, testing::HasSubstr("sessions of a"));
+      break;
+    }
+  }
+  EXPECT_GT(session, 10u);
+  EXPECT_LT(session, 100u);
+  const std::uint64_t appended = log_.appended();
+  for (int i = 0; i < 100; ++i) Greet("a", ++session);
+  EXPECT_EQ(log_.appended(), appended);
+  // Others are served, and after a minute this one is, too.
+  const PeerId other = Greet("b", 1);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  Only<proto::Welcome>(other);
+  now_ += std::chrono::minutes(1);
+  const PeerId again = Greet("a", ++session);
+  log_.WriteAll();
+  server_.desk->Advance(now_, 10);
+  Only<proto::Welcome>(again);
 }
 
 TEST_F(InsertDeskTest, ALowerSessionAndAForeignOneAreRefused) {

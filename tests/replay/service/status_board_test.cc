@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 namespace slalom::replay {
 namespace {
 
@@ -60,6 +62,28 @@ TEST(StatusBoardTest, KeepsNoMoreThanItsBoundAndTheNewest) {
   EXPECT_EQ(small.roles.size() + static_cast<std::size_t>(small.omitted),
             static_cast<std::size_t>(proto::kMaxRoles));
   EXPECT_EQ(small.roles[0].report.name, "small-0000");
+}
+
+// Of a thousand actors and more a message holds a part, but all the others.
+TEST(StatusBoardTest, LeavesOutActorsOnly) {
+  StatusBoard board(seconds(10));
+  const StatusBoard::Time now{};
+  for (int i = 0; i < 3000; ++i) {
+    proto::Report report = ReportOf(fmt::format("actor-{:04}", i), 0);
+    for (int k = 0; k < 12; ++k) report.figures[fmt::format("figure_{}", k)] = k;
+    board.Put(report, now);
+  }
+  for (const char* role : {"evaluator", "learner", "replay"}) {
+    board.Put({.role = role, .name = role, .figures = {}, .facts = {}}, now);
+  }
+  const proto::StatusReply reply = board.Reply(now);
+  EXPECT_GT(reply.omitted, 0);
+  for (const char* role : {"evaluator", "learner", "replay"}) {
+    EXPECT_EQ(
+        std::ranges::count(reply.roles, role, [](const auto& entry) { return entry.report.role; }),
+        1)
+        << role;
+  }
 }
 
 }  // namespace
