@@ -188,8 +188,12 @@ REPLAY = dashboard("replay", "replay", "The replay server: table, limiter, journ
     graph("Sessions", COUNT, "Of actors.", (largest("slalom_sessions"), "{{run}}")),
     graph("Messages", PER_SECOND, "Received, by kind.",
           (rate("slalom_messages_total", ', role="replay"', "run, message"), "{{run}} {{message}}")),
-    graph("Turned away", PER_SECOND, "Failed handshakes, malformed messages, refusals.",
+    graph("Connections", COUNT, "Open, and how many may be.",
+          (largest("slalom_server_connections", "run, role"), "{{run}} {{role}}"),
+          (largest("slalom_server_connections_limit", "run, role"), "{{run}} {{role}} limit")),
+    graph("Turned away", PER_SECOND, "Handshakes that failed, connections beyond a bound, malformed messages, refusals.",
           (rate("slalom_rejected_connections_total", ', role="replay"'), "{{run}} handshakes"),
+          (rate("slalom_connections_ended_total", ', role="replay"', "run, reason"), "{{run}} ended ({{reason}})"),
           (rate("slalom_messages_malformed_total", ', role="replay"'), "{{run}} malformed"),
           (rate("slalom_messages_refused_total", ', role="replay"'), "{{run}} refused")),
 ])
