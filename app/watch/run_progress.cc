@@ -89,11 +89,8 @@ std::optional<RunProgress> ReadRun(const fs::path& directory, const RunFacts& fa
   if (!missing) {
     const auto age = fs::file_time_type::clock::now() - written;
     progress.age_s = std::max(0.0, std::chrono::duration<double>(age).count());
-    try {
-      progress.metrics = run::ParseMetrics(base::ReadFile(file), max_rows);
-    } catch (const base::Error&) {
-      if (!IsRun(directory)) return std::nullopt;  // Deleted since.
-    }
+    progress.metrics = run::ReadMetrics(file, max_rows);
+    if (!IsRun(directory)) return std::nullopt;  // Deleted since.
   }
   try {
     const fs::path scores = run::RunDirectory{directory}.curve();

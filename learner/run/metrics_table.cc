@@ -8,10 +8,15 @@
 #include <string>
 #include <system_error>
 
+#include "base/check.h"
+
 namespace slalom::run {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+// A file up to this size is read as a whole, and of a longer one pieces that hold a row each.
+constexpr std::streamoff kWholeFile = 1 << 20;
+constexpr std::streamoff kPiece = 4096;
 
 /// The numbers of a line; none: it is not a whole row.
 std::optional<std::vector<double>> ParseRow(std::string_view line, std::size_t num_columns) {
@@ -82,6 +87,40 @@ MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows) {
   }
   if (max_rows > 1) Thin(table, max_rows);
   return table;
+}
+
+MetricsTable ReadMetrics(const std::filesystem::path& path, std::size_t max_rows) {
+  SLALOM_CHECK_GT(max_rows, 1u);
+  std::ifstream file(path);
+  std::string text;
+  if (!std::getline(file, text)) return {};
+  text += '\n';
+  const std::streamoff begin = file.tellg();
+  file.seekg(0, std::ios::end);
+  const std::streamoff size = file.tellg() - begin;
+  if (size <= kWholeFile) {
+    file.seekg(begin);
+    text.append(std::istreambuf_iterator<char>(file), {});
+    return ParseMetrics(text, max_rows);
+  }
+  std::string piece(kPiece, '\0');
+  for (std::size_t i = 0; i < max_rows; ++i) {
+    const bool is_last = i + 1 == max_rows;
+    const auto share = static_cast<double>(i) / static_cast<double>(max_rows - 1);
+    const auto offset = static_cast<std::streamoff>(share * static_cast<double>(size - kPiece));
+    file.clear();
+    file.seekg(begin + offset);
+    file.read(piece.data(), kPiece);
+    std::string_view rows(piece.data(), static_cast<std::size_t>(file.gcount()));
+    // A piece begins in the middle of a row, and the last one may end in the middle of one.
+    if (offset > 0) rows.remove_prefix(std::min(rows.size(), rows.find('\n') + 1));
+    rows = rows.substr(0, rows.rfind('\n') + 1);
+    if (is_last && !rows.empty()) {
+      rows.remove_prefix(rows.substr(0, rows.size() - 1).rfind('\n') + 1);
+    }
+    text += rows.substr(0, rows.find('\n') + 1);
+  }
+  return ParseMetrics(text, max_rows);
 }
 
 MetricsTable ReadLastMetrics(const std::filesystem::path& path) {

@@ -28,6 +28,12 @@ std::vector<std::string_view> SplitCells(std::string_view line);
 /// spread, including the last.
 MetricsTable ParseMetrics(std::string_view text, std::size_t max_rows);
 
+/// Reads a metrics.csv, which may be long and still be written, as `ParseMetrics` does. Of a file
+/// of more than 1 MiB it reads only its beginning, its end and rows at evenly spread places, so the
+/// cost does not grow with the file. Returns no rows if there is no such file, or no whole row in
+/// it. Requires: max_rows > 1.
+MetricsTable ReadMetrics(const std::filesystem::path& path, std::size_t max_rows);
+
 /// Reads the last few rows of a metrics.csv, which may be long and still be written: reads only its
 /// beginning and end. Returns no rows if there is no such file, or no whole row in it.
 MetricsTable ReadLastMetrics(const std::filesystem::path& path);

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -57,6 +60,42 @@ TEST(MetricsTableTest, TheLastRowOfALongFileIsWhole) {
     EXPECT_EQ(table.Column("steps").front() + static_cast<double>(table.num_rows()), 5001.0);
     EXPECT_LT(table.num_rows(), 300u);
   }
+}
+
+// The page asks again and again while a run writes for weeks.
+TEST(MetricsTableTest, OfALongFileOnlyAFewRowsAreRead) {
+  const test::ScratchDirectory scratch;
+  const std::filesystem::path path = scratch.path() / "metrics.csv";
+  constexpr int kRows = 100000;
+  {
+    std::ofstream file(path);
+    file << "training_s,steps\n";
+    for (int i = 0; i < kRows; ++i) file << i << "," << 10 * i << "\n";
+    file << "123,";
+  }
+  const MetricsTable table = ReadMetrics(path, 5);
+  ASSERT_EQ(table.num_rows(), 5u);
+  EXPECT_EQ(table.columns[0].front(), 0.0);
+  EXPECT_EQ(table.Last("training_s"), kRows - 1);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_NEAR(table.columns[0][i], kRows * static_cast<double>(i) / 4.0, 0.04 * kRows);
+    EXPECT_EQ(table.columns[1][i], 10.0 * table.columns[0][i]);
+  }
+  EXPECT_EQ(ReadMetrics(path, 2).columns[0], (std::vector<double>{0.0, kRows - 1}));
+  // What lies between the rows that are shown is not read: here 64 GiB of nothing.
+  std::filesystem::resize_file(path, std::uintmax_t{1} << 36);
+  std::ofstream(path, std::ios::app) << "\n200000,7\n";
+  EXPECT_EQ(ReadMetrics(path, 5).columns[0], (std::vector<double>{0.0, 200000.0}));
+}
+
+TEST(MetricsTableTest, AShortFileIsReadAsAWhole) {
+  const test::ScratchDirectory scratch;
+  const std::filesystem::path path = scratch.path() / "metrics.csv";
+  EXPECT_EQ(ReadMetrics(path, 100).num_rows(), 0u) << "there is no file";
+  std::ofstream(path) << "a,b\n";
+  EXPECT_EQ(ReadMetrics(path, 100).num_rows(), 0u);
+  std::ofstream(path, std::ios::app) << "1,2\n3,4\n5,";
+  EXPECT_EQ(ReadMetrics(path, 100).columns[1], (std::vector<double>{2.0, 4.0}));
 }
 
 }  // namespace
