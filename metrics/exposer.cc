@@ -14,6 +14,9 @@ HttpAnswer Answer(std::string_view path, const Registry& registry) {
     return {200, "OK", "text/plain; version=0.0.4; charset=utf-8", registry.Text()};
   }
   if (path == "/healthy") {
+    if (const std::string standstill = registry.standstill(); !standstill.empty()) {
+      return {.status = 500, .reason = "Internal Server Error", .body = standstill + "\n"};
+    }
     const std::string fault = registry.fault();
     if (fault.empty()) return {.body = "ok\n"};
     return {.status = 503, .reason = "Service Unavailable", .body = fault + "\n"};

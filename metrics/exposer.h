@@ -10,7 +10,8 @@ namespace slalom::metrics {
 /// Answers HTTP GET and HEAD requests on its own address, in its own thread:
 ///
 /// - `/metrics`: the registry's `Text`;
-/// - `/healthy`, for health checks of containers: 200 and "ok", or 503 and the registry's `fault`;
+/// - `/healthy`, for health checks of containers: 200 and "ok", 503 and the registry's `fault`, or
+///   500 and its `standstill`;
 /// - anything else: 404; another method: 405.
 ///
 /// The size of a request is bounded, and a peer that sends too slowly is cut off after a few

@@ -1,5 +1,6 @@
 #include "metrics/registry.h"
 
+#include <fmt/format.h>
 #include <prometheus/counter.h>
 #include <prometheus/gauge.h>
 #include <prometheus/histogram.h>
@@ -7,6 +8,7 @@
 #include <prometheus/text_serializer.h>
 
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "base/check.h"
@@ -16,6 +18,8 @@
 
 namespace slalom::metrics {
 namespace {
+
+constexpr std::chrono::minutes kStandstill{2};
 
 prometheus::Labels LabelsOf(const Spec& spec, std::initializer_list<std::string_view> values) {
   SLALOM_CHECK_EQ(spec.labels.size(), values.size());
@@ -87,6 +91,7 @@ struct Registry::Impl {
 
   base::Mutex fault_mutex;
   std::string fault GUARDED_BY(fault_mutex);
+  std::optional<Clock::time_point> beat GUARDED_BY(fault_mutex);
 
   base::Mutex process_mutex;
   Gauge resident_bytes GUARDED_BY(process_mutex);
@@ -201,6 +206,19 @@ void Registry::SetFault(std::string fault) {
 std::string Registry::fault() const {
   base::MutexLock lock(impl_->fault_mutex);
   return impl_->fault;
+}
+
+void Registry::Beat(Clock::time_point now) {
+  base::MutexLock lock(impl_->fault_mutex);
+  impl_->beat = now;
+}
+
+std::string Registry::standstill(Clock::time_point now) const {
+  base::MutexLock lock(impl_->fault_mutex);
+  const std::optional<Clock::time_point>& beat = impl_->beat;
+  if (!beat || now - *beat <= kStandstill) return "";
+  return fmt::format("the main loop has stood still for {:.0f} s",
+                     std::chrono::duration<double>(now - *beat).count());
 }
 
 }  // namespace slalom::metrics

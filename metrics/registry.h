@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <initializer_list>
 #include <memory>
 #include <string>
@@ -91,6 +92,8 @@ struct Identity {
 /// The metrics of one role in one process. Thread-safe.
 class Registry {
  public:
+  using Clock = std::chrono::steady_clock;
+
   /// Process metrics (memory, descriptors, CPU time, start time) and build info exist from the
   /// start. The process metrics are read whenever `Text` is called.
   explicit Registry(Identity identity);
@@ -123,6 +126,13 @@ class Registry {
   /// Describes in words what is wrong with the role now, for `/healthy`. Empty if it is well.
   void SetFault(std::string fault);
   std::string fault() const;
+
+  /// Notes that the role's main loop turns. A role that calls it once must call it at least once a
+  /// minute.
+  void Beat(Clock::time_point now = Clock::now());
+  /// Describes in words that the last `Beat` was more than two minutes ago. Empty if it was not, or
+  /// there was none.
+  std::string standstill(Clock::time_point now = Clock::now()) const;
 
  private:
   struct Impl;

@@ -27,6 +27,8 @@ class ActorMetrics {
   void AddAcknowledged(int chunks);
   void AddRefused(std::string_view reason);
   void AddPolicyInstalled(double latency_s);
+  /// Notes that the actor's loop turns.
+  void AddTurn() { registry_.Beat(); }
   /// Sets the missing thing that the actor waits for, or null. It becomes the registry's fault,
   /// which the health check shows.
   void SetObstacle(const char* obstacle);

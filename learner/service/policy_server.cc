@@ -87,6 +87,7 @@ const PolicyServer::Message* PolicyServer::NewestFor(const Reader& reader) {
 }
 
 void PolicyServer::Poll(milliseconds timeout) {
+  registry_.Beat();
   for (int i = 0; i < kMaxAtOnce; ++i) {
     auto received = server_.Receive(i == 0 ? timeout : milliseconds(0));
     if (!received) break;

@@ -189,6 +189,7 @@ void ReplayServer::Run(std::stop_token stop) {
 }
 
 void ReplayServer::Turn() {
+  metrics_->CountTurn();
   auto wait = busy_ ? std::chrono::milliseconds(0) : kIdleWait;
   for (int i = 0; i < kMessagesPerTurn; ++i) {
     auto received = server_->Receive(wait);

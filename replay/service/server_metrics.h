@@ -32,6 +32,8 @@ class ServerMetrics {
   /// Counts a message that was decoded.
   void CountMessage(const proto::Header& header) { messages_[header.index()].Increment(); }
   void CountRefusal(proto::RefusalCode code);
+  /// Notes that the server's loop turns.
+  void CountTurn() { registry_.Beat(); }
 
   /// The sources of the metrics. Only `journal` may be null.
   struct Sources {

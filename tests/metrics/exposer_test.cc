@@ -63,6 +63,22 @@ TEST(ExposerTest, SaysWhetherTheRoleIsHealthy) {
   EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
 }
 
+// A thread of its own answers, so it asks when the role's own loop turned last.
+TEST(ExposerTest, SaysThatTheMainLoopStandsStill) {
+  using namespace std::chrono_literals;
+  Registry registry("actor", "a1");
+  const Exposer exposer("127.0.0.1:0", registry);
+  registry.Beat();
+  EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
+  const auto now = Registry::Clock::now();
+  registry.Beat(now - 150s);
+  EXPECT_EQ(registry.standstill(now), "the main loop has stood still for 150 s");
+  EXPECT_THAT(Get(exposer.port(), "/healthy"),
+              AllOf(StartsWith("HTTP/1.1 500 "), HasSubstr("the main loop has stood still for")));
+  registry.Beat(now - 100s);
+  EXPECT_EQ(registry.standstill(now), "");
+}
+
 TEST(ExposerTest, OtherPathsAndMethodsAreRefused) {
   const Registry registry("actor", "a1");
   const Exposer exposer("127.0.0.1:0", registry);
