@@ -53,7 +53,7 @@ ActorService::ActorService(const ActorServiceConfig& config, const ActorConfig& 
       reported_at_(steady_clock::now()) {
   SpreadNoise(actor_config_,
               environments_.batch_size());  // Throws early if the config contradicts itself.
-  const auto spooled_streams = outbox_.LoadSpool(spool());
+  const auto spooled_streams = LoadSpool();
   if (spooled_streams && outbox_.session() == ledger_.session()) {
     spdlog::info("{} steps of the last session are still to be sent", outbox_.steps());
     phase_ = Phase::kDraining;
@@ -78,6 +78,27 @@ proto::Hello ActorService::MakeHello(std::uint64_t session, int num_streams) con
   hello.num_streams = num_streams;
   hello.run = identity_.run;
   return hello;
+}
+
+std::optional<int> ActorService::LoadSpool() {
+  try {
+    return outbox_.LoadSpool(spool());
+  } catch (const DamagedSpool& error) {
+    SetSpoolAside(error.what());
+    return std::nullopt;
+  }
+}
+
+// Otherwise every start would end in the same way. The next session counts its steps as lost.
+void ActorService::SetSpoolAside(std::string_view why) {
+  const std::filesystem::path aside = spool().string() + ".damaged";
+  std::error_code error;
+  std::filesystem::rename(spool(), aside, error);
+  if (error) {
+    throw base::Error(fmt::format("{}; {}: cannot rename it to {} ({})", why, spool().string(),
+                                  aside.filename().string(), error.message()));
+  }
+  spdlog::error("{}; it is kept as {}, and its steps are lost", why, aside.string());
 }
 
 void ActorService::EndDraining() {
@@ -155,6 +176,12 @@ void ActorService::OnRefusal(const proto::Refusal& refusal) {
     return StartSession(std::max(refusal.about, outbox_.session()) + 1);
   }
   if (refusal.code == proto::RefusalCode::kBadMessage && ++refused_in_a_row_ > kMaxRefusals) {
+    if (phase_ == Phase::kDraining) {
+      refused_in_a_row_ = 0;
+      SetSpoolAside(fmt::format("{}: the replay server keeps refusing chunk {}: {}",
+                                spool().string(), refusal.about, refusal.text));
+      return StartSession(ledger_.session() + 1);
+    }
     throw base::Error(fmt::format("the replay server at {} keeps refusing chunk {}: {}",
                                   replay_.endpoint(), refusal.about, refusal.text));
   }
@@ -264,6 +291,7 @@ void ActorService::KeepUnsent() {
 }
 
 void ActorService::Turn(milliseconds wait) {
+  metrics_.AddTurn();
   // A welcome may confirm the end of a spool, too, as the server may have held it for us.
   if (phase_ == Phase::kDraining && outbox_.empty()) EndDraining();
   const char* const obstacle = Obstacle();

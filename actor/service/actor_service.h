@@ -87,6 +87,11 @@ class ActorService {
   };
 
   proto::Hello MakeHello(std::uint64_t session, int num_streams) const;
+  /// Takes over the spool of the last session and returns its number of streams. Sets a damaged one
+  /// aside and returns nothing.
+  std::optional<int> LoadSpool();
+  /// Renames the spool, so that no start reads it again.
+  void SetSpoolAside(std::string_view why);
   void EndDraining();
   void StartSession(std::uint64_t session);
   void Replace(std::string_view why);

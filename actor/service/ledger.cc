@@ -74,7 +74,11 @@ Ledger::Ledger(const std::filesystem::path& path)
     throw base::Error(fmt::format("{}: {} bytes, expected an actor's ledger of {}", path.string(),
                                   status.st_size, sizeof(File)));
   }
-  if (is_new && ::ftruncate(fd, sizeof(File)) != 0) throw fail("cannot write");
+  // With the blocks on disk, as a store into a mapped page without one ends the process by SIGBUS.
+  if (is_new) {
+    errno = ::posix_fallocate(fd, 0, sizeof(File));
+    if (errno != 0) throw fail("cannot write");
+  }
   void* const memory = ::mmap(nullptr, sizeof(File), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
   if (memory == MAP_FAILED) throw fail("cannot map");
   ::close(fd);

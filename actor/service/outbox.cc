@@ -40,9 +40,7 @@ class Reader {
     return taken;
   }
   [[noreturn]] void Fail() const {
-    throw base::Error(fmt::format(
-        "{}: damaged or not an actor's spool; move it away to go on without the steps in it",
-        source_));
+    throw DamagedSpool(fmt::format("{}: damaged or not an actor's spool", source_));
   }
   bool at_end() const { return bytes_.empty(); }
 

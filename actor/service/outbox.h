@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "base/error.h"
 #include "proto/messages.h"
 #include "proto/transport/frame.h"
 
@@ -15,6 +16,11 @@ namespace slalom::actor {
 struct OutgoingChunk {
   proto::Insert header;
   transport::Frame payload;  ///< Rows, as `replay::RowBytes` writes them.
+};
+
+/// A spool file that is damaged, or no spool.
+struct DamagedSpool : base::Error {
+  using Error::Error;
 };
 
 /// The chunks that an actor made and the replay server has not acknowledged, in order. They are
@@ -58,7 +64,9 @@ class Outbox {
   void SaveSpool(const std::filesystem::path& path, int num_streams) const;
 
   /// Takes over the session and the chunks of a spool file. Returns its number of streams, or
-  /// nothing if there is no such file. Throws `base::Error`, naming the file, if it is damaged.
+  /// nothing if there is no such file. Throws `DamagedSpool`, naming the file, if it is damaged;
+  /// the outbox then holds some of its chunks until `Begin`. Throws `base::Error` if it cannot be
+  /// read.
   std::optional<int> LoadSpool(const std::filesystem::path& path);
 
  private:

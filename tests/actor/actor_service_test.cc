@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "metrics/catalogue.h"
 #include "replay/journal.h"
 #include "replay/service/server.h"
@@ -328,7 +329,33 @@ TEST_F(ActorServiceTest, WhatWasNotAcknowledgedIsSpooledBeforeAnError) {
     Running actor(*this, picky.endpoint());
     EXPECT_THAT(actor.Error(), ::testing::HasSubstr("keeps refusing"));
   }
-  EXPECT_GT(std::filesystem::file_size(scratch_.path() / "actor" / "spool"), 0u);
+  const std::filesystem::path spool = scratch_.path() / "actor" / "spool";
+  EXPECT_GT(std::filesystem::file_size(spool), 0u);
+  // The next start goes on without it if it is refused each time, too.
+  {
+    Running actor(*this, picky.endpoint());
+    EXPECT_THAT(actor.Error(), ::testing::HasSubstr("keeps refusing"));
+  }
+  EXPECT_TRUE(std::filesystem::exists(spool.string() + ".damaged"));
+  std::filesystem::remove(spool);
+  Replay replay(journal());
+  Running actor(*this, replay.endpoint());
+  WaitUntil([&] { return replay.steps() > 500; });
+  const StepAccount account = actor.Stop();
+  EXPECT_EQ(account.pending, 0);
+  EXPECT_GT(account.lost[static_cast<int>(LossReason::kKilled)], 0);
+}
+
+TEST_F(ActorServiceTest, ASpoolThatIsDamagedIsSetAside) {
+  const std::filesystem::path spool = scratch_.path() / "actor" / "spool";
+  std::filesystem::create_directories(spool.parent_path());
+  base::WriteFileAtomically(spool, "SLSPOOL1 and then something else");
+  Replay replay(journal());
+  Running actor(*this, replay.endpoint());
+  WaitUntil([&] { return replay.steps() > 500; });
+  const StepAccount account = actor.Stop();
+  EXPECT_EQ(account.accepted, account.made);
+  EXPECT_EQ(base::ReadFile(spool.string() + ".damaged"), "SLSPOOL1 and then something else");
 }
 
 TEST_F(ActorServiceTest, AServerOfAnotherRunRefusesIt) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -21,6 +22,16 @@ using testing::HasSubstr;
 
 std::int64_t Lost(const StepAccount& account) {
   return account.lost[0] + account.lost[1] + account.lost[2];
+}
+
+// A store into a page of a mapped file that the disk has no room for would end the process by
+// SIGBUS, without a word.
+TEST(LedgerTest, ItsBlocksAreOnDiskFromTheStart) {
+  const test::ScratchDirectory scratch;
+  const Ledger ledger(scratch.path() / "ledger");
+  struct stat status {};
+  ASSERT_EQ(stat((scratch.path() / "ledger").c_str(), &status), 0);
+  EXPECT_GE(512 * status.st_blocks, status.st_size);
 }
 
 TEST(LedgerTest, WhatIsMadeIsAcceptedPendingOrLostWhateverHappens) {
