@@ -142,10 +142,15 @@ class Assign {
   }
   void operator()(base::TomlAssignments* target) {
     if (!node_.is_table()) Fail();
+    if (node_.as_table()->empty()) target->clear();
     Flatten(*node_.as_table(), "", *target);
   }
   void operator()(const EnumField& target) {
     if (!target.set(Value<std::string>(node_))) Fail();
+  }
+  /// Sets one entry to the node.
+  void SetEntry(const std::string& key, base::TomlAssignments& target) const {
+    SetEntry(key, node_, target);
   }
 
  private:
@@ -156,6 +161,15 @@ class Assign {
   base::TomlValue Keep(const toml::node& node) const {
     return {PrintNode(node), source_.empty() ? std::string(where_) : Where(source_, node)};
   }
+  void SetEntry(const std::string& key, const toml::node& node,
+                base::TomlAssignments& target) const {
+    const auto at = std::ranges::lower_bound(target, key, {}, &base::TomlAssignment::key);
+    if (at != target.end() && at->key == key) {
+      at->value = Keep(node);
+    } else {
+      target.insert(at, {key, Keep(node)});
+    }
+  }
   void Flatten(const toml::table& table, const std::string& prefix,
                base::TomlAssignments& target) const {
     for (const auto& [name, node] : table) {
@@ -164,8 +178,7 @@ class Assign {
         Flatten(*node.as_table(), key + ".", target);
         continue;
       }
-      std::erase_if(target, [&key](const auto& earlier) { return earlier.key == key; });
-      target.push_back({key, Keep(node)});
+      SetEntry(key, node, target);
     }
   }
   template <class T>
@@ -281,6 +294,30 @@ void ReadTable(const toml::table& table, const std::string& prefix, std::string_
   }
 }
 
+/// Takes out the entries for fields that are set now, whose keys satisfy `is_set`.
+template <class IsSet>
+void DropEntries(const FieldList& list, const IsSet& is_set) {
+  for (const Field& field : list.fields) {
+    const auto* entries = std::get_if<base::TomlAssignments*>(&field.value);
+    if (entries == nullptr) continue;
+    const std::string section = field.key.substr(0, field.key.rfind('.') + 1);
+    std::erase_if(**entries, [&](const auto& entry) { return is_set(section + entry.key); });
+  }
+}
+
+bool HasNode(const toml::table& table, std::string_view key) {
+  const std::size_t dot = key.find('.');
+  const toml::node* node = table.get(key.substr(0, dot));
+  if (dot == std::string_view::npos || node == nullptr) return node != nullptr;
+  return node->is_table() && HasNode(*node->as_table(), key.substr(dot + 1));
+}
+
+/// Reads a whole file, whose values override earlier ones.
+void ReadLayer(const toml::table& table, std::string_view source, const Readers& readers) {
+  DropEntries(readers.list, [&](const std::string& key) { return HasNode(table, key); });
+  ReadTable(table, "", source, readers);
+}
+
 toml::table Parse(std::string_view text, std::string_view source) {
   try {
     return toml::parse(text, source);
@@ -364,7 +401,7 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
       ReadFileWithBases(FindBase(path, name, Where(source, *base)), readers, depth + 1);
     }
   }
-  ReadTable(table, "", source, readers);
+  ReadLayer(table, source, readers);
 }
 
 /// In the form of `PrintValue`: `PrintNode` puts texts between single quotes.
@@ -390,6 +427,15 @@ void FlattenTable(const toml::table& table, const std::string& prefix, std::stri
       values.push_back({key, {PrintAsConfig(node), Where(source, node)}});
     }
   }
+}
+
+/// The field of assignments of which `key` names an entry. Null if there is none.
+const Field* FindAssignments(const FieldList& list, std::string_view key) {
+  const auto it = std::ranges::find_if(list.fields, [key](const Field& field) {
+    return std::holds_alternative<base::TomlAssignments*>(field.value) &&
+           key.starts_with(field.key + ".");
+  });
+  return it == list.fields.end() ? nullptr : &*it;
 }
 
 }  // namespace
@@ -420,7 +466,7 @@ bool HasSection(const std::filesystem::path& path, std::string_view name) {
 bool HasKey(const FieldList& list, std::string_view key) { return Find(list, key) != nullptr; }
 
 void ReadToml(std::string_view text, std::string_view source, const FieldList& list) {
-  ReadTable(Parse(text, source), "", source, {list});
+  ReadLayer(Parse(text, source), source, {list});
 }
 
 base::TomlAssignments FlattenToml(std::string_view text, std::string_view source) {
@@ -442,7 +488,8 @@ void ApplyOverride(std::string_view assignment, const FieldList& list) {
 void SetField(std::string_view key, std::string_view value, std::string_view where,
               const FieldList& list) {
   const Field* field = Find(list, key);
-  if (field == nullptr) {
+  const Field* const entries = field == nullptr ? FindAssignments(list, key) : nullptr;
+  if (field == nullptr && entries == nullptr) {
     throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Readers{list}.Suggest(key)));
   }
   toml::table table;
@@ -453,6 +500,13 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
   }
   if (table.size() != 1) table = toml::table{{"value", value}};  // No TOML, or more than one value.
   const toml::node* node = table.get("value");
+  if (entries != nullptr) {
+    std::string entry(key.substr(entries->key.size() + 1));
+    std::erase_if(entry, [](char c) { return c == '"' || c == '\''; });
+    Assign(*entries, *node, "", where)
+        .SetEntry(entry, *std::get<base::TomlAssignments*>(entries->value));
+    return;
+  }
   // A text field takes digits and other bare values as they stand.
   const bool is_text = std::holds_alternative<std::string*>(field->value) ||
                        std::holds_alternative<EnumField>(field->value);
@@ -460,6 +514,7 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
     table.insert_or_assign("value", value);
     node = table.get("value");
   }
+  DropEntries(list, [&](const std::string& set) { return set == key; });
   std::visit(Assign(*field, *node, "", where), field->value);
 }
 

@@ -19,6 +19,10 @@
 /// overrides, or several in a list, of which a later one overrides an earlier one. Unknown keys,
 /// wrong types and values out of range are `base::Error`s that name file, line, key and what was
 /// expected.
+///
+/// A field of `base::TomlAssignments` keeps the entries of earlier files, unless a later one gives
+/// it the empty table `{}`. An entry for a field of the section around goes, too, if a later file
+/// or override sets that field.
 
 namespace slalom::config {
 
@@ -160,7 +164,9 @@ void ReadToml(std::string_view text, std::string_view source, const FieldList& l
 /// inside are flattened ("learner.gamma"). Errors call the text `source`.
 base::TomlAssignments FlattenToml(std::string_view text, std::string_view source);
 
-/// Applies one command-line override "a.b=value". The value is TOML; a bare word is a string.
+/// Applies one command-line override "a.b=value". The value is TOML; a bare word is a string. A key
+/// below a field of `base::TomlAssignments` sets one entry of it, with or without quotes:
+/// `set."learner.gamma"=0.99`.
 void ApplyOverride(std::string_view assignment, const FieldList& list);
 
 /// Sets the field of this key to `value`, given as TOML, as `ApplyOverride` does. Errors begin with

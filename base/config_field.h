@@ -41,8 +41,8 @@ struct TomlValue {
   friend bool operator==(const TomlValue& a, const TomlValue& b) { return a.text == b.text; }
 };
 
-/// Keys of another config and their values, in the order of the file. Tables inside are flattened:
-/// `{learner.gamma = 0.99}` has the key `learner.gamma`.
+/// Keys of another config, or of the section around, and their values, sorted by key. Tables inside
+/// are flattened: `{learner.gamma = 0.99}` has the key `learner.gamma`.
 struct TomlAssignment {
   std::string key;
   TomlValue value;

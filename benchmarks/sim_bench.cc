@@ -139,6 +139,18 @@ void BM_EnvironmentStepsGazebo(benchmark::State& state) {
 }
 BENCHMARK(BM_EnvironmentStepsGazebo)->Apply(UpToAllCores)->UseRealTime();
 
+/// With delay, friction, noise and mounting drawn for each episode, robots of three laws together.
+void BM_EnvironmentStepsRandomized(benchmark::State& state) {
+  EnvironmentConfig config = BenchConfig();
+  config.randomize = {{"lidar.noise_std", {"[0.0, 0.04]", ""}},
+                      {"lidar.offset_x", {"[-0.1, 0.12]", ""}},
+                      {"robot.command_delay", {"[0.0, 0.12]", ""}},
+                      {"robot.friction", {"['cone', 'pyramid', 'gazebo']", ""}},
+                      {"robot.wheel_friction", {"[0.3, 0.7]", ""}}};
+  StepEnvironments(state, config, Robot::Stepping::kBox2dInContact);
+}
+BENCHMARK(BM_EnvironmentStepsRandomized)->Arg(1)->UseRealTime();
+
 /// With the ideal drive.
 void BM_EnvironmentStepsIdealDrive(benchmark::State& state) {
   EnvironmentConfig config = BenchConfig();

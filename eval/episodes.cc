@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/random.h"
+#include "sim/randomized_config.h"
 
 namespace slalom::eval {
 namespace {
@@ -72,7 +73,7 @@ class Driver {
         limit_steps_(static_cast<int>(std::lround(task.protocol.time_limit / step_))),
         environments_(environments),
         beam_stride_(BeamStride()),
-        beams_(MakeBeams(task.environment.lidar)),
+        drawn_(task.environment),
         results_(environments.batch_size()),
         actions_(environments.batch_size()),
         running_(environments.batch_size()) {
@@ -147,6 +148,7 @@ class Driver {
     r.course = running.record / task_.episodes_per_course;
     r.episode = running.record % task_.episodes_per_course;
     r.seed = EvaluationSeed(task_.seed, *task_.courses.courses[r.course], r.episode);
+    drawn_.Draw(r.seed);
     environments_.Reset(i, {r.course, r.seed});
     r.min_range = SmallestRange(environments_.observations().frame(i));
     sim::EpisodeTrack& track = running.track;
@@ -158,7 +160,7 @@ class Driver {
     // Which episode is worth its scans shows when it ends.
     if (KeepsScans(r.course, static_cast<int>(task_.courses.courses.size()),
                    task_.recording.scan_courses)) {
-      track.beams = beams_;
+      track.beams = MakeBeams(drawn_.config().lidar);
     }
     RecordScan(i);
   }
@@ -213,8 +215,8 @@ class Driver {
   const double step_;      // [s]
   const int limit_steps_;  // Limit of the protocol's clock.
   env::BatchEnvironment& environments_;
-  const int beam_stride_;  // Every n-th beam is kept.
-  const sim::TrackBeams beams_;
+  const int beam_stride_;                 // Every n-th beam is kept.
+  sim::RandomizedConfig drawn_;           // The task of the episode that begins.
   std::vector<env::StepResult> results_;  // [B]
   std::vector<env::Action> actions_;      // [B]
   std::vector<Running> running_;          // [B]

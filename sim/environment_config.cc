@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "sim/mass_distribution.h"
+#include "sim/randomized_config.h"
 
 namespace slalom::sim {
 
@@ -43,6 +44,7 @@ void CheckConsistent(const EnvironmentConfig& config) {
                     "environment.observation.range_clip ({} m)",
                     config.lidar.min_range, config.observation.range_clip));
   }
+  CheckRandomization(config);
 }
 
 env::ObservationSpec MakeObservationSpec(const EnvironmentConfig& config) {

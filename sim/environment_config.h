@@ -262,9 +262,16 @@ struct EnvironmentConfig {
   ObservationConfig observation;
   RewardConfig reward;
   EpisodeConfig episode;
+  /// Fields drawn for each episode: sim/randomized_config.h.
+  base::TomlAssignments randomize;
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    v("randomize", randomize,
+      "Fields below [environment] that are drawn for each episode from its seed, for example "
+      "`{ robot.command_delay = [0.0, 0.12], robot.friction = [\"cone\", \"gazebo\"] }`: a number "
+      "uniformly from a range, a name or a boolean from a list (docs/simulator.md). Setting such a "
+      "field in a later file or by --set takes it out; `{}` takes out all.");
     v.Section("robot", robot, "The robot's body and drive.");
     v.Section("lidar", lidar, "The range finder.");
     v.Section("localisation", localisation,
@@ -276,7 +283,8 @@ struct EnvironmentConfig {
   }
 };
 
-/// Throws `base::Error` if fields contradict each other. base/config.h checks single fields.
+/// Throws `base::Error` if fields contradict each other, or values that may be drawn for them do,
+/// or as `RandomizedConfig` does. base/config.h checks single fields.
 void CheckConsistent(const EnvironmentConfig& config);
 
 /// How frames of this task become observations.

@@ -32,6 +32,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
     : config_(Checked(config)),
       scenes_(std::move(scenes)),
       fresh_(std::move(fresh)),
+      make_bodies_(make_bodies),
       footprint_(MakeFootprint(config.robot)),
       lidar_(config.lidar, config.observation.range_clip),
       parallel_(parallel) {
@@ -48,8 +49,12 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
   for (auto& body : make_bodies(config, scenes_, batch_size)) {
     Environment& environment = environments_.emplace_back(std::move(body), config.localisation);
     environment.moving.Reserve(max_moving);
+    if (config.randomize.empty()) continue;
+    environment.task = std::make_unique<RandomizedConfig>(config);
+    if (environment.task->draws("lidar")) environment.lidar = std::make_unique<Lidar>(lidar_);
   }
   SLALOM_CHECK_EQ(static_cast<int>(environments_.size()), batch_size);
+  if (environments_[0].task) RequireBodies(*environments_[0].task);
   observations_.Resize(batch_size, config.lidar.num_beams);
 }
 
@@ -71,6 +76,36 @@ void CourseEnvironments::RequireDrivable(const Scene& scene) const {
   }
 }
 
+/// Throws the error of a physics that cannot represent a robot that may be drawn, as far as the
+/// ends of single fields tell.
+void CourseEnvironments::RequireBodies(RandomizedConfig& task) const {
+  const std::span<const RandomizedField> fields = task.fields();
+  std::vector<double> values;
+  for (const RandomizedField& field : fields) values.push_back(field.low);
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    if (!fields[i].key.starts_with("robot.")) continue;
+    const auto make = [&](double value) {
+      values[i] = value;
+      task.Set(values);
+      make_bodies_(task.config(), {}, 1);
+    };
+    for (std::size_t k = 0; k < fields[i].names.size(); ++k) make(static_cast<double>(k));
+    if (fields[i].names.empty()) make(fields[i].high);
+    make(fields[i].low);
+  }
+}
+
+void CourseEnvironments::DrawTask(Environment& environment, std::uint64_t seed) const {
+  RandomizedConfig& task = *environment.task;
+  task.Draw(seed);
+  const EnvironmentConfig& config = task.config();
+  if (task.draws("robot")) {
+    environment.robot = std::move(make_bodies_(config, {&environment.scene, 1}, 1).front());
+  }
+  if (environment.lidar) environment.lidar->Configure(config.lidar, config.observation.range_clip);
+  environment.localisation = Localisation(config.localisation);
+}
+
 void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   SLALOM_CHECK_GE(i, 0);
   SLALOM_CHECK_LT(i, batch_size());
@@ -82,6 +117,7 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
     SLALOM_CHECK(has_fresh_courses());
     environment.scene = fresh_->Get(spec.course - num_courses());
   }
+  if (environment.task) DrawTask(environment, spec.seed);
   const Scene& scene = *environment.scene;
   const Start start = DrawStart(scene, spec.seed).value_or(Start{scene.course().start});
   environment.robot->Reset(start.X_WR, base::DeriveSeed(spec.seed, "command jitter"));
@@ -236,8 +272,9 @@ void CourseEnvironments::Observe(int i) {
   const base::Pose2 X_WR = environment.robot->pose();
   const MovingObstacles& moving = scene.moving_obstacles();
   if (!moving.empty()) moving.PlaceAll(environment.motion_time, environment.moving);
-  lidar_.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i),
-              moving.empty() ? nullptr : &environment.moving);
+  const Lidar& lidar = environment.lidar ? *environment.lidar : lidar_;
+  lidar.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i),
+             moving.empty() ? nullptr : &environment.moving);
   const base::Vec2 goal_R = environment.localisation.InRobotFrame(scene.course().goal_W);
   const auto state = observations_.mutable_state(i);
   state[0] = static_cast<float>(goal_R.x);
@@ -246,8 +283,8 @@ void CourseEnvironments::Observe(int i) {
   state[3] = environment.last_action.angular;
   const BodyState& body = environment.robot->body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
-  const double speed = config_.localisation.from_wheels ? environment.robot->drive().speed()
-                                                        : c * body.vx + s * body.vy;
+  const double speed = environment.localisation.from_wheels() ? environment.robot->drive().speed()
+                                                              : c * body.vx + s * body.vy;
   observations_.odometry[i] = {
       .X_OR = environment.localisation.X_OR(), .linear = speed, .angular = body.yaw_rate};
 }

@@ -12,6 +12,7 @@
 #include "sim/environment_config.h"
 #include "sim/lidar.h"
 #include "sim/localisation.h"
+#include "sim/randomized_config.h"
 #include "sim/robot.h"
 #include "sim/robot_body.h"
 #include "sim/scene.h"
@@ -40,18 +41,22 @@ namespace slalom::sim {
 /// Odometry and the observed goal follow from the robot's estimate of its pose
 /// (sim/localisation.h), rewards and success from its true pose.
 ///
+/// Fields of `EnvironmentConfig::randomize` have values drawn from the episode's seed. The episode
+/// is the same, bit for bit, as that of a config with these values.
+///
 /// An episode is a function of (config, course, seed, actions), bit for bit. It does not depend on
 /// the batch, its order or the number of threads. `Reset` and `Step` do not allocate, except that
-/// the first contacts grow Box2D's own pools. Confined to one thread at a time.
+/// the first contacts grow Box2D's own pools, and that `Reset` makes another robot if a field of
+/// the robot is drawn. Confined to one thread at a time.
 class CourseEnvironments : public env::BatchEnvironment {
  public:
   /// `parallel` runs the batch on its threads and must outlive this object. If it is null, the
   /// batch runs on the caller's thread. `make_bodies` makes the robots of a physics. With `fresh`,
   /// its course i has the number `num_courses()` + i.
   ///
-  /// Throws `base::Error` if the config contradicts itself, or if at the start of a course (of the
-  /// fresh ones, the first) the robot would touch a fixed obstacle, or moving ones at nearly any
-  /// time; and the errors of `make_bodies`.
+  /// Throws `base::Error` as `CheckConsistent` does, or if at the start of a course (of the fresh
+  /// ones, the first) the robot would touch a fixed obstacle, or moving ones at nearly any time;
+  /// and the errors of `make_bodies`.
   ///
   /// Requires: batch_size >= 1, at least one scene or `fresh`, no scene is null.
   CourseEnvironments(const EnvironmentConfig& config,
@@ -85,7 +90,9 @@ class CourseEnvironments : public env::BatchEnvironment {
     Environment(std::unique_ptr<RobotBody> body, const LocalisationConfig& drift)
         : robot(std::move(body)), localisation(drift), lidar_noise(0) {}
 
-    std::shared_ptr<const Scene> scene;  // Null before the first `Reset`.
+    std::shared_ptr<const Scene> scene;      // Null before the first `Reset`.
+    std::unique_ptr<RandomizedConfig> task;  // Null if nothing is drawn.
+    std::unique_ptr<Lidar> lidar;            // Null if nothing of it is drawn.
     std::unique_ptr<RobotBody> robot;
     Localisation localisation;
     base::Random lidar_noise;
@@ -105,6 +112,8 @@ class CourseEnvironments : public env::BatchEnvironment {
   };
 
   void RequireDrivable(const Scene& scene) const;
+  void RequireBodies(RandomizedConfig& task) const;
+  void DrawTask(Environment& environment, std::uint64_t seed) const;
   // Returns nothing if every draw touches an obstacle.
   std::optional<Start> DrawStart(const Scene& scene, std::uint64_t seed) const;
   bool Touches(const Scene& scene, const base::Pose2& X_WR) const;
@@ -119,6 +128,7 @@ class CourseEnvironments : public env::BatchEnvironment {
   const EnvironmentConfig config_;
   const std::vector<std::shared_ptr<const Scene>> scenes_;
   const std::unique_ptr<SceneStream> fresh_;  // May be null.
+  const MakeRobotBodies make_bodies_;
   const Footprint footprint_;
   const Lidar lidar_;
   base::ParallelFor* const parallel_;

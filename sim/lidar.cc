@@ -44,32 +44,57 @@ void Quantise(const Reporting& reporting, const float* ranges, int num_beams,
   for (int k = 0; i + k < num_beams; ++k) ranges_cm[i + k] = static_cast<std::uint16_t>(cm[k]);
 }
 
+/// The quantiles of the normal distribution in the middle of kNoiseLevels equal parts.
+const std::vector<double>& UnitQuantiles() {
+  static const std::vector<double> quantiles = [] {
+    std::vector<double> list(kNoiseLevels);
+    for (int level = 0; level < kNoiseLevels; ++level) {
+      list[level] = base::NormalQuantile((level + 0.5) / kNoiseLevels);
+    }
+    return list;
+  }();
+  return quantiles;
+}
+
+/// Those of a normal distribution with standard deviation `std`.
+void ScaleQuantiles(double std, std::vector<float>& scaled) {
+  const std::vector<double>& quantiles = UnitQuantiles();
+  scaled.resize(kNoiseLevels);
+  for (int level = 0; level < kNoiseLevels; ++level) {
+    scaled[level] = static_cast<float>(std * quantiles[level]);
+  }
+}
+
 }  // namespace
 
-Lidar::Lidar(const LidarConfig& config, double clip)
-    : config_(config),
-      clip_(std::min(clip, config.max_range)),
-      first_angle_(-0.5 * config.field_of_view),
-      angle_step_(config.field_of_view / (config.num_beams - 1)),
-      // No noise level is beyond 4 standard deviations.
-      reach_(std::min(config.max_range, (clip + 4.0 * config.noise_std + config.resolution) /
-                                            (1.0 - 4.0 * config.noise_per_metre))) {
+Lidar::Lidar(const LidarConfig& config, double clip) { Configure(config, clip); }
+
+void Lidar::Configure(const LidarConfig& config, double clip) {
   SLALOM_CHECK_GE(config.num_beams, 2);
   SLALOM_CHECK_LE(config.num_beams, LidarConfig::kMaxBeams);
-  beam_cos_.assign(config.num_beams + kBeamPadding, 0.0f);
-  beam_sin_.assign(config.num_beams + kBeamPadding, 0.0f);
-  for (int i = 0; i < config.num_beams; ++i) {
-    const auto [s, c] = base::SinCos(beam_angle(i));
-    beam_cos_[i] = static_cast<float>(c);
-    beam_sin_[i] = static_cast<float>(s);
+  const bool is_new = beam_cos_.empty();
+  const bool has_new_beams = is_new || config.num_beams != config_.num_beams ||
+                             config.field_of_view != config_.field_of_view;
+  const bool has_new_noise = is_new || config.noise_std != config_.noise_std;
+  const bool has_new_relative_noise = is_new || config.noise_per_metre != config_.noise_per_metre;
+  config_ = config;
+  clip_ = std::min(clip, config.max_range);
+  first_angle_ = -0.5 * config.field_of_view;
+  angle_step_ = config.field_of_view / (config.num_beams - 1);
+  // No noise level is beyond 4 standard deviations.
+  reach_ = std::min(config.max_range, (clip + 4.0 * config.noise_std + config.resolution) /
+                                          (1.0 - 4.0 * config.noise_per_metre));
+  if (has_new_beams) {
+    beam_cos_.assign(config.num_beams + kBeamPadding, 0.0f);
+    beam_sin_.assign(config.num_beams + kBeamPadding, 0.0f);
+    for (int i = 0; i < config.num_beams; ++i) {
+      const auto [s, c] = base::SinCos(beam_angle(i));
+      beam_cos_[i] = static_cast<float>(c);
+      beam_sin_[i] = static_cast<float>(s);
+    }
   }
-  noise_quantiles_.resize(kNoiseLevels);
-  relative_quantiles_.resize(kNoiseLevels);
-  for (int level = 0; level < kNoiseLevels; ++level) {
-    const double quantile = base::NormalQuantile((level + 0.5) / kNoiseLevels);
-    noise_quantiles_[level] = static_cast<float>(config.noise_std * quantile);
-    relative_quantiles_[level] = static_cast<float>(config.noise_per_metre * quantile);
-  }
+  if (has_new_noise) ScaleQuantiles(config.noise_std, noise_quantiles_);
+  if (has_new_relative_noise) ScaleQuantiles(config.noise_per_metre, relative_quantiles_);
 }
 
 double LongestEcho(const LidarConfig& config) {

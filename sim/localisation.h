@@ -30,6 +30,8 @@ class Localisation {
   /// wheels' forward and sideways speeds, the latter always 0, and the IMU's heading.
   void Advance(const base::Pose2& X_WR, double rolled);
 
+  /// Whether the wheels tell it how far it has driven.
+  bool from_wheels() const { return config_.from_wheels; }
   /// The pose that the robot believes it has, with a heading in [-pi, pi).
   const base::Pose2& X_OR() const { return X_OR_; }
   /// The point p_W in the frame of the robot at its believed pose.

@@ -68,14 +68,16 @@ void Robot::DriveTogether(std::span<Order> orders) {
     const int count = static_cast<int>(std::min<std::size_t>(orders.size(), SkidLanes::kSize));
     std::array<Robot*, SkidLanes::kSize> robots{};
     SkidLanes lanes;
+    bool any_slips = false;
     for (int i = 0; i < count; ++i) {
       robots[i] = static_cast<Robot*>(orders[i].robot);
+      any_slips = any_slips || robots[i]->skid_steering_;
       robots[i]->Begin(orders[i], lanes, i);
       orders[i].touched = robots[i]->Touches();
     }
     for (int substep = 0; substep < num_substeps_; ++substep) {
       for (int i = 0; i < count; ++i) robots[i]->TurnWheels(substep, lanes, i);
-      if (skid_steering_) skid_steering_->Step(lanes);
+      if (any_slips) lanes.Step();
       for (int i = 0; i < count; ++i) {
         robots[i]->Move(substep, orders[i], lanes, i);
         orders[i].touched = orders[i].touched || robots[i]->Touches();
@@ -93,6 +95,8 @@ void Robot::Begin(const Order& order, SkidLanes& lanes, int lane) {
   const MovingObstacles& moving = order.scene->moving_obstacles();
   FindMoving(moving, order.motion_time, num_substeps_ * dt_);
   PlaceMoving(moving, order.motion_time);
+  if (!skid_steering_) return;
+  skid_steering_->Enter(lanes, lane);
   lanes.ahead[lane] = slip_.ahead;
   lanes.left[lane] = slip_.left;
   lanes.yaw_rate[lane] = slip_.yaw_rate;

@@ -53,7 +53,7 @@ class Robot final : public RobotBody {
   bool Drive(double linear, double angular, const Scene& scene, double motion_time) override;
 
   /// Gives the results of `Drive` in a fraction of the time. Requires: all are `Robot`s of the same
-  /// config, number of rigid-body steps and stepping.
+  /// control rate, number of rigid-body steps and stepping.
   void DriveTogether(std::span<Order> orders) override;
 
   /// Pose of R.

@@ -56,8 +56,8 @@ class RobotBody {
   };
 
   /// Drives many robots, of which this may be one, with the same results as `Drive`. A physics that
-  /// can step robots side by side in less time overrides it. Requires: all were made together
-  /// (`MakeRobotBodies`).
+  /// can step robots side by side in less time overrides it. Requires: all were made by the same
+  /// `MakeRobotBodies`, for the same control rate and step.
   virtual void DriveTogether(std::span<Order> orders) {
     for (Order& order : orders) {
       order.touched =
@@ -78,7 +78,7 @@ class RobotBody {
 };
 
 /// Makes `count` bodies of the configured robot, each of which can drive in any of `scenes`. Throws
-/// `base::Error` that names the key or the course if this physics cannot represent it.
+/// `base::Error` that names the key or the course if this physics cannot represent it. Thread-safe.
 using MakeRobotBodies = std::function<std::vector<std::unique_ptr<RobotBody>>(
     const EnvironmentConfig& config, std::span<const std::shared_ptr<const Scene>> scenes,
     int count)>;

@@ -18,6 +18,8 @@ constexpr float kArm = 0.25f;     // From the centre to a contact, about, [m].
 SLALOM_ALWAYS_INLINE Floats Get(const SkidLanes::Each& each) { return Load(each.data()); }
 SLALOM_ALWAYS_INLINE void Set(SkidLanes::Each& each, Floats v) { Store(each.data(), v); }
 
+using Contacts = SkidContacts<SkidLanes::Each>;
+
 /// The nearest whole number. Requires: |a| < 1000.
 SLALOM_ALWAYS_INLINE Floats Round(Floats a) {
   constexpr float kShift = 1024.0f;  // Positive numbers are truncated downwards.
@@ -72,24 +74,24 @@ struct Drag {
 };
 
 template <FrictionLaw law>
-SLALOM_ALWAYS_INLINE Drag DragAt(const SkidContacts& contacts, const AxleGrips& front_grips,
+SLALOM_ALWAYS_INLINE Drag DragAt(const Contacts& contacts, const AxleGrips& front_grips,
                                  const AxleGrips& rear_grips, const Velocities& now,
                                  const Velocities& v, const Floats wheels[2]) {
   // Speeding up takes weight off the wheels in front and on that side.
-  const Floats to_rear =
-      Within(contacts.shift_ahead * (v.ahead - now.ahead), Fill(contacts.most_shift));
+  const Floats most_shift = Get(contacts.most_shift);
+  const Floats to_rear = Within(Get(contacts.shift_ahead) * (v.ahead - now.ahead), most_shift);
   const Floats to_right =
-      Within(contacts.shift_left * (v.left - now.left), contacts.most_shift - Abs(to_rear));
-  const Floats slip_front = v.left + v.yaw_rate * contacts.front;
-  const Floats slip_rear = v.left + v.yaw_rate * contacts.rear;
+      Within(Get(contacts.shift_left) * (v.left - now.left), most_shift - Abs(to_rear));
+  const Floats slip_front = v.left + v.yaw_rate * Get(contacts.front);
+  const Floats slip_rear = v.left + v.yaw_rate * Get(contacts.rear);
   const Floats square_front = slip_front * slip_front, square_rear = slip_rear * slip_rear;
   Drag drag;
   for (int edge = 0; edge < 4; ++edge) {
     const int side = edge / 2;
-    const float y = contacts.edges[edge];
+    const Floats y = Get(contacts.edges[edge]);
     const Floats to_other_side = side == 0 ? to_right : -to_right;
-    Floats front = contacts.front_grips[edge] - to_rear - to_other_side;
-    Floats rear = contacts.rear_grips[edge] + to_rear - to_other_side;
+    Floats front = Get(contacts.front_grips[edge]) - to_rear - to_other_side;
+    Floats rear = Get(contacts.rear_grips[edge]) + to_rear - to_other_side;
     const Floats slip = (v.ahead - v.yaw_rate * y) - wheels[side];
     const Floats square = slip * slip + kCreep * kCreep;
     if constexpr (law == FrictionLaw::kCone) {
@@ -135,51 +137,55 @@ SLALOM_ALWAYS_INLINE Drag DragAt(const SkidContacts& contacts, const AxleGrips& 
 ///     heavy_ahead ahead - ahead_y yaw_rate = push_ahead
 ///     heavy_left left + left_x yaw_rate = push_left
 ///     (inertia + ahead_yy + left_xx) yaw_rate - ahead_y ahead + left_x left = push_turn.
-SLALOM_ALWAYS_INLINE Velocities After(const SkidContacts& contacts, const Velocities& now,
+SLALOM_ALWAYS_INLINE Velocities After(const Contacts& contacts, const Velocities& now,
                                       const Drag& drag) {
-  const float front = contacts.front, rear = contacts.rear;
+  const Floats front = Get(contacts.front), rear = Get(contacts.rear);
+  const Floats mass = Get(contacts.mass), inertia = Get(contacts.inertia);
   const Floats left_x = front * drag.front + rear * drag.rear;
   const Floats left_xx = (front * front) * drag.front + (rear * rear) * drag.rear;
-  const Floats heavy_ahead = contacts.mass + drag.ahead;
-  const Floats heavy_left = contacts.mass + (drag.front + drag.rear);
-  const Floats push_ahead = contacts.mass * now.ahead + drag.push;
-  const Floats push_left = contacts.mass * now.left;
-  const Floats push_turn = contacts.inertia * now.yaw_rate - drag.push_y;
+  const Floats heavy_ahead = mass + drag.ahead;
+  const Floats heavy_left = mass + (drag.front + drag.rear);
+  const Floats push_ahead = mass * now.ahead + drag.push;
+  const Floats push_left = mass * now.left;
+  const Floats push_turn = inertia * now.yaw_rate - drag.push_y;
   const Floats both = heavy_ahead * heavy_left;
   const Floats yaw_rate =
       (push_turn * both + drag.ahead_y * push_ahead * heavy_left -
        left_x * push_left * heavy_ahead) /
-      ((contacts.inertia + drag.ahead_yy + left_xx) * both -
-       drag.ahead_y * drag.ahead_y * heavy_left - left_x * left_x * heavy_ahead);
+      ((inertia + drag.ahead_yy + left_xx) * both - drag.ahead_y * drag.ahead_y * heavy_left -
+       left_x * left_x * heavy_ahead);
   const Floats inverse = 1.0f / both;
   return {(push_ahead + drag.ahead_y * yaw_rate) * heavy_left * inverse,
           (push_left - left_x * yaw_rate) * heavy_ahead * inverse, yaw_rate};
 }
 
-SLALOM_ALWAYS_INLINE bool AllSet(Ints mask) {
+SLALOM_ALWAYS_INLINE bool AnySet(Ints mask) {
   long long parts[kLanes / 2];
   std::memcpy(parts, &mask, sizeof mask);
-  return (parts[0] & parts[1] & parts[2] & parts[3]) == -1;
+  return (parts[0] | parts[1] | parts[2] | parts[3]) != 0;
 }
 
+/// `others`: lanes of other laws, whose result means nothing.
 template <FrictionLaw law>
-SLALOM_ALWAYS_INLINE Velocities Search(const SkidContacts& contacts, const SkidLanes& lanes,
-                                       const Velocities& now, const Velocities& near,
-                                       const Floats wheels[2]) {
+SLALOM_ALWAYS_INLINE Velocities Search(const SkidLanes& lanes, const Velocities& now,
+                                       const Velocities& near, const Floats wheels[2],
+                                       Ints others) {
   // A round that changes the velocity by less is the last, [m/s].
   constexpr float kStill = 5e-4f;
+  const Contacts& contacts = lanes.contacts;
   AxleGrips front_grips, rear_grips;
   if constexpr (law == FrictionLaw::kGazebo) {
+    const Floats friction = Get(contacts.friction);
     for (int side = 0; side < 2; ++side) {
       const Floats front = Get(lanes.angles[side]), rear = Get(lanes.angles[2 + side]);
       front_grips.part[side] = Max(CosineNearZero(front), Floats{});
-      front_grips.press[side] = contacts.friction * SineNearZero(front);
+      front_grips.press[side] = friction * SineNearZero(front);
       rear_grips.part[side] = Max(CosineNearZero(rear), Floats{});
-      rear_grips.press[side] = contacts.friction * SineNearZero(rear);
+      rear_grips.press[side] = friction * SineNearZero(rear);
     }
   }
   Velocities v = near;
-  Ints done{};
+  Ints done = others;
   for (int round = 0; round < SkidSteering::kMaxRounds; ++round) {
     const Velocities next =
         After(contacts, now, DragAt<law>(contacts, front_grips, rear_grips, now, v, wheels));
@@ -187,25 +193,39 @@ SLALOM_ALWAYS_INLINE Velocities Search(const SkidContacts& contacts, const SkidL
                           kArm * Abs(next.yaw_rate - v.yaw_rate);
     v = {done ? v.ahead : next.ahead, done ? v.left : next.left, done ? v.yaw_rate : next.yaw_rate};
     done = done | (change < Fill(kStill));
-    if (AllSet(done)) break;
+    if (!AnySet(~done)) break;
   }
   return v;
 }
 
 // Half a step.
-SLALOM_ALWAYS_INLINE void TurnWheels(const SkidContacts& contacts, const Floats wheels[2],
-                                     SkidLanes& lanes) {
+SLALOM_ALWAYS_INLINE void TurnWheels(const Floats wheels[2], SkidLanes& lanes) {
   constexpr float kHalfTurn = 3.14159265f;
+  const Floats radians_per_metre = 0.5f * lanes.dt * Get(lanes.contacts.inverse_radius);
   for (int wheel = 0; wheel < 4; ++wheel) {
     SkidLanes::Each& angle = lanes.angles[wheel];
-    const Floats turned =
-        Get(angle) + wheels[wheel % 2] * (0.5f * contacts.dt * contacts.inverse_radius);
+    const Floats turned = Get(angle) + wheels[wheel % 2] * radians_per_metre;
     Set(angle, turned - Round(turned * (1.0f / kHalfTurn)) * kHalfTurn);
   }
 }
 
+/// Sets `v` in the lanes of this law.
+template <FrictionLaw law>
+SLALOM_ALWAYS_INLINE void SearchOwnLanes(SkidLanes& lanes, const Velocities& now,
+                                         const Velocities& near, const Floats wheels[2],
+                                         Velocities& v) {
+  Ints own;
+  std::memcpy(&own, lanes.laws.data(), sizeof own);
+  own = own == static_cast<int>(law);
+  if (!AnySet(own)) return;
+  if constexpr (law == FrictionLaw::kGazebo) TurnWheels(wheels, lanes);
+  const Velocities found = Search<law>(lanes, now, near, wheels, ~own);
+  if constexpr (law == FrictionLaw::kGazebo) TurnWheels(wheels, lanes);
+  v = {own ? found.ahead : v.ahead, own ? found.left : v.left, own ? found.yaw_rate : v.yaw_rate};
+}
+
 SLALOM_VECTOR_CLONES
-void StepLanes(const SkidContacts& contacts, FrictionLaw law, SkidLanes& lanes) {
+void StepLanes(SkidLanes& lanes) {
   const Velocities last{Get(lanes.ahead), Get(lanes.left), Get(lanes.yaw_rate)};
   const Velocities before{Get(lanes.ahead_before), Get(lanes.left_before),
                           Get(lanes.yaw_rate_before)};
@@ -215,25 +235,15 @@ void StepLanes(const SkidContacts& contacts, FrictionLaw law, SkidLanes& lanes) 
   const Velocities near{2.0f * last.ahead - before.ahead, 2.0f * last.left - before.left,
                         2.0f * last.yaw_rate - before.yaw_rate};
   const Floats wheels[2] = {Get(lanes.wheel_left), Get(lanes.wheel_right)};
-  Velocities v;
-  switch (law) {
-    case FrictionLaw::kCone:
-      v = Search<FrictionLaw::kCone>(contacts, lanes, now, near, wheels);
-      break;
-    case FrictionLaw::kPyramid:
-      v = Search<FrictionLaw::kPyramid>(contacts, lanes, now, near, wheels);
-      break;
-    case FrictionLaw::kGazebo:
-      TurnWheels(contacts, wheels, lanes);
-      v = Search<FrictionLaw::kGazebo>(contacts, lanes, now, near, wheels);
-      TurnWheels(contacts, wheels, lanes);
-      break;
-  }
-  const auto [s, c] = SinCos(Get(lanes.yaw) + (0.5f * contacts.dt) * last.yaw_rate);
+  Velocities v{};
+  SearchOwnLanes<FrictionLaw::kCone>(lanes, now, near, wheels, v);
+  SearchOwnLanes<FrictionLaw::kPyramid>(lanes, now, near, wheels, v);
+  SearchOwnLanes<FrictionLaw::kGazebo>(lanes, now, near, wheels, v);
+  const auto [s, c] = SinCos(Get(lanes.yaw) + (0.5f * lanes.dt) * last.yaw_rate);
   Set(lanes.vx, c * v.ahead - s * v.left);
   Set(lanes.vy, s * v.ahead + c * v.left);
   // From half-way through this step, at the old rate up to there, to half-way through the next.
-  Set(lanes.turn, contacts.dt * (1.5f * v.yaw_rate - 0.5f * last.yaw_rate));
+  Set(lanes.turn, lanes.dt * (1.5f * v.yaw_rate - 0.5f * last.yaw_rate));
   Set(lanes.ahead_before, last.ahead);
   Set(lanes.left_before, last.left);
   Set(lanes.yaw_rate_before, last.yaw_rate);
@@ -242,19 +252,18 @@ void StepLanes(const SkidContacts& contacts, FrictionLaw law, SkidLanes& lanes) 
   Set(lanes.yaw_rate, v.yaw_rate);
 }
 
-SkidContacts ContactsOf(const RobotConfig& config, double dt) {
+SkidContacts<float> ContactsOf(const RobotConfig& config, double dt) {
   const MassDistribution masses = DistributeMass(config);
   const double impulse = config.wheel_friction * masses.mass * kGravity * dt;
   const double shift = 0.25 * config.wheel_friction * masses.mass * masses.height;
-  SkidContacts contacts{.dt = static_cast<float>(dt),
-                        .friction = static_cast<float>(config.wheel_friction),
-                        .inverse_radius = static_cast<float>(1.0 / config.wheel_radius),
-                        .mass = static_cast<float>(masses.mass),
-                        .inertia = static_cast<float>(masses.yaw_inertia),
-                        .front = static_cast<float>(0.5 * config.wheel_base - masses.x),
-                        .rear = static_cast<float>(-0.5 * config.wheel_base - masses.x),
-                        .shift_ahead = static_cast<float>(shift / config.wheel_base),
-                        .shift_left = static_cast<float>(shift / config.track)};
+  SkidContacts<float> contacts{.friction = static_cast<float>(config.wheel_friction),
+                               .inverse_radius = static_cast<float>(1.0 / config.wheel_radius),
+                               .mass = static_cast<float>(masses.mass),
+                               .inertia = static_cast<float>(masses.yaw_inertia),
+                               .front = static_cast<float>(0.5 * config.wheel_base - masses.x),
+                               .rear = static_cast<float>(-0.5 * config.wheel_base - masses.x),
+                               .shift_ahead = static_cast<float>(shift / config.wheel_base),
+                               .shift_left = static_cast<float>(shift / config.track)};
   for (int edge = 0; edge < 4; ++edge) {
     const int side = edge / 2;
     const double middle = (side == 0 ? 0.5 : -0.5) * config.track;
@@ -271,9 +280,11 @@ SkidContacts ContactsOf(const RobotConfig& config, double dt) {
 
 }  // namespace
 
+void SkidLanes::Step() { StepLanes(*this); }
+
 void SkidLanes::Resume(int lane, float new_yaw, float new_vx, float new_vy, float new_yaw_rate,
-                       double dt) {
-  const auto [s, c] = base::SinCos(new_yaw + 0.5 * dt * new_yaw_rate);
+                       double exact_dt) {
+  const auto [s, c] = base::SinCos(new_yaw + 0.5 * exact_dt * new_yaw_rate);
   ahead[lane] = ahead_before[lane] = static_cast<float>(c * new_vx + s * new_vy);
   left[lane] = left_before[lane] = static_cast<float>(c * new_vy - s * new_vx);
   yaw_rate[lane] = yaw_rate_before[lane] = new_yaw_rate;
@@ -284,8 +295,27 @@ SkidSteering::SkidSteering(const RobotConfig& config, double dt)
     : law_(config.friction),
       half_separation_(0.5 * config.track * config.wheel_separation_multiplier),
       half_imbalance_(0.5 * config.wheel_imbalance),
+      dt_(static_cast<float>(dt)),
       contacts_(ContactsOf(config, dt)) {}
 
-void SkidSteering::Step(SkidLanes& lanes) const { StepLanes(contacts_, law_, lanes); }
+void SkidSteering::Enter(SkidLanes& lanes, int lane) const {
+  SkidContacts<SkidLanes::Each>& all = lanes.contacts;
+  all.friction[lane] = contacts_.friction;
+  all.inverse_radius[lane] = contacts_.inverse_radius;
+  all.mass[lane] = contacts_.mass;
+  all.inertia[lane] = contacts_.inertia;
+  all.front[lane] = contacts_.front;
+  all.rear[lane] = contacts_.rear;
+  for (int edge = 0; edge < 4; ++edge) {
+    all.edges[edge][lane] = contacts_.edges[edge];
+    all.front_grips[edge][lane] = contacts_.front_grips[edge];
+    all.rear_grips[edge][lane] = contacts_.rear_grips[edge];
+  }
+  all.shift_ahead[lane] = contacts_.shift_ahead;
+  all.shift_left[lane] = contacts_.shift_left;
+  all.most_shift[lane] = contacts_.most_shift;
+  lanes.laws[lane] = static_cast<std::int32_t>(law_);
+  lanes.dt = dt_;
+}
 
 }  // namespace slalom::sim

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 
 #include "sim/environment_config.h"
 #include "sim/mass_distribution.h"
@@ -16,8 +17,30 @@ struct WheelSpeeds {
   float right = 0.0f;
 };
 
-/// Drives of up to `kSize` robots side by side. The numbers of a lane do not depend on the other
-/// lanes.
+/// The constants of a robot in the equations of motion. `Number`: a float, or one for each lane.
+template <class Number>
+struct SkidContacts {
+  Number friction{};
+  Number inverse_radius{};  ///< Inverse radius of a wheel, [1/m].
+  Number mass{};            ///< [kg]
+  Number inertia{};         ///< [kg m^2]
+  /// Contacts in C: x of the axles, [m]; y from the left to the right, [m]; and the greatest
+  /// impulse of each in a step, [N s].
+  Number front{};
+  Number rear{};
+  std::array<Number, 4> edges{};
+  std::array<Number, 4> front_grips{};
+  std::array<Number, 4> rear_grips{};
+  /// Load transfer: a change of speed in a step, times these, is taken off the greatest impulse of
+  /// each contact in front (on the left) and added to the contacts opposite, [kg]. The transfer is
+  /// at most the least impulse at rest, [N s].
+  Number shift_ahead{};
+  Number shift_left{};
+  Number most_shift{};
+};
+
+/// Drives of up to `kSize` robots side by side, each of its own constants and law of friction. The
+/// numbers of a lane do not depend on the other lanes.
 struct SkidLanes {
   static constexpr int kSize = 8;
   using Each = std::array<float, kSize>;
@@ -43,30 +66,22 @@ struct SkidLanes {
   /// Output of a step: velocity of the centre of mass in W, [m/s].
   alignas(32) Each vx{}, vy{};
 
-  /// Sets the velocity of a lane, given in W, at that heading, for example after a contact.
-  void Resume(int lane, float new_yaw, float new_vx, float new_vy, float new_yaw_rate, double dt);
-};
+  /// The robots, as `SkidSteering::Enter` sets them. A lane without a robot has no law and stays
+  /// at rest.
+  static constexpr std::int32_t kNoLaw = -1;
+  alignas(32) SkidContacts<Each> contacts{};
+  alignas(32) std::array<std::int32_t, kSize> laws = {kNoLaw, kNoLaw, kNoLaw, kNoLaw,
+                                                      kNoLaw, kNoLaw, kNoLaw, kNoLaw};
+  float dt = 0.0f;  ///< Duration of a step, the same for all, [s].
 
-/// The constants of a robot in the equations of motion.
-struct SkidContacts {
-  float dt = 0.0f;  // [s]
-  float friction = 0.0f;
-  float inverse_radius = 0.0f;  // Inverse radius of a wheel, [1/m].
-  float mass = 0.0f;            // [kg]
-  float inertia = 0.0f;         // [kg m^2]
-  // Contacts in C: x of the axles; y from the left to the right; and the greatest impulse of each
-  // in a step, [N s].
-  float front = 0.0f;  // [m]
-  float rear = 0.0f;   // [m]
-  std::array<float, 4> edges{};
-  std::array<float, 4> front_grips{};
-  std::array<float, 4> rear_grips{};
-  // Load transfer: a change of speed in a step, times these, is taken off the greatest impulse
-  // of each contact in front (on the left) and added to the contacts opposite, [kg]. The transfer
-  // is at most the least impulse at rest, [N s].
-  float shift_ahead = 0.0f;
-  float shift_left = 0.0f;
-  float most_shift = 0.0f;
+  /// Moves all robots on by a step. Cost: about 25 ns per lane if all lanes are used and have the
+  /// same law; each further law among them adds as much as it would cost alone.
+  void Step();
+
+  /// Sets the velocity of a lane, given in W, at that heading, for example after a contact.
+  /// `exact_dt`: `dt` before it was rounded, [s].
+  void Resume(int lane, float new_yaw, float new_vx, float new_vy, float new_yaw_rate,
+              double exact_dt);
 };
 
 /// A rigid body on four wheels that turn only about their axles and so must slip to turn the body.
@@ -109,7 +124,7 @@ struct SkidContacts {
 /// Robots are stepped side by side, each in a lane of a vector, because a round is one long chain
 /// of operations that a processor cannot shorten. A lane that has ended waits for the others.
 ///
-/// Immutable. The same bits on every machine, and in every lane.
+/// Immutable. `SkidLanes::Step` gives the same bits on every machine, and in every lane.
 class SkidSteering {
  public:
   static constexpr int kMaxRounds = 8;
@@ -126,8 +141,9 @@ class SkidSteering {
             static_cast<float>((1.0 + half_imbalance_) * (linear + side))};
   }
 
-  /// Moves all lanes on by a step. Cost: about 25 ns per lane if all lanes are used.
-  void Step(SkidLanes& lanes) const;
+  /// Makes this the robot of a lane, whose other numbers stay as they are. Requires: all robots of
+  /// `lanes` have the same `dt`.
+  void Enter(SkidLanes& lanes, int lane) const;
 
   /// Whether the law depends on the wheels' angles.
   bool needs_angles() const { return law_ == FrictionLaw::kGazebo; }
@@ -136,7 +152,8 @@ class SkidSteering {
   const FrictionLaw law_;
   const double half_separation_;  // As the controller assumes it, [m].
   const double half_imbalance_;
-  const SkidContacts contacts_;
+  const float dt_;  // [s]
+  const SkidContacts<float> contacts_;
 };
 
 }  // namespace slalom::sim

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,15 +23,24 @@ struct Task {
   }
 };
 
+/// Lays settings over a task. Fields that are drawn for each episode come last, as a setting of
+/// such a field takes it out of them.
+inline void LaySettings(Settings settings, const config::FieldList& fields) {
+  std::ranges::stable_partition(settings, [](const auto& setting) {
+    return !setting.first.starts_with("environment.randomize");
+  });
+  for (const auto& [key, value] : settings) config::SetField(key, value, key, fields);
+}
+
 /// The task by the defaults, `trained`, the files and the settings, each laid over the ones before.
 inline sim::EnvironmentConfig TaskOf(const Settings& trained,
                                      const std::vector<std::string>& profiles,
                                      const Settings& settings) {
   Task task;
   const config::FieldList fields = config::ListFields(task);
-  for (const auto& [key, value] : trained) config::SetField(key, value, key, fields);
+  LaySettings(trained, fields);
   for (const std::string& file : profiles) config::ReadTomlFile(file, fields);
-  for (const auto& [key, value] : settings) config::SetField(key, value, key, fields);
+  LaySettings(settings, fields);
   return task.environment;
 }
 

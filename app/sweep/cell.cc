@@ -342,7 +342,8 @@ class Expansion {
   template <class Config>
   static void Describe(const Config& config, Cell& cell) {
     cell.collection = fs::path(config.courses.collection).filename().string();
-    cell.friction = base::EnumName(config.environment.robot.friction);
+    const bool is_drawn = Sets(config.environment.randomize, "robot.friction");
+    cell.friction = is_drawn ? "drawn" : base::EnumName(config.environment.robot.friction);
   }
 
   std::vector<const Score*> ScoresOf(const Group& group) const {

@@ -14,6 +14,7 @@
 #include "replay/rows.h"
 #include "replay/sample_bytes.h"
 #include "sim/courses/course_sets.h"
+#include "sim/randomized_config.h"
 #include "sim/scene.h"
 #include "sim/scene_stream.h"
 
@@ -105,6 +106,7 @@ int BatchesPerUpdate(const RunConfig& config) {
 }
 
 void RequireCombination(const RunConfig& config) {
+  sim::CheckRandomization(config.environment);
   if (config.method.constraint.kind != learner::ConstraintKind::kNone &&
       !config.environment.episode.collision_ends) {
     throw base::Error(fmt::format(

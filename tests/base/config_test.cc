@@ -279,6 +279,71 @@ TEST_F(ConfigFileTest, ErrorsNameTheFileThatIsWrong) {
   EXPECT_THAT(ErrorOf(Write("c.toml", "base = 'c.toml'")), HasSubstr("circle"));
 }
 
+/// A section with a table of assignments for its own fields.
+struct WithTable {
+  struct Section {
+    double speed = 1.0;
+    double gain = 2.0;
+    base::TomlAssignments drawn;
+    template <class Visitor>
+    void Visit(Visitor& v) {
+      v("drawn", drawn, "Drawn.");
+      v("speed", speed, base::Range{0.0, 9.0}, "", "Speed.");
+      v("gain", gain, base::Range{0.0, 9.0}, "", "Gain.");
+    }
+  };
+  Section task;
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("task", task, "The task.");
+  }
+};
+
+std::string DrawnOf(const WithTable& config) {
+  std::string text;
+  for (const auto& [key, value] : config.task.drawn) text += key + "=" + value.text + " ";
+  return text;
+}
+
+TEST(ConfigTest, OverridesSetEntriesOfATable) {
+  WithTable config;
+  const FieldList fields = ListFields(config);
+  ApplyOverride("task.drawn.\"task.speed\"=[0.5, 1]", fields);
+  ApplyOverride("task.drawn.other.key=['a', 'b']", fields);
+  ApplyOverride("task.drawn.'gain'=[1, 2]", fields);
+  EXPECT_EQ(DrawnOf(config), "gain=[1, 2] other.key=['a', 'b'] task.speed=[0.5, 1] ");
+  EXPECT_EQ(config.task.drawn[0].value.where, "--set task.drawn.'gain'=[1, 2]");
+  ApplyOverride("task.drawn.gain=word", fields);
+  ApplyOverride("task.drawn={task.speed = [0.0, 0.5]}", fields);
+  EXPECT_EQ(DrawnOf(config), "gain='word' other.key=['a', 'b'] task.speed=[0.0, 0.5] ");
+  const std::string printed = ToToml(config);
+  EXPECT_EQ(ToToml(FromToml<WithTable>(printed, "printed")), printed);
+  ApplyOverride("task.drawn={}", fields);
+  EXPECT_EQ(DrawnOf(config), "");
+}
+
+TEST(ConfigTest, SettingAFieldLaterTakesItsEntryOutOfATable) {
+  const test::ScratchDirectory scratch;
+  const auto write = [&](const char* name, const std::string& text) {
+    std::ofstream(scratch.path() / name) << text;
+  };
+  const auto load = [&](const char* name, const std::vector<std::string>& overrides = {}) {
+    return DrawnOf(Load<WithTable>(scratch.path() / name, overrides));
+  };
+  write("base.toml", "[task]\nspeed = 3\n[task.drawn]\nspeed = [1, 2]\ngain = [3, 4]\n");
+  write("sets.toml", "base = \"base.toml\"\n[task]\ngain = 5\n");
+  write("draws.toml", "base = \"sets.toml\"\ntask.drawn.gain = [7, 8]\n");
+  write("none.toml", "base = \"base.toml\"\n[task]\ndrawn = {}\n");
+  EXPECT_EQ(load("base.toml"), "gain=[3, 4] speed=[1, 2] ") << "a file's own order does not matter";
+  EXPECT_EQ(load("sets.toml"), "speed=[1, 2] ");
+  EXPECT_EQ(load("draws.toml"), "gain=[7, 8] speed=[1, 2] ");
+  EXPECT_EQ(load("none.toml"), "");
+  EXPECT_EQ(load("base.toml", {"task.speed=1"}), "gain=[3, 4] ");
+  EXPECT_EQ(load("base.toml", {"task.speed=1", "task.drawn.speed=[0, 1]"}),
+            "gain=[3, 4] speed=[0, 1] ");
+  EXPECT_EQ(load("base.toml", {"task.drawn={}"}), "");
+}
+
 struct OneVersion {
   double gain = 0.5;
   std::vector<int> steps;

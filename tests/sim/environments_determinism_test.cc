@@ -74,6 +74,38 @@ EnvironmentConfig ScrapingConfig() {
   return config;
 }
 
+/// Everything that may differ from episode to episode does, robots of all kinds side by side.
+EnvironmentConfig RandomizedConfigOf(bool robot = true, bool lidar = true) {
+  EnvironmentConfig config = TestConfig();
+  config.randomize = {{"localisation.from_wheels", {"[false, true]", ""}},
+                      {"localisation.position_drift", {"[0.0, 0.1]", ""}}};
+  const auto add = [&config](const char* key, const char* value) {
+    config.randomize.push_back({key, {value, ""}});
+  };
+  if (lidar) {
+    add("lidar.field_of_view", "[4.0, 6.0]");
+    add("lidar.offset_x", "[-0.1, 0.15]");
+    add("lidar.max_range", "[4.0, 10.0]");
+    add("lidar.noise_std", "[0.0, 0.05]");
+    add("lidar.noise_per_metre", "[0.0, 0.01]");
+    add("lidar.dropout_probability", "[0.0, 0.1]");
+  }
+  if (robot) {
+    add("robot.drive", "['skid-steer', 'ideal']");
+    add("robot.friction", "['cone', 'pyramid', 'gazebo']");
+    add("robot.wheel_friction", "[0.2, 0.9]");
+    add("robot.mass", "[12.0, 25.0]");
+    add("robot.yaw_inertia", "[0.3, 0.8]");
+    add("robot.sensor_mass", "[0.0, 2.0]");
+    add("robot.track", "[0.3, 0.4]");
+    add("robot.command_delay", "[0.0, 0.3]");
+    add("robot.command_jitter", "[0.0, 0.3]");
+    add("robot.yaw_gain", "[0.7, 1.1]");
+    add("robot.linear_acceleration", "[1.0, 20.0]");
+  }
+  return config;
+}
+
 /// Drives where the wider half of the scan is: actions depend on every number observed so far.
 env::Action Steer(const env::FrameView& frame) {
   const std::size_t half = frame.ranges_cm.size() / 2;
@@ -167,6 +199,7 @@ std::uint64_t HashOf(const std::vector<Record>& records) {
 constexpr std::uint64_t kGoldenHash = 10309596538404691480u;
 constexpr std::uint64_t kGazeboHash = 15556016397180356100u;
 constexpr std::uint64_t kPyramidHash = 1000322604016261304u;
+constexpr std::uint64_t kRandomizedHash = 9705012514232965408u;
 
 TEST(EnvironmentsDeterminismTest, GoldenHash) {
   const std::vector<Record> records = Play(kNumEpisodes, 1, false);
@@ -183,6 +216,34 @@ TEST(EnvironmentsDeterminismTest, GoldenHash) {
   constexpr auto kStepping = Robot::Stepping::kBox2dInContact;
   EXPECT_EQ(HashOf(Play(kNumEpisodes, 1, false, kStepping, GazeboConfig())), kGazeboHash);
   EXPECT_EQ(HashOf(Play(kNumEpisodes, 1, false, kStepping, PyramidConfig())), kPyramidHash);
+  EXPECT_EQ(HashOf(Play(kNumEpisodes, 1, false, kStepping, RandomizedConfigOf())), kRandomizedHash);
+}
+
+TEST(EnvironmentsDeterminismTest, ARandomisedEpisodeIsThatOfAConfigWithTheDrawnValues) {
+  for (const EnvironmentConfig& config :
+       {RandomizedConfigOf(), RandomizedConfigOf(true, false), RandomizedConfigOf(false, true),
+        RandomizedConfigOf(false, false)}) {
+    constexpr auto kStepping = Robot::Stepping::kBox2dInContact;
+    const std::vector<Record> records = Play(kNumEpisodes, 1, false, kStepping, config);
+    EXPECT_EQ(Play(7, 3, true, kStepping, config), records);
+    RandomizedConfig task(config);
+    for (int episode = 0; episode < kNumEpisodes; ++episode) {
+      task.Draw(SpecOf(episode).seed);
+      CourseEnvironments environments(task.config(), Scenes(), 1, nullptr);
+      ASSERT_TRUE(environments.config().randomize.empty());
+      Record plain;
+      environments.Reset(0, SpecOf(episode));
+      plain.Add(environments, 0, {});
+      std::vector<env::StepResult> results(1);
+      while (!results[0].ended()) {
+        const env::Action action = Steer(environments.observations().frame(0));
+        environments.Step(std::vector{action}, results);
+        plain.actions.push_back(action);
+        plain.Add(environments, 0, results[0]);
+      }
+      ASSERT_EQ(plain, records[episode]) << episode;
+    }
+  }
 }
 
 TEST(EnvironmentsDeterminismTest, DoesNotDependOnBatchOrderOrThreads) {
@@ -203,7 +264,7 @@ TEST(EnvironmentsDeterminismTest, DoesNotDependOnBatchOrderOrThreads) {
 
 TEST(EnvironmentsDeterminismTest, Box2dAlwaysGivesTheSameBits) {
   for (const EnvironmentConfig& config :
-       {TestConfig(), GazeboConfig(), IdealConfig(), ScrapingConfig()}) {
+       {TestConfig(), GazeboConfig(), IdealConfig(), ScrapingConfig(), RandomizedConfigOf()}) {
     EXPECT_EQ(Play(8, 1, false, Robot::Stepping::kBox2dAlways, config),
               Play(8, 1, false, Robot::Stepping::kBox2dInContact, config));
   }
@@ -240,28 +301,32 @@ TEST(EnvironmentsDeterminismTest, SeedsDiffer) {
   EXPECT_FALSE(environments.robot_pose(0) == environments.robot_pose(1));
 }
 
+/// With fields of the robot left alone, as another robot has memory of its own. On one thread, as a
+/// second one makes a Box2D world when robots of both first touch something at the same time.
 TEST(EnvironmentsDeterminismTest, StepsAllocateNothing) {
-  base::ParallelFor parallel(2);
-  CourseEnvironments environments(TestConfig(), Scenes(), 16, &parallel);
-  std::vector<env::Action> actions(16);
-  std::vector<env::StepResult> results(16);
-  for (int i = 0; i < 16; ++i) environments.Reset(i, SpecOf(i));
-  int num_ended = 0;
-  const auto step = [&] {
-    for (int i = 0; i < 16; ++i) actions[i] = Steer(environments.observations().frame(i));
-    environments.Step(actions, results);
-    for (int i = 0; i < 16; ++i) {
-      if (!results[i].ended()) continue;
-      ++num_ended;
-      environments.Reset(i, SpecOf(i + num_ended));
-    }
-  };
-  for (int k = 0; k < 1000; ++k) step();
-  num_ended = 0;
-  const long before = test::NumAllocations();
-  for (int k = 0; k < 200; ++k) step();
-  EXPECT_EQ(test::NumAllocations() - before, 0);
-  EXPECT_GT(num_ended, 50);
+  for (const EnvironmentConfig& config : {TestConfig(), RandomizedConfigOf(/*robot=*/false)}) {
+    base::ParallelFor parallel(1);
+    CourseEnvironments environments(config, Scenes(), 16, &parallel);
+    std::vector<env::Action> actions(16);
+    std::vector<env::StepResult> results(16);
+    for (int i = 0; i < 16; ++i) environments.Reset(i, SpecOf(i));
+    int num_ended = 0;
+    const auto step = [&] {
+      for (int i = 0; i < 16; ++i) actions[i] = Steer(environments.observations().frame(i));
+      environments.Step(actions, results);
+      for (int i = 0; i < 16; ++i) {
+        if (!results[i].ended()) continue;
+        ++num_ended;
+        environments.Reset(i, SpecOf(i + num_ended));
+      }
+    };
+    for (int k = 0; k < 1000; ++k) step();
+    num_ended = 0;
+    const long before = test::NumAllocations();
+    for (int k = 0; k < 200; ++k) step();
+    EXPECT_EQ(test::NumAllocations() - before, 0);
+    EXPECT_GT(num_ended, 50);
+  }
 }
 
 }  // namespace

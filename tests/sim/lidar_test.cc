@@ -97,6 +97,30 @@ TEST(LidarTest, ReportsNearestWithinLimits) {
   EXPECT_EQ(ranges, (std::vector<std::uint16_t>{300, 80, 300}));
 }
 
+TEST(LidarTest, ConfiguredAgainItIsTheOtherLidar) {
+  base::Random random(7);
+  const LidarConfig first{.noise_per_metre = 0.01};
+  std::vector<LidarConfig> others(6, first);
+  others[1].field_of_view = 3.0;
+  others[2].noise_std = 0.05;
+  others[3].noise_per_metre = 0.0;
+  others[4].num_beams = 361;
+  others[5] = {.offset_x = 0.3, .min_range = 0.5, .max_range = 4.0, .dropout_probability = 0.1};
+  Lidar lidar(first, 5.0);
+  for (int round = 0; round < 60; ++round) {
+    const LidarConfig& config = others[random.UniformInt(others.size())];
+    const double clip = random.Uniform(2.0, 8.0);
+    lidar.Configure(config, clip);
+    const CollisionMap map(*test::RandomCourse(random));
+    const base::Pose2 X_WR = RandomPose(random);
+    std::vector<std::uint16_t> ranges(config.num_beams), expected(config.num_beams);
+    base::Random noise(round), same_noise(round);
+    lidar.Scan(map, X_WR, noise, ranges);
+    Lidar(config, clip).Scan(map, X_WR, same_noise, expected);
+    ASSERT_EQ(ranges, expected);
+  }
+}
+
 TEST(LidarTest, WithoutNoiseDrawsNothing) {
   const CollisionMap map{Course{}};
   base::Random noise(6);

@@ -186,6 +186,7 @@ inline Velocity Step(const SkidSteering& drive, const Velocity& velocity, const 
   constexpr int kLane = 5;
   SkidLanes lanes;
   for (int lane = 0; lane < SkidLanes::kSize; ++lane) {
+    drive.Enter(lanes, lane);
     lanes.ahead[lane] = 0.3f * static_cast<float>(lane);
     lanes.wheel_left[lane] = 1.0f;
   }
@@ -198,7 +199,7 @@ inline Velocity Step(const SkidSteering& drive, const Velocity& velocity, const 
   lanes.wheel_left[kLane] = wheels.left;
   lanes.wheel_right[kLane] = wheels.right;
   for (int wheel = 0; wheel < 4; ++wheel) lanes.angles[wheel][kLane] = angles[wheel];
-  drive.Step(lanes);
+  lanes.Step();
   return {lanes.ahead[kLane], lanes.left[kLane], lanes.yaw_rate[kLane]};
 }
 

@@ -36,8 +36,16 @@ def _settings(sections):
             raise _slalom.Error(
                 f"{section}: expected a dictionary of keys of [environment.{section}], such as "
                 f"robot={{'friction': 'gazebo'}}; docs/config.md lists them")
-        for key, value in values.items():
-            settings.append((f"environment.{section}.{key}", _toml(value)))
+        settings += _flat(f"environment.{section}", values)
+    return settings
+
+
+def _flat(prefix, values):
+    """Returns (key, TOML) for each value of a dictionary and of those in it."""
+    settings = []
+    for key, value in values.items():
+        name = f"{prefix}.{key}"
+        settings += _flat(name, value) if isinstance(value, dict) else [(name, _toml(value))]
     return settings
 
 
@@ -322,7 +330,8 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
     collection, generator_seed: as in docs/courses.md.
     physics: "slalom", "ode" or "mujoco".
     sections: the keys of [environment] (docs/config.md), for example robot={"friction": "gazebo"},
-    lidar={"noise_std": 0.02}, episode={"max_steps": 200}.
+    lidar={"noise_std": 0.02}, episode={"max_steps": 200}. What is drawn for each episode is
+    randomize={"robot.command_delay": [0.0, 0.12]}.
 
     Raises `slalom.Error`, a ValueError, which says what was found and expected.
     """

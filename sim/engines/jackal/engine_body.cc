@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <utility>
 
 #include "base/check.h"
 #include "base/error.h"
+#include "base/mutex.h"
 #include "base/random.h"
 #include "sim/contact_world.h"
 #include "sim/courses/course.h"
@@ -147,11 +149,13 @@ bool EngineBody::Drive(double linear, double angular, const sim::Scene& scene, d
 base::Pose2 EngineBody::pose() const { return {{state_.x, state_.y}, base::WrapAngle(state_.yaw)}; }
 
 sim::MakeRobotBodies BodiesIn(std::string_view physics, MakeWorlds make_worlds) {
-  return [physics = std::string(physics), make_worlds = std::move(make_worlds)](
+  return [physics = std::string(physics), make_worlds = std::move(make_worlds),
+          mutex = std::make_shared<base::Mutex>()](
              const sim::EnvironmentConfig& config,
              std::span<const std::shared_ptr<const sim::Scene>> scenes, int count) {
     for (const auto& scene : scenes) RequireRepresentable(scene->course(), physics);
     const sim::RobotConfig& robot = config.robot;
+    const base::MutexLock lock(*mutex);  // Engines build one model at a time.
     auto worlds = make_worlds(MakeJackal(robot, physics), EngineBody::StepOf(robot), count);
     std::vector<std::unique_ptr<sim::RobotBody>> bodies;
     bodies.reserve(worlds.size());

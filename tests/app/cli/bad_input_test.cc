@@ -80,6 +80,19 @@ TEST_F(BadInputTest, SettingsThatContradictEachOtherAreRefused) {
               HasSubstr("control_rate"));
 }
 
+TEST_F(BadInputTest, FieldsThatCannotBeDrawnAreNamedWithTheReason) {
+  Write("c.toml", "base = \"tiny.toml\"\n[environment.randomize]\n\"robot.command_delay\" = 0.1\n");
+  ExpectError({"train", "c.toml"},
+              AllOf(HasSubstr("c.toml:3: environment.randomize.\"robot.command_delay\": found 0.1"),
+                    HasSubstr("two numbers in [0, 1] s")));
+  ExpectError({"train", "tiny.toml", "--set", "environment.randomize.\"lidar.num_beams\"=[1,2]"},
+              AllOf(HasSubstr("--set environment.randomize.\"lidar.num_beams\"=[1,2]"),
+                    HasSubstr("it is the shape of an observation")));
+  ExpectError({"evaluate", "--agent", "dwa", "--courses", "static-train-5", "--set",
+               "environment.randomize.episode.max_steps=[1,2]"},
+              HasSubstr("in evaluations the protocol's"));
+}
+
 TEST_F(BadInputTest, MethodsThatMakeNoSenseAreRefusedWithTheReason) {
   const auto refuse = [&](std::vector<std::string> settings,
                           const ::testing::Matcher<std::string>& message) {

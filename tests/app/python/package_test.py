@@ -76,6 +76,21 @@ class VectorEnvironmentTest(unittest.TestCase):
         self.assertTrue(same(runs[0], runs[1]))
         self.assertFalse(same(runs[0], runs[2]))
 
+    def test_fields_may_be_drawn_for_each_episode(self):
+        fixed = drive(slalom.make_vec(COURSES, num_envs=4, robot={"command_delay": 0.1}), 3, 50)
+        drawn = slalom.make_vec(COURSES, num_envs=4, randomize={"robot.command_delay": [0.1, 0.1]})
+        self.assertIn("robot.command_delay = [0.1, 0.1]", drawn.config)
+        self.assertTrue(same(drive(drawn, 3, 50), fixed))
+        wide = {"robot": {"command_delay": [0, 0.3], "friction": ["cone", "gazebo"]}}
+        runs = [drive(slalom.make_vec(COURSES, num_envs=4, threads=threads, randomize=wide), 3, 50)
+                for threads in (1, 2)]
+        self.assertTrue(same(runs[0], runs[1]))
+        self.assertFalse(same(runs[0], fixed))
+        both = slalom.make_vec(COURSES, num_envs=1, randomize=wide, robot={"friction": "pyramid"})
+        self.assertIn("robot.friction = ['cone', 'gazebo']", both.config)
+        with self.assertRaisesRegex(slalom.Error, "it is the shape of an observation"):
+            slalom.make(COURSES, randomize={"lidar.num_beams": [360, 720]})
+
     def test_threads_and_neighbours_change_nothing(self):
         alone = slalom.make_vec(COURSES, num_envs=1)
         many = slalom.make_vec(COURSES, num_envs=16, threads=2)

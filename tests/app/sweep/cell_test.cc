@@ -43,6 +43,7 @@ std::vector<std::string> OtherValues(const config::Field& field) {
   if (value == "true") return {"false"};
   if (value == "false") return {"true"};
   if (value.starts_with('[')) return {"[3]", "[9]"};
+  if (value == "{}") return {"{robot.speed_gain = [0.9, 1.0]}"};
   std::vector<std::string> others;
   for (const std::string_view choice : field.choices) {
     others.push_back(fmt::format("\"{}\"", choice));

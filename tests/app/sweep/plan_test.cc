@@ -162,6 +162,11 @@ TEST(PlanTest, BadPlansAreOneErrorThatNamesWhatIsWrong) {
               HasSubstr("which the policy is trained with"));
   EXPECT_THAT(ErrorOf(kPlan + "set = {environment.lidar.num_beams = 360}\n"),
               HasSubstr("the policy"));
+  EXPECT_THAT(ErrorOf(kPlan + "set = {environment.randomize.lidar.num_beams = [360, 720]}\n"),
+              AllOf(HasSubstr("plan.toml:8"), HasSubstr("it is the shape of an observation")));
+  EXPECT_THAT(ErrorOf(kPlan + "[[axis]]\nkeys = ['environment.randomize.robot.command_delay']\n"
+                              "values = [[0.0, 0.1], [0.0, 2.0]]\n"),
+              AllOf(HasSubstr("plan.toml"), HasSubstr("two numbers in [0, 1] s")));
   EXPECT_THAT(ErrorOf(kPlan, {"courses.train=static-trian-5"}), HasSubstr("static-trian-5"));
   EXPECT_THAT(ErrorOf(kPlan + "[[group]]\nname = \"a b\"\n"), HasSubstr("'a b'"));
   EXPECT_THAT(ErrorOf(kPlan + "[[group]]\nname = \"a\"\n[[group]]\nname = \"a\"\n"),

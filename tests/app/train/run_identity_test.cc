@@ -86,9 +86,14 @@ TEST(RunIdentityTest, ProcessesOfAServiceAgreeOnWhatIsDrivenObservedAndRewarded)
   config.run.seed = 7;
   config.courses.train = "dynamic-box";
   config.environment.reward.collision = -3.0;
-  const proto::RunIdentity expected = {{"courses.train", "\"dynamic-box\""},
-                                       {"environment.reward.collision", "-3.0"},
-                                       {"run.seed", "7"}};
+  config.environment.randomize = {{"robot.command_delay", {"[0.0, 0.12]", ""}},
+                                  {"robot.friction", {"['cone', 'gazebo']", ""}}};
+  const proto::RunIdentity expected = {
+      {"courses.train", "\"dynamic-box\""},
+      {"environment.randomize.robot.command_delay", "[0.0, 0.12]"},
+      {"environment.randomize.robot.friction", "[\"cone\", \"gazebo\"]"},
+      {"environment.reward.collision", "-3.0"},
+      {"run.seed", "7"}};
   EXPECT_EQ(ServiceIdentity(config), expected);
   config.courses.train = std::string(500, 'x');
   EXPECT_THAT(ServiceIdentity(config).at("courses.train"),

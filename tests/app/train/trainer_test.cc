@@ -66,6 +66,14 @@ TEST(TrainerTest, ARunOnLearnableCoursesResumedAfterAKillEndsBitIdentical) {
   ExpectAKillChangesNothing(config);
 }
 
+TEST(TrainerTest, ARunWithDrawnFieldsResumedAfterAKillEndsBitIdentical) {
+  RunConfig config = SmallRun();
+  config.environment.randomize = {{"lidar.offset_x", {"[-0.1, 0.1]", ""}},
+                                  {"robot.command_delay", {"[0.0, 0.12]", ""}},
+                                  {"robot.friction", {"['cone', 'gazebo']", ""}}};
+  ExpectAKillChangesNothing(config);
+}
+
 TEST(TrainerTest, APrioritizedRunResumedAfterAKillEndsBitIdentical) {
   RunConfig config = SmallRun();
   config.method.learner.prioritized = true;

@@ -1,12 +1,16 @@
 // What every engine must do, whatever its friction: the contract of sim::RobotBody.
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "base/error.h"
 #include "base/parallel.h"
 #include "base/random.h"
 #include "sim/courses/motion.h"
+#include "sim/environments.h"
+#include "sim/randomized_config.h"
 #include "tests/sim/engines/engine_drive.h"
 
 namespace slalom::test {
@@ -227,6 +231,54 @@ TEST_P(EngineBodyTest, DrivesAlikeAgainAndOnAnyNumberOfThreads) {
   base::ParallelFor parallel(kNum);
   parallel.For(kNum, [&](int i) { together[i] = RandomDrive(*robots[i], i); });
   EXPECT_EQ(alone, together);
+}
+
+/// The poses of an episode of steady driving.
+std::vector<base::Pose2> PosesOf(const sim::EnvironmentConfig& config, const std::string& physics,
+                                 std::uint64_t seed) {
+  sim::Course course = WithCircle({3.0, 0.3}, 0.2);
+  course.goal_W = {9.0, 0.0};
+  sim::CourseSet set;
+  set.courses = {std::make_shared<const sim::Course>(std::move(course))};
+  sim::CourseEnvironments environments(config, sim::MakeScenes(set), 1, nullptr,
+                                       engines::FindPhysics(physics).make_bodies);
+  environments.Reset(0, {0, seed});
+  std::vector<base::Pose2> poses;
+  std::vector<env::StepResult> results(1);
+  for (int i = 0; i < 12 && !results[0].ended(); ++i) {
+    environments.Step(std::vector{env::Action{0.4f, i % 2 == 0 ? 0.5f : -0.5f}}, results);
+    poses.push_back(environments.robot_pose(0));
+  }
+  return poses;
+}
+
+TEST_P(EngineBodyTest, ARandomisedEpisodeIsThatOfAConfigWithTheDrawnValues) {
+  sim::EnvironmentConfig config;
+  config.randomize = {{"robot.command_delay", {"[0.0, 0.3]", ""}},
+                      {"robot.mass", {"[12.0, 25.0]", ""}},
+                      {"robot.wheel_friction", {"[0.3, 0.7]", ""}}};
+  sim::RandomizedConfig task(config);
+  for (const std::uint64_t seed : {1u, 2u}) {
+    task.Draw(seed);
+    EXPECT_EQ(PosesOf(config, GetParam(), seed), PosesOf(task.config(), GetParam(), seed));
+  }
+  EXPECT_NE(PosesOf(config, GetParam(), 1), PosesOf(config, GetParam(), 2));
+}
+
+TEST_P(EngineBodyTest, RobotsThatItCannotBuildAreRefusedBeforeTheyAreDrawn) {
+  sim::EnvironmentConfig config;
+  const auto error_of = [&] {
+    try {
+      PosesOf(config, GetParam(), 1);
+      return std::string();
+    } catch (const base::Error& error) {
+      return std::string(error.what());
+    }
+  };
+  config.randomize = {{"robot.drive", {"['skid-steer', 'ideal']", ""}}};
+  EXPECT_THAT(error_of(), ::testing::HasSubstr("environment.robot.drive is \"ideal\""));
+  config.randomize = {{"robot.mass", {"[1.0, 20.0]", ""}}};
+  EXPECT_THAT(error_of(), ::testing::HasSubstr("environment.robot.mass is 1 kg"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Each, EngineBodyTest, ::testing::Values("ode", "mujoco"),
