@@ -1,9 +1,11 @@
 #include "actor/actor.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "base/check.h"
 #include "base/error.h"
@@ -49,12 +51,13 @@ Actor::Actor(const ActorConfig& config, env::BatchEnvironment& environments, env
       seed_(seed),
       environments_(environments),
       agent_(agent),
+      action_size_(environments.shape().action_size),
       noise_(SpreadNoise(config, environments.batch_size())),
       sampler_(sampling, environments.num_courses(), environments.has_fresh_courses(),
                FirstFreshCourse(seed)),
       running_(environments.batch_size()),
-      actions_(environments.batch_size()),
-      normal_(environments.batch_size()),
+      actions_(environments.batch_size() * action_size_),
+      normal_(environments.batch_size() * action_size_),
       results_(environments.batch_size()),
       rows_(environments.batch_size()) {
   for (int i = 0; i < environments_.batch_size(); ++i) {
@@ -70,7 +73,7 @@ void Actor::Step(replay::Chunk* out) {
   RequireFiniteActions();
   AddNoise();
   for (int i = 0; i < environments_.batch_size(); ++i) {
-    rows_[i] = out->BeginStep(i, observations.first[i] != 0, observations.frame(i), actions_[i]);
+    rows_[i] = out->BeginStep(i, observations.first[i] != 0, observations.frame(i), action(i));
   }
   environments_.Step(actions_, results_);
   for (int i = 0; i < environments_.batch_size(); ++i) {
@@ -78,7 +81,7 @@ void Actor::Step(replay::Chunk* out) {
     if (config_.time_limit_terminates && results_[i].ended()) {
       out->flags[rows_[i]] |= replay::kRowTerminated;
     }
-    running_[i].actions.push_back(actions_[i]);
+    running_[i].actions.insert(running_[i].actions.end(), action(i).begin(), action(i).end());
     running_[i].episode_return += results_[i].reward;
     if (results_[i].ended()) {
       out->AddFinal(i, observations.frame(i));
@@ -113,19 +116,19 @@ void Actor::EndEpisode(int i) {
   ++num_outcomes_[static_cast<int>(results_[i].outcome)];
   sampling_stats_ = sampler_.stats();
   if (environment.is_learnable) return;
-  recent_.push_back({results_[i].outcome, static_cast<std::int32_t>(environment.actions.size()),
+  recent_.push_back({results_[i].outcome,
+                     static_cast<std::int32_t>(environment.actions.size() / action_size_),
                      environment.episode_return});
   while (std::ssize(recent_) > config_.stats_episodes) recent_.pop_front();
 }
 
 void Actor::RequireFiniteActions() const {
-  for (int i = 0; i < environments_.batch_size(); ++i) {
-    if (!std::isfinite(actions_[i].linear) || !std::isfinite(actions_[i].angular)) {
-      throw base::Error(fmt::format(
-          "the policy chose the action ({}, {}) in environment {}; expected finite numbers",
-          actions_[i].linear, actions_[i].angular, i));
-    }
-  }
+  const auto bad = std::ranges::find_if(actions_, [](float a) { return !std::isfinite(a); });
+  if (bad == actions_.end()) return;
+  const std::size_t i = static_cast<std::size_t>(bad - actions_.begin()) / action_size_;
+  throw base::Error(
+      fmt::format("the policy chose the action ({}) in environment {}; expected finite numbers",
+                  fmt::join(std::span(actions_).subspan(i * action_size_, action_size_), ", "), i));
 }
 
 void Actor::AddNoise() {
@@ -136,20 +139,18 @@ void Actor::AddNoise() {
   }
   for (int i = 0; i < environments_.batch_size(); ++i) {
     base::Random& random = running_[i].noise;
-    if (warming_up) {
-      actions_[i].linear = static_cast<float>(random.Uniform(-1.0, 1.0));
-      actions_[i].angular = static_cast<float>(random.Uniform(-1.0, 1.0));
-    } else {
-      normal_[i].linear = static_cast<float>(random.Normal());
-      normal_[i].angular = static_cast<float>(random.Normal());
+    for (std::size_t j = i * action_size_; j < (i + 1) * action_size_; ++j) {
+      if (warming_up) {
+        actions_[j] = static_cast<float>(random.Uniform(-1.0, 1.0));
+      } else {
+        normal_[j] = static_cast<float>(random.Normal());
+      }
     }
   }
   if (warming_up || agent_.Explore(normal_, actions_)) return;
-  for (int i = 0; i < environments_.batch_size(); ++i) {
-    actions_[i].linear = Clip(static_cast<double>(actions_[i].linear) +
-                              noise_[i] * static_cast<double>(normal_[i].linear));
-    actions_[i].angular = Clip(static_cast<double>(actions_[i].angular) +
-                               noise_[i] * static_cast<double>(normal_[i].angular));
+  for (std::size_t j = 0; j < actions_.size(); ++j) {
+    actions_[j] = Clip(static_cast<double>(actions_[j]) +
+                       noise_[j / action_size_] * static_cast<double>(normal_[j]));
   }
 }
 
@@ -163,7 +164,7 @@ ActorStats Actor::stats() const {
   stats.sampling = sampling_stats_;
   if (recent_.empty()) return stats;
   const double share = 1.0 / static_cast<double>(recent_.size());
-  int num_outcomes[4] = {};
+  int num_outcomes[env::kNumOutcomes] = {};
   for (const EpisodeSummary& episode : recent_) {
     ++num_outcomes[static_cast<int>(episode.outcome)];
     stats.mean_return += share * static_cast<double>(episode.episode_return);
@@ -244,17 +245,19 @@ void Actor::ReplayOpenEpisodes(const std::vector<OpenEpisode>& open) {
       throw base::Error(fmt::format("the actor state is on course {}, expected a number below {}",
                                     episode.spec.course, environments_.num_courses()));
     }
-    longest = std::max(longest, episode.actions.size());
+    longest = std::max(longest, episode.actions.size() / action_size_);
   }
   for (std::size_t left = longest;; --left) {
     for (int i = 0; i < environments_.batch_size(); ++i) {
-      if (open[i].actions.size() == left) environments_.Reset(i, open[i].spec);
+      if (open[i].actions.size() / action_size_ == left) environments_.Reset(i, open[i].spec);
     }
     if (left == 0) return;
     agent_.Act(environments_.observations(), actions_);
     for (int i = 0; i < environments_.batch_size(); ++i) {
-      const auto& recorded = open[i].actions;
-      actions_[i] = recorded.size() >= left ? recorded[recorded.size() - left] : env::Action{};
+      const std::span<const float> recorded(open[i].actions);
+      std::ranges::fill(action(i), 0.0f);
+      if (recorded.size() < left * action_size_) continue;
+      std::ranges::copy(recorded.last(left * action_size_).first(action_size_), action(i).begin());
     }
     environments_.Step(actions_, results_);
   }

@@ -15,7 +15,7 @@
 #include "env/environment.h"
 #include "replay/chunk.h"
 
-/// Shapes: `B` environments.
+/// Shapes: `B` environments, `A` numbers of an action.
 
 namespace slalom::actor {
 
@@ -25,7 +25,7 @@ struct ActorStats {
   std::int64_t num_steps = 0;     ///< Environment steps in total.
   std::int64_t num_episodes = 0;  ///< Finished episodes in total.
   /// Finished episodes by `env::Outcome`, without those from before a `Restore`.
-  std::array<std::int64_t, 4> num_outcomes{};
+  std::array<std::int64_t, env::kNumOutcomes> num_outcomes{};
   int num_recent = 0;  ///< Finished episodes that the means below are taken over.
   double success_rate = 0.0;
   double collision_rate = 0.0;
@@ -58,7 +58,7 @@ class Actor {
   /// episode that ends, whose environment then begins the next one. Stream i of the chunk is
   /// environment i. Throws `base::Error` if the agent chooses an action that is not finite (its
   /// network diverged); the actor is then unchanged.
-  /// Requires: out->num_beams is the observations'.
+  /// Requires: out->shape is the environments'.
   void Step(replay::Chunk* out);
 
   ActorStats stats() const EXCLUDES(mutex_);
@@ -81,9 +81,12 @@ class Actor {
     bool is_learnable = false;  // Its course was drawn as a learnable one.
     base::Random noise{0};
     float episode_return = 0.0f;
-    std::vector<env::Action> actions;  // Taken in the running episode.
+    std::vector<float> actions;  // [T, A], taken in the running episode.
   };
 
+  std::span<float> action(int i) {
+    return std::span(actions_).subspan(static_cast<std::size_t>(i) * action_size_, action_size_);
+  }
   void BeginEpisode(int i);
   void EndEpisode(int i);
   void RequireFiniteActions() const;
@@ -95,18 +98,19 @@ class Actor {
   const std::uint64_t seed_;
   env::BatchEnvironment& environments_;
   env::Agent& agent_;
+  const std::size_t action_size_;    // A
   const std::vector<double> noise_;  // [B]
   CourseSampler sampler_;
   std::vector<Environment> running_;      // [B]
-  std::vector<env::Action> actions_;      // [B]
-  std::vector<env::Action> normal_;       // [B], a step's standard normal numbers.
+  std::vector<float> actions_;            // [B, A]
+  std::vector<float> normal_;             // [B, A], a step's standard normal numbers.
   std::vector<env::StepResult> results_;  // [B]
   std::vector<int> rows_;                 // [B], indices into the chunk being filled.
 
   mutable base::Mutex mutex_;
   std::int64_t num_steps_ GUARDED_BY(mutex_) = 0;
   std::int64_t num_episodes_ GUARDED_BY(mutex_) = 0;
-  std::array<std::int64_t, 4> num_outcomes_ GUARDED_BY(mutex_){};
+  std::array<std::int64_t, env::kNumOutcomes> num_outcomes_ GUARDED_BY(mutex_){};
   std::deque<EpisodeSummary> recent_ GUARDED_BY(mutex_);
   SamplingStats sampling_stats_ GUARDED_BY(mutex_);
 };

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <type_traits>
@@ -14,7 +15,9 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the format is little-endian");
 
-constexpr std::string_view kMagic = "SLACTOR2";
+constexpr std::string_view kMagic = "SLACTOR3";
+// The version before counted actions of two numbers where this one counts numbers.
+constexpr std::string_view kMagicBefore = "SLACTOR2";
 
 class Writer {
  public:
@@ -29,6 +32,10 @@ class Writer {
     (*this)(static_cast<std::uint64_t>(list.size()));
     for (const T& item : list) field(*this, item);
   }
+  void Numbers(const std::vector<float>& numbers) {
+    (*this)(static_cast<std::uint64_t>(numbers.size()));
+    Raw({reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(float)});
+  }
   std::string Take() {
     (*this)(base::Checksum(std::string_view(bytes_)));
     return std::move(bytes_);
@@ -40,7 +47,9 @@ class Writer {
 
 class Reader {
  public:
-  Reader(std::string_view bytes, std::string_view source) : bytes_(bytes), source_(source) {}
+  /// `unit`: what the length of a list of numbers counts, in numbers.
+  Reader(std::string_view bytes, std::string_view source, std::size_t unit)
+      : bytes_(bytes), source_(source), unit_(unit) {}
 
   template <class T>
   void operator()(T& value) {
@@ -67,11 +76,21 @@ class Reader {
     list.clear();
     for (std::uint64_t i = 0; i < size; ++i) field(*this, list.emplace_back());
   }
+  void Numbers(std::vector<float>& numbers) {
+    std::uint64_t size = 0;
+    (*this)(size);
+    // A length beyond the bytes is left for `Raw` to refuse.
+    const std::size_t count = std::min<std::uint64_t>(size, bytes_.size()) * unit_;
+    const std::string_view raw = Raw(count * sizeof(float));
+    numbers.resize(count);
+    if (count > 0) std::memcpy(numbers.data(), raw.data(), raw.size());
+  }
   bool at_end() const { return bytes_.empty(); }
 
  private:
   std::string_view bytes_;
   std::string_view source_;
+  std::size_t unit_;
 };
 
 /// The fields in the order of the file, for writing (const) and for reading.
@@ -91,10 +110,7 @@ void VisitOpen(Stream& s, Open& open) {
   for (auto& word : open.noise) s(word);
   s(open.episode_return);
   s(open.frame_checksum);
-  s.List(open.actions, [](Stream& inner, auto& action) {
-    inner(action.linear);
-    inner(action.angular);
-  });
+  s.Numbers(open.actions);
 }
 
 template <class Stream, class Sampler>
@@ -129,7 +145,8 @@ std::string ActorState::Serialize() const {
 }
 
 ActorState ActorState::Parse(std::string_view bytes, std::string_view source) {
-  if (bytes.size() < kMagic.size() + sizeof(std::uint64_t) || !bytes.starts_with(kMagic)) {
+  const bool is_known = bytes.starts_with(kMagic) || bytes.starts_with(kMagicBefore);
+  if (bytes.size() < kMagic.size() + sizeof(std::uint64_t) || !is_known) {
     throw base::Error(
         fmt::format("{}: not an actor state (expected it to start with {})", source, kMagic));
   }
@@ -141,7 +158,7 @@ ActorState ActorState::Parse(std::string_view bytes, std::string_view source) {
     throw base::Error(fmt::format("{}: actor state is damaged (checksum {:016x}, expected {:016x})",
                                   source, found, expected));
   }
-  Reader reader(content, source);
+  Reader reader(content, source, bytes.starts_with(kMagicBefore) ? env::kActionSize : 1);
   reader.Raw(kMagic.size());
   ActorState state;
   VisitState(reader, state);
@@ -149,7 +166,8 @@ ActorState ActorState::Parse(std::string_view bytes, std::string_view source) {
     throw base::Error(fmt::format("{}: actor state has bytes after its end", source));
   }
   for (const EpisodeSummary& summary : state.recent) {
-    if (summary.outcome == env::Outcome::kRunning || summary.outcome > env::Outcome::kTimeout) {
+    const auto outcome = static_cast<int>(summary.outcome);
+    if (outcome < 1 || outcome >= env::kNumOutcomes) {
       throw base::Error(fmt::format("{}: actor state has an episode with outcome {}", source,
                                     static_cast<int>(summary.outcome)));
     }

@@ -29,7 +29,7 @@ struct OpenEpisode {
   base::Random::State noise{};       ///< Stream of the exploration noise, before the next step.
   float episode_return = 0.0f;       ///< Return so far.
   std::uint64_t frame_checksum = 0;  ///< Checks that `Restore` led to the current frame.
-  std::vector<env::Action> actions;  ///< Actions so far, as given to the environment.
+  std::vector<float> actions;        ///< [T, A], actions so far, as given to the environment.
 };
 
 /// Everything that an `Actor` needs to continue as if it had never stopped. As environments are
@@ -42,7 +42,7 @@ struct ActorState {
   std::vector<OpenEpisode> open;       ///< One per environment.
   SamplerState sampler;
 
-  /// Returns the state as bytes, little-endian: "SLACTOR2", the fields in the order above (each
+  /// Returns the state as bytes, little-endian: "SLACTOR3", the fields in the order above (each
   /// list preceded by its length as u64), then the XXH3 checksum of all bytes before.
   std::string Serialize() const;
 

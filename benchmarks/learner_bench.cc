@@ -45,7 +45,7 @@ replay::Table MakeTable(std::int64_t num_frames) {
   const auto frame = [&] {
     for (auto& range : ranges) range = static_cast<std::uint16_t>(random.NextU64() % 501);
     for (float& value : state) value = static_cast<float>(random.Uniform(-1.0, 1.0));
-    return env::FrameView{ranges, std::span(state).first<env::kStateSize>()};
+    return env::FrameView{ranges, state};
   };
   for (std::int64_t i = 0; i + kEpisodeSteps < num_frames; i += kEpisodeSteps + 1) {
     chunk.Clear();
@@ -53,7 +53,7 @@ replay::Table MakeTable(std::int64_t num_frames) {
       const bool last = step + 1 == kEpisodeSteps;
       const env::StepResult result{
           .reward = 1.0f, .outcome = last ? env::Outcome::kSuccess : env::Outcome::kRunning};
-      chunk.AddStep(0, step == 0, frame(), {0.5f, -0.5f}, result);
+      chunk.AddStep(0, step == 0, frame(), std::array{0.5f, -0.5f}, result);
     }
     chunk.AddFinal(0, frame());
     table.Insert(chunk);
@@ -198,9 +198,9 @@ void RunActing(benchmark::State& state, const std::string& preset) {
     range = static_cast<std::uint16_t>(random.UniformInt(501));
   }
   std::vector<env::Action> actions(batch);
-  agent.Act(observations, actions);
+  agent.Act(observations, env::NumbersOf(actions));
   const double begin = ThreadSeconds();
-  for (auto _ : state) agent.Act(observations, actions);
+  for (auto _ : state) agent.Act(observations, env::NumbersOf(actions));
   state.counters["us_per_observation"] =
       1e6 * (ThreadSeconds() - begin) / (static_cast<double>(state.iterations()) * batch);
 }

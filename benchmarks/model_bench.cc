@@ -42,7 +42,7 @@ void Plan(benchmark::State& state, const std::string& preset) {
   }
   std::vector<env::Action> actions(kEnvironments);
   const double begin = ThreadSeconds();
-  for (auto _ : state) agent->Act(observations, actions);
+  for (auto _ : state) agent->Act(observations, env::NumbersOf(actions));
   const double seconds = (ThreadSeconds() - begin) / static_cast<double>(state.iterations());
   const auto actor_size = static_cast<double>(snapshot.weights->size());
   const auto critic_size = static_cast<double>(snapshot.critic_weights->size());

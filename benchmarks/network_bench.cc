@@ -111,7 +111,7 @@ void RunAgent(benchmark::State& state, const std::string& encoder, const Size& s
   for (auto& range : observations.ranges_cm)
     range = static_cast<std::uint16_t>(random.NextU64() % 501);
   std::vector<env::Action> actions(batch);
-  const auto act = [&] { agent.Act(observations, actions); };
+  const auto act = [&] { agent.Act(observations, env::NumbersOf(actions)); };
   const auto act_as_trained = [&] {
     features.PushFrames(observations, history, input.data_ptr<float>());
     network.Forward(pass);

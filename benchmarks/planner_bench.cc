@@ -51,8 +51,8 @@ std::vector<Moment> Record(const std::string& name) {
                          {o.odometry[0].linear, o.odometry[0].angular},
                          o.first[0] != 0,
                          {frame.state[0], frame.state[1]}});
-      agent.Act(o, actions);
-      environments.Step(actions, results);
+      agent.Act(o, env::NumbersOf(actions));
+      environments.Step(env::NumbersOf(actions), results);
     }
   }
   return moments;

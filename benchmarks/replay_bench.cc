@@ -20,7 +20,7 @@ class Source {
  public:
   const Chunk& Next() {
     chunk_.Clear();
-    const env::FrameView frame{scan_, std::span(state_).first<env::kStateSize>()};
+    const env::FrameView frame{scan_, state_};
     for (int s = 0; s < kStreams; ++s) {
       const int step = (time_ + s) % kEpisodeSteps;
       const bool first = time_ == 0 || step == 0;

@@ -43,7 +43,7 @@ transport::Frame ChunkBytes(bool first) {
   Chunk chunk(kBeams);
   const std::vector<std::uint16_t> scan(kBeams, 250);
   const std::vector<float> state(env::kStateSize, 1.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   for (int s = 0; s < kRows; ++s) chunk.AddStep(s, first, frame, {}, {.reward = 1.0f});
   transport::Frame bytes(RowBytes::Size(kRows, kBeams));
   RowBytes::Write(chunk, bytes.mutable_bytes());
@@ -86,7 +86,7 @@ class Service {
                     ReplayServerSpec{.endpoint = "tcp://127.0.0.1:*",
                                      .security = keys_.ForServer(),
                                      .table = {.capacity = kCapacity},
-                                     .num_beams = kBeams,
+                                     .shape = kBeams,
                                      .updates_per_step = 1e6,
                                      .learning_starts = 0},
                     context_, registry_);
@@ -217,7 +217,7 @@ class Consumer {
     const auto fault = ParseSample(message->payload.bytes(),
                                    {.batch = reply.batch,
                                     .history = reply.history,
-                                    .num_beams = reply.num_beams,
+                                    .step = reply.num_beams,
                                     .weighted = reply.weighted},
                                    &rows_);
     SLALOM_CHECK(!fault.has_value());
@@ -358,7 +358,7 @@ void Recover(benchmark::State& state) {
   const std::int64_t rows = state.range(0);
   const auto directory = std::filesystem::temp_directory_path() / "slalom-recover-bench";
   std::filesystem::remove_all(directory);
-  const JournalOptions options{.directory = directory, .num_beams = kBeams};
+  const JournalOptions options{.directory = directory, .shape = kBeams};
   const transport::Frame first = ChunkBytes(true), later = ChunkBytes(false);
   {
     Sessions sessions;

@@ -69,7 +69,7 @@ std::vector<MetPose> DrivenPoses() {
       poses.push_back({StaticScenes()[i].get(), environments.robot_pose(i)});
       actions[i] = Steer(environments.observations().frame(i), random);
     }
-    environments.Step(actions, results);
+    environments.Step(env::NumbersOf(actions), results);
     for (int i = 0; i < kNumCourses; ++i) {
       if (results[i].ended()) environments.Reset(i, {i, random.NextU64()});
     }
@@ -100,7 +100,7 @@ void StepEnvironments(benchmark::State& state, const EnvironmentConfig& config,
         actions[i] = Steer(environments.observations().frame(i), random[i]);
       }
     });
-    environments.Step(actions, results);
+    environments.Step(env::NumbersOf(actions), results);
     for (const env::StepResult& result : results) {
       collisions += result.outcome == env::Outcome::kCollision;
     }

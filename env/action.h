@@ -1,10 +1,14 @@
 #pragma once
 
+#include <iterator>
+#include <span>
+#include <type_traits>
+
 #include "base/config_field.h"
 
 namespace slalom::env {
 
-/// The command of an agent for one control step. Each part is normalised to [-1, 1].
+/// The command for the robot on a course in one control step. Each part is normalised to [-1, 1].
 struct Action {
   float linear = 0.0f;
   float angular = 0.0f;
@@ -12,8 +16,25 @@ struct Action {
   friend bool operator==(const Action&, const Action&) = default;
 };
 
-/// How many numbers an action has.
+/// How many numbers an action on a course has.
 inline constexpr int kActionSize = 2;
+static_assert(sizeof(Action) == kActionSize * sizeof(float));
+
+/// A view of commands (a vector, span or array of `Action`) as numbers, [B, 2], and the reverse.
+template <class Actions>
+auto NumbersOf(Actions&& actions) {
+  using Number =
+      std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(std::data(actions))>>,
+                         const float, float>;
+  return std::span<Number>(reinterpret_cast<Number*>(std::data(actions)),
+                           std::size(actions) * kActionSize);
+}
+inline std::span<const Action> AsActions(std::span<const float> numbers) {
+  return {reinterpret_cast<const Action*>(numbers.data()), numbers.size() / kActionSize};
+}
+inline std::span<Action> AsActions(std::span<float> numbers) {
+  return {reinterpret_cast<Action*>(numbers.data()), numbers.size() / kActionSize};
+}
 
 /// The speeds that an action of +-1 commands (docs/original-system.md, section 1.3).
 struct ActionBounds {

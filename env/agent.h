@@ -3,8 +3,9 @@
 #include <span>
 #include <string>
 
-#include "env/action.h"
 #include "env/observation.h"
+
+/// Shapes: `B` environments, `A` numbers of an action (on a course `kActionSize`).
 
 namespace slalom::env {
 
@@ -16,15 +17,13 @@ class Agent {
  public:
   virtual ~Agent() = default;
 
-  /// Chooses the next action of every environment.
-  /// Requires: actions.size() == observations.batch_size.
-  virtual void Act(const ObservationBatch& observations, std::span<Action> actions) = 0;
+  /// Chooses the next action of every environment. actions: [B, A], each number in [-1, 1].
+  virtual void Act(const ObservationBatch& observations, std::span<float> actions) = 0;
 
   /// Replaces the actions of the last `Act` by draws from the agent's own distribution. `noise`
-  /// holds standard normal numbers (linear, angular) for every environment. Returns false and
-  /// leaves the actions as they are if the agent has no distribution.
-  /// Requires: noise.size() == actions.size() == the batch size of that `Act`.
-  virtual bool Explore(std::span<const Action> /*noise*/, std::span<Action> /*actions*/) {
+  /// holds standard normal numbers. Returns false and leaves the actions as they are if the agent
+  /// has no distribution. noise, actions: [B, A], as in that `Act`.
+  virtual bool Explore(std::span<const float> /*noise*/, std::span<float> /*actions*/) {
     return false;
   }
 

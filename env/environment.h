@@ -3,9 +3,9 @@
 #include <span>
 
 #include "base/geometry.h"
-#include "env/action.h"
 #include "env/episode.h"
 #include "env/observation.h"
+#include "env/step_shape.h"
 
 namespace slalom::env {
 
@@ -28,11 +28,14 @@ class BatchEnvironment {
 
   /// Runs one control step in every environment with a running episode. Leaves the results of the
   /// others as they were.
-  /// Requires: actions.size() == results.size() == batch_size().
-  virtual void Step(std::span<const Action> actions, std::span<StepResult> results) = 0;
+  /// actions: [B, A], each number in [-1, 1]; results: [B].
+  virtual void Step(std::span<const float> actions, std::span<StepResult> results) = 0;
 
   /// The current frame of each environment.
   virtual const ObservationBatch& observations() const = 0;
+
+  /// The sizes of a step; those of a course unless overridden.
+  virtual StepShape shape() const { return observations().num_beams; }
 
   /// The true pose of the robot in environment `i`, for records and pictures, not for agents.
   virtual base::Pose2 robot_pose(int i) const = 0;

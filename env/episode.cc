@@ -14,6 +14,8 @@ std::string_view ToString(Outcome outcome) {
       return "collision";
     case Outcome::kTimeout:
       return "timeout";
+    case Outcome::kTerminated:
+      return "terminated";
   }
   base::CheckFailed(__FILE__, __LINE__, "unknown outcome");
 }

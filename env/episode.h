@@ -6,7 +6,14 @@
 namespace slalom::env {
 
 /// Whether an episode is running, or how it ended.
-enum class Outcome : std::uint8_t { kRunning, kSuccess, kCollision, kTimeout };
+enum class Outcome : std::uint8_t {
+  kRunning,
+  kSuccess,
+  kCollision,
+  kTimeout,
+  kTerminated,  ///< In a final state that is neither success nor collision: not on a course.
+};
+inline constexpr int kNumOutcomes = 5;
 
 std::string_view ToString(Outcome outcome);
 
@@ -19,7 +26,7 @@ struct StepResult {
   bool ended() const { return outcome != Outcome::kRunning; }
   /// Whether the state is final, so that no value lies beyond it. The state at a time limit is not
   /// final (a truncation): learning bootstraps from it.
-  bool terminated() const { return outcome == Outcome::kSuccess || outcome == Outcome::kCollision; }
+  bool terminated() const { return ended() && outcome != Outcome::kTimeout; }
 };
 
 /// Course and seed of an episode. The same spec, config and actions give the same episode, bit for

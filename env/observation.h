@@ -6,20 +6,20 @@
 
 #include "base/geometry.h"
 
-/// Shapes: `B` environments in a batch, `N` beams in a scan, `S` = kStateSize.
+/// Shapes: `B` environments in a batch, `N` beams in a scan, `S` numbers of a state.
 
 namespace slalom::env {
 
-/// How many numbers a frame has besides the scan: the goal's x and y in the robot's frame (x
-/// forward, y left) [m], then the last action (linear, angular), normalised to [-1, 1] with the
-/// action bounds.
+/// How many numbers a frame on a course has besides the scan: the goal's x and y in the robot's
+/// frame (x forward, y left) [m], then the last action (linear, angular), normalised to [-1, 1]
+/// with the action bounds.
 inline constexpr int kStateSize = 4;
 
 /// Observation of one environment at one time step, in the form in which it is sensed, sent and
 /// stored. A view: it does not own the numbers.
 struct FrameView {
   std::span<const std::uint16_t> ranges_cm;  ///< [N], beams counter-clockwise, clipped, [cm].
-  std::span<const float, kStateSize> state;  ///< See kStateSize.
+  std::span<const float> state;              ///< [S], on a course as kStateSize says.
 };
 
 /// Where the robot believes it is and how it moves, according to its wheels and gyroscope. Planners
@@ -36,34 +36,36 @@ struct Odometry {
 /// not allocate.
 struct ObservationBatch {
   int batch_size = 0;
-  int num_beams = 0;
+  int num_beams = 0;                     ///< N; 0 if there is no scan.
+  int state_size = 0;                    ///< S
   std::vector<std::uint16_t> ranges_cm;  ///< [B, N] [cm]
-  std::vector<float> state;              ///< [B, S], see kStateSize.
+  std::vector<float> state;              ///< [B, S], on a course as kStateSize says.
   std::vector<Odometry> odometry;        ///< [B]
   std::vector<std::uint8_t> ended;  ///< [B], 1 in the last frame of an episode: no action needed.
   std::vector<std::uint8_t> first;  ///< [B], 1 in the first frame of an episode: forget the past.
 
-  void Resize(int new_batch_size, int new_num_beams) {
+  void Resize(int new_batch_size, int new_num_beams, int new_state_size = kStateSize) {
     batch_size = new_batch_size;
     num_beams = new_num_beams;
+    state_size = new_state_size;
     ranges_cm.assign(static_cast<std::size_t>(batch_size) * num_beams, 0);
-    state.assign(static_cast<std::size_t>(batch_size) * kStateSize, 0.0f);
+    state.assign(static_cast<std::size_t>(batch_size) * state_size, 0.0f);
     odometry.assign(static_cast<std::size_t>(batch_size), Odometry{});
     first.assign(static_cast<std::size_t>(batch_size), 1);
     ended.assign(static_cast<std::size_t>(batch_size), 0);
   }
 
   FrameView frame(int i) const {
-    const auto n = static_cast<std::size_t>(num_beams);
-    return {std::span(ranges_cm).subspan(i * n, n),
-            std::span(state).subspan(static_cast<std::size_t>(i) * kStateSize).first<kStateSize>()};
+    const auto n = static_cast<std::size_t>(num_beams), s = static_cast<std::size_t>(state_size);
+    return {std::span(ranges_cm).subspan(i * n, n), std::span(state).subspan(i * s, s)};
   }
   std::span<std::uint16_t> mutable_ranges(int i) {
     const auto n = static_cast<std::size_t>(num_beams);
     return std::span(ranges_cm).subspan(i * n, n);
   }
-  std::span<float, kStateSize> mutable_state(int i) {
-    return std::span(state).subspan(static_cast<std::size_t>(i) * kStateSize).first<kStateSize>();
+  std::span<float> mutable_state(int i) {
+    const auto s = static_cast<std::size_t>(state_size);
+    return std::span(state).subspan(i * s, s);
   }
 };
 
@@ -71,15 +73,16 @@ struct ObservationBatch {
 /// section 1.3). A policy is trained for one spec and refuses observations of another.
 struct ObservationSpec {
   int num_beams = 720;
+  int state_size = kStateSize;
   double range_clip = 5.0;  ///< [m]; 0 is mapped to -1 and range_clip to +1.
   double goal_scale = 5.0;  ///< [m]; a goal coordinate g is mapped to g / goal_scale - 1.
 
-  int size() const { return num_beams + kStateSize; }
+  int size() const { return num_beams + state_size; }
   friend bool operator==(const ObservationSpec&, const ObservationSpec&) = default;
 };
 
-/// Writes the observation of the POMDP: [N + 4] float, which are ranges, goal and last action,
-/// mapped as `spec` says.
+/// Writes the observation of the POMDP on a course: [N + 4] float, which are ranges, goal and last
+/// action, mapped as `spec` says.
 /// Requires: frame.ranges_cm.size() == spec.num_beams, observation.size() == spec.size().
 void WriteObservation(const ObservationSpec& spec, const FrameView& frame,
                       std::span<float> observation);

@@ -87,9 +87,9 @@ class Driver {
   const EpisodeCount& count() const { return count_; }
 
   void Step(env::Agent& agent) {
-    agent.Act(environments_.observations(), actions_);
+    agent.Act(environments_.observations(), env::NumbersOf(actions_));
     RequireFiniteActions();
-    environments_.Step(actions_, results_);
+    environments_.Step(env::NumbersOf(actions_), results_);
     for (int i = 0; i < environments_.batch_size(); ++i) {
       if (running_[i].record == kIdle) continue;
       Record(i);

@@ -23,10 +23,11 @@ class ActorCritic : public Algorithm {
         totals_(context.totals),
         constraint_(context.constraint),
         actor_(nn::ActorShape(context.spec.network, context.frame_size,
-                              context.spec.distribution.num_outputs()),
+                              context.spec.distribution.num_outputs(context.spec.action_size)),
                context.spec.distribution, context.initial_weights, context.minibatch),
         critics_("critics",
-                 nn::CriticShape(context.spec.network, context.frame_size, critic_outputs),
+                 nn::CriticShape(context.spec.network, context.frame_size, critic_outputs,
+                                 context.spec.action_size),
                  num_critics, context.initial_weights, context.minibatch),
         target_(at::zeros_like(context.minibatch.reward)),
         td_errors_(at::zeros_like(context.minibatch.reward)) {}

@@ -11,7 +11,7 @@
 #include "learner/minibatch.h"
 #include "policy/nn/safetensors.h"
 
-/// Shapes: `B` batch, `A` = 2 numbers of an action.
+/// Shapes: `B` batch, `A` numbers of an action.
 
 namespace slalom::learner {
 

@@ -15,7 +15,7 @@
 #include "policy/nn/autograd_networks.h"
 #include "policy/nn/network.h"
 
-/// Shapes: `B` batch, `A` = 2 numbers of an action, `K` critics, `P` parameters and `O` outputs of
+/// Shapes: `B` batch, `A` numbers of an action, `K` critics, `P` parameters and `O` outputs of
 /// one.
 
 namespace slalom::learner {

@@ -11,7 +11,7 @@
 #include "policy/nn/network.h"
 #include "policy/policy.h"
 
-/// Shapes: `B` batch, `A` = 2 numbers of an action, `P` parameters.
+/// Shapes: `B` batch, `A` numbers of an action, `P` parameters.
 
 namespace slalom::learner {
 

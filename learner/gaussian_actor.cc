@@ -5,7 +5,6 @@
 #include <span>
 
 #include "base/check.h"
-#include "env/action.h"
 #include "learner/stored_state.h"
 #include "learner/value_ops.h"
 #include "policy/nn/kernels/layer_ops.h"
@@ -26,8 +25,7 @@ GaussianActor::GaussianActor(const nn::NetworkShape& shape,
       network_(shape, parameters_),
       network_gradient_(shape, gradient_),
       now_{nn::NetworkPass(shape, minibatch.features, nn::PassUse::kTraining, minibatch.dropout),
-           at::zeros({minibatch.reward.size(0), env::kActionSize}, minibatch.reward.options()),
-           at::zeros_like(minibatch.reward)},
+           at::zeros_like(minibatch.actions), at::zeros_like(minibatch.reward)},
       next_{nn::NetworkPass(shape, minibatch.next_features, nn::PassUse::kInference,
                             minibatch.dropout),
             at::zeros_like(now_.actions), at::zeros_like(minibatch.reward)},
@@ -62,7 +60,7 @@ SampledActions GaussianActor::Sample(Draws& draws, const at::Tensor& noise) {
 
 const at::Tensor& GaussianActor::ActNext() {
   network_.Forward(next_.pass);
-  CopyActions(next_.pass.output().narrow(1, 0, env::kActionSize), next_.actions);
+  CopyActions(next_.pass.output().narrow(1, 0, next_.actions.size(1)), next_.actions);
   nn::Tanh(next_.actions);
   return next_.actions;
 }

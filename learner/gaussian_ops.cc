@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "env/action.h"
 #include "policy/nn/kernels/layer_ops.h"
 
 namespace slalom::learner {
@@ -31,9 +30,9 @@ at::Tensor LogStd(const policy::ActionDistribution& distribution, const at::Tens
 
 DrawnActions SquashedDraw(const policy::ActionDistribution& distribution, const at::Tensor& output,
                           const at::Tensor& noise) {
-  const at::Tensor log_std =
-      LogStd(distribution, output.narrow(1, env::kActionSize, env::kActionSize));
-  const at::Tensor u = output.narrow(1, 0, env::kActionSize) + log_std.exp() * noise;
+  const std::int64_t size = noise.size(1);
+  const at::Tensor log_std = LogStd(distribution, output.narrow(1, size, size));
+  const at::Tensor u = output.narrow(1, 0, size) + log_std.exp() * noise;
   const at::Tensor log_slope = 2.0 * (std::numbers::ln2 - u - at::softplus(-2.0 * u));
   return {u.tanh(), (-0.5 * noise.square() - log_std - kLogSqrtTwoPi - log_slope).sum(1)};
 }
@@ -46,17 +45,17 @@ void SquashedSample(const policy::ActionDistribution& distribution, const at::Te
     log_probability.copy_(drawn.log_probability);
     return;
   }
+  const std::int64_t size = actions.size(1);
   const float* const row = output.data_ptr<float>();
   const float* const random = noise.data_ptr<float>();
   float* const action = actions.data_ptr<float>();
   for (std::int64_t i = 0; i < output.size(0); ++i) {
     float sum = 0.0f;
-    for (std::int64_t j = 0; j < env::kActionSize; ++j) {
-      const float log_std =
-          distribution.log_std(row[i * 2 * env::kActionSize + env::kActionSize + j]);
-      const float epsilon = random[i * env::kActionSize + j];
-      const float u = row[i * 2 * env::kActionSize + j] + std::exp(log_std) * epsilon;
-      action[i * env::kActionSize + j] = std::tanh(u);
+    for (std::int64_t j = 0; j < size; ++j) {
+      const float log_std = distribution.log_std(row[i * 2 * size + size + j]);
+      const float epsilon = random[i * size + j];
+      const float u = row[i * 2 * size + j] + std::exp(log_std) * epsilon;
+      action[i * size + j] = std::tanh(u);
       sum +=
           -0.5f * epsilon * epsilon - log_std - static_cast<float>(kLogSqrtTwoPi) - LogTanhSlope(u);
     }
@@ -67,14 +66,15 @@ void SquashedSample(const policy::ActionDistribution& distribution, const at::Te
 void SquashedGradient(const policy::ActionDistribution& distribution, const at::Tensor& output,
                       const at::Tensor& noise, const at::Tensor& actions, const at::Tensor& daction,
                       const at::Tensor& log_temperature, at::Tensor& doutput) {
+  const std::int64_t size = actions.size(1);
   const double half_range = 0.5 * (distribution.log_std_max - distribution.log_std_min);
   const auto batch = static_cast<double>(output.size(0));
   if (!IsHostFloat(output)) {
     const at::Tensor share = log_temperature.exp() / batch;
-    const at::Tensor raw = output.narrow(1, env::kActionSize, env::kActionSize);
+    const at::Tensor raw = output.narrow(1, size, size);
     const at::Tensor du = daction * (1.0 - actions.square()) + share * 2.0 * actions;
-    doutput.narrow(1, 0, env::kActionSize).copy_(du);
-    doutput.narrow(1, env::kActionSize, env::kActionSize)
+    doutput.narrow(1, 0, size).copy_(du);
+    doutput.narrow(1, size, size)
         .copy_((du * LogStd(distribution, raw).exp() * noise - share) * half_range *
                (1.0 - raw.tanh().square()));
     return;
@@ -87,15 +87,15 @@ void SquashedGradient(const policy::ActionDistribution& distribution, const at::
   float* const result = doutput.data_ptr<float>();
   for (std::int64_t i = 0; i < output.size(0); ++i) {
     const float* const by_action = daction.data_ptr<float>() + i * daction.stride(0);
-    for (std::int64_t j = 0; j < env::kActionSize; ++j) {
-      const std::int64_t mean = i * 2 * env::kActionSize + j;
-      const float a = action[i * env::kActionSize + j];
-      const float raw = row[mean + env::kActionSize];
+    for (std::int64_t j = 0; j < size; ++j) {
+      const std::int64_t mean = i * 2 * size + j;
+      const float a = action[i * size + j];
+      const float raw = row[mean + size];
       const float slope = std::tanh(raw);
       const float du = by_action[j] * (1.0f - a * a) + share * 2.0f * a;
       result[mean] = du;
-      result[mean + env::kActionSize] =
-          (du * std::exp(distribution.log_std(raw)) * random[i * env::kActionSize + j] - share) *
+      result[mean + size] =
+          (du * std::exp(distribution.log_std(raw)) * random[i * size + j] - share) *
           static_cast<float>(half_range) * (1.0f - slope * slope);
     }
   }

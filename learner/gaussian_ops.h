@@ -7,7 +7,7 @@
 /// The arithmetic of squashed Gaussian policies (SAC). As in learner/value_ops.h, it is fused for
 /// float32 on the CPU and uses LibTorch's operations elsewhere.
 ///
-/// Shapes: `B` batch, `A` = 2 numbers of an action.
+/// Shapes: `B` batch, `A` numbers of an action.
 
 namespace slalom::learner {
 

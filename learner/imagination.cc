@@ -99,7 +99,7 @@ Imagination::Imagination(const ImaginationConfig& config, double gamma, const Mo
       minibatch_(minibatch),
       random_(base::DeriveSeed(seed, "imagination")),
       pass_(trainer.model().shape(), minibatch.next_input),
-      action_noise_(minibatch.reward.size(0), 2, minibatch.reward.device()),
+      action_noise_(minibatch.reward.size(0), env::kActionSize, minibatch.reward.device()),
       model_noise_(minibatch.reward.size(0), trainer.model().shape().num_predicted,
                    minibatch.reward.device()),
       alive_(at::ones_like(minibatch.reward)),

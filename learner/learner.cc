@@ -135,7 +135,8 @@ struct Learner::Parts {
         features(spec.observation, spec.network),
         reader(features, spec.network.history, method.learner.reward_scale, method.learner.mirror,
                std::pow(method.learner.gamma, method.learner.extra_discount_steps)),
-        minibatch(method.learner.batch_size, spec.network.history, features.frame_size(), device),
+        minibatch(method.learner.batch_size, spec.network.history, features.frame_size(), device,
+                  spec.action_size),
         totals(device) {
     minibatch.dropout = &dropout;
     // Networks with dropout draw from one stream, in turn.
@@ -144,8 +145,7 @@ struct Learner::Parts {
     }
     if (method.constraint.kind != ConstraintKind::kNone) {
       base::Random weights(base::DeriveSeed(seed, "cost critic weights"));
-      constraint.emplace(method.constraint, nn::CriticShape(spec.network, features.frame_size()),
-                         weights, minibatch, totals);
+      constraint.emplace(method.constraint, spec.critic_shape(), weights, minibatch, totals);
     }
     algorithm = MakeAlgorithm({.config = method.learner,
                                .spec = spec,

@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "base/check.h"
-#include "env/action.h"
 
 namespace slalom::learner {
 namespace {
@@ -15,16 +14,16 @@ constexpr std::size_t kPrefetchDistance = 3;
 
 }  // namespace
 
-Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device) {
+Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device, int action_size) {
   const auto options = at::TensorOptions(at::kFloat).device(device);
   const std::int64_t width = static_cast<std::int64_t>(history) * frame_size;
-  input = at::zeros({batch, width + env::kActionSize}, options);
-  next_input = at::zeros({batch, width + env::kActionSize}, options);
+  input = at::zeros({batch, width + action_size}, options);
+  next_input = at::zeros({batch, width + action_size}, options);
   features = input.narrow(1, 0, width);
   next_features = next_input.narrow(1, 0, width);
-  room = input.narrow(1, width, env::kActionSize);
-  next_room = next_input.narrow(1, width, env::kActionSize);
-  actions = at::zeros({batch, env::kActionSize}, options);
+  room = input.narrow(1, width, action_size);
+  next_room = next_input.narrow(1, width, action_size);
+  actions = at::zeros({batch, action_size}, options);
   reward = at::zeros({batch}, options);
   cost = at::zeros({batch}, options);
   discount = at::zeros({batch}, options);
@@ -43,12 +42,16 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
                            Minibatch& minibatch) {
   const bool on_host = minibatch.input.device().is_cpu();
   if (!on_host && !host_) {
-    host_ = std::make_unique<Minibatch>(rows.batch, history_, features_.frame_size(), at::kCPU);
+    host_ = std::make_unique<Minibatch>(rows.batch, history_, features_.frame_size(), at::kCPU,
+                                        rows.shape.action_size);
   }
   Minibatch& host = on_host ? minibatch : *host_;
   SLALOM_CHECK_EQ(static_cast<std::int64_t>(rows.batch), host.input.size(0));
   SLALOM_CHECK_EQ(rows.history, history_);
-  SLALOM_CHECK_EQ(rows.num_beams, features_.num_beams());
+  SLALOM_CHECK_EQ(rows.shape.num_beams, features_.num_beams());
+  SLALOM_CHECK_EQ(static_cast<std::int64_t>(rows.shape.action_size), host.actions.size(1));
+  const auto state_size = static_cast<std::size_t>(rows.shape.state_size);
+  const auto action_size = static_cast<std::size_t>(rows.shape.action_size);
   const std::size_t frame = static_cast<std::size_t>(features_.frame_size());
   const std::size_t stride = static_cast<std::size_t>(host.input.stride(0));
   float* const input = host.input.data_ptr<float>();
@@ -71,15 +74,15 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
     float* const row = input + sample * stride;
     if (age == 0) {
       mirrored = mirror_ && (random.NextU64() >> 63) != 0;
-      const env::Action action = rows.action[sample];
-      actions[sample * env::kActionSize] = action.linear;
-      actions[sample * env::kActionSize + 1] = mirrored ? -action.angular : action.angular;
+      float* const action = actions + sample * action_size;
+      std::copy_n(&rows.action[sample * action_size], action_size, action);
+      if (mirrored) action[1] = -action[1];  // The turn.
       reward[sample] = reward_scale_ * rows.n_step_return[sample];
       discount[sample] = discount_factor_ * rows.discount[sample];
     }
-    features_.Write(rows.ranges_cm[i], rows.state.data() + i * env::kStateSize, mirrored,
+    features_.Write(rows.ranges_cm[i], rows.state.data() + i * state_size, mirrored,
                     row + age * frame);
-    features_.Write(rows.next_ranges_cm[i], rows.next_state.data() + i * env::kStateSize, mirrored,
+    features_.Write(rows.next_ranges_cm[i], rows.next_state.data() + i * state_size, mirrored,
                     next_input + sample * stride + age * frame);
   }
   if (!on_host) {

@@ -6,18 +6,20 @@
 
 #include "base/parallel.h"
 #include "base/random.h"
+#include "env/action.h"
 #include "policy/nn/feature_map.h"
 #include "replay/batch.h"
 
-/// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `A` = 2 numbers of an action.
+/// Shapes: `B` batch, `H` frames of history, `F` features of a frame, `A` numbers of an action.
 
 namespace slalom::learner {
 
 /// The transitions of one update, on the device of the networks. Its memory stays in place from
 /// batch to batch.
 struct Minibatch {
-  /// `batch`: B; `history`: H; `frame_size`: F.
-  Minibatch(int batch, int history, int frame_size, at::Device device);
+  /// `batch`: B; `history`: H; `frame_size`: F; `action_size`: A.
+  Minibatch(int batch, int history, int frame_size, at::Device device,
+            int action_size = env::kActionSize);
 
   /// Input of the networks: a state, and behind it room for an action, into which critics and
   /// models copy it.
@@ -41,7 +43,7 @@ struct Minibatch {
 class MinibatchReader {
  public:
   /// `mirror`: whether to replace each sample, with probability 1/2, by its mirror image.
-  /// `discount_factor`: every discount is multiplied by it.
+  /// `discount_factor`: every discount is multiplied by it. Requires: mirroring only on courses.
   MinibatchReader(nn::FeatureMap features, int history, double reward_scale, bool mirror,
                   double discount_factor);
 

@@ -28,7 +28,8 @@ std::vector<double> PredictionErrors(const nn::TransitionModel& model, int membe
   const auto begins_with_copy = [&](int sample) {
     return std::equal(state_of(sample, 0), state_of(sample, 0) + env::kStateSize,
                       state_of(sample, 1)) &&
-           std::equal(scan_of(sample, 0), scan_of(sample, 0) + rows.num_beams, scan_of(sample, 1));
+           std::equal(scan_of(sample, 0), scan_of(sample, 0) + rows.shape.num_beams,
+                      scan_of(sample, 1));
   };
   std::vector<int> whole;
   for (int i = 0; i < rows.batch; ++i) {

@@ -13,8 +13,9 @@ Sac::Sac(const AlgorithmContext& context, int num_critics, int critic_outputs)
     : ActorCritic(context, num_critics, critic_outputs),
       random_(base::DeriveSeed(context.seed, "policy noise")),
       next_random_(base::DeriveSeed(context.seed, "next policy noise")),
-      noise_(context.config.batch_size, 2, context.minibatch.input.device()),
-      next_noise_(context.config.batch_size, 2, context.minibatch.input.device()),
+      noise_(context.config.batch_size, context.spec.action_size, context.minibatch.input.device()),
+      next_noise_(context.config.batch_size, context.spec.action_size,
+                  context.minibatch.input.device()),
       log_temperature_(
           at::full({1}, std::log(context.config.temperature), context.minibatch.reward.options())),
       log_temperature_gradient_(at::zeros_like(log_temperature_)),

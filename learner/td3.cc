@@ -8,7 +8,7 @@ namespace slalom::learner {
 Td3::Td3(const AlgorithmContext& context)
     : ActorCritic(context, /*num_critics=*/2),
       random_(base::DeriveSeed(context.seed, "target noise")),
-      noise_(context.config.batch_size, 2, context.minibatch.input.device()),
+      noise_(context.config.batch_size, context.spec.action_size, context.minibatch.input.device()),
       next_action_(at::zeros_like(context.minibatch.actions)) {}
 
 void Td3::Update(double rate) {

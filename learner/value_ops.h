@@ -8,7 +8,7 @@
 /// gradients. As in policy/nn/kernels/layer_ops.h, it is fused for float32 on the CPU and uses
 /// LibTorch's operations elsewhere.
 ///
-/// Shapes: `B` batch, `A` = 2 numbers of an action.
+/// Shapes: `B` batch, `A` numbers of an action.
 
 namespace slalom::learner {
 

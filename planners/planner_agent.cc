@@ -36,7 +36,8 @@ PlannerAgent::PlannerAgent(const std::string& name, const PlannersConfig& config
 
 PlannerAgent::~PlannerAgent() = default;
 
-void PlannerAgent::Act(const env::ObservationBatch& observations, std::span<env::Action> actions) {
+void PlannerAgent::Act(const env::ObservationBatch& observations, std::span<float> numbers) {
+  const std::span<env::Action> actions = env::AsActions(numbers);
   SLALOM_CHECK_EQ(observations.num_beams, geometry_.num_beams);
   SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(observations.batch_size));
   if (navigators_.size() != actions.size()) {

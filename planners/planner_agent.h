@@ -36,7 +36,7 @@ class PlannerAgent : public env::Agent {
   /// Leaves the actions of ended episodes unchanged.
   /// Requires: observations.num_beams == geometry.num_beams; in the first call, and in a call with
   /// another batch size, first[i] is set for all i.
-  void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;
+  void Act(const env::ObservationBatch& observations, std::span<float> actions) override;
 
   /// State, last command and counts of the navigator:
   ///

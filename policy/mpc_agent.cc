@@ -229,7 +229,8 @@ void MpcAgent::SetSnapshot(PolicySnapshot snapshot) {
   snapshot_ = std::move(snapshot);
 }
 
-void MpcAgent::Act(const env::ObservationBatch& observations, std::span<env::Action> actions) {
+void MpcAgent::Act(const env::ObservationBatch& observations, std::span<float> numbers) {
+  const std::span<env::Action> actions = env::AsActions(numbers);
   Planner& p = *planner_;
   const int batch = observations.batch_size;
   SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(batch));

@@ -35,7 +35,7 @@ class MpcAgent : public PolicyAgent {
   void SetSnapshot(PolicySnapshot snapshot) override;
 
   /// Requires: observations of the policy's number of beams.
-  void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;
+  void Act(const env::ObservationBatch& observations, std::span<float> actions) override;
 
   const PolicySnapshot& snapshot() const override { return snapshot_; }
 

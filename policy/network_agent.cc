@@ -35,11 +35,13 @@ void NetworkAgent::SetSnapshot(PolicySnapshot snapshot) {
   snapshot_ = std::move(snapshot);
 }
 
-void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env::Action> actions) {
+void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<float> actions) {
   nn::InferenceNetwork& inference = network_->inference;
   const int batch = observations.batch_size;
-  SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(batch));
-  SLALOM_CHECK_EQ(observations.num_beams, network_->features.num_beams());
+  const env::StepShape shape = snapshot_.spec.step_shape();
+  SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(batch) * shape.action_size);
+  SLALOM_CHECK_EQ(observations.num_beams, shape.num_beams);
+  SLALOM_CHECK_EQ(observations.state_size, shape.state_size);
   if (batch == 0) return;
   if (inference.batch() != batch) inference.Resize(batch);
   const std::span<float> input = inference.input();
@@ -50,24 +52,25 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<env:
     network_->dropout = base::Random(base::Checksum(std::as_bytes(input)));
   }
   inference.Forward(&network_->dropout);
-  // Means come first; a gaussian's two other outputs matter to `Explore` only.
+  // Means come first; a gaussian's other outputs matter to `Explore` only.
   const float* row = inference.output().data();
-  const int outputs = snapshot_.spec.distribution.num_outputs();
-  for (env::Action& action : actions) {
-    action = {std::tanh(row[0]), std::tanh(row[1])};
-    row += outputs;
+  const int outputs = snapshot_.spec.distribution.num_outputs(shape.action_size);
+  for (float* action = actions.data(); action != actions.data() + actions.size();
+       action += shape.action_size, row += outputs) {
+    for (int j = 0; j < shape.action_size; ++j) action[j] = std::tanh(row[j]);
   }
 }
 
-bool NetworkAgent::Explore(std::span<const env::Action> noise, std::span<env::Action> actions) {
+bool NetworkAgent::Explore(std::span<const float> noise, std::span<float> actions) {
   const ActionDistribution& distribution = snapshot_.spec.distribution;
   if (distribution.is_deterministic()) return false;
+  const auto size = static_cast<std::size_t>(snapshot_.spec.action_size);
   const float* row = network_->inference.output().data();
-  const auto draw = [&distribution](float mean, float raw, float epsilon) {
-    return std::tanh(mean + std::exp(distribution.log_std(raw)) * epsilon);
-  };
-  for (std::size_t i = 0; i < actions.size(); ++i, row += 4) {
-    actions[i] = {draw(row[0], row[2], noise[i].linear), draw(row[1], row[3], noise[i].angular)};
+  for (std::size_t i = 0; i < actions.size(); i += size, row += 2 * size) {
+    for (std::size_t j = 0; j < size; ++j) {
+      const float deviation = std::exp(distribution.log_std(row[size + j]));
+      actions[i + j] = std::tanh(row[j] + deviation * noise[i + j]);
+    }
   }
   return true;
 }

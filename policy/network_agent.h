@@ -24,10 +24,10 @@ class NetworkAgent : public PolicyAgent {
   /// Requires: network, distribution and observation spec are those it was made with.
   void SetSnapshot(PolicySnapshot snapshot) override;
 
-  /// Requires: observations of the policy's number of beams.
-  void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override;
+  /// Requires: observations and actions of the policy's shape.
+  void Act(const env::ObservationBatch& observations, std::span<float> actions) override;
 
-  bool Explore(std::span<const env::Action> noise, std::span<env::Action> actions) override;
+  bool Explore(std::span<const float> noise, std::span<float> actions) override;
 
   const PolicySnapshot& snapshot() const override { return snapshot_; }
 

@@ -57,14 +57,24 @@ std::string MemberPrefix(int member) { return fmt::format("model.{}.", member); 
 
 nn::NetworkShape PolicySpec::actor_shape() const {
   return nn::ActorShape(network, nn::FeatureMap(observation, network).frame_size(),
-                        distribution.num_outputs());
+                        distribution.num_outputs(action_size));
 }
 
 nn::NetworkShape PolicySpec::critic_shape() const {
-  return nn::CriticShape(network, nn::FeatureMap(observation, network).frame_size());
+  return nn::CriticShape(network, nn::FeatureMap(observation, network).frame_size(), 1,
+                         action_size);
+}
+
+void PolicySpec::RequireCourses(const std::string& source) const {
+  if (step_shape() == env::StepShape(observation.num_beams) && observation.num_beams > 0) return;
+  throw base::Error(
+      fmt::format("{}: found scans of {} beams, states of {} numbers and actions of {}, expected a "
+                  "policy for courses",
+                  source, observation.num_beams, observation.state_size, action_size));
 }
 
 nn::ModelShape PolicySpec::model_shape() const {
+  RequireCourses("model.kind");
   return nn::MakeModelShape(planning.model, network,
                             nn::FeatureMap(observation, network).frame_size(), observation,
                             planning.goal);
@@ -143,6 +153,7 @@ LoadedPolicy LoadPolicy(const std::filesystem::path& path) {
 void RequireSameInterface(const std::string& source, const PolicySpec& spec,
                           const env::ObservationSpec& observation,
                           const env::ActionBounds& actions) {
+  spec.RequireCourses(source);
   if (spec.observation != observation) {
     throw base::Error(
         fmt::format("{}: the policy sees {} beams clipped at {} m and goals scaled by {} m, the "

@@ -12,6 +12,7 @@
 
 #include "env/action.h"
 #include "env/observation.h"
+#include "env/step_shape.h"
 #include "policy/nn/model_shape.h"
 #include "policy/nn/network_config.h"
 #include "policy/nn/network_shape.h"
@@ -25,7 +26,7 @@ inline base::OneOf EnumNames(DistributionKind) { return {"deterministic", "gauss
 
 /// How a policy's outputs become an action. A value.
 ///
-/// deterministic: a = tanh(x) of 2 outputs. gaussian: a = tanh(mean + std * noise) of 4 outputs,
+/// deterministic: a = tanh(x) of A outputs. gaussian: a = tanh(mean + std * noise) of 2 A outputs,
 /// mean and raw log std. Without exploration the agent takes tanh(mean), the mode.
 struct ActionDistribution {
   DistributionKind kind = DistributionKind::kDeterministic;
@@ -33,7 +34,8 @@ struct ActionDistribution {
   double log_std_max = 0.0;
 
   bool is_deterministic() const { return kind == DistributionKind::kDeterministic; }
-  int num_outputs() const { return is_deterministic() ? 2 : 4; }
+  /// Outputs for an action of A numbers.
+  int num_outputs(int action_size) const { return (is_deterministic() ? 1 : 2) * action_size; }
   /// Logarithm of the standard deviation, from the network's output x: between the bounds by
   /// tanh(x) (docs/original-system.md, section 3.2).
   float log_std(float x) const {
@@ -74,10 +76,17 @@ struct PlanningSpec {
 struct PolicySpec {
   env::ObservationSpec observation;
   nn::NetworkConfig network;
-  env::ActionBounds actions;
+  int action_size = env::kActionSize;  ///< A
+  env::ActionBounds actions;           ///< Of a robot on a course.
   ActionDistribution distribution;
   PlanningSpec planning;
 
+  env::StepShape step_shape() const {
+    return {observation.num_beams, observation.state_size, action_size};
+  }
+  /// Throws `base::Error`, "SOURCE: ..., expected a policy for courses", if it is not for a robot
+  /// with a range finder that drives on a course.
+  void RequireCourses(const std::string& source) const;
   /// These throw `base::Error` if the sectors do not divide the beams, or as `ActorShape` does.
   nn::NetworkShape actor_shape() const;
   nn::NetworkShape critic_shape() const;

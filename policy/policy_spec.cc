@@ -128,11 +128,12 @@ class JsonReader {
   const std::string_view source_;
 };
 
-/// The fields of an observation spec, which is no config struct, in the ranges of
-/// sim/environment_config.h.
+/// The fields of an observation spec, which is no config struct. Those of a course are in the
+/// ranges of sim/environment_config.h.
 template <class Visitor>
 void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
-  v("num_beams", spec.num_beams, base::Range{1, 65536});
+  v("num_beams", spec.num_beams, base::Range{0, 65536});
+  v("state_size", spec.state_size, base::Range{1, env::kMaxStateSize});
   v("range_clip", spec.range_clip, base::Range{0.5, 600.0});
   v("goal_scale", spec.goal_scale, base::Range{0.1, 1000.0});
 }
@@ -159,6 +160,7 @@ FieldLister::Fields ListSpec(PolicySpec spec) {
   VisitObservation(spec.observation, observation);
   FieldLister network("network", fields);
   spec.network.Visit(network);
+  fields.emplace_back("action_size", std::to_string(spec.action_size));
   FieldLister actions("actions", fields);
   spec.actions.Visit(actions);
   FieldLister distribution("distribution", fields);
@@ -195,6 +197,7 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
   VisitObservation(printed.observation, observation);
   JsonWriter network(object["network"]);
   printed.network.Visit(network);
+  object["action_size"] = spec.action_size;
   JsonWriter actions(object["actions"]);
   printed.actions.Visit(actions);
   if (!spec.distribution.is_deterministic()) {
@@ -215,6 +218,11 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   }
   AddLaterFields<nn::NetworkConfig>("network", kLaterNetworkFields, object);
   AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
+  if (!object.contains("action_size")) object["action_size"] = env::kActionSize;
+  if (object.contains("observation") && object["observation"].is_object() &&
+      !object["observation"].contains("state_size")) {
+    object["observation"]["state_size"] = env::kStateSize;
+  }
   const json& version = JsonReader::Find(object, "version", "version", source);
   const bool is_count = version.is_number_unsigned() &&
                         version.get<std::uint64_t>() <= std::numeric_limits<std::int64_t>::max();
@@ -228,6 +236,15 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   VisitObservation(spec.observation, observation);
   JsonReader network(object, "network", source);
   spec.network.Visit(network);
+  const json& action_size = object["action_size"];
+  const bool is_size =
+      action_size.is_number_integer() && action_size >= 1 && action_size <= env::kMaxActionSize;
+  if (!is_size) {
+    throw base::Error(
+        fmt::format("{}: 'action_size' in its spec is not a whole number from 1 to {}", source,
+                    env::kMaxActionSize));
+  }
+  spec.action_size = action_size.get<int>();
   JsonReader actions(object, "actions", source);
   spec.actions.Visit(actions);
   spec.distribution = {};

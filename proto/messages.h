@@ -65,7 +65,7 @@ struct Hello {
     v(3, SLALOM_FIELD(session), Related{"an actor's: 1 or more"},
       "session; rises with each start of the process");
     v(4, SLALOM_FIELD(spec_hash), Any{}, "spec hash: of what is observed and commanded");
-    v(5, SLALOM_FIELD(num_beams), In{0, kMaxBeams}, "beams in a scan");
+    v(5, SLALOM_FIELD(num_beams), In{0, kMaxBeams}, "beams in a scan; 0: no scan");
     v(6, SLALOM_FIELD(num_streams), In{0, kMaxStreams},
       "streams: environments of an actor, which has 1 or more");
     v(7, SLALOM_FIELD(software), Text{}, "software, for people");
@@ -114,7 +114,7 @@ struct Insert {
     v(1, SLALOM_FIELD(session), Any{}, "session");
     v(2, SLALOM_FIELD(sequence), Any{}, "sequence: 0, 1, 2, ... within the session");
     v(3, SLALOM_FIELD(num_rows), In{1, kMaxRows}, "rows");
-    v(4, SLALOM_FIELD(num_beams), In{1, kMaxBeams}, "beams");
+    v(4, SLALOM_FIELD(num_beams), In{0, kMaxBeams}, "beams; 0: no scan");
     v(5, SLALOM_FIELD(num_steps), Related{"0 to rows"}, "steps: rows that are not final");
     v(6, SLALOM_FIELD(oldest_version), Related{"-1 to the newest"},
       "oldest version of the policies that chose the actions");
@@ -185,7 +185,7 @@ struct SampleReply {
     v(1, SLALOM_FIELD(cursor), Any{}, "cursor");
     v(2, SLALOM_FIELD(batch), In{1, kMaxBatch}, "batch B");
     v(3, SLALOM_FIELD(history), In{1, kMaxHistory}, "history H; B H is at most 131,072");
-    v(4, SLALOM_FIELD(num_beams), In{1, kMaxBeams}, "beams N");
+    v(4, SLALOM_FIELD(num_beams), In{0, kMaxBeams}, "beams N; 0: no scan");
     v(5, SLALOM_FIELD(weighted), Any{}, "weighted: the payload holds importance weights");
     v(6, SLALOM_FIELD(inserted_steps), AtLeast{0}, "environment steps ever accepted");
     v(7, SLALOM_FIELD(table_steps), AtLeast{0}, "steps in the table");

@@ -5,17 +5,17 @@
 
 namespace slalom::replay {
 
-void SampledRows::Resize(int new_batch, int new_history, int new_num_beams) {
+void SampledRows::Resize(int new_batch, int new_history, const env::StepShape& new_shape) {
   batch = new_batch;
   history = new_history;
-  num_beams = new_num_beams;
+  shape = new_shape;
   const auto samples = static_cast<std::size_t>(batch);
   const std::size_t frames = samples * static_cast<std::size_t>(history);
   ranges_cm.resize(frames);
   next_ranges_cm.resize(frames);
-  state.Resize(frames * env::kStateSize);
-  next_state.Resize(frames * env::kStateSize);
-  action.Resize(samples);
+  state.Resize(frames * shape.state_size);
+  next_state.Resize(frames * shape.state_size);
+  action.Resize(samples * shape.action_size);
   n_step_return.Resize(samples);
   cost_return.Resize(samples);
   discount.Resize(samples);
@@ -40,6 +40,7 @@ void PrefetchScan(const std::uint16_t* scan, int num_beams) {
 }  // namespace
 
 void GatherScans(std::span<const std::uint16_t* const> scans, int num_beams, std::uint16_t* out) {
+  if (num_beams == 0) return;
   const std::size_t n = scans.size();
   for (std::size_t i = 0; i < std::min<std::size_t>(kScansAhead, n); ++i) {
     PrefetchScan(scans[i], num_beams);

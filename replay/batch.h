@@ -4,11 +4,11 @@
 #include <span>
 #include <vector>
 
-#include "env/action.h"
-#include "env/observation.h"
+#include "env/step_shape.h"
 #include "replay/lazy_memory.h"
 
-/// Shapes: `B` samples, `H` frames of history (the newest last), `N` beams, `S` = env::kStateSize.
+/// Shapes: `B` samples, `H` frames of history (the newest last), and `N`, `S` and `A` of
+/// `env::StepShape`.
 
 namespace slalom::replay {
 
@@ -31,11 +31,11 @@ struct SampleSpec {
 struct SampledRows {
   int batch = 0;
   int history = 0;
-  int num_beams = 0;
+  env::StepShape shape;
   std::vector<const std::uint16_t*>
       ranges_cm;                       ///< [B, H] -> [N] [cm], valid until the next `Insert`
   AlignedBuffer<float> state;          ///< [B, H, S]
-  AlignedBuffer<env::Action> action;   ///< [B], as floats [B, 2]: linear, angular
+  AlignedBuffer<float> action;         ///< [B, A]
   AlignedBuffer<float> n_step_return;  ///< [B], sum over i < k of gamma^i reward_i
   AlignedBuffer<float> cost_return;    ///< [B], the same sum over the costs
   AlignedBuffer<float> discount;       ///< [B], gamma^k, or 0 if the window terminated
@@ -48,7 +48,7 @@ struct SampledRows {
   std::vector<std::int64_t> next_sequence;
 
   /// Resizes every array.
-  void Resize(int new_batch, int new_history, int new_num_beams);
+  void Resize(int new_batch, int new_history, const env::StepShape& new_shape);
 };
 
 /// `SampledRows` with the scans copied into arrays.

@@ -4,11 +4,11 @@
 #include <span>
 #include <vector>
 
-#include "env/action.h"
 #include "env/episode.h"
 #include "env/observation.h"
+#include "env/step_shape.h"
 
-/// Shapes: `R` rows, `N` beams, `S` = env::kStateSize.
+/// Shapes: `R` rows; `N`, `S` and `A` of `env::StepShape`.
 
 namespace slalom::replay {
 
@@ -22,7 +22,7 @@ struct RowView {
   std::int32_t stream = 0;
   std::uint8_t flags = 0;
   env::FrameView frame;
-  env::Action action;  ///< Zero in a final row; so are reward and cost.
+  std::span<const float> action;  ///< [A]; zeros in a final row, as are reward and cost.
   float reward = 0.0f;
   float cost = 0.0f;
 };
@@ -36,14 +36,14 @@ struct RowView {
 /// `Clear` keeps the memory, so that only the first few calls allocate.
 struct Chunk {
   Chunk() = default;
-  explicit Chunk(int beams) : num_beams(beams) {}
+  explicit Chunk(const env::StepShape& step) : shape(step) {}
 
-  int num_beams = 0;
+  env::StepShape shape;
   std::vector<std::int32_t> stream;      ///< [R]
   std::vector<std::uint8_t> flags;       ///< [R], kRow... bits
   std::vector<std::uint16_t> ranges_cm;  ///< [R, N] [cm]
   std::vector<float> state;              ///< [R, S]
-  std::vector<env::Action> action;       ///< [R]
+  std::vector<float> action;             ///< [R, A]
   std::vector<float> reward;             ///< [R]
   std::vector<float> cost;               ///< [R]
 
@@ -54,13 +54,14 @@ struct Chunk {
 
   /// Adds a step whose result is not known yet, and returns its row for `SetResult`. Copies the
   /// frame, so that the environment may be stepped next. Requires: stream_index >= 0,
-  /// frame.ranges_cm.size() == num_beams.
-  int BeginStep(int stream_index, bool first, const env::FrameView& frame, env::Action taken);
+  /// frame and `taken` have the chunk's shape; an empty `taken` stands for zeros.
+  int BeginStep(int stream_index, bool first, const env::FrameView& frame,
+                std::span<const float> taken);
   void SetResult(int row, const env::StepResult& result);
 
   /// Adds a step with its result.
-  void AddStep(int stream_index, bool first, const env::FrameView& frame, env::Action taken,
-               const env::StepResult& result);
+  void AddStep(int stream_index, bool first, const env::FrameView& frame,
+               std::span<const float> taken, const env::StepResult& result);
 
   /// Adds the final row of an episode: the frame in which it ended.
   void AddFinal(int stream_index, const env::FrameView& frame);

@@ -261,7 +261,7 @@ bool Journal::OpenSegment(const Entry& entry) {
   file_ = std::make_shared<File>(fd, path);
   offset_ = 0;
   begun_ = 0;
-  const auto head = PrintSegmentHead({.num_beams = options_.num_beams,
+  const auto head = PrintSegmentHead({.num_beams = options_.shape.num_beams,
                                       .spec_hash = options_.spec_hash,
                                       .index = next_index_,
                                       .first_row = entry.end_row});

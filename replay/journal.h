@@ -23,7 +23,7 @@ struct JournalOptions {
   std::filesystem::path directory;
   std::int64_t segment_bytes = 64 << 20;          ///< Size at which a segment is sealed.
   std::chrono::milliseconds sync_interval{1000};  ///< Time between two syncs to the disk.
-  int num_beams = 0;
+  env::StepShape shape;
   std::uint64_t spec_hash = 0;  ///< Hash of the observation and action spec.
 };
 

@@ -194,7 +194,7 @@ base::Result<SegmentHead> ParseSegmentHead(std::span<const std::byte> bytes) {
   if (in.Get<std::uint64_t>() != base::Checksum(bytes.first(SegmentHead::kBytes - 8))) {
     return base::Failure{"the checksum of its head does not match"};
   }
-  if (head.num_beams < 1 || head.first_row < 0)
+  if (head.num_beams < 0 || head.first_row < 0)
     return base::Failure{"its head has impossible values"};
   return head;
 }

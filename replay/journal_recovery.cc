@@ -75,11 +75,11 @@ void CheckHead(const JournalOptions& options, const fs::path& path, const Segmen
     throw base::Error(fmt::format("{}: this replay journal is of version {}, expected {}",
                                   path.string(), head.version, SegmentHead::kVersion));
   }
-  if (head.num_beams != options.num_beams || head.spec_hash != options.spec_hash) {
+  if (head.num_beams != options.shape.num_beams || head.spec_hash != options.spec_hash) {
     throw base::Error(fmt::format(
         "{}: this replay journal holds {} beams and spec {:016x}, expected {} and {:016x}: it "
         "belongs to another run; choose another directory",
-        path.string(), head.num_beams, head.spec_hash, options.num_beams, options.spec_hash));
+        path.string(), head.num_beams, head.spec_hash, options.shape.num_beams, options.spec_hash));
   }
 }
 
@@ -134,7 +134,7 @@ void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t
 class Replayer {
  public:
   Replayer(const JournalOptions& options, const ReplayConfig& config)
-      : options_(options), config_(config), table_(Table::BeginRestore(config, beams(), 0)) {}
+      : options_(options), config_(config), table_(Table::BeginRestore(config, options.shape, 0)) {}
 
   /// How far the records of a segment could be applied.
   struct End {
@@ -176,7 +176,7 @@ class Replayer {
   /// starts again.
   std::int64_t Drop() {
     const std::int64_t rows = table_.num_rows();
-    table_ = Table::BeginRestore(config_, beams(), 0);
+    table_ = Table::BeginRestore(config_, options_.shape, 0);
     sessions_ = Sessions();
     open_.clear();
     started_ = false;
@@ -192,8 +192,6 @@ class Replayer {
   Sessions TakeSessions() { return std::move(sessions_); }
 
  private:
-  int beams() const { return options_.num_beams; }
-
   std::optional<std::string> Apply(Record record, bool first) {
     if (first != std::holds_alternative<StateRecord>(record)) {
       return "a state record is missing or out of place";
@@ -207,7 +205,7 @@ class Replayer {
       return fmt::format("it begins with row {}, expected {}", state.first_row, next_row());
     }
     if (!started_) {
-      table_ = Table::BeginRestore(config_, beams(), state.first_row);
+      table_ = Table::BeginRestore(config_, options_.shape, state.first_row);
       open_ = std::move(state.open);
     }
     sessions_ = std::move(state.sessions);
@@ -233,7 +231,8 @@ class Replayer {
   std::optional<std::string> Do(const RowsRecord& record) {
     const Session* const session = sessions_.Find(record.id);
     if (session == nullptr) return fmt::format("it holds rows of the unknown id {}", record.id);
-    const auto rows = RowBytes::Parse(record.rows, record.num_rows, beams(), session->num_streams);
+    const auto rows =
+        RowBytes::Parse(record.rows, record.num_rows, options_.shape, session->num_streams);
     if (!rows) return rows.failure().text;
     if (record.first_row != next_row()) {
       return fmt::format("found row {}, expected {}", record.first_row, next_row());
@@ -278,7 +277,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
   std::vector<JournalSegment> segments;
   std::int64_t lost_rows = 0;
   std::vector<std::string> notes;
-  const auto row_bytes = static_cast<std::int64_t>(RowBytes::Size(1, options.num_beams));
+  const auto row_bytes = static_cast<std::int64_t>(RowBytes::Size(1, options.shape));
   // The segments so far are useless, as the next one does not continue them.
   const auto drop = [&] {
     lost_rows += replayer.Drop();

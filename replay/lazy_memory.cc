@@ -11,6 +11,7 @@
 namespace slalom::replay {
 
 LazyMemory::LazyMemory(std::size_t bytes) : bytes_(bytes) {
+  if (bytes == 0) return;
   void* const memory = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
                               MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (memory == MAP_FAILED) {

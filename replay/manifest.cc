@@ -26,12 +26,27 @@ T Number(std::istream& in, std::string_view source, std::string_view key, T min,
   return value;
 }
 
+/// As `Number`, but returns `otherwise` and reads nothing if another key follows.
+int NumberIfThere(std::istream& in, std::string_view source, std::string_view key, int otherwise,
+                  int max) {
+  const auto here = in.tellg();
+  std::string found_key;
+  in >> found_key;
+  in.seekg(here);
+  return found_key == key ? Number(in, source, key, 1, max) : otherwise;
+}
+
 }  // namespace
 
 std::string PrintManifest(const Manifest& manifest) {
+  const env::StepShape& shape = manifest.shape;
   std::string text(kTitle);
-  text += fmt::format("beams {}\ncapacity {}\nbegin {}\nend {}\nstreams {}\n", manifest.num_beams,
-                      manifest.capacity, manifest.begin, manifest.end, manifest.open.size());
+  text += fmt::format("beams {}\n", shape.num_beams);
+  // Manifests of courses, which were there first, do without.
+  if (shape.state_size != env::kStateSize) text += fmt::format("state {}\n", shape.state_size);
+  if (shape.action_size != env::kActionSize) text += fmt::format("action {}\n", shape.action_size);
+  text += fmt::format("capacity {}\nbegin {}\nend {}\nstreams {}\n", manifest.capacity,
+                      manifest.begin, manifest.end, manifest.open.size());
   if (!manifest.open.empty()) {
     for (const std::uint8_t open : manifest.open) text += open ? '1' : '0';
     text += '\n';
@@ -54,7 +69,11 @@ Manifest ParseManifest(std::string_view text, std::string_view source) {
   std::istringstream in(std::string(text.substr(kTitle.size())));
   constexpr std::int64_t kMaxRows = std::int64_t{1} << 60;
   Manifest manifest;
-  manifest.num_beams = Number(in, source, "beams", 1, 65536);
+  manifest.shape.num_beams = Number(in, source, "beams", 0, 65536);
+  manifest.shape.state_size =
+      NumberIfThere(in, source, "state", env::kStateSize, env::kMaxStateSize);
+  manifest.shape.action_size =
+      NumberIfThere(in, source, "action", env::kActionSize, env::kMaxActionSize);
   manifest.capacity = Number<std::int64_t>(in, source, "capacity", 2, 1000000000);
   manifest.begin = Number<std::int64_t>(in, source, "begin", 0, kMaxRows);
   manifest.end =

@@ -11,7 +11,7 @@ namespace slalom::replay {
 
 /// The content of a manifest (docs/replay.md).
 struct Manifest {
-  int num_beams = 0;
+  env::StepShape shape;
   std::int64_t capacity = 0;
   std::int64_t begin = 0;  ///< The table holds rows [begin, end).
   std::int64_t end = 0;

@@ -15,10 +15,12 @@ namespace slalom::replay {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "rows are sent little-endian");
-static_assert(sizeof(env::Action) == 2 * sizeof(float));
 
-// Number of floats per row: state, action, reward, cost.
-constexpr std::size_t kFloats = env::kStateSize + 4;
+/// Number of floats per row: state, action, reward, cost.
+std::size_t FloatsOf(const env::StepShape& shape) {
+  return static_cast<std::size_t>(shape.state_size) + static_cast<std::size_t>(shape.action_size) +
+         2;
+}
 
 template <class T>
 std::byte* Append(std::byte* out, const std::vector<T>& column) {
@@ -31,7 +33,8 @@ bool FlagsGoTogether(std::uint8_t flags) {
 }
 
 bool IsNothing(const RowView& row) {
-  return row.action == env::Action{} && row.reward == 0.0f && row.cost == 0.0f;
+  return std::ranges::all_of(row.action, [](float number) { return number == 0.0f; }) &&
+         row.reward == 0.0f && row.cost == 0.0f;
 }
 
 }  // namespace
@@ -50,15 +53,15 @@ std::size_t FirstNotFinite(std::span<const float> values) {
       values.begin());
 }
 
-std::size_t RowBytes::Size(int num_rows, int num_beams) {
-  SLALOM_CHECK(num_rows >= 0 && num_beams >= 0);
-  const std::size_t row = kFloats * sizeof(float) + sizeof(std::int32_t) +
-                          static_cast<std::size_t>(num_beams) * sizeof(std::uint16_t) + 1;
+std::size_t RowBytes::Size(int num_rows, const env::StepShape& shape) {
+  SLALOM_CHECK_GE(num_rows, 0);
+  const std::size_t row = FloatsOf(shape) * sizeof(float) + sizeof(std::int32_t) +
+                          static_cast<std::size_t>(shape.num_beams) * sizeof(std::uint16_t) + 1;
   return static_cast<std::size_t>(num_rows) * row;
 }
 
 void RowBytes::Write(const Chunk& chunk, std::span<std::byte> out) {
-  SLALOM_CHECK_EQ(out.size(), Size(chunk.num_rows(), chunk.num_beams));
+  SLALOM_CHECK_EQ(out.size(), Size(chunk.num_rows(), chunk.shape));
   std::byte* next = out.data();
   next = Append(next, chunk.state);
   next = Append(next, chunk.action);
@@ -71,22 +74,24 @@ void RowBytes::Write(const Chunk& chunk, std::span<std::byte> out) {
 }
 
 base::Result<RowBytes> RowBytes::Parse(std::span<const std::byte> bytes, int num_rows,
-                                       int num_beams, int num_streams) {
-  if (num_rows < 1 || num_beams < 1 || num_streams < 1) {
-    return base::Failure{
-        fmt::format("rows: found {} rows of {} beams in {} streams, expected 1 or more of each",
-                    num_rows, num_beams, num_streams)};
+                                       const env::StepShape& shape, int num_streams) {
+  if (num_rows < 1 || num_streams < 1) {
+    return base::Failure{fmt::format(
+        "rows: found {} rows in {} streams, expected 1 or more of each", num_rows, num_streams)};
   }
-  if (bytes.size() != Size(num_rows, num_beams)) {
-    return base::Failure{fmt::format("rows: found {} bytes, expected {} for {} rows of {} beams",
-                                     bytes.size(), Size(num_rows, num_beams), num_rows, num_beams)};
+  if (bytes.size() != Size(num_rows, shape)) {
+    return base::Failure{
+        fmt::format("rows: found {} bytes, expected {} for {} rows of {} beams, {} numbers of a "
+                    "state and {} of an action",
+                    bytes.size(), Size(num_rows, shape), num_rows, shape.num_beams,
+                    shape.state_size, shape.action_size)};
   }
   if (reinterpret_cast<std::uintptr_t>(bytes.data()) % alignof(float) != 0) {
     return base::Failure{"rows: they do not start on a multiple of 4 bytes"};
   }
-  const RowBytes rows(bytes, num_rows, num_beams, num_streams);
+  const RowBytes rows(bytes, num_rows, shape, num_streams);
   const std::span<const float> numbers(rows.numbers(),
-                                       static_cast<std::size_t>(num_rows) * kFloats);
+                                       static_cast<std::size_t>(num_rows) * FloatsOf(shape));
   if (const std::size_t bad = FirstNotFinite(numbers); bad < numbers.size()) {
     return base::Failure{fmt::format("rows: number {} of {} is not finite", bad, numbers.size())};
   }
@@ -119,7 +124,7 @@ int RowBytes::num_steps() const {
 }
 
 const std::int32_t* RowBytes::streams() const {
-  return reinterpret_cast<const std::int32_t*>(bytes_.data() + num_rows_ * kFloats * sizeof(float));
+  return reinterpret_cast<const std::int32_t*>(numbers() + num_rows_ * FloatsOf(shape_));
 }
 
 const std::uint8_t* RowBytes::all_flags() const {
@@ -129,17 +134,18 @@ const std::uint8_t* RowBytes::all_flags() const {
 RowView RowBytes::row(int r) const {
   const auto i = static_cast<std::size_t>(r);
   const auto rows = static_cast<std::size_t>(num_rows_);
-  const auto n = static_cast<std::size_t>(num_beams_);
+  const auto n = static_cast<std::size_t>(shape_.num_beams);
+  const auto s = static_cast<std::size_t>(shape_.state_size);
+  const auto a = static_cast<std::size_t>(shape_.action_size);
   const float* const state = numbers();
-  const float* const action = state + rows * env::kStateSize;
-  const float* const reward = action + rows * 2;
+  const float* const action = state + rows * s;
+  const float* const reward = action + rows * a;
   const float* const cost = reward + rows;
   const auto* const ranges = reinterpret_cast<const std::uint16_t*>(streams() + rows);
   return {streams()[i],
           all_flags()[i],
-          {std::span(ranges + i * n, n),
-           std::span<const float, env::kStateSize>(state + i * env::kStateSize, env::kStateSize)},
-          {action[2 * i], action[2 * i + 1]},
+          {std::span(ranges + i * n, n), std::span(state + i * s, s)},
+          std::span(action + i * a, a),
           reward[i],
           cost[i]};
 }

@@ -15,7 +15,6 @@ namespace slalom::replay {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "samples are sent little-endian");
-static_assert(sizeof(env::Action) == 2 * sizeof(float));
 
 /// The layout of a sample.
 struct Layout {
@@ -26,21 +25,22 @@ struct Layout {
 };
 
 std::optional<Layout> LayoutOf(const SampleShape& shape) {
-  SLALOM_CHECK(shape.batch >= 1 && shape.history >= 1 && shape.num_beams >= 1);
+  SLALOM_CHECK(shape.batch >= 1 && shape.history >= 1);
   const auto batch = static_cast<std::uint64_t>(shape.batch);
   Layout layout;
   layout.frames = batch * static_cast<std::uint64_t>(shape.history);  // Below 2^62.
   std::uint64_t scan_bytes = 0;
   // Two stacks of frames, before and after the window, with room for the other columns.
   constexpr std::uint64_t kMost = std::uint64_t{1} << 62;
-  const std::uint64_t frame_bytes = 2u * 2u * static_cast<std::uint64_t>(shape.num_beams);
+  const std::uint64_t frame_bytes = 2u * 2u * static_cast<std::uint64_t>(shape.step.num_beams);
+  const auto state = static_cast<std::uint64_t>(shape.step.state_size);
+  const auto others = static_cast<std::uint64_t>(shape.step.action_size) + (shape.weighted ? 4 : 3);
   if (__builtin_mul_overflow(layout.frames, frame_bytes, &scan_bytes) || scan_bytes > kMost ||
-      layout.frames > kMost / 64) {
+      layout.frames > kMost / 64 / (state + others)) {
     return std::nullopt;
   }
   layout.numbers = 2 * batch * sizeof(std::int64_t);
-  const std::uint64_t floats =
-      2 * layout.frames * env::kStateSize + batch * (shape.weighted ? 6 : 5);
+  const std::uint64_t floats = 2 * layout.frames * state + batch * others;
   layout.scans = layout.numbers + floats * sizeof(float);
   layout.size = layout.scans + scan_bytes;
   return layout;
@@ -118,13 +118,14 @@ std::optional<std::size_t> SampleSize(const SampleShape& shape) {
 }
 
 void WriteSample(const SampledRows& rows, bool weighted, std::span<std::byte> out) {
-  const auto layout = LayoutOf({rows.batch, rows.history, rows.num_beams, weighted});
+  const auto layout = LayoutOf({rows.batch, rows.history, rows.shape, weighted});
   SLALOM_CHECK(layout.has_value());
   SLALOM_CHECK_EQ(out.size(), layout->size);
   ForEachColumn(rows, weighted, ColumnWriter(out.data()));
   auto* const scans = reinterpret_cast<std::uint16_t*>(out.data() + layout->scans);
-  GatherScans(rows.ranges_cm, rows.num_beams, scans);
-  GatherScans(rows.next_ranges_cm, rows.num_beams, scans + layout->frames * rows.num_beams);
+  const int n = rows.shape.num_beams;
+  GatherScans(rows.ranges_cm, n, scans);
+  GatherScans(rows.next_ranges_cm, n, scans + layout->frames * n);
 }
 
 std::optional<base::Failure> ParseSample(std::span<const std::byte> bytes, const SampleShape& shape,
@@ -132,9 +133,10 @@ std::optional<base::Failure> ParseSample(std::span<const std::byte> bytes, const
   const std::optional<Layout> layout = LayoutOf(shape);
   if (!layout || bytes.size() != layout->size) {
     return base::Failure{fmt::format(
-        "sample: found {} bytes, expected {} for a batch of {}, {} frames of {} beams each{}",
-        bytes.size(), layout ? layout->size : 0, shape.batch, shape.history, shape.num_beams,
-        shape.weighted ? ", with weights" : "")};
+        "sample: found {} bytes, expected {} for a batch of {}, {} frames of {} beams and {} "
+        "numbers each, actions of {} numbers{}",
+        bytes.size(), layout ? layout->size : 0, shape.batch, shape.history, shape.step.num_beams,
+        shape.step.state_size, shape.step.action_size, shape.weighted ? ", with weights" : "")};
   }
   if (reinterpret_cast<std::uintptr_t>(bytes.data()) % alignof(std::int64_t) != 0) {
     return base::Failure{"sample: it does not start on a multiple of 8 bytes"};
@@ -145,11 +147,11 @@ std::optional<base::Failure> ParseSample(std::span<const std::byte> bytes, const
   if (const std::size_t bad = FirstNotFinite(numbers); bad < numbers.size()) {
     return base::Failure{fmt::format("sample: number {} of {} is not finite", bad, numbers.size())};
   }
-  rows->Resize(shape.batch, shape.history, shape.num_beams);
+  rows->Resize(shape.batch, shape.history, shape.step);
   ForEachColumn(*rows, shape.weighted, ColumnReader(bytes.data()));
   if (!shape.weighted) std::fill_n(rows->weight.data(), rows->weight.size(), 1.0f);
   const auto* const scans = reinterpret_cast<const std::uint16_t*>(bytes.data() + layout->scans);
-  const auto n = static_cast<std::size_t>(shape.num_beams);
+  const auto n = static_cast<std::size_t>(shape.step.num_beams);
   for (std::size_t f = 0; f < layout->frames; ++f) {
     rows->ranges_cm[f] = scans + f * n;
     rows->next_ranges_cm[f] = scans + (layout->frames + f) * n;

@@ -12,7 +12,7 @@
 /// block of bytes, without padding, little-endian.
 ///
 /// A sample: sequence [B] int64, next_sequence [B] int64, state [B, H, S] float32, next_state [B,
-/// H, S] float32, action [B, 2] float32, n_step_return [B] float32, cost_return [B] float32,
+/// H, S] float32, action [B, A] float32, n_step_return [B] float32, cost_return [B] float32,
 /// discount [B] float32, if weighted weight [B] float32, then ranges [B, H, N] uint16 [cm] and next
 /// ranges [B, H, N] uint16 [cm].
 ///
@@ -20,11 +20,11 @@
 
 namespace slalom::replay {
 
-/// The shape of a sample; every number is at least 1.
+/// The shape of a sample.
 struct SampleShape {
-  int batch = 1;          ///< B
-  int history = 1;        ///< H
-  int num_beams = 1;      ///< N
+  int batch = 1;          ///< B, at least 1.
+  int history = 1;        ///< H, at least 1.
+  env::StepShape step;    ///< N, S and A
   bool weighted = false;  ///< Whether it has importance weights; if not, all are 1.
 };
 

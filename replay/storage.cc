@@ -22,7 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 
 static_assert(std::endian::native == std::endian::little, "part files are little-endian");
-static_assert(sizeof(env::Action) == 2 * sizeof(float));
 
 constexpr char kMagic[8] = {'S', 'L', 'R', 'P', 'L', 'S', 'E', 'G'};
 constexpr std::uint32_t kVersion = 1;
@@ -54,9 +53,9 @@ template <class ChunkType, class Visit>
 void ForEachColumn(ChunkType& chunk, Visit visit) {
   visit(chunk.stream, 1);
   visit(chunk.flags, 1);
-  visit(chunk.ranges_cm, chunk.num_beams);
-  visit(chunk.state, env::kStateSize);
-  visit(chunk.action, 1);
+  visit(chunk.ranges_cm, chunk.shape.num_beams);
+  visit(chunk.state, chunk.shape.state_size);
+  visit(chunk.action, chunk.shape.action_size);
   visit(chunk.reward, 1);
   visit(chunk.cost, 1);
 }
@@ -79,8 +78,8 @@ void CopyRows(const Table& table, std::int64_t begin, std::int64_t end, Chunk* b
 }
 
 /// The size of a part file in bytes.
-std::int64_t FileSize(int num_beams, std::int64_t num_rows) {
-  return static_cast<std::int64_t>(sizeof(Header)) + Storage::BytesOfRows(num_beams, num_rows);
+std::int64_t FileSize(const env::StepShape& shape, std::int64_t num_rows) {
+  return static_cast<std::int64_t>(sizeof(Header)) + Storage::BytesOfRows(shape, num_rows);
 }
 
 bool IsPartFileName(std::string_view name) {
@@ -113,8 +112,8 @@ Storage::Storage(const fs::path& directory) : directory_(directory) {
   }
 }
 
-std::int64_t Storage::BytesOfRows(int num_beams, std::int64_t num_rows) {
-  const auto row = static_cast<std::int64_t>(RowBytes::Size(1, num_beams));
+std::int64_t Storage::BytesOfRows(const env::StepShape& shape, std::int64_t num_rows) {
+  const auto row = static_cast<std::int64_t>(RowBytes::Size(1, shape));
   const std::int64_t num_blocks = (num_rows + kBlockRows - 1) / kBlockRows;
   return num_rows * row + num_blocks * 8;
 }
@@ -143,7 +142,7 @@ std::string Storage::Save(const Table& table) {
   std::erase_if(part_files, [&](const PartFile& s) { return s.end <= table.first_sequence(); });
   part_files_ = part_files;
 
-  Manifest manifest{.num_beams = table.num_beams(),
+  Manifest manifest{.shape = table.shape(),
                     .capacity = table.config().capacity,
                     .begin = table.first_sequence(),
                     .end = table.total_inserted(),
@@ -160,7 +159,7 @@ Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin,
                 .digest = 0};
   Header header{.magic = {},
                 .version = kVersion,
-                .num_beams = static_cast<std::uint32_t>(table.num_beams()),
+                .num_beams = static_cast<std::uint32_t>(table.shape().num_beams),
                 .begin = begin,
                 .num_rows = part.end - begin,
                 .checksum = 0};
@@ -169,7 +168,7 @@ Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin,
   std::vector<std::uint64_t> checksums;
   base::WriteFileAtomically(directory_ / part.name, [&](const base::AppendBytes& append) {
     append(std::as_bytes(std::span(&header, 1)));
-    Chunk block(table.num_beams());
+    Chunk block(table.shape());
     for (std::int64_t s = begin; s < part.end; s += kBlockRows) {
       CopyRows(table, s, std::min(s + kBlockRows, part.end), &block);
       ForEachColumn(block, [&](const auto& column, int) { append(BytesOf(column)); });
@@ -210,7 +209,7 @@ void Storage::ReadPartFile(const PartFile& part, std::size_t num_streams, Table*
         "{}: cannot open this part of the replay buffer; resume from another checkpoint",
         path.string()));
   }
-  const std::int64_t size = FileSize(table->num_beams(), part.end - part.begin);
+  const std::int64_t size = FileSize(table->shape(), part.end - part.begin);
   in.seekg(0, std::ios::end);
   if (in.tellg() != size) {
     FailDamaged(path,
@@ -221,13 +220,13 @@ void Storage::ReadPartFile(const PartFile& part, std::size_t num_streams, Table*
   in.read(reinterpret_cast<char*>(&header), sizeof(header));
   if (!in || std::memcmp(header.magic, kMagic, sizeof(kMagic)) != 0 || header.version != kVersion ||
       header.checksum != ChecksumOf(header) ||
-      header.num_beams != static_cast<std::uint32_t>(table->num_beams()) ||
+      header.num_beams != static_cast<std::uint32_t>(table->shape().num_beams) ||
       header.begin != part.begin || header.num_rows != part.end - part.begin) {
     FailDamaged(path, "its header is not the one that the checkpoint expects");
   }
   std::vector<std::uint64_t> checksums;
-  Chunk block(table->num_beams());
-  Chunk kept(table->num_beams());
+  Chunk block(table->shape());
+  Chunk kept(table->shape());
   for (std::int64_t s = part.begin; s < part.end; s += kBlockRows) {
     const auto rows = static_cast<std::size_t>(std::min(kBlockRows, part.end - s));
     ForEachColumn(block, [&](auto& column, int width) {
@@ -263,7 +262,7 @@ void Storage::ReadPartFile(const PartFile& part, std::size_t num_streams, Table*
 Table Storage::Load(std::string_view text, std::string_view source) {
   const Manifest manifest = ParseManifest(text, source);
   Table table =
-      Table::BeginRestore({.capacity = manifest.capacity}, manifest.num_beams, manifest.begin);
+      Table::BeginRestore({.capacity = manifest.capacity}, manifest.shape, manifest.begin);
   for (const PartFile& part : manifest.part_files) {
     ReadPartFile(part, manifest.open.size(), &table);
   }

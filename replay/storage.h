@@ -47,7 +47,7 @@ class Storage {
   [[nodiscard]] Table Load(std::string_view manifest, std::string_view source = "replay manifest");
 
   /// The approximate size of part files that hold `num_rows` rows: headers of files do not count.
-  static std::int64_t BytesOfRows(int num_beams, std::int64_t num_rows);
+  static std::int64_t BytesOfRows(const env::StepShape& shape, std::int64_t num_rows);
   /// The most rows in a part file. A part file is deleted once its last row is overwritten, so this
   /// bounds the disk space of rows that are overwritten already.
   static constexpr std::int64_t kPartFileRows = 32768;

@@ -19,18 +19,19 @@
 
 namespace slalom::replay {
 
-Table::Table(const ReplayConfig& config, int num_beams)
+Table::Table(const ReplayConfig& config, const env::StepShape& shape)
     : config_(config),
-      num_beams_(num_beams),
-      slots_(static_cast<std::size_t>(config.capacity) * sizeof(Slot)),
-      scans_(static_cast<std::size_t>(config.capacity) * num_beams * sizeof(std::uint16_t)) {
+      shape_(shape),
+      slot_bytes_(static_cast<std::int64_t>(
+          sizeof(Slot) + sizeof(float) * (shape.state_size + shape.action_size))),
+      slots_(static_cast<std::size_t>(config.capacity * slot_bytes_)),
+      scans_(static_cast<std::size_t>(config.capacity) * shape.num_beams * sizeof(std::uint16_t)) {
   SLALOM_CHECK_GE(config.capacity, 2);
   SLALOM_CHECK_LT(config.capacity, std::numeric_limits<std::uint32_t>::max());
-  SLALOM_CHECK_GE(num_beams, 1);
 }
 
 void Table::Insert(const Chunk& chunk) {
-  SLALOM_CHECK_EQ(chunk.num_beams, num_beams_);
+  SLALOM_CHECK(chunk.shape == shape_);
   for (int r = 0; r < chunk.num_rows(); ++r) InsertRow(chunk.row(r));
 }
 
@@ -48,16 +49,18 @@ void Table::InsertRow(const RowView& row) {
   if (!is_final) ++num_steps_;
 
   Slot& here = slot(sequence);
-  std::copy(row.frame.state.begin(), row.frame.state.end(), here.state);
-  here.action = row.action;
+  auto* const numbers = reinterpret_cast<float*>(&here + 1);
+  std::ranges::copy(row.frame.state, numbers);
+  std::ranges::copy(row.action, numbers + shape_.state_size);
   here.reward = row.reward;
   here.cost = row.cost;
   here.to_previous = 0;
   here.to_next = 0;
   here.stream = row.stream;
   here.flags = row.flags;
-  std::copy(row.frame.ranges_cm.begin(), row.frame.ranges_cm.end(),
-            reinterpret_cast<std::uint16_t*>(scans_.data()) + SlotIndex(sequence) * num_beams_);
+  std::copy(
+      row.frame.ranges_cm.begin(), row.frame.ranges_cm.end(),
+      reinterpret_cast<std::uint16_t*>(scans_.data()) + SlotIndex(sequence) * shape_.num_beams);
 
   if (priorities_ && is_final) priorities_->Clear(SlotIndex(sequence));
   if (priorities_ && !is_final) priorities_->SetNew(SlotIndex(sequence));
@@ -72,9 +75,12 @@ void Table::InsertRow(const RowView& row) {
 
 std::optional<base::Failure> Table::CheckEpisodes(const RowBytes& rows, int stream_base) const {
   SLALOM_CHECK_GE(stream_base, 0);
-  if (rows.num_beams() != num_beams_) {
+  if (rows.shape() != shape_) {
     return base::Failure{
-        fmt::format("rows have scans of {} beams, expected {}", rows.num_beams(), num_beams_)};
+        fmt::format("rows have scans of {} beams, states of {} numbers and actions of {}, expected "
+                    "{}, {} and {}",
+                    rows.shape().num_beams, rows.shape().state_size, rows.shape().action_size,
+                    shape_.num_beams, shape_.state_size, shape_.action_size)};
   }
   enum class Episode : std::uint8_t { kNone, kRunning, kTerminated };
   std::vector<Episode> episodes(static_cast<std::size_t>(rows.num_streams()), Episode::kNone);
@@ -110,7 +116,7 @@ std::optional<base::Failure> Table::CheckEpisodes(const RowBytes& rows, int stre
 }
 
 void Table::InsertRows(const RowBytes& rows, int stream_base) {
-  SLALOM_CHECK_EQ(rows.num_beams(), num_beams_);
+  SLALOM_CHECK(rows.shape() == shape_);
   SLALOM_CHECK_GE(stream_base, 0);
   for (int r = 0; r < rows.num_rows(); ++r) {
     RowView row = rows.row(r);
@@ -129,15 +135,15 @@ RowView Table::row(std::int64_t sequence) const {
   const Slot& here = slot(sequence);
   return {here.stream,
           here.flags,
-          {{scan(sequence), static_cast<std::size_t>(num_beams_)},
-           std::span<const float, env::kStateSize>(here.state)},
-          here.action,
+          {{scan(sequence), static_cast<std::size_t>(shape_.num_beams)}, state(here)},
+          action(here),
           here.reward,
           here.cost};
 }
 
-Table Table::BeginRestore(const ReplayConfig& config, int num_beams, std::int64_t start) {
-  Table table(config, num_beams);
+Table Table::BeginRestore(const ReplayConfig& config, const env::StepShape& shape,
+                          std::int64_t start) {
+  Table table(config, shape);
   SLALOM_CHECK_GE(start, 0);
   table.start_ = start;
   table.total_ = start;
@@ -328,7 +334,8 @@ void Table::WriteHistory(std::int64_t sequence, int history, const std::uint16_t
   for (int h = history - 1; h >= 0; --h) {
     const Slot& here = slot(sequence);
     ranges_cm[h] = scan(sequence);
-    std::copy_n(here.state, env::kStateSize, state + h * env::kStateSize);
+    std::ranges::copy(this->state(here),
+                      state + static_cast<std::ptrdiff_t>(h) * shape_.state_size);
     // The first frame of an episode links to itself, so that copies of it stand before it.
     sequence -= here.to_previous;
   }
@@ -336,7 +343,7 @@ void Table::WriteHistory(std::int64_t sequence, int history, const std::uint16_t
 
 bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows* rows) const {
   SLALOM_CHECK(spec.batch >= 1 && spec.history >= 1 && spec.n_step >= 1);
-  rows->Resize(spec.batch, spec.history, num_beams_);
+  rows->Resize(spec.batch, spec.history, shape_);
   std::fill_n(rows->weight.data(), rows->weight.size(), 1.0f);
   SLALOM_CHECK(!spec.prioritized || priorities_.has_value());
   if (num_rows() == 0) return false;
@@ -364,14 +371,14 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
       const std::size_t frame = b * spec.history;
       rows->sequence[b] = window.begin;
       rows->next_sequence[b] = window.cursor;
-      rows->action[b] = slot(window.begin).action;
+      std::ranges::copy(action(slot(window.begin)), &rows->action[b * shape_.action_size]);
       rows->n_step_return[b] = static_cast<float>(window.reward);
       rows->cost_return[b] = static_cast<float>(window.cost);
       rows->discount[b] = static_cast<float>(window.discount);
       WriteHistory(window.begin, spec.history, &rows->ranges_cm[frame],
-                   &rows->state[frame * env::kStateSize]);
+                   &rows->state[frame * shape_.state_size]);
       WriteHistory(window.cursor, spec.history, &rows->next_ranges_cm[frame],
-                   &rows->next_state[frame * env::kStateSize]);
+                   &rows->next_state[frame * shape_.state_size]);
     }
   }
   if (spec.prioritized) WriteWeights(spec.importance_exponent, rows);
@@ -381,10 +388,10 @@ bool Table::SampleRows(const SampleSpec& spec, base::Random& random, SampledRows
 bool Table::Sample(const SampleSpec& spec, base::Random& random, Batch* batch) const {
   if (!SampleRows(spec, random, &batch->rows)) return false;
   const std::size_t scans = batch->rows.ranges_cm.size();
-  batch->ranges_cm.Resize(scans * num_beams_);
-  batch->next_ranges_cm.Resize(scans * num_beams_);
-  GatherScans(batch->rows.ranges_cm, num_beams_, batch->ranges_cm.data());
-  GatherScans(batch->rows.next_ranges_cm, num_beams_, batch->next_ranges_cm.data());
+  batch->ranges_cm.Resize(scans * shape_.num_beams);
+  batch->next_ranges_cm.Resize(scans * shape_.num_beams);
+  GatherScans(batch->rows.ranges_cm, shape_.num_beams, batch->ranges_cm.data());
+  GatherScans(batch->rows.next_ranges_cm, shape_.num_beams, batch->next_ranges_cm.data());
   return true;
 }
 

@@ -43,16 +43,16 @@ struct ReplayConfig {
 /// episode that is still open or was cut, only windows of `n_step` steps count. The history is
 /// `history` frames; before the start of the episode, copies of its first frame stand in.
 ///
-/// Thread-compatible: one owner. Movable. Memory: 48 + 2 N bytes per row, taken as rows come.
+/// Thread-compatible: one owner. Movable. Memory: 24 + 4 (S + A) + 2 N bytes per row
+/// (`env::StepShape`), taken as rows come.
 /// Source: n-step TD3 of docs/original-system.md, section 3.1 without the faults F2 to F4 of
 /// section 3.4.
 class Table {
  public:
-  /// Requires: config.capacity >= 2, num_beams >= 1. Throws `base::Error` if there is not enough
-  /// memory.
-  Table(const ReplayConfig& config, int num_beams);
+  /// Requires: config.capacity >= 2. Throws `base::Error` if there is not enough memory.
+  Table(const ReplayConfig& config, const env::StepShape& shape);
 
-  /// Appends the rows. Requires: chunk.num_beams == num_beams(); the rows of each stream form
+  /// Appends the rows. Requires: chunk.shape == shape(); the rows of each stream form
   /// episodes as `Chunk` describes. Cost: a copy of the rows.
   void Insert(const Chunk& chunk);
 
@@ -109,7 +109,7 @@ class Table {
   /// total_inserted().
   RowView row(std::int64_t sequence) const;
 
-  int num_beams() const { return num_beams_; }
+  const env::StepShape& shape() const { return shape_; }
   const ReplayConfig& config() const { return config_; }
   /// Number of steps held: rows that are not final.
   std::int64_t num_steps() const { return num_steps_; }
@@ -123,7 +123,7 @@ class Table {
   /// Memory of the rows held, in bytes.
   std::int64_t bytes() const {
     return num_rows() *
-           static_cast<std::int64_t>(sizeof(Slot) + sizeof(std::uint16_t) * num_beams_);
+           static_cast<std::int64_t>(slot_bytes_ + sizeof(std::uint16_t) * shape_.num_beams);
   }
 
   int num_streams() const { return static_cast<int>(last_.size()); }
@@ -134,15 +134,14 @@ class Table {
   /// Returns an empty table whose next row gets the number `start`, for `Storage` and the journal.
   /// `Insert` the rows of the saved table in their order, then call `FinishRestore`. Streams may
   /// start in the middle of an episode.
-  static Table BeginRestore(const ReplayConfig& config, int num_beams, std::int64_t start);
+  static Table BeginRestore(const ReplayConfig& config, const env::StepShape& shape,
+                            std::int64_t start);
   /// Restores the state of each stream: open[i] says whether an episode of stream i is running.
   void FinishRestore(std::span<const std::uint8_t> open);
 
  private:
-  /// A row without its scan.
+  /// A row without its scan. Its state [S] and action [A] follow it in memory.
   struct Slot {
-    float state[env::kStateSize];
-    env::Action action;
     float reward;
     float cost;
     std::uint32_t to_previous;  ///< Distance to the episode's previous row; 0 if none or lost.
@@ -150,7 +149,7 @@ class Table {
     std::int32_t stream;
     std::uint8_t flags;
   };
-  static_assert(sizeof(Slot) == 48);
+  static_assert(sizeof(Slot) == 24);
 
   struct Window;
 
@@ -174,17 +173,26 @@ class Table {
 
   std::int64_t SlotIndex(std::int64_t sequence) const { return sequence % config_.capacity; }
   Slot& slot(std::int64_t sequence) {
-    return reinterpret_cast<Slot*>(slots_.data())[SlotIndex(sequence)];
+    return *reinterpret_cast<Slot*>(slots_.data() + SlotIndex(sequence) * slot_bytes_);
   }
   const Slot& slot(std::int64_t sequence) const {
-    return reinterpret_cast<const Slot*>(slots_.data())[SlotIndex(sequence)];
+    return *reinterpret_cast<const Slot*>(slots_.data() + SlotIndex(sequence) * slot_bytes_);
+  }
+  std::span<const float> state(const Slot& slot) const {
+    return {reinterpret_cast<const float*>(&slot + 1), static_cast<std::size_t>(shape_.state_size)};
+  }
+  std::span<const float> action(const Slot& slot) const {
+    return {reinterpret_cast<const float*>(&slot + 1) + shape_.state_size,
+            static_cast<std::size_t>(shape_.action_size)};
   }
   const std::uint16_t* scan(std::int64_t sequence) const {
-    return reinterpret_cast<const std::uint16_t*>(scans_.data()) + SlotIndex(sequence) * num_beams_;
+    return reinterpret_cast<const std::uint16_t*>(scans_.data()) +
+           SlotIndex(sequence) * shape_.num_beams;
   }
 
   ReplayConfig config_;
-  int num_beams_;
+  env::StepShape shape_;
+  std::int64_t slot_bytes_;  ///< Of a slot with its state and action.
   LazyMemory slots_;
   LazyMemory scans_;
   std::int64_t start_ = 0;  ///< Number of the first row ever inserted here.

@@ -163,11 +163,10 @@ bool CourseEnvironments::Touches(const Scene& scene, const base::Pose2& X_WR) co
                                          kLimit) <= 0.0f;
 }
 
-void CourseEnvironments::Step(std::span<const env::Action> actions,
-                              std::span<env::StepResult> results) {
-  SLALOM_CHECK_EQ(actions.size(), environments_.size());
+void CourseEnvironments::Step(std::span<const float> actions, std::span<env::StepResult> results) {
+  actions_ = env::AsActions(actions);
+  SLALOM_CHECK_EQ(actions_.size(), environments_.size());
   SLALOM_CHECK_EQ(results.size(), environments_.size());
-  actions_ = actions;
   results_ = results;
   const int num_groups = (batch_size() + kGroup - 1) / kGroup;
   if (parallel_ == nullptr) {

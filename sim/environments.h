@@ -76,7 +76,7 @@ class CourseEnvironments : public env::BatchEnvironment {
 
   /// Actions are clipped to [-1, 1]. Requires: they are finite for every environment with a running
   /// episode.
-  void Step(std::span<const env::Action> actions, std::span<env::StepResult> results) override;
+  void Step(std::span<const float> actions, std::span<env::StepResult> results) override;
 
   const env::ObservationBatch& observations() const override { return observations_; }
   base::Pose2 robot_pose(int i) const override { return environments_[i].robot->pose(); }

@@ -44,8 +44,10 @@ void ActorMetrics::Update(const StepAccount& account, const Outbox& outbox,
   registry_.gauge(metrics::kQueueDepth, {metrics::queue::kUnacknowledged}).Set(outbox.num_chunks());
   registry_.gauge(metrics::kQueueBytes, {metrics::queue::kUnacknowledged})
       .Set(static_cast<double>(outbox.bytes()));
-  for (const auto outcome :
-       {env::Outcome::kSuccess, env::Outcome::kCollision, env::Outcome::kTimeout}) {
+  for (const auto outcome : {env::Outcome::kSuccess, env::Outcome::kCollision,
+                             env::Outcome::kTimeout, env::Outcome::kTerminated}) {
+    const bool never_on_courses = outcome == env::Outcome::kTerminated;
+    if (never_on_courses && episodes.num_outcomes[static_cast<int>(outcome)] == 0) continue;
     registry_.counter(metrics::kEpisodes, {env::ToString(outcome), course_set_})
         .RaiseTo(static_cast<double>(episodes.num_outcomes[static_cast<int>(outcome)]));
   }

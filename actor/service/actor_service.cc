@@ -48,7 +48,7 @@ ActorService::ActorService(const ActorServiceConfig& config, const ActorConfig& 
       policy_(context, identity_.learner, identity_.name, std::move(install)),
       metrics_(registry, identity_.course_set, config.unacknowledged_bytes,
                environments.batch_size()),
-      chunk_(environments.observations().num_beams),
+      chunk_(environments.shape()),
       reported_steps_(ledger_.account().made),
       reported_at_(steady_clock::now()) {
   SpreadNoise(actor_config_,
@@ -74,7 +74,7 @@ proto::Hello ActorService::MakeHello(std::uint64_t session, int num_streams) con
   hello.name = identity_.name;
   hello.session = session;
   hello.spec_hash = identity_.spec_hash;
-  hello.num_beams = chunk_.num_beams;
+  hello.num_beams = chunk_.shape.num_beams;
   hello.num_streams = num_streams;
   hello.run = identity_.run;
   return hello;
@@ -231,13 +231,13 @@ void ActorService::CloseChunk() {
   if (chunk_.num_rows() == 0) return;
   proto::Insert header;
   header.num_rows = chunk_.num_rows();
-  header.num_beams = chunk_.num_beams;
+  header.num_beams = chunk_.shape.num_beams;
   header.num_steps = chunk_steps_;
   // A killed learner goes back to its checkpoint, and its versions with it.
   const std::int64_t last_version = policy_.version();
   header.oldest_version = std::min(chunk_oldest_version_, last_version);
   header.newest_version = std::max(chunk_oldest_version_, last_version);
-  transport::Frame payload(replay::RowBytes::Size(header.num_rows, header.num_beams));
+  transport::Frame payload(replay::RowBytes::Size(header.num_rows, chunk_.shape));
   replay::RowBytes::Write(chunk_, payload.mutable_bytes());
   outbox_.Add(header, std::move(payload));
   chunk_.Clear();

@@ -31,6 +31,7 @@ class LineDriver {
 
   explicit LineDriver(const std::string& file) {
     policy::LoadedPolicy loaded = policy::LoadPolicy(file);
+    loaded.snapshot.spec.RequireCourses(file);
     const auto config = train::TrainedConfig(loaded.metadata, file).value_or(train::RunConfig{});
     agent_ = policy::MakePolicyAgent(std::move(loaded.snapshot), config.mpc,
                                      train::SeedOf(config, "act"));
@@ -53,7 +54,7 @@ class LineDriver {
     state[2] = last_.linear;
     state[3] = last_.angular;
     if (given.contains("last_action")) ReadNumbers(given, "last_action", state.last(2));
-    agent_->Act(observations_, {&last_, 1});
+    agent_->Act(observations_, env::NumbersOf(std::span(&last_, 1)));
     is_new_ = false;
     return {{"linear", spec().actions.linear_mps(last_)},
             {"angular", spec().actions.angular_radps(last_)},

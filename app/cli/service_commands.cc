@@ -78,7 +78,7 @@ int RunReplay(const ServiceOptions& options) {
       transport::MakeServerSecurity(config.security, transport::Role::kReplay, spec.endpoint);
   spec.max_connections = config.service.max_connections;
   spec.table = config.replay;
-  spec.num_beams = config.environment.lidar.num_beams;
+  spec.shape = train::StepShapeOf(config);
   spec.spec_hash = process.spec_hash();
   spec.run = train::ServiceIdentity(config);
   spec.seed = static_cast<std::uint64_t>(config.run.seed);

@@ -47,7 +47,6 @@ inline Array<std::uint16_t> RangesOf(const py::array& ranges) {
 /// [batch_size, 2] as actions. A view of the array.
 inline std::span<const env::Action> ActionsOf(const Array<float>& actions, int batch_size) {
   RequireShape("actions", actions, {batch_size, env::kActionSize});
-  static_assert(sizeof(env::Action) == env::kActionSize * sizeof(float));
   return {reinterpret_cast<const env::Action*>(actions.data()),
           static_cast<std::size_t>(batch_size)};
 }

@@ -32,7 +32,7 @@ class CallableAgent : public env::Agent {
     function_ = {};
   }
 
-  void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override {
+  void Act(const env::ObservationBatch& observations, std::span<float> actions) override {
     const py::gil_scoped_acquire acquire;
     const py::ssize_t batch = observations.batch_size, beams = observations.num_beams;
     // Copies, as a function may keep its arguments.
@@ -42,7 +42,7 @@ class CallableAgent : public env::Agent {
     const py::array_t<std::uint8_t> first(batch, observations.first.data());
     const Array<float> chosen =
         py::cast<Array<float>>(function_(ranges, state, first.attr("view")("bool")));
-    std::ranges::copy(ActionsOf(chosen, observations.batch_size), actions.begin());
+    std::ranges::copy(env::NumbersOf(ActionsOf(chosen, observations.batch_size)), actions.begin());
   }
 
  private:

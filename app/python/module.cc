@@ -92,8 +92,7 @@ py::array_t<float> ObservationsOf(const env::ObservationSpec& spec, const py::ar
   const py::gil_scoped_release release;
   for (py::ssize_t i = 0; i < batch; ++i) {
     const env::FrameView frame = {{ranges.data() + i * num_beams, num_beams},
-                                  std::span<const float, env::kStateSize>(
-                                      state.data() + i * env::kStateSize, env::kStateSize)};
+                                  {state.data() + i * env::kStateSize, env::kStateSize}};
     env::WriteObservation(spec, frame, out.subspan(i * size, size));
   }
   return observations;

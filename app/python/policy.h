@@ -25,20 +25,20 @@ class Policy {
                          const Array<bool>& first) {
     const Array<std::uint16_t> ranges = RangesOf(given_ranges);
     const py::ssize_t batch = ranges.ndim() > 0 ? ranges.shape(0) : 0;
-    const int num_beams = spec().observation.num_beams;
-    RequireShape("ranges", ranges, {batch, num_beams});
-    RequireShape("state", state, {batch, env::kStateSize});
+    const env::StepShape shape = spec().step_shape();
+    RequireShape("ranges", ranges, {batch, shape.num_beams});
+    RequireShape("state", state, {batch, shape.state_size});
     RequireShape("first", first, {batch});
-    py::array_t<float> actions({batch, static_cast<py::ssize_t>(env::kActionSize)});
+    py::array_t<float> actions({batch, static_cast<py::ssize_t>(shape.action_size)});
     if (batch == 0) return actions;
-    auto* out = reinterpret_cast<env::Action*>(actions.mutable_data());
+    float* const out = actions.mutable_data();
     const py::gil_scoped_release release;
     const bool is_new = frames_.batch_size != batch;
-    if (is_new) frames_.Resize(static_cast<int>(batch), num_beams);
+    if (is_new) frames_.Resize(static_cast<int>(batch), shape.num_beams, shape.state_size);
     std::copy_n(ranges.data(), ranges.size(), frames_.ranges_cm.begin());
     std::copy_n(state.data(), state.size(), frames_.state.begin());
     for (py::ssize_t i = 0; i < batch; ++i) frames_.first[i] = is_new || first.data()[i];
-    agent_.Act(frames_, {out, static_cast<std::size_t>(batch)});
+    agent_.Act(frames_, {out, static_cast<std::size_t>(batch * shape.action_size)});
     return actions;
   }
 

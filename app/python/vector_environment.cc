@@ -81,7 +81,7 @@ bool VectorEnvironment::Step(std::span<const env::Action> actions) {
     throw base::Error(fmt::format("environment {}: action is ({}, {}), expected finite numbers", i,
                                   actions[i].linear, actions[i].angular));
   }
-  environments_.Step(actions, results_);
+  environments_.Step(env::NumbersOf(actions), results_);
   changing_.clear();
   bool any = false;
   for (int i = 0; i < size(); ++i) {

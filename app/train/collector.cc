@@ -4,8 +4,9 @@
 
 namespace slalom::train {
 
-InlineCollector::InlineCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams)
-    : actor_(actor), agent_(agent), free_(std::make_unique<replay::Chunk>(num_beams)) {}
+InlineCollector::InlineCollector(actor::Actor& actor, policy::PolicyAgent& agent,
+                                 const env::StepShape& shape)
+    : actor_(actor), agent_(agent), free_(std::make_unique<replay::Chunk>(shape)) {}
 
 std::unique_ptr<replay::Chunk> InlineCollector::Next() {
   if (stopped_) return nullptr;
@@ -20,15 +21,15 @@ void InlineCollector::Publish(policy::PolicySnapshot snapshot) {
   agent_.SetSnapshot(std::move(snapshot));
 }
 
-ThreadedCollector::ThreadedCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams,
-                                     int queue_length)
+ThreadedCollector::ThreadedCollector(actor::Actor& actor, policy::PolicyAgent& agent,
+                                     const env::StepShape& shape, int queue_length)
     : actor_(actor),
       agent_(agent),
       full_(static_cast<std::size_t>(queue_length)),
       free_(static_cast<std::size_t>(queue_length) + 2) {
   // One chunk with the actor, one with the learner, the rest in the queue.
   for (int i = 0; i < queue_length + 2; ++i) {
-    SLALOM_CHECK(free_.Push(std::make_unique<replay::Chunk>(num_beams)));
+    SLALOM_CHECK(free_.Push(std::make_unique<replay::Chunk>(shape)));
   }
   thread_ = std::jthread([this] { Run(); });
 }

@@ -37,7 +37,7 @@ class Collector {
 class InlineCollector : public Collector {
  public:
   /// `actor` and its `agent` must outlive the collector.
-  InlineCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams);
+  InlineCollector(actor::Actor& actor, policy::PolicyAgent& agent, const env::StepShape& shape);
 
   std::unique_ptr<replay::Chunk> Next() override;
   void Recycle(std::unique_ptr<replay::Chunk> chunk) override;
@@ -56,7 +56,7 @@ class ThreadedCollector : public Collector {
  public:
   /// Starts the thread. `actor` and `agent` must outlive the collector and belong to the thread,
   /// except for `stats`.
-  ThreadedCollector(actor::Actor& actor, policy::PolicyAgent& agent, int num_beams,
+  ThreadedCollector(actor::Actor& actor, policy::PolicyAgent& agent, const env::StepShape& shape,
                     int queue_length);
   ~ThreadedCollector() override;
 

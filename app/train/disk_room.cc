@@ -69,7 +69,7 @@ ReplayBytes CheckpointReplayBytes(const RunConfig& config) {
   const bool has_three = !saves_by_clock && run.max_steps / (kNumKept + 1) >= run.checkpoint_steps;
   const std::int64_t least_rows = capacity + (has_three ? kNumKept * interval : 0);
   const auto bytes = [&config](std::int64_t rows) {
-    return replay::Storage::BytesOfRows(config.environment.lidar.num_beams, rows);
+    return replay::Storage::BytesOfRows(StepShapeOf(config), rows);
   };
   // The last row of each episode, which is no step, is left out.
   return {bytes(std::min(ends_by_clock ? run.learning_starts : run.max_steps, least_rows)),

@@ -87,6 +87,8 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config) {
           .planning = learner::PlanningOf(config.method, GoalOf(config))};
 }
 
+env::StepShape StepShapeOf(const RunConfig& config) { return config.environment.lidar.num_beams; }
+
 sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
                                                  base::ParallelFor& parallel) {
   auto fresh =
@@ -127,7 +129,7 @@ void RequireNoConstraint(const RunConfig& config) {
 
 std::int64_t LargestChunkBytes(const RunConfig& config) {
   return static_cast<std::int64_t>(
-      replay::RowBytes::Size(LargestChunkRows(config), config.environment.lidar.num_beams));
+      replay::RowBytes::Size(LargestChunkRows(config), StepShapeOf(config)));
 }
 
 void RequireServable(const RunConfig& config) {
@@ -144,7 +146,7 @@ void RequireServable(const RunConfig& config) {
        learner::Learner::SampleSpecs(config.method, MakePolicySpec(config))) {
     const auto size = replay::SampleSize({.batch = spec.batch,
                                           .history = spec.history,
-                                          .num_beams = config.environment.lidar.num_beams,
+                                          .step = StepShapeOf(config),
                                           .weighted = spec.prioritized});
     if (size && *size <= static_cast<std::size_t>(config.replay_server.max_sample_bytes)) continue;
     throw base::Error(fmt::format(

@@ -137,6 +137,9 @@ std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose);
 /// Observations, network and actions of the run's policies.
 policy::PolicySpec MakePolicySpec(const RunConfig& config);
 
+/// The sizes of a step of the run's environments.
+env::StepShape StepShapeOf(const RunConfig& config);
+
 /// Makes the environments that training episodes are driven in, on `parallel`'s threads. Throws
 /// `base::Error` as their constructor does, and if the courses are not found.
 sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,

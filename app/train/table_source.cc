@@ -60,12 +60,12 @@ void TableSource::ResetLimiter(std::int64_t steps, std::int64_t updates) {
 
 void TableSource::Start() {
   if (collector_) return;
-  const int num_beams = table_.num_beams();
+  const env::StepShape& shape = table_.shape();
   if (config_.run.deterministic) {
-    collector_ = std::make_unique<InlineCollector>(actor_, agent_, num_beams);
+    collector_ = std::make_unique<InlineCollector>(actor_, agent_, shape);
   } else {
     collector_ =
-        std::make_unique<ThreadedCollector>(actor_, agent_, num_beams, config_.run.queue_length);
+        std::make_unique<ThreadedCollector>(actor_, agent_, shape, config_.run.queue_length);
   }
 }
 

@@ -62,7 +62,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       agent_(policy::MakePolicyAgent(learner_.Snapshot(), config.mpc, SeedOf(config, "mpc"))),
       actor_(config.actor, environments_, *agent_, SeedOf(config, "actor"),
              config.courses.sampling),
-      table_(config.replay, config.environment.lidar.num_beams),
+      table_(config.replay, StepShapeOf(config)),
       lock_(Begin(directory, config, learner_, resume)),
       source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),
               registry),

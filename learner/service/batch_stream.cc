@@ -14,9 +14,10 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 BatchStream::BatchStream(transport::Context& context, const transport::ClientOptions& replay,
-                         proto::Hello hello, std::vector<replay::SampleSpec> specs, int prefetch,
-                         std::uint64_t cursor)
+                         proto::Hello hello, const env::StepShape& shape,
+                         std::vector<replay::SampleSpec> specs, int prefetch, std::uint64_t cursor)
     : link_(context, replay, std::move(hello)),
+      shape_(shape),
       specs_(std::move(specs)),
       prefetch_(prefetch * static_cast<int>(specs_.size())),
       cursor_(cursor),
@@ -97,7 +98,7 @@ void BatchStream::Parse(const proto::SampleReply& reply, const replay::SampleSpe
         link_.endpoint(), reply.batch, reply.history, spec.batch, spec.history));
   }
   const auto failure = replay::ParseSample(
-      payload.bytes(), {reply.batch, reply.history, reply.num_beams, reply.weighted}, rows);
+      payload.bytes(), {reply.batch, reply.history, shape_, reply.weighted}, rows);
   if (failure) {
     throw base::Error(fmt::format("batch {} of the replay server at {}: {}", reply.cursor,
                                   link_.endpoint(), failure->text));

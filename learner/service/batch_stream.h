@@ -31,8 +31,8 @@ class BatchStream {
   /// Begins at batch `cursor`, a multiple of specs.size(). `prefetch`: number of updates whose
   /// batches are requested ahead.
   BatchStream(transport::Context& context, const transport::ClientOptions& replay,
-              proto::Hello hello, std::vector<replay::SampleSpec> specs, int prefetch,
-              std::uint64_t cursor);
+              proto::Hello hello, const env::StepShape& shape,
+              std::vector<replay::SampleSpec> specs, int prefetch, std::uint64_t cursor);
 
   /// Returns the next batch of each kind, valid until the next call, or null if they have not come
   /// within `timeout`. Throws `base::Error` if the server refuses this learner for good or sends a
@@ -70,6 +70,7 @@ class BatchStream {
   bool Take(service::ReplayLink::Received received);
 
   service::ReplayLink link_;
+  const env::StepShape shape_;
   const std::vector<replay::SampleSpec> specs_;  // [K]
   const int prefetch_;
   std::uint64_t cursor_;     // The next batch to be returned.

@@ -51,11 +51,13 @@ void StreamMetrics::SetStream(int in_flight, double policy_lag, int connections)
 }
 
 RemoteSource::RemoteSource(transport::Context& context, transport::ClientOptions replay,
-                           proto::Hello hello, std::vector<replay::SampleSpec> specs, int prefetch,
+                           proto::Hello hello, const env::StepShape& shape,
+                           std::vector<replay::SampleSpec> specs, int prefetch,
                            const PolicyServer& policies, metrics::Registry& registry)
     : context_(context),
       replay_(std::move(replay)),
       hello_(std::move(hello)),
+      shape_(shape),
       specs_(std::move(specs)),
       prefetch_(prefetch),
       policies_(policies),
@@ -63,7 +65,8 @@ RemoteSource::RemoteSource(transport::Context& context, transport::ClientOptions
 
 void RemoteSource::Start() {
   if (stream_) return;
-  stream_ = std::make_unique<BatchStream>(context_, replay_, hello_, specs_, prefetch_, cursor_);
+  stream_ =
+      std::make_unique<BatchStream>(context_, replay_, hello_, shape_, specs_, prefetch_, cursor_);
 }
 
 const std::vector<replay::SampledRows>* RemoteSource::Next() {

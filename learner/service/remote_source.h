@@ -41,8 +41,8 @@ class RemoteSource final : public BatchSource {
   /// Connects at `Start`. Keeps references to `context`, `policies` and `registry`, which must
   /// outlive it. `prefetch`: as for `BatchStream`.
   RemoteSource(transport::Context& context, transport::ClientOptions replay, proto::Hello hello,
-               std::vector<replay::SampleSpec> specs, int prefetch, const PolicyServer& policies,
-               metrics::Registry& registry);
+               const env::StepShape& shape, std::vector<replay::SampleSpec> specs, int prefetch,
+               const PolicyServer& policies, metrics::Registry& registry);
 
   void Start() override;
   void Stop() override {}
@@ -69,6 +69,7 @@ class RemoteSource final : public BatchSource {
   transport::Context& context_;
   const transport::ClientOptions replay_;
   const proto::Hello hello_;
+  const env::StepShape shape_;
   const std::vector<replay::SampleSpec> specs_;
   const int prefetch_;
   const PolicyServer& policies_;

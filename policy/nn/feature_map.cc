@@ -54,11 +54,19 @@ void GroupMinima(const std::uint16_t* values, int group, int num_groups, std::ui
 
 FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config)
     : num_beams_(spec.num_beams),
+      state_size_(spec.state_size),
       num_ranges_(config.sectors == 0 ? spec.num_beams : config.sectors),
-      beams_per_range_(spec.num_beams / num_ranges_),
+      beams_per_range_(num_ranges_ == 0 ? 0 : spec.num_beams / num_ranges_),
       goal_scale_(static_cast<float>(spec.goal_scale)),
       goal_y_offset_(config.goal_transform == GoalTransform::kCentred ? 0.0f : 1.0f) {
-  if (beams_per_range_ < 1 || beams_per_range_ * num_ranges_ != num_beams_) {
+  if (num_beams_ > 0 && state_size_ != env::kStateSize) {
+    throw base::Error(fmt::format("found a state of {} numbers beside a scan, expected {}",
+                                  state_size_, env::kStateSize));
+  }
+  if (num_beams_ == 0 && EncoderOf(config) == EncoderKind::kBeamCnn) {
+    throw base::Error("network.cnn_axis: found \"beams\" without a scan, expected \"time\"");
+  }
+  if (beams_per_range_ * num_ranges_ != num_beams_ || (num_ranges_ > 0 && beams_per_range_ < 1)) {
     throw base::Error(
         fmt::format("network.sectors: found {}, expected 0 or a divisor of the {} beams of a scan",
                     config.sectors, spec.num_beams));
@@ -75,6 +83,10 @@ FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& co
 
 void FeatureMap::Write(const std::uint16_t* ranges_cm, const float* state, bool mirrored,
                        float* features) const {
+  if (num_beams_ == 0) {
+    std::copy_n(state, state_size_, features);
+    return;
+  }
   if (beams_per_range_ > 1) {
     PoolSectors(ranges_cm, mirrored, features);
   } else {

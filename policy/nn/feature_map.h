@@ -7,20 +7,21 @@
 #include "env/observation.h"
 #include "policy/nn/network_config.h"
 
-/// Shapes: `N` beams, `R` ranges seen (sectors, or N), `F` = R + env::kStateSize numbers of a
-/// frame.
+/// Shapes: `N` beams, `R` ranges seen (sectors, or N), `S` numbers of a state, `F` = R + S numbers
+/// of a frame.
 
 namespace slalom::nn {
 
 /// Maps a frame to the numbers that a network sees: pools sectors by their minimum, and scales
-/// ranges and goal.
+/// ranges and goal. Without beams the state is no course's, and is seen as it is.
 ///
 /// With sectors = 0 and both transforms "linear" it is exactly `env::WriteObservation`. Ranges are
 /// pooled as the sensor's integers and mapped by table, so every machine computes the same numbers.
 /// Immutable after construction, so one instance may serve many threads.
 class FeatureMap {
  public:
-  /// Throws `base::Error` if the sectors do not divide the beams.
+  /// Throws `base::Error` if the sectors do not divide the beams, or if there are beams beside a
+  /// state that is no course's, or an encoder that needs them and none.
   FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config);
 
   /// Writes one frame's features. If `mirrored`, writes the features of the scene with left and
@@ -37,13 +38,14 @@ class FeatureMap {
   /// Asks the processor to fetch a scan that `Write` will read soon.
   void Prefetch(const std::uint16_t* ranges_cm) const;
 
-  int frame_size() const { return num_ranges_ + env::kStateSize; }  ///< F
+  int frame_size() const { return num_ranges_ + state_size_; }  ///< F
   int num_beams() const { return num_beams_; }
 
  private:
   void PoolSectors(const std::uint16_t* ranges_cm, bool mirrored, float* features) const;
 
   int num_beams_;
+  int state_size_;
   int num_ranges_;
   int beams_per_range_;
   float goal_scale_;

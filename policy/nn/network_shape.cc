@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "env/action.h"
 #include "policy/nn/encoder_slots.h"
 
 namespace slalom::nn {
@@ -65,9 +64,10 @@ NetworkShape ActorShape(const NetworkConfig& config, int frame_size, int num_out
   return BodyShape(config, frame_size, num_outputs);
 }
 
-NetworkShape CriticShape(const NetworkConfig& config, int frame_size, int num_outputs) {
+NetworkShape CriticShape(const NetworkConfig& config, int frame_size, int num_outputs,
+                         int action_size) {
   NetworkShape shape = BodyShape(config, frame_size, num_outputs);
-  shape.mlp.num_extra = env::kActionSize;
+  shape.mlp.num_extra = action_size;
   shape.mlp.extra_layer = shape.mlp.num_encoder_layers;
   shape.mlp.layer_norm = config.layer_norm;
   return shape;

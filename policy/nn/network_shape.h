@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/random.h"
+#include "env/action.h"
 #include "policy/nn/network_config.h"
 #include "policy/nn/parameter_slot.h"
 
@@ -59,10 +60,12 @@ struct NetworkShape {
 
 /// Actor: features [H * F] -> outputs, before tanh. The paper's at H = 1: 1,160,194 parameters.
 /// Throws `base::Error` that names the key if the config makes no network.
-NetworkShape ActorShape(const NetworkConfig& config, int frame_size, int num_outputs = 2);
+NetworkShape ActorShape(const NetworkConfig& config, int frame_size,
+                        int num_outputs = env::kActionSize);
 
-/// Critic and transition model: features [H * F] and action [2] -> outputs. Throws as `ActorShape`.
-NetworkShape CriticShape(const NetworkConfig& config, int frame_size, int num_outputs = 1);
+/// Critic and transition model: features [H * F] and action [A] -> outputs. Throws as `ActorShape`.
+NetworkShape CriticShape(const NetworkConfig& config, int frame_size, int num_outputs = 1,
+                         int action_size = env::kActionSize);
 
 /// Sets every parameter to its initial value, by its slot: LibTorch's defaults, with the exceptions
 /// in docs/networks.md. `parameters`: [shape.num_parameters()].

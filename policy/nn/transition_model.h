@@ -8,7 +8,7 @@
 #include "policy/nn/network.h"
 
 /// Shapes: `B` batch, `H` frames of history, `F` numbers of a frame, `M` <= F of them predicted,
-/// `A` = 2 numbers of an action, `O` outputs, `P` parameters of one member.
+/// `A` numbers of an action, `O` outputs, `P` parameters of one member.
 
 namespace slalom::nn {
 

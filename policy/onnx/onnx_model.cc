@@ -364,6 +364,7 @@ std::string PrintOnnx(const PolicySnapshot& snapshot, const nn::Metadata& metada
         "network.dropout_everywhere is true, expected false: the policy drops units at random when "
         "it acts, which an ONNX model cannot do as it does");
   }
+  snapshot.spec.RequireCourses("an ONNX model");
   nn::Metadata all = metadata;
   all["slalom_policy"] = PrintSpec(snapshot.spec, snapshot.version);
   return ModelPrinter(snapshot).Print(all);

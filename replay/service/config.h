@@ -67,7 +67,7 @@ struct ReplayServerSpec {
   transport::ServerSecurity security = {};
   int max_connections = 4096;  ///< As `transport::ServerOptions`.
   ReplayConfig table = {};
-  int num_beams = 720;
+  env::StepShape shape = 720;
   std::uint64_t spec_hash = 0;  ///< Hash of the observation and action spec.
   std::uint64_t seed = 1;       ///< The run's seed; draws derive from it and the sample's cursor.
   double updates_per_step = 0.25;

@@ -233,13 +233,13 @@ void InsertDesk::Insert(const PeerId& peer, const proto::Insert& insert, transpo
   }
   auto frame = std::make_shared<const transport::Frame>(std::move(payload));
   const auto rows =
-      RowBytes::Parse(frame->bytes(), insert.num_rows, insert.num_beams, session->num_streams);
+      RowBytes::Parse(frame->bytes(), insert.num_rows, table_->shape(), session->num_streams);
   if (!rows) return RefuseChunk(peer, RefusalCode::kBadMessage, rows.failure().text, insert);
-  if (rows->num_beams() != table_->num_beams() || rows->num_steps() != insert.num_steps) {
+  if (insert.num_beams != table_->shape().num_beams || rows->num_steps() != insert.num_steps) {
     return RefuseChunk(
         peer, RefusalCode::kBadMessage,
         fmt::format("found {} steps of {} beams, expected {} of {}", rows->num_steps(),
-                    rows->num_beams(), insert.num_steps, table_->num_beams()),
+                    insert.num_beams, insert.num_steps, table_->shape().num_beams),
         insert);
   }
   live->held.push_back({insert, std::move(frame), *rows, now});

@@ -28,17 +28,18 @@ SampleSpec SpecOf(const proto::SampleRequest& request) {
           .importance_exponent = request.importance_exponent};
 }
 
-SampleShape ShapeOf(const proto::SampleRequest& request, int num_beams) {
+SampleShape ShapeOf(const proto::SampleRequest& request, const env::StepShape& step) {
   return {.batch = request.batch,
           .history = request.history,
-          .num_beams = num_beams,
+          .step = step,
           .weighted = request.prioritized};
 }
 
 /// Returns why a request that passed `proto::Decode` cannot be served, or nothing if it can.
-std::string FaultOf(const proto::SampleRequest& request, int num_beams, std::int64_t max_bytes) {
+std::string FaultOf(const proto::SampleRequest& request, const env::StepShape& step,
+                    std::int64_t max_bytes) {
   if (request.cursor > kMaxCursor) return fmt::format("cursor {} is too large", request.cursor);
-  const auto size = SampleSize(ShapeOf(request, num_beams));
+  const auto size = SampleSize(ShapeOf(request, step));
   if (!size || *size > static_cast<std::size_t>(max_bytes)) {
     return fmt::format("a sample of {} windows of {} scans is larger than {} bytes", request.batch,
                        request.history, max_bytes);
@@ -54,7 +55,7 @@ SampleDesk::SampleDesk(const Options& options, Table* table, RateLimiter* limite
 
 void SampleDesk::Ask(const PeerId& peer, const std::string& learner,
                      const proto::SampleRequest& request) {
-  const std::string fault = FaultOf(request, table_->num_beams(), options_.max_sample_bytes);
+  const std::string fault = FaultOf(request, table_->shape(), options_.max_sample_bytes);
   if (!fault.empty()) return Refuse(peer, RefusalCode::kBadMessage, fault, request.cursor);
   Line& line = lines_[peer];
   line.learner = learner;
@@ -132,13 +133,13 @@ SampleDesk::Step SampleDesk::Answer(const PeerId& peer, Line* line, double actin
       return Step::kHeld;
     }
     const auto begin = std::chrono::steady_clock::now();
-    const SampleShape shape = ShapeOf(request, table_->num_beams());
+    const SampleShape shape = ShapeOf(request, table_->shape());
     transport::Frame payload(*SampleSize(shape));
     WriteSample(rows_, shape.weighted, payload.mutable_bytes());
     line->ready = MakeMessage(proto::SampleReply{.cursor = request.cursor,
                                                  .batch = shape.batch,
                                                  .history = shape.history,
-                                                 .num_beams = shape.num_beams,
+                                                 .num_beams = shape.step.num_beams,
                                                  .weighted = shape.weighted,
                                                  .inserted_steps = limiter_->steps(),
                                                  .table_steps = table_->num_steps(),

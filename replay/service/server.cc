@@ -41,7 +41,7 @@ JournalOptions JournalOptionsOf(const ReplayServerConfig& config, const ReplaySe
           .segment_bytes = config.segment_bytes,
           .sync_interval = std::chrono::duration_cast<std::chrono::milliseconds>(
               std::chrono::duration<double>(config.sync_interval)),
-          .num_beams = spec.num_beams,
+          .shape = spec.shape,
           .spec_hash = spec.spec_hash};
 }
 
@@ -105,7 +105,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
   std::uint64_t next_index = 1;
   const JournalOptions options = JournalOptionsOf(config_, spec_);
   if (config_.directory.empty()) {
-    table_.emplace(spec_.table, spec_.num_beams);
+    table_.emplace(spec_.table, spec_.shape);
   } else {
     lock.emplace(options.directory);
     Recovered recovered = RecoverJournal(options, spec_.table);
@@ -311,9 +311,9 @@ std::string ReplayServer::FindMismatch(const proto::Hello& hello) const {
     const std::string keys = proto::DescribeDifference(hello.run, spec_.run);
     if (!keys.empty()) return "its config is of another run: " + keys;
   }
-  if (hello.num_beams == spec_.num_beams && hello.spec_hash == spec_.spec_hash) return "";
+  if (hello.num_beams == spec_.shape.num_beams && hello.spec_hash == spec_.spec_hash) return "";
   return fmt::format("found {} beams and spec {:016x}, expected {} and {:016x}: the configs differ",
-                     hello.num_beams, hello.spec_hash, spec_.num_beams, spec_.spec_hash);
+                     hello.num_beams, hello.spec_hash, spec_.shape.num_beams, spec_.spec_hash);
 }
 
 void ReplayServer::Greet(const PeerId& peer, const proto::Hello& hello, Time now) {

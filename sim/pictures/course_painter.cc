@@ -77,6 +77,7 @@ Colour OutcomeColour(env::Outcome outcome) {
       return {0.84, 0.19, 0.15};
     case env::Outcome::kTimeout:
       return {0.93, 0.58, 0.07};
+    case env::Outcome::kTerminated:
     case env::Outcome::kRunning:
       return {0.50, 0.36, 0.72};
   }
@@ -302,6 +303,7 @@ void CoursePainter::PaintEndMark(base::Vec2 p, double radius, env::Outcome outco
       cairo_stroke(cairo_);
       break;
     case env::Outcome::kTimeout:
+    case env::Outcome::kTerminated:
     case env::Outcome::kRunning:
       cairo_rectangle(cairo_, p.x - radius, p.y - radius, 2.0 * radius, 2.0 * radius);
       cairo_fill(cairo_);

@@ -53,7 +53,7 @@ class Replay {
         server_(ConfigOf(directory),
                 {.endpoint = endpoint,
                  .table = {.capacity = 100000},
-                 .num_beams = kBeams,
+                 .shape = kBeams,
                  .spec_hash = spec_hash},
                 context_, registry_),
         thread_([this](std::stop_token stop) { server_.Run(stop); }) {}
@@ -78,7 +78,7 @@ class Replay {
 std::int64_t AcceptedSteps(const std::filesystem::path& directory) {
   replay::JournalOptions options;
   options.directory = directory;
-  options.num_beams = kBeams;
+  options.shape = kBeams;
   options.spec_hash = kSpecHash;
   const replay::JournalLock lock(directory);
   return replay::RecoverJournal(options, {.capacity = 100000}).sessions.accepted_steps();

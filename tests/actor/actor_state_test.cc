@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "base/file.h"
 
 namespace slalom::actor {
 namespace {
@@ -14,7 +15,7 @@ ActorState MakeState() {
   state.num_steps = 123456789012;
   state.num_episodes = 4711;
   state.recent = {{env::Outcome::kSuccess, 30, 29.5f}, {env::Outcome::kTimeout, 400, -0.25f}};
-  state.open = {{7, {3, 99}, true, {1, 2, 3, 4}, 1.5f, 55, {{0.5f, -0.5f}, {1.0f, 0.25f}}},
+  state.open = {{7, {3, 99}, true, {1, 2, 3, 4}, 1.5f, 55, {0.5f, -0.5f, 1.0f, 0.25f}},
                 {8, {0, 100}, false, {5, 6, 7, 8}, 0.0f, 56, {}}};
   state.sampler = {.num_fresh_draws = 12,
                    .named = {{0, 0.5f, 1.0f}},
@@ -57,6 +58,24 @@ TEST(ActorState, ReadsBackWhatItWrote) {
   EXPECT_EQ(read.sampler.learnable, state.sampler.learnable);
   EXPECT_EQ(read.sampler.recent, state.sampler.recent);
   EXPECT_EQ(read.Serialize(), state.Serialize());
+}
+
+// SLACTOR2 counted actions of two numbers where SLACTOR3 counts numbers.
+TEST(ActorState, ReadsTheVersionBefore) {
+  const ActorState state = MakeState();
+  std::string bytes = state.Serialize();
+  const std::vector<float>& actions = state.open[0].actions;
+  const std::string_view numbers(reinterpret_cast<const char*>(actions.data()),
+                                 actions.size() * sizeof(float));
+  const std::size_t place = bytes.find(numbers);
+  ASSERT_NE(place, std::string::npos);
+  ASSERT_EQ(bytes[place - 8], 4);
+  bytes[place - 8] = 2;
+  bytes[7] = '2';
+  bytes.resize(bytes.size() - 8);
+  const std::uint64_t checksum = base::Checksum(std::string_view(bytes));
+  bytes.append(reinterpret_cast<const char*>(&checksum), 8);
+  EXPECT_EQ(ActorState::Parse(bytes, "actor.bin").Serialize(), state.Serialize());
 }
 
 TEST(ActorState, RefusesEveryCutAndEveryFlippedBit) {

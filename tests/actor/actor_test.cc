@@ -37,7 +37,7 @@ void ExpectEqualChunks(const replay::Chunk& a, const replay::Chunk& b) {
   EXPECT_EQ(a.flags, b.flags);
   EXPECT_EQ(a.ranges_cm, b.ranges_cm);
   EXPECT_EQ(a.state, b.state);
-  EXPECT_EQ(a.action, b.action);
+  EXPECT_TRUE(std::ranges::equal(a.action, b.action));
   EXPECT_EQ(a.reward, b.reward);
   EXPECT_EQ(a.cost, b.cost);
 }
@@ -81,7 +81,7 @@ TEST(Actor, WritesTheEpisodesThatAPlainLoopSees) {
       }
       EXPECT_FALSE(result[0].ended()) << "a final row is missing";
       ended = false;
-      environment.Step(std::vector<env::Action>{row.action}, result);
+      environment.Step(row.action, result);
       EXPECT_EQ(row.reward, result[0].reward);
       EXPECT_EQ(row.cost, result[0].cost);
       EXPECT_EQ((row.flags & replay::kRowTerminated) != 0, result[0].terminated());
@@ -175,7 +175,7 @@ TEST(Actor, RefusesAStateThatDoesNotFit) {
 
   ActorState altered = state;
   for (OpenEpisode& open : altered.open) {
-    for (env::Action& action : open.actions) action.linear += 0.01f;
+    for (float& number : open.actions) number += 0.01f;
   }
   EXPECT_THROW(Fixture({}).actor.Restore(altered), base::Error);
 }
@@ -194,7 +194,7 @@ TEST(Actor, DrawsOneEnvironmentWithoutRegardToTheOthers) {
   for (int s = 0; s < b.num_rows(); ++s) {
     if (b.stream[s] != 0) continue;
     ASSERT_LT(r, a.num_rows());
-    EXPECT_EQ(a.action[r], b.action[s]);
+    EXPECT_TRUE(std::ranges::equal(a.row(r).action, b.row(s).action));
     EXPECT_EQ(a.flags[r], b.flags[s]);
     ++r;
   }

@@ -49,8 +49,8 @@ std::vector<std::vector<double>> Noise(const ActorConfig& config, env::Action co
     actor.Step(&chunk);
     for (int r = 0; r < chunk.num_rows(); ++r) {
       if (chunk.flags[r] & replay::kRowFinal) continue;
-      noise[chunk.stream[r]].push_back(chunk.action[r].linear - command.linear);
-      noise[chunk.stream[r]].push_back(chunk.action[r].angular - command.angular);
+      noise[chunk.stream[r]].push_back(chunk.row(r).action[0] - command.linear);
+      noise[chunk.stream[r]].push_back(chunk.row(r).action[1] - command.angular);
     }
   }
   return noise;
@@ -104,10 +104,8 @@ TEST(Actor, WarmsUpWithUniformActions) {
 class GaussianAgent : public ConstantAgent {
  public:
   GaussianAgent() : ConstantAgent({0.25f, 0.25f}) {}
-  bool Explore(std::span<const env::Action> noise, std::span<env::Action> actions) override {
-    for (std::size_t i = 0; i < actions.size(); ++i) {
-      actions[i] = {0.5f * noise[i].linear, 0.5f * noise[i].angular};
-    }
+  bool Explore(std::span<const float> noise, std::span<float> actions) override {
+    for (std::size_t i = 0; i < actions.size(); ++i) actions[i] = 0.5f * noise[i];
     return true;
   }
 };
@@ -127,8 +125,8 @@ TEST(Actor, ExploresByTheAgentsOwnDistribution) {
     const replay::RowView row = chunk.row(r);
     if (row.flags & replay::kRowFinal) continue;
     base::Random& random = noise[row.stream];
-    EXPECT_EQ(row.action.linear, 0.5f * static_cast<float>(random.Normal()));
-    EXPECT_EQ(row.action.angular, 0.5f * static_cast<float>(random.Normal()));
+    EXPECT_EQ(row.action[0], 0.5f * static_cast<float>(random.Normal()));
+    EXPECT_EQ(row.action[1], 0.5f * static_cast<float>(random.Normal()));
   }
 }
 

@@ -51,7 +51,7 @@ TEST(ObservationTest, NumbersAreThoseOfThePaper) {
   const std::vector<std::uint16_t> ranges{0, 250, 3000};
   const std::vector<float> state{10.0f, 0.0f, -0.25f, 0.5f};
   std::vector<float> observation(7);
-  WriteObservation(spec, {ranges, std::span(state).first<kStateSize>()}, observation);
+  WriteObservation(spec, {ranges, state}, observation);
   EXPECT_EQ(observation, (std::vector<float>{-1.0f, 0.0f, 1.0f, 1.0f, -1.0f, -0.25f, 0.5f}));
 }
 

@@ -91,8 +91,8 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
     track.motion_start = static_cast<double>(expected.seed % 1000);
     look();
     while (!result[0].ended()) {
-      agent.Act(environment.observations(), action);
-      environment.Step(action, result);
+      agent.Act(environment.observations(), env::NumbersOf(action));
+      environment.Step(env::NumbersOf(action), result);
       look();
       ++expected.num_steps;
       expected.episode_return += static_cast<double>(result[0].reward);
@@ -213,7 +213,7 @@ class ScriptedEnvironment : public testing::FakeEnvironment {
     FakeEnvironment::Reset(i, spec);
     num_steps_ = 0;
   }
-  void Step(std::span<const env::Action>, std::span<env::StepResult> results) override {
+  void Step(std::span<const float>, std::span<env::StepResult> results) override {
     ++num_steps_;
     results[0] = {0.0f, now().contact ? 1.0f : 0.0f, env::Outcome::kRunning};
   }

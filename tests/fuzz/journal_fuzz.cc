@@ -53,8 +53,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::string segment =
       input.TakeIn(0, 15) == 0 ? std::string(input.text()) : fuzz::MakeSegment(&input, num_beams);
   if (cut > 40) segment.resize(segment.size() - std::min<std::size_t>(cut - 40, segment.size()));
-  const replay::JournalOptions options{
-      .directory = directory, .num_beams = num_beams, .spec_hash = 7};
+  const replay::JournalOptions options{.directory = directory, .shape = num_beams, .spec_hash = 7};
   std::ofstream(directory / "journal-00000001.log", std::ios::binary) << segment;
   try {
     const replay::Recovered recovered = replay::RecoverJournal(options, {.capacity = 16});

@@ -55,7 +55,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::Append(&file, checksum);
   if (cut > 28) file.resize(file.size() - static_cast<std::size_t>(cut - 28));
 
-  replay::Manifest manifest{.num_beams = beams,
+  replay::Manifest manifest{.shape = beams,
                             .capacity = capacity,
                             .begin = begin + overwritten,
                             .end = begin + rows,

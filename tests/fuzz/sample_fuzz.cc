@@ -27,7 +27,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   unsigned sum = 0;
   for (const auto* scans : {&rows.ranges_cm, &rows.next_ranges_cm}) {
     for (const std::uint16_t* scan : *scans) {
-      for (int i = 0; i < shape.num_beams; ++i) sum += scan[i];
+      for (int i = 0; i < shape.step.num_beams; ++i) sum += scan[i];
     }
   }
   // Written again it is the same bytes.

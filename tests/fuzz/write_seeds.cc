@@ -38,16 +38,16 @@ replay::Chunk MakeChunk(int beams) {
   const std::vector<std::uint16_t> ranges(static_cast<std::size_t>(beams), 300);
   const float state[env::kStateSize] = {1.0f, -0.5f, 0.25f, 0.0f};
   const env::FrameView frame{ranges, state};
-  chunk.AddStep(0, true, frame, {0.5f, 0.1f}, {.reward = 1.0f});
-  chunk.AddStep(1, true, frame, {0.5f, -0.1f}, {.reward = 1.0f});
-  chunk.AddStep(0, false, frame, {1.0f, 0.0f},
+  chunk.AddStep(0, true, frame, std::array{0.5f, 0.1f}, {.reward = 1.0f});
+  chunk.AddStep(1, true, frame, std::array{0.5f, -0.1f}, {.reward = 1.0f});
+  chunk.AddStep(0, false, frame, std::array{1.0f, 0.0f},
                 {.reward = -1.0f, .cost = 1.0f, .outcome = env::Outcome::kCollision});
   chunk.AddFinal(0, frame);
   return chunk;
 }
 
 std::string RowsOf(const replay::Chunk& chunk) {
-  std::string rows(replay::RowBytes::Size(chunk.num_rows(), chunk.num_beams), '\0');
+  std::string rows(replay::RowBytes::Size(chunk.num_rows(), chunk.shape), '\0');
   std::vector<std::uint64_t> aligned(rows.size() / 8 + 1);
   const auto bytes = std::as_writable_bytes(std::span(aligned)).first(rows.size());
   replay::RowBytes::Write(chunk, bytes);
@@ -129,7 +129,7 @@ Seeds PolicySeeds() {
 }
 
 Seeds ManifestSeeds() {
-  replay::Manifest manifest{.num_beams = 720,
+  replay::Manifest manifest{.shape = 720,
                             .capacity = 1000,
                             .begin = 10,
                             .end = 300,
@@ -147,7 +147,7 @@ Seeds ActorStateSeeds() {
   state.num_episodes = 3;
   state.recent = {{env::Outcome::kSuccess, 30, 12.5f}, {env::Outcome::kCollision, 3, -1.0f}};
   state.open.resize(2);
-  state.open[0].actions = {{0.5f, 0.25f}, {1.0f, -1.0f}};
+  state.open[0].actions = {0.5f, 0.25f, 1.0f, -1.0f};
   state.sampler = {.num_fresh_draws = 9,
                    .named = {{0, 1.5f, 0.5f}},
                    .candidates = {{4, 1.0f, 0.0f}},

@@ -40,7 +40,7 @@ class FilledReplay {
         server_({},
                 {.endpoint = "tcp://127.0.0.1:*",
                  .table = {.capacity = 10000},
-                 .num_beams = kBeams,
+                 .shape = kBeams,
                  .spec_hash = kSpecHash,
                  .seed = 4,
                  .updates_per_step = 0.5,

@@ -304,7 +304,8 @@ TEST(BatchStreamTest, KindsTakeTurnsAndGoOnFromACursor) {
                                                  {.batch = 24, .n_step = 1}};
   const auto read = [&](std::uint64_t cursor, int count) {
     transport::Context context;
-    BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), kinds, 3, cursor);
+    BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), kBeams, kinds, 3,
+                       cursor);
     std::vector<std::vector<float>> discounts;
     for (int i = 0; i < count; ++i) {
       const RemoteBatches* batches = nullptr;
@@ -335,7 +336,7 @@ TEST(BatchStreamTest, EndsIfALearnerOfItsNameStartsLater) {
     hello.session = session;
     return std::make_unique<BatchStream>(context,
                                          transport::ClientOptions{.endpoint = replay.endpoint()},
-                                         hello, std::vector<replay::SampleSpec>{{}}, 3, 0);
+                                         hello, kBeams, std::vector<replay::SampleSpec>{{}}, 3, 0);
   };
   const auto older = stream_of(1);
   WaitUntil([&] { return older->Next(milliseconds(100)) != nullptr; });
@@ -361,7 +362,8 @@ TEST(BatchStreamTest, WindowsCostTheRunNoBatch) {
   const replay::SampleSpec window = {.batch = 8, .history = 5, .n_step = 1};
   const auto read = [&](int every) {
     transport::Context context;
-    BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), {batch}, 3, 0);
+    BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), kBeams, {batch}, 3,
+                       0);
     std::vector<std::int64_t> sequences;
     int num_windows = 0;
     for (std::int64_t i = 0; i < kUpdates; ++i) {
@@ -387,7 +389,7 @@ TEST(BatchStreamTest, WindowsCostTheRunNoBatch) {
 TEST(BatchStreamTest, WindowsDoNotPileUpWhileTheServerHoldsBack) {
   const FilledReplay replay;
   transport::Context context;
-  BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(),
+  BatchStream stream(context, {.endpoint = replay.endpoint()}, LearnerHello(), kBeams,
                      {{.batch = 4, .n_step = 1}}, 3, kUpdates);
   WaitUntil([&] {
     stream.Next(milliseconds(1));

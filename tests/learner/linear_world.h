@@ -26,7 +26,7 @@ struct LinearWorld {
     base::Random random(seed);
     for (int i = 0; i < rows.batch; ++i) {
       rows.sequence[i] = begin + i;
-      const env::Action action = rows.action[i];
+      const env::Action action{rows.action[2 * i], rows.action[2 * i + 1]};
       const double x = random.Uniform(-1.0, 1.0);
       const double y = random.Uniform(-1.0, 1.0);
       const double mean_x = 0.9 * x + 0.3 * static_cast<double>(action.linear);

@@ -25,8 +25,8 @@ std::vector<float> Expected(const replay::SampledRows& rows, int sample, bool mi
     Features().Write(rows.ranges_cm[i], rows.state.data() + i * env::kStateSize, mirrored,
                      expected.data() + age * size);
   }
-  expected.push_back(rows.action[sample].linear);
-  expected.push_back(mirrored ? -rows.action[sample].angular : rows.action[sample].angular);
+  expected.push_back(rows.action[2 * sample]);
+  expected.push_back(mirrored ? -rows.action[2 * sample + 1] : rows.action[2 * sample + 1]);
   return expected;
 }
 

@@ -114,7 +114,7 @@ TEST(ModelBasedLearner, ItsPoliciesCanPlan) {
   env::ObservationBatch observations;
   observations.Resize(2, kBeams);
   std::vector<env::Action> actions(2);
-  agent->Act(observations, actions);
+  agent->Act(observations, env::NumbersOf(actions));
   EXPECT_EQ(actions[0], actions[1]);
 }
 
@@ -149,7 +149,7 @@ TEST_P(CombinationTest, ImaginesPlansAndGoesOnBitForBitAfterARestore) {
   env::ObservationBatch observations;
   observations.Resize(1, kBeams);
   std::vector<env::Action> actions(1);
-  agent->Act(observations, actions);
+  agent->Act(observations, env::NumbersOf(actions));
   EXPECT_LE(std::abs(actions[0].linear), 1.0f);
   EXPECT_LE(std::abs(actions[0].angular), 1.0f);
 

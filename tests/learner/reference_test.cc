@@ -116,8 +116,8 @@ struct Reference {
         multiplier(method.constraint.multiplier),
         features(spec.observation, spec.network),
         distribution(spec.distribution),
-        actor_shape(
-            nn::ActorShape(spec.network, features.frame_size(), spec.distribution.num_outputs())),
+        actor_shape(nn::ActorShape(spec.network, features.frame_size(),
+                                   spec.distribution.num_outputs(env::kActionSize))),
         actor(Read(learner, "actor.parameters").requires_grad_()),
         actor_target(actor.detach().clone()),
         critics(Read(learner, "critics.parameters"),
@@ -201,8 +201,8 @@ struct Reference {
     discount = torch::zeros_like(r);
     cost = torch::zeros_like(r);
     for (int i = 0; i < config.batch_size; ++i) {
-      a[i][0] = rows.action[i].linear;
-      a[i][1] = rows.action[i].angular;
+      a[i][0] = rows.action[2 * i];
+      a[i][1] = rows.action[2 * i + 1];
       r[i] = config.reward_scale * rows.n_step_return[i];
       cost[i] = rows.cost_return[i];
       discount[i] = rows.discount[i];

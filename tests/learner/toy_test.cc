@@ -33,7 +33,7 @@ struct PointMass {
             .cost = std::abs(action.linear) > 0.5f ? 1.0f : 0.0f,
             .outcome = ended ? env::Outcome::kTimeout : env::Outcome::kRunning};
   }
-  void Observe(std::span<float, env::kStateSize> state) const {
+  void Observe(std::span<float> state) const {
     state[0] = static_cast<float>(5.0 * (position + 1.0));
     state[1] = 5.0f;
     state[2] = state[3] = 0.0f;
@@ -61,7 +61,7 @@ Score Evaluate(env::Agent& agent) {
     point.Reset(random);
     for (int i = 0; i < PointMass::kSteps; ++i) {
       point.Observe(observations.mutable_state(0));
-      agent.Act(observations, actions);
+      agent.Act(observations, env::NumbersOf(actions));
       const env::StepResult result = point.Step(actions[0]);
       score.distance -= static_cast<double>(result.reward) / (kEpisodes * PointMass::kSteps);
       score.cost += static_cast<double>(result.cost) / kEpisodes;
@@ -124,15 +124,15 @@ void Train(const MethodConfig& method, int num_episodes, int updates_per_episode
     double cost = 0.0;
     for (int i = 0; i < PointMass::kSteps; ++i) {
       point.Observe(observations.mutable_state(0));
-      agent.Act(observations, actions);
+      agent.Act(observations, env::NumbersOf(actions));
       const env::Action normal = {static_cast<float>(random.Normal()),
                                   static_cast<float>(random.Normal())};
-      if (!agent.Explore({&normal, 1}, actions)) {
+      if (!agent.Explore(env::NumbersOf(std::span(&normal, 1)), env::NumbersOf(actions))) {
         const float noise = episode < 30 ? 1.0f : 0.2f;
         actions[0].linear = std::clamp(actions[0].linear + noise * normal.linear, -1.0f, 1.0f);
       }
       const env::FrameView frame = observations.frame(0);
-      const int row = chunk.BeginStep(0, i == 0, frame, actions[0]);
+      const int row = chunk.BeginStep(0, i == 0, frame, env::NumbersOf(actions));
       const env::StepResult result = point.Step(actions[0]);
       cost += result.cost;
       chunk.SetResult(row, result);

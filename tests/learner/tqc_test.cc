@@ -158,8 +158,8 @@ TEST(Tqc, TwoUpdatesAreThoseOfThePaper) {
     const Tensor next_s = read(rows.next_ranges_cm, rows.next_state.data());
     Tensor a = torch::zeros({kBatch, 2}, torch::kDouble);
     for (int i = 0; i < kBatch; ++i) {
-      a[i][0] = rows.action[i].linear;
-      a[i][1] = rows.action[i].angular;
+      a[i][0] = rows.action[2 * i];
+      a[i][1] = rows.action[2 * i + 1];
     }
     const Tensor actor = Read(learner, "actor.parameters").requires_grad_();
     const Tensor critics = Read(learner, "critics.parameters").requires_grad_();

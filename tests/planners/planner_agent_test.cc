@@ -66,8 +66,8 @@ std::vector<std::vector<base::Pose2>> Drive(const std::string& name,
   std::vector<std::vector<base::Pose2>> poses(episodes.size());
   for (int i = 0; i < n; ++i) environments.Reset(i, episodes[i]);
   for (int step = 0; step < num_steps; ++step) {
-    agent.Act(environments.observations(), actions);
-    environments.Step(actions, results);
+    agent.Act(environments.observations(), env::NumbersOf(actions));
+    environments.Step(env::NumbersOf(actions), results);
     for (int i = 0; i < n; ++i) poses[i].push_back(environments.robot_pose(i));
   }
   return poses;
@@ -93,8 +93,8 @@ TEST_P(EachPlanner, CrossesAnOpenField) {
   std::vector<env::Action> actions(1);
   std::vector<env::StepResult> results(1);
   for (int step = 0; step < 600 && !results[0].ended(); ++step) {
-    agent.Act(environments.observations(), actions);
-    environments.Step(actions, results);
+    agent.Act(environments.observations(), env::NumbersOf(actions));
+    environments.Step(env::NumbersOf(actions), results);
   }
   EXPECT_EQ(results[0].outcome, env::Outcome::kSuccess) << agent.Status(0);
   EXPECT_THAT(agent.Status(0), testing::StartsWith(ToString(agent.navigator(0).state())));
@@ -124,8 +124,8 @@ TEST_P(EachPlanner, ForgetsTheEpisodeBefore) {
     environments.Reset(0, {course, 9});
     drives.emplace_back();
     for (int step = 0; step < 30; ++step) {
-      agent.Act(environments.observations(), actions);
-      environments.Step(actions, results);
+      agent.Act(environments.observations(), env::NumbersOf(actions));
+      environments.Step(env::NumbersOf(actions), results);
       drives.back().push_back(environments.robot_pose(0));
     }
   }
@@ -148,7 +148,7 @@ TEST(PlannerAgent, MapsLieAlongTheStartHeading) {
                      nullptr);
   environments.Reset(0, {});
   std::vector<env::Action> actions(1);
-  agent.Act(environments.observations(), actions);
+  agent.Act(environments.observations(), env::NumbersOf(actions));
   const auto path = agent.navigator(0).path();
   ASSERT_FALSE(path.empty());
   EXPECT_NEAR(path.back().x, 1.0, 1e-6);
@@ -165,8 +165,8 @@ TEST(PlannerAgent, DwaDrivesGeneratedCourses) {
   std::vector<env::StepResult> results(kNum);
   for (int i = 0; i < kNum; ++i) environments.Reset(i, {i, 1});
   for (int step = 0; step < 800; ++step) {
-    agent.Act(environments.observations(), actions);
-    environments.Step(actions, results);
+    agent.Act(environments.observations(), env::NumbersOf(actions));
+    environments.Step(env::NumbersOf(actions), results);
   }
   int num_successes = 0;
   for (const auto& result : results) num_successes += result.outcome == env::Outcome::kSuccess;

@@ -75,7 +75,7 @@ env::ObservationBatch Observations(int batch, std::uint64_t seed) {
 
 std::vector<env::Action> Act(env::Agent& agent, const env::ObservationBatch& observations) {
   std::vector<env::Action> actions(observations.batch_size);
-  agent.Act(observations, actions);
+  agent.Act(observations, env::NumbersOf(actions));
   return actions;
 }
 

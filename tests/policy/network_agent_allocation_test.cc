@@ -41,11 +41,11 @@ TEST(NetworkAgent, AllocatesNothingForAnAction) {
       }
       std::vector<env::Action> actions(5);
       const std::vector<env::Action> noise(5, {0.5f, -0.5f});
-      agent.Act(observations, actions);
+      agent.Act(observations, env::NumbersOf(actions));
       const long before = test::NumAllocations();
       for (int step = 0; step < 5; ++step) {
-        agent.Act(observations, actions);
-        agent.Explore(noise, actions);
+        agent.Act(observations, env::NumbersOf(actions));
+        agent.Explore(env::NumbersOf(noise), env::NumbersOf(actions));
       }
       EXPECT_EQ(test::NumAllocations() - before, 0)
           << base::EnumName(encoder) << ", " << base::EnumName(distribution);

@@ -63,7 +63,7 @@ TEST(NetworkAgent, IsLibTorchsForwardOnTheLastFrames) {
   for (int step = 0; step < 12; ++step) {
     Randomise(random, observations);
     for (int i = 0; i < kBatch; ++i) observations.first[i] = step == 0 || (step + i) % 5 == 0;
-    agent.Act(observations, actions);
+    agent.Act(observations, env::NumbersOf(actions));
     for (int i = 0; i < kBatch; ++i) {
       if (observations.first[i]) frames[i].clear();
       const env::FrameView view = observations.frame(i);
@@ -114,7 +114,7 @@ TEST_P(NetworkAgentEncoderTest, ActsOnTheStackOfFramesInEveryBatch) {
     for (int step = 0; step < 4; ++step) {
       Randomise(random, observations);
       for (int i = 0; i < batch; ++i) observations.first[i] = step == 0;
-      agent.Act(observations, actions);
+      agent.Act(observations, env::NumbersOf(actions));
       at::Tensor frame = at::zeros({batch, 1, features.frame_size()});
       for (int i = 0; i < batch; ++i) {
         const env::FrameView view = observations.frame(i);
@@ -147,7 +147,7 @@ TEST(NetworkAgent, DropsWhenActingOnlyWherePoliciesDoEverywhere) {
     snapshot.spec.network.dropout = dropout ? 0.3 : 0.0;
     snapshot.spec.network.dropout_everywhere = everywhere;
     std::vector<env::Action> actions(2);
-    NetworkAgent(snapshot).Act(observations, actions);
+    NetworkAgent(snapshot).Act(observations, env::NumbersOf(actions));
     return actions;
   };
   const std::vector<env::Action> without = act(false, false);
@@ -166,8 +166,8 @@ TEST(NetworkAgent, TakesNewWeights) {
   observations.Resize(2, 24);
   Randomise(random, observations);
   std::vector<env::Action> actions(2), expected_actions(2);
-  agent.Act(observations, actions);
-  expected.Act(observations, expected_actions);
+  agent.Act(observations, env::NumbersOf(actions));
+  expected.Act(observations, env::NumbersOf(expected_actions));
   EXPECT_EQ(actions, expected_actions);
 }
 

@@ -133,8 +133,56 @@ TEST_F(PolicyFileTest, RefusesSpecsThatDoNotFitTheTensors) {
   load_with("\"history\":2", "\"history\":2000000000");
   load_with("\"num_beams\":12", "\"num_beams\":0");
   load_with("\"num_beams\":12", "\"num_beams\":\"many\"");
+  load_with("\"state_size\":4", "\"state_size\":0");
+  load_with("\"state_size\":4", "\"state_size\":5");
+  load_with("\"action_size\":2", "\"action_size\":0");
+  load_with("\"action_size\":2", "\"action_size\":257");
+  load_with("\"action_size\":2", "\"action_size\":3");
+  load_with("\"action_size\":2", "\"action_size\":\"two\"");
   load_with("\"head_layers\":[4]", "\"head_layers\":[4,4]");
   load_with("\"version\"", "\"revision\"");
+}
+
+TEST_F(PolicyFileTest, HoldsPoliciesForOtherThanCourses) {
+  for (const nn::EncoderFamily encoder : {nn::EncoderFamily::kMlp, nn::EncoderFamily::kGru}) {
+    PolicySnapshot saved;
+    saved.spec.observation.num_beams = 0;
+    saved.spec.observation.state_size = 17;
+    saved.spec.action_size = 6;
+    saved.spec.network.encoder = encoder;
+    saved.spec.network.encoder_layers = {8};
+    saved.spec.network.head_layers = {8};
+    saved.spec.network.history = 2;
+    const nn::NetworkShape shape = saved.spec.actor_shape();
+    EXPECT_EQ(shape.num_inputs(), 2 * 17);
+    EXPECT_EQ(shape.num_outputs(), 6);
+    EXPECT_EQ(saved.spec.critic_shape().num_extra(), 6);
+    saved.weights = std::make_shared<const std::vector<float>>(
+        static_cast<std::size_t>(shape.num_parameters()), 0.5f);
+    SavePolicy(path_, saved, {});
+    const PolicySpec spec = LoadPolicy(path_).snapshot.spec;
+    EXPECT_EQ(spec.step_shape(), env::StepShape(0, 17, 6));
+    EXPECT_THROW(spec.RequireCourses("p"), base::Error);
+    EXPECT_THROW(RequireSameInterface("p", spec, {}, {}), base::Error);
+    EXPECT_THROW(spec.model_shape(), base::Error);
+  }
+}
+
+TEST_F(PolicyFileTest, TakesFilesWithoutTheSizesForOnesOfCourses) {
+  SavePolicy(path_, SmallPolicy(), {});
+  ReplaceInSpec(",\"state_size\":4", "");
+  ReplaceInSpec("\"action_size\":2,", "");
+  EXPECT_EQ(LoadPolicy(path_).snapshot.spec.step_shape(), env::StepShape(12));
+}
+
+TEST(PolicySpecTest, RefusesScansBesideAStateOfNoCourse) {
+  PolicySpec spec;
+  spec.observation.state_size = 5;
+  EXPECT_THROW(spec.actor_shape(), base::Error);
+  spec.observation.num_beams = 0;
+  spec.network.encoder = nn::EncoderFamily::kCnn;
+  spec.network.cnn_axis = nn::CnnAxis::kBeams;
+  EXPECT_THROW(spec.actor_shape(), base::Error);
 }
 
 TEST_F(PolicyFileTest, HoldsEveryEncoder) {

@@ -58,7 +58,7 @@ JournalOptions JournalScene::options() const {
   return {.directory = directory_,
           .segment_bytes = segment_bytes_,
           .sync_interval = std::chrono::milliseconds(1),
-          .num_beams = kBeams,
+          .shape = kBeams,
           .spec_hash = kSpecHash};
 }
 
@@ -160,9 +160,9 @@ void JournalScene::AppendRows() {
     const std::vector<std::uint16_t> ranges(kBeams,
                                             static_cast<std::uint16_t>(random_.UniformInt(60000)));
     const std::vector<float> state(env::kStateSize, static_cast<float>(random_.Uniform()));
-    const env::FrameView frame{ranges, std::span(state).first<env::kStateSize>()};
+    const env::FrameView frame{ranges, state};
     const bool ends = random_.Uniform() < 0.2;
-    chunk.AddStep(s, !table_->is_open(session.stream_base + s), frame, {0.5f, 0.25f},
+    chunk.AddStep(s, !table_->is_open(session.stream_base + s), frame, std::array{0.5f, 0.25f},
                   {.reward = static_cast<float>(random_.Uniform()),
                    .outcome = ends ? env::Outcome::kTimeout : env::Outcome::kRunning});
     ++steps;

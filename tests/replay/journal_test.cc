@@ -243,7 +243,7 @@ TEST(JournalTest, AnotherSpecIsRefusedAndAnotherCapacityIsNot) {
   options.spec_hash ^= 1;
   EXPECT_THROW(RecoverJournal(options, written.scene.config()), base::Error);
   options = written.scene.options();
-  options.num_beams = 3;
+  options.shape = 3;
   EXPECT_THROW(RecoverJournal(options, written.scene.config()), base::Error);
 }
 

@@ -4,24 +4,26 @@
 
 namespace slalom::replay {
 
-ReplayModel::ReplayModel(std::int64_t capacity, int num_beams, int num_streams, std::uint64_t seed)
+ReplayModel::ReplayModel(std::int64_t capacity, const env::StepShape& shape, int num_streams,
+                         std::uint64_t seed)
     : capacity_(capacity),
-      num_beams_(num_beams),
+      shape_(shape),
       random_(seed),
-      chunk_(num_beams),
+      chunk_(shape),
       streams_(static_cast<std::size_t>(num_streams)) {}
 
 ReplayModel::Row ReplayModel::MakeRow(std::uint8_t flags) {
   Row row;
   row.sequence = total_++;
   row.flags = flags;
-  for (int i = 0; i < num_beams_; ++i) {
+  for (int i = 0; i < shape_.num_beams; ++i) {
     row.ranges_cm.push_back(static_cast<std::uint16_t>(random_.UniformInt(65536)));
   }
-  for (int i = 0; i < env::kStateSize; ++i)
+  for (int i = 0; i < shape_.state_size; ++i)
     row.state.push_back(static_cast<float>(random_.Normal()));
+  row.action.resize(shape_.action_size);
   if (!(flags & kRowFinal)) {
-    row.action = {static_cast<float>(random_.Uniform()), static_cast<float>(random_.Uniform())};
+    for (float& number : row.action) number = static_cast<float>(random_.Uniform());
     row.reward = static_cast<float>(random_.Normal());
     row.cost = random_.Uniform() < 0.3 ? 1.0f : 0.0f;
   }
@@ -30,9 +32,7 @@ ReplayModel::Row ReplayModel::MakeRow(std::uint8_t flags) {
 
 void ReplayModel::Advance(Table* table) {
   chunk_.Clear();
-  const auto frame = [](const Row& row) {
-    return env::FrameView{row.ranges_cm, std::span(row.state).first<env::kStateSize>()};
-  };
+  const auto frame = [](const Row& row) { return env::FrameView{row.ranges_cm, row.state}; };
   for (std::size_t s = 0; s < streams_.size(); ++s) {
     if (random_.Uniform() < 0.1) continue;  // This stream lags.
     auto& episodes = streams_[s];

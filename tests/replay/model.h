@@ -20,7 +20,7 @@ class ReplayModel {
     std::uint8_t flags = 0;
     std::vector<std::uint16_t> ranges_cm;
     std::vector<float> state;
-    env::Action action;
+    std::vector<float> action;
     float reward = 0.0f;
     float cost = 0.0f;
   };
@@ -36,7 +36,8 @@ class ReplayModel {
     double discount = 0.0;
   };
 
-  ReplayModel(std::int64_t capacity, int num_beams, int num_streams, std::uint64_t seed);
+  ReplayModel(std::int64_t capacity, const env::StepShape& shape, int num_streams,
+              std::uint64_t seed);
 
   /// Steps every stream that feels like it once, into one chunk, and inserts it into `table`.
   void Advance(Table* table);
@@ -55,7 +56,7 @@ class ReplayModel {
   Row MakeRow(std::uint8_t flags);
 
   const std::int64_t capacity_;
-  const int num_beams_;
+  const env::StepShape shape_;
   base::Random random_;
   Chunk chunk_;
   std::int64_t total_ = 0;

@@ -21,7 +21,7 @@ constexpr int kBeams = 3;
 constexpr int kStreams = 4;
 
 AlignedBytes Written(const Chunk& chunk) {
-  AlignedBytes bytes(RowBytes::Size(chunk.num_rows(), chunk.num_beams));
+  AlignedBytes bytes(RowBytes::Size(chunk.num_rows(), chunk.shape));
   RowBytes::Write(chunk, bytes.span());
   return bytes;
 }
@@ -31,13 +31,12 @@ void Add(Chunk* chunk, int stream, std::uint8_t flags) {
   const auto id = static_cast<float>(chunk->num_rows() + 1);
   const std::vector<std::uint16_t> ranges(kBeams, static_cast<std::uint16_t>(id));
   const std::vector<float> state{id, -id, 0.5f, 0.25f};
-  const bool final_row = flags & kRowFinal;
-  chunk->AddRow({stream,
-                 flags,
-                 {ranges, std::span(state).first<env::kStateSize>()},
-                 final_row ? env::Action{} : env::Action{0.1f * id, -0.1f},
-                 final_row ? 0.0f : id,
-                 final_row ? 0.0f : 1.0f});
+  const std::array action{0.1f * id, -0.1f};
+  if (flags & kRowFinal) {
+    chunk->AddRow({stream, flags, {ranges, state}, {}, 0.0f, 0.0f});
+  } else {
+    chunk->AddRow({stream, flags, {ranges, state}, action, id, 1.0f});
+  }
 }
 
 Chunk MakeChunk(std::initializer_list<std::pair<int, int>> rows) {
@@ -55,7 +54,7 @@ void ExpectSameRow(const RowView& a, const RowView& b) {
   EXPECT_EQ(a.flags, b.flags);
   EXPECT_TRUE(std::ranges::equal(a.frame.ranges_cm, b.frame.ranges_cm));
   EXPECT_TRUE(std::ranges::equal(a.frame.state, b.frame.state));
-  EXPECT_EQ(a.action, b.action);
+  EXPECT_TRUE(std::ranges::equal(a.action, b.action));
   EXPECT_EQ(a.reward, b.reward);
   EXPECT_EQ(a.cost, b.cost);
 }
@@ -75,8 +74,9 @@ TEST(RowBytesTest, ColumnsLieWhereTheProtocolSays) {
   Chunk chunk(3);
   const std::vector<std::uint16_t> ranges{0x0102, 0x0304, 0x0506};
   const std::vector<float> state{1.0f, 2.0f, 3.0f, 4.0f};
-  const env::FrameView frame{ranges, std::span(state).first<env::kStateSize>()};
-  chunk.AddRow({7, kRowFirst, frame, {0.5f, -0.5f}, 8.0f, 9.0f});
+  const env::FrameView frame{ranges, state};
+  const std::array action{0.5f, -0.5f};
+  chunk.AddRow({7, kRowFirst, frame, action, 8.0f, 9.0f});
   chunk.AddRow({5, kRowFinal, frame, {}, 0.0f, 0.0f});
   AlignedBytes bytes = Written(chunk);
   const std::span<const std::byte> all = bytes.span();
@@ -125,10 +125,8 @@ TEST(RowBytesTest, RefusesNumbersThatAreNotFinite) {
   const float infinity = std::numeric_limits<float>::infinity();
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const std::function<void(Chunk&)> faults[] = {
-      [&](Chunk& c) { c.state.back() = nan; },
-      [&](Chunk& c) { c.state.front() = -infinity; },
-      [&](Chunk& c) { c.action[1].angular = infinity; },
-      [&](Chunk& c) { c.reward[2] = nan; },
+      [&](Chunk& c) { c.state.back() = nan; },   [&](Chunk& c) { c.state.front() = -infinity; },
+      [&](Chunk& c) { c.action[3] = infinity; }, [&](Chunk& c) { c.reward[2] = nan; },
       [&](Chunk& c) { c.cost[0] = infinity; },
   };
   for (const auto& fault : faults) {
@@ -165,7 +163,7 @@ TEST(RowBytesTest, RefusesFlagsThatDoNotGoTogether) {
   for (int flags = 0; flags < 256; ++flags) {
     Chunk chunk = SmallChunk();
     chunk.flags[2] = static_cast<std::uint8_t>(flags);
-    chunk.action[2] = {};
+    chunk.action[4] = chunk.action[5] = 0.0f;
     chunk.reward[2] = chunk.cost[2] = 0.0f;
     AlignedBytes bytes = Written(chunk);
     // A step, perhaps the first, perhaps terminated; or a final frame and nothing else.
@@ -176,7 +174,7 @@ TEST(RowBytesTest, RefusesFlagsThatDoNotGoTogether) {
 
 TEST(RowBytesTest, RefusesAFinalRowWithAnActionARewardOrACost) {
   const std::function<void(Chunk&)> faults[] = {
-      [](Chunk& c) { c.action[3].linear = 0.1f; },
+      [](Chunk& c) { c.action[6] = 0.1f; },
       [](Chunk& c) { c.reward[3] = 1.0f; },
       [](Chunk& c) { c.cost[3] = 1.0f; },
   };
@@ -202,12 +200,12 @@ TEST(RowBytesTest, RefusesStreamsThatTheSenderDoesNotHave) {
 std::optional<base::Failure> Check(const Table& table, const Chunk& chunk, int stream_base = 0) {
   AlignedBytes bytes = Written(chunk);
   return table.CheckEpisodes(
-      *RowBytes::Parse(bytes.span(), chunk.num_rows(), chunk.num_beams, kStreams), stream_base);
+      *RowBytes::Parse(bytes.span(), chunk.num_rows(), chunk.shape, kStreams), stream_base);
 }
 
 void InsertRows(Table* table, const Chunk& chunk, int stream_base = 0) {
   AlignedBytes bytes = Written(chunk);
-  table->InsertRows(*RowBytes::Parse(bytes.span(), chunk.num_rows(), chunk.num_beams, kStreams),
+  table->InsertRows(*RowBytes::Parse(bytes.span(), chunk.num_rows(), chunk.shape, kStreams),
                     stream_base);
 }
 
@@ -227,7 +225,7 @@ TEST(CheckEpisodesTest, RefusesEachThingThatIsNoEpisode) {
   EXPECT_THAT(Check(table, MakeChunk({{0, kRowFirst | kRowTerminated}, {0, kRowFirst}}))->text,
               HasSubstr("still running"));
   EXPECT_THAT(Check(Table({.capacity = 16}, kBeams + 1), SmallChunk())->text,
-              HasSubstr("scans of 3 beams, expected 4"));
+              HasSubstr("expected 4, 4 and 2"));
 }
 
 TEST(CheckEpisodesTest, GoesOnWhereTheTableStands) {

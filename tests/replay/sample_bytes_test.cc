@@ -20,7 +20,8 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 /// A sample of a table of random episodes, with weights that tell the samples apart.
 struct Drawn {
-  Drawn(int batch, int history) : model(300, kBeams, 5, 9), table({.capacity = 300}, kBeams) {
+  Drawn(int batch, int history, const env::StepShape& step = kBeams)
+      : model(300, step, 5, 9), table({.capacity = 300}, step) {
     for (int i = 0; i < 150; ++i) model.Advance(&table);
     base::Random random(1);
     const SampleSpec spec{.batch = batch, .history = history, .n_step = 3, .gamma = 0.9};
@@ -28,7 +29,7 @@ struct Drawn {
     for (int b = 0; b < batch; ++b) rows.weight[b] = 1.0f / static_cast<float>(b + 1);
   }
   SampleShape shape(bool weighted) const {
-    return {rows.batch, rows.history, rows.num_beams, weighted};
+    return {rows.batch, rows.history, rows.shape, weighted};
   }
   AlignedBytes Bytes(bool weighted) const {
     AlignedBytes bytes(SampleSize(shape(weighted)).value());
@@ -48,15 +49,18 @@ bool Same(const AlignedBuffer<T>& a, const AlignedBuffer<T>& b) {
 
 TEST(SampleBytesTest, GivesWhatWasWritten) {
   SampledRows read;  // The same for all, so that sizes change from call to call.
-  for (const auto& [batch, history] : {std::pair(64, 1), {3, 4}, {1, 8}, {130, 2}}) {
+  const std::tuple<int, int, env::StepShape> cases[] = {{64, 1, kBeams},    {3, 4, {0, 3, 1}},
+                                                        {1, 8, kBeams},     {130, 2, kBeams},
+                                                        {5, 3, {4, 17, 6}}, {2, 1, {0, 1, 9}}};
+  for (const auto& [batch, history, step] : cases) {
     for (const bool weighted : {false, true}) {
-      const Drawn drawn(batch, history);
+      const Drawn drawn(batch, history, step);
       AlignedBytes bytes = drawn.Bytes(weighted);
       const auto fault = ParseSample(bytes.span(), drawn.shape(weighted), &read);
       ASSERT_FALSE(fault) << fault->text;
       EXPECT_EQ(read.batch, batch);
       EXPECT_EQ(read.history, history);
-      EXPECT_EQ(read.num_beams, kBeams);
+      EXPECT_EQ(read.shape, step);
       EXPECT_EQ(read.sequence, drawn.rows.sequence);
       EXPECT_EQ(read.next_sequence, drawn.rows.next_sequence);
       EXPECT_TRUE(Same(read.state, drawn.rows.state));
@@ -73,9 +77,9 @@ TEST(SampleBytesTest, GivesWhatWasWritten) {
       ASSERT_EQ(read.ranges_cm.size(), frames);
       ASSERT_EQ(read.next_ranges_cm.size(), frames);
       for (std::size_t f = 0; f < frames; ++f) {
-        EXPECT_TRUE(
-            std::equal(read.ranges_cm[f], read.ranges_cm[f] + kBeams, drawn.rows.ranges_cm[f]));
-        EXPECT_TRUE(std::equal(read.next_ranges_cm[f], read.next_ranges_cm[f] + kBeams,
+        EXPECT_TRUE(std::equal(read.ranges_cm[f], read.ranges_cm[f] + step.num_beams,
+                               drawn.rows.ranges_cm[f]));
+        EXPECT_TRUE(std::equal(read.next_ranges_cm[f], read.next_ranges_cm[f] + step.num_beams,
                                drawn.rows.next_ranges_cm[f]));
       }
     }
@@ -96,7 +100,7 @@ TEST(SampleBytesTest, ColumnsLieWhereTheProtocolSays) {
   EXPECT_EQ(at(16, std::int64_t{}), drawn.rows.next_sequence[0]);
   EXPECT_EQ(at(32 + 4 * 12, 0.0f), drawn.rows.state[12]);  // Sample 1, oldest frame, goal x.
   EXPECT_EQ(at(128, 0.0f), drawn.rows.next_state[0]);
-  EXPECT_EQ(at(224 + 8 + 4, 0.0f), drawn.rows.action[1].angular);
+  EXPECT_EQ(at(224 + 8 + 4, 0.0f), drawn.rows.action[3]);
   EXPECT_EQ(at(240, 0.0f), drawn.rows.n_step_return[0]);
   EXPECT_EQ(at(248, 0.0f), drawn.rows.cost_return[0]);
   EXPECT_EQ(at(256, 0.0f), drawn.rows.discount[0]);
@@ -144,7 +148,7 @@ TEST(SampleBytesTest, RefusesNumbersThatCannotBe) {
   const Fault faults[] = {
       {[](SampledRows& r) { r.state[23] = kNan; }, "not finite"},
       {[](SampledRows& r) { r.next_state[0] = INFINITY; }, "not finite"},
-      {[](SampledRows& r) { r.action[1].linear = kNan; }, "not finite"},
+      {[](SampledRows& r) { r.action[2] = kNan; }, "not finite"},
       {[](SampledRows& r) { r.n_step_return[1] = kNan; }, "not finite"},
       {[](SampledRows& r) { r.cost_return[0] = -INFINITY; }, "not finite"},
       {[](SampledRows& r) { r.discount[0] = kNan; }, "not finite"},

@@ -87,13 +87,15 @@ void ExpectSameDraws(const Table& a, const Table& b, const SampleSpec& spec) {
 }
 
 // Saved, loaded and carried on with at random moments, a table is the one that was never saved.
-TEST_F(StorageTest, ARestoredTableDrawsAndGoesOnAsTheOriginal) {
+class RestoredTable : public StorageTest, public testing::WithParamInterface<env::StepShape> {};
+
+TEST_P(RestoredTable, DrawsAndGoesOnAsTheOriginal) {
   constexpr std::int64_t kCapacity = 400;
   const SampleSpec spec{.batch = 70, .history = 4, .n_step = 4, .gamma = 0.9};
-  ReplayModel model(kCapacity, kBeams, 6, 21);
-  ReplayModel twin(kCapacity, kBeams, 6, 21);
-  Table table({.capacity = kCapacity}, kBeams);
-  Table restored({.capacity = kCapacity}, kBeams);
+  ReplayModel model(kCapacity, GetParam(), 6, 21);
+  ReplayModel twin(kCapacity, GetParam(), 6, 21);
+  Table table({.capacity = kCapacity}, GetParam());
+  Table restored({.capacity = kCapacity}, GetParam());
   auto storage = std::make_unique<Storage>(directory_);
   base::Random random(4);
   std::vector<std::string> manifests;
@@ -113,6 +115,10 @@ TEST_F(StorageTest, ARestoredTableDrawsAndGoesOnAsTheOriginal) {
   }
   EXPECT_GT(manifests.size(), 10u);
 }
+
+INSTANTIATE_TEST_SUITE_P(Shapes, RestoredTable,
+                         testing::Values(env::StepShape(kBeams), env::StepShape(0, 3, 1),
+                                         env::StepShape(kBeams, 17, 6)));
 
 TEST_F(StorageTest, ASaveWritesOnlyWhatIsNewAndCommitDeletesWhatIsOld) {
   ReplayModel model(200, kBeams, 4, 1);
@@ -142,7 +148,7 @@ TEST_F(StorageTest, ASaveThatFailsLeavesNothing) {
   constexpr int kRows = 40000;  // More than a part file holds.
   const std::vector<std::uint16_t> scan(kBeams, 1);
   const std::vector<float> state(env::kStateSize, 0.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   Table table({.capacity = kRows}, kBeams);
   Chunk chunk(kBeams);
   for (int i = 0; i < kRows; ++i) chunk.AddStep(0, i == 0, frame, {}, {});
@@ -179,7 +185,7 @@ TEST_F(StorageTest, RowsThatAreOverwrittenLeaveTheDiskFileByFile) {
   constexpr std::int64_t kMostRows = 32768;  // In a part file (docs/replay.md).
   const std::vector<std::uint16_t> scan(kBeams, 1);
   const std::vector<float> state(env::kStateSize, 0.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   Table table({.capacity = kCapacity}, kBeams);
   Storage storage(directory_);
   Chunk chunk(kBeams);
@@ -206,7 +212,7 @@ TEST_F(StorageTest, RowsThatAreOverwrittenLeaveTheDiskFileByFile) {
 TEST_F(StorageTest, CutAndLongSilentStreamsComeBackAsTheyWere) {
   const std::vector<std::uint16_t> scan(kBeams, 1);
   const std::vector<float> state(env::kStateSize, 0.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   Table table({.capacity = 20}, kBeams);
   Chunk chunk(kBeams);
   chunk.AddStep(0, true, frame, {}, {});  // Open and silent until it is overwritten.
@@ -282,7 +288,7 @@ TEST_F(StorageTest, AnotherPartFileUnderTheSameNameIsNoticed) {
     Chunk chunk(kBeams);
     const std::vector<std::uint16_t> scan(kBeams, static_cast<std::uint16_t>(seed));
     const std::vector<float> state(env::kStateSize, 0.0f);
-    chunk.AddStep(0, true, {scan, std::span(state).first<env::kStateSize>()}, {}, {});
+    chunk.AddStep(0, true, {scan, state}, {}, {});
     table.Insert(chunk);
     manifests.push_back(Storage(directory_).Save(table));
   }

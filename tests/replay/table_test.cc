@@ -16,10 +16,15 @@ constexpr int kBeams = 5;
 
 /// The whole of a sampled batch against the model.
 void ExpectMatches(const ReplayModel& model, const SampleSpec& spec, const Batch& batch) {
+  const env::StepShape shape = batch.rows.shape;
+  const auto n = static_cast<std::size_t>(shape.num_beams);
+  const auto size = static_cast<std::size_t>(shape.state_size);
   for (int b = 0; b < spec.batch; ++b) {
     const auto expected = model.Expect(batch.rows.sequence[b], spec);
     ASSERT_TRUE(expected) << "row " << batch.rows.sequence[b] << " may not be drawn";
-    EXPECT_EQ(batch.rows.action[b], expected->history.back()->action);
+    for (int i = 0; i < shape.action_size; ++i) {
+      EXPECT_EQ(batch.rows.action[b * shape.action_size + i], expected->history.back()->action[i]);
+    }
     EXPECT_EQ(batch.rows.n_step_return[b], static_cast<float>(expected->n_step_return));
     EXPECT_EQ(batch.rows.cost_return[b], static_cast<float>(expected->cost_return));
     EXPECT_EQ(batch.rows.discount[b], static_cast<float>(expected->discount));
@@ -27,13 +32,13 @@ void ExpectMatches(const ReplayModel& model, const SampleSpec& spec, const Batch
       const std::size_t frame = static_cast<std::size_t>(b) * spec.history + h;
       const auto& now = *expected->history[h];
       const auto& next = *expected->next_history[h];
-      for (int i = 0; i < kBeams; ++i) {
-        ASSERT_EQ(batch.ranges_cm[frame * kBeams + i], now.ranges_cm[i]);
-        ASSERT_EQ(batch.next_ranges_cm[frame * kBeams + i], next.ranges_cm[i]);
+      for (std::size_t i = 0; i < n; ++i) {
+        ASSERT_EQ(batch.ranges_cm[frame * n + i], now.ranges_cm[i]);
+        ASSERT_EQ(batch.next_ranges_cm[frame * n + i], next.ranges_cm[i]);
       }
-      for (int i = 0; i < env::kStateSize; ++i) {
-        ASSERT_EQ(batch.rows.state[frame * env::kStateSize + i], now.state[i]);
-        ASSERT_EQ(batch.rows.next_state[frame * env::kStateSize + i], next.state[i]);
+      for (std::size_t i = 0; i < size; ++i) {
+        ASSERT_EQ(batch.rows.state[frame * size + i], now.state[i]);
+        ASSERT_EQ(batch.rows.next_state[frame * size + i], next.state[i]);
       }
     }
   }
@@ -44,17 +49,18 @@ struct Case {
   int num_streams;
   int history;
   int n_step;
+  env::StepShape shape = kBeams;
 };
 
 class TableProperty : public testing::TestWithParam<Case> {};
 
 TEST_P(TableProperty, AgreesWithListsOfEpisodes) {
   const Case c = GetParam();
-  ReplayModel model(c.capacity, kBeams, c.num_streams,
+  ReplayModel model(c.capacity, c.shape, c.num_streams,
                     base::DeriveSeed(7, "table",
                                      {static_cast<std::uint64_t>(c.history),
                                       static_cast<std::uint64_t>(c.n_step)}));
-  Table table({.capacity = c.capacity}, kBeams);
+  Table table({.capacity = c.capacity}, c.shape);
   base::Random random(11);
   const SampleSpec spec{.batch = 70, .history = c.history, .n_step = c.n_step, .gamma = 0.9};
   Batch batch;
@@ -75,8 +81,9 @@ TEST_P(TableProperty, AgreesWithListsOfEpisodes) {
 INSTANTIATE_TEST_SUITE_P(Shapes, TableProperty,
                          testing::Values(Case{50, 1, 1, 1}, Case{60, 1, 1, 4}, Case{60, 3, 4, 1},
                                          Case{100, 4, 8, 8}, Case{300, 7, 4, 4},
-                                         Case{301, 16, 8, 5}, Case{20, 5, 2, 3},
-                                         Case{400, 2, 3, 8}));
+                                         Case{301, 16, 8, 5}, Case{20, 5, 2, 3}, Case{400, 2, 3, 8},
+                                         Case{100, 4, 4, 3, {0, 3, 1}},
+                                         Case{100, 4, 4, 3, {2, 17, 6}}));
 
 /// Chi-square statistic of draws over `eligible` by a sampler of sequence numbers.
 template <class Draw>
@@ -138,7 +145,7 @@ TEST(TableTest, FindsTheOneEligibleStepAmongMany) {
   Chunk chunk(1);
   const std::vector<std::uint16_t> scan{1};
   const std::vector<float> state(env::kStateSize, 0.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   chunk.AddStep(0, true, frame, {}, {.reward = 2.5f, .outcome = env::Outcome::kSuccess});
   chunk.AddFinal(0, frame);
   for (int s = 1; s < 10000; ++s) chunk.AddStep(s, true, frame, {}, {});
@@ -158,7 +165,7 @@ TEST(TableTest, PrioritiesHoldWhereFewStepsAreEligible) {
   Chunk chunk(1);
   const std::vector<std::uint16_t> scan{1};
   const std::vector<float> state(env::kStateSize, 0.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   for (int s = 0; s < 10000; ++s) {
     const bool whole = s < 2;
     chunk.AddStep(s, true, frame, {},
@@ -184,7 +191,7 @@ TEST(TableTest, ARowIsNotLinkedToTheOneThatItOverwrites) {
   Chunk chunk(1);
   const std::vector<std::uint16_t> scan{1};
   const std::vector<float> state(env::kStateSize, 0.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   chunk.AddStep(0, true, frame, {}, {});
   for (int k = 0; k < 3; ++k) chunk.AddStep(1, k == 0, frame, {}, {});
   chunk.AddStep(0, false, frame, {}, {});
@@ -200,7 +207,7 @@ TEST(TableTest, NothingToDrawIsAnAnswer) {
   const std::vector<std::uint16_t> scan{1};
   const std::vector<float> state(env::kStateSize, 0.0f);
   Chunk chunk(1);
-  chunk.AddStep(0, true, {scan, std::span(state).first<env::kStateSize>()}, {}, {});
+  chunk.AddStep(0, true, {scan, state}, {}, {});
   table.Insert(chunk);
   EXPECT_FALSE(table.SampleRows({.batch = 3}, random, &rows));
 }
@@ -210,7 +217,7 @@ TEST(TableTest, AMillionStepsTakeLessThan1600Megabytes) {
   Chunk chunk(720);
   const std::vector<std::uint16_t> scan(720, 100);
   const std::vector<float> state(env::kStateSize, 0.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   // Episodes of 20 steps, as short as they are early in training.
   while (table.num_rows() < 1000) {
     chunk.Clear();
@@ -228,7 +235,7 @@ TEST(TableDeathTest, AnEpisodeMustBeginWithItsFirstStep) {
   const std::vector<std::uint16_t> scan{1};
   const std::vector<float> state(env::kStateSize, 0.0f);
   Chunk chunk(1);
-  chunk.AddStep(0, false, {scan, std::span(state).first<env::kStateSize>()}, {}, {});
+  chunk.AddStep(0, false, {scan, state}, {}, {});
   EXPECT_DEATH(table.Insert(chunk), "is_first");
 }
 

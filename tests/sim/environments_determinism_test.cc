@@ -169,7 +169,7 @@ std::vector<Record> Play(int batch_size, int num_threads, bool backwards,
   std::vector<env::StepResult> results(batch_size);
   while (std::any_of(episode_of.begin(), episode_of.end(), [](int e) { return e >= 0; })) {
     for (int i = 0; i < batch_size; ++i) actions[i] = Steer(environments.observations().frame(i));
-    environments.Step(actions, results);
+    environments.Step(env::NumbersOf(actions), results);
     for (int i = 0; i < batch_size; ++i) {
       if (episode_of[i] < 0) continue;
       records[episode_of[i]].actions.push_back(actions[i]);
@@ -237,7 +237,7 @@ TEST(EnvironmentsDeterminismTest, ARandomisedEpisodeIsThatOfAConfigWithTheDrawnV
       std::vector<env::StepResult> results(1);
       while (!results[0].ended()) {
         const env::Action action = Steer(environments.observations().frame(0));
-        environments.Step(std::vector{action}, results);
+        environments.Step(env::NumbersOf(std::vector{action}), results);
         plain.actions.push_back(action);
         plain.Add(environments, 0, results[0]);
       }
@@ -279,7 +279,7 @@ TEST(EnvironmentsDeterminismTest, RecordedActionsReplayTheEpisode) {
     again.Add(environments, 0, {});
     for (const env::Action& action : records[episode].actions) {
       std::vector<env::StepResult> results(1);
-      environments.Step(std::vector{action}, results);
+      environments.Step(env::NumbersOf(std::vector{action}), results);
       again.actions.push_back(action);
       again.Add(environments, 0, results[0]);
     }
@@ -313,7 +313,7 @@ TEST(EnvironmentsDeterminismTest, StepsAllocateNothing) {
     int num_ended = 0;
     const auto step = [&] {
       for (int i = 0; i < 16; ++i) actions[i] = Steer(environments.observations().frame(i));
-      environments.Step(actions, results);
+      environments.Step(env::NumbersOf(actions), results);
       for (int i = 0; i < 16; ++i) {
         if (!results[i].ended()) continue;
         ++num_ended;

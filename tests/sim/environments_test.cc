@@ -36,7 +36,7 @@ class One {
   env::StepResult Step(double linear, double angular = 0.0) {
     const std::vector<env::Action> actions{
         environments_.config().action.Normalise(linear, angular)};
-    environments_.Step(actions, results_);
+    environments_.Step(env::NumbersOf(actions), results_);
     return results_[0];
   }
   CourseEnvironments& environments() { return environments_; }
@@ -283,8 +283,9 @@ TEST(EnvironmentsTest, ActionsAreClipped) {
   for (const float sign : {1.0f, -1.0f}) {
     One beyond(config, Corridor(5.0, 9.0)), at(config, Corridor(5.0, 9.0));
     std::vector<env::StepResult> results(1);
-    beyond.environments().Step(std::vector<env::Action>{{7.0f * sign, -7.0f * sign}}, results);
-    at.environments().Step(std::vector<env::Action>{{sign, -sign}}, results);
+    beyond.environments().Step(
+        env::NumbersOf(std::vector<env::Action>{{7.0f * sign, -7.0f * sign}}), results);
+    at.environments().Step(env::NumbersOf(std::vector<env::Action>{{sign, -sign}}), results);
     EXPECT_EQ(beyond.frame().state[2], sign);
     EXPECT_EQ(beyond.frame().state[3], -sign);
     EXPECT_EQ(beyond.environments().robot_pose(0), at.environments().robot_pose(0));
@@ -318,7 +319,7 @@ TEST(EnvironmentsTest, JitteredStartsAreSpreadAndFree) {
     min_yaw = std::min(min_yaw, start.yaw);
     max_yaw = std::max(max_yaw, start.yaw);
     EXPECT_LE(std::abs(start.p.y), 0.3);
-    environments.Step(stand, results);
+    environments.Step(env::NumbersOf(stand), results);
     EXPECT_EQ(results[0].outcome, Outcome::kRunning);
   }
   EXPECT_GE(min_x, -0.3 - 1e-6);
@@ -337,7 +338,7 @@ TEST(EnvironmentsTest, ProgressBeginsAtTheJitteredStart) {
   std::vector<env::StepResult> results(1);
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     environments.Reset(0, {0, seed});
-    environments.Step(std::vector{config.action.Normalise(0.0, 0.0)}, results);
+    environments.Step(env::NumbersOf(std::vector{config.action.Normalise(0.0, 0.0)}), results);
     EXPECT_EQ(results[0].reward, -0.25f) << "it stands";
   }
 }
@@ -372,7 +373,7 @@ TEST(EnvironmentsTest, ATurnedAndMovedCourseGivesTheSameEpisode) {
     while (!results[0].ended()) {
       const env::Action action{static_cast<float>(random.Uniform(-1.0, 1.0)),
                                static_cast<float>(random.Uniform(-1.0, 1.0))};
-      environments.Step(std::vector{action, action}, results);
+      environments.Step(env::NumbersOf(std::vector{action, action}), results);
       ASSERT_EQ(results[0].outcome, results[1].outcome);
       if (results[0].ended()) break;
       // Up to 400 steps of 10 roundings of some 1e-6 m; a beam that grazes an obstacle may go

@@ -122,7 +122,7 @@ TEST(LocalisationTest, OdometryAndGoalShareOneBeliefAndSuccessIsTrue) {
     results[0] = {};
     double true_distance = 3.0;
     for (int step = 0; step < 30 && !results[0].ended(); ++step) {
-      environments.Step(std::vector{config.action.Normalise(1.0, 0.0)}, results);
+      environments.Step(env::NumbersOf(std::vector{config.action.Normalise(1.0, 0.0)}), results);
       const auto& observations = environments.observations();
       const auto state = observations.frame(0).state;
       const base::Vec2 goal_O =

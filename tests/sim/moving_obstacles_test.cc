@@ -134,7 +134,7 @@ class One {
   }
   env::StepResult Stand() {
     const std::vector<env::Action> actions{environments_.config().action.Normalise(0.0, 0.0)};
-    environments_.Step(actions, results_);
+    environments_.Step(env::NumbersOf(actions), results_);
     return results_[0];
   }
   CourseEnvironments& environments() { return environments_; }

@@ -74,7 +74,7 @@ std::vector<std::uint16_t> Drive(CourseEnvironments& environments, int course) {
   for (int step = 0; step < 40; ++step) {
     const auto ranges = environments.observations().frame(0).ranges_cm;
     frames.insert(frames.end(), ranges.begin(), ranges.end());
-    environments.Step(ahead, results);
+    environments.Step(env::NumbersOf(ahead), results);
     if (results[0].ended()) break;
   }
   return frames;

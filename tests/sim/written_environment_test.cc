@@ -170,7 +170,7 @@ Tally Drive(const EnvironmentConfig& config, int rounds) {
         }
       }
       const std::vector<env::StepResult> before = results;
-      environments.Step(actions, results);
+      environments.Step(env::NumbersOf(actions), results);
       for (int i = 0; i < batch_size; ++i) {
         if (before[i].ended()) continue;
         SCOPED_TRACE(testing::Message() << "round " << round << ", step " << step << ", course "
@@ -314,7 +314,7 @@ Columns Draw() {
       const auto& episode = written.emplace_back(config, course, start, time);
       AddNoise(episode, environments.observations().frame(i).ranges_cm, 0, columns);
     }
-    environments.Step(actions, results);
+    environments.Step(env::NumbersOf(actions), results);
     for (int i = 0; i < kBatch; ++i) {
       written[i].Step(actions[i], environments.robot_pose(i), false);
       AddNoise(written[i], environments.observations().frame(i).ranges_cm, 1, columns);

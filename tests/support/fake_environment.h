@@ -40,7 +40,8 @@ class FakeEnvironment : public env::BatchEnvironment {
     specs_.push_back(spec);
   }
 
-  void Step(std::span<const env::Action> actions, std::span<env::StepResult> results) override {
+  void Step(std::span<const float> numbers, std::span<env::StepResult> results) override {
+    const auto actions = env::AsActions(numbers);
     for (int i = 0; i < batch_size(); ++i) {
       Running& episode = episodes_[i];
       if (!episode.running) continue;
@@ -112,7 +113,8 @@ class SummingAgent : public env::Agent {
  public:
   explicit SummingAgent(int batch_size) : sums_(batch_size) {}
 
-  void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override {
+  void Act(const env::ObservationBatch& observations, std::span<float> numbers) override {
+    const auto actions = env::AsActions(numbers);
     for (int i = 0; i < observations.batch_size; ++i) {
       if (observations.first[i] != 0) sums_[i] = 0;
       for (const std::uint16_t range : observations.frame(i).ranges_cm) sums_[i] += range;
@@ -131,8 +133,8 @@ class SummingAgent : public env::Agent {
 class ConstantAgent : public env::Agent {
  public:
   explicit ConstantAgent(env::Action action) : action_(action) {}
-  void Act(const env::ObservationBatch&, std::span<env::Action> actions) override {
-    std::fill(actions.begin(), actions.end(), action_);
+  void Act(const env::ObservationBatch&, std::span<float> actions) override {
+    std::ranges::fill(env::AsActions(actions), action_);
   }
 
  private:

@@ -12,7 +12,8 @@ namespace slalom::testing {
 /// collides on others, so that tests on real courses see both. Without memory.
 class ReactiveAgent : public env::Agent {
  public:
-  void Act(const env::ObservationBatch& observations, std::span<env::Action> actions) override {
+  void Act(const env::ObservationBatch& observations, std::span<float> numbers) override {
+    const auto actions = env::AsActions(numbers);
     for (int i = 0; i < observations.batch_size; ++i) {
       const env::FrameView frame = observations.frame(i);
       const auto nearest = [&](std::size_t from, std::size_t to) {

@@ -82,7 +82,7 @@ TEST_F(PolicyToolsTest, ActAnswersEachLineAsThePolicyDrives) {
     seen.ranges_cm = std::move(ranges_cm);
     seen.state = std::move(state);
     seen.first[0] = first;
-    agent.Act(seen, {&action, 1});
+    agent.Act(seen, env::NumbersOf(std::span(&action, 1)));
     std::string line;
     ASSERT_TRUE(std::getline(lines, line));
     const json answer = json::parse(line);

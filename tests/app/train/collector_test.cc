@@ -105,7 +105,7 @@ TEST(ThreadedCollectorTest, APolicyPublishedAfterTheLastStepReachesTheAgentAllTh
 class ThrowingEnvironment : public slalom::testing::FakeEnvironment {
  public:
   using FakeEnvironment::FakeEnvironment;
-  void Step(std::span<const env::Action>, std::span<env::StepResult>) override {
+  void Step(std::span<const float>, std::span<env::StepResult>) override {
     throw std::runtime_error("the robot is on fire");
   }
 };

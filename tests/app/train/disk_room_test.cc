@@ -32,7 +32,7 @@ RunConfig Config(std::int64_t capacity, std::int64_t interval, std::int64_t step
 std::int64_t MeasurePeak(const RunConfig& config, const fs::path& directory) {
   const std::vector<std::uint16_t> scan(kBeams, 1);
   const std::vector<float> state(env::kStateSize, 0.0f);
-  const env::FrameView frame{scan, std::span(state).first<env::kStateSize>()};
+  const env::FrameView frame{scan, state};
   replay::Table table(config.replay, kBeams);
   replay::Storage storage(directory);
   std::vector<std::string> manifests;

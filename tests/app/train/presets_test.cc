@@ -94,7 +94,7 @@ TEST_P(PresetTest, LearnsFromABatchAndActs) {
   env::ObservationBatch observations;
   observations.Resize(1, num_beams);
   std::vector<env::Action> actions(1);
-  agent->Act(observations, actions);
+  agent->Act(observations, env::NumbersOf(actions));
   EXPECT_TRUE(std::isfinite(actions[0].linear) && std::isfinite(actions[0].angular));
 }
 

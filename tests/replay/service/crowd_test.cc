@@ -304,7 +304,7 @@ TEST(CrowdTest, TwoHundredConnectionsAreServedFromAJournal) {
     ReplayServer server(config,
                         {.endpoint = "tcp://127.0.0.1:*",
                          .table = {.capacity = 2000},
-                         .num_beams = kBeams,
+                         .shape = kBeams,
                          .chunk_bytes = kChunkBytes},
                         context, registry);
     const std::jthread serving([&](std::stop_token stop) { server.Run(stop); });
@@ -317,7 +317,7 @@ TEST(CrowdTest, TwoHundredConnectionsAreServedFromAJournal) {
     }
   }
   const Recovered recovered =
-      RecoverJournal({.directory = config.directory, .num_beams = kBeams}, {.capacity = 2000});
+      RecoverJournal({.directory = config.directory, .shape = kBeams}, {.capacity = 2000});
   EXPECT_EQ(recovered.sessions.accepted_steps(),
             std::int64_t{kActors} * kChunks * (kChunkRows - 1));
 }

@@ -54,7 +54,7 @@ class FakeLog : public RecordLog {
         SLALOM_CHECK_EQ(rows->first_row, table->total_inserted());
         SLALOM_CHECK(!sessions->Accept(rows->id, rows->sequence, rows->num_steps));
         const auto parsed =
-            RowBytes::Parse(rows->rows, rows->num_rows, table->num_beams(), of.num_streams);
+            RowBytes::Parse(rows->rows, rows->num_rows, table->shape(), of.num_streams);
         SLALOM_CHECK(parsed.ok());
         SLALOM_CHECK(!table->CheckEpisodes(*parsed, of.stream_base));
         table->InsertRows(*parsed, of.stream_base);

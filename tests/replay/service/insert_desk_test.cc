@@ -211,8 +211,8 @@ TEST_F(InsertDeskTest, AChunkThatBreaksItsEpisodesIsRefusedAsAWhole) {
   Chunk bad(kBeams);
   const std::vector<std::uint16_t> ranges(kBeams, 1);
   const std::vector<float> state(env::kStateSize, 0.0f);
-  bad.AddStep(0, true, {ranges, std::span(state).first<env::kStateSize>()}, {}, {});
-  bad.AddStep(1, false, {ranges, std::span(state).first<env::kStateSize>()}, {}, {});
+  bad.AddStep(0, true, {ranges, state}, {}, {});
+  bad.AddStep(1, false, {ranges, state}, {}, {});
   Insert(peer, 1, 0, bad);
   EXPECT_EQ(Only<proto::Refusal>(peer).code, RefusalCode::kBadMessage);
   EXPECT_EQ(server_.table.total_inserted(), 0);

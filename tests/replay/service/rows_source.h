@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -32,7 +33,7 @@ class RowsSource {
   void Reset() { std::fill(open_.begin(), open_.end(), 0); }
 
   static transport::Frame Bytes(const Chunk& chunk) {
-    transport::Frame frame(RowBytes::Size(chunk.num_rows(), chunk.num_beams));
+    transport::Frame frame(RowBytes::Size(chunk.num_rows(), chunk.shape));
     RowBytes::Write(chunk, frame.mutable_bytes());
     return frame;
   }
@@ -49,7 +50,7 @@ class RowsSource {
     for (auto& r : ranges) r = static_cast<std::uint16_t>(random_.UniformInt(1000));
     std::vector<float> state(env::kStateSize);
     for (auto& x : state) x = static_cast<float>(random_.Normal());
-    const env::FrameView frame{ranges, std::span(state).first<env::kStateSize>()};
+    const env::FrameView frame{ranges, state};
     const double fate = random_.Uniform();
     const auto outcome = fate < 0.1   ? env::Outcome::kCollision
                          : fate < 0.2 ? env::Outcome::kTimeout
@@ -57,7 +58,7 @@ class RowsSource {
     const env::StepResult result{
         .reward = static_cast<float>(random_.Normal()), .cost = 0.0f, .outcome = outcome};
     std::uint8_t& open = open_[static_cast<std::size_t>(stream)];
-    chunk->AddStep(stream, !open, frame, {0.5f, -0.5f}, result);
+    chunk->AddStep(stream, !open, frame, std::array{0.5f, -0.5f}, result);
     open = !result.ended();
     if (result.ended()) chunk->AddFinal(stream, frame);
   }

@@ -27,7 +27,7 @@ class RunningServer {
                  .security = std::move(security),
                  .max_connections = max_connections,
                  .table = {.capacity = 500},
-                 .num_beams = kBeams,
+                 .shape = kBeams,
                  .spec_hash = kSpecHash,
                  .seed = kSeed,
                  .updates_per_step = 10.0,
@@ -61,7 +61,7 @@ inline proto::Insert InsertOf(const Chunk& chunk, std::uint64_t session, std::ui
   return {.session = session,
           .sequence = sequence,
           .num_rows = chunk.num_rows(),
-          .num_beams = chunk.num_beams,
+          .num_beams = chunk.shape.num_beams,
           .num_steps = RowsSource::NumSteps(chunk),
           .oldest_version = 3,
           .newest_version = 5};

@@ -47,9 +47,9 @@ void ExpectSameSample(TestPeer& learner, const Table& table, std::uint64_t curso
   EXPECT_EQ(reply->cursor, cursor);
   EXPECT_EQ(reply->table_steps, table.num_steps());
   SampledRows sampled;
-  const auto fault = ParseSample(
-      payload.bytes(), {.batch = reply->batch, .history = reply->history, .num_beams = kBeams},
-      &sampled);
+  const auto fault =
+      ParseSample(payload.bytes(),
+                  {.batch = reply->batch, .history = reply->history, .step = kBeams}, &sampled);
   ASSERT_FALSE(fault) << fault->text;
   base::Random random(base::DeriveSeed(kSeed, "sample", {cursor}));
   SampledRows expected;
@@ -118,9 +118,9 @@ TEST(ReplayServerTest, PrioritiesComeBackAfterARestart) {
     transport::Frame payload;
     SampledRows rows;
     if (learner.Expect<proto::SampleReply>(&payload)) {
-      const auto fault = ParseSample(
-          payload.bytes(), {.batch = kBatch, .history = 1, .num_beams = kBeams, .weighted = true},
-          &rows);
+      const auto fault =
+          ParseSample(payload.bytes(),
+                      {.batch = kBatch, .history = 1, .step = kBeams, .weighted = true}, &rows);
       EXPECT_FALSE(fault);
     }
     return rows.sequence;
@@ -209,7 +209,7 @@ TEST(ReplayServerTest, TwoProducersAndTwoConsumersAtOnce) {
           const auto fault = ParseSample(payload.bytes(),
                                          {.batch = reply->batch,
                                           .history = reply->history,
-                                          .num_beams = kBeams,
+                                          .step = kBeams,
                                           .weighted = reply->weighted},
                                          &rows);
           ASSERT_FALSE(fault) << fault->text;
@@ -223,9 +223,8 @@ TEST(ReplayServerTest, TwoProducersAndTwoConsumersAtOnce) {
     threads.clear();
     steps = made[0] + made[1];
   }
-  const Recovered recovered =
-      RecoverJournal({.directory = config.directory, .num_beams = kBeams, .spec_hash = kSpecHash},
-                     {.capacity = 500});
+  const Recovered recovered = RecoverJournal(
+      {.directory = config.directory, .shape = kBeams, .spec_hash = kSpecHash}, {.capacity = 500});
   EXPECT_EQ(recovered.sessions.accepted_steps(), steps);
   EXPECT_THAT(recovered.notes, testing::IsEmpty());
 }

@@ -246,7 +246,8 @@ std::vector<base::Pose2> PosesOf(const sim::EnvironmentConfig& config, const std
   std::vector<base::Pose2> poses;
   std::vector<env::StepResult> results(1);
   for (int i = 0; i < 12 && !results[0].ended(); ++i) {
-    environments.Step(std::vector{env::Action{0.4f, i % 2 == 0 ? 0.5f : -0.5f}}, results);
+    environments.Step(env::NumbersOf(std::vector{env::Action{0.4f, i % 2 == 0 ? 0.5f : -0.5f}}),
+                      results);
     poses.push_back(environments.robot_pose(0));
   }
   return poses;
