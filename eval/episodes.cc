@@ -149,6 +149,7 @@ class Driver {
     r.episode = running.record % task_.episodes_per_course;
     r.seed = EvaluationSeed(task_.seed, *task_.courses.courses[r.course], r.episode);
     drawn_.Draw(r.seed);
+    r.drawn.assign(drawn_.values().begin(), drawn_.values().end());
     environments_.Reset(i, {r.course, r.seed});
     r.min_range = SmallestRange(environments_.observations().frame(i));
     sim::EpisodeTrack& track = running.track;

@@ -31,6 +31,8 @@ struct EpisodeRecord {
   double min_range = 0.0;       ///< Smallest range that the LiDAR reported, [m].
   double episode_return = 0.0;  ///< Sum of rewards, not discounted.
   std::string agent_status;     ///< `env::Agent::Status` when it ended.
+  /// Values of the task's randomised fields (`sim::RandomizedConfig::values`). Empty without any.
+  std::vector<double> drawn{};
 
   /// On the protocol's clock, [s]. `step`: control step, [s].
   double time(double step) const { return (num_steps - clock_start_step) * step; }

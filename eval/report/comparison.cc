@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "eval/csv_field.h"
+#include "eval/report/drawn_bins.h"
 #include "eval/report/setting_differences.h"
 #include "eval/report/table_text.h"
 
@@ -179,6 +180,9 @@ std::string MarkdownComparison(std::span<const Result> results) {
       if (overlap.empty()) continue;
       fmt::format_to(out, "\n**Trained on its test:** {}\n", EscapeMarkdown(overlap));
     }
+    std::vector<std::string> group_labels;
+    for (const std::size_t r : group.results) group_labels.push_back(labels[r]);
+    text += MarkdownOf(BinByDrawnFields(results, group), group_labels, 3);
     text += MarkdownOf(FindSettingDifferences(results, AgentsOf(group, labels)), 3);
   }
   return text;

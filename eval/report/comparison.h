@@ -46,8 +46,8 @@ std::string ProtocolSentence(const Result& result);
 std::string OverlapSentence(const Result& result, const std::string& label);
 
 /// Returns a Markdown table per group, with 95 % intervals. Below it, a note names each policy that
-/// was trained on courses of the group, and a table shows the settings in which its agents differ
-/// (`FindSettingDifferences`).
+/// was trained on courses of the group, and tables show success by randomised fields
+/// (`BinByDrawnFields`) and the settings in which its agents differ (`FindSettingDifferences`).
 std::string MarkdownComparison(std::span<const Result> results);
 
 /// Returns CSV with one line per result: every statistic with both ends of its interval. The cells

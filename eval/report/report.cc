@@ -5,12 +5,16 @@
 #include <algorithm>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "base/file.h"
 #include "eval/report/result.h"
 #include "eval/report/table_text.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/episode_file.h"
+#include "sim/randomized_config.h"
 
 namespace slalom::eval {
 namespace {
@@ -184,14 +188,40 @@ OrderedJson ProvenanceJson(const Evaluation& evaluation, const Provenance& prove
           {"config", provenance.config}};
 }
 
+/// The randomised fields. Empty if there are none.
+OrderedJson DrawnJson(std::span<const sim::RandomizedField> fields) {
+  OrderedJson list = OrderedJson::array();
+  for (const sim::RandomizedField& field : fields) {
+    OrderedJson& json = list.emplace_back();
+    json["key"] = field.key;
+    if (field.names.empty()) {
+      json["unit"] = field.unit;
+      json["low"] = field.low;
+      json["high"] = field.high;
+    } else {
+      json["names"] = field.names;
+    }
+  }
+  return list;
+}
+
 /// How each episode of each course ended. [number of courses]
-std::vector<OrderedJson> EpisodeLists(const Evaluation& evaluation) {
+std::vector<OrderedJson> EpisodeLists(const Evaluation& evaluation,
+                                      std::span<const sim::RandomizedField> drawn) {
   std::vector<OrderedJson> lists(evaluation.summary.courses.size());
   for (const EpisodeRecord& record : evaluation.episodes.records) {
     OrderedJson& course = lists[record.course];
     course["outcomes"].push_back(env::ToString(record.outcome));
     course["times_s"].push_back(record.time(evaluation.task.environment.episode.step));
     course["collisions_per_episode"].push_back(record.num_collisions);
+    for (std::size_t i = 0; i < drawn.size(); ++i) {
+      OrderedJson& values = course["drawn"][drawn[i].key];
+      if (drawn[i].names.empty()) {
+        values.push_back(record.drawn[i]);
+      } else {
+        values.push_back(static_cast<int>(record.drawn[i]));
+      }
+    }
   }
   return lists;
 }
@@ -255,8 +285,10 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
   report["run"] = RunJson(evaluation);
   report["provenance"] = ProvenanceJson(evaluation, provenance);
   report["files"] = {{"courses", kCoursesFile}, {"tracks", kTracksFile}};
+  const sim::RandomizedConfig task(evaluation.task.environment);
+  if (!task.fields().empty()) report["drawn"] = DrawnJson(task.fields());
   OrderedJson courses = OrderedJson::array();
-  std::vector<OrderedJson> lists = EpisodeLists(evaluation);
+  std::vector<OrderedJson> lists = EpisodeLists(evaluation, task.fields());
   for (const CourseFigures& course : evaluation.summary.courses) {
     OrderedJson object;
     object["course"] = course.name;
@@ -296,17 +328,27 @@ std::string CourseCsv(const Evaluation& evaluation) {
 std::string EpisodeCsv(const Evaluation& evaluation) {
   std::string text =
       "course,episode,seed,outcome,steps,time_s,clock_start_s,collisions,path_length_m,min_range_m,"
-      "return,barn_score,agent_status\n";
+      "return,barn_score,agent_status";
+  const sim::RandomizedConfig task(evaluation.task.environment);
+  for (const sim::RandomizedField& field : task.fields()) text += "," + field.key;
+  text += '\n';
   const double step = evaluation.task.environment.episode.step;
   for (const EpisodeRecord& record : evaluation.episodes.records) {
     const CourseFigures& course = evaluation.summary.courses[record.course];
     const double time = record.time(step);
     fmt::format_to(std::back_inserter(text),
-                   "{},{},{},{},{},{:.4f},{:.4f},{},{:.4f},{:.2f},{:.6f},{:.6f},{}\n", course.name,
+                   "{},{},{},{},{},{:.4f},{:.4f},{},{:.4f},{:.2f},{:.6f},{:.6f},{}", course.name,
                    record.episode, record.seed, env::ToString(record.outcome), record.num_steps,
                    time, record.clock_start_step * step, record.num_collisions, record.path_length,
                    record.min_range, record.episode_return,
                    BarnScore(record.outcome, time, course.optimal_time), record.agent_status);
+    for (std::size_t i = 0; i < record.drawn.size(); ++i) {
+      const std::vector<std::string>& names = task.fields()[i].names;
+      text += ',';
+      text += names.empty() ? fmt::format("{}", record.drawn[i])
+                            : names[static_cast<std::size_t>(record.drawn[i])];
+    }
+    text += '\n';
   }
   return text;
 }

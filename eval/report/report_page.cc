@@ -10,6 +10,7 @@
 
 #include "eval/report/comparison.h"
 #include "eval/report/difficulty_bins.h"
+#include "eval/report/drawn_bins.h"
 #include "eval/report/embedded_page.h"
 #include "eval/report/paired_comparison.h"
 #include "eval/report/setting_differences.h"
@@ -166,6 +167,7 @@ Json GroupJson(const ResultGroup& group, std::span<const Result> results,
           {"results", group.results},
           {"courses", std::move(courses)},
           {"measures", MeasuresJson(group, results)},
+          {"drawn", JsonOf(BinByDrawnFields(results, group))},
           {"pairs", PairsJson(group, results)},
           {"settings", JsonOf(FindSettingDifferences(results, AgentsOf(group, labels)))}};
 }

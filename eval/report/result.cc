@@ -209,6 +209,46 @@ ResultCourse ReadCourse(const ObjectReader& reader, double step) {
   return course;
 }
 
+/// The randomised fields, if there are any.
+std::vector<DrawnField> ReadDrawn(const ObjectReader& reader, const Result& result) {
+  std::vector<DrawnField> fields;
+  if (!reader.HasValue("drawn")) return fields;
+  for (std::size_t i = 0; i < reader.List("drawn").size(); ++i) {
+    const ObjectReader object = reader.Element("drawn", i);
+    DrawnField& field = fields.emplace_back();
+    field.key = object.Text("key");
+    if (object.HasValue("names")) {
+      for (const Json& name : object.List("names")) {
+        if (!name.is_string()) object.Fail("a name", name, "a text");
+        field.names.push_back(name.get<std::string>());
+      }
+      if (field.names.empty()) object.Fail("names", object.List("names"), "at least one name");
+    } else {
+      field.unit = object.Text("unit");
+    }
+    for (std::size_t c = 0; c < result.courses.size(); ++c) {
+      const ObjectReader drawn = reader.Element("courses", c).Object("drawn");
+      const Json& values = drawn.List(field.key.c_str());
+      if (values.size() != result.courses[c].episodes.size()) {
+        drawn.Fail("the number of values of " + field.key, values.size(),
+                   fmt::format("{}, one for each outcome", result.courses[c].episodes.size()));
+      }
+      std::vector<double>& numbers = field.values.emplace_back();
+      for (const Json& value : values) {
+        if (field.names.empty()) {
+          drawn.RequireNumber("a value of " + field.key, value, -1e9, 1e9);
+        } else {
+          drawn.RequireCount("a value of " + field.key, value);
+          drawn.RequireNumber("a value of " + field.key, value, 0.0,
+                              static_cast<double>(field.names.size() - 1));
+        }
+        numbers.push_back(value.get<double>());
+      }
+    }
+  }
+  return fields;
+}
+
 /// The parts of one file must be of one evaluation.
 void RequireConsistent(const Result& result, const ObjectReader& reader) {
   int num_episodes = 0;
@@ -322,6 +362,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
   for (std::size_t c = 0; c < num_courses; ++c) {
     result.courses.push_back(ReadCourse(reader.Element("courses", c), result.step));
   }
+  result.drawn = ReadDrawn(reader, result);
   RequireConsistent(result, reader);
   const ObjectReader files = reader.Object("files");
   return {std::move(result), fs::path(files.Text("courses")).filename().string(),
@@ -391,7 +432,7 @@ std::string CompactResult(std::string_view text, const std::string& source) {
   const OrderedJson full = OrderedJson::parse(text);
   std::string compact = "{\n";
   for (const auto& [key, value] : full.items()) {
-    if (key == "courses") continue;
+    if (key == "courses" || key == "drawn") continue;
     OrderedJson kept = value;
     if (key == "provenance") {
       kept.erase("config");

@@ -36,6 +36,15 @@ struct ResultCourse {
   std::vector<ResultEpisode> episodes;
 };
 
+/// A randomised field and the values that the episodes had.
+struct DrawnField {
+  std::string key;                 ///< Below [environment], "robot.command_delay".
+  std::string unit;                ///< Empty for names, and for numbers without one.
+  std::vector<std::string> names;  ///< Empty for numbers.
+  /// [number of courses][episodes]: numbers, or places in `names`.
+  std::vector<std::vector<double>> values;
+};
+
 /// One evaluation, whole. A value.
 struct Result {
   std::string file;   ///< Path of its evaluation.json.
@@ -57,6 +66,7 @@ struct Result {
   double robot_width = 0.0;   ///< [m]
   Figures set;
   std::vector<ResultCourse> courses;
+  std::vector<DrawnField> drawn;          ///< Empty if none, or not known (archives of sweeps).
   sim::CourseSet course_set_data;         ///< As driven, in the order of `courses`.
   std::vector<sim::EpisodeTrack> tracks;  ///< Each on one of the courses.
 

@@ -141,7 +141,7 @@ TEST_F(BrowserTest, DrawsEverySectionWithTheFiguresOfTheResults) {
   }
   EXPECT_THAT(dom, HasSubstr("data-ready=\"true\""));
   EXPECT_THAT(dom, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
-  EXPECT_EQ(Count(dom, "data-drawn=\"true\""), 9);
+  EXPECT_EQ(Count(dom, "data-drawn=\"true\""), 10);
   for (std::size_t r = 0; r < 2; ++r) {
     const auto expect = [&](const std::string& key, const Estimate& estimate) {
       const std::string cell = Attribute(
@@ -197,13 +197,13 @@ TEST_F(BrowserTest, HidesWhatIsEmpty) {
     EXPECT_NE(at, std::string::npos) << near;
     return dom.substr(at, dom.find('>', at) - at).find(" hidden=\"\"") != std::string::npos;
   };
-  for (const char* id : {"versus", "failures", "difficulty", "survival", "agent-choice"}) {
+  for (const char* id : {"versus", "failures", "difficulty", "drawn", "survival", "agent-choice"}) {
     EXPECT_TRUE(is_hidden(fmt::format(" id=\"{}\"", id))) << id;
   }
   for (const char* id : {"figures", "courses", "times", "traversal", "trajectories", "episode"}) {
     EXPECT_FALSE(is_hidden(fmt::format(" id=\"{}\"", id))) << id;
   }
-  for (const char* link : {"versus", "failures", "difficulty"}) {
+  for (const char* link : {"versus", "failures", "difficulty", "drawn"}) {
     EXPECT_TRUE(is_hidden(fmt::format("href=\"#{}\"", link))) << link;
   }
   EXPECT_FALSE(is_hidden("href=\"#times\""));
@@ -405,6 +405,20 @@ TEST_F(BrowserTest, ShowsTheSettingsInWhichAgentsDifferAndNoSectionIfNoneDoes) {
     EXPECT_THAT(dom, HasSubstr("<code>\"&lt;i&gt;2\"</code>"));
     EXPECT_THAT(dom, Not(HasSubstr("<a href=\"#settings\" hidden")));
   }
+}
+
+TEST_F(BrowserTest, ShowsSuccessByRandomisedField) {
+  sim::EnvironmentConfig task;
+  task.randomize = {{"lidar.offset_x", {"[-0.1, 0.1]", ""}},
+                    {"robot.friction", {"['cone', 'gazebo']", ""}}};
+  const std::vector<Result> results = Read({{"a", testing::DriveCourses(3, task)}});
+  const std::string dom = Render(ReportPage(results));
+  EXPECT_THAT(dom, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
+  EXPECT_THAT(dom, Not(HasSubstr("<a href=\"#drawn\" hidden")));
+  EXPECT_EQ(Count(dom, "data-drawn-field=\"lidar.offset_x\""), 1) << "of 6 episodes";
+  EXPECT_EQ(Count(dom, "data-drawn-field=\"robot.friction\""), 2);
+  EXPECT_EQ(Count(dom, "<td>gazebo</td>"), 1);
+  EXPECT_EQ(Count(dom, " of 6</span>"), 1);
 }
 
 TEST_F(BrowserTest, WarnsOfAPolicyThatWasTrainedOnItsTest) {

@@ -34,7 +34,7 @@ eval::Evaluation MakeEvaluation(std::vector<double> success_probability,
   return eval::Evaluate(task, environments, agent).value();
 }
 
-eval::Evaluation DriveCourses(int num_courses) {
+eval::Evaluation DriveCourses(int num_courses, const sim::EnvironmentConfig& environment) {
   sim::CourseSet courses{"driven", {}};
   base::Random random(11);
   for (int c = 0; c < num_courses; ++c) {
@@ -52,7 +52,8 @@ eval::Evaluation DriveCourses(int num_courses) {
   const auto make_agent = [](int, const sim::EnvironmentConfig&) {
     return std::make_unique<ReactiveAgent>();
   };
-  return eval::EvaluateOnCourses(eval::ResolveEvaluation(config, {}, courses), make_agent, nullptr)
+  return eval::EvaluateOnCourses(eval::ResolveEvaluation(config, environment, courses), make_agent,
+                                 nullptr)
       .value();
 }
 

@@ -16,7 +16,7 @@ eval::Evaluation MakeEvaluation(std::vector<double> success_probability,
 
 /// An evaluation on courses with fixed and moving obstacles in the true simulator, by
 /// `ReactiveAgent`, with scans on every course.
-eval::Evaluation DriveCourses(int num_courses);
+eval::Evaluation DriveCourses(int num_courses, const sim::EnvironmentConfig& environment = {});
 
 /// Of an agent of this name.
 eval::Provenance MakeProvenance(const std::string& agent);

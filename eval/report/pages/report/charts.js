@@ -194,6 +194,22 @@ function drawDifficulty(data, group) {
   });
 }
 
+// ---- Success by randomised field: a row for each bin of each field, a column for each agent.
+
+function drawDrawnFields(data, group) {
+  const figure = {key: 'success_rate', title: 'Success', unit: '%', factor: 100};
+  const labels = group.results.map((index) => data.results[index].label);
+  const rows = group.drawn.flatMap(({key, unit, bins}) => bins.map((bin, b) => element('tr', {'data-drawn-field': key},
+    element('td', {}, ...(b === 0 ? [keyNode(key)] : [])),
+    element('td', {}, unit ? `${bin.label} ${unit}` : bin.label),
+    ...bin.rates.map((rate, agent) => {
+      const cell = figureCell(figure, rate);
+      if (rate !== null) cell.append(element('span', {class: 'sub'}, ` of ${bin.episodes[agent]}`));
+      return cell;
+    }))));
+  document.getElementById('drawn-table').replaceChildren(scrollTable('compact', ['Field', 'Value', ...labels], rows));
+}
+
 // ---- Times.
 
 function timesOf(result, wanted) {

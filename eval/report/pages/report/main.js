@@ -60,6 +60,7 @@ class Page {
     document.getElementById('course').replaceChildren(...this.group.courses.map((course, c) =>
       element('option', {value: c}, course.name)));
     document.getElementById('settings').replaceChildren(...settingTables(this.group.settings));
+    drawDrawnFields(this.data, this.group);
     this.fillAgents();
     this.failures.show(this.group);
     this.versus.show(this.group);
@@ -80,6 +81,7 @@ class Page {
     hide('versus', this.group.results.length < 2);
     hide('failures', none('CT'));
     hide('difficulty', this.group.measures.length === 0);
+    hide('drawn', this.group.drawn.length === 0);
     hide('traversal', none('S'));
     hide('survival', none('CT'));
     hide('agent-choice', this.group.results.length < 2);

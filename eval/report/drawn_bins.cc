@@ -1,0 +1,158 @@
+#include "eval/report/drawn_bins.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "eval/report/embedded_page.h"
+#include "eval/report/table_text.h"
+
+namespace slalom::eval {
+namespace {
+
+constexpr std::size_t kMaxDrawnBins = 5;
+constexpr std::size_t kMinEpisodesPerBin = 20;
+
+/// The field in this result. Null if it is not drawn there, or not of this kind.
+const DrawnField* FindDrawn(const Result& result, const std::string& key, bool is_number) {
+  const auto it = std::ranges::find(result.drawn, key, &DrawnField::key);
+  const bool is_there = it != result.drawn.end() && it->names.empty() == is_number;
+  return is_there ? &*it : nullptr;
+}
+
+/// Adds an agent to a bin: its episodes whose values satisfy `is_in`.
+template <class IsIn>
+void AddAgent(const Result& result, const DrawnField* field, const IsIn& is_in, DrawnBin& bin) {
+  std::vector<CourseTotal> totals;
+  double num_episodes = 0.0;
+  for (std::size_t c = 0; field != nullptr && c < result.courses.size(); ++c) {
+    CourseTotal total;
+    for (std::size_t k = 0; k < result.courses[c].episodes.size(); ++k) {
+      if (!is_in(field->values[c][k])) continue;
+      total.sum += result.courses[c].episodes[k].outcome == env::Outcome::kSuccess ? 1.0 : 0.0;
+      total.count += 1.0;
+    }
+    num_episodes += total.count;
+    if (total.count > 0.0) totals.push_back(total);
+  }
+  bin.num_episodes.push_back(static_cast<int>(num_episodes));
+  bin.success_rates.push_back(totals.empty() ? std::nullopt
+                                             : std::optional<Estimate>(EstimateRate(totals)));
+}
+
+/// A bin for each name that any result of the group has, in the order of the lists.
+std::vector<DrawnBin> BinNames(std::span<const Result> results, const ResultGroup& group,
+                               const std::string& key) {
+  std::vector<std::string> names;
+  for (const std::size_t r : group.results) {
+    const DrawnField* const field = FindDrawn(results[r], key, false);
+    if (field == nullptr) continue;
+    for (const std::string& name : field->names) {
+      if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+    }
+  }
+  std::vector<DrawnBin> bins;
+  for (const std::string& name : names) {
+    DrawnBin& bin = bins.emplace_back(DrawnBin{.label = name});
+    for (const std::size_t r : group.results) {
+      const DrawnField* const field = FindDrawn(results[r], key, false);
+      const auto is_in = [&](double value) {
+        return field->names[static_cast<std::size_t>(value)] == name;
+      };
+      AddAgent(results[r], field, is_in, bin);
+    }
+  }
+  return bins;
+}
+
+std::vector<DrawnBin> BinNumbers(std::span<const Result> results, const ResultGroup& group,
+                                 const std::string& key) {
+  std::vector<double> values;
+  std::size_t num_agents = 0;
+  for (const std::size_t r : group.results) {
+    const DrawnField* const field = FindDrawn(results[r], key, true);
+    if (field == nullptr) continue;
+    ++num_agents;
+    for (const auto& course : field->values)
+      values.insert(values.end(), course.begin(), course.end());
+  }
+  if (values.empty()) return {};
+  std::ranges::sort(values);
+  const std::size_t num_bins =
+      std::clamp<std::size_t>(values.size() / (num_agents * kMinEpisodesPerBin), 1, kMaxDrawnBins);
+  std::vector<DrawnBin> bins;
+  double low = values.front();
+  for (std::size_t b = 0; b < num_bins; ++b) {
+    const bool is_last = b + 1 == num_bins;
+    const double high = is_last ? values.back() : values[(b + 1) * values.size() / num_bins];
+    DrawnBin& bin = bins.emplace_back(DrawnBin{.label = fmt::format("{:.3g} – {:.3g}", low, high)});
+    const auto is_in = [&](double value) {
+      return value >= low && (value < high || (is_last && value == high));
+    };
+    for (const std::size_t r : group.results) {
+      AddAgent(results[r], FindDrawn(results[r], key, true), is_in, bin);
+    }
+    low = high;
+  }
+  return bins;
+}
+
+}  // namespace
+
+std::vector<DrawnFieldBins> BinByDrawnFields(std::span<const Result> results,
+                                             const ResultGroup& group) {
+  std::map<std::string, const DrawnField*> fields;
+  for (const std::size_t r : group.results) {
+    for (const DrawnField& field : results[r].drawn) fields.emplace(field.key, &field);
+  }
+  std::vector<DrawnFieldBins> bins;
+  for (const auto& [key, field] : fields) {
+    bins.push_back(
+        {key, field->unit,
+         field->names.empty() ? BinNumbers(results, group, key) : BinNames(results, group, key)});
+  }
+  return bins;
+}
+
+std::string MarkdownOf(std::span<const DrawnFieldBins> fields, std::span<const std::string> labels,
+                       int level) {
+  if (fields.empty()) return "";
+  MarkdownTable table{.titles = {"field", "value"}, .num_names = 2};
+  for (const std::string& label : labels) {
+    table.titles.push_back(EscapeMarkdown(label) + " [%], episodes");
+  }
+  for (const DrawnFieldBins& field : fields) {
+    for (const DrawnBin& bin : field.bins) {
+      auto& row = table.rows.emplace_back();
+      row = {&bin == &field.bins.front() ? MarkdownCode(field.key) : "",
+             EscapeMarkdown(field.unit.empty() ? bin.label : bin.label + " " + field.unit)};
+      for (std::size_t a = 0; a < labels.size(); ++a) {
+        const std::string rate = EstimateText(bin.success_rates[a], 100.0, 1);
+        row.push_back(bin.num_episodes[a] == 0 ? rate
+                                               : fmt::format("{}, {}", rate, bin.num_episodes[a]));
+      }
+    }
+  }
+  return fmt::format("\n{} Success by randomised field\n\n{}", std::string(level, '#'),
+                     table.Print());
+}
+
+nlohmann::json JsonOf(std::span<const DrawnFieldBins> fields) {
+  nlohmann::json json = nlohmann::json::array();
+  for (const DrawnFieldBins& field : fields) {
+    nlohmann::json bins = nlohmann::json::array();
+    for (const DrawnBin& bin : field.bins) {
+      nlohmann::json rates = nlohmann::json::array();
+      for (const auto& rate : bin.success_rates) rates.push_back(JsonOf(rate));
+      bins.push_back(
+          {{"label", bin.label}, {"episodes", bin.num_episodes}, {"rates", std::move(rates)}});
+    }
+    json.push_back({{"key", field.key}, {"unit", field.unit}, {"bins", std::move(bins)}});
+  }
+  return json;
+}
+
+}  // namespace slalom::eval
