@@ -193,7 +193,7 @@ part_soak() {
   local drill failed=0
   configure release SLALOM_TESTS=ON
   build_targets release all
-  for drill in "kill 100" "stop 20" "restart 20" "hostile 60" "network 60" "disk" "crowd 64 60" "soak 3600"; do
+  for drill in "kill 100" "stop 20" "restart 20" "hostile 60" "network 60" "disk" "crowd 64 60" "backup 20" "random 100" "soak 3600"; do
     say "soak: $drill"
     # shellcheck disable=SC2086 # The arguments of a drill are words.
     set -- $drill

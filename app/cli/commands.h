@@ -24,5 +24,6 @@ void AddStatusCommand(CLI::App& app);
 void AddSweepCommand(CLI::App& app, int* exit_code);
 void AddKeysCommand(CLI::App& app);
 void AddMetricsCommand(CLI::App& app);
+void AddBackupCommand(CLI::App& app);
 
 }  // namespace slalom::cli

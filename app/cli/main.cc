@@ -115,6 +115,7 @@ int Run(int argc, char** argv) {
   slalom::cli::AddStatusCommand(app);
   slalom::cli::AddConfigCommand(app);
   slalom::cli::AddKeysCommand(app);
+  slalom::cli::AddBackupCommand(app);
   slalom::cli::AddMetricsCommand(app);
   app.footer(kFooter);  // Last, as commands would inherit it.
 
