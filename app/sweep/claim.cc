@@ -1,6 +1,7 @@
 #include "app/sweep/claim.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -200,8 +201,14 @@ std::unique_ptr<Claim> ClaimTaker::Try(const fs::path& cell, Clock::time_point n
   const fs::path draft = cell / ("draft-" + token);
   const fs::path beat = cell / ("beat-" + token);
   base::WriteFileAtomically(draft, PrintOwner(token));
-  const bool taken = ::link(draft.c_str(), file.c_str()) == 0;
+  bool taken = ::link(draft.c_str(), file.c_str()) == 0;
   const int error = errno;
+  if (!taken && error == EEXIST) {
+    // NFS repeats a call whose answer was lost, and then finds the name that it made itself:
+    // open(2).
+    struct stat status {};
+    taken = ::stat(draft.c_str(), &status) == 0 && status.st_nlink == 2;
+  }
   std::error_code ec;
   fs::remove(draft, ec);
   if (!taken && error == EEXIST) return nullptr;  // Somebody else was faster.

@@ -88,6 +88,17 @@ dirent* readdir(DIR* directory) {
   return Fails("readdir", dirfd(directory)) ? nullptr : real(directory);
 }
 
+/// Makes the link and fails, as NFS does if it repeats a call whose answer was lost.
+int link(const char* from, const char* to) {
+  static auto* const real = Real<int(const char*, const char*)>("link");
+  const bool fails = Fails("link", to);
+  const int error = errno;
+  const int result = real(from, to);
+  if (!fails) return result;
+  errno = error;
+  return -1;
+}
+
 int stat(const char* path, struct stat* status) {
   static auto* const real = Real<int(const char*, struct stat*)>("stat");
   return Fails("stat", path) ? -1 : real(path, status);

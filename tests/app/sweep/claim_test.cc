@@ -79,6 +79,18 @@ TEST(ClaimTest, AClaimIsNotLostWhereItsCellCannotBeListed) {
   EXPECT_EQ(failing.num_calls(), 1);
 }
 
+// On NFS the answer to a link may be lost, and the call that is repeated finds the name taken, by
+// this worker itself. The cell would be idle for a minute.
+TEST(ClaimTest, ALinkThatWasMadeThoughItSaysOtherwiseIsAClaim) {
+  const test::ScratchDirectory scratch;
+  const test::FailingCalls failing({.function = "link", .path = "*/claim-*", .error = EEXIST},
+                                   scratch.path() / "count");
+  const auto claim = ClaimTaker().Try(scratch.path() / "cell");
+  EXPECT_EQ(failing.num_calls(), 1);
+  ASSERT_NE(claim, nullptr);
+  EXPECT_TRUE(claim->Renew());
+}
+
 TEST(ClaimTest, TheClaimOfADeadProcessOfThisMachineIsTakenAtOnce) {
   const test::ScratchDirectory scratch;
   const pid_t child = fork();
