@@ -9,6 +9,7 @@
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/log.h"
 #include "base/random.h"
 #include "learner/algorithm.h"
 #include "replay/rows.h"
@@ -65,7 +66,23 @@ sim::CourseSet CoursesConfig::ResolveTest() const {
 
 RunConfig ReadRecordedConfig(std::string_view text, std::string_view source) {
   RunConfig config;
-  config::ReadToml(text, source, config::ListFields(config));
+  const config::FieldList fields = config::ListFields(config);
+  std::string known;
+  std::vector<std::string> unknown;
+  for (const auto& [key, value] : config::FlattenToml(text, source)) {
+    if (config::HasKey(fields, key)) {
+      known += fmt::format("{} = {}\n", key, value.text);
+    } else {
+      unknown.push_back(key);
+    }
+  }
+  if (unknown.empty()) {
+    config::ReadToml(text, source, fields);  // Its errors name lines.
+  } else {
+    spdlog::warn("{}: unknown keys, of a newer version of the program, are left out: {}", source,
+                 fmt::join(unknown, ", "));
+    config::ReadToml(known, source, fields);
+  }
   return config;
 }
 

@@ -35,6 +35,19 @@ TEST(SpecHashTest, WhatIsSeenCommandedOrLearnedChangesIt) {
   EXPECT_EQ(SpecHash(other), SpecHash({}));
 }
 
+// After a way back to an older version of the program, a run and its policies are of the newer one.
+TEST(RunConfigTest, KeysOfANewerVersionInARecordedConfigAreLeftOut) {
+  const RunConfig config = ReadRecordedConfig(
+      "[run]\nseed = 7\nfrom_the_future = \"yes\"\n[learner]\ngamma = 0.5\n[a_new_section]\nx = "
+      "[1, 2]\n",
+      "config.toml");
+  EXPECT_EQ(config.run.seed, 7);
+  EXPECT_EQ(config.method.learner.gamma, 0.5);
+  EXPECT_THROW(ReadRecordedConfig("[run]\nseed = \"seven\"\n", "config.toml"), base::Error);
+  EXPECT_THROW(ReadRecordedConfig("[run]\nseed = \"seven\"\nnew = 1\n", "config.toml"),
+               base::Error);
+}
+
 TEST(RunConfigTest, RolesWhoseMessagesDoNotFitAreNotServed) {
   RunConfig config;
   EXPECT_NO_THROW(RequireServable(config));
