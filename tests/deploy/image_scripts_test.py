@@ -16,7 +16,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 IMAGE = ROOT / "deploy/image"
 
 
-class Scripts(unittest.TestCase):
+class StandIns(unittest.TestCase):
     def setUp(self):
         scratch = tempfile.TemporaryDirectory()
         self.addCleanup(scratch.cleanup)
@@ -30,6 +30,8 @@ class Scripts(unittest.TestCase):
         path.write_text(f"#!/usr/bin/env bash\n{script}\n")
         path.chmod(0o755)
 
+
+class Scripts(StandIns):
     def role(self, *arguments, **environment):
         return subprocess.run([IMAGE / "role", *arguments], env={**self.environment, **environment}, capture_output=True, text=True,
                               timeout=60, check=False)
@@ -98,7 +100,23 @@ class Scripts(unittest.TestCase):
         self.assertIn(f"service.health=127.0.0.1:{asked}", (IMAGE / "role").read_text())
 
 
+class Status(StandIns):
+    def test_status_sees_no_key_but_the_operators(self):
+        self.stand_in("docker", 'printf "%s\\n" "$@"')
+        keys = self.state / "keys"
+        keys.mkdir(parents=True)
+        ran = subprocess.run([ROOT / "deploy/status", "--json"], env=dict(self.environment, SLALOM_KEYS=str(keys)), capture_output=True,
+                             text=True, timeout=60, check=True)
+        mounted = re.findall(r"^(\S+):/run/secrets\S*$", ran.stdout, re.M)
+        self.assertEqual(sorted(pathlib.Path(path.split(":")[0]).name for path in mounted), ["operator.key", "operator.pub", "replay.pub"])
+
+
 class Files(unittest.TestCase):
+    def test_a_role_writes_to_its_volume_alone(self):
+        role = re.search(r"x-role: &role\n((  .*\n)*)", (ROOT / "deploy/compose.yml").read_text()).group(1)
+        for line in ("read_only: true", "cap_drop: [ALL]", 'security_opt: ["no-new-privileges:true"]'):
+            self.assertIn(f"  {line}\n", role)
+
     def test_what_ended_well_stays_so(self):
         self.assertRegex((ROOT / "deploy/compose.yml").read_text(), r"x-role: &role\n(  .*\n)*  restart: on-failure\b")
         self.assertRegex((ROOT / "deploy/stack.yml").read_text(), r"restart_policy: \{condition: on-failure\b")
