@@ -51,6 +51,7 @@ struct Recovered {
   std::vector<JournalSegment> segments;
   std::uint64_t next_index = 1;
   std::int64_t lost_rows = 0;      ///< About how many rows were lost to damage.
+  std::int64_t unsynced_rows = 0;  ///< The same for a loss of power, which leaves holes at the end.
   std::vector<std::string> notes;  ///< Damage that was found and what was done, one line each.
 };
 

@@ -104,6 +104,21 @@ bool AnyBeginsSoundly(const JournalOptions& options,
   });
 }
 
+/// Whether the bytes from `offset` on have a hole, as a loss of power leaves for what was written
+/// and not synced: they are zeros, or a sector is.
+bool HasHole(std::span<const std::byte> content, std::size_t offset) {
+  constexpr std::size_t kSector = 512;
+  const auto is_zero = [](std::span<const std::byte> bytes) {
+    return std::ranges::all_of(bytes, [](std::byte b) { return b == std::byte{0}; });
+  };
+  if (is_zero(content.subspan(offset))) return true;
+  for (std::size_t at = (offset + kSector - 1) / kSector * kSector; at + kSector <= content.size();
+       at += kSector) {
+    if (is_zero(content.subspan(at, kSector))) return true;
+  }
+  return false;
+}
+
 /// Renames a segment, so that no recovery reads it again.
 void SetAside(const fs::path& path, const fs::path& target) {
   std::error_code ec;
@@ -276,6 +291,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
   Replayer replayer(options, config);
   std::vector<JournalSegment> segments;
   std::int64_t lost_rows = 0;
+  std::int64_t unsynced_rows = 0;
   std::vector<std::string> notes;
   const auto row_bytes = static_cast<std::int64_t>(RowBytes::Size(1, options.shape));
   // The segments so far are useless, as the next one does not continue them.
@@ -316,11 +332,13 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
       // A killed writer can only tear the very last record, which it never reported as written.
       const bool killed = end.torn && i + 1 == listed.size();
       const bool keep = !killed && behind > 0;
+      const bool hole = keep && HasHole(bytes, end.offset);
       notes.push_back(fmt::format(
-          "{}: at byte {}: {}; the {} bytes from there on are cut off{}", path.string(), end.offset,
-          why, behind, keep ? ", kept as " + DamagedPath(path).filename().string() : ""));
+          "{}: at byte {}: {}{}; the {} bytes from there on are cut off{}", path.string(),
+          end.offset, why, hole ? " (a hole, as a loss of power leaves)" : "", behind,
+          keep ? ", kept as " + DamagedPath(path).filename().string() : ""));
       CutAt(path, bytes, end.offset, keep);
-      if (!killed) lost_rows += behind / row_bytes;
+      if (!killed) (hole ? unsynced_rows : lost_rows) += behind / row_bytes;
     }
     if (end.offset == 0) continue;
     segments.push_back({path, replayer.next_row(), static_cast<std::int64_t>(end.offset)});
@@ -330,6 +348,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
           std::move(segments),
           listed.empty() ? 1 : listed.back().first + 1,
           lost_rows,
+          unsynced_rows,
           std::move(notes)};
 }
 

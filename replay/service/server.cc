@@ -110,9 +110,11 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
     lock.emplace(options.directory);
     Recovered recovered = RecoverJournal(options, spec_.table);
     for (const std::string& note : recovered.notes) spdlog::warn("replay journal: {}", note);
-    spdlog::info("replay journal {}: {} steps in the table, {} ever accepted; lost to damage: {}",
-                 config_.directory, recovered.table.num_steps(),
-                 recovered.sessions.accepted_steps(), recovered.lost_rows);
+    spdlog::info(
+        "replay journal {}: {} steps in the table, {} ever accepted; lost to damage: {}, to a loss "
+        "of power: {}",
+        config_.directory, recovered.table.num_steps(), recovered.sessions.accepted_steps(),
+        recovered.lost_rows, recovered.unsynced_rows);
     metrics_->ShowRecovery(recovered);
     table_.emplace(std::move(recovered.table));
     RestorePriorities();

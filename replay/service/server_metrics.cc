@@ -60,6 +60,7 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
       failing_(registry.gauge(metrics::kJournalFailing)),
       recovered_steps_(registry.gauge(metrics::kJournalRecoveredSteps)),
       damaged_steps_(registry.gauge(metrics::kJournalDamagedSteps)),
+      unsynced_steps_(registry.gauge(metrics::kJournalUnsyncedSteps)),
       sessions_(registry.gauge(metrics::kSessions)),
       insert_seconds_(registry.histogram(metrics::kInsertSeconds)),
       sample_seconds_(registry.histogram(metrics::kSampleSeconds)),
@@ -90,6 +91,7 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
 void ServerMetrics::ShowRecovery(const Recovered& recovered) {
   recovered_steps_.Set(static_cast<double>(recovered.table.num_steps()));
   damaged_steps_.Set(static_cast<double>(recovered.lost_rows));
+  unsynced_steps_.Set(static_cast<double>(recovered.unsynced_rows));
   shown_steps_ = recovered.sessions.accepted_steps();
 }
 

@@ -69,7 +69,7 @@ class ServerMetrics {
   metrics::Gauge inserts_depth_, samples_depth_, journal_depth_, inserts_bytes_, inserts_limit_;
   metrics::Gauge journal_bytes_, connections_, connections_limit_;
   metrics::Gauge disk_bytes_, disk_segments_, sync_timestamp_, failing_;
-  metrics::Gauge recovered_steps_, damaged_steps_, sessions_;
+  metrics::Gauge recovered_steps_, damaged_steps_, unsynced_steps_, sessions_;
   metrics::Histogram insert_seconds_, sample_seconds_, sync_seconds_;
   std::map<std::string_view, metrics::Gauge> peers_;
   std::map<transport::EndReason, metrics::Counter> connections_ended_;

@@ -20,6 +20,7 @@ namespace slalom::replay {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
@@ -133,6 +134,33 @@ TEST(JournalTest, EveryChangedByteCostsOnlyWhatItMust) {
     }
     ASSERT_TRUE(fs::exists(written.scratch.path() / (name + ".damaged")));
     ASSERT_THAT(written.Recover().notes, IsEmpty());
+  }
+}
+
+// Of pages that were written and not synced a loss of power leaves zeros. That is no damage that
+// somebody has to look after.
+TEST(JournalTest, AHoleAtTheEndIsALossOfPower) {
+  Written written;
+  const std::string last = written.names.back();
+  const std::uint64_t segment = written.names.size() - 1;
+  for (const auto& mark : written.scene.marks()) {
+    const auto end = static_cast<std::size_t>(mark.end);
+    if (mark.segment != segment || end == written.files[last].size()) continue;
+    auto files = written.files;
+    std::fill(files[last].begin() + mark.end, files[last].end(), '\0');
+    WriteSegments(written.scratch.path(), files);
+    const Recovered recovered = written.Recover();
+    EXPECT_EQ(JournalScene::Describe(recovered.table, recovered.sessions), mark.state);
+    EXPECT_EQ(recovered.lost_rows, 0);
+    EXPECT_THAT(recovered.notes, Contains(HasSubstr("a loss of power")));
+    // What comes behind a hole is lost with it.
+    files[last] =
+        written.files[last].substr(0, end) + std::string(2048, '\0') + "a page that was synced";
+    WriteSegments(written.scratch.path(), files);
+    const Recovered torn = written.Recover();
+    EXPECT_EQ(JournalScene::Describe(torn.table, torn.sessions), mark.state);
+    EXPECT_EQ(torn.lost_rows, 0);
+    EXPECT_GT(torn.unsynced_rows, 0);
   }
 }
 
