@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,11 +12,13 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/random.h"
+#include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::actor {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 std::int64_t Lost(const StepAccount& account) {
@@ -25,13 +26,20 @@ std::int64_t Lost(const StepAccount& account) {
 }
 
 // A store into a page of a mapped file that the disk has no room for would end the process by
-// SIGBUS, without a word.
-TEST(LedgerTest, ItsBlocksAreOnDiskFromTheStart) {
+// SIGBUS, without a word. So its blocks are allocated before.
+TEST(LedgerTest, AFullDiskIsNamedAtTheStart) {
   const test::ScratchDirectory scratch;
-  const Ledger ledger(scratch.path() / "ledger");
-  struct stat status {};
-  ASSERT_EQ(stat((scratch.path() / "ledger").c_str(), &status), 0);
-  EXPECT_GE(512 * status.st_blocks, status.st_size);
+  const test::FailingCalls failing(
+      {.function = "posix_fallocate", .path = "*/ledger", .error = ENOSPC},
+      scratch.path() / "count");
+  try {
+    const Ledger ledger(scratch.path() / "ledger");
+    FAIL() << "the disk is full";
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("/ledger"), HasSubstr("No space left")));
+  }
+  EXPECT_EQ(failing.num_calls(), 1);
+  const Ledger ledger(scratch.path() / "ledger");  // Once there is room.
 }
 
 TEST(LedgerTest, WhatIsMadeIsAcceptedPendingOrLostWhateverHappens) {

@@ -88,6 +88,11 @@ dirent* readdir(DIR* directory) {
   return Fails("readdir", dirfd(directory)) ? nullptr : real(directory);
 }
 
+int posix_fallocate(int fd, off_t offset, off_t length) {
+  static auto* const real = Real<int(int, off_t, off_t)>("posix_fallocate");
+  return Fails("posix_fallocate", fd) ? errno : real(fd, offset, length);
+}
+
 /// Makes the link and fails, as NFS does if it repeats a call whose answer was lost.
 int link(const char* from, const char* to) {
   static auto* const real = Real<int(const char*, const char*)>("link");
