@@ -463,7 +463,9 @@ bool HasSection(const std::filesystem::path& path, std::string_view name) {
   return base::Exists(file) && Parse(base::ReadFile(file), path.string()).get_as<toml::table>(name);
 }
 
-bool HasKey(const FieldList& list, std::string_view key) { return Find(list, key) != nullptr; }
+bool HasKey(const FieldList& list, std::string_view key) {
+  return Find(list, key) != nullptr || FindAssignments(list, key) != nullptr;
+}
 
 void ReadToml(std::string_view text, std::string_view source, const FieldList& list) {
   ReadLayer(Parse(text, source), source, {list});

@@ -154,7 +154,8 @@ std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
 /// has none. Throws `base::Error` if it is no TOML.
 [[nodiscard]] bool HasSection(const std::filesystem::path& path, std::string_view name);
 
-/// Returns whether the list has a field with this key.
+/// Returns whether the list has a field with this key, or one of `base::TomlAssignments` of which
+/// the key names an entry.
 [[nodiscard]] bool HasKey(const FieldList& list, std::string_view key);
 
 /// Reads TOML from a text. Errors call it `source`.

@@ -5,6 +5,7 @@
 
 #include <set>
 
+#include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
 
@@ -46,6 +47,19 @@ TEST(RunConfigTest, KeysOfANewerVersionInARecordedConfigAreLeftOut) {
   EXPECT_THROW(ReadRecordedConfig("[run]\nseed = \"seven\"\n", "config.toml"), base::Error);
   EXPECT_THROW(ReadRecordedConfig("[run]\nseed = \"seven\"\nnew = 1\n", "config.toml"),
                base::Error);
+}
+
+TEST(RunConfigTest, RandomisedFieldsOfARecordedConfigAreKept) {
+  RunConfig config;
+  config.environment.randomize = {{"robot.command_delay", {"[0.0, 0.12]", ""}},
+                                  {"robot.friction", {"['cone', 'gazebo']", ""}}};
+  const std::string text = config::ToToml(config);
+  for (const std::string added : {"", "[a_new_section]\nx = 1\n"}) {
+    const RunConfig read = ReadRecordedConfig(text + added, "config.toml");
+    ASSERT_EQ(read.environment.randomize.size(), 2u);
+    EXPECT_EQ(read.environment.randomize[0], config.environment.randomize[0]);
+    EXPECT_EQ(read.environment.randomize[1].key, "robot.friction");
+  }
 }
 
 TEST(RunConfigTest, RolesWhoseMessagesDoNotFitAreNotServed) {
