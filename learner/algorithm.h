@@ -8,8 +8,8 @@
 
 #include "base/random.h"
 #include "learner/constraint.h"
-#include "learner/learner_config.h"
 #include "learner/learner_stats.h"
+#include "learner/method.h"
 #include "learner/minibatch.h"
 #include "policy/nn/safetensors.h"
 #include "policy/policy.h"
@@ -70,13 +70,12 @@ class Algorithm {
   virtual void LoadState(const nn::TensorFile& file) = 0;
 };
 
-/// Returns the registry's entry for `config.algorithm`.
-const AlgorithmEntry& AlgorithmOf(const LearnerConfig& config);
+std::unique_ptr<Algorithm> MakeTd3(const AlgorithmContext& context);
+std::unique_ptr<Algorithm> MakeDdpg(const AlgorithmContext& context);
+std::unique_ptr<Algorithm> MakeSac(const AlgorithmContext& context);
+std::unique_ptr<Algorithm> MakeTqc(const AlgorithmContext& context);
 
 /// Makes the algorithm that `context.config.algorithm` names.
 std::unique_ptr<Algorithm> MakeAlgorithm(const AlgorithmContext& context);
-
-/// Returns how the algorithm's policies choose actions. It is stored in every policy file.
-policy::ActionDistribution DistributionOf(const LearnerConfig& config);
 
 }  // namespace slalom::learner

@@ -21,11 +21,6 @@ std::array<at::Tensor, 7> Columns(const Minibatch& m) {
   return {m.features, m.actions, m.next_features, m.reward, m.cost, m.discount, m.weight};
 }
 
-/// Returns the number of replayed transitions in a batch of MBPO.
-std::int64_t NumReal(const ImaginationConfig& config, std::int64_t batch) {
-  return std::lround(config.real_ratio * static_cast<double>(batch));
-}
-
 }  // namespace
 
 int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates) {
@@ -36,58 +31,6 @@ int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates) {
       span > 0.0 ? std::clamp(passed / span, 0.0, 1.0) : (passed >= 0.0 ? 1.0 : 0.0);
   const int growth = config.final_rollout_steps - config.rollout_steps;
   return config.rollout_steps + static_cast<int>(std::floor(share * growth));
-}
-
-int NumStartingStates(const ImaginationConfig& config, int batch_size) {
-  if (config.kind == ImaginationKind::kNone) return 0;
-  if (config.imagined_batches == 0) {
-    throw base::Error(
-        fmt::format("imagination.imagined_batches is 0, expected at least 1 with imagination.kind "
-                    "= \"{}\": nothing would be learned from imagined transitions",
-                    base::EnumName(config.kind)));
-  }
-  if (config.kind == ImaginationKind::kDyna) {
-    if (config.final_rollout_steps != 0) {
-      throw base::Error(fmt::format(
-          "imagination.final_rollout_steps is {}, expected 0 with imagination.kind = \"dyna\", "
-          "whose rollouts do not grow",
-          config.final_rollout_steps));
-    }
-    return config.imagined_batches * batch_size;
-  }
-  if (config.as_published) {
-    throw base::Error(
-        "imagination.as_published is true, expected imagination.kind = \"dyna\": the original's "
-        "MBPO cannot run (docs/original-system.md, section 5.3, M4)");
-  }
-  if (NumReal(config, batch_size) == batch_size) {
-    throw base::Error(
-        fmt::format("imagination.real_ratio is {}, expected less with imagination.kind = \"mbpo\": "
-                    "a batch of {} would have no imagined transitions",
-                    config.real_ratio, batch_size));
-  }
-  if (config.rollouts % batch_size != 0) {
-    throw base::Error(
-        fmt::format("imagination.rollouts is {}, expected a multiple of learner.batch_size = {}",
-                    config.rollouts, batch_size));
-  }
-  if (config.buffer_capacity < batch_size) {
-    throw base::Error(
-        fmt::format("imagination.buffer_capacity is {}, expected at least learner.batch_size = {}",
-                    config.buffer_capacity, batch_size));
-  }
-  if (config.final_rollout_steps != 0 && config.final_rollout_steps < config.rollout_steps) {
-    throw base::Error(fmt::format(
-        "imagination.final_rollout_steps is {}, expected 0 or at least imagination.rollout_steps = "
-        "{}",
-        config.final_rollout_steps, config.rollout_steps));
-  }
-  if (config.schedule_end < config.schedule_begin) {
-    throw base::Error(
-        fmt::format("imagination.schedule_end is {}, expected at least schedule_begin = {}",
-                    config.schedule_end, config.schedule_begin));
-  }
-  return config.rollouts;
 }
 
 Imagination::Imagination(const ImaginationConfig& config, double gamma, const ModelTrainer& trainer,

@@ -20,10 +20,6 @@ namespace slalom::learner {
 /// between the ends of the schedule and rounded down (Janner et al. 2019, appendix C).
 int RolloutSteps(const ImaginationConfig& config, std::int64_t num_updates);
 
-/// Returns the number of states that model rollouts start from for each replayed batch of
-/// `batch_size`. Throws `base::Error`, naming the key, if the config contradicts itself.
-int NumStartingStates(const ImaginationConfig& config, int batch_size);
-
 /// Fills an algorithm's minibatch with imagined transitions, which are model rollouts: in each
 /// step, the policy chooses an action, noise is added, and one of the ensemble's elite members
 /// predicts the next state (a probabilistic model draws it), from which the next step continues.

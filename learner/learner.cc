@@ -35,7 +35,7 @@ at::Device ChooseDevice(DeviceChoice choice) {
 
 const MethodConfig& Checked(const MethodConfig& method) {
   const LearnerConfig& learner = method.learner;
-  if (AlgorithmOf(learner).is_stochastic && learner.log_std_min > learner.log_std_max) {
+  if (TraitsOf(learner).is_stochastic && learner.log_std_min > learner.log_std_max) {
     throw base::Error(
         fmt::format("learner.log_std_min is {}, expected at most learner.log_std_max = {}",
                     learner.log_std_min, learner.log_std_max));
@@ -203,30 +203,6 @@ Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std
 }
 
 Learner::~Learner() = default;
-
-std::vector<replay::SampleSpec> Learner::SampleSpecs(const MethodConfig& method,
-                                                     const policy::PolicySpec& spec) {
-  const LearnerConfig& config = method.learner;
-  std::vector<replay::SampleSpec> specs = {{.batch = config.batch_size,
-                                            .history = spec.network.history,
-                                            .n_step = config.n_step,
-                                            .gamma = config.gamma,
-                                            .prioritized = config.prioritized,
-                                            .importance_exponent = config.importance_exponent}};
-  if (method.model.kind != nn::ModelKind::kNone) {
-    const int num_starts = NumStartingStates(method.imagination, config.batch_size);
-    specs.push_back(
-        ModelTrainer::SampleSpec(method.model_training, spec.network.history, num_starts));
-  }
-  return specs;
-}
-
-policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal) {
-  if (method.model.kind == nn::ModelKind::kNone) return {};
-  policy::PlanningSpec planning{.model = method.model, .gamma = method.learner.gamma, .goal = goal};
-  planning.model.ensemble = NumElites(method.model_training, method.model.ensemble);
-  return planning;
-}
 
 void Learner::Update(std::span<const replay::SampledRows> batches, double progress) {
   Parts& p = *parts_;

@@ -7,28 +7,14 @@
 #include <string>
 #include <vector>
 
-#include "learner/learner_config.h"
 #include "learner/learner_stats.h"
-#include "learner/model_config.h"
+#include "learner/method.h"
 #include "policy/nn/model_shape.h"
 #include "policy/nn/safetensors.h"
 #include "policy/policy.h"
 #include "replay/batch.h"
 
 namespace slalom::learner {
-
-/// Every section of a run's config that the learner reads.
-struct MethodConfig {
-  LearnerConfig learner;
-  ConstraintConfig constraint;
-  nn::TransitionModelConfig model;
-  ModelTrainingConfig model_training;
-  ImaginationConfig imagination;
-};
-
-/// Returns the facts about the method's model that planning agents need. They are stored in every
-/// policy file. `goal`: when the task's episodes end in success.
-policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal = {});
 
 /// Learns a policy from replayed transitions, by the algorithm that the config names and the parts
 /// that it combines with (constraint, transition model, imagination). docs/algorithms.md maps the
@@ -51,8 +37,6 @@ class Learner {
 
   /// The samples of an update: the algorithm's batch, then the model's if there is one.
   const std::vector<replay::SampleSpec>& sample_specs() const { return sample_specs_; }
-  static std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
-                                                     const policy::PolicySpec& spec);
 
   /// Returns the absolute TD errors |Q(s, a) - y| of the last batch, averaged over the critics,
   /// [B]. They are the samples' new priorities. Valid until the next `Update`. Waits for the

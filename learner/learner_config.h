@@ -1,6 +1,5 @@
 #pragma once
 
-#include <memory>
 #include <string>
 #include <string_view>
 
@@ -8,30 +7,17 @@
 
 namespace slalom::learner {
 
-class Algorithm;
-struct AlgorithmContext;
-
-/// An algorithm, as the registry lists it.
-struct AlgorithmEntry {
+/// What the config needs to know of an algorithm.
+struct AlgorithmTraits {
   std::string_view name;  ///< The value of `learner.algorithm`.
   bool is_stochastic;     ///< Its policy draws actions from a Gaussian.
-  std::unique_ptr<Algorithm> (*make)(const AlgorithmContext& context);
 };
 
-std::unique_ptr<Algorithm> MakeTd3(const AlgorithmContext& context);
-std::unique_ptr<Algorithm> MakeDdpg(const AlgorithmContext& context);
-std::unique_ptr<Algorithm> MakeSac(const AlgorithmContext& context);
-std::unique_ptr<Algorithm> MakeTqc(const AlgorithmContext& context);
+/// All algorithms. learner/algorithm.cc says how each is made.
+inline constexpr AlgorithmTraits kAlgorithms[] = {
+    {"td3", false}, {"ddpg", false}, {"sac", true}, {"tqc", true}};
 
-/// The registry of all algorithms.
-inline constexpr AlgorithmEntry kAlgorithms[] = {
-    {"td3", false, MakeTd3},
-    {"ddpg", false, MakeDdpg},
-    {"sac", true, MakeSac},
-    {"tqc", true, MakeTqc},
-};
-
-/// The choices for `LearnerConfig::algorithm`: the registry's names.
+/// The choices for `LearnerConfig::algorithm`: the names above.
 base::OneOf AlgorithmChoices();
 
 /// Where the learner computes.
@@ -139,6 +125,9 @@ struct LearnerConfig {
       "TQC: largest quantiles per critic that targets leave out; must be less than quantiles.");
   }
 };
+
+/// The traits of `config.algorithm`.
+const AlgorithmTraits& TraitsOf(const LearnerConfig& config);
 
 /// How the multiplier of the constraint is set.
 enum class ConstraintKind { kNone, kLagrangian, kFixed };

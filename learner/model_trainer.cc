@@ -48,16 +48,12 @@ std::string AdamName(int member) { return fmt::format("model.adam.{}", member); 
 
 }  // namespace
 
-int NumElites(const ModelTrainingConfig& config, int ensemble) {
-  return config.elites > 0 ? config.elites : ensemble;
-}
-
 ModelTrainer::ModelTrainer(const ModelTrainingConfig& config, const nn::ModelShape& shape,
                            const nn::FeatureMap& features, double reward_scale, bool mirror,
                            at::Device device, std::uint64_t seed, int num_rows)
     : config_(config),
       shape_(shape),
-      num_rows_(SampleSpec(config, shape.history(), num_rows).batch),
+      num_rows_(ModelSample(config, shape.history(), num_rows).batch),
       history_(shape.history()),
       mirror_(base::DeriveSeed(seed, "model mirror")),
       bootstrap_seed_(base::DeriveSeed(seed, "model bootstrap")),
@@ -107,14 +103,6 @@ ModelTrainer::ModelTrainer(const ModelTrainingConfig& config, const nn::ModelSha
       weight_views_.push_back(weights_.select(0, e).narrow(0, u * batch, batch));
     }
   }
-}
-
-replay::SampleSpec ModelTrainer::SampleSpec(const ModelTrainingConfig& config, int history,
-                                            int num_rows) {
-  return {.batch = std::max(num_rows, config.batch_size * config.updates_per_update),
-          .history = history,
-          .n_step = 1,
-          .gamma = 1.0};
 }
 
 void ModelTrainer::Load(const replay::SampledRows& rows) {

@@ -11,8 +11,8 @@
 #include "base/random.h"
 #include "learner/adam.h"
 #include "learner/learner_stats.h"
+#include "learner/method.h"
 #include "learner/minibatch.h"
-#include "learner/model_config.h"
 #include "learner/model_loss.h"
 #include "policy/nn/transition_model.h"
 #include "replay/batch.h"
@@ -20,9 +20,6 @@
 /// Shapes: `B` batch, `U` updates per load, `E` members of the ensemble, `P` parameters of one.
 
 namespace slalom::learner {
-
-/// Returns the number of elites in an ensemble of this size. Only elites predict.
-int NumElites(const ModelTrainingConfig& config, int ensemble);
 
 /// Trains a transition model from replayed one-step transitions.
 ///
@@ -39,9 +36,7 @@ class ModelTrainer {
                std::uint64_t seed, int num_rows = 0);
 
   /// The samples that `Load` needs: U * B one-step transitions, or `num_rows` if that is more.
-  replay::SampleSpec sample_spec() const { return SampleSpec(config_, history_, num_rows_); }
-  static replay::SampleSpec SampleSpec(const ModelTrainingConfig& config, int history,
-                                       int num_rows);
+  replay::SampleSpec sample_spec() const { return ModelSample(config_, history_, num_rows_); }
 
   /// Copies the transitions out of the rows. Requires: rows sampled as `sample_spec()` says.
   void Load(const replay::SampledRows& rows);

@@ -271,9 +271,12 @@ void ActorService::SayObstacle(const char* obstacle) {
   said_obstacle_ = obstacle;
 }
 
-void ActorService::Run(std::stop_token stop) {
+void ActorService::Run(std::stop_token stop, const std::function<void()>& between) {
   try {
-    while (!stop.stop_requested()) Turn(kWait);
+    while (!stop.stop_requested()) {
+      Turn(kWait);
+      if (between) between();
+    }
   } catch (...) {
     KeepUnsent();
     throw;

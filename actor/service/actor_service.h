@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -53,8 +54,8 @@ class ActorService {
                metrics::Registry& registry);
 
   /// Calls `Turn` until `stop`, then `Finish`. Throws what they throw, after it has spooled the
-  /// steps that were not acknowledged.
-  void Run(std::stop_token stop);
+  /// steps that were not acknowledged. `between`: called after each turn, at least every 50 ms.
+  void Run(std::stop_token stop, const std::function<void()>& between = {});
 
   /// Makes one step or, if something is missing for it, waits for at most `wait` for a message;
   /// sends chunks and handles the messages that came. Throws `base::Error` if a server refuses this

@@ -18,6 +18,7 @@
 #include "base/suggestion.h"
 #include "base/version.h"
 #include "policy/nn/kernels/blas.h"
+#include "policy/nn/kernels/blas_kernel.h"
 
 namespace {
 

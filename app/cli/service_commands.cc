@@ -5,14 +5,14 @@
 #include <string>
 #include <utility>
 
-#include "actor/service/actor_service.h"
 #include "app/cli/commands.h"
-#include "app/cli/service_process.h"
 #include "app/cli/signals.h"
 #include "app/train/begin_run.h"
+#include "app/train/drive_actor.h"
 #include "app/train/run_identity.h"
 #include "app/train/run_limits.h"
 #include "app/train/scoring.h"
+#include "app/train/service_process.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -23,7 +23,6 @@
 #include "eval/service/evaluator_service.h"
 #include "learner/service/learner_service.h"
 #include "policy/policy_agent.h"
-#include "policy/policy_spec.h"
 #include "replay/service/server.h"
 #include "sim/environments.h"
 #include "sim/scene.h"
@@ -34,18 +33,6 @@ namespace slalom::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A policy that came as bytes, or why it cannot drive here.
-base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes,
-                                                const policy::PolicySpec& spec) {
-  try {
-    policy::PolicySnapshot snapshot = policy::ParsePolicy(bytes, "the policy received").snapshot;
-    policy::RequireSameSpec("the policy received", snapshot.spec, spec);
-    return snapshot;
-  } catch (const base::Error& error) {
-    return base::Failure{error.what()};
-  }
-}
 
 /// Throws `base::Error` if the journal in `directory` is of another run than `config`. Records the
 /// run if it is new.
@@ -66,14 +53,14 @@ void RequireRunOf(const fs::path& directory, const train::RunConfig& config) {
       directory.string(), keys));
 }
 
-int RunReplay(const ServiceOptions& options) {
+int RunReplay(const train::ServiceOptions& options) {
   StopSignals signals;
-  ServiceProcess process(transport::Role::kReplay, options);
+  train::ServiceProcess process(transport::Role::kReplay, options);
   const train::RunConfig& config = process.config();
   replay::ReplayServerConfig server_config = config.replay_server;
   if (server_config.directory.empty()) server_config.directory = process.state() / "replay";
   replay::ReplayServerSpec spec;
-  spec.endpoint = BindAddress(config.service.replay_bind, config.service.replay);
+  spec.endpoint = train::BindAddress(config.service.replay_bind, config.service.replay);
   spec.security =
       transport::MakeServerSecurity(config.security, transport::Role::kReplay, spec.endpoint);
   spec.max_connections = config.service.max_connections;
@@ -94,9 +81,9 @@ int RunReplay(const ServiceOptions& options) {
   return base::kExitOk;
 }
 
-int RunLearner(const ServiceOptions& options) {
+int RunLearner(const train::ServiceOptions& options) {
   StopSignals signals;
-  ServiceProcess process(transport::Role::kLearner, options);
+  train::ServiceProcess process(transport::Role::kLearner, options);
   const train::RunConfig& config = process.config();
   const run::RunDirectory directory{process.state() / "learner"};
   const bool resume = fs::exists(directory.config());
@@ -109,7 +96,7 @@ int RunLearner(const ServiceOptions& options) {
   job.spec_hash = process.spec_hash();
   job.run = train::ServiceIdentity(config);
   job.replay = process.replay();
-  job.policies.endpoint = BindAddress(config.service.learner_bind, config.service.learner);
+  job.policies.endpoint = train::BindAddress(config.service.learner_bind, config.service.learner);
   job.policies.max_connections = config.service.max_connections;
   job.policies.security = transport::MakeServerSecurity(config.security, transport::Role::kLearner,
                                                         job.policies.endpoint);
@@ -129,42 +116,25 @@ int RunLearner(const ServiceOptions& options) {
   }
 }
 
-int RunActor(const ServiceOptions& options) {
+int RunActor(const train::ServiceOptions& options) {
   StopSignals signals;
-  ServiceProcess process(transport::Role::kActor, options);
+  train::ServiceProcess process(transport::Role::kActor, options);
   const train::RunConfig& config = process.config();
+  train::RequireCourses(config, "slalom actor");
   base::ParallelFor parallel(config.run.simulation_threads);
   sim::CourseEnvironments environments = train::MakeTrainingEnvironments(config, parallel);
-  const policy::PolicySpec spec = train::MakePolicySpec(config);
   // Drives nothing before the learner's first policy takes its place.
-  const auto agent =
-      policy::MakePolicyAgent(policy::ZeroSnapshot(spec), config.mpc, train::SeedOf(config, "mpc"));
-  const auto install = [&](std::span<const std::byte> bytes) -> std::optional<base::Failure> {
-    auto snapshot = ReadPolicy(bytes, spec);
-    if (!snapshot) return snapshot.failure();
-    agent->SetSnapshot(std::move(*snapshot));
-    return std::nullopt;
-  };
-  actor::ActorIdentity identity;
-  identity.name = process.name();
-  identity.state_directory = process.state() / "actors" / process.name();
-  identity.seed = static_cast<std::uint64_t>(config.run.seed);
-  identity.spec_hash = process.spec_hash();
-  identity.run = train::ServiceIdentity(config);
-  identity.course_set = config.courses.DescribeTrain();
-  identity.replay = process.replay();
-  identity.learner = process.learner();
-  actor::ActorService actor(config.actor_service, config.actor, config.courses.sampling,
-                            std::move(identity), environments, *agent, install, process.context(),
-                            process.registry());
-  actor.Run(signals.token());
+  const auto agent = policy::MakePolicyAgent(policy::ZeroSnapshot(train::MakePolicySpec(config)),
+                                             config.mpc, train::SeedOf(config, "mpc"));
+  train::DriveActor(process, environments, *agent, config.courses.DescribeTrain(), signals.token());
   return base::kExitOk;
 }
 
-int RunEvaluator(const ServiceOptions& options) {
+int RunEvaluator(const train::ServiceOptions& options) {
   StopSignals signals;
-  ServiceProcess process(transport::Role::kEvaluator, options);
+  train::ServiceProcess process(transport::Role::kEvaluator, options);
   const train::RunConfig& config = process.config();
+  train::RequireCourses(config, "slalom evaluator");
   const std::string& courses = config.evaluator_service.courses.empty()
                                    ? config.courses.test
                                    : config.evaluator_service.courses;
@@ -184,7 +154,7 @@ int RunEvaluator(const ServiceOptions& options) {
   base::ParallelFor parallel(config.run.simulation_threads);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
   const auto read_policy = [&](std::span<const std::byte> bytes) -> base::Result<eval::MakeAgent> {
-    const auto snapshot = ReadPolicy(bytes, spec);
+    const auto snapshot = train::ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();
     return train::MakeAgentsOf(*snapshot, config);
   };
@@ -204,9 +174,9 @@ int RunEvaluator(const ServiceOptions& options) {
 }
 
 void AddRole(CLI::App& app, int* exit_code, const std::string& name, const std::string& meaning,
-             int (*run)(const ServiceOptions&)) {
+             int (*run)(const train::ServiceOptions&)) {
   CLI::App* command = app.add_subcommand(name, meaning);
-  auto options = std::make_shared<ServiceOptions>();
+  auto options = std::make_shared<train::ServiceOptions>();
   command->add_option("--config", options->config, "TOML file, the same for all processes of a run")
       ->required();
   command->add_option("--set", options->overrides, "Override a key: section.key=value (repeatable)")

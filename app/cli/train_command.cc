@@ -12,13 +12,13 @@
 
 #include "app/cli/command_line.h"
 #include "app/cli/commands.h"
-#include "app/cli/service_process.h"
 #include "app/cli/signals.h"
 #include "app/cli/training_results.h"
 #include "app/train/command_options.h"
 #include "app/train/profile.h"
 #include "app/train/run_limits.h"
 #include "app/train/scoring.h"
+#include "app/train/service_process.h"
 #include "app/train/trainer.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -278,8 +278,8 @@ int Train(const TrainOptions& options) {
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
                directory.root.string(), config.courses.DescribeTrain(),
                config.courses.test.empty() ? "nothing" : config.courses.test);
-  metrics::Registry registry(MakeIdentity("train", config.run.name, config.run.name));
-  const auto exposer = options.metrics ? ShowMetrics(*options.metrics, registry) : nullptr;
+  metrics::Registry registry(train::MakeIdentity("train", config.run.name, config.run.name));
+  const auto exposer = options.metrics ? train::ShowMetrics(*options.metrics, registry) : nullptr;
   train::Trainer trainer(config, directory, std::string(base::Commit()), options.resume, registry);
   const train::TrainingEnd end = trainer.Run(signals.token());
   if (end == train::TrainingEnd::kDiverged) return base::kExitDiverged;

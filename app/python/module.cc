@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "app/python/actor.h"
 #include "app/python/arrays.h"
 #include "app/python/evaluation.h"
 #include "app/python/policy.h"
@@ -174,6 +175,8 @@ void DefinePolicy(py::module_& module) {
                              [](const Policy& self) { return self.loaded().snapshot.version; })
       .def_property_readonly("num_beams",
                              [](const Policy& self) { return self.spec().observation.num_beams; })
+      .def_property_readonly("state_size",
+                             [](const Policy& self) { return self.spec().observation.state_size; })
       .def_property_readonly("history",
                              [](const Policy& self) { return self.spec().network.history; })
       .def("speeds", [](const Policy& self, const Array<float>& actions) {
@@ -201,6 +204,7 @@ PYBIND11_MODULE(_slalom, module) {
   DefineEnvironment(module);
   DefinePolicy(module);
   DefineEvaluation(module);
+  DefineActor(module);
 }
 
 }  // namespace slalom::python

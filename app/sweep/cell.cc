@@ -245,6 +245,7 @@ class Expansion {
   void Check(const std::string& who, const train::RunConfig& config) const {
     try {
       train::RequireCombination(config);
+      train::RequireCourses(config, "slalom sweep");
       train::RequireLearnable(config);
     } catch (const base::Error& error) {
       Fail(who, error.what());

@@ -11,7 +11,6 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/random.h"
-#include "learner/algorithm.h"
 #include "replay/rows.h"
 #include "replay/sample_bytes.h"
 #include "sim/courses/course_sets.h"
@@ -29,6 +28,41 @@ sim::CourseSet ResolveKey(std::string_view key, const CoursesConfig& courses,
   } catch (const base::Error& error) {
     throw base::Error(fmt::format("{}: {}", key, error.what()));
   }
+}
+
+/// Throws unless `is_met`, because `key` would need a robot on courses.
+void RequireForOwn(bool is_met, std::string_view key, std::string_view expected) {
+  if (is_met) return;
+  throw base::Error(fmt::format(
+      "{}: expected {} with task.observation_size above 0: it is about robots on courses", key,
+      expected));
+}
+
+void RequireTask(const RunConfig& config) {
+  const TaskConfig& task = config.task;
+  const std::size_t num_bounds = task.action_low.size();
+  if (!task.is_own()) {
+    if (num_bounds == 0 && task.action_high.empty()) return;
+    throw base::Error(
+        "task.observation_size is 0, expected the size of an observation beside task.action_low "
+        "and task.action_high");
+  }
+  if (num_bounds < 1 || num_bounds > env::kMaxActionSize || task.action_high.size() != num_bounds) {
+    throw base::Error(fmt::format(
+        "task.action_low has {} numbers and task.action_high {}, expected the same number, from 1 "
+        "to {}",
+        num_bounds, task.action_high.size(), env::kMaxActionSize));
+  }
+  for (std::size_t i = 0; i < num_bounds; ++i) {
+    if (task.action_low[i] < task.action_high[i]) continue;
+    throw base::Error(
+        fmt::format("task.action_low[{}] is {}, expected less than task.action_high[{}] = {}", i,
+                    task.action_low[i], i, task.action_high[i]));
+  }
+  RequireForOwn(config.network.sectors == 0, "network.sectors", "0");
+  RequireForOwn(!config.method.learner.mirror, "learner.mirror", "false");
+  RequireForOwn(config.method.model.kind == nn::ModelKind::kNone, "model.kind", "\"none\"");
+  RequireForOwn(!config.mpc.enabled, "mpc.enabled", "false");
 }
 
 /// When the run's episodes end in success.
@@ -97,14 +131,22 @@ std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose) {
 }
 
 policy::PolicySpec MakePolicySpec(const RunConfig& config) {
-  return {.observation = sim::MakeObservationSpec(config.environment),
+  const env::StepShape shape = StepShapeOf(config);
+  env::ObservationSpec observation = sim::MakeObservationSpec(config.environment);
+  observation.num_beams = shape.num_beams;
+  observation.state_size = shape.state_size;
+  return {.observation = observation,
           .network = config.network,
+          .action_size = shape.action_size,
           .actions = config.environment.action,
           .distribution = learner::DistributionOf(config.method.learner),
           .planning = learner::PlanningOf(config.method, GoalOf(config))};
 }
 
-env::StepShape StepShapeOf(const RunConfig& config) { return config.environment.lidar.num_beams; }
+env::StepShape StepShapeOf(const RunConfig& config) {
+  if (!config.task.is_own()) return config.environment.lidar.num_beams;
+  return {0, config.task.observation_size, static_cast<int>(config.task.action_low.size())};
+}
 
 sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
                                                  base::ParallelFor& parallel) {
@@ -120,12 +162,12 @@ sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
 }
 
 int BatchesPerUpdate(const RunConfig& config) {
-  return static_cast<int>(
-      learner::Learner::SampleSpecs(config.method, MakePolicySpec(config)).size());
+  return static_cast<int>(learner::SampleSpecs(config.method, MakePolicySpec(config)).size());
 }
 
 void RequireCombination(const RunConfig& config) {
   sim::CheckRandomization(config.environment);
+  RequireTask(config);
   if (config.method.constraint.kind != learner::ConstraintKind::kNone &&
       !config.environment.episode.collision_ends) {
     throw base::Error(fmt::format(
@@ -134,6 +176,14 @@ void RequireCombination(const RunConfig& config) {
         base::EnumName(config.method.constraint.kind)));
   }
   if (config.mpc.enabled) RequireNoConstraint(config);
+}
+
+void RequireCourses(const RunConfig& config, std::string_view who) {
+  if (!config.task.is_own()) return;
+  throw base::Error(fmt::format(
+      "task.observation_size is {}, expected 0 for {}, which drives robots on courses: your own "
+      "environment is driven by slalom.Actor (docs/python.md)",
+      config.task.observation_size, who));
 }
 
 void RequireNoConstraint(const RunConfig& config) {
@@ -160,7 +210,7 @@ void RequireServable(const RunConfig& config) {
         config.replay_server.max_message_bytes));
   }
   for (const replay::SampleSpec& spec :
-       learner::Learner::SampleSpecs(config.method, MakePolicySpec(config))) {
+       learner::SampleSpecs(config.method, MakePolicySpec(config))) {
     const auto size = replay::SampleSize({.batch = spec.batch,
                                           .history = spec.history,
                                           .step = StepShapeOf(config),
@@ -179,6 +229,7 @@ std::uint64_t SpecHash(const RunConfig& config) {
       base::Checksum(config::Changes(config.environment),
                      base::Checksum(config::Changes(config.network),
                                     base::Checksum(config.method.learner.algorithm)));
+  if (config.task.is_own()) hash = base::Checksum(config::Changes(config.task), hash);
   const policy::PlanningSpec planning = learner::PlanningOf(config.method);
   if (planning.is_carried()) hash = base::Checksum(config::Changes(planning.model), hash);
   return hash;

@@ -10,10 +10,11 @@
 #include "actor/course_sampler.h"
 #include "actor/service/actor_service_config.h"
 #include "app/train/service_config.h"
+#include "app/train/task_config.h"
 #include "base/config_field.h"
 #include "eval/evaluation_config.h"
 #include "eval/service/evaluator_service_config.h"
-#include "learner/learner.h"
+#include "learner/method.h"
 #include "learner/run/run_settings.h"
 #include "learner/service/learner_service_config.h"
 #include "policy/mpc_config.h"
@@ -81,6 +82,7 @@ struct CoursesConfig : CollectionConfig {
 /// All settings of a run, as a TOML file holds them and a checkpoint and a policy carry them.
 struct RunConfig {
   run::RunSettings run;
+  TaskConfig task;
   CoursesConfig courses;
   sim::EnvironmentConfig environment;
   actor::ActorConfig actor;
@@ -99,6 +101,7 @@ struct RunConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v.Section("run", run, "Length, seed and rhythm of the run.");
+    v.Section("task", task, "An environment of your own in the place of a robot on courses.");
     v.Section("courses", courses, "Training and test courses.");
     v.Section("environment", environment, "The robot, its sensor and the task.");
     v.Section("actor", actor, "How training episodes are driven.");
@@ -151,6 +154,9 @@ int BatchesPerUpdate(const RunConfig& config);
 
 /// Throws `base::Error` if sections contradict each other, whichever program reads the config.
 void RequireCombination(const RunConfig& config);
+/// Throws `base::Error` if the config is for an environment of the user's own, which `who` does not
+/// drive.
+void RequireCourses(const RunConfig& config, std::string_view who);
 /// Throws `base::Error` if the run's policies are trained under a constraint, which planning would
 /// ignore.
 void RequireNoConstraint(const RunConfig& config);

@@ -9,7 +9,8 @@
 
 #include "base/config.h"
 #include "base/file.h"
-#include "policy/nn/kernels/blas.h"
+#include "policy/nn/kernels/blas_kernel.h"
+#include "policy/nn/kernels/cpu_features.h"
 
 namespace slalom::train {
 namespace {
@@ -35,8 +36,8 @@ constexpr std::array<std::string_view, 18> kFreeKeys = {"run.max_steps",
                                                         "evaluator_service."};
 
 /// Keys, and sections that end in a dot, on which the processes of a service must agree.
-constexpr std::array<std::string_view, 6> kSharedKeys = {
-    "run.name", "run.seed", "courses.", "environment.", "network.", "learner.algorithm"};
+constexpr std::array<std::string_view, 7> kSharedKeys = {
+    "run.name", "run.seed", "task.", "courses.", "environment.", "network.", "learner.algorithm"};
 /// Keys of these sections that are a process's own, like the path of its collection.
 constexpr std::array<std::string_view, 2> kOwnKeys = {"courses.test", "courses.collection"};
 

@@ -25,7 +25,7 @@ std::int64_t FirstUpdate(const RunConfig& config) {
 std::int64_t WindowFrames(const RunConfig& config) {
   int longest = 0;
   for (const replay::SampleSpec& spec :
-       learner::Learner::SampleSpecs(config.method, MakePolicySpec(config))) {
+       learner::SampleSpecs(config.method, MakePolicySpec(config))) {
     longest = std::max(longest, spec.history + spec.n_step);
   }
   return static_cast<std::int64_t>(longest) * config.actor.num_environments;

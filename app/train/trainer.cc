@@ -41,6 +41,7 @@ learner::MethodConfig MethodOf(const RunConfig& config) {
 
 const RunConfig& Checked(const RunConfig& config, bool resume) {
   RequireCombination(config);
+  RequireCourses(config, "slalom train");
   // A resumed run has learned already, and may be given a limit that ends it at once.
   if (!resume) RequireLearnable(config);
   if (!config.run.deterministic) return config;

@@ -38,7 +38,7 @@ struct ReplayServerConfig {
       "Steps by which inserts may run ahead of the learner's updates; further ones are held until "
       "it catches up. Less than the steps of one update counts as these. 0: inserts are never "
       "held.");
-    v("window_bytes", window_bytes, base::Range{1048576.0, 68719476736.0}, "bytes",
+    v("window_bytes", window_bytes, base::Range{4096.0, 68719476736.0}, "bytes",
       "Flow-control window: the payload that all actors together may have sent without an "
       "acknowledgement. Each actor has an equal share, at least one message. With a larger window, "
       "rows come from older policies.");

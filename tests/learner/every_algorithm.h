@@ -6,10 +6,10 @@
 
 namespace slalom::learner {
 
-/// The names of the registry, so that a new algorithm is tested like any other.
+/// The names of all algorithms, so that a new algorithm is tested like any other.
 inline std::vector<const char*> EveryAlgorithm() {
   std::vector<const char*> names;
-  for (const AlgorithmEntry& entry : kAlgorithms) names.push_back(entry.name.data());
+  for (const AlgorithmTraits& entry : kAlgorithms) names.push_back(entry.name.data());
   return names;
 }
 

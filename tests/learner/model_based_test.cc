@@ -66,7 +66,7 @@ nn::TensorFile Saved(const Learner& learner) {
 
 TEST(ModelBasedLearner, AsksForTheModelsTransitions) {
   const MethodConfig method = ModelMethod(ImaginationKind::kDyna);
-  const auto specs = Learner::SampleSpecs(method, SpecOf(method));
+  const auto specs = SampleSpecs(method, SpecOf(method));
   ASSERT_EQ(specs.size(), 2u);
   // Three imagined batches begin at 24 states, more than the two batches of 8 for the model.
   EXPECT_EQ(specs[1].batch, 24);

@@ -1,6 +1,7 @@
 """Slalom's simulator and policies in Python. docs/python.md is the guide."""
 
 from ._slalom import Error, __version__, commit, course_sets
+from .actor import Actor
 from .environment import Environment, VectorEnvironment, make, make_vec
 from .evaluation import Evaluation, evaluate
 from .policy import Policy
@@ -8,6 +9,7 @@ from .policy import Policy
 Error.__module__ = "slalom"
 
 __all__ = [
+    "Actor",
     "Environment",
     "Error",
     "Evaluation",

@@ -39,12 +39,26 @@ class Policy:
     def act(self, observation: dict[str, np.ndarray], first: ArrayLike) -> np.ndarray:
         """Returns the actions, [B, 2] float32 in [-1, 1].
 
-        observation: {"ranges": [B, N] uint16, "state": [B, 4] float32}, as `make_vec` gives them.
+        observation: {"ranges": [B, N] uint16, "state": [B, 4] float32}, as `make_vec` gives them. A
+        policy of your own environment (`Actor`) takes its observations as [B, S] float32 instead,
+        and gives [B, A]; `bounds` says what -1 and 1 stand for.
         first: [B] bool, True where the observation is the first of an episode. With autoreset in
         the same step that is `terminations | truncations` of the step that returned it. A batch of
         another size than the one before begins anew in every row.
         """
+        if self._core.num_beams == 0:
+            state = np.asarray(observation, np.float32)
+            return self._core.act(np.empty((len(state), 0), np.uint16), state,
+                                  np.asarray(first, bool))
         return self._core.act(observation["ranges"], observation["state"], np.asarray(first, bool))
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """What actions of -1 and of 1 command in your own environment: its action_low and
+        action_high, [A] each."""
+        task = self._config.get("task", {})
+        return (np.array(task.get("action_low", [-1.0, -1.0])),
+                np.array(task.get("action_high", [1.0, 1.0])))
 
     def speeds(self, actions: np.ndarray) -> np.ndarray:
         """Returns what actions command: [B, 2], speed in m/s and turn rate in rad/s."""

@@ -44,7 +44,7 @@ def same(a, b):
 class SignaturesTest(unittest.TestCase):
     def test_every_public_argument_and_result_has_a_type(self):
         functions = [slalom.make, slalom.make_vec, slalom.evaluate]
-        for kind in slalom.VectorEnvironment, slalom.Environment, slalom.Policy, slalom.Evaluation:
+        for kind in slalom.VectorEnvironment, slalom.Environment, slalom.Policy, slalom.Evaluation, slalom.Actor:
             for name, member in vars(kind).items():
                 function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
                 if inspect.isfunction(function) and not name.startswith("_"):

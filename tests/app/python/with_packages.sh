@@ -7,6 +7,6 @@ if ! "$venv/bin/pip" install -q --no-deps --require-hashes -r "$here/requirement
   echo "SKIPPED: no index of Python packages is reached here"
   exit 0
 fi
-for test in package page gymnasium onnx; do
+for test in package page service gymnasium onnx; do
   "$venv/bin/python3" -B "$here/${test}_test.py"
 done

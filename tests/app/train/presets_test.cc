@@ -13,6 +13,7 @@
 #include "app/train/run_limits.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "learner/learner.h"
 #include "policy/policy_agent.h"
 #include "tests/learner/random_rows.h"
 

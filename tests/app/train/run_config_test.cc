@@ -62,6 +62,50 @@ TEST(RunConfigTest, RandomisedFieldsOfARecordedConfigAreKept) {
   }
 }
 
+RunConfig OwnEnvironment() {
+  RunConfig config;
+  config.task = {.observation_size = 17, .action_low = {-1.0, 0.0}, .action_high = {1.0, 0.5}};
+  return config;
+}
+
+TEST(TaskConfigTest, AnOwnEnvironmentHasItsSizes) {
+  const RunConfig config = OwnEnvironment();
+  EXPECT_NO_THROW(RequireCombination(config));
+  EXPECT_EQ(StepShapeOf(config), env::StepShape(0, 17, 2));
+  EXPECT_EQ(MakePolicySpec(config).step_shape(), env::StepShape(0, 17, 2));
+  EXPECT_NE(SpecHash(config), SpecHash({}));
+  EXPECT_THROW(RequireCourses(config, "slalom train"), base::Error);
+  EXPECT_NO_THROW(RequireCourses({}, "slalom train"));
+}
+
+TEST(TaskConfigTest, WhatDoesNotFitIsRefusedByItsKey) {
+  const auto refusal = [](auto change) -> std::string {
+    RunConfig config = OwnEnvironment();
+    change(config);
+    try {
+      RequireCombination(config);
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  using testing::StartsWith;
+  EXPECT_THAT(refusal([](RunConfig& c) { c.task.observation_size = 0; }),
+              StartsWith("task.observation_size is 0"));
+  EXPECT_THAT(refusal([](RunConfig& c) { c.task.action_high.pop_back(); }),
+              StartsWith("task.action_low has 2 numbers and task.action_high 1"));
+  EXPECT_THAT(refusal([](RunConfig& c) { c.task.action_low = c.task.action_high = {}; }),
+              StartsWith("task.action_low has 0 numbers"));
+  EXPECT_THAT(refusal([](RunConfig& c) { c.task.action_low[1] = 0.5; }),
+              StartsWith("task.action_low[1] is 0.5, expected less"));
+  EXPECT_THAT(refusal([](RunConfig& c) { c.network.sectors = 72; }), StartsWith("network.sectors"));
+  EXPECT_THAT(refusal([](RunConfig& c) { c.method.learner.mirror = true; }),
+              StartsWith("learner.mirror"));
+  EXPECT_THAT(refusal([](RunConfig& c) { c.method.model.kind = nn::ModelKind::kProbabilistic; }),
+              StartsWith("model.kind"));
+  EXPECT_THAT(refusal([](RunConfig& c) { c.mpc.enabled = true; }), StartsWith("mpc.enabled"));
+}
+
 TEST(RunConfigTest, RolesWhoseMessagesDoNotFitAreNotServed) {
   RunConfig config;
   EXPECT_NO_THROW(RequireServable(config));

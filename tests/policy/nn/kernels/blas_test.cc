@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/random.h"
+#include "policy/nn/kernels/blas_kernel.h"
 
 namespace slalom::nn {
 namespace {

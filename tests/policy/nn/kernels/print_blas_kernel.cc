@@ -1,7 +1,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "policy/nn/kernels/blas.h"
+#include "policy/nn/kernels/blas_kernel.h"
 
 /// Prints the kernel in use. With the argument "restart", as the program itself starts: after
 /// picking a better one.

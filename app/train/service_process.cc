@@ -1,4 +1,4 @@
-#include "app/cli/service_process.h"
+#include "app/train/service_process.h"
 
 #include <cstdlib>
 #include <utility>
@@ -11,13 +11,13 @@
 #include "base/name.h"
 #include "base/version.h"
 #include "metrics/catalogue.h"
-#include "policy/nn/kernels/blas.h"
+#include "policy/nn/kernels/blas_kernel.h"
 #include "proto/transport/security.h"
 
-namespace slalom::cli {
+namespace slalom::train {
 namespace {
 
-std::string ChooseName(transport::Role role, const train::ServiceConfig& config,
+std::string ChooseName(transport::Role role, const ServiceConfig& config,
                        const ServiceOptions& options) {
   std::string name = options.name.value_or(config.name);
   if (name.empty()) {
@@ -50,10 +50,10 @@ double CountEarlierStarts(const std::filesystem::path& state, std::string_view r
   }
 }
 
-train::RunConfig LoadConfig(const ServiceOptions& options) {
-  auto config = config::Load<train::RunConfig>(options.config, options.overrides);
-  train::RequireCombination(config);
-  train::RequireServable(config);
+RunConfig LoadConfig(const ServiceOptions& options) {
+  auto config = config::Load<RunConfig>(options.config, options.overrides);
+  RequireCombination(config);
+  RequireServable(config);
   return config;
 }
 
@@ -111,4 +111,4 @@ const std::string& BindAddress(const std::string& bind, const std::string& reach
   return bind.empty() ? reached : bind;
 }
 
-}  // namespace slalom::cli
+}  // namespace slalom::train

@@ -13,9 +13,9 @@
 #include "proto/transport/context.h"
 #include "proto/transport/server.h"
 
-namespace slalom::cli {
+namespace slalom::train {
 
-/// The command-line options of every process of the service.
+/// The options of every process of the service.
 struct ServiceOptions {
   std::optional<std::string> config;
   std::vector<std::string> overrides;
@@ -30,10 +30,10 @@ class ServiceProcess {
   /// config or the address is unusable.
   ServiceProcess(transport::Role role, const ServiceOptions& options);
 
-  const train::RunConfig& config() const { return config_; }
+  const RunConfig& config() const { return config_; }
   const std::string& name() const { return name_; }
   std::filesystem::path state() const { return config_.service.state; }
-  std::uint64_t spec_hash() const { return train::SpecHash(config_); }
+  std::uint64_t spec_hash() const { return SpecHash(config_); }
   transport::Context& context() { return context_; }
   metrics::Registry& registry() { return *registry_; }
 
@@ -43,7 +43,7 @@ class ServiceProcess {
 
  private:
   const transport::Role role_;
-  const train::RunConfig config_;
+  const RunConfig config_;
   const std::string name_;
   transport::Context context_;
   std::unique_ptr<metrics::Registry> registry_;
@@ -62,4 +62,4 @@ std::unique_ptr<metrics::Exposer> ShowMetrics(const std::string& address,
 /// the others connect.
 const std::string& BindAddress(const std::string& bind, const std::string& reached);
 
-}  // namespace slalom::cli
+}  // namespace slalom::train

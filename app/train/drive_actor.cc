@@ -1,0 +1,51 @@
+#include "app/train/drive_actor.h"
+
+#include <optional>
+#include <utility>
+
+#include "actor/service/actor_service.h"
+#include "app/train/run_identity.h"
+#include "base/error.h"
+#include "policy/policy_spec.h"
+
+namespace slalom::train {
+
+actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& environments,
+                              policy::PolicyAgent& agent, std::string course_set,
+                              std::stop_token stop, const std::function<void()>& between) {
+  const RunConfig& config = process.config();
+  const policy::PolicySpec spec = MakePolicySpec(config);
+  const auto install = [&](std::span<const std::byte> bytes) -> std::optional<base::Failure> {
+    auto snapshot = ReadPolicy(bytes, spec);
+    if (!snapshot) return snapshot.failure();
+    agent.SetSnapshot(std::move(*snapshot));
+    return std::nullopt;
+  };
+  actor::ActorIdentity identity;
+  identity.name = process.name();
+  identity.state_directory = process.state() / "actors" / process.name();
+  identity.seed = static_cast<std::uint64_t>(config.run.seed);
+  identity.spec_hash = process.spec_hash();
+  identity.run = ServiceIdentity(config);
+  identity.course_set = std::move(course_set);
+  identity.replay = process.replay();
+  identity.learner = process.learner();
+  actor::ActorService actor(config.actor_service, config.actor, config.courses.sampling,
+                            std::move(identity), environments, agent, install, process.context(),
+                            process.registry());
+  actor.Run(std::move(stop), between);
+  return actor.account();
+}
+
+base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes,
+                                                const policy::PolicySpec& spec) {
+  try {
+    policy::PolicySnapshot snapshot = policy::ParsePolicy(bytes, "the policy received").snapshot;
+    policy::RequireSameSpec("the policy received", snapshot.spec, spec);
+    return snapshot;
+  } catch (const base::Error& error) {
+    return base::Failure{error.what()};
+  }
+}
+
+}  // namespace slalom::train

@@ -1,0 +1,122 @@
+#include "learner/method.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+#include "base/error.h"
+
+namespace slalom::learner {
+
+base::OneOf AlgorithmChoices() {
+  base::OneOf names{};
+  for (const AlgorithmTraits& algorithm : kAlgorithms) names.choices.push_back(algorithm.name);
+  return names;
+}
+
+const AlgorithmTraits& TraitsOf(const LearnerConfig& config) {
+  const auto found = std::ranges::find(kAlgorithms, config.algorithm, &AlgorithmTraits::name);
+  SLALOM_CHECK(found != std::end(kAlgorithms));
+  return *found;
+}
+
+policy::ActionDistribution DistributionOf(const LearnerConfig& config) {
+  if (!TraitsOf(config).is_stochastic) return {};
+  return {.kind = policy::DistributionKind::kGaussian,
+          .log_std_min = config.log_std_min,
+          .log_std_max = config.log_std_max};
+}
+
+policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal) {
+  if (method.model.kind == nn::ModelKind::kNone) return {};
+  policy::PlanningSpec planning{.model = method.model, .gamma = method.learner.gamma, .goal = goal};
+  planning.model.ensemble = NumElites(method.model_training, method.model.ensemble);
+  return planning;
+}
+
+int NumElites(const ModelTrainingConfig& config, int ensemble) {
+  return config.elites > 0 ? config.elites : ensemble;
+}
+
+std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
+                                            const policy::PolicySpec& spec) {
+  const LearnerConfig& config = method.learner;
+  std::vector<replay::SampleSpec> specs = {{.batch = config.batch_size,
+                                            .history = spec.network.history,
+                                            .n_step = config.n_step,
+                                            .gamma = config.gamma,
+                                            .prioritized = config.prioritized,
+                                            .importance_exponent = config.importance_exponent}};
+  if (method.model.kind != nn::ModelKind::kNone) {
+    const int num_starts = NumStartingStates(method.imagination, config.batch_size);
+    specs.push_back(ModelSample(method.model_training, spec.network.history, num_starts));
+  }
+  return specs;
+}
+
+replay::SampleSpec ModelSample(const ModelTrainingConfig& config, int history, int num_rows) {
+  return {.batch = std::max(num_rows, config.batch_size * config.updates_per_update),
+          .history = history,
+          .n_step = 1,
+          .gamma = 1.0};
+}
+
+int NumStartingStates(const ImaginationConfig& config, int batch_size) {
+  if (config.kind == ImaginationKind::kNone) return 0;
+  if (config.imagined_batches == 0) {
+    throw base::Error(
+        fmt::format("imagination.imagined_batches is 0, expected at least 1 with imagination.kind "
+                    "= \"{}\": nothing would be learned from imagined transitions",
+                    base::EnumName(config.kind)));
+  }
+  if (config.kind == ImaginationKind::kDyna) {
+    if (config.final_rollout_steps != 0) {
+      throw base::Error(fmt::format(
+          "imagination.final_rollout_steps is {}, expected 0 with imagination.kind = \"dyna\", "
+          "whose rollouts do not grow",
+          config.final_rollout_steps));
+    }
+    return config.imagined_batches * batch_size;
+  }
+  if (config.as_published) {
+    throw base::Error(
+        "imagination.as_published is true, expected imagination.kind = \"dyna\": the original's "
+        "MBPO cannot run (docs/original-system.md, section 5.3, M4)");
+  }
+  if (NumReal(config, batch_size) == batch_size) {
+    throw base::Error(
+        fmt::format("imagination.real_ratio is {}, expected less with imagination.kind = \"mbpo\": "
+                    "a batch of {} would have no imagined transitions",
+                    config.real_ratio, batch_size));
+  }
+  if (config.rollouts % batch_size != 0) {
+    throw base::Error(
+        fmt::format("imagination.rollouts is {}, expected a multiple of learner.batch_size = {}",
+                    config.rollouts, batch_size));
+  }
+  if (config.buffer_capacity < batch_size) {
+    throw base::Error(
+        fmt::format("imagination.buffer_capacity is {}, expected at least learner.batch_size = {}",
+                    config.buffer_capacity, batch_size));
+  }
+  if (config.final_rollout_steps != 0 && config.final_rollout_steps < config.rollout_steps) {
+    throw base::Error(fmt::format(
+        "imagination.final_rollout_steps is {}, expected 0 or at least imagination.rollout_steps = "
+        "{}",
+        config.final_rollout_steps, config.rollout_steps));
+  }
+  if (config.schedule_end < config.schedule_begin) {
+    throw base::Error(
+        fmt::format("imagination.schedule_end is {}, expected at least schedule_begin = {}",
+                    config.schedule_end, config.schedule_begin));
+  }
+  return config.rollouts;
+}
+
+std::int64_t NumReal(const ImaginationConfig& config, std::int64_t batch) {
+  return std::lround(config.real_ratio * static_cast<double>(batch));
+}
+
+}  // namespace slalom::learner
