@@ -72,8 +72,7 @@ void ExpectSameDraws(const Table& a, const Table& b, const SampleSpec& spec) {
     ASSERT_EQ(batch_a.rows.sequence, batch_b.rows.sequence);
     ASSERT_EQ(batch_a.rows.next_sequence, batch_b.rows.next_sequence);
     const auto same = [](const auto& x, const auto& y) {
-      return x.size() == y.size() &&
-             std::memcmp(x.data(), y.data(), x.size() * sizeof(*x.data())) == 0;
+      return std::equal(x.data(), x.data() + x.size(), y.data(), y.data() + y.size());
     };
     EXPECT_TRUE(same(batch_a.ranges_cm, batch_b.ranges_cm));
     EXPECT_TRUE(same(batch_a.next_ranges_cm, batch_b.next_ranges_cm));

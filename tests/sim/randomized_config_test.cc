@@ -178,7 +178,7 @@ TEST(RandomizedConfigTest, FieldsAndEpisodesAreIndependent) {
       EXPECT_LT(std::abs(Correlation(draws[i], draws[k])), bound) << i << " " << k;
     }
     std::vector<double> next = draws[i];
-    std::ranges::rotate(next, next.begin() + 1);
+    std::rotate(next.begin(), next.begin() + 1, next.end());
     EXPECT_LT(std::abs(Correlation(draws[i], next)), bound) << i;
   }
   // Fields that share a stream in part must fail.
