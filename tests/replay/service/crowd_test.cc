@@ -292,6 +292,10 @@ class ActorsOfAThread {
 };
 
 TEST(CrowdTest, TwoHundredConnectionsAreServedFromAJournal) {
+#ifdef __SANITIZE_THREAD__
+  // It reports, and suppresses, a race with ZeroMQ's thread for each byte of 200 MB.
+  GTEST_SKIP() << "too slow under ThreadSanitizer";
+#endif
   constexpr int kThreads = 2;
   constexpr int kChunks = 3;
   test::ScratchDirectory scratch;
