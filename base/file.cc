@@ -200,15 +200,17 @@ void WriteFileAtomically(const std::filesystem::path& path,
   file.Commit();
 }
 
+bool IsUnfinishedFile(const std::filesystem::path& path) {
+  // "NAME.tmp" or "NAME.tmp-0123456789abcdef".
+  const std::string extension = path.extension().string();
+  return extension == kUnfinished || (extension.starts_with(std::string(kUnfinished) + "-") &&
+                                      extension.size() == kUnfinished.size() + 1 + kRandomDigits);
+}
+
 void RemoveUnfinishedFiles(const std::filesystem::path& directory) {
   for (const std::filesystem::path& path : ListDirectory(directory)) {
-    // "NAME.tmp" or "NAME.tmp-0123456789abcdef".
-    const std::string extension = path.extension().string();
-    const bool is_ours =
-        extension == kUnfinished || (extension.starts_with(std::string(kUnfinished) + "-") &&
-                                     extension.size() == kUnfinished.size() + 1 + kRandomDigits);
     std::error_code ignored;
-    if (is_ours &&
+    if (IsUnfinishedFile(path) &&
         std::filesystem::is_regular_file(std::filesystem::symlink_status(path, ignored))) {
       std::filesystem::remove(path, ignored);
     }
@@ -216,6 +218,14 @@ void RemoveUnfinishedFiles(const std::filesystem::path& directory) {
 }
 
 bool IsStream(const std::filesystem::path& path) { return FollowLinks(path).is_stream; }
+
+void Rename(const std::filesystem::path& from, const std::filesystem::path& to) {
+  std::error_code error;
+  std::filesystem::rename(from, to, error);
+  if (!error) return;
+  throw Error(
+      fmt::format("{}: cannot rename it to {} ({})", from.string(), to.string(), error.message()));
+}
 
 void SyncDirectory(const std::filesystem::path& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);

@@ -30,6 +30,9 @@ using AppendBytes = std::function<void(std::span<const std::byte>)>;
 void WriteFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const AppendBytes&)>& write);
 
+/// Whether `path` is named as a file that `WriteFileAtomically` has not finished.
+[[nodiscard]] bool IsUnfinishedFile(const std::filesystem::path& path);
+
 /// Removes the temporary files that writers of files in `directory`, killed meanwhile, have left.
 /// Requires: nobody writes there now.
 void RemoveUnfinishedFiles(const std::filesystem::path& directory);
@@ -37,6 +40,9 @@ void RemoveUnfinishedFiles(const std::filesystem::path& directory);
 /// Whether `WriteFileAtomically` would write to `path` instead of replacing it. Throws `Error` if
 /// `path` is a directory.
 [[nodiscard]] bool IsStream(const std::filesystem::path& path);
+
+/// Renames a file or directory. Throws `Error` if that fails.
+void Rename(const std::filesystem::path& from, const std::filesystem::path& to);
 
 /// Syncs the names in a directory, so that they survive a loss of power. Throws `Error` if that
 /// fails. Does nothing on a file system that cannot do it.

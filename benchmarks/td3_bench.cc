@@ -65,7 +65,7 @@ class EagerTd3 {
       : config_(context.config),
         minibatch_(context.minibatch),
         noise_(config_.batch_size, 2, device()),
-        actor_(nn::ActorShape(context.spec.network, context.frame_size), weights_, device()),
+        actor_(context.spec.actor_shape(), weights_, device()),
         critics_{Critic(context), Critic(context)},
         actor_target_(actor_.Copy()),
         actor_average_(actor_.Copy()),
@@ -107,7 +107,7 @@ class EagerTd3 {
 
   at::Device device() const { return minibatch_.input.device(); }
   EagerNetwork Critic(const AlgorithmContext& context) {
-    return {nn::CriticShape(context.spec.network, context.frame_size), weights_, device()};
+    return {context.spec.critic_shape(), weights_, device()};
   }
   static std::vector<Tensor> AllOf(const Pair& pair) {
     std::vector<Tensor> all = pair[0].parameters;
@@ -137,7 +137,6 @@ struct Scene {
         totals(device),
         context{.config = run.method.learner,
                 .spec = spec,
-                .frame_size = frame_size,
                 .seed = 1,
                 .initial_weights = weights,
                 .minibatch = minibatch,

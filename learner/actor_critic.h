@@ -22,13 +22,10 @@ class ActorCritic : public Algorithm {
         minibatch_(context.minibatch),
         totals_(context.totals),
         constraint_(context.constraint),
-        actor_(nn::ActorShape(context.spec.network, context.frame_size,
-                              context.spec.distribution.num_outputs(context.spec.action_size)),
-               context.spec.distribution, context.initial_weights, context.minibatch),
-        critics_("critics",
-                 nn::CriticShape(context.spec.network, context.frame_size, critic_outputs,
-                                 context.spec.action_size),
-                 num_critics, context.initial_weights, context.minibatch),
+        actor_(context.spec.actor_shape(), context.spec.distribution, context.initial_weights,
+               context.minibatch),
+        critics_("critics", context.spec.critic_shape(critic_outputs), num_critics,
+                 context.initial_weights, context.minibatch),
         target_(at::zeros_like(context.minibatch.reward)),
         td_errors_(at::zeros_like(context.minibatch.reward)) {}
 

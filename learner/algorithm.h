@@ -20,7 +20,6 @@ namespace slalom::learner {
 struct AlgorithmContext {
   const LearnerConfig& config;
   const policy::PolicySpec& spec;
-  int frame_size = 0;      ///< F
   std::uint64_t seed = 0;  ///< The learner's seed; each random stream derives its own from it.
   base::Random& initial_weights;
   Minibatch& minibatch;    ///< Holds the transitions of each update.

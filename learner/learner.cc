@@ -149,7 +149,6 @@ struct Learner::Parts {
     }
     algorithm = MakeAlgorithm({.config = method.learner,
                                .spec = spec,
-                               .frame_size = features.frame_size(),
                                .seed = seed,
                                .initial_weights = initial_weights,
                                .minibatch = minibatch,

@@ -60,8 +60,8 @@ nn::NetworkShape PolicySpec::actor_shape() const {
                         distribution.num_outputs(action_size));
 }
 
-nn::NetworkShape PolicySpec::critic_shape() const {
-  return nn::CriticShape(network, nn::FeatureMap(observation, network).frame_size(), 1,
+nn::NetworkShape PolicySpec::critic_shape(int num_outputs) const {
+  return nn::CriticShape(network, nn::FeatureMap(observation, network).frame_size(), num_outputs,
                          action_size);
 }
 

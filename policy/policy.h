@@ -89,7 +89,7 @@ struct PolicySpec {
   void RequireCourses(const std::string& source) const;
   /// These throw `base::Error` if the sectors do not divide the beams, or as `ActorShape` does.
   nn::NetworkShape actor_shape() const;
-  nn::NetworkShape critic_shape() const;
+  nn::NetworkShape critic_shape(int num_outputs = 1) const;
   /// Throws, too, if the model contradicts itself. Requires: planning.is_carried().
   nn::ModelShape model_shape() const;
 };

@@ -119,16 +119,6 @@ bool HasHole(std::span<const std::byte> content, std::size_t offset) {
   return false;
 }
 
-/// Renames a segment, so that no recovery reads it again.
-void SetAside(const fs::path& path, const fs::path& target) {
-  std::error_code ec;
-  fs::rename(path, target, ec);
-  if (ec) {
-    throw base::Error(fmt::format("{}: cannot rename it to {} ({})", path.string(),
-                                  target.filename().string(), ec.message()));
-  }
-}
-
 /// Truncates a segment at `offset`. If `keep`, the rest is in a synced file beside it before that.
 void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t offset,
            bool keep) {
@@ -298,7 +288,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
   const auto drop = [&] {
     lost_rows += replayer.Drop();
     for (const JournalSegment& segment : segments) {
-      SetAside(segment.path, segment.path.string() + ".unused");
+      base::Rename(segment.path, segment.path.string() + ".unused");
     }
     segments.clear();
   };
@@ -325,7 +315,7 @@ Recovered RecoverJournal(const JournalOptions& options, const ReplayConfig& conf
           path.string(), end.offset, why, DamagedPath(path).filename().string()));
       drop();
       lost_rows += behind / row_bytes;
-      SetAside(path, DamagedPath(path));
+      base::Rename(path, DamagedPath(path));
       continue;
     }
     if (!why.empty()) {

@@ -105,8 +105,8 @@ class File {
 
 /// Files and directories that a role makes for itself alone, or has not finished.
 bool IsPassing(const fs::path& path) {
-  const std::string extension = path.extension().string();
-  return path.filename() == "lock" || extension == ".unfinished" || extension.starts_with(".tmp");
+  return path.filename() == "lock" || path.extension() == ".unfinished" ||
+         base::IsUnfinishedFile(path);
 }
 
 /// Opens the files below `directory`, or returns nothing if one of them was removed meanwhile.
@@ -168,8 +168,8 @@ void BackUp(const fs::path& state, const fs::path& target) {
                                   target.string()));
   }
   const fs::path unfinished = target.string() + ".unfinished";
-  std::error_code error;
-  fs::remove_all(unfinished, error);
+  std::error_code ignored;
+  fs::remove_all(unfinished, ignored);
   base::MakeDirectories(unfinished);
   Copied copied;
   // The replay server first: what its copy does not hold and an actor's does is counted as lost by
@@ -179,11 +179,7 @@ void BackUp(const fs::path& state, const fs::path& target) {
   for (const fs::path& role : roles) {
     if (fs::is_directory(role)) CopyRole(role, unfinished / role.filename(), &copied);
   }
-  fs::rename(unfinished, target, error);
-  if (error) {
-    throw base::Error(fmt::format("{}: cannot rename it to {} ({})", unfinished.string(),
-                                  target.string(), error.message()));
-  }
+  base::Rename(unfinished, target);
   base::SyncDirectory(fs::absolute(target).parent_path());
   fmt::print("{}: {} files, {} bytes\n", target.string(), base::FormatCount(copied.files),
              base::FormatCount(static_cast<double>(copied.bytes)));

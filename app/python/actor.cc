@@ -2,6 +2,7 @@
 
 #include <pybind11/stl.h>
 
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <stop_token>
@@ -19,20 +20,13 @@
 namespace slalom::python {
 namespace {
 
-/// Sends the log to standard error before the process writes to it.
-transport::Role Logging(transport::Role role) {
-  static const bool once = (base::InitLog(), true);
-  static_cast<void>(once);
-  return role;
-}
-
 /// The actor of an environment of the user's own: `actor::ActorService` as in `slalom actor`.
 class Actor {
  public:
   /// Throws `base::Error` if the config is unusable or for courses.
   Actor(const std::string& config, const std::vector<std::string>& overrides,
         const std::optional<std::string>& name)
-      : process_(Logging(transport::Role::kActor), {config, overrides, name}) {
+      : process_(transport::Role::kActor, {config, overrides, name}) {
     if (task().is_own()) return;
     throw base::Error(
         "task.observation_size is 0, expected the size of your environment's observations: courses "
@@ -81,8 +75,12 @@ class Actor {
 
 void DefineActor(py::module_& module) {
   py::class_<Actor>(module, "Actor")
-      .def(py::init<const std::string&, const std::vector<std::string>&,
-                    const std::optional<std::string>&>())
+      .def(py::init([](const std::string& config, const std::vector<std::string>& overrides,
+                       const std::optional<std::string>& name) {
+        static const bool logs_to_stderr = (base::InitLog(), true);
+        static_cast<void>(logs_to_stderr);
+        return std::make_unique<Actor>(config, overrides, name);
+      }))
       .def_property_readonly("num_envs", &Actor::num_environments)
       .def_property_readonly("name", &Actor::name)
       .def_property_readonly("observation_size",

@@ -175,8 +175,6 @@ void DefinePolicy(py::module_& module) {
                              [](const Policy& self) { return self.loaded().snapshot.version; })
       .def_property_readonly("num_beams",
                              [](const Policy& self) { return self.spec().observation.num_beams; })
-      .def_property_readonly("state_size",
-                             [](const Policy& self) { return self.spec().observation.state_size; })
       .def_property_readonly("history",
                              [](const Policy& self) { return self.spec().network.history; })
       .def("speeds", [](const Policy& self, const Array<float>& actions) {

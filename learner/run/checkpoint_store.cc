@@ -32,15 +32,6 @@ std::optional<std::int64_t> StepsOf(const fs::path& path) {
   return steps;
 }
 
-void Rename(const fs::path& from, const fs::path& to) {
-  std::error_code ec;
-  fs::rename(from, to, ec);
-  if (ec) {
-    throw base::Error(
-        fmt::format("{}: cannot rename to {} ({})", from.string(), to.string(), ec.message()));
-  }
-}
-
 void RemoveAll(const fs::path& path) {
   std::error_code ec;
   fs::remove_all(path, ec);
@@ -60,7 +51,7 @@ CheckpointStore::CheckpointStore(const fs::path& directory) : directory_(directo
     if (base::Exists(target)) {
       RemoveAll(path);
     } else {
-      Rename(path, target);
+      base::Rename(path, target);
     }
   }
 }
@@ -76,8 +67,8 @@ fs::path CheckpointStore::Write(std::int64_t steps,
     write(unfinished);
     base::SyncDirectory(unfinished);
     // The same step again, as a stop right after a resume makes.
-    if (base::Exists(target)) Rename(target, replaced);
-    Rename(unfinished, target);
+    if (base::Exists(target)) base::Rename(target, replaced);
+    base::Rename(unfinished, target);
     base::SyncDirectory(directory_);
     fs::remove_all(replaced, ec);
   } catch (...) {
@@ -99,7 +90,7 @@ void CheckpointStore::SetAside(const fs::path& checkpoint) {
   const fs::path aside = checkpoint.string() + std::string(kDamaged);
   std::error_code ec;
   fs::remove_all(aside, ec);
-  Rename(checkpoint, aside);
+  base::Rename(checkpoint, aside);
 }
 
 std::vector<fs::path> CheckpointStore::List() const {

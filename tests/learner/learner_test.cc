@@ -142,7 +142,6 @@ TYPED_TEST(AveragesTest, ShareNoStorageWithTheParameters) {
   Totals totals(at::kCPU);
   const Opened<TypeParam> algorithm({.config = method.learner,
                                      .spec = spec,
-                                     .frame_size = frame_size,
                                      .initial_weights = random,
                                      .minibatch = minibatch,
                                      .totals = totals,

@@ -81,7 +81,6 @@ class Runner {
     }
     algorithm_ = make(AlgorithmContext{.config = config_,
                                        .spec = spec_,
-                                       .frame_size = features_.frame_size(),
                                        .seed = 3,
                                        .initial_weights = weights_,
                                        .minibatch = minibatch_,
