@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <exception>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -107,14 +108,24 @@ TrainingEnd LearnerLoop::Run(std::stop_token stop) {
   }
 }
 
+bool LearnerLoop::AtEnd() const {
+  if (!run_.AtLimit()) return false;
+  const run::RunSettings& settings = plan_.run.settings;
+  const bool is_by_time = settings.max_seconds > 0.0 && run_.training_s() >= settings.max_seconds;
+  if (!plan_.makes_all_updates || is_by_time) return true;
+  const double earned = settings.updates_per_step *
+                        static_cast<double>(settings.max_steps - settings.learning_starts);
+  return static_cast<double>(run_.updates()) >= std::floor(earned);
+}
+
 TrainingEnd LearnerLoop::Train(std::stop_token stop) {
-  if (run_.AtLimit()) return EndAgain();
+  if (AtEnd()) return EndAgain();
   run_.OpenLog();
   spdlog::info("training in {}", plan_.run.directory.root.string());
   source_.Start();
   base::ProgressLine progress;
   CountTime();
-  while (!run_.AtLimit() && !stop.stop_requested()) {
+  while (!AtEnd() && !stop.stop_requested()) {
     if (source_.IsAtRest()) {
       // A run that resumes from this checkpoint does not make this snapshot again.
       KeepSnapshot();
@@ -125,7 +136,7 @@ TrainingEnd LearnerLoop::Train(std::stop_token stop) {
     if (!Log()) return TrainingEnd::kDiverged;
     progress.Show(run_.Progress(), run_.wall_s());
   }
-  const bool finished = run_.AtLimit();
+  const bool finished = AtEnd();
   source_.Stop();
   run_.SetProgress(source_.steps(), learner_.num_updates());
   run_.StopClock();

@@ -22,6 +22,9 @@ struct LoopPlan {
   double publish_seconds = 0.0;  ///< Shortest time between two published policies, [s].
   /// Whether checkpoints are numbered by updates, not by steps. The numbers must rise.
   bool numbers_by_updates = false;
+  /// Whether a run that has reached run.max_steps goes on until it has made the updates that these
+  /// steps earn. Otherwise it ends at once.
+  bool makes_all_updates = false;
   /// Whether the process keeps running after the last step. If so, a failed final save is logged
   /// and not fatal.
   bool lives_on = false;
@@ -90,6 +93,7 @@ class LearnerLoop {
   void KeepCheckpoints(std::size_t num_kept);
 
  private:
+  bool AtEnd() const;
   TrainingEnd Train(std::stop_token stop);
   TrainingEnd EndAgain();
   void Turn();

@@ -27,6 +27,8 @@ proto::Hello MakeHello(const LearnerJob& job, const policy::PolicySpec& spec) {
 LoopPlan MakePlan(LoopPlan plan, const LearnerServiceConfig& config) {
   plan.run.settings.deterministic = false;  // Several processes never are; they go by the clock.
   plan.publish_seconds = config.publish_seconds;
+  // Actors run ahead, and after a kill the learner is behind its batches of before.
+  plan.makes_all_updates = true;
   plan.lives_on = !config.exit_when_finished;
   // The replay server counts the steps, which go back if it loses some.
   plan.numbers_by_updates = true;

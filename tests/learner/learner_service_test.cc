@@ -45,7 +45,7 @@ using Meanwhile = std::function<void(const std::string& endpoint)>;
 void Learn(const std::string& replay, const fs::path& directory, std::int64_t updates,
            const Meanwhile& meanwhile = {}, const MethodConfig& base_method = {},
            const run::TrainingClock& clock = run::TrainingClock(), double max_seconds = 0.0,
-           TrainingEnd expected = TrainingEnd::kStopped) {
+           TrainingEnd expected = TrainingEnd::kStopped, std::int64_t max_steps = 1000000) {
   base::MakeDirectories(directory);
   transport::Context context;
   metrics::Registry registry("learner", "learner");
@@ -58,7 +58,9 @@ void Learn(const std::string& replay, const fs::path& directory, std::int64_t up
   LearnerJob job;
   job.loop.run.directory.root = directory;
   job.loop.run.settings.seed = 6;
-  job.loop.run.settings.max_steps = 1000000;
+  job.loop.run.settings.max_steps = max_steps;
+  job.loop.run.settings.updates_per_step = 0.5;  // As the replay server.
+  job.loop.run.settings.learning_starts = 0;
   job.loop.run.settings.max_seconds = max_seconds;
   job.loop.run.settings.log_interval = 0.05;
   job.spec_hash = kSpecHash;
@@ -173,6 +175,16 @@ TEST(LearnerServiceTest, AFinishedLearnerServesItsPolicyAlsoAfterARestart) {
       },
       {}, ASecondALook(looks), 10.0, TrainingEnd::kWasFinished);
   EXPECT_EQ(fs::last_write_time(policy), written);
+}
+
+TEST(LearnerServiceTest, ARunEndsOnceItHasMadeTheUpdatesThatItsStepsEarn) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  const std::int64_t half = kUpdates / 2;
+  const std::int64_t steps = kSteps / 2;  // Fewer than the actors have made already.
+  Learn(replay.endpoint(), scratch.path(), half, {}, {}, run::TrainingClock(), 0.0,
+        TrainingEnd::kFinished, steps);
+  EXPECT_EQ(Policy(scratch.path()).snapshot.version, half);
 }
 
 TEST(LearnerServiceTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
