@@ -7,6 +7,7 @@
 
 #include "app/cli/commands.h"
 #include "app/cli/signals.h"
+#include "app/cli/training_results.h"
 #include "app/train/begin_run.h"
 #include "app/train/drive_actor.h"
 #include "app/train/run_identity.h"
@@ -85,7 +86,8 @@ int RunLearner(const train::ServiceOptions& options) {
   StopSignals signals;
   train::ServiceProcess process(transport::Role::kLearner, options);
   const train::RunConfig& config = process.config();
-  const run::RunDirectory directory{process.state() / "learner"};
+  const std::string& place = config.learner_service.directory;
+  const run::RunDirectory directory{place.empty() ? process.state() / "learner" : fs::path(place)};
   const bool resume = fs::exists(directory.config());
   if (!resume) train::RequireLearnable(config);
   const run::RunLock lock =
@@ -111,9 +113,14 @@ int RunLearner(const train::ServiceOptions& options) {
       return base::kExitDiverged;
     case learner::TrainingEnd::kLearnedNothing:
       return base::kExitLearnedNothing;
-    default:
+    case learner::TrainingEnd::kFinished:
+    case learner::TrainingEnd::kWasFinished:
+      WriteTrainingPage(directory);
+      return base::kExitOk;
+    case learner::TrainingEnd::kStopped:
       return base::kExitOk;
   }
+  return base::kExitOk;
 }
 
 int RunActor(const train::ServiceOptions& options) {

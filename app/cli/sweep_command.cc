@@ -293,9 +293,13 @@ int RunSweep(const SweepOptions& options, const Sweep& sweep) {
     SubmitSweep(options, sweep);
     return base::kExitOk;
   }
-  spdlog::info("{}: {} cells in {}, {} at once{}", sweep.plan.sweep.name, sweep.chosen.size(),
+  const sweep::SweepSettings& settings = sweep.plan.sweep;
+  spdlog::info("{}: {} cells in {}, {} at once, {}", settings.name, sweep.chosen.size(),
                options.store, slots.at_once,
-               sweep.plan.sweep.lockstep ? ", in lockstep" : ", with threads");
+               settings.trainer == sweep::Trainer::kService
+                   ? fmt::format("by services of {} actors", settings.actors)
+               : settings.lockstep ? "in lockstep"
+                                   : "with threads");
   std::optional<SweepExposer> exposer;
   if (!options.metrics.empty()) {
     exposer.emplace(sweep.plan, sweep.all, options.store, options.metrics);

@@ -40,6 +40,14 @@ void Apply(const base::TomlAssignments& set, const config::FieldList& fields) {
   for (const auto& [key, value] : set) config::SetField(key, value.text, value.where, fields);
 }
 
+/// Whether a key says where the processes of a service are and where they keep their files. A cell
+/// that has a service of its own decides it.
+bool IsOfOwnService(std::string_view key) {
+  return (key.starts_with("service.") && key != "service.io_threads") ||
+         key.starts_with("security.") || key == "replay_server.directory" ||
+         key == "learner_service.directory" || key == "learner_service.exit_when_finished";
+}
+
 bool Sets(const base::TomlAssignments& set, std::string_view key) {
   return std::ranges::find(set, key, &base::TomlAssignment::key) != set.end();
 }
@@ -205,12 +213,15 @@ class Expansion {
         config.run.checkpoint_steps = plan_.sweep.checkpoint_steps;
       }
     }
+    if (IsOfService()) config.run.deterministic = false;
     // Keys that the sweep itself decides.
     config.run.name = train::kCellRunDirectory;
     // The runner removes it in the end.
     config.run.keep_checkpoints = run::KeepCheckpoints::kNewest;
     return config;
   }
+
+  bool IsOfService() const { return plan_.sweep.trainer == Trainer::kService; }
 
   /// Keys that the sweep itself decides would be set in vain.
   void RefuseKeysOfTheSweep(const base::TomlAssignments& set) const {
@@ -223,6 +234,11 @@ class Expansion {
         if (key == theirs) {
           Fail(value.where, fmt::format("{} is the sweep's to decide; use {}", key, ours));
         }
+      }
+      if (IsOfService() && IsOfOwnService(key)) {
+        Fail(value.where, fmt::format("{} is the sweep's to decide, as each cell has a service of "
+                                      "its own (sweep.trainer)",
+                                      key));
       }
       if (key == "run.max_seconds" && plan_.sweep.lockstep && value.text != "0" &&
           value.text != "0.0") {
@@ -247,6 +263,7 @@ class Expansion {
       train::RequireCombination(config);
       train::RequireCourses(config, "slalom sweep");
       train::RequireLearnable(config);
+      if (IsOfService()) train::RequireServable(config);
     } catch (const base::Error& error) {
       Fail(who, error.what());
     }
@@ -281,7 +298,10 @@ class Expansion {
       cell.id = train::Digest(fmt::format(
           "{}\n{}\n{}\n{}\n{}\n{}\n{}", train::RunDigest(anywhere), courses.digest,
           config.run.max_steps, config.run.max_seconds, fmt::join(config.run.snapshot_steps, " "),
-          fmt::join(config.run.snapshot_seconds, " "), platform_));
+          fmt::join(config.run.snapshot_seconds, " "),
+          IsOfService() ? fmt::format("{}\na service of {} actors", platform_, plan_.sweep.actors)
+                        : platform_));
+      if (IsOfService()) cell.num_actors = plan_.sweep.actors;
       Describe(config, cell);
       cell.config = std::move(config);
       Add(std::move(cell));

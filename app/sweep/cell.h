@@ -32,8 +32,9 @@ struct Cell {
   std::int64_t seed = 0;
   std::string planner;                     ///< Empty if a policy is trained.
   std::optional<train::RunConfig> config;  ///< Config of the training; empty for a planner.
-  std::string collection;                  ///< Name of the courses' collection; empty if built in.
-  std::string friction;  ///< Friction law of the robot, as configs name it, or "drawn".
+  int num_actors = 0;      ///< Actors of the service that trains it; 0: one process trains it.
+  std::string collection;  ///< Name of the courses' collection; empty if built in.
+  std::string friction;    ///< Friction law of the robot, as configs name it, or "drawn".
   int num_training_courses = 0;
   std::vector<ScoreTask> scores;
 

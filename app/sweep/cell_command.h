@@ -18,6 +18,12 @@ std::vector<std::string> TrainCommand(const std::filesystem::path& program,
                                       const std::optional<std::filesystem::path>& config,
                                       const std::filesystem::path& output);
 
+/// Runs a process of a service.
+std::vector<std::string> ServiceCommand(const std::filesystem::path& program,
+                                        const std::string& role,
+                                        const std::filesystem::path& config,
+                                        const std::string& name);
+
 /// One evaluation that `EvaluateCommand` runs.
 struct ScoreCommand {
   std::optional<std::filesystem::path> policy;  ///< Empty if the cell's planner drives.

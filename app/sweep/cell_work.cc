@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -14,7 +13,9 @@
 #include <utility>
 
 #include "app/sweep/cell_command.h"
+#include "app/sweep/cell_service.h"
 #include "app/sweep/store.h"
+#include "app/sweep/trained_policy.h"
 #include "base/child_process.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -24,7 +25,6 @@
 #include "learner/run/checkpoint_store.h"
 #include "learner/run/metrics_table.h"
 #include "learner/run/run_directory.h"
-#include "policy/policy.h"
 
 namespace slalom::sweep {
 namespace {
@@ -52,14 +52,19 @@ std::string EndOfLog(const fs::path& path, std::uintmax_t begin) {
   return text;
 }
 
-/// A number that a policy carries about its training.
-template <class Number>
-Number Provenance(const nn::Metadata& metadata, const std::string& key) {
-  Number number = 0;
-  const auto found = metadata.find(key);
-  if (found == metadata.end()) return number;
-  std::from_chars(found->second.data(), found->second.data() + found->second.size(), number);
-  return number;
+/// The most steps by which a training makes a snapshot later than it is due.
+std::int64_t LatenessOfSnapshots(const Cell& cell) {
+  const train::RunConfig& config = *cell.config;
+  // A process looks after each batch step.
+  if (cell.num_actors == 0) return config.actor.num_environments;
+  // The learner of a service looks after each batch that it gets. The first one comes after
+  // run.learning_starts, and from one to the next the actors make as many steps as the replay
+  // server lets in.
+  if (config.replay_server.max_ahead_steps == 0) return config.run.max_steps;
+  const std::int64_t chunk =
+      std::max(config.actor_service.chunk_rows, config.actor.num_environments);
+  return config.run.learning_starts + config.replay_server.max_ahead_steps +
+         std::llround(std::ceil(1.0 / config.run.updates_per_step)) + cell.num_actors * chunk;
 }
 
 /// Where a run lies that another run replaced.
@@ -173,9 +178,7 @@ class Work {
   std::optional<WorkEnd> Train(bool resume) {
     const run::RunDirectory run{directory_.run()};
     const Clock::time_point begin = Clock::now();
-    const Ended ended =
-        RunChild(resume ? TrainCommand(options_.program, std::nullopt, run.root)
-                        : TrainCommand(options_.program, directory_.config(), directory_.root()));
+    const Ended ended = cell_.num_actors > 0 ? RunService(resume) : RunTraining(resume);
     if (ended.end) return *ended.end;
     if (ended.exit_code == base::kExitDiverged || ended.exit_code == base::kExitLearnedNothing) {
       fault_ = ended.exit_code == base::kExitDiverged ? "the training diverged"
@@ -185,17 +188,14 @@ class Work {
       fs::remove_all(run.root, ignored);  // The next attempt begins again.
       return WorkEnd::kFailed;
     }
-    if (ended.exit_code != 0) {
-      fault_ = fmt::format("`slalom train` ended with exit code {}", ended.exit_code);
-      return WorkEnd::kFailed;
-    }
-    const nn::Metadata metadata = policy::LoadPolicy(run.policy()).metadata;
+    if (ended.exit_code != 0) return WorkEnd::kFailed;
+    const PolicyFigures trained = ReadPolicyFigures(run.policy());
     const double imagined = run::ReadLastMetrics(run.metrics()).Last("imagined_transitions");
     WriteTrained(directory_,
-                 {.steps = Provenance<std::int64_t>(metadata, "steps"),
-                  .updates = Provenance<std::int64_t>(metadata, "updates"),
+                 {.steps = trained.steps,
+                  .updates = trained.updates,
                   .imagined = imagined > 0.0 ? std::optional(std::llround(imagined)) : std::nullopt,
-                  .training_s = Provenance<double>(metadata, "training_s"),
+                  .training_s = trained.training_s,
                   .wall_s = SecondsSince(begin),
                   .host = base::HostName(),
                   .platform = options_.platform,
@@ -221,6 +221,7 @@ class Work {
     const run::RunDirectory run{directory_.run()};
     fs::remove_all(run.checkpoints(), ignored);
     fs::remove_all(AsideOf(run.root), ignored);
+    fs::remove_all(directory_.service(), ignored);
     bool has_failed = false;
     for (const ScoreTask& task : cell_.scores) {
       if (IsScored(options_.store, cell_, task)) continue;
@@ -263,14 +264,14 @@ class Work {
   std::optional<fs::path> PolicyOf(const ScoreTask& task) const {
     const run::RunDirectory run{directory_.run()};
     if (task.snapshot_steps == 0) return run.policy();
-    // A training makes a snapshot in the first batch step at or after the number, and one of a
-    // later number does not stand in for it.
-    const int batch = cell_.config->actor.num_environments;
-    std::int64_t end = cell_.config->run.max_steps + batch;
+    // A training makes a snapshot at or soon after the number, and one of a later number does not
+    // stand in for it, unless it is the first after both.
+    const std::int64_t lateness = LatenessOfSnapshots(cell_);
+    std::int64_t end = cell_.config->run.max_steps + lateness;
     for (const int steps : cell_.config->run.snapshot_steps) {
       if (steps > task.snapshot_steps) end = std::min<std::int64_t>(end, steps);
     }
-    end = std::max(end, task.snapshot_steps + batch);
+    end = std::max(end, task.snapshot_steps + lateness);
     const std::vector<fs::path> snapshots = run.ListSnapshots();
     const auto first = std::ranges::lower_bound(snapshots, run.snapshot(task.snapshot_steps));
     if (first == snapshots.end() || *first >= run.snapshot(end)) return std::nullopt;
@@ -284,16 +285,50 @@ class Work {
   };
 
   Ended RunChild(const std::vector<std::string>& arguments) {
+    base::ChildProcess child({.arguments = arguments,
+                              .log = directory_.log(),
+                              .cores = options_.cores,
+                              .environment = ThreadLimits()});
+    return Await(child);
+  }
+
+  Ended RunTraining(bool resume) {
+    const Ended ended =
+        RunChild(resume ? TrainCommand(options_.program, std::nullopt, directory_.run())
+                        : TrainCommand(options_.program, directory_.config(), directory_.root()));
+    fault_ = fmt::format("`slalom train` ended with exit code {}", ended.exit_code);
+    return ended;
+  }
+
+  Ended RunService(bool resume) {
+    std::error_code ignored;
+    if (!resume) fs::remove_all(directory_.service(), ignored);
+    CellService service({.program = options_.program,
+                         .config = *cell_.config,
+                         .num_actors = cell_.num_actors,
+                         .directory = directory_.service(),
+                         .run = directory_.run(),
+                         .log = directory_.log(),
+                         .cores = options_.cores,
+                         .environment = ThreadLimits()});
+    const Ended ended = Await(service);
+    fault_ = service.fault();
+    return ended;
+  }
+
+  std::vector<std::string> ThreadLimits() const {
     const std::string threads = std::to_string(options_.threads);
-    base::ChildProcess child(
-        {.arguments = arguments,
-         .log = directory_.log(),
-         .cores = options_.cores,
-         .environment = {"OMP_NUM_THREADS=" + threads, "OPENBLAS_NUM_THREADS=" + threads}});
+    return {"OMP_NUM_THREADS=" + threads, "OPENBLAS_NUM_THREADS=" + threads};
+  }
+
+  /// Waits for a `base::ChildProcess` or a `CellService`, and tells it to save and end if the work
+  /// ends before it does.
+  template <class Job>
+  Ended Await(Job& job) {
     Clock::time_point last_beat = Clock::now();
     std::optional<Clock::time_point> stopped;
     for (;;) {
-      const std::optional<int> exit_code = child.Wait(std::chrono::milliseconds(200));
+      const std::optional<int> exit_code = job.Wait(std::chrono::milliseconds(200));
       if (exit_code) {
         if (stopped || stop_.stop_requested()) return {*exit_code, WorkEnd::kStopped};
         return {*exit_code, std::nullopt};
@@ -304,7 +339,7 @@ class Work {
       }
       if (stop_.stop_requested() && !stopped) {
         stopped = Clock::now();
-        child.Signal(SIGTERM);
+        job.Signal(SIGTERM);
       }
       if (stopped && Clock::now() - *stopped > kTimeToSave) return {0, WorkEnd::kStopped};
     }

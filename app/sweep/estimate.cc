@@ -9,6 +9,7 @@
 #include <string>
 
 #include "app/sweep/cell_command.h"
+#include "app/sweep/cell_service.h"
 #include "app/train/disk_room.h"
 #include "base/child_process.h"
 #include "base/config.h"
@@ -124,17 +125,33 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
   const TemporaryDirectory scratch;
   const fs::path file = scratch.path() / "config.toml";
   const fs::path log = scratch.path() / "log.txt";
+  const run::RunDirectory run{scratch.path() / config.run.name};
+  const std::vector<std::string> environment = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1"};
   base::WriteFileAtomically(file, config::ToToml(config));
-  {
+  std::optional<int> exit_code;
+  if (cell.num_actors > 0) {
+    CellService service({.program = program,
+                         .config = config,
+                         .num_actors = cell.num_actors,
+                         .directory = scratch.path() / "service",
+                         .run = run.root,
+                         .log = log,
+                         .environment = environment});
+    const auto end = std::chrono::steady_clock::now() + kTrial;
+    while (!exit_code && std::chrono::steady_clock::now() < end) {
+      exit_code = service.Wait(std::chrono::milliseconds(200));
+    }
+  } else {
     base::ChildProcess child({.arguments = TrainCommand(program, file, scratch.path()),
                               .log = log,
-                              .environment = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1"}});
-    if (const auto exit_code = child.Wait(kTrial); exit_code && *exit_code != 0) {
-      throw base::Error(fmt::format("{}: a short trial ended with exit code {}:\n{}", cell.name(),
-                                    *exit_code, base::ReadFile(log)));
-    }
+                              .environment = environment});
+    exit_code = child.Wait(kTrial);
   }  // Which ends it.
-  const fs::path metrics = run::RunDirectory{scratch.path() / config.run.name}.metrics();
+  if (exit_code && *exit_code != 0) {
+    throw base::Error(fmt::format("{}: a short trial ended with exit code {}:\n{}", cell.name(),
+                                  *exit_code, base::ReadFile(log)));
+  }
+  const fs::path metrics = run.metrics();
   std::error_code ec;
   if (!fs::exists(metrics, ec)) return std::nullopt;
   const run::MetricsTable table = run::ParseMetrics(base::ReadFile(metrics), 0);

@@ -50,6 +50,7 @@ class Checker {
                        plan_.sweep.name));
     }
     CheckSeeds();
+    CheckTrainer();
     CheckBudget();
     CheckScores();
     std::set<std::string> names;
@@ -80,6 +81,13 @@ class Checker {
     if (different.size() != plan_.sweep.seeds.size()) {
       Fail("sweep.seeds names a seed twice, expected different ones");
     }
+  }
+
+  void CheckTrainer() const {
+    if (plan_.sweep.trainer != Trainer::kService || !plan_.sweep.lockstep) return;
+    Fail(
+        "sweep.trainer = \"service\" and sweep.lockstep = true contradict each other, expected "
+        "lockstep = false: processes that run side by side cannot be repeated bit for bit");
   }
 
   void CheckBudget() const {
@@ -263,8 +271,10 @@ std::vector<fs::path> PlanFiles(const fs::path& given) {
   return files;
 }
 
-Plan ReadPlan(const fs::path& file, std::span<const std::string> overrides) {
-  Plan plan;
+namespace {
+
+/// Reads the keys of a plan over those of `plan`.
+Plan ReadKeys(Plan plan, const fs::path& file, std::span<const std::string> overrides) {
   const config::FieldList fields = config::ListFields(plan);
   config::ReadTomlFile(file, fields);
   if (!plan.sweep.plans.empty()) {
@@ -278,6 +288,18 @@ Plan ReadPlan(const fs::path& file, std::span<const std::string> overrides) {
     } else {
       plan.overrides.push_back(ParseOverride(assignment));
     }
+  }
+  return plan;
+}
+
+}  // namespace
+
+Plan ReadPlan(const fs::path& file, std::span<const std::string> overrides) {
+  Plan plan = ReadKeys({}, file, overrides);
+  if (plan.sweep.trainer == Trainer::kService) {
+    Plan of_service;
+    of_service.sweep.lockstep = false;
+    plan = ReadKeys(std::move(of_service), file, overrides);
   }
   if (plan.sweep.name.empty()) plan.sweep.name = file.stem().string();
   if (plan.sweep.title.empty()) plan.sweep.title = plan.sweep.name;

@@ -19,6 +19,10 @@ inline base::OneOf QuantityKeys() {
   return {"success_rate", "collision_rate", "survival_time_s", "traversal_time_s"};
 }
 
+/// What trains a cell.
+enum class Trainer { kProcess, kService };
+inline base::OneOf EnumNames(Trainer) { return {"process", "service"}; }
+
 /// Settings that all cells share.
 struct SweepSettings {
   std::string name;
@@ -28,6 +32,8 @@ struct SweepSettings {
   std::vector<int> seeds = {1, 2, 3};
   std::vector<std::string> scores;
   std::vector<std::string> quantities;
+  Trainer trainer = Trainer::kProcess;
+  int actors = 2;
   bool lockstep = true;
   bool mixed_platforms = false;
   std::int64_t checkpoint_steps = 100000;
@@ -52,9 +58,15 @@ struct SweepSettings {
     v("quantities", quantities,
       "Quantities (success_rate, collision_rate, survival_time_s, traversal_time_s) that have a "
       "table each, with the scores side by side. Empty: all, and with one axis a table per score.");
+    v("trainer", trainer,
+      "What trains a cell. process: one `slalom train`. service: a replay server, a learner and "
+      "sweep.actors actors of its own, which are never in lockstep.");
+    v("actors", actors, base::Range{1, 1000}, "",
+      "Actors of each cell with sweep.trainer = \"service\".");
     v("lockstep", lockstep,
       "Train deterministically (run.deterministic), so that neither a kill nor another cell on the "
-      "same machine changes a result. false: trainings use threads.");
+      "same machine changes a result. false: trainings use threads. With sweep.trainer = "
+      "\"service\" the default is false.");
     v("mixed_platforms", mixed_platforms,
       "Let machines with other processors or BLAS kernels take part, whose results differ in their "
       "last bits. false: such a machine refuses to.");

@@ -15,6 +15,7 @@
 ///     ROOT/cells/ID/cell.json      what it is, for people and for the metrics
 ///     ROOT/cells/ID/training.toml  what `slalom train` is given
 ///     ROOT/cells/ID/run/           an ordinary run
+///     ROOT/cells/ID/service/       what the service that trains it needs while it does
 ///     ROOT/cells/ID/trained.json   written once the training is finished (`TrainedCell`)
 ///     ROOT/cells/ID/scores/DIGEST.toml   the config of an evaluation
 ///     ROOT/cells/ID/scores/DIGEST/       the evaluation
@@ -36,6 +37,7 @@ class CellDirectory {
   std::filesystem::path facts() const { return root_ / train::kCellFactsFile; }
   std::filesystem::path config() const { return root_ / "training.toml"; }
   std::filesystem::path run() const { return root_ / train::kCellRunDirectory; }
+  std::filesystem::path service() const { return root_ / "service"; }
   std::filesystem::path trained() const { return root_ / "trained.json"; }
   std::filesystem::path failed() const { return root_ / "failed.json"; }
   std::filesystem::path scored() const { return root_ / "scored.json"; }

@@ -1,17 +1,23 @@
 #pragma once
 
+#include <string>
+
 #include "base/config_field.h"
 
 namespace slalom::learner {
 
 /// How a learner process fetches batches and publishes policies.
 struct LearnerServiceConfig {
+  std::string directory;
   int prefetch = 4;
   double publish_seconds = 0.02;
   bool exit_when_finished = false;
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    v("directory", directory,
+      "Directory of the run: config, metrics.csv, checkpoints, snapshots and policy. Empty: "
+      "learner/ below service.state.");
     v("prefetch", prefetch, base::Range{1, 256}, "batches",
       "Batches that are requested ahead of the one being learned from.");
     v("publish_seconds", publish_seconds, base::Range{0.0, 3600.0}, "s",

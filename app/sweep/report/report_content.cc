@@ -86,6 +86,15 @@ std::set<std::string> MachinesOf(const SweepResults& results) {
   return machines;
 }
 
+std::string HowTrained(const SweepSettings& sweep) {
+  if (sweep.trainer == Trainer::kService) {
+    return fmt::format("by a service of {} actor{}: a result depends on the machine's speed",
+                       sweep.actors, sweep.actors == 1 ? "" : "s");
+  }
+  return sweep.lockstep ? "in lockstep: a result depends on plan and processor alone"
+                        : "with threads: a result depends on the machine's speed";
+}
+
 std::vector<std::pair<std::string, std::string>> ProvenanceOf(const Plan& plan, const Cells& cells,
                                                               const SweepResults& results) {
   std::vector<std::pair<std::string, std::string>> facts;
@@ -101,9 +110,7 @@ std::vector<std::pair<std::string, std::string>> ProvenanceOf(const Plan& plan, 
   if (HasTrainings(cells)) {
     facts.emplace_back("Seeds", fmt::format("{}", fmt::join(plan.sweep.seeds, ", ")));
     facts.emplace_back("Budget of a training", BudgetText(cells));
-    facts.emplace_back("Training", plan.sweep.lockstep
-                                       ? "in lockstep: a result depends on plan and processor alone"
-                                       : "with threads: a result depends on the machine's speed");
+    facts.emplace_back("Training", HowTrained(plan.sweep));
   }
   const auto machines = MachinesOf(results);
   if (!machines.empty()) {

@@ -255,6 +255,24 @@ TEST(CellTest, EveryKeyThatDecidesATrainingIsPartOfItsId) {
   EXPECT_NE(cell("sweep.lockstep=true").id, cell("sweep.lockstep=false").id);
 }
 
+TEST(CellTest, TheActorsOfAServiceArePartOfTheIdAndProcessesAreAsBefore) {
+  const test::ScratchDirectory scratch;
+  const auto cell = [&](const std::vector<std::string>& overrides) {
+    return test::Expand(scratch.path(), kPlan, overrides).cells.at(0);
+  };
+  const Cell process = cell({"sweep.lockstep=false"});
+  EXPECT_EQ(process.num_actors, 0);
+  EXPECT_EQ(cell({"sweep.lockstep=false", "sweep.trainer=process", "sweep.actors=7"}).id,
+            process.id);
+  EXPECT_EQ(cell({"sweep.trainer=service"}).num_actors, 2);
+  EXPECT_EQ(cell({"sweep.trainer=service", "sweep.actors=7"}).num_actors, 7);
+  const std::set<std::string> ids = {process.id, cell({"sweep.trainer=service"}).id,
+                                     cell({"sweep.trainer=service", "sweep.actors=7"}).id};
+  EXPECT_EQ(ids.size(), 3U);
+  EXPECT_EQ(config::ToToml(cell({"sweep.trainer=service"}).config.value()),
+            config::ToToml(process.config.value()));
+}
+
 TEST(CellTest, EveryKeyThatDecidesAScoreIsPartOfItsDigest) {
   const test::ScratchDirectory scratch;
   const fs::path plan = test::WritePlan(scratch.path(), kPlan);

@@ -50,6 +50,17 @@ TEST(PlanTest, OverridesOfThePlanAndOfTheTrainingsAreToldApart) {
   EXPECT_EQ(plan.overrides[0].key, "run.max_steps");
 }
 
+TEST(PlanTest, AServiceIsNotInLockstepUnlessThePlanSaysOtherwise) {
+  const test::ScratchDirectory scratch;
+  const auto lockstep = [&](const std::vector<std::string>& overrides) {
+    return ReadPlan(test::WritePlan(scratch.path(), kPlan), overrides).sweep.lockstep;
+  };
+  EXPECT_TRUE(lockstep({}));
+  EXPECT_TRUE(lockstep({"sweep.trainer=process"}));
+  EXPECT_FALSE(lockstep({"sweep.trainer=service"}));
+  EXPECT_FALSE(lockstep({"sweep.trainer=service", "sweep.lockstep=false"}));
+}
+
 TEST(PlanTest, AFileMayNamePlansInPlaceOfBeingOne) {
   const test::ScratchDirectory scratch;
   const fs::path plan = test::WritePlan(scratch.path(), kPlan);
@@ -145,6 +156,18 @@ TEST(PlanTest, BadPlansAreOneErrorThatNamesWhatIsWrong) {
   EXPECT_THAT(ErrorOf(kPlan, {"sweep.scores=[\"x\"]"}), HasSubstr("sweep.scores names 'x'"));
   EXPECT_THAT(ErrorOf(kPlan, {"sweep.preset=gone.toml"}), HasSubstr("gone.toml: there is no such"));
   EXPECT_THAT(ErrorOf(kPlan, {"budget.seconds=5"}), HasSubstr("sweep.lockstep = false"));
+  EXPECT_EQ(ErrorOf(kPlan, {"sweep.trainer=service"}), "");
+  EXPECT_THAT(ErrorOf(kPlan, {"sweep.trainer=services"}),
+              HasSubstr("sweep.trainer is 'services', expected one of 'process', 'service'"));
+  EXPECT_THAT(ErrorOf(kPlan, {"sweep.trainer=service", "sweep.actors=0"}),
+              HasSubstr("sweep.actors is 0, expected"));
+  EXPECT_THAT(ErrorOf(kPlan, {"sweep.trainer=service", "sweep.lockstep=true"}),
+              HasSubstr("plan.toml: sweep.trainer = \"service\" and sweep.lockstep = true"));
+  EXPECT_THAT(ErrorOf(kPlan, {"sweep.trainer=service", "service.replay=tcp://127.0.0.1:5550"}),
+              AllOf(HasSubstr("--set service.replay"), HasSubstr("the sweep's to decide")));
+  EXPECT_THAT(ErrorOf(kPlan, {"sweep.trainer=service", "replay_server.max_message_bytes=65536",
+                              "actor_service.chunk_rows=16384"}),
+              HasSubstr("replay_server.max_message_bytes"));
   EXPECT_THAT(ErrorOf(kPlan, {"budget.steps=5000", "budget.updates=5"}),
               HasSubstr("more than one limit"));
   EXPECT_THAT(ErrorOf(kPlan, {"budget.steps=200"}), HasSubstr("nothing is learned"));

@@ -338,6 +338,9 @@ TEST(SweepReportTest, ABudgetOfSecondsIsSaidToDependOnTheMachine) {
   const std::string text = fake.Report("report.md");
   EXPECT_THAT(text, HasSubstr("Each training lasted 3 min 00 s."));
   EXPECT_THAT(text, HasSubstr("with threads"));
+  fake.plan.sweep.trainer = Trainer::kService;
+  fake.plan.sweep.actors = 3;
+  EXPECT_THAT(fake.Report("report.md"), HasSubstr("by a service of 3 actors"));
 }
 
 }  // namespace

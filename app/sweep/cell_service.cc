@@ -1,0 +1,153 @@
+#include "app/sweep/cell_service.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <csignal>
+#include <system_error>
+#include <utility>
+
+#include "app/sweep/cell_command.h"
+#include "app/sweep/trained_policy.h"
+#include "app/train/run_identity.h"
+#include "base/config.h"
+#include "base/error.h"
+#include "base/exit_code.h"
+#include "base/file.h"
+#include "base/log.h"
+#include "learner/run/run_directory.h"
+#include "proto/transport/keys.h"
+
+namespace slalom::sweep {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::chrono::seconds kTimeToEnd{30};  // For the others, once one has ended.
+constexpr std::chrono::seconds kQuickly{10};
+constexpr int kMostQuickEnds = 5;
+
+/// Writes new keys into `directory`, in place of earlier ones.
+void RenewKeys(const fs::path& directory) {
+  std::error_code ec;
+  fs::remove_all(directory, ec);
+  transport::WriteNewKeys(directory);
+}
+
+/// The config of all processes. Everything in it that names a place is the cell's own.
+train::RunConfig ConfigOfService(const CellServiceOptions& options) {
+  const fs::path root = fs::absolute(options.directory);
+  train::RunConfig config = options.config;
+  config.security = {};
+  config.security.keys = (root / "keys").string();
+  // Sockets of the abstract namespace: no file stays behind, and no port has to be free. The name
+  // follows from a key that was just drawn.
+  const std::string address = fmt::format(
+      "ipc://@slalom-{}",
+      train::Digest(transport::LoadPublicKey(config.security.keys, transport::Role::kReplay)));
+  const int io_threads = config.service.io_threads;
+  config.service = {};
+  config.service.io_threads = io_threads;
+  config.service.replay = address + "-replay";
+  config.service.learner = address + "-learner";
+  config.service.metrics = "";
+  config.service.state = root.string();
+  config.replay_server.directory = "";
+  config.learner_service.directory = fs::absolute(options.run).string();
+  config.learner_service.exit_when_finished = true;
+  return config;
+}
+
+}  // namespace
+
+CellService::CellService(const CellServiceOptions& options)
+    : options_(options), config_(options.directory / "service.toml") {
+  base::MakeDirectories(options.directory);
+  RenewKeys(options.directory / "keys");
+  base::WriteFileAtomically(config_, config::ToToml(ConfigOfService(options)));
+  Add("learner", "learner");
+  Add("replay", "replay");
+  for (int i = 1; i <= options.num_actors; ++i) Add("actor", fmt::format("actor-{}", i));
+  for (Member& member : members_) Start(member);
+}
+
+CellService::~CellService() = default;
+
+void CellService::Add(const std::string& role, const std::string& name) {
+  members_.push_back(
+      {.command = role == name ? "slalom " + role : fmt::format("slalom {} --name {}", role, name),
+       .options = {.arguments = ServiceCommand(options_.program, role, config_, name),
+                   .log = options_.log,
+                   .cores = options_.cores,
+                   .environment = options_.environment}});
+}
+
+void CellService::Start(Member& member) {
+  member.exit_code.reset();
+  member.started = Clock::now();
+  member.process = std::make_unique<base::ChildProcess>(member.options);
+}
+
+std::optional<int> CellService::Wait(std::chrono::milliseconds time) {
+  for (Member& member : members_) {
+    if (member.exit_code) continue;
+    // The time passes at the first one that runs.
+    member.exit_code = member.process->Wait(std::exchange(time, std::chrono::milliseconds(0)));
+    if (member.exit_code && !exit_code_) LookAfter(member);
+  }
+  const bool runs = std::ranges::any_of(
+      members_, [](const Member& member) { return !member.exit_code.has_value(); });
+  if (!exit_code_ || (runs && (!deadline_ || Clock::now() < *deadline_))) return std::nullopt;
+  return fault_.empty() ? *members_.front().exit_code : base::kExitError;
+}
+
+void CellService::LookAfter(Member& member) {
+  const int exit_code = *member.exit_code;
+  const bool is_learner = &member == &members_.front();
+  const bool is_over =
+      is_learner && (exit_code == base::kExitDiverged || exit_code == base::kExitLearnedNothing ||
+                     (exit_code == base::kExitOk && IsTrained()));
+  if (is_over) return End(exit_code);
+  if (exit_code != base::kExitOk && exit_code < base::kExitSignalBase) {
+    fault_ = fmt::format("`{}` ended with exit code {}", member.command, exit_code);
+    return End(exit_code);
+  }
+  const std::string how =
+      exit_code == base::kExitOk
+          ? "was stopped"
+          : fmt::format("was ended by signal {}", exit_code - base::kExitSignalBase);
+  member.num_quick_ends = Clock::now() - member.started < kQuickly ? member.num_quick_ends + 1 : 1;
+  if (member.num_quick_ends >= kMostQuickEnds) {
+    fault_ = fmt::format("`{}` {}, {} times in a row within {} s of its start", member.command, how,
+                         member.num_quick_ends, kQuickly.count());
+    return End(exit_code);
+  }
+  spdlog::warn("{}: `{}` {} and is started again", options_.run.string(), member.command, how);
+  Start(member);
+}
+
+void CellService::End(int exit_code) {
+  Signal(SIGTERM);
+  exit_code_ = exit_code;
+  deadline_ = Clock::now() + kTimeToEnd;
+}
+
+void CellService::Signal(int signal) {
+  if (!exit_code_) exit_code_ = base::kExitSignalBase + signal;
+  for (Member& member : members_) member.process->Signal(signal);
+}
+
+bool CellService::IsTrained() const {
+  constexpr double kRounding = 0.01;  // Of the policy's figure, [s].
+  const run::RunSettings& limits = options_.config.run;
+  try {
+    const PolicyFigures figures = ReadPolicyFigures(run::RunDirectory{options_.run}.policy());
+    return figures.steps >= limits.max_steps ||
+           (limits.max_seconds > 0.0 && figures.training_s >= limits.max_seconds - kRounding);
+  } catch (const base::Error& error) {
+    spdlog::warn("{}", error.what());
+    return false;
+  }
+}
+
+}  // namespace slalom::sweep
