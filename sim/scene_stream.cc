@@ -1,12 +1,14 @@
 #include "sim/scene_stream.h"
 
+#include <utility>
+
 #include "base/check.h"
 
 namespace slalom::sim {
 
-SceneStream::SceneStream(FreshCourses kind, std::uint64_t seed, int capacity)
-    : kind_(kind), seed_(seed), capacity_(static_cast<std::size_t>(capacity)) {
-  SLALOM_CHECK(kind != FreshCourses::kNone);
+SceneStream::SceneStream(FreshMix mix, std::uint64_t seed, int capacity)
+    : mix_(std::move(mix)), seed_(seed), capacity_(static_cast<std::size_t>(capacity)) {
+  SLALOM_CHECK(!mix_.empty());
   SLALOM_CHECK_GE(capacity, 1);
 }
 
@@ -16,7 +18,7 @@ std::shared_ptr<const Scene> SceneStream::Get(int number) {
     kept_.splice(kept_.begin(), kept_, place->second);
   } else {
     kept_.push_front({number, MakeScene(std::make_shared<const Course>(
-                                  GenerateStreamCourse(kind_, seed_, number)))});
+                                  GenerateStreamCourse(mix_, seed_, number)))});
     places_[number] = kept_.begin();
     if (kept_.size() > capacity_) {
       places_.erase(kept_.back().number);

@@ -16,10 +16,10 @@ namespace slalom::sim {
 class SceneStream {
  public:
   /// Keeps the `capacity` scenes that were asked for last. The scenes do not depend on it.
-  /// Requires: kind is not kNone, capacity >= 1.
-  SceneStream(FreshCourses kind, std::uint64_t seed, int capacity);
+  /// Requires: !mix.empty(), capacity >= 1.
+  SceneStream(FreshMix mix, std::uint64_t seed, int capacity);
 
-  /// The scene of `GenerateStreamCourse(kind, seed, number)`. Requires: number >= 0.
+  /// The scene of `GenerateStreamCourse(mix, seed, number)`. Requires: number >= 0.
   std::shared_ptr<const Scene> Get(int number) EXCLUDES(mutex_);
 
  private:
@@ -28,7 +28,7 @@ class SceneStream {
     std::shared_ptr<const Scene> scene;
   };
 
-  const FreshCourses kind_;
+  const FreshMix mix_;
   const std::uint64_t seed_;
   const std::size_t capacity_;
   base::Mutex mutex_;

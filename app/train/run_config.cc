@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/config.h"
@@ -84,9 +85,16 @@ sim::CourseSet CollectionConfig::Resolve(const std::string& spec) const {
 }
 
 std::string CoursesConfig::DescribeTrain() const {
-  if (fresh == sim::FreshCourses::kNone) return train;
-  return fmt::format("{}fresh courses ({})", train.empty() ? "" : train + " and ",
-                     base::EnumName(fresh));
+  if (fresh == "none") return train;
+  return fmt::format("{}fresh courses ({})", train.empty() ? "" : train + " and ", fresh);
+}
+
+sim::FreshMix CoursesConfig::Mix() const {
+  try {
+    return sim::ParseFreshMix(fresh);
+  } catch (const base::Error& error) {
+    throw base::Error(fmt::format("courses.fresh: {}", error.what()));
+  }
 }
 
 sim::CourseSet CoursesConfig::ResolveTrain() const {
@@ -150,11 +158,12 @@ env::StepShape StepShapeOf(const RunConfig& config) {
 
 sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
                                                  base::ParallelFor& parallel) {
+  sim::FreshMix mix = config.courses.Mix();
   auto fresh =
-      config.courses.fresh == sim::FreshCourses::kNone
+      mix.empty()
           ? nullptr
           : std::make_unique<sim::SceneStream>(
-                config.courses.fresh, SeedOf(config, "fresh courses"),
+                std::move(mix), SeedOf(config, "fresh courses"),
                 config.courses.sampling.learnable_courses + 2 * config.actor.num_environments);
   return sim::CourseEnvironments(config.environment, sim::MakeScenes(config.courses.ResolveTrain()),
                                  config.actor.num_environments, &parallel, sim::MakeRobots(),
@@ -167,6 +176,7 @@ int BatchesPerUpdate(const RunConfig& config) {
 
 void RequireCombination(const RunConfig& config) {
   sim::CheckRandomization(config.environment);
+  (void)config.courses.Mix();  // Names are checked.
   RequireTask(config);
   if (config.method.constraint.kind != learner::ConstraintKind::kNone &&
       !config.environment.episode.collision_ends) {

@@ -52,11 +52,13 @@ struct CollectionConfig {
 struct CoursesConfig : CollectionConfig {
   std::string train = "static-train-50";
   std::string test = "static-test";
-  sim::FreshCourses fresh = sim::FreshCourses::kNone;
+  std::string fresh = "none";
   actor::SamplingConfig sampling;
 
   /// Whether there are training courses besides fresh ones.
-  bool has_named() const { return !train.empty() || fresh == sim::FreshCourses::kNone; }
+  bool has_named() const { return !train.empty() || fresh == "none"; }
+  /// Returns the kinds of `fresh`. The error of `sim::ParseFreshMix` names the key, too.
+  sim::FreshMix Mix() const;
   /// Description of the training courses, for people.
   std::string DescribeTrain() const;
   /// Return the sets of `train` and `test`. Errors name the key, too.
@@ -66,11 +68,12 @@ struct CoursesConfig : CollectionConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("train", train,
-      "Courses to train on: a set's name, generated:SEED:COUNT, or a file (docs/courses.md). "
-      "Empty: only fresh ones (courses.fresh).");
+      "Courses to train on: a set's name, generated:SEED:COUNT, a file, or several of these joined "
+      "by + (docs/courses.md). Empty: only fresh ones (courses.fresh).");
     v("fresh", fresh,
       "Generated courses without end to train on, besides those of courses.train or in their "
-      "place: static ones, ones with boxes or with walls that move, or none.");
+      "place: static, box, wall (with boxes or walls that move), crowds, several of these in turn "
+      "joined by +, or none.");
     sampling.Visit(v);
     v("test", test,
       "Courses on which the trained policy is scored; they should not be among the training "

@@ -1,6 +1,7 @@
 #include "app/watch/watch_drives.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -9,6 +10,7 @@
 #include <exception>
 #include <map>
 #include <optional>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <system_error>
@@ -22,6 +24,7 @@
 #include "base/progress.h"
 #include "eval/evaluation.h"
 #include "learner/run/run_directory.h"
+#include "sim/courses/course_sets.h"
 #include "sim/pictures/animation.h"
 #include "sim/pictures/animation_svg.h"
 
@@ -73,12 +76,14 @@ sim::CourseSet Some(sim::CourseSet set) {
   return some;
 }
 
-/// The training courses, or some of their kind if only fresh ones are trained on.
+/// The training courses, or some of their kinds if only fresh ones are trained on.
 std::string CoursesLike(const train::CoursesConfig& courses) {
   if (courses.has_named()) return courses.train;
-  const std::string kind(base::EnumName(courses.fresh));
-  return fmt::format("generated{}:1:{}",
-                     courses.fresh == sim::FreshCourses::kStatic ? "" : "-" + kind, kNumCourses);
+  std::set<std::string> specs;
+  for (const sim::FreshKind kind : courses.Mix()) {
+    specs.insert(fmt::format("{}1:{}", sim::FreshCoursePrefix(kind), kNumCourses));
+  }
+  return fmt::format("{}", fmt::join(specs, "+"));
 }
 
 /// The picture of a policy's drives. Empty if it was stopped first.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "sim/courses/course_difficulty.h"
+
 namespace slalom::eval {
 namespace {
 
@@ -46,6 +48,10 @@ std::vector<CourseMeasure> MeasureCourses(const sim::CourseSet& courses) {
   add("obstacles", "number of obstacles", "", [](const sim::Course& c) {
     return static_cast<double>(c.circles.size() + c.boxes.size() + c.moving.size());
   });
+  add("density", "moving obstacles on 100 m^2", "",
+      [](const sim::Course& c) { return 100.0 * sim::MeasureMotion(c).density; });
+  add("speed", "mean speed of moving obstacles", "m/s",
+      [](const sim::Course& c) { return sim::MeasureMotion(c).mean_speed; });
   return measures;
 }
 

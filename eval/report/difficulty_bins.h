@@ -20,7 +20,8 @@ struct CourseMeasure {
 };
 
 /// Returns the measures that differ between the courses: the measures of `sim::Difficulty` if every
-/// course has them, the length of the reference path, and the number of obstacles.
+/// course has them, the length of the reference path, the number of obstacles, and
+/// `sim::MotionMeasures`.
 std::vector<CourseMeasure> MeasureCourses(const sim::CourseSet& courses);
 
 /// Courses with similar values of a measure.

@@ -151,4 +151,19 @@ Difficulty Normalise(const Difficulty& difficulty, std::span<const Difficulty> a
   return normal;
 }
 
+MotionMeasures MeasureMotion(const Course& course) {
+  if (course.moving.empty()) return {};
+  const base::Vec2 size = course.bounds.max_W - course.bounds.min_W;
+  double speeds = 0.0;
+  for (const MovingObstacle& obstacle : course.moving) {
+    double way = 0.0;
+    for (std::size_t i = 1; i < obstacle.key_frames.size(); ++i) {
+      way += base::Norm(obstacle.key_frames[i].X_WB.p - obstacle.key_frames[i - 1].X_WB.p);
+    }
+    speeds += way / obstacle.key_frames.back().time;
+  }
+  const auto count = static_cast<double>(course.moving.size());
+  return {.density = count / (size.x * size.y), .mean_speed = speeds / count};
+}
+
 }  // namespace slalom::sim

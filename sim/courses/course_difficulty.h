@@ -4,9 +4,11 @@
 #include <vector>
 
 #include "sim/courses/barn_field.h"
+#include "sim/courses/course.h"
 
-/// How hard a course is, by the five measures of Perille et al. 2020, "Benchmarking Metric Ground
-/// Navigation" (docs/original-system.md, section 7.1). The unit of length is a cell of 0.15 m.
+/// How hard a course is: by the five measures of Perille et al. 2020, "Benchmarking Metric Ground
+/// Navigation" (docs/original-system.md, section 7.1), whose unit of length is a cell of 0.15 m,
+/// and by what moves.
 
 namespace slalom::sim {
 
@@ -31,5 +33,14 @@ Difficulty MeasureDifficulty(const FieldGrid& blocked, std::span<const Cell> pat
 /// deviation there, so that measures can be compared with one another. An average course has 0, and
 /// so does a measure that is the same in all courses. Requires: !all.empty().
 Difficulty Normalise(const Difficulty& difficulty, std::span<const Difficulty> all);
+
+/// How much moves on a course.
+struct MotionMeasures {
+  double density = 0.0;     ///< Moving obstacles on a square metre within the bounds, [1/m^2].
+  double mean_speed = 0.0;  ///< Mean of the obstacles' mean speeds between key frames, [m/s].
+};
+
+/// Both are 0 if nothing moves.
+MotionMeasures MeasureMotion(const Course& course);
 
 }  // namespace slalom::sim

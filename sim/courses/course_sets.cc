@@ -7,6 +7,8 @@
 #include <charconv>
 #include <initializer_list>
 #include <memory>
+#include <set>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -17,6 +19,7 @@
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_generator.h"
 #include "sim/courses/course_splits.h"
+#include "sim/courses/crowd_generator.h"
 #include "sim/courses/dynamic_generator.h"
 #include "sim/courses/real_world_courses.h"
 #include "sim/courses/reference_path.h"
@@ -31,12 +34,15 @@ struct FreshSource {
   std::string_view prefix;
   CourseSet (*generate)(std::uint64_t seed, int count);
 };
+/// One for each `FreshKind`, in its order.
 constexpr FreshSource kFreshSources[] = {{"generated:", GenerateFreshCourses},
                                          {"generated-box:", GenerateFreshBoxCourses},
-                                         {"generated-wall:", GenerateFreshWallCourses}};
+                                         {"generated-wall:", GenerateFreshWallCourses},
+                                         {"generated-crowds:", GenerateFreshCrowdCourses}};
 constexpr std::string_view kRealWorldPrefix = "real-world-";
 constexpr std::string_view kValidation = "static-validation";
 constexpr int kMaxGenerated = 100000;
+constexpr char kJoin = '+';
 
 void CheckSolvable(const CourseSet& set, const fs::path& source) {
   if (set.courses.empty()) {
@@ -160,10 +166,8 @@ CourseSet BuiltInSet(const std::string& name, const CourseSplit& split, std::uin
   return set;
 }
 
-}  // namespace
-
-CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>& collection,
-                         std::uint64_t generator_seed) {
+CourseSet ResolveOne(const std::string& spec, const std::optional<fs::path>& collection,
+                     std::uint64_t generator_seed) {
   for (const FreshSource& source : kFreshSources) {
     if (spec.starts_with(source.prefix)) return ResolveGenerated(spec, source);
   }
@@ -200,6 +204,41 @@ CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>&
                                          : "",
       suggestion, suggestion.empty() ? "; t" : " T", fmt::join(names, ", "),
       FreshCoursePatterns()));
+}
+
+/// Joins the sets of the parts of `spec`.
+CourseSet ResolveSeveral(const std::string& spec, const std::optional<fs::path>& collection,
+                         std::uint64_t generator_seed) {
+  CourseSet all{spec, {}};
+  std::set<std::string_view> names;
+  for (std::size_t begin = 0; begin <= spec.size();) {
+    const std::size_t end = std::min(spec.find(kJoin, begin), spec.size());
+    const CourseSet part = ResolveOne(spec.substr(begin, end - begin), collection, generator_seed);
+    for (const auto& course : part.courses) {
+      if (!names.insert(course->name).second) {
+        throw base::Error(
+            fmt::format("\"{}\": two of these sets hold a course {}, expected sets "
+                        "whose courses have different names",
+                        spec, course->name));
+      }
+      all.courses.push_back(course);
+    }
+    begin = end + 1;
+  }
+  return all;
+}
+
+}  // namespace
+
+CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>& collection,
+                         std::uint64_t generator_seed) {
+  std::error_code error;
+  const bool is_joined = spec.find(kJoin) != std::string::npos && !fs::exists(spec, error);
+  return (is_joined ? ResolveSeveral : ResolveOne)(spec, collection, generator_seed);
+}
+
+std::string_view FreshCoursePrefix(FreshKind kind) {
+  return kFreshSources[static_cast<std::size_t>(kind)].prefix;
 }
 
 std::string FreshCoursePatterns() {

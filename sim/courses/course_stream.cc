@@ -1,36 +1,69 @@
 #include "sim/courses/course_stream.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <string>
 #include <utility>
 
 #include "base/check.h"
+#include "base/error.h"
 #include "base/random.h"
 #include "sim/courses/course_generator.h"
+#include "sim/courses/crowd_generator.h"
 #include "sim/courses/dynamic_generator.h"
 
 namespace slalom::sim {
+namespace {
 
-Course GenerateStreamCourse(FreshCourses kind, std::uint64_t seed, int number) {
-  SLALOM_CHECK_GE(number, 0);
-  std::string name = fmt::format("stream-{}-{}", seed, number);
+/// Course `number` of a kind.
+Course GenerateOfKind(FreshKind kind, std::string name, std::uint64_t seed, int number) {
   const std::uint64_t own =
       base::DeriveSeed(seed, "stream-course", {static_cast<std::uint64_t>(number)});
   switch (kind) {
-    case FreshCourses::kStatic:
+    case FreshKind::kStatic:
       return GenerateCourse(std::move(name), PublishedRecipe(number % kNumRecipes), own);
-    case FreshCourses::kBox: {
+    case FreshKind::kBox: {
       const DynamicBoxRecipe recipe;
       base::Random random(base::DeriveSeed(own, "pool"));
       return GenerateBoxCourse(std::move(name), recipe, DrawBoxTrajectories(recipe, random), own);
     }
-    case FreshCourses::kWall:
+    case FreshKind::kWall:
       return GenerateWallCourse(std::move(name), {}, own);
-    case FreshCourses::kNone:
-      break;
+    case FreshKind::kCrowds:
+      return GenerateCrowdCourse(std::move(name), {}, own);
   }
   base::CheckFailed(__FILE__, __LINE__, "no generator");
+}
+
+}  // namespace
+
+FreshMix ParseFreshMix(std::string_view text) {
+  if (text == "none") return {};
+  FreshMix mix;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find('+', begin), text.size());
+    if (!base::ParseEnum(text.substr(begin, end - begin), mix.emplace_back())) {
+      throw base::Error(
+          fmt::format("\"{}\": expected \"none\", or one or more of {} joined by \"+\"", text,
+                      fmt::join(EnumNames(FreshKind{}).choices, ", ")));
+    }
+    begin = end + 1;
+  }
+  return mix;
+}
+
+Course GenerateStreamCourse(const FreshMix& mix, std::uint64_t seed, int number) {
+  SLALOM_CHECK(!mix.empty());
+  SLALOM_CHECK_GE(number, 0);
+  const int size = static_cast<int>(mix.size());
+  const int turn = number % size;
+  const FreshKind kind = mix[static_cast<std::size_t>(turn)];
+  const auto num_before = std::count(mix.begin(), mix.begin() + turn, kind);
+  const int per_round = static_cast<int>(std::ranges::count(mix, kind));
+  return GenerateOfKind(kind, fmt::format("stream-{}-{}", seed, number), seed,
+                        number / size * per_round + static_cast<int>(num_before));
 }
 
 }  // namespace slalom::sim

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <vector>
 
+#include "sim/courses/course_difficulty.h"
 #include "sim/courses/motion.h"
 
 namespace slalom::sim {
@@ -87,8 +88,9 @@ void PutWay(TextCanvas& canvas, const MovingObstacle& obstacle, char c) {
   for (int i = 0; i < kNumPoints; ++i) canvas.Put(motion.At(duration * i / kNumPoints).X_WB.p, c);
 }
 
-/// "2 moving, rounds of 3.0 to 4.5 s, at most 1.9 m/s".
-std::string DescribeMoving(const std::vector<MovingObstacle>& moving) {
+/// "2 moving: rounds of 3.0 to 4.5 s, 1.2 m/s in the mean, at most 1.9 m/s".
+std::string DescribeMoving(const Course& course) {
+  const std::vector<MovingObstacle>& moving = course.moving;
   double shortest = 1e9, longest = 0.0, fastest = 0.0;
   for (const MovingObstacle& obstacle : moving) {
     const Motion motion(obstacle);
@@ -96,8 +98,9 @@ std::string DescribeMoving(const std::vector<MovingObstacle>& moving) {
     longest = std::max(longest, motion.period());
     fastest = std::max(fastest, motion.max_speed());
   }
-  return fmt::format("{} moving: rounds of {:.1f} to {:.1f} s, at most {:.2f} m/s", moving.size(),
-                     shortest, longest, fastest);
+  return fmt::format(
+      "{} moving: rounds of {:.1f} to {:.1f} s, {:.2f} m/s in the mean, at most {:.2f} m/s",
+      moving.size(), shortest, longest, MeasureMotion(course).mean_speed, fastest);
 }
 
 }  // namespace
@@ -137,7 +140,7 @@ std::string DescribeText(const Course& course) {
                  course.circles.size() == 1 ? "" : "s", course.boxes.size(),
                  course.boxes.size() == 1 ? "" : "es");
   if (!course.moving.empty()) {
-    fmt::format_to(out, "                 {}\n", DescribeMoving(course.moving));
+    fmt::format_to(out, "                 {}\n", DescribeMoving(course));
   }
   fmt::format_to(out, "reference path:  {:.3f} m from start to goal{}\n", ReferenceLength(course),
                  course.reference_path_W.empty() ? " (straight line: the course has no path)" : "");

@@ -11,16 +11,13 @@ namespace {
 /// An actor on real courses, under a drive with a delay, so that an episode has state beyond its
 /// pose.
 struct CourseActor {
-  CourseActor(base::ParallelFor* parallel, sim::FreshCourses fresh)
+  CourseActor(base::ParallelFor* parallel, const sim::FreshMix& fresh)
       : environments(MakeEnvironment(),
                      sim::MakeScenes(sim::ResolveCourses("generated:3:5", std::nullopt, 0)), 12,
                      parallel, sim::MakeRobots(),
-                     fresh == sim::FreshCourses::kNone
-                         ? nullptr
-                         : std::make_unique<sim::SceneStream>(fresh, 8, 30)),
+                     fresh.empty() ? nullptr : std::make_unique<sim::SceneStream>(fresh, 8, 30)),
         actor({}, environments, agent, 21,
-              {.sampling = fresh == sim::FreshCourses::kNone ? Sampling::kUniform
-                                                             : Sampling::kLearnable}) {}
+              {.sampling = fresh.empty() ? Sampling::kUniform : Sampling::kLearnable}) {}
 
   static sim::EnvironmentConfig MakeEnvironment() {
     sim::EnvironmentConfig config;
@@ -36,7 +33,7 @@ struct CourseActor {
   Actor actor;
 };
 
-void ExpectRestoredGoesOnBitForBit(sim::FreshCourses fresh) {
+void ExpectRestoredGoesOnBitForBit(const sim::FreshMix& fresh) {
   base::ParallelFor parallel(2);
   CourseActor whole(nullptr, fresh);
   CourseActor restored(&parallel, fresh);
@@ -61,13 +58,11 @@ void ExpectRestoredGoesOnBitForBit(sim::FreshCourses fresh) {
   EXPECT_EQ(restored.actor.Save().Serialize(), whole.actor.Save().Serialize());
 }
 
-TEST(ActorOnCourses, RestoredGoesOnBitForBit) {
-  ExpectRestoredGoesOnBitForBit(sim::FreshCourses::kNone);
-}
+TEST(ActorOnCourses, RestoredGoesOnBitForBit) { ExpectRestoredGoesOnBitForBit({}); }
 
 TEST(ActorOnCourses, RestoredGoesOnBitForBitOnFreshAndLearnableCourses) {
-  ExpectRestoredGoesOnBitForBit(sim::FreshCourses::kBox);
-  ExpectRestoredGoesOnBitForBit(sim::FreshCourses::kStatic);
+  ExpectRestoredGoesOnBitForBit({sim::FreshKind::kBox});
+  ExpectRestoredGoesOnBitForBit({sim::FreshKind::kStatic, sim::FreshKind::kCrowds});
 }
 
 }  // namespace

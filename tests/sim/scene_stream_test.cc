@@ -1,10 +1,16 @@
 #include "sim/scene_stream.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <map>
+#include <string>
 #include <vector>
 
+#include "base/error.h"
+#include "base/file.h"
 #include "sim/courses/course_check.h"
+#include "sim/courses/course_file.h"
 #include "sim/courses/course_overlap.h"
 #include "sim/courses/course_sets.h"
 #include "sim/environments.h"
@@ -12,24 +18,25 @@
 namespace slalom::sim {
 namespace {
 
-constexpr FreshCourses kKinds[] = {FreshCourses::kStatic, FreshCourses::kBox, FreshCourses::kWall};
+constexpr FreshKind kKinds[] = {FreshKind::kStatic, FreshKind::kBox, FreshKind::kWall,
+                                FreshKind::kCrowds};
 
-CourseSet FirstOfStream(FreshCourses kind, std::uint64_t seed, int count) {
+CourseSet FirstOfStream(const FreshMix& mix, std::uint64_t seed, int count) {
   CourseSet set{"stream", {}};
   for (int i = 0; i < count; ++i) {
-    set.courses.push_back(std::make_shared<const Course>(GenerateStreamCourse(kind, seed, i)));
+    set.courses.push_back(std::make_shared<const Course>(GenerateStreamCourse(mix, seed, i)));
   }
   return set;
 }
 
 TEST(CourseStream, CoursesDependOnSeedAndNumberAloneAndCanBeDriven) {
-  for (const FreshCourses kind : kKinds) {
-    const CourseSet set = FirstOfStream(kind, 5, 30);
+  for (const FreshKind kind : kKinds) {
+    const CourseSet set = FirstOfStream({kind}, 5, 30);
     for (const int i : {29, 3, 11}) {
-      EXPECT_EQ(GenerateStreamCourse(kind, 5, i), *set.courses[i]);
+      EXPECT_EQ(GenerateStreamCourse({kind}, 5, i), *set.courses[i]);
       EXPECT_EQ(WhyUnsolvable(*set.courses[i]), std::nullopt);
     }
-    EXPECT_EQ(CountSharedCourses(set, FirstOfStream(kind, 6, 30)), 0);
+    EXPECT_EQ(CountSharedCourses(set, FirstOfStream({kind}, 6, 30)), 0);
     EXPECT_EQ(CountSharedCourses({"rest", {set.courses.begin() + 1, set.courses.end()}},
                                  {"first", {set.courses[0]}}),
               0);
@@ -38,20 +45,65 @@ TEST(CourseStream, CoursesDependOnSeedAndNumberAloneAndCanBeDriven) {
 
 // The same seed, on purpose: what a run is scored on must not be what it was trained on.
 TEST(CourseStream, SharesNoCourseWithAnySet) {
-  const CourseSet set = FirstOfStream(FreshCourses::kStatic, 1, 60);
+  const CourseSet set = FirstOfStream({FreshKind::kStatic}, 1, 60);
   for (const char* other : {"static", "static-validation", "generated:1:60"}) {
     EXPECT_EQ(CountSharedCourses(set, ResolveCourses(other, std::nullopt, 1)), 0) << other;
   }
-  EXPECT_EQ(CountSharedCourses(FirstOfStream(FreshCourses::kBox, 1, 60),
-                               ResolveCourses("generated-box:1:60", std::nullopt, 1)),
-            0);
-  EXPECT_EQ(CountSharedCourses(FirstOfStream(FreshCourses::kWall, 1, 60),
-                               ResolveCourses("generated-wall:1:60", std::nullopt, 1)),
-            0);
+  for (const FreshKind kind : kKinds) {
+    const std::string other = fmt::format("{}1:60", FreshCoursePrefix(kind));
+    EXPECT_EQ(
+        CountSharedCourses(FirstOfStream({kind}, 1, 60), ResolveCourses(other, std::nullopt, 1)), 0)
+        << other;
+  }
+}
+
+/// A course without its name, which tells its place in the stream.
+Course Unnamed(Course course) {
+  course.name.clear();
+  return course;
+}
+
+TEST(CourseStream, AMixHasTheCoursesOfItsKindsInTurn) {
+  const FreshMix mix = {FreshKind::kStatic, FreshKind::kCrowds, FreshKind::kStatic};
+  std::map<FreshKind, int> next;
+  for (int i = 0; i < 15; ++i) {
+    const FreshKind kind = mix[static_cast<std::size_t>(i % 3)];
+    const Course course = GenerateStreamCourse(mix, 5, i);
+    EXPECT_EQ(course.name, fmt::format("stream-5-{}", i));
+    EXPECT_EQ(Unnamed(course), Unnamed(GenerateStreamCourse({kind}, 5, next[kind]++))) << i;
+  }
+}
+
+// Runs name their courses by the seed alone.
+TEST(CourseStream, CoursesNeverChange) {
+  const auto checksum = [](FreshKind kind) {
+    return base::Checksum(PrintCourseSet(FirstOfStream({kind}, 1, 24)));
+  };
+  EXPECT_EQ(checksum(FreshKind::kStatic), 6013932312602908916ull);
+  EXPECT_EQ(checksum(FreshKind::kBox), 7647655440957750380ull);
+  EXPECT_EQ(checksum(FreshKind::kWall), 1111732065307178125ull);
+  EXPECT_EQ(checksum(FreshKind::kCrowds), 3641813071409139520ull);
+}
+
+TEST(FreshMix, IsReadFromNamesJoinedByPlus) {
+  EXPECT_EQ(ParseFreshMix("none"), FreshMix());
+  EXPECT_EQ(ParseFreshMix("box"), FreshMix({FreshKind::kBox}));
+  EXPECT_EQ(ParseFreshMix("static+crowds+static"),
+            FreshMix({FreshKind::kStatic, FreshKind::kCrowds, FreshKind::kStatic}));
+  for (const char* wrong : {"", "static+", "+box", "none+box", "crowd", "static, box"}) {
+    try {
+      (void)ParseFreshMix(wrong);
+      ADD_FAILURE() << wrong;
+    } catch (const base::Error& error) {
+      EXPECT_EQ(error.what(), fmt::format("\"{}\": expected \"none\", or one or more of static, "
+                                          "box, wall, crowds joined by \"+\"",
+                                          wrong));
+    }
+  }
 }
 
 TEST(SceneStream, AForgottenSceneIsMadeAgain) {
-  SceneStream stream(FreshCourses::kStatic, 5, 2);
+  SceneStream stream({FreshKind::kStatic}, 5, 2);
   const auto first = stream.Get(0);
   EXPECT_EQ(stream.Get(0), first) << "it is kept";
   (void)stream.Get(1);
@@ -81,13 +133,13 @@ std::vector<std::uint16_t> Drive(CourseEnvironments& environments, int course) {
 }
 
 TEST(EnvironmentsTest, AFreshCourseIsDrivenLikeANamedOne) {
-  for (const FreshCourses kind : kKinds) {
-    const CourseSet set = FirstOfStream(kind, 7, 4);
+  for (const FreshKind kind : kKinds) {
+    const CourseSet set = FirstOfStream({kind}, 7, 4);
     CourseEnvironments named({}, MakeScenes(set), 1, nullptr);
     CourseEnvironments fresh({}, MakeScenes({"one", {set.courses[2]}}), 1, nullptr, MakeRobots(),
-                             std::make_unique<SceneStream>(kind, 7, 1));
+                             std::make_unique<SceneStream>(FreshMix{kind}, 7, 1));
     CourseEnvironments only_fresh({}, {}, 1, nullptr, MakeRobots(),
-                                  std::make_unique<SceneStream>(kind, 7, 1));
+                                  std::make_unique<SceneStream>(FreshMix{kind}, 7, 1));
     ASSERT_FALSE(named.has_fresh_courses());
     ASSERT_TRUE(fresh.has_fresh_courses());
     for (int course = 0; course < 4; ++course) {

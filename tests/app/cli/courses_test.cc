@@ -51,9 +51,11 @@ TEST_F(CoursesTest, MovingObstaclesAreImportedListedShownAndDrawn) {
                               HasSubstr("real-world-3                1\n")));
 
   const ProgramResult show = Courses({"show", "coll/dynamic-box.courses"});
-  EXPECT_THAT(show.out, AllOf(HasSubstr("name:            barn-box-307\n"), HasSubstr(":"),
-                              HasSubstr("1 moving: rounds of 12.0 to 12.0 s, at most 1.41 m/s"),
-                              HasSubstr("warning:         1 of 1 moving obstacles drive over")));
+  EXPECT_THAT(
+      show.out,
+      AllOf(HasSubstr("name:            barn-box-307\n"), HasSubstr(":"),
+            HasSubstr("1 moving: rounds of 12.0 to 12.0 s, 1.12 m/s in the mean, at most 1.41 m/s"),
+            HasSubstr("warning:         1 of 1 moving obstacles drive over")));
 
   const ProgramResult render = Courses(
       {"render", "--collection", "coll", "--courses", "dynamic-wall", "--output", "wall.svg"});

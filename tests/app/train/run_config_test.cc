@@ -68,6 +68,25 @@ RunConfig OwnEnvironment() {
   return config;
 }
 
+TEST(CoursesConfigTest, FreshCoursesAreKindsJoinedByPlus) {
+  RunConfig config;
+  config.courses.train = "";
+  config.courses.fresh = "static+crowds";
+  EXPECT_NO_THROW(RequireCombination(config));
+  EXPECT_EQ(config.courses.Mix(),
+            sim::FreshMix({sim::FreshKind::kStatic, sim::FreshKind::kCrowds}));
+  EXPECT_FALSE(config.courses.has_named());
+  EXPECT_EQ(config.courses.DescribeTrain(), "fresh courses (static+crowds)");
+  config.courses.fresh = "static+crowd";
+  try {
+    RequireCombination(config);
+    ADD_FAILURE();
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), testing::StartsWith(
+                                  "courses.fresh: \"static+crowd\": expected \"none\", or one or"));
+  }
+}
+
 TEST(TaskConfigTest, AnOwnEnvironmentHasItsSizes) {
   const RunConfig config = OwnEnvironment();
   EXPECT_NO_THROW(RequireCombination(config));

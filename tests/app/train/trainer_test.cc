@@ -59,7 +59,7 @@ TEST(TrainerTest, ARunResumedAfterAKillEndsBitIdentical) { ExpectAKillChangesNot
 
 TEST(TrainerTest, ARunOnLearnableCoursesResumedAfterAKillEndsBitIdentical) {
   RunConfig config = SmallRun();
-  config.courses.fresh = sim::FreshCourses::kStatic;
+  config.courses.fresh = "static+crowds";
   config.courses.sampling.sampling = actor::Sampling::kLearnable;
   ExpectAKillChangesNothing(config);
   config.courses.train = "";

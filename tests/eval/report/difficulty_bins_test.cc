@@ -35,6 +35,21 @@ TEST(MeasureCourses, LeavesOutWhatDoesNotTellCoursesApart) {
   EXPECT_TRUE(MeasureCourses(MakeCourses(1, true)).empty());
 }
 
+TEST(MeasureCourses, MeasuresWhatMoves) {
+  sim::CourseSet set{"made", {}};
+  for (const double period : {2.0, 4.0}) {
+    sim::Course course;
+    course.goal_W = {10.0, 0.0};
+    course.bounds = {{0.0, 0.0}, {10.0, 5.0}};
+    course.moving.resize(1);
+    course.moving[0].key_frames = {{0.0, {}}, {period, {{8.0, 0.0}, 0.0}}};
+    set.courses.push_back(std::make_shared<const sim::Course>(std::move(course)));
+  }
+  const std::vector<CourseMeasure> measures = MeasureCourses(set);
+  EXPECT_EQ(Keys(measures), std::vector<std::string>{"speed"}) << "both have 2 on 100 m^2";
+  EXPECT_EQ(measures[0].values, (std::vector<double>{4.0, 2.0}));
+}
+
 TEST(BinCourses, CutsTheOrderIntoEqualParts) {
   const CourseMeasure measure{"m", "m", "", {5, 1, 4, 2, 3, 9, 8, 7, 6, 0}};
   const std::vector<CourseBin> bins = BinCourses(measure);

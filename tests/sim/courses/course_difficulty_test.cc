@@ -71,5 +71,19 @@ TEST(CourseDifficulty, NormalisedHasMeanZeroAndDeviationOne) {
   EXPECT_EQ(Normalise(all[0], same), Difficulty{});
 }
 
+TEST(MeasureMotion, CountsFromTheKeyFrames) {
+  Course course;
+  course.bounds = {{-5.0, -2.0}, {5.0, 2.0}};  // 40 m^2.
+  EXPECT_EQ(MeasureMotion(course).density, 0.0);
+  MovingObstacle obstacle;
+  obstacle.radius = 0.3;
+  obstacle.key_frames = {{0.0, {{0.0, 0.0}, 0.0}}, {4.0, {{3.0, 4.0}, 0.0}}};
+  course.moving.push_back(obstacle);  // 1.25 m/s.
+  obstacle.key_frames.push_back({8.0, {{3.0, 4.0}, 1.0}});
+  course.moving.push_back(obstacle);  // 0.625 m/s.
+  EXPECT_DOUBLE_EQ(MeasureMotion(course).density, 0.05);
+  EXPECT_DOUBLE_EQ(MeasureMotion(course).mean_speed, 0.9375);
+}
+
 }  // namespace
 }  // namespace slalom::sim

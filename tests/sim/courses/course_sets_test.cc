@@ -17,6 +17,7 @@
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_generator.h"
 #include "sim/courses/course_splits.h"
+#include "sim/courses/crowd_generator.h"
 #include "sim/pictures/course_render.h"
 #include "sim/pictures/course_text.h"
 #include "tests/sim/courses/barn_data.h"
@@ -201,7 +202,7 @@ TEST(CourseSets, GeneratedHasAsManyAsAsked) {
                                  "generated:1:5x", "generated:1:999999999"}) {
     EXPECT_THAT(ErrorOf(spec), AllOf(HasSubstr(spec), HasSubstr("generated:SEED:COUNT"))) << spec;
   }
-  for (const std::string kind : {"box", "wall"}) {
+  for (const std::string kind : {"box", "wall", "crowds"}) {
     const CourseSet moving = ResolveCourses("generated-" + kind + ":9:120", std::nullopt, 1);
     EXPECT_EQ(Names(moving).size(), 120u);
     EXPECT_EQ(moving.courses[119]->name, "fresh-" + kind + "-9-119");
@@ -209,6 +210,25 @@ TEST(CourseSets, GeneratedHasAsManyAsAsked) {
     EXPECT_THAT(ErrorOf("generated-" + kind + ":9"),
                 HasSubstr("generated-" + kind + ":SEED:COUNT"));
   }
+}
+
+TEST(CourseSets, SeveralSetsAreJoined) {
+  const test::ScratchDirectory scratch;
+  const std::string file = (scratch.path() / "a+b.courses").string();
+  WriteCourseSet(file, {"mine", GenerateFreshCourses(2, 3).courses});
+  EXPECT_EQ(Names(ResolveCourses(file, std::nullopt, 1)).size(), 3u) << "a file's name may have it";
+  const CourseSet set =
+      ResolveCourses("static-train-5+generated-crowds:4:2+real-world-1", std::nullopt, 1);
+  ASSERT_EQ(set.courses.size(), 8u);
+  EXPECT_EQ(*set.courses[0], *ResolveCourses("static-train-5", std::nullopt, 1).courses[0]);
+  EXPECT_EQ(*set.courses[6], *GenerateFreshCrowdCourses(4, 2).courses[1]);
+  EXPECT_EQ(set.courses[7]->name, "real-world-1");
+  EXPECT_THAT(ErrorOf("static-train-5+static-tset"), HasSubstr("\"static-tset\" is neither"));
+  EXPECT_THAT(ErrorOf("static-train-5+"), HasSubstr("\"\" is neither"));
+  EXPECT_THAT(
+      ErrorOf("static-train-10+static-train-5"),
+      AllOf(HasSubstr("\"static-train-10+static-train-5\": two of these sets hold a course"),
+            HasSubstr("expected sets whose courses have different names")));
 }
 
 TEST(CourseSets, UnknownNameListsWhatThereIs) {

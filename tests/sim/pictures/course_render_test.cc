@@ -244,8 +244,10 @@ TEST(CourseText, DrawsWhatMovesAndItsWay) {
             "..:...\n"
             "S.m...\n");
   // Rounds of 4 s there and back, and 1 s; 0.75 m in 2 s is at most 1.25 times as fast midway.
-  EXPECT_THAT(DescribeText(course),
-              HasSubstr("2 moving: rounds of 1.0 to 4.0 s, at most 0.47 m/s"));
+  // The mean is of 0.75 / 2 and 0.3 m/s.
+  EXPECT_THAT(
+      DescribeText(course),
+      HasSubstr("2 moving: rounds of 1.0 to 4.0 s, 0.34 m/s in the mean, at most 0.47 m/s"));
 }
 
 }  // namespace
