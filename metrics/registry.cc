@@ -215,7 +215,7 @@ void Registry::Beat(Clock::time_point now) {
 
 std::string Registry::standstill(Clock::time_point now) const {
   base::MutexLock lock(impl_->fault_mutex);
-  const std::optional<Clock::time_point>& beat = impl_->beat;
+  const std::optional<Clock::time_point> beat = impl_->beat;
   if (!beat || now - *beat <= kStandstill) return "";
   return fmt::format("the main loop has stood still for {:.0f} s",
                      std::chrono::duration<double>(now - *beat).count());

@@ -175,7 +175,8 @@ void BackUp(const fs::path& state, const fs::path& target) {
   // The replay server first: what its copy does not hold and an actor's does is counted as lost by
   // the server. The other way round, steps would be on the server that no actor knows of.
   std::vector<fs::path> roles = base::ListDirectory(state);
-  std::ranges::stable_partition(roles, [](const fs::path& p) { return p.filename() == "replay"; });
+  std::stable_partition(roles.begin(), roles.end(),
+                        [](const fs::path& path) { return path.filename() == "replay"; });
   for (const fs::path& role : roles) {
     if (fs::is_directory(role)) CopyRole(role, unfinished / role.filename(), &copied);
   }

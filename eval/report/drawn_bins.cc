@@ -109,6 +109,7 @@ std::vector<DrawnFieldBins> BinByDrawnFields(std::span<const Result> results,
     for (const DrawnField& field : results[r].drawn) fields.emplace(field.key, &field);
   }
   std::vector<DrawnFieldBins> bins;
+  bins.reserve(fields.size());
   for (const auto& [key, field] : fields) {
     bins.push_back(
         {key, field->unit,

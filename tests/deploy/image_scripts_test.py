@@ -70,6 +70,14 @@ class Scripts(StandIns):
             self.assertEqual(process.wait(timeout=60), 143)
             process.stdout.close()
 
+    def test_a_role_that_was_told_to_stop_and_fails_says_so(self):
+        self.stand_in("slalom", "trap 'exit 1' TERM; echo started; while :; do read -rt 1 <> <(:) || :; done")
+        process = subprocess.Popen([IMAGE / "role", "actor"], env=self.environment, stdout=subprocess.PIPE, text=True)
+        self.assertEqual(process.stdout.readline(), "started\n")
+        process.send_signal(signal.SIGTERM)
+        self.assertEqual(process.wait(timeout=60), 1)
+        process.stdout.close()
+
     def test_health_is_asked_where_no_stranger_is(self):
         status = [200]
 
