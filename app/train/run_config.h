@@ -72,8 +72,8 @@ struct CoursesConfig : CollectionConfig {
       "by + (docs/courses.md). Empty: only fresh ones (courses.fresh).");
     v("fresh", fresh,
       "Generated courses without end to train on, besides those of courses.train or in their "
-      "place: static, box, wall (with boxes or walls that move), crowds, several of these in turn "
-      "joined by +, or none.");
+      "place: static, box, wall (with boxes or walls that move), crowds, halls, rooms, several of "
+      "these in turn joined by +, or none.");
     sampling.Visit(v);
     v("test", test,
       "Courses on which the trained policy is scored; they should not be among the training "

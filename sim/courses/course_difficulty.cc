@@ -41,66 +41,74 @@ double Distance(Cell a, Cell b) {
   return std::sqrt(static_cast<double>(rows * rows + cols * cols));
 }
 
-double DistanceToObstacle(const FieldGrid& blocked, Cell cell) {
+/// Looks at ever larger squares round the cell, until no cell outside can be nearer.
+double DistanceToObstacle(const PathGrid& grid, Cell cell) {
+  const int largest = std::max(grid.num_rows(), grid.num_cols());
   int best = std::numeric_limits<int>::max();
-  for (int row = 0; row < kFieldSize; ++row) {
-    for (int col = 0; col < kFieldSize; ++col) {
-      if (!blocked.filled({row, col})) continue;
-      const int rows = row - cell.row;
-      const int cols = col - cell.col;
-      best = std::min(best, rows * rows + cols * cols);
+  const auto look_at = [&](int rows, int cols) {
+    const Cell other{cell.row + rows, cell.col + cols};
+    if (grid.Holds(other) && grid.blocked(other)) best = std::min(best, rows * rows + cols * cols);
+  };
+  for (int reach = 0; reach < largest && reach * reach < best; ++reach) {
+    for (int along = -reach; along <= reach; ++along) {
+      look_at(-reach, along);
+      look_at(reach, along);
+      look_at(along, -reach);
+      look_at(along, reach);
     }
   }
   // In a field without walls: the distance from the middle of the field to its sides.
-  if (best == std::numeric_limits<int>::max()) return 0.5 * (kFieldSize - 1);
+  if (best == std::numeric_limits<int>::max()) {
+    return 0.5 * (std::min(grid.num_rows(), grid.num_cols()) - 1);
+  }
   return std::sqrt(static_cast<double>(best));
 }
 
-double Visibility(const FieldGrid& blocked, Cell cell) {
+double Visibility(const PathGrid& grid, Cell cell) {
   int total = 0;
   int num_rays = 0;
   for (const Cell& ray : kRays) {
     int free = 0;
     Cell at = cell;
-    while (IsInField(at) && !blocked.filled(at)) {
+    while (grid.Holds(at) && !grid.blocked(at)) {
       ++free;
       at = Step(at, ray);
     }
-    if (!IsInField(at)) continue;
+    if (!grid.Holds(at)) continue;
     total += free;
     ++num_rays;
   }
   return num_rays == 0 ? 0.0 : static_cast<double>(total) / num_rays;
 }
 
-bool EndsNearby(const FieldGrid& blocked, Cell cell, Cell ray) {
+bool EndsNearby(const PathGrid& grid, Cell cell, Cell ray) {
   const int stride = std::max(std::abs(ray.row), std::abs(ray.col));
   for (int gone = 0; gone < kDispersionRadius; gone += stride) {
     cell = Step(cell, ray);
-    if (!IsInField(cell)) return false;
-    if (blocked.filled(cell)) return true;
+    if (!grid.Holds(cell)) return false;
+    if (grid.blocked(cell)) return true;
   }
   return false;
 }
 
-int Dispersion(const FieldGrid& blocked, Cell cell) {
+int Dispersion(const PathGrid& grid, Cell cell) {
   int changes = 0;
-  bool last = EndsNearby(blocked, cell, kFan.back());
+  bool last = EndsNearby(grid, cell, kFan.back());
   for (const Cell& ray : kFan) {
-    const bool ends = EndsNearby(blocked, cell, ray);
+    const bool ends = EndsNearby(grid, cell, ray);
     changes += ends != last;
     last = ends;
   }
   return changes;
 }
 
-double CharacteristicDimension(const FieldGrid& blocked, Cell cell) {
-  double best = 2.0 * kFieldSize;
+double CharacteristicDimension(const PathGrid& grid, Cell cell) {
+  double best = 2.0 * std::max(grid.num_rows(), grid.num_cols());
   for (const Cell& axis : kAxes) {
     int free = 0;
     for (const int way : {1, -1}) {
       const Cell move{way * axis.row, way * axis.col};
-      for (Cell at = Step(cell, move); IsInField(at) && !blocked.filled(at); at = Step(at, move)) {
+      for (Cell at = Step(cell, move); grid.Holds(at) && !grid.blocked(at); at = Step(at, move)) {
         ++free;
       }
     }
@@ -121,7 +129,7 @@ constexpr std::array kMeasures = {&Difficulty::distance_to_obstacle, &Difficulty
 
 }  // namespace
 
-Difficulty MeasureDifficulty(const FieldGrid& blocked, std::span<const Cell> path) {
+Difficulty MeasureDifficulty(const PathGrid& blocked, std::span<const Cell> path) {
   SLALOM_CHECK_GE(path.size(), 2u);
   SLALOM_CHECK(path.front() != path.back());
   Difficulty sum;
@@ -134,6 +142,10 @@ Difficulty MeasureDifficulty(const FieldGrid& blocked, std::span<const Cell> pat
   const auto n = static_cast<double>(path.size());
   return {sum.distance_to_obstacle / n, sum.visibility / n, sum.dispersion / n,
           sum.characteristic_dimension / n, Tortuosity(path)};
+}
+
+Difficulty MeasureDifficulty(const FieldGrid& blocked, std::span<const Cell> path) {
+  return MeasureDifficulty(PathGrid(blocked), path);
 }
 
 Difficulty Normalise(const Difficulty& difficulty, std::span<const Difficulty> all) {

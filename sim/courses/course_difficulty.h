@@ -5,6 +5,7 @@
 
 #include "sim/courses/barn_field.h"
 #include "sim/courses/course.h"
+#include "sim/courses/course_path.h"
 
 /// How hard a course is: by the five measures of Perille et al. 2020, "Benchmarking Metric Ground
 /// Navigation" (docs/original-system.md, section 7.1), whose unit of length is a cell of 0.15 m,
@@ -27,6 +28,7 @@ namespace slalom::sim {
 /// The published code rounds visibility down to whole cells (Python 2 division); this function does
 /// not.
 /// Requires: path.size() >= 2, first cell != last cell, every cell in the field.
+Difficulty MeasureDifficulty(const PathGrid& blocked, std::span<const Cell> path);
 Difficulty MeasureDifficulty(const FieldGrid& blocked, std::span<const Cell> path);
 
 /// Normalises a course's measures: subtracts their mean over `all` and divides by their standard

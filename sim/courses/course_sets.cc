@@ -21,8 +21,10 @@
 #include "sim/courses/course_splits.h"
 #include "sim/courses/crowd_generator.h"
 #include "sim/courses/dynamic_generator.h"
+#include "sim/courses/hall_generator.h"
 #include "sim/courses/real_world_courses.h"
 #include "sim/courses/reference_path.h"
+#include "sim/courses/room_generator.h"
 
 namespace slalom::sim {
 namespace {
@@ -38,7 +40,9 @@ struct FreshSource {
 constexpr FreshSource kFreshSources[] = {{"generated:", GenerateFreshCourses},
                                          {"generated-box:", GenerateFreshBoxCourses},
                                          {"generated-wall:", GenerateFreshWallCourses},
-                                         {"generated-crowds:", GenerateFreshCrowdCourses}};
+                                         {"generated-crowds:", GenerateFreshCrowdCourses},
+                                         {"generated-halls:", GenerateFreshHallCourses},
+                                         {"generated-rooms:", GenerateFreshRoomCourses}};
 constexpr std::string_view kRealWorldPrefix = "real-world-";
 constexpr std::string_view kValidation = "static-validation";
 constexpr int kMaxGenerated = 100000;

@@ -20,8 +20,8 @@ namespace slalom::sim {
 ///   `GenerateStaticCourses`, `GenerateBoxCourses` and `GenerateWallCourses` with `generator_seed`;
 /// - "real-world-1", "-2", "-3": the one `RealWorldCourse`, with or without a collection;
 /// - "generated:SEED:COUNT", "generated-box:SEED:COUNT", "generated-wall:SEED:COUNT",
-///   "generated-crowds:SEED:COUNT": fresh courses of `GenerateFreshCourses` and its like, with or
-///   without a collection;
+///   "generated-crowds:SEED:COUNT", "generated-halls:SEED:COUNT", "generated-rooms:SEED:COUNT":
+///   fresh courses of `GenerateFreshCourses` and its like, with or without a collection;
 /// - a path to a course or course-set file, or to a directory whose *.course and *.courses files,
 ///   ordered by name, are the set;
 /// - several of these joined by "+", unless there is a file of the whole name: all courses of the

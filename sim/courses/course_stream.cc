@@ -13,6 +13,8 @@
 #include "sim/courses/course_generator.h"
 #include "sim/courses/crowd_generator.h"
 #include "sim/courses/dynamic_generator.h"
+#include "sim/courses/hall_generator.h"
+#include "sim/courses/room_generator.h"
 
 namespace slalom::sim {
 namespace {
@@ -33,6 +35,10 @@ Course GenerateOfKind(FreshKind kind, std::string name, std::uint64_t seed, int 
       return GenerateWallCourse(std::move(name), {}, own);
     case FreshKind::kCrowds:
       return GenerateCrowdCourse(std::move(name), {}, own);
+    case FreshKind::kHalls:
+      return GenerateHallCourse(std::move(name), {}, own);
+    case FreshKind::kRooms:
+      return GenerateRoomCourse(std::move(name), {}, own);
   }
   base::CheckFailed(__FILE__, __LINE__, "no generator");
 }

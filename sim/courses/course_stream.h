@@ -11,8 +11,10 @@
 namespace slalom::sim {
 
 /// A generator of fresh courses for training.
-enum class FreshKind { kStatic, kBox, kWall, kCrowds };
-inline base::OneOf EnumNames(FreshKind) { return {"static", "box", "wall", "crowds"}; }
+enum class FreshKind { kStatic, kBox, kWall, kCrowds, kHalls, kRooms };
+inline base::OneOf EnumNames(FreshKind) {
+  return {"static", "box", "wall", "crowds", "halls", "rooms"};
+}
 
 /// The generators of a training's fresh courses, in turn: course n is of kind n % size. A kind may
 /// occur several times. Empty: there are no fresh courses.
@@ -30,7 +32,7 @@ FreshMix ParseFreshMix(std::string_view text);
 /// stream, whatever the seeds, so a score on generated courses is a score on unseen ones.
 ///
 /// Requires: !mix.empty(), number >= 0. Cost: on average 0.7 ms for a static course or a crowd,
-/// 0.1 ms for a course with boxes or walls.
+/// 0.1 ms for a course with boxes or walls, 5 ms for a hall, 4 ms for rooms.
 Course GenerateStreamCourse(const FreshMix& mix, std::uint64_t seed, int number);
 
 }  // namespace slalom::sim

@@ -19,4 +19,12 @@ namespace slalom::sim {
 /// area.
 std::vector<base::Vec2> FindReferencePath(const Course& course);
 
+/// Gives a course its reference path and its difficulty, or returns false if no path keeps
+/// `clearance` [m] from the robot's centre to fixed obstacles on cells of 0.15 m. The path is empty
+/// if the straight line keeps it; the difficulty is measured along the cells even so.
+///
+/// Requires: no fixed obstacle is nearer than `clearance` to start or goal, both are inside the
+/// bounds. Cost: some milliseconds for 30 m x 30 m.
+bool AddReferencePath(Course& course, double clearance);
+
 }  // namespace slalom::sim

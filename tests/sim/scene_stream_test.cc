@@ -18,8 +18,8 @@
 namespace slalom::sim {
 namespace {
 
-constexpr FreshKind kKinds[] = {FreshKind::kStatic, FreshKind::kBox, FreshKind::kWall,
-                                FreshKind::kCrowds};
+constexpr FreshKind kKinds[] = {FreshKind::kStatic, FreshKind::kBox,   FreshKind::kWall,
+                                FreshKind::kCrowds, FreshKind::kHalls, FreshKind::kRooms};
 
 CourseSet FirstOfStream(const FreshMix& mix, std::uint64_t seed, int count) {
   CourseSet set{"stream", {}};
@@ -83,6 +83,8 @@ TEST(CourseStream, CoursesNeverChange) {
   EXPECT_EQ(checksum(FreshKind::kBox), 7647655440957750380ull);
   EXPECT_EQ(checksum(FreshKind::kWall), 1111732065307178125ull);
   EXPECT_EQ(checksum(FreshKind::kCrowds), 3641813071409139520ull);
+  EXPECT_EQ(checksum(FreshKind::kHalls), 2994435337359094707ull);
+  EXPECT_EQ(checksum(FreshKind::kRooms), 695205393682938293ull);
 }
 
 TEST(FreshMix, IsReadFromNamesJoinedByPlus) {
@@ -96,7 +98,7 @@ TEST(FreshMix, IsReadFromNamesJoinedByPlus) {
       ADD_FAILURE() << wrong;
     } catch (const base::Error& error) {
       EXPECT_EQ(error.what(), fmt::format("\"{}\": expected \"none\", or one or more of static, "
-                                          "box, wall, crowds joined by \"+\"",
+                                          "box, wall, crowds, halls, rooms joined by \"+\"",
                                           wrong));
     }
   }
