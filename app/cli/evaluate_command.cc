@@ -355,7 +355,7 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
   command->add_option("--protocol", options->protocol,
                       "The rules: paper, dwa-runs or barn-challenge [paper]");
   command->add_option(
-      "--physics", options->physics,
+      train::kPhysicsOption, options->physics,
       "What moves the robot: slalom, ode or mujoco, several with commas, or all; "
       "several are compared in the same episodes (docs/physics-engines.md) [slalom]");
   command

@@ -35,6 +35,7 @@
 #include "base/log.h"
 #include "base/progress.h"
 #include "base/version.h"
+#include "sim/engines/physics.h"
 
 namespace slalom::cli {
 namespace {
@@ -73,6 +74,21 @@ void RequireDisk(const std::vector<sweep::Cell>& cells, const fs::path& store, i
                   "cells at once (--at-once) or choose another place (--output)",
                   store.string(), base::FormatBytes(static_cast<double>(needed)),
                   base::FormatBytes(static_cast<double>(available))));
+}
+
+/// Throws `base::Error` if this program was built without a physics engine that a missing score is
+/// driven in.
+void RequirePhysics(const std::vector<sweep::Cell>& cells, const SweepOptions& options) {
+  for (const sweep::Cell& cell : cells) {
+    for (const sweep::ScoreTask& task : cell.scores) {
+      if (sweep::IsScored(options.store, cell, task)) continue;
+      try {
+        (void)engines::FindPhysics(task.physics);
+      } catch (const base::Error& error) {
+        throw base::Error(fmt::format("{}: score '{}': {}", options.plan, task.name, error.what()));
+      }
+    }
+  }
 }
 
 /// Returns the time left with this machine's cores, [s]; none: not known.
@@ -280,6 +296,7 @@ int RunSweep(const SweepOptions& options, const Sweep& sweep) {
     slots.threads = options.threads;
     slots.pinned = false;
   }
+  RequirePhysics(sweep.chosen, options);
   RequireDisk(sweep.chosen, options.store, slots.at_once);
   const train::Platform platform = train::ThisPlatform();
   sweep::BeginPlan(options.store, sweep.plan, sweep.all, platform, std::string(base::Commit()));

@@ -412,6 +412,7 @@ class Expansion {
     ScoreTask base;
     base.name = score.name;
     base.courses = score.courses;
+    base.physics = score.physics;
     std::string what_decides;
     std::vector<int> snapshots;
     if constexpr (kIsPolicy) {
@@ -450,13 +451,16 @@ class Expansion {
     auto evaluation = task.evaluation;
     // Changes the speed alone.
     evaluation.num_environments = eval::EvaluationConfig{}.num_environments;
+    // Digests of before scores had a physics stay.
+    const std::string other_physics = score.physics == "slalom" ? "" : "\n" + score.physics;
     snapshots.insert(snapshots.begin(), 0);
     for (const int steps : snapshots) {
       ScoreTask one = base;
       one.snapshot_steps = steps;
       one.digest = train::Digest(fmt::format("{}\n{}\n{}\n{}\n{}", courses.digest,
                                              config::Changes(task.environment),
-                                             config::Changes(evaluation), what_decides, steps));
+                                             config::Changes(evaluation), what_decides, steps) +
+                                 other_physics);
       cell.scores.push_back(std::move(one));
     }
   }

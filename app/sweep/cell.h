@@ -17,6 +17,7 @@ struct ScoreTask {
   std::string digest;   ///< Digest (16 hex digits) of all that decides its result but the policy.
   std::string task;     ///< The config of the evaluation: TOML, every key.
   std::string courses;  ///< Course set as `--courses` takes it.
+  std::string physics;  ///< What moves the robot, as `--physics` takes it.
   int num_courses = 0;  ///< Number of courses in that set.
   std::int64_t num_episodes = 0;
   std::int64_t snapshot_steps = 0;  ///< Steps of the scored snapshot; 0: the final policy.

@@ -34,6 +34,8 @@ std::vector<std::string> EvaluateCommand(const fs::path& program, const Cell& ce
           score.config.string(),
           train::kCoursesOption,
           task.courses,
+          train::kPhysicsOption,
+          task.physics,
           train::kOutputOption,
           score.output.string(),
           train::kForceOption,

@@ -19,6 +19,8 @@ inline base::OneOf QuantityKeys() {
   return {"success_rate", "collision_rate", "survival_time_s", "traversal_time_s"};
 }
 
+inline base::OneOf PhysicsNames() { return {"slalom", "ode", "mujoco"}; }
+
 /// What trains a cell.
 enum class Trainer { kProcess, kService };
 inline base::OneOf EnumNames(Trainer) { return {"process", "service"}; }
@@ -164,6 +166,7 @@ struct Score {
   int episodes = 0;
   std::vector<std::string> profiles;
   base::TomlAssignments set;
+  std::string physics = "slalom";
   bool planning = false;
   bool snapshots = false;
 
@@ -183,6 +186,9 @@ struct Score {
     v("profiles", profiles,
       "TOML files, as paths relative to the plan, whose [environment] is laid over the task.");
     v("set", set, "Keys of [environment], [evaluation] and [mpc] for this score.");
+    v("physics", physics, PhysicsNames(), "",
+      "What moves the robot: Slalom's own physics or another engine, if the program is built with "
+      "it.");
     v("planning", planning, "Plan with the policy's transition model (mpc.enabled).");
     v("snapshots", snapshots,
       "Score the policies of run.snapshot_steps, too, for curves of sample efficiency.");

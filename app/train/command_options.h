@@ -10,6 +10,7 @@ inline constexpr char kForceOption[] = "--force";
 inline constexpr char kNameOption[] = "--name";
 inline constexpr char kNoEvaluationOption[] = "--no-evaluation";
 inline constexpr char kOutputOption[] = "--output";
+inline constexpr char kPhysicsOption[] = "--physics";
 inline constexpr char kPolicyOption[] = "--policy";
 inline constexpr char kResumeOption[] = "--resume";
 inline constexpr char kThreadsOption[] = "--threads";

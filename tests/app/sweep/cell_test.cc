@@ -339,10 +339,12 @@ TEST(CellTest, AScoreIsNamedByAllThatDecidesIt) {
   };
   const std::string base = digest("");
   EXPECT_EQ(digest("label = \"other\"\n"), base);
+  EXPECT_EQ(digest("physics = \"slalom\"\n"), base);
   EXPECT_EQ(digest("set = {evaluation.num_environments = 3}\n"), base) << "changes the speed alone";
   std::set<std::string> different = {base};
-  for (const std::string more : {"protocol = \"dwa-runs\"\n", "set = {evaluation.seed = 9}\n",
-                                 "set = {environment.robot.command_delay = 0.04}\n"}) {
+  for (const std::string more :
+       {"protocol = \"dwa-runs\"\n", "set = {evaluation.seed = 9}\n", "physics = \"ode\"\n",
+        "physics = \"mujoco\"\n", "set = {environment.robot.command_delay = 0.04}\n"}) {
     EXPECT_TRUE(different.insert(digest(more)).second) << more;
   }
 }
