@@ -80,6 +80,13 @@ nn::ModelShape PolicySpec::model_shape() const {
                             planning.goal);
 }
 
+PolicySnapshot WithoutPlanning(PolicySnapshot snapshot) {
+  snapshot.spec.planning = {};
+  snapshot.model_weights = nullptr;
+  snapshot.critic_weights = nullptr;
+  return snapshot;
+}
+
 PolicySnapshot ZeroSnapshot(const PolicySpec& spec) {
   const auto zeros = [](std::int64_t n) {
     return std::make_shared<const std::vector<float>>(static_cast<std::size_t>(n), 0.0f);

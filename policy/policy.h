@@ -106,6 +106,9 @@ struct PolicySnapshot {
   std::shared_ptr<const std::vector<float>> critic_weights = nullptr;
 };
 
+/// The policy without its model and critic, which only agents that plan need.
+PolicySnapshot WithoutPlanning(PolicySnapshot snapshot);
+
 /// A policy of version -1 whose weights are all 0.
 PolicySnapshot ZeroSnapshot(const PolicySpec& spec);
 

@@ -208,12 +208,15 @@ struct SnapshotRequest {
   std::int64_t held_version = -1;
   std::string name;
   bool shipped = false;
+  bool without_model = false;
 
   template <class Self, class Visitor>
   static void Visit(Self& m, Visitor& v) {
     v(1, SLALOM_FIELD(held_version), AtLeast{-1}, "version held; -1: none");
     v(2, SLALOM_FIELD(name), Name{}, "name of the process that asks");
     v(3, SLALOM_FIELD(shipped), Any{}, "1: the policy that the run would save, not the acting one");
+    v(4, SLALOM_FIELD(without_model), Any{},
+      "1: the acting one without its transition model and critic, which only planning needs");
   }
 };
 

@@ -23,12 +23,12 @@ constexpr std::chrono::minutes kSayAskRefusal{1};
 }  // namespace
 
 PolicyLink::PolicyLink(transport::Context& context, const transport::ClientOptions& learner,
-                       std::string name, InstallPolicy install, bool shipped)
+                       std::string name, InstallPolicy install, PolicyKind kind)
     : client_(context, learner),
       endpoint_(learner.endpoint),
       name_(std::move(name)),
       install_(std::move(install)),
-      shipped_(shipped) {}
+      kind_(kind) {}
 
 bool PolicyLink::Poll() {
   bool installed = false;
@@ -59,8 +59,8 @@ bool PolicyLink::Poll() {
 }
 
 void PolicyLink::Ask() {
-  const std::string header =
-      proto::Encode(proto::SnapshotRequest{newest_seen_, name_, shipped_}, {});
+  const proto::SnapshotRequest request{newest_seen_, name_, kind_.shipped, kind_.without_model};
+  const std::string header = proto::Encode(request, {});
   if (!client_.Send({transport::Frame::Copy(header), {}})) return;
   asked_ = true;
   asked_at_ = steady_clock::now();

@@ -18,15 +18,21 @@ namespace slalom::service {
 using InstallPolicy =
     std::function<std::optional<base::Failure>(std::span<const std::byte> policy)>;
 
+/// The policy that a process asks the learner for: the acting one or, if it is `shipped`, the one
+/// that the run would save.
+struct PolicyKind {
+  bool shipped = false;
+  bool without_model = false;  ///< The acting one without what only planning needs.
+};
+
 /// Keeps an actor or evaluator at the learner's newest policy. It asks for a policy newer than the
 /// one held, and asks again when one has come, after a reconnect, and after seconds without an
 /// answer. A policy that cannot be installed is passed over, and the one held stays. Confined to
 /// one thread.
 class PolicyLink {
  public:
-  /// `shipped`: whether to ask for the policy that the run would save, not for the acting one.
   PolicyLink(transport::Context& context, const transport::ClientOptions& learner, std::string name,
-             InstallPolicy install, bool shipped = false);
+             InstallPolicy install, PolicyKind kind = {});
 
   /// Handles the messages that have come, without waiting, and asks for more. Returns whether a new
   /// policy was installed. Throws `base::Error` if the learner refuses this process for good, or
@@ -53,7 +59,7 @@ class PolicyLink {
   const std::string endpoint_;
   const std::string name_;
   const InstallPolicy install_;
-  const bool shipped_;
+  const PolicyKind kind_;
   std::int64_t version_ = -1;
   std::int64_t newest_seen_ = -1;  ///< The version held, or one that could not be installed.
   std::int64_t received_ = 0;

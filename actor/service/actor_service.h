@@ -33,6 +33,7 @@ struct ActorIdentity {
   std::uint64_t spec_hash = 0;
   proto::RunIdentity run;
   std::string course_set;  ///< The course set trained on, for metrics.
+  bool plans = false;      ///< Whether it needs policies with their transition model.
   transport::ClientOptions replay;
   transport::ClientOptions learner;
 };

@@ -131,8 +131,10 @@ int RunActor(const train::ServiceOptions& options) {
   base::ParallelFor parallel(config.run.simulation_threads);
   sim::CourseEnvironments environments = train::MakeTrainingEnvironments(config, parallel);
   // Drives nothing before the learner's first policy takes its place.
-  const auto agent = policy::MakePolicyAgent(policy::ZeroSnapshot(train::MakePolicySpec(config)),
-                                             config.mpc, train::SeedOf(config, "mpc"));
+  policy::PolicySnapshot first = policy::ZeroSnapshot(train::MakePolicySpec(config));
+  if (!config.mpc.enabled) first = policy::WithoutPlanning(std::move(first));
+  const auto agent =
+      policy::MakePolicyAgent(std::move(first), config.mpc, train::SeedOf(config, "mpc"));
   train::DriveActor(process, environments, *agent, config.courses.DescribeTrain(), signals.token());
   return base::kExitOk;
 }

@@ -14,7 +14,7 @@ actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& en
                               policy::PolicyAgent& agent, std::string course_set,
                               std::stop_token stop, const std::function<void()>& between) {
   const RunConfig& config = process.config();
-  const policy::PolicySpec spec = MakePolicySpec(config);
+  const policy::PolicySpec spec = agent.snapshot().spec;
   const auto install = [&](std::span<const std::byte> bytes) -> std::optional<base::Failure> {
     auto snapshot = ReadPolicy(bytes, spec);
     if (!snapshot) return snapshot.failure();
@@ -28,6 +28,7 @@ actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& en
   identity.spec_hash = process.spec_hash();
   identity.run = ServiceIdentity(config);
   identity.course_set = std::move(course_set);
+  identity.plans = spec.planning.is_carried();
   identity.replay = process.replay();
   identity.learner = process.learner();
   actor::ActorService actor(config.actor_service, config.actor, config.courses.sampling,
@@ -41,6 +42,7 @@ base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes
                                                 const policy::PolicySpec& spec) {
   try {
     policy::PolicySnapshot snapshot = policy::ParsePolicy(bytes, "the policy received").snapshot;
+    if (!spec.planning.is_carried()) snapshot = policy::WithoutPlanning(std::move(snapshot));
     policy::RequireSameSpec("the policy received", snapshot.spec, spec);
     return snapshot;
   } catch (const base::Error& error) {

@@ -13,14 +13,16 @@
 namespace slalom::train {
 
 /// Runs the actor of `process` until `stop`: `agent`, which starts with any policy of the run's
-/// spec, drives `environments` by the learner's policies, and their rows go to the replay server.
-/// `course_set`: what is driven, for metrics. `between`: as `ActorService::Run`. Returns the steps
-/// that were made. Throws as `actor::ActorService`.
+/// spec (without what planning needs, if it does not plan), drives `environments` by the learner's
+/// policies, and their rows go to the replay server. `course_set`: what is driven, for metrics.
+/// `between`: as `ActorService::Run`. Returns the steps that were made. Throws as
+/// `actor::ActorService`.
 actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& environments,
                               policy::PolicyAgent& agent, std::string course_set,
                               std::stop_token stop, const std::function<void()>& between = {});
 
-/// Reads a policy that came as bytes. Fails if it cannot drive as `spec` says.
+/// Reads a policy that came as bytes. Fails if it cannot drive as `spec` says. Leaves out its
+/// transition model if `spec` has none.
 base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes,
                                                 const policy::PolicySpec& spec);
 

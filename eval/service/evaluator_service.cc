@@ -44,14 +44,13 @@ EvaluatorService::EvaluatorService(const EvaluatorServiceConfig& config, Evaluat
       registry_(registry),
       scores_(identity_.state_directory / "scores.csv", identity_.course_set),
       replay_(context, identity_.replay, MakeHello(identity_, task_.environment.lidar.num_beams)),
-      policy_(
-          context, identity_.learner, identity_.name,
-          [this](std::span<const std::byte> policy) {
-            // Read when it is scored: most are replaced before.
-            newest_.assign(reinterpret_cast<const char*>(policy.data()), policy.size());
-            return std::nullopt;
-          },
-          /*shipped=*/true) {
+      policy_(context, identity_.learner, identity_.name,
+              [this](std::span<const std::byte> policy) {
+                // Read when it is scored: most are replaced before.
+                newest_.assign(reinterpret_cast<const char*>(policy.data()), policy.size());
+                return std::nullopt;
+              },
+              {.shipped = true}) {
   if (fs::exists(best())) best_success_rate_ = scores_.best_before();
   registry_.counter(metrics::kEvaluations);
   registry_.counter(metrics::kPoliciesRejected);

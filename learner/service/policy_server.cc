@@ -50,13 +50,12 @@ void PolicyServer::Publish(policy::PolicySnapshot acting, ShippedPolicy shipped,
   published_ns_ = std::chrono::duration_cast<std::chrono::nanoseconds>(
                       std::chrono::system_clock::now().time_since_epoch())
                       .count();
-  acting_ = MakeMessage(acting.version, policy::PrintPolicy(acting, {}));
-  shipped_.reset();
-  make_shipped_ = std::move(shipped);
+  acting_ = std::move(acting);
+  shipped_ = std::move(shipped);
+  messages_ = {};
   registry_.counter(metrics::kPoliciesPublished).Increment();
   registry_.gauge(metrics::kPolicyVersion).Set(static_cast<double>(acting_->version));
   registry_.gauge(metrics::kPolicyTimestamp).Set(1e-9 * static_cast<double>(published_ns_));
-  registry_.gauge(metrics::kPolicyBytes).Set(static_cast<double>(acting_->payload.size()));
   for (auto it = readers_.begin(); it != readers_.end();) {
     const auto next = std::next(it);
     if (it->second.waits) Send(it->first, it->second, *NewestFor(it->second));
@@ -64,26 +63,31 @@ void PolicyServer::Publish(policy::PolicySnapshot acting, ShippedPolicy shipped,
   }
 }
 
-PolicyServer::Message PolicyServer::MakeMessage(std::int64_t version,
-                                                std::string_view policy) const {
-  transport::Frame payload = transport::Frame::Copy(policy);
+PolicyServer::Message PolicyServer::MakeMessage(Kind kind) {
+  const PolicyFile file =
+      kind == kShipped
+          ? shipped_()
+          : PolicyFile{acting_->version,
+                       policy::PrintPolicy(
+                           kind == kActing ? *acting_ : policy::WithoutPlanning(*acting_), {})};
+  transport::Frame payload = transport::Frame::Copy(file.bytes);
+  registry_.gauge(metrics::kPolicyBytes).Set(static_cast<double>(payload.size()));
   proto::Snapshot snapshot;
-  snapshot.version = version;
+  snapshot.version = file.version;
   snapshot.spec_hash = spec_hash_;
   snapshot.published_ns = published_ns_;
   snapshot.learner_steps = steps_;
   transport::Frame header = transport::Frame::Copy(proto::Encode(snapshot, payload.bytes()));
-  return {version, std::move(header), std::move(payload)};
+  return {file.version, std::move(header), std::move(payload)};
 }
 
 const PolicyServer::Message* PolicyServer::NewestFor(const Reader& reader) {
   if (!acting_) return nullptr;
-  if (!reader.shipped) return &*acting_;
-  if (!shipped_) {
-    const PolicyFile file = make_shipped_();
-    shipped_ = MakeMessage(file.version, file.bytes);
-  }
-  return &*shipped_;
+  const bool is_same = reader.kind == kWithoutModel && !acting_->spec.planning.is_carried();
+  const Kind kind = is_same ? kActing : reader.kind;
+  std::optional<Message>& message = messages_[kind];
+  if (!message) message = MakeMessage(kind);
+  return &*message;
 }
 
 void PolicyServer::Poll(milliseconds timeout) {
@@ -121,7 +125,7 @@ void PolicyServer::Answer(transport::Server::Received& received) {
   Reader& reader = it->second;
   reader.heard_at = steady_clock::now();
   reader.held_version = request->held_version;
-  reader.shipped = request->shipped;
+  reader.kind = request->shipped ? kShipped : request->without_model ? kWithoutModel : kActing;
   const Message* const newest = NewestFor(reader);
   if (newest != nullptr && newest->version != request->held_version) {
     return Send(received.peer, reader, *newest);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -16,18 +17,18 @@
 
 namespace slalom::learner {
 
-/// Hands policies to actors and evaluators: the acting one, or the one that the run would save, if
-/// the reader asks for that. Each asks for one newer than it holds and is answered as soon as there
-/// is one. So a slow reader gets only the newest policy, and nothing queues, for
-/// any number of readers. Confined to one thread, which polls it.
+/// Hands policies to actors and evaluators: the acting one, with or without its transition model,
+/// or the one that the run would save, as the reader asks. Each asks for one newer than it holds
+/// and is answered as soon as there is one. So a slow reader gets only the newest policy, and
+/// nothing queues, for any number of readers. Confined to one thread, which polls it.
 class PolicyServer final : public PolicySink {
  public:
   /// Throws `base::Error` if the endpoint cannot be bound.
   PolicyServer(transport::Context& context, const transport::ServerOptions& options,
                std::uint64_t spec_hash, metrics::Registry& registry);
 
-  /// Publishes policies as the bytes of policy files, and answers the readers that wait. Makes
-  /// `shipped` only if a reader asks for it.
+  /// Publishes policies as the bytes of policy files, and answers the readers that wait. Makes only
+  /// the files that a reader asks for.
   void Publish(policy::PolicySnapshot acting, ShippedPolicy shipped, std::int64_t steps) override;
   void Serve() override { Poll(std::chrono::milliseconds(0)); }
 
@@ -49,14 +50,15 @@ class PolicyServer final : public PolicySink {
     transport::Frame header;
     transport::Frame payload;
   };
+  enum Kind { kActing, kWithoutModel, kShipped };
   struct Reader {
     std::int64_t held_version = -1;
-    bool shipped = false;
+    Kind kind = kActing;
     bool waits = false;
     std::chrono::steady_clock::time_point heard_at;
   };
 
-  Message MakeMessage(std::int64_t version, std::string_view policy) const;
+  Message MakeMessage(Kind kind);
   /// The newest policy of the kind that the reader asks for; null before the first.
   const Message* NewestFor(const Reader& reader);
   void Answer(transport::Server::Received& received);
@@ -68,9 +70,9 @@ class PolicyServer final : public PolicySink {
   const int max_connections_;
   const std::uint64_t spec_hash_;
   metrics::Registry& registry_;
-  std::optional<Message> acting_;
-  std::optional<Message> shipped_;  // Empty until a reader asks for it.
-  ShippedPolicy make_shipped_;      // Of the last publication.
+  std::optional<policy::PolicySnapshot> acting_;    // The last publication.
+  ShippedPolicy shipped_;                           // Of the last publication.
+  std::array<std::optional<Message>, 3> messages_;  // By kind; empty until a reader asks for it.
   std::int64_t steps_ = 0;
   std::int64_t published_ns_ = 0;
   std::map<transport::PeerId, Reader> readers_;

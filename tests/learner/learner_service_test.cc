@@ -18,6 +18,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "metrics/catalogue.h"
+#include "policy/policy_spec.h"
 #include "proto/policy_link.h"
 #include "tests/learner/filled_replay.h"
 #include "tests/support/scratch_directory.h"
@@ -237,13 +238,13 @@ TEST(LearnerServiceTest, AReaderMayAskForThePolicyThatTheRunSaves) {
   const auto read = [&](const std::string& endpoint) {
     for (const bool shipped : {false, true}) {
       transport::Context context;
-      service::PolicyLink link(
-          context, {.endpoint = endpoint}, "reader",
-          [&](std::span<const std::byte> bytes) {
-            served.insert_or_assign(shipped, policy::ParsePolicy(bytes, "policy"));
-            return std::nullopt;
-          },
-          shipped);
+      service::PolicyLink link(context, {.endpoint = endpoint}, "reader",
+                               [&](std::span<const std::byte> bytes) {
+                                 served.insert_or_assign(shipped,
+                                                         policy::ParsePolicy(bytes, "policy"));
+                                 return std::nullopt;
+                               },
+                               {.shipped = shipped});
       WaitUntil([&] { return link.Poll(); });
       EXPECT_EQ(link.version(), kUpdates);
     }
@@ -255,6 +256,42 @@ TEST(LearnerServiceTest, AReaderMayAskForThePolicyThatTheRunSaves) {
             policy::PrintPolicy(saved.snapshot, {}));
   EXPECT_EQ(served.at(true).metadata.at("config"), saved.metadata.at("config"));
   EXPECT_FALSE(served.at(false).metadata.contains("config"));
+}
+
+TEST(LearnerServiceTest, AReaderThatDoesNotPlanGetsThePolicyWithoutItsModel) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  MethodConfig method;
+  method.model.kind = nn::ModelKind::kDeterministic;
+  method.model.encoder_layers = {};
+  method.model.head_layers = {16};
+  const std::int64_t updates = kUpdates / 2;  // Each takes a second batch for the model.
+  std::map<bool, policy::PolicySnapshot> served;
+  const auto read = [&](const std::string& endpoint) {
+    for (const bool without_model : {false, true}) {
+      transport::Context context;
+      service::PolicyLink link(context, {.endpoint = endpoint}, "reader",
+                               [&](std::span<const std::byte> bytes) {
+                                 served[without_model] =
+                                     policy::ParsePolicy(bytes, "policy").snapshot;
+                                 return std::nullopt;
+                               },
+                               {.without_model = without_model});
+      WaitUntil([&] { return link.Poll() && link.version() == updates; });
+    }
+  };
+  Learn(replay.endpoint(), scratch.path(), updates, read, method);
+  const policy::PolicySnapshot& whole = served.at(false);
+  ASSERT_NE(whole.model_weights, nullptr);
+  EXPECT_EQ(static_cast<std::int64_t>(whole.model_weights->size()),
+            whole.spec.model_shape().num_parameters());
+  const policy::PolicySnapshot& part = served.at(true);
+  EXPECT_EQ(part.model_weights, nullptr);
+  EXPECT_EQ(part.critic_weights, nullptr);
+  EXPECT_EQ(*part.weights, *whole.weights);
+  policy::PolicySpec spec = whole.spec;
+  spec.planning = {};
+  EXPECT_EQ(policy::PrintSpec(part.spec, updates), policy::PrintSpec(spec, updates));
 }
 
 TEST(LearnerServiceTest, PrioritiesGoBackToTheReplayServer) {
