@@ -20,7 +20,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 
 # Small enough that several drills fit into a test run, and still learns: the fast preset's network on few courses.
 CONFIG = """\
-base = "{root}/configs/fast.toml"
+base = "{root}/{preset}"
 [run]
 max_steps = 100000000
 max_seconds = 0.0
@@ -161,14 +161,14 @@ class Service:
     """Roles that share a config, in a directory of their own, removed at the end if all went well."""
 
     def __init__(self, program, environments=16, updates_per_step=0.25, capacity=200000, max_ahead=4096, test="static-test",
-                 learning_starts=2000, more_config="", hosts=("127.0.0.1", "127.0.0.1"), wrapper=()):
+                 learning_starts=2000, more_config="", preset="configs/fast.toml", hosts=("127.0.0.1", "127.0.0.1"), wrapper=()):
         self.program = os.path.abspath(program)
         self.wrapper = list(wrapper)  # Of commands that ask for the status.
         self.directory = tempfile.mkdtemp(prefix="slalom-drill-")
         self.state = os.path.join(self.directory, "state")
         self.config = os.path.join(self.directory, "service.toml")
         self.processes = []
-        text = CONFIG.format(root=ROOT, environments=environments, updates_per_step=updates_per_step, capacity=capacity,
+        text = CONFIG.format(root=ROOT, preset=preset, environments=environments, updates_per_step=updates_per_step, capacity=capacity,
                              max_ahead=max_ahead, test=test, learning_starts=learning_starts, replay_host=hosts[0], learner_host=hosts[1], replay_port=free_port(), learner_port=free_port(), state=self.state)
         with open(self.config, "w") as file:
             file.write(text + more_config)
