@@ -24,11 +24,18 @@ bool MayRead(std::optional<transport::Role> role) {
          *role == transport::Role::kOperator;
 }
 
+/// Options by which no reader has more than one policy under way, so that one that asks for each
+/// and reads none costs no more.
+transport::ServerOptions OneAtATime(transport::ServerOptions options) {
+  options.max_queued_bytes = 0;
+  return options;
+}
+
 }  // namespace
 
 PolicyServer::PolicyServer(transport::Context& context, const transport::ServerOptions& options,
                            std::uint64_t spec_hash, metrics::Registry& registry)
-    : server_(context, options),
+    : server_(context, OneAtATime(options)),
       max_connections_(options.max_connections),
       spec_hash_(spec_hash),
       registry_(registry) {

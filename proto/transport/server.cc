@@ -166,10 +166,21 @@ Server::Taken Server::Take(std::optional<Received>& received) {
   return Taken::kMessage;
 }
 
-Server::Sent Server::Send(const PeerId& peer, Message&& message) {
+Server::Sent Server::Send(const PeerId& peer, Message&& message, std::int64_t max_queued_bytes) {
+  const bool is_inproc = domain_.empty();  // Its parts are in use for as long as the peer has them.
+  const std::int64_t size = QueuedBytes::Counted(message.header.message_) +
+                            QueuedBytes::Counted(message.payload.message_);
+  if (const std::int64_t queued = size > 0 && !is_inproc ? queued_.Of(peer) : 0;
+      queued > 0 && queued + size > max_queued_bytes) {
+    return Sent::kFull;
+  }
   // Only the first part can be refused. Once it is accepted, the connection is chosen and has room.
   if (zmq_send(socket_.handle(), peer.data(), peer.size(), ZMQ_SNDMORE | ZMQ_DONTWAIT) < 0) {
     return zmq_errno() == EAGAIN ? Sent::kFull : Sent::kGone;
+  }
+  if (!is_inproc) {
+    queued_.Count(peer, message.header.message_);
+    queued_.Count(peer, message.payload.message_);
   }
   const int header = zmq_msg_send(message.header.message_.handle(), socket_.handle(), ZMQ_SNDMORE);
   const int payload = zmq_msg_send(message.payload.message_.handle(), socket_.handle(), 0);

@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <zmq.hpp>
 
 #include "proto/transport/context.h"
@@ -12,6 +13,7 @@
 #include "proto/transport/frame.h"
 #include "proto/transport/monitor.h"
 #include "proto/transport/peers.h"
+#include "proto/transport/queued_bytes.h"
 #include "proto/transport/security.h"
 
 namespace slalom::transport {
@@ -24,6 +26,9 @@ struct ServerOptions {
   std::int64_t max_message_bytes = 64 << 20;  ///< A larger part ends its connection.
   double max_messages_per_second = 20000.0;   ///< Rate of one peer, over about a second.
   int queue_messages = 256;                   ///< Messages that may wait to be sent to a peer.
+  /// Bytes that may wait to be sent to a peer. While some wait, a message that would exceed this is
+  /// refused as if the queue were full. Parts of up to 1 KiB do not count. Not bounded over inproc.
+  std::int64_t max_queued_bytes = 64 << 20;
   /// Bytes received from one peer and not taken yet. A connection that exceeds this is ended. While
   /// all connections together exceed four times this, the one with most is ended. Must be larger
   /// than the bytes that an honest peer may have under way.
@@ -72,11 +77,15 @@ class Server {
 
   enum class Sent {
     kYes,
-    kFull,  ///< The peer does not read. Try later, or give it up.
+    kFull,  ///< The peer does not read, or not fast enough. Try later, or give it up.
     kGone,  ///< The connection is closed. After kFull this shows only after a `Receive`.
   };
   /// Sends a message without waiting. Takes it over only if it is sent.
-  [[nodiscard]] Sent Send(const PeerId& peer, Message&& message);
+  [[nodiscard]] Sent Send(const PeerId& peer, Message&& message) {
+    return Send(peer, std::move(message), options_.max_queued_bytes);
+  }
+  /// The same with another bound than `ServerOptions::max_queued_bytes`.
+  [[nodiscard]] Sent Send(const PeerId& peer, Message&& message, std::int64_t max_queued_bytes);
 
   /// Ends a `Receive` that waits, or the next one that would wait. May be called from any thread
   /// and in signal handlers.
@@ -105,6 +114,7 @@ class Server {
   zmq::socket_t socket_;
   Monitor monitor_;
   Peers peers_;
+  QueuedBytes queued_;
   EventFd wake_;
   std::string endpoint_;
   std::int64_t malformed_ = 0;

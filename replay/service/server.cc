@@ -128,6 +128,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                                         .max_message_bytes = config_.max_message_bytes,
                                         .max_messages_per_second = config_.max_messages_per_second,
                                         .queue_messages = kQueueMessages,
+                                        .max_queued_bytes = 2 * config_.max_sample_bytes,
                                         .max_connections = spec_.max_connections});
   if (lock) {
     StateRecord state = State();
@@ -303,8 +304,18 @@ void ReplayServer::Handle(const PeerId& peer, const proto::Header& header, trans
   } else if (const auto* const goodbye = std::get_if<proto::Goodbye>(&header)) {
     inserts_->Goodbye(peer, *goodbye, now);
   } else if (std::holds_alternative<proto::StatusRequest>(header)) {
-    Answer(peer, board_.Reply(now));
+    AnswerStatus(peer, now);
   }
+}
+
+void ReplayServer::AnswerStatus(const PeerId& peer, Time now) {
+  const auto known = peers_.find(peer);
+  const bool gets_samples = known != peers_.end() && known->second.role == "learner";
+  // Nobody else needs more than one of these large replies at a time. Who asks without reading gets
+  // no other.
+  const std::int64_t bound = gets_samples ? 2 * config_.max_sample_bytes : 0;
+  const auto sent = server_->Send(peer, MakeMessage(board_.Reply(now)), bound);
+  if (sent == transport::Server::Sent::kGone) Forget(peer);
 }
 
 std::string ReplayServer::FindMismatch(const proto::Hello& hello) const {

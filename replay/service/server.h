@@ -72,6 +72,7 @@ class ReplayServer {
   /// must have the role and name of that hello.
   bool IsAllowed(const transport::Server::Received& received, const proto::Header& header) const;
   void Answer(const transport::PeerId& peer, const proto::Header& header);
+  void AnswerStatus(const transport::PeerId& peer, Time now);
   void Refuse(const transport::PeerId& peer, const proto::Refusal& refusal);
   void Forget(const transport::PeerId& peer);
   void ForgetSilent(Time now);

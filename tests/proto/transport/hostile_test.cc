@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -24,6 +25,7 @@ class RawPeer {
   explicit RawPeer(Service& service, Wire wire, const std::string& id = "")
       : socket_(context_, zmq::socket_type::dealer) {
     socket_.set(zmq::sockopt::linger, 0);
+    socket_.set(zmq::sockopt::rcvhwm, 1);
     if (!id.empty()) socket_.set(zmq::sockopt::routing_id, id);
     if (wire == Wire::kCurve) {
       const KeyPair& keys = service.keys(Role::kActor);
@@ -37,6 +39,13 @@ class RawPeer {
   bool Send(std::string_view part, bool more) {
     const int flags = ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0);
     return zmq_send(socket_.handle(), part.data(), part.size(), flags) >= 0;
+  }
+
+  /// The next part, if one has come.
+  std::optional<std::string> Receive() {
+    zmq::message_t part;
+    if (zmq_msg_recv(part.handle(), socket_.handle(), ZMQ_DONTWAIT) < 0) return std::nullopt;
+    return part.to_string();
   }
 
  private:
@@ -105,6 +114,46 @@ TEST_P(HostileTest, MessagesOfOtherThanTwoPartsAreCountedAndPassedOver) {
   EXPECT_EQ(HeaderOf(received.message), "a");
   EXPECT_EQ(PayloadOf(received.message), "pair");
   EXPECT_EQ(service.server().malformed(), 3);
+}
+
+TEST_P(HostileTest, BytesThatWaitForAPeerThatDoesNotReadAreBounded) {
+  constexpr std::size_t kSize = 256 << 10;
+  constexpr int kBound = 16;    // Messages of that size.
+  constexpr int kKernel = 128;  // More than the kernel and the peer's socket take.
+  ServerOptions options;
+  options.queue_messages = 10000;
+  options.max_queued_bytes = kBound * kSize;
+  Service service(GetParam(), options);
+  Server& server = service.server();
+  RawPeer deaf(service, GetParam());
+  ASSERT_TRUE(deaf.Send("hello", true) && deaf.Send("", false));
+  const PeerId peer = ReceiveFrom(server).peer;
+  const Frame payload = Frame::Copy(std::string(kSize, 'x'));
+  int num_sent = 0;
+  for (int i = 0; i < 10000; ++i) {
+    Message message{Frame::Copy(std::to_string(num_sent)), payload.Share()};
+    if (server.Send(peer, std::move(message)) == Server::Sent::kYes) ++num_sent;
+  }
+  EXPECT_GE(num_sent, kBound);
+  EXPECT_LT(num_sent, kBound + kKernel);
+  EXPECT_EQ(server.Send(peer, Text("small")), Server::Sent::kYes);
+  ExpectServed(service);
+
+  // Each message that was taken arrives, and then there is room.
+  int num_received = 0;
+  Until([&] {
+    server.Receive(1ms);
+    const auto header = deaf.Receive();
+    if (!header) return false;
+    std::optional<std::string> body;
+    Until([&] { return (body = deaf.Receive()).has_value(); });
+    if (*header == "small") return true;
+    EXPECT_EQ(*header, std::to_string(num_received++));
+    EXPECT_EQ(body->size(), kSize);
+    return false;
+  });
+  EXPECT_EQ(num_received, num_sent);
+  Until([&] { return server.Send(peer, {{}, payload.Share()}) == Server::Sent::kYes; });
 }
 
 TEST_P(HostileTest, APartOverTheBoundEndsTheConnection) {
