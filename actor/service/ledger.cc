@@ -29,6 +29,22 @@ struct Entries {
   std::int64_t lost[kNumLossReasons];
 };
 
+/// Whether the figures are possible: none is negative or absurd, and the steps of earlier sessions
+/// were accepted or lost.
+bool IsSound(const Entries& entries) {
+  constexpr std::int64_t kMost = 1'000'000'000'000'000'000;  // Their sums do not overflow.
+  const auto is_count = [](std::int64_t steps) { return steps >= 0 && steps <= kMost; };
+  std::int64_t settled = entries.earlier_accepted;
+  bool sound = is_count(static_cast<std::int64_t>(entries.session)) && is_count(entries.made) &&
+               is_count(entries.accepted) && is_count(entries.earlier_made) &&
+               is_count(entries.earlier_accepted) && entries.accepted <= entries.made;
+  for (const std::int64_t lost : entries.lost) {
+    sound = sound && is_count(lost);
+    if (sound) settled += lost;
+  }
+  return sound && settled == entries.earlier_made;
+}
+
 }  // namespace
 
 std::string_view ToString(LossReason reason) {
@@ -91,6 +107,12 @@ Ledger::Ledger(const std::filesystem::path& path)
   if (std::memcmp(file_->magic, kLedgerMagic, sizeof(kLedgerMagic)) != 0) {
     ::munmap(file_, sizeof(File));
     throw base::Error(fmt::format("{}: not an actor's ledger", path.string()));
+  }
+  if (!IsSound(file_->now())) {
+    ::munmap(file_, sizeof(File));
+    throw base::Error(
+        fmt::format("{}: damaged, as its steps do not add up; remove it to begin another account",
+                    path.string()));
   }
 }
 

@@ -33,8 +33,8 @@ struct StepAccount {
 /// time.
 class Ledger {
  public:
-  /// Opens the file, or creates it. Throws `base::Error` if that fails, the file is not a ledger,
-  /// or another process has it open.
+  /// Opens the file, or creates it. Throws `base::Error` if that fails, the file is not a ledger
+  /// or its steps do not add up, or another process has it open.
   explicit Ledger(const std::filesystem::path& path);
   ~Ledger();
   Ledger(const Ledger&) = delete;

@@ -10,6 +10,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "proto/bounds.h"
 
 namespace slalom::actor {
 namespace {
@@ -149,6 +150,7 @@ std::optional<int> Outbox::LoadSpool(const std::filesystem::path& path) {
   const auto session = in.Read<std::uint64_t>();
   const auto num_streams = in.Read<std::uint32_t>();
   const auto num_chunks = in.Read<std::uint32_t>();
+  if (num_streams > proto::kMaxStreams || session == 0) in.Fail();
   Begin(session);
   for (std::uint32_t i = 0; i < num_chunks; ++i) {
     OutgoingChunk chunk;
@@ -161,6 +163,8 @@ std::optional<int> Outbox::LoadSpool(const std::filesystem::path& path) {
     chunk.header.oldest_version = in.Read<std::int64_t>();
     chunk.header.newest_version = in.Read<std::int64_t>();
     chunk.payload = transport::Frame::Copy(in.Take(size));
+    // Numbers that no actor wrote could not be sent.
+    if (!proto::FindFault(chunk.header, proto::Way::kToBeSent).empty()) in.Fail();
     if (i > 0 && chunk.header.sequence != next_sequence_) in.Fail();
     next_sequence_ = chunk.header.sequence + 1;
     bytes_ += size;

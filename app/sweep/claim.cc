@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <cstring>
@@ -29,12 +30,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kClaim = "claim-";
+constexpr int kMostClaims = 1'000'000'000;  // A file of a higher number is no claim.
 
-/// A process, told apart from every other one of this machine, also of later ones.
-struct ProcessId {
-  std::string machine;  ///< This start of this machine, and the space that `pid` is of.
+/// What a claim says of its owner. All is empty if the file is not whole.
+struct Owner {
+  std::string token;
+  std::string machine;  ///< As `ThisMachine`.
   long pid = 0;
-  std::string start;  ///< When it started, in the kernel's ticks.
+  std::string start;  ///< As `StartOf`.
 };
 
 std::string FirstLine(const fs::path& path) {
@@ -44,6 +47,7 @@ std::string FirstLine(const fs::path& path) {
   return line;
 }
 
+/// When a process started, in the kernel's ticks. Empty if there is none.
 std::string StartOf(long pid) {
   const std::string stat = FirstLine(fmt::format("/proc/{}/stat", pid));
   // The 22nd word; the second one is a name in brackets that may hold anything.
@@ -55,6 +59,7 @@ std::string StartOf(long pid) {
   return word;
 }
 
+/// This start of this machine, and the space that its process ids are of.
 std::string ThisMachine() {
   std::error_code ec;
   return FirstLine("/proc/sys/kernel/random/boot_id") + " " +
@@ -89,7 +94,7 @@ std::optional<int> NumberOf(const fs::path& path) {
   const char* const begin = name.data() + kClaim.size();
   const char* const end = name.data() + name.size();
   const auto [last, error] = std::from_chars(begin, end, number);
-  if (error != std::errc() || last != end) return std::nullopt;
+  if (error != std::errc() || last != end || number > kMostClaims) return std::nullopt;
   return number;
 }
 
@@ -114,14 +119,27 @@ int NewestClaim(const fs::path& cell) {
 }
 
 /// Whether the owner is a process of this machine that is no more.
-bool IsKnownDead(const nlohmann::json& owner) {
-  if (owner.value("machine", "") != ThisMachine()) return false;
-  return StartOf(owner.value("pid", 0L)) != owner.value("start", "");
+bool IsKnownDead(const Owner& owner) {
+  return owner.machine == ThisMachine() && StartOf(owner.pid) != owner.start;
 }
 
-nlohmann::json ParseOwner(const std::string& text) {
+/// Whether a text may be part of a file's name.
+bool IsToken(const std::string& text) {
+  return std::ranges::all_of(text, [](unsigned char c) { return std::isalnum(c) != 0; });
+}
+
+Owner ParseOwner(const std::string& text) {
   const auto json = base::ParseJson(text);
-  return json.is_object() ? json : nlohmann::json::object();
+  if (!json.is_object()) return {};
+  try {
+    Owner owner{.token = json.value("token", ""),
+                .machine = json.value("machine", ""),
+                .pid = json.value("pid", 0L),
+                .start = json.value("start", "")};
+    return IsToken(owner.token) ? owner : Owner{};
+  } catch (const nlohmann::json::exception&) {
+    return {};  // A value of another type.
+  }
 }
 
 [[noreturn]] void ThrowUnsharable(const fs::path& directory, std::string_view what, int error) {
@@ -158,13 +176,13 @@ Claim::Claim(fs::path file, fs::path beat, std::string token, int number)
 
 Claim::~Claim() {
   std::error_code ec;
-  if (ParseOwner(ContentOf(file_)).value("token", "") == token_) fs::remove(file_, ec);
+  if (ParseOwner(ContentOf(file_)).token == token_) fs::remove(file_, ec);
   fs::remove(beat_, ec);
 }
 
 bool Claim::Renew() {
   const fs::path cell = file_.parent_path();
-  if (ParseOwner(ContentOf(file_)).value("token", "") != token_) return false;
+  if (ParseOwner(ContentOf(file_)).token != token_) return false;
   try {
     if (NewestClaim(cell) > number_) return false;
     base::WriteFileAtomically(beat_, std::to_string(++count_));
@@ -177,11 +195,10 @@ bool Claim::Renew() {
 
 bool ClaimTaker::IsGone(const fs::path& cell, const fs::path& claim, Clock::time_point now) {
   const std::string text = ContentOf(claim);
-  const nlohmann::json owner = ParseOwner(text);
+  const Owner owner = ParseOwner(text);
   if (IsKnownDead(owner)) return true;
-  const std::string token = owner.value("token", "");
-  const std::string beat = text + ContentOf(cell / ("beat-" + token));
-  Sighting& sighting = sightings_[claim];
+  const std::string beat = text + ContentOf(cell / ("beat-" + owner.token));
+  Sighting& sighting = sightings_.try_emplace(claim, Sighting{beat, now}).first->second;
   if (sighting.beat != beat) sighting = {beat, now};
   return now - sighting.since >= Claim::kExpiry;
 }
@@ -216,7 +233,7 @@ std::unique_ptr<Claim> ClaimTaker::Try(const fs::path& cell, Clock::time_point n
   std::unique_ptr<Claim> claim(new Claim(file, beat, token, newest + 1));
   for (const int number : ClaimsOf(cell)) {
     if (number > newest) continue;
-    const std::string old = ParseOwner(ContentOf(ClaimFile(cell, number))).value("token", "");
+    const std::string old = ParseOwner(ContentOf(ClaimFile(cell, number))).token;
     fs::remove(ClaimFile(cell, number), ec);
     if (!old.empty()) fs::remove(cell / ("beat-" + old), ec);
   }
@@ -231,10 +248,10 @@ bool AreWorkedOn(const std::vector<fs::path>& cells, std::chrono::seconds patien
     for (const fs::path& cell : cells) {
       const int newest = NewestClaim(cell);
       const std::string text = newest > 0 ? ContentOf(ClaimFile(cell, newest)) : "";
-      const nlohmann::json owner = ParseOwner(text);
+      const Owner owner = ParseOwner(text);
       const bool is_dead = text.empty() || IsKnownDead(owner);
-      seen.push_back(is_dead ? "" : text + ContentOf(cell / ("beat-" + owner.value("token", ""))));
-      if (!is_dead && owner.value("machine", "") == ThisMachine()) seen.back() = "here";
+      seen.push_back(is_dead ? "" : text + ContentOf(cell / ("beat-" + owner.token)));
+      if (!is_dead && owner.machine == ThisMachine()) seen.back() = "here";
     }
     return seen;
   };

@@ -5,6 +5,8 @@
 #include <map>
 
 #include "actor/actor_state.h"
+#include "actor/service/ledger.h"
+#include "actor/service/outbox.h"
 #include "base/file.h"
 #include "policy/policy.h"
 #include "proto/messages.h"
@@ -220,6 +222,37 @@ Seeds JournalSeeds() {
   return {seed};
 }
 
+/// The beginning of a spool without its checksum, and a whole one.
+Seeds SpoolSeeds() {
+  const auto path = std::filesystem::temp_directory_path() / "slalom-seed-spool";
+  actor::Outbox outbox(1 << 20);
+  outbox.Begin(7);
+  const std::string rows = RowsOf(MakeChunk(2));
+  for (int i = 0; i < 2; ++i) {
+    outbox.Add({.num_rows = 4, .num_beams = 2, .num_steps = 3, .newest_version = 5},
+               transport::Frame::Copy(rows));
+  }
+  outbox.SaveSpool(path, 2);
+  const std::string bytes = base::ReadFile(path);
+  std::filesystem::remove(path);
+  return {std::string(1, '\1') + bytes.substr(0, bytes.size() - 8), std::string(1, '\0') + bytes};
+}
+
+Seeds LedgerSeeds() {
+  const auto path = std::filesystem::temp_directory_path() / "slalom-seed-ledger";
+  {
+    actor::Ledger ledger(path);
+    ledger.BeginSession(1, 0, actor::LossReason::kKilled);
+    ledger.AddMade(100);
+    ledger.AcknowledgeAllBut(40);
+    ledger.BeginSession(2, 70, actor::LossReason::kKilled);
+    ledger.AddMade(5);
+  }
+  const std::string bytes = base::ReadFile(path);
+  std::filesystem::remove(path);
+  return {bytes, ""};
+}
+
 }  // namespace
 }  // namespace slalom::fuzz
 
@@ -234,7 +267,8 @@ int main(int argc, char** argv) {
       {"journal", fuzz::JournalSeeds()},        {"manifest", fuzz::ManifestSeeds()},
       {"message", fuzz::MessageSeeds()},        {"part_file", fuzz::PartFileSeeds()},
       {"policy", fuzz::PolicySeeds()},          {"rows", fuzz::RowsSeeds()},
-      {"sample", fuzz::SampleSeeds()},
+      {"sample", fuzz::SampleSeeds()},          {"spool", fuzz::SpoolSeeds()},
+      {"ledger", fuzz::LedgerSeeds()},
   };
   for (const auto& [name, seeds] : all) {
     const auto directory = std::filesystem::path(argv[1]) / name;

@@ -120,6 +120,32 @@ TEST(ClaimTest, AForeignClaimLastsAsLongAsItsCountGoesUpByTheWatchersClock) {
   EXPECT_NE(taker.Try(scratch.path(), now), nullptr);
 }
 
+TEST(ClaimTest, AClaimThatIsDamagedLastsUntilItExpires) {
+  for (const char* text : {"", "{", "[]", R"({"token": 5})", R"({"token": null})",
+                           R"({"token": "../t"})", R"({"machine": {}})", R"({"pid": "1"})"}) {
+    SCOPED_TRACE(text);
+    const test::ScratchDirectory scratch;
+    const auto file = scratch.path() / "claim-1";
+    base::WriteFileAtomically(file, text);
+    EXPECT_TRUE(IsClaimed(scratch.path()));
+    ClaimTaker taker;
+    const Clock::time_point begin = Clock::now();
+    EXPECT_EQ(taker.Try(scratch.path(), begin), nullptr);
+    const auto claim = taker.Try(scratch.path(), begin + Claim::kExpiry);
+    ASSERT_NE(claim, nullptr);
+    EXPECT_FALSE(std::filesystem::exists(file));
+    base::WriteFileAtomically(scratch.path() / "claim-2", text);  // In place of its own.
+    EXPECT_FALSE(claim->Renew());
+  }
+}
+
+TEST(ClaimTest, AFileOfANumberThatNoWorkerReachesIsNoClaim) {
+  const test::ScratchDirectory scratch;
+  base::WriteFileAtomically(scratch.path() / "claim-2147483647", "");
+  EXPECT_FALSE(IsClaimed(scratch.path()));
+  EXPECT_NE(ClaimTaker().Try(scratch.path()), nullptr);
+}
+
 TEST(ClaimTest, WhoStoodStillForTooLongLearnsThatItsClaimIsLost) {
   const test::ScratchDirectory scratch;
   auto slow = ClaimTaker().Try(scratch.path());

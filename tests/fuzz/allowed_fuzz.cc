@@ -1,0 +1,20 @@
+// The list of who may connect.
+
+#include <fstream>
+
+#include "base/error.h"
+#include "proto/transport/keys.h"
+#include "tests/fuzz/fuzz_input.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace slalom;
+  static const std::filesystem::path directory = fuzz::ScratchDirectory("allowed");
+  std::ofstream(directory / "allowed", std::ios::binary) << fuzz::Input(data, size).text();
+  try {
+    for (const auto& [key, role] : transport::LoadAllowList(directory)) {
+      fuzz::Require(key.size() == 40 && transport::ParseRole(transport::ToString(role)) == role);
+    }
+  } catch (const base::Error&) {
+  }
+  return 0;
+}
