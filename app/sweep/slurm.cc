@@ -17,6 +17,7 @@
 #include "base/child_process.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/file_lock.h"
 
 namespace slalom::sweep {
 namespace {
@@ -29,7 +30,7 @@ constexpr int kSecondsToSave = 60;
 
 /// An array that was submitted, as submitted.json has it.
 struct Submitted {
-  std::string job;
+  std::string job;                 ///< Empty while sbatch runs, and if this program ended then.
   std::vector<std::string> cells;  ///< By index of the task.
 };
 
@@ -54,6 +55,11 @@ std::vector<Submitted> ReadRecord(const fs::path& directory) {
 }
 
 void WriteRecord(const fs::path& directory, const std::vector<Submitted>& arrays) {
+  if (arrays.empty()) {
+    std::error_code ec;
+    fs::remove(RecordFile(directory), ec);
+    return;
+  }
   nlohmann::json json = {{"arrays", nlohmann::json::array()}};
   for (const Submitted& array : arrays) {
     json["arrays"].push_back({{"job", array.job}, {"cells", array.cells}});
@@ -106,10 +112,12 @@ std::string AskSlurm(const std::vector<std::string>& arguments, std::string_view
 struct TaskState {
   std::string state;
   std::string reason;
+  std::string script;  ///< Of the tasks in the queue.
 };
 using TaskStates = std::map<std::string, TaskState, std::less<>>;  // By "12_3".
 
-/// The lines of a table whose columns are separated by '|': task, state and perhaps a reason.
+/// The lines of a table whose columns are separated by '|': task, state and perhaps a reason and a
+/// script.
 TaskStates ReadTable(const std::string& table) {
   TaskStates states;
   std::istringstream in(table);
@@ -120,6 +128,7 @@ TaskStates ReadTable(const std::string& table) {
     std::getline(columns, task, '|');
     std::getline(columns, state.state, '|');
     std::getline(columns, state.reason, '|');
+    std::getline(columns, state.script);
     if (state.reason == "None") state.reason.clear();
     if (!state.state.empty()) states[task] = state;
   }
@@ -129,7 +138,7 @@ TaskStates ReadTable(const std::string& table) {
 /// The tasks that wait or run. Another sweep of the same name may be among them.
 TaskStates ReadQueue(const std::string& sweep) {
   return ReadTable(AskSlurm(
-      {"squeue", "--noheader", "--array", "--name=" + JobName(sweep), "--format=%F_%K|%T|%r"},
+      {"squeue", "--noheader", "--array", "--name=" + JobName(sweep), "--format=%F_%K|%T|%r|%o"},
       "squeue cannot say what is queued"));
 }
 
@@ -224,14 +233,38 @@ void AddEnded(std::vector<SlurmTask>& tasks) {
   }
 }
 
+/// Gives the array without a number its number: that of the array in the queue that has this script
+/// and is not known. Removes it if there is none: sbatch was not called, or all its tasks have
+/// ended.
+void FindLostArray(std::vector<Submitted>& arrays, const TaskStates& states,
+                   const fs::path& script) {
+  std::set<std::string> jobs;
+  for (const auto& [task, state] : states) {
+    if (state.script == script) jobs.insert(task.substr(0, task.find('_')));
+  }
+  for (const Submitted& array : arrays) jobs.erase(array.job);
+  for (Submitted& array : arrays) {
+    if (array.job.empty() && !jobs.empty()) array.job = *jobs.begin();
+  }
+  std::erase_if(arrays, [](const Submitted& array) { return array.job.empty(); });
+}
+
 }  // namespace
 
 SlurmSubmission SubmitToSlurm(const SlurmSweep& sweep, std::span<const std::string> cells) {
   SLALOM_CHECK(!sweep.command.empty());
+  base::MakeDirectories(sweep.directory);
+  const base::FileLock lock = base::FileLock::OfFile(
+      sweep.directory / "submit.lock", "the plan's cells are being submitted; wait for the end");
+  const fs::path script = fs::absolute(sweep.directory / "job.sh");
   std::vector<Submitted> arrays = ReadRecord(sweep.directory);
   std::set<std::string> queued;
   if (!arrays.empty()) {
     const TaskStates states = ReadQueue(sweep.name);
+    if (std::ranges::any_of(arrays, &std::string::empty, &Submitted::job)) {
+      FindLostArray(arrays, states, script);
+      WriteRecord(sweep.directory, arrays);
+    }
     for (const Submitted& array : arrays) {
       for (std::size_t i = 0; i < array.cells.size(); ++i) {
         if (states.contains(TaskName(array.job, i))) queued.insert(array.cells[i]);
@@ -247,19 +280,25 @@ SlurmSubmission SubmitToSlurm(const SlurmSweep& sweep, std::span<const std::stri
   submission.num_queued = static_cast<int>(cells.size() - array.cells.size());
   if (array.cells.empty()) return submission;
 
-  base::MakeDirectories(sweep.directory);
-  const fs::path script = sweep.directory / "job.sh";
   base::WriteFileAtomically(script, Script(sweep, array.cells));
-  array.job = SubmitArray(sweep, array.cells.size(), script);
-  submission.job = array.job;
-  arrays.push_back(std::move(array));
-  WriteRecord(sweep.directory, arrays);
+  std::vector<Submitted> with_this = arrays;
+  with_this.push_back(std::move(array));
+  WriteRecord(sweep.directory, with_this);
+  try {
+    with_this.back().job = SubmitArray(sweep, with_this.back().cells.size(), script);
+  } catch (const base::Error&) {
+    WriteRecord(sweep.directory, arrays);
+    throw;
+  }
+  WriteRecord(sweep.directory, with_this);
+  submission.job = with_this.back().job;
   return submission;
 }
 
 SlurmStatus ReadSlurmStatus(const fs::path& directory, const std::string& name) {
   SlurmStatus status;
   for (const Submitted& array : ReadRecord(directory)) {
+    if (array.job.empty()) continue;  // The next submission looks for it.
     for (std::size_t i = 0; i < array.cells.size(); ++i) {
       const std::string& cell = array.cells[i];
       std::erase_if(status.tasks, [&](const SlurmTask& task) { return task.cell == cell; });

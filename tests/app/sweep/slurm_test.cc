@@ -13,11 +13,13 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/file_lock.h"
 
 namespace slalom::sweep {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
@@ -120,6 +122,44 @@ TEST_F(Slurm, CellsThatWaitOrRunAreNotSubmittedAgain) {
   const SlurmSubmission third = SubmitToSlurm(sweep_, cells_);
   EXPECT_EQ(third.job, "");
   EXPECT_EQ(third.num_queued, 3);
+  EXPECT_FALSE(fs::exists(root_ / "sbatch")) << "sbatch was called";
+}
+
+TEST_F(Slurm, AnArrayWhoseNumberWasNotWrittenDownIsFound) {
+  const fs::path record = sweep_.directory / "submitted.json";
+  const fs::path meanwhile = root_ / "meanwhile";
+  Tool("sbatch", "");
+  const fs::path sbatch = root_ / "bin" / "sbatch";
+  std::ofstream(sbatch) << "#!/bin/bash\nprintf '%s' \"$(<'" << record.string() << "')\" > '"
+                        << meanwhile.string() << "'\nprintf '12\\n'\n";
+  SubmitToSlurm(sweep_, cells_);
+  // As after a kill of the program while sbatch ran.
+  fs::rename(meanwhile, record);
+  EXPECT_THAT(ReadSlurmStatus(sweep_.directory, sweep_.name).tasks, IsEmpty());
+  const std::string script = fs::absolute(sweep_.directory / "job.sh").string();
+  Tool("squeue", "12_0|RUNNING|None|" + script + "\n12_2|PENDING|Resources|" + script +
+                     "\n7_1|RUNNING|None|/elsewhere/job.sh\n");
+  Tool("sbatch", "13\n");
+  const SlurmSubmission second = SubmitToSlurm(sweep_, cells_);
+  EXPECT_EQ(second.num_queued, 2);
+  EXPECT_EQ(second.num_submitted, 1);
+  EXPECT_THAT(Text(record), AllOf(HasSubstr("\"12\""), HasSubstr("\"13\"")));
+}
+
+TEST_F(Slurm, AnArrayThatWasNeverSubmittedIsForgotten) {
+  const fs::path record = sweep_.directory / "submitted.json";
+  fs::create_directories(sweep_.directory);
+  std::ofstream(record) << R"({"arrays": [{"job": "", "cells": ["aa", "bb", "cc"]}]})";
+  Tool("sbatch", "13\n");
+  EXPECT_EQ(SubmitToSlurm(sweep_, cells_).num_submitted, 3);
+  EXPECT_THAT(Text(record), Not(HasSubstr("\"\"")));
+}
+
+TEST_F(Slurm, TwoDoNotSubmitAtOnce) {
+  fs::create_directories(sweep_.directory);
+  Tool("sbatch", "12\n");
+  const auto lock = base::FileLock::OfFile(sweep_.directory / "submit.lock", "");
+  EXPECT_THAT(ErrorOfSubmission(), HasSubstr("are being submitted"));
   EXPECT_FALSE(fs::exists(root_ / "sbatch")) << "sbatch was called";
 }
 
