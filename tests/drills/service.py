@@ -81,11 +81,12 @@ class Process:
         self.service, self.role, self.name, self.extra, self.wrapper = service, role, name, list(extra), list(wrapper)
         self.log = os.path.join(service.directory, f"{role}-{name}.log")
         self.process = None
+        self.program = service.program
         self.starts = 0
 
     def start(self):
         check(self.process is None, f"{self.name} runs already")
-        command = self.wrapper + [self.service.program, self.role, "--config", self.service.config, "--name", self.name]
+        command = self.wrapper + [self.program, self.role, "--config", self.service.config, "--name", self.name]
         self.starts += 1
         self.log_offset = os.path.getsize(self.log) if os.path.exists(self.log) else 0
         with open(self.log, "ab") as log:
