@@ -4,11 +4,14 @@
 
 namespace slalom::env {
 
+Action ActionBounds::Scale(double linear, double angular) const {
+  return {static_cast<float>(2.0 * (linear - linear_min) / (linear_max - linear_min) - 1.0),
+          static_cast<float>(angular / angular_max)};
+}
+
 Action ActionBounds::Normalise(double linear, double angular) const {
-  const double v = 2.0 * (linear - linear_min) / (linear_max - linear_min) - 1.0;
-  const double w = angular / angular_max;
-  return {static_cast<float>(std::clamp(v, -1.0, 1.0)),
-          static_cast<float>(std::clamp(w, -1.0, 1.0))};
+  const Action action = Scale(linear, angular);
+  return {std::clamp(action.linear, -1.0f, 1.0f), std::clamp(action.angular, -1.0f, 1.0f)};
 }
 
 }  // namespace slalom::env

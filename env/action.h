@@ -50,7 +50,9 @@ struct ActionBounds {
     return static_cast<double>(a.angular) * angular_max;
   }
 
-  /// The action that commands these speeds, clipped to [-1, 1].
+  /// The action that would command these speeds, beyond [-1, 1] if the bounds do not allow them.
+  Action Scale(double linear_mps, double angular_radps) const;
+  /// The same, clipped to [-1, 1].
   Action Normalise(double linear_mps, double angular_radps) const;
 
   template <class Visitor>

@@ -35,7 +35,7 @@ class BatchEnvironment {
   virtual const ObservationBatch& observations() const = 0;
 
   /// The sizes of a step; those of a course unless overridden.
-  virtual StepShape shape() const { return observations().num_beams; }
+  virtual StepShape shape() const { return {observations().num_beams, observations().state_size}; }
 
   /// The true pose of the robot in environment `i`, for records and pictures, not for agents.
   virtual base::Pose2 robot_pose(int i) const = 0;

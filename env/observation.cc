@@ -19,8 +19,7 @@ void WriteObservation(const ObservationSpec& spec, const FrameView& frame,
   const auto rest = observation.subspan(spec.num_beams);
   rest[0] = frame.state[0] / goal_scale - 1.0f;
   rest[1] = frame.state[1] / goal_scale - 1.0f;
-  rest[2] = frame.state[2];
-  rest[3] = frame.state[3];
+  std::ranges::copy(frame.state.subspan(2), rest.begin() + 2);
 }
 
 }  // namespace slalom::env

@@ -10,9 +10,9 @@
 
 namespace slalom::env {
 
-/// How many numbers a frame on a course has besides the scan: the goal's x and y in the robot's
-/// frame (x forward, y left) [m], then the last action (linear, angular), normalised to [-1, 1]
-/// with the action bounds.
+/// How many numbers a frame on a course has at least besides the scan: the goal's x and y in the
+/// robot's frame (x forward, y left) [m], then the last action (linear, angular), normalised to
+/// [-1, 1] with the action bounds. `ObservationSpec` says what may follow.
 inline constexpr int kStateSize = 4;
 
 /// Observation of one environment at one time step, in the form in which it is sensed, sent and
@@ -76,13 +76,20 @@ struct ObservationSpec {
   int state_size = kStateSize;
   double range_clip = 5.0;  ///< [m]; 0 is mapped to -1 and range_clip to +1.
   double goal_scale = 5.0;  ///< [m]; a goal coordinate g is mapped to g / goal_scale - 1.
+  /// Whether the forward speed and the turn rate follow, as the action that would command them, not
+  /// clipped.
+  bool speeds = false;
+  /// Number of last actions. The newest stands in its place, the others follow last, newest first.
+  int commands = 1;
 
+  /// S on a course.
+  int course_state_size() const { return kStateSize + (speeds ? 2 : 0) + 2 * (commands - 1); }
   int size() const { return num_beams + state_size; }
   friend bool operator==(const ObservationSpec&, const ObservationSpec&) = default;
 };
 
-/// Writes the observation of the POMDP on a course: [N + 4] float, which are ranges, goal and last
-/// action, mapped as `spec` says.
+/// Writes the observation of the POMDP on a course: [N + S] float, which are ranges, goal, last
+/// action and what follows them, ranges and goal mapped as `spec` says.
 /// Requires: frame.ranges_cm.size() == spec.num_beams, observation.size() == spec.size().
 void WriteObservation(const ObservationSpec& spec, const FrameView& frame,
                       std::span<float> observation);

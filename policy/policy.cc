@@ -51,6 +51,15 @@ void Read(const nn::TensorFile& file, const std::string& prefix, const Shape& sh
   }
 }
 
+/// "720 beams clipped at 5 m and goals scaled by 5 m".
+std::string DescribeObservation(const env::ObservationSpec& spec) {
+  std::string text = fmt::format("{} beams clipped at {} m and goals scaled by {} m",
+                                 spec.num_beams, spec.range_clip, spec.goal_scale);
+  if (spec.speeds) text += ", with speeds";
+  if (spec.commands > 1) text += fmt::format(", with {} commands", spec.commands);
+  return text;
+}
+
 std::string MemberPrefix(int member) { return fmt::format("model.{}.", member); }
 
 }  // namespace
@@ -66,7 +75,9 @@ nn::NetworkShape PolicySpec::critic_shape(int num_outputs) const {
 }
 
 void PolicySpec::RequireCourses(const std::string& source) const {
-  if (step_shape() == env::StepShape(observation.num_beams) && observation.num_beams > 0) return;
+  const bool is_of_course =
+      observation.state_size == observation.course_state_size() && action_size == env::kActionSize;
+  if (is_of_course && observation.num_beams > 0) return;
   throw base::Error(
       fmt::format("{}: found scans of {} beams, states of {} numbers and actions of {}, expected a "
                   "policy for courses",
@@ -162,13 +173,9 @@ void RequireSameInterface(const std::string& source, const PolicySpec& spec,
                           const env::ActionBounds& actions) {
   spec.RequireCourses(source);
   if (spec.observation != observation) {
-    throw base::Error(
-        fmt::format("{}: the policy sees {} beams clipped at {} m and goals scaled by {} m, the "
-                    "simulator gives {} "
-                    "beams clipped at {} m and goals scaled by {} m",
-                    source, spec.observation.num_beams, spec.observation.range_clip,
-                    spec.observation.goal_scale, observation.num_beams, observation.range_clip,
-                    observation.goal_scale));
+    throw base::Error(fmt::format("{}: the policy sees {}, the simulator gives {}", source,
+                                  DescribeObservation(spec.observation),
+                                  DescribeObservation(observation)));
   }
   if (spec.actions.linear_min != actions.linear_min ||
       spec.actions.linear_max != actions.linear_max ||

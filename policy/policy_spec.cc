@@ -136,6 +136,8 @@ void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
   v("state_size", spec.state_size, base::Range{1, env::kMaxStateSize});
   v("range_clip", spec.range_clip, base::Range{0.5, 600.0});
   v("goal_scale", spec.goal_scale, base::Range{0.1, 1000.0});
+  v("speeds", spec.speeds);
+  v("commands", spec.commands, base::Range{1, 16});
 }
 
 /// Lists the fields of a config struct as "SECTION.KEY" and JSON, in the order of its `Visit`.
@@ -219,9 +221,11 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   AddLaterFields<nn::NetworkConfig>("network", kLaterNetworkFields, object);
   AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
   if (!object.contains("action_size")) object["action_size"] = env::kActionSize;
-  if (object.contains("observation") && object["observation"].is_object() &&
-      !object["observation"].contains("state_size")) {
-    object["observation"]["state_size"] = env::kStateSize;
+  if (object.contains("observation") && object["observation"].is_object()) {
+    const json defaults = {{"state_size", env::kStateSize}, {"speeds", false}, {"commands", 1}};
+    for (const auto& [key, value] : defaults.items()) {
+      if (!object["observation"].contains(key)) object["observation"][key] = value;
+    }
   }
   const json& version = JsonReader::Find(object, "version", "version", source);
   const bool is_count = version.is_number_unsigned() &&

@@ -48,9 +48,13 @@ void CheckConsistent(const EnvironmentConfig& config) {
 }
 
 env::ObservationSpec MakeObservationSpec(const EnvironmentConfig& config) {
-  return {.num_beams = config.lidar.num_beams,
-          .range_clip = config.observation.range_clip,
-          .goal_scale = config.observation.goal_scale};
+  env::ObservationSpec spec{.num_beams = config.lidar.num_beams,
+                            .range_clip = config.observation.range_clip,
+                            .goal_scale = config.observation.goal_scale,
+                            .speeds = config.observation.speeds,
+                            .commands = config.observation.commands};
+  spec.state_size = spec.course_state_size();
+  return spec;
 }
 
 int NumSubsteps(const EnvironmentConfig& config) {

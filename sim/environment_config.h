@@ -160,6 +160,9 @@ struct LidarConfig {
   }
 };
 
+/// The largest age of observed speeds, [s].
+inline constexpr double kMaxSpeedDelay = 2.0;
+
 /// How the robot estimates its pose, and the random walks by which that belief drifts from the
 /// truth at each step.
 struct LocalisationConfig {
@@ -167,6 +170,9 @@ struct LocalisationConfig {
   double position_drift = 0.0;
   double heading_drift = 0.0;
   double turn_drift = 0.0;
+  double speed_noise = 0.0;
+  double turn_rate_noise = 0.0;
+  double speed_delay = 0.0;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -180,13 +186,22 @@ struct LocalisationConfig {
       "Standard deviation of the heading error after a metre driven.");
     v("turn_drift", turn_drift, base::Range{0.0, 1.0}, "rad/rad^0.5",
       "Standard deviation of the heading error after a radian turned.");
+    v("speed_noise", speed_noise, base::Range{0.0, 5.0}, "m/s",
+      "Standard deviation of the observed forward speed (environment.observation.speeds).");
+    v("turn_rate_noise", turn_rate_noise, base::Range{0.0, 10.0}, "rad/s",
+      "Standard deviation of the observed turn rate.");
+    v("speed_delay", speed_delay, base::Range{0.0, kMaxSpeedDelay}, "s",
+      "Age of the observed forward speed and turn rate. Between the ends of two control steps they "
+      "are interpolated.");
   }
 };
 
-/// How the networks see the scan and the goal.
+/// What the networks see, and how.
 struct ObservationConfig {
   double range_clip = 5.0;
   double goal_scale = 5.0;
+  bool speeds = false;
+  int commands = 1;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -194,6 +209,11 @@ struct ObservationConfig {
       "Longer ranges are observed as this.");
     v("goal_scale", goal_scale, base::Range{0.1, 1000.0}, "m",
       "A goal coordinate g is observed as g / goal_scale - 1.");
+    v("speeds", speeds,
+      "Observe the odometry's forward speed and turn rate, too, scaled like the commands that ask "
+      "for them.");
+    v("commands", commands, base::Range{1, 16}, "",
+      "Last commands that are observed. More than one help against a delay.");
   }
 };
 

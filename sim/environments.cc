@@ -44,10 +44,10 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
     RequireDrivable(*scene);
     max_moving = std::max(max_moving, scene->moving_obstacles().size());
   }
-  if (fresh_) RequireDrivable(*fresh_->Get(0));  // They all begin alike.
+  if (fresh_) RequireDrivable(*fresh_->Get(0));  // It stands for all.
   environments_.reserve(batch_size);
   for (auto& body : make_bodies(config, scenes_, batch_size)) {
-    Environment& environment = environments_.emplace_back(std::move(body), config.localisation);
+    Environment& environment = environments_.emplace_back(std::move(body), config);
     environment.moving.Reserve(max_moving);
     if (config.randomize.empty()) continue;
     environment.task = std::make_unique<RandomizedConfig>(config);
@@ -55,7 +55,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
   }
   SLALOM_CHECK_EQ(static_cast<int>(environments_.size()), batch_size);
   if (environments_[0].task) RequireBodies(*environments_[0].task);
-  observations_.Resize(batch_size, config.lidar.num_beams);
+  observations_.Resize(batch_size, config.lidar.num_beams, MakeObservationSpec(config).state_size);
 }
 
 void CourseEnvironments::RequireDrivable(const Scene& scene) const {
@@ -104,6 +104,7 @@ void CourseEnvironments::DrawTask(Environment& environment, std::uint64_t seed) 
   }
   if (environment.lidar) environment.lidar->Configure(config.lidar, config.observation.range_clip);
   environment.localisation = Localisation(config.localisation);
+  environment.speed_sensor.Configure(config.localisation);
 }
 
 void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
@@ -125,7 +126,8 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
   environment.localisation.Reset(environment.robot->pose(),
                                  base::DeriveSeed(spec.seed, "localisation drift"));
   environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
-  environment.last_action = config_.action.Normalise(0.0, 0.0);
+  environment.speed_sensor.Reset(base::DeriveSeed(spec.seed, "speed noise"));
+  std::ranges::fill(environment.actions, config_.action.Normalise(0.0, 0.0));
   environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot->pose().p);
   environment.num_steps = 0;
   environment.running = true;
@@ -209,7 +211,8 @@ RobotBody::Order CourseEnvironments::OrderFor(Environment& environment,
   SLALOM_CHECK(std::isfinite(action.linear) && std::isfinite(action.angular));
   const env::Action clipped{std::clamp(action.linear, -1.0f, 1.0f),
                             std::clamp(action.angular, -1.0f, 1.0f)};
-  environment.last_action = clipped;
+  std::shift_right(environment.actions.begin(), environment.actions.end(), 1);
+  environment.actions.front() = clipped;
   return {.robot = environment.robot.get(),
           .scene = environment.scene.get(),
           .linear = config_.action.linear_mps(clipped),
@@ -278,14 +281,22 @@ void CourseEnvironments::Observe(int i) {
   const auto state = observations_.mutable_state(i);
   state[0] = static_cast<float>(goal_R.x);
   state[1] = static_cast<float>(goal_R.y);
-  state[2] = environment.last_action.linear;
-  state[3] = environment.last_action.angular;
+  state[2] = environment.actions.front().linear;
+  state[3] = environment.actions.front().angular;
   const BodyState& body = environment.robot->body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
   const double speed = environment.localisation.from_wheels() ? environment.robot->drive().speed()
                                                               : c * body.vx + s * body.vy;
   observations_.odometry[i] = {
       .X_OR = environment.localisation.X_OR(), .linear = speed, .angular = body.yaw_rate};
+  auto rest = state.subspan(env::kStateSize);
+  if (config_.observation.speeds) {
+    const Speeds seen = environment.speed_sensor.Observe({speed, body.yaw_rate});
+    env::AsActions(rest.first(2)).front() = config_.action.Scale(seen.forward, seen.turn_rate);
+    rest = rest.subspan(2);
+  }
+  std::copy(environment.actions.begin() + 1, environment.actions.end(),
+            env::AsActions(rest).begin());
 }
 
 }  // namespace slalom::sim

@@ -17,6 +17,7 @@
 #include "sim/robot_body.h"
 #include "sim/scene.h"
 #include "sim/scene_stream.h"
+#include "sim/speed_sensor.h"
 
 namespace slalom::sim {
 
@@ -87,20 +88,25 @@ class CourseEnvironments : public env::BatchEnvironment {
 
  private:
   struct Environment {
-    Environment(std::unique_ptr<RobotBody> body, const LocalisationConfig& drift)
-        : robot(std::move(body)), localisation(drift), lidar_noise(0) {}
+    Environment(std::unique_ptr<RobotBody> body, const EnvironmentConfig& config)
+        : robot(std::move(body)),
+          localisation(config.localisation),
+          speed_sensor(config.localisation, config.episode.step),
+          lidar_noise(0),
+          actions(static_cast<std::size_t>(config.observation.commands)) {}
 
     std::shared_ptr<const Scene> scene;      // Null before the first `Reset`.
     std::unique_ptr<RandomizedConfig> task;  // Null if nothing is drawn.
     std::unique_ptr<Lidar> lidar;            // Null if nothing of it is drawn.
     std::unique_ptr<RobotBody> robot;
     Localisation localisation;
+    SpeedSensor speed_sensor;
     base::Random lidar_noise;
-    MovingShapes moving;  // As the last scan saw them.
-    env::Action last_action;
-    double motion_start = 0.0;   // Motion time at which the episode began, [s].
-    double motion_time = 0.0;    // [s]
-    double goal_distance = 0.0;  // [m]
+    MovingShapes moving;               // As the last scan saw them.
+    std::vector<env::Action> actions;  // The last ones, the newest first.
+    double motion_start = 0.0;         // Motion time at which the episode began, [s].
+    double motion_time = 0.0;          // [s]
+    double goal_distance = 0.0;        // [m]
     int num_steps = 0;
     bool running = false;
     bool touched = false;  // Whether the robot touched anything in the last step.

@@ -35,7 +35,9 @@ class LineDriver {
     const auto config = train::TrainedConfig(loaded.metadata, file).value_or(train::RunConfig{});
     agent_ = policy::MakePolicyAgent(std::move(loaded.snapshot), config.mpc,
                                      train::SeedOf(config, "act"));
-    observations_.Resize(1, spec().observation.num_beams);
+    const env::ObservationSpec& seen = spec().observation;
+    observations_.Resize(1, seen.num_beams, seen.state_size);
+    last_.resize(static_cast<std::size_t>(seen.commands));
   }
 
   /// Throws `base::Error` that names the key and what was expected of it.
@@ -47,23 +49,34 @@ class LineDriver {
       }
     }
     observations_.first[0] = is_new_ || First(given);
-    if (observations_.first[0]) last_ = {};
+    if (observations_.first[0]) std::ranges::fill(last_, env::Action{});
     ReadRanges(given);
     const std::span<float> state = observations_.mutable_state(0);
     ReadNumbers(given, "goal", state.first(2));
-    state[2] = last_.linear;
-    state[3] = last_.angular;
-    if (given.contains("last_action")) ReadNumbers(given, "last_action", state.last(2));
-    agent_->Act(observations_, env::NumbersOf(std::span(&last_, 1)));
+    if (given.contains("last_action")) {
+      ReadNumbers(given, "last_action", env::NumbersOf(std::span(last_).first(1)));
+    }
+    env::AsActions(state.subspan(2, 2)).front() = last_.front();
+    std::span<float> rest = state.subspan(env::kStateSize);
+    if (spec().observation.speeds) {
+      std::array<float, 2> speeds{};
+      ReadNumbers(given, "speeds", speeds);
+      env::AsActions(rest.first(2)).front() = spec().actions.Scale(speeds[0], speeds[1]);
+      rest = rest.subspan(2);
+    }
+    std::copy(last_.begin() + 1, last_.end(), env::AsActions(rest).begin());
+    std::shift_right(last_.begin(), last_.end(), 1);
+    env::Action& action = last_.front();
+    agent_->Act(observations_, env::NumbersOf(std::span(&action, 1)));
     is_new_ = false;
-    return {{"linear", spec().actions.linear_mps(last_)},
-            {"angular", spec().actions.angular_radps(last_)},
-            {"action", {last_.linear, last_.angular}}};
+    return {{"linear", spec().actions.linear_mps(action)},
+            {"angular", spec().actions.angular_radps(action)},
+            {"action", {action.linear, action.angular}}};
   }
 
  private:
-  static constexpr std::array<std::string_view, 4> kKeys = {"ranges", "goal", "last_action",
-                                                            "first"};
+  static constexpr std::array<std::string_view, 5> kKeys = {"ranges", "goal", "last_action",
+                                                            "speeds", "first"};
 
   const policy::PolicySpec& spec() const { return agent_->snapshot().spec; }
 
@@ -125,7 +138,7 @@ class LineDriver {
 
   std::unique_ptr<policy::PolicyAgent> agent_;
   env::ObservationBatch observations_;
-  env::Action last_;
+  std::vector<env::Action> last_;  // The newest first, as many as are observed.
   bool is_new_ = true;
 };
 
@@ -156,7 +169,7 @@ void AddActCommand(CLI::App& app) {
       "  {\"ranges\": [2.31, null, ...], \"goal\": [3.0, 0.5]}      metres; null: no echo\n"
       "  {\"action\":[0.7,-0.1],\"angular\":-0.31,\"linear\":1.55}     m/s, rad/s\n\n"
       "\"first\": true begins an episode. \"last_action\": [a, b] is for a robot that did not do\n"
-      "what it was told.\n");
+      "what it was told. \"speeds\": [m/s, rad/s] is for a policy that observes them.\n");
   command->callback([policy] { Act(*policy); });
 }
 

@@ -37,7 +37,7 @@ class CallableAgent : public env::Agent {
     const py::ssize_t batch = observations.batch_size, beams = observations.num_beams;
     // Copies, as a function may keep its arguments.
     const py::array_t<std::uint16_t> ranges({batch, beams}, observations.ranges_cm.data());
-    const py::array_t<float> state({batch, py::ssize_t{env::kStateSize}},
+    const py::array_t<float> state({batch, py::ssize_t{observations.state_size}},
                                    observations.state.data());
     const py::array_t<std::uint8_t> first(batch, observations.first.data());
     const Array<float> chosen =

@@ -51,7 +51,7 @@ py::array FlagView(const py::object& owner, std::span<const std::uint8_t> flags)
 py::dict FrameViews(const py::object& owner, const env::ObservationBatch& frames) {
   py::dict views;
   views["ranges"] = View(owner, std::span(frames.ranges_cm), {frames.batch_size, frames.num_beams});
-  views["state"] = View(owner, std::span(frames.state), {frames.batch_size, env::kStateSize});
+  views["state"] = View(owner, std::span(frames.state), {frames.batch_size, frames.state_size});
   return views;
 }
 
@@ -79,21 +79,22 @@ std::unique_ptr<VectorEnvironment> MakeEnvironment(
   return std::make_unique<VectorEnvironment>(config);
 }
 
-/// [B, N + 4]: the paper's observation of each frame.
+/// [B, N + S]: the paper's observation of each frame.
 py::array_t<float> ObservationsOf(const env::ObservationSpec& spec, const py::array& given_ranges,
                                   const Array<float>& state) {
   const Array<std::uint16_t> ranges = RangesOf(given_ranges);
   const py::ssize_t batch = ranges.ndim() > 0 ? ranges.shape(0) : 0;
   RequireShape("ranges", ranges, {batch, spec.num_beams});
-  RequireShape("state", state, {batch, env::kStateSize});
+  RequireShape("state", state, {batch, spec.state_size});
   py::array_t<float> observations({batch, static_cast<py::ssize_t>(spec.size())});
   const std::span<float> out(observations.mutable_data(), observations.size());
   const auto num_beams = static_cast<std::size_t>(spec.num_beams);
+  const auto state_size = static_cast<std::size_t>(spec.state_size);
   const auto size = static_cast<std::size_t>(spec.size());
   const py::gil_scoped_release release;
   for (py::ssize_t i = 0; i < batch; ++i) {
     const env::FrameView frame = {{ranges.data() + i * num_beams, num_beams},
-                                  {state.data() + i * env::kStateSize, env::kStateSize}};
+                                  {state.data() + i * state_size, state_size}};
     env::WriteObservation(spec, frame, out.subspan(i * size, size));
   }
   return observations;
@@ -136,6 +137,8 @@ void DefineEnvironment(py::module_& module) {
       .def_property_readonly("course_names", &Environment::course_names)
       .def_property_readonly("num_beams",
                              [](const Environment& self) { return self.observations().num_beams; })
+      .def_property_readonly("state_size",
+                             [](const Environment& self) { return self.observations().state_size; })
       .def_property_readonly(
           "range_clip_cm",
           [](const Environment& self) { return 100.0 * self.config().observation.range_clip; })
@@ -175,6 +178,8 @@ void DefinePolicy(py::module_& module) {
                              [](const Policy& self) { return self.loaded().snapshot.version; })
       .def_property_readonly("num_beams",
                              [](const Policy& self) { return self.spec().observation.num_beams; })
+      .def_property_readonly("state_size",
+                             [](const Policy& self) { return self.spec().observation.state_size; })
       .def_property_readonly("history",
                              [](const Policy& self) { return self.spec().network.history; })
       .def("speeds", [](const Policy& self, const Array<float>& actions) {

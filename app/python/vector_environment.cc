@@ -31,7 +31,7 @@ VectorEnvironment::VectorEnvironment(const VectorConfig& config)
   const auto size = static_cast<std::size_t>(config.num_environments);
   streams_.assign(size, base::Random(0));
   results_.resize(size);
-  final_.Resize(config.num_environments, observations().num_beams);
+  final_.Resize(config.num_environments, observations().num_beams, observations().state_size);
   for (auto* numbers : {&rewards_, &costs_, &final_returns_, &returns_}) numbers->resize(size);
   for (auto* flags : {&terminations_, &truncations_, &ended_, &outcomes_}) flags->resize(size);
   waiting_.assign(size, 1);

@@ -152,7 +152,10 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config) {
 }
 
 env::StepShape StepShapeOf(const RunConfig& config) {
-  if (!config.task.is_own()) return config.environment.lidar.num_beams;
+  if (!config.task.is_own()) {
+    const env::ObservationSpec spec = sim::MakeObservationSpec(config.environment);
+    return {spec.num_beams, spec.state_size};
+  }
   return {0, config.task.observation_size, static_cast<int>(config.task.action_low.size())};
 }
 

@@ -57,11 +57,18 @@ FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& co
       state_size_(spec.state_size),
       num_ranges_(config.sectors == 0 ? spec.num_beams : config.sectors),
       beams_per_range_(num_ranges_ == 0 ? 0 : spec.num_beams / num_ranges_),
-      goal_scale_(static_cast<float>(spec.goal_scale)),
-      goal_y_offset_(config.goal_transform == GoalTransform::kCentred ? 0.0f : 1.0f) {
-  if (num_beams_ > 0 && state_size_ != env::kStateSize) {
+      goal_transform_(config.goal_transform),
+      goal_scale_(static_cast<float>(spec.goal_scale)) {
+  if (num_beams_ > 0 && state_size_ != spec.course_state_size()) {
     throw base::Error(fmt::format("found a state of {} numbers beside a scan, expected {}",
-                                  state_size_, env::kStateSize));
+                                  state_size_, spec.course_state_size()));
+  }
+  if (num_beams_ > 0 && state_size_ != env::kStateSize &&
+      EncoderOf(config) == EncoderKind::kBeamCnn) {
+    throw base::Error(
+        "network.cnn_axis: found \"beams\" with more than the last command observed, expected "
+        "\"time\", or environment.observation.speeds = false and environment.observation.commands "
+        "= 1");
   }
   if (num_beams_ == 0 && EncoderOf(config) == EncoderKind::kBeamCnn) {
     throw base::Error("network.cnn_axis: found \"beams\" without a scan, expected \"time\"");
@@ -98,10 +105,26 @@ void FeatureMap::Write(const std::uint16_t* ranges_cm, const float* state, bool 
   }
   const float side = mirrored ? -1.0f : 1.0f;
   float* const rest = features + num_ranges_;
-  rest[0] = state[0] / goal_scale_ - 1.0f;
-  rest[1] = side * state[1] / goal_scale_ - goal_y_offset_;
-  rest[2] = state[2];
-  rest[3] = side * state[3];
+  WriteGoal(state, side, rest);
+  // Pairs of speed and turn: what moves to the side or turns changes its sign.
+  for (int i = 2; i < state_size_; i += 2) {
+    rest[i] = state[i];
+    rest[i + 1] = side * state[i + 1];
+  }
+}
+
+/// goal: [2] [m]; side: -1 if left and right are exchanged, else 1; features: [2].
+void FeatureMap::WriteGoal(const float* goal, float side, float* features) const {
+  const float x = goal[0];
+  const float y = side * goal[1];
+  if (goal_transform_ == GoalTransform::kBounded) {
+    const float scale = std::sqrt(x * x + y * y) + goal_scale_;
+    features[0] = x / scale;
+    features[1] = y / scale;
+    return;
+  }
+  features[0] = x / goal_scale_ - 1.0f;
+  features[1] = y / goal_scale_ - (goal_transform_ == GoalTransform::kCentred ? 0.0f : 1.0f);
 }
 
 void FeatureMap::PoolSectors(const std::uint16_t* ranges_cm, bool mirrored, float* features) const {

@@ -13,19 +13,21 @@
 namespace slalom::nn {
 
 /// Maps a frame to the numbers that a network sees: pools sectors by their minimum, and scales
-/// ranges and goal. Without beams the state is no course's, and is seen as it is.
+/// ranges and goal. What follows the goal is seen as it is. Without beams the state is no course's,
+/// and is seen as it is.
 ///
 /// With sectors = 0 and both transforms "linear" it is exactly `env::WriteObservation`. Ranges are
 /// pooled as the sensor's integers and mapped by table, so every machine computes the same numbers.
 /// Immutable after construction, so one instance may serve many threads.
 class FeatureMap {
  public:
-  /// Throws `base::Error` if the sectors do not divide the beams, or if there are beams beside a
-  /// state that is no course's, or an encoder that needs them and none.
+  /// Throws `base::Error` if the sectors do not divide the beams, if there are beams beside a state
+  /// that is no course's, or if the encoder needs beams and there are none, or takes no state of
+  /// more than `env::kStateSize` numbers.
   FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config);
 
   /// Writes one frame's features. If `mirrored`, writes the features of the scene with left and
-  /// right exchanged: beams reversed, goal y and last turn negated. `ranges_cm`: [N]; `state`: [S];
+  /// right exchanged: beams reversed, goal y and turns negated. `ranges_cm`: [N]; `state`: [S];
   /// `features`: [F].
   void Write(const std::uint16_t* ranges_cm, const float* state, bool mirrored,
              float* features) const;
@@ -42,14 +44,15 @@ class FeatureMap {
   int num_beams() const { return num_beams_; }
 
  private:
+  void WriteGoal(const float* goal, float side, float* features) const;
   void PoolSectors(const std::uint16_t* ranges_cm, bool mirrored, float* features) const;
 
   int num_beams_;
   int state_size_;
   int num_ranges_;
   int beams_per_range_;
+  GoalTransform goal_transform_;
   float goal_scale_;
-  float goal_y_offset_;
   std::vector<float> table_;  ///< [clip in cm + 1], the feature of each range in cm.
 };
 

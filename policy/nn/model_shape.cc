@@ -43,6 +43,12 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
                           const GoalRule& goal) {
   SLALOM_CHECK(config.kind != ModelKind::kNone);
   RequireConsistent(config, network);
+  if (observation.state_size != env::kStateSize) {
+    throw base::Error(fmt::format(
+        "model.kind is \"{}\", expected environment.observation.speeds = false and "
+        "environment.observation.commands = 1: a model predicts neither speeds nor older commands",
+        base::EnumName(config.kind)));
+  }
   ModelShape shape;
   shape.ensemble = config.ensemble;
   shape.num_ranges = frame_size - env::kStateSize;
@@ -64,9 +70,12 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
       throw base::Error(
           "model.success is \"known\", expected a radius of the goal above 0 beside it");
     }
-    const auto radius = static_cast<float>(goal.radius / observation.goal_scale);
+    const bool bounded = network.goal_transform == GoalTransform::kBounded;
+    const double scale = observation.goal_scale + (bounded ? goal.radius : 0.0);
+    const auto radius = static_cast<float>(goal.radius / scale);
     shape.squared_goal_radius = radius * radius;
-    shape.goal_y_offset = network.goal_transform == GoalTransform::kCentred ? 0.0f : 1.0f;
+    shape.goal_x_offset = bounded ? 0.0f : 1.0f;
+    shape.goal_y_offset = network.goal_transform == GoalTransform::kLinear ? 1.0f : 0.0f;
     shape.goal_reward = static_cast<float>(goal.reward);
   }
 

@@ -113,6 +113,7 @@ struct ModelShape {
   /// Squared distance to the goal, in features, below which an episode succeeds. Negative if
   /// success is learned.
   float squared_goal_radius = -1.0f;
+  float goal_x_offset = 1.0f;  ///< Of the goal's features when it is reached, negated.
   float goal_y_offset = 0.0f;
   float goal_reward = 0.0f;
 
@@ -126,7 +127,7 @@ struct ModelShape {
   bool knows_success() const { return squared_goal_radius >= 0.0f; }
   /// Whether an episode ends in success in `frame` [F]. False if success is learned.
   bool IsSuccess(const float* frame) const {
-    const float x = frame[num_ranges] + 1.0f;
+    const float x = frame[num_ranges] + goal_x_offset;
     const float y = frame[num_ranges + 1] + goal_y_offset;
     return x * x + y * y < squared_goal_radius;
   }

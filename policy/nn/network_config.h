@@ -20,8 +20,8 @@ enum class RangeTransform { kLinear, kInverse };
 inline base::OneOf EnumNames(RangeTransform) { return {"linear", "inverse"}; }
 
 /// How the goal's coordinates are scaled.
-enum class GoalTransform { kLinear, kCentred };
-inline base::OneOf EnumNames(GoalTransform) { return {"linear", "centred"}; }
+enum class GoalTransform { kLinear, kCentred, kBounded };
+inline base::OneOf EnumNames(GoalTransform) { return {"linear", "centred", "bounded"}; }
 
 /// Settings of an actor's or critic's network. The defaults are the paper's
 /// (docs/original-system.md, section 3.3). Part of every saved policy.
@@ -72,7 +72,8 @@ struct NetworkConfig {
     v("goal_transform", goal_transform,
       "How the goal's coordinates are scaled. linear: x / goal_scale - 1 and y / goal_scale - 1, "
       "as they are observed. centred: x / goal_scale - 1 and y / goal_scale, so that left and "
-      "right are mirror images.");
+      "right are mirror images. bounded: x / (d + goal_scale) and y / (d + goal_scale) at the "
+      "distance d, so that both stay between -1 and 1 at any distance.");
     v("layer_norm", layer_norm, "LayerNorm before each ReLU of the critics.");
   }
 

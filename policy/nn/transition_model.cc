@@ -50,7 +50,7 @@ SLALOM_SIMD void Clip(float low, float high, std::int64_t n, float* __restrict v
 }  // namespace
 
 at::Tensor AreSuccesses(const ModelShape& shape, const at::Tensor& frames) {
-  const at::Tensor x = frames.select(1, shape.num_ranges) + 1.0;
+  const at::Tensor x = frames.select(1, shape.num_ranges) + shape.goal_x_offset;
   const at::Tensor y = frames.select(1, shape.num_ranges + 1) + shape.goal_y_offset;
   return (x.square() + y.square() < shape.squared_goal_radius).to(frames.scalar_type());
 }

@@ -40,7 +40,7 @@ class ModelPrinter {
         weights_(*snapshot.weights),
         history_(spec_.network.history),
         frame_size_(shape_.frame_size),
-        num_ranges_(frame_size_ - env::kStateSize) {}
+        num_ranges_(frame_size_ - spec_.observation.state_size) {}
 
   std::string Print(const nn::Metadata& metadata) {
     const Value features = Encode(History(Frame()));
@@ -118,9 +118,14 @@ class ModelPrinter {
     const Value state = graph_.AddInput(
         {"state",
          NumberType::kFloat,
-         {env::kStateSize},
-         "goal x (ahead) and y (to the left) in the robot's frame, in m; the action of the step "
-         "before, zeros at first"});
+         {spec_.observation.state_size},
+         fmt::format(
+             "goal x (ahead) and y (to the left) in the robot's frame, in m; the action of "
+             "the step before, zeros at first{}{}",
+             spec_.observation.speeds
+                 ? "; forward speed and turn rate, as the action that commands them"
+                 : "",
+             spec_.observation.commands > 1 ? "; the actions before, the newest first" : "")});
     ranges = graph_.Add("Cast", {ranges}, {{"to", static_cast<std::int64_t>(NumberType::kFloat)}});
     if (num_ranges_ != num_beams) {
       ranges = graph_.Add("ReduceMin", {Reshape(ranges, {0, num_ranges_, num_beams / num_ranges_})},
@@ -135,11 +140,24 @@ class ModelPrinter {
     } else {
       ranges = Affine(ranges, graph_.Number(2.0f / clip_cm), graph_.Number(-1.0f));
     }
+    if (spec_.network.goal_transform == nn::GoalTransform::kBounded) {
+      const Value goal = Slice(state, 1, 0, 2);
+      const Value distance =
+          graph_.Add("ReduceL2", {goal}, {{"axes", Integers{1}}, {"keepdims", std::int64_t{1}}});
+      const Value scale = graph_.Add(
+          "Add", {distance, graph_.Number(static_cast<float>(spec_.observation.goal_scale))});
+      return Concatenate({ranges, graph_.Add("Div", {goal, scale}), Slice(state, 1, 2, kEnd)}, 1);
+    }
     const float scale = static_cast<float>(1.0 / spec_.observation.goal_scale);
     const float y = spec_.network.goal_transform == nn::GoalTransform::kCentred ? 0.0f : -1.0f;
-    const Value rest =
-        Affine(state, graph_.Tensor("state.scale", {4}, std::array{scale, scale, 1.0f, 1.0f}),
-               graph_.Tensor("state.offset", {4}, std::array{-1.0f, y, 0.0f, 0.0f}));
+    const std::int64_t size = spec_.observation.state_size;
+    std::vector<float> scales(static_cast<std::size_t>(size), 1.0f);
+    scales[0] = scales[1] = scale;
+    std::vector<float> offsets(static_cast<std::size_t>(size), 0.0f);
+    offsets[0] = -1.0f;
+    offsets[1] = y;
+    const Value rest = Affine(state, graph_.Tensor("state.scale", {size}, scales),
+                              graph_.Tensor("state.offset", {size}, offsets));
     return Concatenate({ranges, rest}, 1);
   }
 

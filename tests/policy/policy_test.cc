@@ -13,6 +13,7 @@
 namespace slalom::policy {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 PolicySnapshot SmallPolicy() {
@@ -172,7 +173,39 @@ TEST_F(PolicyFileTest, TakesFilesWithoutTheSizesForOnesOfCourses) {
   SavePolicy(path_, SmallPolicy(), {});
   ReplaceInSpec(",\"state_size\":4", "");
   ReplaceInSpec("\"action_size\":2,", "");
-  EXPECT_EQ(LoadPolicy(path_).snapshot.spec.step_shape(), env::StepShape(12));
+  ReplaceInSpec("\"commands\":1,", "");
+  ReplaceInSpec(",\"speeds\":false", "");
+  const PolicySpec spec = LoadPolicy(path_).snapshot.spec;
+  EXPECT_EQ(spec.step_shape(), env::StepShape(12));
+  EXPECT_EQ(spec.observation, SmallPolicy().spec.observation);
+}
+
+TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
+  PolicySnapshot saved = SmallPolicy();
+  saved.spec.observation.speeds = true;
+  saved.spec.observation.commands = 4;
+  saved.spec.observation.state_size = saved.spec.observation.course_state_size();
+  saved.spec.network.goal_transform = nn::GoalTransform::kBounded;
+  saved.weights = std::make_shared<const std::vector<float>>(
+      static_cast<std::size_t>(saved.spec.actor_shape().num_parameters()), 0.5f);
+  SavePolicy(path_, saved, {});
+  const PolicySpec spec = LoadPolicy(path_).snapshot.spec;
+  EXPECT_EQ(spec.observation, saved.spec.observation);
+  EXPECT_EQ(spec.network, saved.spec.network);
+  EXPECT_EQ(spec.step_shape(), env::StepShape(12, 12));
+  EXPECT_NO_THROW(spec.RequireCourses("p"));
+  // As many numbers, with another meaning.
+  env::ObservationSpec other = spec.observation;
+  other.speeds = false;
+  other.commands = 5;
+  ASSERT_EQ(other.course_state_size(), other.state_size);
+  try {
+    RequireSameInterface("p", spec, other, spec.actions);
+    ADD_FAILURE();
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("with speeds, with 4 commands, the simulator gives"),
+                                    HasSubstr("with 5 commands")));
+  }
 }
 
 TEST(PolicySpecTest, RefusesScansBesideAStateOfNoCourse) {

@@ -62,12 +62,13 @@ def _spaces(core, observation):
     """Returns the spaces of one environment: of observations and of actions."""
     n = core.num_beams
     if observation == "vector":
-        seen = Box(-np.inf, np.inf, (n + 4,), np.float32)
+        seen = Box(-np.inf, np.inf, (n + core.state_size,), np.float32)
     elif observation == "frame":
+        bound = np.full(core.state_size, np.inf, np.float32)
+        bound[2:4] = 1.0
         seen = Dict({
             "ranges": Box(0, int(np.ceil(core.range_clip_cm)), (n,), np.uint16),
-            "state": Box(np.array([-np.inf, -np.inf, -1, -1], np.float32),
-                         np.array([np.inf, np.inf, 1, 1], np.float32), dtype=np.float32)
+            "state": Box(-bound, bound, dtype=np.float32)
         })
     else:
         raise _slalom.Error(f"observation is {observation!r}, expected 'frame' or 'vector'")
@@ -121,9 +122,9 @@ class VectorEnvironment(_Described, VectorEnv):
     Observations are those of `single_observation_space`, stacked:
 
     - "frame": {"ranges": [B, N] uint16, the LiDAR's beams from right to left in centimetres,
-      clipped; "state": [B, 4] float32, the goal in the robot's frame (x forward, y left) in metres
+      clipped; "state": [B, S] float32, the goal in the robot's frame (x forward, y left) in metres
       and the last action};
-    - "vector": [B, N + 4] float32, the same as the paper's networks see it, around [-1, 1].
+    - "vector": [B, N + S] float32, the same as the paper's networks see it, around [-1, 1].
 
     Actions are [B, 2] float32 in [-1, 1], speed and turn rate; beyond that they are clipped.
     """

@@ -74,7 +74,7 @@ def evaluate(agent: Policy | Callable[[Any, np.ndarray], np.ndarray],
 
     agent: a `Policy`, or any function of (observations, first) that returns actions, as
     `Policy.act` has them. It is called with a batch and must choose each action without regard to
-    the others. With observation="vector" its observations are [B, N + 4] float32.
+    the others. With observation="vector" its observations are [B, N + S] float32.
     name: what reports call it.
     seed: the same seed gives every agent the same episodes, those of `slalom evaluate --seed`.
     protocol: "paper", "dwa-runs" or "barn-challenge" (docs/evaluation.md).

@@ -39,7 +39,7 @@ class Policy:
     def act(self, observation: dict[str, np.ndarray], first: ArrayLike) -> np.ndarray:
         """Returns the actions, [B, 2] float32 in [-1, 1].
 
-        observation: {"ranges": [B, N] uint16, "state": [B, 4] float32}, as `make_vec` gives them. A
+        observation: {"ranges": [B, N] uint16, "state": [B, S] float32}, as `make_vec` gives them. A
         policy of your own environment (`Actor`) takes its observations as [B, S] float32 instead,
         and gives [B, A]; `bounds` says what -1 and 1 stand for.
         first: [B] bool, True where the observation is the first of an episode. With autoreset in
@@ -79,6 +79,11 @@ class Policy:
         """The task of its training, section by section, as `make_vec(courses, **policy.task)` takes
         it. Empty if the file does not tell."""
         return self._config.get("environment", {})
+
+    @property
+    def state_size(self) -> int:
+        """Numbers of a frame besides the scan."""
+        return self._core.state_size
 
     @property
     def num_beams(self) -> int:

@@ -26,9 +26,12 @@ using ::testing::IsEmpty;
 constexpr int kNumBeams = 6;
 
 /// A policy of random weights that sees two frames.
-policy::PolicySnapshot MakeSnapshot() {
+policy::PolicySnapshot MakeSnapshot(bool speeds = false, int commands = 1) {
   policy::PolicySpec spec;
   spec.observation.num_beams = kNumBeams;
+  spec.observation.speeds = speeds;
+  spec.observation.commands = commands;
+  spec.observation.state_size = spec.observation.course_state_size();
   spec.network.encoder_layers = spec.network.head_layers = {8};
   spec.network.history = 2;
   spec.actions = {.linear_min = -0.5, .linear_max = 1.0, .angular_max = 2.0};
@@ -95,6 +98,46 @@ TEST_F(PolicyToolsTest, ActAnswersEachLineAsThePolicyDrives) {
   expect({40, 120, 200, 300, 500, 500}, {2.5f, 0.25f, action.linear, action.angular}, false);
   expect({100, 100, 100, 100, 100, 100}, {2, 0, 0.5f, -0.25f}, false);
   expect({100, 200, 100, 200, 100, 200}, {2, 0, 0, 0}, true);
+}
+
+TEST_F(PolicyToolsTest, ActKeepsOlderCommandsAndReadsSpeeds) {
+  const policy::PolicySnapshot snapshot = MakeSnapshot(/*speeds=*/true, /*commands=*/3);
+  policy::SavePolicy(scratch_.path() / "policy.safetensors", snapshot, {});
+  std::string lines;
+  for (int i = 0; i < 5; ++i) {
+    lines += fmt::format(
+        "{{\"ranges\": [1, 2, 3, 4, 5, {}], \"goal\": [3, {}], \"speeds\": "
+        "[0.{}, -0.5]{}}}\n",
+        i, i, i, i == 3 ? ", \"first\": true" : "");
+  }
+  const ProgramResult result = Act(lines);
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  std::istringstream answers(result.out);
+  policy::NetworkAgent agent(snapshot);
+  env::ObservationBatch seen;
+  seen.Resize(1, kNumBeams, 10);
+  env::Action one, two, three;  // The newest first.
+  for (int i = 0; i < 5; ++i) {
+    const auto number = static_cast<float>(i);
+    if (i == 3) one = two = three = {};
+    seen.first[0] = i == 0 || i == 3;
+    seen.ranges_cm = {100, 200, 300, 400, 500, static_cast<std::uint16_t>(100 * i)};
+    // 0.25 m/s is in the middle of the bounds, and each 0.75 m/s from there are 1.
+    seen.state = {
+        3.0f,         number,     one.linear,  one.angular,  (0.1f * number - 0.25f) / 0.75f,
+        -0.5f / 2.0f, two.linear, two.angular, three.linear, three.angular};
+    three = two;
+    two = one;
+    agent.Act(seen, env::NumbersOf(std::span(&one, 1)));
+    std::string line;
+    ASSERT_TRUE(std::getline(answers, line));
+    const json answer = json::parse(line);
+    EXPECT_NEAR(answer["action"][0].get<float>(), one.linear, 1e-6) << i;
+    EXPECT_NEAR(answer["action"][1].get<float>(), one.angular, 1e-6) << i;
+    one = {answer["action"][0].get<float>(), answer["action"][1].get<float>()};
+  }
+  EXPECT_THAT(Act("{\"ranges\": [1, 1, 1, 1, 1, 1], \"goal\": [2, 0]}\n").err,
+              HasSubstr("line 1: speeds: is missing, expected 2 numbers"));
 }
 
 TEST_F(PolicyToolsTest, ActNamesTheLineAndWhatWasExpectedOfIt) {

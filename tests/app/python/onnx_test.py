@@ -19,6 +19,8 @@ NETWORKS = {
     "mlp": ["encoder_layers=[12, 9]", "sectors=0"],
     "mlp without encoder": ["encoder_layers=[]", "sectors=40", "history=3"],
     "plain features": ["range_transform=linear", "goal_transform=linear", "sectors=72"],
+    "bounded goal": ["goal_transform=bounded", "sectors=72"],
+    "speeds and commands": ["sectors=60", "environment.observation.speeds=true", "environment.observation.commands=3"],
     "time cnn": ["encoder=cnn", "encoder_layers=[11, 7]", "history=4", "sectors=60"],
     "time cnn of one frame": ["encoder=cnn", "encoder_layers=[11, 7]", "sectors=60"],
     "beam cnn": ["encoder=cnn", "cnn_axis=beams", "encoder_layers=[5, 4, 7]", "history=3", "sectors=90"],
@@ -65,7 +67,8 @@ class OnnxTest(unittest.TestCase):
         actions = []
         for _ in range(12):
             ranges = random.integers(0, 600, (B, policy.num_beams)).astype(np.uint16)
-            state = random.uniform(-1, 1, (B, 4)).astype(np.float32) * np.float32([8, 8, 1, 1])
+            state = random.uniform(-1, 1, (B, policy.state_size)).astype(np.float32)
+            state[:, :2] *= 8
             expected = policy.act({"ranges": ranges, "state": state}, first)
             given = {"ranges": ranges, "state": state}
             if policy.history > 1:
@@ -84,7 +87,7 @@ class OnnxTest(unittest.TestCase):
     def test_every_network(self):
         for name, network in NETWORKS.items():
             with self.subTest(name):
-                self.check(self.train("tiny", *(f"network.{setting}" for setting in network), "network.head_layers=[9]"))
+                self.check(self.train("tiny", *(setting if "." in setting.split("=")[0] else f"network.{setting}" for setting in network), "network.head_layers=[9]"))
 
     def test_the_mode_of_a_gaussian(self):
         path = self.train("sac", "learner.algorithm=sac", "network.encoder_layers=[12]", "network.head_layers=[9]")

@@ -1,0 +1,148 @@
+#include "sim/speed_sensor.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "sim/courses/course_sets.h"
+#include "sim/environments.h"
+
+namespace slalom::sim {
+namespace {
+
+constexpr double kStep = 0.2;  // [s]
+
+Speeds At(int step) { return {0.1 * step * step, std::sin(0.3 * step)}; }
+
+TEST(SpeedSensor, WithoutDelayAndNoiseTellsTheOdometry) {
+  SpeedSensor sensor({}, kStep);
+  sensor.Reset(1);
+  for (int step = 0; step < 10; ++step) EXPECT_EQ(sensor.Observe(At(step)), At(step));
+}
+
+// The oracle interpolates between all that was given; before the episode the robot stood.
+TEST(SpeedSensor, DelayedSpeedsAreInterpolatedBetweenSteps) {
+  for (const double delay : {0.05, 0.2, 0.3, 0.4, 1.0, 1.01, 2.0}) {
+    LocalisationConfig config;
+    config.speed_delay = delay;
+    SpeedSensor sensor(config, kStep);
+    for (int episode = 0; episode < 2; ++episode) {
+      sensor.Reset(1);
+      for (int step = 0; step < 15; ++step) {
+        const Speeds found = sensor.Observe(At(step));
+        const double time = step - delay / kStep;
+        const auto before = static_cast<int>(std::floor(time + 1e-12));
+        const double share = time - before;
+        const Speeds low = before >= 0 ? At(before) : Speeds{};
+        const Speeds high = before + 1 >= 0 ? At(before + 1) : Speeds{};
+        EXPECT_NEAR(found.forward, (1.0 - share) * low.forward + share * high.forward, 1e-9)
+            << delay << " s at step " << step;
+        EXPECT_NEAR(found.turn_rate, (1.0 - share) * low.turn_rate + share * high.turn_rate, 1e-9);
+      }
+    }
+  }
+}
+
+TEST(SpeedSensor, NoiseHasItsDeviationsAndFollowsFromTheSeed) {
+  LocalisationConfig config;
+  config.speed_noise = 0.2;
+  config.turn_rate_noise = 0.5;
+  SpeedSensor sensor(config, kStep), same(config, kStep), other(config, kStep);
+  sensor.Reset(3);
+  same.Reset(3);
+  other.Reset(4);
+  constexpr int kNumDraws = 20000;
+  double sum = 0.0, squares = 0.0, turn_squares = 0.0, products = 0.0;
+  int num_equal = 0;
+  for (int i = 0; i < kNumDraws; ++i) {
+    const Speeds found = sensor.Observe({1.0, -2.0});
+    EXPECT_EQ(same.Observe({1.0, -2.0}), found);
+    num_equal += other.Observe({1.0, -2.0}) == found ? 1 : 0;
+    const double error = found.forward - 1.0, turn_error = found.turn_rate + 2.0;
+    sum += error;
+    squares += error * error;
+    turn_squares += turn_error * turn_error;
+    products += error * turn_error;
+  }
+  // Five standard errors: 5 / sqrt(20000) = 0.035 of the deviation, sqrt(2) of that for a variance.
+  EXPECT_NEAR(sum / kNumDraws, 0.0, 0.035 * 0.2);
+  EXPECT_NEAR(squares / kNumDraws, 0.04, 0.05 * 0.04);
+  EXPECT_NEAR(turn_squares / kNumDraws, 0.25, 0.05 * 0.25);
+  EXPECT_NEAR(products / kNumDraws, 0.0, 0.035 * 0.1);
+  EXPECT_EQ(num_equal, 0);
+}
+
+/// Environments with these settings, all on one course.
+CourseEnvironments Make(const EnvironmentConfig& config, int batch = 1) {
+  return CourseEnvironments(config, MakeScenes(ResolveCourses("generated:3:1", std::nullopt, 0)),
+                            batch, nullptr);
+}
+
+env::Action ActionOf(int step) {
+  return {static_cast<float>(0.1 + 0.02 * step), static_cast<float>(std::sin(0.7 * step))};
+}
+
+TEST(EnvironmentsTest, SpeedsAndCommandsFollowTheGoalAndTheLastCommand) {
+  EnvironmentConfig config;
+  config.observation.speeds = true;
+  config.observation.commands = 3;
+  CourseEnvironments plain = Make({}), more = Make(config);
+  ASSERT_EQ(plain.shape(), env::StepShape(720, 4));
+  ASSERT_EQ(more.shape(), env::StepShape(720, 10));
+  EXPECT_EQ(MakeObservationSpec(config).state_size, 10);
+  std::vector<env::StepResult> results(1);
+  for (std::uint64_t seed = 0; seed < 2; ++seed) {
+    plain.Reset(0, {0, seed});
+    more.Reset(0, {0, seed});
+    std::vector<env::Action> given(3, config.action.Normalise(0.0, 0.0));  // The newest last.
+    for (int step = 0; step < 12; ++step) {
+      const env::FrameView few = plain.observations().frame(0), many = more.observations().frame(0);
+      EXPECT_TRUE(std::ranges::equal(few.ranges_cm, many.ranges_cm));
+      EXPECT_TRUE(std::ranges::equal(few.state, many.state.first(4))) << "the episode is the same";
+      const env::Odometry& odometry = plain.observations().odometry[0];
+      EXPECT_NEAR(config.action.linear_mps({many.state[4], 0.0f}), odometry.linear, 1e-6);
+      EXPECT_NEAR(config.action.angular_radps({0.0f, many.state[5]}), odometry.angular, 1e-6);
+      const std::size_t n = given.size();
+      EXPECT_EQ((env::Action{many.state[2], many.state[3]}), given[n - 1]);
+      EXPECT_EQ((env::Action{many.state[6], many.state[7]}), given[n - 2]);
+      EXPECT_EQ((env::Action{many.state[8], many.state[9]}), given[n - 3]);
+      given.push_back(ActionOf(step));
+      const std::vector<env::Action> action = {ActionOf(step)};
+      plain.Step(env::NumbersOf(action), results);
+      more.Step(env::NumbersOf(action), results);
+      if (results[0].ended()) break;
+    }
+    EXPECT_GT(given.size(), 7u);
+  }
+}
+
+TEST(EnvironmentsTest, ObservedSpeedsHaveTheirNoiseAndNothingElseChanges) {
+  EnvironmentConfig config;
+  config.observation.speeds = true;
+  config.localisation.speed_delay = 0.1;
+  EnvironmentConfig noisy = config;
+  noisy.localisation.speed_noise = 0.1;
+  CourseEnvironments calm = Make(config), wild = Make(noisy);
+  std::vector<env::StepResult> results(1);
+  calm.Reset(0, {0, 5});
+  wild.Reset(0, {0, 5});
+  double last = 0.0;
+  for (int step = 0; step < 8; ++step) {
+    const auto a = calm.observations().frame(0).state, b = wild.observations().frame(0).state;
+    EXPECT_TRUE(std::ranges::equal(a.first(4), b.first(4)));
+    EXPECT_NE(a[4], b[4]);
+    EXPECT_EQ(a[5], b[5]);
+    // Half a step ago: the mean of the last two.
+    const double now = calm.observations().odometry[0].linear;
+    EXPECT_NEAR(config.action.linear_mps({a[4], 0.0f}), 0.5 * (now + last), 1e-6);
+    last = now;
+    const std::vector<env::Action> action = {ActionOf(step)};
+    calm.Step(env::NumbersOf(action), results);
+    wild.Step(env::NumbersOf(action), results);
+  }
+}
+
+}  // namespace
+}  // namespace slalom::sim
