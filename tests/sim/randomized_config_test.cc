@@ -239,7 +239,7 @@ TEST(RandomizedConfigTest, FieldsThatABatchSharesAreRefusedWithTheReason) {
                                HasSubstr("is the same in all episodes, because ")));
     }
   }
-  EXPECT_EQ(num_drawn, 25 + 9 + 4) << "of robot, lidar and localisation";
+  EXPECT_EQ(num_drawn, 25 + 9 + 7) << "of robot, lidar and localisation";
   EXPECT_GT(num_shared, 15);
   EXPECT_THAT(ErrorOf(Task("lidar.num_beams = [360, 720]\n")),
               HasSubstr("it is the shape of an observation"));
