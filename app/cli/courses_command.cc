@@ -205,7 +205,9 @@ void AddGenerate(CLI::App& courses) {
   command->callback([options] {
     RequireOutputFile(options->output, options->force);
     sim::CourseSet set = options->selection.Resolve();
-    std::replace(set.name.begin(), set.name.end(), ':', '-');
+    std::ranges::replace_if(
+        set.name, [](char c) { return c == ':' || c == '+'; }, '-');
+    if (!sim::IsCourseName(set.name)) set.name.clear();  // The file's name is the set's then.
     sim::WriteCourseSet(options->output, set);
     fmt::print(stderr, "{}: {} courses written\n", options->output, set.courses.size());
   });

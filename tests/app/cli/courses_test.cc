@@ -63,6 +63,17 @@ TEST_F(CoursesTest, MovingObstaclesAreImportedListedShownAndDrawn) {
   EXPECT_THAT(base::ReadFile(scratch_.path() / "wall.svg"), HasSubstr("</svg>"));
 }
 
+TEST_F(CoursesTest, JoinedSetsAreWrittenToOneFileThatCanBeRead) {
+  const std::string joined = "generated-crowds:3:2+generated-rooms:3:1";
+  const ProgramResult made = Courses({"generate", "--courses", joined, "--output", "j.courses"});
+  EXPECT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_THAT(base::ReadFile(scratch_.path() / "j.courses"),
+              HasSubstr("set generated-crowds-3-2-generated-rooms-3-1\n"));
+  const ProgramResult show = Courses({"show", "j.courses"});
+  EXPECT_EQ(show.exit_code, 0) << show.err;
+  EXPECT_THAT(show.out, AllOf(HasSubstr("fresh-crowds-3-001"), HasSubstr("fresh-rooms-3-000")));
+}
+
 TEST_F(CoursesTest, WhatCannotBeImportedOrFoundIsNamed) {
   EXPECT_THAT(Courses({"import", ".", "--motions", "/", "--output", "coll"}).err,
               HasSubstr("/: holds neither dynamic_box.csv nor dynamic_wall.csv"));
