@@ -117,6 +117,10 @@ TEST_P(HostileTest, MessagesOfOtherThanTwoPartsAreCountedAndPassedOver) {
 }
 
 TEST_P(HostileTest, BytesThatWaitForAPeerThatDoesNotReadAreBounded) {
+#ifdef __SANITIZE_THREAD__
+  // It reports, and suppresses, a race with ZeroMQ's thread for each byte of 36 MB.
+  GTEST_SKIP() << "too slow under ThreadSanitizer";
+#endif
   constexpr std::size_t kSize = 256 << 10;
   constexpr int kBound = 16;    // Messages of that size.
   constexpr int kKernel = 128;  // More than the kernel and the peer's socket take.
