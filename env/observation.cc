@@ -6,6 +6,17 @@
 
 namespace slalom::env {
 
+void WriteMotion(const ObservationSpec& spec, std::span<const Action> actions, Action speeds,
+                 std::span<float> state) {
+  SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(spec.commands));
+  SLALOM_CHECK_EQ(state.size(), static_cast<std::size_t>(spec.course_state_size()));
+  // All after the goal are pairs.
+  const std::span<Action> pairs = AsActions(state.subspan(2));
+  pairs.front() = actions.front();
+  if (spec.speeds) pairs[1] = speeds;
+  std::ranges::copy(actions.subspan(1), pairs.last(actions.size() - 1).begin());
+}
+
 void WriteObservation(const ObservationSpec& spec, const FrameView& frame,
                       std::span<float> observation) {
   SLALOM_CHECK_EQ(frame.ranges_cm.size(), static_cast<std::size_t>(spec.num_beams));

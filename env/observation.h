@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/geometry.h"
+#include "env/action.h"
 
 /// Shapes: `B` environments in a batch, `N` beams in a scan, `S` numbers of a state.
 
@@ -87,6 +88,12 @@ struct ObservationSpec {
   int size() const { return num_beams + state_size; }
   friend bool operator==(const ObservationSpec&, const ObservationSpec&) = default;
 };
+
+/// Writes the last actions, and the speeds if `spec` has them, into their places in a state on a
+/// course. `actions`: the newest first; `speeds`: as the action that would command them.
+/// Requires: actions.size() == spec.commands, state.size() == spec.course_state_size().
+void WriteMotion(const ObservationSpec& spec, std::span<const Action> actions, Action speeds,
+                 std::span<float> state);
 
 /// Writes the observation of the POMDP on a course: [N + S] float, which are ranges, goal, last
 /// action and what follows them, ranges and goal mapped as `spec` says.

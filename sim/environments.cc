@@ -30,6 +30,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
                                        const MakeRobotBodies& make_bodies,
                                        std::unique_ptr<SceneStream> fresh)
     : config_(Checked(config)),
+      observed_(MakeObservationSpec(config)),
       scenes_(std::move(scenes)),
       fresh_(std::move(fresh)),
       make_bodies_(make_bodies),
@@ -55,7 +56,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
   }
   SLALOM_CHECK_EQ(static_cast<int>(environments_.size()), batch_size);
   if (environments_[0].task) RequireBodies(*environments_[0].task);
-  observations_.Resize(batch_size, config.lidar.num_beams, MakeObservationSpec(config).state_size);
+  observations_.Resize(batch_size, observed_.num_beams, observed_.state_size);
 }
 
 void CourseEnvironments::RequireDrivable(const Scene& scene) const {
@@ -281,22 +282,16 @@ void CourseEnvironments::Observe(int i) {
   const auto state = observations_.mutable_state(i);
   state[0] = static_cast<float>(goal_R.x);
   state[1] = static_cast<float>(goal_R.y);
-  state[2] = environment.actions.front().linear;
-  state[3] = environment.actions.front().angular;
   const BodyState& body = environment.robot->body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
   const double speed = environment.localisation.from_wheels() ? environment.robot->drive().speed()
                                                               : c * body.vx + s * body.vy;
   observations_.odometry[i] = {
       .X_OR = environment.localisation.X_OR(), .linear = speed, .angular = body.yaw_rate};
-  auto rest = state.subspan(env::kStateSize);
-  if (config_.observation.speeds) {
-    const Speeds seen = environment.speed_sensor.Observe({speed, body.yaw_rate});
-    env::AsActions(rest.first(2)).front() = config_.action.Scale(seen.forward, seen.turn_rate);
-    rest = rest.subspan(2);
-  }
-  std::copy(environment.actions.begin() + 1, environment.actions.end(),
-            env::AsActions(rest).begin());
+  Speeds seen;
+  if (observed_.speeds) seen = environment.speed_sensor.Observe({speed, body.yaw_rate});
+  env::WriteMotion(observed_, environment.actions,
+                   config_.action.Scale(seen.forward, seen.turn_rate), state);
 }
 
 }  // namespace slalom::sim

@@ -132,6 +132,7 @@ class CourseEnvironments : public env::BatchEnvironment {
   void Observe(int i);
 
   const EnvironmentConfig config_;
+  const env::ObservationSpec observed_;
   const std::vector<std::shared_ptr<const Scene>> scenes_;
   const std::unique_ptr<SceneStream> fresh_;  // May be null.
   const MakeRobotBodies make_bodies_;

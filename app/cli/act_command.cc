@@ -56,15 +56,9 @@ class LineDriver {
     if (given.contains("last_action")) {
       ReadNumbers(given, "last_action", env::NumbersOf(std::span(last_).first(1)));
     }
-    env::AsActions(state.subspan(2, 2)).front() = last_.front();
-    std::span<float> rest = state.subspan(env::kStateSize);
-    if (spec().observation.speeds) {
-      std::array<float, 2> speeds{};
-      ReadNumbers(given, "speeds", speeds);
-      env::AsActions(rest.first(2)).front() = spec().actions.Scale(speeds[0], speeds[1]);
-      rest = rest.subspan(2);
-    }
-    std::copy(last_.begin() + 1, last_.end(), env::AsActions(rest).begin());
+    std::array<float, 2> speeds{};
+    if (spec().observation.speeds) ReadNumbers(given, "speeds", speeds);
+    env::WriteMotion(spec().observation, last_, spec().actions.Scale(speeds[0], speeds[1]), state);
     std::shift_right(last_.begin(), last_.end(), 1);
     env::Action& action = last_.front();
     agent_->Act(observations_, env::NumbersOf(std::span(&action, 1)));

@@ -19,6 +19,11 @@ std::vector<std::string> TrainCommand(const fs::path& program,
           train::kOutputOption, output.string(), train::kNoEvaluationOption};
 }
 
+std::vector<std::string> ThreadLimits(int threads) {
+  const std::string count = std::to_string(threads);
+  return {"OMP_NUM_THREADS=" + count, "OPENBLAS_NUM_THREADS=" + count};
+}
+
 std::vector<std::string> ServiceCommand(const fs::path& program, const std::string& role,
                                         const fs::path& config, const std::string& name) {
   return {program.string(), role, train::kConfigOption, config.string(), train::kNameOption, name};

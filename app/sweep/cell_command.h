@@ -18,6 +18,9 @@ std::vector<std::string> TrainCommand(const std::filesystem::path& program,
                                       const std::optional<std::filesystem::path>& config,
                                       const std::filesystem::path& output);
 
+/// Environment variables that give the libraries of a child process so many threads.
+std::vector<std::string> ThreadLimits(int threads);
+
 /// Runs a process of a service.
 std::vector<std::string> ServiceCommand(const std::filesystem::path& program,
                                         const std::string& role,

@@ -288,7 +288,7 @@ class Work {
     base::ChildProcess child({.arguments = arguments,
                               .log = directory_.log(),
                               .cores = options_.cores,
-                              .environment = ThreadLimits()});
+                              .environment = ThreadLimits(options_.threads)});
     return Await(child);
   }
 
@@ -310,15 +310,10 @@ class Work {
                          .run = directory_.run(),
                          .log = directory_.log(),
                          .cores = options_.cores,
-                         .environment = ThreadLimits()});
+                         .environment = ThreadLimits(options_.threads)});
     const Ended ended = Await(service);
     fault_ = service.fault();
     return ended;
-  }
-
-  std::vector<std::string> ThreadLimits() const {
-    const std::string threads = std::to_string(options_.threads);
-    return {"OMP_NUM_THREADS=" + threads, "OPENBLAS_NUM_THREADS=" + threads};
   }
 
   /// Waits for a `base::ChildProcess` or a `CellService`, and tells it to save and end if the work

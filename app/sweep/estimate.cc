@@ -126,7 +126,6 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
   const fs::path file = scratch.path() / "config.toml";
   const fs::path log = scratch.path() / "log.txt";
   const run::RunDirectory run{scratch.path() / config.run.name};
-  const std::vector<std::string> environment = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1"};
   base::WriteFileAtomically(file, config::ToToml(config));
   std::optional<int> exit_code;
   if (cell.num_actors > 0) {
@@ -136,7 +135,7 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
                          .directory = scratch.path() / "service",
                          .run = run.root,
                          .log = log,
-                         .environment = environment});
+                         .environment = ThreadLimits(1)});
     const auto end = std::chrono::steady_clock::now() + kTrial;
     while (!exit_code && std::chrono::steady_clock::now() < end) {
       exit_code = service.Wait(std::chrono::milliseconds(200));
@@ -144,7 +143,7 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
   } else {
     base::ChildProcess child({.arguments = TrainCommand(program, file, scratch.path()),
                               .log = log,
-                              .environment = environment});
+                              .environment = ThreadLimits(1)});
     exit_code = child.Wait(kTrial);
   }  // Which ends it.
   if (exit_code && *exit_code != 0) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/config_field.h"
+#include "sim/engines/physics.h"
 
 /// The plan of a sweep, as its TOML file has it (docs/sweeps.md). Its cells are in
 /// app/sweep/cell.h.
@@ -19,7 +20,12 @@ inline base::OneOf QuantityKeys() {
   return {"success_rate", "collision_rate", "survival_time_s", "traversal_time_s"};
 }
 
-inline base::OneOf PhysicsNames() { return {"slalom", "ode", "mujoco"}; }
+inline base::OneOf PhysicsNames() {
+  base::OneOf names{};
+  for (const engines::PhysicsInfo& info : engines::KnownPhysics())
+    names.choices.push_back(info.name);
+  return names;
+}
 
 /// What trains a cell.
 enum class Trainer { kProcess, kService };

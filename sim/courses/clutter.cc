@@ -12,8 +12,10 @@ Box WallBetween(base::Vec2 from_W, base::Vec2 to_W) {
   return {{0.5 * (from_W + to_W), 0.0}, {std::abs(reach.x) + kHalf, std::abs(reach.y) + kHalf}};
 }
 
-void AddWallsRound(const Bounds& inside, Course& course) {
+void Enclose(const Bounds& inside, Course& course) {
   const auto& [low, high] = inside;
+  constexpr base::Vec2 kReach{kThinWall, kThinWall};
+  course.bounds = {low - kReach, high + kReach};
   course.boxes.push_back(WallBetween(low, {high.x, low.y}));
   course.boxes.push_back(WallBetween({low.x, high.y}, high));
   course.boxes.push_back(WallBetween(low, {low.x, high.y}));
@@ -34,6 +36,10 @@ double DistanceTo(const Piece& piece, base::Vec2 p_W) {
   for (const Circle& circle : piece.circles) distance = std::min(distance, DistanceTo(circle, p_W));
   for (const Box& box : piece.boxes) distance = std::min(distance, DistanceTo(box, p_W));
   return distance;
+}
+
+double DistanceToEnds(const Piece& piece, const Course& course) {
+  return std::min(DistanceTo(piece, course.start.p), DistanceTo(piece, course.goal_W));
 }
 
 void Add(const Piece& piece, Course& course) {

@@ -17,8 +17,8 @@ inline constexpr double kThinWall = 0.1;
 /// ends. Requires: the points differ in one coordinate alone.
 Box WallBetween(base::Vec2 from_W, base::Vec2 to_W);
 
-/// The four walls round a rectangle, on its sides.
-void AddWallsRound(const Bounds& inside, Course& course);
+/// Adds the four walls round a rectangle, on its sides, and sets the bounds, which hold them.
+void Enclose(const Bounds& inside, Course& course);
 
 /// Obstacles that stand together.
 struct Piece {
@@ -33,6 +33,9 @@ Piece LegsAt(const base::Pose2& X_WB, base::Vec2 half_size, double radius);
 double DistanceTo(const Piece& piece, base::Vec2 p_W);
 
 void Add(const Piece& piece, Course& course);
+
+/// Distance from the piece to the nearer one of start and goal.
+double DistanceToEnds(const Piece& piece, const Course& course);
 
 /// A point of a rectangle at least `margin` from its sides, and any heading.
 base::Pose2 DrawPose(const Bounds& inside, double margin, base::Random& random);

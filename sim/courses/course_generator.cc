@@ -1,15 +1,13 @@
 #include "sim/courses/course_generator.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <iterator>
-#include <memory>
 #include <utility>
 
 #include "base/check.h"
 #include "sim/courses/course_path.h"
+#include "sim/courses/numbered_courses.h"
 
 namespace slalom::sim {
 namespace {
@@ -142,27 +140,18 @@ Course GenerateCourse(std::string name, const FieldRecipe& recipe, std::uint64_t
 }
 
 CourseSet GenerateStaticCourses(std::uint64_t seed, int first, int count) {
-  SLALOM_CHECK_GE(first, 0);
-  SLALOM_CHECK_GE(count, 0);
-  CourseSet set{fmt::format("static-{}", seed), {}};
-  for (int i = first; i < first + count; ++i) {
-    set.courses.push_back(std::make_shared<const Course>(
-        GenerateCourse(fmt::format("static-{}-{:03}", seed, i),
-                       PublishedRecipe(i / kCoursesPerRecipe % kNumRecipes),
-                       base::DeriveSeed(seed, "static-course", {static_cast<std::uint64_t>(i)}))));
-  }
-  return set;
+  return MakeNumberedCourses(
+      "static", seed, first, count, [](std::string name, int i, std::uint64_t own) {
+        return GenerateCourse(std::move(name), PublishedRecipe(i / kCoursesPerRecipe % kNumRecipes),
+                              own);
+      });
 }
 
 CourseSet GenerateFreshCourses(std::uint64_t seed, int count) {
-  SLALOM_CHECK_GE(count, 0);
-  CourseSet set{fmt::format("fresh-{}", seed), {}};
-  for (int i = 0; i < count; ++i) {
-    set.courses.push_back(std::make_shared<const Course>(
-        GenerateCourse(fmt::format("fresh-{}-{:03}", seed, i), PublishedRecipe(i % kNumRecipes),
-                       base::DeriveSeed(seed, "fresh-course", {static_cast<std::uint64_t>(i)}))));
-  }
-  return set;
+  return MakeNumberedCourses(
+      "fresh", seed, 0, count, [](std::string name, int i, std::uint64_t own) {
+        return GenerateCourse(std::move(name), PublishedRecipe(i % kNumRecipes), own);
+      });
 }
 
 }  // namespace slalom::sim

@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
+#include "base/split.h"
 #include "base/suggestion.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/course_file.h"
@@ -215,9 +216,8 @@ CourseSet ResolveSeveral(const std::string& spec, const std::optional<fs::path>&
                          std::uint64_t generator_seed) {
   CourseSet all{spec, {}};
   std::set<std::string_view> names;
-  for (std::size_t begin = 0; begin <= spec.size();) {
-    const std::size_t end = std::min(spec.find(kJoin, begin), spec.size());
-    const CourseSet part = ResolveOne(spec.substr(begin, end - begin), collection, generator_seed);
+  for (const std::string_view one : base::Split(spec, kJoin)) {
+    const CourseSet part = ResolveOne(std::string(one), collection, generator_seed);
     for (const auto& course : part.courses) {
       if (!names.insert(course->name).second) {
         throw base::Error(
@@ -227,7 +227,6 @@ CourseSet ResolveSeveral(const std::string& spec, const std::optional<fs::path>&
       }
       all.courses.push_back(course);
     }
-    begin = end + 1;
   }
   return all;
 }

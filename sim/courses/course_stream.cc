@@ -10,6 +10,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/random.h"
+#include "base/split.h"
 #include "sim/courses/course_generator.h"
 #include "sim/courses/crowd_generator.h"
 #include "sim/courses/dynamic_generator.h"
@@ -48,14 +49,12 @@ Course GenerateOfKind(FreshKind kind, std::string name, std::uint64_t seed, int 
 FreshMix ParseFreshMix(std::string_view text) {
   if (text == "none") return {};
   FreshMix mix;
-  for (std::size_t begin = 0; begin <= text.size();) {
-    const std::size_t end = std::min(text.find('+', begin), text.size());
-    if (!base::ParseEnum(text.substr(begin, end - begin), mix.emplace_back())) {
+  for (const std::string_view kind : base::Split(text, '+')) {
+    if (!base::ParseEnum(kind, mix.emplace_back())) {
       throw base::Error(
           fmt::format("\"{}\": expected \"none\", or one or more of {} joined by \"+\"", text,
                       fmt::join(EnumNames(FreshKind{}).choices, ", ")));
     }
-    begin = end + 1;
   }
   return mix;
 }

@@ -1,23 +1,20 @@
 #include "sim/courses/crowd_generator.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <memory>
 #include <tuple>
 #include <utility>
 #include <vector>
 
-#include "base/check.h"
 #include "base/random.h"
+#include "sim/courses/clutter.h"
 #include "sim/courses/foresight.h"
+#include "sim/courses/numbered_courses.h"
 
 namespace slalom::sim {
 namespace {
 
-constexpr double kFieldWallHalf = 0.05;   // Half the thickness of a wall, [m].
 constexpr double kWallClearance = 0.6;    // From a wall to start and goal, at least, [m].
 constexpr double kNearSide = 1.5;         // What is near a side is at most so far inside, [m].
 constexpr double kOutside = 1.0;          // Beyond an open side, at most, [m].
@@ -42,13 +39,12 @@ Field DrawField(const CrowdRecipe& recipe, base::Random& random) {
 }
 
 std::vector<Box> WallsOf(const Field& field) {
+  const auto [x, y] = field.half;
   std::vector<Box> walls;
-  const base::Vec2 along_y{kFieldWallHalf, field.half.y + kFieldWallHalf};
-  const base::Vec2 along_x{field.half.x + kFieldWallHalf, kFieldWallHalf};
-  if (field.is_walled[0]) walls.push_back({{{-field.half.x, 0.0}, 0.0}, along_y});
-  if (field.is_walled[1]) walls.push_back({{{field.half.x, 0.0}, 0.0}, along_y});
-  if (field.is_walled[2]) walls.push_back({{{0.0, -field.half.y}, 0.0}, along_x});
-  if (field.is_walled[3]) walls.push_back({{{0.0, field.half.y}, 0.0}, along_x});
+  if (field.is_walled[0]) walls.push_back(WallBetween({-x, -y}, {-x, y}));
+  if (field.is_walled[1]) walls.push_back(WallBetween({x, -y}, {x, y}));
+  if (field.is_walled[2]) walls.push_back(WallBetween({-x, -y}, {x, -y}));
+  if (field.is_walled[3]) walls.push_back(WallBetween({-x, y}, {x, y}));
   return walls;
 }
 
@@ -114,7 +110,7 @@ std::vector<base::Vec2> DrawWay(const Field& field, double circumradius, Playbac
   playback = Playback::kLoop;
   switch (random.UniformInt(3)) {
     case 0: {  // Across.
-      const double beyond = -(circumradius + 2.0 * kFieldWallHalf);
+      const double beyond = -(circumradius + kThinWall);
       const std::size_t from = random.UniformInt(kNumSides);
       const std::size_t to = (from + 1 + random.UniformInt(kNumSides - 1)) % kNumSides;
       points.push_back(DrawAtSide(field, from, beyond, circumradius, random));
@@ -201,7 +197,7 @@ void AddObstacles(const CrowdRecipe& recipe, const Field& field, base::Random& r
 Bounds BoundsOf(const CrowdRecipe& recipe, const Field& field) {
   const double circumradius =
       std::max(recipe.max_radius, base::Norm({0.5 * recipe.max_size, 0.5 * recipe.max_size}));
-  const double reach = 2.0 * circumradius + 2.0 * kFieldWallHalf;
+  const double reach = 2.0 * circumradius + kThinWall;
   const base::Vec2 corner = field.half + base::Vec2{reach, reach};
   return {-1.0 * corner, corner};
 }
@@ -226,14 +222,10 @@ Course GenerateCrowdCourse(std::string name, const CrowdRecipe& recipe, std::uin
 }
 
 CourseSet GenerateFreshCrowdCourses(std::uint64_t seed, int count) {
-  SLALOM_CHECK_GE(count, 0);
-  CourseSet set{fmt::format("fresh-crowds-{}", seed), {}};
-  for (int i = 0; i < count; ++i) {
-    set.courses.push_back(std::make_shared<const Course>(GenerateCrowdCourse(
-        fmt::format("fresh-crowds-{}-{:03}", seed, i), {},
-        base::DeriveSeed(seed, "fresh-crowds-course", {static_cast<std::uint64_t>(i)}))));
-  }
-  return set;
+  return MakeNumberedCourses("fresh-crowds", seed, 0, count,
+                             [](std::string name, int, std::uint64_t own) {
+                               return GenerateCrowdCourse(std::move(name), {}, own);
+                             });
 }
 
 }  // namespace slalom::sim

@@ -1,13 +1,11 @@
 #include "sim/courses/dynamic_generator.h"
 
-#include <fmt/format.h>
-
 #include <cstddef>
-#include <memory>
 #include <utility>
 
 #include "base/check.h"
 #include "sim/courses/barn_field.h"
+#include "sim/courses/numbered_courses.h"
 
 namespace slalom::sim {
 namespace {
@@ -30,36 +28,25 @@ base::Pose2 DrawEnd(double y, double yaw, base::Random& random) {
   return {{random.Uniform(kLeft, kRight), y}, yaw};
 }
 
-/// Courses [first, first + count) of one stream of seeds, purpose "PREFIX-course".
-CourseSet BoxCourses(const std::string& prefix, std::uint64_t seed, int first, int count) {
-  SLALOM_CHECK_GE(first, 0);
-  SLALOM_CHECK_GE(count, 0);
+CourseSet BoxCourses(const std::string& stream, std::uint64_t seed, int first, int count) {
   const DynamicBoxRecipe recipe;
-  CourseSet set{fmt::format("{}-{}", prefix, seed), {}};
   std::vector<BoxTrajectory> pool;
-  for (int i = first; i < first + count; ++i) {
-    if (i == first || i % kCoursesPerPool == 0) {
-      base::Random random(base::DeriveSeed(seed, prefix + "-pool",
-                                           {static_cast<std::uint64_t>(i / kCoursesPerPool)}));
-      pool = DrawBoxTrajectories(recipe, random);
-    }
-    set.courses.push_back(std::make_shared<const Course>(GenerateBoxCourse(
-        fmt::format("{}-{}-{:03}", prefix, seed, i), recipe, pool,
-        base::DeriveSeed(seed, prefix + "-course", {static_cast<std::uint64_t>(i)}))));
-  }
-  return set;
+  return MakeNumberedCourses(
+      stream, seed, first, count, [&](std::string name, int i, std::uint64_t own) {
+        if (i == first || i % kCoursesPerPool == 0) {
+          base::Random random(base::DeriveSeed(seed, stream + "-pool",
+                                               {static_cast<std::uint64_t>(i / kCoursesPerPool)}));
+          pool = DrawBoxTrajectories(recipe, random);
+        }
+        return GenerateBoxCourse(std::move(name), recipe, pool, own);
+      });
 }
 
-CourseSet WallCourses(const std::string& prefix, std::uint64_t seed, int first, int count) {
-  SLALOM_CHECK_GE(first, 0);
-  SLALOM_CHECK_GE(count, 0);
-  CourseSet set{fmt::format("{}-{}", prefix, seed), {}};
-  for (int i = first; i < first + count; ++i) {
-    set.courses.push_back(std::make_shared<const Course>(GenerateWallCourse(
-        fmt::format("{}-{}-{:03}", prefix, seed, i), {},
-        base::DeriveSeed(seed, prefix + "-course", {static_cast<std::uint64_t>(i)}))));
-  }
-  return set;
+CourseSet WallCourses(const std::string& stream, std::uint64_t seed, int first, int count) {
+  return MakeNumberedCourses(stream, seed, first, count,
+                             [](std::string name, int, std::uint64_t own) {
+                               return GenerateWallCourse(std::move(name), {}, own);
+                             });
 }
 
 }  // namespace

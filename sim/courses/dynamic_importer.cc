@@ -14,6 +14,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/split.h"
 #include "sim/courses/barn_field.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/dynamic_generator.h"
@@ -27,24 +28,14 @@ constexpr std::string_view kMotionColumns = "world,object,size_x,size_y,x0,y0,x1
 constexpr std::string_view kBoxColumns = "name,size_x,size_y,x,y,yaw";
 constexpr std::string_view kCylinderColumns = "x,y";
 
-std::vector<std::string_view> Split(std::string_view text, char separator) {
-  std::vector<std::string_view> parts;
-  while (true) {
-    const std::size_t end = text.find(separator);
-    parts.push_back(text.substr(0, end));
-    if (end == std::string_view::npos) return parts;
-    text.remove_prefix(end + 1);
-  }
-}
-
 /// A file of comma-separated values under a line that names the columns. Every error names the
 /// line.
 class Table {
  public:
   /// Throws `Error` if the file cannot be read or has other columns.
   Table(const fs::path& path, std::string_view columns)
-      : source_(path.string()), text_(base::ReadFile(path)), columns_(Split(columns, ',')) {
-    const std::vector<std::string_view> lines = Split(text_, '\n');
+      : source_(path.string()), text_(base::ReadFile(path)), columns_(base::Split(columns, ',')) {
+    const std::vector<std::string_view> lines = base::Split(text_, '\n');
     for (std::size_t i = 0; i < lines.size(); ++i) {
       std::string_view line = lines[i];
       if (line.ends_with('\r')) line.remove_suffix(1);
@@ -55,7 +46,7 @@ class Table {
       } else if (line.empty()) {
         line_numbers_.pop_back();
       } else {
-        rows_.push_back(Split(line, ','));
+        rows_.push_back(base::Split(line, ','));
         if (rows_.back().size() != columns_.size()) {
           Fail(rows_.size() - 1, fmt::format("found {} fields, expected {} ({})",
                                              rows_.back().size(), columns_.size(), columns));

@@ -1,14 +1,11 @@
 #include "sim/courses/hall_generator.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <memory>
 #include <utility>
 
-#include "base/check.h"
 #include "base/random.h"
 #include "sim/courses/clutter.h"
+#include "sim/courses/numbered_courses.h"
 #include "sim/courses/reference_path.h"
 
 namespace slalom::sim {
@@ -55,9 +52,7 @@ Course DrawHall(const HallRecipe& recipe, base::Random& random) {
   const double width = random.Uniform(recipe.min_side, recipe.max_side);
   const double depth = random.Uniform(recipe.min_side, recipe.max_side);
   const Bounds hall{{-0.5 * width, -0.5 * depth}, {0.5 * width, 0.5 * depth}};
-  course.bounds = {hall.min_W - base::Vec2{kThinWall, kThinWall},
-                   hall.max_W + base::Vec2{kThinWall, kThinWall}};
-  AddWallsRound(hall, course);
+  Enclose(hall, course);
   do {
     course.start = DrawPose(hall, kEndMargin, random);
     course.goal_W = DrawPose(hall, kEndMargin, random).p;
@@ -66,9 +61,7 @@ Course DrawHall(const HallRecipe& recipe, base::Random& random) {
   const int num_pieces = static_cast<int>(density * width * depth);
   for (int i = 0; i < num_pieces; ++i) {
     const Piece piece = DrawPiece(hall, random);
-    const double space =
-        std::min(DistanceTo(piece, course.start.p), DistanceTo(piece, course.goal_W));
-    if (space >= kEndSpace) Add(piece, course);
+    if (DistanceToEnds(piece, course) >= kEndSpace) Add(piece, course);
   }
   return course;
 }
@@ -86,14 +79,10 @@ Course GenerateHallCourse(std::string name, const HallRecipe& recipe, std::uint6
 }
 
 CourseSet GenerateFreshHallCourses(std::uint64_t seed, int count) {
-  SLALOM_CHECK_GE(count, 0);
-  CourseSet set{fmt::format("fresh-halls-{}", seed), {}};
-  for (int i = 0; i < count; ++i) {
-    set.courses.push_back(std::make_shared<const Course>(GenerateHallCourse(
-        fmt::format("fresh-halls-{}-{:03}", seed, i), {},
-        base::DeriveSeed(seed, "fresh-halls-course", {static_cast<std::uint64_t>(i)}))));
-  }
-  return set;
+  return MakeNumberedCourses("fresh-halls", seed, 0, count,
+                             [](std::string name, int, std::uint64_t own) {
+                               return GenerateHallCourse(std::move(name), {}, own);
+                             });
 }
 
 }  // namespace slalom::sim

@@ -1,17 +1,14 @@
 #include "sim/courses/room_generator.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cstddef>
-#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
 
-#include "base/check.h"
 #include "base/random.h"
 #include "sim/courses/clutter.h"
+#include "sim/courses/numbered_courses.h"
 #include "sim/courses/reference_path.h"
 
 namespace slalom::sim {
@@ -158,9 +155,7 @@ std::optional<Course> DrawFloor(const RoomRecipe& recipe, base::Random& random) 
   const double width = random.Uniform(recipe.min_side, recipe.max_side);
   const double depth = random.Uniform(recipe.min_side, recipe.max_side);
   const Bounds all{{-0.5 * width, -0.5 * depth}, {0.5 * width, 0.5 * depth}};
-  course.bounds = {all.min_W - base::Vec2{kThinWall, kThinWall},
-                   all.max_W + base::Vec2{kThinWall, kThinWall}};
-  AddWallsRound(all, course);
+  Enclose(all, course);
   Floor floor(recipe, random);
   floor.Cut(all);
   const std::vector<Bounds>& rooms = floor.rooms();
@@ -177,11 +172,9 @@ std::optional<Course> DrawFloor(const RoomRecipe& recipe, base::Random& random) 
     const int num_pieces = static_cast<int>(density * size.x * size.y);
     for (int i = 0; i < num_pieces; ++i) {
       const Piece piece = DrawFurniture(room, random);
-      const double space =
-          std::min(DistanceTo(piece, course.start.p), DistanceTo(piece, course.goal_W));
       const bool bars = std::ranges::any_of(
           floor.doors(), [&](base::Vec2 door) { return DistanceTo(piece, door) < kDoorSpace; });
-      if (space >= kStandingSpace && !bars) Add(piece, course);
+      if (DistanceToEnds(piece, course) >= kStandingSpace && !bars) Add(piece, course);
     }
   }
   return course;
@@ -200,14 +193,10 @@ Course GenerateRoomCourse(std::string name, const RoomRecipe& recipe, std::uint6
 }
 
 CourseSet GenerateFreshRoomCourses(std::uint64_t seed, int count) {
-  SLALOM_CHECK_GE(count, 0);
-  CourseSet set{fmt::format("fresh-rooms-{}", seed), {}};
-  for (int i = 0; i < count; ++i) {
-    set.courses.push_back(std::make_shared<const Course>(GenerateRoomCourse(
-        fmt::format("fresh-rooms-{}-{:03}", seed, i), {},
-        base::DeriveSeed(seed, "fresh-rooms-course", {static_cast<std::uint64_t>(i)}))));
-  }
-  return set;
+  return MakeNumberedCourses("fresh-rooms", seed, 0, count,
+                             [](std::string name, int, std::uint64_t own) {
+                               return GenerateRoomCourse(std::move(name), {}, own);
+                             });
 }
 
 }  // namespace slalom::sim

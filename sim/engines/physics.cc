@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "base/split.h"
 #include "sim/engines/jackal/engine_body.h"
 
 #if SLALOM_HAS_ODE
@@ -19,16 +20,6 @@ namespace {
 
 constexpr std::string_view kOwn = "slalom";
 constexpr std::string_view kAll = "all";
-
-std::vector<std::string_view> Split(std::string_view list) {
-  std::vector<std::string_view> names;
-  for (;;) {
-    const std::size_t comma = list.find(',');
-    names.push_back(list.substr(0, comma));
-    if (comma == std::string_view::npos) return names;
-    list.remove_prefix(comma + 1);
-  }
-}
 
 }  // namespace
 
@@ -71,7 +62,7 @@ std::vector<sim::Physics> FindPhysicsList(std::string_view list) {
     for (const PhysicsInfo& info : KnownPhysics()) found.push_back(FindPhysics(info.name));
     return found;
   }
-  for (const std::string_view name : Split(list)) {
+  for (const std::string_view name : base::Split(list, ',')) {
     if (std::ranges::find(found, name, &sim::Physics::name) != found.end()) {
       throw base::Error(fmt::format("--physics {}: names {} twice", list, name));
     }

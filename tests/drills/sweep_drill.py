@@ -13,12 +13,14 @@ import sys
 import tempfile
 import time
 
-PRESET = """
+MAX_STEPS, STARTS, UPDATES_PER_STEP = 40000, 500, 0.03125
+
+PRESET = f"""
 [run]
 name = "tiny"
-max_steps = 40000
-updates_per_step = 0.03125
-learning_starts = 500
+max_steps = {MAX_STEPS}
+updates_per_step = {UPDATES_PER_STEP}
+learning_starts = {STARTS}
 snapshot_steps = [20000]
 log_interval = 0.1
 [courses]
@@ -133,4 +135,5 @@ def main(program, kills="10", seed="1"):
         print(f"{num_kills} kills: all {len(expected)} files are those of the undisturbed sweep ({whole_s:.0f} s)")
 
 
-main(*sys.argv[1:])
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -15,30 +15,13 @@ import tempfile
 import time
 
 import service
+import sweep_drill
 from service import check, wait_for
+from sweep_drill import MAX_STEPS, STARTS, UPDATES_PER_STEP
 
-MAX_STEPS, STARTS, UPDATES_PER_STEP, AHEAD = 40000, 500, 0.03125, 1024
+AHEAD = 1024
 
-PRESET = f"""
-[run]
-max_steps = {MAX_STEPS}
-updates_per_step = {UPDATES_PER_STEP}
-learning_starts = {STARTS}
-snapshot_steps = [20000]
-log_interval = 0.1
-checkpoint_steps = 4000
-[courses]
-train = "static-train-5"
-[actor]
-num_environments = 8
-[replay]
-capacity = 10000
-[network]
-encoder_layers = []
-head_layers = [64, 64]
-sectors = 72
-[learner]
-batch_size = 64
+PRESET = f"""{sweep_drill.PRESET}
 [replay_server]
 max_ahead_steps = {AHEAD}
 """
@@ -49,6 +32,7 @@ preset = "preset.toml"
 seeds = [1, 2]
 trainer = "{trainer}"
 lockstep = false
+checkpoint_steps = 4000
 [[score]]
 name = "test"
 courses = "generated:3:20"

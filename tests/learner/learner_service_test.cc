@@ -40,6 +40,14 @@ policy::PolicySpec Spec() {
   return spec;
 }
 
+MethodConfig MethodWithModel() {
+  MethodConfig method;
+  method.model.kind = nn::ModelKind::kDeterministic;
+  method.model.encoder_layers = {};
+  method.model.head_layers = {16};
+  return method;
+}
+
 using Meanwhile = std::function<void(const std::string& endpoint)>;
 
 /// A learner that runs in a thread until `updates` or more, then is stopped as by SIGTERM.
@@ -261,10 +269,7 @@ TEST(LearnerServiceTest, AReaderMayAskForThePolicyThatTheRunSaves) {
 TEST(LearnerServiceTest, AReaderThatDoesNotPlanGetsThePolicyWithoutItsModel) {
   const test::ScratchDirectory scratch;
   const FilledReplay replay;
-  MethodConfig method;
-  method.model.kind = nn::ModelKind::kDeterministic;
-  method.model.encoder_layers = {};
-  method.model.head_layers = {16};
+  const MethodConfig method = MethodWithModel();
   const std::int64_t updates = kUpdates / 2;  // Each takes a second batch for the model.
   std::map<bool, policy::PolicySnapshot> served;
   const auto read = [&](const std::string& endpoint) {
@@ -312,10 +317,7 @@ TEST(LearnerServiceTest, PrioritiesGoBackToTheReplayServer) {
 TEST(LearnerServiceTest, AModelsErrorSeveralStepsAheadIsInTheMetrics) {
   const test::ScratchDirectory scratch;
   const FilledReplay replay;
-  MethodConfig method;
-  method.model.kind = nn::ModelKind::kDeterministic;
-  method.model.encoder_layers = {};
-  method.model.head_layers = {16};
+  const MethodConfig method = MethodWithModel();
   const auto last_error = [&] {
     std::istringstream lines(base::ReadFile(run::RunDirectory{scratch.path()}.metrics()));
     std::string line, header, error;

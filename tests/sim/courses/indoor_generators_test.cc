@@ -17,6 +17,7 @@
 #include "sim/courses/hall_generator.h"
 #include "sim/courses/reference_path.h"
 #include "sim/courses/room_generator.h"
+#include "tests/support/path_points.h"
 
 namespace slalom::sim {
 namespace {
@@ -41,26 +42,12 @@ double ClearanceAt(const Course& course, base::Vec2 p_W) {
   return nearest;
 }
 
-/// Start, reference path and goal, a point every two centimetres.
-std::vector<base::Vec2> PointsOf(const Course& course) {
-  std::vector<base::Vec2> corners = {course.start.p};
-  corners.insert(corners.end(), course.reference_path_W.begin(), course.reference_path_W.end());
-  corners.push_back(course.goal_W);
-  std::vector<base::Vec2> points;
-  for (std::size_t i = 1; i < corners.size(); ++i) {
-    const base::Vec2 step = corners[i] - corners[i - 1];
-    const int n = static_cast<int>(std::ceil(base::Norm(step) / 0.02));
-    for (int k = 0; k <= n; ++k) points.push_back(corners[i - 1] + (1.0 * k / n) * step);
-  }
-  return points;
-}
-
 // On the lattice of the path the clearance is 0.35 m; between two cells 0.21 m apart it can be
 // 0.015 m less: 0.35 - sqrt(0.35^2 - 0.106^2).
 TEST_P(IndoorGenerator, TheRobotFitsThroughAllAlongTheReferencePath) {
   for (const auto& course : Courses().courses) {
     EXPECT_EQ(WhyUnsolvable(*course), std::nullopt) << course->name;
-    for (const base::Vec2 p : PointsOf(*course)) {
+    for (const base::Vec2 p : test::PathPoints(*course, 0.02)) {
       ASSERT_GE(ClearanceAt(*course, p), 0.33) << course->name << " at " << p.x << ", " << p.y;
     }
   }

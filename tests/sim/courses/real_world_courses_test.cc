@@ -9,6 +9,7 @@
 #include "base/file.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/course_file.h"
+#include "tests/support/path_points.h"
 
 namespace slalom::sim {
 namespace {
@@ -28,27 +29,12 @@ double ClearanceAt(const Course& course, base::Vec2 p_W) {
   return nearest;
 }
 
-/// Start, reference path and goal, a point every centimetre.
-std::vector<base::Vec2> WayOf(const Course& course) {
-  std::vector<base::Vec2> corners = {course.start.p};
-  corners.insert(corners.end(), course.reference_path_W.begin(), course.reference_path_W.end());
-  corners.push_back(course.goal_W);
-  std::vector<base::Vec2> way;
-  for (std::size_t i = 1; i < corners.size(); ++i) {
-    const base::Vec2 step = corners[i] - corners[i - 1];
-    const int n = static_cast<int>(std::ceil(base::Norm(step) / 0.01));
-    for (int k = 0; k < n; ++k) way.push_back(corners[i - 1] + (1.0 * k / n) * step);
-  }
-  way.push_back(course.goal_W);
-  return way;
-}
-
 TEST(RealWorldCourses, RobotFitsThroughAllAlongTheReferencePath) {
   // Corners of an outline of 0.46 m x 0.42 m are 0.311 m from its centre.
   for (int number = 1; number <= kNumRealWorldCourses; ++number) {
     const Course course = RealWorldCourse(number);
     EXPECT_EQ(WhyUnsolvable(course), std::nullopt);
-    const std::vector<base::Vec2> way = WayOf(course);
+    const std::vector<base::Vec2> way = test::PathPoints(course, 0.01);
     const base::Vec2 worst = *std::min_element(way.begin(), way.end(), [&](auto a, auto b) {
       return ClearanceAt(course, a) < ClearanceAt(course, b);
     });
@@ -61,7 +47,7 @@ TEST(RealWorldCourses, StraightLineIsBarredInEach) {
   for (int number = 1; number <= kNumRealWorldCourses; ++number) {
     Course course = RealWorldCourse(number);
     course.reference_path_W.clear();
-    const std::vector<base::Vec2> line = WayOf(course);
+    const std::vector<base::Vec2> line = test::PathPoints(course, 0.01);
     EXPECT_TRUE(std::any_of(line.begin(), line.end(), [&](base::Vec2 p) {
       return ClearanceAt(course, p) < 0.5 * kRobotWidth;
     })) << course.name;
