@@ -10,26 +10,28 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/log.h"
 
 namespace slalom::base {
 
-FileLock::FileLock(const std::filesystem::path& path, int flags, std::string_view refusal)
-    : fd_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {
+// NFS locks only files that are open for writing.
+FileLock::FileLock(const std::filesystem::path& path, std::string_view refusal)
+    : fd_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
   if (fd_ < 0) {
     throw Error(fmt::format("{}: cannot be opened ({})", path.string(), std::strerror(errno)));
   }
-  if (::flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  if (::flock(fd_, LOCK_EX | LOCK_NB) == 0) return;
+  if (errno != EWOULDBLOCK) {
+    spdlog::warn("{}: cannot be locked ({}); see to it that no other process uses it",
+                 path.string(), std::strerror(errno));
+    return;
+  }
   ::close(fd_);
   throw Error(fmt::format("{}: {}", path.string(), refusal));
 }
 
-// NFS locks only files that are open for writing.
 FileLock FileLock::OfFile(const std::filesystem::path& file, std::string_view refusal) {
-  return {file, O_RDWR | O_CREAT, refusal};
-}
-
-FileLock FileLock::OfDirectory(const std::filesystem::path& directory, std::string_view refusal) {
-  return {directory, O_RDONLY | O_DIRECTORY, refusal};
+  return {file, refusal};
 }
 
 FileLock::~FileLock() {

@@ -23,6 +23,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "learner/run/checkpoint_store.h"
+#include "learner/run/fence.h"
 #include "learner/run/metrics_table.h"
 #include "learner/run/run_directory.h"
 
@@ -288,8 +289,16 @@ class Work {
     base::ChildProcess child({.arguments = arguments,
                               .log = directory_.log(),
                               .cores = options_.cores,
-                              .environment = ThreadLimits(options_.threads)});
+                              .environment = Environment()});
     return Await(child);
+  }
+
+  /// Of the processes that train and score.
+  std::vector<std::string> Environment() const {
+    std::vector<std::string> variables = ThreadLimits(options_.threads);
+    variables.push_back(std::string(run::Fence::kVariable) + "=" +
+                        fs::absolute(claim_.file()).string());
+    return variables;
   }
 
   Ended RunTraining(bool resume) {
@@ -310,7 +319,7 @@ class Work {
                          .run = directory_.run(),
                          .log = directory_.log(),
                          .cores = options_.cores,
-                         .environment = ThreadLimits(options_.threads)});
+                         .environment = Environment()});
     const Ended ended = Await(service);
     fault_ = service.fault();
     return ended;

@@ -38,6 +38,9 @@ class Claim {
   /// it.
   [[nodiscard]] bool Renew();
 
+  /// The file, which is removed or another's once the claim is lost.
+  const std::filesystem::path& file() const { return file_; }
+
  private:
   friend class ClaimTaker;
   Claim(std::filesystem::path file, std::filesystem::path beat, std::string token, int number);

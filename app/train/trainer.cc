@@ -67,8 +67,9 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       lock_(Begin(directory, config, learner_, resume)),
       source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),
               registry),
-      loop_({.run = {directory, config.run, config::ToToml(config), std::move(commit)}}, learner_,
-            source_, source_, registry, std::move(clock)) {
+      loop_({.run = {directory, config.run, config::ToToml(config), std::move(commit),
+                     run::Fence::OfEnvironment()}},
+            learner_, source_, source_, registry, std::move(clock)) {
   if (!resume || loop_.Restore()) return;
   if (std::filesystem::exists(directory.policy())) {
     throw base::Error(fmt::format(

@@ -30,7 +30,7 @@ constexpr double kComplete = 0.995;  // Share of a limit; a run ends a moment be
 /// the holder is on another machine.
 bool IsHeld(const fs::path& directory) {
   struct stat status {};
-  if (::stat(directory.c_str(), &status) != 0) return false;
+  if (::stat(run::RunDirectory{directory}.lock().c_str(), &status) != 0) return false;
   const std::string place =
       fmt::format(" {:02x}:{:02x}:{} ", major(status.st_dev), minor(status.st_dev), status.st_ino);
   std::ifstream locks("/proc/locks");

@@ -222,6 +222,7 @@ void LearnerLoop::Publish() {
 }
 
 bool LearnerLoop::Log() {
+  plan_.run.fence.RequireHeld();
   run::MetricsRow row;
   source_.Describe(row);
   row.learning = learner_.ReadStats();
@@ -254,6 +255,7 @@ bool LearnerLoop::IsWell() const {
 
 void LearnerLoop::KeepSnapshot() {
   if (!run_.TakeSnapshotDue()) return;
+  plan_.run.fence.RequireHeld();
   try {
     const run::RunDirectory& directory = plan_.run.directory;
     base::MakeDirectories(directory.snapshots());
@@ -265,6 +267,7 @@ void LearnerLoop::KeepSnapshot() {
 }
 
 void LearnerLoop::TryCheckpoint() {
+  plan_.run.fence.RequireHeld();
   source_.Stop();
   run_.SetProgress(source_.steps(), learner_.num_updates());
   try {
@@ -305,6 +308,8 @@ void LearnerLoop::Checkpoint() {
         state["unobserved"] = unobserved_;
         state["nothing_learned"] = run_.watch().nothing_learned();
         source_.Save(directory, state);
+        // Writing may have taken long.
+        plan_.run.fence.RequireHeld();
       });
   metrics_.AddCheckpoint(SecondsSince(began), DirectoryBytes(written), run_.updates());
   KeepCheckpoints(run::CheckpointStore::kNumKept);
@@ -335,6 +340,7 @@ bool LearnerLoop::HasNewestPolicy() const {
 }
 
 void LearnerLoop::SavePolicy() const {
+  plan_.run.fence.RequireHeld();
   try {
     policy::SavePolicy(plan_.run.directory.policy(), learner_.BestSnapshot(), run_.Provenance());
   } catch (const base::Error& error) {

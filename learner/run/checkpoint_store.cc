@@ -81,7 +81,12 @@ fs::path CheckpointStore::Write(std::int64_t steps,
 std::vector<fs::path> CheckpointStore::Keep(std::size_t num_kept) {
   std::vector<fs::path> all = List();
   std::error_code ignored;
-  for (std::size_t i = num_kept; i < all.size(); ++i) fs::remove_all(all[i], ignored);
+  for (std::size_t i = num_kept; i < all.size(); ++i) {
+    // One that is half gone does not count as a checkpoint.
+    const fs::path unfinished = all[i].string() + std::string(kUnfinished);
+    fs::rename(all[i], unfinished, ignored);
+    fs::remove_all(unfinished, ignored);
+  }
   all.resize(std::min(all.size(), num_kept));
   return all;
 }

@@ -22,8 +22,8 @@ std::vector<fs::path> RunDirectory::ListSnapshots() const {
 }
 
 RunLock::RunLock(const fs::path& root)
-    : FileLock(OfDirectory(root,
-                           "another process is training in this directory; stop it, or choose "
-                           "another --name")) {}
+    : FileLock(OfFile(RunDirectory{root}.lock(),
+                      "another process is training in this directory; stop it, or choose another "
+                      "--name")) {}
 
 }  // namespace slalom::run

@@ -12,6 +12,7 @@ namespace slalom::run {
 struct RunDirectory {
   std::filesystem::path root;
 
+  std::filesystem::path lock() const { return root / "lock"; }
   std::filesystem::path config() const { return root / "config.toml"; }
   std::filesystem::path policy() const { return root / "policy.safetensors"; }
   std::filesystem::path metrics() const { return root / "metrics.csv"; }
@@ -39,9 +40,10 @@ struct CheckpointFiles {
   std::filesystem::path priorities() const { return root / "priorities"; }
 };
 
-/// Locks a run's directory against other processes (`base::FileLock`).
+/// Locks a run's directory against other processes, of other machines, too, where the file system
+/// has locks (`base::FileLock` of a file, since NFS locks no directories).
 struct RunLock : base::FileLock {
-  /// Throws `base::Error` if another process holds the lock, or the directory cannot be opened.
+  /// Throws `base::Error` if another process holds the lock, or the file cannot be made.
   explicit RunLock(const std::filesystem::path& root);
 };
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "learner/run/checkpoint_store.h"
+#include "learner/run/fence.h"
 #include "learner/run/learning_watch.h"
 #include "learner/run/metrics_log.h"
 #include "learner/run/run_directory.h"
@@ -25,6 +26,7 @@ struct RunPlan {
   RunSettings settings;
   std::string config;  ///< The run's config as TOML, stored with every policy.
   std::string commit;  ///< Commit of the program.
+  Fence fence{};       ///< Without it nothing is written.
 };
 
 /// A running training: its clock and limits, metrics.csv, checkpoints, and the times of snapshots.

@@ -42,15 +42,15 @@ TEST(FileLockTest, OneAtATimeHoldsAFile) {
 TEST(FileLockTest, TheLockStaysWithADirectoryThatIsRenamed) {
   const test::ScratchDirectory scratch;
   const fs::path directory = scratch.path() / "a";
-  const auto lock = [&] { return FileLock::OfDirectory(directory, "it is in use"); };
+  const auto lock = [&] { return FileLock::OfFile(directory / "lock", "it is in use"); };
   EXPECT_THAT(RefusalOf(lock), HasSubstr("cannot be opened"));
-  EXPECT_FALSE(fs::exists(directory)) << "only files are created";
+  EXPECT_FALSE(fs::exists(directory)) << "only the file is created";
   fs::create_directory(directory);
   const FileLock first = lock();
   fs::rename(directory, scratch.path() / "b");
   fs::create_directory(directory);
   EXPECT_EQ(RefusalOf(lock), "");
-  EXPECT_THROW(FileLock::OfDirectory(scratch.path() / "b", "it is in use"), Error);
+  EXPECT_THROW(FileLock::OfFile(scratch.path() / "b/lock", "it is in use"), Error);
 }
 
 }  // namespace

@@ -319,5 +319,30 @@ TEST(LearnerLoopTest, ACheckpointThatFailsEndsNoRunAndCostsNoPolicy) {
   }
 }
 
+// Another worker has taken over while this process stood still: it would write into the other's
+// run.
+TEST(LearnerLoopTest, WithoutItsFenceItWritesNothingMore) {
+  const test::ScratchDirectory scratch;
+  const fs::path claim = scratch.path() / "claim";
+  base::WriteFileAtomically(claim, "mine");
+  Loop loop(scratch.path() / "run");
+  loop.plan.run.fence = run::Fence(claim);
+  loop.plan.run.settings.checkpoint_steps = 10 * kStepsPerUpdate;
+  std::string last_rows;
+  loop.source.on_next = [&](std::int64_t position) {
+    if (position != 25) return;
+    fs::remove(claim);
+    last_rows = base::ReadFile(loop.plan.run.directory.metrics());
+  };
+  EXPECT_THROW(loop.Run(), base::Error);
+  EXPECT_LT(loop.source.position, 30);
+  EXPECT_EQ(base::ReadFile(loop.plan.run.directory.metrics()), last_rows);
+  EXPECT_FALSE(fs::exists(loop.plan.run.directory.policy()));
+  const auto checkpoints = run::CheckpointStore(loop.plan.run.directory.checkpoints()).List();
+  EXPECT_THAT(checkpoints,
+              ElementsAre(testing::Property(&fs::path::filename, fs::path("step-160")),
+                          testing::Property(&fs::path::filename, fs::path("step-80"))));
+}
+
 }  // namespace
 }  // namespace slalom::learner

@@ -173,7 +173,8 @@ TEST(FailingDiskTest, ATrainingWhoseCheckpointsCannotFitIsRefusedBeforeItTouches
   EXPECT_THAT(result.err, testing::AllOf(HasSubstr("runs/tiny: "), HasSubstr("are free"),
                                          HasSubstr(fmt::format("replay.capacity = {}", rows)),
                                          HasSubstr("run.checkpoint_steps")));
-  EXPECT_TRUE(fs::is_empty(scratch.path() / "runs/tiny"));
+  EXPECT_THAT(base::ListDirectory(scratch.path() / "runs/tiny"),
+              testing::ElementsAre(scratch.path() / "runs/tiny/lock"));
 }
 
 TEST(FailingDiskTest, ALowLimitOfDescriptorsIsRaised) {
