@@ -8,8 +8,8 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <random>
-#include <sstream>
 #include <vector>
 
 #include "base/error.h"
@@ -80,19 +80,21 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
-/// Copies a stream. Throws `Error` if `in`, the file at `path`, has more than 2^28 bytes: some
-/// devices never end.
-void CopyBounded(std::istream& in, const std::filesystem::path& path, std::ostream& out) {
-  constexpr std::size_t kMaxBytes = 1 << 28;
+/// Reads a stream to its end. Throws `Error` if it fails, or if the file at `path` has more than
+/// `max_bytes`.
+std::string ReadAll(std::istream& in, const std::filesystem::path& path, std::size_t max_bytes) {
+  std::string content;
   std::vector<char> piece(1 << 16);
-  std::size_t num_bytes = 0;
+  // The stream's own read tells an error from the end.
   while (in.read(piece.data(), static_cast<std::streamsize>(piece.size())) || in.gcount() > 0) {
-    out.write(piece.data(), in.gcount());
-    num_bytes += static_cast<std::size_t>(in.gcount());
-    if (num_bytes <= kMaxBytes) continue;
+    content.append(piece.data(), static_cast<std::size_t>(in.gcount()));
+    if (content.size() <= max_bytes) continue;
     throw Error(fmt::format("{}: is no regular file and gives more than {} bytes, expected a file",
-                            path.string(), kMaxBytes));
+                            path.string(), max_bytes));
   }
+  if (in.bad())
+    throw Error(fmt::format("{}: cannot read ({})", path.string(), std::strerror(errno)));
+  return content;
 }
 
 /// A device, a pipe or a file that another process holds open, written to as it is.
@@ -171,14 +173,10 @@ std::string ReadFile(const std::filesystem::path& path) {
     throw Error(fmt::format("{}: cannot open ({})", path.empty() ? "''" : path.string(),
                             std::strerror(errno)));
   }
-  std::ostringstream content;
-  if (std::filesystem::is_regular_file(path, ec)) {
-    content << in.rdbuf();
-  } else {
-    CopyBounded(in, path, content);
-  }
-  if (in.bad()) throw Error(fmt::format("{}: cannot read", path.string()));
-  return std::move(content).str();
+  // Some devices never end.
+  constexpr std::size_t kMostOfADevice = 1 << 28;
+  const bool is_regular = std::filesystem::is_regular_file(path, ec);
+  return ReadAll(in, path, is_regular ? std::numeric_limits<std::size_t>::max() : kMostOfADevice);
 }
 
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view content) {
@@ -258,9 +256,15 @@ std::vector<std::filesystem::path> ListDirectory(const std::filesystem::path& pa
 
 void MakeDirectories(const std::filesystem::path& path) {
   std::error_code ec;
+  std::vector<std::filesystem::path> parents;  // Those that get a name.
+  for (std::filesystem::path missing = path;
+       !missing.empty() && !std::filesystem::exists(missing, ec); missing = missing.parent_path()) {
+    parents.push_back(missing.has_parent_path() ? missing.parent_path() : ".");
+  }
   std::filesystem::create_directories(path, ec);
   if (ec)
     throw Error(fmt::format("{}: cannot make the directory ({})", path.string(), ec.message()));
+  for (const std::filesystem::path& parent : parents) SyncDirectory(parent);
 }
 
 std::uint64_t Checksum(std::span<const std::byte> bytes, std::uint64_t seed) {

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <set>
+#include <sstream>
+#include <string_view>
 
 namespace slalom::proto {
 namespace {
@@ -14,7 +16,25 @@ std::string ValueOf(const RunIdentity& identity, const std::string& key) {
   return it == identity.end() ? "the default" : it->second;
 }
 
+constexpr std::string_view kIs = " = ";
+
 }  // namespace
+
+std::string PrintIdentity(const RunIdentity& identity) {
+  std::string text;
+  for (const auto& [key, value] : identity) text += fmt::format("{}{}{}\n", key, kIs, value);
+  return text;
+}
+
+RunIdentity ParseIdentity(const std::string& text) {
+  RunIdentity identity;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t is = line.find(kIs);
+    if (is != std::string::npos) identity[line.substr(0, is)] = line.substr(is + kIs.size());
+  }
+  return identity;
+}
 
 std::string DescribeDifference(const RunIdentity& found, const RunIdentity& expected) {
   std::set<std::string> keys;

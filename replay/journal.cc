@@ -20,7 +20,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kRetryInterval = std::chrono::milliseconds(200);
 constexpr auto kSayInterval = std::chrono::minutes(1);
 // Most buffers in one call to the kernel.
 constexpr std::size_t kMaxParts = 512;
@@ -37,6 +36,10 @@ constexpr std::array<std::byte, 8> kZeros{};
 
 std::filesystem::path PrioritiesPath(const std::filesystem::path& directory) {
   return directory / "priorities";
+}
+
+std::filesystem::path CursorsPath(const std::filesystem::path& directory) {
+  return directory / "cursors";
 }
 
 /// The journal's directory, or a segment file that is being written or waits to be synced.
@@ -129,9 +132,9 @@ std::uint64_t Journal::Push(Entry entry) {
   return ++appended_;
 }
 
-void Journal::SavePriorities(std::string bytes) {
+void Journal::SaveBeside(const std::filesystem::path& path, std::string bytes) {
   base::MutexLock lock(mutex_);
-  priorities_ = std::move(bytes);
+  beside_[path] = std::move(bytes);
 }
 
 Journal::Status Journal::status() const {
@@ -312,7 +315,7 @@ bool Journal::WaitAfterFailure(const std::string& what) {
   base::MutexLock lock(mutex_);
   ++status_.failures;
   write_fault_ = what;
-  if (!closing_) closing_changed_.WaitFor(mutex_, kRetryInterval);
+  if (!closing_) closing_changed_.WaitFor(mutex_, options_.retry_interval);
   return !closing_;
 }
 
@@ -334,10 +337,10 @@ void Journal::SyncOnce() {
   const auto begin = Clock::now();
   std::vector<std::shared_ptr<File>> files;
   std::vector<std::filesystem::path> unneeded;
-  std::string priorities;
+  std::map<std::filesystem::path, std::string> beside;
   {
     base::MutexLock lock(mutex_);
-    priorities = std::exchange(priorities_, {});
+    beside = std::exchange(beside_, {});
     files = unsynced_;
     // The last segment is never among them, as it has no successor.
     for (std::size_t i = 0; i + 1 < segments_.size(); ++i) {
@@ -346,21 +349,23 @@ void Journal::SyncOnce() {
   }
   bool synced = true;
   for (const auto& file : files) synced = synced && Sync(*file);
-  try {
-    if (!priorities.empty()) {
-      base::WriteFileAtomically(PrioritiesPath(options_.directory), priorities);
+  for (const auto& [path, bytes] : beside) {
+    try {
+      base::WriteFileAtomically(path, bytes);
+    } catch (const base::Error& error) {
+      spdlog::warn("{}; a restart would use an older one", error.what());
     }
-  } catch (const base::Error& error) {
-    spdlog::warn("{}; after a restart, older priorities would be used", error.what());
   }
   synced = synced && Sync(*directory_);
-  // Segments are deleted only once the rows that replaced theirs are synced.
-  std::error_code ignored;
-  if (synced) {
-    for (const auto& path : unneeded) std::filesystem::remove(path, ignored);
-  }
-
   if (!synced) return;
+  // Segments are deleted only once the rows that replaced theirs are synced, the oldest first: a
+  // recovery would take one that is left alone for the rest of a damage.
+  std::size_t num_removed = 0;
+  for (std::error_code error; num_removed < unneeded.size(); ++num_removed) {
+    std::filesystem::remove(unneeded[num_removed], error);
+    if (error) break;  // It is tried again after the next sync.
+  }
+  unneeded.resize(num_removed);
   base::MutexLock lock(mutex_);
   ++status_.syncs;
   status_.sync_s += std::chrono::duration<double>(Clock::now() - begin).count();

@@ -6,6 +6,7 @@
 #include <deque>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -23,6 +24,7 @@ struct JournalOptions {
   std::filesystem::path directory;
   std::int64_t segment_bytes = 64 << 20;          ///< Size at which a segment is sealed.
   std::chrono::milliseconds sync_interval{1000};  ///< Time between two syncs to the disk.
+  std::chrono::milliseconds retry_interval{200};  ///< Time after a write that failed.
   env::StepShape shape;
   std::uint64_t spec_hash = 0;  ///< Hash of the observation and action spec.
 };
@@ -43,6 +45,9 @@ struct JournalSegment {
 
 /// Returns the path of the file that keeps the priorities of the rows (`Table::PrintPriorities`).
 std::filesystem::path PrioritiesPath(const std::filesystem::path& directory);
+
+/// Returns the path of the file that keeps the learners' cursors (`RateLimiter::PrintCursors`).
+std::filesystem::path CursorsPath(const std::filesystem::path& directory);
 
 /// Data recovered from a journal's directory.
 struct Recovered {
@@ -103,9 +108,9 @@ class Journal final : public RecordLog {
   /// Seals the segment and begins the next. Rows before `oldest_row` are no longer needed.
   void BeginSegment(const StateRecord& state, std::int64_t oldest_row);
 
-  /// Replaces the file of priorities at the next sync. If that fails, the earlier file stays; no
-  /// rows are lost by it.
-  void SavePriorities(std::string bytes) EXCLUDES(mutex_);
+  /// Replaces a file beside the segments at the next sync. If that fails, the earlier file stays;
+  /// no rows are lost by it.
+  void SaveBeside(const std::filesystem::path& path, std::string bytes) EXCLUDES(mutex_);
 
   std::uint64_t written() const override { return written_.load(std::memory_order_acquire); }
 
@@ -185,8 +190,9 @@ class Journal final : public RecordLog {
   std::vector<JournalSegment> segments_ GUARDED_BY(mutex_);         ///< The last is being written.
   std::vector<std::shared_ptr<File>> unsynced_ GUARDED_BY(mutex_);  ///< The last is being written.
   std::int64_t oldest_row_ GUARDED_BY(mutex_) = 0;
-  std::string priorities_ GUARDED_BY(mutex_);  ///< To be saved at the next sync; or empty.
-  bool closed_ = false;                        // Used by the calling thread only.
+  std::map<std::filesystem::path, std::string> beside_
+      GUARDED_BY(mutex_);  ///< To be saved at the next sync.
+  bool closed_ = false;    // Used by the calling thread only.
 
   std::jthread writer_;
   std::jthread syncer_;

@@ -1,9 +1,15 @@
 #include "replay/rate_limiter.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <sstream>
+#include <utility>
 
 #include "base/check.h"
+#include "base/file.h"
+#include "base/name.h"
 
 namespace slalom::replay {
 
@@ -42,6 +48,31 @@ void RateLimiter::Grant(const std::string& learner) {
 
 void RateLimiter::Leave(const std::string& learner) {
   if (const auto it = learners_.find(learner); it != learners_.end()) it->second.present = false;
+}
+
+std::string RateLimiter::PrintCursors() const {
+  std::string lines;
+  for (const auto& [name, learner] : learners_) lines += fmt::format("{} {}\n", learner.next, name);
+  return fmt::format("{:016x}\n{}", base::Checksum(lines), lines);
+}
+
+std::optional<base::Failure> RateLimiter::RestoreCursors(std::string_view text) {
+  const std::size_t end = std::min(text.find('\n'), text.size());
+  const std::string_view lines = text.substr(std::min(end + 1, text.size()));
+  if (text.substr(0, end) != fmt::format("{:016x}", base::Checksum(lines))) {
+    return base::Failure{"damaged, as its checksum does not match"};
+  }
+  std::istringstream words{std::string(lines)};
+  std::map<std::string, Learner> learners;
+  std::uint64_t next = 0;
+  for (std::string name; words >> next >> name;) {
+    if (!base::IsName(name) || learners.size() == kMaxLearners) {
+      return base::Failure{"no cursors of learners"};
+    }
+    learners[name] = {.next = next, .present = false, .used = 0};
+  }
+  learners_ = std::move(learners);
+  return std::nullopt;
 }
 
 bool RateLimiter::MayInsert() const {

@@ -2,7 +2,11 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
+
+#include "base/result.h"
 
 namespace slalom::replay {
 
@@ -50,6 +54,12 @@ class RateLimiter {
   /// Sets whether a batch is due that cannot be drawn from the present rows. If so, inserts are let
   /// in regardless of the ratio.
   void SetStarved(bool starved) { starved_ = starved; }
+
+  /// The learners and their cursors as a text with a checksum, for `RestoreCursors`.
+  std::string PrintCursors() const;
+  /// Takes the learners of before a restart, which count as gone until they ask. Returns the fault
+  /// of a text that is damaged, and takes nothing then.
+  std::optional<base::Failure> RestoreCursors(std::string_view text);
 
   std::int64_t steps() const { return steps_; }
   /// Number of granted batches: the sum of the learners' cursors.

@@ -137,7 +137,7 @@ void Outbox::SaveSpool(const std::filesystem::path& path, int num_streams) const
 }
 
 std::optional<int> Outbox::LoadSpool(const std::filesystem::path& path) {
-  if (!std::filesystem::exists(path)) return std::nullopt;
+  if (!base::Exists(path)) return std::nullopt;
   const std::string bytes = base::ReadFile(path);
   Reader whole(bytes, path.string());
   if (bytes.size() < sizeof(kSpoolMagic) + sizeof(std::uint64_t)) whole.Fail();

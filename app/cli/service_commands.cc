@@ -94,7 +94,8 @@ int RunLearner(const train::ServiceOptions& options) {
       resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
   learner::LearnerJob job;
   job.name = process.name();
-  job.loop.run = {directory, config.run, config::ToToml(config), std::string(base::Commit())};
+  job.loop.run = {directory, config.run, config::ToToml(config), std::string(base::Commit()),
+                  run::Fence::OfEnvironment()};
   job.spec_hash = process.spec_hash();
   job.run = train::ServiceIdentity(config);
   job.replay = process.replay();
@@ -162,8 +163,9 @@ int RunEvaluator(const train::ServiceOptions& options) {
   train::WarnOfTrainingOverlap(scored, config.courses);
   base::ParallelFor parallel(config.run.simulation_threads);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
+  const proto::RunIdentity run = train::ServiceIdentity(config);
   const auto read_policy = [&](std::span<const std::byte> bytes) -> base::Result<eval::MakeAgent> {
-    const auto snapshot = train::ReadPolicy(bytes, spec);
+    const auto snapshot = train::ReadPolicy(bytes, spec, run);
     if (!snapshot) return snapshot.failure();
     return train::MakeAgentsOf(*snapshot, config);
   };

@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
-#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -10,10 +9,10 @@
 #include <vector>
 
 #include "app/cli/commands.h"
+#include "app/cli/status_table.h"
 #include "app/train/run_config.h"
 #include "base/config.h"
 #include "base/error.h"
-#include "base/progress.h"
 #include "proto/messages.h"
 #include "proto/replay_link.h"
 #include "proto/transport/context.h"
@@ -60,34 +59,6 @@ proto::StatusReply AskStatus(const train::RunConfig& config) {
                                 trouble.empty() ? "" : ": ", trouble));
 }
 
-/// "1.2M", "0.93", "-": a number for people.
-std::string Figure(const proto::Report& report, const std::string& key) {
-  const auto it = report.figures.find(key);
-  if (it == report.figures.end() || std::isnan(it->second)) return "-";
-  const double value = it->second;
-  return std::abs(value) >= 1000.0 || value == std::floor(value) ? base::FormatCount(value)
-                                                                 : fmt::format("{:.3g}", value);
-}
-
-void PrintTable(const proto::StatusReply& status, const std::string& role, const std::string& title,
-                const std::vector<std::pair<std::string, std::string>>& columns) {
-  bool head = true;
-  for (const proto::RoleStatus& entry : status.roles) {
-    if (entry.report.role != role) continue;
-    if (head) {
-      fmt::print("{:<24}", title);
-      for (const auto& [name, key] : columns) fmt::print(" {:>13}", name);
-      fmt::print("  {}\n", "heard of");
-      head = false;
-    }
-    fmt::print("{:<24}", entry.report.name);
-    for (const auto& [name, key] : columns) fmt::print(" {:>13}", Figure(entry.report, key));
-    fmt::print("  {}\n", entry.connected ? fmt::format("{:.0f} s ago", entry.age_s)
-                                         : fmt::format("GONE, {:.0f} s ago", entry.age_s));
-  }
-  if (!head) fmt::print("\n");
-}
-
 void PrintJson(const proto::StatusReply& status) {
   nlohmann::json roles = nlohmann::json::array();
   for (const proto::RoleStatus& entry : status.roles) {
@@ -100,46 +71,14 @@ void PrintJson(const proto::StatusReply& status) {
                      {"figures", figures},
                      {"facts", entry.report.facts}});
   }
-  fmt::print("{}\n", nlohmann::json{{"roles", roles}}.dump(1));
+  fmt::print("{}\n", nlohmann::json{{"roles", roles}, {"omitted", status.omitted}}.dump(1));
 }
 
 void Status(const StatusOptions& options) {
   const auto config = config::Load<train::RunConfig>(options.config, options.overrides);
   const proto::StatusReply status = AskStatus(config);
   if (options.json) return PrintJson(status);
-  if (status.roles.empty()) {
-    fmt::print(
-        "the replay server answers, but no process has reported yet; ask again in a few "
-        "seconds\n");
-  }
-  PrintTable(status, "replay", "replay server",
-             {{"steps", "steps"},
-              {"steps/s", "steps_per_s"},
-              {"in table", "table_steps"},
-              {"batches/s", "batches_per_s"},
-              {"held chunks", "held_chunks"},
-              {"held samples", "held_samples"},
-              {"sessions", "sessions"}});
-  PrintTable(status, "learner", "learner",
-             {{"updates", "updates"},
-              {"updates/s", "updates_per_s"},
-              {"policy", "policy_version"},
-              {"policy lag", "policy_lag"},
-              {"readers", "readers"},
-              {"mean Q", "q_mean"}});
-  PrintTable(status, "actor", "actor",
-             {{"steps made", "steps_made"},
-              {"steps/s", "steps_per_s"},
-              {"pending", "steps_pending"},
-              {"lost", "steps_lost"},
-              {"policy", "policy_version"},
-              {"episodes", "episodes"},
-              {"success", "success_rate"}});
-  PrintTable(status, "evaluator", "evaluator",
-             {{"evaluations", "evaluations"},
-              {"newest policy", "policy_version"},
-              {"scored policy", "scored_version"},
-              {"success", "success_rate"}});
+  fmt::print("{}", FormatStatus(status));
 }
 
 }  // namespace

@@ -82,8 +82,11 @@ std::string PrintOwner(const std::string& token) {
 
 /// Returns the content of a file. Empty if it is not there or cannot be read.
 std::string ContentOf(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
+  try {
+    return base::ReadFile(path);
+  } catch (const base::Error&) {
+    return "";
+  }
 }
 
 /// The number of a claim file; none: it is another file.
@@ -181,10 +184,9 @@ Claim::~Claim() {
 }
 
 bool Claim::Renew() {
-  const fs::path cell = file_.parent_path();
-  if (ParseOwner(ContentOf(file_)).token != token_) return false;
   try {
-    if (NewestClaim(cell) > number_) return false;
+    if (!base::Exists(file_) || ParseOwner(base::ReadFile(file_)).token != token_) return false;
+    if (NewestClaim(file_.parent_path()) > number_) return false;
     base::WriteFileAtomically(beat_, std::to_string(++count_));
   } catch (const base::Error&) {
     // A full disk does not take the claim away, nor one that fails for a moment; that others see no

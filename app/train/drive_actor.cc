@@ -15,8 +15,9 @@ actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& en
                               std::stop_token stop, const std::function<void()>& between) {
   const RunConfig& config = process.config();
   const policy::PolicySpec spec = agent.snapshot().spec;
+  const proto::RunIdentity run = ServiceIdentity(config);
   const auto install = [&](std::span<const std::byte> bytes) -> std::optional<base::Failure> {
-    auto snapshot = ReadPolicy(bytes, spec);
+    auto snapshot = ReadPolicy(bytes, spec, run);
     if (!snapshot) return snapshot.failure();
     agent.SetSnapshot(std::move(*snapshot));
     return std::nullopt;
@@ -26,7 +27,7 @@ actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& en
   identity.state_directory = process.state() / "actors" / process.name();
   identity.seed = static_cast<std::uint64_t>(config.run.seed);
   identity.spec_hash = process.spec_hash();
-  identity.run = ServiceIdentity(config);
+  identity.run = run;
   identity.course_set = std::move(course_set);
   identity.plans = spec.planning.is_carried();
   identity.replay = process.replay();
@@ -39,12 +40,18 @@ actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& en
 }
 
 base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes,
-                                                const policy::PolicySpec& spec) {
+                                                const policy::PolicySpec& spec,
+                                                const proto::RunIdentity& run) {
   try {
-    policy::PolicySnapshot snapshot = policy::ParsePolicy(bytes, "the policy received").snapshot;
+    auto [snapshot, metadata] = policy::ParsePolicy(bytes, "the policy received");
+    // Earlier versions do not say it.
+    if (const auto own = metadata.find(proto::kIdentityMetadata); own != metadata.end()) {
+      const std::string keys = proto::DescribeDifference(proto::ParseIdentity(own->second), run);
+      if (!keys.empty()) return base::Failure{"the policy received is of another run: " + keys};
+    }
     if (!spec.planning.is_carried()) snapshot = policy::WithoutPlanning(std::move(snapshot));
     policy::RequireSameSpec("the policy received", snapshot.spec, spec);
-    return snapshot;
+    return std::move(snapshot);
   } catch (const base::Error& error) {
     return base::Failure{error.what()};
   }

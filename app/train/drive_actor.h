@@ -9,6 +9,7 @@
 #include "app/train/service_process.h"
 #include "env/environment.h"
 #include "policy/policy_agent.h"
+#include "proto/run_identity.h"
 
 namespace slalom::train {
 
@@ -21,9 +22,10 @@ actor::StepAccount DriveActor(ServiceProcess& process, env::BatchEnvironment& en
                               policy::PolicyAgent& agent, std::string course_set,
                               std::stop_token stop, const std::function<void()>& between = {});
 
-/// Reads a policy that came as bytes. Fails if it cannot drive as `spec` says. Leaves out its
-/// transition model if `spec` has none.
+/// Reads a policy that came as bytes. Fails if it cannot drive as `spec` says, or says that it is
+/// of another run than `run`. Leaves out its transition model if `spec` has none.
 base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes,
-                                                const policy::PolicySpec& spec);
+                                                const policy::PolicySpec& spec,
+                                                const proto::RunIdentity& run);
 
 }  // namespace slalom::train

@@ -34,9 +34,11 @@ transport::ServerOptions OneAtATime(transport::ServerOptions options) {
 }  // namespace
 
 PolicyServer::PolicyServer(transport::Context& context, const transport::ServerOptions& options,
-                           std::uint64_t spec_hash, metrics::Registry& registry)
+                           std::uint64_t spec_hash, const proto::RunIdentity& run,
+                           metrics::Registry& registry)
     : server_(context, OneAtATime(options)),
       max_connections_(options.max_connections),
+      run_(proto::PrintIdentity(run)),
       spec_hash_(spec_hash),
       registry_(registry) {
   registry_.counter(metrics::kRejectedConnections);
@@ -74,9 +76,10 @@ PolicyServer::Message PolicyServer::MakeMessage(Kind kind) {
   const PolicyFile file =
       kind == kShipped
           ? shipped_()
-          : PolicyFile{acting_->version,
-                       policy::PrintPolicy(
-                           kind == kActing ? *acting_ : policy::WithoutPlanning(*acting_), {})};
+          : PolicyFile{
+                acting_->version,
+                policy::PrintPolicy(kind == kActing ? *acting_ : policy::WithoutPlanning(*acting_),
+                                    {{proto::kIdentityMetadata, run_}})};
   transport::Frame payload = transport::Frame::Copy(file.bytes);
   registry_.gauge(metrics::kPolicyBytes).Set(static_cast<double>(payload.size()));
   proto::Snapshot snapshot;
@@ -162,6 +165,7 @@ void PolicyServer::Send(const transport::PeerId& peer, Reader& reader, const Mes
 void PolicyServer::Refuse(const transport::PeerId& peer, proto::RefusalCode code,
                           std::string text) {
   registry_.counter(metrics::kMessagesRefused, {proto::ToString(code)}).Increment();
+  refusal_log_.Note("learner", "a reader of policies", code, text, steady_clock::now());
   const proto::Refusal refusal{code, std::move(text), 0};
   static_cast<void>(server_.Send(peer, {transport::Frame::Copy(proto::Encode(refusal, {})), {}}));
 }

@@ -11,6 +11,7 @@
 #include "learner/loop/policy_sink.h"
 #include "metrics/registry.h"
 #include "proto/messages.h"
+#include "proto/refusal_log.h"
 #include "proto/transport/context.h"
 #include "proto/transport/frame.h"
 #include "proto/transport/server.h"
@@ -23,9 +24,10 @@ namespace slalom::learner {
 /// nothing queues, for any number of readers. Confined to one thread, which polls it.
 class PolicyServer final : public PolicySink {
  public:
-  /// Throws `base::Error` if the endpoint cannot be bound.
+  /// `run`: goes with the policies for actors, which refuse those of another run. Throws
+  /// `base::Error` if the endpoint cannot be bound.
   PolicyServer(transport::Context& context, const transport::ServerOptions& options,
-               std::uint64_t spec_hash, metrics::Registry& registry);
+               std::uint64_t spec_hash, const proto::RunIdentity& run, metrics::Registry& registry);
 
   /// Publishes policies as the bytes of policy files, and answers the readers that wait. Makes only
   /// the files that a reader asks for.
@@ -68,6 +70,7 @@ class PolicyServer final : public PolicySink {
 
   transport::Server server_;
   const int max_connections_;
+  const std::string run_;  // `proto::PrintIdentity`
   const std::uint64_t spec_hash_;
   metrics::Registry& registry_;
   std::optional<policy::PolicySnapshot> acting_;    // The last publication.
@@ -77,6 +80,7 @@ class PolicyServer final : public PolicySink {
   std::int64_t published_ns_ = 0;
   std::map<transport::PeerId, Reader> readers_;
   std::optional<std::chrono::steady_clock::time_point> looked_at_;
+  service::RefusalLog refusal_log_;
 };
 
 }  // namespace slalom::learner

@@ -85,7 +85,8 @@ class Context::Authenticator {
     }
   }
 
-  /// The role of a peer, as text, or "" for plaintext. Returns nothing if it may not connect.
+  /// The role of a peer and its names, as text, or "" for plaintext. Returns nothing if it may not
+  /// connect.
   std::optional<std::string> UserOf(const std::vector<std::string>& request) EXCLUDES(mutex_) {
     const bool is_curve = request[kMechanism] == "CURVE";
     const std::string key = is_curve ? Z85(request[kCredentials]) : "";
@@ -97,7 +98,10 @@ class Context::Authenticator {
       if (!allowed && request[kMechanism] == "NULL") return "";
       if (allowed && is_curve) {
         const auto found = allowed->find(key);
-        if (found != allowed->end()) return std::string(ToString(found->second));
+        if (found != allowed->end()) {
+          const Allowed& peer = found->second;
+          return std::string(ToString(peer.role)) + (peer.names.empty() ? "" : " " + peer.names);
+        }
       }
     }
     Warn(request[kAddress], key);

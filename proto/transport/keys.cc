@@ -11,12 +11,14 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
+#include <sstream>
 #include <system_error>
 #include <utility>
 
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/name.h"
 
 namespace slalom::transport {
 namespace {
@@ -100,8 +102,8 @@ struct NewFile {
 std::vector<NewFile> NewFiles(const fs::path& directory) {
   std::vector<NewFile> files;
   std::string allowed =
-      "# Who may connect, and as what: a role and a public key. Servers read this at their "
-      "start.\n";
+      "# Who may connect, and as what: a role, a public key and, if not any, the names that it may "
+      "have.\n# Servers read this at their start.\n";
   for (const Role role : kRoles) {
     const KeyPair keys = NewKeyPair();
     files.push_back({SecretFile(directory, role), keys.secret_key + "\n", 0600});
@@ -121,17 +123,32 @@ void AddAllowed(std::string_view line, const std::string& place, AllowList& list
     throw base::Error(fmt::format("{}: '{}' is not a role; expected one of {}", place, name,
                                   fmt::join(kRoleNames, ", ")));
   }
-  const std::string key(space == std::string_view::npos ? "" : WithoutSpaces(line.substr(space)));
+  const std::string_view rest =
+      space == std::string_view::npos ? "" : WithoutSpaces(line.substr(space));
+  const std::string key(rest.substr(0, rest.find_first_of(" \t")));
   if (!IsKey(key)) {
     throw base::Error(fmt::format(
         "{}: '{}' is not a key; expected a role and a public key of 40 characters (Z85)", place,
         key));
   }
-  const auto [other, added] = list.emplace(key, *role);
-  if (!added && other->second != *role) {
-    throw base::Error(
-        fmt::format("{}: this key has the role {} already; expected one role for each key", place,
-                    ToString(other->second)));
+  Allowed allowed(*role);
+  std::istringstream words{std::string(rest.substr(key.size()))};
+  for (std::string word; words >> word;) {
+    const std::string_view plain =
+        std::string_view(word).substr(0, word.size() - word.ends_with('*'));
+    if (word != "*" && !base::IsName(plain)) {
+      throw base::Error(fmt::format(
+          "{}: '{}' names no process; expected letters, digits and '-_.:@', and at most a '*' at "
+          "the end",
+          place, word));
+    }
+    allowed.names += (allowed.names.empty() ? "" : " ") + word;
+  }
+  const auto [other, added] = list.emplace(key, allowed);
+  if (!added && other->second != allowed) {
+    throw base::Error(fmt::format(
+        "{}: this key has the role {} already{}; expected one line for each key", place,
+        ToString(other->second.role), other->second.role == *role ? ", with other names" : ""));
   }
 }
 
@@ -165,10 +182,10 @@ void CheckRole(const fs::path& directory, Role role, const std::optional<AllowLi
     report.faults.push_back(
         fmt::format("{}: does not list the key of the role {}; expected a line '{} {}'",
                     (directory / kAllowed).string(), ToString(role), ToString(role), key));
-  } else if (entry->second != role) {
+  } else if (entry->second.role != role) {
     report.faults.push_back(fmt::format("{}: gives the key of {} the role {}",
                                         (directory / kAllowed).string(), ToString(role),
-                                        ToString(entry->second)));
+                                        ToString(entry->second.role)));
   }
 }
 
@@ -181,6 +198,17 @@ std::optional<Role> ParseRole(std::string_view name) {
     if (ToString(role) == name) return role;
   }
   return std::nullopt;
+}
+
+bool AllowsName(std::string_view names, std::string_view name) {
+  if (names.empty()) return true;
+  while (!names.empty()) {
+    const std::string_view word = names.substr(0, names.find(' '));
+    names.remove_prefix(std::min(word.size() + 1, names.size()));
+    if (word == name) return true;
+    if (word.ends_with('*') && name.starts_with(word.substr(0, word.size() - 1))) return true;
+  }
+  return false;
 }
 
 KeyPair NewKeyPair() {

@@ -27,15 +27,31 @@ struct KeyPair {
 };
 KeyPair NewKeyPair();
 
-/// Public keys, and the roles of their holders.
-using AllowList = std::map<std::string, Role>;
+/// What the holder of a key may be. A value.
+struct Allowed {
+  Allowed() = default;
+  Allowed(Role allowed_role) : role(allowed_role) {}  // NOLINT: a role alone may have any name
+
+  Role role = Role::kOperator;
+  /// The names that it may have, with a space between two; a "*" at the end of one stands for any
+  /// characters. Empty: any name.
+  std::string names;
+
+  friend bool operator==(const Allowed&, const Allowed&) = default;
+};
+/// Whether `names` of an `Allowed` has room for a name.
+bool AllowsName(std::string_view names, std::string_view name);
+
+/// Public keys, and what their holders may be.
+using AllowList = std::map<std::string, Allowed>;
 
 /// Writes new keys to a directory of mode 0700, as `slalom keys new DIR` does.
 ///
 /// Each role gets a file ROLE.key (secret, mode 0600) and a file ROLE.pub, which hold one line with
-/// one key. The file `allowed` holds lines "ROLE PUBLIC-KEY", to which more may be added by hand;
-/// empty lines and lines that begin with # are ignored there. If one of the files exists already or
-/// cannot be written, throws `base::Error` and leaves no new file behind.
+/// one key. The file `allowed` holds lines "ROLE PUBLIC-KEY NAME...", to which more may be added by
+/// hand; without names a line allows any. Empty lines and lines that begin with # are ignored. If
+/// one of the files exists already or cannot be written, throws `base::Error` and leaves no new
+/// file behind.
 void WriteNewKeys(const std::filesystem::path& directory);
 
 /// These throw `base::Error`, which names the file, the line and what was expected, if a file is

@@ -36,9 +36,10 @@ Peers::Limits LimitsOf(const ServerOptions& options) {
           .handshake = HandshakeTime(options.heartbeat)};
 }
 
-std::optional<Role> RoleOf(zmq::message_t& part) {
+/// As `Context::Authenticate` says it: a role, and the names that it may have.
+std::string_view UserOf(zmq::message_t& part) {
   const char* user = zmq_msg_gets(part.handle(), "User-Id");
-  return user == nullptr ? std::nullopt : ParseRole(user);
+  return user == nullptr ? "" : user;
 }
 
 }  // namespace
@@ -150,7 +151,8 @@ Server::Taken Server::Take(std::optional<Received>& received) {
   const auto now = Clock::now();
   PeerId peer = parts[0].to_string();
   const int fd = zmq_msg_get(parts[1].handle(), ZMQ_SRCFD);
-  const std::optional<Role> role = RoleOf(parts[1]);
+  const std::string_view user = UserOf(parts[1]);
+  const std::optional<Role> role = ParseRole(user.substr(0, user.find(' ')));
   const auto admission = peers_.Admit(peer, fd, bytes, role == Role::kOperator, now);
   if (num_parts != parts.size()) {
     ++malformed_;
@@ -159,6 +161,9 @@ Server::Taken Server::Take(std::optional<Received>& received) {
   received.emplace();
   received->peer = std::move(peer);
   received->role = role;
+  if (const auto space = user.find(' '); space != std::string_view::npos) {
+    received->names = user.substr(space + 1);
+  }
   received->message.header = Frame(std::move(parts[1]));
   received->message.payload = Frame(std::move(parts[2]));
   received->too_fast = admission == Peers::Admission::kTooFast;

@@ -65,6 +65,7 @@ class Server {
     /// The role that belongs to the peer's key. Empty for plaintext: any claimed role must then be
     /// believed.
     std::optional<Role> role;
+    std::string names;  ///< The names that the key's holder may have (`AllowsName`).
     Message message;
     bool too_fast = false;  ///< The peer is over its rate. Refuse the message unread.
     bool no_room = false;   ///< The peer's connection ends in a moment. Refuse the message unread.

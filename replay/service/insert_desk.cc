@@ -440,14 +440,14 @@ ReplySender::Sent InsertDesk::Answer(const PeerId& peer, const proto::Header& he
 
 void InsertDesk::Refuse(const PeerId& peer, RefusalCode code, std::string_view text,
                         std::uint64_t about) {
-  replies_->CountRefusal(code);
+  replies_->NoteRefusal(peer, code, text);
   (void)Answer(peer, proto::Refusal{.code = code, .text = std::string(text), .about = about});
 }
 
 void InsertDesk::RefuseChunk(const PeerId& peer, RefusalCode code, std::string_view text,
                              const proto::Insert& insert) {
   const auto reason = static_cast<std::size_t>(code);
-  replies_->CountRefusal(code);
+  replies_->NoteRefusal(peer, code, text);
   ++counts_.chunks_rejected[reason];
   counts_.steps_rejected[reason] += insert.num_steps;
   const proto::Refusal refusal{.code = code, .text = std::string(text), .about = insert.sequence};

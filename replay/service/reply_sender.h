@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string_view>
 #include <utility>
 
 #include "proto/messages.h"
@@ -15,8 +16,8 @@ class ReplySender {
   virtual ~ReplySender() = default;
   /// As `transport::Server::Send`.
   [[nodiscard]] virtual Sent Send(const transport::PeerId& peer, transport::Message&& message) = 0;
-  /// Notes a refusal, for metrics. It may not have been sent.
-  virtual void CountRefusal(proto::RefusalCode) {}
+  /// Notes a refusal, for metrics and log. It may not have been sent.
+  virtual void NoteRefusal(const transport::PeerId&, proto::RefusalCode, std::string_view) {}
 };
 
 /// Makes a message of a header and a payload. Requires the same as `proto::Encode`.

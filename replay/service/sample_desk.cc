@@ -188,7 +188,7 @@ std::vector<double> SampleDesk::TakeSampleSeconds() { return std::exchange(sampl
 
 void SampleDesk::Refuse(const PeerId& peer, RefusalCode code, std::string_view text,
                         std::uint64_t about) {
-  replies_->CountRefusal(code);
+  replies_->NoteRefusal(peer, code, text);
   const auto sent = replies_->Send(
       peer, MakeMessage(proto::Refusal{.code = code, .text = std::string(text), .about = about}));
   if (sent == ReplySender::Sent::kGone) Gone(peer);

@@ -84,7 +84,9 @@ class ReplayServer::SocketReplies : public ReplySender {
   Sent Send(const PeerId& peer, transport::Message&& message) override {
     return owner_->server_->Send(peer, std::move(message));
   }
-  void CountRefusal(RefusalCode code) override { owner_->metrics_->CountRefusal(code); }
+  void NoteRefusal(const PeerId& peer, RefusalCode code, std::string_view text) override {
+    owner_->NoteRefusal(peer, code, text);
+  }
 
  private:
   ReplayServer* const owner_;
@@ -141,6 +143,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
                                         .learning_starts = spec_.learning_starts,
                                         .max_ahead_steps = config_.max_ahead_steps},
                    sessions.accepted_steps());
+  if (journal_) RestoreCursors();
   RecordLog* const log = journal_ ? static_cast<RecordLog*>(journal_.get()) : &no_log_;
   const std::int64_t room = std::max(config_.unwritten_bytes, config_.max_message_bytes);
   inserts_.emplace(InsertDesk::Options{.flow = {.window_bytes = config_.window_bytes,
@@ -168,7 +171,7 @@ StateRecord ReplayServer::State() const {
 
 void ReplayServer::RestorePriorities() {
   const auto path = PrioritiesPath(config_.directory);
-  if (!std::filesystem::exists(path)) return;
+  if (!base::Exists(path)) return;
   const auto failure = table_->RestorePriorities(base::ReadFile(path), config_.priority_exponent);
   if (failure) {
     spdlog::warn("{}: {}; all steps start with the same priority", path.string(), failure->text);
@@ -176,7 +179,26 @@ void ReplayServer::RestorePriorities() {
 }
 
 void ReplayServer::SavePriorities() {
-  if (table_->has_priorities()) journal_->SavePriorities(table_->PrintPriorities());
+  if (!table_->has_priorities()) return;
+  journal_->SaveBeside(PrioritiesPath(config_.directory), table_->PrintPriorities());
+}
+
+// Without them a restart would forget what was granted, and hold inserts back until each learner
+// has asked again.
+void ReplayServer::RestoreCursors() {
+  const auto path = CursorsPath(config_.directory);
+  if (!base::Exists(path)) return;
+  if (const auto failure = limiter_->RestoreCursors(base::ReadFile(path))) {
+    spdlog::warn("{}: {}; the rate limiter learns them as the learners ask", path.string(),
+                 failure->text);
+  }
+}
+
+void ReplayServer::SaveCursors() {
+  std::string cursors = limiter_->PrintCursors();
+  if (cursors == saved_cursors_) return;
+  journal_->SaveBeside(CursorsPath(config_.directory), cursors);
+  saved_cursors_ = std::move(cursors);
 }
 
 void ReplayServer::Run(std::stop_token stop) {
@@ -184,6 +206,7 @@ void ReplayServer::Run(std::stop_token stop) {
   while (!stop.stop_requested()) Turn();
   if (journal_) {
     SavePriorities();
+    SaveCursors();
     journal_->Close();
   }
   inserts_->Advance(Clock::now(), 0);
@@ -215,6 +238,7 @@ void ReplayServer::Tick(Time now) {
   const double elapsed = std::chrono::duration<double>(now - ticked_).count();
   ticked_ = now;
   ForgetSilent(now);
+  if (journal_) SaveCursors();
   ServerMetrics::Sources sources{.table = &*table_,
                                  .limiter = &*limiter_,
                                  .inserts = &*inserts_,
@@ -261,7 +285,10 @@ void ReplayServer::Take(transport::Server::Received received, Time now) {
          .about = 0});
   }
   if (const auto it = peers_.find(received.peer); it != peers_.end()) {
-    it->second.heard = now;
+    Peer& peer = it->second;
+    if (now - peer.heard >= std::chrono::duration<double>(config_.silence))
+      peer.is_accounted = false;
+    peer.heard = now;
     inserts_->Heard(received.peer, now);
   }
   Handle(received.peer, *header, std::move(received.message.payload), now);
@@ -278,7 +305,10 @@ bool ReplayServer::IsAllowed(const transport::Server::Received& received,
   }
   if (received.role) {
     const std::string_view role = ToString(*received.role);
-    if (hello != nullptr && hello->role != role) return false;
+    if (hello != nullptr &&
+        (hello->role != role || !transport::AllowsName(received.names, hello->name))) {
+      return false;
+    }
     // Only the hello tells which name a peer's messages count for.
     const bool needs_hello =
         !std::holds_alternative<proto::StatusRequest>(header) && hello == nullptr;
@@ -302,6 +332,7 @@ void ReplayServer::Handle(const PeerId& peer, const proto::Header& header, trans
   } else if (const auto* const hello = std::get_if<proto::Hello>(&header)) {
     Greet(peer, *hello, now);
   } else if (const auto* const goodbye = std::get_if<proto::Goodbye>(&header)) {
+    if (const auto it = peers_.find(peer); it != peers_.end()) it->second.is_accounted = true;
     inserts_->Goodbye(peer, *goodbye, now);
   } else if (std::holds_alternative<proto::StatusRequest>(header)) {
     AnswerStatus(peer, now);
@@ -332,7 +363,6 @@ std::string ReplayServer::FindMismatch(const proto::Hello& hello) const {
 void ReplayServer::Greet(const PeerId& peer, const proto::Hello& hello, Time now) {
   if (hello.role == "actor" || hello.role == "learner") {
     if (const std::string why = FindMismatch(hello); !why.empty()) {
-      spdlog::warn("replay server: {} {} is refused: {}", hello.role, hello.name, why);
       return Refuse(peer, {.code = RefusalCode::kWrongSpec, .text = why, .about = 0});
     }
   }
@@ -346,9 +376,11 @@ void ReplayServer::Greet(const PeerId& peer, const proto::Hello& hello, Time now
     const std::uint64_t session = peers_.at(id).session;
     if (!is_actor && session > hello.session) return Refuse(peer, Replaced(hello, session));
     if (!is_actor && session < hello.session) Refuse(id, Replaced(hello, hello.session));
+    if (const auto it = peers_.find(id); it != peers_.end()) it->second.is_accounted = true;
     Forget(id);
   }
-  peers_[peer] = {hello.role, hello.name, hello.session, now};
+  // An operator asks once and leaves.
+  peers_[peer] = {hello.role, hello.name, hello.session, now, hello.role == "operator"};
   if (is_actor) return inserts_->Hello(peer, hello, now);
   Answer(peer, proto::Welcome{.server = id_, .session = hello.session, .software = spec_.software});
 }
@@ -358,11 +390,28 @@ void ReplayServer::Answer(const PeerId& peer, const proto::Header& header) {
 }
 
 void ReplayServer::Refuse(const PeerId& peer, const proto::Refusal& refusal) {
-  metrics_->CountRefusal(refusal.code);
+  NoteRefusal(peer, refusal.code, refusal.text);
   Answer(peer, refusal);
 }
 
+void ReplayServer::NoteRefusal(const PeerId& peer, RefusalCode code, std::string_view text) {
+  metrics_->CountRefusal(code);
+  const auto it = peers_.find(peer);
+  const std::string who = it == peers_.end()
+                              ? "a peer that has not said hello"
+                              : fmt::format("{} {}", it->second.role, it->second.name);
+  refusal_log_.Note("replay server", who, code, text, Clock::now());
+}
+
+void ReplayServer::NoteLost(Peer& peer) {
+  if (peer.is_accounted) return;
+  peer.is_accounted = true;
+  metrics_->CountLostPeer(peer.role);
+  spdlog::warn("replay server: {} {} is gone without a goodbye", peer.role, peer.name);
+}
+
 void ReplayServer::Forget(const PeerId& peer) {
+  if (const auto it = peers_.find(peer); it != peers_.end()) NoteLost(it->second);
   // The reference may point into an object that is erased below.
   // NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
   const PeerId id = peer;
@@ -374,7 +423,8 @@ void ReplayServer::Forget(const PeerId& peer) {
 void ReplayServer::ForgetSilent(Time now) {
   const std::chrono::duration<double> silence(config_.silence);
   std::vector<PeerId> silent;
-  for (const auto& [id, peer] : peers_) {
+  for (auto& [id, peer] : peers_) {
+    if (now - peer.heard >= silence) NoteLost(peer);
     if (now - peer.heard >= silence && peer.role == "learner") samples_->Silent(id);
     if (now - peer.heard >= kForgetAfter * silence) silent.push_back(id);
   }

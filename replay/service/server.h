@@ -7,9 +7,11 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <string_view>
 
 #include "metrics/registry.h"
 #include "proto/messages.h"
+#include "proto/refusal_log.h"
 #include "proto/transport/context.h"
 #include "proto/transport/server.h"
 #include "replay/journal.h"
@@ -56,6 +58,7 @@ class ReplayServer {
     std::string name;
     std::uint64_t session = 0;
     Time heard;
+    bool is_accounted = false;  ///< It has said goodbye, or its loss was told.
   };
   /// Sends replies through the server's socket.
   class SocketReplies;
@@ -74,11 +77,15 @@ class ReplayServer {
   void Answer(const transport::PeerId& peer, const proto::Header& header);
   void AnswerStatus(const transport::PeerId& peer, Time now);
   void Refuse(const transport::PeerId& peer, const proto::Refusal& refusal);
+  void NoteRefusal(const transport::PeerId& peer, proto::RefusalCode code, std::string_view text);
+  void NoteLost(Peer& peer);
   void Forget(const transport::PeerId& peer);
   void ForgetSilent(Time now);
   StateRecord State() const;
   void RestorePriorities();
   void SavePriorities();
+  void RestoreCursors();
+  void SaveCursors();
 
   const ReplayServerConfig config_;
   const ReplayServerSpec spec_;
@@ -93,8 +100,10 @@ class ReplayServer {
   StatusBoard board_;
   std::optional<ServerMetrics> metrics_;
   std::map<transport::PeerId, Peer> peers_;
-  const std::uint64_t id_;  ///< Identifies this start of the server, as in `proto::Welcome`.
-  bool busy_ = false;       ///< The last turn left work to do.
+  service::RefusalLog refusal_log_;
+  const std::uint64_t id_;     ///< Identifies this start of the server, as in `proto::Welcome`.
+  std::string saved_cursors_;  ///< As they were saved last.
+  bool busy_ = false;          ///< The last turn left work to do.
   Time ticked_;
 };
 

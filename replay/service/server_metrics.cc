@@ -81,6 +81,7 @@ ServerMetrics::ServerMetrics(metrics::Registry& registry, const ReplayServerSpec
   for (const transport::Role role : transport::kRoles) {
     if (role == transport::Role::kReplay) continue;
     peers_[ToString(role)] = registry.gauge(metrics::kConnectedPeers, {ToString(role)});
+    if (role != transport::Role::kOperator) registry.counter(metrics::kPeersLost, {ToString(role)});
   }
   table_capacity_.Set(static_cast<double>(spec.table.capacity));
   report_.role = "replay";
@@ -97,6 +98,10 @@ void ServerMetrics::ShowRecovery(const Recovered& recovered) {
 
 void ServerMetrics::CountRefusal(proto::RefusalCode code) {
   refusals_[static_cast<std::size_t>(code)].Increment();
+}
+
+void ServerMetrics::CountLostPeer(const std::string& role) {
+  registry_.counter(metrics::kPeersLost, {role}).Increment();
 }
 
 void ServerMetrics::Show(const Sources& sources, Time now) {

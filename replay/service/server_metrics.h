@@ -32,6 +32,7 @@ class ServerMetrics {
   /// Counts a message that was decoded.
   void CountMessage(const proto::Header& header) { messages_[header.index()].Increment(); }
   void CountRefusal(proto::RefusalCode code);
+  void CountLostPeer(const std::string& role);
   /// Notes that the server's loop turns.
   void CountTurn() { registry_.Beat(); }
 

@@ -189,7 +189,7 @@ TEST_F(FileTest, ADirectoryThatCannotBeSyncedIsAnError) {
   EXPECT_EQ(failing.num_calls(), 1);
   WriteFileAtomically(path, "newer");
   EXPECT_EQ(ReadFile(path), "newer");
-  EXPECT_EQ(NumFiles(), 2) << "no temporary file is left";
+  EXPECT_EQ(NumFiles(), 1) << "no temporary file is left";
 }
 
 TEST_F(FileTest, WhatCannotBeLookedAtIsNotReplaced) {

@@ -58,6 +58,7 @@ JournalOptions JournalScene::options() const {
   return {.directory = directory_,
           .segment_bytes = segment_bytes_,
           .sync_interval = std::chrono::milliseconds(1),
+          .retry_interval = std::chrono::milliseconds(1),
           .shape = kBeams,
           .spec_hash = kSpecHash};
 }

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -11,8 +12,8 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "tests/replay/failing_syncs.h"
 #include "tests/replay/journal_scene.h"
+#include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
 #include "tests/support/small_files.h"
 
@@ -24,6 +25,9 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
+
+constexpr test::FailingCall kFailingSyncs{
+    .function = "f*sync", .path = "*", .error = EIO, .last = 1'000'000};
 
 /// The segment files of a directory, in order.
 std::map<std::string, std::string> ReadSegments(const fs::path& directory) {
@@ -333,12 +337,13 @@ TEST(JournalTest, ClosesOnAFullDisk) {
 // The system reports a lost page once, so that later syncs succeed says nothing.
 TEST(JournalTest, OneFailedSyncEndsTheWritingUntilTheNextStart) {
   test::ScratchDirectory scratch;
+  const test::ScratchDirectory counts;
   JournalScene scene(scratch.path(), 50, 2500, 11);
   scene.Open();
   scene.Append(100);
   scene.WaitWritten();
   {
-    const FailingSyncs failing;
+    const test::FailingCalls failing(kFailingSyncs, counts.path() / "syncs");
     while (scene.journal().status().failing.empty()) std::this_thread::yield();
   }
   EXPECT_THAT(scene.journal().status().failing, HasSubstr("cannot sync"));
@@ -366,6 +371,7 @@ TEST(JournalTest, OneFailedSyncEndsTheWritingUntilTheNextStart) {
 // Else a loss of power could leave what follows without what it follows on.
 TEST(JournalTest, ASegmentBeginsOnlyWhenThoseBeforeItAreSynced) {
   test::ScratchDirectory scratch;
+  const test::ScratchDirectory counts;
   JournalScene scene(scratch.path(), 1000, 2500, 11);
   scene.Open();
   // A segment without rows would be deleted once another follows it.
@@ -374,7 +380,7 @@ TEST(JournalTest, ASegmentBeginsOnlyWhenThoseBeforeItAreSynced) {
   ASSERT_EQ(scene.marks().back().segment, 0u);
   ASSERT_GT(scene.table().num_rows(), 0);
   {
-    const FailingSyncs failing;
+    const test::FailingCalls failing(kFailingSyncs, counts.path() / "syncs");
     scene.Append(60);
     while (scene.journal().status().failing.empty()) std::this_thread::yield();
     std::uint64_t in_first = 0;

@@ -138,5 +138,34 @@ TEST(RateLimiterTest, NamesAreBounded) {
   EXPECT_EQ(limiter.granted(), RateLimiter::kMaxLearners);
 }
 
+TEST(RateLimiterTest, CursorsComeBackAndADamagedTextIsRefused) {
+  const RateLimiter::Options options{.updates_per_step = 0.5, .max_ahead_steps = 10};
+  RateLimiter before(options, 1000);
+  before.Ask("a", 300);
+  before.Grant("a");
+  before.Ask("b.2", 7);
+  const std::string text = before.PrintCursors();
+
+  RateLimiter after(options, 600);
+  EXPECT_FALSE(after.MayInsert());
+  EXPECT_FALSE(after.RestoreCursors(text));
+  EXPECT_EQ(after.granted(), 308.0);
+  EXPECT_TRUE(after.MayInsert());
+  EXPECT_EQ(after.PrintCursors(), text);
+  after.Ask("a", 200);  // The learner went back to its checkpoint.
+  EXPECT_EQ(after.granted(), 207.0);
+
+  const std::string now = after.PrintCursors();
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    std::string damaged = text;
+    damaged[i] ^= 1;
+    EXPECT_TRUE(after.RestoreCursors(damaged)) << i;
+    EXPECT_TRUE(after.RestoreCursors(text.substr(0, i))) << i;
+  }
+  EXPECT_EQ(after.PrintCursors(), now);
+  EXPECT_FALSE(after.RestoreCursors(RateLimiter(options, 0).PrintCursors()));
+  EXPECT_EQ(after.granted(), 0.0);
+}
+
 }  // namespace
 }  // namespace slalom::replay

@@ -11,10 +11,10 @@
 namespace slalom::train {
 namespace {
 
-std::string PolicyOf(const policy::PolicySpec& spec) {
+std::string PolicyOf(const policy::PolicySpec& spec, const nn::Metadata& metadata = {}) {
   policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
   snapshot.version = 7;
-  return policy::PrintPolicy(snapshot, {});
+  return policy::PrintPolicy(snapshot, metadata);
 }
 
 /// A run whose policies carry a model, and the spec of its actors if they do not plan.
@@ -34,7 +34,7 @@ TEST(DriveActorTest, AnActorThatDoesNotPlanLeavesOutAModelThatComesAllTheSame) {
   const Specs specs;
   for (const policy::PolicySpec& spec : {specs.whole, specs.acting}) {
     const std::string bytes = PolicyOf(spec);
-    const auto read = ReadPolicy(std::as_bytes(std::span(bytes)), specs.acting);
+    const auto read = ReadPolicy(std::as_bytes(std::span(bytes)), specs.acting, {});
     ASSERT_TRUE(read) << read.failure().text;
     EXPECT_EQ(read->version, 7);
     EXPECT_EQ(read->model_weights, nullptr);
@@ -46,11 +46,30 @@ TEST(DriveActorTest, AnActorThatDoesNotPlanLeavesOutAModelThatComesAllTheSame) {
 TEST(DriveActorTest, AnActorThatPlansNeedsTheModel) {
   const Specs specs;
   const std::string whole = PolicyOf(specs.whole);
-  const auto read = ReadPolicy(std::as_bytes(std::span(whole)), specs.whole);
+  const auto read = ReadPolicy(std::as_bytes(std::span(whole)), specs.whole, {});
   ASSERT_TRUE(read) << read.failure().text;
   EXPECT_NE(read->model_weights, nullptr);
   const std::string acting = PolicyOf(specs.acting);
-  EXPECT_FALSE(ReadPolicy(std::as_bytes(std::span(acting)), specs.whole));
+  EXPECT_FALSE(ReadPolicy(std::as_bytes(std::span(acting)), specs.whole, {}));
+}
+
+TEST(DriveActorTest, APolicyOfAnotherRunIsRefusedByTheKeysThatDiffer) {
+  const Specs specs;
+  const proto::RunIdentity run = {{"courses.train", "\"dynamic-box\""}, {"run.seed", "2"}};
+  const auto read = [&](const nn::Metadata& metadata) {
+    const std::string bytes = PolicyOf(specs.whole, metadata);
+    return ReadPolicy(std::as_bytes(std::span(bytes)), specs.whole, run);
+  };
+  EXPECT_TRUE(read({{proto::kIdentityMetadata, proto::PrintIdentity(run)}}));
+  EXPECT_TRUE(read({})) << "a learner of an earlier version does not say it";
+  proto::RunIdentity other = run;
+  other["run.seed"] = "3";
+  other.erase("courses.train");
+  const auto refused = read({{proto::kIdentityMetadata, proto::PrintIdentity(other)}});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.failure().text,
+            "the policy received is of another run: courses.train is the default, expected "
+            "\"dynamic-box\"; run.seed is 3, expected 2");
 }
 
 }  // namespace

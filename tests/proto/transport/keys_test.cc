@@ -145,11 +145,27 @@ TEST_F(KeysTest, ALineOfTheListThatSaysNothingIsNamed) {
   EXPECT_THAT(error_of(key), HasSubstr("allowed:3:"));
   EXPECT_THAT(error_of("actor"), HasSubstr("allowed:3: '' is not a key"));
   EXPECT_THAT(error_of("actor " + key.substr(1)), HasSubstr("is not a key"));
-  EXPECT_THAT(error_of("actor " + key + " " + key), HasSubstr("is not a key"));
+  EXPECT_THAT(error_of("actor " + key + " a/b"), HasSubstr("allowed:3: 'a/b' names no process"));
+  EXPECT_THAT(error_of("actor " + key + " a*b"), HasSubstr("'a*b' names no process"));
+  EXPECT_THAT(error_of("actor " + key + " a\nactor " + key + " b"),
+              HasSubstr("allowed:4: this key has the role actor already, with other names"));
   EXPECT_THAT(error_of("actor " + key + "\nlearner " + key),
               HasSubstr("allowed:4: this key has the role actor already"));
   Write("allowed", "# nobody\n");
   EXPECT_THAT(ErrorOf([&] { LoadAllowList(directory_); }), HasSubstr("allows nobody"));
+}
+
+TEST_F(KeysTest, AKeyMayBeBoundToNames) {
+  const std::string key = NewKeyPair().public_key;
+  Write("allowed", "actor " + key + " \t gpu-1  lab.*\r\n");
+  const std::string names = LoadAllowList(directory_).at(key).names;
+  EXPECT_EQ(names, "gpu-1 lab.*");
+  for (const char* name : {"gpu-1", "lab.", "lab.7"}) EXPECT_TRUE(AllowsName(names, name)) << name;
+  for (const char* name : {"", "gpu", "gpu-10", "lab", "other"}) {
+    EXPECT_FALSE(AllowsName(names, name)) << name;
+  }
+  EXPECT_TRUE(AllowsName("", "any"));
+  EXPECT_TRUE(AllowsName("*", "any"));
 }
 
 TEST_F(KeysTest, CheckFindsWhatDoesNotFitTogether) {

@@ -37,6 +37,8 @@ class RunningServer {
         thread_([this](std::stop_token stop) { server_.Run(stop); }) {}
 
   std::string endpoint() const { return server_.endpoint(); }
+  /// Its metrics, as Prometheus gets them.
+  std::string Metrics() const { return registry_.Text(); }
 
  private:
   transport::Context context_;

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <sstream>
+#include <string>
 #include <thread>
 
 #include "base/error.h"
@@ -155,6 +157,36 @@ TEST(ReplayServerTest, PrioritiesComeBackAfterARestart) {
   ASSERT_TRUE(learner.Expect<proto::Welcome>());
   const auto drawn = sample(learner, 1);
   EXPECT_GT(std::ranges::count(drawn, chosen), kBatch / 2);
+}
+
+// Else a restart while no learner is there would hold actors back as if nothing had been granted.
+TEST(ReplayServerTest, WhatLearnersWereGrantedComesBackAfterARestart) {
+  test::ScratchDirectory scratch;
+  ReplayServerConfig config;
+  config.directory = (scratch.path() / "replay").string();
+  config.max_ahead_steps = 20;
+  transport::Context context;
+  RowsSource source(kBeams, kStreams, 1);
+  std::uint64_t sent = 0;
+  {
+    RunningServer server(config);
+    TestPeer learner(context, server.endpoint());
+    learner.Send(HelloOf("learner", "l"));
+    ASSERT_TRUE(learner.Expect<proto::Welcome>());
+    // As after a checkpoint. It lets in as many steps as earn it, and is answered then.
+    learner.Send(proto::SampleRequest{.cursor = 600, .batch = 4, .history = 1, .n_step = 1});
+    TestPeer actor(context, server.endpoint());
+    actor.Send(HelloOf("actor", "a", 1));
+    ASSERT_TRUE(actor.Expect<proto::Welcome>());
+    for (; sent < 13; ++sent) InsertAll(actor, source, nullptr, 1, sent, sent + 1);
+    ASSERT_TRUE(learner.Expect<proto::SampleReply>());
+  }
+  // Far more than `max_ahead_steps`, and fewer than what the learner was granted allows.
+  RunningServer server(config);
+  TestPeer actor(context, server.endpoint());
+  actor.Send(HelloOf("actor", "a", 1));
+  ASSERT_TRUE(actor.Expect<proto::Welcome>());
+  InsertAll(actor, source, nullptr, 1, sent, sent + 1);
 }
 
 // Producers with reconnections, consumers with priorities, the journal's threads: for
@@ -367,6 +399,61 @@ TEST(ReplayServerTest, NobodyReportsForAnother) {
   actor.Send(ReportOf("actor", "a"));
   EXPECT_THAT(NamesOf(actor, "actor"), testing::ElementsAre("a"));
   EXPECT_THAT(NamesOf(actor, "learner"), testing::IsEmpty());
+}
+
+// With the key of one machine nobody ends or locks the actors of another.
+TEST(ReplayServerTest, AKeyThatIsBoundToNamesMayHaveNoOthers) {
+  const transport::KeyPair own = transport::NewKeyPair(), actors = transport::NewKeyPair();
+  transport::Allowed allowed(transport::Role::kActor);
+  allowed.names = "gpu-1 lab.*";
+  RunningServer server({}, {.keys = own, .allowed = {{actors.public_key, allowed}}});
+  transport::Context context;
+  for (const char* name : {"gpu-2", "lab", "gpu-1", "lab.7"}) {
+    SCOPED_TRACE(name);
+    TestPeer actor(context, server.endpoint(), {.keys = actors, .server_key = own.public_key});
+    actor.Send(HelloOf("actor", name, 1));
+    if (transport::AllowsName(allowed.names, name)) {
+      EXPECT_TRUE(actor.Expect<proto::Welcome>());
+    } else {
+      ExpectRefused(actor, proto::RefusalCode::kNotAllowed);
+    }
+  }
+}
+
+TEST(ReplayServerTest, AnActorThatDiesIsCountedAndOneThatLeavesIsNot) {
+  ReplayServerConfig config;
+  config.silence = 1.0;
+  const RunningServer server(config);
+  transport::Context context;
+  const auto lost = [&](const std::string& role, int count) {
+    std::istringstream lines(server.Metrics());
+    for (std::string line; std::getline(lines, line);) {
+      if (line.starts_with("slalom_peers_lost_total{") &&
+          line.find("peer_role=\"" + role) != std::string::npos) {
+        return line.ends_with("} " + std::to_string(count));
+      }
+    }
+    ADD_FAILURE() << "it is not shown";
+    return true;
+  };
+  EXPECT_TRUE(lost("actor", 0));
+  {
+    TestPeer leaves(context, server.endpoint());
+    leaves.Send(HelloOf("actor", "leaves", 1));
+    ASSERT_TRUE(leaves.Expect<proto::Welcome>());
+    leaves.Send(proto::Goodbye{.session = 1});
+    TestPeer dies(context, server.endpoint());
+    dies.Send(HelloOf("actor", "dies", 1));
+    ASSERT_TRUE(dies.Expect<proto::Welcome>());
+  }
+  TestPeer learner(context, server.endpoint());
+  learner.Send(HelloOf("learner", "l"));
+  ASSERT_TRUE(learner.Expect<proto::Welcome>());
+  while (!lost("actor", 1)) {
+    learner.Send(proto::StatusRequest{});
+    ASSERT_TRUE(learner.Expect<proto::StatusReply>());
+  }
+  EXPECT_TRUE(lost("learner", 0)) << "it is there";
 }
 
 TEST(ReplayServerTest, AKeysRoleCountsAndNotWhatIsSaid) {
