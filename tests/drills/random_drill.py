@@ -2,7 +2,7 @@
 """random_drill.py PROGRAM [FAULTS [SEED]]: random faults of all kinds, one after the other, in one run with keys.
 
 Kills, stops and stalls of every role; delays, stalls, one-way cuts, resets and damaged bytes on every connection; crowds of silent
-strangers; full disks (as root); damaged spools and checkpoints. Passes if after each fault the learner makes updates and each actor
+strangers; full disks (as root), slow ones, and system calls that fail; damaged spools and checkpoints. Passes if after each fault the learner makes updates and each actor
 steps again, and in the end every step that an actor ever made is accepted or counted as lost, the same on both sides. The same seed
 draws the same faults.
 """
@@ -28,6 +28,12 @@ keys = "{keys}"
 """
 
 
+# System calls that fail on the files of a role for some seconds, with an error. A sync that fails ends a journal's writing until a
+# person has looked at the disk and started the server again, so it is not among them.
+CALLS = ("open", "fopen", "write", "pwritev", "rename", "stat", "unlink", "mkdir", "read")
+ERRORS = {5: "EIO", 24: "EMFILE", 28: "ENOSPC", 116: "ESTALE", 0: "a part"}
+
+
 class Drill:
     def __init__(self, service, proxy, seed):
         self.service, self.proxy = service, proxy
@@ -41,6 +47,12 @@ class Drill:
         self.learner = self.behind_proxy("learner", "learner", ["replay"])
         self.actors = [self.behind_proxy("actor", f"actor-{i}", ["replay", "learner"]) for i in range(3)]
         self.evaluator = self.behind_proxy("evaluator", "evaluator", ["replay", "learner"])
+        # Stands in for functions of the C library (tests/support/failing_libc.cc). A rule in the file says what fails.
+        self.rule = os.path.join(service.directory, "rule")
+        library = os.path.join(os.path.dirname(os.path.dirname(service.program)), "tests", "libfailing_libc_preload.so")
+        self.library = library if os.path.exists(library) else None
+        for process in service.processes if self.library else ():
+            process.environment = {"LD_PRELOAD": library, "SLALOM_FAILING_CALL_FILE": self.rule}
 
     def behind_proxy(self, role, name, servers):
         links = {server: self.proxy.add(self.ports[server]) for server in servers}
@@ -200,8 +212,32 @@ class Drill:
         self.learner.start()
         return what
 
+    def with_rule(self, calls, result, seconds):
+        """While the time passes, such calls of any role on its state have a result: an error, or a delay in ms if it is below 0."""
+        unfinished = self.rule + ".new"
+        with open(unfinished, "w") as file:
+            file.write(f"{calls} {self.service.state}/* {result} 1 1000000000 {self.rule}.count")
+        os.rename(unfinished, self.rule)
+        time.sleep(seconds)
+        os.remove(self.rule)
+
+    def slow_disk(self):
+        if not self.library:
+            return self.kill()
+        seconds, delay = self.draw.uniform(2.0, 6.0), self.draw.randrange(100, 1500)
+        calls = self.draw.choice(("f*sync", "pwritev", "write"))
+        self.with_rule(calls, -delay, seconds)
+        return f"{calls} takes {delay} ms longer for {seconds:.1f} s"
+
+    def failing_calls(self):
+        if not self.library:
+            return self.kill()
+        calls, error, seconds = self.draw.choice(CALLS), self.draw.choice(sorted(ERRORS)), self.draw.uniform(0.5, 5.0)
+        self.with_rule(calls, error, seconds)
+        return f"{calls} gives {ERRORS[error]} for {seconds:.1f} s"
+
     FAULTS = (kill, kill_two, stop, stand_still, delay, stall, cut_one_way, reset, reset_all, damage_bytes, crowd, full_disk,
-              damage_spool, damage_checkpoint)
+              slow_disk, failing_calls, damage_spool, damage_checkpoint)
 
     def progress(self):
         status = self.service.status()

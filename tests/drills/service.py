@@ -82,6 +82,7 @@ class Process:
         self.log = os.path.join(service.directory, f"{role}-{name}.log")
         self.process = None
         self.program = service.program
+        self.environment = {}  # Besides this process's own.
         self.starts = 0
 
     def start(self):
@@ -90,7 +91,7 @@ class Process:
         self.starts += 1
         self.log_offset = os.path.getsize(self.log) if os.path.exists(self.log) else 0
         with open(self.log, "ab") as log:
-            self.process = subprocess.Popen(command + self.extra, stdout=log, stderr=log)
+            self.process = subprocess.Popen(command + self.extra, stdout=log, stderr=log, env={**os.environ, **self.environment})
         return self
 
     def kill(self):
