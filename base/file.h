@@ -55,7 +55,7 @@ void SyncDirectory(const std::filesystem::path& path);
 /// directory. Throws `Error` if it cannot be read to its end.
 std::vector<std::filesystem::path> ListDirectory(const std::filesystem::path& path);
 
-/// Makes the directory and its parents. Throws `Error` if that fails.
+/// Makes the directory and its parents, and syncs their names. Throws `Error` if that fails.
 void MakeDirectories(const std::filesystem::path& path);
 
 /// XXH3, 64 bits, of the bytes: the checksum of every binary file and message of this project.

@@ -260,11 +260,15 @@ TEST_F(ActorServiceTest, WhileNoServerIsThereItIsNotWell) {
   actor.Stop();
 }
 
-/// Welcomes everybody and calls every chunk bad.
-class PickyReplay {
+/// Welcomes everybody and answers each chunk in a way of its own.
+class OddReplay {
  public:
-  PickyReplay()
-      : server_(context_, {.endpoint = "tcp://127.0.0.1:*"}), thread_([this](auto stop) {
+  using Answer = std::function<proto::Header(const proto::Insert&)>;
+
+  explicit OddReplay(Answer answer)
+      : answer_(std::move(answer)),
+        server_(context_, {.endpoint = "tcp://127.0.0.1:*"}),
+        thread_([this](auto stop) {
           while (!stop.stop_requested()) {
             const auto received = server_.Receive(milliseconds(20));
             if (!received) continue;
@@ -277,9 +281,7 @@ class PickyReplay {
                        .session = hello->session, .window_bytes = 1 << 20, .software = ""});
             }
             if (const auto* insert = std::get_if<proto::Insert>(&*header)) {
-              Send(received->peer, proto::Refusal{.code = proto::RefusalCode::kBadMessage,
-                                                  .text = "not to my taste",
-                                                  .about = insert->sequence});
+              Send(received->peer, answer_(*insert));
             }
           }
         }) {}
@@ -291,13 +293,52 @@ class PickyReplay {
     static_cast<void>(server_.Send(peer, {transport::Frame::Copy(proto::Encode(header, {})), {}}));
   }
 
+  const Answer answer_;
   transport::Context context_;
   transport::Server server_;
   std::jthread thread_;
 };
 
+TEST_F(ActorServiceTest, AnAcknowledgementOfAnotherSessionSaysNothing) {
+  const OddReplay replay([](const proto::Insert& insert) {
+    return proto::InsertAck{.session = insert.session + 1,
+                            .next_sequence = insert.sequence + 1,
+                            .window_bytes = 1 << 20};
+  });
+  Running actor(*this, replay.endpoint());
+  WaitUntil([&] { return actor.made() > 200; });
+  const StepAccount account = actor.Stop();
+  EXPECT_EQ(account.accepted, 0);
+  EXPECT_EQ(account.pending, account.made);
+}
+
+TEST_F(ActorServiceTest, AChunkSaysWhichPoliciesChoseItsActions) {
+  std::atomic<bool> has_two = false;
+  std::atomic<bool> is_confused = false;
+  const OddReplay replay([&](const proto::Insert& insert) {
+    if (insert.oldest_version < insert.newest_version) has_two = true;
+    if (insert.oldest_version > insert.newest_version || insert.oldest_version < 7) {
+      is_confused = true;
+    }
+    return proto::InsertAck{
+        .session = insert.session, .next_sequence = insert.sequence + 1, .window_bytes = 1 << 20};
+  });
+  Running actor(*this, replay.endpoint());
+  std::int64_t version = 7;
+  WaitUntil([&] {
+    policy_.Publish(++version, "a policy");
+    return has_two.load();
+  });
+  actor.Stop();
+  EXPECT_FALSE(is_confused);
+}
+
 TEST_F(ActorServiceTest, AChunkThatIsRefusedEachTimeEndsIt) {
-  const PickyReplay replay;
+  const OddReplay replay([](const proto::Insert& insert) {
+    return proto::Refusal{.code = proto::RefusalCode::kBadMessage,
+                          .text = "not to my taste",
+                          .about = insert.sequence};
+  });
   Running actor(*this, replay.endpoint());
   EXPECT_THAT(actor.Error(), ::testing::HasSubstr("keeps refusing chunk 0: not to my"));
 }
@@ -306,6 +347,7 @@ TEST_F(ActorServiceTest, APolicyThatCannotBeReadLeavesTheOneBefore) {
   Replay replay(journal());
   Running actor(*this, replay.endpoint());
   WaitUntil([&] { return actor.count(metrics::kPoliciesReceived) == 1; });
+  EXPECT_EQ(actor.count(metrics::kPoliciesRejected), 0);
   policy_.Publish(8, std::string(kUnreadable));
   WaitUntil([&] { return actor.count(metrics::kPoliciesRejected) == 1; });
   const double before = replay.steps();
@@ -324,7 +366,11 @@ TEST_F(ActorServiceTest, AFirstPolicyThatCannotBeReadEndsIt) {
 }
 
 TEST_F(ActorServiceTest, WhatWasNotAcknowledgedIsSpooledBeforeAnError) {
-  const PickyReplay picky;
+  const OddReplay picky([](const proto::Insert& insert) {
+    return proto::Refusal{.code = proto::RefusalCode::kBadMessage,
+                          .text = "not to my taste",
+                          .about = insert.sequence};
+  });
   {
     Running actor(*this, picky.endpoint());
     EXPECT_THAT(actor.Error(), ::testing::HasSubstr("keeps refusing"));

@@ -74,6 +74,16 @@ TEST(OutboxTest, EveryChunkArrivesInOrderThroughLossAndReconnection) {
   EXPECT_GT(outbox.resent(), 0);
 }
 
+TEST(OutboxTest, WhatTheServerHasAlreadyFillsTheWindowAfterAReconnection) {
+  Outbox outbox(1 << 20);
+  outbox.Begin(1);
+  for (int i = 0; i < 4; ++i) Add(outbox, 1, 100);
+  ASSERT_TRUE(outbox.Resume(2));
+  EXPECT_EQ(outbox.NextToSend(250), nullptr) << "200 bytes are on the server, unacknowledged";
+  ASSERT_NE(outbox.NextToSend(300), nullptr);
+  EXPECT_EQ(outbox.NextToSend(300)->header.sequence, 2u);
+}
+
 TEST(OutboxTest, TheWindowHoldsBackAllButOneChunk) {
   Outbox outbox(1 << 20);
   outbox.Begin(1);

@@ -401,6 +401,27 @@ TEST(JournalTest, ASegmentBeginsOnlyWhenThoseBeforeItAreSynced) {
   EXPECT_THAT(ReadSegments(scratch.path()), SizeIs(2));
 }
 
+// Else a server that runs for a week has no descriptor left.
+TEST(JournalTest, SegmentsThatAreSyncedAreClosed) {
+  test::ScratchDirectory scratch;
+  JournalScene scene(scratch.path(), 1000, 2500, 11);
+  scene.Open();
+  scene.Append(200);
+  scene.WaitWritten();
+  ASSERT_GT(ReadSegments(scratch.path()).size(), 5u);
+  const auto num_open = [&] {
+    int count = 0;
+    std::error_code gone;
+    for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
+      const fs::path path = fs::read_symlink(entry.path(), gone);
+      count += path.parent_path() == scratch.path() && path.extension() == ".log";
+    }
+    return count;
+  };
+  // The last one is written, and one may wait for its sync.
+  while (num_open() > 2) std::this_thread::yield();
+}
+
 // The copy of the last segment waits for room, as every write does.
 TEST(JournalTest, StartsOnAFullDisk) {
   test::ScratchDirectory scratch;

@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+#include <vector>
+
 #include "tests/replay/service/model_actor.h"
+#include "tests/replay/service/rows_source.h"
 
 namespace slalom::replay {
 namespace {
@@ -41,6 +45,31 @@ TEST_F(SampleDeskTest, RequestsBeyondTheBoundAreRefused) {
   EXPECT_EQ(refusal->code, proto::RefusalCode::kOverWindow);
   EXPECT_EQ(refusal->about, SampleDesk::kMaxRequests);
   EXPECT_EQ(desk_.num_waiting(), static_cast<std::int64_t>(SampleDesk::kMaxRequests));
+}
+
+// Else a learner with many requests keeps the others waiting.
+TEST(SampleDeskTurnsTest, LearnersAreServedInTurn) {
+  Table table({.capacity = 100}, 3);
+  RowsSource source(3, 2, 1);
+  for (int i = 0; i < 5; ++i) table.Insert(source.Next(3));
+  RateLimiter limiter({.updates_per_step = 1000.0}, table.num_steps());
+  FakeNetwork network;
+  SampleDesk desk({.seed = 1, .max_sample_bytes = 1 << 20}, &table, &limiter, &network);
+  const std::vector<transport::PeerId> peers = {network.Connect(), network.Connect(),
+                                                network.Connect()};
+  for (std::size_t i = 0; i < peers.size(); ++i) {
+    for (std::uint64_t cursor = 0; cursor < 4; ++cursor) {
+      desk.Ask(peers[i], "learner-" + std::to_string(i),
+               {.cursor = cursor, .batch = 4, .history = 1, .n_step = 1});
+    }
+  }
+  for (int round = 0; round < 4; ++round) {
+    for (std::size_t i = 0; i < peers.size(); ++i) desk.Advance(1, 0.0);
+    for (const transport::PeerId& peer : peers) {
+      EXPECT_TRUE(network.Take(peer)) << "round " << round;
+      EXPECT_FALSE(network.Take(peer)) << "round " << round;
+    }
+  }
 }
 
 }  // namespace

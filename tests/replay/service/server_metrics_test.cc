@@ -1,0 +1,115 @@
+#include "replay/service/server_metrics.h"
+
+#include <gtest/gtest.h>
+
+#include <cerrno>
+#include <chrono>
+#include <thread>
+
+#include "metrics/catalogue.h"
+#include "tests/replay/service/model_actor.h"
+#include "tests/support/failing_calls.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::replay {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr int kBeams = 1;
+
+/// The parts of a server whose figures are shown.
+struct Parts {
+  ReplayServerSpec spec{.endpoint = "",
+                        .table = {.capacity = 100},
+                        .shape = kBeams,
+                        .updates_per_step = 1.0,
+                        .learning_starts = 10};
+  metrics::Registry registry{"replay", "replay"};
+  ServerMetrics shown{registry, spec};
+  Table table{{.capacity = 100}, kBeams};
+  RateLimiter limiter{{.updates_per_step = 1.0, .learning_starts = 10}, 0};
+  FakeNetwork network;
+  NoLog log;
+  InsertDesk inserts{{}, {}, &table, &limiter, &log, &network};
+  SampleDesk samples{{}, &table, &limiter, &network};
+
+  ServerMetrics::Sources Sources() {
+    return {.table = &table, .limiter = &limiter, .inserts = &inserts, .samples = &samples};
+  }
+  double Blocked(std::string_view queue) {
+    return registry.counter(metrics::kBlockedSeconds, {queue}).value();
+  }
+  double GaugeOf(const metrics::Spec& metric) { return registry.gauge(metric).value(); }
+};
+
+TEST(ServerMetricsTest, TimeThatWorkIsHeldCountsAtItsQueue) {
+  Parts parts;
+  ServerMetrics::Sources sources = parts.Sources();
+  sources.held_inserts_s = 1.5;
+  sources.held_samples_s = 0.25;
+  sources.malformed = 3;
+  sources.connections = {.rejected = 4, .ended = {}, .open = 5, .limit = 6};
+  for (const transport::EndReason reason : transport::kEndReasons) {
+    sources.connections.ended[reason] = 7 + static_cast<int>(reason);
+  }
+  sources.peers = {{"actor", 2}, {"learner", 1}};
+  const auto now = std::chrono::steady_clock::now();
+  parts.shown.Show(sources, now + seconds(1));
+  parts.shown.Show(sources, now + seconds(2));
+  EXPECT_EQ(parts.Blocked("inserts"), 3.0);
+  EXPECT_EQ(parts.Blocked("samples"), 0.5);
+  EXPECT_EQ(parts.Blocked("journal"), 0.0);
+  EXPECT_EQ(parts.registry.counter(metrics::kMessagesMalformed).value(), 3);
+  EXPECT_EQ(parts.registry.counter(metrics::kRejectedConnections).value(), 4);
+  EXPECT_EQ(parts.GaugeOf(metrics::kServerConnections), 5);
+  EXPECT_EQ(parts.GaugeOf(metrics::kServerConnectionsLimit), 6);
+  for (const transport::EndReason reason : transport::kEndReasons) {
+    EXPECT_EQ(
+        parts.registry.counter(metrics::kConnectionsEnded, {transport::ToString(reason)}).value(),
+        7 + static_cast<int>(reason));
+  }
+  EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"actor"}).value(), 2);
+  EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"learner"}).value(), 1);
+  EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"evaluator"}).value(), 0);
+}
+
+TEST(ServerMetricsTest, AJournalThatFailsIsToldAndTheAgeOfItsLastSync) {
+  const test::ScratchDirectory scratch;
+  Parts parts;
+  Journal journal(
+      {.directory = scratch.path(), .sync_interval = std::chrono::milliseconds(1), .shape = kBeams},
+      JournalLock(scratch.path()), {}, 1, StateRecord{}, [] {});
+  ServerMetrics::Sources sources = parts.Sources();
+  sources.journal = &journal;
+  const auto wall_s = [](auto time) {
+    return std::chrono::duration<double>(time.time_since_epoch()).count();
+  };
+  const double before = wall_s(std::chrono::system_clock::now());
+  while (journal.status().syncs < 2) std::this_thread::yield();
+  const auto now = std::chrono::steady_clock::now();
+  parts.shown.Show(sources, now + seconds(10));
+  EXPECT_EQ(parts.Blocked("journal"), 0.0);
+  EXPECT_EQ(parts.GaugeOf(metrics::kJournalFailing), 0.0);
+  EXPECT_EQ(parts.registry.fault(), "");
+  // The start of the sync, on the clock of the wall, which is not the time of this call.
+  const double synced =
+      wall_s(journal.status().synced) - wall_s(now) + wall_s(std::chrono::system_clock::now());
+  EXPECT_GE(parts.GaugeOf(metrics::kJournalSyncTimestamp), before - 0.001);
+  EXPECT_LE(parts.GaugeOf(metrics::kJournalSyncTimestamp), synced + 0.001);
+  EXPECT_EQ(parts.GaugeOf(metrics::kJournalBytes), journal.status().disk_bytes);
+  {
+    const test::FailingCalls failing(
+        {.function = "f*sync", .path = "*", .error = EIO, .last = 1000000}, scratch.path() / "n");
+    while (journal.status().failing.empty()) std::this_thread::yield();
+  }
+  parts.shown.Show(sources, now + seconds(13));
+  EXPECT_EQ(parts.Blocked("journal"), 3.0);
+  EXPECT_EQ(parts.GaugeOf(metrics::kJournalFailing), 1.0);
+  EXPECT_EQ(parts.registry.counter(metrics::kJournalErrors).value(), 1);
+  EXPECT_NE(parts.registry.fault(), "");
+  EXPECT_EQ(parts.shown.report().facts.at("journal"), parts.registry.fault());
+}
+
+}  // namespace
+}  // namespace slalom::replay
