@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "base/check.h"
-#include "sim/environments.h"
 #include "sim/scene.h"
 
 namespace slalom::eval {
@@ -26,7 +25,7 @@ std::optional<Evaluation> EvaluateOnCourses(const EvaluationTask& task, const Ma
   sim::CourseEnvironments environments(
       task.environment, sim::MakeScenes(task.courses), task.num_environments, parallel,
       task.physics.make_bodies ? task.physics.make_bodies : sim::MakeRobots());
-  const std::unique_ptr<env::Agent> agent = make_agent(task.num_environments, task.environment);
+  const std::unique_ptr<env::Agent> agent = make_agent(environments);
   return Evaluate(task, environments, *agent, progress, std::move(stop));
 }
 

@@ -12,7 +12,7 @@
 #include "eval/episodes.h"
 #include "eval/evaluation_task.h"
 #include "eval/summary.h"
-#include "sim/environment_config.h"
+#include "sim/environments.h"
 
 namespace slalom::eval {
 
@@ -45,9 +45,9 @@ struct Evaluation {
                                                  env::Agent& agent, const Progress& progress = {},
                                                  std::stop_token stop = {});
 
-/// Makes the agent that drives `batch_size` environments of this config.
-using MakeAgent = std::function<std::unique_ptr<env::Agent>(
-    int batch_size, const sim::EnvironmentConfig& environment)>;
+/// Makes the agent that drives these environments, which outlive it.
+using MakeAgent =
+    std::function<std::unique_ptr<env::Agent>(const sim::CourseEnvironments& environments)>;
 
 /// Runs a complete evaluation in environments of its own. `parallel` may be null (see
 /// `sim::CourseEnvironments`); it changes the speed, not the result. Returns nothing if `stop` was

@@ -85,6 +85,10 @@ class CourseEnvironments : public env::BatchEnvironment {
 
   const EnvironmentConfig& config() const { return config_; }
   const Course& course(int index) const { return scenes_[index]->course(); }
+  /// The course and the robot of environment `i`, for drivers that may know everything.
+  /// Requires: environment `i` was reset.
+  const Scene& scene(int i) const { return *environments_[i].scene; }
+  const RobotBody& robot(int i) const { return *environments_[i].robot; }
 
  private:
   struct Environment {

@@ -341,9 +341,9 @@ void AddEvaluateCommand(CLI::App& app, int* exit_code) {
   auto options = std::make_shared<EvaluateOptions>();
   CLI::Option_group* driver = command->add_option_group("driver", "Who drives");
   driver->add_option(train::kPolicyOption, options->policy, "Policy file (policy.safetensors)");
-  driver->add_option(
-      train::kAgentOption, options->agent,
-      fmt::format("Classical planner: {}", fmt::join(planners::PlannerNames(), ", ")));
+  driver->add_option(train::kAgentOption, options->agent,
+                     fmt::format("Classical planner, or the oracle (docs/planners.md): {}",
+                                 fmt::join(train::PlannerAndOracleNames(), ", ")));
   driver->require_option(1);
   command
       ->add_option(train::kCoursesOption, options->courses,

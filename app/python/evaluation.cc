@@ -84,11 +84,11 @@ Scores Evaluate(const py::object& driver, const std::string& name, const std::st
     const policy::PolicySnapshot& snapshot = driver.cast<const Policy&>().loaded().snapshot;
     policy::RequireSameInterface(name, snapshot.spec, sim::MakeObservationSpec(environment),
                                  environment.action);
-    make_agent = [snapshot](int, const sim::EnvironmentConfig&) {
+    make_agent = [snapshot](const sim::CourseEnvironments&) {
       return std::make_unique<policy::NetworkAgent>(snapshot);
     };
   } else {
-    make_agent = [function = driver.cast<py::function>()](int, const sim::EnvironmentConfig&) {
+    make_agent = [function = driver.cast<py::function>()](const sim::CourseEnvironments&) {
       const py::gil_scoped_acquire acquire;
       return std::make_unique<CallableAgent>(function);
     };

@@ -21,11 +21,11 @@
 #include "app/train/run_config.h"
 #include "app/train/run_identity.h"
 #include "app/train/run_limits.h"
+#include "app/train/scoring.h"
 #include "app/train/sweep_files.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "planners/planner_registry.h"
 #include "policy/policy.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_sets.h"
@@ -340,7 +340,7 @@ class Expansion {
     cell.row = point.labels;
     cell.planner = group.planner;
     const std::string who = cell.name();
-    const std::vector<std::string> planners = planners::PlannerNames();
+    const std::vector<std::string> planners = train::PlannerAndOracleNames();
     if (std::ranges::find(planners, group.planner) == planners.end()) {
       Fail(who, fmt::format("there is no planner '{}', expected one of {}", group.planner,
                             fmt::join(planners, ", ")));

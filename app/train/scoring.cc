@@ -15,6 +15,7 @@
 #include "base/log.h"
 #include "base/progress.h"
 #include "base/version.h"
+#include "eval/oracle_agent.h"
 #include "planners/planner_agent.h"
 #include "policy/policy_agent.h"
 #include "sim/courses/course_overlap.h"
@@ -91,9 +92,7 @@ Scoring Prepare(const Config& config, const sim::CourseSet& courses, eval::MakeA
 
 eval::MakeAgent MakeAgentsOf(const policy::PolicySnapshot& policy, const RunConfig& config) {
   return [policy, mpc = config.mpc, seed = SeedOf(config, "mpc of evaluations")](
-             int, const sim::EnvironmentConfig&) {
-    return policy::MakePolicyAgent(policy, mpc, seed);
-  };
+             const sim::CourseEnvironments&) { return policy::MakePolicyAgent(policy, mpc, seed); };
 }
 
 Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
@@ -121,11 +120,30 @@ Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& p
   return scoring;
 }
 
+std::vector<std::string> PlannerAndOracleNames() {
+  std::vector<std::string> names = planners::PlannerNames();
+  names.emplace_back(eval::kOracle);
+  return names;
+}
+
 Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
                        const std::string& courses_spec, base::ParallelFor& parallel) {
-  (void)planners::NavigationOf(name, config.planners);  // Before any work, that there is one.
-  const auto make_agent = [name, planners_config = config.planners, &parallel](
-                              int, const sim::EnvironmentConfig& environment) {
+  const eval::Provenance provenance{
+      .agent = name, .kind = "planner", .source = name, .course_set = courses_spec};
+  const std::vector<std::string> names = PlannerAndOracleNames();
+  if (std::ranges::find(names, name) == names.end()) {
+    throw base::Error(
+        fmt::format("there is no planner '{}', expected one of {}", name, fmt::join(names, ", ")));
+  }
+  if (name == eval::kOracle) {
+    const auto make_oracle = [&parallel](const sim::CourseEnvironments& environments) {
+      return std::make_unique<eval::OracleAgent>(environments, &parallel);
+    };
+    return Prepare(config, config.courses.Resolve(courses_spec), make_oracle, provenance);
+  }
+  const auto make_planner = [name, planners_config = config.planners,
+                             &parallel](const sim::CourseEnvironments& environments) {
+    const sim::EnvironmentConfig& environment = environments.config();
     const sim::LidarConfig& lidar = environment.lidar;
     const planners::ScanGeometry geometry{
         lidar.num_beams,
@@ -135,8 +153,7 @@ Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
     return std::make_unique<planners::PlannerAgent>(
         name, planners_config, geometry, environment.action, environment.episode.step, &parallel);
   };
-  return Prepare(config, config.courses.Resolve(courses_spec), make_agent,
-                 {.agent = name, .kind = "planner", .source = name, .course_set = courses_spec});
+  return Prepare(config, config.courses.Resolve(courses_spec), make_planner, provenance);
 }
 
 std::optional<Scores> Score(const Scoring& scoring, base::ParallelFor& parallel,

@@ -4,6 +4,7 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "app/train/agent_run_config.h"
 #include "app/train/run_config.h"
@@ -44,9 +45,12 @@ Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& p
                       const RunConfig& config, const std::string& courses_spec,
                       const std::optional<CoursesConfig>& trained);
 
-/// Prepares to drive the classical planner `name`, likewise. `parallel`: threads on which it plans.
-/// Throws `base::Error` if there is no such planner (the error lists them) or the courses cannot be
-/// read.
+/// The names of what drives without training: the classical planners, and the oracle.
+std::vector<std::string> PlannerAndOracleNames();
+
+/// Prepares to drive the classical planner `name`, or the oracle, likewise. `parallel`: threads on
+/// which it plans. Throws `base::Error` if there is no such planner (the error lists them) or the
+/// courses cannot be read.
 Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
                        const std::string& courses_spec, base::ParallelFor& parallel);
 

@@ -8,7 +8,7 @@
 namespace slalom::eval {
 namespace {
 
-std::unique_ptr<env::Agent> MakeReactive(int, const sim::EnvironmentConfig&) {
+std::unique_ptr<env::Agent> MakeReactive(const sim::CourseEnvironments&) {
   return std::make_unique<testing::ReactiveAgent>();
 }
 

@@ -17,7 +17,8 @@ Evaluation Drive(int num_environments, base::ParallelFor* parallel) {
   sim::EnvironmentConfig task;
   task.episode.step = 0.05;
   task.robot.control_rate = 100.0;
-  const auto make_agent = [&](int, const sim::EnvironmentConfig& environment) {
+  const auto make_agent = [&](const sim::CourseEnvironments& environments) {
+    const sim::EnvironmentConfig& environment = environments.config();
     const planners::ScanGeometry geometry{environment.lidar.num_beams,
                                           environment.lidar.field_of_view,
                                           {environment.lidar.offset_x, environment.lidar.offset_y},

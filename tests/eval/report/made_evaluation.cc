@@ -49,7 +49,7 @@ eval::Evaluation DriveCourses(int num_courses, const sim::EnvironmentConfig& env
   eval::EvaluationConfig config;
   config.episodes_per_course = 2;
   config.time_limit = 20.0;
-  const auto make_agent = [](int, const sim::EnvironmentConfig&) {
+  const auto make_agent = [](const sim::CourseEnvironments&) {
     return std::make_unique<ReactiveAgent>();
   };
   return eval::EvaluateOnCourses(eval::ResolveEvaluation(config, environment, courses), make_agent,
