@@ -115,8 +115,7 @@ void ActorService::StartSession(std::uint64_t session) {
 }
 
 void ActorService::Replace(std::string_view why) {
-  spdlog::warn("session {} cannot continue: {}; {} steps are lost, and a new session begins",
-               outbox_.session(), why, ledger_.account().pending);
+  spdlog::warn("session {} cannot continue: {}; a new session begins", outbox_.session(), why);
   reason_ = LossReason::kReplaced;
   actor_.reset();
   chunk_.Clear();
@@ -133,7 +132,13 @@ void ActorService::OnWelcome(const proto::Welcome& welcome) {
   if (phase_ == Phase::kStarting) {
     const std::int64_t accepted =
         welcome.previous_session == ledger_.session() ? welcome.previous_accepted_steps : 0;
+    const std::uint64_t last_session = ledger_.session();
+    const std::int64_t lost_before = ledger_.account().total_lost();
     ledger_.BeginSession(outbox_.session(), accepted, reason_);
+    if (const std::int64_t lost = ledger_.account().total_lost() - lost_before; lost > 0) {
+      spdlog::warn("{} steps of session {} are lost: the replay server does not have them", lost,
+                   last_session);
+    }
     outbox_.Begin(outbox_.session());
     outbox_.SaveSpool(spool(), 0);  // The outbox is empty, so this removes the file.
     const std::uint64_t seed =
@@ -334,8 +339,7 @@ void ActorService::Finish(milliseconds patience) {
   }
   const StepAccount account = ledger_.account();
   spdlog::info("stopped: {} steps made, {} accepted, {} kept for the next start, {} lost",
-               account.made, account.accepted, account.pending,
-               account.lost[0] + account.lost[1] + account.lost[2]);
+               account.made, account.accepted, account.pending, account.total_lost());
 }
 
 proto::Report ActorService::MakeReport() {
@@ -350,14 +354,13 @@ proto::Report ActorService::MakeReport() {
   proto::Report report;
   report.role = "actor";
   report.name = identity_.name;
-  report.figures = {
-      {"steps_made", static_cast<double>(account.made)},
-      {"steps_accepted", static_cast<double>(account.accepted)},
-      {"steps_pending", static_cast<double>(account.pending)},
-      {"steps_lost", static_cast<double>(account.lost[0] + account.lost[1] + account.lost[2])},
-      {"steps_per_s", steps_per_s},
-      {"policy_version", static_cast<double>(policy_.version())},
-      {"episodes", static_cast<double>(episodes.num_episodes)}};
+  report.figures = {{"steps_made", static_cast<double>(account.made)},
+                    {"steps_accepted", static_cast<double>(account.accepted)},
+                    {"steps_pending", static_cast<double>(account.pending)},
+                    {"steps_lost", static_cast<double>(account.total_lost())},
+                    {"steps_per_s", steps_per_s},
+                    {"policy_version", static_cast<double>(policy_.version())},
+                    {"episodes", static_cast<double>(episodes.num_episodes)}};
   if (episodes.num_recent > 0) {
     report.figures["success_rate"] = episodes.success_rate;
     report.figures["collision_rate"] = episodes.collision_rate;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <numeric>
 #include <string_view>
 
 #include "base/file_lock.h"
@@ -26,6 +27,10 @@ struct StepAccount {
   std::int64_t accepted = 0;  ///< Steps that are, or were, in the replay server's table.
   std::int64_t pending = 0;   ///< Not acknowledged yet.
   std::array<std::int64_t, kNumLossReasons> lost{};
+
+  std::int64_t total_lost() const {
+    return std::accumulate(lost.begin(), lost.end(), std::int64_t{0});
+  }
 };
 
 /// The step account of an actor and the number of its session, in a memory-mapped file that is

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -16,11 +17,14 @@ namespace {
 
 using Columns = std::vector<std::pair<std::string, std::string>>;  // Title and figure.
 
-/// "1.2M", "0.93", "-": a number for people.
+constexpr char kSecondsLeft[] = "seconds_left";  // A figure of the learner.
+
+/// "1.2M", "0.93", "2:05", "-": a number for people.
 std::string Figure(const proto::Report& report, const std::string& key) {
   const auto it = report.figures.find(key);
   if (it == report.figures.end() || std::isnan(it->second)) return "-";
   const double value = it->second;
+  if (key == kSecondsLeft) return base::FormatDuration(value);
   return std::abs(value) >= 1000.0 || value == std::floor(value) ? base::FormatCount(value)
                                                                  : fmt::format("{:.3g}", value);
 }
@@ -78,6 +82,34 @@ void AddTable(std::string& text, const proto::StatusReply& status, std::string_v
   text += "\n";
 }
 
+/// A line that says whether all is well or, for each thing that is not, a line that names it.
+std::string Verdict(const proto::StatusReply& status) {
+  std::map<std::string, int> present;  // By role.
+  std::map<std::string, int> gone;
+  double lost = 0.0;
+  bool finished = false;
+  for (const proto::RoleStatus& entry : status.roles) {
+    const proto::Report& report = entry.report;
+    ++(entry.connected ? present : gone)[report.role];
+    const auto state = report.facts.find("state");
+    finished |=
+        report.role == "learner" && state != report.facts.end() && state->second == "finished";
+    const auto it = report.figures.find("steps_lost");
+    if (it != report.figures.end()) lost += it->second;
+  }
+  std::string faults;
+  for (const auto& [role, count] : gone) {
+    faults += fmt::format("not well: {} {}{} gone, stopped or killed or cut off\n", count, role,
+                          count == 1 ? " is" : "s are");
+  }
+  for (const char* const role : {"learner", "actor"}) {
+    if (present[role] == 0) faults += fmt::format("not well: no {} is connected\n", role);
+  }
+  if (lost > 0.0) faults += fmt::format("not well: {:.0f} steps were lost in all\n", lost);
+  if (!faults.empty()) return faults;
+  return finished ? "all is well, and the run is finished\n" : "all is well\n";
+}
+
 }  // namespace
 
 std::string FormatStatus(const proto::StatusReply& status) {
@@ -100,7 +132,8 @@ std::string FormatStatus(const proto::StatusReply& status) {
             {"policy", "policy_version"},
             {"policy lag", "policy_lag"},
             {"readers", "readers"},
-            {"mean Q", "q_mean"}});
+            {"mean Q", "q_mean"},
+            {"time left", kSecondsLeft}});
   AddTable(text, status, "actor", "actor",
            {{"steps made", "steps_made"},
             {"steps/s", "steps_per_s"},
@@ -117,7 +150,7 @@ std::string FormatStatus(const proto::StatusReply& status) {
   if (status.omitted > 0) {
     text += fmt::format("{} more actors do not fit into the answer\n", status.omitted);
   }
-  return text;
+  return text + Verdict(status);
 }
 
 }  // namespace slalom::cli

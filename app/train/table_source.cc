@@ -138,7 +138,7 @@ void TableSource::Describe(run::MetricsRow& row) {
   row.table_steps = table_.num_steps();
 }
 
-void TableSource::Report(const run::MetricsRow& row, bool) {
+void TableSource::Report(const run::MetricsRow& row, double, bool) {
   registry_.counter(metrics::kEnvironmentSteps).RaiseTo(static_cast<double>(row.steps));
   registry_.gauge(metrics::kEnvironments).Set(config_.actor.num_environments);
   registry_.gauge(metrics::kSuccessRate).Set(row.success_rate);

@@ -53,8 +53,9 @@ class BatchSource {
   virtual const replay::SampledRows* SampleForFigures(const replay::SampleSpec& spec) = 0;
   /// Sets the columns of actors and replay.
   virtual void Describe(run::MetricsRow& row) = 0;
-  /// Shows the finished row and the source's own figures to other processes.
-  virtual void Report(const run::MetricsRow& row, bool finished) = 0;
+  /// Shows the finished row, the time left (`TrainingRun::SecondsLeft`) and the source's own
+  /// figures to other processes.
+  virtual void Report(const run::MetricsRow& row, double seconds_left, bool finished) = 0;
 
   /// Writes the data that `Restore` needs: files into the directory of a checkpoint, the rest into
   /// `state`. Throws `base::Error` if that fails.

@@ -235,7 +235,7 @@ bool LearnerLoop::Log() {
   row = run_.Log(row);
   metrics_.SetLearning(row);
   metrics_.SetFinished(finished_);
-  source_.Report(row, finished_);
+  source_.Report(row, run_.SecondsLeft(), finished_);
   return IsWell();
 }
 

@@ -92,7 +92,7 @@ std::string FormatProgress(const MetricsRow& row, double remaining_s) {
                      base::FormatCount(static_cast<double>(row.steps)),
                      base::FormatCount(row.steps_per_s), base::FormatCount(row.updates_per_s),
                      Percent(row.success_rate), Percent(row.collision_rate),
-                     remaining_s < 0 ? "?" : base::FormatDuration(remaining_s));
+                     std::isnan(remaining_s) ? "?" : base::FormatDuration(remaining_s));
 }
 
 MetricsLog::MetricsLog(const std::filesystem::path& path, std::int64_t keep_until_step) {

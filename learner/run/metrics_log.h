@@ -59,7 +59,7 @@ struct MetricsRow {
   }
 };
 
-/// Returns the row as a progress line. `remaining_s`: time left, [s]; negative if not known.
+/// Returns the row as a progress line. `remaining_s`: time left, [s]; NaN if not known.
 std::string FormatProgress(const MetricsRow& row, double remaining_s);
 
 /// Appends rows to `metrics.csv`, each written at once, so that a killed run keeps its rows, and to

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -68,10 +69,12 @@ MetricsRow TrainingRun::Log(MetricsRow row) {
   return row;
 }
 
-std::string TrainingRun::Progress() const {
+double TrainingRun::SecondsLeft() const {
   const double done = Fraction();
-  return FormatProgress(last_row_, done > 0.0 ? training_s() * (1.0 / done - 1.0) : -1.0);
+  return done > 0.0 ? training_s() * (1.0 / done - 1.0) : std::numeric_limits<double>::quiet_NaN();
 }
+
+std::string TrainingRun::Progress() const { return FormatProgress(last_row_, SecondsLeft()); }
 
 bool TrainingRun::TakeSnapshotDue() {
   const double now = training_s();

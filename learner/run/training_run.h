@@ -77,6 +77,8 @@ class TrainingRun {
   /// or nothing has happened since the last row. Returns the row. Warns if the rows show that
   /// learning is dead (`LearningWatch`).
   MetricsRow Log(MetricsRow row);
+  /// Time left at the pace so far, [s]; NaN before the run has made any progress.
+  double SecondsLeft() const;
   /// The last row and the time left, as a progress line.
   std::string Progress() const;
   /// The watch over the rows, which knows whether the run learns.

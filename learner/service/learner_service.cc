@@ -58,6 +58,11 @@ TrainingEnd LearnerService::Run(std::stop_token stop) {
   const TrainingEnd end = loop_.Run(stop);
   const bool is_over =
       end == TrainingEnd::kStopped || end == TrainingEnd::kUnsaved || end == TrainingEnd::kDiverged;
+  if (end == TrainingEnd::kStopped) {
+    spdlog::info("stopped and saved: {} steps, {} updates; started again, it goes on there",
+                 base::FormatCount(static_cast<double>(loop_.run().steps())),
+                 base::FormatCount(static_cast<double>(loop_.run().updates())));
+  }
   if (is_over) return end;
   loop_.Publish();
   const run::TrainingRun& run = loop_.run();

@@ -115,7 +115,7 @@ void RemoteSource::Describe(run::MetricsRow& row) {
   row.table_steps = table_steps_;
 }
 
-void RemoteSource::Report(const run::MetricsRow& row, bool finished) {
+void RemoteSource::Report(const run::MetricsRow& row, double seconds_left, bool finished) {
   const auto version = static_cast<double>(policies_.version());
   const double lag = version - acting_version_;
   metrics_.SetStream(stream_->in_flight(), lag, stream_->link().connections());
@@ -129,8 +129,9 @@ void RemoteSource::Report(const run::MetricsRow& row, bool finished) {
                     {"policy_lag", lag},
                     {"readers", static_cast<double>(policies_.num_readers())},
                     {"critic_loss", row.learning.critic_loss},
-                    {"q_mean", row.learning.q_mean}};
-  // Figures of a second without updates are NaN.
+                    {"q_mean", row.learning.q_mean},
+                    {"seconds_left", seconds_left}};
+  // Figures of a second without updates are NaN, and so is the time left of a run not begun.
   std::erase_if(report.figures, [](const auto& figure) { return std::isnan(figure.second); });
   report.facts = {{"state", finished ? "finished" : "training"}};
   stream_->link().ReportEverySecond([&] { return report; });

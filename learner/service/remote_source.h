@@ -55,7 +55,7 @@ class RemoteSource final : public BatchSource {
                      std::span<const float> priority) override;
   const replay::SampledRows* SampleForFigures(const replay::SampleSpec& spec) override;
   void Describe(run::MetricsRow& row) override;
-  void Report(const run::MetricsRow& row, bool finished) override;
+  void Report(const run::MetricsRow& row, double seconds_left, bool finished) override;
   void Save(const std::filesystem::path& checkpoint, nlohmann::json& state) override;
   void Restore(const std::filesystem::path& checkpoint, const nlohmann::json& state) override;
   void KeepOnly(const std::vector<std::filesystem::path>&) override {}

@@ -20,6 +20,7 @@
 #include "replay/service/server.h"
 #include "tests/actor/one_policy.h"
 #include "tests/support/fake_environment.h"
+#include "tests/support/log_lines.h"
 #include "tests/support/scratch_directory.h"
 
 /// The actor as a process would be, against a real replay server and a learner of a few lines.
@@ -168,6 +169,20 @@ TEST_F(ActorServiceTest, BothSidesCountTheSameSteps) {
   EXPECT_GT(account.made, 1000);
   EXPECT_EQ(account.accepted, account.made);
   EXPECT_EQ(AcceptedSteps(journal()), account.made);
+}
+
+TEST_F(ActorServiceTest, TheLogSaysHowManyStepsAKillHasLost) {
+  const test::LogLines log;
+  std::filesystem::create_directories(scratch_.path() / "actor");
+  {
+    Ledger ledger(scratch_.path() / "actor" / "ledger");
+    ledger.BeginSession(1, 0, LossReason::kKilled);
+    ledger.AddMade(256);
+  }
+  Replay replay(journal());
+  Running actor(*this, replay.endpoint());
+  EXPECT_TRUE(log.WaitFor("256 steps of session 1 are lost"));
+  EXPECT_EQ(actor.Stop().total_lost(), 256);
 }
 
 TEST_F(ActorServiceTest, NothingIsLostOverARestartOfTheServer) {

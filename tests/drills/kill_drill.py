@@ -51,6 +51,11 @@ def drill(program, kills="30", seed="1"):
         wait_for("a policy that drives",
                  lambda: statistics.mean(service.figure("actor", a.name, "success_rate") for a in actors) > 0.5, 240.0)
         made, lost = check_accounts(service)
+        said = 0
+        for actor in actors:
+            with open(actor.log, errors="replace") as log:
+                said += sum(map(int, re.findall(r"(\d+) steps of session \d+ are lost", log.read())))
+        check(said == lost, f"{lost} steps are lost, and the actors' logs speak of {said}")
         code, _ = replay.stop()
         check(code == 0, f"the replay server ended with {code}")
         for role, times in recoveries.items():

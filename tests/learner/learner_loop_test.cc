@@ -80,7 +80,7 @@ class FakeSource final : public BatchSource {
     return nullptr;
   }
   void Describe(run::MetricsRow& row) override { row.episodes = 3; }
-  void Report(const run::MetricsRow& row, bool) override { reported = row; }
+  void Report(const run::MetricsRow& row, double, bool) override { reported = row; }
   void Save(const fs::path&, nlohmann::json& state) override {
     EXPECT_FALSE(started);
     if (fails) throw base::Error("no space");

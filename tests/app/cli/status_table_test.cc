@@ -57,5 +57,19 @@ TEST(StatusTableTest, MoreActorsHaveALineForAllAndThoseThatAreGoneTheirOwn) {
   EXPECT_LT(std::ranges::count(text, '\n'), 12);
 }
 
+TEST(StatusTableTest, EndsWithWhetherAllIsWell) {
+  proto::StatusReply status = Actors(8);
+  EXPECT_THAT(FormatStatus(status), HasSubstr("not well: 1 actor is gone"));
+  status.roles[7].connected = true;
+  status.roles.back().report.figures["seconds_left"] = 125.0;
+  const std::string text = FormatStatus(status);
+  EXPECT_THAT(text, HasSubstr(" 2:05 "));
+  EXPECT_THAT(text, testing::EndsWith("\nall is well\n"));
+  status.roles[2].report.figures["steps_lost"] = 256.0;
+  EXPECT_THAT(FormatStatus(status), HasSubstr("not well: 256 steps were lost in all"));
+  status.roles.resize(8);
+  EXPECT_THAT(FormatStatus(status), HasSubstr("not well: no learner is connected"));
+}
+
 }  // namespace
 }  // namespace slalom::cli
