@@ -118,9 +118,7 @@ void Compare(const CompareOptions& options) {
   }
   RequireLabels(options);
   const fs::path directory = options.output;
-  if (!options.output.empty()) {
-    RequireOutputDirectory(directory, {"slalom compare", {"compare.html"}}, options.force);
-  }
+  if (!options.output.empty()) RequireOutputDirectory(directory, options.force);
   const Agents named = ReadAgents(options);
   RequireDifferentLabels(named);
   RequireDifferentFiles(named);

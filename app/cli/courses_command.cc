@@ -236,10 +236,7 @@ void AddImport(CLI::App& courses) {
       ->required();
   command->add_flag("--force", options->force, kForceHelp);
   command->callback([options] {
-    RequireOutputDirectory(options->output,
-                           {"slalom courses import",
-                            {"static.courses", "dynamic-box.courses", "dynamic-wall.courses"}},
-                           options->force);
+    RequireOutputDirectory(options->output, options->force);
     const sim::BarnImport import = sim::ImportBarn(options->directory, options->motions);
     for (const std::string& warning : import.warnings) fmt::print(stderr, "warning: {}\n", warning);
     for (const std::string& reason : import.skipped) fmt::print(stderr, "skipped: {}\n", reason);

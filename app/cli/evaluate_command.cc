@@ -247,12 +247,10 @@ std::vector<fs::path> OutputDirectories(const fs::path& output,
 
 void RequireOutput(const EvaluateOptions& options, const std::vector<sim::Physics>& physics) {
   const fs::path output = *options.output;
-  RequireOutputDirectory(output, {"slalom evaluate", {eval::kEvaluationFile, kPhysicsFile}},
-                         options.force);
+  RequireOutputDirectory(output, options.force);
   if (physics.size() > 1) {
     for (const fs::path& directory : OutputDirectories(output, physics)) {
-      RequireOutputDirectory(directory, {"slalom evaluate", {eval::kEvaluationFile}},
-                             options.force);
+      RequireOutputDirectory(directory, options.force);
     }
   }
   base::MakeDirectories(output);

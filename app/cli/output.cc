@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <string>
@@ -12,18 +10,11 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "learner/run/run_directory.h"
 
 namespace slalom::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Files that training leaves in a run's directory. No other command may replace that run's scores.
-std::array<fs::path, 3> FilesOfRun(const fs::path& directory) {
-  const run::RunDirectory run{directory};
-  return {run.config(), run.policy(), run.metrics()};
-}
 
 void RequireWritable(const fs::path& path, const fs::path& named) {
   if (::access(path.c_str(), W_OK) == 0) return;
@@ -77,7 +68,7 @@ void RequireOutputFile(const fs::path& path, bool force) {
   RequireWritable(directory, path);
 }
 
-void RequireOutputDirectory(const fs::path& path, const OwnOutput& own, bool force) {
+void RequireOutputDirectory(const fs::path& path, bool force) {
   if (path.empty()) throw base::Error("--output '': expected a directory");
   const fs::path there = NearestThere(path);
   std::error_code error;
@@ -86,22 +77,12 @@ void RequireOutputDirectory(const fs::path& path, const OwnOutput& own, bool for
                                   there == path ? "" : there.string() + " "));
   }
   RequireWritable(there, path);
-  if (there != path) return;
+  if (there != path || force) return;
   const std::string first = FirstFile(path);
-  if (first.empty() || force) return;
-  const auto files = FilesOfRun(path);
-  if (const auto run = std::ranges::find_if(files, base::Exists); run != files.end()) {
-    throw base::Error(fmt::format(
-        "{}: holds the {} of a training run, whose files `{}` might replace; choose another "
-        "--output, or say --force",
-        path.string(), run->filename().string(), own.command));
-  }
-  const auto holds = [&](std::string_view name) { return base::Exists(path / name); };
-  if (std::ranges::any_of(own.markers, holds)) return;
+  if (first.empty()) return;
   throw base::Error(fmt::format(
-      "{}: holds {}, but no output of `{}`, which might replace it; choose a new directory as "
-      "--output, or say --force",
-      path.string(), first, own.command));
+      "{}: holds {} already; choose a new directory as --output, or replace files with --force",
+      path.string(), first));
 }
 
 void WritePage(const fs::path& directory, std::string_view name, const PageFiles& files) {

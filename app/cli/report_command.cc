@@ -26,7 +26,7 @@ void Report(const ReportOptions& options) {
   for (const std::string& path : options.results) results.push_back(eval::ReadResult(path));
   eval::RequireSameProtocol(results);
   const std::filesystem::path directory = options.output;
-  RequireOutputDirectory(directory, {"slalom report", {"report.html"}}, options.force);
+  RequireOutputDirectory(directory, options.force);
   const std::string markdown = eval::MarkdownComparison(results);
   fmt::print("{}", markdown);
   WritePage(directory, "report",

@@ -45,6 +45,7 @@ struct TrainOptions {
   std::optional<std::string> output;
   std::optional<std::string> metrics;
   bool resume = false;
+  bool force = false;
   bool deterministic = false;
   bool no_evaluation = false;
 };
@@ -134,6 +135,7 @@ std::string WithOverrides(const TrainOptions& options, const std::vector<std::st
   for (const std::string& override : more) add("--set", override);
   if (options.metrics) add("--metrics", *options.metrics);
   if (options.resume) arguments.emplace_back("--resume");
+  if (options.force) arguments.emplace_back("--force");
   if (options.deterministic) arguments.emplace_back("--deterministic");
   if (options.no_evaluation) arguments.emplace_back("--no-evaluation");
   return CommandLine(arguments);
@@ -200,6 +202,15 @@ bool IsScored(const TrainOptions& options, const run::RunDirectory& directory) {
   const fs::path scores = directory.curve();  // Written last of them.
   return !asks_for_others && fs::exists(scores) &&
          fs::last_write_time(scores) >= fs::last_write_time(directory.policy());
+}
+
+/// The rule of output that exists, with what may be done about a run.
+void RequireNoRun(const TrainOptions& options, const run::RunDirectory& directory) {
+  if (options.resume || options.force || !fs::exists(directory.config())) return;
+  throw base::Error(fmt::format(
+      "{}: holds a run already; go on with it: {}; keep it and train another one with --name; or "
+      "start over with --force, which moves it to {}.1 (.2, ...)",
+      directory.root.string(), ResumeCommand(options, directory), directory.root.string()));
 }
 
 /// Says why the run learned nothing and how to go on.
@@ -269,6 +280,7 @@ int Train(const TrainOptions& options) {
   const train::RunConfig config = LoadConfig(options, source.config);
   const run::RunDirectory directory{
       source.run.value_or(fs::path(options.output.value_or(kRuns)) / config.run.name)};
+  RequireNoRun(options, directory);
   CheckDeterminism(options, config);
   WarnOfLearningRates(config.method.learner);
   if (!options.no_evaluation && !config.courses.test.empty()) {
@@ -341,6 +353,8 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
       ->type_name("HOST:PORT");
   command->add_flag(train::kResumeOption, options->resume,
                     "Continue from the run's newest checkpoint");
+  command->add_flag(train::kForceOption, options->force,
+                    "Start over where a run exists, which is moved to NAME.1, NAME.2, ...");
   command->add_flag("--deterministic", options->deterministic,
                     "Use one thread, so that the same seed gives the same policy, bit for bit");
   command->add_flag(train::kNoEvaluationOption, options->no_evaluation,

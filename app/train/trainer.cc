@@ -73,8 +73,8 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
   if (!resume || loop_.Restore()) return;
   if (std::filesystem::exists(directory.policy())) {
     throw base::Error(fmt::format(
-        "{}: no checkpoint to go on from, and {} would be overwritten; without --resume the run "
-        "there is moved aside and a new one begins",
+        "{}: no checkpoint to go on from, and {} would be overwritten; with --force in place of "
+        "--resume the run there is moved aside and a new one begins",
         directory.checkpoints().string(), directory.policy().string()));
   }
   spdlog::warn("{}: no checkpoint yet, the run starts from the beginning",

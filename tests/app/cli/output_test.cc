@@ -9,7 +9,7 @@
 #include "tests/app/cli/program.h"
 #include "tests/support/scratch_directory.h"
 
-/// What `--output` may replace: nothing that the command did not make, unless told to.
+/// What `--output` may replace: nothing, unless told to.
 
 namespace slalom::test {
 namespace {
@@ -107,41 +107,53 @@ TEST_F(OutputTest, WhereNothingCanBeWrittenIsSaidBeforeTheWork) {
   EXPECT_EQ(Read("file"), "precious");
 }
 
-TEST_F(OutputTest, ScoresOfATrainingRunAreNotReplaced) {
-  Write("runs/x/config.toml", "");
-  ExpectRefused(Evaluate("runs/x"), "runs/x/evaluation.json", "runs/x: holds the config.toml of a");
-  auto forced = Evaluate("runs/x");
-  forced.push_back("--force");
-  EXPECT_EQ(Run(forced).exit_code, 0);
-  EXPECT_THAT(Read("runs/x/evaluation.json"), HasSubstr("slalom-evaluation"));
-}
-
-TEST_F(OutputTest, ADirectoryOfOthersIsRefusedAndAnEarlierOutputIsNot) {
-  ExpectRefused(Evaluate("notes"), "notes/courses.svg", "notes: holds courses.svg, but no output");
+TEST_F(OutputTest, ADirectoryWithFilesIsWrittenToWithForceAlone) {
+  ExpectRefused(Evaluate("runs/x"), "runs/x/config.toml", "runs/x: holds config.toml already");
   EXPECT_EQ(Run(Evaluate("scored/dwa")).exit_code, 0);
-  EXPECT_EQ(Run(Evaluate("scored/dwa")).exit_code, 0) << "its own";
-  const auto report = [&](const std::string& output) {
-    return Run({"report", "scored/dwa", "--output", output});
-  };
-  EXPECT_THAT(report("scored/dwa").err, HasSubstr("no output of `slalom report`"));
-  EXPECT_EQ(report("scored").exit_code, 0) << "directories in it cannot be replaced";
-  EXPECT_EQ(report("scored").exit_code, 0) << "its own";
-  ExpectRefused({"report", "scored/dwa", "--output", "mine"}, "mine/report.md", "mine: holds");
+  const std::string scores = Read("scored/dwa/evaluation.json");
+  EXPECT_THAT(Run(Evaluate("scored/dwa")).err, HasSubstr("scored/dwa: holds courses.png already"));
+  auto forced = Evaluate("scored/dwa");
+  forced.insert(forced.end(), {"--force", "--name", "other"});
+  EXPECT_EQ(Run(forced).exit_code, 0);
+  EXPECT_NE(Read("scored/dwa/evaluation.json"), scores);
+
+  std::vector<std::string> report = {"report", "scored/dwa", "--output", "scored"};
+  EXPECT_EQ(Run(report).exit_code, 0) << "directories in it cannot be replaced";
+  EXPECT_THAT(Run(report).err, HasSubstr("scored: holds report.csv already"));
+  report.push_back("--force");
+  EXPECT_EQ(Run(report).exit_code, 0);
   base::MakeDirectories(scratch_.path() / "links");
   fs::create_symlink("nowhere", scratch_.path() / "links/dangling");
-  EXPECT_THAT(report("links").err, HasSubstr("links: holds dangling, but no output"));
+  EXPECT_THAT(Run({"report", "scored/dwa", "--output", "links"}).err,
+              HasSubstr("links: holds dangling already"));
 }
 
-TEST_F(OutputTest, ACollectionIsImportedAgainButNotOverOtherFiles) {
+TEST_F(OutputTest, ARunIsMovedAsideWithForceAlone) {
+  Write("tiny.toml",
+        "[run]\nmax_steps = 200\nmax_seconds = 0.0\nlearning_starts = 100\n"
+        "[courses]\ntrain = \"generated:1:2\"\ntest = \"\"\n[actor]\nnum_environments = 2\n");
+  std::vector<std::string> train = {"train", "tiny.toml", "--name", "x"};
+  EXPECT_EQ(Run(train).exit_code, 0);
+  const std::string policy = Read("runs/x/policy.safetensors");
+  EXPECT_THAT(Run(train).err, AllOf(HasSubstr("runs/x: holds a run already"),
+                                    HasSubstr("slalom train runs/x --resume")));
+  EXPECT_EQ(Read("runs/x/policy.safetensors"), policy);
+  train.insert(train.end(), {"--force", "--seed", "2"});
+  EXPECT_EQ(Run(train).exit_code, 0);
+  EXPECT_EQ(Read("runs/x.1/policy.safetensors"), policy);
+  EXPECT_NE(Read("runs/x/policy.safetensors"), policy);
+}
+
+TEST_F(OutputTest, ACollectionIsImportedAgainWithForceAlone) {
   Write("data/dynamic_wall.csv",
         "world,object,size_x,size_y,x0,y0,x1,y1,yaw,period_s\n"
         "400,right,0.1,4,0,7.25,-4.5,7.25,0.1,4.25\n");
   Write("data/dynamic_wall_fixed.csv", "x,y\n-4.425,0.075\n");
-  const std::vector<std::string> import = {"courses", "import", "data", "--output", "barn"};
+  std::vector<std::string> import = {"courses", "import", "data", "--output", "barn"};
   EXPECT_EQ(Run(import).exit_code, 0);
+  EXPECT_THAT(Run(import).err, HasSubstr("barn: holds dynamic-wall.courses already"));
+  import.push_back("--force");
   EXPECT_EQ(Run(import).exit_code, 0);
-  ExpectRefused({"courses", "import", "data", "--output", "mine"}, "mine/static-test.courses",
-                "mine: holds static-test.courses");
 }
 
 TEST_F(OutputTest, AFullDiskBehindStandardOutputIsAnError) {

@@ -45,7 +45,7 @@ class OnnxTest(unittest.TestCase):
     def train(self, name, *settings):
         """A policy whose parameters have moved from where they began, biases with them."""
         sets = ["run.max_seconds=0", "run.max_steps=12000", "learner.actor_learning_rate=0.01", *settings]
-        done = run("train", "configs/quickstart.toml", "--no-evaluation", "--output", self.directory, "--name", name,
+        done = run("train", "configs/quickstart.toml", "--no-evaluation", "--force", "--output", self.directory, "--name", name,
                    *(word for setting in sets for word in ("--set", setting)))
         self.assertEqual(done.returncode, 0, done.stderr)
         return os.path.join(self.directory, name, "policy.safetensors")
