@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,12 +12,17 @@
 #include "app/python/arrays.h"
 #include "app/python/policy.h"
 #include "app/python/task.h"
+#include "app/train/agent_run_config.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/parallel.h"
 #include "base/version.h"
 #include "eval/evaluation.h"
+#include "eval/report/comparison.h"
 #include "eval/report/report.h"
+#include "eval/report/report_page.h"
+#include "eval/report/result.h"
 #include "sim/courses/course_sets.h"
 #include "sim/engines/physics.h"
 
@@ -65,12 +71,18 @@ struct Rules {
   }
 };
 
+/// Lets Ctrl-C end an evaluation.
+void RaiseSignals(const eval::EpisodeCount&) {
+  const py::gil_scoped_acquire acquire;
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+}
+
 Scores Evaluate(const py::object& driver, const std::string& name, const std::string& courses,
                 const Settings& trained, const std::vector<std::string>& profiles,
                 const Settings& task_settings, const Settings& rules_settings,
                 const std::string& collection, std::uint64_t generator_seed, int num_threads,
                 const std::string& physics) {
-  const sim::EnvironmentConfig environment = TaskOf(trained, profiles, task_settings);
+  const sim::EnvironmentConfig environment = TaskOf({}, trained, profiles, task_settings);
   Rules rules;
   const config::FieldList fields = config::ListFields(rules);
   for (const auto& [key, value] : rules_settings) config::SetField(key, value, key, fields);
@@ -94,14 +106,10 @@ Scores Evaluate(const py::object& driver, const std::string& name, const std::st
     };
   }
   base::ParallelFor parallel(num_threads);
-  const auto interrupt = [](const eval::EpisodeCount&) {
-    const py::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-  };
   std::optional<eval::Evaluation> evaluation;
   {
     const py::gil_scoped_release release;
-    evaluation = eval::EvaluateOnCourses(task, make_agent, &parallel, interrupt);
+    evaluation = eval::EvaluateOnCourses(task, make_agent, &parallel, RaiseSignals);
   }
   return {*std::move(evaluation),
           {.agent = name,
@@ -112,6 +120,51 @@ Scores Evaluate(const py::object& driver, const std::string& name, const std::st
            .collection = collection,
            .commit = std::string(base::Commit()),
            .config = config::ToToml(Task{environment}) + config::ToToml(rules)}};
+}
+
+/// The scores of the classical planner `name`, on the task that `slalom evaluate --agent` gives it.
+Scores EvaluatePlanner(const std::string& name, const std::string& agent,
+                       const std::string& courses, const std::vector<std::string>& profiles,
+                       const Settings& task_settings, const Settings& rules_settings,
+                       const std::string& collection, std::uint64_t generator_seed, int num_threads,
+                       const std::string& physics) {
+  const train::AgentRunConfig config = train::ResolveAgentRun([&](train::AgentRunConfig& task) {
+    task.environment = TaskOf(task.environment, {}, profiles, task_settings);
+    const config::FieldList fields = config::ListFields(task);
+    for (const auto& [key, value] : rules_settings) config::SetField(key, value, key, fields);
+  });
+  const py::gil_scoped_release release;
+  base::ParallelFor parallel(num_threads);
+  const eval::MakeAgent make_agent = train::MakePlanners(agent, config.planners, parallel);
+  eval::EvaluationTask task =
+      eval::ResolveEvaluation(config.evaluation, config.environment,
+                              sim::ResolveCourses(courses, collection, generator_seed));
+  task.physics = engines::FindPhysics(physics);
+  auto evaluation = eval::EvaluateOnCourses(task, make_agent, &parallel, RaiseSignals);
+  return {*std::move(evaluation),
+          {.agent = name,
+           .kind = "planner",
+           .source = agent,
+           .profiles = profiles,
+           .course_set = courses,
+           .collection = collection,
+           .commit = std::string(base::Commit()),
+           .config = config::ToToml(config)}};
+}
+
+/// Writes the report on evaluations, as `slalom report` does, and returns its tables.
+std::string Report(const std::vector<std::string>& evaluations, const std::string& directory) {
+  std::vector<eval::Result> results;
+  results.reserve(evaluations.size());
+  for (const std::string& path : evaluations) results.push_back(eval::ReadResult(path));
+  eval::RequireSameProtocol(results);
+  const std::filesystem::path place = directory;
+  const std::string tables = eval::MarkdownComparison(results);
+  base::MakeDirectories(place);
+  base::WriteFileAtomically(place / "report.md", tables);
+  base::WriteFileAtomically(place / "report.csv", eval::CsvComparison(results));
+  base::WriteFileAtomically(place / "report.html", eval::ReportPage(results));
+  return tables;
 }
 
 }  // namespace
@@ -127,6 +180,9 @@ void DefineEvaluation(py::module_& module) {
         eval::WriteReports(self.evaluation, self.provenance, directory);
       });
   module.def("evaluate", &Evaluate);
+  module.def("evaluate_planner", &EvaluatePlanner);
+  module.def("planners", &planners::PlannerNames);
+  module.def("report", &Report);
 }
 
 }  // namespace slalom::python

@@ -67,7 +67,7 @@ std::unique_ptr<VectorEnvironment> MakeEnvironment(
     throw base::Error(fmt::format("threads is {}, expected a number from 1 to 256", num_threads));
   }
   VectorConfig config;
-  config.environment = TaskOf({}, profiles, settings);
+  config.environment = TaskOf({}, {}, profiles, settings);
   config.courses = sim::ResolveCourses(courses, collection, generator_seed);
   config.num_environments = num_environments;
   config.num_threads = num_threads;
@@ -194,9 +194,23 @@ void DefinePolicy(py::module_& module) {
       });
 }
 
+/// Throws ImportError if NumPy's arrays are laid out otherwise than this pybind11 knows them: it
+/// would read them wrongly, and say nothing.
+void RequireKnownNumpy() {
+  const std::string numpy = py::str(py::module_::import("numpy").attr("__version__"));
+  if (PYBIND11_VERSION_HEX >= 0x020C0000 || numpy.starts_with("1.")) return;
+  throw py::import_error(fmt::format(
+      "slalom was built by pybind11 {}.{}, which does not know NumPy {}. In your virtual "
+      "environment: "
+      "pip install pybind11, then run ./slalom python again, which builds slalom with it; or pip "
+      "install 'numpy<2'",
+      PYBIND11_VERSION_MAJOR, PYBIND11_VERSION_MINOR, numpy));
+}
+
 }  // namespace
 
 PYBIND11_MODULE(_slalom, module) {
+  RequireKnownNumpy();
   py::register_exception<base::Error>(module, "Error", PyExc_ValueError);
   module.attr("__version__") = base::Version();
   module.attr("commit") = base::Commit();

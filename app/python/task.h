@@ -32,11 +32,12 @@ inline void LaySettings(Settings settings, const config::FieldList& fields) {
   for (const auto& [key, value] : settings) config::SetField(key, value, key, fields);
 }
 
-/// The task by the defaults, `trained`, the files and the settings, each laid over the ones before.
-inline sim::EnvironmentConfig TaskOf(const Settings& trained,
+/// The task by `defaults`, `trained`, the files and the settings, each laid over the ones before.
+inline sim::EnvironmentConfig TaskOf(const sim::EnvironmentConfig& defaults,
+                                     const Settings& trained,
                                      const std::vector<std::string>& profiles,
                                      const Settings& settings) {
-  Task task;
+  Task task{defaults};
   const config::FieldList fields = config::ListFields(task);
   LaySettings(trained, fields);
   for (const std::string& file : profiles) config::ReadTomlFile(file, fields);

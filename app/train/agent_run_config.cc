@@ -3,11 +3,16 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <memory>
 #include <utility>
 
 #include "app/train/run_config.h"
 #include "base/config.h"
 #include "base/log.h"
+#include "planners/planner_agent.h"
+#include "sim/environments.h"
+#include "sim/lidar.h"
 
 namespace slalom::train {
 
@@ -27,6 +32,22 @@ AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_o
     lay_over(config);
   }
   return config;
+}
+
+eval::MakeAgent MakePlanners(const std::string& name, const planners::PlannersConfig& config,
+                             base::ParallelFor& parallel) {
+  (void)planners::NavigationOf(name, config);  // Before any work, that there is one.
+  return [name, config, &parallel](const sim::CourseEnvironments& environments) {
+    const sim::EnvironmentConfig& environment = environments.config();
+    const sim::LidarConfig& lidar = environment.lidar;
+    const planners::ScanGeometry geometry{
+        lidar.num_beams,
+        lidar.field_of_view,
+        {lidar.offset_x, lidar.offset_y},
+        std::min(environment.observation.range_clip, sim::LongestEcho(lidar))};
+    return std::make_unique<planners::PlannerAgent>(name, config, geometry, environment.action,
+                                                    environment.episode.step, &parallel);
+  };
 }
 
 AgentRunConfig ReadAgentRunConfig(const std::filesystem::path& path, AgentRunConfig defaults) {

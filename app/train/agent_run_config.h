@@ -3,9 +3,12 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "app/train/run_config.h"
+#include "base/parallel.h"
+#include "eval/evaluation.h"
 #include "eval/evaluation_config.h"
 #include "planners/planner_registry.h"
 #include "sim/environment_config.h"
@@ -49,6 +52,12 @@ std::optional<AgentRunConfig> DefaultsOfPublishedRuns(std::string_view protocol)
 /// Returns the defaults after `lay_over` has changed them. It is called on a config twice if the
 /// protocol that it asks for has defaults of its own, the second time on these.
 AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_over);
+
+/// Returns the makers of agents that drive evaluations as the classical planner `name` does.
+/// `parallel`: threads on which they plan, which must outlive them. Throws `base::Error` if there
+/// is no such planner (the error lists them).
+eval::MakeAgent MakePlanners(const std::string& name, const planners::PlannersConfig& config,
+                             base::ParallelFor& parallel);
 
 /// Reads a TOML file for a planner on top of `defaults`. The file may be a training run's: keys
 /// that only training reads are checked, then ignored, and a line on standard error names them.

@@ -16,10 +16,8 @@
 #include "base/progress.h"
 #include "base/version.h"
 #include "eval/oracle_agent.h"
-#include "planners/planner_agent.h"
 #include "policy/policy_agent.h"
 #include "sim/courses/course_overlap.h"
-#include "sim/lidar.h"
 #include "sim/pictures/course_render.h"
 
 namespace slalom::train {
@@ -141,19 +139,8 @@ Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
     };
     return Prepare(config, config.courses.Resolve(courses_spec), make_oracle, provenance);
   }
-  const auto make_planner = [name, planners_config = config.planners,
-                             &parallel](const sim::CourseEnvironments& environments) {
-    const sim::EnvironmentConfig& environment = environments.config();
-    const sim::LidarConfig& lidar = environment.lidar;
-    const planners::ScanGeometry geometry{
-        lidar.num_beams,
-        lidar.field_of_view,
-        {lidar.offset_x, lidar.offset_y},
-        std::min(environment.observation.range_clip, sim::LongestEcho(lidar))};
-    return std::make_unique<planners::PlannerAgent>(
-        name, planners_config, geometry, environment.action, environment.episode.step, &parallel);
-  };
-  return Prepare(config, config.courses.Resolve(courses_spec), make_planner, provenance);
+  return Prepare(config, config.courses.Resolve(courses_spec),
+                 MakePlanners(name, config.planners, parallel), provenance);
 }
 
 std::optional<Scores> Score(const Scoring& scoring, base::ParallelFor& parallel,

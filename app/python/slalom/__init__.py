@@ -3,8 +3,9 @@
 from ._slalom import Error, __version__, commit, course_sets
 from .actor import Actor
 from .environment import Environment, VectorEnvironment, make, make_vec
-from .evaluation import Evaluation, evaluate
+from .evaluation import Evaluation, evaluate, report
 from .policy import Policy
+from .results import read
 
 Error.__module__ = "slalom"
 
@@ -21,4 +22,6 @@ __all__ = [
     "evaluate",
     "make",
     "make_vec",
+    "read",
+    "report",
 ]

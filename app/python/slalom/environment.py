@@ -11,6 +11,7 @@ import numpy as np
 
 from . import _slalom
 from ._gymnasium import AUTORESET_MODES, Box, Dict, Env, VectorEnv, batched
+from ._rendering import Painter
 
 _OUTCOMES = np.array(["running", "success", "collision", "timeout"])
 
@@ -97,6 +98,19 @@ def _options(options, known):
 class _Described:
     """What both kinds of environments tell of themselves."""
 
+    _painter = None
+
+    def _set_render_mode(self, mode):
+        if mode not in (None, "rgb_array"):
+            raise _slalom.Error(f"render_mode is {mode!r}, expected 'rgb_array' or None")
+        self.render_mode = mode
+
+    def _picture(self, i):
+        if self._painter is None:
+            self._painter = Painter(self.config, self._core.range_clip_cm)
+        frames = self._views["observations"]
+        return self._painter.paint(frames["ranges"][i], frames["state"][i])
+
     @property
     def course_names(self) -> list[str]:
         """The names of the courses, in the order of their numbers."""
@@ -129,13 +143,14 @@ class VectorEnvironment(_Described, VectorEnv):
     Actions are [B, 2] float32 in [-1, 1], speed and turn rate; beyond that they are clipped.
     """
 
-    metadata = {"render_modes": [], "autoreset_mode": None}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 5, "autoreset_mode": None}
     render_mode = None
     spec = None
     closed = False
 
-    def __init__(self, core, observation, autoreset_mode, copy):
+    def __init__(self, core, observation, autoreset_mode, copy, render_mode=None):
         self._core = core
+        self._set_render_mode(render_mode)
         self._copy = copy
         self._vector = observation == "vector"
         self.num_envs = len(core.views()["rewards"])
@@ -217,6 +232,12 @@ class VectorEnvironment(_Described, VectorEnv):
         return (self._observations(self._frames, self._copy), rewards, terminations, truncations,
                 infos)
 
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Returns a picture of each environment, as `Environment.render` does."""
+        if self.render_mode is None:
+            return None
+        return tuple(self._picture(i) for i in range(self.num_envs))
+
     def _for_each(self, value, key):
         if value is None or isinstance(value, (str, int, np.integer)):
             return [value] * self.num_envs
@@ -252,11 +273,12 @@ class VectorEnvironment(_Described, VectorEnv):
 class Environment(_Described, Env):
     """One environment, with Gymnasium's interface. `make` makes one."""
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 5}
     render_mode = None
 
-    def __init__(self, core, observation):
+    def __init__(self, core, observation, render_mode=None):
         self._core = core
+        self._set_render_mode(render_mode)
         self._vector = observation == "vector"
         self.observation_space, self.action_space = _spaces(core, observation)
         self._seeded = False
@@ -293,6 +315,12 @@ class Environment(_Described, Env):
         return (self._observation(), float(views["rewards"][0]), bool(views["terminations"][0]),
                 bool(views["truncations"][0]), info)
 
+    def render(self) -> np.ndarray | None:
+        """Returns what the robot sees, [400, 400, 3] uint8, if render_mode is "rgb_array": itself in
+        the middle, facing up, the LiDAR's readings in black, what they show to be free in white,
+        and the goal in green, at the border if it is farther than 5.5 m."""
+        return None if self.render_mode is None else self._picture(0)
+
     def _observation(self):
         frames = self._views["observations"]
         if self._vector:
@@ -316,6 +344,7 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
              observation: Literal["frame", "vector"] = "frame", autoreset_mode: Any = "SameStep",
              copy: bool = True, threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (),
              collection: NameOrPath = "", generator_seed: int = 1, physics: str = "slalom",
+             render_mode: Literal["rgb_array"] | None = None,
              **sections: dict[str, Any]) -> VectorEnvironment:
     """Makes `num_envs` environments on a set of courses.
 
@@ -330,6 +359,7 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
     "configs/real-robot.toml".
     collection, generator_seed: as in docs/courses.md.
     physics: "slalom", "ode" or "mujoco".
+    render_mode: "rgb_array" for pictures of what the robots see (`render`).
     sections: the keys of [environment] (docs/config.md), for example robot={"friction": "gazebo"},
     lidar={"noise_std": 0.02}, episode={"max_steps": 200}. What is drawn for each episode is
     randomize={"robot.command_delay": [0.0, 0.12]}.
@@ -339,14 +369,15 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
     mode = _mode_name(autoreset_mode)
     core = _core(courses, num_envs, profile, sections, collection, generator_seed, threads, mode,
                  physics)
-    return VectorEnvironment(core, observation, mode, copy)
+    return VectorEnvironment(core, observation, mode, copy, render_mode)
 
 
 def make(courses: NameOrPath = "static-train-50", *,
          observation: Literal["frame", "vector"] = "frame",
          profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
          generator_seed: int = 1, physics: str = "slalom",
+         render_mode: Literal["rgb_array"] | None = None,
          **sections: dict[str, Any]) -> Environment:
     """Makes one environment. The arguments are those of `make_vec`."""
     core = _core(courses, 1, profile, sections, collection, generator_seed, 1, "Disabled", physics)
-    return Environment(core, observation)
+    return Environment(core, observation, render_mode)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -14,6 +12,7 @@ import numpy as np
 from . import _slalom
 from .environment import NameOrPath, _settings, _toml
 from .policy import Policy
+from .results import _rows
 
 
 class Evaluation:
@@ -22,6 +21,7 @@ class Evaluation:
     def __init__(self, core):
         self._core = core
         self.report = json.loads(core.json())
+        self.directory: str | None = None  # Where it was written.
 
     def __str__(self):
         return self._core.text()
@@ -40,30 +40,19 @@ class Evaluation:
         """Returns a dictionary for each course, likewise."""
         return _rows(self._core.course_csv())
 
-    def write(self, directory: str | os.PathLike) -> None:
-        """Writes the files that `slalom evaluate --output` writes, so that `slalom report` and
-        `slalom compare` read them. Raises `slalom.Error` if there is such an evaluation already."""
-        if os.path.exists(os.path.join(directory, "evaluation.json")):
-            raise _slalom.Error(f"{directory}: has an evaluation already")
+    def write(self, directory: str | os.PathLike, force: bool = False) -> None:
+        """Writes the files that `slalom evaluate --output` writes, so that `slalom report`,
+        `slalom compare` and `slalom.read` read them. Raises `slalom.Error` if there is an
+        evaluation already, unless `force` is given, which replaces it."""
+        if not force and os.path.exists(os.path.join(directory, "evaluation.json")):
+            raise _slalom.Error(f"{directory}: holds an evaluation already; choose another "
+                                f"directory, or replace it with force=True")
         os.makedirs(directory, exist_ok=True)
         self._core.write(os.fspath(directory))
+        self.directory = os.fspath(directory)
 
 
-def _number(text):
-    for kind in int, float:
-        try:
-            return kind(text)
-        except ValueError:
-            pass
-    return text
-
-
-def _rows(text):
-    return [{key: _number(value) for key, value in row.items()}
-            for row in csv.DictReader(io.StringIO(text))]
-
-
-def evaluate(agent: Policy | Callable[[Any, np.ndarray], np.ndarray],
+def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
              courses: NameOrPath = "static-test", *, name: str = "", episodes: int = 10, seed: int = 1,
              protocol: str = "paper", observation: Literal["frame", "vector"] = "frame",
              threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
@@ -74,7 +63,9 @@ def evaluate(agent: Policy | Callable[[Any, np.ndarray], np.ndarray],
 
     agent: a `Policy`, or any function of (observations, first) that returns actions, as
     `Policy.act` has them. It is called with a batch and must choose each action without regard to
-    the others. With observation="vector" its observations are [B, N + S] float32.
+    the others. With observation="vector" its observations are [B, N + S] float32. Or the name of a
+    classical planner: "dwa", "teb", "eband" or "mppi", with the settings and the task of `slalom
+    evaluate --agent` (20 commands a second, docs/planners.md).
     name: what reports call it.
     seed: the same seed gives every agent the same episodes, those of `slalom evaluate --seed`.
     protocol: "paper", "dwa-runs" or "barn-challenge" (docs/evaluation.md).
@@ -87,6 +78,10 @@ def evaluate(agent: Policy | Callable[[Any, np.ndarray], np.ndarray],
     rules = [(f"evaluation.{key}", _toml(value)) for key, value in rules.items()]
     profiles = [profile] if isinstance(profile, (str, os.PathLike)) else profile
     profiles = [os.fspath(p) for p in profiles]
+    if isinstance(agent, str):
+        return Evaluation(_slalom.evaluate_planner(
+            name or agent, agent, os.fspath(courses), profiles, _settings(sections), rules,
+            os.fspath(collection), generator_seed, threads, physics))
     trained = _settings(agent.task) if isinstance(agent, Policy) else []
     if isinstance(agent, Policy):
         driver = agent._core
@@ -106,3 +101,28 @@ def evaluate(agent: Policy | Callable[[Any, np.ndarray], np.ndarray],
     return Evaluation(_slalom.evaluate(driver, name, os.fspath(courses), trained, profiles,
                                        _settings(sections), rules, os.fspath(collection),
                                        generator_seed, threads, physics))
+
+
+def report(evaluations: Sequence[Evaluation | NameOrPath], output: str | os.PathLike, *,
+           force: bool = False) -> str:
+    """Compares evaluations as `slalom report` does and returns its tables as Markdown.
+
+    evaluations: `Evaluation`s that were written (`Evaluation.write`), or directories of evaluations
+    or of runs, in the order of the report. output: the directory that gets report.html, which opens
+    without a network, report.md and report.csv. Raises `slalom.Error` if there is a report already,
+    unless `force` is given, or if the evaluations cannot be compared.
+    """
+    paths = []
+    for evaluation in evaluations:
+        if isinstance(evaluation, Evaluation):
+            if evaluation.directory is None:
+                raise _slalom.Error("an evaluation was not written, expected evaluation.write("
+                                    "DIRECTORY) first: the report reads its files")
+            evaluation = evaluation.directory
+        paths.append(os.fspath(evaluation))
+    if not paths:
+        raise _slalom.Error("evaluations: found none, expected one or more")
+    if not force and os.path.exists(os.path.join(output, "report.html")):
+        raise _slalom.Error(f"{output}: holds a report already; choose another directory, or replace "
+                            f"it with force=True")
+    return _slalom.report(paths, os.fspath(output))

@@ -71,6 +71,13 @@ class GymnasiumTest(unittest.TestCase):
                                          their_infos["final_info"]["outcome"][i])
             self.assertGreater(num_ended, 5)
 
+    def test_pictures_are_recorded(self):
+        environment = gymnasium.make("slalom/Static-v0", courses=COURSES, render_mode="rgb_array")
+        recorded = gymnasium.wrappers.RenderCollection(environment)
+        recorded.reset(seed=1)
+        recorded.step(np.zeros(2, np.float32))
+        self.assertEqual([picture.shape for picture in recorded.render()], [(400, 400, 3)] * 2)
+
     def test_vector_wrappers_work(self):
         environments = gymnasium.wrappers.vector.RecordEpisodeStatistics(
             slalom.make_vec(COURSES, num_envs=2, episode={"max_steps": 5}))

@@ -43,7 +43,7 @@ def same(a, b):
 
 class SignaturesTest(unittest.TestCase):
     def test_every_public_argument_and_result_has_a_type(self):
-        functions = [slalom.make, slalom.make_vec, slalom.evaluate]
+        functions = [slalom.make, slalom.make_vec, slalom.evaluate, slalom.read, slalom.report]
         for kind in slalom.VectorEnvironment, slalom.Environment, slalom.Policy, slalom.Evaluation, slalom.Actor:
             for name, member in vars(kind).items():
                 function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
@@ -189,6 +189,14 @@ class VectorEnvironmentTest(unittest.TestCase):
             self.assertEqual(np.array_equal(before["ranges"], kept), copy)
             self.assertEqual(before["ranges"].flags.writeable, copy)
 
+    def test_observations_are_given_by_dlpack(self):
+        environments = slalom.make_vec(COURSES, num_envs=2)
+        observations, _ = environments.reset(seed=1)
+        for array in observations.values():
+            shared = np.from_dlpack(array)
+            self.assertTrue(np.shares_memory(shared, array))
+            np.testing.assert_array_equal(shared, array)
+
     def test_views_outlive_the_environment(self):
         environments = slalom.make_vec(COURSES, num_envs=2, copy=False)
         observations, _ = environments.reset(seed=1)
@@ -237,6 +245,38 @@ class VectorEnvironmentTest(unittest.TestCase):
         profile = os.path.join(ROOT, "configs", "real-robot.toml")
         environments = slalom.make_vec(COURSES, num_envs=1, profile=profile)
         self.assertNotEqual(environments.config, slalom.make_vec(COURSES, num_envs=1).config)
+
+
+class RenderTest(unittest.TestCase):
+    def test_shows_what_the_robot_sees(self):
+        environment = slalom.make(COURSES, render_mode="rgb_array")
+        environment.reset(seed=1)
+        picture = environment.render()
+        self.assertEqual((picture.shape, picture.dtype), ((400, 400, 3), np.uint8))
+        colours = {tuple(colour) for colour in picture.reshape(-1, 3)}
+        self.assertEqual(len(colours), 5, "unseen, free, readings, robot, goal")
+        self.assertIsNone(slalom.make(COURSES).render())
+        with self.assertRaisesRegex(slalom.Error, "render_mode is 'human', expected 'rgb_array' or None"):
+            slalom.make(COURSES, render_mode="human")
+
+    def test_ahead_is_up_and_left_is_left(self):
+        from slalom._rendering import _FREE, _GOAL, _HIT, Painter
+        painter = Painter(slalom.make(COURSES).config, 500)
+        ranges = np.full(720, 500, np.uint16)
+        ranges[430:] = 150  # A wall to the left, from ahead of the robot on.
+        picture = painter.paint(ranges, np.float32([3, 3, 0, 0]))
+        where = lambda x, y: tuple(picture[int(200 - x * 400 / 11), int(200 - y * 400 / 11)])
+        self.assertEqual(where(3, 3), tuple(_GOAL))
+        self.assertEqual(where(3, -1), tuple(_FREE))
+        self.assertEqual(where(0.12, 1.5), tuple(_HIT))
+        self.assertEqual(where(0.12, -1.5), tuple(_FREE))
+
+    def test_a_vector_has_a_picture_of_each(self):
+        environments = slalom.make_vec(COURSES, num_envs=3, render_mode="rgb_array")
+        environments.reset(seed=1)
+        pictures = environments.render()
+        self.assertEqual(len(pictures), 3)
+        self.assertFalse(np.array_equal(pictures[0], pictures[1]))
 
 
 class BadInputTest(unittest.TestCase):
@@ -377,8 +417,49 @@ class PolicyTest(unittest.TestCase):
                                      os.path.join(folder, "mine"), "--output",
                                      os.path.join(folder, "report")], capture_output=True, text=True)
             self.assertEqual(report.returncode, 0, report.stderr)
-            with self.assertRaisesRegex(slalom.Error, "has an evaluation already"):
+            with self.assertRaisesRegex(slalom.Error, "holds an evaluation already"):
                 as_function.write(output)
+
+
+class ReadTest(unittest.TestCase):
+    def rows(self, directory, table):
+        found = slalom.read(directory, table)
+        return found if isinstance(found, list) else found.to_dict("records")
+
+    def test_reads_back_what_was_written(self):
+        import tempfile
+        scores = slalom.evaluate(lambda seen, first: np.tile([0.5, 0.0], (len(first), 1)), COURSES, episodes=2)
+        with tempfile.TemporaryDirectory() as folder:
+            scores.write(folder)
+            with self.assertRaisesRegex(slalom.Error, "force=True"):
+                scores.write(folder)
+            scores.write(folder, force=True)
+            episodes = self.rows(folder, "episodes")
+            self.assertEqual([row["outcome"] for row in episodes], [row["outcome"] for row in scores.episodes()])
+            self.assertEqual(len(self.rows(folder, "courses")), 5)
+            poses = self.rows(folder, "tracks")
+            self.assertEqual(len({row["course"] for row in poses}), 5)
+            first = [row for row in poses if row["course"] == poses[0]["course"]]
+            self.assertEqual(first[0]["time_s"], 0)
+            self.assertAlmostEqual(first[1]["time_s"], 0.2)
+            self.assertLess(abs(first[1]["x"] - first[0]["x"]), 0.4)
+            with self.assertRaisesRegex(slalom.Error, "metrics.csv: cannot be read"):
+                slalom.read(folder, "metrics")
+        with self.assertRaisesRegex(slalom.Error, "table is 'scores', expected one of 'episodes'"):
+            slalom.read(folder, "scores")
+
+    def test_reads_the_curves_of_a_run(self):
+        if not os.environ.get("SLALOM_POLICY"):
+            self.skipTest("SLALOM_POLICY names no policy")
+        rows = self.rows(os.path.dirname(os.environ["SLALOM_POLICY"]), "metrics")
+        self.assertGreater(rows[-1]["steps"], 90_000)
+
+    def test_gives_data_frames_where_pandas_is(self):
+        try:
+            import pandas
+        except ImportError:
+            self.skipTest("pandas is not installed")
+        self.assertIsInstance(slalom.read(os.path.dirname(os.environ["SLALOM_POLICY"]), "metrics"), pandas.DataFrame)
 
 
 class EvaluateTest(unittest.TestCase):
@@ -404,6 +485,43 @@ class EvaluateTest(unittest.TestCase):
 
         slalom.evaluate(straight, COURSES, episodes=1, observation="vector",
                         evaluation={"time_limit": 2.0})
+
+    def test_scores_planners_and_reports_on_all(self):
+        import csv
+        import tempfile
+        rules = {"episodes": 1, "evaluation": {"time_limit": 10.0}}
+        straight = slalom.evaluate(lambda seen, first: np.tile([0.5, 0.0], (len(first), 1)), COURSES, name="straight", **rules)
+        dwa = slalom.evaluate("dwa", COURSES, threads=2, **rules)
+        self.assertEqual(dwa.report["agent"], {"name": "dwa", "kind": "planner"})
+        with tempfile.TemporaryDirectory() as folder:
+            output = os.path.join(folder, "report")
+            with self.assertRaisesRegex(slalom.Error, "was not written"):
+                slalom.report([straight, dwa], output)
+            straight.write(os.path.join(folder, "straight"))
+            dwa.write(os.path.join(folder, "dwa"))
+            tables = slalom.report([straight, os.path.join(folder, "dwa")], output)
+            self.assertIn("| dwa |", tables)
+            with open(os.path.join(output, "report.csv"), encoding="utf8") as file:
+                self.assertEqual([row["agent"] for row in csv.DictReader(file)], ["straight", "dwa"])
+            self.assertTrue(os.path.exists(os.path.join(output, "report.html")))
+            with self.assertRaisesRegex(slalom.Error, "holds a report already"):
+                slalom.report([straight], output)
+            slalom.report([straight], output, force=True)
+        with self.assertRaisesRegex(slalom.Error, "rrt"):
+            slalom.evaluate("rrt", COURSES)
+
+    def test_a_planner_is_scored_as_the_program_scores_it(self):
+        import json
+        program = os.environ.get("SLALOM_PROGRAM")
+        if not program:
+            self.skipTest("SLALOM_PROGRAM names no program")
+        done = subprocess.run([program, "evaluate", "--agent", "dwa", "--courses", COURSES, "--episodes", "1", "--json",
+                               "--set", "evaluation.time_limit=10"], check=True, capture_output=True, text=True)
+        expected = json.loads(done.stdout)
+        found = slalom.evaluate("dwa", COURSES, episodes=1, threads=2, evaluation={"time_limit": 10.0})
+        for key in expected:
+            if key != "provenance":
+                self.assertEqual(found.report[key], expected[key], key)
 
     def test_passes_errors_on(self):
         def broken(observation, first):
