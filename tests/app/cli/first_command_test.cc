@@ -78,5 +78,32 @@ rmdir building
   EXPECT_EQ(std::count(result.out.begin(), result.out.end(), '\n'), 2) << result.out;
 }
 
+// Root may write anywhere, so it asks as another user.
+TEST(FirstCommandTest, SomebodyElsesCheckoutIsUsedAsItIs) {
+  const ScratchDirectory scratch;
+  const fs::path clone = scratch.path();
+  MakeClone(clone);
+  const fs::path program = clone / "build/release/cli/slalom";
+  const fs::perms all_may_read = fs::perms::owner_all | fs::perms::group_read |
+                                 fs::perms::group_exec | fs::perms::others_read |
+                                 fs::perms::others_exec;
+  fs::remove(program);
+  WriteScript(program, "echo the program with \"$@\"\n");
+  fs::permissions(program, all_may_read);
+  fs::permissions(clone, all_may_read);
+  const auto run = [&] {
+    return RunShell(
+        "chmod a-w build; [ $(id -u) != 0 ] || other='setpriv --reuid=65534 --clear-groups'\n"
+        "$other ./slalom config print; code=$?; chmod u+w build; exit $code",
+        clone);
+  };
+  EXPECT_EQ(run().out, "the program with config print\n");
+  EXPECT_FALSE(fs::exists(clone / "cmake-ran"));
+  fs::remove(program);
+  const ProgramResult missing = run();
+  EXPECT_EQ(missing.exit_code, 1);
+  EXPECT_THAT(missing.err, testing::HasSubstr("is not yours to build in, and has no program yet"));
+}
+
 }  // namespace
 }  // namespace slalom::test
