@@ -12,7 +12,7 @@ Builds and tests Slalom, and ends with one line per part. Without options: what 
 
   --all          what continuous integration runs, in 35 to 80 minutes: adds sanitizers, clang-tidy, live fuzzing, all drills,
                  containers, and the first command on a bare root
-  --soak         hours, before a release: the long drills, a hundred random faults, the image compiled for Debian 13, long fuzzing
+  --soak         hours, before a release: the long drills, a hundred random faults, packages and image for Debian 13, long fuzzing
   --part PART    only this part; may be given more than once
   --within MINUTES  leaves out each part that would not end in this time, as fast as the parts before it were, and names it
   --label LABEL  only tests with this label (their folder, or slow, drill, deploy), in part release; other arguments go to ctest, for
@@ -30,7 +30,7 @@ Parts:
   arm64     what drives by a policy, compiled for 64-bit ARM, and its tests under an emulator                       --all
   python    the Python package: its tests with Debian's Python and, in a virtual environment, with Gymnasium and ONNX Runtime --all
   fuzz      every reader of what a peer or a file holds, fed by libFuzzer: 10 s of new inputs each                  --all
-  soak      drills at full length, the image compiled from source, a minute for each fuzzer                         --soak
+  soak      drills at full length, wheels, packages and image compiled for Debian 13, a minute for each fuzzer        --soak
 HELP
 }
 
@@ -154,15 +154,20 @@ part_tidy() {
     xargs -0 -n 1 -P "$jobs" clang-tidy --quiet --warnings-as-errors='*' -p build/tidy 2> >(grep -v ' warnings generated' >&2))
 }
 
-# The policy is any that the program has just trained.
-part_python() {
+# with_python COMMAND...: with the Python package's build, and the environment of its tests. The policy is any that the program has just
+# trained.
+with_python() {
   local runs=$root/build/python/trained
   build_program
   VIRTUAL_ENV='' build_python
   rm -rf "$runs"
   "$program" train "$root/configs/quickstart.toml" --deterministic --no-evaluation --output "$runs" --name tiny \
     --set run.max_seconds=0 --set run.max_steps=100000
-  SLALOM_POLICY=$runs/tiny/policy.safetensors SLALOM_PROGRAM=$program run_ctest python
+  SLALOM_POLICY=$runs/tiny/policy.safetensors SLALOM_PROGRAM=$program "$@"
+}
+part_python() { with_python run_ctest python; }
+soak_python() {
+  PYTHONPATH=$root/build/python/python with_python bash "$root/tests/app/python/soak.sh" "$root/build/python/soak"
 }
 
 # fuzz NAME: what it finds stays in build/fuzz/found/NAME, and what crashes it in build/fuzz/NAME-crash-*.
@@ -188,7 +193,8 @@ fuzz_all() {
 }
 part_fuzz() { fuzz_all 10; }
 
-# Drills at the lengths of docs/reliability.md; the image compiled from source on Debian 13, against its LibTorch 2.x.
+# Drills at the lengths of docs/reliability.md; the Python package as a wheel and with MuJoCo; packages and image compiled from source on
+# Debian 13, against its LibTorch 2.x.
 part_soak() {
   local drill failed=0
   configure release SLALOM_TESTS=ON
@@ -199,6 +205,10 @@ part_soak() {
     set -- $drill
     python3 "$root/tests/drills/$1_drill.py" "$program" "${@:2}" || { say "drill $drill FAILED"; failed=1; }
   done
+  say "soak: python"
+  soak_python || failed=1
+  say "soak: packages for Debian 13"
+  python3 "$root/tests/deploy/packages_test.py" trixie || failed=1
   SLALOM_IMAGE_FROM=source run_ctest release -R '_in_containers' || failed=1
   fuzz_all 60 || failed=1
   return "$failed"

@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 from contextlib import contextmanager
 
-from engine import skip
+from engine import ROOT, skip
 
 # Runs in namespaces of its own, so that no mount and no process is left behind.
 INSIDE = """
@@ -30,20 +30,38 @@ def compiler_cache():
     return found if found and pathlib.Path(found).is_dir() else ""
 
 
+def this_release():
+    return platform.freedesktop_os_release()["VERSION_CODENAME"]
+
+
 @contextmanager
-def bare_root():
-    """The folder of a new root of this machine's release of Debian. Archives of packages are shared with this machine."""
+def bare_root(release=None):
+    """The folder of a new root of a release of Debian, by default this machine's. Archives of packages are shared with it."""
     if os.geteuid() != 0:
         skip("a root of its own needs root")
     if shutil.which("mmdebstrap") is None:
         skip("mmdebstrap is not installed")
     with tempfile.TemporaryDirectory(prefix="slalom-bare-") as scratch:
         root = pathlib.Path(scratch) / "root"
-        subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", platform.freedesktop_os_release()["VERSION_CODENAME"], root],
-                       check=True, stdin=subprocess.DEVNULL)
+        subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", release or this_release(), root], check=True,
+                       stdin=subprocess.DEVNULL)
         for file in ("etc/resolv.conf", "etc/hosts"):
             shutil.copy(f"/{file}", root / file)
         yield root
+
+
+def copy_checkout(root):
+    """A clone under the same path in the root, with what has changed in the work tree since the last commit. Returns its folder."""
+    checkout = root / str(ROOT).lstrip("/")  # The same path, for the compiler's cache.
+    checkout.parent.mkdir(parents=True, exist_ok=True)
+    subprocess.run(["git", "clone", "--quiet", ROOT, checkout], check=True)
+    listed = subprocess.run(["git", "-C", ROOT, "ls-files", "-z", "--modified", "--others", "--exclude-standard"],
+                            check=True, stdout=subprocess.PIPE, text=True).stdout
+    for name in filter(None, listed.split("\0")):
+        if (ROOT / name).exists():
+            (checkout / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, checkout / name)
+    return checkout
 
 
 def run_inside(root, command, cache=""):

@@ -9,12 +9,10 @@ for the times that README gives. Archives of packages are shared in both cases.
 """
 
 import json
-import shutil
-import subprocess
 import sys
 import time
 
-from bare_root import bare_root, compiler_cache, run_inside
+from bare_root import bare_root, compiler_cache, copy_checkout, run_inside
 from engine import ROOT, say
 
 LEAST_SUCCESS = 0.95
@@ -27,25 +25,12 @@ print(slalom.evaluate(slalom.Policy.load(sys.argv[1]), "static-validation", epis
 """
 
 
-def copy_checkout(checkout):
-    """A clone, with what has changed in the work tree since the last commit."""
-    subprocess.run(["git", "clone", "--quiet", ROOT, checkout], check=True)
-    listed = subprocess.run(["git", "-C", ROOT, "ls-files", "-z", "--modified", "--others", "--exclude-standard"],
-                            check=True, stdout=subprocess.PIPE, text=True).stdout
-    for name in filter(None, listed.split("\0")):
-        if (ROOT / name).exists():
-            (checkout / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, checkout / name)
-
-
 def main():
     arguments = sys.argv[1:]
     cold = arguments[:1] == ["--cold"]
     command = arguments[cold:] or FIRST_COMMAND
     with bare_root() as root:
-        checkout = root / str(ROOT).lstrip("/")  # The same path, for the compiler's cache.
-        checkout.parent.mkdir(parents=True, exist_ok=True)
-        copy_checkout(checkout)
+        checkout = copy_checkout(root)
         say("a bare root, with a clone in it")
 
         def run(command, folder=ROOT):

@@ -25,6 +25,14 @@ PROMETHEUS_IMAGE = "slalom-prometheus:test"
 SKIPPED = 77  # ctest's SKIP_RETURN_CODE.
 
 
+# Each library in the image has its licence there, and so have those that are compiled into the program.
+LICENCES = """
+while read -r package version library; do test -s "/usr/share/doc/$package/copyright"; done </usr/share/slalom/libraries
+grep -q 'Permission is hereby granted' /usr/share/doc/slalom/copyright
+grep -q '= libtomlplusplus-dev =' /usr/share/doc/slalom/copyright
+"""
+
+
 class Failure(Exception):
     """What the test was to find."""
 
@@ -124,6 +132,7 @@ class Engine:
         with tempfile.TemporaryDirectory() as scratch:
             archive = pathlib.Path(scratch) / "root.tar"
             without = [f"--dpkgopt=path-exclude=/usr/share/{part}/*" for part in ("doc", "man", "locale")]  # As in Debian's own.
+            without.append("--dpkgopt=path-include=/usr/share/doc/*/copyright")
             run("mmdebstrap", "--quiet", "--variant=minbase", *without, SUITE, archive)
             self("import", "--change", 'CMD ["bash"]', archive, BASE)
 
@@ -140,6 +149,7 @@ class Engine:
             self.build_image_of(program)
         self("build", "--tag", PROMETHEUS_IMAGE, "--build-arg", f"BASE={BASE}", ROOT / "deploy/prometheus")
         self("run", "--rm", IMAGE, "config", "print", "configs/fast.toml")  # Presets are found by name.
+        self("run", "--rm", "--entrypoint", "sh", IMAGE, "-ec", LICENCES)
         size = int(self.inspect(IMAGE, "{{.Size}}"))
         say(f"{IMAGE} has {size / 1e6:.0f} MB")
 

@@ -30,9 +30,9 @@ max_steps = {max_steps}
 max_seconds = 0.0
 
 [task]
-observation_size = 3
-action_low = [-2.0]
-action_high = [2.0]
+observation_size = {observation_size}
+action_low = [-{action}]
+action_high = [{action}]
 
 [actor]
 num_environments = 4
@@ -47,9 +47,9 @@ head_layers = [64, 64]
 [learner]
 actor_learning_rate = 1e-3
 critic_learning_rate = 1e-3
-gamma = 0.98
+gamma = {gamma}
 n_step = 1
-reward_scale = 0.1
+reward_scale = {reward_scale}
 
 [service]
 replay = "tcp://127.0.0.1:{replay}"
@@ -94,7 +94,9 @@ def free_port():
         return probe.getsockname()[1]
 
 
-class ServiceTest(unittest.TestCase):
+class ServiceCase(unittest.TestCase):
+    """Tests with a service of their own."""
+
     def setUp(self):
         directory = tempfile.TemporaryDirectory()
         self.addCleanup(directory.cleanup)
@@ -102,10 +104,12 @@ class ServiceTest(unittest.TestCase):
         self.processes = []
         self.addCleanup(self.stop)
 
-    def config(self, max_steps=20000):
+    def config(self, max_steps=20000, observation_size=3, action=2.0, gamma=0.98, reward_scale=0.1):
+        """The file of a config, by default for the pendulum."""
         path = os.path.join(self.state, "own.toml")
         with open(path, "w", encoding="utf8") as file:
-            file.write(CONFIG.format(replay=free_port(), learner=free_port(), state=self.state, max_steps=max_steps))
+            file.write(CONFIG.format(replay=free_port(), learner=free_port(), state=self.state, max_steps=max_steps,
+                                     observation_size=observation_size, action=action, gamma=gamma, reward_scale=reward_scale))
         return path
 
     def start(self, role, config):
@@ -132,30 +136,37 @@ class ServiceTest(unittest.TestCase):
         with open(os.path.join(self.state, role + ".log"), encoding="utf8") as file:
             return file.read()
 
-    def test_a_pendulum_learns_to_stand(self):
-        config = self.config()
+    def train(self, make, config, seconds):
+        """Trains with one actor until the learner ends. Returns the policy and the returns of ten episodes that it drives."""
         self.start("replay", config)
         learner = self.start("learner", config)
-        actor = slalom.Actor(make_pendulum, config, name="python")
+        actor = slalom.Actor(make, config, name="python")
         thread, steps = self.drive(actor)
-        self.assertEqual(learner.wait(120), 0, self.log("learner"))
+        self.assertEqual(learner.wait(seconds), 0, self.log("learner"))
         actor.stop()
         thread.join()
         self.assertGreater(steps["made"], 15000)
         self.assertEqual(steps["made"], steps["accepted"] + steps["kept"] + steps["lost"])
         self.assertEqual(steps["lost"], 0)
         policy = slalom.Policy.load(os.path.join(self.state, "learner", "policy.safetensors"))
-        self.assertEqual(policy.bounds, (np.array([-2.0]), np.array([2.0])))
+        _, high = policy.bounds
         returns = []
         for seed in range(10):
-            environment = make_pendulum()
+            environment = make()
             observation, _ = environment.reset(seed=1000 + seed)
             first, total, ended = True, 0.0, False
             while not ended:
                 action = policy.act(observation[None], [first])[0]
-                observation, reward, _, ended, _ = environment.step(2 * action)
-                total, first = total + float(reward), False
+                observation, reward, terminated, truncated, _ = environment.step(high * action)
+                total, first, ended = total + float(reward), False, terminated or truncated
             returns.append(total)
+        return policy, returns
+
+
+class ServiceTest(ServiceCase):
+    def test_a_pendulum_learns_to_stand(self):
+        policy, returns = self.train(make_pendulum, self.config(), 120)
+        self.assertEqual(policy.bounds, (np.array([-2.0]), np.array([2.0])))
         self.assertGreater(np.mean(returns), -300.0, "a pendulum that nobody drives has about -1,200")
 
     def test_what_an_environment_raises_loses_no_step(self):
