@@ -63,9 +63,10 @@ TEST_F(CompareTest, GroupsSeedsAndWritesEveryForm) {
   EXPECT_THAT(result.out, HasSubstr(text("compare.md")));
   EXPECT_THAT(text("compare.csv"), HasSubstr("slow,,seeds,,2.000000,,\n"));
   EXPECT_THAT(text("compare.html"), HasSubstr("\"label\":\"slow\""));
-  // Its own output is replaced; another command's is not.
-  EXPECT_EQ(Run({"dwa", "--output", "compared"}).exit_code, 0);
-  ExpectError({"dwa", "--output", "slow-1"}, HasSubstr("no output of `slalom compare`"));
+  // Output that exists is replaced only if told so, whoever wrote it.
+  ExpectError({"dwa", "--output", "compared"}, HasSubstr("replace files with --force"));
+  EXPECT_EQ(Run({"dwa", "--output", "compared", "--force"}).exit_code, 0);
+  ExpectError({"dwa", "--output", "slow-1"}, HasSubstr("slow-1: holds"));
   EXPECT_EQ(Run({"dwa", "slow-1"}).exit_code, 0) << "nothing needs to be written";
   const ProgramResult two = Run({"--agent", "a", "dwa", "slow-1", "--agent", "b", "slow-2"});
   EXPECT_THAT(two.out, AllOf(HasSubstr("| a | 2 |"), HasSubstr("| b | 1 |")));
