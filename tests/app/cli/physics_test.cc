@@ -109,8 +109,9 @@ TEST_F(PhysicsTest, SeveralAreComparedInTheSameEpisodes) {
       RunProgram({"compare", "--agent", "dwa", "all/slalom", "all/ode"}, scratch_.path());
   EXPECT_EQ(mixed.exit_code, 1);
   EXPECT_THAT(mixed.err, AllOf(HasSubstr("agent dwa"), HasSubstr("physics slalom and ode")));
-  // Its own output is replaced.
-  EXPECT_EQ(Evaluate({"--physics", "slalom,ode", "--output", "all"}).exit_code, 0);
+  // Its own output is replaced if told so.
+  EXPECT_EQ(Evaluate({"--physics", "slalom,ode", "--output", "all"}).exit_code, 1);
+  EXPECT_EQ(Evaluate({"--physics", "slalom,ode", "--output", "all", "--force"}).exit_code, 0);
 }
 
 }  // namespace
