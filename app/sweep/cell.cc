@@ -21,7 +21,6 @@
 #include "app/train/run_config.h"
 #include "app/train/run_identity.h"
 #include "app/train/run_limits.h"
-#include "app/train/scoring.h"
 #include "app/train/sweep_files.h"
 #include "base/config.h"
 #include "base/error.h"

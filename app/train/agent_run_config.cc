@@ -9,7 +9,9 @@
 
 #include "app/train/run_config.h"
 #include "base/config.h"
+#include "base/error.h"
 #include "base/log.h"
+#include "eval/oracle_agent.h"
 #include "planners/planner_agent.h"
 #include "sim/environments.h"
 #include "sim/lidar.h"
@@ -34,9 +36,24 @@ AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_o
   return config;
 }
 
+std::vector<std::string> PlannerAndOracleNames() {
+  std::vector<std::string> names = planners::PlannerNames();
+  names.emplace_back(eval::kOracle);
+  return names;
+}
+
 eval::MakeAgent MakePlanners(const std::string& name, const planners::PlannersConfig& config,
                              base::ParallelFor& parallel) {
-  (void)planners::NavigationOf(name, config);  // Before any work, that there is one.
+  const std::vector<std::string> names = PlannerAndOracleNames();
+  if (std::ranges::find(names, name) == names.end()) {
+    throw base::Error(
+        fmt::format("there is no planner '{}', expected one of {}", name, fmt::join(names, ", ")));
+  }
+  if (name == eval::kOracle) {
+    return [&parallel](const sim::CourseEnvironments& environments) {
+      return std::make_unique<eval::OracleAgent>(environments, &parallel);
+    };
+  }
   return [name, config, &parallel](const sim::CourseEnvironments& environments) {
     const sim::EnvironmentConfig& environment = environments.config();
     const sim::LidarConfig& lidar = environment.lidar;

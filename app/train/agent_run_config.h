@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "app/train/run_config.h"
 #include "base/parallel.h"
@@ -53,9 +54,12 @@ std::optional<AgentRunConfig> DefaultsOfPublishedRuns(std::string_view protocol)
 /// protocol that it asks for has defaults of its own, the second time on these.
 AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_over);
 
-/// Returns the makers of agents that drive evaluations as the classical planner `name` does.
-/// `parallel`: threads on which they plan, which must outlive them. Throws `base::Error` if there
-/// is no such planner (the error lists them).
+/// The names of what drives without training: the classical planners, and the oracle.
+std::vector<std::string> PlannerAndOracleNames();
+
+/// Returns the makers of agents that drive evaluations as the classical planner `name`, or the
+/// oracle, does. `parallel`: threads on which they plan, which must outlive them. Throws
+/// `base::Error` if there is no such planner (the error lists them).
 eval::MakeAgent MakePlanners(const std::string& name, const planners::PlannersConfig& config,
                              base::ParallelFor& parallel);
 

@@ -15,7 +15,6 @@
 #include "base/log.h"
 #include "base/progress.h"
 #include "base/version.h"
-#include "eval/oracle_agent.h"
 #include "policy/policy_agent.h"
 #include "sim/courses/course_overlap.h"
 #include "sim/pictures/course_render.h"
@@ -118,29 +117,11 @@ Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& p
   return scoring;
 }
 
-std::vector<std::string> PlannerAndOracleNames() {
-  std::vector<std::string> names = planners::PlannerNames();
-  names.emplace_back(eval::kOracle);
-  return names;
-}
-
 Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
                        const std::string& courses_spec, base::ParallelFor& parallel) {
-  const eval::Provenance provenance{
-      .agent = name, .kind = "planner", .source = name, .course_set = courses_spec};
-  const std::vector<std::string> names = PlannerAndOracleNames();
-  if (std::ranges::find(names, name) == names.end()) {
-    throw base::Error(
-        fmt::format("there is no planner '{}', expected one of {}", name, fmt::join(names, ", ")));
-  }
-  if (name == eval::kOracle) {
-    const auto make_oracle = [&parallel](const sim::CourseEnvironments& environments) {
-      return std::make_unique<eval::OracleAgent>(environments, &parallel);
-    };
-    return Prepare(config, config.courses.Resolve(courses_spec), make_oracle, provenance);
-  }
-  return Prepare(config, config.courses.Resolve(courses_spec),
-                 MakePlanners(name, config.planners, parallel), provenance);
+  eval::MakeAgent make_agent = MakePlanners(name, config.planners, parallel);
+  return Prepare(config, config.courses.Resolve(courses_spec), std::move(make_agent),
+                 {.agent = name, .kind = "planner", .source = name, .course_set = courses_spec});
 }
 
 std::optional<Scores> Score(const Scoring& scoring, base::ParallelFor& parallel,

@@ -4,7 +4,6 @@
 #include <optional>
 #include <stop_token>
 #include <string>
-#include <vector>
 
 #include "app/train/agent_run_config.h"
 #include "app/train/run_config.h"
@@ -44,9 +43,6 @@ eval::MakeAgent MakeAgentsOf(const policy::PolicySnapshot& policy, const RunConf
 Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
                       const RunConfig& config, const std::string& courses_spec,
                       const std::optional<CoursesConfig>& trained);
-
-/// The names of what drives without training: the classical planners, and the oracle.
-std::vector<std::string> PlannerAndOracleNames();
 
 /// Prepares to drive the classical planner `name`, or the oracle, likewise. `parallel`: threads on
 /// which it plans. Throws `base::Error` if there is no such planner (the error lists them) or the
