@@ -299,6 +299,27 @@ TEST_F(Restart, WhatAServerForgotIsLostByItIfTheSpoolNoLongerHasIt) {
   EXPECT_EQ(lost(LossReason::kKilled), 0);
 }
 
+// The server has rows of a later session, so it takes none of the spool's and does not say how many
+// of them it has.
+TEST_F(Restart, AStateOlderThanTheServersMemoryLosesItsSpoolAsReplaced) {
+  ASSERT_NO_FATAL_FAILURE(MakeSpool());
+  const test::ScratchDirectory aside;
+  constexpr auto kAll =
+      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing;
+  std::filesystem::copy(scratch_.path(), aside.path(), kAll);
+  replay_.LetInAlways();
+  Start();
+  ASSERT_NO_FATAL_FAILURE(Until([&] { return replay_.session() > 1 && account().accepted > 500; }));
+  Kill();
+  std::filesystem::copy(aside.path(), scratch_.path(), kAll);
+  Start();
+  const StepAccount before = account();
+  ASSERT_GT(before.pending, 0);
+  ASSERT_NO_FATAL_FAILURE(Until([&] { return IsDriving(); }));
+  EXPECT_EQ(lost(LossReason::kReplaced), before.pending);
+  EXPECT_EQ(lost(LossReason::kKilled), 0);
+}
+
 TEST_F(Restart, ItIsWellWhileTheServerHoldsItsSpool) {
   ASSERT_NO_FATAL_FAILURE(MakeSpool());
   replay_.LetIn(3);

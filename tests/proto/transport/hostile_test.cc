@@ -197,7 +197,14 @@ TEST_P(HostileTest, AClientsBoundOnPartsHoldsToo) {
   EXPECT_EQ(HeaderOf(ReceiveFrom(service.server()).message), "hello again");
 }
 
-// By hand, as ZeroMQ sends nothing of a message before it is whole.
+/// A part of 48 KiB after which the message goes on. By hand, as ZeroMQ sends nothing of a message
+/// before it is whole.
+std::string LongPart() {
+  constexpr char kMoreAndLong = 3;
+  const std::string size("\0\0\0\0\0\0\xc0\0", 8);
+  return kMoreAndLong + size + std::string(48 << 10, 'x');
+}
+
 TEST(EndlessTest, AMessageWithoutEndEndsTheConnection) {
   ServerOptions options;
   options.max_message_bytes = 1 << 16;
@@ -205,9 +212,7 @@ TEST(EndlessTest, AMessageWithoutEndEndsTheConnection) {
   Service service(Wire::kPlaintext, options);
   RawSocket peer(service.server().endpoint());
   peer.ShakeHands();
-  constexpr char kMoreAndLong = 3;
-  const std::string size_of_48k("\0\0\0\0\0\0\xc0\0", 8);
-  const std::string part = kMoreAndLong + size_of_48k + std::string(48 << 10, 'x');
+  const std::string part = LongPart();
   Until([&] {
     const bool is_open = peer.Write(part);
     EXPECT_FALSE(service.server().Receive(1ms));
@@ -215,6 +220,31 @@ TEST(EndlessTest, AMessageWithoutEndEndsTheConnection) {
   });
   EXPECT_EQ(service.server().connections().ended.at(EndReason::kBytes), 1);
   EXPECT_EQ(service.server().malformed(), 0);
+}
+
+// What framing may add is allowed for generously, and small messages need little of it.
+TEST(EndlessTest, SmallMessagesSaveNothingForALongOne) {
+  ServerOptions options;
+  options.max_message_bytes = 1 << 16;
+  options.max_pending_bytes = 1 << 20;
+  options.max_messages_per_second = 1e9;
+  Service service(Wire::kPlaintext, options);
+  RawSocket peer(service.server().endpoint());
+  peer.ShakeHands();
+  const std::string of_two_parts("\1\1h\0\0", 5);
+  for (int i = 0; i < 8000; ++i) {
+    ASSERT_TRUE(peer.Write(of_two_parts));
+    EXPECT_EQ(HeaderOf(ReceiveFrom(service.server()).message), "h");
+  }
+  // Long enough for the server to look at its connections.
+  EXPECT_FALSE(service.server().Receive(300ms));
+  EXPECT_FALSE(service.server().Receive(1ms));
+  const std::string part = LongPart();
+  for (int i = 0; i < 40; ++i) peer.Write(part);
+  Until([&] {
+    EXPECT_FALSE(service.server().Receive(1ms));
+    return service.server().connections().ended.at(EndReason::kBytes) == 1;
+  });
 }
 
 TEST_P(HostileTest, HonestTrafficIsFarFromTheBoundOnPendingBytes) {
