@@ -212,9 +212,10 @@ void LearnerLoop::CountTime() {
 }
 
 void LearnerLoop::Publish() {
-  const auto shipped = [this] {
+  const auto shipped = [this](nn::Metadata metadata) {
     const policy::PolicySnapshot best = learner_.BestSnapshot();
-    return PolicyFile{best.version, policy::PrintPolicy(best, run_.Provenance())};
+    metadata.merge(run_.Provenance());
+    return PolicyFile{best.version, policy::PrintPolicy(best, metadata)};
   };
   sink_.Publish(learner_.Snapshot(), shipped, run_.steps());
   unpublished_ = 0;

@@ -13,9 +13,9 @@ struct PolicyFile {
   std::int64_t version = 0;
   std::string bytes;
 };
-/// Makes the policy that the run would save now. May be called until the next publication, on the
-/// loop's thread.
-using ShippedPolicy = std::function<PolicyFile()>;
+/// Makes the policy that the run would save now, with more metadata. May be called until the next
+/// publication, on the loop's thread.
+using ShippedPolicy = std::function<PolicyFile(nn::Metadata more)>;
 
 /// The destination of a learner's policies: the actor of this process, or all who ask over the
 /// network (`PolicyServer`). Confined to the loop's thread.

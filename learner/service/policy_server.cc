@@ -73,13 +73,13 @@ void PolicyServer::Publish(policy::PolicySnapshot acting, ShippedPolicy shipped,
 }
 
 PolicyServer::Message PolicyServer::MakeMessage(Kind kind) {
+  const nn::Metadata of_run = {{proto::kIdentityMetadata, run_}};
   const PolicyFile file =
       kind == kShipped
-          ? shipped_()
-          : PolicyFile{
-                acting_->version,
-                policy::PrintPolicy(kind == kActing ? *acting_ : policy::WithoutPlanning(*acting_),
-                                    {{proto::kIdentityMetadata, run_}})};
+          ? shipped_(of_run)
+          : PolicyFile{acting_->version,
+                       policy::PrintPolicy(
+                           kind == kActing ? *acting_ : policy::WithoutPlanning(*acting_), of_run)};
   transport::Frame payload = transport::Frame::Copy(file.bytes);
   registry_.gauge(metrics::kPolicyBytes).Set(static_cast<double>(payload.size()));
   proto::Snapshot snapshot;

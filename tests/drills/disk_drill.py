@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
-"""disk_drill.py PROGRAM: disks that are full or read-only while snapshots and checkpoints are due. Needs root (tmpfs mounts).
+"""disk_drill.py PROGRAM: disks of all roles that are full, or read-only while snapshots and checkpoints are due. Needs root (tmpfs mounts).
 
-Passes if the replay server and the learner live on and say what is wrong, nothing that was acknowledged is lost, and all goes on
-once there is space again.
+Passes if every role lives on and says what is wrong, nothing that was acknowledged is lost, all goes on once there is space again, and
+steps that an actor cannot keep for its next start are counted as lost, the same on both sides.
 """
 
 import os
+import re
 import subprocess
 import sys
 
-from service import Service, check, main, wait_for
+from service import Service, check, check_accounts, main, wait_for
 
 
 def mount(path, megabytes):
@@ -42,14 +43,16 @@ def drill(program):
     if os.geteuid() != 0:
         print("SKIPPED: mounting a small file system needs root")
         sys.exit(77)
-    with Service(program, capacity=20000, updates_per_step=4.0) as service:  # Thousands of updates are always due.
-        disks = [os.path.join(service.state, "replay"), os.path.join(service.state, "learner")]
+    # Thousands of updates are always due.
+    with Service(program, capacity=20000, updates_per_step=4.0, more_config="[evaluator_service]\ninterval = 1.0\n",
+                 test="static-validation") as service:
+        disks = [os.path.join(service.state, name) for name in ("replay", "learner", "actors/actor-0", "evaluators/evaluator")]
         for disk in disks:
             mount(disk, 200)
         try:
-            roles = replay, learner, actor = [
+            roles = replay, learner, actor, evaluator = [
                 service.add("replay", extra=("--set", "replay_server.segment_bytes=4194304")), service.add("learner"),
-                service.add("actor", "actor-0")]
+                service.add("actor", "actor-0"), service.add("evaluator", extra=("--set", "evaluation.episodes_per_course=1"))]
             for process in roles:
                 process.start()
             wait_for("updates", lambda: service.figure("learner", "learner", "updates") > 200)
@@ -87,9 +90,38 @@ def drill(program):
                 end(thing)
                 wait_for("the next checkpoint", lambda: learner.metric("slalom_checkpoints_total") > good)
                 print(f"learner: disk {name}, training went on, checkpoints came back", flush=True)
+
+            # The evaluator's disk full: it scores on, and keeps scores and policies again once there is space.
+            filler = fill(disks[3])
+            wait_for("scores that cannot be written", lambda: "No space left" in evaluator.log_text(), 120.0)
+            scored = service.figure("evaluator", "evaluator", "evaluations")
+            wait_for("the next score", lambda: service.figure("evaluator", "evaluator", "evaluations") > scored, 120.0)
+            os.remove(filler)
+            scores = os.path.join(disks[3], "scores.csv")
+            before = os.path.getsize(scores)
+            wait_for("the next line of scores", lambda: os.path.getsize(scores) > before, 120.0)
+            print("evaluator: disk full, scoring went on, scores are written again", flush=True)
             for process in roles:
                 process.check_alive()
-            for process in reversed(roles):
+
+            # The actor's disk full: it drives on. What it cannot deliver at its end has no place and is lost, and it says so.
+            filler = fill(disks[2])
+            made = actor.metric("slalom_environment_steps_total")
+            wait_for("steps with a full disk", lambda: actor.metric("slalom_environment_steps_total") > made + 2000)
+            replay.kill()
+            wait_for("steps that wait", lambda: actor.metric("slalom_steps_pending") > 0)
+            code, _ = actor.stop(30.0)
+            check(code != 0 and "No space left" in actor.log_text(), f"it ended with {code}: {actor.log_text()[-1500:]}")
+            os.remove(filler)
+            replay.start()
+            actor.start()
+            made = wait_for("the actor's metrics", lambda: actor.metric("slalom_environment_steps_total"))
+            wait_for("steps again", lambda: actor.metric("slalom_environment_steps_total") > made)
+            said = int((re.search(r"(\d+) steps of session \d+ are lost", actor.log_text()) or [0, 0])[1])
+            made, lost = check_accounts(service)
+            check(said == lost > 0, f"{lost} steps are lost, and the actor's log speaks of {said}")
+            print(f"actor: disk full, {made} steps made, {lost} of them without a place at its end, 0 unaccounted", flush=True)
+            for process in (evaluator, replay):
                 code, _ = process.stop(10.0)
                 check(code == 0, f"{process.name} ended with {code}")
         finally:

@@ -116,7 +116,7 @@ class FakeSource final : public BatchSource {
 struct FakeSink final : PolicySink {
   void Publish(policy::PolicySnapshot acting, ShippedPolicy shipped, std::int64_t) override {
     versions.push_back(acting.version);
-    EXPECT_EQ(shipped().version, acting.version);
+    EXPECT_EQ(shipped({}).version, acting.version);
   }
   void Serve() override { ++num_served; }
 

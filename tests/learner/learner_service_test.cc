@@ -20,6 +20,7 @@
 #include "metrics/catalogue.h"
 #include "policy/policy_spec.h"
 #include "proto/policy_link.h"
+#include "proto/run_identity.h"
 #include "tests/learner/filled_replay.h"
 #include "tests/support/scratch_directory.h"
 
@@ -263,6 +264,9 @@ TEST(LearnerServiceTest, AReaderMayAskForThePolicyThatTheRunSaves) {
   EXPECT_NE(policy::PrintPolicy(served.at(false).snapshot, {}),
             policy::PrintPolicy(saved.snapshot, {}));
   EXPECT_EQ(served.at(true).metadata.at("config"), saved.metadata.at("config"));
+  for (const auto& [shipped, policy] : served) {
+    EXPECT_TRUE(policy.metadata.contains(proto::kIdentityMetadata)) << "shipped: " << shipped;
+  }
   EXPECT_FALSE(served.at(false).metadata.contains("config"));
 }
 
