@@ -64,8 +64,8 @@ def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
     agent: a `Policy`, or any function of (observations, first) that returns actions, as
     `Policy.act` has them. It is called with a batch and must choose each action without regard to
     the others. With observation="vector" its observations are [B, N + S] float32. Or the name of a
-    classical planner: "dwa", "teb", "eband" or "mppi", with the settings and the task of `slalom
-    evaluate --agent` (20 commands a second, docs/planners.md).
+    classical planner, "dwa", "teb", "eband" or "mppi", or "oracle", with the settings and the task
+    of `slalom evaluate --agent` (20 commands a second, docs/planners.md).
     name: what reports call it.
     seed: the same seed gives every agent the same episodes, those of `slalom evaluate --seed`.
     protocol: "paper", "dwa-runs" or "barn-challenge" (docs/evaluation.md).

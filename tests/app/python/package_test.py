@@ -507,6 +507,7 @@ class EvaluateTest(unittest.TestCase):
             with self.assertRaisesRegex(slalom.Error, "holds a report already"):
                 slalom.report([straight], output)
             slalom.report([straight], output, force=True)
+        self.assertEqual(slalom.evaluate("oracle", "generated:1:2", episodes=1).success_rate, 1.0)
         with self.assertRaisesRegex(slalom.Error, "rrt"):
             slalom.evaluate("rrt", COURSES)
 
