@@ -9,8 +9,8 @@ PRESET = """\
 [run]
 name = "small"
 max_steps = {steps}
-learning_starts = 500
-updates_per_step = 0.02
+learning_starts = {learning_starts}
+updates_per_step = {updates_per_step}
 log_interval = 1.0
 [courses]
 train = "generated:3:2"
@@ -40,12 +40,14 @@ courses = "generated:4:2"
 episodes = 2
 """
 CELLS = 4
+LEARNING_STARTS = 500
+UPDATES_PER_STEP = 0.02
 
 
 def write_plan(folder, steps):
     """Writes plan.toml and its preset. Returns the plan's path."""
     folder = pathlib.Path(folder)
-    (folder / "small.toml").write_text(PRESET.format(steps=steps))
+    (folder / "small.toml").write_text(PRESET.format(steps=steps, learning_starts=LEARNING_STARTS, updates_per_step=UPDATES_PER_STEP))
     (folder / "plan.toml").write_text(PLAN)
     return folder / "plan.toml"
 
@@ -64,11 +66,16 @@ def results(store):
 
 def weights(policy):
     """A safetensors file without its metadata, which hold how long the training took."""
+    header, tensors = read_policy(policy)
+    del header["__metadata__"]
+    return header, tensors
+
+
+def read_policy(policy):
+    """Header and tensors of a safetensors file."""
     content = policy.read_bytes()
     size = int.from_bytes(content[:8], "little")
-    header = json.loads(content[8:8 + size])
-    del header["__metadata__"]
-    return header, content[8 + size:]
+    return json.loads(content[8:8 + size]), content[8 + size:]
 
 
 def require_equal(store, expected, what):

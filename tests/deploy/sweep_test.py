@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """A sweep by containers that share a directory, as Compose scales them and as a job of a one-node Swarm: the bits of a sweep on
-this machine alone, and no cell twice.
+this machine alone, and no cell twice. Then one whose cells are trained by services in the containers.
 
     sweep_test.py PROGRAM
 
@@ -16,10 +16,11 @@ import sys
 import tempfile
 
 from engine import IMAGE, ROOT, Failure, run, running_engine, say, wait_for
-from sweep_plan import CELLS, require_equal, results, run_here, write_plan
+from sweep_plan import CELLS, LEARNING_STARTS, UPDATES_PER_STEP, read_policy, require_equal, results, run_here, write_plan
 
 PROJECT = "slalom_sweep_test"
 STEPS = 400000
+SERVICE_STEPS = 40000
 WORKERS = 2
 USER = 10001  # The image's.
 
@@ -45,6 +46,11 @@ def main():
             test(engine, environment, store)
             require_equal(store, expected, test.__name__)
             require_once(store)
+        store = new_store(folder / "services")
+        environment = dict(environment, SLALOM_SWEEPS=str(store), SLALOM_SWEEP_CPUS="2",
+                           SLALOM_SWEEP_SETS=f"sweep.name=shared sweep.trainer=service sweep.actors=2 run.max_steps={SERVICE_STEPS}")
+        by_compose(engine, environment, store)
+        require_services(store)
         say("passed")
 
 
@@ -69,6 +75,19 @@ def require_once(store):
             raise Failure(f"cell {cell.name} was begun {begun} times:\n{(cell / 'log.txt').read_text()}")
     if len(hosts) != WORKERS:
         raise Failure(f"the cells were trained by {len(hosts)} containers, expected {WORKERS}")
+
+
+def require_services(store):
+    """Throws `Failure` unless each cell was trained by a service of two actors, made all updates that its steps earn, and has a score."""
+    updates = int(UPDATES_PER_STEP * (SERVICE_STEPS - LEARNING_STARTS))
+    for cell in store.glob("cells/*"):
+        header, _ = read_policy(cell / "run/policy.safetensors")
+        made = int(header["__metadata__"]["updates"])
+        if made < updates or not list(cell.glob("scores/*/evaluation.json")):
+            raise Failure(f"cell {cell.name}: {made} updates, expected {updates} and a score: {sorted(cell.rglob('*'))}")
+        log = (cell / "log.txt").read_text()
+        if not all(f"actor 'actor-{i}'" in log for i in (1, 2)):
+            raise Failure(f"cell {cell.name} was not trained by two actors:\n{log}")
 
 
 def by_compose(engine, environment, store):
