@@ -38,6 +38,8 @@ std::filesystem::path PrioritiesPath(const std::filesystem::path& directory) {
   return directory / "priorities";
 }
 
+std::filesystem::path RunPath(const std::filesystem::path& directory) { return directory / "run"; }
+
 std::filesystem::path CursorsPath(const std::filesystem::path& directory) {
   return directory / "cursors";
 }

@@ -10,8 +10,10 @@
 #include <vector>
 
 #include "base/check.h"
+#include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "proto/run_identity.h"
 
 namespace slalom::replay {
 namespace {
@@ -43,6 +45,23 @@ JournalOptions JournalOptionsOf(const ReplayServerConfig& config, const ReplaySe
               std::chrono::duration<double>(config.sync_interval)),
           .shape = spec.shape,
           .spec_hash = spec.spec_hash};
+}
+
+/// Throws `base::Error` if a journal holds rows of another run, and notes this run if it does not
+/// say which it is of: it is empty, or an earlier version wrote it.
+void RequireSameRun(const std::filesystem::path& directory, const proto::RunIdentity& run,
+                    bool has_rows) {
+  const std::filesystem::path path = RunPath(directory);
+  if (has_rows && base::Exists(path)) {
+    const std::string keys =
+        proto::DescribeDifference(run, proto::ParseIdentity(base::ReadFile(path)));
+    if (keys.empty()) return;
+    throw base::Error(fmt::format(
+        "{}: holds rows of another run: {}; set these keys back, or give this run another "
+        "service.state",
+        directory.string(), keys));
+  }
+  base::WriteFileAtomically(path, proto::PrintIdentity(run));
 }
 
 /// Returns the roles that may send a message; none if it is not meant for this server.
@@ -112,6 +131,7 @@ ReplayServer::ReplayServer(const ReplayServerConfig& config, const ReplayServerS
     lock.emplace(options.directory);
     Recovered recovered = RecoverJournal(options, spec_.table);
     for (const std::string& note : recovered.notes) spdlog::warn("replay journal: {}", note);
+    RequireSameRun(options.directory, spec_.run, recovered.sessions.accepted_steps() > 0);
     spdlog::info(
         "replay journal {}: {} steps in the table, {} ever accepted; lost to damage: {}, to a loss "
         "of power: {}",

@@ -20,7 +20,8 @@ class RunningServer {
   static constexpr std::uint64_t kSeed = 5;
 
   explicit RunningServer(const ReplayServerConfig& config = {},
-                         transport::ServerSecurity security = {}, int max_connections = 64)
+                         transport::ServerSecurity security = {}, int max_connections = 64,
+                         proto::RunIdentity run = {{"run.seed", "5"}})
       : registry_("replay", "replay"),
         server_(config,
                 {.endpoint = "tcp://127.0.0.1:*",
@@ -32,7 +33,7 @@ class RunningServer {
                  .seed = kSeed,
                  .updates_per_step = 10.0,
                  .learning_starts = 8,
-                 .run = {{"run.seed", "5"}}},
+                 .run = std::move(run)},
                 context_, registry_),
         thread_([this](std::stop_token stop) { server_.Run(stop); }) {}
 

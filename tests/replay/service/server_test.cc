@@ -384,6 +384,38 @@ TEST(ReplayServerTest, AProcessOfAnotherRunIsToldWhichKeysDiffer) {
   EXPECT_TRUE(actor.Expect<proto::Welcome>());
 }
 
+TEST(ReplayServerTest, AJournalOfAnotherRunIsRefusedOnceItHasRows) {
+  const test::ScratchDirectory scratch;
+  ReplayServerConfig config;
+  config.directory = (scratch.path() / "replay").string();
+  const proto::RunIdentity other = {{"courses.train", "\"dynamic-box\""}};
+  { const RunningServer empty(config, {}, 64, other); }
+  {
+    RunningServer server(config);
+    transport::Context context;
+    TestPeer actor(context, server.endpoint());
+    actor.Send(HelloOf("actor", "a", 1));
+    ASSERT_TRUE(actor.Expect<proto::Welcome>());
+    RowsSource source(kBeams, kStreams, 1);
+    Table same({.capacity = 500}, kBeams);
+    InsertAll(actor, source, &same, 1, 0, 2);
+  }
+  try {
+    const RunningServer server(config, {}, 64, other);
+    FAIL() << "rows of two runs are mixed";
+  } catch (const base::Error& error) {
+    EXPECT_EQ(std::string(error.what()),
+              config.directory +
+                  ": holds rows of another run: courses.train is \"dynamic-box\", expected the "
+                  "default; run.seed is the default, expected 5; set these keys back, or give this "
+                  "run another service.state");
+  }
+  { const RunningServer again(config); }
+  std::filesystem::remove(RunPath(config.directory));  // As an earlier version leaves it.
+  { const RunningServer adopts(config, {}, 64, other); }
+  EXPECT_THROW(const RunningServer server(config), base::Error);
+}
+
 TEST(ReplayServerTest, NobodyReportsForAnother) {
   RunningServer server;
   transport::Context context;
