@@ -48,6 +48,7 @@ std::filesystem::path PrioritiesPath(const std::filesystem::path& directory);
 
 /// Returns the path of the file that says which run the rows are of (`proto::PrintIdentity`).
 std::filesystem::path RunPath(const std::filesystem::path& directory);
+
 /// Returns the path of the file that keeps the learners' cursors (`RateLimiter::PrintCursors`).
 std::filesystem::path CursorsPath(const std::filesystem::path& directory);
 

@@ -6,11 +6,10 @@ steps that an actor cannot keep for its next start are counted as lost, the same
 """
 
 import os
-import re
 import subprocess
 import sys
 
-from service import Service, check, check_accounts, main, wait_for
+from service import Service, check, check_accounts, main, said_lost, wait_for
 
 
 def mount(path, megabytes):
@@ -117,7 +116,7 @@ def drill(program):
             actor.start()
             made = wait_for("the actor's metrics", lambda: actor.metric("slalom_environment_steps_total"))
             wait_for("steps again", lambda: actor.metric("slalom_environment_steps_total") > made)
-            said = int((re.search(r"(\d+) steps of session \d+ are lost", actor.log_text()) or [0, 0])[1])
+            said = said_lost(actor)
             made, lost = check_accounts(service)
             check(said == lost > 0, f"{lost} steps are lost, and the actor's log speaks of {said}")
             print(f"actor: disk full, {made} steps made, {lost} of them without a place at its end, 0 unaccounted", flush=True)

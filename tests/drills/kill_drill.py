@@ -10,7 +10,7 @@ import re
 import statistics
 import time
 
-from service import Service, check, check_accounts, main, wait_for
+from service import Service, check, check_accounts, main, said_lost, wait_for
 
 
 def drill(program, kills="30", seed="1"):
@@ -51,10 +51,7 @@ def drill(program, kills="30", seed="1"):
         wait_for("a policy that drives",
                  lambda: statistics.mean(service.figure("actor", a.name, "success_rate") for a in actors) > 0.5, 240.0)
         made, lost = check_accounts(service)
-        said = 0
-        for actor in actors:
-            with open(actor.log, errors="replace") as log:
-                said += sum(map(int, re.findall(r"(\d+) steps of session \d+ are lost", log.read())))
+        said = sum(map(said_lost, actors))
         check(said == lost, f"{lost} steps are lost, and the actors' logs speak of {said}")
         code, _ = replay.stop()
         check(code == 0, f"the replay server ended with {code}")

@@ -26,6 +26,8 @@ class Group:
             os.mkdir(self.path)
             self.write(self.limit, self.unlimited)
         except OSError as error:
+            if os.path.isdir(self.path):
+                os.rmdir(self.path)
             print(f"SKIPPED: {error}: no control group with a limit on memory here")
             sys.exit(77)
         # Else the kernel would move memory to the swap, where there is one.

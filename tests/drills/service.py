@@ -213,6 +213,12 @@ def final_account(actor):
     return made, accepted, kept, lost
 
 
+def said_lost(actor):
+    """How many steps are lost as an actor's log says, of all its starts."""
+    with open(actor.log, errors="replace") as log:
+        return sum(map(int, re.findall(r"(\d+) steps of session \d+ are lost", log.read())))
+
+
 def check_accounts(service):
     """Stops the learner and the actors of a service that otherwise runs; both sides must agree to the step. (made, lost)"""
     for process in service.processes:

@@ -21,7 +21,7 @@ constexpr FlowControl::Options kOptions{
     .window_bytes = 4000, .room_bytes = 1000, .chunk_bytes = 400};
 constexpr FlowControl::Time kStart{std::chrono::hours(1)};
 
-/// Two sessions that have all the room, and a third one that waits.
+/// A session that has all the room, and two that wait.
 class FlowControlTest : public ::testing::Test {
  protected:
   FlowControlTest() {
