@@ -107,12 +107,11 @@ void PowerLoss::Observed(const std::string& function, int fd, const char* path) 
   if (!IsBelowRoot(place)) return;
   const std::lock_guard lock(mutex_);
   if (function == "made") {
-    // The number may have been that of a file that was removed.
-    struct stat status {};
-    if (::stat(place.c_str(), &status) == 0) nodes_.erase(status.st_ino);
+    NodeOf(place);
     return;
   }
   Fail(function + " " + place.lexically_relative(root_).string());
+  if (function == "open" || function == "mkdir") being_made_.insert(place);
   if (function != "fsync" && function != "fdatasync") return;
   fs::is_directory(place) ? SyncDirectory(place) : SyncFile(place);
 }
@@ -126,7 +125,8 @@ std::shared_ptr<PowerLoss::Node> PowerLoss::NodeOf(const fs::path& path) {
   struct stat status {};
   if (::stat(path.c_str(), &status) != 0) return std::make_shared<Node>();  // Removed meanwhile.
   std::shared_ptr<Node>& node = nodes_[status.st_ino];
-  if (!node) node = std::make_shared<Node>();
+  // The number of one that is new may have been that of a file that was removed.
+  if (being_made_.erase(path) > 0 || !node) node = std::make_shared<Node>();
   return node;
 }
 

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -65,6 +66,8 @@ class PowerLoss {
   std::mutex mutex_;
   int promised_ = 0;
   std::map<ino_t, std::shared_ptr<Node>> nodes_;
+  /// Announced, and not seen yet. Another thread may see them before their maker says so.
+  std::set<std::filesystem::path> being_made_;
   std::map<std::string, Loss> last_;  // By way.
   std::vector<Loss> losses_;
 };
