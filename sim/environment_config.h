@@ -173,6 +173,7 @@ struct LocalisationConfig {
   double speed_noise = 0.0;
   double turn_rate_noise = 0.0;
   double speed_delay = 0.0;
+  bool decides_arrival = false;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -193,6 +194,9 @@ struct LocalisationConfig {
     v("speed_delay", speed_delay, base::Range{0.0, kMaxSpeedDelay}, "s",
       "Age of the observed forward speed and turn rate. Between the ends of two control steps they "
       "are interpolated.");
+    v("decides_arrival", decides_arrival,
+      "The goal counts as reached when the robot believes that it is there, as one would stop that "
+      "nobody watches. If not, when it is there.");
   }
 };
 

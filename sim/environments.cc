@@ -262,7 +262,12 @@ bool CourseEnvironments::IsLookedAt(const Environment& environment) const {
 }
 
 bool CourseEnvironments::HasArrived(const Environment& environment) const {
-  if (environment.goal_distance < config_.episode.goal_tolerance) return true;
+  const Localisation& localisation = environment.localisation;
+  const double distance =
+      localisation.decides_arrival()
+          ? base::Norm(localisation.InRobotFrame(environment.scene->course().goal_W))
+          : environment.goal_distance;
+  if (distance < config_.episode.goal_tolerance) return true;
   if (config_.episode.finish_ahead <= 0.0) return false;
   const base::Pose2& start = environment.scene->course().start;
   const base::Vec2 gone = base::InverseTransform(start, environment.robot->pose().p);

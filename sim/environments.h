@@ -40,7 +40,8 @@ namespace slalom::sim {
 /// it begins, uniformly from 1000 s (0 on a course where nothing moves).
 ///
 /// Odometry and the observed goal follow from the robot's estimate of its pose
-/// (sim/localisation.h), rewards and success from its true pose.
+/// (sim/localisation.h), rewards and success from its true pose, unless
+/// `LocalisationConfig::decides_arrival`.
 ///
 /// Fields of `EnvironmentConfig::randomize` have values drawn from the episode's seed. The episode
 /// is the same, bit for bit, as that of a config with these values.

@@ -32,6 +32,8 @@ class Localisation {
 
   /// Whether the wheels tell it how far it has driven.
   bool from_wheels() const { return config_.from_wheels; }
+  /// Whether the robot has arrived when it believes so.
+  bool decides_arrival() const { return config_.decides_arrival; }
   /// The pose that the robot believes it has, with a heading in [-pi, pi).
   const base::Pose2& X_OR() const { return X_OR_; }
   /// The point p_W in the frame of the robot at its believed pose.

@@ -16,11 +16,12 @@ namespace slalom::sim {
 namespace {
 
 /// Fields, and sections that end in a dot, that are the same in all episodes, and why.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 8> kShared = {{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 9> kShared = {{
     {"robot.length", "start poses are checked, and pictures drawn, with one outline"},
     {"robot.width", "start poses are checked, and pictures drawn, with one outline"},
     {"robot.control_rate", "the robots of a batch are stepped together"},
     {"lidar.num_beams", "it is the shape of an observation"},
+    {"localisation.decides_arrival", "it is a rule of the episode"},
     {"action.", "it is what a policy's actions mean"},
     {"observation.", "it is what a policy's network sees"},
     {"reward.", "a policy learns from one reward"},

@@ -194,6 +194,29 @@ TEST(EnvironmentsTest, WheelsRollAsTheDriveLetsThem) {
   EXPECT_NEAR(odometry().linear, 0.5, 1e-6) << "the limit";
 }
 
+TEST(EnvironmentsTest, TheBeliefDecidesOnArrivalIfAsked) {
+  struct Distances {
+    double believed, really;
+  };
+  const auto drive = [](bool decides) {
+    EnvironmentConfig config = InstantDrive();
+    config.localisation.position_drift = 0.3;
+    config.localisation.decides_arrival = decides;
+    One one(config, Corridor(4.0, 20.0));
+    while (one.Step(0.5).outcome == Outcome::kRunning) {
+    }
+    const auto state = one.frame().state;
+    return Distances{std::hypot(state[0], state[1]), std::abs(4.0 - one.x())};
+  };
+  const double tolerance = EnvironmentConfig().episode.goal_tolerance;
+  const Distances at_goal = drive(false);
+  EXPECT_LT(at_goal.really, tolerance);
+  EXPECT_GT(at_goal.believed, tolerance);
+  const Distances at_belief = drive(true);
+  EXPECT_LT(at_belief.believed, tolerance);
+  EXPECT_GT(at_belief.really, tolerance);
+}
+
 TEST(EnvironmentsTest, GoalCountsAtTheEndOfAStepOnly) {
   EnvironmentConfig config = InstantDrive();
   config.episode.goal_tolerance = 0.05;
