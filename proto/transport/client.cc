@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -21,13 +22,15 @@ using std::chrono::milliseconds;
 constexpr milliseconds kReconnect{100};
 constexpr milliseconds kReconnectMax{1000};
 constexpr milliseconds kConnectTimeout{3000};
-/// How long it may take until somebody sees that ZeroMQ gave up.
-constexpr milliseconds kUpdateInterval{250};
+/// So long that ZeroMQ never connects again by itself.
+constexpr std::chrono::hours kNeverReconnect{24};
 
-constexpr int kEvents = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_CONNECT_RETRIED | ZMQ_EVENT_CLOSED |
-                        ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED |
-                        ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |
-                        ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
+constexpr int kEvents = ZMQ_EVENT_CONNECT_RETRIED | ZMQ_EVENT_CLOSED | ZMQ_EVENT_DISCONNECTED |
+                        ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
+                        ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
+
+/// So that many clients of a server that restarts do not all come at once.
+milliseconds Jitter() { return milliseconds(std::random_device()() % kReconnect.count()); }
 
 constexpr char kNobody[] = "nobody listens there";
 constexpr char kBroke[] = "the connection broke";
@@ -39,7 +42,7 @@ constexpr char kRefused[] = "our key is not on the server's allow list";
 }  // namespace
 
 Client::Client(Context& context, const ClientOptions& options)
-    : context_(context), options_(options) {
+    : context_(context), options_(options), pause_(kReconnect) {
   CheckEndpoint(options.endpoint);
   Open();
 }
@@ -51,7 +54,6 @@ void Client::Open() {
   const bool is_inproc = IsInproc(options_.endpoint);
   const int heartbeat = static_cast<int>(options_.heartbeat.count());
   socket_.set(zmq::sockopt::linger, 0);
-  socket_.set(zmq::sockopt::immediate, true);
   socket_.set(zmq::sockopt::sndhwm, options_.queue_messages);
   // As `Server`: a heartbeat must not find reading stopped.
   socket_.set(zmq::sockopt::rcvhwm, is_inproc ? options_.queue_messages : 0);
@@ -60,8 +62,7 @@ void Client::Open() {
   socket_.set(zmq::sockopt::heartbeat_timeout, 3 * heartbeat);
   socket_.set(zmq::sockopt::heartbeat_ttl, 3 * heartbeat);
   socket_.set(zmq::sockopt::handshake_ivl, 5 * heartbeat);
-  socket_.set(zmq::sockopt::reconnect_ivl, static_cast<int>(kReconnect.count()));
-  socket_.set(zmq::sockopt::reconnect_ivl_max, static_cast<int>(kReconnectMax.count()));
+  socket_.set(zmq::sockopt::reconnect_ivl, static_cast<int>(milliseconds(kNeverReconnect).count()));
   socket_.set(zmq::sockopt::connect_timeout, static_cast<int>(kConnectTimeout.count()));
   socket_.set(zmq::sockopt::ipv6, IsIpv6(options_.endpoint));
   if (options_.security.keys && !is_inproc) {
@@ -73,7 +74,7 @@ void Client::Open() {
     throw base::Error(fmt::format("{}: cannot connect ({}); expected tcp://HOST:PORT",
                                   options_.endpoint, zmq_strerror(zmq_errno())));
   }
-  given_up_.reset();
+  retry_at_.reset();
   connected_ = is_inproc;
   connections_ += is_inproc ? 1 : 0;
   trouble_ = is_inproc ? "" : "not connected yet";
@@ -81,8 +82,9 @@ void Client::Open() {
 
 void Client::Reconnect() { Open(); }
 
-// After some failures ZeroMQ never tries again: if the server refused our key, or if it sent
-// something that is not a message. The server may have been corrected since, so we try again.
+// Each attempt has a socket of its own. A socket that connects again by itself either sends what
+// was queued for the connection before (ZMQ_IMMEDIATE off), or aborts the process if the connection
+// breaks while a message is half read (on; libzmq 4.3.4, "Assertion failed: !_more").
 void Client::Update() {
   while (const auto event = monitor_->Next()) {
     switch (event->type) {
@@ -91,6 +93,7 @@ void Client::Update() {
         connected_ = true;
         trouble_.clear();
         warned_.clear();
+        pause_ = kReconnect;
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
         Warn(kRefused);
@@ -99,19 +102,19 @@ void Client::Update() {
       case ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL:
         Warn(kSilent);
         break;
-      case ZMQ_EVENT_DISCONNECTED:
-        if (connected_) trouble_ = kBroke;
-        connected_ = false;
-        given_up_ = Clock::now();
-        break;
       case ZMQ_EVENT_CLOSED:
         trouble_ = kNobody;
         break;
-      default:  // Connected or trying again.
-        given_up_.reset();
+      case ZMQ_EVENT_DISCONNECTED:
+        if (connected_) trouble_ = kBroke;
+        connected_ = false;
+        [[fallthrough]];
+      default:  // Trying again, or so ZeroMQ says.
+        if (!retry_at_) retry_at_ = Clock::now() + pause_ + Jitter();
     }
   }
-  if (given_up_ && Clock::now() - *given_up_ > kReconnectMax) {
+  if (retry_at_ && Clock::now() >= *retry_at_) {
+    pause_ = std::min(2 * pause_, kReconnectMax);
     const std::string trouble = trouble_;
     Open();
     trouble_ = trouble;
@@ -159,7 +162,11 @@ std::optional<Message> Client::Receive(milliseconds timeout) {
     if (num_parts > 0) continue;
     std::array<zmq::pollitem_t, 2> items{
         {{socket_.handle(), 0, ZMQ_POLLIN, 0}, {monitor_->handle(), 0, ZMQ_POLLIN, 0}}};
-    const milliseconds wait = std::min(remaining, kUpdateInterval);
+    milliseconds wait = remaining;
+    if (retry_at_) {
+      const auto until_retry = std::chrono::ceil<milliseconds>(*retry_at_ - Clock::now());
+      wait = std::clamp(until_retry, milliseconds(0), remaining);
+    }
     if (zmq_poll(items.data(), static_cast<int>(items.size()), wait.count()) < 0) {
       return std::nullopt;
     }

@@ -26,10 +26,11 @@ struct ClientOptions {
 
 /// The connecting end (a ZeroMQ DEALER socket).
 ///
-/// It connects in the background, and again whenever the connection breaks, with pauses that grow
-/// from 0.1 s to 1 s. Host names are looked up each time. Messages that were on their way when the
-/// connection broke are lost; the layer above must notice this and send them again. Over inproc the
-/// client counts as connected from the start, and only `Reconnect` connects it again.
+/// It connects in the background. Calls of its methods connect it again after a failed attempt or a
+/// broken connection, with pauses that grow from 0.1 s to 1 s. Host names are looked up each time.
+/// Messages that were on their way when the connection broke are lost; the layer above must notice
+/// this and send them again. Over inproc the client counts as connected from the start, and only
+/// `Reconnect` connects it again.
 ///
 /// Confined to the thread that made it.
 class Client {
@@ -80,8 +81,8 @@ class Client {
   bool connected_ = false;
   std::string trouble_;
   std::string warned_;  // The last trouble that was logged.
-  /// Time at which ZeroMQ last lost the connection without announcing that it will try again.
-  std::optional<Clock::time_point> given_up_;
+  std::chrono::milliseconds pause_;  // Before the next attempt, if this one fails.
+  std::optional<Clock::time_point> retry_at_;
 };
 
 }  // namespace slalom::transport
