@@ -44,6 +44,16 @@ class Group:
         with open(os.path.join(self.path, name), encoding="utf8") as file:
             return file.read()
 
+    def tighten(self):
+        """Sets a limit that the role will hit. Raises OSError if the kernel refuses it because the role just took more."""
+        used = int(self.read(self.used))
+        try:
+            # Below what it uses: it is refused while that cannot be given back, so it ends up a little above.
+            self.write(self.limit, str(used // 2))
+        except OSError:
+            self.write(self.limit, str(used + (1 << 16)))
+        return used
+
     def num_kills(self):
         return next(int(line.split()[1]) for line in self.read(self.kills).splitlines() if line.split()[0] == "oom_kill")
 
@@ -61,12 +71,7 @@ def drill(program):
 
             for process in service.processes:
                 group = groups[process.role]
-                used = int(group.read(group.used))
-                try:
-                    # Below what it uses: it is refused while that cannot be given back, so it ends up a little above.
-                    group.write(group.limit, str(used // 2))
-                except OSError:
-                    group.write(group.limit, str(used + (1 << 16)))
+                used = wait_for(f"a limit for the {process.name}", group.tighten)
                 code = wait_for(f"the kernel's end of the {process.name}", lambda: process.process.poll() or 0, 120.0)
                 check(code == -9 and group.num_kills() >= 1, f"{process.name} ended with {code}, {group.num_kills()} kills by the kernel")
                 process.process = None
