@@ -80,7 +80,7 @@ class Client {
   int connections_ = 0;
   bool connected_ = false;
   std::string trouble_;
-  std::string warned_;  // The last trouble that was logged.
+  std::string warned_;               // The last trouble that was logged.
   std::chrono::milliseconds pause_;  // Before the next attempt, if this one fails.
   std::optional<Clock::time_point> retry_at_;
 };
