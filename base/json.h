@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
@@ -15,5 +16,12 @@ bool IsShallowJson(std::string_view text);
 /// Parses JSON that somebody else may have written. A text that is none, or nested too deeply,
 /// becomes a value of which `is_discarded()` is true.
 nlohmann::json ParseJson(std::string_view text);
+
+/// The whole number that `value` is. Throws `nlohmann::json::exception` if it is none: nlohmann's
+/// own conversion makes 1 of 1.5, and what it makes of 1e300 is undefined.
+template <class Json>
+std::int64_t WholeNumber(const Json& value) {
+  return value.template get_ref<const std::int64_t&>();
+}
 
 }  // namespace slalom::base

@@ -137,7 +137,7 @@ Owner ParseOwner(const std::string& text) {
   try {
     Owner owner{.token = json.value("token", ""),
                 .machine = json.value("machine", ""),
-                .pid = json.value("pid", 0L),
+                .pid = base::WholeNumber(json.at("pid")),
                 .start = json.value("start", "")};
     return IsToken(owner.token) ? owner : Owner{};
   } catch (const nlohmann::json::exception&) {

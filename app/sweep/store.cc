@@ -9,6 +9,7 @@
 
 #include "app/sweep/claim.h"
 #include "base/file.h"
+#include "base/json.h"
 #include "eval/report/result.h"
 #include "learner/run/metrics_table.h"
 #include "learner/run/run_directory.h"
@@ -37,15 +38,15 @@ std::optional<TrainedCell> ReadTrained(const fs::path& path) {
   if (!json) return std::nullopt;
   TrainedCell trained;
   try {
-    trained.steps = json->at("steps");
-    trained.updates = json->at("updates");
-    if (json->contains("imagined")) trained.imagined = json->at("imagined").get<std::int64_t>();
+    trained.steps = base::WholeNumber(json->at("steps"));
+    trained.updates = base::WholeNumber(json->at("updates"));
+    if (json->contains("imagined")) trained.imagined = base::WholeNumber(json->at("imagined"));
     trained.training_s = json->at("training_s");
     trained.wall_s = json->at("wall_s");
     trained.host = json->at("host");
     trained.platform = json->at("platform");
     trained.commit = json->at("commit");
-    trained.at_once = json->at("at_once");
+    trained.at_once = static_cast<int>(base::WholeNumber(json->at("at_once")));
   } catch (const Json::exception&) {
     return std::nullopt;
   }
@@ -56,7 +57,8 @@ std::optional<ScoredCell> ReadScored(const fs::path& path) {
   const auto json = ReadObject(path);
   if (!json) return std::nullopt;
   try {
-    return ScoredCell{.wall_s = json->at("wall_s"), .episodes = json->at("episodes")};
+    return ScoredCell{.wall_s = json->at("wall_s"),
+                      .episodes = base::WholeNumber(json->at("episodes"))};
   } catch (const Json::exception&) {
     return std::nullopt;
   }

@@ -12,6 +12,7 @@
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "base/json.h"
 #include "learner/run/run_directory.h"
 #include "metrics/catalogue.h"
 #include "policy/policy_spec.h"
@@ -168,9 +169,9 @@ void TableSource::Save(const fs::path& checkpoint, nlohmann::json& state) {
 }
 
 void TableSource::Restore(const fs::path& checkpoint, const nlohmann::json& state) {
-  const auto steps = state.at("steps").get<std::int64_t>();
-  const auto updates = state.at("updates_due").get<std::int64_t>();
-  const auto observed_episodes = state.at("observed_episodes").get<std::int64_t>();
+  const auto steps = base::WholeNumber(state.at("steps"));
+  const auto updates = base::WholeNumber(state.at("updates_due"));
+  const auto observed_episodes = base::WholeNumber(state.at("observed_episodes"));
   const auto sampling = state.at("sampling").get<base::Random::State>();
   const run::CheckpointFiles files{checkpoint};
   const std::string acting_path = files.acting().string();

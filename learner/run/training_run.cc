@@ -152,10 +152,10 @@ void TrainingRun::RestoreFrom(const fs::path& checkpoint, const Read& read) {
       throw base::Error(
           fmt::format("{}: its checksum does not match; the checkpoint is damaged", path.string()));
     }
-    const auto steps = state.at("steps").get<std::int64_t>();
+    const auto steps = base::WholeNumber(state.at("steps"));
     const auto training_s = state.at("training_s").get<double>();
     const auto snapshot_s = state.at("snapshot_s").get<double>();
-    const auto snapshot_steps = state.at("snapshot_steps").get<std::int64_t>();
+    const auto snapshot_steps = base::WholeNumber(state.at("snapshot_steps"));
     const auto watch = state.at("learning_watch").get<LearningWatch::State>();
     const std::int64_t updates = read(checkpoint, state);
     SetProgress(steps, updates);

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "base/json.h"
 #include "base/log.h"
 #include "metrics/catalogue.h"
 
@@ -142,8 +143,8 @@ void RemoteSource::Save(const std::filesystem::path&, nlohmann::json& state) {
 }
 
 void RemoteSource::Restore(const std::filesystem::path&, const nlohmann::json& state) {
-  cursor_ = state.at("cursor").get<std::uint64_t>();
-  steps_ = state.at("steps").get<std::int64_t>();
+  cursor_ = static_cast<std::uint64_t>(base::WholeNumber(state.at("cursor")));
+  steps_ = base::WholeNumber(state.at("steps"));
 }
 
 void RemoteSource::Idle() { stream_->link().Receive(milliseconds(0)); }

@@ -122,7 +122,8 @@ TEST(ClaimTest, AForeignClaimLastsAsLongAsItsCountGoesUpByTheWatchersClock) {
 
 TEST(ClaimTest, AClaimThatIsDamagedLastsUntilItExpires) {
   for (const char* text : {"", "{", "[]", R"({"token": 5})", R"({"token": null})",
-                           R"({"token": "../t"})", R"({"machine": {}})", R"({"pid": "1"})"}) {
+                           R"({"token": "../t"})", R"({"machine": {}})", R"({"pid": "1"})",
+                           R"({"token": "t", "machine": "m", "pid": 1e72, "start": "s"})"}) {
     SCOPED_TRACE(text);
     const test::ScratchDirectory scratch;
     const auto file = scratch.path() / "claim-1";
