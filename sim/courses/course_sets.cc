@@ -43,7 +43,8 @@ constexpr FreshSource kFreshSources[] = {{"generated:", GenerateFreshCourses},
                                          {"generated-wall:", GenerateFreshWallCourses},
                                          {"generated-crowds:", GenerateFreshCrowdCourses},
                                          {"generated-halls:", GenerateFreshHallCourses},
-                                         {"generated-rooms:", GenerateFreshRoomCourses}};
+                                         {"generated-rooms:", GenerateFreshRoomCourses},
+                                         {"generated-cylinders:", GenerateFreshCylinderCourses}};
 constexpr std::string_view kRealWorldPrefix = "real-world-";
 constexpr std::string_view kValidation = "static-validation";
 constexpr int kMaxGenerated = 100000;

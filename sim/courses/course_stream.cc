@@ -40,6 +40,8 @@ Course GenerateOfKind(FreshKind kind, std::string name, std::uint64_t seed, int 
       return GenerateHallCourse(std::move(name), {}, own);
     case FreshKind::kRooms:
       return GenerateRoomCourse(std::move(name), {}, own);
+    case FreshKind::kCylinders:
+      return GenerateCrowdCourse(std::move(name), kCylinderField, own);
   }
   base::CheckFailed(__FILE__, __LINE__, "no generator");
 }
@@ -64,7 +66,7 @@ Course GenerateStreamCourse(const FreshMix& mix, std::uint64_t seed, int number)
   SLALOM_CHECK_GE(number, 0);
   const int size = static_cast<int>(mix.size());
   const int turn = number % size;
-  const FreshKind kind = mix[static_cast<std::size_t>(turn)];
+  const FreshKind kind = KindOf(mix, number);
   const auto num_before = std::count(mix.begin(), mix.begin() + turn, kind);
   const int per_round = static_cast<int>(std::ranges::count(mix, kind));
   return GenerateOfKind(kind, fmt::format("stream-{}-{}", seed, number), seed,

@@ -11,9 +11,9 @@
 namespace slalom::sim {
 
 /// A generator of fresh courses for training.
-enum class FreshKind { kStatic, kBox, kWall, kCrowds, kHalls, kRooms };
+enum class FreshKind { kStatic, kBox, kWall, kCrowds, kHalls, kRooms, kCylinders };
 inline base::OneOf EnumNames(FreshKind) {
-  return {"static", "box", "wall", "crowds", "halls", "rooms"};
+  return {"static", "box", "wall", "crowds", "halls", "rooms", "cylinders"};
 }
 
 /// The generators of a training's fresh courses, in turn: course n is of kind n % size. A kind may
@@ -23,6 +23,11 @@ using FreshMix = std::vector<FreshKind>;
 /// Reads "none", or names of kinds joined by "+", for example "static+static+crowds". Throws
 /// `base::Error` for any other text.
 FreshMix ParseFreshMix(std::string_view text);
+
+/// The kind of course `number`. Requires: !mix.empty(), number >= 0.
+inline FreshKind KindOf(const FreshMix& mix, int number) {
+  return mix[static_cast<std::size_t>(number) % mix.size()];
+}
 
 /// Returns course `number` of the endless stream of `seed`, named "stream-SEED-NUMBER".
 ///

@@ -70,7 +70,7 @@ base::Vec2 DrawAtSide(const Field& field, std::size_t side, double depth, double
 /// Start and goal.
 std::pair<base::Vec2, base::Vec2> DrawEnds(const CrowdRecipe& recipe, const Field& field,
                                            base::Random& random) {
-  if (random.Uniform() < 0.5) {
+  if (random.Uniform() < recipe.across_probability) {
     // Left or right, or below or above: along the longer sides.
     const std::size_t side = random.UniformInt(2) + (field.half.x < field.half.y ? 2 : 0);
     const std::size_t opposite = side ^ 1u;
@@ -188,7 +188,8 @@ void AddObstacles(const CrowdRecipe& recipe, const Field& field, base::Random& r
   const double speed = random.Uniform(recipe.min_speed, recipe.max_speed);
   const std::uint64_t shapes = random.UniformInt(3);  // Cylinders, boxes, both.
   for (std::uint64_t i = 0; i < count; ++i) {
-    const bool is_cylinder = shapes == 0 || (shapes == 2 && random.Uniform() < 0.5);
+    const bool is_cylinder =
+        recipe.only_cylinders || shapes == 0 || (shapes == 2 && random.Uniform() < 0.5);
     course.moving.push_back(DrawObstacle(recipe, field, speed, is_cylinder, random));
   }
 }
@@ -212,7 +213,7 @@ Course GenerateCrowdCourse(std::string name, const CrowdRecipe& recipe, std::uin
     course.bounds = BoundsOf(recipe, field);
     course.boxes = WallsOf(field);
     std::tie(course.start.p, course.goal_W) = DrawEnds(recipe, field, random);
-    const bool faces_goal = random.Uniform() < 0.5;
+    const bool faces_goal = random.Uniform() < recipe.facing_probability;
     course.start.yaw = DrawHeading(course.goal_W - course.start.p, faces_goal, random);
     AddObstacles(recipe, field, random, course);
     if (!CanBeCrossed(course, random)) continue;
@@ -225,6 +226,13 @@ CourseSet GenerateFreshCrowdCourses(std::uint64_t seed, int count) {
   return MakeNumberedCourses("fresh-crowds", seed, 0, count,
                              [](std::string name, int, std::uint64_t own) {
                                return GenerateCrowdCourse(std::move(name), {}, own);
+                             });
+}
+
+CourseSet GenerateFreshCylinderCourses(std::uint64_t seed, int count) {
+  return MakeNumberedCourses("fresh-cylinders", seed, 0, count,
+                             [](std::string name, int, std::uint64_t own) {
+                               return GenerateCrowdCourse(std::move(name), kCylinderField, own);
                              });
 }
 

@@ -18,8 +18,9 @@
 namespace slalom::sim {
 namespace {
 
-constexpr FreshKind kKinds[] = {FreshKind::kStatic, FreshKind::kBox,   FreshKind::kWall,
-                                FreshKind::kCrowds, FreshKind::kHalls, FreshKind::kRooms};
+constexpr FreshKind kKinds[] = {FreshKind::kStatic,   FreshKind::kBox,   FreshKind::kWall,
+                                FreshKind::kCrowds,   FreshKind::kHalls, FreshKind::kRooms,
+                                FreshKind::kCylinders};
 
 CourseSet FirstOfStream(const FreshMix& mix, std::uint64_t seed, int count) {
   CourseSet set{"stream", {}};
@@ -85,6 +86,7 @@ TEST(CourseStream, CoursesNeverChange) {
   EXPECT_EQ(checksum(FreshKind::kCrowds), 3641813071409139520ull);
   EXPECT_EQ(checksum(FreshKind::kHalls), 2994435337359094707ull);
   EXPECT_EQ(checksum(FreshKind::kRooms), 695205393682938293ull);
+  EXPECT_EQ(checksum(FreshKind::kCylinders), 2327055012631872561ull);
 }
 
 TEST(FreshMix, IsReadFromNamesJoinedByPlus) {
@@ -97,9 +99,10 @@ TEST(FreshMix, IsReadFromNamesJoinedByPlus) {
       (void)ParseFreshMix(wrong);
       ADD_FAILURE() << wrong;
     } catch (const base::Error& error) {
-      EXPECT_EQ(error.what(), fmt::format("\"{}\": expected \"none\", or one or more of static, "
-                                          "box, wall, crowds, halls, rooms joined by \"+\"",
-                                          wrong));
+      EXPECT_EQ(error.what(),
+                fmt::format("\"{}\": expected \"none\", or one or more of static, "
+                            "box, wall, crowds, halls, rooms, cylinders joined by \"+\"",
+                            wrong));
     }
   }
 }

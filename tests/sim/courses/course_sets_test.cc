@@ -202,7 +202,7 @@ TEST(CourseSets, GeneratedHasAsManyAsAsked) {
                                  "generated:1:5x", "generated:1:999999999"}) {
     EXPECT_THAT(ErrorOf(spec), AllOf(HasSubstr(spec), HasSubstr("generated:SEED:COUNT"))) << spec;
   }
-  for (const std::string kind : {"box", "wall", "crowds", "halls", "rooms"}) {
+  for (const std::string kind : {"box", "wall", "crowds", "halls", "rooms", "cylinders"}) {
     const CourseSet fresh = ResolveCourses("generated-" + kind + ":9:120", std::nullopt, 1);
     EXPECT_EQ(Names(fresh).size(), 120u);
     EXPECT_EQ(fresh.courses[119]->name, "fresh-" + kind + "-9-119");

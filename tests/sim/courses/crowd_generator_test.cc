@@ -137,6 +137,22 @@ TEST(CrowdGenerator, CourseDependsOnSeedAndIndexAlone) {
 TEST(CrowdGenerator, CoursesNeverChange) {
   EXPECT_EQ(base::Checksum(PrintCourseSet(GenerateFreshCrowdCourses(1, 20))),
             14669665027794437452ull);
+  EXPECT_EQ(base::Checksum(PrintCourseSet(GenerateFreshCylinderCourses(1, 20))),
+            17573921706522714921ull);
+}
+
+TEST(CrowdGenerator, CylindersMoveBetweenStartAndAGoalAtTheOtherSide) {
+  const CourseSet set = GenerateFreshCylinderCourses(3, 30);
+  for (const auto& course : set.courses) {
+    EXPECT_EQ(WhyUnsolvable(*course), std::nullopt) << course->name;
+    EXPECT_GE(course->moving.size(), 8u);
+    for (const MovingObstacle& obstacle : course->moving) EXPECT_EQ(obstacle.radius, 0.5);
+    // At most 1.5 m inside or 1 m outside either side, and anywhere along it.
+    EXPECT_GE(DistanceToGoal(*course), 17.0);
+    EXPECT_LE(DistanceToGoal(*course), std::hypot(22.0, 20.0));
+    EXPECT_LE(Slant(*course), 0.36);
+  }
+  EXPECT_GT(ArrivalShare(set), 0.98);
 }
 
 TEST(CrowdGenerator, ACourseFileHoldsACrowd) {
