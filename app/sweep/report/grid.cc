@@ -101,6 +101,12 @@ void EmboldenBest(const std::vector<GridCell*>& cells, bool higher_is_better) {
   for (GridCell* cell : numbers) cell->is_bold = is_best(cell);
 }
 
+void EmboldenBest(GridLine& line, bool higher_is_better) {
+  std::vector<GridCell*> cells;
+  for (GridCell& cell : line.cells) cells.push_back(&cell);
+  EmboldenBest(cells, higher_is_better);
+}
+
 /// Makes the best number of a column bold. Requires: no cell spans several columns.
 void EmboldenBest(Grid& grid, std::size_t column, bool higher_is_better) {
   std::vector<GridCell*> cells;
@@ -269,9 +275,7 @@ Grid SideBySide(const ReportContent& content, const ScoreContent& score) {
     std::vector<Place> places;
     for (const RowFigures& row : score.rows) places.push_back({&row, q, 1});
     grid.lines.push_back(MakeLine(QuantityHead(kQuantities[q]), places));
-    std::vector<GridCell*> cells;
-    for (GridCell& cell : grid.lines.back().cells) cells.push_back(&cell);
-    EmboldenBest(cells, kQuantities[q].higher_is_better);
+    EmboldenBest(grid.lines.back(), kQuantities[q].higher_is_better);
   }
   grid.caption = fmt::format("{}: {}.", content.title, score.label);
   grid.label = fmt::format("tab::{}", score.name);
@@ -299,24 +303,38 @@ Grid Downwards(const ReportContent& content, const ScoreContent& score) {
   return grid;
 }
 
-/// Rows below one another, scores side by side.
+/// One quantity: rows below one another, scores side by side, or the other way round if there are
+/// many scores.
 Grid ScoresTable(const ReportContent& content, std::size_t q) {
   const Quantity& quantity = kQuantities[q];
   Grid grid;
   grid.corner = QuantityHead(quantity);
   grid.blocks.push_back({"", {}});
+  std::vector<std::string>& columns = grid.blocks.front().columns;
   const std::vector<const ScoreContent*> scores = ScoresWithRows(content);
-  for (const ScoreContent* score : scores) grid.blocks.front().columns.push_back(score->label);
-  for (std::size_t r = 0; r < content.results.rows.size(); ++r) {
-    std::vector<Place> places;
+  const auto& rows = content.results.rows;
+  const auto place = [&](const ScoreContent& score, std::size_t r) -> Place {
+    const auto row = std::ranges::find(score.rows, r, &RowFigures::row);
+    return {row == score.rows.end() ? nullptr : &*row, q, 1};
+  };
+  if (scores.size() > kMaxColumns && scores.size() > rows.size()) {
+    for (const auto& row : rows) columns.push_back(row.name);
     for (const ScoreContent* score : scores) {
-      const auto row = std::ranges::find(score->rows, r, &RowFigures::row);
-      places.push_back({row == score->rows.end() ? nullptr : &*row, q, 1});
+      std::vector<Place> places;
+      for (std::size_t r = 0; r < rows.size(); ++r) places.push_back(place(*score, r));
+      grid.lines.push_back(MakeLine(score->label, places));
+      EmboldenBest(grid.lines.back(), quantity.higher_is_better);
     }
-    grid.lines.push_back(MakeLine(content.results.rows[r].name, places));
-  }
-  for (std::size_t s = 0; s < scores.size(); ++s) {
-    EmboldenBest(grid, s, quantity.higher_is_better);
+  } else {
+    for (const ScoreContent* score : scores) columns.push_back(score->label);
+    for (std::size_t r = 0; r < rows.size(); ++r) {
+      std::vector<Place> places;
+      for (const ScoreContent* score : scores) places.push_back(place(*score, r));
+      grid.lines.push_back(MakeLine(rows[r].name, places));
+    }
+    for (std::size_t s = 0; s < scores.size(); ++s) {
+      EmboldenBest(grid, s, quantity.higher_is_better);
+    }
   }
   grid.caption = fmt::format("{}: {}.", content.title, QuantityHead(quantity));
   grid.label = fmt::format("tab::{}", quantity.key);

@@ -54,7 +54,8 @@ struct Grid {
 /// others the lines; each quantity has its table. If rows have one label, each score has a table:
 /// rows side by side and quantities below one another, or the other way round if there are more
 /// than seven rows; with `sweep.quantities`, each of these has a table with the scores side by
-/// side. If snapshots were scored, another table has their steps as columns.
+/// side, or below one another if they are many. If snapshots were scored, another table has their
+/// steps as columns.
 std::vector<Grid> MakeGrids(const ReportContent& content);
 
 }  // namespace slalom::sweep

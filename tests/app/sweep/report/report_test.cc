@@ -1,5 +1,6 @@
 #include "app/sweep/report/report.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -206,6 +207,24 @@ TEST(SweepReportTest, QuantitiesOfThePlanHaveATableWithTheScoresSideBySide) {
   EXPECT_THAT(text, HasSubstr("| Success rate (%) (↑) | on test | on walls |\n|---|---:|---:|\n"
                               "| TD3 | 75.0 | – |\n| SAC | 75.0 | 50.0 |\n"));
   EXPECT_THAT(text, Not(HasSubstr("Traversal time")));
+}
+
+TEST(SweepReportTest, ManyScoresStandBelowOneAnother) {
+  std::vector<std::string> names;
+  for (int i = 0; i < 13; ++i) names.push_back(fmt::format("s{}", i));
+  test::FakeSweep fake({"method"}, names);
+  for (const char* method : {"TD3", "SAC"}) {
+    const std::size_t cell = fake.AddTraining({method}, 1);
+    for (const std::string& name : names) {
+      if (name == "s1" && method == std::string("TD3")) continue;
+      fake.Evaluate(cell, name, {method == std::string("SAC") && name == "s0" ? "SSSS" : "SC"});
+    }
+  }
+  fake.plan.sweep.quantities = {"success_rate"};
+  EXPECT_THAT(fake.Report("report.md"),
+              HasSubstr("| Success rate (%) (↑) | TD3 | SAC |\n|---|---:|---:|\n"
+                        "| on s0 | 50.0 | **100.0** |\n| on s1 | – | 50.0 |\n"
+                        "| on s2 | 50.0 | 50.0 |\n"));
 }
 
 TEST(SweepReportTest, TheTitleSaysWhoseCoursesTheyAreAndWithWhatFriction) {
