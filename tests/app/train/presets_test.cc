@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "app/train/profile.h"
 #include "app/train/run_config.h"
 #include "app/train/run_limits.h"
 #include "base/config.h"
@@ -71,6 +72,17 @@ class PresetTest : public testing::TestWithParam<std::string> {
                                    std::vector<std::string>{"learner.device=cpu"});
   }
 };
+
+TEST_P(PresetTest, DrivesTheDefaultRobotUnderTheProfileOfHome) {
+  sim::EnvironmentConfig laid = Load().environment;
+  LayProfile(Root() / "home.toml", laid);
+  RunConfig with_its_robot;
+  with_its_robot.environment.randomize = laid.randomize;
+  with_its_robot.environment.robot = laid.robot;
+  with_its_robot.environment.lidar = laid.lidar;
+  with_its_robot.environment.localisation = laid.localisation;
+  EXPECT_EQ(config::ToToml(with_its_robot), config::ToToml(RunConfig{}));
+}
 
 TEST_P(PresetTest, PrintsToItself) {
   const RunConfig config = Load();
