@@ -46,17 +46,20 @@ std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments)
 }
 
 Actor::Actor(const ActorConfig& config, env::BatchEnvironment& environments, env::Agent& agent,
-             std::uint64_t seed, const SamplingConfig& sampling)
+             std::uint64_t seed, const SamplingConfig& sampling, Teachers* teachers)
     : config_(config),
       seed_(seed),
       environments_(environments),
       agent_(agent),
+      teachers_(teachers),
       action_size_(environments.shape().action_size),
       noise_(SpreadNoise(config, environments.batch_size())),
       sampler_(sampling, environments.num_courses(), environments.has_fresh_courses(),
                FirstFreshCourse(seed)),
       running_(environments.batch_size()),
       actions_(environments.batch_size() * action_size_),
+      lessons_(actions_.size()),
+      courses_(environments.batch_size()),
       normal_(environments.batch_size() * action_size_),
       results_(environments.batch_size()),
       rows_(environments.batch_size()) {
@@ -70,10 +73,13 @@ Actor::Actor(const ActorConfig& config, env::BatchEnvironment& environments, env
 void Actor::Step(replay::Chunk* out) {
   const env::ObservationBatch& observations = environments_.observations();
   agent_.Act(observations, actions_);
-  RequireFiniteActions();
+  RequireFinite(actions_, "the policy");
+  Teach();
   AddNoise();
+  std::vector<float>& recorded = teachers_ ? lessons_ : actions_;
   for (int i = 0; i < environments_.batch_size(); ++i) {
-    rows_[i] = out->BeginStep(i, observations.first[i] != 0, observations.frame(i), action(i));
+    rows_[i] =
+        out->BeginStep(i, observations.first[i] != 0, observations.frame(i), ActionOf(recorded, i));
   }
   environments_.Step(actions_, results_);
   for (int i = 0; i < environments_.batch_size(); ++i) {
@@ -122,13 +128,20 @@ void Actor::EndEpisode(int i) {
   while (std::ssize(recent_) > config_.stats_episodes) recent_.pop_front();
 }
 
-void Actor::RequireFiniteActions() const {
-  const auto bad = std::ranges::find_if(actions_, [](float a) { return !std::isfinite(a); });
-  if (bad == actions_.end()) return;
-  const std::size_t i = static_cast<std::size_t>(bad - actions_.begin()) / action_size_;
+void Actor::Teach() {
+  if (!teachers_) return;
+  for (std::size_t i = 0; i < running_.size(); ++i) courses_[i] = running_[i].spec.course;
+  teachers_->Act(environments_.observations(), courses_, lessons_);
+  RequireFinite(lessons_, "a teacher");
+}
+
+void Actor::RequireFinite(const std::vector<float>& actions, const char* who) const {
+  const auto bad = std::ranges::find_if(actions, [](float a) { return !std::isfinite(a); });
+  if (bad == actions.end()) return;
+  const std::size_t i = static_cast<std::size_t>(bad - actions.begin()) / action_size_;
   throw base::Error(
-      fmt::format("the policy chose the action ({}) in environment {}; expected finite numbers",
-                  fmt::join(std::span(actions_).subspan(i * action_size_, action_size_), ", "), i));
+      fmt::format("{} chose the action ({}) in environment {}; expected finite numbers", who,
+                  fmt::join(std::span(actions).subspan(i * action_size_, action_size_), ", "), i));
 }
 
 void Actor::AddNoise() {
@@ -253,6 +266,7 @@ void Actor::ReplayOpenEpisodes(const std::vector<OpenEpisode>& open) {
     }
     if (left == 0) return;
     agent_.Act(environments_.observations(), actions_);
+    Teach();
     for (int i = 0; i < environments_.batch_size(); ++i) {
       const std::span<const float> recorded(open[i].actions);
       std::ranges::fill(action(i), 0.0f);

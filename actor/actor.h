@@ -9,6 +9,7 @@
 #include "actor/actor_config.h"
 #include "actor/actor_state.h"
 #include "actor/course_sampler.h"
+#include "actor/teachers.h"
 #include "base/mutex.h"
 #include "base/random.h"
 #include "env/agent.h"
@@ -49,10 +50,11 @@ std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments)
 /// `Step`, `Save` and `Restore` are confined to one thread at a time; `stats` may be called by any.
 class Actor {
  public:
-  /// Begins the first episode of every environment. Both references must outlive the actor.
-  /// Throws `base::Error` if `config` contradicts itself.
+  /// Begins the first episode of every environment. What is referred to must outlive the actor.
+  /// With `teachers`, a row's action is the one that its teacher would have taken, not the one that
+  /// was driven. Throws `base::Error` if `config` contradicts itself.
   Actor(const ActorConfig& config, env::BatchEnvironment& environments, env::Agent& agent,
-        std::uint64_t seed, const SamplingConfig& sampling = {});
+        std::uint64_t seed, const SamplingConfig& sampling = {}, Teachers* teachers = nullptr);
 
   /// Does one control step in every environment. Adds B rows to `out`, and a final row for each
   /// episode that ends, whose environment then begins the next one. Stream i of the chunk is
@@ -84,12 +86,15 @@ class Actor {
     std::vector<float> actions;  // [T, A], taken in the running episode.
   };
 
-  std::span<float> action(int i) {
-    return std::span(actions_).subspan(static_cast<std::size_t>(i) * action_size_, action_size_);
+  std::span<float> action(int i) { return ActionOf(actions_, i); }
+  std::span<float> ActionOf(std::vector<float>& actions, int i) const {
+    return std::span(actions).subspan(static_cast<std::size_t>(i) * action_size_, action_size_);
   }
+  /// Writes the teachers' actions for the current frames, if there are teachers.
+  void Teach();
   void BeginEpisode(int i);
   void EndEpisode(int i);
-  void RequireFiniteActions() const;
+  void RequireFinite(const std::vector<float>& actions, const char* who) const;
   void AddNoise();
   std::uint64_t FrameChecksum(int i) const;
   void ReplayOpenEpisodes(const std::vector<OpenEpisode>& open);
@@ -98,11 +103,14 @@ class Actor {
   const std::uint64_t seed_;
   env::BatchEnvironment& environments_;
   env::Agent& agent_;
+  Teachers* const teachers_;         // May be null.
   const std::size_t action_size_;    // A
   const std::vector<double> noise_;  // [B]
   CourseSampler sampler_;
   std::vector<Environment> running_;      // [B]
   std::vector<float> actions_;            // [B, A]
+  std::vector<float> lessons_;            // [B, A], the teachers' actions.
+  std::vector<int> courses_;              // [B], for the teachers.
   std::vector<float> normal_;             // [B, A], a step's standard normal numbers.
   std::vector<env::StepResult> results_;  // [B]
   std::vector<int> rows_;                 // [B], indices into the chunk being filled.

@@ -3,7 +3,6 @@
 #include <ATen/core/Tensor.h>
 #include <ATen/ops/zeros_like.h>
 
-#include <algorithm>
 #include <span>
 
 #include "learner/algorithm.h"
@@ -62,13 +61,7 @@ class ActorCritic : public Algorithm {
     }
   }
 
-  /// The averaged actor's rate for the n-th actor update, which was just counted. It is at least
-  /// 5 / (5 + n), so that the average soon forgets the untrained weights.
-  double AverageRate() const {
-    if (config_.average_rate == 0.0) return 0.0;
-    const auto n = static_cast<double>(totals_.num_actor_updates());
-    return std::max(config_.average_rate, 5.0 / (5.0 + n));
-  }
+  double AverageRate() const { return PolicyAverageRate(config_, totals_); }
 
   const LearnerConfig config_;
   Minibatch& minibatch_;

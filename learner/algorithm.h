@@ -50,7 +50,7 @@ class Algorithm {
   /// Requires: config.prioritized.
   virtual const at::Tensor& td_errors() const = 0;
 
-  virtual int num_critics() const = 0;
+  virtual int num_critics() const = 0;                     ///< 0 if it learns from no rewards.
   virtual const at::Tensor& actor_parameters() const = 0;  ///< [P]
   /// The averaged actor's parameters, or the actor's own if averaging is off, [P].
   virtual const at::Tensor& average_parameters() const = 0;
@@ -73,6 +73,11 @@ std::unique_ptr<Algorithm> MakeTd3(const AlgorithmContext& context);
 std::unique_ptr<Algorithm> MakeDdpg(const AlgorithmContext& context);
 std::unique_ptr<Algorithm> MakeSac(const AlgorithmContext& context);
 std::unique_ptr<Algorithm> MakeTqc(const AlgorithmContext& context);
+std::unique_ptr<Algorithm> MakeDistillation(const AlgorithmContext& context);
+
+/// The averaged actor's rate for the n-th actor update, which was just counted. It is at least
+/// 5 / (5 + n), so that the average soon forgets the untrained weights. 0 if averaging is off.
+double PolicyAverageRate(const LearnerConfig& config, const Totals& totals);
 
 /// Makes the algorithm that `context.config.algorithm` names.
 std::unique_ptr<Algorithm> MakeAlgorithm(const AlgorithmContext& context);

@@ -41,6 +41,18 @@ const MethodConfig& Checked(const MethodConfig& method) {
                     learner.log_std_min, learner.log_std_max));
   }
   const ConstraintConfig& constraint = method.constraint;
+  if (TraitsOf(learner).is_taught) {
+    const char* const unfit = learner.prioritized                         ? "learner.prioritized"
+                              : constraint.kind != ConstraintKind::kNone  ? "constraint.kind"
+                              : method.model.kind != nn::ModelKind::kNone ? "model.kind"
+                                                                          : nullptr;
+    if (unfit != nullptr) {
+      throw base::Error(
+          fmt::format("{} is set, expected its default with learner.algorithm = \"{}\", which "
+                      "learns from teachers alone",
+                      unfit, learner.algorithm));
+    }
+  }
   const std::pair<const char*, double ConstraintConfig::*> keys[] = {
       {"limit", &ConstraintConfig::limit},
       {"multiplier", &ConstraintConfig::multiplier},
@@ -284,7 +296,8 @@ std::optional<std::string> Learner::FindFault() const {
   if (p.model && !p.model->is_finite()) {
     return "the transition model's weights are no longer finite";
   }
-  if (p.last_stats && !(std::abs(p.last_stats->q_mean) <= method_.learner.divergence_limit)) {
+  if (p.algorithm->num_critics() > 0 && p.last_stats &&
+      !(std::abs(p.last_stats->q_mean) <= method_.learner.divergence_limit)) {
     return fmt::format("the mean action value is {:.3g}, beyond learner.divergence_limit = {:.3g}",
                        p.last_stats->q_mean, method_.learner.divergence_limit);
   }

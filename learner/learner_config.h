@@ -9,13 +9,14 @@ namespace slalom::learner {
 
 /// What the config needs to know of an algorithm.
 struct AlgorithmTraits {
-  std::string_view name;  ///< The value of `learner.algorithm`.
-  bool is_stochastic;     ///< Its policy draws actions from a Gaussian.
+  std::string_view name;   ///< The value of `learner.algorithm`.
+  bool is_stochastic;      ///< Its policy draws actions from a Gaussian.
+  bool is_taught = false;  ///< It learns from teachers' actions (actor/teachers.h), not rewards.
 };
 
 /// All algorithms. learner/algorithm.cc says how each is made.
 inline constexpr AlgorithmTraits kAlgorithms[] = {
-    {"td3", false}, {"ddpg", false}, {"sac", true}, {"tqc", true}};
+    {"td3", false}, {"ddpg", false}, {"sac", true}, {"tqc", true}, {"distillation", false, true}};
 
 /// The choices for `LearnerConfig::algorithm`: the names above.
 base::OneOf AlgorithmChoices();

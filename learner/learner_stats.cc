@@ -23,10 +23,11 @@ LearnerStats Totals::Read(int num_critics, int num_cost_critics) {
   const auto mean = [&total](Total t, double count) {
     return count > 0.0 ? total(t) / count : LearnerStats::kNone;
   };
+  constexpr double kNone = LearnerStats::kNone;
   LearnerStats stats;
   stats.critic_loss = mean(Total::kCriticLoss, updates * num_critics);
   stats.q_mean = mean(Total::kQ, updates * num_critics);
-  stats.critic_gradient_norm = mean(Total::kCriticNorm, updates);
+  stats.critic_gradient_norm = num_critics > 0 ? mean(Total::kCriticNorm, updates) : kNone;
   stats.actor_q_mean = mean(Total::kActorQ, actor_updates);
   stats.actor_gradient_norm = mean(Total::kActorNorm, actor_updates);
   stats.policy_entropy_nats = mean(Total::kEntropy, actor_updates);

@@ -51,7 +51,8 @@ struct LearningFigures {
     v("critic_loss", critic_loss, "Mean squared temporal-difference error of one critic.");
     v("q_mean", q_mean, "Mean value of replayed actions, in scaled rewards.");
     v("actor_q_mean", actor_q_mean,
-      "Mean value of the actor's own actions, which it maximises, in scaled rewards.");
+      "Mean value of the actor's own actions, which it maximises, in scaled rewards. Distillation: "
+      "minus their mean squared distance from the teachers' actions.");
     v("critic_gradient_norm", critic_gradient_norm, "Norm of the critics' gradient.");
     v("actor_gradient_norm", actor_gradient_norm, "Norm of the actor's gradient.");
     v("policy_entropy_nats", policy_entropy_nats, "Entropy of the policy (SAC). NaN without one.");

@@ -14,11 +14,13 @@
 #include "app/cli/commands.h"
 #include "app/cli/signals.h"
 #include "app/cli/training_results.h"
+#include "app/train/begin_run.h"
 #include "app/train/command_options.h"
 #include "app/train/profile.h"
 #include "app/train/run_limits.h"
 #include "app/train/scoring.h"
 #include "app/train/service_process.h"
+#include "app/train/stage_trainer.h"
 #include "app/train/trainer.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -272,6 +274,19 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
   return base::kExitOk;
 }
 
+/// Begins the run's directory, or checks the one to resume, before its stages are trained in it.
+void BeginStages(const TrainOptions& options, const train::RunConfig& config,
+                 const run::RunDirectory& directory) {
+  train::RequireCombination(config);
+  train::RequireCourses(config, "slalom train");
+  if (options.resume) {
+    train::ResumeRun(directory, config);
+  } else {
+    train::RequireLearnable(config);
+    train::BeginRun(directory, config);
+  }
+}
+
 int Train(const TrainOptions& options) {
   // So that a log shows each line when it was printed.
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
@@ -290,9 +305,24 @@ int Train(const TrainOptions& options) {
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
                directory.root.string(), config.courses.DescribeTrain(),
                config.courses.test.empty() ? "nothing" : config.courses.test);
+  const std::string commit(base::Commit());
+  bool has_begun = options.resume;
+  if (!config.distillation.stages.empty()) {
+    BeginStages(options, config, directory);
+    has_begun = true;
+    switch (train::TrainStages(config, directory, commit, signals.token())) {
+      case train::TrainingEnd::kStopped:
+        Say("stopped and saved; to go on: " + ResumeCommand(options, directory));
+        return base::kExitSignalBase + signals.received();
+      case train::TrainingEnd::kUnsaved:
+        return base::kExitError;
+      default:
+        break;
+    }
+  }
   metrics::Registry registry(train::MakeIdentity("train", config.run.name, config.run.name));
   const auto exposer = options.metrics ? train::ShowMetrics(*options.metrics, registry) : nullptr;
-  train::Trainer trainer(config, directory, std::string(base::Commit()), options.resume, registry);
+  train::Trainer trainer(config, directory, commit, has_begun, registry);
   const train::TrainingEnd end = trainer.Run(signals.token());
   if (end == train::TrainingEnd::kDiverged) return base::kExitDiverged;
   spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),

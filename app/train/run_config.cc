@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "app/train/stages.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -37,6 +38,31 @@ void RequireForOwn(bool is_met, std::string_view key, std::string_view expected)
   throw base::Error(fmt::format(
       "{}: expected {} with task.observation_size above 0: it is about robots on courses", key,
       expected));
+}
+
+void RequireTeachers(const RunConfig& config) {
+  const std::string& algorithm = config.method.learner.algorithm;
+  if (!learner::TraitsOf(config.method.learner).is_taught) {
+    if (config.distillation.teachers.empty() && config.distillation.stages.empty()) return;
+    throw base::Error(
+        fmt::format("distillation has teachers, expected learner.algorithm = \"distillation\" with "
+                    "them, found \"{}\"",
+                    algorithm));
+  }
+  if (config.courses.has_named()) {
+    throw base::Error(fmt::format(
+        "courses.train is \"{}\" and courses.fresh \"{}\", expected \"\" and kinds of courses with "
+        "learner.algorithm = \"{}\", whose teachers are chosen by the kind",
+        config.courses.train, config.courses.fresh, algorithm));
+  }
+  (void)TeacherFiles(config, "");
+  for (const Stage& stage : StagesOf(config)) {
+    try {
+      RequireCombination(stage.config);
+    } catch (const base::Error& error) {
+      throw base::Error(fmt::format("distillation.stages.{}: {}", stage.name, error.what()));
+    }
+  }
 }
 
 void RequireTask(const RunConfig& config) {
@@ -189,6 +215,7 @@ void RequireCombination(const RunConfig& config) {
         base::EnumName(config.method.constraint.kind)));
   }
   if (config.mpc.enabled) RequireNoConstraint(config);
+  RequireTeachers(config);
 }
 
 void RequireCourses(const RunConfig& config, std::string_view who) {
@@ -213,6 +240,12 @@ std::int64_t LargestChunkBytes(const RunConfig& config) {
 }
 
 void RequireServable(const RunConfig& config) {
+  if (learner::TraitsOf(config.method.learner).is_taught) {
+    throw base::Error(fmt::format(
+        "learner.algorithm is \"{}\", expected one that learns from rewards: the service's actors "
+        "have no teachers; `slalom train` has",
+        config.method.learner.algorithm));
+  }
   const int rows = LargestChunkRows(config);
   const std::int64_t bytes = LargestChunkBytes(config);
   if (bytes > config.replay_server.max_message_bytes) {

@@ -9,6 +9,7 @@
 #include "actor/actor_config.h"
 #include "actor/course_sampler.h"
 #include "actor/service/actor_service_config.h"
+#include "app/train/distillation_config.h"
 #include "app/train/service_config.h"
 #include "app/train/task_config.h"
 #include "base/config_field.h"
@@ -72,8 +73,8 @@ struct CoursesConfig : CollectionConfig {
       "by + (docs/courses.md). Empty: only fresh ones (courses.fresh).");
     v("fresh", fresh,
       "Generated courses without end to train on, besides those of courses.train or in their "
-      "place: static, box, wall (with boxes or walls that move), crowds, halls, rooms, several of "
-      "these in turn joined by +, or none.");
+      "place: static, box, wall (with boxes or walls that move), crowds, halls, rooms, cylinders "
+      "(that move, with the goal 20 m away), several of these in turn joined by +, or none.");
     sampling.Visit(v);
     v("test", test,
       "Courses on which the trained policy is scored; they should not be among the training "
@@ -92,6 +93,7 @@ struct RunConfig {
   replay::ReplayConfig replay;
   nn::NetworkConfig network;
   learner::MethodConfig method;
+  DistillationConfig distillation;
   policy::MpcConfig mpc;
   eval::EvaluationConfig evaluation;
   ServiceConfig service;
@@ -116,6 +118,7 @@ struct RunConfig {
     v.Section("model_training", method.model_training, "How the transition model is trained.");
     v.Section("imagination", method.imagination,
               "Learning from transitions that the model imagines.");
+    v.Section("distillation", distillation, "Teachers of learner.algorithm = \"distillation\".");
     v.Section("mpc", mpc, "Planning with the transition model.");
     v.Section("evaluation", evaluation, "The protocol of evaluations.");
     v.Section("service", service,

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "app/train/begin_run.h"
+#include "app/train/course_teachers.h"
 #include "app/train/disk_room.h"
 #include "app/train/run_limits.h"
 #include "base/config.h"
@@ -61,8 +62,9 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       environments_(MakeTrainingEnvironments(config, parallel_)),
       learner_(MethodOf(config), MakePolicySpec(config), SeedOf(config, "learner")),
       agent_(policy::MakePolicyAgent(learner_.Snapshot(), config.mpc, SeedOf(config, "mpc"))),
-      actor_(config.actor, environments_, *agent_, SeedOf(config, "actor"),
-             config.courses.sampling),
+      teachers_(MakeTeachers(config, directory.root)),
+      actor_(config.actor, environments_, *agent_, SeedOf(config, "actor"), config.courses.sampling,
+             teachers_.get()),
       table_(config.replay, StepShapeOf(config)),
       lock_(Begin(directory, config, learner_, resume)),
       source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),
@@ -77,7 +79,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
         "--resume the run there is moved aside and a new one begins",
         directory.checkpoints().string(), directory.policy().string()));
   }
-  spdlog::warn("{}: no checkpoint yet, the run starts from the beginning",
+  spdlog::info("{}: no checkpoint yet, the run starts from the beginning",
                directory.checkpoints().string());
 }
 

@@ -59,6 +59,7 @@ class Trainer {
   sim::CourseEnvironments environments_;
   learner::Learner learner_;
   std::unique_ptr<policy::PolicyAgent> agent_;
+  const std::unique_ptr<actor::Teachers> teachers_;  // May be null.
   actor::Actor actor_;
   replay::Table table_;
   // The disk is not touched before everything that a bad config can break has been built.

@@ -387,6 +387,68 @@ TEST_P(MethodTest, CostFiguresAreThoseOfOneCritic) {
 INSTANTIATE_TEST_SUITE_P(Algorithms, MethodTest, testing::ValuesIn(EveryAlgorithm()),
                          [](const auto& algorithm) { return std::string(algorithm.param); });
 
+/// Rows whose action follows from the state: what a teacher showed.
+struct TaughtRows : RandomRows {
+  explicit TaughtRows(std::uint64_t seed) : RandomRows(64, 1, 24, seed) {
+    for (std::size_t i = 0; i < 64; ++i) {
+      rows.action[2 * i] = 0.8f * rows.state[4 * i];
+      rows.action[2 * i + 1] = -0.5f * rows.state[4 * i + 1];
+    }
+  }
+};
+
+MethodConfig Taught() {
+  MethodConfig method = SmallConfig();
+  method.learner.algorithm = "distillation";
+  method.learner.batch_size = 64;
+  method.learner.actor_learning_rate = 1e-2;
+  return method;
+}
+
+TEST(Distillation, LearnsTheTeachersActionsAndNothingElse) {
+  Learner learner(Taught(), SmallSpec(), 5);
+  const auto train = [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) learner.Update(TaughtRows(i).batches(), 0.0);
+    return learner.ReadStats();
+  };
+  // The state is uniform in +-1, of which the actions have the mean squares 0.64 / 3 + 0.25 / 3.
+  EXPECT_LT(train(0, 1).actor_q_mean, -0.2);
+  train(1, 1500);
+  const LearnerStats stats = train(1500, 1600);
+  EXPECT_GT(stats.actor_q_mean, -0.02);
+  EXPECT_LE(stats.actor_q_mean, 0.0);
+  EXPECT_GT(stats.actor_gradient_norm, 0.0);
+  EXPECT_TRUE(std::isnan(stats.critic_loss) && std::isnan(stats.q_mean) &&
+              std::isnan(stats.critic_gradient_norm));
+  EXPECT_EQ(learner.FindFault(), std::nullopt);
+}
+
+TEST(Distillation, GoesOnBitForBitAfterARestore) {
+  Learner whole(Taught(), SmallSpec(), 5), resumed(Taught(), SmallSpec(), 99);
+  const auto train = [](Learner& learner, int begin, int end) {
+    for (int i = begin; i < end; ++i) learner.Update(TaughtRows(i).batches(), i / 100.0);
+  };
+  train(whole, 0, 7);
+  resumed.LoadState(Saved(whole));
+  train(whole, 7, 20);
+  train(resumed, 7, 20);
+  EXPECT_EQ(Saved(whole).tensors, Saved(resumed).tensors);
+  EXPECT_EQ(*whole.BestSnapshot().weights, *resumed.BestSnapshot().weights);
+}
+
+TEST(Distillation, RefusesWhatNeedsRewards) {
+  MethodConfig prioritized = Taught(), constrained = Taught(), modelled = Taught();
+  prioritized.learner.prioritized = true;
+  constrained.constraint.kind = ConstraintKind::kLagrangian;
+  modelled.model.kind = nn::ModelKind::kDeterministic;
+  for (const MethodConfig& method : {prioritized, constrained}) {
+    EXPECT_THROW(Learner(method, SmallSpec(), 1), base::Error);
+  }
+  policy::PolicySpec spec = SmallSpec();
+  spec.planning = PlanningOf(modelled);
+  EXPECT_THROW(Learner(modelled, spec, 1), base::Error);
+}
+
 TEST(Learner, RefusesWhatContradictsItself) {
   MethodConfig fixed = SmallConfig();
   fixed.constraint.kind = ConstraintKind::kFixed;

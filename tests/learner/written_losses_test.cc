@@ -61,6 +61,20 @@ class WrittenSac : public ActorCritic<GaussianActor> {
   Noise noise_, next_noise_;
 };
 
+/// The mean squared distance from the teachers' actions.
+class WrittenDistillation : public ActorCritic<DeterministicActor> {
+ public:
+  explicit WrittenDistillation(const AlgorithmContext& context)
+      : ActorCritic(context, /*num_critics=*/1) {}
+
+  void Update(double rate) override {
+    totals_.CountActorUpdate();
+    const Tensor distance = actor_.Actions(minibatch_.features) - minibatch_.actions;
+    actor_.Descend(distance.square().sum(1).mean(), rate * config_.actor_learning_rate,
+                   /*polyak_rate=*/0.0, AverageRate(), totals_[Total::kActorNorm]);
+  }
+};
+
 /// An algorithm with what it is constructed from.
 class Runner {
  public:
@@ -128,8 +142,10 @@ class Runner {
 
 class WrittenLossesTest : public testing::TestWithParam<EncoderCase> {};
 
+/// `parts`: what both train.
 template <class Written>
-void CompareWithShipped(const char* algorithm, double multiplier) {
+void CompareWithShipped(const char* algorithm, double multiplier,
+                        const std::vector<std::string>& parts = {"critics", "actor"}) {
   LearnerConfig config;
   config.algorithm = algorithm;
   config.batch_size = 16;
@@ -145,7 +161,8 @@ void CompareWithShipped(const char* algorithm, double multiplier) {
   });
   shipped.Update(50);
   written.Update(50);
-  for (const char* name : {"critics.adam.first_moment", "actor.adam.first_moment"}) {
+  for (const std::string& part : parts) {
+    const std::string name = part + ".adam.first_moment";
     // After one step, a tenth of the gradient. Both paths have the same networks, and differ in the
     // few operations between their outputs and the loss: 16 roundings of 2^-24. The actor's
     // gradient is of critics that have made a step, whose numbers of near-zero gradient may differ.
@@ -157,8 +174,12 @@ void CompareWithShipped(const char* algorithm, double multiplier) {
     shipped.Update(50 + i);
     written.Update(50 + i);
   }
-  for (const char* name : {"critics.parameters", "critics.target_parameters", "actor.parameters",
-                           "actor.average_parameters"}) {
+  std::vector<std::string> names = {"actor.average_parameters"};
+  for (const std::string& part : parts) {
+    names.push_back(part + ".parameters");
+    if (part == "critics") names.push_back(part + ".target_parameters");
+  }
+  for (const std::string& name : names) {
     // Six roundings of parameters below 1/2: 6 * 2^-26 = 9e-8 at most, and less on average.
     const Tensor difference = (written.Read(name) - shipped.Read(name)).abs();
     EXPECT_LE(difference.mean().item<double>(), 5e-8) << name;
@@ -169,6 +190,9 @@ TEST_P(WrittenLossesTest, AreTd3) { CompareWithShipped<WrittenTd3>("td3", 0.0); 
 TEST_P(WrittenLossesTest, AreTd3WithAConstraint) { CompareWithShipped<WrittenTd3>("td3", 2.0); }
 TEST_P(WrittenLossesTest, AreSac) { CompareWithShipped<WrittenSac>("sac", 0.0); }
 TEST_P(WrittenLossesTest, AreSacWithAConstraint) { CompareWithShipped<WrittenSac>("sac", 2.0); }
+TEST_P(WrittenLossesTest, AreDistillation) {
+  CompareWithShipped<WrittenDistillation>("distillation", 0.0, {"actor"});
+}
 
 INSTANTIATE_TEST_SUITE_P(Encoders, WrittenLossesTest, testing::ValuesIn(EveryEncoder()),
                          [](const auto& test) { return test.param.name; });

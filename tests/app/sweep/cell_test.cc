@@ -245,7 +245,7 @@ TEST(CellTest, EveryKeyThatDecidesATrainingIsPartOfItsId) {
     const bool is_of_sweep = key == "run.name" || key == "run.seed" || key == "run.deterministic";
     const bool is_how_long = key == "run.max_steps" || key == "run.max_seconds" ||
                              key == "run.snapshot_steps" || key == "run.snapshot_seconds";
-    return is_of_sweep || key.starts_with("courses.") ||
+    return is_of_sweep || key.starts_with("courses.") || key.starts_with("distillation.") ||
            (!train::DecidesRun(config, key) && !is_how_long);
   });
   EXPECT_GT(fields.size(), 100U);
@@ -253,6 +253,23 @@ TEST(CellTest, EveryKeyThatDecidesATrainingIsPartOfItsId) {
     return cell(key + "=" + value).id;
   });
   EXPECT_NE(cell("sweep.lockstep=true").id, cell("sweep.lockstep=false").id);
+}
+
+TEST(CellTest, AStagesKeysArePartOfTheId) {
+  const test::ScratchDirectory scratch;
+  const fs::path plan = test::WritePlan(scratch.path(), kPlan);
+  const auto id = [&](const std::string& steps, const std::string& gamma) {
+    const std::vector<std::string> sets = {"learner.algorithm=distillation",
+                                           "courses.train=",
+                                           "courses.fresh=static",
+                                           "distillation.stages.a.courses.fresh=static",
+                                           "distillation.stages.a.run.max_steps=" + steps,
+                                           "distillation.stages.a.learner.gamma=" + gamma};
+    return ExpandPlan(ReadPlan(plan, sets), {}).cells.at(0).id;
+  };
+  EXPECT_EQ(id("50000", "0.99"), id("50000", "0.99"));
+  EXPECT_NE(id("50000", "0.99"), id("60000", "0.99"));
+  EXPECT_NE(id("50000", "0.99"), id("50000", "0.98"));
 }
 
 TEST(CellTest, TheActorsOfAServiceArePartOfTheIdAndProcessesAreAsBefore) {

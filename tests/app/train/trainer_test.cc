@@ -74,6 +74,18 @@ TEST(TrainerTest, ARunWithDrawnFieldsResumedAfterAKillEndsBitIdentical) {
   ExpectAKillChangesNothing(config);
 }
 
+TEST(TrainerTest, ADistilledRunResumedAfterAKillEndsBitIdentical) {
+  const test::ScratchDirectory scratch;
+  const run::RunDirectory teacher{scratch.path() / "teacher"};
+  RunConfig config = SmallRun();
+  EXPECT_EQ(RunOnce(config, teacher), TrainingEnd::kFinished);
+  config.courses.train = "";
+  config.courses.fresh = "static";
+  config.method.learner.algorithm = "distillation";
+  config.distillation.teachers = {{"static", {"'" + teacher.policy().string() + "'", ""}}};
+  ExpectAKillChangesNothing(config);
+}
+
 TEST(TrainerTest, APrioritizedRunResumedAfterAKillEndsBitIdentical) {
   RunConfig config = SmallRun();
   config.method.learner.prioritized = true;

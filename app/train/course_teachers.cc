@@ -1,0 +1,49 @@
+#include "app/train/course_teachers.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "app/train/stages.h"
+#include "policy/policy.h"
+
+namespace slalom::train {
+
+CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::path& directory) {
+  const policy::PolicySpec student = MakePolicySpec(config);
+  const auto files = TeacherFiles(config, directory);
+  for (const sim::FreshKind kind : config.courses.Mix()) {
+    std::filesystem::path file = files.at(kind);
+    const auto known = std::ranges::find(teachers_, file, &Teacher::file);
+    of_turn_.push_back(static_cast<std::size_t>(known - teachers_.begin()));
+    if (known != teachers_.end()) continue;
+    policy::PolicySnapshot snapshot = policy::LoadPolicy(file).snapshot;
+    policy::RequireSameInterface(file.string(), snapshot.spec, student.observation,
+                                 student.actions);
+    teachers_.push_back(
+        {std::move(file),
+         std::make_unique<policy::NetworkAgent>(policy::WithoutPlanning(std::move(snapshot))),
+         {}});
+  }
+}
+
+void CourseTeachers::Act(const env::ObservationBatch& observations, std::span<const int> courses,
+                         std::span<float> actions) {
+  for (Teacher& teacher : teachers_) {
+    teacher.actions.resize(actions.size());
+    teacher.agent->Act(observations, teacher.actions);
+  }
+  const std::size_t size = actions.size() / courses.size();
+  for (std::size_t i = 0; i < courses.size(); ++i) {
+    const std::size_t turn = static_cast<std::size_t>(courses[i]) % of_turn_.size();
+    std::copy_n(teachers_[of_turn_[turn]].actions.begin() + i * size, size,
+                actions.begin() + i * size);
+  }
+}
+
+std::unique_ptr<actor::Teachers> MakeTeachers(const RunConfig& config,
+                                              const std::filesystem::path& directory) {
+  if (!learner::TraitsOf(config.method.learner).is_taught) return nullptr;
+  return std::make_unique<CourseTeachers>(config, directory);
+}
+
+}  // namespace slalom::train

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "actor/teachers.h"
+#include "app/train/run_config.h"
+#include "policy/network_agent.h"
+
+namespace slalom::train {
+
+/// Trained policies that teach by kind of course (`DistillationConfig`). Confined to one thread at
+/// a time.
+class CourseTeachers : public actor::Teachers {
+ public:
+  /// Loads the policies of the run in `directory`. Throws `base::Error` as `TeacherFiles` does, or
+  /// that names a policy's file if it cannot be read, or its observation or action is not that of
+  /// the run.
+  CourseTeachers(const RunConfig& config, const std::filesystem::path& directory);
+
+  void Act(const env::ObservationBatch& observations, std::span<const int> courses,
+           std::span<float> actions) override;
+
+ private:
+  struct Teacher {
+    std::filesystem::path file;
+    std::unique_ptr<policy::NetworkAgent> agent;
+    std::vector<float> actions;  // [B, A]
+  };
+
+  std::vector<Teacher> teachers_;     // One for each file.
+  std::vector<std::size_t> of_turn_;  // The teacher of each turn of `courses.fresh`.
+};
+
+/// The teachers of a run, null if its algorithm has none. Throws as `CourseTeachers`.
+std::unique_ptr<actor::Teachers> MakeTeachers(const RunConfig& config,
+                                              const std::filesystem::path& directory);
+
+}  // namespace slalom::train

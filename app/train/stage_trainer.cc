@@ -1,0 +1,57 @@
+#include "app/train/stage_trainer.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "app/train/service_process.h"
+#include "app/train/stages.h"
+#include "base/error.h"
+#include "base/log.h"
+#include "base/progress.h"
+#include "learner/run/checkpoint_store.h"
+#include "metrics/registry.h"
+
+namespace slalom::train {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A finished stage keeps no checkpoint, a stopped one does.
+bool IsFinished(const run::RunDirectory& directory) {
+  return fs::exists(directory.policy()) &&
+         (!fs::exists(directory.checkpoints()) || fs::is_empty(directory.checkpoints()));
+}
+
+}  // namespace
+
+TrainingEnd TrainStages(const RunConfig& config, const run::RunDirectory& directory,
+                        const std::string& commit, const std::stop_token& stop) {
+  for (const Stage& stage : StagesOf(config)) {
+    const run::RunDirectory own{StageDirectory(directory.root, stage.name)};
+    if (IsFinished(own)) continue;
+    spdlog::info("stage {} of {}: training on {}", stage.name, directory.root.string(),
+                 stage.config.courses.DescribeTrain());
+    metrics::Registry registry(MakeIdentity("train", stage.name, stage.name));
+    Trainer trainer(stage.config, own, commit, fs::exists(own.config()), registry);
+    const TrainingEnd end = trainer.Run(stop);
+    switch (end) {
+      case TrainingEnd::kFinished:
+      case TrainingEnd::kWasFinished:
+        break;
+      case TrainingEnd::kStopped:
+      case TrainingEnd::kUnsaved:
+        return end;
+      case TrainingEnd::kDiverged:
+      case TrainingEnd::kLearnedNothing:
+        throw base::Error(
+            fmt::format("{}: the stage {}; expected a policy that can teach", own.root.string(),
+                        end == TrainingEnd::kDiverged ? "diverged" : "learned nothing"));
+    }
+    spdlog::info("trained for {}: {} steps", base::FormatDuration(trainer.training_s()),
+                 base::FormatCount(static_cast<double>(trainer.steps())));
+  }
+  return TrainingEnd::kFinished;
+}
+
+}  // namespace slalom::train

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "app/train/run_config.h"
+#include "sim/courses/course_stream.h"
+
+namespace slalom::train {
+
+/// A training that comes before a distillation and makes one of its teachers.
+struct Stage {
+  std::string name;
+  RunConfig config;
+};
+
+/// The stages of a run (`DistillationConfig::stages`), in the order of their names. Throws
+/// `base::Error` that names the key if one is unknown or its value does not fit, or a stage has
+/// named courses or stages of its own.
+std::vector<Stage> StagesOf(const RunConfig& config);
+
+/// The directory of a stage of the run in `directory`.
+std::filesystem::path StageDirectory(const std::filesystem::path& directory,
+                                     const std::string& stage);
+
+/// The policy file that teaches each kind of `courses.fresh` of the run in `directory`. Throws
+/// `base::Error` that names the key as `StagesOf`, and if a kind has no teacher or two, or a
+/// teacher has no kind.
+std::map<sim::FreshKind, std::filesystem::path> TeacherFiles(
+    const RunConfig& config, const std::filesystem::path& directory);
+
+}  // namespace slalom::train

@@ -1,0 +1,223 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "app/train/course_teachers.h"
+#include "app/train/stage_trainer.h"
+#include "app/train/stages.h"
+#include "base/error.h"
+#include "policy/policy.h"
+#include "tests/app/train/small_run.h"
+#include "tests/support/scratch_directory.h"
+
+namespace slalom::train {
+namespace {
+
+using testing::HasSubstr;
+using testing::StartsWith;
+
+/// A student of two teachers, of which each always does one thing.
+class DistillationTest : public testing::Test {
+ protected:
+  DistillationTest() {
+    config_.courses.train = "";
+    config_.courses.fresh = "static+wall+static";
+    config_.method.learner.algorithm = "distillation";
+    config_.distillation.teachers = {{"static", {Quoted(SaveTeacher("still", 0.5f)), ""}},
+                                     {"wall", {Quoted(SaveTeacher("walls", -0.5f)), ""}}};
+  }
+
+  static std::string Quoted(const std::string& text) { return "\"" + text + "\""; }
+
+  /// A policy that always chooses `action` for both numbers.
+  std::string SaveTeacher(const std::string& name, float action) {
+    policy::PolicySnapshot snapshot = policy::ZeroSnapshot(MakePolicySpec(config_));
+    snapshot.version = 1;
+    auto weights = std::make_shared<std::vector<float>>(*snapshot.weights);
+    for (std::size_t i = weights->size() - 2; i < weights->size(); ++i) {
+      (*weights)[i] = std::atanh(action);  // The last biases, before tanh.
+    }
+    snapshot.weights = weights;
+    const std::string file = (directory_.path() / (name + ".safetensors")).string();
+    policy::SavePolicy(file, snapshot, {});
+    return file;
+  }
+
+  std::string Refusal() const {
+    try {
+      RequireCombination(config_);
+      (void)MakeTeachers(config_, directory_.path());
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+    return "accepted";
+  }
+
+  test::ScratchDirectory directory_;
+  RunConfig config_ = SmallRun();
+};
+
+TEST_F(DistillationTest, EachKindOfCourseHasItsTeacher) {
+  EXPECT_EQ(Refusal(), "accepted");
+  const auto teachers = MakeTeachers(config_, directory_.path());
+  const env::StepShape shape = StepShapeOf(config_);
+  env::ObservationBatch observations;
+  observations.Resize(4, shape.num_beams, shape.state_size);
+  std::vector<float> actions(8);
+  // Courses 0 and 2 of three turns are static, and so on.
+  teachers->Act(observations, std::vector<int>{0, 1, 2, 31}, actions);
+  EXPECT_THAT(actions, testing::Pointwise(testing::FloatNear(1e-6f),
+                                          {0.5f, 0.5f, -0.5f, -0.5f, 0.5f, 0.5f, -0.5f, -0.5f}));
+  config_.method.learner.algorithm = "td3";
+  EXPECT_EQ(MakeTeachers(config_, directory_.path()), nullptr);
+}
+
+TEST_F(DistillationTest, RefusesTeachersThatDoNotFit) {
+  const RunConfig good = config_;
+  config_.courses.fresh = "static+wall+halls";
+  EXPECT_THAT(Refusal(), StartsWith("distillation: found no teacher of halls"));
+  config_.courses.fresh = "static";
+  EXPECT_THAT(Refusal(),
+              StartsWith("distillation.teachers.wall: teaches wall, expected a kind of"));
+  config_ = good;
+  config_.distillation.teachers[1].key = "walls";
+  EXPECT_THAT(Refusal(), StartsWith("distillation.teachers.walls: expected a kind"));
+  config_ = good;
+  config_.courses.train = "static-train-5";
+  EXPECT_THAT(Refusal(), StartsWith("courses.train is \"static-train-5\""));
+  config_ = good;
+  config_.method.learner.algorithm = "td3";
+  EXPECT_THAT(Refusal(), StartsWith("distillation has teachers, expected learner.algorithm"));
+  config_ = good;
+  config_.distillation.teachers[0].value.text = "[1]";
+  EXPECT_THAT(Refusal(), StartsWith("distillation.teachers.static: found [1]"));
+  config_ = good;
+  config_.distillation.teachers[0].value.text = "\"missing.safetensors\"";
+  EXPECT_THAT(Refusal(), StartsWith("missing.safetensors: cannot open"));
+  config_ = good;
+  config_.environment.action.linear_max = 1.0;
+  EXPECT_THAT(Refusal(), HasSubstr("still.safetensors"));
+  config_ = good;
+  EXPECT_THROW(RequireServable(config_), base::Error);
+}
+
+/// A run whose teachers are stages of it.
+RunConfig Staged() {
+  RunConfig config = SmallRun();
+  config.courses.train = "";
+  config.courses.fresh = "static+box+wall";
+  config.method.learner.algorithm = "distillation";
+  config.run.max_steps = 3000;
+  config.distillation.stages = {{"most.courses.fresh", {"'static+static+box'", ""}},
+                                {"most.run.max_steps", {"2000", ""}},
+                                {"walls.courses.fresh", {"'wall'", ""}},
+                                {"walls.environment.reward.collision", {"1.0", ""}},
+                                {"walls.learner.algorithm", {"'ddpg'", ""}}};
+  return config;
+}
+
+std::string RefusalOf(const RunConfig& config) {
+  try {
+    RequireCombination(config);
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(StagesTest, AStageIsTheRunWithOtherKeys) {
+  RunConfig config = Staged();
+  config.environment.reward.collision = 4.0;
+  config.run.max_seconds = 60.0;
+  EXPECT_EQ(RefusalOf(config), "accepted");
+  const std::vector<Stage> stages = StagesOf(config);
+  ASSERT_EQ(stages.size(), 2u);
+  EXPECT_EQ(stages[0].name, "most");
+  EXPECT_EQ(stages[0].config.courses.fresh, "static+static+box");
+  EXPECT_EQ(stages[0].config.run.max_steps, 2000);
+  EXPECT_EQ(stages[0].config.run.max_seconds, 60.0);
+  EXPECT_EQ(stages[0].config.method.learner.algorithm, "td3");
+  EXPECT_EQ(stages[0].config.environment.reward.collision, 4.0);
+  EXPECT_EQ(stages[1].name, "walls");
+  EXPECT_EQ(stages[1].config.run.max_steps, 3000);
+  EXPECT_EQ(stages[1].config.method.learner.algorithm, "ddpg");
+  EXPECT_EQ(stages[1].config.environment.reward.collision, 1.0);
+  EXPECT_TRUE(stages[1].config.distillation.stages.empty());
+  const auto files = TeacherFiles(config, "run");
+  EXPECT_EQ(files.at(sim::FreshKind::kBox), "run/stages/most/policy.safetensors");
+  EXPECT_EQ(files.at(sim::FreshKind::kWall), "run/stages/walls/policy.safetensors");
+
+  config.run.max_seconds = 0.0;
+  config.distillation.stages.push_back({"walls.run.max_seconds", {"30.0", ""}});
+  EXPECT_EQ(StagesOf(config)[1].config.run.max_seconds, 0.0) << "a run in lockstep ends by steps";
+}
+
+TEST(StagesTest, RefusesStagesThatDoNotFit) {
+  const auto refusal = [](const std::string& key, const std::string& value) {
+    RunConfig config = Staged();
+    config.distillation.stages.push_back({key, {value, ""}});
+    return RefusalOf(config);
+  };
+  EXPECT_THAT(refusal("walls", "1"), StartsWith("distillation.stages.walls: expected STAGE.KEY"));
+  EXPECT_THAT(refusal("walls.learner.gama", "0.9"),
+              StartsWith("distillation.stages.walls.learner.gama: "));
+  EXPECT_THAT(refusal("walls.learner.gamma", "2"),
+              StartsWith("distillation.stages.walls.learner.gamma: "));
+  EXPECT_THAT(refusal("walls.run.seed", "2"), HasSubstr("has no run.seed of its own"));
+  EXPECT_THAT(refusal("walls.courses.train", "'static-train-5'"),
+              StartsWith("distillation.stages.walls: courses.train is"));
+  EXPECT_THAT(refusal("walls.courses.fresh", "'box'"),
+              StartsWith("distillation.stages.walls: teaches box, which has another teacher"));
+  EXPECT_THAT(refusal("walls.environment.robot.command_delay", "0.1"), testing::Eq("accepted"));
+  RunConfig config = Staged();
+  config.courses.fresh = "static+box+wall+halls";
+  EXPECT_THAT(RefusalOf(config), StartsWith("distillation: found no teacher of halls"));
+}
+
+TEST(StagesTest, AreTrainedOnceAndTeach) {
+  const test::ScratchDirectory scratch;
+  const run::RunDirectory directory{scratch.path() / "run"};
+  const RunConfig config = Staged();
+  const auto train = [&](std::stop_token stop) {
+    return TrainStages(config, directory, "test", stop);
+  };
+  std::stop_source stopped;
+  stopped.request_stop();
+  EXPECT_EQ(train(stopped.get_token()), TrainingEnd::kStopped);
+  EXPECT_EQ(train({}), TrainingEnd::kFinished);
+  const run::RunDirectory most{StageDirectory(directory.root, "most")};
+  const auto written = std::filesystem::last_write_time(most.policy());
+  EXPECT_EQ(train({}), TrainingEnd::kFinished);
+  EXPECT_EQ(std::filesystem::last_write_time(most.policy()), written) << "trained again";
+  EXPECT_TRUE(std::filesystem::is_empty(most.checkpoints()));
+  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
+}
+
+TEST_F(DistillationTest, ARunEndsNearItsTeachers) {
+  config_.courses.fresh = "static";
+  config_.distillation.teachers.resize(1);
+  config_.run.max_steps = 12000;
+  config_.method.learner.mirror = false;
+  config_.method.learner.actor_learning_rate = 1e-2;
+  const run::RunDirectory directory{directory_.path() / "run"};
+  EXPECT_EQ(RunOnce(config_, directory), TrainingEnd::kFinished);
+  policy::NetworkAgent student(Policy(directory));
+  const env::StepShape shape = StepShapeOf(config_);
+  env::ObservationBatch observations;
+  observations.Resize(1, shape.num_beams, shape.state_size);
+  std::ranges::fill(observations.ranges_cm, 400);
+  observations.state[0] = 5.0f;
+  std::vector<float> action(2);
+  student.Act(observations, action);
+  EXPECT_NEAR(action[0], 0.5f, 0.1f);
+  EXPECT_NEAR(action[1], 0.5f, 0.1f);
+}
+
+}  // namespace
+}  // namespace slalom::train
