@@ -7,13 +7,17 @@
 namespace slalom::env {
 
 void WriteMotion(const ObservationSpec& spec, std::span<const Action> actions, Action speeds,
-                 std::span<float> state) {
+                 base::Vec2 mounting, std::span<float> state) {
   SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(spec.commands));
   SLALOM_CHECK_EQ(state.size(), static_cast<std::size_t>(spec.course_state_size()));
   // All after the goal are pairs.
   const std::span<Action> pairs = AsActions(state.subspan(2));
   pairs.front() = actions.front();
-  if (spec.speeds) pairs[1] = speeds;
+  std::size_t next = 1;
+  if (spec.speeds) pairs[next++] = speeds;
+  if (spec.mounting) {
+    pairs[next] = {static_cast<float>(10.0 * mounting.x), static_cast<float>(10.0 * mounting.y)};
+  }
   std::ranges::copy(actions.subspan(1), pairs.last(actions.size() - 1).begin());
 }
 

@@ -80,20 +80,26 @@ struct ObservationSpec {
   /// Whether the forward speed and the turn rate follow, as the action that would command them, not
   /// clipped.
   bool speeds = false;
+  /// Whether the place of the range finder on the robot follows, x and y in the robot's frame,
+  /// [dm].
+  bool mounting = false;
   /// Number of last actions. The newest stands in its place, the others follow last, newest first.
   int commands = 1;
 
   /// S on a course.
-  int course_state_size() const { return kStateSize + (speeds ? 2 : 0) + 2 * (commands - 1); }
+  int course_state_size() const {
+    return kStateSize + (speeds ? 2 : 0) + (mounting ? 2 : 0) + 2 * (commands - 1);
+  }
   int size() const { return num_beams + state_size; }
   friend bool operator==(const ObservationSpec&, const ObservationSpec&) = default;
 };
 
-/// Writes the last actions, and the speeds if `spec` has them, into their places in a state on a
-/// course. `actions`: the newest first; `speeds`: as the action that would command them.
+/// Writes the last actions, and speeds and mounting if `spec` has them, into their places in a
+/// state on a course. `actions`: the newest first; `speeds`: as the action that would command them;
+/// `mounting`: of the range finder, [m].
 /// Requires: actions.size() == spec.commands, state.size() == spec.course_state_size().
 void WriteMotion(const ObservationSpec& spec, std::span<const Action> actions, Action speeds,
-                 std::span<float> state);
+                 base::Vec2 mounting, std::span<float> state);
 
 /// Writes the observation of the POMDP on a course: [N + S] float, which are ranges, goal, last
 /// action and what follows them, ranges and goal mapped as `spec` says.

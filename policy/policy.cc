@@ -56,6 +56,7 @@ std::string DescribeObservation(const env::ObservationSpec& spec) {
   std::string text = fmt::format("{} beams clipped at {} m and goals scaled by {} m",
                                  spec.num_beams, spec.range_clip, spec.goal_scale);
   if (spec.speeds) text += ", with speeds";
+  if (spec.mounting) text += ", with the mounting";
   if (spec.commands > 1) text += fmt::format(", with {} commands", spec.commands);
   return text;
 }

@@ -137,6 +137,7 @@ void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
   v("range_clip", spec.range_clip, base::Range{0.5, 600.0});
   v("goal_scale", spec.goal_scale, base::Range{0.1, 1000.0});
   v("speeds", spec.speeds);
+  v("mounting", spec.mounting);
   v("commands", spec.commands, base::Range{1, 16});
 }
 
@@ -222,7 +223,8 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
   if (!object.contains("action_size")) object["action_size"] = env::kActionSize;
   if (object.contains("observation") && object["observation"].is_object()) {
-    const json defaults = {{"state_size", env::kStateSize}, {"speeds", false}, {"commands", 1}};
+    const json defaults = {
+        {"state_size", env::kStateSize}, {"speeds", false}, {"mounting", false}, {"commands", 1}};
     for (const auto& [key, value] : defaults.items()) {
       if (!object["observation"].contains(key)) object["observation"][key] = value;
     }

@@ -52,6 +52,7 @@ env::ObservationSpec MakeObservationSpec(const EnvironmentConfig& config) {
                             .range_clip = config.observation.range_clip,
                             .goal_scale = config.observation.goal_scale,
                             .speeds = config.observation.speeds,
+                            .mounting = config.observation.mounting,
                             .commands = config.observation.commands};
   spec.state_size = spec.course_state_size();
   return spec;

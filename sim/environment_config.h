@@ -205,6 +205,7 @@ struct ObservationConfig {
   double range_clip = 5.0;
   double goal_scale = 5.0;
   bool speeds = false;
+  bool mounting = false;
   int commands = 1;
 
   template <class Visitor>
@@ -216,6 +217,10 @@ struct ObservationConfig {
     v("speeds", speeds,
       "Observe the odometry's forward speed and turn rate, too, scaled like the commands that ask "
       "for them.");
+    v("mounting", mounting,
+      "Observe where the range finder is mounted (environment.lidar.offset_x and .offset_y), too, "
+      "so "
+      "that one policy can drive robots that differ in it.");
     v("commands", commands, base::Range{1, 16}, "",
       "Last commands that are observed. More than one help against a delay.");
   }

@@ -296,7 +296,7 @@ void CourseEnvironments::Observe(int i) {
   Speeds seen;
   if (observed_.speeds) seen = environment.speed_sensor.Observe({speed, body.yaw_rate});
   env::WriteMotion(observed_, environment.actions,
-                   config_.action.Scale(seen.forward, seen.turn_rate), state);
+                   config_.action.Scale(seen.forward, seen.turn_rate), lidar.mounting(), state);
 }
 
 }  // namespace slalom::sim

@@ -54,6 +54,8 @@ class Lidar {
             const MovingShapes* moving = nullptr) const;
 
   int num_beams() const { return config_.num_beams; }
+  /// Place of the sensor in R, [m].
+  base::Vec2 mounting() const { return {config_.offset_x, config_.offset_y}; }
 
   /// Direction of a beam in S, [rad].
   double beam_angle(int beam) const { return first_angle_ + beam * angle_step_; }

@@ -58,7 +58,10 @@ class LineDriver {
     }
     std::array<float, 2> speeds{};
     if (spec().observation.speeds) ReadNumbers(given, "speeds", speeds);
-    env::WriteMotion(spec().observation, last_, spec().actions.Scale(speeds[0], speeds[1]), state);
+    std::array<float, 2> mounting{};
+    if (spec().observation.mounting) ReadNumbers(given, "mounting", mounting);
+    env::WriteMotion(spec().observation, last_, spec().actions.Scale(speeds[0], speeds[1]),
+                     {mounting[0], mounting[1]}, state);
     std::shift_right(last_.begin(), last_.end(), 1);
     env::Action& action = last_.front();
     agent_->Act(observations_, env::NumbersOf(std::span(&action, 1)));
@@ -69,8 +72,8 @@ class LineDriver {
   }
 
  private:
-  static constexpr std::array<std::string_view, 5> kKeys = {"ranges", "goal", "last_action",
-                                                            "speeds", "first"};
+  static constexpr std::array<std::string_view, 6> kKeys = {"ranges", "goal",     "last_action",
+                                                            "speeds", "mounting", "first"};
 
   const policy::PolicySpec& spec() const { return agent_->snapshot().spec; }
 
@@ -163,7 +166,9 @@ void AddActCommand(CLI::App& app) {
       "  {\"ranges\": [2.31, null, ...], \"goal\": [3.0, 0.5]}      metres; null: no echo\n"
       "  {\"action\":[0.7,-0.1],\"angular\":-0.31,\"linear\":1.55}     m/s, rad/s\n\n"
       "\"first\": true begins an episode. \"last_action\": [a, b] is for a robot that did not do\n"
-      "what it was told. \"speeds\": [m/s, rad/s] is for a policy that observes them.\n");
+      "what it was told. \"speeds\": [m/s, rad/s] and \"mounting\": [x, y] in metres are for a "
+      "policy\n"
+      "that observes them.\n");
   command->callback([policy] { Act(*policy); });
 }
 

@@ -67,8 +67,7 @@ FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& co
       EncoderOf(config) == EncoderKind::kBeamCnn) {
     throw base::Error(
         "network.cnn_axis: found \"beams\" with more than the last command observed, expected "
-        "\"time\", or environment.observation.speeds = false and environment.observation.commands "
-        "= 1");
+        "\"time\", or environment.observation.speeds = false, .mounting = false and .commands = 1");
   }
   if (num_beams_ == 0 && EncoderOf(config) == EncoderKind::kBeamCnn) {
     throw base::Error("network.cnn_axis: found \"beams\" without a scan, expected \"time\"");

@@ -44,10 +44,11 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   SLALOM_CHECK(config.kind != ModelKind::kNone);
   RequireConsistent(config, network);
   if (observation.state_size != env::kStateSize) {
-    throw base::Error(fmt::format(
-        "model.kind is \"{}\", expected environment.observation.speeds = false and "
-        "environment.observation.commands = 1: a model predicts neither speeds nor older commands",
-        base::EnumName(config.kind)));
+    throw base::Error(
+        fmt::format("model.kind is \"{}\", expected environment.observation.speeds = false, "
+                    ".mounting = false and "
+                    ".commands = 1: a model predicts neither speeds nor older commands",
+                    base::EnumName(config.kind)));
   }
   ModelShape shape;
   shape.ensemble = config.ensemble;

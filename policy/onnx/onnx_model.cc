@@ -121,10 +121,11 @@ class ModelPrinter {
          {spec_.observation.state_size},
          fmt::format(
              "goal x (ahead) and y (to the left) in the robot's frame, in m; the action of "
-             "the step before, zeros at first{}{}",
+             "the step before, zeros at first{}{}{}",
              spec_.observation.speeds
                  ? "; forward speed and turn rate, as the action that commands them"
                  : "",
+             spec_.observation.mounting ? "; place of the range finder, x and y, in dm" : "",
              spec_.observation.commands > 1 ? "; the actions before, the newest first" : "")});
     ranges = graph_.Add("Cast", {ranges}, {{"to", static_cast<std::int64_t>(NumberType::kFloat)}});
     if (num_ranges_ != num_beams) {

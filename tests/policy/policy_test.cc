@@ -175,6 +175,7 @@ TEST_F(PolicyFileTest, TakesFilesWithoutTheSizesForOnesOfCourses) {
   ReplaceInSpec("\"action_size\":2,", "");
   ReplaceInSpec("\"commands\":1,", "");
   ReplaceInSpec(",\"speeds\":false", "");
+  ReplaceInSpec("\"mounting\":false,", "");
   const PolicySpec spec = LoadPolicy(path_).snapshot.spec;
   EXPECT_EQ(spec.step_shape(), env::StepShape(12));
   EXPECT_EQ(spec.observation, SmallPolicy().spec.observation);
@@ -183,6 +184,7 @@ TEST_F(PolicyFileTest, TakesFilesWithoutTheSizesForOnesOfCourses) {
 TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
   PolicySnapshot saved = SmallPolicy();
   saved.spec.observation.speeds = true;
+  saved.spec.observation.mounting = true;
   saved.spec.observation.commands = 4;
   saved.spec.observation.state_size = saved.spec.observation.course_state_size();
   saved.spec.network.goal_transform = nn::GoalTransform::kBounded;
@@ -192,19 +194,22 @@ TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
   const PolicySpec spec = LoadPolicy(path_).snapshot.spec;
   EXPECT_EQ(spec.observation, saved.spec.observation);
   EXPECT_EQ(spec.network, saved.spec.network);
-  EXPECT_EQ(spec.step_shape(), env::StepShape(12, 12));
+  EXPECT_EQ(spec.step_shape(), env::StepShape(12, 14));
   EXPECT_NO_THROW(spec.RequireCourses("p"));
   // As many numbers, with another meaning.
   env::ObservationSpec other = spec.observation;
   other.speeds = false;
-  other.commands = 5;
+  other.mounting = false;
+  other.commands = 6;
   ASSERT_EQ(other.course_state_size(), other.state_size);
   try {
     RequireSameInterface("p", spec, other, spec.actions);
     ADD_FAILURE();
   } catch (const base::Error& error) {
-    EXPECT_THAT(error.what(), AllOf(HasSubstr("with speeds, with 4 commands, the simulator gives"),
-                                    HasSubstr("with 5 commands")));
+    EXPECT_THAT(
+        error.what(),
+        AllOf(HasSubstr("with speeds, with the mounting, with 4 commands, the simulator gives"),
+              HasSubstr("with 6 commands")));
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <vector>
 
 #include "sim/courses/course_sets.h"
@@ -116,6 +117,34 @@ TEST(EnvironmentsTest, SpeedsAndCommandsFollowTheGoalAndTheLastCommand) {
     }
     EXPECT_GT(given.size(), 7u);
   }
+}
+
+TEST(EnvironmentsTest, TheMountingIsThatOfTheEpisode) {
+  EnvironmentConfig config;
+  config.observation.speeds = true;
+  config.observation.mounting = true;
+  config.observation.commands = 2;
+  config.lidar.offset_y = 0.03;
+  config.randomize = {{"lidar.offset_x", {"[-0.1, 0.15]", ""}}};
+  CourseEnvironments drawn = Make(config);
+  ASSERT_EQ(drawn.shape(), env::StepShape(720, 10));
+  std::set<float> seen;
+  for (std::uint64_t seed = 0; seed < 5; ++seed) {
+    drawn.Reset(0, {0, seed});
+    const env::FrameView frame = drawn.observations().frame(0);
+    EXPECT_EQ(frame.state[7], 0.3f);
+    EXPECT_GE(frame.state[6], -1.0f);
+    EXPECT_LE(frame.state[6], 1.5f);
+    seen.insert(frame.state[6]);
+    // The frame is that of a robot with this mounting.
+    EnvironmentConfig fixed = config;
+    fixed.randomize.clear();
+    fixed.lidar.offset_x = static_cast<double>(frame.state[6]) / 10.0;
+    CourseEnvironments same = Make(fixed);
+    same.Reset(0, {0, seed});
+    EXPECT_TRUE(std::ranges::equal(same.observations().frame(0).state, frame.state));
+  }
+  EXPECT_EQ(seen.size(), 5u);
 }
 
 TEST(EnvironmentsTest, ObservedSpeedsHaveTheirNoiseAndNothingElseChanges) {

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -138,6 +139,35 @@ TEST_F(PolicyToolsTest, ActKeepsOlderCommandsAndReadsSpeeds) {
   }
   EXPECT_THAT(Act("{\"ranges\": [1, 1, 1, 1, 1, 1], \"goal\": [2, 0]}\n").err,
               HasSubstr("line 1: speeds: is missing, expected 2 numbers"));
+}
+
+TEST_F(PolicyToolsTest, ActReadsTheMounting) {
+  policy::PolicySpec spec = MakeSnapshot().spec;
+  spec.observation.mounting = true;
+  spec.observation.state_size = spec.observation.course_state_size();
+  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
+  snapshot.version = 1;
+  auto weights = std::make_shared<std::vector<float>>(*snapshot.weights);
+  for (std::size_t i = 0; i < weights->size(); ++i) {
+    (*weights)[i] = static_cast<float>(std::sin(1.0 + static_cast<double>(i)));
+  }
+  snapshot.weights = weights;
+  policy::SavePolicy(scratch_.path() / "policy.safetensors", snapshot, {});
+  const ProgramResult result =
+      Act("{\"ranges\": [1, 2, 3, 4, 5, 5], \"goal\": [3, 1], \"mounting\": [0.12, -0.03]}\n");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  policy::NetworkAgent agent(snapshot);
+  env::ObservationBatch seen;
+  seen.Resize(1, kNumBeams, 6);
+  seen.ranges_cm = {100, 200, 300, 400, 500, 500};
+  seen.state = {3.0f, 1.0f, 0.0f, 0.0f, 1.2f, -0.3f};
+  env::Action action;
+  agent.Act(seen, env::NumbersOf(std::span(&action, 1)));
+  const json answer = json::parse(result.out);
+  EXPECT_NEAR(answer["action"][0].get<float>(), action.linear, 1e-6);
+  EXPECT_NEAR(answer["action"][1].get<float>(), action.angular, 1e-6);
+  EXPECT_THAT(Act("{\"ranges\": [1, 1, 1, 1, 1, 1], \"goal\": [2, 0]}\n").err,
+              HasSubstr("line 1: mounting: is missing, expected 2 numbers"));
 }
 
 TEST_F(PolicyToolsTest, ActNamesTheLineAndWhatWasExpectedOfIt) {
