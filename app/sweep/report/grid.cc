@@ -318,17 +318,21 @@ Grid ScoresTable(const ReportContent& content, std::size_t q) {
     return {row == score.rows.end() ? nullptr : &*row, q, 1};
   };
   if (scores.size() > kMaxColumns && scores.size() > rows.size()) {
+    columns.reserve(rows.size());
     for (const auto& row : rows) columns.push_back(row.name);
     for (const ScoreContent* score : scores) {
       std::vector<Place> places;
+      places.reserve(rows.size());
       for (std::size_t r = 0; r < rows.size(); ++r) places.push_back(place(*score, r));
       grid.lines.push_back(MakeLine(score->label, places));
       EmboldenBest(grid.lines.back(), quantity.higher_is_better);
     }
   } else {
+    columns.reserve(scores.size());
     for (const ScoreContent* score : scores) columns.push_back(score->label);
     for (std::size_t r = 0; r < rows.size(); ++r) {
       std::vector<Place> places;
+      places.reserve(scores.size());
       for (const ScoreContent* score : scores) places.push_back(place(*score, r));
       grid.lines.push_back(MakeLine(rows[r].name, places));
     }
