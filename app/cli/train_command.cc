@@ -277,12 +277,10 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
 /// Begins the run's directory, or checks the one to resume, before its stages are trained in it.
 void BeginStages(const TrainOptions& options, const train::RunConfig& config,
                  const run::RunDirectory& directory) {
-  train::RequireCombination(config);
-  train::RequireCourses(config, "slalom train");
+  train::RequireTrainable(config, options.resume);
   if (options.resume) {
     train::ResumeRun(directory, config);
   } else {
-    train::RequireLearnable(config);
     train::BeginRun(directory, config);
   }
 }

@@ -8,19 +8,18 @@
 
 namespace slalom::train {
 
-CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::path& directory) {
+CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::path& directory)
+    : mix_(config.courses.Mix()) {
   const policy::PolicySpec student = MakePolicySpec(config);
-  const auto files = TeacherFiles(config, directory);
-  for (const sim::FreshKind kind : config.courses.Mix()) {
-    std::filesystem::path file = files.at(kind);
+  for (const auto& [kind, file] : TeacherFiles(config, directory)) {
     const auto known = std::ranges::find(teachers_, file, &Teacher::file);
-    of_turn_.push_back(static_cast<std::size_t>(known - teachers_.begin()));
+    of_kind_[kind] = static_cast<std::size_t>(known - teachers_.begin());
     if (known != teachers_.end()) continue;
     policy::PolicySnapshot snapshot = policy::LoadPolicy(file).snapshot;
     policy::RequireSameInterface(file.string(), snapshot.spec, student.observation,
                                  student.actions);
     teachers_.push_back(
-        {std::move(file),
+        {file,
          std::make_unique<policy::NetworkAgent>(policy::WithoutPlanning(std::move(snapshot))),
          {}});
   }
@@ -34,9 +33,8 @@ void CourseTeachers::Act(const env::ObservationBatch& observations, std::span<co
   }
   const std::size_t size = actions.size() / courses.size();
   for (std::size_t i = 0; i < courses.size(); ++i) {
-    const std::size_t turn = static_cast<std::size_t>(courses[i]) % of_turn_.size();
-    std::copy_n(teachers_[of_turn_[turn]].actions.begin() + i * size, size,
-                actions.begin() + i * size);
+    const Teacher& teacher = teachers_[of_kind_.at(sim::KindOf(mix_, courses[i]))];
+    std::copy_n(teacher.actions.begin() + i * size, size, actions.begin() + i * size);
   }
 }
 

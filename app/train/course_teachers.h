@@ -2,12 +2,14 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <vector>
 
 #include "actor/teachers.h"
 #include "app/train/run_config.h"
 #include "policy/network_agent.h"
+#include "sim/courses/course_stream.h"
 
 namespace slalom::train {
 
@@ -30,8 +32,9 @@ class CourseTeachers : public actor::Teachers {
     std::vector<float> actions;  // [B, A]
   };
 
-  std::vector<Teacher> teachers_;     // One for each file.
-  std::vector<std::size_t> of_turn_;  // The teacher of each turn of `courses.fresh`.
+  const sim::FreshMix mix_;
+  std::vector<Teacher> teachers_;                  // One for each file.
+  std::map<sim::FreshKind, std::size_t> of_kind_;  // The teacher of each kind.
 };
 
 /// The teachers of a run, null if its algorithm has none. Throws as `CourseTeachers`.

@@ -9,7 +9,6 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/progress.h"
-#include "learner/run/checkpoint_store.h"
 #include "metrics/registry.h"
 
 namespace slalom::train {

@@ -41,19 +41,23 @@ learner::MethodConfig MethodOf(const RunConfig& config) {
 }
 
 const RunConfig& Checked(const RunConfig& config, bool resume) {
-  RequireCombination(config);
-  RequireCourses(config, "slalom train");
-  // A resumed run has learned already, and may be given a limit that ends it at once.
-  if (!resume) RequireLearnable(config);
-  if (!config.run.deterministic) return config;
-  if (const auto needed = OverridesForDeterminism(config); !needed.empty()) {
-    throw base::Error(
-        fmt::format("run.deterministic is true, expected with it {}", fmt::join(needed, ", ")));
-  }
+  RequireTrainable(config, resume);
   return config;
 }
 
 }  // namespace
+
+void RequireTrainable(const RunConfig& config, bool resume) {
+  RequireCombination(config);
+  RequireCourses(config, "slalom train");
+  // A resumed run has learned already, and may be given a limit that ends it at once.
+  if (!resume) RequireLearnable(config);
+  if (!config.run.deterministic) return;
+  if (const auto needed = OverridesForDeterminism(config); !needed.empty()) {
+    throw base::Error(
+        fmt::format("run.deterministic is true, expected with it {}", fmt::join(needed, ", ")));
+  }
+}
 
 Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
                  bool resume, metrics::Registry& registry, run::TrainingClock clock)

@@ -21,6 +21,10 @@ namespace slalom::train {
 
 using learner::TrainingEnd;
 
+/// Throws `base::Error` as `Trainer` does if its config cannot be trained, before anything is
+/// built.
+void RequireTrainable(const RunConfig& config, bool resume);
+
 /// One training run in one process: a `learner::LearnerLoop` between a table and the actor that
 /// fills it.
 ///
