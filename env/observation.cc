@@ -10,8 +10,9 @@ void WriteMotion(const ObservationSpec& spec, std::span<const Action> actions, A
                  base::Vec2 mounting, std::span<float> state) {
   SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(spec.commands));
   SLALOM_CHECK_EQ(state.size(), static_cast<std::size_t>(spec.course_state_size()));
-  // All after the goal are pairs.
-  const std::span<Action> pairs = AsActions(state.subspan(2));
+  // All after the goal are pairs, up to what is privileged.
+  const std::size_t size = state.size() - static_cast<std::size_t>(spec.privileged_size());
+  const std::span<Action> pairs = AsActions(state.first(size).subspan(2));
   pairs.front() = actions.front();
   std::size_t next = 1;
   if (spec.speeds) pairs[next++] = speeds;

@@ -16,6 +16,16 @@ namespace slalom::env {
 /// [-1, 1] with the action bounds. `ObservationSpec` says what may follow.
 inline constexpr int kStateSize = 4;
 
+/// What no sensor tells and a teacher may see (`ObservationSpec::privileged`): the body's true
+/// forward speed and turn rate, as the action that would command them; for each of the moving
+/// obstacles that are nearest to the robot its centre [5 m] and its velocity [m/s], x and y in the
+/// robot's frame, zeros if there are fewer; then what is drawn of the robot's drive:
+/// `command_delay` and `command_jitter` [0.1 s], ten times what `speed_gain` and `yaw_gain` are
+/// above 1, `linear_acceleration` [20 m/s^2] and `angular_acceleration` [25 rad/s^2].
+inline constexpr int kToldObstacles = 5;
+inline constexpr int kToldOfDrive = 6;
+inline constexpr int kPrivilegedSize = 2 + 4 * kToldObstacles + kToldOfDrive;
+
 /// Observation of one environment at one time step, in the form in which it is sensed, sent and
 /// stored. A view: it does not own the numbers.
 struct FrameView {
@@ -42,6 +52,7 @@ struct ObservationBatch {
   std::vector<std::uint16_t> ranges_cm;  ///< [B, N] [cm]
   std::vector<float> state;              ///< [B, S], on a course as kStateSize says.
   std::vector<Odometry> odometry;        ///< [B]
+  std::vector<float> privileged;         ///< [B, kPrivilegedSize], or empty if nobody asked for it.
   std::vector<std::uint8_t> ended;  ///< [B], 1 in the last frame of an episode: no action needed.
   std::vector<std::uint8_t> first;  ///< [B], 1 in the first frame of an episode: forget the past.
 
@@ -83,12 +94,17 @@ struct ObservationSpec {
   /// Whether the place of the range finder on the robot follows, x and y in the robot's frame,
   /// [dm].
   bool mounting = false;
-  /// Number of last actions. The newest stands in its place, the others follow last, newest first.
+  /// Number of last actions. The newest stands in its place, the others follow, newest first.
   int commands = 1;
+  /// Whether what no sensor tells (kPrivilegedSize) ends the state. Such a policy drives in a
+  /// simulator alone.
+  bool privileged = false;
 
+  int privileged_size() const { return privileged ? kPrivilegedSize : 0; }
   /// S on a course.
   int course_state_size() const {
-    return kStateSize + (speeds ? 2 : 0) + (mounting ? 2 : 0) + 2 * (commands - 1);
+    return kStateSize + (speeds ? 2 : 0) + (mounting ? 2 : 0) + 2 * (commands - 1) +
+           privileged_size();
   }
   int size() const { return num_beams + state_size; }
   friend bool operator==(const ObservationSpec&, const ObservationSpec&) = default;

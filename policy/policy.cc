@@ -58,6 +58,7 @@ std::string DescribeObservation(const env::ObservationSpec& spec) {
   if (spec.speeds) text += ", with speeds";
   if (spec.mounting) text += ", with the mounting";
   if (spec.commands > 1) text += fmt::format(", with {} commands", spec.commands);
+  if (spec.privileged) text += ", with what no sensor tells";
   return text;
 }
 

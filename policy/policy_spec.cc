@@ -139,6 +139,7 @@ void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
   v("speeds", spec.speeds);
   v("mounting", spec.mounting);
   v("commands", spec.commands, base::Range{1, 16});
+  v("privileged", spec.privileged);
 }
 
 /// Lists the fields of a config struct as "SECTION.KEY" and JSON, in the order of its `Visit`.
@@ -223,8 +224,11 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
   if (!object.contains("action_size")) object["action_size"] = env::kActionSize;
   if (object.contains("observation") && object["observation"].is_object()) {
-    const json defaults = {
-        {"state_size", env::kStateSize}, {"speeds", false}, {"mounting", false}, {"commands", 1}};
+    const json defaults = {{"state_size", env::kStateSize},
+                           {"speeds", false},
+                           {"mounting", false},
+                           {"commands", 1},
+                           {"privileged", false}};
     for (const auto& [key, value] : defaults.items()) {
       if (!object["observation"].contains(key)) object["observation"][key] = value;
     }

@@ -53,7 +53,8 @@ env::ObservationSpec MakeObservationSpec(const EnvironmentConfig& config) {
                             .goal_scale = config.observation.goal_scale,
                             .speeds = config.observation.speeds,
                             .mounting = config.observation.mounting,
-                            .commands = config.observation.commands};
+                            .commands = config.observation.commands,
+                            .privileged = config.observation.privileged};
   spec.state_size = spec.course_state_size();
   return spec;
 }

@@ -207,6 +207,7 @@ struct ObservationConfig {
   bool speeds = false;
   bool mounting = false;
   int commands = 1;
+  bool privileged = false;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -223,6 +224,10 @@ struct ObservationConfig {
       "that one policy can drive robots that differ in it.");
     v("commands", commands, base::Range{1, 16}, "",
       "Last commands that are observed. More than one help against a delay.");
+    v("privileged", privileged,
+      "Observe what no sensor tells, too: the robot's true speeds, where the nearest moving "
+      "obstacles are and how they move, and the drive of the robot that was drawn. For stages that "
+      "teach (distillation.stages): such a policy drives in a simulator alone.");
   }
 };
 

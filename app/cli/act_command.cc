@@ -32,6 +32,12 @@ class LineDriver {
   explicit LineDriver(const std::string& file) {
     policy::LoadedPolicy loaded = policy::LoadPolicy(file);
     loaded.snapshot.spec.RequireCourses(file);
+    if (loaded.snapshot.spec.observation.privileged) {
+      throw base::Error(fmt::format(
+          "{}: the policy sees what no sensor tells (environment.observation.privileged), expected "
+          "one that can drive outside a simulator",
+          file));
+    }
     const auto config = train::TrainedConfig(loaded.metadata, file).value_or(train::RunConfig{});
     agent_ = policy::MakePolicyAgent(std::move(loaded.snapshot), config.mpc,
                                      train::SeedOf(config, "act"));

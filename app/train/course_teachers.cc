@@ -4,9 +4,20 @@
 #include <utility>
 
 #include "app/train/stages.h"
+#include "base/check.h"
 #include "policy/policy.h"
 
 namespace slalom::train {
+namespace {
+
+/// What a teacher sees that is told what `student` is not.
+env::ObservationSpec Told(env::ObservationSpec student) {
+  student.privileged = true;
+  student.state_size = student.course_state_size();
+  return student;
+}
+
+}  // namespace
 
 CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::path& directory)
     : mix_(config.courses.Mix()) {
@@ -16,20 +27,24 @@ CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::p
     of_kind_[kind] = static_cast<std::size_t>(known - teachers_.begin());
     if (known != teachers_.end()) continue;
     policy::PolicySnapshot snapshot = policy::LoadPolicy(file).snapshot;
-    policy::RequireSameInterface(file.string(), snapshot.spec, student.observation,
+    const bool is_told = snapshot.spec.observation.privileged && !student.observation.privileged;
+    policy::RequireSameInterface(file.string(), snapshot.spec,
+                                 is_told ? Told(student.observation) : student.observation,
                                  student.actions);
     teachers_.push_back(
         {file,
          std::make_unique<policy::NetworkAgent>(policy::WithoutPlanning(std::move(snapshot))),
+         is_told,
          {}});
   }
 }
 
 void CourseTeachers::Act(const env::ObservationBatch& observations, std::span<const int> courses,
                          std::span<float> actions) {
+  if (need_privileged()) Tell(observations);
   for (Teacher& teacher : teachers_) {
     teacher.actions.resize(actions.size());
-    teacher.agent->Act(observations, teacher.actions);
+    teacher.agent->Act(teacher.is_told ? told_ : observations, teacher.actions);
   }
   const std::size_t size = actions.size() / courses.size();
   for (std::size_t i = 0; i < courses.size(); ++i) {
@@ -38,10 +53,29 @@ void CourseTeachers::Act(const env::ObservationBatch& observations, std::span<co
   }
 }
 
+/// Makes of `observations` those that end with what no sensor tells.
+void CourseTeachers::Tell(const env::ObservationBatch& observations) {
+  const int batch = observations.batch_size;
+  SLALOM_CHECK_EQ(observations.privileged.size(),
+                  static_cast<std::size_t>(batch) * env::kPrivilegedSize);
+  told_.Resize(batch, observations.num_beams, observations.state_size + env::kPrivilegedSize);
+  told_.ranges_cm = observations.ranges_cm;
+  told_.first = observations.first;
+  told_.ended = observations.ended;
+  for (int i = 0; i < batch; ++i) {
+    const auto end = std::ranges::copy(observations.frame(i).state, told_.mutable_state(i).begin());
+    std::copy_n(observations.privileged.begin() + i * env::kPrivilegedSize, env::kPrivilegedSize,
+                end.out);
+  }
+}
+
 std::unique_ptr<actor::Teachers> MakeTeachers(const RunConfig& config,
-                                              const std::filesystem::path& directory) {
+                                              const std::filesystem::path& directory,
+                                              sim::CourseEnvironments& environments) {
   if (!learner::TraitsOf(config.method.learner).is_taught) return nullptr;
-  return std::make_unique<CourseTeachers>(config, directory);
+  auto teachers = std::make_unique<CourseTeachers>(config, directory);
+  if (teachers->need_privileged()) environments.ShowPrivileged();
+  return teachers;
 }
 
 }  // namespace slalom::train

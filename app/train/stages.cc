@@ -7,6 +7,7 @@
 
 #include "base/config.h"
 #include "base/error.h"
+#include "base/name.h"
 #include "learner/run/run_directory.h"
 
 namespace slalom::train {
@@ -55,6 +56,10 @@ std::vector<Stage> StagesOf(const RunConfig& config) {
       throw base::Error(fmt::format("{}: expected STAGE.KEY = VALUE with a key of a config", full));
     }
     const std::string name = entry.key.substr(0, dot), key = entry.key.substr(dot + 1);
+    if (!base::IsName(name)) {
+      throw base::Error(fmt::format(
+          "{}: found the stage '{}', expected letters, digits, '-' and '_'", full, name));
+    }
     if (stages.empty() || stages.back().name != name) {
       stages.push_back({name, Plain(config, name)});
     }

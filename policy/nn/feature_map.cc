@@ -55,6 +55,7 @@ void GroupMinima(const std::uint16_t* values, int group, int num_groups, std::ui
 FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config)
     : num_beams_(spec.num_beams),
       state_size_(spec.state_size),
+      num_even_(spec.privileged ? env::kToldOfDrive : 0),
       num_ranges_(config.sectors == 0 ? spec.num_beams : config.sectors),
       beams_per_range_(num_ranges_ == 0 ? 0 : spec.num_beams / num_ranges_),
       goal_transform_(config.goal_transform),
@@ -67,7 +68,9 @@ FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& co
       EncoderOf(config) == EncoderKind::kBeamCnn) {
     throw base::Error(
         "network.cnn_axis: found \"beams\" with more than the last command observed, expected "
-        "\"time\", or environment.observation.speeds = false, .mounting = false and .commands = 1");
+        "\"time\", or "
+        "environment.observation.speeds = false, .mounting = false, .commands = 1 and "
+        ".privileged = false");
   }
   if (num_beams_ == 0 && EncoderOf(config) == EncoderKind::kBeamCnn) {
     throw base::Error("network.cnn_axis: found \"beams\" without a scan, expected \"time\"");
@@ -106,10 +109,12 @@ void FeatureMap::Write(const std::uint16_t* ranges_cm, const float* state, bool 
   float* const rest = features + num_ranges_;
   WriteGoal(state, side, rest);
   // Pairs of speed and turn: what moves to the side or turns changes its sign.
-  for (int i = 2; i < state_size_; i += 2) {
+  const int num_paired = state_size_ - num_even_;
+  for (int i = 2; i < num_paired; i += 2) {
     rest[i] = state[i];
     rest[i + 1] = side * state[i + 1];
   }
+  std::copy(state + num_paired, state + state_size_, rest + num_paired);
 }
 
 /// goal: [2] [m]; side: -1 if left and right are exchanged, else 1; features: [2].

@@ -49,6 +49,7 @@ class FeatureMap {
 
   int num_beams_;
   int state_size_;
+  int num_even_;  ///< Numbers that end the state and have no side.
   int num_ranges_;
   int beams_per_range_;
   GoalTransform goal_transform_;

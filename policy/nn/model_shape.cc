@@ -46,8 +46,8 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   if (observation.state_size != env::kStateSize) {
     throw base::Error(
         fmt::format("model.kind is \"{}\", expected environment.observation.speeds = false, "
-                    ".mounting = false and "
-                    ".commands = 1: a model predicts neither speeds nor older commands",
+                    ".mounting = false, .commands = 1 and .privileged = false: a model predicts "
+                    "neither speeds nor older commands, nor what no sensor tells",
                     base::EnumName(config.kind)));
   }
   ModelShape shape;

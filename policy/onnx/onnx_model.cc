@@ -121,12 +121,13 @@ class ModelPrinter {
          {spec_.observation.state_size},
          fmt::format(
              "goal x (ahead) and y (to the left) in the robot's frame, in m; the action of "
-             "the step before, zeros at first{}{}{}",
+             "the step before, zeros at first{}{}{}{}",
              spec_.observation.speeds
                  ? "; forward speed and turn rate, as the action that commands them"
                  : "",
              spec_.observation.mounting ? "; place of the range finder, x and y, in dm" : "",
-             spec_.observation.commands > 1 ? "; the actions before, the newest first" : "")});
+             spec_.observation.commands > 1 ? "; the actions before, the newest first" : "",
+             spec_.observation.privileged ? "; what a simulator alone can tell" : "")});
     ranges = graph_.Add("Cast", {ranges}, {{"to", static_cast<std::int64_t>(NumberType::kFloat)}});
     if (num_ranges_ != num_beams) {
       ranges = graph_.Add("ReduceMin", {Reshape(ranges, {0, num_ranges_, num_beams / num_ranges_})},

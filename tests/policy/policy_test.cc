@@ -176,6 +176,7 @@ TEST_F(PolicyFileTest, TakesFilesWithoutTheSizesForOnesOfCourses) {
   ReplaceInSpec("\"commands\":1,", "");
   ReplaceInSpec(",\"speeds\":false", "");
   ReplaceInSpec("\"mounting\":false,", "");
+  ReplaceInSpec("\"privileged\":false,", "");
   const PolicySpec spec = LoadPolicy(path_).snapshot.spec;
   EXPECT_EQ(spec.step_shape(), env::StepShape(12));
   EXPECT_EQ(spec.observation, SmallPolicy().spec.observation);
@@ -186,6 +187,7 @@ TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
   saved.spec.observation.speeds = true;
   saved.spec.observation.mounting = true;
   saved.spec.observation.commands = 4;
+  saved.spec.observation.privileged = true;
   saved.spec.observation.state_size = saved.spec.observation.course_state_size();
   saved.spec.network.goal_transform = nn::GoalTransform::kBounded;
   saved.weights = std::make_shared<const std::vector<float>>(
@@ -194,7 +196,7 @@ TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
   const PolicySpec spec = LoadPolicy(path_).snapshot.spec;
   EXPECT_EQ(spec.observation, saved.spec.observation);
   EXPECT_EQ(spec.network, saved.spec.network);
-  EXPECT_EQ(spec.step_shape(), env::StepShape(12, 14));
+  EXPECT_EQ(spec.step_shape(), env::StepShape(12, 14 + env::kPrivilegedSize));
   EXPECT_NO_THROW(spec.RequireCourses("p"));
   // As many numbers, with another meaning.
   env::ObservationSpec other = spec.observation;
@@ -208,7 +210,8 @@ TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
   } catch (const base::Error& error) {
     EXPECT_THAT(
         error.what(),
-        AllOf(HasSubstr("with speeds, with the mounting, with 4 commands, the simulator gives"),
+        AllOf(HasSubstr("with speeds, with the mounting, with 4 commands, with what no sensor "
+                        "tells, the simulator gives"),
               HasSubstr("with 6 commands")));
   }
 }

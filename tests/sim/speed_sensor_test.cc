@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <set>
+#include <span>
 #include <vector>
 
 #include "sim/courses/course_sets.h"
@@ -145,6 +148,105 @@ TEST(EnvironmentsTest, TheMountingIsThatOfTheEpisode) {
     EXPECT_TRUE(std::ranges::equal(same.observations().frame(0).state, frame.state));
   }
   EXPECT_EQ(seen.size(), 5u);
+}
+
+/// Two courses of moving obstacles, driven by robots that are drawn.
+EnvironmentConfig Told() {
+  EnvironmentConfig config;
+  config.observation.commands = 2;
+  config.observation.privileged = true;
+  config.randomize = {{"robot.command_delay", {"[0.0, 0.12]", ""}},
+                      {"robot.linear_acceleration", {"[2.0, 20.0]", ""}}};
+  return config;
+}
+
+TEST(EnvironmentsTest, PrivilegedNumbersAreTheNearestObstaclesAndTheDrive) {
+  CourseEnvironments told(Told(), MakeScenes(ResolveCourses("generated-crowds:3:2", {}, 0)), 1,
+                          nullptr);
+  ASSERT_EQ(told.shape(), env::StepShape(720, 6 + env::kPrivilegedSize));
+  std::vector<env::StepResult> results(1);
+  int num_compared = 0;
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    told.Reset(0, {static_cast<int>(seed % 2), seed});
+    const MovingObstacles& moving = told.scene(0).moving_obstacles();
+    ASSERT_GT(moving.size(), 1);
+    for (int step = 0; step < 10; ++step) {
+      const base::Pose2 X_WR = told.robot_pose(0);
+      // All obstacles by their distance, velocities by differences of places.
+      std::map<double, std::array<double, 4>> all;
+      for (int i = 0; i < moving.size(); ++i) {
+        constexpr double kDelta = 1e-2;
+        const double t = told.motion_time(0);
+        if (moving.Jumps(i, t - kDelta, 2.0 * kDelta)) continue;
+        const auto at = [&](double time) {
+          const MovingShape shape = moving.At(i, time);
+          return base::Vec2{shape.box.x, shape.box.y};
+        };
+        const base::Vec2 place = base::InverseTransform(X_WR, at(t));
+        const base::Vec2 moved = base::InverseTransform(X_WR, at(t + kDelta)) -
+                                 base::InverseTransform(X_WR, at(t - kDelta));
+        all[base::Norm(place) - static_cast<double>(moving.circumradius(i))] = {
+            place.x, place.y, moved.x / (2.0 * kDelta), moved.y / (2.0 * kDelta)};
+      }
+      const auto state = told.observations().frame(0).state.last(env::kPrivilegedSize);
+      const env::Action speeds = Told().action.Scale(told.observations().odometry[0].linear,
+                                                     told.observations().odometry[0].angular);
+      EXPECT_EQ((env::Action{state[0], state[1]}), speeds);
+      std::size_t k = 2;
+      if (std::ssize(all) == moving.size()) {
+        for (const auto& [distance, obstacle] : all) {
+          if (k == 2 + 4 * env::kToldObstacles) break;
+          EXPECT_NEAR(5.0f * state[k], obstacle[0], 1e-4);
+          EXPECT_NEAR(5.0f * state[k + 1], obstacle[1], 1e-4);
+          EXPECT_NEAR(state[k + 2], obstacle[2], 0.02);
+          EXPECT_NEAR(state[k + 3], obstacle[3], 0.02);
+          k += 4;
+          ++num_compared;
+        }
+        for (; k < 2 + 4 * env::kToldObstacles; ++k) EXPECT_EQ(state[k], 0.0f);
+      }
+      const auto drive = state.last(env::kToldOfDrive);
+      EXPECT_GE(drive[0], 0.0f);
+      EXPECT_LE(drive[0], 1.2f);
+      EXPECT_EQ(drive[2], 0.0f);
+      EXPECT_GE(drive[4], 0.1f);
+      EXPECT_LE(drive[4], 1.0f);
+      EXPECT_EQ(drive[5], 1.0f);
+      const std::vector<env::Action> action = {ActionOf(step)};
+      told.Step(env::NumbersOf(action), results);
+      if (results[0].ended()) break;
+    }
+  }
+  EXPECT_GT(num_compared, 50);
+}
+
+TEST(EnvironmentsTest, PrivilegedNumbersCanBeShownWithoutBeingSeen) {
+  EnvironmentConfig plain = Told();
+  plain.observation.privileged = false;
+  const auto scenes = MakeScenes(ResolveCourses("generated-crowds:3:2", {}, 0));
+  CourseEnvironments told(Told(), scenes, 2, nullptr), shown(plain, scenes, 2, nullptr);
+  EXPECT_TRUE(shown.observations().privileged.empty());
+  shown.ShowPrivileged();
+  std::vector<env::StepResult> results(2);
+  for (int i = 0; i < 2; ++i) {
+    told.Reset(i, {i, 5});
+    shown.Reset(i, {i, 5});
+  }
+  for (int step = 0; step < 5; ++step) {
+    for (int i = 0; i < 2; ++i) {
+      const env::FrameView more = told.observations().frame(i),
+                           less = shown.observations().frame(i);
+      EXPECT_TRUE(std::ranges::equal(more.ranges_cm, less.ranges_cm));
+      EXPECT_TRUE(std::ranges::equal(more.state.first(less.state.size()), less.state));
+      EXPECT_TRUE(std::ranges::equal(
+          more.state.last(env::kPrivilegedSize),
+          std::span(shown.observations().privileged)
+              .subspan(static_cast<std::size_t>(i) * env::kPrivilegedSize, env::kPrivilegedSize)));
+    }
+    const std::vector<env::Action> actions(2, ActionOf(step));
+    told.Step(env::NumbersOf(actions), results);
+    shown.Step(env::NumbersOf(actions), results);
+  }
 }
 
 TEST(EnvironmentsTest, ObservedSpeedsHaveTheirNoiseAndNothingElseChanges) {

@@ -141,6 +141,17 @@ TEST_F(PolicyToolsTest, ActKeepsOlderCommandsAndReadsSpeeds) {
               HasSubstr("line 1: speeds: is missing, expected 2 numbers"));
 }
 
+TEST_F(PolicyToolsTest, ActRefusesAPolicyThatNeedsASimulator) {
+  policy::PolicySpec spec = MakeSnapshot().spec;
+  spec.observation.privileged = true;
+  spec.observation.state_size = spec.observation.course_state_size();
+  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
+  policy::SavePolicy(scratch_.path() / "policy.safetensors", snapshot, {});
+  const ProgramResult result = Act("{\"ranges\": [1, 2, 3, 4, 5, 5], \"goal\": [3, 1]}\n");
+  EXPECT_NE(result.exit_code, 0);
+  EXPECT_THAT(result.err, HasSubstr("policy.safetensors: the policy sees what no sensor tells"));
+}
+
 TEST_F(PolicyToolsTest, ActReadsTheMounting) {
   policy::PolicySpec spec = MakeSnapshot().spec;
   spec.observation.mounting = true;

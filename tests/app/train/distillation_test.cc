@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -13,6 +14,8 @@
 #include "app/train/stages.h"
 #include "base/error.h"
 #include "policy/policy.h"
+#include "sim/environments.h"
+#include "sim/scene_stream.h"
 #include "tests/app/train/small_run.h"
 #include "tests/support/scratch_directory.h"
 
@@ -49,10 +52,18 @@ class DistillationTest : public testing::Test {
     return file;
   }
 
-  std::string Refusal() const {
+  std::unique_ptr<actor::Teachers> Teachers() {
+    environments_.emplace(config_.environment, std::vector<std::shared_ptr<const sim::Scene>>{}, 4,
+                          nullptr, sim::MakeRobots(),
+                          std::make_unique<sim::SceneStream>(sim::FreshMix{sim::FreshKind::kBox},
+                                                             /*seed=*/1, /*capacity=*/8));
+    return MakeTeachers(config_, directory_.path(), *environments_);
+  }
+
+  std::string Refusal() {
     try {
       RequireCombination(config_);
-      (void)MakeTeachers(config_, directory_.path());
+      (void)Teachers();
     } catch (const base::Error& error) {
       return error.what();
     }
@@ -61,11 +72,12 @@ class DistillationTest : public testing::Test {
 
   test::ScratchDirectory directory_;
   RunConfig config_ = SmallRun();
+  std::optional<sim::CourseEnvironments> environments_;  // What the last teachers look at.
 };
 
 TEST_F(DistillationTest, EachKindOfCourseHasItsTeacher) {
   EXPECT_EQ(Refusal(), "accepted");
-  const auto teachers = MakeTeachers(config_, directory_.path());
+  const auto teachers = Teachers();
   const env::StepShape shape = StepShapeOf(config_);
   env::ObservationBatch observations;
   observations.Resize(4, shape.num_beams, shape.state_size);
@@ -75,7 +87,34 @@ TEST_F(DistillationTest, EachKindOfCourseHasItsTeacher) {
   EXPECT_THAT(actions, testing::Pointwise(testing::FloatNear(1e-6f),
                                           {0.5f, 0.5f, -0.5f, -0.5f, 0.5f, 0.5f, -0.5f, -0.5f}));
   config_.method.learner.algorithm = "td3";
-  EXPECT_EQ(MakeTeachers(config_, directory_.path()), nullptr);
+  EXPECT_EQ(Teachers(), nullptr);
+}
+
+TEST_F(DistillationTest, ATeacherMaySeeWhatItsStudentDoesNot) {
+  // It turns as fast as the nearest obstacle is to the left.
+  RunConfig told = config_;
+  told.environment.observation.privileged = true;
+  told.method.network = {.encoder_layers = {}, .head_layers = {}, .sectors = 72};
+  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(MakePolicySpec(told));
+  const std::size_t features = 72 + env::kStateSize + env::kPrivilegedSize;
+  auto weights = std::make_shared<std::vector<float>>(*snapshot.weights);
+  ASSERT_EQ(weights->size(), 2 * features + 2);
+  const std::size_t place_y = 72 + env::kStateSize + 3;
+  (*weights)[features + place_y] = 1.0f;
+  snapshot.weights = weights;
+  const std::string file = (directory_.path() / "told.safetensors").string();
+  policy::SavePolicy(file, snapshot, {});
+  config_.distillation.teachers[1].value.text = Quoted(file);
+  const auto teachers = Teachers();
+  for (int i = 0; i < 4; ++i) environments_->Reset(i, {i, 7});
+  std::vector<float> actions(8);
+  teachers->Act(environments_->observations(), std::vector<int>{1, 1, 0, 1}, actions);
+  for (const std::size_t i : {0, 1, 3}) {
+    const float y = environments_->observations().privileged[i * env::kPrivilegedSize + 3];
+    EXPECT_NE(y, 0.0f);
+    EXPECT_NEAR(actions[2 * i + 1], std::tanh(y), 1e-5f);
+  }
+  EXPECT_NEAR(actions[5], 0.5f, 1e-6f) << "the other teacher sees what the student sees";
 }
 
 TEST_F(DistillationTest, RefusesTeachersThatDoNotFit) {
@@ -165,6 +204,9 @@ TEST(StagesTest, RefusesStagesThatDoNotFit) {
     return RefusalOf(config);
   };
   EXPECT_THAT(refusal("walls", "1"), StartsWith("distillation.stages.walls: expected STAGE.KEY"));
+  EXPECT_THAT(refusal("../walls.run.max_steps", "1"), HasSubstr("expected letters, digits"));
+  EXPECT_THAT(refusal("a/b.run.max_steps", "1"), HasSubstr("found the stage 'a/b'"));
+  EXPECT_THAT(refusal(".run.max_steps", "1"), HasSubstr("found the stage ''"));
   EXPECT_THAT(refusal("walls.learner.gama", "0.9"),
               StartsWith("distillation.stages.walls.learner.gama: "));
   EXPECT_THAT(refusal("walls.learner.gamma", "2"),

@@ -170,6 +170,22 @@ TEST(FeatureMap, WhatFollowsTheGoalIsSeenAsItIsAndItsTurnsAreMirrored) {
   EXPECT_EQ(features, observation);
 }
 
+TEST(FeatureMap, MirrorLeavesWhatHasNoSide) {
+  env::ObservationSpec spec;
+  spec.privileged = true;
+  spec.state_size = spec.course_state_size();
+  const FeatureMap map(spec, {.sectors = 72});
+  const std::vector<std::uint16_t> ranges_cm(720, 100);
+  std::vector<float> state(static_cast<std::size_t>(spec.state_size));
+  for (std::size_t i = 0; i < state.size(); ++i) state[i] = 0.1f + static_cast<float>(i);
+  std::vector<float> mirrored(map.frame_size());
+  map.Write(ranges_cm.data(), state.data(), true, mirrored.data());
+  const std::size_t sided = state.size() - env::kToldOfDrive;
+  for (std::size_t i = 2; i < state.size(); ++i) {
+    EXPECT_EQ(mirrored[72 + i], i < sided && i % 2 == 1 ? -state[i] : state[i]) << i;
+  }
+}
+
 TEST(FeatureMap, RefusesWhatAStateMakesImpossible) {
   env::ObservationSpec spec = LongSpec();
   spec.state_size = 8;
