@@ -52,7 +52,6 @@ struct ObservationBatch {
   std::vector<std::uint16_t> ranges_cm;  ///< [B, N] [cm]
   std::vector<float> state;              ///< [B, S], on a course as kStateSize says.
   std::vector<Odometry> odometry;        ///< [B]
-  std::vector<float> privileged;         ///< [B, kPrivilegedSize], or empty if nobody asked for it.
   std::vector<std::uint8_t> ended;  ///< [B], 1 in the last frame of an episode: no action needed.
   std::vector<std::uint8_t> first;  ///< [B], 1 in the first frame of an episode: forget the past.
 

@@ -298,20 +298,10 @@ void CourseEnvironments::Observe(int i) {
   if (observed_.speeds) seen = environment.speed_sensor.Observe({speed, body.yaw_rate});
   env::WriteMotion(observed_, environment.actions,
                    config_.action.Scale(seen.forward, seen.turn_rate), lidar.mounting(), state);
-  const auto privileged = [&](std::span<float> numbers) {
-    const EnvironmentConfig& config = environment.task ? environment.task->config() : config_;
-    WritePrivileged(config, *environment.robot, moving, environment.motion_time, numbers);
-  };
-  if (observed_.privileged) privileged(state.last(env::kPrivilegedSize));
-  if (!observations_.privileged.empty()) {
-    privileged(
-        std::span(observations_.privileged)
-            .subspan(static_cast<std::size_t>(i) * env::kPrivilegedSize, env::kPrivilegedSize));
+  if (observed_.privileged) {
+    WritePrivileged(environment.task ? environment.task->config() : config_, *environment.robot,
+                    moving, environment.motion_time, state.last(env::kPrivilegedSize));
   }
-}
-
-void CourseEnvironments::ShowPrivileged() {
-  observations_.privileged.assign(environments_.size() * env::kPrivilegedSize, 0.0f);
 }
 
 }  // namespace slalom::sim

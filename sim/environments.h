@@ -66,10 +66,6 @@ class CourseEnvironments : public env::BatchEnvironment {
                      base::ParallelFor* parallel, const MakeRobotBodies& make_bodies = MakeRobots(),
                      std::unique_ptr<SceneStream> fresh = nullptr);
 
-  /// Fills `env::ObservationBatch::privileged` from the next `Reset` of each environment on, for
-  /// teachers of a policy that does not see it.
-  void ShowPrivileged();
-
   int batch_size() const override { return static_cast<int>(environments_.size()); }
   int num_courses() const override { return static_cast<int>(scenes_.size()); }
   bool has_fresh_courses() const override { return fresh_ != nullptr; }

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "app/train/stages.h"
-#include "base/check.h"
 #include "policy/policy.h"
 
 namespace slalom::train {
@@ -34,17 +33,15 @@ CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::p
     teachers_.push_back(
         {file,
          std::make_unique<policy::NetworkAgent>(policy::WithoutPlanning(std::move(snapshot))),
-         is_told,
          {}});
   }
 }
 
 void CourseTeachers::Act(const env::ObservationBatch& observations, std::span<const int> courses,
                          std::span<float> actions) {
-  if (need_privileged()) Tell(observations);
   for (Teacher& teacher : teachers_) {
     teacher.actions.resize(actions.size());
-    teacher.agent->Act(teacher.is_told ? told_ : observations, teacher.actions);
+    teacher.agent->Act(observations, teacher.actions);
   }
   const std::size_t size = actions.size() / courses.size();
   for (std::size_t i = 0; i < courses.size(); ++i) {
@@ -53,29 +50,10 @@ void CourseTeachers::Act(const env::ObservationBatch& observations, std::span<co
   }
 }
 
-/// Makes of `observations` those that end with what no sensor tells.
-void CourseTeachers::Tell(const env::ObservationBatch& observations) {
-  const int batch = observations.batch_size;
-  SLALOM_CHECK_EQ(observations.privileged.size(),
-                  static_cast<std::size_t>(batch) * env::kPrivilegedSize);
-  told_.Resize(batch, observations.num_beams, observations.state_size + env::kPrivilegedSize);
-  told_.ranges_cm = observations.ranges_cm;
-  told_.first = observations.first;
-  told_.ended = observations.ended;
-  for (int i = 0; i < batch; ++i) {
-    const auto end = std::ranges::copy(observations.frame(i).state, told_.mutable_state(i).begin());
-    std::copy_n(observations.privileged.begin() + i * env::kPrivilegedSize, env::kPrivilegedSize,
-                end.out);
-  }
-}
-
 std::unique_ptr<actor::Teachers> MakeTeachers(const RunConfig& config,
-                                              const std::filesystem::path& directory,
-                                              sim::CourseEnvironments& environments) {
+                                              const std::filesystem::path& directory) {
   if (!learner::TraitsOf(config.method.learner).is_taught) return nullptr;
-  auto teachers = std::make_unique<CourseTeachers>(config, directory);
-  if (teachers->need_privileged()) environments.ShowPrivileged();
-  return teachers;
+  return std::make_unique<CourseTeachers>(config, directory);
 }
 
 }  // namespace slalom::train

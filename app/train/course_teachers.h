@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <filesystem>
 #include <map>
@@ -9,10 +8,8 @@
 
 #include "actor/teachers.h"
 #include "app/train/run_config.h"
-#include "env/observation.h"
 #include "policy/network_agent.h"
 #include "sim/courses/course_stream.h"
-#include "sim/environments.h"
 
 namespace slalom::train {
 
@@ -28,30 +25,20 @@ class CourseTeachers : public actor::Teachers {
   void Act(const env::ObservationBatch& observations, std::span<const int> courses,
            std::span<float> actions) override;
 
-  /// Whether a teacher needs `env::ObservationBatch::privileged`.
-  bool need_privileged() const { return std::ranges::any_of(teachers_, &Teacher::is_told); }
-
  private:
-  void Tell(const env::ObservationBatch& observations);
-
   struct Teacher {
     std::filesystem::path file;
     std::unique_ptr<policy::NetworkAgent> agent;
-    bool is_told = false;        // Whether it sees what the run's own policy does not.
     std::vector<float> actions;  // [B, A]
   };
 
   const sim::FreshMix mix_;
   std::vector<Teacher> teachers_;                  // One for each file.
   std::map<sim::FreshKind, std::size_t> of_kind_;  // The teacher of each kind.
-  env::ObservationBatch told_;                     // What teachers see who are told more.
 };
 
-/// The teachers of a run, null if its algorithm has none. If one of them sees what no sensor tells,
-/// `environments`, which the run drives, show it from the next `Reset` on. Throws as
-/// `CourseTeachers`.
+/// The teachers of a run, null if its algorithm has none. Throws as `CourseTeachers`.
 std::unique_ptr<actor::Teachers> MakeTeachers(const RunConfig& config,
-                                              const std::filesystem::path& directory,
-                                              sim::CourseEnvironments& environments);
+                                              const std::filesystem::path& directory);
 
 }  // namespace slalom::train

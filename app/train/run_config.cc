@@ -167,8 +167,10 @@ std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose) {
 policy::PolicySpec MakePolicySpec(const RunConfig& config) {
   const env::StepShape shape = StepShapeOf(config);
   env::ObservationSpec observation = sim::MakeObservationSpec(config.environment);
-  observation.num_beams = shape.num_beams;
-  observation.state_size = shape.state_size;
+  if (config.task.is_own()) {
+    observation.num_beams = shape.num_beams;
+    observation.state_size = shape.state_size;
+  }
   return {.observation = observation,
           .network = config.network,
           .action_size = shape.action_size,
@@ -177,9 +179,15 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config) {
           .planning = learner::PlanningOf(config.method, GoalOf(config))};
 }
 
+sim::EnvironmentConfig TrainingEnvironment(const RunConfig& config) {
+  sim::EnvironmentConfig environment = config.environment;
+  environment.observation.privileged |= learner::HoldsPrivileged(config.method.learner);
+  return environment;
+}
+
 env::StepShape StepShapeOf(const RunConfig& config) {
   if (!config.task.is_own()) {
-    const env::ObservationSpec spec = sim::MakeObservationSpec(config.environment);
+    const env::ObservationSpec spec = sim::MakeObservationSpec(TrainingEnvironment(config));
     return {spec.num_beams, spec.state_size};
   }
   return {0, config.task.observation_size, static_cast<int>(config.task.action_low.size())};
@@ -194,9 +202,9 @@ sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
           : std::make_unique<sim::SceneStream>(
                 std::move(mix), SeedOf(config, "fresh courses"),
                 config.courses.sampling.learnable_courses + 2 * config.actor.num_environments);
-  return sim::CourseEnvironments(config.environment, sim::MakeScenes(config.courses.ResolveTrain()),
-                                 config.actor.num_environments, &parallel, sim::MakeRobots(),
-                                 std::move(fresh));
+  return sim::CourseEnvironments(
+      TrainingEnvironment(config), sim::MakeScenes(config.courses.ResolveTrain()),
+      config.actor.num_environments, &parallel, sim::MakeRobots(), std::move(fresh));
 }
 
 int BatchesPerUpdate(const RunConfig& config) {
@@ -215,6 +223,14 @@ void RequireCombination(const RunConfig& config) {
         base::EnumName(config.method.constraint.kind)));
   }
   if (config.mpc.enabled) RequireNoConstraint(config);
+  if (config.method.learner.privileged_critic) {
+    RequireForOwn(!config.task.is_own(), "learner.privileged_critic", "false");
+    if (config.environment.observation.privileged) {
+      throw base::Error(
+          "learner.privileged_critic is true, expected false with "
+          "environment.observation.privileged: the policy sees what the critics see");
+    }
+  }
   RequireTeachers(config);
 }
 

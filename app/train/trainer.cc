@@ -66,7 +66,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       environments_(MakeTrainingEnvironments(config, parallel_)),
       learner_(MethodOf(config), MakePolicySpec(config), SeedOf(config, "learner")),
       agent_(policy::MakePolicyAgent(learner_.Snapshot(), config.mpc, SeedOf(config, "mpc"))),
-      teachers_(MakeTeachers(config, directory.root, environments_)),
+      teachers_(MakeTeachers(config, directory.root)),
       actor_(config.actor, environments_, *agent_, SeedOf(config, "actor"), config.courses.sampling,
              teachers_.get()),
       table_(config.replay, StepShapeOf(config)),

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -15,7 +14,6 @@
 #include "base/error.h"
 #include "policy/policy.h"
 #include "sim/environments.h"
-#include "sim/scene_stream.h"
 #include "tests/app/train/small_run.h"
 #include "tests/support/scratch_directory.h"
 
@@ -52,18 +50,10 @@ class DistillationTest : public testing::Test {
     return file;
   }
 
-  std::unique_ptr<actor::Teachers> Teachers() {
-    environments_.emplace(config_.environment, std::vector<std::shared_ptr<const sim::Scene>>{}, 4,
-                          nullptr, sim::MakeRobots(),
-                          std::make_unique<sim::SceneStream>(sim::FreshMix{sim::FreshKind::kBox},
-                                                             /*seed=*/1, /*capacity=*/8));
-    return MakeTeachers(config_, directory_.path(), *environments_);
-  }
-
-  std::string Refusal() {
+  std::string Refusal() const {
     try {
       RequireCombination(config_);
-      (void)Teachers();
+      (void)MakeTeachers(config_, directory_.path());
     } catch (const base::Error& error) {
       return error.what();
     }
@@ -72,12 +62,11 @@ class DistillationTest : public testing::Test {
 
   test::ScratchDirectory directory_;
   RunConfig config_ = SmallRun();
-  std::optional<sim::CourseEnvironments> environments_;  // What the last teachers look at.
 };
 
 TEST_F(DistillationTest, EachKindOfCourseHasItsTeacher) {
   EXPECT_EQ(Refusal(), "accepted");
-  const auto teachers = Teachers();
+  const auto teachers = MakeTeachers(config_, directory_.path());
   const env::StepShape shape = StepShapeOf(config_);
   env::ObservationBatch observations;
   observations.Resize(4, shape.num_beams, shape.state_size);
@@ -87,15 +76,16 @@ TEST_F(DistillationTest, EachKindOfCourseHasItsTeacher) {
   EXPECT_THAT(actions, testing::Pointwise(testing::FloatNear(1e-6f),
                                           {0.5f, 0.5f, -0.5f, -0.5f, 0.5f, 0.5f, -0.5f, -0.5f}));
   config_.method.learner.algorithm = "td3";
-  EXPECT_EQ(Teachers(), nullptr);
+  EXPECT_EQ(MakeTeachers(config_, directory_.path()), nullptr);
 }
 
 TEST_F(DistillationTest, ATeacherMaySeeWhatItsStudentDoesNot) {
   // It turns as fast as the nearest obstacle is to the left.
   RunConfig told = config_;
   told.environment.observation.privileged = true;
-  told.method.network = {.encoder_layers = {}, .head_layers = {}, .sectors = 72};
+  told.network = {.encoder_layers = {}, .head_layers = {}, .sectors = 72};
   policy::PolicySnapshot snapshot = policy::ZeroSnapshot(MakePolicySpec(told));
+  snapshot.version = 1;
   const std::size_t features = 72 + env::kStateSize + env::kPrivilegedSize;
   auto weights = std::make_shared<std::vector<float>>(*snapshot.weights);
   ASSERT_EQ(weights->size(), 2 * features + 2);
@@ -105,16 +95,21 @@ TEST_F(DistillationTest, ATeacherMaySeeWhatItsStudentDoesNot) {
   const std::string file = (directory_.path() / "told.safetensors").string();
   policy::SavePolicy(file, snapshot, {});
   config_.distillation.teachers[1].value.text = Quoted(file);
-  const auto teachers = Teachers();
-  for (int i = 0; i < 4; ++i) environments_->Reset(i, {i, 7});
-  std::vector<float> actions(8);
-  teachers->Act(environments_->observations(), std::vector<int>{1, 1, 0, 1}, actions);
-  for (const std::size_t i : {0, 1, 3}) {
-    const float y = environments_->observations().privileged[i * env::kPrivilegedSize + 3];
-    EXPECT_NE(y, 0.0f);
-    EXPECT_NEAR(actions[2 * i + 1], std::tanh(y), 1e-5f);
-  }
-  EXPECT_NEAR(actions[5], 0.5f, 1e-6f) << "the other teacher sees what the student sees";
+  const auto teachers = MakeTeachers(config_, directory_.path());
+  // The run's environments show it, behind what the student sees.
+  base::ParallelFor parallel(1);
+  sim::CourseEnvironments environments = MakeTrainingEnvironments(config_, parallel);
+  const env::ObservationBatch& observations = environments.observations();
+  ASSERT_EQ(observations.state_size, env::kStateSize + env::kPrivilegedSize);
+  std::vector<int> courses;
+  for (int i = 0; i < environments.batch_size(); ++i) courses.push_back(i % 2);
+  for (int i = 0; i < environments.batch_size(); ++i) environments.Reset(i, {courses[i], 7});
+  std::vector<float> actions(2 * courses.size());
+  teachers->Act(observations, courses, actions);
+  const float y = observations.frame(1).state[env::kStateSize + 3];
+  EXPECT_NE(y, 0.0f);
+  EXPECT_NEAR(actions[3], std::tanh(y), 1e-5f);
+  EXPECT_NEAR(actions[1], 0.5f, 1e-6f) << "the other teacher sees what the student sees";
 }
 
 TEST_F(DistillationTest, RefusesTeachersThatDoNotFit) {
