@@ -23,7 +23,7 @@ class ActorCritic : public Algorithm {
         constraint_(context.constraint),
         actor_(context.spec.actor_shape(), context.spec.distribution, context.initial_weights,
                context.minibatch),
-        critics_("critics", CriticShape(context.config, context.spec, critic_outputs), num_critics,
+        critics_("critics", context.spec.critic_shape(critic_outputs), num_critics,
                  context.initial_weights, context.minibatch),
         target_(at::zeros_like(context.minibatch.reward)),
         td_errors_(at::zeros_like(context.minibatch.reward)) {}
@@ -52,7 +52,7 @@ class ActorCritic : public Algorithm {
   /// `polyak_rate`.
   void UpdateCritics(const at::Tensor& next_action, double rate, double polyak_rate) {
     const Critics::Importance importance{minibatch_.weight, td_errors_};
-    critics_.GradientStep(minibatch_.critic_features, minibatch_.actions, target_,
+    critics_.GradientStep(minibatch_.features, minibatch_.actions, target_,
                           rate * config_.critic_learning_rate, polyak_rate,
                           totals_[Total::kCriticLoss], totals_[Total::kQ],
                           totals_[Total::kCriticNorm], config_.prioritized ? &importance : nullptr);

@@ -27,11 +27,6 @@ struct AlgorithmContext {
   Constraint* constraint;  ///< Null if there is none.
 };
 
-/// Shape of critics with `num_outputs` outputs: as the spec says, or, if they see what the policy
-/// does not, its heads alone on the newest frame.
-nn::NetworkShape CriticShape(const LearnerConfig& config, const policy::PolicySpec& spec,
-                             int num_outputs = 1);
-
 /// The update rule of one off-policy method, with the networks that it trains. Thread-compatible.
 class Algorithm {
  public:

@@ -27,11 +27,11 @@ Constraint::Constraint(const ConstraintConfig& config, const nn::NetworkShape& c
 
 void Constraint::UpdateCritics(const at::Tensor& next_action, double learning_rate,
                                double polyak_rate) {
-  critics_.ComputeTdTarget(minibatch_.next_critic_features, next_action, minibatch_.cost,
+  critics_.ComputeTdTarget(minibatch_.next_features, next_action, minibatch_.cost,
                            minibatch_.discount, TargetReduction::kMax, target_);
   // Samples are drawn by the TD errors of the reward critics; the same importance weights apply.
   const Critics::Importance importance{minibatch_.weight, td_errors_};
-  critics_.GradientStep(minibatch_.critic_features, minibatch_.actions, target_, learning_rate,
+  critics_.GradientStep(minibatch_.features, minibatch_.actions, target_, learning_rate,
                         polyak_rate, totals_[Total::kCostLoss], totals_[Total::kCostQ],
                         totals_[Total::kCostNorm], &importance);
 }

@@ -14,8 +14,8 @@ Critics::Critics(std::string name, const nn::NetworkShape& shape, int num_critic
                  base::Random& random, const Minibatch& minibatch)
     : name_(std::move(name)),
       parallel_(minibatch.parallel),
-      state_(minibatch.critic_features),
-      next_state_(minibatch.next_critic_features),
+      state_(minibatch.features),
+      next_state_(minibatch.next_features),
       room_(minibatch.room),
       next_room_(minibatch.next_room),
       parameters_(InitialParameters(shape, num_critics, random, minibatch.input.device())),
@@ -30,9 +30,8 @@ Critics::Critics(std::string name, const nn::NetworkShape& shape, int num_critic
         {nn::Network(shape, parameters_.narrow(0, k * size, size)),
          nn::Network(shape, target_parameters_.narrow(0, k * size, size)),
          nn::Network(shape, gradient_.narrow(0, k * size, size)),
-         nn::NetworkPass(shape, minibatch.critic_input, nn::PassUse::kTraining, minibatch.dropout),
-         nn::NetworkPass(shape, minibatch.next_critic_input, nn::PassUse::kInference,
-                         minibatch.dropout)});
+         nn::NetworkPass(shape, minibatch.input, nn::PassUse::kTraining, minibatch.dropout),
+         nn::NetworkPass(shape, minibatch.next_input, nn::PassUse::kInference, minibatch.dropout)});
     target_values_.push_back(critics_.back().target_pass.output());
     values_.push_back(critics_.back().pass.output());
     value_gradients_.push_back(critics_.back().pass.output_gradient());

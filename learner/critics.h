@@ -26,7 +26,7 @@ namespace slalom::learner {
 /// operations: `Values` and `TargetValues` are functions, and `Descend` takes the loss. The second
 /// is for the losses of TD3, DDPG and SAC, whose gradients are written by hand: it records nothing,
 /// allocates nothing, and computes only the gradients that are asked for. States must then be the
-/// minibatch's own tensors (`Minibatch::critic_features`), because the networks read them there.
+/// minibatch's own tensors, because the networks read them there.
 ///
 /// The parameters of all K networks are one tensor [K * P]; the target networks' are another.
 class Critics {

@@ -40,16 +40,9 @@ const MethodConfig& Checked(const MethodConfig& method) {
         fmt::format("learner.log_std_min is {}, expected at most learner.log_std_max = {}",
                     learner.log_std_min, learner.log_std_max));
   }
-  if (learner.privileged_critic && method.model.kind != nn::ModelKind::kNone) {
-    throw base::Error(fmt::format(
-        "learner.privileged_critic is true, expected false with model.kind = \"{}\": a model "
-        "predicts what sensors tell",
-        base::EnumName(method.model.kind)));
-  }
   const ConstraintConfig& constraint = method.constraint;
   if (TraitsOf(learner).is_taught) {
-    const char* const unfit = learner.prioritized         ? "learner.prioritized"
-                              : learner.privileged_critic ? "learner.privileged_critic"
+    const char* const unfit = learner.prioritized                         ? "learner.prioritized"
                               : constraint.kind != ConstraintKind::kNone  ? "constraint.kind"
                               : method.model.kind != nn::ModelKind::kNone ? "model.kind"
                                                                           : nullptr;
@@ -141,10 +134,6 @@ std::shared_ptr<const std::vector<float>> CopyToHost(const at::Tensor& parameter
   return std::make_shared<const std::vector<float>>(begin, begin + host.numel());
 }
 
-int PrivilegedSize(const LearnerConfig& config) {
-  return config.privileged_critic ? env::kPrivilegedSize : 0;
-}
-
 bool IsFinite(const at::Tensor& t) { return at::isfinite(t).all().item<bool>(); }
 
 }  // namespace
@@ -157,10 +146,9 @@ struct Learner::Parts {
         dropout(base::DeriveSeed(seed, "dropout")),
         features(spec.observation, spec.network),
         reader(features, spec.network.history, method.learner.reward_scale, method.learner.mirror,
-               std::pow(method.learner.gamma, method.learner.extra_discount_steps),
-               PrivilegedSize(method.learner)),
+               std::pow(method.learner.gamma, method.learner.extra_discount_steps)),
         minibatch(method.learner.batch_size, spec.network.history, features.frame_size(), device,
-                  spec.action_size, PrivilegedSize(method.learner)),
+                  spec.action_size),
         totals(device) {
     minibatch.dropout = &dropout;
     // Networks with dropout draw from one stream, in turn.
@@ -169,8 +157,7 @@ struct Learner::Parts {
     }
     if (method.constraint.kind != ConstraintKind::kNone) {
       base::Random weights(base::DeriveSeed(seed, "cost critic weights"));
-      constraint.emplace(method.constraint, CriticShape(method.learner, spec), weights, minibatch,
-                         totals);
+      constraint.emplace(method.constraint, spec.critic_shape(), weights, minibatch, totals);
     }
     algorithm = MakeAlgorithm({.config = method.learner,
                                .spec = spec,

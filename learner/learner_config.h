@@ -50,7 +50,6 @@ struct LearnerConfig {
   double log_std_max = 2.0;
   double reward_scale = 1.0;
   bool mirror = false;
-  bool privileged_critic = false;
   double average_rate = 0.0;
   bool prioritized = false;
   double importance_exponent = 0.4;
@@ -110,9 +109,6 @@ struct LearnerConfig {
       "Rewards are multiplied by this before they are learned from.");
     v("mirror", mirror,
       "Replace each sample, with probability 1/2, by its mirror image (left and right swapped).");
-    v("privileged_critic", privileged_critic,
-      "Critics see the newest frame and what no sensor tells (environment.observation.privileged), "
-      "and have heads alone. The policy sees what it would without it (Pinto et al. 2018).");
     v("average_rate", average_rate, base::Range{0.0, 1.0}, "",
       "Rate of the Polyak average of the actor's weights, per actor update. Early in training, the "
       "average covers about the last fifth of the updates. 0: no averaging.");

@@ -40,18 +40,6 @@ int NumElites(const ModelTrainingConfig& config, int ensemble) {
   return config.elites > 0 ? config.elites : ensemble;
 }
 
-bool HoldsPrivileged(const LearnerConfig& config) {
-  return config.privileged_critic || TraitsOf(config).is_taught;
-}
-
-env::StepShape StepShapeOf(const LearnerConfig& config, const policy::PolicySpec& spec) {
-  env::StepShape shape = spec.step_shape();
-  if (HoldsPrivileged(config) && !spec.observation.privileged) {
-    shape.state_size += env::kPrivilegedSize;
-  }
-  return shape;
-}
-
 std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
                                             const policy::PolicySpec& spec) {
   const LearnerConfig& config = method.learner;

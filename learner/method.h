@@ -28,14 +28,6 @@ policy::ActionDistribution DistributionOf(const LearnerConfig& config);
 /// policy file. `goal`: when the task's episodes end in success.
 policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal = {});
 
-/// Whether rows end with what no sensor tells (`env::ObservationSpec::privileged`), for critics or
-/// teachers.
-bool HoldsPrivileged(const LearnerConfig& config);
-
-/// Returns the sizes of the steps that an update learns from: those of `spec`, and of what rows
-/// hold besides.
-env::StepShape StepShapeOf(const LearnerConfig& config, const policy::PolicySpec& spec);
-
 /// Returns the samples of an update: the algorithm's batch, then the model's if there is one.
 /// Throws `base::Error` as `NumStartingStates` does.
 std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,

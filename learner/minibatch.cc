@@ -14,28 +14,15 @@ constexpr std::size_t kPrefetchDistance = 3;
 
 }  // namespace
 
-Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device, int action_size,
-                     int privileged_size) {
+Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device, int action_size) {
   const auto options = at::TensorOptions(at::kFloat).device(device);
   const std::int64_t width = static_cast<std::int64_t>(history) * frame_size;
-  const std::int64_t end = width + privileged_size;
-  input = at::zeros({batch, end + action_size}, options);
-  next_input = at::zeros({batch, end + action_size}, options);
+  input = at::zeros({batch, width + action_size}, options);
+  next_input = at::zeros({batch, width + action_size}, options);
   features = input.narrow(1, 0, width);
   next_features = next_input.narrow(1, 0, width);
-  room = input.narrow(1, end, action_size);
-  next_room = next_input.narrow(1, end, action_size);
-  critic_input = input;
-  next_critic_input = next_input;
-  critic_features = features;
-  next_critic_features = next_features;
-  if (privileged_size > 0) {
-    const std::int64_t newest = width - frame_size;
-    critic_input = input.narrow(1, newest, end + action_size - newest);
-    next_critic_input = next_input.narrow(1, newest, end + action_size - newest);
-    critic_features = input.narrow(1, newest, end - newest);
-    next_critic_features = next_input.narrow(1, newest, end - newest);
-  }
+  room = input.narrow(1, width, action_size);
+  next_room = next_input.narrow(1, width, action_size);
   actions = at::zeros({batch, action_size}, options);
   reward = at::zeros({batch}, options);
   cost = at::zeros({batch}, options);
@@ -44,22 +31,19 @@ Minibatch::Minibatch(int batch, int history, int frame_size, at::Device device, 
 }
 
 MinibatchReader::MinibatchReader(nn::FeatureMap features, int history, double reward_scale,
-                                 bool mirror, double discount_factor, int privileged_size)
+                                 bool mirror, double discount_factor)
     : features_(std::move(features)),
       history_(history),
       reward_scale_(static_cast<float>(reward_scale)),
       mirror_(mirror),
-      discount_factor_(static_cast<float>(discount_factor)),
-      privileged_size_(privileged_size) {
-  SLALOM_CHECK(privileged_size == 0 || privileged_size == env::kPrivilegedSize);
-}
+      discount_factor_(static_cast<float>(discount_factor)) {}
 
 void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random,
                            Minibatch& minibatch) {
   const bool on_host = minibatch.input.device().is_cpu();
   if (!on_host && !host_) {
     host_ = std::make_unique<Minibatch>(rows.batch, history_, features_.frame_size(), at::kCPU,
-                                        rows.shape.action_size, privileged_size_);
+                                        rows.shape.action_size);
   }
   Minibatch& host = on_host ? minibatch : *host_;
   SLALOM_CHECK_EQ(static_cast<std::int64_t>(rows.batch), host.input.size(0));
@@ -100,12 +84,6 @@ void MinibatchReader::Read(const replay::SampledRows& rows, base::Random& random
                     row + age * frame);
     features_.Write(rows.next_ranges_cm[i], rows.next_state.data() + i * state_size, mirrored,
                     next_input + sample * stride + age * frame);
-    if (privileged_size_ == 0 || age + 1 != history) continue;
-    const std::size_t privileged =
-        (i + 1) * state_size - static_cast<std::size_t>(privileged_size_);
-    nn::WritePrivileged(rows.state.data() + privileged, mirrored, row + history * frame);
-    nn::WritePrivileged(rows.next_state.data() + privileged, mirrored,
-                        next_input + sample * stride + history * frame);
   }
   if (!on_host) {
     minibatch.input.copy_(host.input);

@@ -25,15 +25,14 @@ Sac::Sac(const AlgorithmContext& context, int num_critics, int critic_outputs)
 void Sac::Update(double rate) {
   totals_.CountActorUpdate();
   const at::Tensor& state = minibatch_.features;
-  const at::Tensor& critic_state = minibatch_.critic_features;
   const at::Tensor& next_state = minibatch_.next_features;
 
   // a', log pi(a'|s') ~ pi(.|s')
   const auto& [next_action, next_log_probability] =
       actor_.SampleNext(next_state, next_noise_.Draw(next_random_));
   // Soft value, equations 3 and 6: y = r + gamma^n (min_k Q'_k(s', a') - alpha log pi(a'|s'))
-  critics_.ComputeTdTarget(minibatch_.next_critic_features, next_action, minibatch_.reward,
-                           minibatch_.discount, TargetReduction::kMin, target_);
+  critics_.ComputeTdTarget(next_state, next_action, minibatch_.reward, minibatch_.discount,
+                           TargetReduction::kMin, target_);
   AddEntropyBonus(minibatch_.discount, log_temperature_, next_log_probability, target_);
   // Equation 5: theta_k <- argmin mean (Q_k(s, a) - y)^2;
   // theta'_k <- tau theta_k + (1 - tau) theta'_k
@@ -41,9 +40,8 @@ void Sac::Update(double rate) {
 
   // Equation 9: phi <- argmin mean alpha log pi(a|s) - min_k Q_k(s, a), a reparametrised
   const auto& [action, log_probability] = actor_.Sample(state, noise_.Draw(random_));
-  at::Tensor& action_gradient =
-      critics_.MinActionGradient(critic_state, action, totals_[Total::kActorQ]);
-  if (constraint_) constraint_->AddActionGradient(critic_state, action, action_gradient);
+  at::Tensor& action_gradient = critics_.MinActionGradient(state, action, totals_[Total::kActorQ]);
+  if (constraint_) constraint_->AddActionGradient(state, action, action_gradient);
   actor_.PolicyGradientStep(action_gradient, log_temperature_, rate * config_.actor_learning_rate,
                             AverageRate(), totals_[Total::kActorNorm]);
 

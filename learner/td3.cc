@@ -16,15 +16,14 @@ void Td3::Update(double rate) {
   // The lines of Fujimoto et al. 2018, algorithm 1: "if t mod d", under which targets move, too.
   const double polyak_rate = update_actor ? config_.tau : 0.0;
   const at::Tensor& state = minibatch_.features;
-  const at::Tensor& critic_state = minibatch_.critic_features;
   const at::Tensor& next_state = minibatch_.next_features;
 
   // Target policy smoothing, equation 14: a' = clip(pi'(s') + clip(N(0, sigma), -c, c), -1, 1)
   const at::Tensor& noise = noise_.Draw(random_, config_.target_noise, config_.noise_clip);
   AddClippedNoise(actor_.ActTarget(next_state), noise, next_action_);
   // Clipped double Q-learning, equation 10: y = r + gamma^n min_k Q'_k(s', a')
-  critics_.ComputeTdTarget(minibatch_.next_critic_features, next_action_, minibatch_.reward,
-                           minibatch_.discount, TargetReduction::kMin, target_);
+  critics_.ComputeTdTarget(next_state, next_action_, minibatch_.reward, minibatch_.discount,
+                           TargetReduction::kMin, target_);
   // Update critics: theta_k <- argmin mean (Q_k(s, a) - y)^2; and, if it is their turn, update
   // target networks: theta'_k <- tau theta_k + (1 - tau) theta'_k
   UpdateCritics(next_action_, rate, polyak_rate);
@@ -34,9 +33,8 @@ void Td3::Update(double rate) {
   // grad_phi J = mean grad_a Q_1(s, a)|a=pi(s) grad_phi pi(s), and phi' follows as theta'_k does
   totals_.CountActorUpdate();
   const at::Tensor& action = actor_.Act(state);
-  at::Tensor& action_gradient =
-      critics_.ActionGradient(critic_state, action, &totals_[Total::kActorQ]);
-  if (constraint_) constraint_->AddActionGradient(critic_state, action, action_gradient);
+  at::Tensor& action_gradient = critics_.ActionGradient(state, action, &totals_[Total::kActorQ]);
+  if (constraint_) constraint_->AddActionGradient(state, action, action_gradient);
   actor_.PolicyGradientStep(action_gradient, config_.preactivation_penalty,
                             rate * config_.actor_learning_rate, polyak_rate, AverageRate(),
                             totals_[Total::kActorNorm]);

@@ -49,7 +49,6 @@ class Tqc : public Sac {
   void Update(double rate) override {
     totals_.CountActorUpdate();
     const at::Tensor& state = minibatch_.features;
-    const at::Tensor& critic_state = minibatch_.critic_features;
     const at::Tensor& next_state = minibatch_.next_features;
     const at::Tensor alpha = log_temperature_.exp();
 
@@ -58,8 +57,7 @@ class Tqc : public Sac {
         actor_.SampleNext(next_state, next_noise_.Draw(next_random_));
     // y_i = r + gamma^n (z_(i)(s', a') - alpha log pi(a'|s')), where z_(1) <= z_(2) <= ... are the
     // quantiles of all target critics together, without the d K largest
-    const at::Tensor pooled =
-        critics_.TargetValues(minibatch_.next_critic_features, next_action).flatten(1);
+    const at::Tensor pooled = critics_.TargetValues(next_state, next_action).flatten(1);
     const std::int64_t num_kept = pooled.size(1) - critics_.size() * config_.dropped_quantiles;
     const at::Tensor kept = std::get<0>(pooled.sort(1)).narrow(1, 0, num_kept);
     const at::Tensor bonus = alpha * next_log_probability;
@@ -67,7 +65,7 @@ class Tqc : public Sac {
                          minibatch_.discount.unsqueeze(1) * (kept - bonus.unsqueeze(1));
     // theta_k <- argmin mean rho_tau_m(y_i - z_k,m(s, a)); theta'_k <- tau theta_k + (1-tau)
     // theta'_k
-    const at::Tensor z = critics_.Values(critic_state, minibatch_.actions);
+    const at::Tensor z = critics_.Values(state, minibatch_.actions);
     at::Tensor loss = at::zeros({}, z.options());
     for (const at::Tensor& z_k : z.unbind(1)) {
       loss = loss + (minibatch_.weight * QuantileHuberLoss(z_k, y)).mean();
@@ -80,9 +78,9 @@ class Tqc : public Sac {
 
     // phi <- argmin mean alpha log pi(a|s) - mean_k,m z_k,m(s, a), a reparametrised
     const auto [action, log_probability] = actor_.Draw(state, noise_.Draw(random_));
-    const at::Tensor q = critics_.Values(critic_state, action).mean({1, 2});
+    const at::Tensor q = critics_.Values(state, action).mean({1, 2});
     at::Tensor actor_loss = (alpha * log_probability - q).mean();
-    if (constraint_) actor_loss = actor_loss + constraint_->Penalty(critic_state, action);
+    if (constraint_) actor_loss = actor_loss + constraint_->Penalty(state, action);
     actor_.Descend(actor_loss, rate * config_.actor_learning_rate, AverageRate(),
                    totals_[Total::kActorNorm]);
     UpdateTemperature(log_probability.detach());

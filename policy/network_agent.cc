@@ -41,7 +41,7 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<floa
   const env::StepShape shape = snapshot_.spec.step_shape();
   SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(batch) * shape.action_size);
   SLALOM_CHECK_EQ(observations.num_beams, shape.num_beams);
-  // What a critic or a teacher sees besides comes last (`env::ObservationSpec::privileged`).
+  // What a teacher sees besides comes last (`env::ObservationSpec::privileged`).
   SLALOM_CHECK_GE(observations.state_size, shape.state_size);
   if (batch == 0) return;
   if (inference.batch() != batch) inference.Resize(batch);

@@ -181,7 +181,7 @@ policy::PolicySpec MakePolicySpec(const RunConfig& config) {
 
 sim::EnvironmentConfig TrainingEnvironment(const RunConfig& config) {
   sim::EnvironmentConfig environment = config.environment;
-  environment.observation.privileged |= learner::HoldsPrivileged(config.method.learner);
+  environment.observation.privileged |= learner::TraitsOf(config.method.learner).is_taught;
   return environment;
 }
 
@@ -223,14 +223,6 @@ void RequireCombination(const RunConfig& config) {
         base::EnumName(config.method.constraint.kind)));
   }
   if (config.mpc.enabled) RequireNoConstraint(config);
-  if (config.method.learner.privileged_critic) {
-    RequireForOwn(!config.task.is_own(), "learner.privileged_critic", "false");
-    if (config.environment.observation.privileged) {
-      throw base::Error(
-          "learner.privileged_critic is true, expected false with "
-          "environment.observation.privileged: the policy sees what the critics see");
-    }
-  }
   RequireTeachers(config);
 }
 

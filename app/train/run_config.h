@@ -147,8 +147,8 @@ std::uint64_t SeedOf(const RunConfig& config, std::string_view purpose);
 /// Observations, network and actions of the run's policies.
 policy::PolicySpec MakePolicySpec(const RunConfig& config);
 
-/// The task that the run's actors drive. It shows what no sensor tells if critics or teachers see
-/// that, behind what the policy sees.
+/// The task that the run's actors drive. It shows what no sensor tells if there are teachers, who
+/// may see that, behind what the policy sees.
 sim::EnvironmentConfig TrainingEnvironment(const RunConfig& config);
 
 /// The sizes of a step of the run's environments.

@@ -45,8 +45,8 @@ LearnerService::LearnerService(const LearnerServiceConfig& config, const MethodC
       learner_(method, spec,
                base::DeriveSeed(static_cast<std::uint64_t>(job.loop.run.settings.seed), "learner")),
       policies_(context, job.policies, job.spec_hash, job.run, registry),
-      source_(context, job.replay, MakeHello(job, spec), StepShapeOf(method.learner, spec),
-              learner_.sample_specs(), config.prefetch, policies_, registry),
+      source_(context, job.replay, MakeHello(job, spec), spec.step_shape(), learner_.sample_specs(),
+              config.prefetch, policies_, registry),
       loop_(MakePlan(std::move(job.loop), config), learner_, source_, policies_, registry,
             std::move(clock)) {
   loop_.Restore();

@@ -50,26 +50,12 @@ void GroupMinima(const std::uint16_t* values, int group, int num_groups, std::ui
   PortableMinima(values, group, num_groups, minima);
 }
 
-/// Writes pairs of speed and turn, or x and y: what moves to the side or turns changes its sign.
-void WritePairs(const float* numbers, int size, float side, float* features) {
-  for (int i = 0; i < size; i += 2) {
-    features[i] = numbers[i];
-    features[i + 1] = side * numbers[i + 1];
-  }
-}
-
 }  // namespace
-
-void WritePrivileged(const float* numbers, bool mirrored, float* features) {
-  constexpr int kPaired = env::kPrivilegedSize - env::kToldOfDrive;
-  WritePairs(numbers, kPaired, mirrored ? -1.0f : 1.0f, features);
-  std::copy_n(numbers + kPaired, env::kToldOfDrive, features + kPaired);
-}
 
 FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config)
     : num_beams_(spec.num_beams),
       state_size_(spec.state_size),
-      privileged_size_(spec.privileged_size()),
+      num_even_(spec.privileged ? env::kToldOfDrive : 0),
       num_ranges_(config.sectors == 0 ? spec.num_beams : config.sectors),
       beams_per_range_(num_ranges_ == 0 ? 0 : spec.num_beams / num_ranges_),
       goal_transform_(config.goal_transform),
@@ -122,9 +108,13 @@ void FeatureMap::Write(const std::uint16_t* ranges_cm, const float* state, bool 
   const float side = mirrored ? -1.0f : 1.0f;
   float* const rest = features + num_ranges_;
   WriteGoal(state, side, rest);
-  const int sensed = state_size_ - privileged_size_;
-  WritePairs(state + 2, sensed - 2, side, rest + 2);
-  if (privileged_size_ > 0) WritePrivileged(state + sensed, mirrored, rest + sensed);
+  // Pairs of speed and turn: what moves to the side or turns changes its sign.
+  const int num_paired = state_size_ - num_even_;
+  for (int i = 2; i < num_paired; i += 2) {
+    rest[i] = state[i];
+    rest[i + 1] = side * state[i + 1];
+  }
+  std::copy(state + num_paired, state + state_size_, rest + num_paired);
 }
 
 /// goal: [2] [m]; side: -1 if left and right are exchanged, else 1; features: [2].

@@ -12,10 +12,6 @@
 
 namespace slalom::nn {
 
-/// Writes what no sensor tells (`env::kPrivilegedSize` numbers) as a network sees it: as it is, or,
-/// if `mirrored`, with left and right exchanged.
-void WritePrivileged(const float* numbers, bool mirrored, float* features);
-
 /// Maps a frame to the numbers that a network sees: pools sectors by their minimum, and scales
 /// ranges and goal. What follows the goal is seen as it is. Without beams the state is no course's,
 /// and is seen as it is.
@@ -53,7 +49,7 @@ class FeatureMap {
 
   int num_beams_;
   int state_size_;
-  int privileged_size_;  ///< Numbers that end the state and are privileged.
+  int num_even_;  ///< Numbers that end the state and have no side.
   int num_ranges_;
   int beams_per_range_;
   GoalTransform goal_transform_;

@@ -38,22 +38,20 @@ class WrittenSac : public ActorCritic<GaussianActor> {
   void Update(double rate) override {
     const auto& [s, a, next_s] =
         std::tie(minibatch_.features, minibatch_.actions, minibatch_.next_features);
-    // What critics see: the same, unless they are told more.
-    const auto& [x, next_x] = std::tie(minibatch_.critic_features, minibatch_.next_critic_features);
     totals_.CountActorUpdate();
     const auto [next_a, next_log_pi] = actor_.Draw(next_s, next_noise_.Draw(next_random_));
-    const Tensor next_q = critics_.TargetValues(next_x, next_a.detach()).amin({1, 2});
+    const Tensor next_q = critics_.TargetValues(next_s, next_a.detach()).amin({1, 2});
     const Tensor y = minibatch_.reward +
                      minibatch_.discount * (next_q - config_.temperature * next_log_pi.detach());
-    critics_.Descend(CriticLoss(critics_.Values(x, a), y), rate * config_.critic_learning_rate,
+    critics_.Descend(CriticLoss(critics_.Values(s, a), y), rate * config_.critic_learning_rate,
                      config_.tau, totals_[Total::kCriticNorm]);
     if (constraint_) {
       constraint_->UpdateCritics(next_a.detach(), rate * config_.critic_learning_rate, config_.tau);
     }
     const auto [act, log_pi] = actor_.Draw(s, noise_.Draw(random_));
-    const Tensor q = critics_.Values(x, act).amin({1, 2});
+    const Tensor q = critics_.Values(s, act).amin({1, 2});
     Tensor loss = (config_.temperature * log_pi - q).mean();
-    if (constraint_) loss = loss + constraint_->Penalty(x, act);
+    if (constraint_) loss = loss + constraint_->Penalty(s, act);
     actor_.Descend(loss, rate * config_.actor_learning_rate, AverageRate(),
                    totals_[Total::kActorNorm]);
   }
@@ -86,15 +84,14 @@ class Runner {
       : config_(config),
         spec_(MakeSpec(config, encoder)),
         features_(spec_.observation, spec_.network),
-        reader_(features_, spec_.network.history, 1.0, /*mirror=*/false, 1.0,
-                config.privileged_critic ? env::kPrivilegedSize : 0),
-        minibatch_(config.batch_size, spec_.network.history, features_.frame_size(), at::kCPU,
-                   env::kActionSize, config.privileged_critic ? env::kPrivilegedSize : 0),
+        reader_(features_, spec_.network.history, 1.0, /*mirror=*/false, 1.0),
+        minibatch_(config.batch_size, spec_.network.history, features_.frame_size(), at::kCPU),
         totals_(at::kCPU) {
     if (multiplier > 0.0) {
       constraint_.emplace(
           ConstraintConfig{.kind = ConstraintKind::kFixed, .multiplier = multiplier},
-          CriticShape(config_, spec_), cost_weights_, minibatch_, totals_);
+          nn::CriticShape(spec_.network, features_.frame_size()), cost_weights_, minibatch_,
+          totals_);
     }
     algorithm_ = make(AlgorithmContext{.config = config_,
                                        .spec = spec_,
@@ -115,8 +112,7 @@ class Runner {
   }
 
   void Update(std::uint64_t seed) {
-    const RandomRows rows(config_.batch_size, spec_.network.history, StepShapeOf(config_, spec_),
-                          seed);
+    const RandomRows rows(config_.batch_size, spec_.network.history, 24, seed);
     base::Random unused(1);
     reader_.Read(rows.rows, unused, minibatch_);
     totals_.CountUpdate();
@@ -149,10 +145,8 @@ class WrittenLossesTest : public testing::TestWithParam<EncoderCase> {};
 /// `parts`: what both train.
 template <class Written>
 void CompareWithShipped(const char* algorithm, double multiplier,
-                        const std::vector<std::string>& parts = {"critics", "actor"},
-                        bool privileged_critic = false) {
+                        const std::vector<std::string>& parts = {"critics", "actor"}) {
   LearnerConfig config;
-  config.privileged_critic = privileged_critic;
   config.algorithm = algorithm;
   config.batch_size = 16;
   config.policy_delay = 1;
@@ -196,12 +190,6 @@ TEST_P(WrittenLossesTest, AreTd3) { CompareWithShipped<WrittenTd3>("td3", 0.0); 
 TEST_P(WrittenLossesTest, AreTd3WithAConstraint) { CompareWithShipped<WrittenTd3>("td3", 2.0); }
 TEST_P(WrittenLossesTest, AreSac) { CompareWithShipped<WrittenSac>("sac", 0.0); }
 TEST_P(WrittenLossesTest, AreSacWithAConstraint) { CompareWithShipped<WrittenSac>("sac", 2.0); }
-TEST_P(WrittenLossesTest, AreTd3WhoseCriticsAreToldMore) {
-  CompareWithShipped<WrittenTd3>("td3", 2.0, {"critics", "actor"}, /*privileged_critic=*/true);
-}
-TEST_P(WrittenLossesTest, AreSacWhoseCriticsAreToldMore) {
-  CompareWithShipped<WrittenSac>("sac", 2.0, {"critics", "actor"}, /*privileged_critic=*/true);
-}
 TEST_P(WrittenLossesTest, AreDistillation) {
   CompareWithShipped<WrittenDistillation>("distillation", 0.0, {"actor"});
 }

@@ -26,15 +26,13 @@ class WrittenTd3 : public ActorCritic<DeterministicActor> {
   void Update(double rate) override {
     const auto& [s, a, next_s] =
         std::tie(minibatch_.features, minibatch_.actions, minibatch_.next_features);
-    // What critics see: the same, unless they are told more.
-    const auto& [x, next_x] = std::tie(minibatch_.critic_features, minibatch_.next_critic_features);
     const bool update_actor = totals_.num_updates() % config_.policy_delay == 0;
     const double tau = update_actor ? config_.tau : 0.0;
     const at::Tensor noise = noise_.Draw(random_, config_.target_noise, config_.noise_clip);
     const at::Tensor next_a = (actor_.TargetActions(next_s) + noise).clamp(-1.0, 1.0);
-    const at::Tensor next_q = critics_.TargetValues(next_x, next_a).amin({1, 2});
+    const at::Tensor next_q = critics_.TargetValues(next_s, next_a).amin({1, 2});
     const at::Tensor y = minibatch_.reward + minibatch_.discount * next_q;
-    critics_.Descend(CriticLoss(critics_.Values(x, a), y), rate * config_.critic_learning_rate, tau,
+    critics_.Descend(CriticLoss(critics_.Values(s, a), y), rate * config_.critic_learning_rate, tau,
                      totals_[Total::kCriticNorm]);
     if (constraint_) {
       constraint_->UpdateCritics(next_a, rate * config_.critic_learning_rate, tau);
@@ -42,8 +40,8 @@ class WrittenTd3 : public ActorCritic<DeterministicActor> {
     if (!update_actor) return;
     totals_.CountActorUpdate();
     const at::Tensor act = actor_.Actions(s);
-    at::Tensor loss = -critics_.Values(x, act).select(1, 0).mean();
-    if (constraint_) loss = loss + constraint_->Penalty(x, act);
+    at::Tensor loss = -critics_.Values(s, act).select(1, 0).mean();
+    if (constraint_) loss = loss + constraint_->Penalty(s, act);
     actor_.Descend(loss, rate * config_.actor_learning_rate, tau, AverageRate(),
                    totals_[Total::kActorNorm]);
   }

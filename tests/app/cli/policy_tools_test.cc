@@ -146,6 +146,7 @@ TEST_F(PolicyToolsTest, ActRefusesAPolicyThatNeedsASimulator) {
   spec.observation.privileged = true;
   spec.observation.state_size = spec.observation.course_state_size();
   policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
+  snapshot.version = 1;
   policy::SavePolicy(scratch_.path() / "policy.safetensors", snapshot, {});
   const ProgramResult result = Act("{\"ranges\": [1, 2, 3, 4, 5, 5], \"goal\": [3, 1]}\n");
   EXPECT_NE(result.exit_code, 0);

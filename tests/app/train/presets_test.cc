@@ -96,8 +96,8 @@ TEST_P(PresetTest, LearnsFromABatchAndActs) {
   RequireCombination(config);
   RequireLearnable(config);
   learner::Learner learner(config.method, MakePolicySpec(config), 1);
-  const int num_beams = config.environment.lidar.num_beams;
-  const learner::RandomBatches drawn(learner.sample_specs(), num_beams, 7);
+  const env::StepShape shape = StepShapeOf(config);
+  const learner::RandomBatches drawn(learner.sample_specs(), shape, 7);
   learner.Update(drawn.batches, 0.0);
   EXPECT_TRUE(learner.healthy());
 
@@ -105,7 +105,7 @@ TEST_P(PresetTest, LearnsFromABatchAndActs) {
   mpc.learning_starts = 0;
   const auto agent = policy::MakePolicyAgent(learner.Snapshot(), mpc, 1);
   env::ObservationBatch observations;
-  observations.Resize(1, num_beams);
+  observations.Resize(1, shape.num_beams, shape.state_size);
   std::vector<env::Action> actions(1);
   agent->Act(observations, env::NumbersOf(actions));
   EXPECT_TRUE(std::isfinite(actions[0].linear) && std::isfinite(actions[0].angular));

@@ -314,19 +314,5 @@ TEST(TrainerTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
               testing::ThrowsMessage<base::Error>(testing::HasSubstr("learner.safetensors")));
 }
 
-TEST(TrainerTest, CriticsMayBeToldWhatThePolicyIsNot) {
-  test::ScratchDirectory scratch;
-  RunConfig config = SmallRun();
-  config.method.learner.privileged_critic = true;
-  RequireCombination(config);
-  EXPECT_EQ(StepShapeOf(config),
-            learner::StepShapeOf(config.method.learner, MakePolicySpec(config)));
-  const run::RunDirectory directory{scratch.path() / "run"};
-  EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
-  EXPECT_EQ(Policy(directory).spec.observation, sim::MakeObservationSpec(config.environment));
-  config.environment.observation.privileged = true;
-  EXPECT_THROW(RequireCombination(config), base::Error);
-}
-
 }  // namespace
 }  // namespace slalom::train
