@@ -42,7 +42,8 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<floa
   SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(batch) * shape.action_size);
   SLALOM_CHECK_EQ(observations.num_beams, shape.num_beams);
   // What a teacher sees besides comes last (`env::ObservationSpec::privileged`).
-  SLALOM_CHECK_GE(observations.state_size, shape.state_size);
+  const int besides = observations.state_size - shape.state_size;
+  SLALOM_CHECK(besides == 0 || besides == env::kPrivilegedSize);
   if (batch == 0) return;
   if (inference.batch() != batch) inference.Resize(batch);
   const std::span<float> input = inference.input();

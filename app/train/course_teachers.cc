@@ -7,16 +7,6 @@
 #include "policy/policy.h"
 
 namespace slalom::train {
-namespace {
-
-/// What a teacher sees that is told what `student` is not.
-env::ObservationSpec Told(env::ObservationSpec student) {
-  student.privileged = true;
-  student.state_size = student.course_state_size();
-  return student;
-}
-
-}  // namespace
 
 CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::path& directory)
     : mix_(config.courses.Mix()) {
@@ -26,10 +16,11 @@ CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::p
     of_kind_[kind] = static_cast<std::size_t>(known - teachers_.begin());
     if (known != teachers_.end()) continue;
     policy::PolicySnapshot snapshot = policy::LoadPolicy(file).snapshot;
-    const bool is_told = snapshot.spec.observation.privileged && !student.observation.privileged;
-    policy::RequireSameInterface(file.string(), snapshot.spec,
-                                 is_told ? Told(student.observation) : student.observation,
-                                 student.actions);
+    // What the student sees, and what no sensor tells if the teacher is told.
+    env::ObservationSpec seen = student.observation;
+    seen.privileged |= snapshot.spec.observation.privileged;
+    seen.state_size = seen.course_state_size();
+    policy::RequireSameInterface(file.string(), snapshot.spec, seen, student.actions);
     teachers_.push_back(
         {file,
          std::make_unique<policy::NetworkAgent>(policy::WithoutPlanning(std::move(snapshot))),

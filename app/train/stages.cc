@@ -57,8 +57,8 @@ std::vector<Stage> StagesOf(const RunConfig& config) {
     }
     const std::string name = entry.key.substr(0, dot), key = entry.key.substr(dot + 1);
     if (!base::IsName(name)) {
-      throw base::Error(fmt::format(
-          "{}: found the stage '{}', expected letters, digits, '-' and '_'", full, name));
+      throw base::Error(
+          fmt::format("{}: found the stage '{}', expected letters, digits or '-_:@'", full, name));
     }
     if (stages.empty() || stages.back().name != name) {
       stages.push_back({name, Plain(config, name)});

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -26,12 +25,11 @@ using ::testing::IsEmpty;
 
 constexpr int kNumBeams = 6;
 
-/// A policy of random weights that sees two frames.
-policy::PolicySnapshot MakeSnapshot(bool speeds = false, int commands = 1) {
+/// A policy of random weights that sees two frames. `seen`: with any number of beams and states.
+policy::PolicySnapshot MakeSnapshot(const env::ObservationSpec& seen = {}) {
   policy::PolicySpec spec;
+  spec.observation = seen;
   spec.observation.num_beams = kNumBeams;
-  spec.observation.speeds = speeds;
-  spec.observation.commands = commands;
   spec.observation.state_size = spec.observation.course_state_size();
   spec.network.encoder_layers = spec.network.head_layers = {8};
   spec.network.history = 2;
@@ -102,7 +100,7 @@ TEST_F(PolicyToolsTest, ActAnswersEachLineAsThePolicyDrives) {
 }
 
 TEST_F(PolicyToolsTest, ActKeepsOlderCommandsAndReadsSpeeds) {
-  const policy::PolicySnapshot snapshot = MakeSnapshot(/*speeds=*/true, /*commands=*/3);
+  const policy::PolicySnapshot snapshot = MakeSnapshot({.speeds = true, .commands = 3});
   policy::SavePolicy(scratch_.path() / "policy.safetensors", snapshot, {});
   std::string lines;
   for (int i = 0; i < 5; ++i) {
@@ -142,28 +140,15 @@ TEST_F(PolicyToolsTest, ActKeepsOlderCommandsAndReadsSpeeds) {
 }
 
 TEST_F(PolicyToolsTest, ActRefusesAPolicyThatNeedsASimulator) {
-  policy::PolicySpec spec = MakeSnapshot().spec;
-  spec.observation.privileged = true;
-  spec.observation.state_size = spec.observation.course_state_size();
-  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
-  snapshot.version = 1;
-  policy::SavePolicy(scratch_.path() / "policy.safetensors", snapshot, {});
+  policy::SavePolicy(scratch_.path() / "policy.safetensors", MakeSnapshot({.privileged = true}),
+                     {});
   const ProgramResult result = Act("{\"ranges\": [1, 2, 3, 4, 5, 5], \"goal\": [3, 1]}\n");
   EXPECT_NE(result.exit_code, 0);
   EXPECT_THAT(result.err, HasSubstr("policy.safetensors: the policy sees what no sensor tells"));
 }
 
 TEST_F(PolicyToolsTest, ActReadsTheMounting) {
-  policy::PolicySpec spec = MakeSnapshot().spec;
-  spec.observation.mounting = true;
-  spec.observation.state_size = spec.observation.course_state_size();
-  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
-  snapshot.version = 1;
-  auto weights = std::make_shared<std::vector<float>>(*snapshot.weights);
-  for (std::size_t i = 0; i < weights->size(); ++i) {
-    (*weights)[i] = static_cast<float>(std::sin(1.0 + static_cast<double>(i)));
-  }
-  snapshot.weights = weights;
+  const policy::PolicySnapshot snapshot = MakeSnapshot({.mounting = true});
   policy::SavePolicy(scratch_.path() / "policy.safetensors", snapshot, {});
   const ProgramResult result =
       Act("{\"ranges\": [1, 2, 3, 4, 5, 5], \"goal\": [3, 1], \"mounting\": [0.12, -0.03]}\n");
