@@ -16,6 +16,7 @@
 #include "app/sweep/cell_service.h"
 #include "app/sweep/store.h"
 #include "app/sweep/trained_policy.h"
+#include "app/train/stages.h"
 #include "base/child_process.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -129,11 +130,18 @@ class Work {
     }
     if (!base::Exists(run.root)) return Training::kToBegin;
     if (IsTrainedByAnother(run)) return Training::kOfAnother;
-    const bool has_checkpoint = base::Exists(run.config()) && base::Exists(run.checkpoints()) &&
-                                !run::CheckpointStore(run.checkpoints()).List().empty();
-    if (has_checkpoint) return Training::kToResume;
+    if (base::Exists(run.config()) && HasProgress(run)) return Training::kToResume;
     SetAside(run.root);  // The training was killed before its first checkpoint.
     return Training::kToBegin;
+  }
+
+  /// Whether the run has a checkpoint, or one of its stages has begun.
+  bool HasProgress(const run::RunDirectory& run) const {
+    for (const train::Stage& stage : train::StagesOf(*cell_.config)) {
+      if (base::Exists(train::StageDirectory(run.root, stage.name))) return true;
+    }
+    return base::Exists(run.checkpoints()) &&
+           !run::CheckpointStore(run.checkpoints()).List().empty();
   }
 
   /// Removes results that were imported, as scores of two trainings do not belong together.
@@ -191,6 +199,10 @@ class Work {
     }
     if (ended.exit_code != 0) return WorkEnd::kFailed;
     const PolicyFigures trained = ReadPolicyFigures(run.policy());
+    PolicyFigures stages;
+    for (const fs::path& stage : train::RunsOf(*cell_.config, run.root)) {
+      if (stage != run.root) stages += ReadPolicyFigures(run::RunDirectory{stage}.policy());
+    }
     const double imagined = run::ReadLastMetrics(run.metrics()).Last("imagined_transitions");
     WriteTrained(directory_,
                  {.steps = trained.steps,
@@ -201,6 +213,7 @@ class Work {
                   .host = base::HostName(),
                   .platform = options_.platform,
                   .commit = options_.commit,
+                  .stages = stages,
                   .at_once = options_.at_once});
     return WorkEnd::kDone;
   }

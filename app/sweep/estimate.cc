@@ -11,6 +11,7 @@
 #include "app/sweep/cell_command.h"
 #include "app/sweep/cell_service.h"
 #include "app/train/disk_room.h"
+#include "app/train/stages.h"
 #include "base/child_process.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -30,10 +31,10 @@ constexpr std::int64_t kBytesPerRun = 3'000'000;
 
 void Rates::Observe(const Cell& cell, const CellStatus& status) {
   if (cell.config && status.trained && status.trained->steps > 0) {
-    const auto steps = static_cast<double>(status.trained->steps);
+    const PolicyFigures trained = status.trained->total();
     for (Mean* mean : {&training_[cell.group], &all_training_}) {
-      mean->seconds += status.trained->training_s;
-      mean->count += steps;
+      mean->seconds += trained.training_s;
+      mean->count += static_cast<double>(trained.steps);
     }
   }
   if (status.scored && status.scored->episodes > 0) {
@@ -48,14 +49,15 @@ void Rates::Set(const std::string& group, double seconds_per_step) {
 
 std::optional<double> Rates::SecondsLeft(const Cell& cell, std::int64_t steps, int scores) const {
   double seconds = 0.0;
-  if (cell.config && steps < cell.config->run.max_steps) {
+  const std::int64_t max_steps = cell.config ? train::MaxStepsOf(*cell.config) : 0;
+  if (steps < max_steps) {
     if (cell.config->run.max_seconds > 0.0) {
       seconds += cell.config->run.max_seconds;
     } else {
       const auto group = training_.find(cell.group);
       const Mean& mean = group == training_.end() ? all_training_ : group->second;
       if (mean.count == 0.0) return std::nullopt;
-      seconds += mean.value() * static_cast<double>(cell.config->run.max_steps - steps);
+      seconds += mean.value() * static_cast<double>(max_steps - steps);
     }
   }
   if (episodes_.count > 0.0) {
@@ -150,7 +152,7 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
     throw base::Error(fmt::format("{}: a short trial ended with exit code {}:\n{}", cell.name(),
                                   *exit_code, base::ReadFile(log)));
   }
-  const fs::path metrics = run.metrics();
+  const fs::path metrics = run::RunDirectory{train::RunsOf(config, run.root).front()}.metrics();
   std::error_code ec;
   if (!fs::exists(metrics, ec)) return std::nullopt;
   const run::MetricsTable table = run::ParseMetrics(base::ReadFile(metrics), 0);

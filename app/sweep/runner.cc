@@ -14,6 +14,7 @@
 
 #include "app/sweep/estimate.h"
 #include "app/sweep/store.h"
+#include "app/train/stages.h"
 #include "base/error.h"
 #include "base/log.h"
 #include "base/progress.h"
@@ -242,7 +243,7 @@ class Worker {
     }
     return fmt::format("{}: {} of {} steps", cell.name(),
                        base::FormatCount(static_cast<double>(status.steps)),
-                       base::FormatCount(static_cast<double>(cell.config->run.max_steps)));
+                       base::FormatCount(static_cast<double>(train::MaxStepsOf(*cell.config))));
   }
 
   const std::span<const Cell> cells_;

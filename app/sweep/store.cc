@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "app/sweep/claim.h"
+#include "app/train/stages.h"
 #include "base/file.h"
 #include "base/json.h"
 #include "eval/report/result.h"
@@ -42,6 +43,12 @@ std::optional<TrainedCell> ReadTrained(const fs::path& path) {
     trained.updates = base::WholeNumber(json->at("updates"));
     if (json->contains("imagined")) trained.imagined = base::WholeNumber(json->at("imagined"));
     trained.training_s = json->at("training_s");
+    if (json->contains("stages")) {
+      const Json& stages = json->at("stages");
+      trained.stages = {.steps = base::WholeNumber(stages.at("steps")),
+                        .updates = base::WholeNumber(stages.at("updates")),
+                        .training_s = stages.at("training_s")};
+    }
     trained.wall_s = json->at("wall_s");
     trained.host = json->at("host");
     trained.platform = json->at("platform");
@@ -74,10 +81,14 @@ std::optional<CellFailure> ReadFailure(const fs::path& path) {
   }
 }
 
-/// The steps of a run so far.
-std::int64_t StepsSoFar(const fs::path& metrics) {
-  const double steps = run::ReadLastMetrics(metrics).Last("steps");
-  return steps > 0.0 ? static_cast<std::int64_t>(steps) : 0;
+/// The steps of a run and its stages so far.
+std::int64_t StepsSoFar(const train::RunConfig& config, const fs::path& directory) {
+  std::int64_t sum = 0;
+  for (const fs::path& run : train::RunsOf(config, directory)) {
+    const double steps = run::ReadLastMetrics(run::RunDirectory{run}.metrics()).Last("steps");
+    if (steps > 0.0) sum += static_cast<std::int64_t>(steps);
+  }
+  return sum;
 }
 
 }  // namespace
@@ -107,6 +118,11 @@ void WriteTrained(const CellDirectory& directory, const TrainedCell& trained) {
                {"platform", trained.platform},
                {"commit", trained.commit},
                {"at_once", trained.at_once}});
+  if (trained.stages.steps > 0) {
+    json["stages"] = {{"steps", trained.stages.steps},
+                      {"updates", trained.stages.updates},
+                      {"training_s", trained.stages.training_s}};
+  }
   WriteObject(directory.trained(), json);
 }
 
@@ -131,9 +147,9 @@ CellStatus ReadCellStatus(const fs::path& store, const Cell& cell) {
     if (IsScored(store, cell, task)) ++status.num_scores_done;
   }
   if (status.trained) {
-    status.steps = status.trained->steps;
+    status.steps = status.trained->total().steps;
   } else if (cell.config) {
-    status.steps = StepsSoFar(run::RunDirectory{directory.run()}.metrics());
+    status.steps = StepsSoFar(*cell.config, directory.run());
   }
   const bool is_trained = status.trained || !cell.config;
   if (is_trained && status.num_scores_done == static_cast<int>(cell.scores.size())) {

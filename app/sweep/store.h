@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "app/sweep/cell.h"
+#include "app/sweep/trained_policy.h"
 #include "app/train/sweep_files.h"
 
 /// The files of sweeps. Every cell has a directory named by its id, whichever plan asked for it
@@ -66,7 +67,14 @@ struct TrainedCell {
   std::string host{};       ///< Machine of the last session.
   std::string platform{};   ///< Platform of that machine, by `train::Describe`.
   std::string commit{};     ///< Commit of the program.
+  PolicyFigures stages{};   ///< The stages before it together; 0 if it had none.
   int at_once = 1;          ///< Cells that the last session's worker ran at the same time.
+
+  /// The training and its stages.
+  PolicyFigures total() const {
+    PolicyFigures total{.steps = steps, .updates = updates, .training_s = training_s};
+    return total += stages;
+  }
 };
 
 /// How long the last session took to score a cell.
@@ -94,7 +102,7 @@ std::string_view ToString(CellState state);
 struct CellStatus {
   CellState state = CellState::kWaiting;
   int num_scores_done = 0;
-  std::int64_t steps = 0;  ///< Steps of its training so far.
+  std::int64_t steps = 0;  ///< Steps of its training so far, its stages included.
   std::optional<TrainedCell> trained;
   std::optional<ScoredCell> scored;
   std::optional<CellFailure> failure;

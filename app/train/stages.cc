@@ -87,6 +87,19 @@ fs::path StageDirectory(const fs::path& directory, const std::string& stage) {
   return directory / "stages" / stage;
 }
 
+std::vector<fs::path> RunsOf(const RunConfig& config, const fs::path& directory) {
+  std::vector<fs::path> runs;
+  for (const Stage& stage : StagesOf(config)) runs.push_back(StageDirectory(directory, stage.name));
+  runs.push_back(directory);
+  return runs;
+}
+
+std::int64_t MaxStepsOf(const RunConfig& config) {
+  std::int64_t steps = config.run.max_steps;
+  for (const Stage& stage : StagesOf(config)) steps += stage.config.run.max_steps;
+  return steps;
+}
+
 std::map<sim::FreshKind, fs::path> TeacherFiles(const RunConfig& config,
                                                 const fs::path& directory) {
   const sim::FreshMix mix = config.courses.Mix();

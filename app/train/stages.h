@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -24,6 +25,14 @@ std::vector<Stage> StagesOf(const RunConfig& config);
 /// The directory of a stage of the run in `directory`.
 std::filesystem::path StageDirectory(const std::filesystem::path& directory,
                                      const std::string& stage);
+
+/// The directories of the stages of the run in `directory`, and that directory itself, in the order
+/// in which they are trained. Throws as `StagesOf`.
+std::vector<std::filesystem::path> RunsOf(const RunConfig& config,
+                                          const std::filesystem::path& directory);
+
+/// The most environment steps of a run and its stages together. Throws as `StagesOf`.
+std::int64_t MaxStepsOf(const RunConfig& config);
 
 /// The policy file that teaches each kind of `courses.fresh` of the run in `directory`. Throws
 /// `base::Error` that names the key as `StagesOf`, and if a kind has no teacher or two, or a

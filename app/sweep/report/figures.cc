@@ -193,7 +193,7 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
   std::vector<double> imagined;
   std::vector<double> seconds;
   for (const CellScore& seed : row.seeds) {
-    const auto& trained = results.statuses[seed.cell].trained;
+    const std::optional<TrainedCell>& trained = results.statuses[seed.cell].trained;
     if (row.snapshot_steps > 0) {
       steps.push_back(static_cast<double>(row.snapshot_steps));
       const auto found = results.snapshot_seconds.find({seed.cell, row.snapshot_steps});
@@ -201,10 +201,11 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
       continue;
     }
     if (!trained) continue;
-    steps.push_back(static_cast<double>(trained->steps));
-    updates.push_back(static_cast<double>(trained->updates));
+    const PolicyFigures total = trained->total();
+    steps.push_back(static_cast<double>(total.steps));
+    updates.push_back(static_cast<double>(total.updates));
     if (trained->imagined) imagined.push_back(static_cast<double>(*trained->imagined));
-    seconds.push_back(trained->training_s);
+    seconds.push_back(total.training_s);
   }
   figures.steps = MeanOfSeeds(steps);
   figures.updates = MeanOfSeeds(updates);

@@ -8,6 +8,7 @@
 #include <functional>
 #include <set>
 
+#include "app/train/stages.h"
 #include "base/progress.h"
 #include "eval/report/comparison.h"
 #include "eval/report/table_text.h"
@@ -34,7 +35,7 @@ std::string BudgetText(const Cells& cells) {
     if (run.max_seconds > 0.0) {
       seconds.insert(run.max_seconds);
     } else {
-      steps.insert(static_cast<double>(run.max_steps));
+      steps.insert(static_cast<double>(train::MaxStepsOf(*cell.config)));
     }
   }
   std::vector<std::string> texts;

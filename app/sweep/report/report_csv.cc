@@ -74,9 +74,10 @@ std::string ResultFields(const eval::Result* result) {
 
 std::string TrainingFields(const std::optional<TrainedCell>& trained) {
   if (!trained) return ",,,,,,";
-  return fmt::format("{},{},{},{:.6g},{},{},{}", trained->steps, trained->updates,
+  const PolicyFigures total = trained->total();
+  return fmt::format("{},{},{},{:.6g},{},{},{}", total.steps, total.updates,
                      trained->imagined ? fmt::format("{}", *trained->imagined) : "",
-                     trained->training_s, CsvField(trained->host), trained->at_once,
+                     total.training_s, CsvField(trained->host), trained->at_once,
                      CsvField(trained->commit));
 }
 

@@ -42,7 +42,7 @@ struct StoppedCell {
     return fs::exists(calls) ? base::ReadFile(calls) : "";
   }
 
-  const Cell cell;
+  Cell cell;
   const WorkOptions options;
   const CellDirectory files;
   const run::RunDirectory run;
@@ -98,6 +98,18 @@ TEST(CellWorkTest, ARunWithoutACheckpointIsSetAsideForOneThatBegins) {
                                     3));
   EXPECT_FALSE(fs::exists(stopped.run.root));
   EXPECT_EQ(base::ReadFile(stopped.files.root() / "run.aside" / "metrics.csv"), "rows");
+}
+
+TEST(CellWorkTest, ARunWhoseStageHasBegunGoesOn) {
+  const test::ScratchDirectory scratch;
+  StoppedCell stopped(scratch.path());
+  fs::remove(stopped.checkpoint);
+  test::AddStages(stopped.cell);
+  base::MakeDirectories(stopped.run.root / "stages" / "first");
+  EXPECT_EQ(stopped.Work(), WorkEnd::kFailed);
+  EXPECT_EQ(stopped.Calls(),
+            Repeat("train " + stopped.run.root.string() + " --resume --no-evaluation\n", 3));
+  EXPECT_TRUE(fs::exists(stopped.run.root / "stages" / "first"));
 }
 
 TEST(CellWorkTest, ATrainingWithoutItsPolicyIsTrainedAgainForAScoreThatIsNotThere) {

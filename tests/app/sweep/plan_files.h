@@ -43,4 +43,13 @@ inline sweep::Cells Expand(const std::filesystem::path& directory, const std::st
   return sweep::ExpandPlan(sweep::ReadPlan(WritePlan(directory, text), overrides), platform);
 }
 
+/// Makes the training of a cell one of fresh courses after the stages "first" of 1000 steps and
+/// "second" of 2000.
+inline void AddStages(sweep::Cell& cell) {
+  cell.config->courses.train = "";
+  cell.config->courses.fresh = "static";
+  cell.config->distillation.stages = {{"first.run.max_steps", {"1000", ""}},
+                                      {"second.run.max_steps", {"2000", ""}}};
+}
+
 }  // namespace slalom::test

@@ -53,6 +53,34 @@ TEST(StoreTest, AStepsCountIsFoundInALongFile) {
   EXPECT_EQ(ReadCellStatus(scratch.path(), cells.cells[0]).steps, 50000);
 }
 
+TEST(StoreTest, StagesCountAsPartOfTheirTraining) {
+  const test::ScratchDirectory scratch;
+  Cell cell = test::Expand(scratch.path(), kPlan).cells[0];
+  test::AddStages(cell);
+  const CellDirectory directory(scratch.path(), cell.id);
+  const auto write = [](const std::filesystem::path& run, const std::string& last_row) {
+    base::MakeDirectories(run);
+    base::WriteFileAtomically(run / "metrics.csv", "training_s,steps,updates\n" + last_row + "\n");
+  };
+  write(directory.run() / "stages/first", "1.0,1000,3");
+  write(directory.run() / "stages/second", "1.0,500,3");
+  EXPECT_EQ(ReadCellStatus(scratch.path(), cell).steps, 1500);
+  write(directory.run(), "1.0,70,3");
+  EXPECT_EQ(ReadCellStatus(scratch.path(), cell).steps, 1570);
+
+  WriteTrained(directory, {.steps = 4000,
+                           .updates = 9,
+                           .training_s = 8.0,
+                           .stages = {.steps = 3000, .updates = 7, .training_s = 6.0}});
+  const CellStatus trained = ReadCellStatus(scratch.path(), cell);
+  EXPECT_EQ(trained.steps, 7000);
+  EXPECT_EQ(trained.trained->total().updates, 16);
+  EXPECT_DOUBLE_EQ(trained.trained->total().training_s, 14.0);
+  Rates rates;
+  rates.Observe(cell, trained);
+  EXPECT_DOUBLE_EQ(*rates.SecondsLeft(cell, 3500, 1), 7.0);
+}
+
 TEST(StoreTest, CellsThatThePlanNoLongerHasAreStale) {
   const test::ScratchDirectory scratch;
   const auto plan = ReadPlan(test::WritePlan(scratch.path(), kPlan), {});

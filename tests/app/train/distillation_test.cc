@@ -187,6 +187,10 @@ TEST(StagesTest, AStageIsTheRunWithOtherKeys) {
   EXPECT_EQ(files.at(sim::FreshKind::kBox), "run/stages/most/policy.safetensors");
   EXPECT_EQ(files.at(sim::FreshKind::kWall), "run/stages/walls/policy.safetensors");
 
+  EXPECT_EQ(MaxStepsOf(config), config.run.max_steps + 2000 + 3000);
+  EXPECT_EQ(RunsOf(config, "run"),
+            (std::vector<std::filesystem::path>{"run/stages/most", "run/stages/walls", "run"}));
+
   config.run.max_seconds = 0.0;
   config.distillation.stages.push_back({"walls.run.max_seconds", {"30.0", ""}});
   EXPECT_EQ(StagesOf(config)[1].config.run.max_seconds, 0.0) << "a run in lockstep ends by steps";
