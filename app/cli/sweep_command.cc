@@ -28,6 +28,7 @@
 #include "app/sweep/store.h"
 #include "app/train/command_options.h"
 #include "app/train/run_identity.h"
+#include "app/train/stages.h"
 #include "base/child_process.h"
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -104,7 +105,8 @@ std::optional<double> PrintPlan(const SweepOptions& options) {
     const sweep::CellStatus status = sweep::ReadCellStatus(options.store, cell);
     rates.Observe(cell, status);
     num_done += status.state == sweep::CellState::kDone ? 1 : 0;
-    const std::string steps = cell.config ? fmt::format("{}", cell.config->run.max_steps) : "-";
+    const std::string steps =
+        cell.config ? fmt::format("{}", train::MaxStepsOf(*cell.config)) : "-";
     fmt::print("{:<17} {:<9} {:>12} {:>7}  {}{}\n", cell.id, sweep::ToString(status.state), steps,
                cell.scores.size(), cell.name(), Remark(cell, options.store));
   }

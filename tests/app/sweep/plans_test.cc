@@ -76,6 +76,7 @@ TEST(PlansTest, EveryPlanHasItsRows) {
       {"planning", 3, {"td3-with-model"}},
       {"prioritized", 6, {"TD3", "prioritized replay"}},
       {"robust", 10, {"the first command's", "robust.toml"}},
+      {"robust-original", 10, {"the first command's", "robust.toml"}},
       {"static", 9, {"250 courses", "50 courses", "250 courses, lifelike drive"}},
       {"training-sets", 25, {"5", "250"}},
   };
