@@ -298,6 +298,8 @@ struct EnvironmentConfig {
   EpisodeConfig episode;
   /// Fields drawn for each episode: sim/randomized_config.h.
   base::TomlAssignments randomize;
+  /// Share of the episodes for which they are drawn; in the others they have their own values.
+  double randomize_share = 1.0;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -306,6 +308,10 @@ struct EnvironmentConfig {
       "`{ robot.command_delay = [0.0, 0.12], robot.friction = [\"cone\", \"gazebo\"] }`: a number "
       "uniformly from a range, a name or a boolean from a list (docs/simulator.md). Setting such a "
       "field in a later file or by --set takes it out; `{}` takes out all.");
+    v("randomize_share", randomize_share, base::Range{0.0, 1.0}, "",
+      "Share of the episodes, by chance, in which the fields of `randomize` are drawn. In the "
+      "others they have the values that [environment] gives them, which must be among those that "
+      "are drawn.");
     v.Section("robot", robot, "The robot's body and drive.");
     v.Section("lidar", lidar, "The range finder.");
     v.Section("localisation", localisation,

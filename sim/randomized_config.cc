@@ -16,12 +16,13 @@ namespace slalom::sim {
 namespace {
 
 /// Fields, and sections that end in a dot, that are the same in all episodes, and why.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 9> kShared = {{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 10> kShared = {{
     {"robot.length", "start poses are checked, and pictures drawn, with one outline"},
     {"robot.width", "start poses are checked, and pictures drawn, with one outline"},
     {"robot.control_rate", "the robots of a batch are stepped together"},
     {"lidar.num_beams", "it is the shape of an observation"},
     {"localisation.decides_arrival", "it is a rule of the episode"},
+    {"randomize_share", "it says in how many of them fields are drawn"},
     {"action.", "it is what a policy's actions mean"},
     {"observation.", "it is what a policy's network sees"},
     {"reward.", "a policy learns from one reward"},
@@ -155,8 +156,10 @@ class EntryReader {
 
 }  // namespace
 
-RandomizedConfig::RandomizedConfig(const EnvironmentConfig& config) : config_(config) {
+RandomizedConfig::RandomizedConfig(const EnvironmentConfig& config)
+    : config_(config), share_(config.randomize_share) {
   config_.randomize.clear();
+  config_.randomize_share = 1.0;
   // Entries are read into a copy, since reading sets fields.
   EnvironmentConfig scratch = config_;
   const config::FieldList scratch_fields = config::ListFields(scratch);
@@ -169,6 +172,30 @@ RandomizedConfig::RandomizedConfig(const EnvironmentConfig& config) : config_(co
     targets_.push_back(*std::ranges::find(own_fields.fields, entry.key, &config::Field::key));
   }
   values_.resize(fields_.size());
+  if (share_ == 1.0) return;
+  for (std::size_t i = 0; i < fields_.size(); ++i) own_values_.push_back(OwnValue(i));
+}
+
+double RandomizedConfig::OwnValue(std::size_t i) const {
+  const RandomizedField& field = fields_[i];
+  const config::Field::Pointer& target = targets_[i].value;
+  if (double* const* number = std::get_if<double*>(&target)) {
+    if (**number >= field.low && **number <= field.high) return **number;
+    throw base::Error(fmt::format(
+        "environment.randomize.\"{}\": {} is not in [{}, {}], expected a range that holds it, as "
+        "environment.randomize_share is {}",
+        field.key, **number, field.low, field.high, share_));
+  }
+  const auto* flag = std::get_if<bool*>(&target);
+  const std::string name = flag != nullptr
+                               ? std::string(kBooleans[**flag])
+                               : std::string(std::get<config::EnumField>(target).name());
+  const auto found = std::ranges::find(field.names, name);
+  if (found != field.names.end()) return static_cast<double>(found - field.names.begin());
+  throw base::Error(fmt::format(
+      "environment.randomize.\"{}\": '{}' is not in ['{}'], expected a list that holds it, as "
+      "environment.randomize_share is {}",
+      field.key, name, fmt::join(field.names, "', '"), share_));
 }
 
 bool RandomizedConfig::draws(std::string_view section) const {
@@ -179,6 +206,10 @@ bool RandomizedConfig::draws(std::string_view section) const {
 
 void RandomizedConfig::Draw(std::uint64_t seed) {
   const std::uint64_t own_seed = base::DeriveSeed(seed, "randomize");
+  if (share_ < 1.0 && base::Random(base::DeriveSeed(own_seed, "")).Uniform() >= share_) {
+    Set(own_values_);
+    return;
+  }
   for (std::size_t i = 0; i < fields_.size(); ++i) {
     const RandomizedField& field = fields_[i];
     base::Random random(base::DeriveSeed(own_seed, field.key));

@@ -22,16 +22,19 @@ struct RandomizedField {
 
 /// A task whose randomised fields (`EnvironmentConfig::randomize`) have the values of an episode: a
 /// number is uniform between two bounds, a name or a boolean is any of a list with equal
-/// probability.
+/// probability. In all but a share of the episodes (`randomize_share`) they have the given config's
+/// own values.
 ///
-/// A value is a function of the episode's seed, of the field's key and of its bounds or its list
-/// alone, bit for bit. Different keys are drawn independently. Thread-compatible; neither copied
-/// nor moved, as it keeps pointers to its own fields.
+/// A drawn value is a function of the episode's seed, of the field's key and of its bounds or its
+/// list alone, bit for bit; whether values are drawn is one of the seed and the share. Different
+/// keys are drawn independently. Thread-compatible; neither copied nor moved, as it keeps pointers
+/// to its own fields.
 class RandomizedConfig {
  public:
   /// Throws `base::Error` that names the entry, what was found and what was expected if an entry is
   /// not for a field of `config`, not of its type or outside its range, or for a field that all
-  /// episodes of a batch share; that error says why.
+  /// episodes of a batch share; that error says why. The same if the share is below 1 and a value
+  /// of `config` itself is not among those of its entry.
   explicit RandomizedConfig(const EnvironmentConfig& config);
   RandomizedConfig(const RandomizedConfig&) = delete;
   RandomizedConfig& operator=(const RandomizedConfig&) = delete;
@@ -44,8 +47,8 @@ class RandomizedConfig {
   /// Takes the values of the episode with this seed. Allocates nothing.
   void Draw(std::uint64_t seed);
 
-  /// The task with the values drawn last; before that, with the given config's own. Its `randomize`
-  /// is empty.
+  /// The task with the values drawn last; before that, with the given config's own. Nothing is
+  /// random in it.
   const EnvironmentConfig& config() const { return config_; }
   /// The values drawn last, [fields().size()]: numbers, and the places of names in their lists.
   std::span<const double> values() const { return values_; }
@@ -54,10 +57,15 @@ class RandomizedConfig {
   void Set(std::span<const double> values);
 
  private:
+  /// The value that the given config has for a field. Throws `base::Error` if it is never drawn.
+  double OwnValue(std::size_t i) const;
+
   EnvironmentConfig config_;
+  double share_;  // Of the episodes in which fields are drawn.
   std::vector<RandomizedField> fields_;
   std::vector<config::Field> targets_;  // Fields of config_, in the order of fields_.
   std::vector<double> values_;
+  std::vector<double> own_values_;  // Those of the given config.
 };
 
 /// Throws `base::Error` as the constructor of `RandomizedConfig` does, and if values that may be

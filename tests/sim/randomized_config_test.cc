@@ -71,6 +71,46 @@ TEST(RandomizedConfigTest, DrawsEachKindOfField) {
   EXPECT_LT(num_from_wheels, 80);
 }
 
+TEST(RandomizedConfigTest, AShareOfTheEpisodesIsDrawnAndTheOthersAreAsConfigured) {
+  const EnvironmentConfig all = Task(
+      "robot.command_delay = [0.0, 0.12]\nrobot.friction = [\"gazebo\", \"cone\"]\n"
+      "localisation.from_wheels = [true, false]\n");
+  EnvironmentConfig some = all;
+  some.randomize_share = 0.3;
+  RandomizedConfig always(all), sometimes(some);
+  const std::string configured = config::ToToml(sim::EnvironmentConfig{});
+  int num_drawn = 0;
+  for (std::uint64_t seed = 0; seed < 2000; ++seed) {
+    always.Draw(seed);
+    sometimes.Draw(seed);
+    const EnvironmentConfig& drawn = sometimes.config();
+    if (drawn.robot.command_delay != 0.0) {
+      ++num_drawn;
+      EXPECT_EQ(config::ToToml(drawn), config::ToToml(always.config())) << seed;
+    } else {
+      EXPECT_EQ(config::ToToml(drawn), configured) << seed;
+      EXPECT_THAT(sometimes.values(), ElementsAre(1.0, 0.0, 1.0)) << "false, no delay, the cone";
+    }
+  }
+  EXPECT_NEAR(num_drawn, 600, 3.3 * std::sqrt(2000 * 0.3 * 0.7));
+}
+
+TEST(RandomizedConfigTest, AShareNeedsConfiguredValuesThatMayBeDrawn) {
+  const auto expect = [](const std::string& entry, const std::string& message) {
+    EnvironmentConfig config = Task(entry);
+    EXPECT_EQ(ErrorOf(config), "");
+    config.randomize_share = 0.5;
+    EXPECT_EQ(ErrorOf(config), "environment.randomize." + message +
+                                   " holds it, as environment.randomize_share is 0.5");
+  };
+  expect("robot.command_delay = [0.02, 0.12]",
+         "\"robot.command_delay\": 0 is not in [0.02, 0.12], expected a range that");
+  expect("robot.friction = [\"gazebo\", \"pyramid\"]",
+         "\"robot.friction\": 'cone' is not in ['gazebo', 'pyramid'], expected a list that");
+  expect("localisation.from_wheels = [true]",
+         "\"localisation.from_wheels\": 'false' is not in ['true'], expected a list that");
+}
+
 TEST(RandomizedConfigTest, AValueDependsOnSeedAndKeyAlone) {
   const std::string delay = "robot.command_delay = [0.0, 0.12]\n";
   const std::string others =
