@@ -97,7 +97,30 @@ class EntryReader {
     return field;
   }
 
+  /// Returns the value that the task has if nothing is drawn, as `RandomizedConfig::values` does.
+  /// `own`: the field of that task. `share`: of the episodes in which fields are drawn.
+  double OwnValue(const RandomizedField& drawn, const config::Field& own, double share) const {
+    if (double* const* number = std::get_if<double*>(&own.value)) {
+      if (**number >= drawn.low && **number <= drawn.high) return **number;
+    } else {
+      const auto found = std::ranges::find(drawn.names, NameOf(own));
+      if (found != drawn.names.end()) return static_cast<double>(found - drawn.names.begin());
+    }
+    Fail(
+        fmt::format("{}, expected {} among its values, which the field has where it is not drawn, "
+                    "as environment.randomize_share is {}",
+                    Found(), config::PrintValue(own), share));
+  }
+
  private:
+  /// The value of a field that is a name or a boolean.
+  static std::string NameOf(const config::Field& field) {
+    if (const auto* name = std::get_if<config::EnumField>(&field.value)) {
+      return std::string(name->name());
+    }
+    return std::string(kBooleans[*std::get<bool*>(field.value)]);
+  }
+
   [[noreturn]] void Fail(const std::string& what) const {
     throw base::Error(fmt::format("{}environment.randomize.\"{}\": {}", Where(), entry_.key, what));
   }
@@ -144,10 +167,7 @@ class EntryReader {
 
   std::string Name(const config::Field& target, const base::TomlValue& element) const {
     SetTarget(target, element);
-    if (const auto* field = std::get_if<config::EnumField>(&target.value)) {
-      return std::string(field->name());
-    }
-    return std::string(kBooleans[*std::get<bool*>(target.value)]);
+    return NameOf(target);
   }
 
   const base::TomlAssignment& entry_;
@@ -170,32 +190,11 @@ RandomizedConfig::RandomizedConfig(const EnvironmentConfig& config)
     const EntryReader reader(entry, scratch_fields);
     fields_.push_back(reader.Read(reader.Target()));
     targets_.push_back(*std::ranges::find(own_fields.fields, entry.key, &config::Field::key));
+    if (share_ < 1.0) {
+      own_values_.push_back(reader.OwnValue(fields_.back(), targets_.back(), share_));
+    }
   }
   values_.resize(fields_.size());
-  if (share_ == 1.0) return;
-  for (std::size_t i = 0; i < fields_.size(); ++i) own_values_.push_back(OwnValue(i));
-}
-
-double RandomizedConfig::OwnValue(std::size_t i) const {
-  const RandomizedField& field = fields_[i];
-  const config::Field::Pointer& target = targets_[i].value;
-  if (double* const* number = std::get_if<double*>(&target)) {
-    if (**number >= field.low && **number <= field.high) return **number;
-    throw base::Error(fmt::format(
-        "environment.randomize.\"{}\": {} is not in [{}, {}], expected a range that holds it, as "
-        "environment.randomize_share is {}",
-        field.key, **number, field.low, field.high, share_));
-  }
-  const auto* flag = std::get_if<bool*>(&target);
-  const std::string name = flag != nullptr
-                               ? std::string(kBooleans[**flag])
-                               : std::string(std::get<config::EnumField>(target).name());
-  const auto found = std::ranges::find(field.names, name);
-  if (found != field.names.end()) return static_cast<double>(found - field.names.begin());
-  throw base::Error(fmt::format(
-      "environment.randomize.\"{}\": '{}' is not in ['{}'], expected a list that holds it, as "
-      "environment.randomize_share is {}",
-      field.key, name, fmt::join(field.names, "', '"), share_));
 }
 
 bool RandomizedConfig::draws(std::string_view section) const {

@@ -57,9 +57,6 @@ class RandomizedConfig {
   void Set(std::span<const double> values);
 
  private:
-  /// The value that the given config has for a field. Throws `base::Error` if it is never drawn.
-  double OwnValue(std::size_t i) const;
-
   EnvironmentConfig config_;
   double share_;  // Of the episodes in which fields are drawn.
   std::vector<RandomizedField> fields_;

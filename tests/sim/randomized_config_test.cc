@@ -100,15 +100,16 @@ TEST(RandomizedConfigTest, AShareNeedsConfiguredValuesThatMayBeDrawn) {
     EnvironmentConfig config = Task(entry);
     EXPECT_EQ(ErrorOf(config), "");
     config.randomize_share = 0.5;
-    EXPECT_EQ(ErrorOf(config), "environment.randomize." + message +
-                                   " holds it, as environment.randomize_share is 0.5");
+    EXPECT_EQ(ErrorOf(config), "task.toml:2: environment.randomize." + message +
+                                   " among its values, which the field has where it is not drawn, "
+                                   "as environment.randomize_share is 0.5");
   };
   expect("robot.command_delay = [0.02, 0.12]",
-         "\"robot.command_delay\": 0 is not in [0.02, 0.12], expected a range that");
+         "\"robot.command_delay\": found [0.02, 0.12], expected 0.0");
   expect("robot.friction = [\"gazebo\", \"pyramid\"]",
-         "\"robot.friction\": 'cone' is not in ['gazebo', 'pyramid'], expected a list that");
+         "\"robot.friction\": found ['gazebo', 'pyramid'], expected \"cone\"");
   expect("localisation.from_wheels = [true]",
-         "\"localisation.from_wheels\": 'false' is not in ['true'], expected a list that");
+         "\"localisation.from_wheels\": found [true], expected false");
 }
 
 TEST(RandomizedConfigTest, AValueDependsOnSeedAndKeyAlone) {
