@@ -14,6 +14,7 @@ from ._gymnasium import AUTORESET_MODES, Box, Dict, Env, VectorEnv, batched
 from ._rendering import Painter
 
 _OUTCOMES = np.array(["running", "success", "collision", "timeout"])
+_KEYS_OUTSIDE_SECTIONS = ("randomize_share",)  # Of [environment] itself.
 
 
 def _toml(value):
@@ -30,9 +31,12 @@ def _toml(value):
 
 
 def _settings(sections):
-    """Returns (key, TOML) for each of {"robot": {"friction": "gazebo"}, ...}."""
+    """Returns (key, TOML) for each of {"robot": {"friction": "gazebo"}, "randomize_share": 0.5, ...}."""
     settings = []
     for section, values in sections.items():
+        if section in _KEYS_OUTSIDE_SECTIONS:
+            settings.append((f"environment.{section}", _toml(values)))
+            continue
         if not isinstance(values, dict):
             raise _slalom.Error(
                 f"{section}: expected a dictionary of keys of [environment.{section}], such as "
@@ -345,7 +349,7 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
              copy: bool = True, threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (),
              collection: NameOrPath = "", generator_seed: int = 1, physics: str = "slalom",
              render_mode: Literal["rgb_array"] | None = None,
-             **sections: dict[str, Any]) -> VectorEnvironment:
+             **sections: dict[str, Any] | float) -> VectorEnvironment:
     """Makes `num_envs` environments on a set of courses.
 
     courses: a set's name, "generated:SEED:COUNT", or a file (docs/courses.md).
@@ -362,7 +366,7 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
     render_mode: "rgb_array" for pictures of what the robots see (`render`).
     sections: the keys of [environment] (docs/config.md), for example robot={"friction": "gazebo"},
     lidar={"noise_std": 0.02}, episode={"max_steps": 200}. What is drawn for each episode is
-    randomize={"robot.command_delay": [0.0, 0.12]}.
+    randomize={"robot.command_delay": [0.0, 0.12]}, in the share randomize_share=0.6 of them.
 
     Raises `slalom.Error`, a ValueError, which says what was found and expected.
     """
@@ -377,7 +381,7 @@ def make(courses: NameOrPath = "static-train-50", *,
          profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
          generator_seed: int = 1, physics: str = "slalom",
          render_mode: Literal["rgb_array"] | None = None,
-         **sections: dict[str, Any]) -> Environment:
+         **sections: dict[str, Any] | float) -> Environment:
     """Makes one environment. The arguments are those of `make_vec`."""
     core = _core(courses, 1, profile, sections, collection, generator_seed, 1, "Disabled", physics)
     return Environment(core, observation, render_mode)

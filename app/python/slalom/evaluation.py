@@ -58,7 +58,7 @@ def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
              threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
              generator_seed: int = 1, physics: str = "slalom",
              evaluation: dict[str, Any] | None = None,
-             **sections: dict[str, Any]) -> Evaluation:
+             **sections: dict[str, Any] | float) -> Evaluation:
     """Drives `episodes` episodes on each course and returns an `Evaluation`.
 
     agent: a `Policy`, or any function of (observations, first) that returns actions, as

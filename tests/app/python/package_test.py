@@ -86,6 +86,9 @@ class VectorEnvironmentTest(unittest.TestCase):
                 for threads in (1, 2)]
         self.assertTrue(same(runs[0], runs[1]))
         self.assertFalse(same(runs[0], fixed))
+        never = slalom.make_vec(COURSES, num_envs=4, robot={"command_delay": 0.1}, randomize_share=0,
+                                randomize={"robot.command_delay": [0, 0.3]})
+        self.assertTrue(same(drive(never, 3, 50), fixed))
         both = slalom.make_vec(COURSES, num_envs=1, randomize=wide, robot={"friction": "pyramid"})
         self.assertIn("robot.friction = ['cone', 'gazebo']", both.config)
         with self.assertRaisesRegex(slalom.Error, "it is the shape of an observation"):
@@ -292,6 +295,8 @@ class BadInputTest(unittest.TestCase):
         self.check("num_beams.*2.*4096", COURSES, lidar={"num_beams": 1})
         self.check("robt", COURSES, robt={"friction": "gazebo"})
         self.check("robot: expected a dictionary", COURSES, robot=3)
+        self.check("environment.randomize_share", COURSES, randomize_share=2)
+        self.check("environment.randomize_share", COURSES, randomize_share={"robot": 0.5})
         self.check("num_envs is 0", COURSES, num_envs=0)
         self.check("autoreset_mode is 'Never'", COURSES, autoreset_mode="Never")
         self.check("observation is 'pixels'", COURSES, observation="pixels")
