@@ -22,7 +22,8 @@ Builds and tests Slalom, and ends with one line per part. Without options: what 
 Parts:
   format    clang-format changes nothing                                                                      in every tier
   release   all tests, optimised; with --all under clocks of a machine that has just started, and the benchmarks build  in every tier
-  deploy    the drills, containers, Slurm and bare roots, with the program of part release                              --all
+  deploy    containers, Slurm, Prometheus and bare roots, with the program of part release                            --all
+  drills    processes that are killed, cut off, starved and attacked, with the program of part release                --all
   dev       an unoptimised simulator drives the same episodes, bit for bit                                           --all
   asan      the tests of the folders without LibTorch under AddressSanitizer and UndefinedBehaviorSanitizer         --all
   tsan      those of them with threads under ThreadSanitizer                                                        --all
@@ -123,7 +124,12 @@ part_release() {
 part_deploy() {
   configure release SLALOM_TESTS=ON
   build_targets release all
-  run_ctest release -L 'drill|deploy'
+  run_ctest release -L deploy
+}
+part_drills() {
+  configure release SLALOM_TESTS=ON
+  build_targets release all
+  run_ctest release -L drill
 }
 part_dev() {
   configure dev
@@ -215,7 +221,7 @@ part_soak() {
 }
 
 # What each part takes from a clean clone on a slow machine with two cores [s].
-declare -A usual_seconds=([format]=10 [release]=1200 [asan]=800 [fuzz]=80 [tsan]=240 [tidy]=500 [python]=240 [dev]=100 [deploy]=1400 [arm64]=180)
+declare -A usual_seconds=([format]=10 [release]=1200 [asan]=800 [fuzz]=80 [tsan]=240 [tidy]=500 [python]=240 [dev]=100 [deploy]=1350 [drills]=850 [arm64]=180)
 
 # ends_within MINUTES PART ELAPSED USUAL: whether a part would end in time, if it is as much slower or faster than usual as what
 # took ELAPSED seconds here and takes USUAL usually. 0 minutes: always.
@@ -242,7 +248,7 @@ write_record() {
 
 # Each part in a shell of its own, so that one which fails does not keep the others from running.
 run_tests() {
-  local parts=(format release deploy dev arm64 asan tsan tidy python fuzz soak) chosen=() ctest_arguments=() record="" within=0
+  local parts=(format release deploy drills dev arm64 asan tsan tidy python fuzz soak) chosen=() ctest_arguments=() record="" within=0
   tier=quick tier_option=""
   while (($# > 0)); do
     case $1 in
@@ -270,7 +276,7 @@ run_tests() {
     elif [[ $tier == quick ]]; then
       chosen=(format release)
     elif [[ $tier == all ]]; then
-      chosen=(format release asan fuzz tsan tidy python dev deploy arm64)  # With --within the last ones are left out first.
+      chosen=(format release asan fuzz tsan tidy python dev deploy drills arm64)  # With --within the last ones are left out first.
     else
       chosen=(soak)
     fi
@@ -293,7 +299,8 @@ run_tests() {
     say "test: $part, after $(((SECONDS + 30) / 60)) minutes"
     usual=$((usual + ${usual_seconds[$part]-0}))
     # The tests of these are those of the release build.
-    preset=${part/soak/release} preset=${preset/deploy/release}
+    preset=$part
+    [[ $part != @(soak|deploy|drills) ]] || preset=release
     rm -f "$root/build/$preset.ctest.log" "$root/build/$preset.ctest-details.log"
     start=$SECONDS
     status=0
