@@ -492,6 +492,10 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
   const Field* field = Find(list, key);
   const Field* const entries = field == nullptr ? FindAssignments(list, key) : nullptr;
   if (field == nullptr && entries == nullptr) {
+    if (IsSection(list, key)) {
+      throw Error(fmt::format("{}: '{}' is a section, expected one of its keys: {}.KEY=VALUE",
+                              where, key, key));
+    }
     throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Readers{list}.Suggest(key)));
   }
   toml::table table;

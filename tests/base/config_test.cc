@@ -193,6 +193,9 @@ TEST(ConfigTest, OverridesTakeTomlOrBareWords) {
 }
 
 TEST(ConfigTest, OverrideErrorsNameTheOverride) {
+  EXPECT_THAT(OverrideErrorOf("inner={speed = 2}"),
+              AllOf(StartsWith("--set inner={speed = 2}: "), HasSubstr("'inner' is a section"),
+                    HasSubstr("inner.KEY=VALUE")));
   EXPECT_THAT(OverrideErrorOf("count=1000"),
               AllOf(StartsWith("--set count=1000: "), HasSubstr("[-100, 100]")));
   EXPECT_THAT(OverrideErrorOf("cout=1"), HasSubstr("did you mean 'count'?"));
