@@ -36,6 +36,16 @@ std::string SummaryCell(const RowScore& score) {
   return text;
 }
 
+/// The columns of a table of text as its lines.
+std::vector<std::vector<std::string>> Transposed(
+    const std::vector<std::vector<std::string>>& table) {
+  std::vector<std::vector<std::string>> columns(table[0].size());
+  for (const auto& line : table) {
+    for (std::size_t i = 0; i < line.size(); ++i) columns[i].push_back(line[i]);
+  }
+  return columns;
+}
+
 }  // namespace
 
 void WriteSweepReport(const ReportContent& content, const fs::path& store) {
@@ -61,6 +71,7 @@ std::string SweepSummary(const SweepResults& results) {
       table[r + 1].push_back(found == score.rows.end() ? "" : SummaryCell(*found));
     }
   }
+  if (table[0].size() > table.size()) table = Transposed(table);
   std::string text;
   for (std::size_t line = 0; line < table.size(); ++line) {
     std::string rule;

@@ -24,7 +24,8 @@ namespace slalom::sweep {
 void WriteSweepReport(const ReportContent& content, const std::filesystem::path& store);
 
 /// Returns a table for the terminal: success of each row on each score in percent, with its 95 %
-/// interval, and the number of its seeds. Lines end in newlines.
+/// interval, and the number of its seeds. If there are more scores than rows, scores are its lines.
+/// Lines end in newlines.
 std::string SweepSummary(const SweepResults& results);
 
 /// Returns one HTML page with everything in it, which opens without a network: tables, success over

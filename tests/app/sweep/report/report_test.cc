@@ -254,6 +254,17 @@ TEST(SweepReportTest, TheSummaryNamesSeedsThatAreMissing) {
   for (const std::string& line : lines) EXPECT_EQ(line.size(), lines[0].size());
 }
 
+TEST(SweepReportTest, TheSummaryIsTallerThanWide) {
+  test::FakeSweep fake({"method"}, {"first", "second", "third"});
+  const std::size_t cell = fake.AddTraining({"TD3"}, 1);
+  fake.Evaluate(cell, "second", {"SC"});
+  const std::vector<std::string> lines = Lines(SweepSummary(fake.Results()));
+  ASSERT_EQ(lines.size(), 5u);
+  EXPECT_THAT(lines[0], AllOf(HasSubstr("| success [%]"), HasSubstr("| TD3 ")));
+  EXPECT_THAT(lines[2], HasSubstr("| on first"));
+  EXPECT_THAT(lines[3], HasSubstr("| 50.0"));
+}
+
 TEST(SweepReportTest, NothingIsBoldWhereAllNumbersAreAlike) {
   test::FakeSweep fake({"method"}, {"test"});
   for (const char* method : {"TD3", "SAC"}) {
