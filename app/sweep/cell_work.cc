@@ -135,11 +135,10 @@ class Work {
     return Training::kToBegin;
   }
 
-  /// Whether the run has a checkpoint, or one of its stages has begun.
+  /// Whether the run has a checkpoint, or its first stage has begun.
   bool HasProgress(const run::RunDirectory& run) const {
-    for (const train::Stage& stage : train::StagesOf(*cell_.config)) {
-      if (base::Exists(train::StageDirectory(run.root, stage.name))) return true;
-    }
+    const fs::path first = train::RunsOf(*cell_.config, run.root).front();
+    if (first != run.root && base::Exists(first)) return true;
     return base::Exists(run.checkpoints()) &&
            !run::CheckpointStore(run.checkpoints()).List().empty();
   }
