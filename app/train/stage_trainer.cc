@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <cstddef>
 #include <filesystem>
+#include <vector>
 
 #include "app/train/service_process.h"
 #include "app/train/stages.h"
@@ -26,11 +28,13 @@ bool IsFinished(const run::RunDirectory& directory) {
 
 TrainingEnd TrainStages(const RunConfig& config, const run::RunDirectory& directory,
                         const std::string& commit, const std::stop_token& stop) {
-  for (const Stage& stage : StagesOf(config)) {
+  const std::vector<Stage> stages = StagesOf(config);
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    const Stage& stage = stages[i];
     const run::RunDirectory own{StageDirectory(directory.root, stage.name)};
     if (IsFinished(own)) continue;
-    spdlog::info("stage {} of {}: training on {}", stage.name, directory.root.string(),
-                 stage.config.courses.DescribeTrain());
+    spdlog::info("teacher {} of {} for {}: stage {}, training on {}", i + 1, stages.size(),
+                 directory.root.string(), stage.name, stage.config.courses.DescribeTrain());
     metrics::Registry registry(MakeIdentity("train", stage.name, stage.name));
     Trainer trainer(stage.config, own, commit, fs::exists(own.config()), registry);
     const TrainingEnd end = trainer.Run(stop);

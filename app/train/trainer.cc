@@ -83,6 +83,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
         "--resume the run there is moved aside and a new one begins",
         directory.checkpoints().string(), directory.policy().string()));
   }
+  if (!config_.distillation.stages.empty()) return;  // Its stages have been trained up to here.
   spdlog::info("{}: no checkpoint yet, the run starts from the beginning",
                directory.checkpoints().string());
 }
