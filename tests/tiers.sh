@@ -121,16 +121,14 @@ part_release() {
     run_ctest release -LE 'drill|deploy'
   fi
 }
-part_deploy() {
+# test_label LABEL: the tests of the release build that have the label.
+test_label() {
   configure release SLALOM_TESTS=ON
   build_targets release all
-  run_ctest release -L deploy
+  run_ctest release -L "$1"
 }
-part_drills() {
-  configure release SLALOM_TESTS=ON
-  build_targets release all
-  run_ctest release -L drill
-}
+part_deploy() { test_label deploy; }
+part_drills() { test_label drill; }
 part_dev() {
   configure dev
   build_targets dev environments_test
