@@ -1,8 +1,11 @@
 #include "base/parallel.h"
 
+#include <fmt/format.h>
+
 #include <utility>
 
 #include "base/check.h"
+#include "base/thread.h"
 
 namespace slalom::base {
 namespace {
@@ -37,12 +40,22 @@ ParallelFor::ParallelFor(int num_threads)
       num_looks_(num_threads <= static_cast<int>(std::thread::hardware_concurrency()) ? kLooks : 0),
       shares_(num_threads) {
   SLALOM_CHECK_GE(num_threads, 1);
-  for (int thread = 1; thread < num_threads; ++thread) {
-    threads_.emplace_back([this, thread] { Work(thread); });
+  try {
+    for (int thread = 1; thread < num_threads; ++thread) {
+      threads_.push_back(
+          StartThread(fmt::format("parallel work, number {} of {}", thread + 1, num_threads),
+                      [this, thread] { Work(thread); }));
+    }
+  } catch (...) {
+    Stop();
+    throw;
   }
 }
 
-ParallelFor::~ParallelFor() {
+ParallelFor::~ParallelFor() { Stop(); }
+
+/// Ends the threads once they have nothing to do. `threads_` waits for them.
+void ParallelFor::Stop() {
   MutexLock lock(mutex_);
   stopping_ = true;
   start_.NotifyAll();

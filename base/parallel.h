@@ -24,8 +24,8 @@ namespace slalom::base {
 /// processors). To wake a thread takes 5 us or more.
 class ParallelFor {
  public:
-  /// Starts `num_threads - 1` threads, since the caller of `For` works, too.
-  /// Requires: num_threads >= 1.
+  /// Starts `num_threads - 1` threads, since the caller of `For` works, too. Throws `base::Error`
+  /// if one of them cannot be started. Requires: num_threads >= 1.
   explicit ParallelFor(int num_threads);
   ~ParallelFor();
   ParallelFor(const ParallelFor&) = delete;
@@ -47,6 +47,7 @@ class ParallelFor {
   int ShareBegin(int share) const {
     return static_cast<int>(static_cast<long>(n_) * share / num_threads_);
   }
+  void Stop();
   void Work(int thread);
   void RunShares(int thread) noexcept;
   int RunShare(int share) noexcept;

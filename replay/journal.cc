@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "base/thread.h"
 
 namespace slalom::replay {
 namespace {
@@ -81,8 +82,13 @@ Journal::Journal(const JournalOptions& options, JournalLock lock,
   for (const JournalSegment& segment : segments_) status_.disk_bytes += segment.bytes;
   status_.num_segments = static_cast<int>(segments_.size());
   BeginSegment(state, 0);
-  writer_ = std::jthread([this] { WriteLoop(); });
-  syncer_ = std::jthread([this] { SyncLoop(); });
+  try {
+    writer_ = base::StartThread("writing the journal", [this] { WriteLoop(); });
+    syncer_ = base::StartThread("syncing the journal", [this] { SyncLoop(); });
+  } catch (...) {
+    Close();
+    throw;
+  }
 }
 
 Journal::~Journal() { Close(); }

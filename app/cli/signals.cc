@@ -9,6 +9,7 @@
 
 #include "base/check.h"
 #include "base/log.h"
+#include "base/thread.h"
 
 namespace slalom::cli {
 
@@ -16,7 +17,7 @@ struct StopSignals::Impl {
   std::stop_source source;
   std::atomic<int> received = 0;
   sem_t arrived;
-  std::thread waiter;
+  std::jthread waiter;
 };
 
 namespace {
@@ -66,7 +67,7 @@ StopSignals::StopSignals() : impl_(new Impl) {
   if (takes_hangup_) sigaction(SIGHUP, &action, nullptr);
   // The reader of the log may end (`2>&1 | tee log`); the work goes on.
   signal(SIGPIPE, SIG_IGN);
-  impl_->waiter = std::thread([impl = impl_] {
+  impl_->waiter = base::StartThread("signals", [impl = impl_] {
     while (sem_wait(&impl->arrived) != 0) {
     }
     if (impl->received == 0) return;

@@ -11,6 +11,7 @@
 #include "app/cli/signals.h"
 #include "base/exit_code.h"
 #include "base/mutex.h"
+#include "base/thread.h"
 #include "base/version.h"
 
 namespace slalom::cli {
@@ -48,9 +49,9 @@ SweepExposer::SweepExposer(const sweep::Plan& plan, const sweep::Cells& cells,
                            const std::filesystem::path& store, const std::string& address)
     : metrics_(plan, cells, store, ThisProcess()),
       exposer_(address, metrics_.registry()),
-      thread_([this](const std::stop_token& stop) {
+      thread_(base::StartThread("the metrics of a sweep", [this](const std::stop_token& stop) {
         RepeatUntilStop(stop, [this] { metrics_.Update(); });
-      }) {
+      })) {
   fmt::print("sweep {}: metrics at http://{}:{}/metrics\n", plan.sweep.name,
              address.substr(0, address.rfind(':')), exposer_.port());
   std::fflush(stdout);

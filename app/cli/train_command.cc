@@ -235,9 +235,9 @@ int FailToLearn(const TrainOptions& options, const run::RunDirectory& directory,
 int Score(const TrainOptions& options, const run::RunDirectory& directory,
           const train::RunConfig& config, const std::string& train_longer,
           const StopSignals& signals) {
-  base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
   int exit_code = base::kExitError;
   try {
+    base::ParallelFor parallel(std::max(1, static_cast<int>(std::thread::hardware_concurrency())));
     if (ScoreTraining(directory, config, train_longer, parallel, signals.token()))
       return base::kExitOk;
     exit_code = base::kExitSignalBase + signals.received();

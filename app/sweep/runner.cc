@@ -18,6 +18,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/progress.h"
+#include "base/thread.h"
 #include "eval/report/result.h"
 
 namespace slalom::sweep {
@@ -55,7 +56,15 @@ class Worker {
     std::vector<std::jthread> threads;
     threads.reserve(static_cast<std::size_t>(slots_.at_once));
     for (int slot = 0; slot < slots_.at_once; ++slot) {
-      threads.emplace_back([this, slot] { RunSlot(slot); });
+      try {
+        threads.push_back(
+            base::StartThread("a cell of the sweep", [this, slot] { RunSlot(slot); }));
+      } catch (const base::Error& error) {
+        Fail(error);
+        const std::scoped_lock lock(mutex_);
+        num_ended_ += slots_.at_once - slot;
+        break;
+      }
     }
     ShowProgress(on_done);
     threads.clear();
@@ -82,6 +91,12 @@ class Worker {
     news_.clear();
     if (num_done > 0) spdlog::info("{} cells were done before", num_done);
     if (num_failed > 0) spdlog::warn("{} cells have failed before", num_failed);
+  }
+
+  void Fail(const std::exception& error) {
+    spdlog::error("{}; this worker ends once its other cells have", error.what());
+    const std::scoped_lock lock(mutex_);
+    if (error_.empty()) error_ = error.what();
   }
 
   struct Taken {
@@ -113,9 +128,7 @@ class Worker {
         changed_.notify_all();
       }
     } catch (const std::exception& error) {
-      spdlog::error("{}; this worker ends once its other cells have", error.what());
-      const std::scoped_lock lock(mutex_);
-      if (error_.empty()) error_ = error.what();
+      Fail(error);
     }
     const std::scoped_lock lock(mutex_);
     ++num_ended_;

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "base/thread.h"
+
 namespace slalom::train {
 
 InlineCollector::InlineCollector(actor::Actor& actor, policy::PolicyAgent& agent,
@@ -31,7 +33,7 @@ ThreadedCollector::ThreadedCollector(actor::Actor& actor, policy::PolicyAgent& a
   for (int i = 0; i < queue_length + 2; ++i) {
     SLALOM_CHECK(free_.Push(std::make_unique<replay::Chunk>(shape)));
   }
-  thread_ = std::jthread([this] { Run(); });
+  thread_ = base::StartThread("the actor", [this] { Run(); });
 }
 
 ThreadedCollector::~ThreadedCollector() {

@@ -22,6 +22,7 @@
 #include "base/file.h"
 #include "base/mutex.h"
 #include "base/progress.h"
+#include "base/thread.h"
 #include "eval/evaluation.h"
 #include "learner/run/run_directory.h"
 #include "sim/courses/course_sets.h"
@@ -200,7 +201,8 @@ struct WatchDrives::Impl {
 };
 
 WatchDrives::WatchDrives() : impl_(std::make_unique<Impl>()) {
-  impl_->thread = std::jthread([impl = impl_.get()] { impl->Work(); });
+  impl_->thread =
+      base::StartThread("drives of the newest policy", [impl = impl_.get()] { impl->Work(); });
 }
 
 WatchDrives::~WatchDrives() {

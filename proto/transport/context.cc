@@ -13,6 +13,7 @@
 
 #include "base/log.h"
 #include "base/mutex.h"
+#include "base/thread.h"
 #include "proto/transport/event_fd.h"
 
 namespace slalom::transport {
@@ -31,6 +32,18 @@ std::string Z85(std::string_view key) {
   return text.data();
 }
 
+/// Throws `base::Error` unless so many threads can be started. ZeroMQ starts one more than its I/O
+/// threads with the first socket, and aborts the process if it cannot.
+void RequireThreads(int num_threads) {
+  base::Mutex at_once;
+  std::vector<std::jthread> threads;
+  const base::MutexLock lock(at_once);
+  for (int i = 0; i < num_threads; ++i) {
+    threads.push_back(
+        base::StartThread("ZeroMQ", [&at_once] { const base::MutexLock wait(at_once); }));
+  }
+}
+
 }  // namespace
 
 /// Decides for ZeroMQ, in its own thread, which connections are allowed.
@@ -39,7 +52,7 @@ class Context::Authenticator {
   explicit Authenticator(zmq::context_t& context) : socket_(context, zmq::socket_type::rep) {
     socket_.set(zmq::sockopt::linger, 0);
     socket_.bind(kZapEndpoint);
-    thread_ = std::jthread([this] { Run(); });
+    thread_ = base::StartThread("authentication", [this] { Run(); });
   }
   ~Authenticator() {
     stop_.Set();
@@ -134,6 +147,7 @@ class Context::Authenticator {
 };
 
 Context::Context(int io_threads) : context_(io_threads) {
+  RequireThreads(io_threads + 1);
   authenticator_ = std::make_unique<Authenticator>(context_);
 }
 

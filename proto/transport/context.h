@@ -17,7 +17,7 @@ namespace slalom::transport {
 class Context {
  public:
   /// `io_threads`: the number of threads that encrypt and copy data between sockets and the kernel.
-  /// Requires: io_threads >= 1.
+  /// Requires: io_threads >= 1. Throws `base::Error` if its threads cannot be started.
   explicit Context(int io_threads = 1);
   ~Context();
   Context(const Context&) = delete;

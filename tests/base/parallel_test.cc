@@ -1,11 +1,15 @@
 #include "base/parallel.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <atomic>
+#include <cerrno>
 #include <stdexcept>
 #include <thread>
 #include <vector>
+
+#include "base/error.h"
+#include "tests/support/failing_calls.h"
 
 namespace slalom::base {
 namespace {
@@ -59,6 +63,16 @@ TEST_P(ParallelForTest, AnExceptionComesBackAndTheNextLoopRuns) {
   std::atomic<int> calls = 0;
   parallel.For(8, [&](int) { ++calls; });
   EXPECT_EQ(calls, 8);
+}
+
+// Those that were started before end.
+TEST(ParallelForErrorTest, AThreadThatCannotBeStartedIsAnError) {
+  const test::FailingCalls failing(
+      {.function = "pthread_create", .path = "thread", .error = EAGAIN, .first = 3}, "none");
+  EXPECT_THAT([] { ParallelFor parallel(8); },
+              testing::ThrowsMessage<Error>(testing::AllOf(testing::HasSubstr("number 4 of 8"),
+                                                           testing::HasSubstr("ulimit -u"))));
+  EXPECT_EQ(failing.num_calls(), 3);
 }
 
 INSTANTIATE_TEST_SUITE_P(Threads, ParallelForTest, testing::Values(1, 2, 3, 8));

@@ -423,6 +423,19 @@ TEST(JournalTest, SegmentsThatAreSyncedAreClosed) {
 }
 
 // The copy of the last segment waits for room, as every write does.
+TEST(JournalTest, AThreadThatCannotBeStartedIsAnErrorAndTheNextStartWorks) {
+  test::ScratchDirectory scratch;
+  JournalScene scene{scratch.path(), 1000, 2500, 11};
+  for (const int thread : {1, 2}) {
+    const test::FailingCalls failing(
+        {.function = "pthread_create", .path = "thread", .error = EAGAIN, .first = thread}, "none");
+    EXPECT_THAT([&] { scene.Open(); },
+                testing::ThrowsMessage<base::Error>(HasSubstr("cannot start a thread for")));
+    EXPECT_EQ(failing.num_calls(), thread);
+  }
+  EXPECT_THAT(scene.Open(), IsEmpty());
+}
+
 TEST(JournalTest, StartsOnAFullDisk) {
   test::ScratchDirectory scratch;
   JournalScene scene(scratch.path(), 1000, 1 << 20, 3);

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <fnmatch.h>
 #include <poll.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -311,6 +312,14 @@ int fdatasync(int fd) {
   if (Fails("fdatasync", fd)) return -1;
   Tell("fdatasync", fd, nullptr);
   return IsTried() ? 0 : real(fd);
+}
+
+/// Its path is "thread". It returns its error.
+int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*body)(void*),
+                   void* argument) {
+  using Create = int(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*);
+  static auto* const real = Real<Create>("pthread_create");
+  return Fails("pthread_create", "thread") ? errno : real(thread, attributes, body, argument);
 }
 
 void* mmap(void* address, size_t size, int protection, int flags, int fd, off_t offset) {

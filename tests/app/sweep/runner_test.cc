@@ -1,14 +1,17 @@
 #include "app/sweep/runner.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <atomic>
+#include <cerrno>
 #include <filesystem>
 
 #include "app/sweep/store.h"
 #include "base/child_process.h"
+#include "base/error.h"
 #include "base/file.h"
 #include "tests/app/sweep/plan_files.h"
+#include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::sweep {
@@ -89,6 +92,19 @@ TEST(RunnerTest, AFailureIsTriedThreeTimesThenKeptWithTheEndOfItsLog) {
   EXPECT_EQ(status.state, CellState::kFailed);
   EXPECT_EQ(status.failure->what, "`slalom evaluate` ended with exit code 1 (score 'test')");
   EXPECT_EQ(status.failure->log, "no luck\n") << "of the last attempt alone";
+}
+
+TEST(RunnerTest, AThreadThatCannotBeStartedEndsTheWorker) {
+  const test::ScratchDirectory scratch;
+  const Cells cells = PlannerCells(scratch.path());
+  const fs::path program = WriteProgram(scratch.path(), kEvaluate);
+  {
+    const test::FailingCalls failing(
+        {.function = "pthread_create", .path = "thread", .error = EAGAIN, .first = 2}, "none");
+    EXPECT_THAT([&] { Work(scratch.path(), cells, program, 3); },
+                testing::ThrowsMessage<base::Error>(testing::HasSubstr("a cell of the sweep")));
+  }
+  EXPECT_EQ(Work(scratch.path(), cells, program, 3).num_done, 3);
 }
 
 TEST(RunnerTest, CellsFillTheMachineAndThenKeepToTheirCores) {

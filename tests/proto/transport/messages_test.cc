@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -10,6 +11,7 @@
 
 #include "base/error.h"
 #include "tests/proto/transport/service.h"
+#include "tests/support/failing_calls.h"
 
 /// What holds of messages and connections whatever the wire.
 
@@ -372,6 +374,19 @@ TEST_P(MessagesTest, ServersOfOneContextKeepTheirPeersApart) {
   if (GetParam() == Wire::kCurve) {
     EXPECT_EQ(at_first.role, Role::kActor);
     EXPECT_EQ(at_second.role, Role::kLearner);
+  }
+}
+
+TEST(ContextTest, AThreadThatCannotBeStartedIsAnError) {
+  for (const int first : {1, 2, 3}) {
+    const slalom::test::FailingCalls failing({.function = "pthread_create",
+                                              .path = "thread",
+                                              .error = EAGAIN,
+                                              .first = first,
+                                              .last = 1000},
+                                             "none");
+    EXPECT_THAT([] { Context context(2); },
+                ::testing::ThrowsMessage<base::Error>(HasSubstr("a thread for ZeroMQ")));
   }
 }
 
