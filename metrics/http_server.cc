@@ -26,6 +26,7 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/local_host.h"
+#include "base/thread.h"
 
 namespace slalom::metrics {
 namespace {
@@ -195,7 +196,7 @@ struct HttpServer::Connection {
   bool reading() const { return answer.empty(); }
 
   /// Returns false if the connection is finished or broken.
-  bool Read(HostRule hosts, const Handler& handler) {
+  bool Read(HostRule hosts, const Handler& handler, const Clock& clock) {
     std::array<char, 4096> bytes;
     const ssize_t size = ::recv(socket, bytes.data(), bytes.size(), 0);
     if (size < 0) return errno == EAGAIN || errno == EINTR;
@@ -204,7 +205,7 @@ struct HttpServer::Connection {
     if (!whole && size > 0 && request.size() <= kMaxRequestBytes) return true;
     if (!whole && request.empty()) return false;
     answer = AnswerHttp(request, hosts, handler);
-    end = steady_clock::now() + kMaxAnswerTime;
+    end = clock() + kMaxAnswerTime;
     return Write();
   }
 
@@ -223,12 +224,13 @@ struct HttpServer::Connection {
   }
 };
 
-HttpServer::HttpServer(int listener, Handler handler)
+HttpServer::HttpServer(int listener, Handler handler, Clock clock)
     : listener_(listener),
       hosts_(base::IsLocalHost(AddressOf(listener).host) ? HostRule::kLocal : HostRule::kAny),
       wake_(::eventfd(0, EFD_CLOEXEC)),
       handler_(std::move(handler)),
-      thread_([this] { Run(); }) {
+      clock_(std::move(clock)),
+      thread_(base::StartThread("answering HTTP", [this] { Run(); })) {
   SLALOM_CHECK_GE(wake_, 0);
 }
 
@@ -253,12 +255,13 @@ void HttpServer::Run() {
     ::poll(polled.data(), polled.size(), exhausted ? 100 : connections.empty() ? -1 : 1000);
     exhausted = false;
     if (polled[0].revents != 0) break;
-    const auto now = steady_clock::now();
+    const auto now = clock_();
     for (std::size_t i = 0; i < connections.size(); ++i) {
       Connection& connection = connections[i];
       bool goes_on = now < connection.end;
       if (goes_on && polled[i + 2].revents != 0) {
-        goes_on = connection.reading() ? connection.Read(hosts_, handler_) : connection.Write();
+        goes_on =
+            connection.reading() ? connection.Read(hosts_, handler_, clock_) : connection.Write();
       }
       if (goes_on) continue;
       ::close(connection.socket);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -48,9 +49,11 @@ class HttpServer {
   /// Returns the answer to a path, which excludes `?` and all that follows it. Called by the
   /// server's thread.
   using Handler = std::function<HttpAnswer(std::string_view path)>;
+  using Clock = std::function<std::chrono::steady_clock::time_point()>;
 
-  /// `listener`: a bound and listening TCP socket, which the server takes over.
-  HttpServer(int listener, Handler handler);
+  /// `listener`: a bound and listening TCP socket, which the server takes over. `clock` measures
+  /// the times of connections; tests give their own.
+  HttpServer(int listener, Handler handler, Clock clock = std::chrono::steady_clock::now);
   /// Ends all connections.
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
@@ -65,6 +68,7 @@ class HttpServer {
   const HostRule hosts_;
   const int wake_;
   const Handler handler_;
+  const Clock clock_;
   std::jthread thread_;
 };
 

@@ -5,12 +5,14 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <thread>
 #include <vector>
 
 #include "base/error.h"
 #include "metrics/catalogue.h"
+#include "metrics/http_server.h"
 #include "tests/metrics/http.h"
 
 namespace slalom::metrics {
@@ -127,6 +129,23 @@ TEST(ExposerTest, ManySilentConnectionsKeepNobodyOut) {
   for (int i = 0; i < 200; ++i) silent.push_back(test::Connect(exposer.port()));
   EXPECT_THAT(Get(exposer.port(), "/healthy"), StartsWith("HTTP/1.1 200 OK\r\n"));
   for (const int socket : silent) close(socket);
+}
+
+// A request has a second, and its answer five more.
+TEST(HttpServerTest, AnAnswerHasTimeOfItsOwn) {
+  std::atomic<int> now_s = 0;
+  const std::string body(32 << 20, 'x');  // More than is sent at once.
+  const Listener listener = Listen("127.0.0.1:0", "answer");
+  const HttpServer server(
+      listener.socket,
+      [&](std::string_view) {
+        HttpAnswer answer;
+        answer.body = body;
+        now_s = 3;
+        return answer;
+      },
+      [&] { return std::chrono::steady_clock::time_point(std::chrono::seconds(now_s)); });
+  EXPECT_GT(Get(listener.port, "/").size(), body.size());
 }
 
 TEST(ExposerTest, NonsenseLeavesItStanding) {
