@@ -3,6 +3,9 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <limits>
+
+#include "base/check.h"
 
 namespace slalom::base {
 
@@ -14,6 +17,12 @@ void RaiseDescriptorLimit() {
   if (raised <= limit.rlim_cur) return;
   limit.rlim_cur = raised;
   ::setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+int DescriptorLimit() {
+  rlimit limit{};
+  SLALOM_CHECK_EQ(::getrlimit(RLIMIT_NOFILE, &limit), 0);
+  return static_cast<int>(std::min<rlim_t>(limit.rlim_cur, std::numeric_limits<int>::max()));
 }
 
 }  // namespace slalom::base

@@ -7,4 +7,7 @@ namespace slalom::base {
 /// cannot be raised stays. Call it before any thread starts.
 void RaiseDescriptorLimit();
 
+/// Returns how many files and connections this process may have open at once.
+int DescriptorLimit();
+
 }  // namespace slalom::base

@@ -64,8 +64,8 @@ std::string Encode(const Header& header, std::span<const std::byte> payload) {
 
 Refusal NoRoom(int max_connections) {
   return {.code = RefusalCode::kNotReady,
-          .text = fmt::format("found {} connections, as many as service.max_connections: this one "
-                              "ends",
+          .text = fmt::format("found {} connections, as many as service.max_connections or the "
+                              "server's descriptors allow: this one ends",
                               max_connections)};
 }
 

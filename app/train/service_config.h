@@ -42,9 +42,9 @@ struct ServiceConfig {
     v("io_threads", io_threads, base::Range{1, 16}, "",
       "Threads that copy between sockets and the network, and encrypt.");
     v("max_connections", max_connections, base::Range{1, 65536}, "",
-      "Connections that the replay server and the learner have at most, each. The next one is told "
-      "so and ends. Connections that have sent nothing yet have places of their own, and so have "
-      "eight with an operator's key.");
+      "Connections that the replay server and the learner have at most, each, and fewer if they "
+      "may open too few files and connections. The next one is told so and ends. Connections that "
+      "have sent nothing yet have places of their own, and so have eight with an operator's key.");
   }
 };
 

@@ -37,7 +37,6 @@ PolicyServer::PolicyServer(transport::Context& context, const transport::ServerO
                            std::uint64_t spec_hash, const proto::RunIdentity& run,
                            metrics::Registry& registry)
     : server_(context, OneAtATime(options)),
-      max_connections_(options.max_connections),
       run_(proto::PrintIdentity(run)),
       spec_hash_(spec_hash),
       registry_(registry) {
@@ -46,7 +45,7 @@ PolicyServer::PolicyServer(transport::Context& context, const transport::ServerO
     registry_.counter(metrics::kConnectionsEnded, {transport::ToString(reason)});
   }
   registry_.gauge(metrics::kServerConnections);
-  registry_.gauge(metrics::kServerConnectionsLimit).Set(max_connections_);
+  registry_.gauge(metrics::kServerConnectionsLimit).Set(server_.max_connections());
   registry_.counter(metrics::kMessagesMalformed);
   for (const proto::RefusalCode code : proto::kRefusalCodes) {
     registry_.counter(metrics::kMessagesRefused, {proto::ToString(code)});
@@ -112,7 +111,7 @@ void PolicyServer::Poll(milliseconds timeout) {
 
 void PolicyServer::Answer(transport::Server::Received& received) {
   if (received.no_room) {
-    const proto::Refusal refusal = proto::NoRoom(max_connections_);
+    const proto::Refusal refusal = proto::NoRoom(server_.max_connections());
     return Refuse(received.peer, refusal.code, refusal.text);
   }
   if (received.too_fast) {

@@ -69,7 +69,6 @@ class PolicyServer final : public PolicySink {
   void ForgetSilentReaders();
 
   transport::Server server_;
-  const int max_connections_;
   const std::string run_;  // `proto::PrintIdentity`
   const std::uint64_t spec_hash_;
   metrics::Registry& registry_;

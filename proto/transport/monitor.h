@@ -8,8 +8,7 @@
 
 namespace slalom::transport {
 
-/// Reads the events that ZeroMQ reports of a socket's connections. Confined to the thread of its
-/// socket.
+/// Reads the events that ZeroMQ reports of a socket's connections. One thread at a time may use it.
 class Monitor {
  public:
   struct Event {

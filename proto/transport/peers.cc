@@ -14,10 +14,9 @@ namespace {
 constexpr std::chrono::milliseconds kCheckInterval{100};
 /// Time in which a refusal reaches its peer before the connection ends.
 constexpr std::chrono::milliseconds kFarewell{300};
-/// Time in which a handshake succeeds on a busy machine. Unless there are very many of them, no
-/// younger connection is ended for its silence.
+/// Time in which a handshake succeeds on a busy machine. No younger connection is ended for its
+/// silence unless there are more newcomers than the limit.
 constexpr std::chrono::milliseconds kGrace{200};
-constexpr int kManyHandshakes = 16;  ///< Times the limit.
 /// An upper bound of the bytes that framing, encryption and heartbeats add to a message.
 constexpr std::int64_t kFramingBytes = 256;
 
@@ -41,7 +40,7 @@ Peers::Admission Peers::Admit(const PeerId& peer, int fd, std::int64_t bytes, bo
     return has_token ? Admission::kYes : Admission::kTooFast;
   };
   if (fd < 0) return Admission::kYes;
-  if (now >= next_check_) Update(now);
+  const base::MutexLock lock(mutex_);
   auto known = peers_.find(peer);
   if (known == peers_.end() || known->second.fd != fd) {
     ReadEvents(now);
@@ -74,10 +73,12 @@ bool Peers::HasRoom(bool is_operator) const {
   return count < (is_operator ? limits_.operators : limits_.connections);
 }
 
-int Peers::open() const {
-  return static_cast<int>(std::count_if(
-      connections_.begin(), connections_.end(),
-      [](const auto& entry) { return !entry.second.peer.empty() && !entry.second.refused; }));
+Peers::Counts Peers::counts() const {
+  const base::MutexLock lock(mutex_);
+  const auto open = std::count_if(connections_.begin(), connections_.end(), [](const auto& entry) {
+    return !entry.second.peer.empty() && !entry.second.refused;
+  });
+  return {.rejected = rejected_, .ended = ended_, .open = static_cast<int>(open)};
 }
 
 bool Peers::TakeToken(Bucket& bucket, Clock::time_point now) {
@@ -91,15 +92,15 @@ bool Peers::TakeToken(Bucket& bucket, Clock::time_point now) {
 }
 
 void Peers::Update(Clock::time_point now) {
-  ReadEvents(now);
-  if (now < next_check_) return;
+  const base::MutexLock lock(mutex_);
+  const bool is_due = now >= next_check_;
+  if (ReadEvents(now) || is_due) EndNewcomers(now);
+  if (!is_due) return;
   next_check_ = now + kCheckInterval;
-  EndSilent(now);
-  EndRefused(now);
   EndOverfull();
 }
 
-void Peers::ReadEvents(Clock::time_point now) {
+bool Peers::ReadEvents(Clock::time_point now) {
   bool any = false;
   while (const auto event = monitor_.Next()) {
     any = true;
@@ -119,6 +120,7 @@ void Peers::ReadEvents(Clock::time_point now) {
     connections_[fd].accepted = now;
   }
   if (any) CountRejected(now);
+  return any;
 }
 
 // ZeroMQ does not report every failed handshake. So a handshake counts as failed if it is neither
@@ -130,28 +132,33 @@ void Peers::CountRejected(Clock::time_point now) {
            now - connection.accepted < limits_.handshake;
   };
   const auto shaking = std::count_if(connections_.begin(), connections_.end(), may_be_shaking);
-  rejected_ = std::max(rejected_, accepted_ - succeeded_ - shaking - ended(EndReason::kHandshakes));
+  const std::int64_t ended = ended_[static_cast<std::size_t>(EndReason::kHandshakes)];
+  rejected_ = std::max(rejected_, accepted_ - succeeded_ - shaking - ended);
 }
 
-void Peers::EndSilent(Clock::time_point now) {
-  std::vector<std::pair<Clock::time_point, int>> silent;
+void Peers::EndNewcomers(Clock::time_point now) {
+  using Aged = std::vector<std::pair<Clock::time_point, int>>;
+  Aged silent;
+  Aged refused;
   for (const auto& [fd, connection] : connections_) {
-    if (connection.peer.empty() && !connection.ended) silent.emplace_back(connection.accepted, fd);
+    if (connection.ended) continue;
+    if (connection.peer.empty()) silent.emplace_back(connection.accepted, fd);
+    if (connection.refused) refused.emplace_back(*connection.refused, fd);
   }
   std::sort(silent.begin(), silent.end());
-  const auto limit = static_cast<std::size_t>(limits_.handshakes);
-  for (std::size_t i = 0; i + limit < silent.size(); ++i) {
-    const bool very_many = silent.size() - i > kManyHandshakes * limit;
-    if (now - silent[i].first < kGrace && !very_many) break;
-    End(silent[i].second, EndReason::kHandshakes);
-  }
-}
-
-void Peers::EndRefused(Clock::time_point now) {
-  for (const auto& [fd, connection] : connections_) {
-    const bool is_due = connection.refused && now - *connection.refused >= kFarewell;
-    if (is_due && !connection.ended) End(fd, EndReason::kConnections);
-  }
+  std::sort(refused.begin(), refused.end());
+  std::size_t num_left = silent.size() + refused.size();
+  const auto end_oldest = [&](const Aged& aged, std::size_t most, Clock::duration grace,
+                              EndReason reason) REQUIRES(mutex_) {
+    for (std::size_t i = 0; i + most < aged.size(); ++i) {
+      const bool too_many = num_left > static_cast<std::size_t>(limits_.newcomers);
+      if (now - aged[i].first < grace && !too_many) break;
+      End(aged[i].second, reason);
+      --num_left;
+    }
+  };
+  end_oldest(silent, static_cast<std::size_t>(limits_.handshakes), kGrace, EndReason::kHandshakes);
+  end_oldest(refused, 0, kFarewell, EndReason::kConnections);
 }
 
 void Peers::EndOverfull() {

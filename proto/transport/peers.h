@@ -9,6 +9,7 @@
 #include <string_view>
 #include <unordered_map>
 
+#include "base/mutex.h"
 #include "proto/transport/monitor.h"
 
 namespace slalom::transport {
@@ -39,7 +40,7 @@ std::string_view ToString(EndReason reason);
 /// connection if the difference is too large.
 ///
 /// Memory is bounded by the number of open connections, not by the ids and peers that come and go.
-/// Confined to the thread of its server.
+/// Thread-safe.
 class Peers {
  public:
   using Clock = std::chrono::steady_clock;
@@ -51,11 +52,12 @@ class Peers {
     int connections = 0;                     ///< Open ones, those of operators aside.
     int operators = 0;                       ///< The same for peers with an operator's key.
     int handshakes = 0;                      ///< Connections that have not sent a message.
+    int newcomers = 0;                       ///< These, while they are young, and those refused.
     std::chrono::milliseconds handshake{0};  ///< Longest time of a handshake.
   };
 
   /// `monitor` must outlive this object and read `kEvents`.
-  Peers(Monitor& monitor, const Limits& limits) : monitor_(monitor), limits_(limits) {}
+  Peers(Monitor& monitor, const Limits& limits) : limits_(limits), monitor_(monitor) {}
 
   static constexpr int kEvents =
       ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_DISCONNECTED;
@@ -68,18 +70,19 @@ class Peers {
   /// Counts a message of `bytes` that arrived on the connection with this descriptor (-1 for
   /// inproc, which has no limits).
   Admission Admit(const PeerId& peer, int fd, std::int64_t bytes, bool is_operator,
-                  Clock::time_point now);
+                  Clock::time_point now) EXCLUDES(mutex_);
 
-  /// Learns of new and closed connections and, from time to time, ends those over a limit. Call it
-  /// several times a second.
-  void Update(Clock::time_point now);
+  /// Learns of new and closed connections and ends those over a limit. Call it about a hundred
+  /// times a second, because ZeroMQ takes every connection that comes meanwhile.
+  void Update(Clock::time_point now) EXCLUDES(mutex_);
 
-  /// Connections whose handshake failed.
-  std::int64_t rejected() const { return rejected_; }
-  /// Connections that were ended because they were over a limit.
-  std::int64_t ended(EndReason reason) const { return ended_[static_cast<std::size_t>(reason)]; }
-  /// Open connections.
-  int open() const;
+  /// What became of the connections so far.
+  struct Counts {
+    std::int64_t rejected = 0;                             ///< Their handshake failed.
+    std::array<std::int64_t, kEndReasons.size()> ended{};  ///< They were over a limit.
+    int open = 0;                                          ///< Now.
+  };
+  Counts counts() const EXCLUDES(mutex_);
 
  private:
   struct Bucket {
@@ -100,27 +103,28 @@ class Peers {
     bool ended = false;                        // ZeroMQ has not closed it yet.
   };
 
-  void ReadEvents(Clock::time_point now);
-  void CountRejected(Clock::time_point now);
-  bool HasRoom(bool is_operator) const;
-  void EndSilent(Clock::time_point now);
-  void EndRefused(Clock::time_point now);
-  void EndOverfull();
-  void End(int fd, EndReason reason);
-  bool TakeToken(Bucket& bucket, Clock::time_point now);
+  /// Returns whether there were any.
+  bool ReadEvents(Clock::time_point now) REQUIRES(mutex_);
+  void CountRejected(Clock::time_point now) REQUIRES(mutex_);
+  bool HasRoom(bool is_operator) const REQUIRES(mutex_);
+  void EndNewcomers(Clock::time_point now) REQUIRES(mutex_);
+  void EndOverfull() REQUIRES(mutex_);
+  void End(int fd, EndReason reason) REQUIRES(mutex_);
+  bool TakeToken(Bucket& bucket, Clock::time_point now) REQUIRES(mutex_);
   /// Bytes received on a connection and not handed on yet; 0 if the kernel does not tell.
-  std::int64_t Pending(int fd, const Connection& connection);
+  std::int64_t Pending(int fd, const Connection& connection) REQUIRES(mutex_);
 
-  Monitor& monitor_;
   const Limits limits_;
-  std::map<int, Connection> connections_;  // By descriptor.
-  std::unordered_map<PeerId, Peer> peers_;
-  Bucket strangers_;  // Shared by peers whose connection is no longer known.
-  std::int64_t accepted_ = 0;
-  std::int64_t succeeded_ = 0;
-  std::int64_t rejected_ = 0;
-  std::array<std::int64_t, kEndReasons.size()> ended_{};
-  Clock::time_point next_check_;
+  mutable base::Mutex mutex_;
+  Monitor& monitor_ GUARDED_BY(mutex_);
+  std::map<int, Connection> connections_ GUARDED_BY(mutex_);  // By descriptor.
+  std::unordered_map<PeerId, Peer> peers_ GUARDED_BY(mutex_);
+  Bucket strangers_ GUARDED_BY(mutex_);  // Shared by peers whose connection is no longer known.
+  std::int64_t accepted_ GUARDED_BY(mutex_) = 0;
+  std::int64_t succeeded_ GUARDED_BY(mutex_) = 0;
+  std::int64_t rejected_ GUARDED_BY(mutex_) = 0;
+  std::array<std::int64_t, kEndReasons.size()> ended_ GUARDED_BY(mutex_){};
+  Clock::time_point next_check_ GUARDED_BY(mutex_);
 };
 
 }  // namespace slalom::transport

@@ -5,11 +5,17 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
 #include <string_view>
 #include <utility>
 
 #include "base/check.h"
+#include "base/descriptor_limit.h"
 #include "base/error.h"
+#include "base/log.h"
+#include "base/thread.h"
 #include "proto/transport/endpoint.h"
 
 namespace slalom::transport {
@@ -18,21 +24,41 @@ namespace {
 using std::chrono::milliseconds;
 using Clock = Peers::Clock;
 
-/// The longest time between two checks of the bounds.
-constexpr milliseconds kUpdateInterval{100};
 constexpr milliseconds kCloseTimeout{1000};
 constexpr std::int64_t kTotalOverPeer = 4;
 constexpr int kOperators = 8;
 
+constexpr int kReservedDescriptors = 256;
+constexpr int kFewestDescriptors = 320;
+/// Handshakes that may be under way at once, as multiples of `max_handshakes`.
+constexpr int kYoungHandshakes = 16;
+/// Time between two looks at who has come. ZeroMQ takes every connection meanwhile.
+constexpr milliseconds kWatchInterval{10};
+
 milliseconds HandshakeTime(milliseconds heartbeat) { return 5 * heartbeat; }
 
+Places PlacesOf(const ServerOptions& options) {
+  if (IsInproc(options.endpoint)) return {.connections = options.max_connections};
+  const int descriptors = base::DescriptorLimit();
+  const Places places = PlacesWithin(descriptors, options);
+  if (places.connections < options.max_connections) {
+    spdlog::warn(
+        "{}: takes {} connections at most, fewer than service.max_connections ({}), because this "
+        "process may open {} files and connections; raise that limit (`ulimit -Hn`, LimitNOFILE=)",
+        options.endpoint, places.connections, options.max_connections, descriptors);
+  }
+  return places;
+}
+
 Peers::Limits LimitsOf(const ServerOptions& options) {
+  const Places places = PlacesOf(options);
   return {.messages_per_second = options.max_messages_per_second,
           .connection_bytes = options.max_pending_bytes,
           .total_bytes = kTotalOverPeer * options.max_pending_bytes,
-          .connections = options.max_connections,
+          .connections = places.connections,
           .operators = kOperators,
-          .handshakes = options.max_handshakes,
+          .handshakes = places.handshakes,
+          .newcomers = places.newcomers,
           .handshake = HandshakeTime(options.heartbeat)};
 }
 
@@ -44,13 +70,30 @@ std::string_view UserOf(zmq::message_t& part) {
 
 }  // namespace
 
+Places PlacesWithin(int descriptors, const ServerOptions& options) {
+  if (descriptors < kFewestDescriptors) {
+    throw base::Error(fmt::format(
+        "{}: cannot listen: found a limit of {} files and connections for this process; expected "
+        "{} at least (`ulimit -Hn`, LimitNOFILE=)",
+        options.endpoint, descriptors, kFewestDescriptors));
+  }
+  const int shared = descriptors - kReservedDescriptors - kOperators;
+  Places places;
+  places.connections = std::min(options.max_connections, shared / 2);
+  places.newcomers =
+      std::min(kYoungHandshakes * options.max_handshakes, (shared - places.connections) / 3);
+  places.handshakes = std::min(options.max_handshakes, places.newcomers / 2);
+  return places;
+}
+
 Server::Server(Context& context, const ServerOptions& options)
     : context_(context),
       options_(options),
       domain_(IsInproc(options.endpoint) ? "" : context.NewName("server")),
+      limits_(LimitsOf(options)),
       socket_(context.zmq(), zmq::socket_type::router),
       monitor_(context, socket_, Peers::kEvents | ZMQ_EVENT_CLOSED),
-      peers_(monitor_, LimitsOf(options)) {
+      peers_(monitor_, limits_) {
   CheckEndpoint(options.endpoint);
   const int heartbeat = static_cast<int>(options.heartbeat.count());
   socket_.set(zmq::sockopt::linger, 0);
@@ -71,6 +114,8 @@ Server::Server(Context& context, const ServerOptions& options)
     // For plaintext, too, because ZeroMQ then does not take arbitrary bytes for its oldest
     // protocol.
     socket_.set(zmq::sockopt::zap_domain, domain_);
+    watcher_ = base::StartThread("watching connections",
+                                 [this](const std::stop_token& stop) { Watch(stop); });
     if (options.security.keys) {
       socket_.set(zmq::sockopt::curve_server, true);
       socket_.set(zmq::sockopt::curve_secretkey, options.security.keys->secret_key);
@@ -92,8 +137,17 @@ Server::Server(Context& context, const ServerOptions& options)
 }
 
 Server::~Server() {
+  watcher_ = {};  // From here on this thread alone uses the monitor.
   if (IsTcp(endpoint_)) WaitUntilFree();
   if (!domain_.empty()) context_.Forget(domain_);
+}
+
+void Server::Watch(const std::stop_token& stop) {
+  std::mutex mutex;
+  std::condition_variable_any stopped;
+  std::unique_lock lock(mutex);
+  const auto is_over = [&stop] { return stop.stop_requested(); };
+  while (!stopped.wait_for(lock, stop, kWatchInterval, is_over)) peers_.Update(Clock::now());
 }
 
 // ZeroMQ closes the port in its own thread some time later, so this waits for it.
@@ -102,7 +156,7 @@ void Server::WaitUntilFree() {
   const auto deadline = Clock::now() + kCloseTimeout;
   zmq::pollitem_t item{monitor_.handle(), 0, ZMQ_POLLIN, 0};
   while (Clock::now() < deadline) {
-    zmq_poll(&item, 1, kUpdateInterval.count());
+    zmq_poll(&item, 1, kCloseTimeout.count());
     while (const auto event = monitor_.Next()) {
       if (event->type == ZMQ_EVENT_CLOSED) return;
     }
@@ -111,18 +165,15 @@ void Server::WaitUntilFree() {
 
 std::optional<Server::Received> Server::Receive(milliseconds timeout) {
   const auto deadline = Clock::now() + timeout;
-  std::array<zmq::pollitem_t, 3> items{{{socket_.handle(), 0, ZMQ_POLLIN, 0},
-                                        {nullptr, wake_.fd(), ZMQ_POLLIN, 0},
-                                        {monitor_.handle(), 0, ZMQ_POLLIN, 0}}};
+  std::array<zmq::pollitem_t, 2> items{
+      {{socket_.handle(), 0, ZMQ_POLLIN, 0}, {nullptr, wake_.fd(), ZMQ_POLLIN, 0}}};
   for (;;) {
     std::optional<Received> received;
     const Taken taken = Take(received);
     if (taken == Taken::kMessage) return received;
-    const auto now = Clock::now();
-    peers_.Update(now);
-    const auto remaining = std::chrono::ceil<milliseconds>(deadline - now);
+    const auto remaining = std::chrono::ceil<milliseconds>(deadline - Clock::now());
     if (taken == Taken::kNone) {
-      const milliseconds wait = std::clamp(remaining, milliseconds(0), kUpdateInterval);
+      const auto wait = std::max(remaining, milliseconds(0));
       if (zmq_poll(items.data(), static_cast<int>(items.size()), wait.count()) < 0) {
         return std::nullopt;
       }
@@ -195,11 +246,12 @@ Server::Sent Server::Send(const PeerId& peer, Message&& message, std::int64_t ma
 
 Server::Connections Server::connections() {
   peers_.Update(Clock::now());
-  Connections connections{.rejected = peers_.rejected(),
-                          .ended = {},
-                          .open = peers_.open(),
-                          .limit = options_.max_connections};
-  for (const EndReason reason : kEndReasons) connections.ended[reason] = peers_.ended(reason);
+  const Peers::Counts counts = peers_.counts();
+  Connections connections{
+      .rejected = counts.rejected, .ended = {}, .open = counts.open, .limit = limits_.connections};
+  for (const EndReason reason : kEndReasons) {
+    connections.ended[reason] = counts.ended[static_cast<std::size_t>(reason)];
+  }
   return connections;
 }
 

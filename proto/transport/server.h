@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <zmq.hpp>
 
@@ -49,11 +50,15 @@ struct ServerOptions {
 /// It never waits for a peer and never holds more for it than the bounds in `ServerOptions` allow.
 /// A peer that connects again counts as a new peer. Over tcp, rates, pending bytes and the number
 /// of connections are bounded; over ipc, rates and connections; within this process, none of them.
-/// The bounds are enforced in `Receive`, so call it several times a second. Confined to the thread
-/// that made it, except for `Wake`.
+/// A thread of its own enforces the bounds, however long the caller is busy with other things.
+///
+/// The numbers of connections are bounded by the descriptors that the process may have, too, of
+/// which some are kept for files (`PlacesWithin`). So a process has one server that others reach.
+/// Confined to the thread that made it, except for `Wake`.
 class Server {
  public:
-  /// Throws `base::Error` with the reason if the endpoint cannot be bound.
+  /// Warns if the process has too few descriptors for `max_connections`. Throws `base::Error` with
+  /// the reason if the endpoint cannot be bound, or if there are not even descriptors for files.
   Server(Context& context, const ServerOptions& options);
   /// Ends all connections. The port is free again afterwards.
   ~Server();
@@ -100,18 +105,22 @@ class Server {
     std::int64_t rejected = 0;                ///< Handshakes failed: wrong keys, not ZeroMQ.
     std::map<EndReason, std::int64_t> ended;  ///< They exceeded a bound of `ServerOptions`.
     int open = 0;                             ///< Now.
-    int limit = 0;                            ///< `ServerOptions::max_connections`.
+    int limit = 0;                            ///< `Server::max_connections`.
   };
   Connections connections();
+  /// `ServerOptions::max_connections`, or what the descriptors of the process leave of them.
+  int max_connections() const { return limits_.connections; }
 
  private:
   enum class Taken { kMessage, kMalformed, kNone };
   Taken Take(std::optional<Received>& received);
+  void Watch(const std::stop_token& stop);
   void WaitUntilFree();
 
   Context& context_;
   const ServerOptions options_;
   const std::string domain_;  // Authentication domain; empty for inproc.
+  const Peers::Limits limits_;
   zmq::socket_t socket_;
   Monitor monitor_;
   Peers peers_;
@@ -119,6 +128,18 @@ class Server {
   EventFd wake_;
   std::string endpoint_;
   std::int64_t malformed_ = 0;
+  std::jthread watcher_;  // Keeps `peers_` within their limits. Not within the process.
 };
+
+/// How many connections of each kind a server has room for.
+struct Places {
+  int connections = 0;  ///< At most `ServerOptions::max_connections`.
+  int handshakes = 0;   ///< At most `ServerOptions::max_handshakes`.
+  int newcomers = 0;    ///< Those that are too young to be ended, handshakes included.
+};
+/// Shares out the descriptors of a process that may have so many. Keeps 256 for files and HTTP,
+/// eight for operators, and some for connections that come between two looks. Throws `base::Error`
+/// if there are fewer than 320.
+Places PlacesWithin(int descriptors, const ServerOptions& options);
 
 }  // namespace slalom::transport

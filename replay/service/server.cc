@@ -280,7 +280,7 @@ void ReplayServer::Tick(Time now) {
 
 void ReplayServer::Take(transport::Server::Received received, Time now) {
   if (received.no_room) {
-    return Refuse(received.peer, proto::NoRoom(spec_.max_connections));
+    return Refuse(received.peer, proto::NoRoom(server_->max_connections()));
   }
   if (received.too_fast) {
     return Refuse(

@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <sys/resource.h>
 
 #include <future>
 #include <memory>
@@ -7,9 +8,11 @@
 #include <vector>
 #include <zmq.hpp>
 
+#include "base/error.h"
 #include "base/random.h"
 #include "tests/proto/transport/raw_socket.h"
 #include "tests/proto/transport/service.h"
+#include "tests/support/log_lines.h"
 
 /// What peers may do to a server, and servers to a client: whatever it is, the others are served.
 
@@ -336,6 +339,71 @@ TEST(OperatorTest, AnOperatorIsServedWhereOthersFindNoRoom) {
   const auto operator_ = service.NewClient(Role::kOperator);
   SendTo(*operator_, Text("hello"));
   EXPECT_FALSE(ReceiveFrom(service.server()).no_room);
+}
+
+// Whoever comes first, operators have eight places, and others as many as the limit says.
+TEST(OperatorTest, OperatorsAndOthersHavePlacesOfTheirOwn) {
+  ServerOptions options;
+  options.max_connections = 9;
+  Service service(Wire::kCurve, options);
+  std::vector<std::unique_ptr<Client>> clients;
+  const auto has_room = [&](Role role) {
+    clients.push_back(service.NewClient(role));
+    SendTo(*clients.back(), Text("hello"));
+    return !ReceiveFrom(service.server()).no_room;
+  };
+  for (int i = 0; i < 8; ++i) {
+    EXPECT_TRUE(has_room(Role::kActor)) << i;
+    EXPECT_TRUE(has_room(Role::kOperator)) << i;
+  }
+  EXPECT_FALSE(has_room(Role::kOperator));
+  EXPECT_TRUE(has_room(Role::kActor));
+  EXPECT_FALSE(has_room(Role::kActor));
+}
+
+// A learner that writes a checkpoint looks after nobody, and ZeroMQ takes every connection.
+TEST_P(HostileTest, BoundsHoldWhileTheServerIsBusy) {
+  ServerOptions options;
+  options.max_handshakes = 1;
+  Service service(GetParam(), options);
+  std::vector<RawSocket> strangers;
+  for (int i = 0; i < 40; ++i) strangers.emplace_back(service.server().endpoint());
+  strangers[0].ReadToEnd();
+  ExpectServed(service);
+}
+
+// Whatever a process may have open, something is left for files and for those that come between two
+// looks at the connections.
+TEST(PlacesTest, FollowFromTheDescriptorsOfTheProcess) {
+  const ServerOptions options{.endpoint = "tcp://*:5550"};
+  for (int descriptors = 320; descriptors <= 70000; descriptors += 40) {
+    const Places places = PlacesWithin(descriptors, options);
+    const int shared = descriptors - 256 - 8 - places.connections - places.newcomers;
+    EXPECT_GE(shared, descriptors < 16384 ? (descriptors - 264) / 3 : 4096) << descriptors;
+    EXPECT_GE(places.handshakes, 4) << descriptors;
+    EXPECT_GE(places.newcomers, places.handshakes) << descriptors;
+    EXPECT_GE(places.connections, 28) << descriptors;
+  }
+  EXPECT_EQ(PlacesWithin(1024, options).connections, 380);
+  const Places places = PlacesWithin(65536, options);
+  EXPECT_EQ(places.connections, options.max_connections);
+  EXPECT_EQ(places.handshakes, options.max_handshakes);
+  EXPECT_THAT([&] { PlacesWithin(319, options); },
+              ::testing::ThrowsMessage<base::Error>(::testing::AllOf(
+                  ::testing::HasSubstr("found a limit of 319"), ::testing::HasSubstr("320"))));
+}
+
+TEST(PlacesTest, FewerThanAreConfiguredAreSaid) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit low{.rlim_cur = 1024, .rlim_max = before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
+  const slalom::test::LogLines log;
+  Service service(Wire::kPlaintext);
+  EXPECT_EQ(service.server().max_connections(), 380);
+  EXPECT_EQ(service.server().connections().limit, 380);
+  EXPECT_TRUE(log.Has("takes 380 connections at most, fewer than service.max_connections (4096)"));
+  setrlimit(RLIMIT_NOFILE, &before);
 }
 
 // They have places of their own, and of those the oldest give way.
