@@ -38,6 +38,7 @@ class TableSource final : public learner::BatchSource, public learner::PolicySin
   const std::vector<replay::SampledRows>* Next() override;
   bool IsWaiting() const override { return false; }
   bool IsAtRest() const override;
+  std::int64_t num_drawn() const override { return static_cast<std::int64_t>(limiter_->granted()); }
   std::int64_t steps() const override { return limiter_->steps(); }
   learner::EndedEpisodes TakeEndedEpisodes() override;
   void SetPriorities(std::span<const std::int64_t> sequence,

@@ -41,6 +41,9 @@ class BatchSource {
   /// made only then, so that every lockstep run makes them at the same place.
   virtual bool IsAtRest() const = 0;
 
+  /// The number of updates, since the run began, that `Next` has returned batches for. Updates of
+  /// imagined batches are not among them.
+  virtual std::int64_t num_drawn() const = 0;
   /// Environment steps of the run that the source knows of.
   virtual std::int64_t steps() const = 0;
   virtual EndedEpisodes TakeEndedEpisodes() = 0;

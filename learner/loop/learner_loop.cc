@@ -115,7 +115,7 @@ bool LearnerLoop::AtEnd() const {
   if (!plan_.makes_all_updates || is_by_time) return true;
   const double earned = settings.updates_per_step *
                         static_cast<double>(settings.max_steps - settings.learning_starts);
-  return static_cast<double>(run_.updates()) >= std::floor(earned);
+  return static_cast<double>(source_.num_drawn()) >= std::floor(earned);
 }
 
 TrainingEnd LearnerLoop::Train(std::stop_token stop) {

@@ -23,7 +23,7 @@ struct LoopPlan {
   /// Whether checkpoints are numbered by updates, not by steps. The numbers must rise.
   bool numbers_by_updates = false;
   /// Whether a run that has reached run.max_steps goes on until it has made the updates that these
-  /// steps earn. Otherwise it ends at once.
+  /// steps earn (`BatchSource::num_drawn`). Otherwise it ends at once.
   bool makes_all_updates = false;
   /// Whether the process keeps running after the last step. If so, a failed final save is logged
   /// and not fatal.

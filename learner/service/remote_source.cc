@@ -86,6 +86,10 @@ const std::vector<replay::SampledRows>* RemoteSource::Next() {
   return &batches->rows;
 }
 
+std::int64_t RemoteSource::num_drawn() const {
+  return static_cast<std::int64_t>((stream_ ? stream_->cursor() : cursor_) / specs_.size());
+}
+
 EndedEpisodes RemoteSource::TakeEndedEpisodes() {
   return {ended_.collision_rate, std::exchange(ended_.count, 0)};
 }

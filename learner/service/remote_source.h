@@ -49,6 +49,7 @@ class RemoteSource final : public BatchSource {
   const std::vector<replay::SampledRows>* Next() override;
   bool IsWaiting() const override { return waiting_; }
   bool IsAtRest() const override { return true; }
+  std::int64_t num_drawn() const override;
   std::int64_t steps() const override { return steps_; }
   EndedEpisodes TakeEndedEpisodes() override;
   void SetPriorities(std::span<const std::int64_t> sequence,

@@ -65,6 +65,7 @@ class FakeSource final : public BatchSource {
   }
   bool IsWaiting() const override { return false; }
   bool IsAtRest() const override { return position % 2 == 0; }
+  std::int64_t num_drawn() const override { return position; }
   std::int64_t steps() const override { return position * kStepsPerUpdate; }
   EndedEpisodes TakeEndedEpisodes() override {
     ++num_episode_looks;

@@ -197,6 +197,20 @@ TEST(LearnerServiceTest, ARunEndsOnceItHasMadeTheUpdatesThatItsStepsEarn) {
   EXPECT_EQ(Policy(scratch.path()).snapshot.version, half);
 }
 
+// Steps earn updates of replayed batches. Those of imagined ones come on top.
+TEST(LearnerServiceTest, ImaginedUpdatesAreNotAmongThoseThatStepsEarn) {
+  const test::ScratchDirectory scratch;
+  const FilledReplay replay;
+  MethodConfig method = MethodWithModel();
+  method.imagination.kind = ImaginationKind::kDyna;
+  method.imagination.imagined_batches = 3;
+  method.imagination.learning_starts = 1;  // From the first update on.
+  constexpr std::int64_t kEarned = 50;
+  Learn(replay.endpoint(), scratch.path(), kEarned * 4, {}, method, run::TrainingClock(), 0.0,
+        TrainingEnd::kFinished, 2 * kEarned);
+  EXPECT_EQ(Policy(scratch.path()).snapshot.version, kEarned * 4);
+}
+
 TEST(LearnerServiceTest, ADamagedCheckpointIsPassedOverForTheOneBefore) {
   const test::ScratchDirectory scratch;
   const FilledReplay replay;
