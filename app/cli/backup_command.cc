@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <span>
@@ -43,7 +44,7 @@ class File {
  public:
   /// Nothing if there is no such file any more.
   static std::optional<File> Open(const fs::path& path) {
-    const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     if (fd >= 0) return File(path, fd);
     if (errno == ENOENT) return std::nullopt;
     throw base::Error(fmt::format("{}: cannot open ({})", path.string(), std::strerror(errno)));
@@ -109,26 +110,61 @@ bool IsPassing(const fs::path& path) {
          base::IsUnfinishedFile(path);
 }
 
-/// Opens the files below `directory`, or returns nothing if one of them was removed meanwhile.
-std::optional<std::vector<File>> OpenAll(const fs::path& directory) {
+/// Whether `path` is `directory` or lies below it. Both are canonical.
+bool IsWithin(const fs::path& path, const fs::path& directory) {
+  return std::ranges::mismatch(directory, path).in1 == directory.end();
+}
+
+/// Throws if `directory`, where links are followed, cannot be copied to `target`. `above`: the
+/// directories that led here, canonical like `target`.
+void RequireCopyable(const fs::path& directory, const fs::path& target,
+                     std::vector<fs::path> above = {}) {
+  std::error_code gone;
+  const fs::path real = fs::canonical(directory, gone);
+  if (gone) return;
+  if (std::ranges::find(above, real) != above.end()) {
+    throw base::Error(
+        fmt::format("{}: is a symbolic link to {}, which holds it; expected links to "
+                    "directories elsewhere",
+                    directory.string(), real.string()));
+  }
+  if (IsWithin(target, real)) {
+    throw base::Error(
+        fmt::format("{}: lies within {}, which it would be a copy of; expected a "
+                    "directory elsewhere",
+                    target.string(), directory.string()));
+  }
+  above.push_back(real);
+  for (const fs::path& path : base::ListDirectory(directory)) {
+    if (IsPassing(path)) continue;
+    const fs::file_status status = fs::status(path, gone);
+    if (fs::is_directory(status)) RequireCopyable(path, target, above);
+    if (!fs::exists(status) && fs::is_symlink(fs::symlink_status(path, gone))) {
+      throw base::Error(fmt::format("{}: is a symbolic link to {}, which is not there",
+                                    path.string(), fs::read_symlink(path, gone).string()));
+    }
+  }
+}
+
+/// Opens a file, or the files below a directory. Returns nothing if one of them was removed
+/// meanwhile.
+std::optional<std::vector<File>> OpenAll(const fs::path& root) {
   std::vector<File> files;
-  std::vector<fs::path> directories = {directory};
-  while (!directories.empty()) {
-    const fs::path next = std::move(directories.back());
-    directories.pop_back();
-    for (const fs::path& path : base::ListDirectory(next)) {
-      if (IsPassing(path)) continue;
-      std::error_code gone;
-      const fs::file_status status = fs::symlink_status(path, gone);
-      if (fs::is_directory(status)) {
-        directories.push_back(path);
-      } else if (fs::is_regular_file(status)) {
-        auto file = File::Open(path);
-        if (!file) return std::nullopt;
-        files.push_back(std::move(*file));
-      } else if (!fs::exists(status)) {
-        return std::nullopt;
-      }
+  std::vector<fs::path> paths = {root};
+  while (!paths.empty()) {
+    const fs::path path = std::move(paths.back());
+    paths.pop_back();
+    if (IsPassing(path)) continue;
+    std::error_code gone;
+    const fs::file_status status = fs::status(path, gone);
+    if (fs::is_directory(status)) {
+      std::ranges::move(base::ListDirectory(path), std::back_inserter(paths));
+    } else if (fs::is_regular_file(status)) {
+      auto file = File::Open(path);
+      if (!file) return std::nullopt;
+      files.push_back(std::move(*file));
+    } else if (!fs::exists(status)) {
+      return std::nullopt;
     }
   }
   return files;
@@ -139,14 +175,13 @@ struct Copied {
   std::int64_t bytes = 0;
 };
 
-/// Copies `directory` to `target`.
-void CopyRole(const fs::path& directory, const fs::path& target, Copied* copied) {
+/// Copies `role`, a file or directory in `state`, to its place in `target`.
+void CopyRole(const fs::path& role, const fs::path& state, const fs::path& target, Copied* copied) {
   for (int i = 0; i < kMaxListings; ++i) {
-    const auto files = OpenAll(directory);
+    const auto files = OpenAll(role);
     if (!files) continue;
-    base::MakeDirectories(target);
     for (const File& file : *files) {
-      const fs::path to = target / file.path().lexically_relative(directory);
+      const fs::path to = target / file.path().lexically_relative(state);
       base::MakeDirectories(to.parent_path());
       file.CopyTo(to);
       ++copied->files;
@@ -154,12 +189,18 @@ void CopyRole(const fs::path& directory, const fs::path& target, Copied* copied)
     }
     return;
   }
-  throw base::Error(fmt::format("{}: its files come and go too fast to be copied; try again",
-                                directory.string()));
+  throw base::Error(
+      fmt::format("{}: its files come and go too fast to be copied; try again", role.string()));
+}
+
+/// The path without a slash at its end.
+fs::path Named(const fs::path& path) {
+  const fs::path normal = path.lexically_normal();
+  return normal.has_filename() ? normal : normal.parent_path();
 }
 
 void BackUp(const fs::path& state, const fs::path& target) {
-  if (!base::Exists(state)) {
+  if (!fs::is_directory(state)) {
     throw base::Error(
         fmt::format("{}: no such directory, expected a service.state", state.string()));
   }
@@ -167,6 +208,7 @@ void BackUp(const fs::path& state, const fs::path& target) {
     throw base::Error(fmt::format("{}: is there already, expected a new directory for the copy",
                                   target.string()));
   }
+  RequireCopyable(state, fs::weakly_canonical(fs::absolute(target)));
   const fs::path unfinished = target.string() + ".unfinished";
   std::error_code ignored;
   fs::remove_all(unfinished, ignored);
@@ -177,9 +219,7 @@ void BackUp(const fs::path& state, const fs::path& target) {
   std::vector<fs::path> roles = base::ListDirectory(state);
   std::stable_partition(roles.begin(), roles.end(),
                         [](const fs::path& path) { return path.filename() == "replay"; });
-  for (const fs::path& role : roles) {
-    if (fs::is_directory(role)) CopyRole(role, unfinished / role.filename(), &copied);
-  }
+  for (const fs::path& role : roles) CopyRole(role, state, unfinished, &copied);
   base::Rename(unfinished, target);
   base::SyncDirectory(fs::absolute(target).parent_path());
   fmt::print("{}: {} files, {} bytes\n", target.string(), base::FormatCount(copied.files),
@@ -200,7 +240,7 @@ void AddBackupCommand(CLI::App& app) {
       "the replay\nserver first. docs/operations.md, section Backup and restore, says how a "
       "service "
       "goes on from a copy.");
-  command->callback([state, target] { BackUp(*state, *target); });
+  command->callback([state, target] { BackUp(Named(*state), Named(*target)); });
 }
 
 }  // namespace slalom::cli
