@@ -90,6 +90,23 @@ std::string UnknownOptions(const NamedCommand& named, std::span<char* const> wor
   return text;
 }
 
+/// Why a word is empty that has to say something, or "". An unset variable leaves `--name=`, for
+/// which CLI11 would take the next word.
+std::string EmptyValue(std::span<char* const> words) {
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    const std::string_view word = words[i];
+    if (word.starts_with("--") && word.size() > 2 && word.find('=') == word.size() - 1) {
+      return fmt::format("{} has no value; expected one after the '='", word);
+    }
+    if (!word.empty()) continue;
+    const std::string_view before = i > 0 ? words[i - 1] : "";
+    return before.starts_with('-')
+               ? fmt::format("{} has an empty value; expected one that is not", before)
+               : fmt::format("argument {} is empty; expected none or one that is not", i + 1);
+  }
+  return "";
+}
+
 /// Whether all that was printed has arrived; a full disk shows here.
 [[nodiscard]] bool FlushOutput() { return std::fflush(stdout) == 0 && std::ferror(stdout) == 0; }
 
@@ -122,8 +139,9 @@ int Run(int argc, char** argv) {
 
   const std::span<char* const> words(argv + 1, argv + std::max(argc, 1));
   const NamedCommand named = FindCommand(app, words);
-  if (!named.mistake.empty()) {
-    fmt::print(stderr, "slalom: {}\n", named.mistake);
+  const std::string mistake = named.mistake.empty() ? EmptyValue(words) : named.mistake;
+  if (!mistake.empty()) {
+    fmt::print(stderr, "slalom: {}\n", mistake);
     return slalom::base::kExitUsage;
   }
   try {

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <filesystem>
 #include <string>
 #include <utility>
 #include <vector>
@@ -324,6 +325,17 @@ TEST_F(BadInputTest, TheCommandLineIsChecked) {
               AllOf(HasSubstr("--policy"), HasSubstr("--agent")), 2);
   ExpectError({"report", "a"}, HasSubstr("--output"), 2);
   ExpectError({"report", "--output", "a"}, HasSubstr("RESULT"), 2);
+}
+
+// As from a variable that is not set.
+TEST_F(BadInputTest, AnEmptyValueIsRefused) {
+  ExpectError({"train", "tiny.toml", "--name=", "--no-evaluation"}, HasSubstr("--name="), 2);
+  ExpectError({"evaluate", "--agent", "dwa", "--courses=", "--episodes", "1"},
+              HasSubstr("--courses="), 2);
+  ExpectError({"courses", "generate", "--courses", "", "--output", "a"}, HasSubstr("--courses"), 2);
+  ExpectError({"train", "tiny.toml", "--no-evaluation="}, HasSubstr("--no-evaluation="), 2);
+  ExpectError({"backup", "state", ""}, HasSubstr("argument 3 is empty"), 2);
+  EXPECT_FALSE(std::filesystem::exists(scratch_.path() / "runs"));
 }
 
 TEST_F(BadInputTest, AFullDiskKeepsTheLastGoodCheckpointAndTheNewestPolicy) {
