@@ -391,7 +391,7 @@ void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers
   if (!std::filesystem::exists(path, ec)) {
     throw Error(fmt::format("{}: there is no such file{}", source, SuggestFile(path)));
   }
-  const toml::table table = Parse(base::ReadFile(path), source);
+  const toml::table table = Parse(base::ReadTextFile(path), source);
   if (const toml::node* base = table.get("base")) {
     if (depth >= kMaxBases) {
       throw Error(fmt::format("{}: more than {} base files in a row; do they form a circle?",
@@ -460,7 +460,8 @@ std::vector<std::string> ReadSharedTomlFile(const std::filesystem::path& path,
 
 bool HasSection(const std::filesystem::path& path, std::string_view name) {
   const std::filesystem::path file = Locate(path);
-  return base::Exists(file) && Parse(base::ReadFile(file), path.string()).get_as<toml::table>(name);
+  return base::Exists(file) &&
+         Parse(base::ReadTextFile(file), path.string()).get_as<toml::table>(name);
 }
 
 bool HasKey(const FieldList& list, std::string_view key) {

@@ -179,6 +179,16 @@ std::string ReadFile(const std::filesystem::path& path) {
   return ReadAll(in, path, is_regular ? std::numeric_limits<std::size_t>::max() : kMostOfADevice);
 }
 
+std::string ReadTextFile(const std::filesystem::path& path) {
+  std::string text = ReadFile(path);
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff")) {
+    throw Error(fmt::format("{}: is text in UTF-16, expected UTF-8", path.string()));
+  }
+  constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+  if (text.starts_with(kByteOrderMark)) text.erase(0, kByteOrderMark.size());
+  return text;
+}
+
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view content) {
   WriteFileAtomically(
       path, [content](const AppendBytes& append) { append(std::as_bytes(std::span(content))); });

@@ -14,6 +14,9 @@ namespace slalom::base {
 /// Reads a whole file. Throws `Error` that names it if it cannot be read, or if it never ends.
 std::string ReadFile(const std::filesystem::path& path);
 
+/// The same for a text file, without a byte order mark. Throws `Error` if its text is UTF-16, too.
+std::string ReadTextFile(const std::filesystem::path& path);
+
 /// Replaces `path` by `content` atomically: writes a file beside it, syncs it and renames it. After
 /// a crash at any moment, either the old or the new file is complete. Throws `Error` if that fails
 /// (no space, no permission); the old file is then untouched and no temporary file is left, except

@@ -372,7 +372,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
 Result ReadResult(const fs::path& path) {
   std::error_code error;
   const fs::path file = fs::is_directory(path, error) ? path / kEvaluationFile : path;
-  auto [result, courses_file, tracks_file] = ParseResult(base::ReadFile(file), file.string());
+  auto [result, courses_file, tracks_file] = ParseResult(base::ReadTextFile(file), file.string());
   const fs::path directory = file.parent_path();
   ReadCoursesAndTracks(directory / courses_file, directory / tracks_file, result);
   return std::move(result);

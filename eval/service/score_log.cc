@@ -61,7 +61,7 @@ double BestOf(std::string_view text, const std::string& courses) {
 
 base::AppendFile Open(const fs::path& path) {
   base::MakeDirectories(path.parent_path());
-  const std::string earlier = base::Exists(path) ? base::ReadFile(path) : "";
+  const std::string earlier = base::Exists(path) ? base::ReadTextFile(path) : "";
   if (!earlier.starts_with(kHeader)) {
     if (!earlier.empty()) base::WriteFileAtomically(path.string() + ".before", earlier);
     base::WriteFileAtomically(path, kHeader);

@@ -63,7 +63,7 @@ std::string KeptRows(const std::filesystem::path& path, std::int64_t keep_until_
   const std::vector<Column> columns = Columns({});
   std::string kept = Line(columns, true);
   if (keep_until_step <= 0 || !std::filesystem::exists(path)) return kept;
-  std::istringstream lines(base::ReadFile(path));
+  std::istringstream lines(base::ReadTextFile(path));
   std::string head;
   std::getline(lines, head);
   const std::vector<std::string_view> names = SplitCells(head);

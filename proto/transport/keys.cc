@@ -57,7 +57,7 @@ std::string_view WithoutSpaces(std::string_view text) {
 
 /// Reads a file that holds one key.
 std::string ReadKey(const fs::path& path) {
-  const std::string content = base::ReadFile(path);
+  const std::string content = base::ReadTextFile(path);
   const std::string_view key = WithoutSpaces(content);
   if (!IsKey(key)) {
     throw base::Error(
@@ -229,7 +229,7 @@ void WriteNewKeys(const fs::path& directory) {
           file.path.string()));
     }
   }
-  const bool is_new = !fs::exists(directory);
+  const bool is_new = !base::Exists(directory);
   base::MakeDirectories(directory);
   if (is_new && ::chmod(directory.c_str(), 0700) != 0) {
     throw base::Error(
@@ -269,7 +269,7 @@ std::string LoadPublicKey(const fs::path& directory, Role role) {
 
 AllowList LoadAllowList(const fs::path& directory) {
   const fs::path path = directory / kAllowed;
-  const std::string content = base::ReadFile(path);
+  const std::string content = base::ReadTextFile(path);
   AllowList list;
   int line_number = 0;
   for (std::size_t begin = 0; begin < content.size();) {

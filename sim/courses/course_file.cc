@@ -25,6 +25,7 @@ namespace slalom::sim {
 namespace {
 
 constexpr std::string_view kMagic = "slalom-courses";
+constexpr std::string_view kChecksum = "checksum";
 constexpr int kFixedVersion = 1;   // Fixed obstacles only.
 constexpr int kMovingVersion = 2;  // And moving ones.
 
@@ -108,13 +109,18 @@ class Parser {
   /// The next line without its end; the file must hold one.
   std::string_view TakeLine() {
     ++line_number_;
-    const std::size_t end = text_.find('\n', position_);
+    std::size_t end = text_.find('\n', position_);
     if (end == std::string_view::npos) {
-      Fail("the file ends before its \"checksum\" line; it was cut short");
+      // The last line may lack its end.
+      end = text_.size();
+      const auto words = SplitWords(text_.substr(position_));
+      if (words.empty() || words[0] != kChecksum) {
+        Fail("the file ends before its \"checksum\" line; it was cut short");
+      }
     }
     const std::string_view line = text_.substr(position_, end - position_);
     line_start_ = position_;
-    position_ = end + 1;
+    position_ = std::min(end + 1, text_.size());
     return line;
   }
 
@@ -139,7 +145,7 @@ class Parser {
     if (words.empty()) return;
     const std::string_view key = words[0];
     const std::span<const std::string_view> values = std::span(words).subspan(1);
-    if (key == "checksum") {
+    if (key == kChecksum) {
       ReadChecksum(values);
     } else if (course_) {
       ReadCourseLine(key, values);
@@ -328,7 +334,7 @@ class Parser {
 
   CourseSet ParseNamedFile(const std::filesystem::path& path) const {
     if (is_named_) Fail("a file that a set names must hold its course itself");
-    const std::string text = base::ReadFile(path);
+    const std::string text = base::ReadTextFile(path);
     const std::string source = path.string();
     Parser parser(text, source, path.parent_path(), outside_);
     parser.is_named_ = true;
@@ -400,7 +406,7 @@ CourseSet ParseCourseSet(std::string_view text, std::string_view source,
 }
 
 CourseSet ReadCourseSet(const std::filesystem::path& path, OutsideBounds outside) {
-  const std::string text = base::ReadFile(path);
+  const std::string text = base::ReadTextFile(path);
   CourseSet set = ParseCourseSet(text, path.string(), path.parent_path(), outside);
   if (set.name.empty()) set.name = path.stem().string();
   return set;

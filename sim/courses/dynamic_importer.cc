@@ -34,7 +34,9 @@ class Table {
  public:
   /// Throws `Error` if the file cannot be read or has other columns.
   Table(const fs::path& path, std::string_view columns)
-      : source_(path.string()), text_(base::ReadFile(path)), columns_(base::Split(columns, ',')) {
+      : source_(path.string()),
+        text_(base::ReadTextFile(path)),
+        columns_(base::Split(columns, ',')) {
     const std::vector<std::string_view> lines = base::Split(text_, '\n');
     for (std::size_t i = 0; i < lines.size(); ++i) {
       std::string_view line = lines[i];

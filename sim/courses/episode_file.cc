@@ -165,7 +165,7 @@ std::vector<EpisodeTrack> ParseEpisodes(std::string_view text, std::string_view 
 }
 
 std::vector<EpisodeTrack> ReadEpisodes(const std::filesystem::path& path) {
-  return ParseEpisodes(base::ReadFile(path), path.string());
+  return ParseEpisodes(base::ReadTextFile(path), path.string());
 }
 
 void WriteEpisodes(const std::filesystem::path& path, std::span<const EpisodeTrack> tracks) {

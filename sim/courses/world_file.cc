@@ -146,7 +146,7 @@ World ParseWorld(std::string_view text, std::string_view source) {
 }
 
 World ReadWorld(const std::filesystem::path& path) {
-  return ParseWorld(base::ReadFile(path), path.string());
+  return ParseWorld(base::ReadTextFile(path), path.string());
 }
 
 }  // namespace slalom::sim

@@ -227,6 +227,21 @@ TEST_F(FileTest, AnEndlessFileIsRefusedAndAPipeIsRead) {
   ::close(ends[0]);
 }
 
+TEST_F(FileTest, AByteOrderMarkIsNoText) {
+  const fs::path path = directory_ / "file";
+  for (const std::string text : {"text\n", "\xef\xbb", ""}) {
+    WriteFileAtomically(path, "\xef\xbb\xbf" + text);
+    EXPECT_EQ(ReadTextFile(path), text);
+    WriteFileAtomically(path, text);
+    EXPECT_EQ(ReadTextFile(path), text);
+  }
+  for (const std::string text : {std::string("\xff\xfet\0", 4), std::string("\xfe\xff\0t", 4)}) {
+    WriteFileAtomically(path, text);
+    EXPECT_THAT(ErrorOf([&] { ReadTextFile(path); }),
+                testing::AllOf(HasSubstr(path.string()), HasSubstr("UTF-16")));
+  }
+}
+
 TEST_F(FileTest, ADirectoryIsNoFile) {
   EXPECT_THAT(ErrorOf([&] { WriteFileAtomically(directory_, "x"); }),
               testing::AllOf(HasSubstr(directory_.string()), HasSubstr("is a directory")));

@@ -62,7 +62,7 @@ def read(directory: str | os.PathLike,
         raise _slalom.Error(f"table is {table!r}, expected one of {', '.join(map(repr, _FILES))}")
     path = os.path.join(directory, _FILES[table])
     try:
-        with open(path, encoding="utf8") as file:
+        with open(path, encoding="utf-8-sig") as file:
             text = file.read()
     except OSError as error:
         raise _slalom.Error(f"{path}: cannot be read ({error.strerror})") from None

@@ -130,7 +130,10 @@ TEST_F(KeysTest, SpacesAndLineEndsAroundAKeyDoNotMatter) {
   const KeyPair keys = LoadKeyPair(directory_, Role::kActor);
   Write("actor.key", "  " + keys.secret_key + "\r\n\n");
   EXPECT_EQ(LoadKeyPair(directory_, Role::kActor).secret_key, keys.secret_key);
-  Write("allowed", "\n# ours\n  actor \t " + keys.public_key + "\r\n#\nactor " + keys.public_key);
+  Write("actor.key", "\xef\xbb\xbf" + keys.secret_key);
+  EXPECT_EQ(LoadKeyPair(directory_, Role::kActor).secret_key, keys.secret_key);
+  Write("allowed",
+        "\xef\xbb\xbf\n# ours\n  actor \t " + keys.public_key + "\r\n#\nactor " + keys.public_key);
   EXPECT_EQ(LoadAllowList(directory_), (AllowList{{keys.public_key, Role::kActor}}));
 }
 

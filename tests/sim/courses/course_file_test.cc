@@ -101,7 +101,8 @@ TEST(CourseFile, GivesBackTheSameDoubles) {
 TEST(CourseFile, RefusesEveryTruncationAndEveryChangedByte) {
   base::Random random(22);
   const std::string text = PrintCourseSet({"set", {DrawCourse(0, random), DrawCourse(1, random)}});
-  for (std::size_t size = 0; size < text.size(); ++size) {
+  EXPECT_EQ(ErrorOf(text.substr(0, text.size() - 1)), "") << "without the last line's end";
+  for (std::size_t size = 0; size < text.size() - 1; ++size) {
     EXPECT_NE(ErrorOf(text.substr(0, size)), "") << "cut to " << size << " bytes";
   }
   for (std::size_t at = 0; at < text.size(); ++at) {
@@ -165,6 +166,8 @@ TEST(CourseFile, ErrorsNameFileLineAndWhatWasExpected) {
   EXPECT_THAT(ErrorOf(Edited("checksum none", "checksum 0123456789abcdef")),
               HasSubstr("was damaged or edited"));
   EXPECT_THAT(ErrorOf(Edited("checksum none\n", "")), HasSubstr("cut short"));
+  EXPECT_THAT(ErrorOf(Edited("checksum none\n", "circle 1 1 1")), HasSubstr("cut short"));
+  EXPECT_EQ(ErrorOf(Edited("checksum none\n", " checksum none # by hand")), "");
   EXPECT_THAT(ErrorOf(Edited("end\n", "end\ncircle 1 1 1\n")),
               HasSubstr("x.courses:10: found \"circle\""));
 }
@@ -266,6 +269,18 @@ TEST(CourseFile, VersionIsTheOldestThatHoldsTheSet) {
   EXPECT_TRUE(print().starts_with("slalom-courses 1\n"));
   course.moving = Parse(kMoving).courses.at(0)->moving;
   EXPECT_TRUE(print().starts_with("slalom-courses 2\n"));
+}
+
+TEST(CourseFile, MayBeginWithAByteOrderMark) {
+  const test::ScratchDirectory scratch;
+  const CourseSet set = GenerateFreshCourses(1, 1);
+  const std::string mark = "\xef\xbb\xbf";
+  base::WriteFileAtomically(scratch.path() / "one.courses", mark + PrintCourseSet(set));
+  base::WriteFileAtomically(scratch.path() / "all.courses",
+                            mark + "slalom-courses 1\r\nfile one.courses\r\nchecksum none");
+  const CourseSet read = ReadCourseSet(scratch.path() / "all.courses");
+  ASSERT_EQ(read.courses.size(), 1u);
+  EXPECT_EQ(*read.courses[0], *set.courses[0]);
 }
 
 TEST(CourseFile, NamesAreUnique) {

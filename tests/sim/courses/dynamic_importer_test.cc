@@ -117,6 +117,7 @@ TEST(DynamicImporter, BadLinesAreNamed) {
     return refusal(std::string(kHeader) + kGood + "\n" + line + "\n");
   };
   EXPECT_EQ(refusal(std::string(kHeader) + kGood), "");
+  EXPECT_EQ(refusal("\xef\xbb\xbf" + std::string(kHeader) + kGood), "");
   EXPECT_EQ(refusal_of_line("301,0,0.2,0.4,-1,14,-2,0.5,0.1,12\r"), "");
   EXPECT_THAT(refusal("x,y\n1,2\n"),
               AllOf(HasSubstr("dynamic_box.csv:1:"), HasSubstr("world,object,size_x")));
