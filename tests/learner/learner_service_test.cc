@@ -247,6 +247,28 @@ TEST(LearnerServiceTest, ReadersGetTheNewestPolicyWhenTheyLackIt) {
   });
 }
 
+TEST(PolicyServerTest, TheOldestVersionHeldIsThatOfTheReaderFurthestBehind) {
+  transport::Context context;
+  metrics::Registry registry("learner", "learner");
+  PolicyServer server(context, {.endpoint = "tcp://127.0.0.1:*"}, kSpecHash, {}, registry);
+  EXPECT_EQ(server.oldest_held(), std::nullopt);
+  std::vector<std::unique_ptr<transport::Client>> readers;
+  for (const std::int64_t held : {5, 1, 4}) {
+    readers.push_back(std::make_unique<transport::Client>(
+        context, transport::ClientOptions{.endpoint = server.endpoint()}));
+    proto::SnapshotRequest request;
+    request.held_version = held;
+    WaitUntil([&] {
+      return readers.back()->Send({transport::Frame::Copy(proto::Encode(request, {})), {}});
+    });
+  }
+  WaitUntil([&] {
+    server.Poll(milliseconds(1));
+    return server.num_readers() == 3;
+  });
+  EXPECT_EQ(server.oldest_held(), 1);
+}
+
 // What an evaluator scores is the file that the run saves: averaged weights, config and provenance.
 TEST(LearnerServiceTest, AReaderMayAskForThePolicyThatTheRunSaves) {
   const test::ScratchDirectory scratch;

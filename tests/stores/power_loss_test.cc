@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <set>
+#include <string>
 
+#include "base/file.h"
 #include "tests/stores/stores.h"
 #include "tests/support/scratch_directory.h"
 
@@ -34,6 +37,28 @@ TEST_P(PowerLossTest, LeavesWhatWasPromised) {
     ASSERT_NO_THROW(GetParam().check(left, promised));
     ASSERT_FALSE(HasFailure());
   }
+}
+
+// A source that opens files to write them has to sync them itself.
+TEST(StoresTest, EverySourceThatWritesFilesByItselfIsOneOfAStore) {
+  std::set<std::string> expected;
+  for (const Store& store : Stores()) {
+    if (!store.source.empty()) expected.insert(store.source);
+  }
+  const fs::path root = SLALOM_SOURCE_DIR;
+  std::set<std::string> found;
+  for (const char* folder : {"actor", "app", "env", "eval", "learner", "metrics", "planners",
+                             "policy", "proto", "replay", "sim"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(root / folder)) {
+      if (entry.path().extension() != ".cc") continue;
+      const std::string text = base::ReadFile(entry.path());
+      for (const char* call : {"O_CREAT", "O_WRONLY", "O_RDWR", "std::ofstream", "fopen("}) {
+        if (text.find(call) == std::string::npos) continue;
+        found.insert(entry.path().lexically_relative(root).string());
+      }
+    }
+  }
+  EXPECT_EQ(found, expected);
 }
 
 INSTANTIATE_TEST_SUITE_P(Stores, PowerLossTest, testing::ValuesIn(Stores()),

@@ -20,6 +20,7 @@
 #include "base/file.h"
 #include "learner/run/checkpoint_store.h"
 #include "policy/policy.h"
+#include "proto/transport/keys.h"
 #include "replay/storage.h"
 #include "tests/replay/journal_scene.h"
 #include "tests/replay/model.h"
@@ -80,9 +81,10 @@ void UseJournal(const fs::path& directory, const Promise& written, const Promise
     if (!Try([&] { scene.Open(); })) continue;
     // States of this start follow those of the start before, whose end it has found.
     const auto before = static_cast<int>(journal_states.size()) - 1;
-    for (int round = 0; round < 4; ++round) {
+    for (int round = 0; round < 5; ++round) {
       const std::size_t known = round == 0 ? 0 : scene.marks().size();
-      scene.Append(15);
+      // The last one adds to a segment that was synced before.
+      scene.Append(round < 4 ? 15 : 1);
       for (std::size_t i = known; i < scene.marks().size(); ++i) {
         journal_states.push_back(scene.marks()[i].state);
       }
@@ -278,6 +280,41 @@ void CheckCells(const fs::path& directory, int promised) {
   EXPECT_EQ(fs::exists(cell.scored()), status.scored.has_value());
 }
 
+// The public halves of each use's keys, which others were given.
+std::map<int, std::vector<std::string>> public_keys;
+
+void UseKeys(const fs::path& directory, const Promise& written, const Promise& synced) {
+  for (int number = 1; number <= 2; ++number) {
+    const fs::path keys = directory / std::to_string(number);
+    const bool is_written = Try([&] {
+      transport::WriteNewKeys(keys);
+      public_keys[number].clear();
+      for (const transport::Role role : transport::kRoles) {
+        public_keys[number].push_back(transport::LoadPublicKey(keys, role));
+      }
+    });
+    if (!is_written) return;
+    written(number);
+    if (synced) synced(number);
+  }
+}
+
+void CheckKeys(const fs::path& directory, int promised) {
+  for (int number = 1; number <= promised; ++number) {
+    const fs::path keys = directory / std::to_string(number);
+    // A copy that a loss of power has left does not have the modes.
+    for (const fs::path& file : base::ListDirectory(keys)) {
+      fs::permissions(file, fs::perms::owner_read | fs::perms::owner_write);
+    }
+    EXPECT_THAT(transport::CheckKeys(keys).faults, testing::IsEmpty());
+    std::vector<std::string> found;
+    for (const transport::Role role : transport::kRoles) {
+      found.push_back(transport::LoadKeyPair(keys, role).public_key);
+    }
+    EXPECT_EQ(found, public_keys.at(number));
+  }
+}
+
 policy::PolicySpec MakePolicySpec() {
   policy::PolicySpec spec;
   spec.observation.num_beams = 4;
@@ -313,11 +350,14 @@ void CheckPolicies(const fs::path& directory, int promised) {
 }  // namespace
 
 std::vector<Store> Stores() {
-  return {
-      {"Journal", UseJournal, CheckJournal},   {"Spool", UseSpool, CheckSpool},
-      {"Ledger", UseLedger, CheckLedger},      {"Checkpoints", UseCheckpoints, CheckCheckpoints},
-      {"Claims", UseClaims, CheckClaims},      {"Cells", UseCells, CheckCells},
-      {"Policies", UsePolicies, CheckPolicies}};
+  return {{"Journal", UseJournal, CheckJournal, "replay/journal.cc"},
+          {"Spool", UseSpool, CheckSpool},
+          {"Ledger", UseLedger, CheckLedger, "actor/service/ledger.cc"},
+          {"Checkpoints", UseCheckpoints, CheckCheckpoints},
+          {"Claims", UseClaims, CheckClaims},
+          {"Cells", UseCells, CheckCells},
+          {"Policies", UsePolicies, CheckPolicies},
+          {"Keys", UseKeys, CheckKeys, "proto/transport/keys.cc"}};
 }
 
 }  // namespace slalom::test

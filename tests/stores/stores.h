@@ -20,6 +20,8 @@ struct Store {
       use;
   /// Opens the store in a directory as the next process does, and expects what was promised.
   std::function<void(const std::filesystem::path&, int promised)> check;
+  /// The source that makes and syncs its files. Empty: `base/` does.
+  std::string source{};
 };
 
 std::vector<Store> Stores();

@@ -8,6 +8,7 @@
 
 #include "metrics/catalogue.h"
 #include "tests/replay/service/model_actor.h"
+#include "tests/replay/service/rows_source.h"
 #include "tests/support/failing_calls.h"
 #include "tests/support/scratch_directory.h"
 
@@ -72,6 +73,32 @@ TEST(ServerMetricsTest, TimeThatWorkIsHeldCountsAtItsQueue) {
   EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"actor"}).value(), 2);
   EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"learner"}).value(), 1);
   EXPECT_EQ(parts.registry.gauge(metrics::kConnectedPeers, {"evaluator"}).value(), 0);
+}
+
+TEST(ServerMetricsTest, RatesAreThoseSinceTheReportBefore) {
+  Parts parts;
+  RowsSource source(kBeams, 2, 1);
+  for (int i = 0; i < 20; ++i) parts.table.Insert(source.Next(3));
+  parts.limiter.AddSteps(parts.table.num_steps());
+  const transport::PeerId learner = parts.network.Connect();
+  const auto now = std::chrono::steady_clock::now();
+  const auto rate_after = [&](int second, std::uint64_t num_batches) {
+    for (std::uint64_t i = 0; i < num_batches; ++i) {
+      parts.samples.Ask(learner, "learner",
+                        {.cursor = static_cast<std::uint64_t>(parts.samples.counts().batches),
+                         .batch = 4,
+                         .history = 1,
+                         .n_step = 1});
+      parts.samples.Advance(1, 0.0);
+      EXPECT_TRUE(parts.network.Take(learner));
+    }
+    parts.shown.Show(parts.Sources(), now + seconds(second));
+    return parts.shown.report().figures.at("batches_per_s");
+  };
+  rate_after(0, 0);
+  EXPECT_DOUBLE_EQ(rate_after(1, 6), 6.0);
+  EXPECT_DOUBLE_EQ(rate_after(3, 4), 2.0);
+  EXPECT_DOUBLE_EQ(rate_after(4, 0), 0.0);
 }
 
 TEST(ServerMetricsTest, AJournalThatFailsIsToldAndTheAgeOfItsLastSync) {
