@@ -1,6 +1,7 @@
 #include "sim/courses/barn_importer.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -42,17 +43,31 @@ std::optional<int> WorldNumber(const fs::path& path) {
   return number;
 }
 
-std::map<int, fs::path> ListWorlds(const fs::path& directory) {
+/// The files of a directory called world_N.world by their N, and the other worlds.
+struct WorldFiles {
+  std::map<int, fs::path> numbered;
+  std::vector<std::string> others;
+};
+
+WorldFiles ListWorlds(const fs::path& directory) {
   std::error_code error;
   fs::directory_iterator entries(directory, error);
   if (error) {
     throw base::Error(fmt::format("{}: cannot be listed: {}", directory.string(), error.message()));
   }
-  std::map<int, fs::path> worlds;
+  WorldFiles files;
   for (const fs::directory_entry& entry : entries) {
-    if (const auto number = WorldNumber(entry.path())) worlds[*number] = entry.path();
+    if (const auto number = WorldNumber(entry.path())) {
+      if (!files.numbered.emplace(*number, entry.path()).second) {
+        throw base::Error(fmt::format("{}: is world {} a second time, expected one file of it",
+                                      entry.path().string(), *number));
+      }
+    } else if (entry.path().extension() == ".world") {
+      files.others.push_back(entry.path().filename().string());
+    }
   }
-  return worlds;
+  std::ranges::sort(files.others);
+  return files;
 }
 
 /// `worlds`: the directory of the files world_N.world.
@@ -71,7 +86,8 @@ std::optional<fs::path> FindPathFile(const fs::path& worlds, int number) {
 fs::path WorldsIn(const fs::path& directory) {
   const fs::path inside = directory / "world_files";
   std::error_code error;
-  return fs::is_directory(inside, error) && ListWorlds(directory).empty() ? inside : directory;
+  return fs::is_directory(inside, error) && ListWorlds(directory).numbered.empty() ? inside
+                                                                                   : directory;
 }
 
 /// "3, 300 to 399, 401".
@@ -131,9 +147,9 @@ Bounds BoundsWith(const World& world) {
 Course MakeMovingCourse(const DynamicMotions& motions, int number, const World* world,
                         const fs::path& world_path) {
   const std::vector<MovingObstacle>& moving = motions.worlds.at(number);
-  if (world != nullptr && static_cast<std::size_t>(world->num_moving_models) != moving.size()) {
+  if (world != nullptr && world->moving_model_lines.size() != moving.size()) {
     throw base::Error(fmt::format("{}: has {} moving obstacles, but {} has {} for world {}",
-                                  world_path.string(), world->num_moving_models,
+                                  world_path.string(), world->moving_model_lines.size(),
                                   motions.file.string(), moving.size(), number));
   }
   const FixedObstacles fixed =
@@ -143,15 +159,22 @@ Course MakeMovingCourse(const DynamicMotions& motions, int number, const World* 
                            world != nullptr ? world_path.string() : motions.file.string());
 }
 
-CourseKind KindOf(int number, const Course& course) {
-  if (course.moving.empty()) return CourseKind::kStatic;
-  return number < FirstWorld(CourseKind::kDynamicWall) ? CourseKind::kDynamicBox
-                                                       : CourseKind::kDynamicWall;
+constexpr CourseKind kKinds[] = {CourseKind::kStatic, CourseKind::kDynamicBox,
+                                 CourseKind::kDynamicWall};
+
+/// The kind of the courses that world `number` is one of, nothing if the data set has no such
+/// world.
+std::optional<CourseKind> KindOf(int number) {
+  for (const CourseKind kind : kKinds) {
+    if (number >= FirstWorld(kind) && number < FirstWorld(kind) + NumCourses(kind)) return kind;
+  }
+  return std::nullopt;
 }
 
 /// Numbers of the worlds that the import remarks on.
 struct Remarks {
-  std::vector<int> mended, without_path, without_motion, without_fixed;
+  std::vector<int> mended, out_of_reach, without_obstacle, without_path, without_motion,
+      without_fixed;
 };
 
 void Describe(const Remarks& remarks, BarnImport& import) {
@@ -162,6 +185,9 @@ void Describe(const Remarks& remarks, BarnImport& import) {
   };
   add(import.warnings, remarks.mended,
       "world files that do not end in </sdf>, as they should, were read as if they did");
+  add(import.warnings, remarks.out_of_reach,
+      "worlds have shapes that the robot drives over or under, which are left out");
+  add(import.warnings, remarks.without_obstacle, "worlds have no obstacle");
   add(import.warnings, remarks.without_path, "worlds without a path_N.npy have no reference path");
   add(import.skipped, remarks.without_motion,
       "worlds with moving obstacles, whose motion is not in the world files but in compiled "
@@ -176,7 +202,7 @@ void Describe(const Remarks& remarks, BarnImport& import) {
 
 Course MakeImportedCourse(std::string name, const World& world, const IntegerTable* path,
                           const std::string& source) {
-  SLALOM_CHECK_EQ(world.num_moving_models, 0);
+  SLALOM_CHECK(world.moving_model_lines.empty());
   Course course;
   course.name = std::move(name);
   course.start = BarnStart();
@@ -207,7 +233,7 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
                     motions->string()));
   }
   const fs::path worlds_directory = WorldsIn(directory);
-  const std::map<int, fs::path> worlds = ListWorlds(worlds_directory);
+  const auto [worlds, others] = ListWorlds(worlds_directory);
   if (worlds.empty() && all_motions.empty()) {
     throw base::Error(fmt::format(
         "{}: holds no world_N.world file, nor does its world_files/; expected the directory of the "
@@ -215,6 +241,11 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
         directory.string(), kRepositoryUrl, kDataSetUrl));
   }
   BarnImport import;
+  import.directory = directory;
+  if (!others.empty()) {
+    import.skipped.push_back(
+        fmt::format("worlds that are not called world_N.world: {}", fmt::join(others, ", ")));
+  }
   Remarks remarks;
   const auto motions_of = [&](int number) -> const DynamicMotions* {
     const auto found =
@@ -223,9 +254,22 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
     return found == all_motions.end() ? nullptr : &*found;
   };
   for (const auto& [number, world_path] : worlds) {
+    const auto kind = KindOf(number);
+    if (!kind) {
+      throw base::Error(fmt::format(
+          "{}: the data set has worlds 0 to {}; to import a world of your own, give its file",
+          world_path.string(), FirstWorld(kKinds[2]) + NumCourses(kKinds[2]) - 1));
+    }
     const World world = ReadWorld(world_path);
+    if (kind != CourseKind::kStatic && world.moving_model_lines.empty()) {
+      throw base::Error(
+          fmt::format("{}: nothing moves in it, expected moving obstacles in a world "
+                      "of {}",
+                      world_path.string(), ToString(*kind)));
+    }
     if (world.has_damaged_end) remarks.mended.push_back(number);
-    if (world.num_moving_models > 0) {
+    if (world.num_out_of_reach > 0) remarks.out_of_reach.push_back(number);
+    if (!world.moving_model_lines.empty()) {
       if (const DynamicMotions* found = motions_of(number)) {
         import.courses[number] =
             std::make_shared<const Course>(MakeMovingCourse(*found, number, &world, world_path));
@@ -234,6 +278,7 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
       }
       continue;
     }
+    if (world.circles.empty() && world.boxes.empty()) remarks.without_obstacle.push_back(number);
     std::optional<IntegerTable> path;
     if (const auto path_file = FindPathFile(worlds_directory, number)) {
       path = ReadNpy(*path_file);
@@ -258,34 +303,63 @@ BarnImport ImportBarn(const fs::path& directory, const std::optional<fs::path>& 
   return import;
 }
 
-WrittenCollection WriteCollection(const BarnImport& import, const fs::path& output) {
+WrittenCollection WriteCollection(const BarnImport& import, const fs::path& output,
+                                  IncompleteKinds incomplete) {
   if (import.courses.empty()) {
     throw base::Error(fmt::format("{}: there is no course to write", output.string()));
   }
+  struct PartOfKind {
+    CourseSet set;
+    std::string missing;
+  };
+  std::vector<PartOfKind> parts;
+  for (const CourseKind kind : kKinds) {
+    CourseSet set;
+    std::vector<int> missing;
+    for (int number = FirstWorld(kind); KindOf(number) == kind; ++number) {
+      const auto found = import.courses.find(number);
+      if (found == import.courses.end()) {
+        missing.push_back(number);
+      } else {
+        set.courses.push_back(found->second);
+      }
+    }
+    if (missing.empty() || set.courses.empty()) continue;
+    set.name = fmt::format("{}-{}-of-{}", ToString(kind), set.courses.size(), NumCourses(kind));
+    parts.push_back(
+        {std::move(set), fmt::format("{} of the {} worlds of {} are missing: {}", missing.size(),
+                                     NumCourses(kind), ToString(kind), ListNumbers(missing))});
+  }
+  if (incomplete == IncompleteKinds::kRefuse && !parts.empty()) {
+    std::string missing, names;
+    for (const PartOfKind& part : parts) {
+      missing += part.missing + "; ";
+      names += (names.empty() ? "" : ", ") + part.set.name;
+    }
+    throw base::Error(fmt::format(
+        "{}: {}expected all worlds of a kind or none. --incomplete writes those that are there as "
+        "{}; to import a world of your own, give its file",
+        import.directory.string(), missing, names));
+  }
   base::MakeDirectories(output);
   WrittenCollection written;
+  const auto write = [&](const CourseSet& set, std::string_view remark) {
+    WriteCourseSet(output / fmt::format("{}{}", set.name, kCourseSetExtension), set, remark);
+    written.sets.push_back(set.name);
+  };
+  for (const PartOfKind& part : parts) write(part.set, part.missing);
   for (const std::string_view name : SplitNames()) {
     const CourseSplit split = FindSplit(name).value();
     CourseSet set{std::string(name), {}};
-    bool is_complete = true;
-    if (name == ToString(split.kind)) {
-      for (const auto& [number, course] : import.courses) {
-        if (KindOf(number, *course) == split.kind) set.courses.push_back(course);
-      }
-      is_complete = !set.courses.empty();
+    for (const int index : split.indices) {
+      const auto found = import.courses.find(FirstWorld(split.kind) + index);
+      if (found != import.courses.end()) set.courses.push_back(found->second);
+    }
+    if (set.courses.size() == split.indices.size()) {
+      write(set, "");
     } else {
-      for (const int index : split.indices) {
-        const auto found = import.courses.find(FirstWorld(split.kind) + index);
-        is_complete = is_complete && found != import.courses.end();
-        if (is_complete) set.courses.push_back(found->second);
-      }
-    }
-    if (!is_complete) {
       written.incomplete.emplace_back(name);
-      continue;
     }
-    WriteCourseSet(output / fmt::format("{}{}", name, kCourseSetExtension), set);
-    written.sets.emplace_back(name);
   }
   return written;
 }

@@ -18,6 +18,7 @@ namespace slalom::sim {
 
 /// The courses imported from a directory of the original data set. A value.
 struct BarnImport {
+  std::filesystem::path directory;                       ///< What was imported.
   std::map<int, std::shared_ptr<const Course>> courses;  ///< By the N of world_N.world.
   std::vector<std::string> warnings;  ///< One sentence each: mended files, worlds without a path.
   std::vector<std::string> skipped;   ///< One sentence each: worlds that became no course, and why.
@@ -28,7 +29,7 @@ struct BarnImport {
 /// Start, goal and bounds are the same as in the static courses. A world whose obstacles all lie on
 /// the lattice gets its difficulty measured along the path. Throws `Error` that names `source` if
 /// `path` is not a path through the field or the course cannot be driven (`WhyUnsolvable`).
-/// Requires: world.num_moving_models == 0.
+/// Requires: world.moving_model_lines.empty().
 Course MakeImportedCourse(std::string name, const World& world, const IntegerTable* path,
                           const std::string& source);
 
@@ -42,8 +43,9 @@ Course MakeImportedCourse(std::string name, const World& world, const IntegerTab
 /// without known motion is skipped.
 ///
 /// Throws `Error` that names file and reason if a file cannot be read or made a course, if a world
-/// and its motions differ in the number of moving obstacles, if `motions` holds no motions, or if
-/// `directory` holds neither worlds nor motions.
+/// and its motions differ in the number of moving obstacles, if a world has a number that the data
+/// set does not have or lacks the moving obstacles that its number tells, if `motions` holds no
+/// motions, or if `directory` holds neither worlds nor motions.
 BarnImport ImportBarn(const std::filesystem::path& directory,
                       const std::optional<std::filesystem::path>& motions);
 
@@ -53,10 +55,15 @@ struct WrittenCollection {
   std::vector<std::string> incomplete;  ///< Sets left out because one of their courses is missing.
 };
 
-/// Writes a collection for `ResolveCourses`: one set file for each kind that has any courses
-/// ("static", "dynamic-box", "dynamic-wall", with all courses of the kind) and one for each of
-/// `SplitNames()` whose courses are all there. A set file holds its courses. Throws `Error` if that
-/// fails.
-WrittenCollection WriteCollection(const BarnImport& import, const std::filesystem::path& output);
+/// What `WriteCollection` does with a kind of which some courses are there and others are missing.
+enum class IncompleteKinds { kRefuse, kWrite };
+
+/// Writes a collection for `ResolveCourses`: one set file for each of `SplitNames()` whose courses
+/// are all there. A set file holds its courses. With `kWrite`, the courses of an incomplete kind
+/// make a set of another name, such as "static-2-of-300", whose file says in its second line which
+/// worlds it lacks. Throws `Error` that names what is missing if `kRefuse` refuses it, and if a
+/// file cannot be written. Nothing is written if a kind is refused.
+WrittenCollection WriteCollection(const BarnImport& import, const std::filesystem::path& output,
+                                  IncompleteKinds incomplete = IncompleteKinds::kRefuse);
 
 }  // namespace slalom::sim

@@ -389,10 +389,11 @@ class Parser {
 
 }  // namespace
 
-std::string PrintCourseSet(const CourseSet& set) {
+std::string PrintCourseSet(const CourseSet& set, std::string_view remark) {
   const bool has_moving = std::any_of(set.courses.begin(), set.courses.end(),
                                       [](const auto& course) { return !course->moving.empty(); });
   std::string text = fmt::format("{} {}\n", kMagic, has_moving ? kMovingVersion : kFixedVersion);
+  if (!remark.empty()) text += fmt::format("# {}\n", remark);
   if (!set.name.empty()) text += fmt::format("set {}\n", set.name);
   for (const auto& course : set.courses) PrintCourse(*course, text);
   const std::uint64_t checksum = base::Checksum(text);
@@ -412,8 +413,9 @@ CourseSet ReadCourseSet(const std::filesystem::path& path, OutsideBounds outside
   return set;
 }
 
-void WriteCourseSet(const std::filesystem::path& path, const CourseSet& set) {
-  base::WriteFileAtomically(path, PrintCourseSet(set));
+void WriteCourseSet(const std::filesystem::path& path, const CourseSet& set,
+                    std::string_view remark) {
+  base::WriteFileAtomically(path, PrintCourseSet(set, remark));
 }
 
 bool IsCourseName(std::string_view name) {

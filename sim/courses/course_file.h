@@ -18,8 +18,8 @@ namespace slalom::sim {
 inline constexpr std::string_view kCourseExtension = ".course";
 inline constexpr std::string_view kCourseSetExtension = ".courses";
 
-/// Prints the set as text that holds every course.
-std::string PrintCourseSet(const CourseSet& set);
+/// Prints the set as text that holds every course. `remark` is one line for its readers, a comment.
+std::string PrintCourseSet(const CourseSet& set, std::string_view remark = "");
 
 /// Whether a file may have a fixed obstacle no part of which is inside the bounds of its course.
 enum class OutsideBounds { kAllow, kRefuse };
@@ -39,8 +39,10 @@ CourseSet ParseCourseSet(std::string_view text, std::string_view source,
 CourseSet ReadCourseSet(const std::filesystem::path& path,
                         OutsideBounds outside = OutsideBounds::kAllow);
 
-/// Writes `set` with every course to the file `path` atomically. Throws `Error` if that fails.
-void WriteCourseSet(const std::filesystem::path& path, const CourseSet& set);
+/// Writes `set` as `PrintCourseSet` prints it to the file `path` atomically. Throws `Error` if that
+/// fails.
+void WriteCourseSet(const std::filesystem::path& path, const CourseSet& set,
+                    std::string_view remark = "");
 
 /// Whether `name` may name a course: 1 to 100 letters, digits, '-', '_', '.'; first not '.'.
 bool IsCourseName(std::string_view name);

@@ -15,7 +15,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       fuzz::Require(std::isfinite(circle.p_W.x) && std::isfinite(circle.p_W.y) &&
                     circle.radius > 0.0);
     }
-    fuzz::Require(world.num_moving_models >= 0);
+    for (const sim::Box& box : world.boxes) {
+      fuzz::Require(std::isfinite(box.X_WB.yaw) && box.half_size.x > 0.0 && box.half_size.y > 0.0);
+    }
   } catch (const base::Error& error) {
     fuzz::Require(std::string_view(error.what()).starts_with("input"));
   }

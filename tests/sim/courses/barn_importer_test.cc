@@ -1,5 +1,6 @@
 #include "sim/courses/barn_importer.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -114,9 +116,10 @@ TEST_F(PublishedWorlds, ImportWithPathsBesideThem) {
   EXPECT_THAT(import.skipped,
               ElementsAre(AllOf(HasSubstr("300, 400 (2 in all)"), HasSubstr("compiled plugins"))));
   const test::ScratchDirectory scratch;
-  const WrittenCollection written = WriteCollection(import, scratch.path());
-  EXPECT_THAT(written.sets, ElementsAre("static"));
-  EXPECT_EQ(written.incomplete.size(), 16u);
+  const WrittenCollection written =
+      WriteCollection(import, scratch.path(), IncompleteKinds::kWrite);
+  EXPECT_THAT(written.sets, ElementsAre("static-2-of-300"));
+  EXPECT_EQ(written.incomplete.size(), 17u);
 }
 
 std::string Model(const std::string& pose, const std::string& geometry,
@@ -144,7 +147,7 @@ TEST(WorldFile, CylindersAndBoxesAreRead) {
   EXPECT_EQ(world.circles[0], (Circle{{-1.5, 2.25}, 0.075}));
   ASSERT_EQ(world.boxes.size(), 1u);
   EXPECT_EQ(world.boxes[0], (Box{{{1.0, 2.0}, 0.5}, {0.1, 2.0}}));
-  EXPECT_EQ(world.num_moving_models, 1);
+  EXPECT_THAT(world.moving_model_lines, ElementsAre(6));
   EXPECT_FALSE(world.has_damaged_end);
 }
 
@@ -184,14 +187,181 @@ TEST(WorldFile, WhatACourseCannotHoldIsRefusedWithFileLineAndReason) {
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<sphere><radius>1</radius></sphere>")),
               AllOf(HasSubstr("x.world:3"), HasSubstr("<sphere>")));
   EXPECT_THAT(refusal(Model("0 0 0 0.5 0 0", kCylinder)), HasSubstr("tilted"));
-  EXPECT_THAT(refusal(Model("0 0 0 0 0", kCylinder)), HasSubstr("<pose> does not hold 6 numbers"));
-  EXPECT_THAT(refusal(Model("0 0 0 0 0 x", kCylinder)),
-              HasSubstr("<pose> does not hold 6 numbers"));
+  EXPECT_THAT(refusal(Model("0 0 0 0 0", kCylinder)), HasSubstr("expected 6 numbers"));
+  EXPECT_THAT(refusal(Model("0 0 0 0 0 x", kCylinder)), HasSubstr("expected 6 numbers"));
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder><radius>-1</radius></cylinder>")),
               HasSubstr("radius"));
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", "<cylinder/>")), HasSubstr("has no <radius>"));
   EXPECT_THAT(refusal(Model("0 0 0 0 0 0", kBox, "")), HasSubstr("neither static"));
   EXPECT_THAT(ErrorOf([] { ParseWorld("<html></html>", "x.world"); }), HasSubstr("no <sdf>"));
+}
+
+/// The obstacles of a world, as one string.
+std::string Obstacles(const World& world) {
+  std::string text;
+  for (const Circle& c : world.circles) {
+    text += fmt::format("circle {:.9f} {:.9f} {};", c.p_W.x, c.p_W.y, c.radius);
+  }
+  for (const Box& b : world.boxes) {
+    text += fmt::format("box {:.9f} {:.9f} {:.9f};", b.X_WB.p.x, b.X_WB.p.y, b.X_WB.yaw);
+  }
+  return text;
+}
+
+TEST(WorldFile, WhatHasNoEffectOnObstaclesIsPassedOver) {
+  const std::string plain =
+      "<model name='m'><static>true</static><pose>1 2 0 0 0 0</pose><link name='l'>"
+      "<collision name='c'><geometry>" +
+      kBox + "</geometry></collision></link></model>";
+  const std::string rich =
+      "<include><uri>model://sun</uri></include>"
+      "<include><uri>model://ground_plane</uri><name>ground</name><pose>0 0 0 0 0 0</pose>"
+      "</include><light name='x'><pose>0 0 10 1 2 3</pose></light><gravity>0 0 -9.8</gravity>"
+      "<atmosphere type='adiabatic'/><gui><plugin filename='x'/></gui><physics type='ode'/>"
+      "<scene/><wind/><magnetic_field/><spherical_coordinates/><road name='r'/>"
+      "<frame name='f'/><audio/><joint name='j'/><plugin filename='libgazebo_ros_state.so'/>"
+      "<plugin filename='gz-sim-physics-system' name='p'/>"
+      "<model name='sign'><pose>9 9 0 1 0 0</pose><link name='l'><visual name='v'/></link></model>"
+      "<model name='m' canonical_link='l'><static>1</static><static>true</static>"
+      "<pose relative_to='world' degrees='false' rotation_format='euler_rpy'>1 2 0 0 -0 0</pose>"
+      "<self_collide>0</self_collide><allow_auto_disable>1</allow_auto_disable><joint name='j'/>"
+      "<frame name='f'><pose>5 5 5 5 5 5</pose></frame><link name='l'>"
+      "<pose relative_to='__model__'>0 0 0 0 0 0</pose><inertial><pose>3 3 3 3 3 3</pose>"
+      "</inertial><sensor/><gravity>1</gravity><kinematic>0</kinematic><collision name='none'>"
+      "<geometry><empty/></geometry></collision><collision name='c'>"
+      "<max_contacts>10</max_contacts><laser_retro>0</laser_retro><surface><friction/><bounce/>"
+      "<contact><collide_bitmask>0x01</collide_bitmask><collide_without_contact>0"
+      "</collide_without_contact><ode/></contact></surface><geometry>" +
+      kBox + "</geometry></collision></link></model>";
+  EXPECT_EQ(Obstacles(ParseWorld(Sdf(rich), "x")), Obstacles(ParseWorld(Sdf(plain), "x")));
+  EXPECT_EQ(ParseWorld(Sdf(plain), "x").boxes.size(), 1u);
+}
+
+/// A world whose third line begins a model, with `what` at one place of it.
+std::string WorldWith(std::string_view place, const std::string& what) {
+  const auto at = [&](std::string_view name) { return place == name ? what : std::string(); };
+  return "<sdf version='1.6'>" + at("sdf") + "<world name='w'>\n" + at("world") +
+         "\n<model name='m'" + at("model attribute") + "><static>1</static>" + at("model") +
+         "<link name='l'>" + at("link") + "<collision name='c'>" + at("collision") + "<geometry>" +
+         (place == "geometry" ? what : kBox) +
+         "</geometry></collision></link></model></world></sdf>";
+}
+
+TEST(WorldFile, WhatIsNeitherUnderstoodNorPassedOverIsRefusedByNameAndLine) {
+  struct Case {
+    const char* place;
+    std::string what;
+    const char* expected;
+  };
+  const std::string state = "<state world_name='w'>";
+  const Case cases[] = {
+      {"sdf", "<model name='x'/>", "x.world:1: <sdf> holds <model>"},
+      {"world", "<actor name='a'/>", "x.world:2: <world> holds <actor>"},
+      {"world", "<population name='p'/>", "x.world:2: <world> holds <population>"},
+      {"world", "<gz:thing/>", "x.world:2: <world> holds <gz:thing>"},
+      {"world", "<include><uri>model://wall</uri></include>",
+       "x.world:2: the model \"model://wall\""},
+      {"world", "<include><uri>model://sun</uri><plugin/></include>", "holds <plugin>"},
+      {"world", "<include><uri>model://ground_plane</uri><pose>0 0 -1 0 0 0</pose></include>",
+       "the ground is at height -1"},
+      {"world", "<plugin name='p' filename='libcrowd.so'/>", "\"libcrowd.so\""},
+      {"world", state + "</state>" + state + "</state>", "a second <state>"},
+      {"world", state + "<deletions><name>m</name></deletions></state>", "<deletions>"},
+      {"world", state + "<insertions/></state>", "<insertions>"},
+      {"world", state + "<model name='n'/></state>", "a model that the world lacks"},
+      {"world", state + "<model name='m'><scale>1 2 1</scale></model></state>", "scales a model"},
+      {"world", state + "<model name='m'><model name='n'/></model></state>", "holds <model>"},
+      {"world", state + "<model name='m'><link name='k'/></model></state>",
+       "a link that the model"},
+      {"model attribute", " placement_frame='l'", "placement_frame=\"l\""},
+      {"model attribute", " scale='2'", "scale=\"2\""},
+      {"model", "<model name='n'/>", "x.world:3: <model> holds <model>"},
+      {"model", "<include><uri>model://sun</uri></include>", "<model> holds <include>"},
+      {"model", "<origin pose='1 2 0 0 0 0'/>", "<model> holds <origin>"},
+      {"model", "<pose frame='map'>1 2 0 0 0 0</pose>", "frame=\"map\""},
+      {"model", "<pose relative_to='other'>1 2 0 0 0 0</pose>", "relative_to=\"other\""},
+      {"model", "<pose degrees='often'>1 2 0 0 0 0</pose>", "\"often\""},
+      {"model", "<pose rotation_format='quat_xyzw'>1 2 0 0 0 0 1</pose>", "quat_xyzw"},
+      {"model", "<pose unit='cm'>1 2 0 0 0 0</pose>", "unit=\"cm\""},
+      {"model", "<pose>0 0 0 0 0 0</pose><pose>1 0 0 0 0 0</pose>", "a second <pose>"},
+      {"model", "<static>0</static>", "neither static"},
+      {"link", "<pose relative_to='world'>1 2 0 0 0 0</pose>", "relative_to=\"world\""},
+      {"link", "<pose>0 0 0 0 0.3 0</pose>", "tilted"},
+      {"link", "<collisions/>", "<link> holds <collisions>"},
+      {"collision", "<pose relative_to='l'>0 0 0 0 0 0</pose>", "relative_to=\"l\""},
+      {"collision", "<scale>2</scale>", "<collision> holds <scale>"},
+      {"collision", "<geometry/>", "a second <geometry>"},
+      {"collision",
+       "<surface><contact><collide_without_contact>1</collide_without_contact></contact></surface>",
+       "without contact"},
+      {"collision", "<surface><contact><collide_bitmask>0x00</collide_bitmask></contact></surface>",
+       "with nothing"},
+      {"geometry", kBox + kCylinder, "a second shape"},
+      {"geometry", "<box><size>1 1 1</size><scale>2 2 2</scale></box>", "<box> holds <scale>"},
+      {"geometry", "<plane><normal>1 0 0</normal></plane>", "not level"},
+      {"geometry", "<sphere/>", "<geometry> holds <sphere>"},
+      {"geometry", "<capsule/>", "<geometry> holds <capsule>"},
+      {"geometry", "<ellipsoid/>", "<geometry> holds <ellipsoid>"},
+      {"geometry", "<cone/>", "<geometry> holds <cone>"},
+      {"geometry", "<polyline/>", "<geometry> holds <polyline>"},
+      {"geometry", "<heightmap/>", "<geometry> holds <heightmap>"},
+      {"geometry", "<image/>", "<geometry> holds <image>"},
+      {"geometry", "<mesh/>", "x.world:3: <geometry> holds <mesh>"}};
+  EXPECT_EQ(ParseWorld(WorldWith("", ""), "x.world").boxes.size(), 1u);
+  for (const Case& c : cases) {
+    EXPECT_THAT(ErrorOf([&] { ParseWorld(WorldWith(c.place, c.what), "x.world"); }),
+                AllOf(HasSubstr("x.world:"), HasSubstr(c.expected)))
+        << c.place << ": " << c.what;
+  }
+  EXPECT_THAT(ErrorOf([] { ParseWorld("<sdf version='2.0'><world/></sdf>", "x.world"); }),
+              HasSubstr("\"2.0\", expected 1.x"));
+}
+
+TEST(WorldFile, PosesOfASavedStateTakeThePlaceOfTheModelsOwn) {
+  const auto model = [](const std::string& name) {
+    return "<model name='" + name + "'><static>1</static><pose>1 2 0 0 0 0</pose><link name='l'>" +
+           "<pose>0.5 0 0 0 0 0</pose><collision name='c'><geometry>" + kCylinder +
+           "</geometry></collision></link></model>";
+  };
+  const std::string saved =
+      "<include><uri>model://ground_plane</uri></include>" + model("moved") + model("link_moved") +
+      model("same") +
+      "<state world_name='w'><sim_time>1 0</sim_time><light name='sun'/>"
+      "<model name='ground_plane'><pose>0 0 0 0 0 0</pose></model>"
+      "<model name='moved'><pose>3 4 0 0 -0 0</pose><scale>1 1 1</scale></model>"
+      "<model name='link_moved'><pose>3 4 0 0 0 0</pose><link name='l'><pose>7 8 0 0 0 0</pose>"
+      "<velocity>0 0 0 0 0 0</velocity></link></model></state>";
+  EXPECT_EQ(Obstacles(ParseWorld(Sdf(saved), "x.world")),
+            "circle 3.500000000 4.000000000 0.075;circle 7.000000000 8.000000000 0.075;"
+            "circle 1.500000000 2.000000000 0.075;");
+}
+
+TEST(WorldFile, DegreesAreUnderstood) {
+  const std::string model =
+      "<model name='m'><static>1</static><pose degrees='true'>1 2 0 0 0 90</pose><link name='l'>"
+      "<pose>1 0 0 0 0 0</pose><collision name='c'><geometry>" +
+      kBox + "</geometry></collision></link></model>";
+  EXPECT_EQ(Obstacles(ParseWorld(Sdf(model), "x.world")),
+            "box 1.000000000 3.000000000 1.570796327;");
+}
+
+TEST(WorldFile, ShapesCountIfTheyAreAtTheHeightOfTheLidar) {
+  const auto world = [](double z, double height) {
+    return ParseWorld(Sdf(Model(fmt::format("0 0 {} 0 0 0", z),
+                                fmt::format("<box><size>1 1 {}</size></box>", height))),
+                      "x.world");
+  };
+  EXPECT_EQ(world(0.5, 1.0).boxes.size(), 1u);
+  EXPECT_EQ(world(0.2, 0.01).boxes.size(), 1u);
+  for (const auto& [z, height] : {std::pair{-0.05, 0.1}, {0.005, 0.03}, {2.0, 0.2}, {0.6, 0.2}}) {
+    EXPECT_EQ(world(z, height).boxes.size(), 0u) << z;
+    EXPECT_EQ(world(z, height).num_out_of_reach, 1) << z;
+  }
+  for (const auto& [z, height] : {std::pair{0.05, 0.1}, {0.4, 0.2}}) {
+    EXPECT_THAT(ErrorOf([&] { world(z, height); }),
+                AllOf(HasSubstr("x.world:3"), HasSubstr("LiDAR")))
+        << z;
+  }
 }
 
 /// The bytes of a .npy file, version 1 or 2.
@@ -279,6 +449,43 @@ TEST(BarnImporter, BadDirectoriesPathsAndWorldsAreNamed) {
               HasSubstr("leaves the field at cell 2 (99, 2)"));
   base::WriteFileAtomically(path, "nothing");
   EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path(), std::nullopt); }), HasSubstr("path_7.npy"));
+}
+
+TEST(BarnImporter, IncompleteKindsAreRefusedUnlessAskedFor) {
+  const test::ScratchDirectory scratch;
+  const std::filesystem::path output = scratch.path() / "out";
+  const std::string world = Sdf(Model("-1 7 0 0 0 0", kCylinder));
+  for (const int number : {3, 4, 9}) {
+    base::WriteFileAtomically(scratch.path() / fmt::format("world_{}.world", number), world);
+  }
+  const BarnImport import = ImportBarn(scratch.path(), std::nullopt);
+  EXPECT_THAT(ErrorOf([&] { WriteCollection(import, output); }),
+              AllOf(HasSubstr(scratch.path().string() + ": 297 of the 300 worlds of static"),
+                    HasSubstr("0 to 2, 5 to 8, 10 to 299"), HasSubstr("--incomplete")));
+  EXPECT_FALSE(std::filesystem::exists(output));
+  const WrittenCollection written = WriteCollection(import, output, IncompleteKinds::kWrite);
+  EXPECT_THAT(written.sets, ElementsAre("static-3-of-300"));
+  EXPECT_THAT(base::ReadFile(output / "static-3-of-300.courses"),
+              HasSubstr("\n# 297 of the 300 worlds of static are missing: 0 to 2, 5 to 8"));
+  EXPECT_EQ(ResolveCourses("static-3-of-300", output, 1).courses.size(), 3u);
+  EXPECT_THAT(ErrorOf([&] { ResolveCourses("static", output, 1); }), HasSubstr("static-3-of-300"));
+
+  base::WriteFileAtomically(scratch.path() / "hall.world", world);
+  EXPECT_THAT(ImportBarn(scratch.path(), std::nullopt).skipped,
+              ElementsAre(HasSubstr("hall.world")));
+  base::WriteFileAtomically(scratch.path() / "world_03.world", world);
+  EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path(), std::nullopt); }),
+              HasSubstr("world 3 a second time"));
+  std::filesystem::remove(scratch.path() / "world_03.world");
+
+  for (const auto& [number, expected] :
+       {std::pair{777, "the data set has worlds 0 to 499"}, {350, "dynamic-box"}}) {
+    const auto path = scratch.path() / fmt::format("world_{}.world", number);
+    base::WriteFileAtomically(path, world);
+    EXPECT_THAT(ErrorOf([&] { ImportBarn(scratch.path(), std::nullopt); }),
+                AllOf(HasSubstr(path.string()), HasSubstr(expected)));
+    std::filesystem::remove(path);
+  }
 }
 
 TEST(BarnImporter, WorldsMayLieInWorldFilesBesidePathFiles) {
