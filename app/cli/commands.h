@@ -14,6 +14,8 @@ void AddCompareCommand(CLI::App& app);
 void AddCoursesCommand(CLI::App& app);
 /// Adds `animate` to `slalom courses`: recorded drives as a moving picture.
 void AddAnimateCommand(CLI::App& courses);
+/// Adds `import` to `slalom courses`: courses of worlds and maps of others.
+void AddImportCommand(CLI::App& courses);
 /// `slalom act`: a policy that reads a robot's observations and writes its commands.
 void AddActCommand(CLI::App& app);
 void AddExportCommand(CLI::App& app);

@@ -4,9 +4,11 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
 
 #include "base/error.h"
 #include "base/suggestion.h"
+#include "sim/courses/course_check.h"
 #include "sim/courses/course_sets.h"
 
 namespace slalom::cli {
@@ -60,6 +62,22 @@ void RequireCollection(const std::string& directory) {
   throw base::Error(fmt::format(
       "--collection {}: is not a directory, expected one that `slalom courses import` wrote",
       directory));
+}
+
+void PrintCourseWarnings(const std::vector<std::shared_ptr<const sim::Course>>& courses) {
+  constexpr int kMaxShown = 5;
+  int num_shown = 0;
+  int num_hidden = 0;
+  for (const auto& course : courses) {
+    for (const std::string& warning : sim::CourseWarnings(*course)) {
+      if (num_shown++ < kMaxShown) {
+        fmt::print(stderr, "warning: {}: {}\n", course->name, warning);
+      } else {
+        ++num_hidden;
+      }
+    }
+  }
+  if (num_hidden > 0) fmt::print(stderr, "warning: and {} more of this kind\n", num_hidden);
 }
 
 }  // namespace slalom::cli

@@ -3,6 +3,7 @@
 #include <CLI/App.hpp>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,5 +39,8 @@ struct CourseSelection {
 /// Throws `base::Error` if `--collection` does not name a directory, even if no set from it is
 /// used. An empty name stands for the built-in courses and is accepted.
 void RequireCollection(const std::string& directory);
+
+/// Prints the `CourseWarnings` of each course to stderr; of more than five, the first five.
+void PrintCourseWarnings(const std::vector<std::shared_ptr<const sim::Course>>& courses);
 
 }  // namespace slalom::cli

@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -16,7 +15,6 @@
 #include "app/cli/output.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "sim/courses/barn_importer.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_sets.h"
@@ -53,23 +51,6 @@ std::string RemarkOn(const sim::CourseSet& set) {
   return count == 0 ? "" : fmt::format("  {} with a warning, see `slalom courses show`", count);
 }
 
-/// Prints the `CourseWarnings` of each course to stderr; of more than five, the first five.
-void PrintWarnings(const std::vector<std::shared_ptr<const sim::Course>>& courses) {
-  constexpr int kMaxShown = 5;
-  int num_shown = 0;
-  int num_hidden = 0;
-  for (const auto& course : courses) {
-    for (const std::string& warning : sim::CourseWarnings(*course)) {
-      if (num_shown++ < kMaxShown) {
-        fmt::print(stderr, "warning: {}: {}\n", course->name, warning);
-      } else {
-        ++num_hidden;
-      }
-    }
-  }
-  if (num_hidden > 0) fmt::print(stderr, "warning: and {} more of this kind\n", num_hidden);
-}
-
 void AddList(CLI::App& courses) {
   CLI::App* command = courses.add_subcommand("list", "List the course sets that have names");
   auto selection = std::make_shared<CourseSelection>();
@@ -96,7 +77,7 @@ void AddShow(CLI::App& courses) {
     const sim::CourseSet set = selection->Resolve();
     if (selection->names.empty() && set.courses.size() > 1) {
       PrintTable(set);
-      PrintWarnings(set.courses);
+      PrintCourseWarnings(set.courses);
       return;
     }
     for (const auto& course : set.courses) {
@@ -213,50 +194,6 @@ void AddGenerate(CLI::App& courses) {
   });
 }
 
-void AddImport(CLI::App& courses) {
-  CLI::App* command = courses.add_subcommand(
-      "import",
-      "Read the original BARN worlds (world_N.world, path_files/path_N.npy) and the motions of "
-      "their obstacles (dynamic_box.csv, dynamic_wall.csv)");
-  struct Options {
-    std::string directory;
-    std::optional<std::string> motions;
-    std::string output;
-    bool force = false;
-  };
-  auto options = std::make_shared<Options>();
-  command->add_option("DIR", options->directory, "Directory of the original worlds")
-      ->required()
-      ->check(CLI::ExistingDirectory);
-  command
-      ->add_option("--motions", options->motions,
-                   "Directory of dynamic_box.csv and dynamic_wall.csv [DIR, if they are there]")
-      ->check(CLI::ExistingDirectory);
-  command->add_option("--output", options->output, "Directory to write the collection to")
-      ->required();
-  command->add_flag("--force", options->force, kForceHelp);
-  command->callback([options] {
-    RequireOutputDirectory(options->output, options->force);
-    const sim::BarnImport import = sim::ImportBarn(options->directory, options->motions);
-    for (const std::string& warning : import.warnings) fmt::print(stderr, "warning: {}\n", warning);
-    for (const std::string& reason : import.skipped) fmt::print(stderr, "skipped: {}\n", reason);
-    std::vector<std::shared_ptr<const sim::Course>> imported;
-    for (const auto& [number, course] : import.courses) imported.push_back(course);
-    PrintWarnings(imported);
-    const sim::WrittenCollection written = sim::WriteCollection(import, options->output);
-    fmt::print("{}: {} courses; sets {}\n", options->output, import.courses.size(),
-               fmt::join(written.sets, ", "));
-    if (!written.incomplete.empty()) {
-      fmt::print(stderr, "sets not written, because some of their worlds are missing: {}\n",
-                 fmt::join(written.incomplete, ", "));
-    }
-    fmt::print(
-        "To use them: --set courses.collection={} with `slalom train`, --collection {} with other "
-        "commands\n",
-        options->output, options->output);
-  });
-}
-
 }  // namespace
 
 void AddCoursesCommand(CLI::App& app) {
@@ -268,7 +205,7 @@ void AddCoursesCommand(CLI::App& app) {
   AddRender(*courses);
   AddAnimateCommand(*courses);
   AddGenerate(*courses);
-  AddImport(*courses);
+  AddImportCommand(*courses);
   // Last, as the commands above would inherit it.
   courses->footer(
       "A course is data: obstacles, start, goal and, if there is one, a reference path "
@@ -277,7 +214,8 @@ void AddCoursesCommand(CLI::App& app) {
       "  slalom courses render --courses generated:7:20 --output courses.png\n"
       "  slalom courses animate --courses static-test --course static-1-250 --episodes "
       "out/evaluation-tracks.jsonl --output drive.svg\n"
-      "  slalom courses import DIR --motions DIR --output barn   the paper's own courses");
+      "  slalom courses import DIR --motions DIR --output barn   the paper's own courses\n"
+      "  slalom courses import map.yaml --start 0 0 0 --goal 5 2 --output office.course");
 }
 
 }  // namespace slalom::cli

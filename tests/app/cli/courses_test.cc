@@ -39,26 +39,33 @@ class CoursesTest : public ::testing::Test {
 };
 
 TEST_F(CoursesTest, MovingObstaclesAreImportedListedShownAndDrawn) {
-  const ProgramResult import = Courses({"import", ".", "--output", "coll"});
+  const ProgramResult refused = Courses({"import", ".", "--output", "coll"});
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err,
+              AllOf(HasSubstr("99 of the 100 worlds of dynamic-box are missing: 300 to "
+                              "306, 308 to 399; 99 of"),
+                    HasSubstr("--incomplete")));
+  const ProgramResult import = Courses({"import", ".", "--output", "coll", "--incomplete"});
   EXPECT_EQ(import.exit_code, 0) << import.err;
-  EXPECT_THAT(import.out, HasSubstr("coll: 2 courses; sets dynamic-box, dynamic-wall\n"));
+  EXPECT_THAT(import.out, HasSubstr("coll: 2 courses; sets dynamic-box-1-of-100, "
+                                    "dynamic-wall-1-of-100\n"));
   EXPECT_THAT(import.err, AllOf(HasSubstr("warning: barn-box-307: 1 of 1 moving obstacles"),
                                 HasSubstr("not written"), HasSubstr("dynamic-wall-test")));
 
   const ProgramResult list = Courses({"list", "--collection", "coll"});
-  EXPECT_THAT(list.out, AllOf(HasSubstr("dynamic-box                 1  1 with a warning"),
-                              HasSubstr("dynamic-wall                1\n"),
+  EXPECT_THAT(list.out, AllOf(HasSubstr("dynamic-box-1-of-100        1  1 with a warning"),
+                              HasSubstr("dynamic-wall-1-of-100        1\n"),
                               HasSubstr("real-world-3                1\n")));
 
-  const ProgramResult show = Courses({"show", "coll/dynamic-box.courses"});
+  const ProgramResult show = Courses({"show", "coll/dynamic-box-1-of-100.courses"});
   EXPECT_THAT(
       show.out,
       AllOf(HasSubstr("name:            barn-box-307\n"), HasSubstr(":"),
             HasSubstr("1 moving: rounds of 12.0 to 12.0 s, 1.12 m/s in the mean, at most 1.41 m/s"),
             HasSubstr("warning:         1 of 1 moving obstacles drive over")));
 
-  const ProgramResult render = Courses(
-      {"render", "--collection", "coll", "--courses", "dynamic-wall", "--output", "wall.svg"});
+  const ProgramResult render = Courses({"render", "--collection", "coll", "--courses",
+                                        "dynamic-wall-1-of-100", "--output", "wall.svg"});
   EXPECT_EQ(render.exit_code, 0) << render.err;
   EXPECT_THAT(base::ReadFile(scratch_.path() / "wall.svg"), HasSubstr("</svg>"));
 }
@@ -72,6 +79,49 @@ TEST_F(CoursesTest, JoinedSetsAreWrittenToOneFileThatCanBeRead) {
   const ProgramResult show = Courses({"show", "j.courses"});
   EXPECT_EQ(show.exit_code, 0) << show.err;
   EXPECT_THAT(show.out, AllOf(HasSubstr("fresh-crowds-3-001"), HasSubstr("fresh-rooms-3-000")));
+}
+
+TEST_F(CoursesTest, AMapAndAWorldBecomeCourses) {
+  Write("map.pgm", "P2 4 2 255\n254 254 254 254\n254 254 254 254\n");
+  Write("map.yaml",
+        "image: map.pgm\nresolution: 1\norigin: [-2, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\n");
+  Write("hall.world", "<sdf version='1.6'><world name='w'/></sdf>");
+  const std::vector<std::string> ends = {"--start", "-1", "1", "0.5", "--goal", "1.5", "1"};
+  const auto import = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "import");
+    arguments.insert(arguments.end(), ends.begin(), ends.end());
+    return Courses(arguments);
+  };
+  const ProgramResult map = import({"map.yaml", "--output", "office.course"});
+  EXPECT_EQ(map.exit_code, 0) << map.err;
+  EXPECT_THAT(map.out, HasSubstr("office.course: course office, 0 cylinders and 4 boxes on 6.0 x"));
+  EXPECT_THAT(map.err, HasSubstr("0 of 8 cells are unknown"));
+  const std::string course = base::ReadFile(scratch_.path() / "office.course");
+  EXPECT_THAT(course, AllOf(HasSubstr("\nstart -1 1 0.5\n"), HasSubstr("\ngoal 1.5 1\n")));
+  EXPECT_EQ(Courses({"show", "office.course"}).exit_code, 0);
+  const ProgramResult world = import({"hall.world", "--output", "hall.course"});
+  EXPECT_EQ(world.exit_code, 0) << world.err;
+  EXPECT_THAT(world.err, HasSubstr("the world has no obstacle"));
+
+  const auto refusal = [&](const std::vector<std::string>& arguments) {
+    const ProgramResult result = import(arguments);
+    EXPECT_EQ(result.exit_code, 1);
+    return result.err;
+  };
+  EXPECT_THAT(refusal({"map.yaml", "--output", "office.course"}), HasSubstr("office.course"));
+  EXPECT_EQ(base::ReadFile(scratch_.path() / "office.course"), course);
+  EXPECT_THAT(refusal({"map.pgm", "--output", "a.course"}), HasSubstr("description of a map"));
+  EXPECT_THAT(refusal({".", "--output", "a"}), HasSubstr("--start is for a world or map"));
+  EXPECT_THAT(refusal({"map.yaml", "--output", "a.course", "--incomplete"}),
+              HasSubstr("--incomplete is for the original data set"));
+  EXPECT_THAT(refusal({"hall.world", "--output", "a.course", "--unknown", "free"}),
+              HasSubstr("--unknown is for a map"));
+  EXPECT_THAT(refusal({"hall.world", "--output", "a b.course"}), HasSubstr("\"a b\""));
+  const ProgramResult endless = Courses({"import", "map.yaml", "--output", "a.course"});
+  EXPECT_EQ(endless.exit_code, 1);
+  EXPECT_THAT(endless.err, HasSubstr("--start is missing"));
+  EXPECT_FALSE(std::filesystem::exists(scratch_.path() / "a.course"));
 }
 
 TEST_F(CoursesTest, WhatCannotBeImportedOrFoundIsNamed) {
