@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <thread>
 #include <utility>
@@ -22,10 +23,11 @@ const std::vector<double> kSuccess{0.1, 0.5, 0.9};
 
 /// An actor with all that it stands on.
 struct Fixture {
-  explicit Fixture(const ActorConfig& config, std::uint64_t seed = 5, int batch_size = kBatch)
+  explicit Fixture(const ActorConfig& config, std::uint64_t seed = 5, int batch_size = kBatch,
+                   const SamplingConfig& sampling = {})
       : environments(batch_size, kSuccess),
         agent(batch_size),
-        actor(config, environments, agent, seed) {}
+        actor(config, environments, agent, seed, sampling) {}
 
   FakeEnvironment environments;
   SummingAgent agent;
@@ -92,45 +94,88 @@ TEST(Actor, WritesTheEpisodesThatAPlainLoopSees) {
   EXPECT_EQ(chunk.num_rows(), 200 * kBatch + stats.num_episodes);
 }
 
-TEST(Actor, AveragesTheLastEpisodes) {
-  ActorConfig config;
-  config.stats_episodes = 25;
-  Fixture fixture(config);
-  replay::Chunk chunk(8);
-  for (int step = 0; step < 300; ++step) fixture.actor.Step(&chunk);
+/// The draws of an actor of this seed, made again from the episodes that end.
+class DrawsAgain {
+ public:
+  DrawsAgain(const SamplingConfig& sampling, std::uint64_t seed)
+      : seed_(seed), sampler_(sampling, static_cast<int>(kSuccess.size()), false, 0) {
+    for (int i = 0; i < kBatch; ++i) Begin(i);
+  }
 
-  std::vector<EpisodeSummary> episodes;
-  std::vector<EpisodeSummary> running(kBatch);
-  for (int r = 0; r < chunk.num_rows(); ++r) {
-    const replay::RowView row = chunk.row(r);
-    EpisodeSummary& episode = running[row.stream];
-    if (row.flags & replay::kRowFinal) {
-      episodes.push_back(std::exchange(episode, {}));
-      continue;
+  /// Ends the episode of environment i. Returns whether its course was drawn as a learnable one.
+  bool End(int i, bool is_success) {
+    const CourseSampler::Draw draw = draws_[i];
+    sampler_.Report(draw, is_success);
+    Begin(i);
+    return draw.is_learnable;
+  }
+
+ private:
+  void Begin(int i) {
+    base::Random random(base::DeriveSeed(seed_, "training episode",
+                                         {static_cast<std::uint64_t>(i), num_episodes_[i]++}));
+    draws_[i] = sampler_.Next(random);
+  }
+
+  const std::uint64_t seed_;
+  CourseSampler sampler_;
+  std::array<std::uint64_t, kBatch> num_episodes_{};
+  std::array<CourseSampler::Draw, kBatch> draws_{};
+};
+
+TEST(Actor, AveragesTheLastEpisodes) {
+  for (const Sampling kind : {Sampling::kUniform, Sampling::kLearnable}) {
+    ActorConfig config;
+    config.stats_episodes = 25;
+    const SamplingConfig sampling{.sampling = kind};
+    Fixture fixture(config, 5, kBatch, sampling);
+    replay::Chunk chunk(8);
+    for (int step = 0; step < 300; ++step) fixture.actor.Step(&chunk);
+
+    // Those on courses that were drawn because they are hard do not count.
+    DrawsAgain draws(sampling, 5);
+    std::vector<EpisodeSummary> episodes;
+    std::vector<EpisodeSummary> running(kBatch);
+    std::int64_t num_learnable = 0;
+    for (int r = 0; r < chunk.num_rows(); ++r) {
+      const replay::RowView row = chunk.row(r);
+      EpisodeSummary& episode = running[row.stream];
+      if (row.flags & replay::kRowFinal) {
+        const EpisodeSummary ended = std::exchange(episode, {});
+        if (draws.End(row.stream, ended.outcome == env::Outcome::kSuccess)) {
+          ++num_learnable;
+        } else {
+          episodes.push_back(ended);
+        }
+        continue;
+      }
+      ++episode.num_steps;
+      episode.episode_return += row.reward;
+      episode.outcome = row.cost > 0.0f                        ? env::Outcome::kCollision
+                        : (row.flags & replay::kRowTerminated) ? env::Outcome::kSuccess
+                                                               : env::Outcome::kTimeout;
     }
-    ++episode.num_steps;
-    episode.episode_return += row.reward;
-    episode.outcome = row.cost > 0.0f                        ? env::Outcome::kCollision
-                      : (row.flags & replay::kRowTerminated) ? env::Outcome::kSuccess
-                                                             : env::Outcome::kTimeout;
+    ASSERT_GT(episodes.size(), 35u);
+    if (kind == Sampling::kLearnable) {
+      ASSERT_GT(num_learnable, 20);
+    }
+    const ActorStats stats = fixture.actor.stats();
+    EXPECT_EQ(stats.num_episodes, static_cast<std::int64_t>(episodes.size()) + num_learnable);
+    EXPECT_EQ(stats.num_recent, 25);
+    ActorStats expected;
+    for (auto it = episodes.end() - 25; it != episodes.end(); ++it) {
+      expected.success_rate += it->outcome == env::Outcome::kSuccess ? 0.04 : 0.0;
+      expected.collision_rate += it->outcome == env::Outcome::kCollision ? 0.04 : 0.0;
+      expected.timeout_rate += it->outcome == env::Outcome::kTimeout ? 0.04 : 0.0;
+      expected.mean_return += 0.04 * static_cast<double>(it->episode_return);
+      expected.mean_length += 0.04 * it->num_steps;
+    }
+    EXPECT_NEAR(stats.success_rate, expected.success_rate, 1e-12);
+    EXPECT_NEAR(stats.collision_rate, expected.collision_rate, 1e-12);
+    EXPECT_NEAR(stats.timeout_rate, expected.timeout_rate, 1e-12);
+    EXPECT_NEAR(stats.mean_return, expected.mean_return, 1e-12);
+    EXPECT_NEAR(stats.mean_length, expected.mean_length, 1e-12);
   }
-  ASSERT_GT(episodes.size(), 50u);
-  const ActorStats stats = fixture.actor.stats();
-  EXPECT_EQ(stats.num_episodes, static_cast<std::int64_t>(episodes.size()));
-  EXPECT_EQ(stats.num_recent, 25);
-  ActorStats expected;
-  for (auto it = episodes.end() - 25; it != episodes.end(); ++it) {
-    expected.success_rate += it->outcome == env::Outcome::kSuccess ? 0.04 : 0.0;
-    expected.collision_rate += it->outcome == env::Outcome::kCollision ? 0.04 : 0.0;
-    expected.timeout_rate += it->outcome == env::Outcome::kTimeout ? 0.04 : 0.0;
-    expected.mean_return += 0.04 * static_cast<double>(it->episode_return);
-    expected.mean_length += 0.04 * it->num_steps;
-  }
-  EXPECT_NEAR(stats.success_rate, expected.success_rate, 1e-12);
-  EXPECT_NEAR(stats.collision_rate, expected.collision_rate, 1e-12);
-  EXPECT_NEAR(stats.timeout_rate, expected.timeout_rate, 1e-12);
-  EXPECT_NEAR(stats.mean_return, expected.mean_return, 1e-12);
-  EXPECT_NEAR(stats.mean_length, expected.mean_length, 1e-12);
 }
 
 TEST(Actor, RestoredGoesOnBitForBit) {

@@ -105,6 +105,18 @@ TEST(CourseSampler, KeepsTheMostLearnableFreshCourses) {
   EXPECT_NEAR(sampler.stats().learnable_share, 4.0 / 6.0, 1e-12);
 }
 
+TEST(CourseSampler, StatsAreThoseOfTheLastThousandFreshCourses) {
+  // The first hundred are mastered or a matter of luck; no later one is either.
+  CourseSampler sampler({}, 0, true, kFirst);
+  base::Random random(3);
+  for (int i = 0; i < 1100; ++i) {
+    const bool is_early = i < 100;
+    Measure(sampler, random, {is_early, is_early, is_early, is_early && i % 2 == 0});
+  }
+  EXPECT_EQ(sampler.stats().mean_success, 0.0);
+  EXPECT_EQ(sampler.stats().learnable_share, 0.0);
+}
+
 TEST(CourseSampler, DrawsInProportionToLearnability) {
   // Of two kept courses with p = 1/4 and 1/2, p (1 - p) is 3/16 and 4/16.
   CourseSampler sampler({.sampling = Sampling::kLearnable}, 0, true, kFirst);
@@ -138,6 +150,14 @@ TEST(CourseSampler, ForgetsWhatThePolicyWas) {
     before = now;
   }
   EXPECT_LT(before, 0.01);
+}
+
+TEST(CourseSampler, ForgetsWhatThePolicyWasOnKeptCoursesToo) {
+  CourseSampler sampler({.sampling = Sampling::kLearnable}, 0, true, kFirst);
+  base::Random random(4);
+  const int kept = Measure(sampler, random, {true, false, false, true});
+  for (int i = 0; i < 40; ++i) sampler.Report({kept, true}, true);
+  EXPECT_LT(sampler.Save().learnable.front().learnability(), 0.01);
 }
 
 TEST(CourseSampler, ARestoredOneGoesOnAsTheSaved) {
