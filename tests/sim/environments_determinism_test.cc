@@ -1,11 +1,17 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <numeric>
+#include <string>
+#include <variant>
 #include <vector>
 
+#include "base/error.h"
 #include "base/file.h"
 #include "sim/environments.h"
+#include "sim/randomized_config.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/moving_courses.h"
 #include "tests/support/random_courses.h"
@@ -243,6 +249,81 @@ TEST(EnvironmentsDeterminismTest, ARandomisedEpisodeIsThatOfAConfigWithTheDrawnV
       }
       ASSERT_EQ(plain, records[episode]) << episode;
     }
+  }
+}
+
+/// An entry of [environment.randomize] for each field that may be drawn, by the code's own list:
+/// any name or boolean, or a number near the field's own.
+base::TomlAssignments DrawableEntries(EnvironmentConfig config) {
+  base::TomlAssignments entries;
+  for (const config::Field& field : config::ListFields(config).fields) {
+    std::string values;
+    if (const double* const* number = std::get_if<double*>(&field.value)) {
+      const auto within = [&](double value) {
+        return std::clamp(value, field.range->min, field.range->max);
+      };
+      values =
+          fmt::format("[{}, {}]", within(0.8 * **number - 0.02), within(1.2 * **number + 0.02));
+    } else if (std::holds_alternative<bool*>(field.value)) {
+      values = "[false, true]";
+    } else if (!field.choices.empty()) {
+      values = fmt::format("['{}']", fmt::join(field.choices, "', '"));
+    } else {
+      continue;
+    }
+    config.randomize = {{field.key, {values, ""}}};
+    try {
+      const RandomizedConfig task(config);
+      entries.push_back(config.randomize.front());
+    } catch (const base::Error&) {  // All episodes share this field.
+    }
+  }
+  return entries;
+}
+
+TEST(EnvironmentsDeterminismTest, EachFieldThatMayBeDrawnIsTheDrawnOneInItsEpisode) {
+  const auto play = [](CourseEnvironments& environments, int episode) {
+    Record record;
+    environments.Reset(0, SpecOf(episode));
+    record.Add(environments, 0, {});
+    std::vector<env::StepResult> results(1);
+    for (int step = 0; step < 5 && !results[0].ended(); ++step) {
+      environments.Step(env::NumbersOf(std::vector{env::Action{0.9f, 0.5f}}), results);
+      record.Add(environments, 0, results[0]);
+    }
+    return record;
+  };
+  const auto scenes = Scenes();
+  // Friction by the law that knows all fields, and a LiDAR that meets its ranges.
+  EnvironmentConfig config = GazeboConfig();
+  config.observation.speeds = true;
+  config.lidar.max_range = 2.0;
+  config.lidar.min_range = 0.8;
+  config.lidar.resolution = 0.05;
+  config.robot.angular_speed_limit = 0.5;
+  config.robot.linear_speed_limit = 1.0;
+  config.localisation.speed_noise = 0.1;
+  config.localisation.turn_rate_noise = 0.1;
+  config.localisation.speed_delay = 0.2;
+  const base::TomlAssignments entries = DrawableEntries(config);
+  EXPECT_GT(entries.size(), 40u);
+  CourseEnvironments own(config, scenes, 1, nullptr);
+  std::vector<Record> undrawn;
+  for (int episode = 0; episode < 4; ++episode) undrawn.push_back(play(own, episode));
+  for (const base::TomlAssignment& entry : entries) {
+    EnvironmentConfig random = config;
+    random.randomize = {entry};
+    CourseEnvironments drawn(random, scenes, 1, nullptr);
+    RandomizedConfig task(random);
+    bool has_effect = false;
+    for (int episode = 0; episode < 4; ++episode) {
+      task.Draw(SpecOf(episode).seed);
+      CourseEnvironments plain(task.config(), scenes, 1, nullptr);
+      const Record expected = play(plain, episode);
+      EXPECT_EQ(play(drawn, episode), expected) << entry.key << ", episode " << episode;
+      has_effect = has_effect || expected != undrawn[static_cast<std::size_t>(episode)];
+    }
+    EXPECT_TRUE(has_effect) << entry.key << ": the test does not see this field";
   }
 }
 
