@@ -4,6 +4,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/mutex.h"
 #include "metrics/http_server.h"
 
 namespace slalom::metrics {
@@ -27,15 +28,31 @@ HttpAnswer Answer(std::string_view path, const Registry& registry) {
 }  // namespace
 
 struct Exposer::Impl {
-  int port;
-  HttpServer server;
+  Impl(const Listener& listener, std::shared_ptr<const Registry> shown_first)
+      : port(listener.port),
+        shown(std::move(shown_first)),
+        server(listener.socket, [this](std::string_view path) { return Answer(path, *Shown()); }) {}
+
+  std::shared_ptr<const Registry> Shown() const {
+    const base::MutexLock lock(mutex);
+    return shown;
+  }
+
+  const int port;
+  mutable base::Mutex mutex;
+  std::shared_ptr<const Registry> shown GUARDED_BY(mutex);
+  HttpServer server;  // The last member, since its thread uses the others.
 };
 
-Exposer::Exposer(const std::string& address, const Registry& registry) {
-  const Listener listener = Listen(address, "show metrics");
-  impl_.reset(new Impl{listener.port, {listener.socket, [&registry](std::string_view path) {
-                                         return Answer(path, registry);
-                                       }}});
+Exposer::Exposer(const std::string& address, const Registry& registry)
+    : impl_(std::make_unique<Impl>(
+          Listen(address, "show metrics"),
+          // Its owner keeps it.
+          std::shared_ptr<const Registry>(std::shared_ptr<void>(), &registry))) {}
+
+void Exposer::Show(std::shared_ptr<const Registry> registry) {
+  const base::MutexLock lock(impl_->mutex);
+  impl_->shown = std::move(registry);
 }
 
 Exposer::~Exposer() = default;

@@ -27,6 +27,9 @@ class Exposer {
   /// Waits until answers under way are sent.
   ~Exposer();
 
+  /// Shows `registry` in the place of the one before, which may end once this returns. Thread-safe.
+  void Show(std::shared_ptr<const Registry> registry);
+
   int port() const;
 
  private:

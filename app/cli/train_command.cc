@@ -275,14 +275,10 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
 }
 
 /// Begins the run's directory, or checks the one to resume, before its stages are trained in it.
-void BeginStages(const TrainOptions& options, const train::RunConfig& config,
-                 const run::RunDirectory& directory) {
+run::RunLock BeginStages(const TrainOptions& options, const train::RunConfig& config,
+                         const run::RunDirectory& directory) {
   train::RequireTrainable(config, options.resume);
-  if (options.resume) {
-    train::ResumeRun(directory, config);
-  } else {
-    train::BeginRun(directory, config);
-  }
+  return options.resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
 }
 
 int Train(const TrainOptions& options) {
@@ -304,11 +300,15 @@ int Train(const TrainOptions& options) {
                directory.root.string(), config.courses.DescribeTrain(),
                config.courses.test.empty() ? "nothing" : config.courses.test);
   const std::string commit(base::Commit());
+  const auto registry = std::make_shared<metrics::Registry>(
+      train::MakeIdentity("train", config.run.name, config.run.name));
+  const auto exposer = options.metrics ? train::ShowMetrics(*options.metrics, *registry) : nullptr;
   bool has_begun = options.resume;
+  std::optional<run::RunLock> lock;
   if (!config.distillation.stages.empty()) {
-    BeginStages(options, config, directory);
+    lock.emplace(BeginStages(options, config, directory));
     has_begun = true;
-    switch (train::TrainStages(config, directory, commit, signals.token())) {
+    switch (train::TrainStages(config, directory, commit, exposer.get(), signals.token())) {
       case train::TrainingEnd::kStopped:
         Say("stopped and saved; to go on: " + ResumeCommand(options, directory));
         return base::kExitSignalBase + signals.received();
@@ -318,9 +318,9 @@ int Train(const TrainOptions& options) {
         break;
     }
   }
-  metrics::Registry registry(train::MakeIdentity("train", config.run.name, config.run.name));
-  const auto exposer = options.metrics ? train::ShowMetrics(*options.metrics, registry) : nullptr;
-  train::Trainer trainer(config, directory, commit, has_begun, registry);
+  if (exposer) exposer->Show(registry);
+  train::Trainer trainer(config, directory, commit, has_begun, *registry, run::TrainingClock(),
+                         std::move(lock));
   const train::TrainingEnd end = trainer.Run(signals.token());
   if (end == train::TrainingEnd::kDiverged) return base::kExitDiverged;
   spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "app/sweep/cell_command.h"
-#include "app/sweep/trained_policy.h"
 #include "app/train/run_identity.h"
+#include "app/train/trained_policy.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -138,12 +138,9 @@ void CellService::Signal(int signal) {
 }
 
 bool CellService::IsTrained() const {
-  constexpr double kRounding = 0.01;  // Of the policy's figure, [s].
-  const run::RunSettings& limits = options_.config.run;
   try {
-    const PolicyFigures figures = ReadPolicyFigures(run::RunDirectory{options_.run}.policy());
-    return figures.steps >= limits.max_steps ||
-           (limits.max_seconds > 0.0 && figures.training_s >= limits.max_seconds - kRounding);
+    return train::IsAtLimit(train::ReadPolicyFigures(run::RunDirectory{options_.run}.policy()),
+                            options_.config.run);
   } catch (const base::Error& error) {
     spdlog::warn("{}", error.what());
     return false;

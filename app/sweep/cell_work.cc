@@ -15,8 +15,8 @@
 #include "app/sweep/cell_command.h"
 #include "app/sweep/cell_service.h"
 #include "app/sweep/store.h"
-#include "app/sweep/trained_policy.h"
 #include "app/train/stages.h"
+#include "app/train/trained_policy.h"
 #include "base/child_process.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -197,10 +197,10 @@ class Work {
       return WorkEnd::kFailed;
     }
     if (ended.exit_code != 0) return WorkEnd::kFailed;
-    const PolicyFigures trained = ReadPolicyFigures(run.policy());
-    PolicyFigures stages;
+    const train::PolicyFigures trained = train::ReadPolicyFigures(run.policy());
+    train::PolicyFigures stages;
     for (const fs::path& stage : train::RunsOf(*cell_.config, run.root)) {
-      if (stage != run.root) stages += ReadPolicyFigures(run::RunDirectory{stage}.policy());
+      if (stage != run.root) stages += train::ReadPolicyFigures(run::RunDirectory{stage}.policy());
     }
     const double imagined = run::ReadLastMetrics(run.metrics()).Last("imagined_transitions");
     WriteTrained(directory_,

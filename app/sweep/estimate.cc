@@ -31,7 +31,7 @@ constexpr std::int64_t kBytesPerRun = 3'000'000;
 
 void Rates::Observe(const Cell& cell, const CellStatus& status) {
   if (cell.config && status.trained && status.trained->steps > 0) {
-    const PolicyFigures trained = status.trained->total();
+    const train::PolicyFigures trained = status.trained->total();
     for (Mean* mean : {&training_[cell.group], &all_training_}) {
       mean->seconds += trained.training_s;
       mean->count += static_cast<double>(trained.steps);
@@ -51,8 +51,8 @@ std::optional<double> Rates::SecondsLeft(const Cell& cell, std::int64_t steps, i
   double seconds = 0.0;
   const std::int64_t max_steps = cell.config ? train::MaxStepsOf(*cell.config) : 0;
   if (steps < max_steps) {
-    if (cell.config->run.max_seconds > 0.0) {
-      seconds += cell.config->run.max_seconds;
+    if (const double limit = train::MaxSecondsOf(*cell.config); limit > 0.0) {
+      seconds += limit;
     } else {
       const auto group = training_.find(cell.group);
       const Mean& mean = group == training_.end() ? all_training_ : group->second;

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "app/sweep/cell.h"
-#include "app/sweep/trained_policy.h"
 #include "app/train/sweep_files.h"
+#include "app/train/trained_policy.h"
 
 /// The files of sweeps. Every cell has a directory named by its id, whichever plan asked for it
 /// first, so that plans share cells:
@@ -62,17 +62,17 @@ struct TrainedCell {
   std::int64_t updates = 0;
   /// Transitions that a model imagined to learn from. Empty if nothing was imagined.
   std::optional<std::int64_t> imagined{};
-  double training_s = 0.0;  ///< Time spent training, over all sessions, [s].
-  double wall_s = 0.0;      ///< The last session as a whole, loading included, [s].
-  std::string host{};       ///< Machine of the last session.
-  std::string platform{};   ///< Platform of that machine, by `train::Describe`.
-  std::string commit{};     ///< Commit of the program.
-  PolicyFigures stages{};   ///< The stages before it together; 0 if it had none.
-  int at_once = 1;          ///< Cells that the last session's worker ran at the same time.
+  double training_s = 0.0;        ///< Time spent training, over all sessions, [s].
+  double wall_s = 0.0;            ///< The last session as a whole, loading included, [s].
+  std::string host{};             ///< Machine of the last session.
+  std::string platform{};         ///< Platform of that machine, by `train::Describe`.
+  std::string commit{};           ///< Commit of the program.
+  train::PolicyFigures stages{};  ///< The stages before it together; 0 if it had none.
+  int at_once = 1;                ///< Cells that the last session's worker ran at the same time.
 
   /// The training and its stages.
-  PolicyFigures total() const {
-    PolicyFigures total{.steps = steps, .updates = updates, .training_s = training_s};
+  train::PolicyFigures total() const {
+    train::PolicyFigures total{.steps = steps, .updates = updates, .training_s = training_s};
     return total += stages;
   }
 };

@@ -7,6 +7,7 @@
 #include <system_error>
 #include <utility>
 
+#include "app/train/stages.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "eval/report/result.h"
@@ -115,12 +116,20 @@ void SweepMetrics::AddCell(const Cell& cell, const CellStatus& status,
   show(metrics::kSweepCellState, With(labels, std::string(ToString(status.state))), 1.0);
   show(metrics::kSweepFailed, labels, status.failure ? 1.0 : 0.0);
   if (cell.config) {
-    const run::MetricsTable rows =
-        run::ReadLastMetrics(run::RunDirectory{directory.run()}.metrics());
+    double updates = 0.0, training_s = 0.0, success_rate = std::nan("");
+    bool has_rows = false;
+    for (const fs::path& run : train::RunsOf(*cell.config, directory.run())) {
+      const run::MetricsTable rows = run::ReadLastMetrics(run::RunDirectory{run}.metrics());
+      if (rows.num_rows() == 0) continue;
+      has_rows = true;
+      updates += rows.Last("updates");
+      training_s += rows.Last("training_s");
+      success_rate = rows.Last("success_rate");
+    }
     show(metrics::kSweepSteps, labels, static_cast<double>(status.steps));
-    show(metrics::kSweepUpdates, labels, rows.Last("updates"));
-    show(metrics::kSweepTrainingSeconds, labels, rows.Last("training_s"));
-    show(metrics::kSweepTrainingSuccessRate, labels, rows.Last("success_rate"));
+    show(metrics::kSweepUpdates, labels, has_rows ? updates : std::nan(""));
+    show(metrics::kSweepTrainingSeconds, labels, has_rows ? training_s : std::nan(""));
+    show(metrics::kSweepTrainingSuccessRate, labels, success_rate);
     show(metrics::kSweepTrainingCourses, labels, static_cast<double>(cell.num_training_courses));
   }
   for (const ScoreTask& task : cell.scores) {

@@ -100,6 +100,12 @@ std::int64_t MaxStepsOf(const RunConfig& config) {
   return steps;
 }
 
+double MaxSecondsOf(const RunConfig& config) {
+  double seconds = config.run.max_seconds;
+  for (const Stage& stage : StagesOf(config)) seconds += stage.config.run.max_seconds;
+  return seconds;
+}
+
 std::map<sim::FreshKind, fs::path> TeacherFiles(const RunConfig& config,
                                                 const fs::path& directory) {
   const sim::FreshMix mix = config.courses.Mix();

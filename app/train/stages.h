@@ -34,6 +34,10 @@ std::vector<std::filesystem::path> RunsOf(const RunConfig& config,
 /// The most environment steps of a run and its stages together. Throws as `StagesOf`.
 std::int64_t MaxStepsOf(const RunConfig& config);
 
+/// The most training time of a run and its stages together, [s]. 0 if the run has no limit. Throws
+/// as `StagesOf`.
+double MaxSecondsOf(const RunConfig& config);
+
 /// The policy file that teaches each kind of `courses.fresh` of the run in `directory`. Throws
 /// `base::Error` that names the key as `StagesOf`, and if a kind has no teacher or two, or a
 /// teacher has no kind.

@@ -29,8 +29,9 @@ std::int64_t StateBytes(const learner::Learner& learner) {
 }
 
 run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config,
-                   const learner::Learner& learner, bool resume) {
+                   const learner::Learner& learner, bool resume, std::optional<run::RunLock> held) {
   RequireRoom(config, directory, StateBytes(learner));
+  if (held) return *std::move(held);
   return resume ? ResumeRun(directory, config) : BeginRun(directory, config);
 }
 
@@ -60,7 +61,8 @@ void RequireTrainable(const RunConfig& config, bool resume) {
 }
 
 Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
-                 bool resume, metrics::Registry& registry, run::TrainingClock clock)
+                 bool resume, metrics::Registry& registry, run::TrainingClock clock,
+                 std::optional<run::RunLock> held)
     : config_(Checked(config, resume)),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
       environments_(MakeTrainingEnvironments(config, parallel_)),
@@ -70,7 +72,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       actor_(config.actor, environments_, *agent_, SeedOf(config, "actor"), config.courses.sampling,
              teachers_.get()),
       table_(config.replay, StepShapeOf(config)),
-      lock_(Begin(directory, config, learner_, resume)),
+      lock_(Begin(directory, config, learner_, resume, std::move(held))),
       source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),
               registry),
       loop_({.run = {directory, config.run, config::ToToml(config), std::move(commit),

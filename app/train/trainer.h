@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 
@@ -37,12 +38,13 @@ class Trainer {
   /// directory instead (`ResumeRun`) and continues from the newest intact checkpoint. `commit`: the
   /// program's commit, for provenance. `registry`, which must outlive the trainer, shows the
   /// metrics of a learner. `clock` measures training time, which counts from `Run` on; tests give
-  /// their own. Throws `base::Error` if courses, config or checkpoint are unusable, if a new run
+  /// their own. `held`: the run's lock, if the caller has begun or checked the directory already.
+  /// Throws `base::Error` if courses, config or checkpoint are unusable, if a new run
   /// could not learn anything (`RequireLearnable`), if the disk has no room (`RequireRoom`), or if
   /// another process trains there.
   Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
-          bool resume, metrics::Registry& registry,
-          run::TrainingClock clock = run::TrainingClock());
+          bool resume, metrics::Registry& registry, run::TrainingClock clock = run::TrainingClock(),
+          std::optional<run::RunLock> held = std::nullopt);
   ~Trainer();
 
   /// Trains to the end of the run, or until `stop` (`learner::LearnerLoop::Run`). Keeps the

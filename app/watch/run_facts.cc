@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "app/train/run_config.h"
+#include "app/train/stages.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "learner/run/run_directory.h"
@@ -34,13 +35,16 @@ std::vector<std::pair<std::string, std::string>> ChangesOf(const train::RunConfi
 }  // namespace
 
 RunFacts FactsOf(const std::filesystem::path& directory) {
+  RunFacts facts;
   train::RunConfig config;
   try {
     config::ReadTomlFile(run::RunDirectory{directory}.config(), config::ListFields(config));
+    for (const train::Stage& stage : train::StagesOf(config)) {
+      facts.stages.push_back({stage.name, train::StageDirectory(directory, stage.name)});
+    }
   } catch (const base::Error& error) {
     return {.lines = {{"config.toml", error.what()}}};
   }
-  RunFacts facts;
   facts.max_steps = config.run.max_steps;
   facts.max_seconds = config.run.max_seconds;
   facts.changes = ChangesOf(config);

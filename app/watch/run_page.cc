@@ -40,6 +40,7 @@ Json ColumnsJson(const run::MetricsTable& table) {
 Json SummaryJson(const RunProgress& run) {
   return {{"name", run.name},
           {"state", std::string(ToString(run.state))},
+          {"stage", run.stage},
           {"age_s", run.age_s},
           {"left_s", run.left_s ? Number(*run.left_s) : Json(nullptr)},
           {"training_s", Number(run.metrics.Last("training_s"))},

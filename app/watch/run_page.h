@@ -10,7 +10,7 @@
 
 namespace slalom::watch {
 
-/// Returns name, state, steps, success rate and age of a run.
+/// Returns name, state, stage, steps, success rate and age of a run.
 nlohmann::json SummaryJson(const RunProgress& run);
 
 /// Returns `SummaryJson` with the run's curves (metrics.csv), its scores (curve.csv) and facts.

@@ -81,10 +81,17 @@ bool IsRun(const fs::path& directory) {
 std::optional<RunProgress> ReadRun(const fs::path& directory, const RunFacts& facts,
                                    std::size_t max_rows) {
   if (!IsRun(directory)) return std::nullopt;
-  const fs::path file = run::RunDirectory{directory}.metrics();
   RunProgress progress;
   progress.name = NameOf(directory);
+  fs::path file = run::RunDirectory{directory}.metrics();
   std::error_code missing;
+  for (std::size_t i = facts.stages.size(); i > 0 && !fs::exists(file, missing); --i) {
+    const StageFacts& stage = facts.stages[i - 1];
+    if (!IsRun(stage.directory)) continue;
+    progress.stage = fmt::format("{} ({} of {})", stage.name, i, facts.stages.size());
+    file = run::RunDirectory{stage.directory}.metrics();
+    break;
+  }
   const auto written = fs::last_write_time(file, missing);
   if (!missing) {
     const auto age = fs::file_time_type::clock::now() - written;
@@ -97,7 +104,8 @@ std::optional<RunProgress> ReadRun(const fs::path& directory, const RunFacts& fa
     if (base::Exists(scores)) progress.scores = run::ParseMetrics(base::ReadFile(scores), max_rows);
   } catch (const base::Error&) {  // Replaced or deleted at this moment.
   }
-  const double fraction = FractionOf(progress.metrics, facts);
+  // The time that the later stages take is not known.
+  const double fraction = progress.stage.empty() ? FractionOf(progress.metrics, facts) : 0.0;
   const bool held = IsHeld(directory);
   const bool fresh = !missing && progress.age_s < kFresh;
   if (held || (fresh && fraction < kComplete)) {

@@ -15,10 +15,17 @@
 
 namespace slalom::watch {
 
+/// A training that comes before the run itself (app/train/stages.h).
+struct StageFacts {
+  std::string name;
+  std::filesystem::path directory;
+};
+
 /// The facts about a run's config that `slalom watch` shows.
 struct RunFacts {
   std::int64_t max_steps = 0;                                ///< 0 if not known.
   double max_seconds = 0.0;                                  ///< 0 for no limit.
+  std::vector<StageFacts> stages{};                          ///< In the order of training.
   std::vector<std::pair<std::string, std::string>> lines{};  ///< Name and value, in order.
   /// Keys of the config that are not at their defaults, and their values as TOML.
   std::vector<std::pair<std::string, std::string>> changes{};
@@ -37,6 +44,9 @@ std::string_view ToString(RunState state);
 struct RunProgress {
   std::string name;
   RunState state = RunState::kStarting;
+  /// The stage that was trained last, "walls (2 of 3)", whose figures the others are. Empty once
+  /// the run itself has begun, or if it has no stages.
+  std::string stage;
   double age_s = 0.0;  ///< Time since metrics.csv was written last, [s].
   /// Time left at the rate so far, [s]; empty if not known, or not training.
   std::optional<double> left_s;

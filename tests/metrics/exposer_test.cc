@@ -53,6 +53,17 @@ TEST(ExposerTest, ShowsWhatTheRegistryHolds) {
   EXPECT_THAT(Get(exposer.port(), "/metrics"), HasSubstr("run=\"run\"} 42\n"));
 }
 
+TEST(ExposerTest, ShowsOneRegistryAfterTheOther) {
+  const Registry first("train", "a");
+  Exposer exposer("127.0.0.1:0", first);
+  auto second = std::make_shared<Registry>("train", "b");
+  second->counter(kUpdates).Increment(2.0);
+  exposer.Show(std::move(second));
+  const std::string answer = Get(exposer.port(), "/metrics");
+  EXPECT_THAT(answer, HasSubstr("slalom_updates_total{name=\"b\",role=\"train\",run=\"run\"} 2\n"));
+  EXPECT_THAT(answer, Not(HasSubstr("name=\"a\"")));
+}
+
 TEST(ExposerTest, SaysWhetherTheRoleIsHealthy) {
   Registry registry("actor", "a1");
   const Exposer exposer("127.0.0.1:0", registry);

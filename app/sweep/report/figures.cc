@@ -201,7 +201,7 @@ RowFigures FiguresOf(const Plan& plan, const SweepResults& results, const std::s
       continue;
     }
     if (!trained) continue;
-    const PolicyFigures total = trained->total();
+    const train::PolicyFigures total = trained->total();
     steps.push_back(static_cast<double>(total.steps));
     updates.push_back(static_cast<double>(total.updates));
     if (trained->imagined) imagined.push_back(static_cast<double>(*trained->imagined));

@@ -74,7 +74,7 @@ std::string ResultFields(const eval::Result* result) {
 
 std::string TrainingFields(const std::optional<TrainedCell>& trained) {
   if (!trained) return ",,,,,,";
-  const PolicyFigures total = trained->total();
+  const train::PolicyFigures total = trained->total();
   return fmt::format("{},{},{},{:.6g},{},{},{}", total.steps, total.updates,
                      trained->imagined ? fmt::format("{}", *trained->imagined) : "",
                      total.training_s, CsvField(trained->host), trained->at_once,

@@ -35,9 +35,15 @@ function chosen() {
   return decodeURIComponent(location.hash.slice(1));
 }
 
+// "training, stage walls (2 of 3)"
+function stateOf(run) {
+  return run.state + (run.stage === '' ? '' : `, stage ${run.stage}`) +
+    (run.state === 'training' && run.age_s > 60 ? `, silent for ${duration(run.age_s)}` : '');
+}
+
 function showRuns(runs) {
   byId('runs').replaceChildren(...(runs.length < 2 ? [] : runs).map((run) => {
-    const link = element('a', {href: `#${encodeURIComponent(run.name)}`, title: `${run.state}, ${count(run.steps)} steps`},
+    const link = element('a', {href: `#${encodeURIComponent(run.name)}`, title: `${stateOf(run)}, ${count(run.steps)} steps`},
       `${run.name} ${percent(run.success_rate, 1)}`);
     if (run.name === chosen()) link.setAttribute('aria-current', 'page');
     return link;
@@ -54,8 +60,7 @@ function showOverview(run) {
   byId('name').textContent = run.name;
   byId('state').hidden = !run.state;
   byId('state').className = `state ${run.state}`;
-  byId('state').textContent = run.state === 'training' && run.age_s > 60 ?
-    `training, silent for ${duration(run.age_s)}` : run.state || '';
+  byId('state').textContent = run.state ? stateOf(run) : '';
   const {curves} = run;
   const cards = [
     ...(run.scores.success_rate ? [['test score', percent(last(run.scores, 'success_rate'), 1)]] : []),

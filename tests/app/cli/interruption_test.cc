@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <signal.h>
 
@@ -124,30 +125,71 @@ TEST(InterruptionTest, ASecondHangupDoesNotKeepARunFromSaving) {
   EXPECT_THAT(base::ReadFile(scratch.path() / "out"), testing::HasSubstr("--resume"));
 }
 
-TEST(InterruptionTest, ATrainingShowsItsMetricsWhereItIsTold) {
-  const ScratchDirectory scratch;
-  WriteTinyConfig(scratch.path(), 100000000);
-  BackgroundProgram program({"train", "tiny.toml", "--metrics", "127.0.0.1:0"}, scratch.path());
+/// The port in "metrics at http://127.0.0.1:PORT/metrics" of a program that runs in `directory`.
+int MetricsPort(const fs::path& directory) {
   int port = 0;
   WaitUntil([&] {
-    const fs::path log = scratch.path() / "err";
+    const fs::path log = directory / "err";
     const std::string text = fs::exists(log) ? base::ReadFile(log) : "";
     const std::string before = "metrics at http://127.0.0.1:";
     const auto at = text.find(before);
     if (at != std::string::npos) port = std::atoi(text.c_str() + at + before.size());
     return text.find("/metrics\n") != std::string::npos;
   });
-  ASSERT_GT(port, 0);
-  const std::string labels = "{name=\"tiny\",role=\"train\",run=\"tiny\"} ";
+  return port;
+}
+
+/// Waits until the metrics show more than ten updates and a value of the critics.
+void AwaitMetrics(int port, const std::string& labels) {
   WaitUntil([&] {
     const std::string page = Exchange(port, "GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
     const auto at = page.find("slalom_updates_total" + labels);
     return at != std::string::npos && std::atof(page.c_str() + at + 20 + labels.size()) > 10.0 &&
            page.find("slalom_q_mean" + labels) != std::string::npos;
   });
+}
+
+TEST(InterruptionTest, ATrainingShowsItsMetricsWhereItIsTold) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 100000000);
+  BackgroundProgram program({"train", "tiny.toml", "--metrics", "127.0.0.1:0"}, scratch.path());
+  const int port = MetricsPort(scratch.path());
+  ASSERT_GT(port, 0);
+  AwaitMetrics(port, "{name=\"tiny\",role=\"train\",run=\"tiny\"} ");
   program.Signal(SIGINT);
   EXPECT_EQ(program.Wait(), 128 + SIGINT);
   EXPECT_THAT(base::ReadFile(scratch.path() / "out"), testing::HasSubstr("--metrics 127.0.0.1:0"));
+}
+
+TEST(InterruptionTest, ARunIsHeldAndShownWhileItsStagesAreTrained) {
+  const ScratchDirectory scratch;
+  WriteTinyConfig(scratch.path(), 100000000);
+  const std::vector<std::string> train = {
+      "train",
+      "tiny.toml",
+      "--no-evaluation",
+      "--set",
+      "courses.train=",
+      "--set",
+      "courses.fresh=static+wall",
+      "--set",
+      "learner.algorithm=distillation",
+      "--set",
+      "distillation.stages={a.courses.fresh=\"static\",b.courses.fresh=\"wall\"}"};
+  std::vector<std::string> shown = train, forced = train;
+  shown.insert(shown.end(), {"--metrics", "127.0.0.1:0"});
+  forced.insert(forced.end(), {"--force", "--seed", "7"});
+  BackgroundProgram program(shown, scratch.path());
+  AwaitMetrics(MetricsPort(scratch.path()), "{name=\"a\",role=\"train\",run=\"tiny\"} ");
+  const ProgramResult second =
+      RunShell(fmt::format("\"$SLALOM\" '{}' >forced 2>&1; echo $?", fmt::join(forced, "' '")),
+               scratch.path());
+  EXPECT_EQ(second.out, "1\n");
+  EXPECT_THAT(base::ReadFile(scratch.path() / "forced"),
+              testing::HasSubstr("runs/tiny/lock: another process is training in this directory"));
+  EXPECT_FALSE(fs::exists(scratch.path() / "runs/tiny.1"));
+  program.Signal(SIGINT);
+  EXPECT_EQ(program.Wait(), 128 + SIGINT);
 }
 
 TEST(InterruptionTest, NohupOutlivesAHangup) {

@@ -74,6 +74,15 @@ TEST(CellWorkTest, ARunThatCannotBeLookedAtIsKeptAndGoesOnAtTheNextTry) {
   }
 }
 
+TEST(CellWorkTest, ARunThatAnotherProcessHoldsIsLeftToIt) {
+  const test::ScratchDirectory scratch;
+  const StoppedCell stopped(scratch.path());
+  const run::RunLock lock(stopped.run.root);
+  EXPECT_EQ(stopped.Work(), WorkEnd::kLost);
+  EXPECT_EQ(stopped.Calls(), "");
+  EXPECT_TRUE(fs::exists(stopped.checkpoint));
+}
+
 TEST(CellWorkTest, AnErrorThatStaysIsWhyTheCellFailed) {
   const test::ScratchDirectory scratch;
   const StoppedCell stopped(scratch.path());

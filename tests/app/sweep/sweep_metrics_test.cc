@@ -117,6 +117,33 @@ TEST(SweepMetricsTest, ATrainingShowsItsLastWholeRow) {
       Contains(sweep.Series("slalom_sweep_cell_state", 2, "5", R"(,state="training")") + " 1"));
 }
 
+TEST(SweepMetricsTest, StagesCountAsPartOfTheirTraining) {
+  Fixture sweep;
+  Cells staged = sweep.cells;
+  test::AddStages(staged.cells[2]);
+  SweepMetrics metrics(sweep.plan, staged, sweep.scratch.path(), Fixture::MakeIdentity());
+  const auto write = [&sweep](const fs::path& run, const std::string& row) {
+    base::MakeDirectories(run);
+    base::WriteFileAtomically(run / "metrics.csv",
+                              "training_s,steps,updates,success_rate\n" + row + "\n");
+  };
+  const fs::path run = sweep.directory(2).run();
+  write(run / "stages/first", "1.5,1000,30,0.75");
+  write(run / "stages/second", "2,100,40,0.25");
+  const auto shows = [&](const std::string& name, const std::string& value) {
+    metrics.Read();
+    EXPECT_THAT(metrics.registry().Text(),
+                HasSubstr(sweep.Series(name, 2, "5") + " " + value + "\n"));
+  };
+  shows("slalom_sweep_steps", "1100");
+  shows("slalom_sweep_updates", "70");
+  shows("slalom_sweep_training_seconds", "3.5");
+  shows("slalom_sweep_training_success_rate", "0.25");
+  write(run, "4,10,5,0.5");
+  shows("slalom_sweep_updates", "75");
+  shows("slalom_sweep_training_success_rate", "0.5");
+}
+
 TEST(SweepMetricsTest, AScoreShowsTheRatesOfItsEvaluation) {
   Fixture sweep;
   WriteTrained(sweep.directory(1), {.steps = 4000, .updates = 35, .training_s = 8.0});

@@ -226,7 +226,7 @@ TEST(StagesTest, AreTrainedOnceAndTeach) {
   const run::RunDirectory directory{scratch.path() / "run"};
   const RunConfig config = Staged();
   const auto train = [&](std::stop_token stop) {
-    return TrainStages(config, directory, "test", stop);
+    return TrainStages(config, directory, "test", nullptr, stop);
   };
   std::stop_source stopped;
   stopped.request_stop();
@@ -236,8 +236,36 @@ TEST(StagesTest, AreTrainedOnceAndTeach) {
   const auto written = std::filesystem::last_write_time(most.policy());
   EXPECT_EQ(train({}), TrainingEnd::kFinished);
   EXPECT_EQ(std::filesystem::last_write_time(most.policy()), written) << "trained again";
-  EXPECT_TRUE(std::filesystem::is_empty(most.checkpoints()));
+  EXPECT_FALSE(std::filesystem::exists(most.checkpoints()));
+  RunConfig longer = config;
+  longer.run.max_steps *= 2;
+  EXPECT_EQ(TrainStages(longer, directory, "test", nullptr, {}), TrainingEnd::kFinished);
+  EXPECT_EQ(std::filesystem::last_write_time(most.policy()), written) << "it is at its own limit";
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
+}
+
+TEST(StagesTest, OnlyAPolicyOfTheSameConfigAtItsLimitIsAFinishedStage) {
+  const test::ScratchDirectory scratch;
+  const run::RunDirectory directory{scratch.path() / "run"};
+  RunConfig config = Staged();
+  const run::RunDirectory most{StageDirectory(directory.root, "most")};
+  std::stop_source stopped;
+  stopped.request_stop();
+  const auto error = [&] {
+    try {
+      (void)TrainStages(config, directory, "test", nullptr, stopped.get_token());
+      return std::string("none");
+    } catch (const base::Error& refusal) {
+      return std::string(refusal.what());
+    }
+  };
+  EXPECT_EQ(error(), "none");
+  ASSERT_TRUE(std::filesystem::exists(most.policy()));
+  std::filesystem::remove_all(most.checkpoints());  // As if the disk had been full.
+  EXPECT_THAT(error(), HasSubstr("no checkpoint to go on from"));
+  config.run.seed = 7;
+  EXPECT_THAT(error(), StartsWith(most.policy().string() +
+                                  " (its config): run.seed was 1 when the run began and is 7 now"));
 }
 
 TEST_F(DistillationTest, ARunEndsNearItsTeachers) {

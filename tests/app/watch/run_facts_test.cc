@@ -43,6 +43,15 @@ TEST_F(RunFactsTest, HaveEveryKeyThatIsNotAtItsDefault) {
               HasSubstr("[\"environment.reward.success\",\"33.5\"]"));
 }
 
+TEST_F(RunFactsTest, NameTheStages) {
+  const RunFacts facts = FactsAfterWriting(
+      "[distillation]\nstages = { b.courses.fresh = \"wall\", a.courses.fresh = \"box\", "
+      "a.courses.train = \"\", b.courses.train = \"\" }\n");
+  ASSERT_EQ(facts.stages.size(), 2u);
+  EXPECT_EQ(facts.stages[0].name, "a");
+  EXPECT_EQ(facts.stages[1].directory, scratch_.path() / "stages/b");
+}
+
 TEST_F(RunFactsTest, SayWhyTheConfigCannotBeRead) {
   const RunFacts facts = FactsAfterWriting("[run]\nnonsense = 1\n");
   EXPECT_THAT(facts.lines,

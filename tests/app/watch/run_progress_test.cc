@@ -63,6 +63,49 @@ TEST(RunProgressTest, TellsTrainingFromStoppedAndFinished) {
   EXPECT_EQ(state(20.0), RunState::kStopped);
 }
 
+TEST(RunProgressTest, ARunShowsTheStageThatIsTrained) {
+  const test::ScratchDirectory scratch;
+  const fs::path first = scratch.path() / "stages/a", second = scratch.path() / "stages/b";
+  const auto read = [&] {
+    return ReadRun(scratch.path(), {.max_steps = 100, .stages = {{"a", first}, {"b", second}}}, 9)
+        .value();
+  };
+  const auto write = [](const fs::path& run, const std::string& row) {
+    base::MakeDirectories(run);
+    base::WriteFileAtomically(run / "metrics.csv", "training_s,steps\n" + row + "\n");
+    Age(run / "metrics.csv");
+  };
+  base::WriteFileAtomically(scratch.path() / "config.toml", "");
+  const std::optional<run::RunLock> lock(scratch.path());
+  EXPECT_EQ(read().state, RunState::kStarting);
+  EXPECT_EQ(read().stage, "");
+  write(first, "10,100");
+  EXPECT_EQ(read().state, RunState::kTraining) << "at its own limit, and another one follows";
+  EXPECT_EQ(read().stage, "a (1 of 2)");
+  EXPECT_EQ(read().metrics.Last("steps"), 100.0);
+  EXPECT_FALSE(read().left_s) << "the next stage takes time, too";
+  base::MakeDirectories(second);
+  base::WriteFileAtomically(second / "config.toml", "");
+  EXPECT_EQ(read().state, RunState::kStarting);
+  EXPECT_EQ(read().stage, "b (2 of 2)");
+  write(scratch.path(), "5,50");
+  EXPECT_EQ(read().stage, "");
+  EXPECT_EQ(read().metrics.Last("steps"), 50.0);
+  EXPECT_EQ(read().left_s, 5.0);
+}
+
+TEST(RunProgressTest, AStoppedStageIsNoFinishedRun) {
+  const test::ScratchDirectory scratch;
+  base::MakeDirectories(scratch.path() / "a");
+  base::WriteFileAtomically(scratch.path() / "config.toml", "");
+  base::WriteFileAtomically(scratch.path() / "a/metrics.csv", "training_s,steps\n10,100\n");
+  Age(scratch.path() / "a/metrics.csv");
+  const auto run =
+      ReadRun(scratch.path(), {.max_steps = 100, .stages = {{"a", scratch.path() / "a"}}}, 9);
+  EXPECT_EQ(run->state, RunState::kStopped);
+  EXPECT_EQ(run->stage, "a (1 of 1)");
+}
+
 TEST(RunProgressTest, TheCellsOfASweepAreRunsWithNamesOfTheirRows) {
   const test::ScratchDirectory scratch;
   const fs::path cell = scratch.path() / "cells/0123";

@@ -62,6 +62,7 @@ TEST_F(WatchPagesTest, ARunIsShownWithItsCurvesAndFacts) {
   const Json run = GetJson("/run/one.json");
   EXPECT_EQ(run["name"], "one");
   EXPECT_EQ(run["state"], "training");
+  EXPECT_EQ(run["stage"], "");
   EXPECT_EQ(run["left_s"], 2.0);  // Half of the steps in 2 s.
   EXPECT_EQ(run["curves"]["success_rate"], Json({0.5, 0.75}));
   EXPECT_FALSE(run["curves"].contains("policy_entropy_nats")) << "a column without a number";
