@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
 
 #include "eval/report/embedded_page.h"
 #include "eval/report/table_text.h"
@@ -21,6 +24,20 @@ const DrawnField* FindDrawn(const Result& result, const std::string& key, bool i
   const auto it = std::ranges::find(result.drawn, key, &DrawnField::key);
   const bool is_there = it != result.drawn.end() && it->names.empty() == is_number;
   return is_there ? &*it : nullptr;
+}
+
+/// The value that a number has in the episodes of this result in which nothing is drawn
+/// (`EnvironmentConfig::randomize_share`). Empty if it is drawn in all, or that is not known.
+std::optional<double> FindOwnValue(const Result& result, const std::string& key) {
+  const auto setting = [&result](const std::string& name) -> std::optional<double> {
+    const auto it = result.settings.find("environment." + name);
+    double number = 0.0;
+    if (it == result.settings.end()) return std::nullopt;
+    const char* const end = it->second.data() + it->second.size();
+    const auto [rest, error] = std::from_chars(it->second.data(), end, number);
+    return error == std::errc() && rest == end ? std::optional(number) : std::nullopt;
+  };
+  return setting("randomize_share").value_or(1.0) < 1.0 ? setting(key) : std::nullopt;
 }
 
 /// Adds an agent to a bin: its episodes whose values satisfy `is_in`.
@@ -71,6 +88,7 @@ std::vector<DrawnBin> BinNames(std::span<const Result> results, const ResultGrou
 std::vector<DrawnBin> BinNumbers(std::span<const Result> results, const ResultGroup& group,
                                  const std::string& key) {
   std::vector<double> values;
+  std::set<double> own_values;
   std::size_t num_agents = 0;
   for (const std::size_t r : group.results) {
     const DrawnField* const field = FindDrawn(results[r], key, true);
@@ -78,23 +96,31 @@ std::vector<DrawnBin> BinNumbers(std::span<const Result> results, const ResultGr
     ++num_agents;
     for (const auto& course : field->values)
       values.insert(values.end(), course.begin(), course.end());
+    if (const auto own = FindOwnValue(results[r], key)) own_values.insert(*own);
   }
-  if (values.empty()) return {};
+  std::vector<DrawnBin> bins;
+  const auto add_bin = [&](std::string label, const auto& is_in) {
+    DrawnBin& bin = bins.emplace_back(DrawnBin{.label = std::move(label)});
+    for (const std::size_t r : group.results) {
+      AddAgent(results[r], FindDrawn(results[r], key, true), is_in, bin);
+    }
+  };
+  for (const double own : own_values) {
+    if (std::erase(values, own) == 0) continue;
+    add_bin(fmt::format("not drawn: {:.3g}", own), [own](double value) { return value == own; });
+  }
+  if (values.empty()) return bins;
   std::ranges::sort(values);
   const std::size_t num_bins =
       std::clamp<std::size_t>(values.size() / (num_agents * kMinEpisodesPerBin), 1, kMaxDrawnBins);
-  std::vector<DrawnBin> bins;
   double low = values.front();
   for (std::size_t b = 0; b < num_bins; ++b) {
     const bool is_last = b + 1 == num_bins;
     const double high = is_last ? values.back() : values[(b + 1) * values.size() / num_bins];
-    DrawnBin& bin = bins.emplace_back(DrawnBin{.label = fmt::format("{:.3g} – {:.3g}", low, high)});
-    const auto is_in = [&](double value) {
-      return value >= low && (value < high || (is_last && value == high));
-    };
-    for (const std::size_t r : group.results) {
-      AddAgent(results[r], FindDrawn(results[r], key, true), is_in, bin);
-    }
+    add_bin(fmt::format("{:.3g} – {:.3g}", low, high), [&](double value) {
+      return !own_values.contains(value) && value >= low &&
+             (value < high || (is_last && value == high));
+    });
     low = high;
   }
   return bins;

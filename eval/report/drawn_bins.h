@@ -16,7 +16,7 @@ namespace slalom::eval {
 
 /// Success in the episodes with one name of a field, or with numbers between two.
 struct DrawnBin {
-  std::string label;  ///< "0.024 – 0.048" or "gazebo".
+  std::string label;  ///< "0.024 – 0.048", "not drawn: 0.03" or "gazebo".
   /// Of each agent: the number of its episodes, and its success rate in them (`EstimateRate`; empty
   /// without episodes).
   std::vector<int> num_episodes{};
@@ -31,8 +31,10 @@ struct DrawnFieldBins {
 };
 
 /// Returns the bins of each field that is drawn in any result of the group, in the order of their
-/// keys. Names have a bin each. Numbers are cut at the quantiles of all values of the group, into
-/// at most five bins of at least 20 episodes an agent; fewer than 40 make one.
+/// keys. Names have a bin each. So has the number that a field has where it is not drawn
+/// (`EnvironmentConfig::randomize_share`). Drawn numbers are cut at the quantiles of all that are
+/// drawn in the group, into at most five bins of at least 20 episodes an agent; fewer than 40 make
+/// one.
 std::vector<DrawnFieldBins> BinByDrawnFields(std::span<const Result> results,
                                              const ResultGroup& group);
 

@@ -124,6 +124,32 @@ TEST(DrawnBins, FewEpisodesAreNotCut) {
   EXPECT_EQ(BinByDrawnFields(results, {"made", {0}})[0].bins[0].label, "0.04 – 0.04");
 }
 
+TEST(DrawnBins, TheFieldsOwnValueHasABinOfItsOwn) {
+  std::vector<Result> results = {MakeResult(1), MakeResult(2)};
+  constexpr double kOwn = 0.05;  // In the middle of what is drawn.
+  results[0].settings = {{"environment.randomize_share", "0.5"},
+                         {"environment.robot.command_delay", "0.05"}};
+  for (int c = 0; c < kCourses; c += 2) {
+    std::ranges::fill(results[0].drawn[0].values[c], kOwn);
+  }
+  const auto bins = BinByDrawnFields(results, {"made", {0, 1}})[0].bins;
+  ASSERT_EQ(bins.size(), 1u + 4u) << "180 drawn episodes of two agents";
+  EXPECT_EQ(bins[0].label, "not drawn: 0.05");
+  EXPECT_THAT(bins[0].num_episodes, ElementsAre(60, 0));
+  EXPECT_EQ(bins[0].success_rates[0]->value, Counted(results[0], 0, kOwn, kOwn).value);
+  int drawn = 0;
+  for (std::size_t b = 1; b < bins.size(); ++b) {
+    EXPECT_EQ(bins[b].num_episodes[0] + bins[b].num_episodes[1], 45) << bins[b].label;
+    drawn += bins[b].num_episodes[0];
+  }
+  EXPECT_EQ(drawn, 60);
+  // It may be all that there is, and at one end of what is drawn.
+  for (auto& course : results[0].drawn[0].values) std::ranges::fill(course, kOwn);
+  EXPECT_EQ(BinByDrawnFields(results, {"made", {0}})[0].bins.size(), 1u);
+  results[0].settings["environment.randomize_share"] = "1.0";
+  EXPECT_EQ(BinByDrawnFields(results, {"made", {0}})[0].bins[0].label, "0.05 – 0.05");
+}
+
 TEST(DrawnBins, StandInATableOfTheReport) {
   const std::vector<Result> results = {MakeResult(1)};
   const auto fields = BinByDrawnFields(results, {"made", {0}});
