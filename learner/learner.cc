@@ -204,6 +204,7 @@ struct Learner::Parts {
   std::optional<Imagination> imagination;
   at::Tensor host_td_errors;               // [B]
   std::optional<LearnerStats> last_stats;  // The last reading with updates.
+  double rate = LearnerStats::kNone;       // Factor on the learning rates in the last update.
 };
 
 Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed)
@@ -219,6 +220,7 @@ void Learner::Update(std::span<const replay::SampledRows> batches, double progre
   Parts& p = *parts_;
   const double rate =
       1.0 + (method_.learner.final_learning_rate_fraction - 1.0) * std::clamp(progress, 0.0, 1.0);
+  p.rate = rate;
   p.reader.Read(batches[0], p.mirror, p.minibatch);
   if (p.model) {
     p.model->Load(batches[1]);
@@ -260,6 +262,10 @@ LearnerStats Learner::ReadStats() {
   const bool has_new = p.totals.has_new();
   LearnerStats stats = p.totals.Read(p.algorithm->num_critics(), Constraint::kNumCritics);
   if (spec_.distribution.is_deterministic()) stats.policy_entropy_nats = LearnerStats::kNone;
+  stats.actor_learning_rate = p.rate * method_.learner.actor_learning_rate;
+  if (p.algorithm->num_critics() > 0) {
+    stats.critic_learning_rate = p.rate * method_.learner.critic_learning_rate;
+  }
   p.algorithm->Describe(stats);
   if (p.constraint) {
     p.constraint->Describe(stats);

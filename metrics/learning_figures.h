@@ -37,6 +37,8 @@ struct LearningFigures {
   double actor_q_mean = kNone;
   double critic_gradient_norm = kNone;
   double actor_gradient_norm = kNone;
+  double actor_learning_rate = kNone;
+  double critic_learning_rate = kNone;
   double policy_entropy_nats = kNone;
   double temperature = kNone;
   double cost_q_mean = kNone;
@@ -55,6 +57,10 @@ struct LearningFigures {
       "minus their mean squared distance from the teachers' actions.");
     v("critic_gradient_norm", critic_gradient_norm, "Norm of the critics' gradient.");
     v("actor_gradient_norm", actor_gradient_norm, "Norm of the actor's gradient.");
+    v("actor_learning_rate", actor_learning_rate,
+      "Learning rate of the actor now (learner.final_learning_rate_fraction).");
+    v("critic_learning_rate", critic_learning_rate,
+      "Learning rate of the critics now. NaN without critics.");
     v("policy_entropy_nats", policy_entropy_nats, "Entropy of the policy (SAC). NaN without one.");
     v("temperature", temperature, "Weight of the entropy now (SAC). NaN without one.");
     v("cost_q_mean", cost_q_mean,

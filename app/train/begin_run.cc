@@ -46,7 +46,17 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
   }
   run::RunLock lock(directory.root);
   base::RemoveUnfinishedFiles(directory.root);
-  RequireResumable(base::ReadFile(directory.config()), directory.config().string(), config);
+  const std::string source = directory.config().string();
+  const std::string earlier = base::ReadFile(directory.config());
+  RequireResumable(earlier, source, config);
+  const run::RunSettings& was = ReadRecordedConfig(earlier, source).run;
+  if (config.method.learner.final_learning_rate_fraction != 1.0 &&
+      (was.max_steps != config.run.max_steps || was.max_seconds != config.run.max_seconds)) {
+    spdlog::info(
+        "{}: the limit is another than before, and the learning rates follow the share of it that "
+        "is done (docs/operations.md)",
+        directory.root.string());
+  }
   WriteConfig(directory, config);
   return lock;
 }

@@ -65,6 +65,24 @@ void RequireTeachers(const RunConfig& config) {
   }
 }
 
+/// Throws if no episode would be on a learnable course although they are asked for.
+void RequireSampling(const CoursesConfig& courses) {
+  const bool has_fresh = !courses.Mix().empty();  // Names are checked.
+  const actor::SamplingConfig& sampling = courses.sampling;
+  if (sampling.sampling != actor::Sampling::kLearnable) return;
+  if (has_fresh && sampling.fresh_episodes == 1) {
+    throw base::Error(
+        "courses.fresh_episodes is 1, expected at least 2 with courses.sampling = \"learnable\": a "
+        "course is learnable if some of its episodes succeed and others fail");
+  }
+  if (sampling.learnable_share == 0.0) {
+    throw base::Error(
+        "courses.learnable_share is 0, expected more with courses.sampling = \"learnable\": "
+        "without "
+        "a share of the episodes it has no effect");
+  }
+}
+
 void RequireTask(const RunConfig& config) {
   const TaskConfig& task = config.task;
   const std::size_t num_bounds = task.action_low.size();
@@ -213,7 +231,7 @@ int BatchesPerUpdate(const RunConfig& config) {
 
 void RequireCombination(const RunConfig& config) {
   sim::CheckRandomization(config.environment);
-  (void)config.courses.Mix();  // Names are checked.
+  RequireSampling(config.courses);
   RequireTask(config);
   if (config.method.constraint.kind != learner::ConstraintKind::kNone &&
       !config.environment.episode.collision_ends) {

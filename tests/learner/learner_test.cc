@@ -200,6 +200,31 @@ TEST(Learner, LearningRatesFallWithProgress) {
   EXPECT_EQ(Saved(learner).tensors.at("critics.parameters"), before.at("critics.parameters"));
 }
 
+TEST(Learner, ReportsItsLearningRates) {
+  for (const char* algorithm : {"td3", "sac", "distillation"}) {
+    SCOPED_TRACE(algorithm);
+    MethodConfig config = SmallConfig();
+    config.learner.algorithm = algorithm;
+    config.learner.final_learning_rate_fraction = 0.2;
+    config.learner.actor_learning_rate = 0.01;
+    config.learner.critic_learning_rate = 0.03;
+    policy::PolicySpec spec = SmallSpec();
+    spec.distribution = DistributionOf(config.learner);
+    Learner learner(config, spec, 5);
+    EXPECT_TRUE(std::isnan(learner.ReadStats().actor_learning_rate)) << "before the first update";
+    learner.Update(RandomRows(16, 1, 24, 1).batches(), /*progress=*/0.75);
+    for (int reading = 0; reading < 2; ++reading) {
+      const LearnerStats stats = learner.ReadStats();
+      EXPECT_DOUBLE_EQ(stats.actor_learning_rate, 0.01 * 0.4);
+      if (TraitsOf(config.learner).is_taught) {
+        EXPECT_TRUE(std::isnan(stats.critic_learning_rate));
+      } else {
+        EXPECT_DOUBLE_EQ(stats.critic_learning_rate, 0.03 * 0.4);
+      }
+    }
+  }
+}
+
 TEST(Learner, ReportsNumbersThatAreNotFinite) {
   Learner learner(SmallConfig(), SmallSpec(), 5);
   Train(learner, 0, 4);

@@ -13,6 +13,7 @@ const kCharts = [
   {title: 'Critic loss', columns: [['critic_loss', 'loss']]},
   {title: 'Values', columns: [['q_mean', 'critics, on what was done'], ['actor_q_mean', 'on what the actor would do']]},
   {title: 'Gradient norms', columns: [['critic_gradient_norm', 'critics'], ['actor_gradient_norm', 'actor']]},
+  {title: 'Learning rates', columns: [['critic_learning_rate', 'critics'], ['actor_learning_rate', 'actor']]},
   {title: 'Replay', columns: [['table_steps', 'steps held']]},
   {title: 'Entropy', columns: [['policy_entropy_nats', 'nats'], ['temperature', 'temperature']]},
   {title: 'Constraint', columns: [['cost_q_mean', 'cost'], ['constraint_multiplier', 'multiplier'], ['constraint_violation', 'violation']]},

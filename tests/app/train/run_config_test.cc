@@ -87,6 +87,30 @@ TEST(CoursesConfigTest, FreshCoursesAreKindsJoinedByPlus) {
   }
 }
 
+TEST(CoursesConfigTest, LearnableSamplingThatHasNoEffectIsRefused) {
+  RunConfig config;
+  config.courses.fresh = "static";
+  config.courses.sampling.fresh_episodes = 1;
+  EXPECT_NO_THROW(RequireCombination(config));
+  config.courses.sampling.sampling = actor::Sampling::kLearnable;
+  const auto refusal = [&config]() -> std::string {
+    try {
+      RequireCombination(config);
+    } catch (const base::Error& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_THAT(refusal(), testing::StartsWith("courses.fresh_episodes is 1, expected at least 2"));
+  config.courses.fresh = "none";
+  EXPECT_EQ(refusal(), "accepted") << "named courses are measured all along";
+  config.courses.fresh = "static";
+  config.courses.sampling.fresh_episodes = 2;
+  EXPECT_EQ(refusal(), "accepted");
+  config.courses.sampling.learnable_share = 0.0;
+  EXPECT_THAT(refusal(), testing::StartsWith("courses.learnable_share is 0"));
+}
+
 TEST(TaskConfigTest, AnOwnEnvironmentHasItsSizes) {
   const RunConfig config = OwnEnvironment();
   EXPECT_NO_THROW(RequireCombination(config));
