@@ -37,6 +37,10 @@ class ActorCritic : public Algorithm {
   }
   const at::Tensor& ActNext() override { return actor_.ActNext(); }
 
+  void StartFrom(const at::Tensor& actor_parameters) override {
+    actor_.StartFrom(actor_parameters);
+  }
+
   void SaveState(nn::TensorMap& tensors) const override {
     actor_.SaveState(tensors);
     critics_.SaveState(tensors);

@@ -64,6 +64,10 @@ class Algorithm {
   /// Fills in the statistics that are not means over updates, such as SAC's temperature.
   virtual void Describe(LearnerStats& /*stats*/) const {}
 
+  /// Gives the actor, its target network if it has one, and its average these weights, [P]. To be
+  /// called before the first update.
+  virtual void StartFrom(const at::Tensor& actor_parameters) = 0;
+
   /// Saves and restores networks, optimisers and random streams.
   virtual void SaveState(nn::TensorMap& tensors) const = 0;
   virtual void LoadState(const nn::TensorFile& file) = 0;

@@ -82,6 +82,12 @@ void DeterministicActor::Step(double learning_rate, double polyak_rate, double a
   adam_.Step(learning_rate, std::span(averages).first(average_rate > 0.0 ? 2 : 1), norm_total);
 }
 
+void DeterministicActor::StartFrom(const at::Tensor& parameters) {
+  for (at::Tensor* own : {&parameters_, &target_parameters_, &average_parameters_}) {
+    own->copy_(parameters);
+  }
+}
+
 void DeterministicActor::SaveState(nn::TensorMap& tensors) const {
   tensors["actor.parameters"] = StoreTensor(parameters_);
   tensors["actor.target_parameters"] = StoreTensor(target_parameters_);

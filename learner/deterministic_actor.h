@@ -54,6 +54,9 @@ class DeterministicActor {
   const at::Tensor& target_parameters() const { return target_parameters_; }    ///< [P]
   const at::Tensor& average_parameters() const { return average_parameters_; }  ///< [P]
 
+  /// As `Algorithm::StartFrom`.
+  void StartFrom(const at::Tensor& parameters);
+
   void SaveState(nn::TensorMap& tensors) const;
   void LoadState(const nn::TensorFile& file);
 

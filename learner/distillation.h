@@ -25,6 +25,10 @@ class Distillation : public Algorithm {
   const at::Tensor& critic_parameters() const override { return none_; }
   const at::Tensor& ActNext() override { return actor_.ActNext(); }
 
+  void StartFrom(const at::Tensor& actor_parameters) override {
+    actor_.StartFrom(actor_parameters);
+  }
+
   void SaveState(nn::TensorMap& tensors) const override { actor_.SaveState(tensors); }
   void LoadState(const nn::TensorFile& file) override { actor_.LoadState(file); }
 

@@ -79,6 +79,11 @@ void GaussianActor::Step(double learning_rate, double average_rate, at::Tensor& 
   adam_.Step(learning_rate, std::span(&average, average_rate > 0.0 ? 1 : 0), norm_total);
 }
 
+void GaussianActor::StartFrom(const at::Tensor& parameters) {
+  parameters_.copy_(parameters);
+  average_parameters_.copy_(parameters);
+}
+
 void GaussianActor::SaveState(nn::TensorMap& tensors) const {
   tensors["actor.parameters"] = StoreTensor(parameters_);
   tensors["actor.average_parameters"] = StoreTensor(average_parameters_);

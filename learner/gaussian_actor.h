@@ -56,6 +56,9 @@ class GaussianActor {
   const at::Tensor& parameters() const { return parameters_; }                  ///< [P]
   const at::Tensor& average_parameters() const { return average_parameters_; }  ///< [P]
 
+  /// As `Algorithm::StartFrom`.
+  void StartFrom(const at::Tensor& parameters);
+
   void SaveState(nn::TensorMap& tensors) const;
   void LoadState(const nn::TensorFile& file);
 

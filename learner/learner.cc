@@ -207,11 +207,18 @@ struct Learner::Parts {
   double rate = LearnerStats::kNone;       // Factor on the learning rates in the last update.
 };
 
-Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed)
+Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed,
+                 const std::optional<policy::PolicySnapshot>& first)
     : method_(Checked(method)), spec_(spec), sample_specs_(SampleSpecs(method, spec)) {
   SLALOM_CHECK(spec.distribution == DistributionOf(method.learner));
   SLALOM_CHECK(spec.planning == PlanningOf(method, spec.planning.goal));
   parts_ = std::make_unique<Parts>(method_, spec_, seed);
+  if (!first) return;
+  const auto size = static_cast<std::int64_t>(first->weights->size());
+  SLALOM_CHECK_EQ(size, parts_->algorithm->actor_parameters().numel());
+  at::Tensor weights = at::empty({size}, at::kFloat);
+  std::ranges::copy(*first->weights, weights.data_ptr<float>());
+  parts_->algorithm->StartFrom(weights);
 }
 
 Learner::~Learner() = default;

@@ -21,11 +21,13 @@ namespace slalom::learner {
 /// papers' equations to functions. Thread-compatible: one owner.
 class Learner {
  public:
-  /// Draws initial weights and noise from `seed`. Throws `base::Error` if the config cannot be met:
+  /// Draws initial weights and noise from `seed`; the actor starts from `first` if it is given
+  /// (`learner.from`). Throws `base::Error` if the config cannot be met:
   /// no GPU, sectors that do not divide the beams, or sections that contradict each other.
   /// Requires: spec.distribution is `DistributionOf(method.learner)`, and spec.planning is
-  /// `PlanningOf` of the method and a goal.
-  Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed);
+  /// `PlanningOf` of the method and a goal; the actor of `first` has the shape of the spec's.
+  Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed,
+          const std::optional<policy::PolicySnapshot>& first = std::nullopt);
   ~Learner();
 
   /// Does one update; with imagination, it is several updates of the policy. Copies what it needs

@@ -29,6 +29,7 @@ inline base::OneOf EnumNames(DeviceChoice) { return {"auto", "cpu", "cuda"}; }
 /// sections 3.1 and 3.2).
 struct LearnerConfig {
   std::string algorithm = "td3";
+  std::string from;
   DeviceChoice device = DeviceChoice::kAuto;
   int threads = 1;
   double actor_learning_rate = 1e-5;
@@ -61,6 +62,10 @@ struct LearnerConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("algorithm", algorithm, AlgorithmChoices(), "", "The update rule (docs/algorithms.md).");
+    v("from", from,
+      "Policy file whose actor training starts from: the actor, its target network and its average "
+      "have these weights, and all else starts new. The policy needs the observation, network, "
+      "actions and kind of distribution of the run (docs/training.md). Empty: random weights.");
     v("device", device, "Where the learner computes. auto: on a GPU if LibTorch finds one.");
     v("threads", threads, base::Range{1, 16}, "",
       "TD3, SAC, constraints: threads that compute the critics of an update, at most one for each "

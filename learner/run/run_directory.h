@@ -23,6 +23,8 @@ struct RunDirectory {
   /// The snapshots that are there, in the order of their steps. Throws `base::Error` if they cannot
   /// be listed.
   std::vector<std::filesystem::path> ListSnapshots() const;
+  /// Copies of the files that the config names (app/train/inputs.h).
+  std::filesystem::path inputs() const { return root / "inputs"; }
   std::filesystem::path curve() const { return root / "curve.csv"; }
   std::filesystem::path training_page() const { return root / "training.html"; }
 };

@@ -43,7 +43,8 @@ LearnerService::LearnerService(const LearnerServiceConfig& config, const MethodC
                                run::TrainingClock clock)
     : config_(config),
       learner_(method, spec,
-               base::DeriveSeed(static_cast<std::uint64_t>(job.loop.run.settings.seed), "learner")),
+               base::DeriveSeed(static_cast<std::uint64_t>(job.loop.run.settings.seed), "learner"),
+               job.first),
       policies_(context, job.policies, job.spec_hash, job.run, registry),
       source_(context, job.replay, MakeHello(job, spec), spec.step_shape(), learner_.sample_specs(),
               config.prefetch, policies_, registry),

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <stop_token>
 #include <string>
 
@@ -25,6 +26,7 @@ struct LearnerJob {
   proto::RunIdentity run;
   transport::ClientOptions replay;
   transport::ServerOptions policies;
+  std::optional<policy::PolicySnapshot> first{};  ///< The actor to start from (`learner.from`).
 };
 
 /// The learner as a process of its own: a `LearnerLoop` between the batches of a replay server and

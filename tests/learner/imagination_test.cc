@@ -42,6 +42,7 @@ class StandIn : public Algorithm {
   const at::Tensor& actor_parameters() const override { return none_; }
   const at::Tensor& average_parameters() const override { return none_; }
   const at::Tensor& critic_parameters() const override { return none_; }
+  void StartFrom(const at::Tensor&) override {}
   void SaveState(nn::TensorMap&) const override {}
   void LoadState(const nn::TensorFile&) override {}
 

@@ -200,6 +200,29 @@ TEST(Learner, LearningRatesFallWithProgress) {
   EXPECT_EQ(Saved(learner).tensors.at("critics.parameters"), before.at("critics.parameters"));
 }
 
+TEST(Learner, StartsFromTheActorOfAPolicyAndNothingElse) {
+  for (const char* algorithm : {"td3", "sac", "distillation"}) {
+    SCOPED_TRACE(algorithm);
+    MethodConfig config = SmallConfig();
+    config.learner.algorithm = algorithm;
+    policy::PolicySpec spec = SmallSpec();
+    spec.distribution = DistributionOf(config.learner);
+    const policy::PolicySnapshot first = Learner(config, spec, 7).Snapshot();
+    const Learner random(config, spec, 5), started(config, spec, 5, first);
+    EXPECT_EQ(*started.Snapshot().weights, *first.weights);
+    EXPECT_EQ(*started.BestSnapshot().weights, *first.weights);
+    EXPECT_EQ(started.num_updates(), 0);
+    const nn::TensorMap others = Saved(random).tensors;
+    for (const auto& [name, tensor] : Saved(started).tensors) {
+      const bool is_actor =
+          name.starts_with("actor.") && name.find("parameters") != std::string::npos;
+      EXPECT_EQ(tensor == others.at(name), !is_actor) << name;
+      if (!is_actor) continue;
+      EXPECT_EQ(tensor, Saved(started).tensors.at("actor.parameters")) << name;
+    }
+  }
+}
+
 TEST(Learner, ReportsItsLearningRates) {
   for (const char* algorithm : {"td3", "sac", "distillation"}) {
     SCOPED_TRACE(algorithm);
