@@ -214,8 +214,7 @@ train::Scoring PrepareThePolicy(const EvaluateOptions& options) {
   const train::RunConfig config = TaskOf(options, trained);
   if (trained) RequireSameFieldOfView(options, *trained, config);
   RequirePlannable(*options.policy, loaded.snapshot, config);
-  return train::PreparePolicy(loaded.snapshot, *options.policy, config, options.courses,
-                              trained ? std::optional(trained->courses) : std::nullopt);
+  return train::PreparePolicy(loaded.snapshot, *options.policy, config, options.courses, trained);
 }
 
 train::Scoring PrepareThePlanner(const EvaluateOptions& options, base::ParallelFor& parallel) {

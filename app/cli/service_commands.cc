@@ -10,6 +10,7 @@
 #include "app/cli/training_results.h"
 #include "app/train/begin_run.h"
 #include "app/train/drive_actor.h"
+#include "app/train/inputs.h"
 #include "app/train/run_identity.h"
 #include "app/train/run_limits.h"
 #include "app/train/scoring.h"
@@ -90,9 +91,14 @@ int RunLearner(const train::ServiceOptions& options) {
   const run::RunDirectory directory{place.empty() ? process.state() / "learner" : fs::path(place)};
   const bool resume = fs::exists(directory.config());
   if (!resume) train::RequireLearnable(config);
+  train::RunConfig with_copies = config;
+  if (resume) with_copies.courses.inputs = directory.inputs();
+  learner::LearnerJob job;
+  job.first = train::LoadFirstPolicy(with_copies);
+  const train::Inputs inputs = train::ReadPolicies(with_copies);
   const run::RunLock lock =
       resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
-  learner::LearnerJob job;
+  train::WriteInputs(inputs, directory.inputs());
   job.name = process.name();
   job.loop.run = {directory, config.run, config::ToToml(config), std::string(base::Commit()),
                   run::Fence::OfEnvironment()};
@@ -160,7 +166,7 @@ int RunEvaluator(const train::ServiceOptions& options) {
         courses);
   }
   const sim::CourseSet scored = config.courses.Resolve(courses);
-  train::WarnOfTrainingOverlap(scored, config.courses);
+  train::WarnOfTrainingOverlap(scored, config);
   base::ParallelFor parallel(config.run.simulation_threads);
   const policy::PolicySpec spec = train::MakePolicySpec(config);
   const proto::RunIdentity run = train::ServiceIdentity(config);

@@ -44,6 +44,7 @@ struct TrainOptions {
   std::vector<std::string> overrides;
   std::optional<std::string> name;
   std::optional<std::int64_t> seed;
+  std::optional<std::string> from;
   std::optional<std::string> output;
   std::optional<std::string> metrics;
   bool resume = false;
@@ -109,6 +110,7 @@ train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path
   }
   if (options.name) config.run.name = *options.name;
   if (options.seed) config.run.seed = *options.seed;
+  if (options.from) config.method.learner.from = *options.from;
   if (options.deterministic) config.run.deterministic = true;
   if (config.run.name.empty() || config.run.name.find('/') != std::string::npos ||
       config.run.name.starts_with('.')) {
@@ -126,6 +128,7 @@ std::string WithOverrides(const TrainOptions& options, const std::vector<std::st
   };
   if (options.name) add("--name", *options.name);
   if (options.seed) add("--seed", std::to_string(*options.seed));
+  if (options.from) add("--from", *options.from);
   if (options.output) add("--output", *options.output);
   for (const std::string& file : options.profiles) add("--profile", file);
   for (const std::string& given : options.overrides) {
@@ -184,11 +187,8 @@ std::string ResumeCommand(const TrainOptions& options, const run::RunDirectory& 
 /// The command that scores the policy and writes nothing to the run.
 std::string EvaluateCommand(const run::RunDirectory& directory,
                             const train::CoursesConfig& courses) {
-  std::vector<std::string> arguments = {"evaluate", "--policy", directory.policy().string(),
-                                        "--courses", courses.test};
-  if (!courses.collection.empty()) {
-    arguments.insert(arguments.end(), {"--collection", courses.collection});
-  }
+  std::vector<std::string> arguments = TestCoursesOptions(courses);
+  arguments.insert(arguments.begin(), {"evaluate", "--policy", directory.policy().string()});
   return CommandLine(arguments);
 }
 
@@ -278,7 +278,7 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
 run::RunLock BeginStages(const TrainOptions& options, const train::RunConfig& config,
                          const run::RunDirectory& directory) {
   train::RequireTrainable(config, options.resume);
-  return options.resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
+  return train::BeginTraining(directory, config, options.resume);
 }
 
 int Train(const TrainOptions& options) {
@@ -286,15 +286,16 @@ int Train(const TrainOptions& options) {
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   StopSignals signals;
   const Source source = FindSource(options);
-  const train::RunConfig config = LoadConfig(options, source.config);
+  train::RunConfig config = LoadConfig(options, source.config);
   const run::RunDirectory directory{
       source.run.value_or(fs::path(options.output.value_or(kRuns)) / config.run.name)};
+  if (options.resume) config.courses.inputs = directory.inputs();
   RequireNoRun(options, directory);
   CheckDeterminism(options, config);
   WarnOfLearningRates(config.method.learner);
   if (!options.no_evaluation && !config.courses.test.empty()) {
     // Fails now, not after the training, if the test courses are missing.
-    train::WarnOfTrainingOverlap(config.courses.ResolveTest(), config.courses);
+    train::WarnOfTrainingOverlap(config.courses.ResolveTest(), config);
   }
   spdlog::info("{} {}: training on {}, test on {}", options.resume ? "loading" : "preparing",
                directory.root.string(), config.courses.DescribeTrain(),
@@ -307,6 +308,7 @@ int Train(const TrainOptions& options) {
   std::optional<run::RunLock> lock;
   if (!config.distillation.stages.empty()) {
     lock.emplace(BeginStages(options, config, directory));
+    config.courses.inputs = directory.inputs();
     has_begun = true;
     switch (train::TrainStages(config, directory, commit, exposer.get(), signals.token())) {
       case train::TrainingEnd::kStopped:
@@ -321,6 +323,7 @@ int Train(const TrainOptions& options) {
   if (exposer) exposer->Show(registry);
   train::Trainer trainer(config, directory, commit, has_begun, *registry, run::TrainingClock(),
                          std::move(lock));
+  config.courses.inputs = directory.inputs();
   const train::TrainingEnd end = trainer.Run(signals.token());
   if (end == train::TrainingEnd::kDiverged) return base::kExitDiverged;
   spdlog::info("trained for {}: {} steps, {} updates", base::FormatDuration(trainer.training_s()),
@@ -354,7 +357,8 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
       "Examples:\n\n"
       "  slalom train configs/quickstart.toml\n"
       "  slalom train configs/fast.toml --name mine --seed 2 --set run.max_seconds=60\n"
-      "  slalom train runs/mine --resume --set run.max_seconds=120\n");
+      "  slalom train runs/mine --resume --set run.max_seconds=120\n"
+      "  slalom train configs/fast.toml --name more --from runs/mine/policy.safetensors\n");
   auto options = std::make_shared<TrainOptions>();
   command
       ->add_option("CONFIG", options->config,
@@ -372,6 +376,10 @@ void AddTrainCommand(CLI::App& app, int* exit_code) {
   command
       ->add_option("--seed", options->seed, "Seed of all random streams [run.seed of the config]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{9'000'000'000'000'000}));
+  command
+      ->add_option("--from", options->from,
+                   "Start from the weights of this policy [learner.from of the config]")
+      ->type_name("POLICY");
   command->add_option(train::kOutputOption, options->output,
                       "Directory in which the run's directory is made [runs]");
   command

@@ -74,10 +74,8 @@ std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig&
                      const std::string& course, const std::string& train_longer) {
   const std::string root = directory.root.string();
   const std::string policy = directory.policy().string();
-  std::vector<std::string> render = {"courses", "render", "--courses", config.courses.test};
-  if (!config.courses.collection.empty()) {
-    render.insert(render.end(), {"--collection", config.courses.collection});
-  }
+  std::vector<std::string> render = TestCoursesOptions(config.courses);
+  render.insert(render.begin(), {"courses", "render"});
   render.insert(render.end(), {"--course", course, "--episodes", root + "/evaluation-tracks.jsonl",
                                "--output", root + "/" + course + ".svg"});
   std::string text = fmt::format(
@@ -101,6 +99,19 @@ std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig&
 
 }  // namespace
 
+std::vector<std::string> TestCoursesOptions(const train::CoursesConfig& courses) {
+  if (!courses.inputs.empty()) {
+    if (const fs::path copy = courses.CopyOf(courses.test); fs::exists(copy)) {
+      return {"--courses", copy.string()};
+    }
+  }
+  std::vector<std::string> options = {"--courses", courses.test};
+  if (!courses.collection.empty()) {
+    options.insert(options.end(), {"--collection", courses.collection});
+  }
+  return options;
+}
+
 void WriteTrainingPage(const run::RunDirectory& directory) {
   try {
     base::WriteFileAtomically(directory.training_page(),
@@ -116,9 +127,8 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   const std::string policy_path = directory.policy().string();
   const policy::LoadedPolicy policy = policy::LoadPolicy(directory.policy());
   const std::string& test = config.courses.test;
-  const auto result =
-      train::Score(train::PreparePolicy(policy.snapshot, policy_path, config, test, config.courses),
-                   parallel, stop);
+  const auto result = train::Score(
+      train::PreparePolicy(policy.snapshot, policy_path, config, test, config), parallel, stop);
   if (!result) return false;
   fmt::print("{}", eval::TextReport(result->evaluation));
   train::WriteScores(*result, directory.root);

@@ -2,12 +2,17 @@
 
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "app/train/run_config.h"
 #include "base/parallel.h"
 #include "learner/run/run_directory.h"
 
 namespace slalom::cli {
+
+/// The options of a command that is to read the test courses wherever it is called, from the copies
+/// of the run if it has any.
+std::vector<std::string> TestCoursesOptions(const train::CoursesConfig& courses);
 
 /// Writes training.html, the page that `slalom watch` shows, as the run is now. If a file cannot be
 /// read or written, warns and leaves it out.

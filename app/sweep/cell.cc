@@ -17,6 +17,7 @@
 
 #include "app/sweep/plan.h"
 #include "app/train/agent_run_config.h"
+#include "app/train/inputs.h"
 #include "app/train/profile.h"
 #include "app/train/run_config.h"
 #include "app/train/run_identity.h"
@@ -263,6 +264,7 @@ class Expansion {
       train::RequireCourses(config, "slalom sweep");
       train::RequireLearnable(config);
       if (IsOfService()) train::RequireServable(config);
+      (void)train::LoadFirstPolicy(config);
     } catch (const base::Error& error) {
       Fail(who, error.what());
     }
@@ -290,16 +292,18 @@ class Expansion {
       }
       if (cell.scores.empty()) continue;  // Its group has no score of this column.
       config.courses.test = "";           // The scores are the plan's.
-      // The id depends on the courses themselves, not on where they lie.
+      // The id depends on the courses and policies themselves, not on where these lie.
       train::RunConfig anywhere = config;
+      anywhere.method.learner.from = "";
       static_cast<train::CollectionConfig&>(anywhere.courses) = {};
       anywhere.courses.train = train::CoursesConfig{}.train;
       cell.id = train::Digest(fmt::format(
-          "{}\n{}\n{}\n{}\n{}\n{}\n{}", train::RunDigest(anywhere), courses.digest,
+          "{}\n{}\n{}\n{}\n{}\n{}\n{}{}", train::RunDigest(anywhere), courses.digest,
           config.run.max_steps, config.run.max_seconds, fmt::join(config.run.snapshot_steps, " "),
           fmt::join(config.run.snapshot_seconds, " "),
           IsOfService() ? fmt::format("{}\na service of {} actors", platform_, plan_.sweep.actors)
-                        : platform_));
+                        : platform_,
+          DescribePolicies(who, config)));
       if (IsOfService()) cell.num_actors = plan_.sweep.actors;
       Describe(config, cell);
       cell.config = std::move(config);
@@ -383,6 +387,19 @@ class Expansion {
     } catch (const base::Error& error) {
       Fail(who, error.what());
     }
+  }
+
+  /// The contents of the policies that a training starts or learns from, a line for each.
+  std::string DescribePolicies(const std::string& who, const train::RunConfig& config) const {
+    std::string lines;
+    try {
+      for (const std::string& file : train::PolicyFilesOf(config)) {
+        lines += "\npolicy " + train::Digest(base::ReadFile(file));
+      }
+    } catch (const base::Error& error) {
+      Fail(who, error.what());
+    }
+    return lines;
   }
 
   /// Adds the evaluations of a score: one, and one for each snapshot if the score asks for them.

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "app/train/inputs.h"
 #include "app/train/run_identity.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -58,6 +59,14 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
         directory.root.string());
   }
   WriteConfig(directory, config);
+  return lock;
+}
+
+run::RunLock BeginTraining(const run::RunDirectory& directory, const RunConfig& config,
+                           bool resume) {
+  const Inputs inputs = ReadInputs(config);  // They may lie in a run that is moved aside.
+  run::RunLock lock = resume ? ResumeRun(directory, config) : BeginRun(directory, config);
+  WriteInputs(inputs, directory.inputs());
   return lock;
 }
 

@@ -21,4 +21,9 @@ void RequireResumable(const std::string& earlier, const std::string& source,
 /// or another process trains there.
 run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& config);
 
+/// Begins or resumes a run that drives its own episodes: as the two functions do, and keeps copies
+/// of what its config names in its directory (`ReadInputs`, with its errors).
+run::RunLock BeginTraining(const run::RunDirectory& directory, const RunConfig& config,
+                           bool resume);
+
 }  // namespace slalom::train

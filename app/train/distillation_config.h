@@ -18,8 +18,8 @@ struct DistillationConfig {
     v("stages", stages,
       "Trainings that come first, whose policies teach the kinds of their own courses.fresh. Each "
       "has a name and the keys in which it differs from this config: `{ walls.courses.fresh = "
-      "\"wall\", walls.run.max_steps = 2000000 }`. It learns by td3 unless it says otherwise, and "
-      "has no limit in seconds if the run has none (docs/training.md).");
+      "\"wall\", walls.run.max_steps = 2000000 }`. It learns by td3 from random weights unless "
+      "it says otherwise, and has no limit in seconds if the run has none (docs/training.md).");
   }
 };
 

@@ -15,6 +15,7 @@
 #include "base/random.h"
 #include "replay/rows.h"
 #include "replay/sample_bytes.h"
+#include "sim/courses/course_file.h"
 #include "sim/courses/course_sets.h"
 #include "sim/randomized_config.h"
 #include "sim/scene.h"
@@ -124,7 +125,24 @@ int LargestChunkRows(const RunConfig& config) {
 
 }  // namespace
 
+std::string CopyName(const std::string& named, std::string_view identity,
+                     std::string_view extension) {
+  const std::string stem = std::filesystem::path(named).stem().string();
+  return fmt::format("{}-{:016x}{}", sim::IsCourseName(stem) ? stem : "copy",
+                     base::Checksum(identity), extension);
+}
+
+std::filesystem::path CollectionConfig::CopyOf(const std::string& spec) const {
+  return inputs / CopyName(spec, fmt::format("{}\n{}\n{}", spec, collection, generator_seed),
+                           sim::kCourseSetExtension);
+}
+
 sim::CourseSet CollectionConfig::Resolve(const std::string& spec) const {
+  if (const auto copy = CopyOf(spec); !inputs.empty() && base::Exists(copy)) {
+    sim::CourseSet set = sim::ReadCourseSet(copy);
+    if (set.name == copy.stem().string()) set.name = spec;  // The file has none.
+    return set;
+  }
   return sim::ResolveCourses(spec, collection, static_cast<std::uint64_t>(generator_seed));
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -31,13 +32,24 @@
 
 namespace slalom::train {
 
+/// The name of the copy of a file or course set `named`: "bend-0123456789abcdef.courses".
+/// `identity`: a text that tells it from others of this name.
+std::string CopyName(const std::string& named, std::string_view identity,
+                     std::string_view extension);
+
 /// Where names of course sets are looked up.
 struct CollectionConfig {
   std::string collection;
   std::int64_t generator_seed = 1;
+  /// Not a key: the directory in which a run keeps copies of what its config names
+  /// (app/train/inputs.h). Empty: there are none.
+  std::filesystem::path inputs{};
 
-  /// Returns the set that `spec` names (`sim::ResolveCourses`, with its errors).
+  /// Returns the set that `spec` names: its copy in `inputs`, or as `sim::ResolveCourses` does,
+  /// with its errors.
   sim::CourseSet Resolve(const std::string& spec) const;
+  /// The file of the copy of that set. Requires: `inputs` is not empty.
+  std::filesystem::path CopyOf(const std::string& spec) const;
 
   template <class Visitor>
   void Visit(Visitor& v) {

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "app/train/inputs.h"
+#include "app/train/training_overlap.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -16,7 +18,6 @@
 #include "base/progress.h"
 #include "base/version.h"
 #include "policy/policy_agent.h"
-#include "sim/courses/course_overlap.h"
 #include "sim/pictures/course_render.h"
 
 namespace slalom::train {
@@ -57,23 +58,6 @@ std::string AgentName(const std::string& policy_source) {
   return path.stem() == "policy" && !run.empty() ? run : path.stem().string();
 }
 
-eval::TrainingOverlap CountOverlap(const sim::CourseSet& scored, const CoursesConfig& training) {
-  return {sim::CountSharedCourses(scored, training.ResolveTrain()),
-          static_cast<int>(scored.courses.size()), training.DescribeTrain()};
-}
-
-/// Returns nothing, after a warning, if the training courses can no longer be read (for example
-/// because a set file was moved).
-std::optional<eval::TrainingOverlap> FindOverlap(const sim::CourseSet& scored,
-                                                 const CoursesConfig& trained) {
-  try {
-    return CountOverlap(scored, trained);
-  } catch (const base::Error& error) {
-    spdlog::warn("cannot tell whether the policy was trained on these courses: {}", error.what());
-    return std::nullopt;
-  }
-}
-
 /// `config`: a policy's or a planner's.
 template <class Config>
 Scoring Prepare(const Config& config, const sim::CourseSet& courses, eval::MakeAgent make_agent,
@@ -94,7 +78,7 @@ eval::MakeAgent MakeAgentsOf(const policy::PolicySnapshot& policy, const RunConf
 
 Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
                       const RunConfig& config, const std::string& courses_spec,
-                      const std::optional<CoursesConfig>& trained) {
+                      const std::optional<RunConfig>& trained) {
   policy::RequireSameInterface(policy_source, policy.spec,
                                sim::MakeObservationSpec(config.environment),
                                config.environment.action);
@@ -109,7 +93,11 @@ Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& p
                              .kind = "policy",
                              .source = policy_source,
                              .course_set = courses_spec});
-  if (trained) scoring.training_overlap = FindOverlap(courses, *trained);
+  if (trained) {
+    RunConfig training = *trained;
+    training.courses.inputs = InputsOf(policy_source);
+    scoring.training_overlap = FindTrainingOverlap(courses, training);
+  }
   const auto& overlap = scoring.training_overlap;
   if (overlap && overlap->num_courses > 0) {
     spdlog::warn("{}: {}", policy_source, eval::DescribeOverlap(*overlap));
@@ -159,10 +147,11 @@ void WriteScores(const Scores& scores, const std::filesystem::path& directory) {
   }
 }
 
-void WarnOfTrainingOverlap(const sim::CourseSet& scored, const CoursesConfig& training) {
-  const eval::TrainingOverlap overlap = CountOverlap(scored, training);
-  if (overlap.num_courses == 0) return;
-  spdlog::warn("policies will be scored on {}: {}", scored.name, eval::DescribeOverlap(overlap));
+void WarnOfTrainingOverlap(const sim::CourseSet& scored, const RunConfig& training) {
+  if (const auto overlap = FindTrainingOverlap(scored, training);
+      overlap && overlap->num_courses > 0) {
+    spdlog::warn("policies will be scored on {}: {}", scored.name, eval::DescribeOverlap(*overlap));
+  }
 }
 
 }  // namespace slalom::train

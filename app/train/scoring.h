@@ -36,13 +36,13 @@ struct Scores {
 eval::MakeAgent MakeAgentsOf(const policy::PolicySnapshot& policy, const RunConfig& config);
 
 /// Prepares to drive a policy over the courses of `courses_spec` with the task, collection and
-/// protocol of `config`. `trained`: the courses that it was trained on; a warning says how many of
-/// them are driven here. Give none if they are not known or do not matter. Throws `base::Error` if
-/// the policy does not fit the task (the error names `policy_source`) or the courses cannot be
-/// read.
+/// protocol of `config`. `trained`: the config that it was trained with; a warning says how many of
+/// the courses that it, its teachers or its first policy (`learner.from`) were trained on are
+/// driven here. Give none if they are not known or do not matter. Throws `base::Error` if the
+/// policy does not fit the task (the error names `policy_source`) or the courses cannot be read.
 Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
                       const RunConfig& config, const std::string& courses_spec,
-                      const std::optional<CoursesConfig>& trained);
+                      const std::optional<RunConfig>& trained);
 
 /// Prepares to drive the classical planner `name`, or the oracle, likewise. `parallel`: threads on
 /// which it plans. Throws `base::Error` if there is no such planner (the error lists them) or the
@@ -60,8 +60,8 @@ std::optional<Scores> Score(const Scoring& scoring, base::ParallelFor& parallel,
 /// courses.svg) into `directory`. Throws `base::Error` if that fails.
 void WriteScores(const Scores& scores, const std::filesystem::path& directory);
 
-/// Warns, before a training, if courses on which its policies will be scored are among its training
-/// courses. Throws `base::Error` if these cannot be read.
-void WarnOfTrainingOverlap(const sim::CourseSet& scored, const CoursesConfig& training);
+/// Warns, before a training, if courses on which its policies will be scored are among the courses
+/// that these will have been trained on, as `PreparePolicy` does.
+void WarnOfTrainingOverlap(const sim::CourseSet& scored, const RunConfig& training);
 
 }  // namespace slalom::train

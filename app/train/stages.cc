@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "app/train/inputs.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/name.h"
@@ -23,20 +24,12 @@ struct Text {
   }
 };
 
-fs::path ReadFile(const base::TomlAssignment& teacher) {
-  try {
-    return config::FromToml<Text>(fmt::format("teacher = {}", teacher.value.text), "").text;
-  } catch (const base::Error&) {
-    throw base::Error(fmt::format("distillation.teachers.{}: found {}, expected a policy file",
-                                  teacher.key, teacher.value.text));
-  }
-}
-
 /// The config of a stage without its own keys.
 RunConfig Plain(const RunConfig& config, const std::string& name) {
   RunConfig stage = config;
   stage.distillation = {};
   stage.method.learner.algorithm = learner::LearnerConfig{}.algorithm;
+  stage.method.learner.from = "";
   stage.courses.test = "";
   stage.run.name = name;
   stage.run.keep_checkpoints = run::KeepCheckpoints::kNone;
@@ -100,6 +93,15 @@ std::int64_t MaxStepsOf(const RunConfig& config) {
   return steps;
 }
 
+std::string TeacherFile(const base::TomlAssignment& teacher) {
+  try {
+    return config::FromToml<Text>(fmt::format("teacher = {}", teacher.value.text), "").text;
+  } catch (const base::Error&) {
+    throw base::Error(fmt::format("distillation.teachers.{}: found {}, expected a policy file",
+                                  teacher.key, teacher.value.text));
+  }
+}
+
 double MaxSecondsOf(const RunConfig& config) {
   double seconds = config.run.max_seconds;
   for (const Stage& stage : StagesOf(config)) seconds += stage.config.run.max_seconds;
@@ -128,7 +130,7 @@ std::map<sim::FreshKind, fs::path> TeacherFiles(const RunConfig& config,
       throw base::Error(fmt::format("{}: expected a kind of courses.fresh, which is \"{}\"", key,
                                     config.courses.fresh));
     }
-    add(kind, key, ReadFile(teacher));
+    add(kind, key, FindPolicy(config.courses.inputs, TeacherFile(teacher)));
   }
   for (const Stage& stage : StagesOf(config)) {
     sim::FreshMix kinds = stage.config.courses.Mix();

@@ -38,6 +38,10 @@ std::int64_t MaxStepsOf(const RunConfig& config);
 /// as `StagesOf`.
 double MaxSecondsOf(const RunConfig& config);
 
+/// The policy file that an entry of `DistillationConfig::teachers` names. Throws `base::Error` that
+/// names the key if it is no text.
+std::string TeacherFile(const base::TomlAssignment& teacher);
+
 /// The policy file that teaches each kind of `courses.fresh` of the run in `directory`. Throws
 /// `base::Error` that names the key as `StagesOf`, and if a kind has no teacher or two, or a
 /// teacher has no kind.

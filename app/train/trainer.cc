@@ -9,6 +9,7 @@
 #include "app/train/begin_run.h"
 #include "app/train/course_teachers.h"
 #include "app/train/disk_room.h"
+#include "app/train/inputs.h"
 #include "app/train/run_limits.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -32,7 +33,7 @@ run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config,
                    const learner::Learner& learner, bool resume, std::optional<run::RunLock> held) {
   RequireRoom(config, directory, StateBytes(learner));
   if (held) return *std::move(held);
-  return resume ? ResumeRun(directory, config) : BeginRun(directory, config);
+  return BeginTraining(directory, config, resume);
 }
 
 learner::MethodConfig MethodOf(const RunConfig& config) {
@@ -66,7 +67,8 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
     : config_(Checked(config, resume)),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
       environments_(MakeTrainingEnvironments(config, parallel_)),
-      learner_(MethodOf(config), MakePolicySpec(config), SeedOf(config, "learner")),
+      learner_(MethodOf(config), MakePolicySpec(config), SeedOf(config, "learner"),
+               LoadFirstPolicy(config)),
       agent_(policy::MakePolicyAgent(learner_.Snapshot(), config.mpc, SeedOf(config, "mpc"))),
       teachers_(MakeTeachers(config, directory.root)),
       actor_(config.actor, environments_, *agent_, SeedOf(config, "actor"), config.courses.sampling,

@@ -34,8 +34,8 @@ void RequireTrainable(const RunConfig& config, bool resume);
 /// number of times.
 class Trainer {
  public:
-  /// Builds everything, then begins the run's directory (`BeginRun`). With `resume`, checks the
-  /// directory instead (`ResumeRun`) and continues from the newest intact checkpoint. `commit`: the
+  /// Builds everything, then begins the run's directory (`BeginTraining`). With `resume`, checks
+  /// the directory instead and continues from the newest intact checkpoint. `commit`: the
   /// program's commit, for provenance. `registry`, which must outlive the trainer, shows the
   /// metrics of a learner. `clock` measures training time, which counts from `Run` on; tests give
   /// their own. `held`: the run's lock, if the caller has begun or checked the directory already.

@@ -17,6 +17,7 @@
 #include <thread>
 #include <utility>
 
+#include "app/train/inputs.h"
 #include "app/train/scoring.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -92,6 +93,7 @@ std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token&
   const policy::LoadedPolicy loaded = policy::LoadPolicy(file.path);
   auto config =
       train::TrainedConfig(loaded.metadata, file.path.string()).value_or(train::RunConfig{});
+  config.courses.inputs = train::InputsOf(file.path);
   config.evaluation.episodes_per_course = 1;
   config.evaluation.recorded_episodes_per_course = 1;
   config.evaluation.recorded_scan_courses = 0;

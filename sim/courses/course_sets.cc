@@ -212,6 +212,12 @@ CourseSet ResolveOne(const std::string& spec, const std::optional<fs::path>& col
       FreshCoursePatterns()));
 }
 
+/// Whether `spec` joins several sets.
+bool IsJoined(const std::string& spec) {
+  std::error_code error;
+  return spec.find(kJoin) != std::string::npos && !fs::exists(spec, error);
+}
+
 /// Joins the sets of the parts of `spec`.
 CourseSet ResolveSeveral(const std::string& spec, const std::optional<fs::path>& collection,
                          std::uint64_t generator_seed) {
@@ -236,9 +242,18 @@ CourseSet ResolveSeveral(const std::string& spec, const std::optional<fs::path>&
 
 CourseSet ResolveCourses(const std::string& spec, const std::optional<fs::path>& collection,
                          std::uint64_t generator_seed) {
-  std::error_code error;
-  const bool is_joined = spec.find(kJoin) != std::string::npos && !fs::exists(spec, error);
-  return (is_joined ? ResolveSeveral : ResolveOne)(spec, collection, generator_seed);
+  return (IsJoined(spec) ? ResolveSeveral : ResolveOne)(spec, collection, generator_seed);
+}
+
+bool ReadsFiles(const std::string& spec, const std::optional<fs::path>& collection) {
+  const bool is_built_in = !collection || collection->empty();
+  const std::vector<std::string_view> parts =
+      IsJoined(spec) ? base::Split(spec, kJoin) : std::vector<std::string_view>{spec};
+  return std::ranges::any_of(parts, [is_built_in](std::string_view one) {
+    const bool is_generated = std::ranges::any_of(
+        kFreshSources, [one](const FreshSource& source) { return one.starts_with(source.prefix); });
+    return !is_generated && !RealWorldNumber(one) && !(is_built_in && FindSplit(one));
+  });
 }
 
 std::string_view FreshCoursePrefix(FreshKind kind) {

@@ -38,6 +38,9 @@ CourseSet ResolveCourses(const std::string& spec,
                          const std::optional<std::filesystem::path>& collection,
                          std::uint64_t generator_seed);
 
+/// Whether `ResolveCourses` reads files for `spec`: the set is neither generated nor built in.
+bool ReadsFiles(const std::string& spec, const std::optional<std::filesystem::path>& collection);
+
 /// What names of fresh courses of this kind begin with, "generated-box:" for example.
 std::string_view FreshCoursePrefix(FreshKind kind);
 

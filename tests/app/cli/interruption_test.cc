@@ -11,6 +11,8 @@
 
 #include "base/file.h"
 #include "policy/policy.h"
+#include "sim/courses/course_file.h"
+#include "sim/courses/course_sets.h"
 #include "tests/app/cli/program.h"
 #include "tests/metrics/http.h"
 #include "tests/support/scratch_directory.h"
@@ -164,18 +166,12 @@ TEST(InterruptionTest, ATrainingShowsItsMetricsWhereItIsTold) {
 TEST(InterruptionTest, ARunIsHeldAndShownWhileItsStagesAreTrained) {
   const ScratchDirectory scratch;
   WriteTinyConfig(scratch.path(), 100000000);
-  const std::vector<std::string> train = {
-      "train",
-      "tiny.toml",
-      "--no-evaluation",
-      "--set",
-      "courses.train=",
-      "--set",
-      "courses.fresh=static+wall",
-      "--set",
-      "learner.algorithm=distillation",
-      "--set",
-      "distillation.stages={a.courses.fresh=\"static\",b.courses.fresh=\"wall\"}"};
+  std::vector<std::string> train = {"train", "tiny.toml", "--no-evaluation"};
+  for (const char* set :
+       {"courses.train=", "courses.fresh=static+wall", "learner.algorithm=distillation",
+        "distillation.stages.a.courses.fresh=static", "distillation.stages.b.courses.fresh=wall"}) {
+    train.insert(train.end(), {"--set", set});
+  }
   std::vector<std::string> shown = train, forced = train;
   shown.insert(shown.end(), {"--metrics", "127.0.0.1:0"});
   forced.insert(forced.end(), {"--force", "--seed", "7"});
@@ -249,6 +245,39 @@ TEST(ResumeTest, PrintedCommandsWorkWhenPastedWhereverTheRunLies) {
     EXPECT_THAT(moved.err, testing::HasSubstr("4.5k steps"));
     EXPECT_FALSE(fs::exists(scratch.path() / "runs"));
   }
+}
+
+TEST(ResumeTest, ARunGoesOnWithoutTheFilesThatItsConfigNames) {
+  const ScratchDirectory scratch;
+  const fs::path first = scratch.path() / "first", second = scratch.path() / "second";
+  for (const fs::path& folder : {first, second}) fs::create_directories(folder);
+  WriteTinyConfig(first, 1000);
+  sim::WriteCourseSet(first / "own.courses", sim::ResolveCourses("generated:3:2", {}, 1));
+  const ProgramResult begun =
+      RunProgram({"train", "tiny.toml", "--set", "courses.train=own.courses", "--set",
+                  "courses.test=own.courses+generated:9:1"},
+                 first);
+  ASSERT_EQ(begun.exit_code, 0) << begun.err;
+  fs::rename(first / "runs/tiny", second / "moved");
+  fs::remove_all(first);
+
+  const ProgramResult moved =
+      RunProgram({"train", "moved", "--resume", "--set", "run.max_steps=2000"}, second);
+  ASSERT_EQ(moved.exit_code, 0) << moved.err;
+  EXPECT_THAT(moved.err, testing::HasSubstr("2k steps"));
+  EXPECT_THAT(base::ReadFile(second / "moved/evaluation.json"),
+              testing::HasSubstr("own.courses+generated:9:1"));
+  const ProgramResult drawn = RunShell(CommandAfter(moved.out, "the worst course "), second);
+  EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
+  const ProgramResult scored = RunProgram(
+      {"evaluate", "--policy", "moved/policy.safetensors", "--courses", "generated:3:2"}, second);
+  EXPECT_THAT(scored.err, testing::HasSubstr("2 of the 2 courses are among those"));
+
+  sim::WriteCourseSet(second / "own.courses", sim::ResolveCourses("generated:4:2", {}, 1));
+  const ProgramResult changed =
+      RunProgram({"train", "moved", "--resume", "--no-evaluation"}, second);
+  EXPECT_EQ(changed.exit_code, 0) << changed.err;
+  EXPECT_THAT(changed.err, testing::HasSubstr("own.courses is no longer as it was"));
 }
 
 TEST(ResumeTest, AFinishedRunIsScoredAgainWhereOtherScoresAreAskedFor) {

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <string_view>
@@ -17,6 +18,7 @@
 #include "app/train/run_identity.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "policy/policy.h"
 #include "tests/app/sweep/plan_files.h"
 #include "tests/support/scratch_directory.h"
 
@@ -245,14 +247,46 @@ TEST(CellTest, EveryKeyThatDecidesATrainingIsPartOfItsId) {
     const bool is_of_sweep = key == "run.name" || key == "run.seed" || key == "run.deterministic";
     const bool is_how_long = key == "run.max_steps" || key == "run.max_seconds" ||
                              key == "run.snapshot_steps" || key == "run.snapshot_seconds";
-    return is_of_sweep || key.starts_with("courses.") || key.starts_with("distillation.") ||
-           (!train::DecidesRun(config, key) && !is_how_long);
+    return is_of_sweep || key == "learner.from" || key.starts_with("courses.") ||
+           key.starts_with("distillation.") || (!train::DecidesRun(config, key) && !is_how_long);
   });
   EXPECT_GT(fields.size(), 100U);
   ExpectEachKeyCounts(fields, base.id, [&](const std::string& key, const std::string& value) {
     return cell(key + "=" + value).id;
   });
   EXPECT_NE(cell("sweep.lockstep=true").id, cell("sweep.lockstep=false").id);
+}
+
+TEST(CellTest, ThePolicyThatATrainingStartsFromIsPartOfItsId) {
+  const test::ScratchDirectory scratch;
+  const fs::path plan = test::WritePlan(scratch.path(), kPlan);
+  const auto cell = [&](const fs::path& from) {
+    const std::vector<std::string> sets = {"learner.from=" + from.string()};
+    return ExpandPlan(ReadPlan(plan, sets), {}).cells.at(0);
+  };
+  policy::PolicySnapshot first = policy::ZeroSnapshot(
+      train::MakePolicySpec(ExpandPlan(ReadPlan(plan, {}), {}).cells[0].config.value()));
+  first.version = 1;
+  const auto save = [&](const std::string& name) {
+    policy::SavePolicy(scratch.path() / name, first, {});
+    return scratch.path() / name;
+  };
+  const std::string id = cell(save("a.safetensors")).id;
+  EXPECT_NE(id, cell("").id);
+  EXPECT_EQ(id, cell(save("b.safetensors")).id) << "the same policy elsewhere";
+  auto weights = std::make_shared<std::vector<float>>(*first.weights);
+  weights->front() = 1.0f;
+  first.weights = weights;
+  EXPECT_NE(id, cell(save("a.safetensors")).id);
+  first.spec.network.head_layers = {9};
+  first.weights = policy::ZeroSnapshot(first.spec).weights;
+  const fs::path other = save("c.safetensors");
+  EXPECT_THAT([&] { (void)cell(other); },
+              ThrowsMessage<base::Error>(AllOf(HasSubstr("learner.from: " + other.string()),
+                                               HasSubstr("head_layers"), HasSubstr("[9]"),
+                                               HasSubstr("[8]"))));
+  EXPECT_THAT([&] { (void)cell(scratch.path() / "none"); },
+              ThrowsMessage<base::Error>(HasSubstr("none")));
 }
 
 TEST(CellTest, AStagesKeysArePartOfTheId) {

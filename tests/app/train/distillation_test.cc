@@ -9,8 +9,11 @@
 #include <vector>
 
 #include "app/train/course_teachers.h"
+#include "app/train/inputs.h"
+#include "app/train/scoring.h"
 #include "app/train/stage_trainer.h"
 #include "app/train/stages.h"
+#include "base/config.h"
 #include "base/error.h"
 #include "policy/policy.h"
 #include "sim/environments.h"
@@ -37,7 +40,7 @@ class DistillationTest : public testing::Test {
   static std::string Quoted(const std::string& text) { return "\"" + text + "\""; }
 
   /// A policy that always chooses `action` for both numbers.
-  std::string SaveTeacher(const std::string& name, float action) {
+  std::string SaveTeacher(const std::string& name, float action, nn::Metadata metadata = {}) {
     policy::PolicySnapshot snapshot = policy::ZeroSnapshot(MakePolicySpec(config_));
     snapshot.version = 1;
     auto weights = std::make_shared<std::vector<float>>(*snapshot.weights);
@@ -46,7 +49,7 @@ class DistillationTest : public testing::Test {
     }
     snapshot.weights = weights;
     const std::string file = (directory_.path() / (name + ".safetensors")).string();
-    policy::SavePolicy(file, snapshot, {});
+    policy::SavePolicy(file, snapshot, metadata);
     return file;
   }
 
@@ -77,6 +80,43 @@ TEST_F(DistillationTest, EachKindOfCourseHasItsTeacher) {
                                           {0.5f, 0.5f, -0.5f, -0.5f, 0.5f, 0.5f, -0.5f, -0.5f}));
   config_.method.learner.algorithm = "td3";
   EXPECT_EQ(MakeTeachers(config_, directory_.path()), nullptr);
+}
+
+TEST_F(DistillationTest, TeachersAreReadFromTheRunsCopies) {
+  const std::filesystem::path inputs = directory_.path() / "inputs";
+  WriteInputs(ReadInputs(config_), inputs);
+  for (const char* name : {"still.safetensors", "walls.safetensors"}) {
+    std::filesystem::remove(directory_.path() / name);
+  }
+  EXPECT_THAT(Refusal(), HasSubstr("cannot open"));
+  config_.courses.inputs = inputs;
+  EXPECT_EQ(Refusal(), "accepted");
+  const auto files = TeacherFiles(config_, "");
+  EXPECT_NE(files.at(sim::FreshKind::kStatic), files.at(sim::FreshKind::kWall));
+  EXPECT_EQ(files.at(sim::FreshKind::kStatic).parent_path(), inputs);
+}
+
+TEST_F(DistillationTest, ScoresOnCoursesOfItsTeachersAreKnown) {
+  const auto save = [this](const std::string& name, const std::string& courses) {
+    RunConfig taught;
+    taught.courses.train = courses;
+    SaveTeacher(name, 0.5f, {{"config", config::ToToml(taught)}});
+  };
+  save("still", "generated:5:1");
+  save("walls", "generated:3:2");
+  const auto overlap = [this](const std::string& courses) {
+    return PreparePolicy(policy::ZeroSnapshot(MakePolicySpec(config_)), "student.safetensors",
+                         config_, courses, config_)
+        .training_overlap;
+  };
+  EXPECT_EQ(overlap("generated:3:2+generated:4:1"),
+            (eval::TrainingOverlap{
+                2, 3, "fresh courses (static+wall+static), generated:5:1, generated:3:2"}));
+  EXPECT_EQ(overlap("generated:4:1")->num_courses, 0);
+  // That of the other one is still known.
+  std::filesystem::remove(directory_.path() / "still.safetensors");
+  EXPECT_EQ(overlap("generated:3:2")->num_courses, 2);
+  EXPECT_EQ(overlap("generated:4:1"), std::nullopt) << "unknown, not none";
 }
 
 TEST_F(DistillationTest, ATeacherMaySeeWhatItsStudentDoesNot) {

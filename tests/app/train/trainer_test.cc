@@ -4,7 +4,9 @@
 #include <gmock/gmock.h>
 
 #include <limits>
+#include <stop_token>
 
+#include "app/train/inputs.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -111,6 +113,41 @@ TEST(TrainerTest, PrioritiesAreThoseOfTheCheckpointAfterAResume) {
   base::WriteFileAtomically(newest(), before.substr(0, before.size() / 2));
   EXPECT_THAT([&] { RunOnce(config, directory, true); },
               testing::ThrowsMessage<base::Error>(testing::HasSubstr("priorities: damaged")));
+}
+
+TEST(TrainerTest, ARunStartsFromAPolicyOfWhichItKeepsACopy) {
+  const test::ScratchDirectory scratch;
+  const run::RunDirectory first{scratch.path() / "first"}, begun{scratch.path() / "begun"};
+  RunConfig config = SmallRun();
+  config.run.max_steps = 2000;
+  ASSERT_EQ(RunOnce(config, first), TrainingEnd::kFinished);
+  config.run.seed = 2;
+  config.method.learner.from = first.policy();
+  config.method.learner.algorithm = "ddpg";
+  std::stop_source stopped;
+  stopped.request_stop();
+  ASSERT_EQ(RunOnce(config, begun, false, stopped.get_token()), TrainingEnd::kStopped);
+  EXPECT_EQ(*Policy(begun).weights, *Policy(first).weights);
+
+  // As a kill before the first checkpoint leaves it.
+  fs::remove_all(begun.checkpoints());
+  fs::remove(begun.policy());
+  // The same run in the place of the one that it starts from, which is moved aside.
+  ASSERT_EQ(RunOnce(config, first), TrainingEnd::kFinished);
+  EXPECT_EQ(base::ReadFile(FindPolicy(first.inputs(), first.policy())),
+            base::ReadFile(scratch.path() / "first.1/policy.safetensors"));
+  config.courses.inputs = begun.inputs();
+  ASSERT_EQ(RunOnce(config, begun, true), TrainingEnd::kFinished);
+  EXPECT_EQ(*Policy(begun).weights, *Policy(first).weights);
+
+  config.method.learner.from = begun.policy();
+  config.run.max_steps = 3000;
+  try {
+    RunOnce(config, begun, true);
+    ADD_FAILURE() << "it went on from another policy";
+  } catch (const base::Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("learner.from was"));
+  }
 }
 
 TEST(TrainerTest, AStoppedRunIsSavedAndGoesOn) {

@@ -376,5 +376,18 @@ TEST(CourseSets, EveryGeneratedCourseCanBeDriven) {
   }
 }
 
+TEST(CourseSets, AreBuiltInOrReadFromFiles) {
+  for (const char* spec : {"static-train-50", "static-validation", "real-world-1", "generated:1:2",
+                           "generated-rooms:3:4", "static-test+generated:1:2"}) {
+    EXPECT_FALSE(ReadsFiles(spec, std::nullopt)) << spec;
+    EXPECT_FALSE(ReadsFiles(spec, "")) << spec;
+  }
+  for (const char* spec : {"own.courses", "static-test+own.courses", "real-world-9", ""}) {
+    EXPECT_TRUE(ReadsFiles(spec, std::nullopt)) << spec;
+  }
+  EXPECT_TRUE(ReadsFiles("static-train-50", "barn"));
+  EXPECT_FALSE(ReadsFiles("generated:1:2+real-world-2", "barn"));
+}
+
 }  // namespace
 }  // namespace slalom::sim
