@@ -53,7 +53,6 @@ std::string_view Unquoted(std::string_view text) {
 class DescriptionReader {
  public:
   DescriptionReader(std::string_view text, std::string_view source) : source_(source) {
-    if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
     Entry* last = nullptr;
     int number = 0;
     for (const std::string_view whole : base::Split(text, '\n')) {
@@ -320,7 +319,7 @@ OccupancyMap ParseMapImage(const MapDescription& description, std::string_view b
 }
 
 OccupancyMap ReadMap(const std::filesystem::path& path) {
-  const MapDescription description = ParseMapDescription(base::ReadFile(path), path.string());
+  const MapDescription description = ParseMapDescription(base::ReadTextFile(path), path.string());
   const std::filesystem::path image = path.parent_path() / description.image;
   return ParseMapImage(description, base::ReadFile(image), image.string());
 }

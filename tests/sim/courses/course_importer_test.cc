@@ -180,7 +180,7 @@ TEST(MapFile, ThresholdsNegateAndModesAreThoseOfMapServer) {
 
 TEST(MapFile, DescriptionsAreReadAsTheyAreWritten) {
   const MapDescription description = ParseMapDescription(
-      "\xef\xbb\xbf# a map\r\n---\r\nimage: \"maps/a #1.pgm\"  # quoted\r\nmode: trinary\r\n"
+      "# a map\r\n---\r\nimage: \"maps/a #1.pgm\"  # quoted\r\nmode: trinary\r\n"
       "resolution: 5e-2\r\norigin:\r\n- -10.5\r\n- 3\r\n- 0.25\r\nnegate: false\r\n"
       "occupied_thresh: 0.65\r\nfree_thresh: 0.25\r\n",
       "m");
