@@ -1,24 +1,26 @@
 #include <gtest/gtest.h>
 
+#include <set>
 #include <string>
 #include <tuple>
 
 #include "learner/algorithm.h"
 #include "learner/learner.h"
 #include "tests/learner/every_algorithm.h"
+#include "tests/learner/every_encoder.h"
 #include "tests/learner/random_rows.h"
+#include "tests/support/every_value.h"
 
 /// Every algorithm on every encoder.
 
 namespace slalom::learner {
 namespace {
 
-using Combination = std::tuple<const char*, const char*>;  // Algorithm, encoder.
+using Combination = std::tuple<const char*, EncoderCase>;  // Algorithm, encoder.
 
 class EncoderTest : public testing::TestWithParam<Combination> {
  protected:
   static constexpr int kBatch = 8;
-  static constexpr int kHistory = 3;
   static constexpr int kBeams = 24;
 
   EncoderTest() {
@@ -28,20 +30,15 @@ class EncoderTest : public testing::TestWithParam<Combination> {
     method_.learner.actor_learning_rate = 1e-3;
     method_.learner.critic_learning_rate = 1e-3;
     spec_.observation.num_beams = kBeams;
-    spec_.network.history = kHistory;
+    spec_.network = std::get<1>(GetParam()).network;
     spec_.network.sectors = 12;
-    spec_.network.encoder_layers = {16, 16};
-    spec_.network.head_layers = {16};
-    const std::string encoder = std::get<1>(GetParam());
-    SLALOM_CHECK(base::ParseEnum(encoder == "beams" ? "cnn" : encoder, spec_.network.encoder));
-    if (encoder == "beams") spec_.network.cnn_axis = nn::CnnAxis::kBeams;
-    if (encoder == "transformer") spec_.network.dropout = 0.1;
+    if (spec_.network.encoder == nn::EncoderFamily::kTransformer) spec_.network.dropout = 0.1;
     spec_.distribution = DistributionOf(method_.learner);
   }
 
   void Train(Learner& learner, int begin, int end) const {
     for (int i = begin; i < end; ++i) {
-      learner.Update(RandomRows(kBatch, kHistory, kBeams, 100 + i).batches(), 0.0);
+      learner.Update(RandomRows(kBatch, spec_.network.history, kBeams, 100 + i).batches(), 0.0);
     }
   }
 
@@ -69,13 +66,23 @@ TEST_P(EncoderTest, LearnsAndGoesOnBitForBitAfterARestore) {
   EXPECT_EQ(whole.FindFault(), std::nullopt);
 }
 
+TEST(EveryEncoder, IsOfEachKind) {
+  std::set<nn::EncoderKind> kinds, found;
+  for (const nn::EncoderFamily encoder : test::EveryValue<nn::EncoderFamily>()) {
+    for (const nn::CnnAxis axis : test::EveryValue<nn::CnnAxis>()) {
+      kinds.insert(nn::EncoderOf({.encoder = encoder, .cnn_axis = axis}));
+    }
+  }
+  for (const EncoderCase& encoder : EveryEncoder()) found.insert(EncoderOf(encoder.network));
+  EXPECT_EQ(found, kinds);
+}
+
 INSTANTIATE_TEST_SUITE_P(Combinations, EncoderTest,
                          testing::Combine(testing::ValuesIn(EveryAlgorithm()),
-                                          testing::Values("mlp", "cnn", "beams", "gru",
-                                                          "transformer")),
+                                          testing::ValuesIn(EveryEncoder())),
                          [](const auto& test) {
                            return std::string(std::get<0>(test.param)) + "_" +
-                                  std::get<1>(test.param);
+                                  std::get<1>(test.param).name;
                          });
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "base/random.h"
 #include "policy/network_agent.h"
 #include "tests/support/allocation_count.h"
+#include "tests/support/every_value.h"
 
 /// What a robot's program does at each step. Needs no LibTorch.
 
@@ -27,10 +28,8 @@ PolicySnapshot MakePolicy(nn::EncoderFamily encoder, DistributionKind distributi
 }
 
 TEST(NetworkAgent, AllocatesNothingForAnAction) {
-  using enum nn::EncoderFamily;
-  using enum DistributionKind;
-  for (const nn::EncoderFamily encoder : {kMlp, kCnn, kGru, kTransformer}) {
-    for (const DistributionKind distribution : {kDeterministic, kGaussian}) {
+  for (const nn::EncoderFamily encoder : test::EveryValue<nn::EncoderFamily>()) {
+    for (const DistributionKind distribution : test::EveryValue<DistributionKind>()) {
       const PolicySnapshot snapshot = MakePolicy(encoder, distribution);
       NetworkAgent agent(snapshot);
       base::Random random(2);

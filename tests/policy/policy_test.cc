@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "policy/policy_spec.h"
+#include "tests/support/every_value.h"
 
 namespace slalom::policy {
 namespace {
@@ -72,6 +73,25 @@ TEST_F(PolicyFileTest, RoundTrips) {
   EXPECT_EQ(loaded.snapshot.spec.network, saved.spec.network);
   EXPECT_EQ(loaded.snapshot.spec.actions.linear_max, 1.5);
   EXPECT_EQ(*loaded.snapshot.weights, *saved.weights);
+}
+
+TEST_F(PolicyFileTest, HoldsAllThatAPolicyMayObserveAndCommand) {
+  PolicySnapshot saved = SmallPolicy();
+  env::ObservationSpec& observation = saved.spec.observation;
+  observation.speeds = observation.mounting = observation.privileged = true;
+  observation.commands = 3;
+  observation.state_size = observation.course_state_size();
+  saved.spec.actions = {.linear_min = -0.25, .linear_max = 1.5, .angular_max = 2.0};
+  saved.spec.distribution = {
+      .kind = DistributionKind::kGaussian, .log_std_min = -4.0, .log_std_max = 1.0};
+  saved.weights = ZeroSnapshot(saved.spec).weights;
+  SavePolicy(path_, saved, {});
+  const PolicySpec loaded = LoadPolicy(path_).snapshot.spec;
+  EXPECT_EQ(loaded.observation, observation);
+  EXPECT_EQ(loaded.distribution, saved.spec.distribution);
+  EXPECT_EQ(loaded.actions.linear_min, -0.25);
+  EXPECT_EQ(loaded.actions.linear_max, 1.5);
+  EXPECT_EQ(loaded.actions.angular_max, 2.0);
 }
 
 TEST_F(PolicyFileTest, NamesTensorsForReaders) {
@@ -227,8 +247,7 @@ TEST(PolicySpecTest, RefusesScansBesideAStateOfNoCourse) {
 }
 
 TEST_F(PolicyFileTest, HoldsEveryEncoder) {
-  using enum nn::EncoderFamily;
-  for (const nn::EncoderFamily encoder : {kCnn, kGru, kTransformer}) {
+  for (const nn::EncoderFamily encoder : test::EveryValue<nn::EncoderFamily>()) {
     PolicySnapshot saved = SmallPolicy();
     saved.spec.network.encoder = encoder;
     saved.spec.network.encoder_layers = {6, 6};

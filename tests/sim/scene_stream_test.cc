@@ -14,13 +14,10 @@
 #include "sim/courses/course_overlap.h"
 #include "sim/courses/course_sets.h"
 #include "sim/environments.h"
+#include "tests/support/every_value.h"
 
 namespace slalom::sim {
 namespace {
-
-constexpr FreshKind kKinds[] = {FreshKind::kStatic,   FreshKind::kBox,   FreshKind::kWall,
-                                FreshKind::kCrowds,   FreshKind::kHalls, FreshKind::kRooms,
-                                FreshKind::kCylinders};
 
 CourseSet FirstOfStream(const FreshMix& mix, std::uint64_t seed, int count) {
   CourseSet set{"stream", {}};
@@ -31,7 +28,7 @@ CourseSet FirstOfStream(const FreshMix& mix, std::uint64_t seed, int count) {
 }
 
 TEST(CourseStream, CoursesDependOnSeedAndNumberAloneAndCanBeDriven) {
-  for (const FreshKind kind : kKinds) {
+  for (const FreshKind kind : test::EveryValue<FreshKind>()) {
     const CourseSet set = FirstOfStream({kind}, 5, 30);
     for (const int i : {29, 3, 11}) {
       EXPECT_EQ(GenerateStreamCourse({kind}, 5, i), *set.courses[i]);
@@ -50,7 +47,7 @@ TEST(CourseStream, SharesNoCourseWithAnySet) {
   for (const char* other : {"static", "static-validation", "generated:1:60"}) {
     EXPECT_EQ(CountSharedCourses(set, ResolveCourses(other, std::nullopt, 1)), 0) << other;
   }
-  for (const FreshKind kind : kKinds) {
+  for (const FreshKind kind : test::EveryValue<FreshKind>()) {
     const std::string other = fmt::format("{}1:60", FreshCoursePrefix(kind));
     EXPECT_EQ(
         CountSharedCourses(FirstOfStream({kind}, 1, 60), ResolveCourses(other, std::nullopt, 1)), 0)
@@ -77,16 +74,16 @@ TEST(CourseStream, AMixHasTheCoursesOfItsKindsInTurn) {
 
 // Runs name their courses by the seed alone.
 TEST(CourseStream, CoursesNeverChange) {
-  const auto checksum = [](FreshKind kind) {
-    return base::Checksum(PrintCourseSet(FirstOfStream({kind}, 1, 24)));
-  };
-  EXPECT_EQ(checksum(FreshKind::kStatic), 6013932312602908916ull);
-  EXPECT_EQ(checksum(FreshKind::kBox), 7647655440957750380ull);
-  EXPECT_EQ(checksum(FreshKind::kWall), 1111732065307178125ull);
-  EXPECT_EQ(checksum(FreshKind::kCrowds), 3641813071409139520ull);
-  EXPECT_EQ(checksum(FreshKind::kHalls), 2994435337359094707ull);
-  EXPECT_EQ(checksum(FreshKind::kRooms), 695205393682938293ull);
-  EXPECT_EQ(checksum(FreshKind::kCylinders), 2327055012631872561ull);
+  const std::map<FreshKind, std::uint64_t> checksums = {
+      {FreshKind::kStatic, 6013932312602908916u},   {FreshKind::kBox, 7647655440957750380u},
+      {FreshKind::kWall, 1111732065307178125u},     {FreshKind::kCrowds, 3641813071409139520u},
+      {FreshKind::kHalls, 2994435337359094707u},    {FreshKind::kRooms, 695205393682938293u},
+      {FreshKind::kCylinders, 2327055012631872561u}};
+  for (const FreshKind kind : test::EveryValue<FreshKind>()) {
+    const std::uint64_t found = base::Checksum(PrintCourseSet(FirstOfStream({kind}, 1, 24)));
+    EXPECT_TRUE(checksums.contains(kind) && checksums.at(kind) == found)
+        << base::EnumName(kind) << ": " << found;
+  }
 }
 
 TEST(FreshMix, IsReadFromNamesJoinedByPlus) {
@@ -138,7 +135,7 @@ std::vector<std::uint16_t> Drive(CourseEnvironments& environments, int course) {
 }
 
 TEST(EnvironmentsTest, AFreshCourseIsDrivenLikeANamedOne) {
-  for (const FreshKind kind : kKinds) {
+  for (const FreshKind kind : test::EveryValue<FreshKind>()) {
     const CourseSet set = FirstOfStream({kind}, 7, 4);
     CourseEnvironments named({}, MakeScenes(set), 1, nullptr);
     CourseEnvironments fresh({}, MakeScenes({"one", {set.courses[2]}}), 1, nullptr, MakeRobots(),

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "tests/support/every_value.h"
 
 namespace slalom::nn {
 namespace {
@@ -60,8 +61,8 @@ TEST(NetworkShape, ConvolutionsOverBeamsHalveThePositions) {
 }
 
 TEST(NetworkShape, SlotsOfEveryEncoderTileTheParameters) {
-  for (const EncoderFamily encoder :
-       {EncoderFamily::kCnn, EncoderFamily::kGru, EncoderFamily::kTransformer}) {
+  for (const EncoderFamily encoder : test::EveryValue<EncoderFamily>()) {
+    if (encoder == EncoderFamily::kMlp) continue;  // Its layers are the head's.
     NetworkConfig config;
     config.encoder = encoder;
     config.encoder_layers = {16, 16};

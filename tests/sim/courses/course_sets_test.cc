@@ -17,10 +17,12 @@
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_generator.h"
 #include "sim/courses/course_splits.h"
+#include "sim/courses/course_stream.h"
 #include "sim/courses/crowd_generator.h"
 #include "sim/pictures/course_render.h"
 #include "sim/pictures/course_text.h"
 #include "tests/sim/courses/barn_data.h"
+#include "tests/support/every_value.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::sim {
@@ -202,7 +204,9 @@ TEST(CourseSets, GeneratedHasAsManyAsAsked) {
                                  "generated:1:5x", "generated:1:999999999"}) {
     EXPECT_THAT(ErrorOf(spec), AllOf(HasSubstr(spec), HasSubstr("generated:SEED:COUNT"))) << spec;
   }
-  for (const std::string kind : {"box", "wall", "crowds", "halls", "rooms", "cylinders"}) {
+  for (const FreshKind fresh_kind : test::EveryValue<FreshKind>()) {
+    if (fresh_kind == FreshKind::kStatic) continue;
+    const std::string kind(base::EnumName(fresh_kind));
     const CourseSet fresh = ResolveCourses("generated-" + kind + ":9:120", std::nullopt, 1);
     EXPECT_EQ(Names(fresh).size(), 120u);
     EXPECT_EQ(fresh.courses[119]->name, "fresh-" + kind + "-9-119");
