@@ -4,13 +4,22 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
+#include <numeric>
+#include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "base/random.h"
+#include "policy/action_samples.h"
 #include "policy/network_agent.h"
+#include "policy/nn/feature_map.h"
+#include "tests/support/every_value.h"
 
 namespace slalom::policy {
 namespace {
@@ -21,14 +30,16 @@ constexpr int kGoal = kBeams;  // Column of the goal's x.
 
 /// Networks without hidden layers, whose weights are set by hand: with x the goal's x as a feature,
 ///
-///     policy: linear action tanh(bias), angular 0;   model: x' = x + 0.5 linear, reward = x;
-///     critic: value * x;   nothing terminates.
+///     policy: linear action tanh(bias + follow * x), angular 0;   critic: value * x;
+///     model: x' = x + 0.5 linear, reward = x;   nothing terminates.
 ///
 /// So the best first action is +1 whatever the state.
 struct Hand {
   double bias = -0.5;
+  double follow = 0.0;
   double value = 1.0;
   double termination_logit = -30.0;
+  double termination_by_x = 0.0;
   double gamma = 1.0;
 };
 
@@ -44,6 +55,7 @@ PolicySnapshot MakeSnapshot(const Hand& hand) {
   // Weights [outputs, inputs], then biases.
   std::vector<float> actor(2 * kFrame + 2), critic(kFrame + 2 + 1);
   actor[2 * kFrame] = static_cast<float>(hand.bias);
+  actor[kGoal] = static_cast<float>(hand.follow);
   critic[kGoal] = static_cast<float>(hand.value);
   const nn::ModelShape shape = snapshot.spec.model_shape();
   const int inputs = kFrame + 2;
@@ -53,6 +65,7 @@ PolicySnapshot MakeSnapshot(const Hand& hand) {
   model[kGoal * inputs + kFrame] = 0.5f;                 // x' - x by the linear action
   model[shape.reward_column() * inputs + kGoal] = 1.0f;  // the reward by x
   model[outputs * inputs + shape.termination_column()] = static_cast<float>(hand.termination_logit);
+  model[shape.termination_column() * inputs + kGoal] = static_cast<float>(hand.termination_by_x);
   const auto share = [](std::vector<float> values) {
     return std::make_shared<const std::vector<float>>(std::move(values));
   };
@@ -97,7 +110,7 @@ TEST(MpcAgent, BeatsThePolicyWhereTheModelShowsABetterAction) {
   const PolicySnapshot snapshot = MakeSnapshot({});
   const env::ObservationBatch observations = Observations(20, 1);
   const float by_policy = static_cast<float>(std::tanh(-0.5));
-  for (const PlanUpdate update : {PlanUpdate::kMppi, PlanUpdate::kCem, PlanUpdate::kSample}) {
+  for (const PlanUpdate update : test::EveryValue<PlanUpdate>()) {
     MpcConfig config = Config();
     config.update = update;
     MpcAgent once(config, snapshot, 1);
@@ -149,6 +162,117 @@ TEST(MpcAgent, WeighsByReturn) {
     }
     EXPECT_GT(num_better, 3);
   }
+}
+
+/// Plans with the networks of `hand` as mpc_agent.h says, written out in double precision.
+env::Action WrittenPlan(const MpcConfig& config, const Hand& hand,
+                        const env::ObservationBatch& observation, std::uint64_t seed) {
+  const PolicySpec spec = MakeSnapshot(hand).spec;
+  std::vector<float> frame(kFrame);
+  nn::FeatureMap(spec.observation, spec.network).PushFrames(observation, 1, frame.data());
+  const env::FrameView view = observation.frame(0);
+  const std::uint64_t checksum =
+      base::Checksum(std::as_bytes(view.state), base::Checksum(std::as_bytes(view.ranges_cm)));
+  base::Random random(base::DeriveSeed(base::DeriveSeed(seed, "planning"), "plan", {checksum}));
+  const auto num_steps = static_cast<std::size_t>(config.horizon);
+  const auto num_samples = static_cast<std::size_t>(config.samples);
+  using Pair = std::array<double, 2>;
+  std::vector<Pair> mean(num_steps), deviation(num_steps, {config.noise, config.noise});
+  std::vector<std::vector<Pair>> action(num_steps, std::vector<Pair>(num_samples));
+  std::vector<double> weight(num_samples);
+  for (int round = 0; round < config.iterations; ++round) {
+    std::vector<double> x(num_samples, frame[kGoal]), alive(num_samples, 1.0), value(num_samples);
+    double discount = 1.0;
+    for (std::size_t t = 0; t < num_steps; ++t) {
+      for (std::size_t s = 0; s < num_samples; ++s) {
+        const Pair centre =
+            round == 0 ? Pair{std::tanh(hand.bias + hand.follow * x[s]), 0.0} : mean[t];
+        for (const std::size_t i : {0, 1}) {
+          const double noise = (s == 0 ? 0.0 : deviation[t][i]) * random.Normal();
+          action[t][s][i] = std::clamp(centre[i] + noise, -1.0, 1.0);
+        }
+      }
+      std::ignore = random.UniformInt(1);  // The member of the ensemble.
+      for (std::size_t s = 0; s < num_samples; ++s) {
+        value[s] += discount * alive[s] * x[s];
+        alive[s] /= 1.0 + std::exp(hand.termination_logit + hand.termination_by_x * x[s]);
+        x[s] += 0.5 * action[t][s][0];
+      }
+      discount *= hand.gamma;
+    }
+    for (std::size_t s = 0; s < num_samples; ++s)
+      value[s] += discount * alive[s] * hand.value * x[s];
+    std::vector<double> sorted = value;
+    std::ranges::sort(sorted, std::greater());
+    const std::size_t num_best = std::lround(config.elite_fraction * config.samples);
+    for (std::size_t s = 0; s < num_samples; ++s) {
+      weight[s] = config.update == PlanUpdate::kCem
+                      ? value[s] >= sorted[num_best - 1]
+                      : std::exp((value[s] - sorted[0]) / config.temperature);
+    }
+    const double total = std::accumulate(weight.begin(), weight.end(), 0.0);
+    for (double& w : weight) w /= total;
+    for (std::size_t t = 0; t < num_steps; ++t) {
+      for (const std::size_t i : {0, 1}) {
+        double sum = 0.0, squares = 0.0;
+        for (std::size_t s = 0; s < num_samples; ++s) sum += weight[s] * action[t][s][i];
+        for (std::size_t s = 0; s < num_samples; ++s) {
+          squares += weight[s] * (action[t][s][i] - sum) * (action[t][s][i] - sum);
+        }
+        mean[t][i] = sum;
+        if (config.update == PlanUpdate::kCem) deviation[t][i] = std::max(0.01, std::sqrt(squares));
+      }
+    }
+  }
+  Pair chosen = mean[0];
+  if (config.update == PlanUpdate::kSample) {
+    double left = random.Uniform();
+    std::size_t s = 0;
+    while (s + 1 < num_samples && left >= weight[s]) left -= weight[s++];
+    chosen = action[0][s];
+  }
+  return {static_cast<float>(chosen[0]), static_cast<float>(chosen[1])};
+}
+
+// Steps differ in their ends, in the policy's action and, from the second round on, in the spread
+// of the samples. The plan of one observation after another leaves nothing behind.
+TEST(MpcAgent, PlansAsWrittenOut) {
+  const Hand hand{.follow = 0.7,
+                  .value = 0.5,
+                  .termination_logit = -1.0,
+                  .termination_by_x = 2.0,
+                  .gamma = 0.8};
+  for (const PlanUpdate update : test::EveryValue<PlanUpdate>()) {
+    MpcConfig config = Config();
+    config.update = update;
+    config.horizon = 4;
+    config.samples = 30;
+    config.iterations = 3;
+    config.elite_fraction = 0.2;
+    Hand before = hand;
+    before.bias = 0.2;
+    before.value = -1.0;
+    before.termination_by_x = 0.0;
+    MpcAgent agent(config, MakeSnapshot(before), 7);
+    agent.SetSnapshot(MakeSnapshot(hand));
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      const env::ObservationBatch observation = Observations(1, seed);
+      const env::Action action = Act(agent, observation)[0];
+      const env::Action expected = WrittenPlan(config, hand, observation, 7);
+      EXPECT_NEAR(action.linear, expected.linear, 1e-4) << base::EnumName(update) << " " << seed;
+      EXPECT_NEAR(action.angular, expected.angular, 1e-4) << base::EnumName(update) << " " << seed;
+    }
+  }
+}
+
+// Otherwise the rounds after it would search nothing.
+TEST(ActionSamples, APlanOfEqualSamplesStillSearches) {
+  ActionSamples samples(1, 2);
+  std::ranges::fill(samples.actions, env::Action{0.3f, -0.2f});
+  std::ranges::fill(samples.weights, 0.5f);
+  ActionPlan plan(1);
+  FitPlan(samples, plan);
+  EXPECT_EQ(plan.deviation[0], (env::Action{0.01f, 0.01f}));
 }
 
 // Where the first step ends it all, nothing that lies ahead counts: all weights are alike.

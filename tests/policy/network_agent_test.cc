@@ -82,14 +82,14 @@ TEST(NetworkAgent, IsLibTorchsForwardOnTheLastFrames) {
 }
 
 /// A policy with an encoder of its own; "beams" is a cnn over beams.
-PolicySnapshot MakeEncoderPolicy(const std::string& encoder) {
+PolicySnapshot MakeEncoderPolicy(const std::string& encoder, std::uint64_t seed = 5) {
   PolicySnapshot snapshot = MakePolicy(3, 1);
   nn::NetworkConfig& network = snapshot.spec.network;
   SLALOM_CHECK(base::ParseEnum(encoder == "beams" ? "cnn" : encoder, network.encoder));
   if (encoder == "beams") network.cnn_axis = nn::CnnAxis::kBeams;
   network.encoder_layers = {16, 16};
   std::vector<float> weights(snapshot.spec.actor_shape().num_parameters());
-  base::Random random(5);
+  base::Random random(seed);
   nn::InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
   snapshot.weights = std::make_shared<const std::vector<float>>(std::move(weights));
   return snapshot;
@@ -105,8 +105,10 @@ TEST_P(NetworkAgentEncoderTest, ActsOnTheStackOfFramesInEveryBatch) {
   const nn::FeatureMap features(snapshot.spec.observation, snapshot.spec.network);
   const nn::Network network(shape, at::tensor(*snapshot.weights).to(at::kDouble));
   base::Random random(4);
-  for (const int batch : {1, 64}) {
-    NetworkAgent agent(snapshot);
+  NetworkAgent agent(MakeEncoderPolicy(GetParam(), 6));
+  for (const int batch : {1, 64, 7}) {
+    agent.SetSnapshot(batch == 7 ? MakeEncoderPolicy(GetParam(), 7) : snapshot);
+    if (batch == 7) agent.SetSnapshot(snapshot);
     env::ObservationBatch observations;
     observations.Resize(batch, snapshot.spec.observation.num_beams);
     std::vector<env::Action> actions(batch);

@@ -82,6 +82,21 @@ TEST(OnnxModelTest, FramesAreInputAndOutputWhereThereIsAHistory) {
   EXPECT_THAT(NamesOf(model.graph().output()), ElementsAre("frames_after", "command", "action"));
 }
 
+// In ONNX's default the reset gate comes before the product.
+TEST(OnnxModelTest, AGruResetsAfterTheProductAsOursDoes) {
+  const auto network = nn::Make(nn::EncoderFamily::kGru, {6, 5}, 3);
+  const auto model = Parse(PrintOnnx(SnapshotOf(network), {}));
+  int num_layers = 0;
+  for (const auto& node : model.graph().node()) {
+    if (node.op_type() != "GRU") continue;
+    ++num_layers;
+    EXPECT_TRUE(std::ranges::any_of(node.attribute(), [](const auto& attribute) {
+      return attribute.name() == "linear_before_reset" && attribute.i() == 1;
+    }));
+  }
+  EXPECT_EQ(num_layers, 2);
+}
+
 TEST(OnnxModelTest, RefusesAPolicyThatDropsUnitsWhenItActs) {
   nn::NetworkConfig network = nn::Dropping(nn::Make(nn::EncoderFamily::kTransformer, {8}, 2));
   network.dropout_everywhere = true;
