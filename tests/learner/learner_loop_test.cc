@@ -203,6 +203,38 @@ TEST(LearnerLoopTest, CheckpointsAndSnapshotsWaitUntilTheSourceIsAtRest) {
   EXPECT_TRUE(fs::exists(loop.plan.run.directory.snapshots() / "step-000000000304.safetensors"));
 }
 
+TEST(LearnerLoopTest, CheckpointsByTimeAreAsFarApartAsTheSecondsSay) {
+  const test::ScratchDirectory scratch;
+  Loop loop(scratch.path());
+  loop.plan.run.settings.checkpoint_seconds = 0.2;
+  std::vector<double> saved_at_s;
+  loop.source.on_next = [&](std::int64_t) {
+    if (loop.source.saved_at.size() > saved_at_s.size()) saved_at_s.push_back(loop.now_s);
+  };
+  EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  ASSERT_GE(saved_at_s.size(), 3u);
+  for (std::size_t i = 1; i < saved_at_s.size(); ++i) {
+    EXPECT_NEAR(saved_at_s[i] - saved_at_s[i - 1], 0.2, 0.1) << i;
+  }
+}
+
+// A row tells the pace since the row before, whatever came before that.
+TEST(LearnerLoopTest, ARowTellsThePaceSinceTheOneBefore) {
+  const test::ScratchDirectory scratch;
+  std::vector<double> paces;
+  for (const double pause_s : {0.0, 5.0}) {
+    Loop loop(scratch.path() / std::to_string(paces.size()));
+    loop.source.on_next = [&](std::int64_t position) {
+      if (position == 50) loop.now_s += pause_s;
+      if (position == 90) paces.push_back(loop.source.reported.steps_per_s);
+    };
+    EXPECT_EQ(loop.Run(), TrainingEnd::kFinished);
+  }
+  ASSERT_EQ(paces.size(), 2u);
+  EXPECT_GT(paces[0], 0.0);
+  EXPECT_NEAR(paces[1], paces[0], 1e-6 * paces[0]);
+}
+
 TEST(LearnerLoopTest, ARunStoppedAndResumedEndsWithTheSameBitsAndPublishedTheSame) {
   const test::ScratchDirectory scratch;
   Loop whole(scratch.path() / "whole");
@@ -219,6 +251,8 @@ TEST(LearnerLoopTest, ARunStoppedAndResumedEndsWithTheSameBitsAndPublishedTheSam
   std::vector<std::int64_t> published = part.sink.versions;
   published.insert(published.end(), rest.sink.versions.begin(), rest.sink.versions.end());
   EXPECT_EQ(published, whole.sink.versions);
+  EXPECT_EQ(part.source.num_episode_looks + rest.source.num_episode_looks,
+            whole.source.num_episode_looks);
   // At its limit already: nothing is done again but what a crash may have left undone.
   fs::remove(rest.plan.run.directory.policy());
   Loop again(scratch.path() / "parts");
@@ -229,7 +263,7 @@ TEST(LearnerLoopTest, ARunStoppedAndResumedEndsWithTheSameBitsAndPublishedTheSam
 
 TEST(LearnerLoopTest, SnapshotsFallOnTheSamePlaceWhereverTheRunWasStopped) {
   const test::ScratchDirectory scratch;
-  for (const std::int64_t stopped_at : {36, 37, 38}) {
+  for (const std::int64_t stopped_at : {36, 37, 38, 60}) {
     const fs::path directory = scratch.path() / std::to_string(stopped_at);
     std::stop_source stop;
     Loop part(directory);
@@ -247,6 +281,23 @@ TEST(LearnerLoopTest, SnapshotsFallOnTheSamePlaceWhereverTheRunWasStopped) {
     }
     EXPECT_THAT(names, ElementsAre("step-000000000304.safetensors")) << stopped_at;
   }
+}
+
+TEST(LearnerLoopTest, ASnapshotByTimeIsNotMadeAgainByARunThatResumesLater) {
+  const test::ScratchDirectory scratch;
+  std::stop_source stop;
+  Loop part(scratch.path()), rest(scratch.path());
+  part.source.on_next = [&stop](std::int64_t position) {
+    if (position == 60) stop.request_stop();
+  };
+  for (Loop* loop : {&part, &rest}) loop->plan.run.settings.snapshot_seconds = {0.1};
+  const auto num_snapshots = [&] {
+    return std::distance(fs::directory_iterator(rest.plan.run.directory.snapshots()), {});
+  };
+  EXPECT_EQ(part.Run(false, stop.get_token()), TrainingEnd::kStopped);
+  EXPECT_EQ(num_snapshots(), 1);
+  EXPECT_EQ(rest.Run(true), TrainingEnd::kFinished);
+  EXPECT_EQ(num_snapshots(), 1);
 }
 
 TEST(LearnerLoopTest, APolicyThatIsNotWrittenEndsOnlyAProcessThatDoesNotLiveOn) {

@@ -192,12 +192,23 @@ TEST(Learner, AveragesItsLastPolicies) {
 }
 
 TEST(Learner, LearningRatesFallWithProgress) {
-  MethodConfig config = SmallConfig();
-  config.learner.final_learning_rate_fraction = 0.0;
-  Learner learner(config, SmallSpec(), 5);
-  const nn::TensorMap before = Saved(learner).tensors;
-  learner.Update(RandomRows(16, 1, 24, 1).batches(), /*progress=*/1.0);
-  EXPECT_EQ(Saved(learner).tensors.at("critics.parameters"), before.at("critics.parameters"));
+  for (const char* algorithm : EveryAlgorithm()) {
+    MethodConfig config = SmallConfig();
+    config.learner.algorithm = algorithm;
+    config.learner.final_learning_rate_fraction = 0.0;
+    config.constraint = {.kind = ConstraintKind::kFixed, .multiplier = 1.0};
+    policy::PolicySpec spec = SmallSpec();
+    spec.distribution = DistributionOf(config.learner);
+    Learner learner(config, spec, 5);
+    const nn::TensorMap before = Saved(learner).tensors;
+    // Two updates, as TD3's actor is due in the second.
+    for (int i = 0; i < 2; ++i) {
+      learner.Update(RandomRows(16, 1, 24, 1 + i).batches(), /*progress=*/1.0);
+    }
+    for (const char* name : {"critics.parameters", "actor.parameters", "cost_critics.parameters"}) {
+      EXPECT_EQ(Saved(learner).tensors.at(name), before.at(name)) << algorithm << " " << name;
+    }
+  }
 }
 
 TEST(Learner, StartsFromTheActorOfAPolicyAndNothingElse) {
@@ -270,6 +281,23 @@ TEST(Learner, HasNoFiguresWhereThereWasNoUpdate) {
     EXPECT_TRUE(std::isnan(figure));
   }
   EXPECT_EQ(learner.FindFault(), std::nullopt);
+}
+
+// The mean of two readings, of ten updates each, is that of one reading of both.
+TEST(Learner, FiguresAreOfTheUpdatesSinceTheLastReading) {
+  Learner often(SmallConfig(), SmallSpec(), 5), once(SmallConfig(), SmallSpec(), 5);
+  Train(often, 0, 10);
+  const LearnerStats first = often.ReadStats();
+  Train(often, 10, 20);
+  const LearnerStats second = often.ReadStats();
+  Train(once, 0, 20);
+  const LearnerStats all = once.ReadStats();
+  for (double LearnerStats::*const figure :
+       {&LearnerStats::critic_loss, &LearnerStats::q_mean, &LearnerStats::critic_gradient_norm,
+        &LearnerStats::actor_q_mean, &LearnerStats::actor_gradient_norm}) {
+    EXPECT_NEAR(0.5 * (first.*figure + second.*figure), all.*figure, 1e-9 * std::abs(all.*figure));
+    EXPECT_NE(first.*figure, second.*figure);
+  }
 }
 
 TEST(Learner, ReportsValuesBeyondTheLimit) {
@@ -370,7 +398,11 @@ class MethodTest : public testing::TestWithParam<const char*> {
  protected:
   MethodTest() {
     method_.learner.algorithm = GetParam();
-    method_.constraint = {.kind = ConstraintKind::kLagrangian, .limit = 0.1, .multiplier = 1.0};
+    method_.constraint = {.kind = ConstraintKind::kLagrangian,
+                          .limit = 0.1,
+                          .multiplier = 1.0,
+                          .proportional_gain = 0.5,
+                          .derivative_gain = 0.5};
     spec_.distribution = DistributionOf(method_.learner);
   }
 
@@ -386,7 +418,7 @@ TEST_P(MethodTest, GoesOnBitForBitAfterARestore) {
   resumed.LoadState(Saved(whole));
   for (Learner* learner : {&whole, &resumed}) {
     Train(*learner, 7, 20);
-    learner->ObserveEpisodes(0.3, 20);
+    learner->ObserveEpisodes(0.7, 20);
   }
   EXPECT_EQ(Saved(whole).tensors, Saved(resumed).tensors);
   EXPECT_NE(whole.ReadStats().constraint_multiplier, 1.0);

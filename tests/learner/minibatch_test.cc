@@ -16,14 +16,17 @@ const nn::FeatureMap& Features() {
   return features;
 }
 
-/// The state of one sample as the feature map writes its frames, then the action.
+/// Both stacks of one sample as the feature map writes their frames, the newer one last, then the
+/// action.
 std::vector<float> Expected(const replay::SampledRows& rows, int sample, bool mirrored) {
   const int size = Features().frame_size();
-  std::vector<float> expected(kHistory * size);
+  std::vector<float> expected(2 * kHistory * size);
   for (int age = 0; age < kHistory; ++age) {
     const int i = sample * kHistory + age;
-    Features().Write(rows.ranges_cm[i], rows.state.data() + i * env::kStateSize, mirrored,
-                     expected.data() + age * size);
+    float* const frame = expected.data() + age * size;
+    Features().Write(rows.ranges_cm[i], rows.state.data() + i * env::kStateSize, mirrored, frame);
+    Features().Write(rows.next_ranges_cm[i], rows.next_state.data() + i * env::kStateSize, mirrored,
+                     frame + kHistory * size);
   }
   expected.push_back(rows.action[2 * sample]);
   expected.push_back(mirrored ? -rows.action[2 * sample + 1] : rows.action[2 * sample + 1]);
@@ -32,7 +35,7 @@ std::vector<float> Expected(const replay::SampledRows& rows, int sample, bool mi
 
 std::vector<float> Row(const Minibatch& minibatch, int sample) {
   std::vector<float> row;
-  for (const at::Tensor& t : {minibatch.features, minibatch.actions}) {
+  for (const at::Tensor& t : {minibatch.features, minibatch.next_features, minibatch.actions}) {
     const float* const begin = t.data_ptr<float>() + sample * t.stride(0);
     row.insert(row.end(), begin, begin + t.size(1));
   }
@@ -40,7 +43,8 @@ std::vector<float> Row(const Minibatch& minibatch, int sample) {
 }
 
 TEST(MinibatchReader, LaysOutHistoryThenAction) {
-  const RandomRows random_rows(kBatch, kHistory, kBeams, 1);
+  RandomRows random_rows(kBatch, kHistory, kBeams, 1);
+  for (int i = 0; i < kBatch; ++i) random_rows.rows.weight[i] = 1.0f / static_cast<float>(1 + i);
   Minibatch minibatch(kBatch, kHistory, Features().frame_size(), at::kCPU);
   MinibatchReader reader(Features(), kHistory, /*reward_scale=*/0.5, /*mirror=*/false,
                          /*discount_factor=*/0.75);
@@ -51,6 +55,7 @@ TEST(MinibatchReader, LaysOutHistoryThenAction) {
     EXPECT_EQ(minibatch.reward.data_ptr<float>()[i], 0.5f * random_rows.rows.n_step_return[i]);
     EXPECT_EQ(minibatch.cost.data_ptr<float>()[i], random_rows.rows.cost_return[i]);
     EXPECT_EQ(minibatch.discount.data_ptr<float>()[i], 0.75f * random_rows.rows.discount[i]);
+    EXPECT_EQ(minibatch.weight.data_ptr<float>()[i], random_rows.rows.weight[i]);
   }
   EXPECT_EQ(random.state(), base::Random(1).state()) << "drew without need";
 }

@@ -206,18 +206,26 @@ TEST(ModelTrainer, ElitesAreThoseThatPredictBest) {
   training.batch_size = 16;
   training.held_out = 0.2;
   ModelTrainer trainer = MakeTrainer(Small(ModelKind::kDeterministic, 3), training);
-  nn::TensorFile state = Saved(trainer);
-  std::vector<float> parameters(state.tensors.at("model.parameters").bytes.size() / 4);
-  state.Read("model.parameters", std::span(parameters));
+  std::vector<float> parameters(Saved(trainer).tensors.at("model.parameters").bytes.size() / 4);
   const std::size_t size = parameters.size() / 3;
-  for (std::size_t i = 0; i < size; ++i) parameters[size + i] *= 10.0f;
-  state.tensors["model.parameters"] = nn::StoredTensor::Of(std::span<const float>(parameters));
-  trainer.LoadState(state);
+  const auto scale = [&](std::size_t member, float factor) {
+    nn::TensorFile state = Saved(trainer);
+    state.Read("model.parameters", std::span(parameters));
+    for (std::size_t i = 0; i < size; ++i) parameters[member * size + i] *= factor;
+    state.tensors["model.parameters"] = nn::StoredTensor::Of(std::span<const float>(parameters));
+    trainer.LoadState(state);
+  };
+  scale(1, 10.0f);
+  EXPECT_NE(parameters[0], parameters[2 * size]) << "members begin alike";
   EXPECT_THAT(trainer.elites(), testing::ElementsAre(0, 1));
   Train(trainer, 0, 250);
   EXPECT_THAT(trainer.elites(), testing::UnorderedElementsAre(0, 2));
   EXPECT_EQ(trainer.EliteParameters().size(), 2 * size);
-  EXPECT_NE(parameters[0], parameters[2 * size]) << "members begin alike";
+  // What a member predicted before the last choice is forgotten, however bad it was.
+  scale(1, 0.1f);
+  scale(0, 4.0f);
+  Train(trainer, 250, 500);
+  EXPECT_THAT(trainer.elites(), testing::UnorderedElementsAre(1, 2));
 }
 
 TEST(ModelTrainer, AllocatesNothing) {
