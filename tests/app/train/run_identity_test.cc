@@ -84,6 +84,9 @@ TEST(RunIdentityTest, ProcessesOfAServiceAgreeOnWhatIsDrivenObservedAndRewarded)
   config.method.learner.actor_learning_rate = 0.5;
   EXPECT_TRUE(ServiceIdentity(config).empty()) << "each process may have its own";
   config.run.seed = 7;
+  config.run.name = "mine";
+  config.network.sectors = 72;
+  config.method.learner.algorithm = "sac";
   config.courses.train = "dynamic-box";
   config.environment.reward.collision = -3.0;
   config.environment.randomize = {{"robot.command_delay", {"[0.0, 0.12]", ""}},
@@ -93,6 +96,9 @@ TEST(RunIdentityTest, ProcessesOfAServiceAgreeOnWhatIsDrivenObservedAndRewarded)
       {"environment.randomize.robot.command_delay", "[0.0, 0.12]"},
       {"environment.randomize.robot.friction", "[\"cone\", \"gazebo\"]"},
       {"environment.reward.collision", "-3.0"},
+      {"learner.algorithm", "\"sac\""},
+      {"network.sectors", "72"},
+      {"run.name", "\"mine\""},
       {"run.seed", "7"}};
   EXPECT_EQ(ServiceIdentity(config), expected);
   config.courses.train = std::string(500, 'x');
