@@ -149,6 +149,40 @@ TEST(Dwa, BacksUpWhereNothingElseIsAdmissible) {
   command = planner.ComputeCommand(scene.view());
   ASSERT_TRUE(command);
   EXPECT_GT(command->linear, 0.0);
+  // The next escape is measured from where it began.
+  std::vector<base::Vec2> moved;
+  for (const base::Vec2 p : obstacles) moved.push_back(p + base::Vec2{1.0, 0.0});
+  scene.map = LocalMap(moved);
+  scene.X_OR.p.x = 1.0;
+  EXPECT_EQ(planner.ComputeCommand(scene.view()), (Twist{-0.5, 0.0}));
+  scene.map = LocalMap({});
+  scene.X_OR.p.x = 0.95;
+  for (int cycle = 0; cycle < 2; ++cycle) {
+    command = planner.ComputeCommand(scene.view());
+    ASSERT_TRUE(command);
+    EXPECT_EQ(command->linear, 0.0) << "escaping again";
+  }
+  planner.Reset(0);
+  command = planner.ComputeCommand(scene.view());
+  ASSERT_TRUE(command);
+  EXPECT_GT(command->linear, 0.0) << "an escape ends with its episode";
+}
+
+TEST(Dwa, EscapesOnWhereTheHeadingPassesHalfATurn) {
+  const std::vector<base::Vec2> obstacles = {
+      {-0.37, 0.0}, {0.42, 0.0}, {-0.24, 0.32}, {-0.24, -0.32}};
+  Scene scene{
+      LocalMap(obstacles), StraightPath({0.0, 0.0}, {-4.0, 0.0}), {{}, base::kPi - 0.01}, {}};
+  DwaPlanner planner({}, {});
+  planner.Reset(0);
+  EXPECT_EQ(planner.ComputeCommand(scene.view()), (Twist{-0.5, 0.0}));
+  scene.map = LocalMap({});
+  scene.X_OR.yaw = -base::kPi + 0.01;
+  for (int cycle = 0; cycle < 2; ++cycle) {
+    const auto command = planner.ComputeCommand(scene.view());
+    ASSERT_TRUE(command);
+    EXPECT_EQ(command->linear, 0.0) << "escaping: turns only";
+  }
 }
 
 TEST(Dwa, HasNoCommandWithoutAWayToTheGoal) {
@@ -186,21 +220,21 @@ TEST(Dwa, DoesNotTurnThereAndBack) {
   config.min_speed = config.max_speed = 0.1;
   DwaPlanner planner(config, {});
   planner.Reset(0);
-  auto command = planner.ComputeCommand(scene.view());
-  ASSERT_TRUE(command);
-  ASSERT_EQ(command->linear, 0.0);
-  ASSERT_GT(command->angular, 0.0);
-  scene.path_O = StraightPath({0.0, 0.0}, {-4.0, -0.4});  // Now the other side looks better.
-  command = planner.ComputeCommand(scene.view());
-  ASSERT_LT(command->angular, 0.0) << "once";
-  scene.path_O = StraightPath({0.0, 0.0}, {-4.0, 0.4});
-  command = planner.ComputeCommand(scene.view());
-  ASSERT_GT(command->angular, 0.0) << "twice";
-  scene.path_O = StraightPath({0.0, 0.0}, {-4.0, -0.4});
-  command = planner.ComputeCommand(scene.view());
-  EXPECT_GE(command->angular, 0.0) << "right was given up";
-  scene.X_OR.p.x = 0.1;  // Moved on.
-  ASSERT_TRUE(planner.ComputeCommand(scene.view()));
+  const auto command = [&](base::Vec2 to) {
+    scene.path_O = StraightPath(scene.X_OR.p, to);
+    return planner.ComputeCommand(scene.view()).value();
+  };
+  const base::Vec2 left{-4.0, 0.4}, right{-4.0, -0.4};
+  for (const double x : {0.0, 0.1, 0.2}) {
+    scene.X_OR.p.x = x;
+    EXPECT_GT(command({4.0, 0.0}).linear, 0.0) << "drives, and forgets its turns elsewhere";
+    EXPECT_EQ(command(left).linear, 0.0);
+    EXPECT_LT(command(right).angular, 0.0) << "once";
+    EXPECT_GT(command(left).angular, 0.0) << "twice";
+    EXPECT_GE(command(right).angular, 0.0) << "right was given up";
+  }
+  planner.Reset(0);
+  EXPECT_LT(command(right).angular, 0.0) << "in an episode that is over";
 }
 
 /// The algorithm without its short cuts: all samples in ROS's order, outlines laid for each.

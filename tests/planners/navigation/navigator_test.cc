@@ -55,6 +55,12 @@ class Robot {
     time_ += step_;
     return navigator_->Step(ranges_, pose_, {});
   }
+  /// As `Step`; then turns as commanded.
+  Twist StepAndTurn() {
+    const Twist command = Step();
+    pose_.yaw = base::WrapAngle(pose_.yaw + command.angular * step_);
+    return command;
+  }
   /// Steps until the state changes or time runs out; what it was is returned with its duration.
   std::string StepWhile(NavigatorState state, double max_time) {
     const double from = time_;
@@ -276,6 +282,47 @@ TEST(Navigator, DropsThePassedPartOfThePlan) {
   EXPECT_NEAR(static_cast<double>(before - robot.planner().path_length_), 40.0, 2.0);
 }
 
+// Whatever the first episode ended in, the second is like that of a new navigator.
+TEST(Navigator, ForgetsTheEpisodeBefore) {
+  for (const double duration : {0.0, 0.3, 3.0, 5.5, 11.0, 20.0, 40.0}) {
+    for (const bool has_plan : {false, true}) {
+      NavigationConfig config;
+      config.controller_patience = 5.0;
+      Robot used(config), fresh(config);
+      if (!has_plan) used.SeeWallAllRound(70);
+      while (used.time() < duration) {
+        if (used.time() > 0.2) used.planner().command_ = std::nullopt;
+        used.StepAndTurn();
+      }
+      used.SeeNothing();
+      used.planner().command_ = Twist{0.3, 0.1};
+      for (Robot* robot : {&used, &fresh}) {
+        robot->pose() = {{0.5, 0.2}, 0.4};
+        robot->navigator().Reset(robot->pose(), {3.0, 1.0}, 8);
+      }
+      // Drives, then has no plan, recovers, drives again, and then has no command.
+      for (int i = 0; i < 20 * 22; ++i) {
+        for (Robot* robot : {&used, &fresh}) {
+          if (i == 10) robot->SeeWallAllRound(70);
+          if (i == 20 * 12) robot->SeeNothing();
+          if (i == 20 * 14) robot->planner().command_ = std::nullopt;
+        }
+        const Twist expected = fresh.StepAndTurn();
+        ASSERT_EQ(used.StepAndTurn(), expected) << duration << " " << has_plan << ", step " << i;
+        ASSERT_EQ(used.navigator().state(), fresh.navigator().state()) << i;
+        ASSERT_EQ(used.planner().path_length_, fresh.planner().path_length_) << i;
+        ASSERT_EQ(used.planner().path_was_new_, fresh.planner().path_was_new_) << i;
+        ASSERT_EQ(used.planner().cost_ahead_, fresh.planner().cost_ahead_) << i;
+      }
+      const NavigatorRecord &a = used.navigator().record(), &b = fresh.navigator().record();
+      EXPECT_EQ(std::tie(a.num_cycles, a.num_failed_plans, a.num_failed_commands, a.num_recoveries,
+                         a.num_backwards, a.num_turns_in_place),
+                std::tie(b.num_cycles, b.num_failed_plans, b.num_failed_commands, b.num_recoveries,
+                         b.num_backwards, b.num_turns_in_place));
+    }
+  }
+}
+
 TEST(RotateRecovery, TurnsOnceRound) {
   const NavigationConfig config;
   const PaddedFootprint footprint(config.footprint);
@@ -293,6 +340,15 @@ TEST(RotateRecovery, TurnsOnceRound) {
     }
     EXPECT_NEAR(yaw - start, 2.0 * base::kPi, 0.157 + 1e-9);
   }
+}
+
+TEST(RotateRecovery, DoesNotSlowDownHalfWay) {
+  const NavigationConfig config;
+  const PaddedFootprint footprint(config.footprint);
+  const Costmap map(60, 60, 0.05, {-1.5, -1.5});
+  RotateRecovery recovery(0.0);
+  EXPECT_EQ(recovery.TurnRate(config, footprint, map, {{}, base::kPi - 0.02}),
+            config.recovery_max_turn_rate);
 }
 
 TEST(RotateRecovery, DoesNotTurnIntoObstacles) {

@@ -132,6 +132,20 @@ TEST(ObstacleMap, ReportsWhatChanged) {
   EXPECT_EQ(map.costmap().cost(c), kFreeCost);
 }
 
+TEST(ObstacleMap, IsEmptyAfterAReset) {
+  for (const bool rolling : {false, true}) {
+    ObstacleMap map({.rolling = rolling}, kFootprint);
+    map.Reset({});
+    map.Update(RaysTo({0.12, 0.0}, {{{1.0, 1.0}, true}}), {});
+    map.Update(RaysTo({0.12, 0.5}, {{{1.0, 1.5}, true}}), {{0.0, 0.5}, 0.0});
+    map.Reset({3.0, -1.0});
+    EXPECT_EQ(map.costmap().CellAt({3.0, -1.0}), ObstacleMap({}, kFootprint).costmap().CellAt({}));
+    EXPECT_EQ(std::ranges::count(map.obstacles(), kFreeCost), std::ssize(map.obstacles()));
+    EXPECT_EQ(std::ranges::count(map.costmap().costs(), kFreeCost), std::ssize(map.obstacles()));
+    EXPECT_TRUE(map.Update(RaysTo({3.0, -1.0}, {}), {{3.0, -1.0}, 0.0}).empty());
+  }
+}
+
 TEST(ObstacleMap, RollsOverTheGround) {
   ObstacleMap map({.num_cells = 80}, kFootprint);
   map.Reset({});
