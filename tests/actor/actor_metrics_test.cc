@@ -31,12 +31,16 @@ TEST(ActorMetricsTest, ShowsTheAccountAndWhatIsOnItsWay) {
     outbox.Add(header, transport::Frame::Copy(std::string(150, 'x')));
   }
   ActorStats stats;
-  stats.num_outcomes[static_cast<int>(env::Outcome::kSuccess)] = 5;
-  stats.num_outcomes[static_cast<int>(env::Outcome::kCollision)] = 3;
+  for (int i = 0; i < env::kNumOutcomes; ++i) stats.num_outcomes[i] = 2 + i;
   stats.num_recent = 8;
   stats.success_rate = 0.625;
   stats.collision_rate = 0.375;
-  shown.Update(account, outbox, stats, replay, policy);
+  StepAccount before = account;
+  before.made = 40;
+  before.accepted = 30;
+  before.lost = {0, 1, 2};
+  shown.Update(before, Outbox(5000), {}, replay, policy);
+  for (int i = 0; i < 2; ++i) shown.Update(account, outbox, stats, replay, policy);
   shown.AddSent(10, false);
   shown.AddSent(7, true);
   shown.AddSent(5, true);
@@ -58,8 +62,10 @@ TEST(ActorMetricsTest, ShowsTheAccountAndWhatIsOnItsWay) {
   EXPECT_EQ(registry.gauge(metrics::kQueueBytes, {metrics::queue::kUnacknowledged}).value(), 300);
   EXPECT_EQ(registry.gauge(metrics::kQueueLimitBytes, {metrics::queue::kUnacknowledged}).value(),
             5000);
-  EXPECT_EQ(count(metrics::kEpisodes, {"success", "fake"}), 5);
-  EXPECT_EQ(count(metrics::kEpisodes, {"collision", "fake"}), 3);
+  for (int i = 1; i < env::kNumOutcomes; ++i) {
+    EXPECT_EQ(count(metrics::kEpisodes, {env::ToString(static_cast<env::Outcome>(i)), "fake"}),
+              2 + i);
+  }
   EXPECT_EQ(registry.gauge(metrics::kSuccessRate).value(), 0.625);
   EXPECT_EQ(registry.gauge(metrics::kCollisionRate).value(), 0.375);
   EXPECT_EQ(count(metrics::kChunksSent), 1);

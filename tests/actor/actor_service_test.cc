@@ -329,9 +329,11 @@ TEST_F(ActorServiceTest, AnAcknowledgementOfAnotherSessionSaysNothing) {
 
 TEST_F(ActorServiceTest, AChunkSaysWhichPoliciesChoseItsActions) {
   std::atomic<bool> has_two = false;
+  std::atomic<std::int64_t> last_single = 0;
   std::atomic<bool> is_confused = false;
   const OddReplay replay([&](const proto::Insert& insert) {
     if (insert.oldest_version < insert.newest_version) has_two = true;
+    if (insert.oldest_version == insert.newest_version) last_single = insert.newest_version;
     if (insert.oldest_version > insert.newest_version || insert.oldest_version < 7) {
       is_confused = true;
     }
@@ -344,6 +346,7 @@ TEST_F(ActorServiceTest, AChunkSaysWhichPoliciesChoseItsActions) {
     policy_.Publish(++version, "a policy");
     return has_two.load();
   });
+  WaitUntil([&] { return last_single == version; });  // Nothing of the first ones stays.
   actor.Stop();
   EXPECT_FALSE(is_confused);
 }

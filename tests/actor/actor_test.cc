@@ -137,11 +137,13 @@ TEST(Actor, AveragesTheLastEpisodes) {
     std::vector<EpisodeSummary> episodes;
     std::vector<EpisodeSummary> running(kBatch);
     std::int64_t num_learnable = 0;
+    std::array<std::int64_t, env::kNumOutcomes> num_outcomes{};
     for (int r = 0; r < chunk.num_rows(); ++r) {
       const replay::RowView row = chunk.row(r);
       EpisodeSummary& episode = running[row.stream];
       if (row.flags & replay::kRowFinal) {
         const EpisodeSummary ended = std::exchange(episode, {});
+        ++num_outcomes[static_cast<int>(ended.outcome)];
         if (draws.End(row.stream, ended.outcome == env::Outcome::kSuccess)) {
           ++num_learnable;
         } else {
@@ -162,6 +164,7 @@ TEST(Actor, AveragesTheLastEpisodes) {
     const ActorStats stats = fixture.actor.stats();
     EXPECT_EQ(stats.num_episodes, static_cast<std::int64_t>(episodes.size()) + num_learnable);
     EXPECT_EQ(stats.num_recent, 25);
+    EXPECT_EQ(stats.num_outcomes, num_outcomes);
     ActorStats expected;
     for (auto it = episodes.end() - 25; it != episodes.end(); ++it) {
       expected.success_rate += it->outcome == env::Outcome::kSuccess ? 0.04 : 0.0;

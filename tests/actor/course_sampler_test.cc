@@ -57,6 +57,8 @@ TEST(CourseSampler, DrivesEachFreshCourseAsOftenAsAsked) {
     sampler.Report(draw, i % 3 == 0);
   }
   EXPECT_EQ(sampler.stats().num_courses, 10);
+  sampler.Next(random);
+  EXPECT_EQ(sampler.stats().num_courses, 11) << "one that was begun counts";
   EXPECT_NEAR(sampler.stats().mean_success, 1.0 / 3.0, 1e-12);
   EXPECT_EQ(sampler.stats().learnable_share, 1.0);
   EXPECT_THAT(Kept(sampler), ::testing::IsEmpty()) << "sampling is uniform";
@@ -175,9 +177,13 @@ TEST(CourseSampler, ARestoredOneGoesOnAsTheSaved) {
     running.erase(running.begin() + static_cast<std::ptrdiff_t>(i));
   };
   for (int i = 0; i < 6000; ++i) drive(whole, random, open);
+  base::Random other(7);
+  std::vector<CourseSampler::Draw> open_too;
+  for (int i = 0; i < 500; ++i) drive(restored, other, open_too);  // Nothing of it may stay.
   restored.Restore(whole.Save());
-  base::Random other = random;
-  std::vector<CourseSampler::Draw> open_too = open;
+  EXPECT_EQ(restored.stats().mean_success, whole.stats().mean_success);
+  other = random;
+  open_too = open;
   for (int i = 0; i < 3000; ++i) {
     drive(whole, random, open);
     drive(restored, other, open_too);
@@ -187,6 +193,7 @@ TEST(CourseSampler, ARestoredOneGoesOnAsTheSaved) {
   EXPECT_EQ(restored.stats().num_courses, whole.stats().num_courses);
   EXPECT_EQ(restored.stats().mean_success, whole.stats().mean_success);
   EXPECT_EQ(restored.stats().learnable_share, whole.stats().learnable_share);
+  EXPECT_EQ(restored.Save().candidates, whole.Save().candidates);
 
   CourseSampler of_other_courses(config, 5, true, kFirst);
   EXPECT_THROW(of_other_courses.Restore(whole.Save()), base::Error);

@@ -66,6 +66,7 @@ void ExpectRestoredGoesOnBitForBit(const sim::FreshMix& fresh, bool is_taught = 
   }
   ASSERT_GT(whole.actor.stats().num_episodes, 0);
   restored.actor.Restore(ActorState::Parse(whole.actor.Save().Serialize(), "state"));
+  EXPECT_EQ(restored.actor.stats().sampling.num_courses, whole.actor.stats().sampling.num_courses);
   replay::Chunk expected(720);
   replay::Chunk found(720);
   for (int step = 0; step < 120; ++step) {

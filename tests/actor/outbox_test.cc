@@ -103,6 +103,28 @@ TEST(OutboxTest, TheWindowHoldsBackAllButOneChunk) {
   EXPECT_EQ(outbox.NextToSend(0), nullptr);
 }
 
+TEST(OutboxTest, ANewSessionBeginsWithNothing) {
+  Outbox outbox(1 << 20);
+  outbox.Begin(1);
+  for (int i = 0; i < 3; ++i) {
+    Add(outbox, 1, 100);
+    outbox.MarkSent();
+  }
+  outbox.Begin(2);
+  EXPECT_TRUE(outbox.empty());
+  EXPECT_EQ(outbox.steps(), 0);
+  EXPECT_EQ(outbox.bytes(), 0);
+  for (int i = 0; i < 2; ++i) Add(outbox, 1, 100);
+  for (std::uint64_t sequence = 0; sequence < 2; ++sequence) {
+    const OutgoingChunk* const chunk = outbox.NextToSend(200);
+    ASSERT_NE(chunk, nullptr);
+    EXPECT_EQ(chunk->header.session, 2u);
+    EXPECT_EQ(chunk->header.sequence, sequence);
+    outbox.MarkSent();
+  }
+  EXPECT_EQ(outbox.resent(), 0);
+}
+
 TEST(OutboxTest, AServerThatKnowsOtherChunksIsNoticed) {
   Outbox outbox(1 << 20);
   outbox.Begin(1);
