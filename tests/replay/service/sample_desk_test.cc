@@ -70,6 +70,26 @@ TEST(SampleDeskTurnsTest, LearnersAreServedInTurn) {
       EXPECT_FALSE(network.Take(peer)) << "round " << round;
     }
   }
+  EXPECT_EQ(desk.TakeSampleSeconds().size(), 12u);
+  EXPECT_TRUE(desk.TakeSampleSeconds().empty()) << "each is told once";
+}
+
+// Rows are let in beyond the limit as long as no window is complete, and no longer.
+TEST(SampleDeskTurnsTest, TheLimiterHoldsAgainOnceThereAreWindows) {
+  Table table({.capacity = 100}, 3);
+  RateLimiter limiter({.updates_per_step = 0.1, .max_ahead_steps = 5}, 100);
+  FakeNetwork network;
+  SampleDesk desk({.seed = 1, .max_sample_bytes = 1 << 20}, &table, &limiter, &network);
+  const transport::PeerId peer = network.Connect();
+  EXPECT_FALSE(limiter.MayInsert());
+  desk.Ask(peer, "learner", {.cursor = 0, .batch = 4, .history = 1, .n_step = 1});
+  desk.Advance(1, 0.0);
+  EXPECT_TRUE(limiter.MayInsert());
+  RowsSource source(3, 2, 1);
+  for (int i = 0; i < 5; ++i) table.Insert(source.Next(3));
+  desk.Advance(1, 0.0);
+  EXPECT_TRUE(network.Take(peer));
+  EXPECT_FALSE(limiter.MayInsert());
 }
 
 }  // namespace

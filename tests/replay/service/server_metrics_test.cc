@@ -4,6 +4,9 @@
 
 #include <cerrno>
 #include <chrono>
+#include <sstream>
+#include <string>
+#include <string_view>
 #include <thread>
 
 #include "metrics/catalogue.h"
@@ -136,6 +139,18 @@ TEST(ServerMetricsTest, AJournalThatFailsIsToldAndTheAgeOfItsLastSync) {
   EXPECT_EQ(parts.registry.counter(metrics::kJournalErrors).value(), 1);
   EXPECT_NE(parts.registry.fault(), "");
   EXPECT_EQ(parts.shown.report().facts.at("journal"), parts.registry.fault());
+  // Over both calls each sync counts once, with its time.
+  const auto total = [&](std::string_view name) {
+    std::istringstream lines(parts.registry.Text());
+    for (std::string line; std::getline(lines, line);) {
+      if (line.starts_with(name)) return std::stod(line.substr(line.rfind(' ')));
+    }
+    return -1.0;
+  };
+  const std::string name(metrics::kJournalSyncSeconds.name);
+  const Journal::Status status = journal.status();
+  EXPECT_EQ(total(name + "_count"), static_cast<double>(status.syncs));
+  EXPECT_NEAR(total(name + "_sum"), status.sync_s, 1e-6 * status.sync_s);
 }
 
 }  // namespace

@@ -64,6 +64,17 @@ TEST(StatusBoardTest, KeepsNoMoreThanItsBoundAndTheNewest) {
   EXPECT_EQ(small.roles[0].report.name, "small-0000");
 }
 
+TEST(StatusBoardTest, AReportTakesThePlaceOfTheOneBeforeAndNoMore) {
+  StatusBoard board(seconds(10));
+  const StatusBoard::Time now{};
+  board.Put(ReportOf("other", 0), now);
+  const proto::Report large = ReportOf("large", proto::kMaxFigures);
+  const std::size_t most = StatusBoard::kMaxBytes / (proto::kMaxFigures * proto::kMaxTextBytes);
+  for (std::size_t i = 0; i < most + 2; ++i) board.Put(large, now + seconds(1));
+  const proto::StatusReply reply = board.Reply(now);
+  EXPECT_EQ(static_cast<int>(reply.roles.size()) + reply.omitted, 2);
+}
+
 // Of a thousand actors and more a message holds a part, but all the others.
 TEST(StatusBoardTest, LeavesOutActorsOnly) {
   StatusBoard board(seconds(10));
