@@ -157,6 +157,18 @@ TEST(ClaimTest, WhoStoodStillForTooLongLearnsThatItsClaimIsLost) {
   EXPECT_TRUE(IsClaimed(scratch.path())) << "the other's claim stays";
 }
 
+// A third worker may hold a claim of the same number by now: the second has ended, and taken all
+// claims with it.
+TEST(ClaimTest, AClaimThatEndsLeavesTheFileOfAnother) {
+  const test::ScratchDirectory scratch;
+  auto slow = ClaimTaker().Try(scratch.path());
+  ASSERT_NE(slow, nullptr);
+  WriteForeignClaim(scratch.path(), 1, "1");
+  slow.reset();
+  EXPECT_TRUE(std::filesystem::exists(scratch.path() / "claim-1"));
+  EXPECT_TRUE(std::filesystem::exists(scratch.path() / "beat-t"));
+}
+
 TEST(ClaimTest, WhoBeatsIsToldFromWhoDied) {
   const test::ScratchDirectory scratch;
   const std::vector<std::filesystem::path> cells = {scratch.path() / "a", scratch.path() / "b"};
