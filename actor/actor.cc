@@ -77,11 +77,17 @@ void Actor::Step(replay::Chunk* out) {
   Teach();
   AddNoise();
   std::vector<float>& recorded = teachers_ ? lessons_ : actions_;
+  const int num_rows = out->num_rows();
   for (int i = 0; i < environments_.batch_size(); ++i) {
     rows_[i] =
         out->BeginStep(i, observations.first[i] != 0, observations.frame(i), ActionOf(recorded, i));
   }
-  environments_.Step(actions_, results_);
+  try {
+    environments_.Step(actions_, results_);
+  } catch (...) {
+    out->Truncate(num_rows);
+    throw;
+  }
   for (int i = 0; i < environments_.batch_size(); ++i) {
     out->SetResult(rows_[i], results_[i]);
     if (config_.time_limit_terminates && results_[i].ended()) {
@@ -89,11 +95,13 @@ void Actor::Step(replay::Chunk* out) {
     }
     running_[i].actions.insert(running_[i].actions.end(), action(i).begin(), action(i).end());
     running_[i].episode_return += results_[i].reward;
-    if (results_[i].ended()) {
-      out->AddFinal(i, observations.frame(i));
-      EndEpisode(i);
-      BeginEpisode(i);
-    }
+    running_[i].episode_cost += results_[i].cost;
+    if (results_[i].ended()) out->AddFinal(i, observations.frame(i));
+  }
+  for (int i = 0; i < environments_.batch_size(); ++i) {
+    if (!results_[i].ended()) continue;
+    EndEpisode(i);
+    BeginEpisode(i);
   }
   base::MutexLock lock(mutex_);
   num_steps_ += environments_.batch_size();
@@ -108,6 +116,7 @@ void Actor::BeginEpisode(int i) {
   environment.is_learnable = course.is_learnable;
   environment.spec.seed = draw.NextU64();
   environment.episode_return = 0.0f;
+  environment.episode_cost = 0.0f;
   environment.actions.clear();
   environments_.Reset(i, environment.spec);
 }
@@ -124,7 +133,7 @@ void Actor::EndEpisode(int i) {
   if (environment.is_learnable) return;
   recent_.push_back({results_[i].outcome,
                      static_cast<std::int32_t>(environment.actions.size() / action_size_),
-                     environment.episode_return});
+                     environment.episode_return, environment.episode_cost});
   while (std::ssize(recent_) > config_.stats_episodes) recent_.pop_front();
 }
 
@@ -178,11 +187,14 @@ ActorStats Actor::stats() const {
   if (recent_.empty()) return stats;
   const double share = 1.0 / static_cast<double>(recent_.size());
   int num_outcomes[env::kNumOutcomes] = {};
+  double cost = 0.0;
   for (const EpisodeSummary& episode : recent_) {
     ++num_outcomes[static_cast<int>(episode.outcome)];
     stats.mean_return += share * static_cast<double>(episode.episode_return);
     stats.mean_length += share * episode.num_steps;
+    cost += static_cast<double>(episode.episode_cost);
   }
+  stats.mean_cost = share * cost;
   stats.success_rate = share * num_outcomes[static_cast<int>(env::Outcome::kSuccess)];
   stats.collision_rate = share * num_outcomes[static_cast<int>(env::Outcome::kCollision)];
   stats.timeout_rate = share * num_outcomes[static_cast<int>(env::Outcome::kTimeout)];
@@ -206,8 +218,8 @@ ActorState Actor::Save() const {
   for (int i = 0; i < environments_.batch_size(); ++i) {
     const Environment& environment = running_[i];
     state.open.push_back({environment.episode_number, environment.spec, environment.is_learnable,
-                          environment.noise.state(), environment.episode_return, FrameChecksum(i),
-                          environment.actions});
+                          environment.noise.state(), environment.episode_return,
+                          environment.episode_cost, FrameChecksum(i), environment.actions});
   }
   state.sampler = sampler_.Save();
   return state;
@@ -237,6 +249,7 @@ void Actor::Restore(const ActorState& state) {
     environment.is_learnable = open.is_learnable;
     environment.noise.set_state(open.noise);
     environment.episode_return = open.episode_return;
+    environment.episode_cost = open.episode_cost;
     environment.actions = open.actions;
   }
   base::MutexLock lock(mutex_);

@@ -32,6 +32,7 @@ struct ActorStats {
   double collision_rate = 0.0;
   double timeout_rate = 0.0;
   double mean_return = 0.0;
+  double mean_cost = 0.0;    ///< Sum of an episode's costs; on courses, its collisions.
   double mean_length = 0.0;  ///< Control steps.
   SamplingStats sampling;
 };
@@ -59,7 +60,9 @@ class Actor {
   /// Does one control step in every environment. Adds B rows to `out`, and a final row for each
   /// episode that ends, whose environment then begins the next one. Stream i of the chunk is
   /// environment i. Throws `base::Error` if the agent chooses an action that is not finite (its
-  /// network diverged); the actor is then unchanged.
+  /// network diverged); the actor is then unchanged. What an environment throws passes through: a
+  /// step that is not made leaves no row, and one after which an episode cannot begin leaves all.
+  /// Do not use the actor after that.
   /// Requires: out->shape is the environments'.
   void Step(replay::Chunk* out);
 
@@ -83,6 +86,7 @@ class Actor {
     bool is_learnable = false;  // Its course was drawn as a learnable one.
     base::Random noise{0};
     float episode_return = 0.0f;
+    float episode_cost = 0.0f;
     std::vector<float> actions;  // [T, A], taken in the running episode.
   };
 

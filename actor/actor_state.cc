@@ -15,9 +15,9 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the format is little-endian");
 
-constexpr std::string_view kMagic = "SLACTOR3";
-// The version before counted actions of two numbers where this one counts numbers.
-constexpr std::string_view kMagicBefore = "SLACTOR2";
+constexpr std::string_view kMagic = "SLACTOR4";
+// The version before had no costs.
+constexpr std::string_view kMagicBefore = "SLACTOR3";
 
 class Writer {
  public:
@@ -26,6 +26,7 @@ class Writer {
     static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
     bytes_.append(reinterpret_cast<const char*>(&value), sizeof(value));
   }
+  static constexpr bool has_costs() { return true; }
   void Raw(std::string_view text) { bytes_.append(text); }
   template <class T, class Field>
   void List(const std::vector<T>& list, Field field) {
@@ -47,15 +48,15 @@ class Writer {
 
 class Reader {
  public:
-  /// `unit`: what the length of a list of numbers counts, in numbers.
-  Reader(std::string_view bytes, std::string_view source, std::size_t unit)
-      : bytes_(bytes), source_(source), unit_(unit) {}
+  Reader(std::string_view bytes, std::string_view source, bool has_costs)
+      : bytes_(bytes), source_(source), has_costs_(has_costs) {}
 
   template <class T>
   void operator()(T& value) {
     static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
     std::memcpy(&value, Raw(sizeof(value)).data(), sizeof(value));
   }
+  bool has_costs() const { return has_costs_; }
   std::string_view Raw(std::size_t size) {
     if (size > bytes_.size()) {
       throw base::Error(fmt::format("{}: actor state ends in the middle of a field", source_));
@@ -80,7 +81,7 @@ class Reader {
     std::uint64_t size = 0;
     (*this)(size);
     // A length beyond the bytes is left for `Raw` to refuse.
-    const std::size_t count = std::min<std::uint64_t>(size, bytes_.size()) * unit_;
+    const std::size_t count = std::min<std::uint64_t>(size, bytes_.size());
     const std::string_view raw = Raw(count * sizeof(float));
     numbers.resize(count);
     if (count > 0) std::memcpy(numbers.data(), raw.data(), raw.size());
@@ -90,7 +91,7 @@ class Reader {
  private:
   std::string_view bytes_;
   std::string_view source_;
-  std::size_t unit_;
+  bool has_costs_;
 };
 
 /// The fields in the order of the file, for writing (const) and for reading.
@@ -99,6 +100,7 @@ void VisitSummary(Stream& s, Summary& summary) {
   s(summary.outcome);
   s(summary.num_steps);
   s(summary.episode_return);
+  if (s.has_costs()) s(summary.episode_cost);
 }
 
 template <class Stream, class Open>
@@ -109,6 +111,7 @@ void VisitOpen(Stream& s, Open& open) {
   s(open.is_learnable);
   for (auto& word : open.noise) s(word);
   s(open.episode_return);
+  if (s.has_costs()) s(open.episode_cost);
   s(open.frame_checksum);
   s.Numbers(open.actions);
 }
@@ -158,18 +161,22 @@ ActorState ActorState::Parse(std::string_view bytes, std::string_view source) {
     throw base::Error(fmt::format("{}: actor state is damaged (checksum {:016x}, expected {:016x})",
                                   source, found, expected));
   }
-  Reader reader(content, source, bytes.starts_with(kMagicBefore) ? env::kActionSize : 1);
+  Reader reader(content, source, bytes.starts_with(kMagic));
   reader.Raw(kMagic.size());
   ActorState state;
   VisitState(reader, state);
   if (!reader.at_end()) {
     throw base::Error(fmt::format("{}: actor state has bytes after its end", source));
   }
-  for (const EpisodeSummary& summary : state.recent) {
+  for (EpisodeSummary& summary : state.recent) {
     const auto outcome = static_cast<int>(summary.outcome);
     if (outcome < 1 || outcome >= env::kNumOutcomes) {
       throw base::Error(fmt::format("{}: actor state has an episode with outcome {}", source,
                                     static_cast<int>(summary.outcome)));
+    }
+    // The constraint counted these episodes, each of which a collision had ended.
+    if (!reader.has_costs() && summary.outcome == env::Outcome::kCollision) {
+      summary.episode_cost = 1.0f;
     }
   }
   return state;

@@ -17,6 +17,7 @@ struct EpisodeSummary {
   env::Outcome outcome = env::Outcome::kRunning;
   std::int32_t num_steps = 0;
   float episode_return = 0.0f;  ///< Undiscounted sum of rewards.
+  float episode_cost = 0.0f;    ///< Undiscounted sum of costs.
 
   friend bool operator==(const EpisodeSummary&, const EpisodeSummary&) = default;
 };
@@ -28,6 +29,7 @@ struct OpenEpisode {
   bool is_learnable = false;         ///< Its course was drawn as a learnable one.
   base::Random::State noise{};       ///< Stream of the exploration noise, before the next step.
   float episode_return = 0.0f;       ///< Return so far.
+  float episode_cost = 0.0f;         ///< Cost so far.
   std::uint64_t frame_checksum = 0;  ///< Checks that `Restore` led to the current frame.
   std::vector<float> actions;        ///< [T, A], actions so far, as given to the environment.
 };
@@ -42,7 +44,7 @@ struct ActorState {
   std::vector<OpenEpisode> open;       ///< One per environment.
   SamplerState sampler;
 
-  /// Returns the state as bytes, little-endian: "SLACTOR3", the fields in the order above (each
+  /// Returns the state as bytes, little-endian: "SLACTOR4", the fields in the order above (each
   /// list preceded by its length as u64), then the XXH3 checksum of all bytes before.
   std::string Serialize() const;
 

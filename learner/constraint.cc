@@ -46,18 +46,18 @@ at::Tensor Constraint::Penalty(const at::Tensor& state, const at::Tensor& action
   return multiplier_ * critics_.Values(state, action).select(1, 0).mean();
 }
 
-void Constraint::Observe(double collisions, std::int64_t finished) {
-  if (finished <= 0 || std::isnan(collisions)) return;
+void Constraint::Observe(double mean_cost, std::int64_t finished) {
+  if (finished <= 0 || std::isnan(mean_cost)) return;
   num_episodes_ += finished;
-  const double rise = std::isnan(collisions_) ? 0.0 : std::max(0.0, collisions - collisions_);
-  collisions_ = collisions;
+  const double rise = std::isnan(mean_cost_) ? 0.0 : std::max(0.0, mean_cost - mean_cost_);
+  mean_cost_ = mean_cost;
   if (config_.kind == ConstraintKind::kFixed ||
       static_cast<double>(num_episodes_) < config_.learning_starts) {
     return;
   }
   // Stooke et al. 2020, algorithm 2, once for each episode: lambda <- [K_P Delta + I + K_D rise]_+,
   // I <- [I + K_I Delta]_+.
-  const double violation = collisions - config_.limit;
+  const double violation = mean_cost - config_.limit;
   integral_ =
       std::clamp(integral_ + static_cast<double>(finished) * config_.learning_rate * violation, 0.0,
                  config_.multiplier_max);
@@ -68,12 +68,12 @@ void Constraint::Observe(double collisions, std::int64_t finished) {
 
 void Constraint::Describe(LearnerStats& stats) const {
   stats.constraint_multiplier = multiplier_;
-  stats.constraint_violation = collisions_ - config_.limit;
+  stats.constraint_violation = mean_cost_ - config_.limit;
 }
 
 void Constraint::SaveState(nn::TensorMap& tensors) const {
   critics_.SaveState(tensors);
-  const std::array numbers = {integral_, multiplier_, collisions_};
+  const std::array numbers = {integral_, multiplier_, mean_cost_};
   tensors["constraint.state"] = nn::StoredTensor::Of(std::span<const double>(numbers));
   const std::array episodes = {num_episodes_};
   tensors["constraint.episodes"] = nn::StoredTensor::Of(std::span<const std::int64_t>(episodes));
@@ -85,7 +85,7 @@ void Constraint::LoadState(const nn::TensorFile& file) {
   file.Read("constraint.state", std::span(numbers));
   integral_ = numbers[0];
   multiplier_ = numbers[1];
-  collisions_ = numbers[2];
+  mean_cost_ = numbers[2];
   std::array<std::int64_t, 1> episodes{};
   file.Read("constraint.episodes", std::span(episodes));
   num_episodes_ = episodes[0];

@@ -15,16 +15,17 @@
 
 namespace slalom::learner {
 
-/// A Lagrangian constraint on collisions, for any algorithm:
+/// A Lagrangian constraint on the cost of episodes, for any algorithm:
 ///
 ///   max_pi J(pi) subject to J_C(pi) <= d,
 ///   L(pi, lambda) = J(pi) - lambda (J_C(pi) - d),  lambda >= 0
 ///
 /// (the paper's section on safe RL). The policy maximises Q(s, a) - lambda Q_C(s, a), where twin
 /// cost critics learn the discounted cost Q_C. The multiplier lambda is updated from finished
-/// episodes: J_C is their mean number of collisions, so neither discounting nor function
-/// approximation distorts it. With a proportional or derivative gain, the update is the PID
-/// controller of Stooke, Achiam and Abbeel (2020), algorithm 2. Thread-compatible.
+/// episodes: J_C is the mean sum of their costs (on courses, their collisions), so neither
+/// discounting nor function approximation distorts it. With a proportional or derivative gain, the
+/// update is the PID controller of Stooke, Achiam and Abbeel (2020), algorithm 2.
+/// Thread-compatible.
 class Constraint {
  public:
   static constexpr int kNumCritics = 2;
@@ -47,10 +48,10 @@ class Constraint {
   /// Returns lambda mean_i Q_C,1(s_i, a_i), a term for actors' losses that autograd differentiates.
   at::Tensor Penalty(const at::Tensor& state, const at::Tensor& action) const;
 
-  /// Updates lambda from recent training episodes: `collisions` is their mean per episode (NaN if
-  /// unknown), `finished` the number that ended since the last call. Without finished episodes,
+  /// Updates lambda from recent training episodes: `mean_cost` is the mean sum of their costs (NaN
+  /// if unknown), `finished` the number that ended since the last call. Without finished episodes,
   /// lambda stays.
-  void Observe(double collisions, std::int64_t finished);
+  void Observe(double mean_cost, std::int64_t finished);
 
   double multiplier() const { return multiplier_; }
   void Describe(LearnerStats& stats) const;
@@ -68,8 +69,8 @@ class Constraint {
   at::Tensor td_errors_;  // [B]
   double integral_;
   double multiplier_;
-  double collisions_ = LearnerStats::kNone;  // Per episode, at the last `Observe`.
-  std::int64_t num_episodes_ = 0;            // Finished episodes observed so far.
+  double mean_cost_ = LearnerStats::kNone;  // At the last `Observe`.
+  std::int64_t num_episodes_ = 0;           // Finished episodes observed so far.
 };
 
 }  // namespace slalom::learner

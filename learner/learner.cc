@@ -76,12 +76,6 @@ const MethodConfig& Checked(const MethodConfig& method) {
         "constraint.learning_rate and both gains are 0, expected one of them above 0 with "
         "constraint.kind = \"lagrangian\": the multiplier would never move");
   }
-  if (constraint.kind == ConstraintKind::kLagrangian && constraint.limit >= 1.0) {
-    throw base::Error(fmt::format(
-        "constraint.limit is {}, expected less than 1 with constraint.kind = \"lagrangian\": an "
-        "episode ends with its first collision, so the multiplier would never rise",
-        constraint.limit));
-  }
   if (constraint.kind == ConstraintKind::kLagrangian && constraint.multiplier_max == 0.0) {
     throw base::Error(
         "constraint.multiplier_max is 0, expected more: with a multiplier of 0 the constraint has "
@@ -260,8 +254,8 @@ std::span<const float> Learner::TdErrors() {
   return {p.host_td_errors.data_ptr<float>(), static_cast<std::size_t>(p.host_td_errors.numel())};
 }
 
-void Learner::ObserveEpisodes(double collisions, std::int64_t finished) {
-  if (parts_->constraint) parts_->constraint->Observe(collisions, finished);
+void Learner::ObserveEpisodes(double mean_cost, std::int64_t finished) {
+  if (parts_->constraint) parts_->constraint->Observe(mean_cost, finished);
 }
 
 LearnerStats Learner::ReadStats() {

@@ -45,9 +45,9 @@ class Learner {
   /// device. Requires: learner.prioritized, and at least one update.
   std::span<const float> TdErrors();
 
-  /// Updates a constraint's multiplier from recent training episodes: their mean `collisions` per
-  /// episode (NaN if unknown), and the number `finished` since the last call.
-  void ObserveEpisodes(double collisions, std::int64_t finished);
+  /// Updates a constraint's multiplier from recent training episodes: their mean sum of costs (NaN
+  /// if unknown), and the number `finished` since the last call.
+  void ObserveEpisodes(double mean_cost, std::int64_t finished);
 
   /// Returns the statistics since the last call and resets them. Waits for the device, so call it
   /// only once in many updates.

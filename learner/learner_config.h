@@ -141,8 +141,8 @@ const AlgorithmTraits& TraitsOf(const LearnerConfig& config);
 enum class ConstraintKind { kNone, kLagrangian, kFixed };
 inline base::OneOf EnumNames(ConstraintKind) { return {"none", "lagrangian", "fixed"}; }
 
-/// A constraint on how often the robot collides (the paper's section on safe RL;
-/// docs/original-system.md, section 4).
+/// A constraint on the cost of an episode: how often the robot collides (the paper's section on
+/// safe RL; docs/original-system.md, section 4), or what an environment of one's own counts.
 struct ConstraintConfig {
   ConstraintKind kind = ConstraintKind::kNone;
   double limit = 0.1;
@@ -156,11 +156,12 @@ struct ConstraintConfig {
   template <class Visitor>
   void Visit(Visitor& v) {
     v("kind", kind,
-      "none: no constraint. lagrangian: a multiplier that rises while the policy collides more "
-      "often than the limit (dual ascent). fixed: a constant multiplier, as in the original's "
+      "none: no constraint. lagrangian: a multiplier that rises while the policy's episodes cost "
+      "more than the limit (dual ascent). fixed: a constant multiplier, as in the original's "
       "code.");
-    v("limit", limit, base::Range{0.0, 1000.0}, "collisions/episode",
-      "Collisions that are allowed per training episode, on average, with exploration noise.");
+    v("limit", limit, base::Range{0.0, 1e9}, "cost/episode",
+      "Cost that is allowed per training episode, on average, with exploration noise. On courses a "
+      "step with a collision costs 1.");
     v("multiplier", multiplier, base::Range{0.0, 1e6}, "",
       "The multiplier, lambda, at the start; if the kind is \"fixed\", throughout (the original's: "
       "2, 5 or 10).");
@@ -171,7 +172,7 @@ struct ConstraintConfig {
       "Proportional gain: this times the violation is added to lambda (PID-Lagrangian, Stooke et "
       "al. 2020).");
     v("derivative_gain", derivative_gain, base::Range{0.0, 1e6}, "",
-      "Derivative gain: this times the rise in collisions since lambda last moved is added, too; a "
+      "Derivative gain: this times the rise in cost since lambda last moved is added, too; a "
       "fall adds nothing.");
     v("learning_starts", learning_starts, base::Range{0.0, 1e9}, "episodes",
       "Finished episodes before lambda starts to move.");

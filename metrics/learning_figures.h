@@ -64,14 +64,14 @@ struct LearningFigures {
     v("policy_entropy_nats", policy_entropy_nats, "Entropy of the policy (SAC). NaN without one.");
     v("temperature", temperature, "Weight of the entropy now (SAC). NaN without one.");
     v("cost_q_mean", cost_q_mean,
-      "Mean value of the cost critics, in discounted collisions. NaN without a constraint, as for "
+      "Mean value of the cost critics, in discounted cost. NaN without a constraint, as for "
       "the next three.");
     v("cost_critic_loss", cost_critic_loss,
       "Mean squared temporal-difference error of one cost critic.");
     v("constraint_multiplier", constraint_multiplier,
-      "Lagrange multiplier of the constraint on collisions, now.");
+      "Lagrange multiplier of the constraint, now.");
     v("constraint_violation", constraint_violation,
-      "Collisions per training episode above the constraint's limit, when last observed.");
+      "Cost per training episode above the constraint's limit, when last observed.");
     v("imagined_transitions", imagined_transitions,
       "Transitions that the model imagined for the policy to learn from, since the "
       "beginning. 0 without imagination.");

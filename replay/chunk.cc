@@ -1,5 +1,7 @@
 #include "replay/chunk.h"
 
+#include <algorithm>
+
 #include "base/check.h"
 
 namespace slalom::replay {
@@ -17,14 +19,21 @@ RowView Chunk::row(int r) const {
           cost[i]};
 }
 
-void Chunk::Clear() {
-  stream.clear();
-  flags.clear();
-  ranges_cm.clear();
-  state.clear();
-  action.clear();
-  reward.clear();
-  cost.clear();
+int Chunk::num_steps() const {
+  return static_cast<int>(std::ranges::count_if(
+      flags, [](std::uint8_t row_flags) { return (row_flags & kRowFinal) == 0; }));
+}
+
+void Chunk::Truncate(int num_rows) {
+  const auto rows = static_cast<std::size_t>(num_rows);
+  SLALOM_CHECK_LE(rows, stream.size());
+  stream.resize(rows);
+  flags.resize(rows);
+  ranges_cm.resize(rows * static_cast<std::size_t>(shape.num_beams));
+  state.resize(rows * static_cast<std::size_t>(shape.state_size));
+  action.resize(rows * static_cast<std::size_t>(shape.action_size));
+  reward.resize(rows);
+  cost.resize(rows);
 }
 
 void Chunk::AddRow(const RowView& row) {

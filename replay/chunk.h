@@ -48,9 +48,12 @@ struct Chunk {
   std::vector<float> cost;               ///< [R]
 
   int num_rows() const { return static_cast<int>(stream.size()); }
+  int num_steps() const;  ///< Rows that are not final.
   RowView row(int r) const;
 
-  void Clear();
+  void Clear() { Truncate(0); }
+  /// Keeps the first rows. Requires: 0 <= num_rows <= this->num_rows().
+  void Truncate(int num_rows);
 
   /// Adds a step whose result is not known yet, and returns its row for `SetResult`. Copies the
   /// frame, so that the environment may be stepped next. Requires: stream_index >= 0,

@@ -222,9 +222,14 @@ void ActorService::Step() {
     chunk_oldest_version_ = policy_.version();
   }
   actor_->Step(&chunk_);
-  // Counted before any of it can be sent, so that the count is never below the server's.
-  ledger_.AddMade(environments_.batch_size());
-  chunk_steps_ += environments_.batch_size();
+  CountMade();
+}
+
+// Before any of them can be sent, so that the count is never below the server's.
+void ActorService::CountMade() {
+  const int steps = chunk_.num_steps();
+  ledger_.AddMade(steps - chunk_steps_);
+  chunk_steps_ = steps;
 }
 
 bool ActorService::ChunkIsDue() const {
@@ -293,6 +298,8 @@ void ActorService::Run(std::stop_token stop, const std::function<void()>& betwee
 void ActorService::KeepUnsent() {
   if (phase_ == Phase::kStarting) return;
   try {
+    CountMade();  // An environment may have failed to begin its next episode after a step.
+    CloseChunk();
     outbox_.SaveSpool(spool(), replay_.hello().num_streams);
   } catch (const std::exception& error) {
     spdlog::error("{}; what was not acknowledged is lost", error.what());
@@ -366,6 +373,7 @@ proto::Report ActorService::MakeReport() {
     report.figures["collision_rate"] = episodes.collision_rate;
     report.figures["timeout_rate"] = episodes.timeout_rate;
     report.figures["mean_return"] = episodes.mean_return;
+    report.figures["mean_cost"] = episodes.mean_cost;
     report.figures["mean_length"] = episodes.mean_length;
   }
   return report;

@@ -105,6 +105,8 @@ class ActorService {
   void Listen(std::chrono::milliseconds timeout);
   void SendChunks();
   void Step();
+  /// Counts the steps that came into the chunk since the last call.
+  void CountMade();
   /// Puts the rows made so far into the outbox.
   void CloseChunk();
   bool ChunkIsDue() const;

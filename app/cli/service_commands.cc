@@ -11,6 +11,7 @@
 #include "app/train/begin_run.h"
 #include "app/train/drive_actor.h"
 #include "app/train/inputs.h"
+#include "app/train/policy_agents.h"
 #include "app/train/run_identity.h"
 #include "app/train/run_limits.h"
 #include "app/train/scoring.h"
@@ -100,8 +101,12 @@ int RunLearner(const train::ServiceOptions& options) {
       resume ? train::ResumeRun(directory, config) : train::BeginRun(directory, config);
   train::WriteInputs(inputs, directory.inputs());
   job.name = process.name();
-  job.loop.run = {directory, config.run, config::ToToml(config), std::string(base::Commit()),
-                  run::Fence::OfEnvironment()};
+  job.loop.run = {directory,
+                  config.run,
+                  config::ToToml(config),
+                  std::string(base::Commit()),
+                  run::Fence::OfEnvironment(),
+                  /*has_goals=*/!config.task.is_own()};
   job.spec_hash = process.spec_hash();
   job.run = train::ServiceIdentity(config);
   job.replay = process.replay();

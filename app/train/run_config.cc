@@ -111,6 +111,19 @@ void RequireTask(const RunConfig& config) {
   RequireForOwn(!config.mpc.enabled, "mpc.enabled", "false");
 }
 
+void RequireReachableLimit(const RunConfig& config) {
+  const learner::ConstraintConfig& constraint = config.method.constraint;
+  const bool costs_at_most_one = !config.task.is_own() && config.environment.episode.collision_ends;
+  if (constraint.kind != learner::ConstraintKind::kLagrangian || !costs_at_most_one ||
+      constraint.limit < 1.0) {
+    return;
+  }
+  throw base::Error(fmt::format(
+      "constraint.limit is {}, expected less than 1 with constraint.kind = \"lagrangian\": an "
+      "episode ends with its first collision, so the multiplier would never rise",
+      constraint.limit));
+}
+
 /// When the run's episodes end in success.
 nn::GoalRule GoalOf(const RunConfig& config) {
   return {.radius = config.environment.episode.goal_tolerance,
@@ -251,13 +264,7 @@ void RequireCombination(const RunConfig& config) {
   sim::CheckRandomization(config.environment);
   RequireSampling(config.courses);
   RequireTask(config);
-  if (config.method.constraint.kind != learner::ConstraintKind::kNone &&
-      !config.environment.episode.collision_ends) {
-    throw base::Error(fmt::format(
-        "constraint.kind is \"{}\", expected \"none\" if environment.episode.collision_ends is "
-        "false: the constraint counts episodes that a collision ended",
-        base::EnumName(config.method.constraint.kind)));
-  }
+  RequireReachableLimit(config);
   if (config.mpc.enabled) RequireNoConstraint(config);
   RequireTeachers(config);
 }

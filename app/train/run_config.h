@@ -125,7 +125,8 @@ struct RunConfig {
     v.Section("replay", replay, "The replay buffer.");
     v.Section("network", network, "Networks of actor and critics.");
     v.Section("learner", method.learner, "The algorithm (docs/algorithms.md).");
-    v.Section("constraint", method.constraint, "Safe RL: how often the robot may collide.");
+    v.Section("constraint", method.constraint,
+              "Safe RL: what an episode may cost, such as collisions.");
     v.Section("model", method.model, "The transition model (docs/models.md).");
     v.Section("model_training", method.model_training, "How the transition model is trained.");
     v.Section("imagination", method.imagination,

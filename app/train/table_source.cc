@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -25,11 +24,6 @@ namespace fs = std::filesystem;
 constexpr char kConfigKey[] = "config";  // In the acting policy's metadata.
 constexpr char kReplayDirectory[] = "replay";
 const std::string kLearner = "learner";  // The limiter's only one.
-
-std::int64_t CountSteps(const replay::Chunk& chunk) {
-  return std::count_if(chunk.flags.begin(), chunk.flags.end(),
-                       [](std::uint8_t flags) { return (flags & replay::kRowFinal) == 0; });
-}
 
 }  // namespace
 
@@ -99,14 +93,15 @@ const std::vector<replay::SampledRows>* TableSource::Next() {
 
 void TableSource::Insert(std::unique_ptr<replay::Chunk> chunk) {
   table_.Insert(*chunk);
-  limiter_->AddSteps(CountSteps(*chunk));
+  limiter_->AddSteps(chunk->num_steps());
   collector_->Recycle(std::move(chunk));
 }
 
 learner::EndedEpisodes TableSource::TakeEndedEpisodes() {
   const actor::ActorStats acting = actor_.stats();
   const std::int64_t before = std::exchange(observed_episodes_, acting.num_episodes);
-  return {acting.collision_rate, acting.num_episodes - before};
+  return {acting.num_recent > 0 ? acting.mean_cost : run::MetricsRow::kNone,
+          acting.num_episodes - before};
 }
 
 void TableSource::SetPriorities(std::span<const std::int64_t> sequence,

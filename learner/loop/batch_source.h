@@ -14,8 +14,8 @@ namespace slalom::learner {
 
 /// The training episodes that ended since the last call.
 struct EndedEpisodes {
-  /// Rate over the most recent episodes.
-  double collision_rate = std::numeric_limits<double>::quiet_NaN();
+  /// Mean sum of an episode's costs, over the most recent episodes.
+  double mean_cost = std::numeric_limits<double>::quiet_NaN();
   std::int64_t count = 0;
 };
 

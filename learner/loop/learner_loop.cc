@@ -182,7 +182,7 @@ void LearnerLoop::Turn() {
   const int interval = plan_.run.settings.publish_interval;
   if (unobserved_ >= interval) {
     const EndedEpisodes ended = source_.TakeEndedEpisodes();
-    learner_.ObserveEpisodes(ended.collision_rate, ended.count);
+    learner_.ObserveEpisodes(ended.mean_cost, ended.count);
     unobserved_ = 0;
   }
   const bool may_publish = !published_at_ || SecondsSince(*published_at_) >= plan_.publish_seconds;

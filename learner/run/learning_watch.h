@@ -17,6 +17,9 @@ namespace slalom::run {
 /// - Half of the run is over, and none of the training episodes, at least `kEpisodes` of them,
 /// reached its goal. A slow start looks the same for a long time, so this is not a proof.
 ///
+/// If episodes have no goal, as in an environment of one's own, the second reason is left out, and
+/// no run has certainly learned nothing.
+///
 /// A value; thread-compatible.
 class LearningWatch {
  public:
@@ -28,11 +31,10 @@ class LearningWatch {
   /// its goal (1) or not (0).
   using State = std::array<std::int64_t, 3>;
 
-  LearningWatch() = default;
-  explicit LearningWatch(const State& state)
+  explicit LearningWatch(bool has_goals = true, const State& state = {})
       : actor_still_updates_(state[0]),
         critic_still_updates_(state[1]),
-        has_succeeded_(state[2] != 0) {}
+        has_succeeded_(state[2] != 0 || !has_goals) {}
   State state() const { return {actor_still_updates_, critic_still_updates_, has_succeeded_}; }
 
   /// Takes the next row. `fraction`: part of the run that is done, 0 to 1. Returns a warning if
@@ -55,8 +57,8 @@ class LearningWatch {
   double fraction_ = 0.0;
   std::int64_t actor_still_updates_ = 0;  // Updates since the last gradient that was not 0.
   std::int64_t critic_still_updates_ = 0;
-  bool has_succeeded_ = false;
-  std::string said_;  // The last warning.
+  bool has_succeeded_;  // Or there is no goal.
+  std::string said_;    // The last warning.
 };
 
 }  // namespace slalom::run

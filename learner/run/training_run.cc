@@ -35,7 +35,10 @@ bool Passed(const std::vector<Number>& thresholds, double last, double now) {
 }  // namespace
 
 TrainingRun::TrainingRun(RunPlan plan, TrainingClock clock)
-    : plan_(std::move(plan)), clock_(std::move(clock)), store_(plan_.directory.checkpoints()) {}
+    : plan_(std::move(plan)),
+      clock_(std::move(clock)),
+      store_(plan_.directory.checkpoints()),
+      watch_(plan_.has_goals) {}
 
 double TrainingRun::Fraction() const {
   const double by_steps =
@@ -162,7 +165,7 @@ void TrainingRun::RestoreFrom(const fs::path& checkpoint, const Read& read) {
     clock_.Restore(training_s);
     last_snapshot_s_ = snapshot_s;
     last_snapshot_steps_ = snapshot_steps;
-    watch_ = LearningWatch(watch);
+    watch_ = LearningWatch(plan_.has_goals, watch);
   } catch (const nlohmann::json::exception&) {
     throw base::Error(fmt::format("{}: damaged, or no state of a checkpoint", path.string()));
   }

@@ -24,9 +24,10 @@ namespace slalom::run {
 struct RunPlan {
   RunDirectory directory;
   RunSettings settings;
-  std::string config;  ///< The run's config as TOML, stored with every policy.
-  std::string commit;  ///< Commit of the program.
-  Fence fence{};       ///< Without it nothing is written.
+  std::string config;     ///< The run's config as TOML, stored with every policy.
+  std::string commit;     ///< Commit of the program.
+  Fence fence{};          ///< Without it nothing is written.
+  bool has_goals = true;  ///< Whether an episode may succeed.
 };
 
 /// A running training: its clock and limits, metrics.csv, checkpoints, and the times of snapshots.

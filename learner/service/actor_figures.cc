@@ -6,9 +6,10 @@
 namespace slalom::learner {
 namespace {
 
+/// NaN if the role does not report it.
 double Figure(const proto::RoleStatus& role, const char* key) {
   const auto it = role.report.figures.find(key);
-  return it == role.report.figures.end() ? 0.0 : it->second;
+  return it == role.report.figures.end() ? std::numeric_limits<double>::quiet_NaN() : it->second;
 }
 
 /// Returns the episodes that a role reports, within range, as a peer may report any number.
@@ -36,6 +37,7 @@ ActorFigures Summarise(const proto::StatusReply& status) {
     sum.collision_rate += Figure(role, "collision_rate");
     sum.timeout_rate += Figure(role, "timeout_rate");
     sum.mean_return += Figure(role, "mean_return");
+    sum.mean_cost += Figure(role, "mean_cost");
     sum.mean_length += Figure(role, "mean_length");
   }
   const double share = num_known > 0 ? 1.0 / num_known : std::numeric_limits<double>::quiet_NaN();
@@ -43,6 +45,7 @@ ActorFigures Summarise(const proto::StatusReply& status) {
   sum.collision_rate *= share;
   sum.timeout_rate *= share;
   sum.mean_return *= share;
+  sum.mean_cost *= share;
   sum.mean_length *= share;
   return sum;
 }

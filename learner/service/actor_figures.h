@@ -15,6 +15,7 @@ struct ActorFigures {
   double collision_rate = 0.0;
   double timeout_rate = 0.0;
   double mean_return = 0.0;
+  double mean_cost = 0.0;  ///< Sum of an episode's costs.
   double mean_length = 0.0;
 };
 

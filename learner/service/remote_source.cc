@@ -91,7 +91,7 @@ std::int64_t RemoteSource::num_drawn() const {
 }
 
 EndedEpisodes RemoteSource::TakeEndedEpisodes() {
-  return {ended_.collision_rate, std::exchange(ended_.count, 0)};
+  return {ended_.mean_cost, std::exchange(ended_.count, 0)};
 }
 
 void RemoteSource::SetPriorities(std::span<const std::int64_t> sequence,
@@ -109,7 +109,7 @@ void RemoteSource::Describe(run::MetricsRow& row) {
   const proto::StatusReply status = stream_->status().value_or(proto::StatusReply{});
   stream_->AskStatus();
   const ActorFigures acting = Summarise(status);
-  ended_.collision_rate = acting.collision_rate;
+  ended_.mean_cost = acting.mean_cost;
   ended_.count += finished_episodes_.Take(status);
   row.episodes = acting.num_episodes;
   row.success_rate = acting.success_rate;

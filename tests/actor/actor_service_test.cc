@@ -8,6 +8,7 @@
 #include <exception>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -43,6 +44,35 @@ void WaitUntil(const std::function<bool()>& condition) {
     std::this_thread::yield();
   }
 }
+
+/// When an environment fails: after so many steps, in the next one or as it begins an episode.
+struct Failure {
+  int steps = std::numeric_limits<int>::max();
+  bool in_reset = false;
+};
+
+class FailingEnvironment : public testing::FakeEnvironment {
+ public:
+  explicit FailingEnvironment(const Failure& failure)
+      : FakeEnvironment(kEnvironments, {0.5, 0.9}, 20, kBeams), failure_(failure) {}
+  void Reset(int i, const env::EpisodeSpec& spec) override {
+    FailIf(failure_.in_reset);
+    FakeEnvironment::Reset(i, spec);
+  }
+  void Step(std::span<const float> actions, std::span<env::StepResult> results) override {
+    FailIf(!failure_.in_reset);
+    FakeEnvironment::Step(actions, results);
+    ++num_steps;
+  }
+
+  int num_steps = 0;
+
+ private:
+  void FailIf(bool here) const {
+    if (here && num_steps >= failure_.steps) throw base::Error("the motor is hot");
+  }
+  const Failure failure_;
+};
 
 /// A replay server, until it goes out of scope; then its journal can be looked into.
 class Replay {
@@ -90,8 +120,9 @@ class ActorServiceTest : public ::testing::Test {
   /// An actor that runs in a thread.
   class Running {
    public:
-    Running(ActorServiceTest& test, const std::string& replay, const std::string& state = "actor")
-        : environments_(kEnvironments, {0.5, 0.9}, 20, kBeams),
+    Running(ActorServiceTest& test, const std::string& replay, const std::string& state = "actor",
+            const Failure& failure = {})
+        : environments_(failure),
           agent_(kEnvironments),
           registry_("actor", "a"),
           thread_([this, &test, replay, state](std::stop_token stop) {
@@ -127,6 +158,7 @@ class ActorServiceTest : public ::testing::Test {
     double count(const metrics::Spec& metric) { return registry_.counter(metric).value(); }
     double made() { return registry_.counter(metrics::kEnvironmentSteps).value(); }
     bool ended() const { return ended_; }
+    std::int64_t driven() const { return std::int64_t{kEnvironments} * environments_.num_steps; }
     /// Ends it as SIGTERM would.
     StepAccount Stop() {
       thread_.request_stop();
@@ -140,7 +172,7 @@ class ActorServiceTest : public ::testing::Test {
     }
 
    private:
-    testing::FakeEnvironment environments_;
+    FailingEnvironment environments_;
     testing::SummingAgent agent_;
     transport::Context context_;
     metrics::Registry registry_;
@@ -408,6 +440,21 @@ TEST_F(ActorServiceTest, WhatWasNotAcknowledgedIsSpooledBeforeAnError) {
   const StepAccount account = actor.Stop();
   EXPECT_EQ(account.pending, 0);
   EXPECT_GT(account.lost[static_cast<int>(LossReason::kKilled)], 0);
+}
+
+TEST_F(ActorServiceTest, WhatAnEnvironmentThrowsLosesNoStep) {
+  Replay replay(journal());
+  std::int64_t driven = 0;
+  for (const bool in_reset : {false, true}) {
+    Running failing(*this, replay.endpoint(), "actor", {103, in_reset});
+    EXPECT_EQ(failing.Error(), "the motor is hot");
+    driven += failing.driven();
+  }
+  Running actor(*this, replay.endpoint());
+  WaitUntil([&] { return replay.steps() > 2000; });
+  const StepAccount account = actor.Stop();
+  EXPECT_EQ(account.total_lost(), 0);
+  EXPECT_EQ(account.made, driven + actor.driven());
 }
 
 TEST_F(ActorServiceTest, ASpoolThatIsDamagedIsSetAside) {

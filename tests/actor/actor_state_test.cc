@@ -14,9 +14,10 @@ ActorState MakeState() {
   state.seed = 0xFEDCBA9876543210ull;
   state.num_steps = 123456789012;
   state.num_episodes = 4711;
-  state.recent = {{env::Outcome::kSuccess, 30, 29.5f}, {env::Outcome::kTimeout, 400, -0.25f}};
-  state.open = {{7, {3, 99}, true, {1, 2, 3, 4}, 1.5f, 55, {0.5f, -0.5f, 1.0f, 0.25f}},
-                {8, {0, 100}, false, {5, 6, 7, 8}, 0.0f, 56, {}}};
+  state.recent = {{env::Outcome::kSuccess, 30, 29.5f, 0.0f},
+                  {env::Outcome::kCollision, 400, -0.25f, 1.0f}};
+  state.open = {{7, {3, 99}, true, {1, 2, 3, 4}, 1.5f, 0.0f, 55, {0.5f, -0.5f, 1.0f, 0.25f}},
+                {8, {0, 100}, false, {5, 6, 7, 8}, -7.5f, 0.0f, 56, {}}};
   state.sampler = {.num_fresh_draws = 12,
                    .named = {{0, 0.5f, 1.0f}},
                    .candidates = {{9, 1.0f, 0.0f}, {10, 0.0f, 0.0f}},
@@ -35,7 +36,9 @@ std::string ErrorOf(std::string_view bytes) {
 }
 
 TEST(ActorState, ReadsBackWhatItWrote) {
-  const ActorState state = MakeState();
+  ActorState state = MakeState();
+  state.recent[0].episode_cost = 2.5f;
+  state.open[1].episode_cost = 0.75f;
   const ActorState read = ActorState::Parse(state.Serialize(), "actor.bin");
   EXPECT_EQ(read.seed, state.seed);
   EXPECT_EQ(read.num_steps, state.num_steps);
@@ -49,6 +52,7 @@ TEST(ActorState, ReadsBackWhatItWrote) {
     EXPECT_EQ(read.open[i].is_learnable, state.open[i].is_learnable);
     EXPECT_EQ(read.open[i].noise, state.open[i].noise);
     EXPECT_EQ(read.open[i].episode_return, state.open[i].episode_return);
+    EXPECT_EQ(read.open[i].episode_cost, state.open[i].episode_cost);
     EXPECT_EQ(read.open[i].frame_checksum, state.open[i].frame_checksum);
     EXPECT_EQ(read.open[i].actions, state.open[i].actions);
   }
@@ -60,18 +64,19 @@ TEST(ActorState, ReadsBackWhatItWrote) {
   EXPECT_EQ(read.Serialize(), state.Serialize());
 }
 
-// SLACTOR2 counted actions of two numbers where SLACTOR3 counts numbers.
+// SLACTOR3 had no costs: a collision had ended each episode that cost anything.
 TEST(ActorState, ReadsTheVersionBefore) {
   const ActorState state = MakeState();
   std::string bytes = state.Serialize();
-  const std::vector<float>& actions = state.open[0].actions;
-  const std::string_view numbers(reinterpret_cast<const char*>(actions.data()),
-                                 actions.size() * sizeof(float));
-  const std::size_t place = bytes.find(numbers);
-  ASSERT_NE(place, std::string::npos);
-  ASSERT_EQ(bytes[place - 8], 4);
-  bytes[place - 8] = 2;
-  bytes[7] = '2';
+  bytes[7] = '3';
+  // Backwards, so that the places before stay: behind the returns, each the only one of its value.
+  for (const float before : {state.open[1].episode_return, state.open[0].episode_return,
+                             state.recent[1].episode_return, state.recent[0].episode_return}) {
+    const std::string_view number(reinterpret_cast<const char*>(&before), sizeof(before));
+    const std::size_t place = bytes.find(number);
+    ASSERT_NE(place, std::string::npos);
+    bytes.erase(place + sizeof(float), sizeof(float));
+  }
   bytes.resize(bytes.size() - 8);
   const std::uint64_t checksum = base::Checksum(std::string_view(bytes));
   bytes.append(reinterpret_cast<const char*>(&checksum), 8);

@@ -153,6 +153,7 @@ TEST(Actor, AveragesTheLastEpisodes) {
       }
       ++episode.num_steps;
       episode.episode_return += row.reward;
+      episode.episode_cost += row.cost;
       episode.outcome = row.cost > 0.0f                        ? env::Outcome::kCollision
                         : (row.flags & replay::kRowTerminated) ? env::Outcome::kSuccess
                                                                : env::Outcome::kTimeout;
@@ -171,14 +172,41 @@ TEST(Actor, AveragesTheLastEpisodes) {
       expected.collision_rate += it->outcome == env::Outcome::kCollision ? 0.04 : 0.0;
       expected.timeout_rate += it->outcome == env::Outcome::kTimeout ? 0.04 : 0.0;
       expected.mean_return += 0.04 * static_cast<double>(it->episode_return);
+      expected.mean_cost += 0.04 * static_cast<double>(it->episode_cost);
       expected.mean_length += 0.04 * it->num_steps;
     }
     EXPECT_NEAR(stats.success_rate, expected.success_rate, 1e-12);
     EXPECT_NEAR(stats.collision_rate, expected.collision_rate, 1e-12);
     EXPECT_NEAR(stats.timeout_rate, expected.timeout_rate, 1e-12);
     EXPECT_NEAR(stats.mean_return, expected.mean_return, 1e-12);
+    EXPECT_NEAR(stats.mean_cost, expected.mean_cost, 1e-12);
+    EXPECT_EQ(stats.mean_cost, stats.collision_rate) << "a collision costs 1";
     EXPECT_NEAR(stats.mean_length, expected.mean_length, 1e-12);
   }
+}
+
+/// Environments in which every step costs something, whatever ends the episode.
+class CostlyEnvironment : public FakeEnvironment {
+ public:
+  using FakeEnvironment::FakeEnvironment;
+  void Step(std::span<const float> actions, std::span<env::StepResult> results) override {
+    FakeEnvironment::Step(actions, results);
+    for (env::StepResult& result : results) result.cost = 0.5f;
+  }
+};
+
+TEST(Actor, TheCostOfAnEpisodeIsTheSumOfItsStepsOverARestartToo) {
+  CostlyEnvironment environments(kBatch, kSuccess), others(kBatch, kSuccess);
+  SummingAgent agent(kBatch), other_agent(kBatch);
+  Actor actor({}, environments, agent, 5), restored({}, others, other_agent, 5);
+  replay::Chunk chunk(8);
+  for (int step = 0; step < 100; ++step) actor.Step(&chunk);
+  restored.Restore(actor.Save());
+  for (int step = 0; step < 100; ++step) restored.Step(&chunk);
+  const ActorStats stats = restored.stats();
+  EXPECT_GT(stats.num_episodes, 3 * kBatch);
+  EXPECT_EQ(stats.num_recent, stats.num_episodes);
+  EXPECT_NEAR(stats.mean_cost, 0.5 * stats.mean_length, 1e-12);
 }
 
 TEST(Actor, RestoredGoesOnBitForBit) {

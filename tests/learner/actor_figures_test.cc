@@ -14,8 +14,10 @@ proto::RoleStatus Actor(const std::string& name, double episodes, double collisi
   proto::RoleStatus role;
   role.report.role = "actor";
   role.report.name = name;
-  role.report.figures = {
-      {"episodes", episodes}, {"success_rate", 0.25}, {"collision_rate", collision_rate}};
+  role.report.figures = {{"episodes", episodes},
+                         {"success_rate", 0.25},
+                         {"collision_rate", collision_rate},
+                         {"mean_cost", 10.0 * collision_rate}};
   role.connected = true;
   return role;
 }
@@ -30,7 +32,11 @@ TEST(Summarise, AveragesConnectedActorsThatFinishedAnEpisode) {
       Summarise({.roles = {Actor("a", 10, 0.2), Actor("b", 30, 0.4), silent, fresh, evaluator}});
   EXPECT_EQ(sum.num_episodes, 40);
   EXPECT_DOUBLE_EQ(sum.collision_rate, 0.3);
+  EXPECT_DOUBLE_EQ(sum.mean_cost, 3.0);
   EXPECT_TRUE(std::isnan(Summarise({}).collision_rate));
+  proto::RoleStatus earlier = Actor("a", 10);
+  earlier.report.figures.erase("mean_cost");
+  EXPECT_TRUE(std::isnan(Summarise({.roles = {earlier}}).mean_cost)) << "not 0: it is not known";
 }
 
 // A learner that starts again, an actor that was not heard of for a while, a replay server that

@@ -248,12 +248,17 @@ TEST(TrainerTest, ADeterministicRunMustNotEndByTheClock) {
   EXPECT_THROW(RunOnce(config, {scratch.path() / "run"}), base::Error);
 }
 
-TEST(TrainerTest, AConstraintNeedsCollisionsThatEndEpisodes) {
+TEST(TrainerTest, AConstraintsLimitIsLessThanAnEpisodeMayCost) {
   RunConfig config = SmallRun();
   config.method.constraint.kind = learner::ConstraintKind::kLagrangian;
   EXPECT_NO_THROW(RequireCombination(config));
-  config.environment.episode.collision_ends = false;
+  config.method.constraint.limit = 1.0;
   EXPECT_THROW(RequireCombination(config), base::Error);
+  RunConfig goes_on = config, own = config;
+  goes_on.environment.episode.collision_ends = false;
+  EXPECT_NO_THROW(RequireCombination(goes_on));
+  own.task = {.observation_size = 3, .action_low = {-1.0}, .action_high = {1.0}};
+  EXPECT_NO_THROW(RequireCombination(own));
 }
 
 TEST(TrainerTest, AChangedDigitInTheStateIsNoticed) {

@@ -58,11 +58,11 @@ TEST(LearningWatchTest, ASessionThatResumesKnowsTheOnesBefore) {
     return watch;
   };
   // Neither session has seen enough updates by itself.
-  const LearningWatch before = observe({}, 0, 8, 0.0);
+  const LearningWatch before = observe(LearningWatch(), 0, 8, 0.0);
   EXPECT_FALSE(before.nothing_learned());
-  EXPECT_TRUE(observe(LearningWatch(before.state()), 8, 12, 0.0).nothing_learned());
-  const LearningWatch succeeded = observe({}, 0, 8, 0.1);
-  EXPECT_FALSE(observe(LearningWatch(succeeded.state()), 8, 20, 0.0).nothing_learned());
+  EXPECT_TRUE(observe(LearningWatch(true, before.state()), 8, 12, 0.0).nothing_learned());
+  const LearningWatch succeeded = observe(LearningWatch(), 0, 8, 0.1);
+  EXPECT_FALSE(observe(LearningWatch(true, succeeded.state()), 8, 20, 0.0).nothing_learned());
 }
 
 TEST(LearningWatchTest, NamesTheCritics) {
@@ -109,6 +109,22 @@ TEST(LearningWatchTest, WarnsHalfwayThatNoEpisodeReachedItsGoal) {
   }
   EXPECT_THAT(watch.fault(), HasSubstr("none of 2000 training episodes"));
   EXPECT_FALSE(watch.nothing_learned()) << "a slow start looks the same";
+}
+
+// Nobody knows what an episode without a goal has achieved, also after a restart.
+TEST(LearningWatchTest, WithoutGoalsOnlyStillNetworksAreAFault) {
+  for (const bool still : {false, true}) {
+    LearningWatch watch(/*has_goals=*/false);
+    for (int row = 0; row <= 100; ++row) {
+      if (row == 40) watch = LearningWatch(false, {0, 0, 0});
+      MetricsRow metrics = Healthy(row);
+      metrics.success_rate = 0.0;
+      if (still) metrics.learning.critic_gradient_norm = 0.0;
+      (void)watch.Observe(metrics, row / 100.0);
+    }
+    EXPECT_EQ(watch.fault().empty(), !still);
+    EXPECT_FALSE(watch.nothing_learned());
+  }
 }
 
 TEST(LearningWatchTest, FewEpisodesShowNothing) {
