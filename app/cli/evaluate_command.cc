@@ -20,6 +20,7 @@
 #include "app/cli/output.h"
 #include "app/cli/signals.h"
 #include "app/train/command_options.h"
+#include "app/train/policy_agents.h"
 #include "app/train/profile.h"
 #include "app/train/scoring.h"
 #include "base/config.h"
@@ -175,18 +176,6 @@ void RequireNoRunDirectory(const std::string& path) {
   throw base::Error(fmt::format("{}: is a directory; did you mean '{}'?", path, policy.string()));
 }
 
-/// A network knows its beams by their numbers, so each must look where it looked in training.
-void RequireSameFieldOfView(const EvaluateOptions& options, const train::RunConfig& trained,
-                            const train::RunConfig& config) {
-  const double expected = trained.environment.lidar.field_of_view;
-  const double found = config.environment.lidar.field_of_view;
-  if (found == expected) return;
-  throw base::Error(
-      fmt::format("{}: environment.lidar.field_of_view is {} rad, expected {}, which the policy "
-                  "was trained with: its beams would point elsewhere",
-                  *options.policy, found, expected));
-}
-
 /// Throws `base::Error` if `mpc.enabled` is set for a policy that cannot plan.
 void RequirePlannable(const std::string& path, const policy::PolicySnapshot& policy,
                       const train::RunConfig& config) {
@@ -212,9 +201,12 @@ train::Scoring PrepareThePolicy(const EvaluateOptions& options) {
   const policy::LoadedPolicy loaded = policy::LoadPolicy(*options.policy);
   const auto trained = TrainedConfig(options, loaded);
   const train::RunConfig config = TaskOf(options, trained);
-  if (trained) RequireSameFieldOfView(options, *trained, config);
+  if (trained) {
+    train::RequireSameFieldOfView(*options.policy, trained->environment, config.environment);
+  }
   RequirePlannable(*options.policy, loaded.snapshot, config);
-  return train::PreparePolicy(loaded.snapshot, *options.policy, config, options.courses, trained);
+  return train::PreparePolicy(train::MakeAgentsOf(loaded.snapshot, config), loaded.snapshot,
+                              *options.policy, config, options.courses, trained);
 }
 
 train::Scoring PrepareThePlanner(const EvaluateOptions& options, base::ParallelFor& parallel) {
@@ -300,7 +292,7 @@ int Evaluate(const EvaluateOptions& options) {
     scoring.task.physics = physics[k];
     auto scores = train::Score(scoring, parallel, signals.token());
     if (!scores) return base::kExitSignalBase + signals.received();
-    if (options.output) train::WriteScores(*scores, OutputDirectories(*options.output, physics)[k]);
+    if (options.output) WriteScores(*scores, OutputDirectories(*options.output, physics)[k]);
     all.push_back(std::move(*scores));
   }
   const std::string report =

@@ -5,16 +5,22 @@
 
 #include <cerrno>
 #include <cstring>
+#include <span>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "sim/pictures/course_render.h"
 
 namespace slalom::cli {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxPictures = 60;
+constexpr int kPictureColumns = 10;
 
 void RequireWritable(const fs::path& path, const fs::path& named) {
   if (::access(path.c_str(), W_OK) == 0) return;
@@ -94,6 +100,27 @@ void WritePage(const fs::path& directory, std::string_view name, const PageFiles
   base::WriteFileAtomically(path("csv"), files.csv);
   base::WriteFileAtomically(path("html"), files.html);
   fmt::print("\npage: {}, tables: {}.md, {}.csv beside it\n", path("html").string(), name, name);
+}
+
+void WriteScores(const train::Scores& scores, const std::filesystem::path& directory) {
+  eval::WriteReports(scores.evaluation, scores.provenance, directory);
+
+  const auto& courses = scores.evaluation.task.courses.courses;
+  const std::span<const sim::EpisodeTrack> tracks = scores.evaluation.episodes.tracks;
+  // Tracks are ordered by course, so the tracks of one course stand together.
+  std::vector<sim::CourseScene> scenes;
+  std::size_t begin = 0;
+  for (std::size_t course = 0; course < courses.size() && scenes.size() < kMaxPictures; ++course) {
+    std::size_t end = begin;
+    while (end < tracks.size() && tracks[end].course == courses[course]->name) ++end;
+    scenes.push_back({courses[course].get(), tracks.subspan(begin, end - begin)});
+    begin = end;
+  }
+  for (const auto format : {sim::PictureFormat::kPng, sim::PictureFormat::kSvg}) {
+    const char* name = format == sim::PictureFormat::kPng ? "courses.png" : "courses.svg";
+    base::WriteFileAtomically(directory / name,
+                              sim::RenderContactSheet(scenes, kPictureColumns, format));
+  }
 }
 
 }  // namespace slalom::cli

@@ -4,6 +4,8 @@
 #include <string>
 #include <string_view>
 
+#include "app/train/scoring.h"
+
 /// The rule for output that exists: it is refused, and --force replaces it. A command checks this
 /// before it starts to work, so that nobody waits for output that then cannot be written.
 
@@ -34,5 +36,9 @@ struct PageFiles {
 /// html, md and csv, and prints where they are. Throws `base::Error` if one cannot be written.
 void WritePage(const std::filesystem::path& directory, std::string_view name,
                const PageFiles& files);
+
+/// Writes the reports, the trajectories and a picture of the courses with them (courses.png,
+/// courses.svg) into `directory`. Throws `base::Error` if that fails.
+void WriteScores(const train::Scores& scores, const std::filesystem::path& directory);
 
 }  // namespace slalom::cli

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "app/cli/command_line.h"
+#include "app/cli/output.h"
+#include "app/train/policy_agents.h"
 #include "app/train/scoring.h"
 #include "app/watch/run_facts.h"
 #include "app/watch/run_page.h"
@@ -127,17 +129,20 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   const std::string policy_path = directory.policy().string();
   const policy::LoadedPolicy policy = policy::LoadPolicy(directory.policy());
   const std::string& test = config.courses.test;
-  const auto result = train::Score(
-      train::PreparePolicy(policy.snapshot, policy_path, config, test, config), parallel, stop);
+  const auto result =
+      train::Score(train::PreparePolicy(train::MakeAgentsOf(policy.snapshot, config),
+                                        policy.snapshot, policy_path, config, test, config),
+                   parallel, stop);
   if (!result) return false;
   fmt::print("{}", eval::TextReport(result->evaluation));
-  train::WriteScores(*result, directory.root);
+  WriteScores(*result, directory.root);
   const std::vector<fs::path> snapshots = directory.ListSnapshots();
   Curve curve(!snapshots.empty());
   for (const fs::path& path : snapshots) {
     const policy::LoadedPolicy kept = policy::LoadPolicy(path);
     const auto scored =
-        train::Score(train::PreparePolicy(kept.snapshot, path.string(), config, test, std::nullopt),
+        train::Score(train::PreparePolicy(train::MakeAgentsOf(kept.snapshot, config), kept.snapshot,
+                                          path.string(), config, test, std::nullopt),
                      parallel, stop);
     if (!scored) return false;
     curve.Add(kept, scored->evaluation.summary.set);

@@ -4,27 +4,17 @@
 
 #include <algorithm>
 #include <chrono>
-#include <memory>
-#include <span>
+#include <filesystem>
 #include <utility>
-#include <vector>
 
 #include "app/train/inputs.h"
 #include "app/train/training_overlap.h"
-#include "base/config.h"
 #include "base/error.h"
-#include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
-#include "base/version.h"
-#include "policy/policy_agent.h"
-#include "sim/pictures/course_render.h"
 
 namespace slalom::train {
 namespace {
-
-constexpr std::size_t kMaxPictures = 60;
-constexpr int kPictureColumns = 10;
 
 /// Shows how many episodes have ended, at what rate, the time left and the success so far. This
 /// says less than the final score, because the episodes that end early are the short ones.
@@ -58,27 +48,11 @@ std::string AgentName(const std::string& policy_source) {
   return path.stem() == "policy" && !run.empty() ? run : path.stem().string();
 }
 
-/// `config`: a policy's or a planner's.
-template <class Config>
-Scoring Prepare(const Config& config, const sim::CourseSet& courses, eval::MakeAgent make_agent,
-                eval::Provenance provenance) {
-  provenance.collection = config.courses.collection;
-  provenance.commit = base::Commit();
-  provenance.config = config::ToToml(config);
-  return {eval::ResolveEvaluation(config.evaluation, config.environment, courses),
-          std::move(make_agent), std::move(provenance)};
-}
-
 }  // namespace
 
-eval::MakeAgent MakeAgentsOf(const policy::PolicySnapshot& policy, const RunConfig& config) {
-  return [policy, mpc = config.mpc, seed = SeedOf(config, "mpc of evaluations")](
-             const sim::CourseEnvironments&) { return policy::MakePolicyAgent(policy, mpc, seed); };
-}
-
-Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
-                      const RunConfig& config, const std::string& courses_spec,
-                      const std::optional<RunConfig>& trained) {
+Scoring PreparePolicy(eval::MakeAgent make_agent, const policy::PolicySnapshot& policy,
+                      const std::string& policy_source, const RunConfig& config,
+                      const std::string& courses_spec, const std::optional<RunConfig>& trained) {
   policy::RequireSameInterface(policy_source, policy.spec,
                                sim::MakeObservationSpec(config.environment),
                                config.environment.action);
@@ -88,7 +62,7 @@ Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& p
         policy_source, policy.version, config.mpc.learning_starts);
   }
   const sim::CourseSet courses = config.courses.Resolve(courses_spec);
-  Scoring scoring = Prepare(config, courses, MakeAgentsOf(policy, config),
+  Scoring scoring = Prepare(config, courses, std::move(make_agent),
                             {.agent = AgentName(policy_source),
                              .kind = "policy",
                              .source = policy_source,
@@ -103,6 +77,17 @@ Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& p
     spdlog::warn("{}: {}", policy_source, eval::DescribeOverlap(*overlap));
   }
   return scoring;
+}
+
+void RequireSameFieldOfView(const std::string& policy_source, const sim::EnvironmentConfig& trained,
+                            const sim::EnvironmentConfig& task) {
+  const double expected = trained.lidar.field_of_view;
+  const double found = task.lidar.field_of_view;
+  if (found == expected) return;
+  throw base::Error(
+      fmt::format("{}: environment.lidar.field_of_view is {} rad, expected {}, which the policy "
+                  "was trained with: its beams would point elsewhere",
+                  policy_source, found, expected));
 }
 
 Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
@@ -124,27 +109,6 @@ std::optional<Scores> Score(const Scoring& scoring, base::ParallelFor& parallel,
   if (!evaluation) return std::nullopt;
   evaluation->training_overlap = scoring.training_overlap;
   return Scores{std::move(*evaluation), scoring.provenance};
-}
-
-void WriteScores(const Scores& scores, const std::filesystem::path& directory) {
-  eval::WriteReports(scores.evaluation, scores.provenance, directory);
-
-  const auto& courses = scores.evaluation.task.courses.courses;
-  const std::span<const sim::EpisodeTrack> tracks = scores.evaluation.episodes.tracks;
-  // Tracks are ordered by course, so the tracks of one course stand together.
-  std::vector<sim::CourseScene> scenes;
-  std::size_t begin = 0;
-  for (std::size_t course = 0; course < courses.size() && scenes.size() < kMaxPictures; ++course) {
-    std::size_t end = begin;
-    while (end < tracks.size() && tracks[end].course == courses[course]->name) ++end;
-    scenes.push_back({courses[course].get(), tracks.subspan(begin, end - begin)});
-    begin = end;
-  }
-  for (const auto format : {sim::PictureFormat::kPng, sim::PictureFormat::kSvg}) {
-    const char* name = format == sim::PictureFormat::kPng ? "courses.png" : "courses.svg";
-    base::WriteFileAtomically(directory / name,
-                              sim::RenderContactSheet(scenes, kPictureColumns, format));
-  }
 }
 
 void WarnOfTrainingOverlap(const sim::CourseSet& scored, const RunConfig& training) {

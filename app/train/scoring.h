@@ -1,18 +1,20 @@
 #pragma once
 
-#include <filesystem>
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <utility>
 
 #include "app/train/agent_run_config.h"
 #include "app/train/run_config.h"
+#include "base/config.h"
 #include "base/parallel.h"
+#include "base/version.h"
 #include "eval/evaluation.h"
 #include "eval/report/report.h"
 #include "policy/policy.h"
 
-/// How a policy or a planner is scored, whichever command asks for it.
+/// How a policy, a planner or a function is scored, whoever asks for it: a command or Python.
 
 namespace slalom::train {
 
@@ -31,18 +33,33 @@ struct Scores {
   eval::Provenance provenance;
 };
 
-/// Returns the makers of agents that drive evaluations with `policy`, and plan if `config.mpc` says
-/// so. The plans' seed is derived from the run's.
-eval::MakeAgent MakeAgentsOf(const policy::PolicySnapshot& policy, const RunConfig& config);
+/// Prepares to drive the agents of `make_agent` over `courses` with the task, collection and
+/// protocol of `config`: its `environment`, `courses` and `evaluation`. `provenance`: the driver
+/// and the name of the courses; the rest is filled in.
+template <class Config>
+Scoring Prepare(const Config& config, const sim::CourseSet& courses, eval::MakeAgent make_agent,
+                eval::Provenance provenance) {
+  provenance.collection = config.courses.collection;
+  provenance.commit = base::Commit();
+  provenance.config = config::ToToml(config);
+  return {eval::ResolveEvaluation(config.evaluation, config.environment, courses),
+          std::move(make_agent), std::move(provenance)};
+}
 
-/// Prepares to drive a policy over the courses of `courses_spec` with the task, collection and
-/// protocol of `config`. `trained`: the config that it was trained with; a warning says how many of
-/// the courses that it, its teachers or its first policy (`learner.from`) were trained on are
-/// driven here. Give none if they are not known or do not matter. Throws `base::Error` if the
-/// policy does not fit the task (the error names `policy_source`) or the courses cannot be read.
-Scoring PreparePolicy(const policy::PolicySnapshot& policy, const std::string& policy_source,
-                      const RunConfig& config, const std::string& courses_spec,
-                      const std::optional<RunConfig>& trained);
+/// Prepares to drive a policy over the courses of `courses_spec` likewise. `make_agent`: makers of
+/// agents that drive with it (`MakeAgentsOf`). `trained`: the config that it was trained with; a
+/// warning says how many of the courses that it, its teachers or its first policy (`learner.from`)
+/// were trained on are driven here. Give none if they are not known or do not matter. Throws
+/// `base::Error` if the policy does not fit the task (the error names `policy_source`) or the
+/// courses cannot be read.
+Scoring PreparePolicy(eval::MakeAgent make_agent, const policy::PolicySnapshot& policy,
+                      const std::string& policy_source, const RunConfig& config,
+                      const std::string& courses_spec, const std::optional<RunConfig>& trained);
+
+/// Throws `base::Error` that names `policy_source` unless the beams of the task look where they
+/// looked in training: a network knows them by their numbers.
+void RequireSameFieldOfView(const std::string& policy_source, const sim::EnvironmentConfig& trained,
+                            const sim::EnvironmentConfig& task);
 
 /// Prepares to drive the classical planner `name`, or the oracle, likewise. `parallel`: threads on
 /// which it plans. Throws `base::Error` if there is no such planner (the error lists them) or the
@@ -55,10 +72,6 @@ Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
 /// end.
 std::optional<Scores> Score(const Scoring& scoring, base::ParallelFor& parallel,
                             std::stop_token stop);
-
-/// Writes the reports, the trajectories and a picture of the courses with them (courses.png,
-/// courses.svg) into `directory`. Throws `base::Error` if that fails.
-void WriteScores(const Scores& scores, const std::filesystem::path& directory);
 
 /// Warns, before a training, if courses on which its policies will be scored are among the courses
 /// that these will have been trained on, as `PreparePolicy` does.

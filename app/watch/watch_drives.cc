@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "app/train/inputs.h"
+#include "app/train/policy_agents.h"
 #include "app/train/scoring.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -99,8 +100,9 @@ std::optional<Drives> DrivePolicy(const PolicyFile& file, const std::stop_token&
   config.evaluation.recorded_scan_courses = 0;
   // Planning would take the processor from the run.
   const bool plans = std::exchange(config.mpc.enabled, false);
-  train::Scoring scoring = train::PreparePolicy(loaded.snapshot, file.path.string(), config,
-                                                CoursesLike(config.courses), std::nullopt);
+  train::Scoring scoring =
+      train::PreparePolicy(train::MakeAgentsOf(loaded.snapshot, config), loaded.snapshot,
+                           file.path.string(), config, CoursesLike(config.courses), std::nullopt);
   scoring.task.courses = Some(std::move(scoring.task.courses));
   scoring.task.num_environments = scoring.task.num_episodes();
   auto evaluation = eval::EvaluateOnCourses(scoring.task, scoring.make_agent, nullptr, {}, stop);
