@@ -2,7 +2,6 @@
 
 #include <pybind11/stl.h>
 
-#include <memory>
 #include <numeric>
 #include <optional>
 #include <stop_token>
@@ -14,7 +13,6 @@
 #include "app/train/drive_actor.h"
 #include "app/train/service_process.h"
 #include "base/error.h"
-#include "base/log.h"
 #include "policy/network_agent.h"
 
 namespace slalom::python {
@@ -65,6 +63,8 @@ class Actor {
   }
 
   void Stop() { stop_.request_stop(); }
+  /// The next run starts without the stop that ended the last one.
+  void ForgetStop() { stop_ = std::stop_source(); }
 
  private:
   train::ServiceProcess process_;
@@ -75,12 +75,8 @@ class Actor {
 
 void DefineActor(py::module_& module) {
   py::class_<Actor>(module, "Actor")
-      .def(py::init([](const std::string& config, const std::vector<std::string>& overrides,
-                       const std::optional<std::string>& name) {
-        static const bool logs_to_stderr = (base::InitLog(), true);
-        static_cast<void>(logs_to_stderr);
-        return std::make_unique<Actor>(config, overrides, name);
-      }))
+      .def(py::init<const std::string&, const std::vector<std::string>&,
+                    const std::optional<std::string>&>())
       .def_property_readonly("num_envs", &Actor::num_environments)
       .def_property_readonly("name", &Actor::name)
       .def_property_readonly("observation_size",
@@ -89,7 +85,8 @@ void DefineActor(py::module_& module) {
       .def_property_readonly("action_high",
                              [](const Actor& self) { return self.task().action_high; })
       .def("run", &Actor::Run)
-      .def("stop", &Actor::Stop);
+      .def("stop", &Actor::Stop)
+      .def("forget_stop", &Actor::ForgetStop);
 }
 
 }  // namespace slalom::python

@@ -1,7 +1,7 @@
 #include "app/python/evaluation.h"
 
 #include <algorithm>
-#include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -13,17 +13,19 @@
 #include "app/python/policy.h"
 #include "app/python/task.h"
 #include "app/train/agent_run_config.h"
+#include "app/train/run_config.h"
+#include "app/train/scoring.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/parallel.h"
-#include "base/version.h"
 #include "eval/evaluation.h"
+#include "eval/evaluation_config.h"
 #include "eval/report/comparison.h"
 #include "eval/report/report.h"
 #include "eval/report/report_page.h"
 #include "eval/report/result.h"
-#include "sim/courses/course_sets.h"
+#include "policy/network_agent.h"
 #include "sim/engines/physics.h"
 
 namespace slalom::python {
@@ -55,18 +57,40 @@ class CallableAgent : public env::Agent {
   py::function function_;
 };
 
-/// An evaluation with its provenance, as `slalom evaluate` prints and writes it.
-struct Scores {
-  eval::Evaluation evaluation;
-  eval::Provenance provenance;
+/// What is driven, and by which rules.
+struct Request {
+  std::string name;  ///< Of the agent in reports.
+  std::string courses;
+  std::vector<std::string> profiles;
+  Settings task;
+  Settings rules;
+  std::string collection;
+  std::uint64_t generator_seed = 1;
+  int num_threads = 1;
+  std::string physics;
+
+  /// Lays it over the defaults, or over the config that a policy was trained with.
+  template <class Config>
+  void LayOver(Config& config) const {
+    config.environment = TaskOf(config.environment, profiles, task);
+    const config::FieldList fields = config::ListFields(config);
+    for (const auto& [key, value] : rules) config::SetField(key, value, key, fields);
+    config.courses.collection = collection;
+    config::SetField("courses.generator_seed", std::to_string(generator_seed),
+                     "courses.generator_seed", fields);
+  }
 };
 
-/// The keys of an evaluation's rules.
-struct Rules {
+/// The task of a function that drives.
+struct FunctionRunConfig {
+  train::CollectionConfig courses;
+  sim::EnvironmentConfig environment;
   eval::EvaluationConfig evaluation;
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    v.Section("courses", courses, "Where set names are looked up.");
+    v.Section("environment", environment, "The task.");
     v.Section("evaluation", evaluation, "The rules.");
   }
 };
@@ -77,79 +101,64 @@ void RaiseSignals(const eval::EpisodeCount&) {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
 
-Scores Evaluate(const py::object& driver, const std::string& name, const std::string& courses,
-                const Settings& trained, const std::vector<std::string>& profiles,
-                const Settings& task_settings, const Settings& rules_settings,
-                const std::string& collection, std::uint64_t generator_seed, int num_threads,
-                const std::string& physics) {
-  const sim::EnvironmentConfig environment = TaskOf({}, trained, profiles, task_settings);
-  Rules rules;
-  const config::FieldList fields = config::ListFields(rules);
-  for (const auto& [key, value] : rules_settings) config::SetField(key, value, key, fields);
-  eval::EvaluationTask task = eval::ResolveEvaluation(
-      rules.evaluation, environment, sim::ResolveCourses(courses, collection, generator_seed));
-  task.physics = engines::FindPhysics(physics);
-
-  eval::MakeAgent make_agent;
-  const bool is_policy = py::isinstance<Policy>(driver);
-  if (is_policy) {
-    const policy::PolicySnapshot& snapshot = driver.cast<const Policy&>().loaded().snapshot;
-    policy::RequireSameInterface(name, snapshot.spec, sim::MakeObservationSpec(environment),
-                                 environment.action);
-    make_agent = [snapshot](const sim::CourseEnvironments&) {
-      return std::make_unique<policy::NetworkAgent>(snapshot);
-    };
-  } else {
-    make_agent = [function = driver.cast<py::function>()](const sim::CourseEnvironments&) {
-      const py::gil_scoped_acquire acquire;
-      return std::make_unique<CallableAgent>(function);
-    };
-  }
-  base::ParallelFor parallel(num_threads);
-  std::optional<eval::Evaluation> evaluation;
-  {
-    const py::gil_scoped_release release;
-    evaluation = eval::EvaluateOnCourses(task, make_agent, &parallel, RaiseSignals);
-  }
-  return {*std::move(evaluation),
-          {.agent = name,
-           .kind = is_policy ? "policy" : "python",
-           .source = name,
-           .profiles = profiles,
-           .course_set = courses,
-           .collection = collection,
-           .commit = std::string(base::Commit()),
-           .config = config::ToToml(Task{environment}) + config::ToToml(rules)}};
+/// Called without the interpreter's lock.
+train::Scores Score(train::Scoring scoring, const Request& request, base::ParallelFor& parallel) {
+  scoring.task.physics = engines::FindPhysics(request.physics);
+  scoring.provenance.agent = request.name;
+  scoring.provenance.profiles = request.profiles;
+  auto evaluation =
+      eval::EvaluateOnCourses(scoring.task, scoring.make_agent, &parallel, RaiseSignals);
+  evaluation->training_overlap = scoring.training_overlap;
+  return {*std::move(evaluation), std::move(scoring.provenance)};
 }
 
-/// The scores of the classical planner `name`, on the task that `slalom evaluate --agent` gives it.
-Scores EvaluatePlanner(const std::string& name, const std::string& agent,
-                       const std::string& courses, const std::vector<std::string>& profiles,
-                       const Settings& task_settings, const Settings& rules_settings,
-                       const std::string& collection, std::uint64_t generator_seed, int num_threads,
-                       const std::string& physics) {
-  const train::AgentRunConfig config = train::ResolveAgentRun([&](train::AgentRunConfig& task) {
-    task.environment = TaskOf(task.environment, {}, profiles, task_settings);
-    const config::FieldList fields = config::ListFields(task);
-    for (const auto& [key, value] : rules_settings) config::SetField(key, value, key, fields);
-  });
+/// The scores of a policy on the task that it was trained for, as `slalom evaluate` has them.
+train::Scores EvaluatePolicy(const Policy& policy, const Request& request) {
   const py::gil_scoped_release release;
-  base::ParallelFor parallel(num_threads);
-  const eval::MakeAgent make_agent = train::MakePlanners(agent, config.planners, parallel);
-  eval::EvaluationTask task =
-      eval::ResolveEvaluation(config.evaluation, config.environment,
-                              sim::ResolveCourses(courses, collection, generator_seed));
-  task.physics = engines::FindPhysics(physics);
-  auto evaluation = eval::EvaluateOnCourses(task, make_agent, &parallel, RaiseSignals);
-  return {*std::move(evaluation),
-          {.agent = name,
-           .kind = "planner",
-           .source = agent,
-           .profiles = profiles,
-           .course_set = courses,
-           .collection = collection,
-           .commit = std::string(base::Commit()),
-           .config = config::ToToml(config)}};
+  base::ParallelFor parallel(request.num_threads);
+  const policy::PolicySnapshot& snapshot = policy.loaded().snapshot;
+  const auto trained = train::TrainedConfig(policy.loaded().metadata, policy.path());
+  train::RunConfig config;
+  if (trained) config = *trained;
+  train::RequireCourses(config, "slalom.evaluate");
+  request.LayOver(config);
+  if (trained) {
+    train::RequireSameFieldOfView(policy.path(), trained->environment, config.environment);
+  }
+  const auto make_agent = [&snapshot](const sim::CourseEnvironments&) {
+    return std::make_unique<policy::NetworkAgent>(snapshot);
+  };
+  return Score(
+      train::PreparePolicy(make_agent, snapshot, policy.path(), config, request.courses, trained),
+      request, parallel);
+}
+
+train::Scores EvaluateFunction(const py::function& function, const Request& request) {
+  const py::gil_scoped_release release;
+  base::ParallelFor parallel(request.num_threads);
+  FunctionRunConfig config;
+  request.LayOver(config);
+  const auto make_agent = [&function](const sim::CourseEnvironments&) {
+    const py::gil_scoped_acquire acquire;
+    return std::make_unique<CallableAgent>(function);
+  };
+  return Score(train::Prepare(config, config.courses.Resolve(request.courses), make_agent,
+                              {.agent = request.name,
+                               .kind = "python",
+                               .source = request.name,
+                               .course_set = request.courses}),
+               request, parallel);
+}
+
+/// The scores of the classical planner `planner`, on the task that `slalom evaluate --agent` gives
+/// it.
+train::Scores EvaluatePlanner(const std::string& planner, const Request& request) {
+  const py::gil_scoped_release release;
+  base::ParallelFor parallel(request.num_threads);
+  const train::AgentRunConfig config = train::ResolveAgentRun(
+      [&request](train::AgentRunConfig& defaults) { request.LayOver(defaults); });
+  return Score(train::PreparePlanner(planner, config, request.courses, parallel), request,
+               parallel);
 }
 
 /// Writes the report on evaluations, as `slalom report` does, and returns its tables.
@@ -170,6 +179,19 @@ std::string Report(const std::vector<std::string>& evaluations, const std::strin
 }  // namespace
 
 void DefineEvaluation(py::module_& module) {
+  using train::Scores;
+  py::class_<Request>(module, "Request")
+      .def(py::init([](std::string name, std::string courses, std::vector<std::string> profiles,
+                       Settings task, Settings rules, std::string collection,
+                       std::uint64_t generator_seed, int num_threads, std::string physics) {
+             RequireThreads(num_threads);
+             return Request{std::move(name), std::move(courses), std::move(profiles),
+                            std::move(task), std::move(rules),   std::move(collection),
+                            generator_seed,  num_threads,        std::move(physics)};
+           }),
+           py::kw_only(), py::arg("name"), py::arg("courses"), py::arg("profiles"),
+           py::arg("settings"), py::arg("rules"), py::arg("collection"), py::arg("generator_seed"),
+           py::arg("threads"), py::arg("physics"));
   py::class_<Scores>(module, "Scores")
       .def("text", [](const Scores& self) { return eval::TextReport(self.evaluation); })
       .def("json",
@@ -179,7 +201,8 @@ void DefineEvaluation(py::module_& module) {
       .def("write", [](const Scores& self, const std::string& directory) {
         eval::WriteReports(self.evaluation, self.provenance, directory);
       });
-  module.def("evaluate", &Evaluate);
+  module.def("evaluate_policy", &EvaluatePolicy);
+  module.def("evaluate_function", &EvaluateFunction);
   module.def("evaluate_planner", &EvaluatePlanner);
   module.def("planners", &planners::PlannerNames);
   module.def("report", &Report);

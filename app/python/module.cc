@@ -21,6 +21,7 @@
 #include "app/python/vector_environment.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "base/log.h"
 #include "base/version.h"
 #include "policy/network_agent.h"
 #include "policy/policy.h"
@@ -63,11 +64,9 @@ std::unique_ptr<VectorEnvironment> MakeEnvironment(
     throw base::Error(
         fmt::format("num_envs is {}, expected a number from 1 to 65536", num_environments));
   }
-  if (num_threads < 1 || num_threads > 256) {
-    throw base::Error(fmt::format("threads is {}, expected a number from 1 to 256", num_threads));
-  }
+  RequireThreads(num_threads);
   VectorConfig config;
-  config.environment = TaskOf({}, {}, profiles, settings);
+  config.environment = TaskOf({}, profiles, settings);
   config.courses = sim::ResolveCourses(courses, collection, generator_seed);
   config.num_environments = num_environments;
   config.num_threads = num_threads;
@@ -211,6 +210,7 @@ void RequireKnownNumpy() {
 
 PYBIND11_MODULE(_slalom, module) {
   RequireKnownNumpy();
+  base::InitLog();  // Warnings go to standard error.
   py::register_exception<base::Error>(module, "Error", PyExc_ValueError);
   module.attr("__version__") = base::Version();
   module.attr("commit") = base::Commit();

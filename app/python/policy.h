@@ -15,8 +15,9 @@ namespace slalom::python {
 class Policy {
  public:
   explicit Policy(const std::string& path)
-      : loaded_(policy::LoadPolicy(path)), agent_(loaded_.snapshot) {}
+      : path_(path), loaded_(policy::LoadPolicy(path)), agent_(loaded_.snapshot) {}
 
+  const std::string& path() const { return path_; }
   const policy::LoadedPolicy& loaded() const { return loaded_; }
   const policy::PolicySpec& spec() const { return loaded_.snapshot.spec; }
 
@@ -43,6 +44,7 @@ class Policy {
   }
 
  private:
+  const std::string path_;
   const policy::LoadedPolicy loaded_;
   policy::NetworkAgent agent_;
   env::ObservationBatch frames_;

@@ -1,11 +1,14 @@
 #pragma once
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "base/config.h"
+#include "base/error.h"
 #include "sim/environment_config.h"
 
 namespace slalom::python {
@@ -32,17 +35,21 @@ inline void LaySettings(Settings settings, const config::FieldList& fields) {
   for (const auto& [key, value] : settings) config::SetField(key, value, key, fields);
 }
 
-/// The task by `defaults`, `trained`, the files and the settings, each laid over the ones before.
+/// The task by `defaults`, the files and the settings, each laid over the ones before.
 inline sim::EnvironmentConfig TaskOf(const sim::EnvironmentConfig& defaults,
-                                     const Settings& trained,
                                      const std::vector<std::string>& profiles,
                                      const Settings& settings) {
   Task task{defaults};
   const config::FieldList fields = config::ListFields(task);
-  LaySettings(trained, fields);
   for (const std::string& file : profiles) config::ReadTomlFile(file, fields);
   LaySettings(settings, fields);
   return task.environment;
+}
+
+/// Throws `base::Error` unless a pool can have so many threads.
+inline void RequireThreads(int num_threads) {
+  if (num_threads >= 1 && num_threads <= 256) return;
+  throw base::Error(fmt::format("threads is {}, expected a number from 1 to 256", num_threads));
 }
 
 }  // namespace slalom::python

@@ -74,7 +74,7 @@ void VectorEnvironment::KeepFinal(int i, env::Outcome outcome) {
 bool VectorEnvironment::Step(std::span<const env::Action> actions) {
   for (int i = 0; i < size(); ++i) {
     if (waiting_[i]) {
-      if (autoreset_ == Autoreset::kNextStep) continue;
+      if (autoreset_ == Autoreset::kNextStep && ended_[i]) continue;
       throw base::Error(fmt::format("environment {}: has no running episode; reset it first", i));
     }
     if (std::isfinite(actions[i].linear) && std::isfinite(actions[i].angular)) continue;

@@ -58,8 +58,9 @@ class VectorEnvironment {
   void Reset(int i, std::optional<int> course = {}, std::optional<std::uint64_t> seed = {});
 
   /// Runs one step and returns whether an episode ended in it. Throws `base::Error`, before any
-  /// environment moves, if an action that counts is not finite, and if autoreset is disabled and an
-  /// episode has ended before. Requires: actions.size() == size().
+  /// environment moves, if an action that counts is not finite, if an environment was never reset,
+  /// and if autoreset is disabled and an episode has ended before. Requires: actions.size() ==
+  /// size().
   bool Step(std::span<const env::Action> actions);
 
   /// Observations after the last step or reset.
@@ -98,7 +99,7 @@ class VectorEnvironment {
   env::ObservationBatch final_;
   std::vector<double> rewards_, costs_, final_returns_, returns_;
   std::vector<std::uint8_t> terminations_, truncations_, ended_, outcomes_;
-  std::vector<std::uint8_t> waiting_;  // For a reset, after an episode's end.
+  std::vector<std::uint8_t> waiting_;  // For a reset, at first and after an episode's end.
   std::vector<int> changing_;          // Environments whose episode ends or begins in a step.
   std::vector<std::int32_t> courses_, lengths_, final_courses_, final_lengths_;
 };

@@ -1,18 +1,38 @@
 """What is taken of Gymnasium where it is installed, and stands in for it where it is not."""
 
+import re
+import warnings
+
 import numpy as np
 
+
+class _StandIn:
+    """Stands in for gymnasium.Env and gymnasium.vector.VectorEnv."""
+
+    def close(self):
+        """Does nothing: memory is released with the object."""
+
+    @property
+    def unwrapped(self):
+        return self
+
+
+VectorEnv = _StandIn
+AUTORESET_MODES = {}
+
 try:
-    from gymnasium import Env
+    from gymnasium import Env, __version__
     from gymnasium.envs.registration import register, registry
     from gymnasium.spaces import Box, Dict
-    from gymnasium.vector import VectorEnv
 
-    try:
-        from gymnasium.vector import AutoresetMode
+    if tuple(map(int, re.findall(r"\d+", __version__)[:2])) >= (1, 4):
+        from gymnasium.vector import AutoresetMode, VectorEnv
         AUTORESET_MODES = {mode.name: mode for mode in AutoresetMode}
-    except ImportError:  # Before 1.1.
-        AUTORESET_MODES = {}
+    else:
+        warnings.warn(
+            f"found Gymnasium {__version__}, expected 1.4 or later (pip install 'gymnasium>=1.4'): "
+            f"the wrappers of gymnasium.vector will not take slalom's environments, as this "
+            f"version's RecordEpisodeStatistics would count their episodes wrongly")
 
     for id, fixed in {"slalom/Static-v0": "static-train-50", "slalom/Boxes-v0": "dynamic-box-train",
                       "slalom/Walls-v0": "dynamic-wall-train"}.items():
@@ -20,19 +40,7 @@ try:
             register(id, entry_point="slalom:make", vector_entry_point="slalom:make_vec",
                      kwargs={"courses": fixed})
 except ImportError:
-    AUTORESET_MODES = {}
-
-    class Env:
-        """Stands in for gymnasium.Env."""
-
-        def close(self):
-            """Does nothing: memory is released with the object."""
-
-        @property
-        def unwrapped(self):
-            return self
-
-    VectorEnv = Env
+    Env = _StandIn
 
     class Box:
         """Stands in for gymnasium.spaces.Box: arrays between two bounds."""

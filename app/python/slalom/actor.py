@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import threading
@@ -11,7 +12,29 @@ from typing import Any, Optional
 import numpy as np
 
 from . import _slalom
+from ._copies import NotCopied
 from .environment import _toml
+
+
+def _finite(value, name):
+    number = float(value)
+    if not math.isfinite(number):
+        raise _slalom.Error(f"the environment's {name} is {number}, expected a finite number")
+    return number
+
+
+def _require_bounds(space, core):
+    """Raises unless actions of this space are what the config says. None: it is not told."""
+    if space is None:
+        return
+    dtype = getattr(space, "dtype", None)
+    if dtype is None or not np.issubdtype(dtype, np.floating) or not hasattr(space, "low"):
+        raise _slalom.Error(f"the environment's action_space is {space}, expected a Box of floats")
+    for name in "low", "high":
+        bound, given = np.array(getattr(core, f"action_{name}")), np.ravel(getattr(space, name))
+        if bound.shape != given.shape or not np.allclose(given, bound):
+            raise _slalom.Error(f"task.action_{name} is {bound.tolist()}, expected the "
+                                f"environment's {given.tolist()}")
 
 
 class _Driven:
@@ -21,19 +44,18 @@ class _Driven:
         self._environment = environment
         low, high = np.array(core.action_low), np.array(core.action_high)
         space = getattr(environment, "action_space", None)
-        for name, bound, given in (("low", low, getattr(space, "low", None)),
-                                   ("high", high, getattr(space, "high", None))):
-            if given is not None and not np.allclose(np.ravel(given), bound):
-                raise _slalom.Error(
-                    f"task.action_{name} is {bound.tolist()}, expected the environment's "
-                    f"{np.ravel(given).tolist()}")
+        _require_bounds(space, core)
         self._middle, self._half = (high + low) / 2, (high - low) / 2
         self._shape = getattr(space, "shape", low.shape)
         self._dtype = getattr(space, "dtype", np.float32)
         self._size = core.observation_size
 
     def _flat(self, observation):
-        numbers = np.ravel(np.asarray(observation, np.float32))
+        try:
+            numbers = np.ravel(np.asarray(observation, np.float32))
+        except (TypeError, ValueError):
+            raise _slalom.Error(f"the environment's observation is a {type(observation).__name__}, "
+                                f"expected an array of {self._size} numbers") from None
         if numbers.shape != (self._size,):
             raise _slalom.Error(
                 f"task.observation_size is {self._size}, expected the environment's {numbers.size}")
@@ -46,23 +68,26 @@ class _Driven:
         command = (self._middle + self._half * np.clip(action, -1.0, 1.0)).astype(self._dtype)
         observation, reward, terminated, truncated, info = self._environment.step(
             command.reshape(self._shape))
-        return (self._flat(observation), float(reward), float(info.get("cost", 0.0)),
-                bool(terminated), bool(truncated))
+        return (self._flat(observation), _finite(reward, "reward"),
+                _finite(info.get("cost", 0.0), "cost"), bool(terminated), bool(truncated))
 
 
-class Actor:
+class Actor(NotCopied):
     """An actor of a service (`slalom replay`, `slalom learner`) that drives your own environments.
 
     It is the actor of `slalom actor` with all its promises: every step is accepted by the replay
     server once, kept for the next start, or counted as lost (docs/service.md).
     """
 
+    _instead = "make another one, with a name of its own"
+
     def __init__(self, environment: Callable[[], Any], config: str | os.PathLike, *,
                  name: Optional[str] = None, **sections: dict[str, Any]):
         """Makes `actor.num_environments` environments by calling `environment`, each a
         `gymnasium.Env` (or of its methods `reset(seed=)` and `step(action)`) whose observations are
-        arrays of `task.observation_size` numbers and whose actions lie between `task.action_low`
-        and `task.action_high`. If its `info` has a "cost", that is the cost of the step.
+        arrays of `task.observation_size` numbers and whose actions are floats between
+        `task.action_low` and `task.action_high`. If its `info` has a "cost", that is the cost of
+        the step: a constraint holds its sum over an episode.
 
         config: the TOML file of the run, the same for all its processes. name: `service.name`, the
         same after a restart. sections: keys that override the file's, such as
@@ -82,7 +107,8 @@ class Actor:
 
     def run(self) -> dict[str, int]:
         """Drives until `stop`, SIGINT, SIGTERM or SIGHUP, and returns how many steps were made,
-        accepted by the replay server, kept for the next start, and lost.
+        accepted by the replay server, kept for the next start, and lost, counted over all runs of
+        this name. It may be called again, which begins new episodes.
 
         SIGINT raises KeyboardInterrupt once the steps are safe. The other signals are taken only
         if this is the main thread. Raises what an environment raises, when its steps are safe, and
@@ -95,9 +121,11 @@ class Actor:
         try:
             return self._core.run(self._environments)
         finally:
+            self._core.forget_stop()
             for number, handler in handlers.items():
                 signal.signal(number, handler)
 
     def stop(self) -> None:
-        """Lets `run` end within seconds. May be called from any thread."""
+        """Lets `run` end within seconds, or the next one if none is under way. May be called from
+        any thread."""
         self._core.stop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 from collections.abc import Sequence
 from typing import Any, Literal, Optional, Union
@@ -10,6 +11,7 @@ from typing import Any, Literal, Optional, Union
 import numpy as np
 
 from . import _slalom
+from ._copies import NotCopied
 from ._gymnasium import AUTORESET_MODES, Box, Dict, Env, VectorEnv, batched
 from ._rendering import Painter
 
@@ -54,13 +56,24 @@ def _flat(prefix, values):
     return settings
 
 
+def _seed(value, name):
+    """Returns a seed as an int. Raises if it is none that the simulator takes."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, expected a whole number") from None
+    if not 0 <= number < 2**64:
+        raise _slalom.Error(f"{name} is {number}, expected a number from 0 to 2**64 - 1")
+    return number
+
+
 def _core(courses, num_envs, profile, sections, collection, generator_seed, threads, autoreset,
           physics):
     profiles = [profile] if isinstance(profile, (str, os.PathLike)) else profile
     return _slalom.VectorEnvironment(
         courses=os.fspath(courses), num_envs=num_envs, profiles=[os.fspath(p) for p in profiles],
         settings=_settings(sections), collection=os.fspath(collection),
-        generator_seed=generator_seed, threads=threads, autoreset=autoreset, physics=physics)
+        generator_seed=_seed(generator_seed, "generator_seed"), threads=threads, autoreset=autoreset, physics=physics)
 
 
 def _spaces(core, observation):
@@ -81,14 +94,29 @@ def _spaces(core, observation):
 
 
 def _course_number(core, course):
-    """Returns the number of a course, which may be given by its name."""
-    if not isinstance(course, str):
-        return int(course)
+    """Returns the number of a course, which may be given by its name; None of None."""
+    if course is None:
+        return None
+    names = core.course_names
+    if isinstance(course, str):
+        if course not in names:
+            raise _slalom.Error(f"course: found {course!r}, expected one of {names}")
+        return names.index(course)
     try:
-        return core.course_names.index(course)
-    except ValueError:
-        raise _slalom.Error(f"course: found {course!r}, expected one of {core.course_names}"
-                            ) from None
+        number = operator.index(course)
+    except TypeError:
+        raise TypeError(f"course is {course!r}, expected a name or a number") from None
+    if not 0 <= number < len(names):
+        raise _slalom.Error(f"course {number}: expected a number from 0 to {len(names) - 1}")
+    return number
+
+
+def _episode_seed(seed):
+    return None if seed is None else _seed(seed, "episode_seed")
+
+
+def _system_seeds(size):
+    return [int(seed) for seed in np.random.SeedSequence().generate_state(size, np.uint64)]
 
 
 def _options(options, known):
@@ -99,10 +127,11 @@ def _options(options, known):
     return options
 
 
-class _Described:
+class _Described(NotCopied):
     """What both kinds of environments tell of themselves."""
 
     _painter = None
+    _instead = "make another one, with the same seed if it shall drive the same episodes"
 
     def _set_render_mode(self, mode):
         if mode not in (None, "rgb_array"):
@@ -164,13 +193,18 @@ class VectorEnvironment(_Described, VectorEnv):
         self.single_observation_space, self.single_action_space = _spaces(core, observation)
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)
-        self._seeded = False
+        self._seeded = np.zeros(self.num_envs, bool)
         self._same_step = autoreset_mode == "SameStep"
         views = core.views()
         self._frames = views["observations"]
         self._final_frames = views["final_observations"]
         self._results = [views[name] for name in ("rewards", "terminations", "truncations")]
         self._views = views
+
+    @property
+    def courses(self) -> np.ndarray:
+        """The numbers of the courses that are driven now, [B]."""
+        return self._views["courses"].copy()
 
     @property
     def resets_in_the_same_step(self) -> bool:
@@ -186,9 +220,10 @@ class VectorEnvironment(_Described, VectorEnv):
               ) -> tuple[Observations, dict[str, Any]]:
         """Begins an episode in every environment and returns (observations, infos).
 
-        seed: environment i draws its episodes from a stream of seed + i, or of seed[i] of a list.
-        The same seed, courses and actions give the same episodes, bit for bit. Without a seed the
-        streams go on; they begin with one of the system's.
+        seed: environment i draws its episodes from a stream of seed + i, or of seed[i] of a list,
+        whole numbers from 0 to 2**64 - 1. The same seed, courses and actions give the same
+        episodes, bit for bit. Without a seed, or where it is None, the streams go on; they begin
+        with one of the system's.
 
         options: "course", the number or name of the course that is driven next, or one for each
         environment; "episode_seed", the seed of that episode, likewise, for `slalom evaluate`'s
@@ -200,23 +235,18 @@ class VectorEnvironment(_Described, VectorEnv):
         if mask.shape != (size,) or mask.dtype != bool:
             raise _slalom.Error(f"options: reset_mask is {mask.dtype} {mask.shape}, expected bool "
                                 f"({size},)")
-        if seed is None and not self._seeded:
-            seed = [int(s) for s in np.random.SeedSequence().generate_state(size, np.uint64)]
-        if isinstance(seed, (int, np.integer)):
-            seed = [int(seed) + i for i in range(size)]
-        courses = self._for_each(options.get("course"), "course")
-        seeds = self._for_each(options.get("episode_seed"), "episode_seed")
-        if seed is not None and len(seed) != size:
-            raise _slalom.Error(f"seed: found {len(seed)} numbers, expected {size}")
-        for i in np.flatnonzero(mask):
-            if seed is not None and seed[i] is not None:
-                self._core.seed(int(i), int(seed[i]) & 0xFFFFFFFFFFFFFFFF)
-            course = courses[i]
-            self._core.reset(int(i), None if course is None else _course_number(self._core, course),
-                             None if seeds[i] is None else int(seeds[i]))
-        self._seeded = True
+        streams = self._streams(seed)
+        courses = [_course_number(self._core, course)
+                   for course in self._for_each(options.get("course"), "course")]
+        seeds = [_episode_seed(value)
+                 for value in self._for_each(options.get("episode_seed"), "episode_seed")]
+        for i in np.flatnonzero(mask).tolist():
+            if streams[i] is not None:
+                self._core.seed(i, streams[i])
+                self._seeded[i] = True
+            self._core.reset(i, courses[i], seeds[i])
         return self._observations(self._frames, self._copy), {
-            "course": self._views["courses"].copy(), "_course": mask.copy()}
+            "course": self.courses, "_course": mask.copy()}
 
     def step(self, actions: np.ndarray
              ) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -242,8 +272,26 @@ class VectorEnvironment(_Described, VectorEnv):
             return None
         return tuple(self._picture(i) for i in range(self.num_envs))
 
+    def _streams(self, seed):
+        """Returns the seed of each environment's stream; None where it goes on."""
+        size = self.num_envs
+        if seed is None:
+            seeds = [None] * size
+        elif np.ndim(seed) > 0:
+            if len(seed) != size:
+                raise _slalom.Error(f"seed: found {len(seed)} numbers, expected {size}")
+            seeds = [None if each is None else _seed(each, "seed") for each in seed]
+        else:
+            first = _seed(seed, "seed")
+            _seed(first + size - 1, "the last environment's seed")
+            seeds = range(first, first + size)
+        if self._seeded.all():
+            return seeds
+        return [own if each is None and not seeded else each
+                for each, seeded, own in zip(seeds, self._seeded, _system_seeds(size))]
+
     def _for_each(self, value, key):
-        if value is None or isinstance(value, (str, int, np.integer)):
+        if np.ndim(value) == 0:
             return [value] * self.num_envs
         if len(value) != self.num_envs:
             raise _slalom.Error(f"options: {key} has {len(value)} elements, expected one or "
@@ -297,17 +345,19 @@ class Environment(_Described, Env):
               ) -> tuple[Observations, dict[str, Any]]:
         """Begins an episode and returns (observation, info). As `VectorEnvironment.reset`."""
         options = _options(options, ("course", "episode_seed"))
+        course = _course_number(self._core, options.get("course"))
+        episode_seed = _episode_seed(options.get("episode_seed"))
+        if seed is not None:
+            seed = _seed(seed, "seed")
         super_reset = getattr(super(), "reset", None)
         if super_reset is not None:
             super_reset(seed=seed)
         if seed is None and not self._seeded:
-            seed = int(np.random.SeedSequence().generate_state(1, np.uint64)[0])
+            seed = _system_seeds(1)[0]
         if seed is not None:
-            self._core.seed(0, int(seed) & 0xFFFFFFFFFFFFFFFF)
+            self._core.seed(0, seed)
         self._seeded = True
-        course, episode_seed = options.get("course"), options.get("episode_seed")
-        self._core.reset(0, None if course is None else _course_number(self._core, course),
-                         None if episode_seed is None else int(episode_seed))
+        self._core.reset(0, course, episode_seed)
         return self._observation(), {"course": int(self._views["courses"][0])}
 
     def step(self, action: np.ndarray

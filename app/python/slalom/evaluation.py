@@ -10,13 +10,16 @@ from typing import Any, Literal
 import numpy as np
 
 from . import _slalom
-from .environment import NameOrPath, _settings, _toml
+from ._copies import NotCopied
+from .environment import NameOrPath, _seed, _settings, _toml
 from .policy import Policy
 from .results import _rows
 
 
-class Evaluation:
+class Evaluation(NotCopied):
     """The scores of an agent on a set of courses. Printed, it is the table of `slalom evaluate`."""
+
+    _instead = "write it, and read it by slalom.read or slalom.report"
 
     def __init__(self, core):
         self._core = core
@@ -71,36 +74,38 @@ def evaluate(agent: Policy | str | Callable[[Any, np.ndarray], np.ndarray],
     protocol: "paper", "dwa-runs" or "barn-challenge" (docs/evaluation.md).
     evaluation: other keys of [evaluation], for example {"time_limit": 40.0}.
     The rest is as in `make_vec`. A policy drives the task that it was trained for, under the
-    profile and the keys given here.
+    profile and the keys given here. If it was trained on some of the courses, a warning and every
+    report of the scores say on how many.
     """
     rules = {"protocol": protocol, "episodes_per_course": episodes, "seed": seed,
              **(evaluation or {})}
-    rules = [(f"evaluation.{key}", _toml(value)) for key, value in rules.items()]
     profiles = [profile] if isinstance(profile, (str, os.PathLike)) else profile
-    profiles = [os.fspath(p) for p in profiles]
+    if not name:
+        name = (agent.path if isinstance(agent, Policy) else agent if isinstance(agent, str)
+                else getattr(agent, "__name__", type(agent).__name__))
+    request = _slalom.Request(
+        name=name, courses=os.fspath(courses), profiles=[os.fspath(p) for p in profiles],
+        settings=_settings(sections),
+        rules=[(f"evaluation.{key}", _toml(value)) for key, value in rules.items()],
+        collection=os.fspath(collection), generator_seed=_seed(generator_seed, "generator_seed"),
+        threads=threads, physics=physics)
     if isinstance(agent, str):
-        return Evaluation(_slalom.evaluate_planner(
-            name or agent, agent, os.fspath(courses), profiles, _settings(sections), rules,
-            os.fspath(collection), generator_seed, threads, physics))
-    trained = _settings(agent.task) if isinstance(agent, Policy) else []
+        return Evaluation(_slalom.evaluate_planner(agent, request))
     if isinstance(agent, Policy):
-        driver = agent._core
-        name = name or agent.path
-    else:
-        name = name or getattr(agent, "__name__", type(agent).__name__)
-        if observation == "vector":
-            import slalom
-            observe = slalom.make(courses, profile=profile, collection=collection,
-                                  generator_seed=generator_seed, **sections)._core.observe
+        return Evaluation(_slalom.evaluate_policy(agent._core, request))
+    if not callable(agent):
+        raise TypeError(f"agent is {agent!r}, expected a Policy, a planner's name or a function")
+    if observation == "vector":
+        import slalom
+        observe = slalom.make(courses, profile=profile, collection=collection,
+                              generator_seed=generator_seed, **sections)._core.observe
 
-            def driver(ranges, state, first):
-                return agent(observe(ranges, state), first)
-        else:
-            def driver(ranges, state, first):
-                return agent({"ranges": ranges, "state": state}, first)
-    return Evaluation(_slalom.evaluate(driver, name, os.fspath(courses), trained, profiles,
-                                       _settings(sections), rules, os.fspath(collection),
-                                       generator_seed, threads, physics))
+        def driver(ranges, state, first):
+            return agent(observe(ranges, state), first)
+    else:
+        def driver(ranges, state, first):
+            return agent({"ranges": ranges, "state": state}, first)
+    return Evaluation(_slalom.evaluate_function(driver, request))
 
 
 def report(evaluations: Sequence[Evaluation | NameOrPath], output: str | os.PathLike, *,

@@ -9,14 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _slalom
+from ._copies import NotCopied
 
 
-class Policy:
+class Policy(NotCopied):
     """A policy that `slalom train` has written, driving as it does in C++, bit for bit.
 
     It remembers the last frames of each environment where its network has a history. An object may
     be used by one thread at a time.
     """
+
+    _instead = "load its file once more"
 
     def __init__(self, path: str | os.PathLike):
         """Loads a policy file. Raises `slalom.Error` if it is damaged, or if the policy was trained

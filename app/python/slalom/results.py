@@ -17,11 +17,14 @@ _FILES = {
     "metrics": "metrics.csv",
     "curve": "curve.csv",
 }
+_TEXT = ("course", "outcome", "agent_status")  # Columns of text, whatever it looks like.
 
 
-def _number(text):
+def _cell(column, text):
     if text == "":
         return None
+    if column in _TEXT:
+        return text
     for kind in int, float:
         try:
             return kind(text)
@@ -31,8 +34,8 @@ def _number(text):
 
 
 def _rows(text):
-    """Returns the lines of a CSV file as dictionaries, with numbers as numbers."""
-    return [{key: _number(value) for key, value in row.items()}
+    """Returns the lines of a CSV file as dictionaries, with numbers as numbers and names as text."""
+    return [{key: _cell(key, value) for key, value in row.items()}
             for row in csv.DictReader(io.StringIO(text))]
 
 

@@ -1,5 +1,7 @@
 """The package beside the real Gymnasium: its own checkers, its registry and its classes."""
 
+import subprocess
+import sys
 import unittest
 import warnings
 
@@ -78,13 +80,46 @@ class GymnasiumTest(unittest.TestCase):
         recorded.step(np.zeros(2, np.float32))
         self.assertEqual([picture.shape for picture in recorded.render()], [(400, 400, 3)] * 2)
 
-    def test_vector_wrappers_work(self):
-        environments = gymnasium.wrappers.vector.RecordEpisodeStatistics(
-            slalom.make_vec(COURSES, num_envs=2, episode={"max_steps": 5}))
-        environments.reset(seed=1)
-        for _ in range(5):
-            *_, infos = environments.step(np.zeros((2, 2), np.float32))
-        self.assertEqual(list(infos["episode"]["l"]), [5, 5])
+    def test_statistics_are_right_in_every_episode(self):
+        for mode in "SameStep", "NextStep":
+            environments = gymnasium.wrappers.vector.RecordEpisodeStatistics(
+                slalom.make_vec(COURSES, num_envs=3, autoreset_mode=mode, episode={"max_steps": 20}))
+            environments.reset(seed=3)
+            random, num_ended = np.random.default_rng(0), 0
+            for _ in range(150):
+                *_, infos = environments.step(random.uniform(-0.2, 1, (3, 2)).astype(np.float32))
+                for i in np.flatnonzero(infos.get("_final_info", ())):
+                    num_ended += 1
+                    final = {key: infos["final_info"][key][i] for key in ("length", "return")}
+                    self.assertEqual(infos["episode"]["l"][i], final["length"], mode)
+                    self.assertAlmostEqual(infos["episode"]["r"][i], final["return"], places=4)
+            self.assertGreater(num_ended, 12)
+
+    def test_wrappers_of_observations_take_the_autoreset_of_the_manual(self):
+        wrappers = gymnasium.wrappers.vector
+        flat = wrappers.FlattenObservation(slalom.make_vec(COURSES, num_envs=2, autoreset_mode="NextStep"))
+        self.assertEqual(flat.reset(seed=1)[0].shape, (2, 724))
+        with self.assertRaisesRegex(Exception, "NEXT_STEP"):
+            wrappers.FlattenObservation(slalom.make_vec(COURSES, num_envs=2))
+        wrappers.ClipReward(wrappers.NormalizeReward(slalom.make_vec(COURSES, num_envs=2)), -1, 1).reset(seed=1)
+
+    def test_earlier_versions_are_warned_of_and_their_wrappers_refuse(self):
+        program = """
+import warnings, gymnasium
+gymnasium.__version__ = "1.2.3"
+with warnings.catch_warnings(record=True) as caught:
+    import slalom
+print(*[warning.message for warning in caught])
+environments = slalom.make_vec("static-train-5", num_envs=1)
+environments.reset(seed=1)
+try:
+    gymnasium.wrappers.vector.RecordEpisodeStatistics(environments)
+except AssertionError:
+    print("refused")
+"""
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        self.assertRegex(done.stdout, "found Gymnasium 1.2.3, expected 1.4 or later")
+        self.assertRegex(done.stdout, "refused")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,14 @@
 """Tests of the Python package, with and without Gymnasium."""
 
+import copy
 import inspect
 import os
+import pickle
 import subprocess
 import sys
+import tempfile
 import threading
+import types
 import unittest
 
 import numpy as np
@@ -183,6 +187,49 @@ class VectorEnvironmentTest(unittest.TestCase):
         self.assertEqual(list(final["course"]), [2] * 4)
         np.testing.assert_array_equal(final["return"], total)
 
+    def test_tells_of_every_episode_how_it_ended(self):
+        for mode in "SameStep", "NextStep", "Disabled":
+            environments = slalom.make_vec(COURSES, num_envs=3, autoreset_mode=mode, episode={"max_steps": 25})
+            _, infos = environments.reset(seed=1)
+            courses, totals, lengths = infos["course"], np.zeros(3), np.zeros(3, int)
+            waits, num_ended = np.zeros(3, bool), 0
+            random = np.random.default_rng(0)
+            for _ in range(150):
+                _, rewards, terminations, truncations, infos = environments.step(random.uniform(-0.2, 1, (3, 2)))
+                totals += rewards
+                lengths += ~waits
+                ended = terminations | truncations
+                for i in np.flatnonzero(ended):
+                    final = {key: values[i] for key, values in infos["final_info"].items()}
+                    self.assertEqual((final["return"], final["length"], final["course"]), (totals[i], lengths[i], courses[i]))
+                    self.assertEqual(final["outcome"] == "timeout", truncations[i])
+                num_ended += ended.sum()
+                totals[ended], lengths[ended] = 0, 0
+                if mode == "Disabled" and ended.any():
+                    environments.reset(options={"reset_mask": ended})
+                waits = ended & (mode == "NextStep")
+                courses = environments.courses
+            self.assertGreater(num_ended, 12)
+
+    def test_after_a_reset_it_is_as_a_new_one(self):
+        for mode in "SameStep", "NextStep":
+            environments = slalom.make_vec(COURSES, num_envs=3, autoreset_mode=mode)
+            first = drive(environments, 5, 90)
+            self.assertTrue(same(drive(environments, 5, 90), first))
+
+    def test_without_a_seed_every_environment_has_its_own(self):
+        environments = slalom.make_vec(COURSES, num_envs=3)
+        frames, _ = environments.reset(seed=[None, None, 3], options={"reset_mask": np.array([True, False, True])})
+        with self.assertRaisesRegex(slalom.Error, "environment 1: has no running episode"):
+            environments.step(np.zeros((3, 2)))
+        frames, _ = environments.reset()
+        self.assertEqual(len({ranges.tobytes() for ranges in frames["ranges"]}), 3)
+
+    def test_before_the_first_reset_no_mode_steps(self):
+        for mode in "SameStep", "NextStep", "Disabled":
+            with self.assertRaisesRegex(slalom.Error, "environment 0: has no running episode; reset it first"):
+                slalom.make_vec(COURSES, num_envs=2, autoreset_mode=mode).step(np.zeros((2, 2)))
+
     def test_views_are_overwritten_and_copies_are_not(self):
         for copy in True, False:
             environments = slalom.make_vec(COURSES, num_envs=2, copy=copy)
@@ -280,6 +327,10 @@ class RenderTest(unittest.TestCase):
         pictures = environments.render()
         self.assertEqual(len(pictures), 3)
         self.assertFalse(np.array_equal(pictures[0], pictures[1]))
+        environments.reset(seed=2)
+        environments.render()
+        environments.reset(seed=1)
+        self.assertTrue(same(environments.render(), pictures))
 
 
 class BadInputTest(unittest.TestCase):
@@ -319,6 +370,54 @@ class BadInputTest(unittest.TestCase):
         with self.assertRaisesRegex(slalom.Error, "found 1 numbers, expected 2"):
             environments.reset(seed=[1])
 
+    def test_of_seeds_and_numbers_is_the_same_at_every_door(self):
+        one, many = slalom.make(COURSES), slalom.make_vec(COURSES, num_envs=2)
+        for value, error in (-1, ValueError), (2**64, ValueError), (2**70, ValueError), (1.5, TypeError), ("1", TypeError):
+            for seed in value, [3, value]:
+                with self.assertRaisesRegex(error, f"seed is '?{value}"):
+                    many.reset(seed=seed)
+                with self.assertRaisesRegex(error, f"episode_seed is '?{value}"):
+                    many.reset(options={"episode_seed": seed})
+            with self.assertRaisesRegex(error, f"seed is '?{value}"):
+                one.reset(seed=value)
+            with self.assertRaisesRegex(error, f"episode_seed is '?{value}"):
+                one.reset(options={"episode_seed": value})
+            for make in slalom.make, slalom.make_vec:
+                with self.assertRaisesRegex(error, f"generator_seed is '?{value}"):
+                    make(COURSES, generator_seed=value)
+            with self.assertRaisesRegex(error, f"generator_seed is '?{value}"):
+                slalom.evaluate("dwa", COURSES, generator_seed=value)
+        with self.assertRaisesRegex(slalom.Error, "the last environment's seed is 18446744073709551616"):
+            many.reset(seed=2**64 - 1)
+        one.reset(seed=2**64 - 1)
+        for environments in one, many:
+            for course, error in (1.7, TypeError), (-1, slalom.Error), ([1.7, 2], TypeError):
+                with self.assertRaisesRegex(error, r"course (is )?\[?-?1"):
+                    environments.reset(options={"course": course})
+
+    def test_of_threads(self):
+        for threads in -1, 0, 257:
+            self.check(f"threads is {threads}, expected a number from 1 to 256", COURSES, threads=threads)
+            for agent in "dwa", lambda seen, first: np.zeros((len(first), 2)):
+                with self.assertRaisesRegex(slalom.Error, f"threads is {threads}, expected"):
+                    slalom.evaluate(agent, COURSES, threads=threads)
+
+    def test_of_agents(self):
+        with self.assertRaisesRegex(TypeError, "agent is 5, expected a Policy, a planner's name or a function"):
+            slalom.evaluate(5, COURSES)
+
+
+class CopiesTest(unittest.TestCase):
+    def test_are_refused(self):
+        objects = [slalom.make(COURSES), slalom.make_vec(COURSES, num_envs=1),
+                   slalom.evaluate("dwa", COURSES, episodes=1, evaluation={"time_limit": 0.2})]
+        if os.environ.get("SLALOM_POLICY"):
+            objects.append(slalom.Policy(os.environ["SLALOM_POLICY"]))
+        for each in objects:
+            for make_copy in copy.copy, copy.deepcopy, pickle.dumps:
+                with self.assertRaisesRegex(TypeError, f"a {type(each).__name__} can be neither copied nor pickled: "):
+                    make_copy(each)
+
 
 class EnvironmentTest(unittest.TestCase):
     def test_drives_as_the_first_of_a_vector(self):
@@ -349,7 +448,6 @@ class PolicyTest(unittest.TestCase):
     def test_drives_as_the_program_does(self):
         """The episodes of `slalom evaluate`, driven from here, end alike."""
         import csv
-        import tempfile
         with tempfile.TemporaryDirectory() as folder:
             output = os.path.join(folder, "out")
             subprocess.run([os.environ["SLALOM_PROGRAM"], "evaluate", "--policy", self.path,
@@ -378,6 +476,22 @@ class PolicyTest(unittest.TestCase):
         self.assertEqual(outcomes, [e["outcome"] for e in episodes])
         self.assertEqual(list(steps), [int(e["steps"]) for e in episodes])
 
+    def test_where_an_episode_begins_it_has_forgotten_the_last(self):
+        environments = slalom.make_vec(COURSES, num_envs=3, autoreset_mode="Disabled")
+        drives = []
+        for policy in self.policy, self.policy, slalom.Policy.load(self.path):
+            observations, _ = environments.reset(seed=1)
+            first, actions = np.ones(3, bool), []
+            for _ in range(15):
+                actions.append(policy.act(observations, first))
+                observations, _, terminations, truncations, _ = environments.step(actions[-1])
+                first = np.zeros(3, bool)
+                if (terminations | truncations).any():
+                    break
+            drives.append(actions)
+        self.assertGreater(len(drives[0]), 5)
+        self.assertTrue(same(drives[0], drives[1]) and same(drives[0], drives[2]))
+
     def test_weights_are_those_of_the_network(self):
         weights = self.policy.weights()
         self.assertTrue(all(np.isfinite(array).all() for array in weights.values()))
@@ -392,7 +506,6 @@ class PolicyTest(unittest.TestCase):
             self.policy.act({"ranges": np.zeros((2, 720)), "state": np.zeros((2, 4))}, [True, True])
 
     def test_refuses_a_damaged_file(self):
-        import tempfile
         with tempfile.NamedTemporaryFile() as file:
             with open(self.path, "rb") as whole:
                 file.write(whole.read()[:-100])
@@ -402,7 +515,6 @@ class PolicyTest(unittest.TestCase):
 
     def test_is_scored_as_the_program_scores_it(self):
         import json
-        import tempfile
         with tempfile.TemporaryDirectory() as folder:
             output = os.path.join(folder, "out")
             subprocess.run([os.environ["SLALOM_PROGRAM"], "evaluate", "--policy", self.path,
@@ -411,6 +523,9 @@ class PolicyTest(unittest.TestCase):
             with open(os.path.join(output, "evaluation.json"), encoding="utf8") as file:
                 expected = json.load(file)
             as_policy = slalom.evaluate(self.policy, COURSES, episodes=4)
+            for key in "training_overlap", "config", "course_set":
+                self.assertEqual(as_policy.report["provenance"][key], expected["provenance"][key])
+            self.assertEqual(as_policy.report["provenance"]["training_overlap"]["of"], 5)
             as_function = slalom.evaluate(lambda seen, first: self.policy.act(seen, first), COURSES,
                                           episodes=4)
             for found in as_policy, as_function:
@@ -432,7 +547,6 @@ class ReadTest(unittest.TestCase):
         return found if isinstance(found, list) else found.to_dict("records")
 
     def test_reads_back_what_was_written(self):
-        import tempfile
         scores = slalom.evaluate(lambda seen, first: np.tile([0.5, 0.0], (len(first), 1)), COURSES, episodes=2)
         with tempfile.TemporaryDirectory() as folder:
             scores.write(folder)
@@ -452,6 +566,25 @@ class ReadTest(unittest.TestCase):
                 slalom.read(folder, "metrics")
         with self.assertRaisesRegex(slalom.Error, "table is 'scores', expected one of 'episodes'"):
             slalom.read(folder, "scores")
+
+    def test_names_are_text_whatever_they_look_like(self):
+        names = ["001", "1", "1e3", "nan", "1_0"]
+        course = "start 0 0 1.57\ngoal 0 8\nbounds -3 -1 3 9\ncircle 1.8 1.5 0.2\nend\n"
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "numbers.courses")
+            with open(path, "w", encoding="utf8") as file:
+                file.write("slalom-courses 1\nset numbers\n" + "".join(f"course {name}\n{course}" for name in names) +
+                           "checksum none\n")
+            scores = slalom.evaluate("dwa", path, episodes=1, evaluation={"time_limit": 0.2})
+            scores.write(folder)
+            self.assertEqual([row["course"] for row in scores.episodes()], names)
+            self.assertEqual([row["course"] for row in scores.courses()], names)
+            for table in "episodes", "courses":
+                self.assertEqual([row["course"] for row in self.rows(folder, table)], names)
+            self.assertEqual({row["course"] for row in self.rows(folder, "tracks")}, set(names))
+            environments = slalom.make_vec(path, num_envs=5)
+            _, infos = environments.reset(options={"course": [row["course"] for row in scores.episodes()]})
+            self.assertEqual(list(infos["course"]), [0, 1, 2, 3, 4])
 
     def test_reads_the_curves_of_a_run(self):
         if not os.environ.get("SLALOM_POLICY"):
@@ -493,7 +626,6 @@ class EvaluateTest(unittest.TestCase):
 
     def test_scores_planners_and_reports_on_all(self):
         import csv
-        import tempfile
         rules = {"episodes": 1, "evaluation": {"time_limit": 10.0}}
         straight = slalom.evaluate(lambda seen, first: np.tile([0.5, 0.0], (len(first), 1)), COURSES, name="straight", **rules)
         dwa = slalom.evaluate("dwa", COURSES, threads=2, **rules)
@@ -539,6 +671,113 @@ class EvaluateTest(unittest.TestCase):
             slalom.evaluate(lambda seen, first: np.zeros(3), COURSES, episodes=1)
         with self.assertRaisesRegex(slalom.Error, "protocol"):
             slalom.evaluate(broken, COURSES, protocol="mine")
+
+
+class StubVecEnv:
+    """What `slalom.stable_baselines3` uses of Stable-Baselines3 2.4.1, for where that is not installed."""
+
+    def __init__(self, num_envs, observation_space, action_space):
+        self.num_envs, self.observation_space, self.action_space = num_envs, observation_space, action_space
+        self.reset_infos = [{} for _ in range(num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        self.render_mode = self.get_attr("render_mode")[0]
+        self.metadata = {}
+
+    def _reset_seeds(self):
+        self._seeds = [None] * self.num_envs
+
+    def _reset_options(self):
+        self._options = [{} for _ in range(self.num_envs)]
+
+    def seed(self, seed):
+        self._seeds = [seed + i for i in range(self.num_envs)]
+
+    def set_options(self, options):
+        self._options = copy.deepcopy([options] * self.num_envs if isinstance(options, dict) else options)
+
+    def _get_indices(self, indices):
+        return range(self.num_envs) if indices is None else [indices] if isinstance(indices, int) else indices
+
+    def step(self, actions):
+        self.step_async(actions)
+        return self.step_wait()
+
+
+class StableBaselinesTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        try:
+            import stable_baselines3
+        except ImportError:
+            for name in "stable_baselines3", "stable_baselines3.common", "stable_baselines3.common.vec_env":
+                sys.modules[name] = types.ModuleType(name)
+            sys.modules[name].VecEnv = StubVecEnv
+        from slalom.stable_baselines3 import StableBaselinesEnvironment
+        cls.adapter = StableBaselinesEnvironment
+
+    def make(self, **settings):
+        return self.adapter(slalom.make_vec(COURSES, num_envs=3, **{"observation": "vector", **settings}))
+
+    def test_seeds_and_options_are_those_of_the_next_reset(self):
+        adapted, plain = self.make(), slalom.make_vec(COURSES, num_envs=3, observation="vector")
+        named = plain.course_names[2]
+        for options, expected in (({}, {}), ({"course": 3}, {"course": 3}), ({}, {}),
+                                  ([{"course": 1}, {}, {"course": named, "episode_seed": 7}],
+                                   {"course": [1, None, named], "episode_seed": [None, None, 7]})):
+            adapted.seed(5)
+            adapted.set_options(options)
+            observations, infos = plain.reset(seed=5, options=expected)
+            np.testing.assert_array_equal(adapted.reset(), observations)
+            self.assertEqual([info["course"] for info in adapted.reset_infos], list(infos["course"]))
+        for options, text in (({"nonsense": 1}, "nonsense"), ([{}, {}], "found 2, expected 3"),
+                              ({"reset_mask": [True] * 3}, "reset_mask"), ({"course": 9}, "course 9")):
+            adapted.set_options(options)
+            with self.assertRaisesRegex(slalom.Error, text):
+                adapted.reset()
+
+    def test_tells_of_every_episode(self):
+        adapted = self.make(episode={"max_steps": 15})
+        runs = []
+        for _ in range(2):
+            adapted.seed(1)
+            seen, totals, lengths, num_ended = [adapted.reset()], np.zeros(3, np.float64), np.zeros(3, int), 0
+            random = np.random.default_rng(0)
+            for _ in range(80):
+                observations, rewards, ended, infos = adapted.step(random.uniform(-0.2, 1, (3, 2)).astype(np.float32))
+                seen.append((observations, rewards, ended))
+                totals, lengths = totals + rewards, lengths + 1
+                for i in np.flatnonzero(ended):
+                    self.assertAlmostEqual(infos[i]["episode"]["r"], totals[i], places=4)
+                    self.assertEqual(infos[i]["episode"]["l"], lengths[i])
+                    self.assertEqual(infos[i]["terminal_observation"].shape, (724,))
+                    self.assertEqual(adapted.reset_infos[i], {"course": adapted.environments.courses[i]})
+                totals[ended], lengths[ended], num_ended = 0, 0, num_ended + ended.sum()
+            self.assertGreater(num_ended, 12)
+            runs.append(seen)
+        self.assertTrue(same(*runs))
+
+    def test_has_pictures(self):
+        adapted = self.make(render_mode="rgb_array")
+        adapted.reset()
+        self.assertEqual([picture.shape for picture in adapted.get_images()], [(400, 400, 3)] * 3)
+        self.assertEqual((adapted.render_mode, adapted.metadata["render_fps"]), ("rgb_array", 5))
+        self.assertEqual(self.make().get_images(), [None] * 3)
+
+    def test_refuses_by_name_what_it_cannot(self):
+        with self.assertRaisesRegex(slalom.Error, 'observation="vector"'):
+            self.make(observation="frame")
+        with self.assertRaisesRegex(slalom.Error, 'autoreset_mode="SameStep"'):
+            self.make(autoreset_mode="NextStep")
+        adapted = self.make()
+        with self.assertRaisesRegex(NotImplementedError, "friction cannot be set"):
+            adapted.set_attr("friction", 1)
+        with self.assertRaisesRegex(NotImplementedError, "fly cannot be called"):
+            adapted.env_method("fly")
+        with self.assertRaises(AttributeError):
+            adapted.get_attr("wings")
+        with self.assertRaisesRegex(TypeError, "neither copied nor pickled"):
+            copy.copy(adapted)
 
 
 if __name__ == "__main__":

@@ -61,6 +61,7 @@ window_bytes = 65536
 
 [learner_service]
 exit_when_finished = true
+{more}
 """
 
 
@@ -84,6 +85,37 @@ class Pendulum:
         return np.array([np.cos(self.angle), np.sin(self.angle), self.speed], np.float32)
 
 
+class Watched(Pendulum):
+    """Counts the steps of all of them, and costs 1 in each."""
+
+    num_steps = 0
+    reached = threading.Event()  # As many steps as `wanted`.
+    wanted = 0
+
+    @classmethod
+    def await_steps(cls, number):
+        cls.wanted = cls.num_steps + number
+        cls.reached.clear()
+        if not cls.reached.wait(60):
+            raise AssertionError("no steps are made")
+
+    def step(self, action):
+        result = super().step(action)
+        Watched.num_steps += 1
+        if Watched.num_steps >= Watched.wanted:
+            self.reached.set()
+        return *result[:4], {"cost": 1.0}
+
+
+class Discrete:
+    """A space without bounds, as Gymnasium's."""
+
+    shape, dtype = (), np.dtype(np.int64)
+
+    def __repr__(self):
+        return "Discrete(3)"
+
+
 def make_pendulum():
     return gymnasium.make("Pendulum-v1") if gymnasium else Pendulum()
 
@@ -104,12 +136,13 @@ class ServiceCase(unittest.TestCase):
         self.processes = []
         self.addCleanup(self.stop)
 
-    def config(self, max_steps=20000, observation_size=3, action=2.0, gamma=0.98, reward_scale=0.1):
+    def config(self, max_steps=20000, observation_size=3, action=2.0, gamma=0.98, reward_scale=0.1, more=""):
         """The file of a config, by default for the pendulum."""
         path = os.path.join(self.state, "own.toml")
         with open(path, "w", encoding="utf8") as file:
             file.write(CONFIG.format(replay=free_port(), learner=free_port(), state=self.state, max_steps=max_steps,
-                                     observation_size=observation_size, action=action, gamma=gamma, reward_scale=reward_scale))
+                                     observation_size=observation_size, action=action, gamma=gamma, reward_scale=reward_scale,
+                                     more=more))
         return path
 
     def start(self, role, config):
@@ -181,14 +214,46 @@ class ServiceTest(ServiceCase):
         self.start("learner", config)
         with self.assertRaisesRegex(RuntimeError, "the motor is hot"):
             slalom.Actor(Fails, config, name="python").run()
-        actor = slalom.Actor(Pendulum, config, name="python")
+        actor, before = slalom.Actor(Watched, config, name="python"), Watched.num_steps
         thread, steps = self.drive(actor)
-        time.sleep(3)
+        Watched.await_steps(1000)
         actor.stop()
         thread.join()
-        self.assertGreater(steps["made"], 4 * 150)
-        self.assertEqual(steps["made"], steps["accepted"] + steps["kept"] + steps["lost"])
-        self.assertLessEqual(steps["lost"], 4 * 150)
+        self.assertEqual(steps["made"], 4 * 150 + Watched.num_steps - before)
+        self.assertEqual(steps["made"], steps["accepted"] + steps["kept"])
+        self.assertEqual(steps["lost"], 0)
+
+    def test_runs_again_after_a_stop(self):
+        config = self.config()
+        self.start("replay", config)
+        self.start("learner", config)
+        actor, before = slalom.Actor(Watched, config, name="python"), Watched.num_steps
+        for _ in range(2):
+            thread, steps = self.drive(actor)
+            Watched.await_steps(500)
+            actor.stop()
+            thread.join()
+            self.assertEqual((steps["made"], steps["lost"]), (Watched.num_steps - before, 0))
+        actor.stop()  # Of the next run, which has not begun.
+        self.assertEqual(actor.run()["made"], Watched.num_steps - before)
+
+    def test_a_constraint_holds_the_sum_of_costs(self):
+        """200 steps that cost 1 each, of which 50 are allowed."""
+        config = self.config(max_steps=10**6, more="[constraint]\nkind = 'lagrangian'\nlimit = 50.0\n")
+        self.start("replay", config)
+        self.start("learner", config)
+        self.drive(slalom.Actor(Watched, config, name="constrained"))
+        directory = os.path.join(self.state, "learner")
+        for _ in range(600):
+            rows = []
+            if os.path.exists(os.path.join(directory, "metrics.csv")):
+                rows = slalom.read(directory, "metrics")
+                rows = rows if isinstance(rows, list) else rows.to_dict("records")
+            if rows and (rows[-1]["constraint_multiplier"] or 0) > 0:
+                self.assertEqual(rows[-1]["constraint_violation"], 150)
+                return
+            time.sleep(0.1)
+        self.fail(f"the multiplier stays at 0: {rows[-1:]}\n" + self.log("learner"))
 
     def test_sigterm_ends_it_as_a_stop_does(self):
         config = self.config()
@@ -218,8 +283,38 @@ class ServiceTest(ServiceCase):
                     actor = slalom.Actor(Pendulum, config, **settings)
                     actor._environments[0].reset(1)
         if gymnasium:
+            spaces = gymnasium.spaces
+            refused = (spaces.Discrete(3), spaces.MultiDiscrete([3, 3]), spaces.MultiBinary(2), spaces.Text(3),
+                       spaces.Dict(a=spaces.Box(-2, 2)), spaces.Tuple([spaces.Box(-2, 2)]),
+                       spaces.Box(-2, 2, (1,), np.int64))
+        else:
+            refused = (Discrete(),)
+        for space in refused:
+            with self.assertRaisesRegex(slalom.Error, r"action_space is .*, expected a Box of floats"):
+                slalom.Actor(type("Other", (Pendulum,), {"action_space": space}), config)
+        if gymnasium:
             with self.assertRaisesRegex(slalom.Error, r"task\.action_high is \[1\.0\], expected .*\[2\.0\]"):
                 slalom.Actor(make_pendulum, config, task={"action_high": [1.0]})
+
+    def test_what_no_learner_can_take_is_refused_with_its_name(self):
+        results = {}
+
+        class Odd(Pendulum):
+            def step(self, action):
+                observation, reward, terminated, truncated, info = super().step(action)
+                return (results.get("observation", observation), results.get("reward", reward), terminated, truncated,
+                        results.get("info", info))
+
+        driven = slalom.Actor(Odd, self.config())._environments[0]
+        driven.reset(1)
+        for name, value, text in (("reward", np.nan, "reward is nan"), ("info", {"cost": np.inf}, "cost is inf"),
+                                  ("observation", {"angle": 1.0}, "observation is a dict, expected an array of 3 numbers"),
+                                  ("observation", np.zeros(4), r"task\.observation_size is 3, expected .* 4")):
+            results.clear()
+            driven.step(np.zeros(1, np.float32))
+            results[name] = value
+            with self.assertRaisesRegex(slalom.Error, text):
+                driven.step(np.zeros(1, np.float32))
 
     def test_programs_for_courses_refuse_it(self):
         config = self.config()
