@@ -54,6 +54,9 @@ struct ActionBounds {
   Action Scale(double linear_mps, double angular_radps) const;
   /// The same, clipped to [-1, 1].
   Action Normalise(double linear_mps, double angular_radps) const;
+  /// The action that commands standing still. An episode begins with it as the last action, and as
+  /// each one before: what drives outside the simulator has to show its policy the same.
+  Action Standstill() const { return Normalise(0.0, 0.0); }
 
   template <class Visitor>
   void Visit(Visitor& v) {

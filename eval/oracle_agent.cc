@@ -211,7 +211,7 @@ class OracleAgent::Driver {
         std::bit_cast<std::uint64_t>(environments_.motion_time(i_)), "oracle",
         {std::bit_cast<std::uint64_t>(start.p.x), std::bit_cast<std::uint64_t>(start.yaw)}));
     times_.reset();
-    std::ranges::fill(best_, environments_.config().action.Normalise(0.0, 0.0));
+    std::ranges::fill(best_, environments_.config().action.Standstill());
   }
 
   env::Action Act() {
@@ -268,7 +268,7 @@ class OracleAgent::Driver {
   /// Puts the best sequence so far and a few that noise hardly ever draws in the place of samples:
   /// those that stand still for a while, then drive straight ahead at full speed.
   void TryPlainSequences() {
-    const env::Action still = environments_.config().action.Normalise(0.0, 0.0);
+    const env::Action still = environments_.config().action.Standstill();
     samples_[0] = best_;
     for (int dash = 0; dash < kNumDashes; ++dash) {
       Sequence& sample = samples_[1 + dash];

@@ -129,7 +129,7 @@ void CourseEnvironments::Reset(int i, const env::EpisodeSpec& spec) {
                                  base::DeriveSeed(spec.seed, "localisation drift"));
   environment.lidar_noise = base::Random(base::DeriveSeed(spec.seed, "lidar noise"));
   environment.speed_sensor.Reset(base::DeriveSeed(spec.seed, "speed noise"));
-  std::ranges::fill(environment.actions, config_.action.Normalise(0.0, 0.0));
+  std::ranges::fill(environment.actions, config_.action.Standstill());
   environment.goal_distance = base::Norm(scene.course().goal_W - environment.robot->pose().p);
   environment.num_steps = 0;
   environment.running = true;

@@ -6,29 +6,68 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "app/cli/commands.h"
 #include "app/train/run_config.h"
 #include "base/error.h"
 #include "base/json.h"
+#include "base/log.h"
 #include "env/observation.h"
 #include "policy/policy_agent.h"
 
 namespace slalom::cli {
 namespace {
 
+using json = nlohmann::json;
+
+/// Numbers that Python's `json.dumps` writes though JSON has none such.
+constexpr std::array<std::string_view, 3> kNonFinite = {"NaN", "Infinity", "-Infinity"};
+
+/// The line with quotes around these numbers, so that it is JSON.
+std::string QuoteNonFinite(std::string_view line) {
+  std::string quoted;
+  bool in_text = false;
+  while (!line.empty()) {
+    const auto* const name = std::ranges::find_if(
+        kNonFinite, [&](std::string_view each) { return line.starts_with(each); });
+    const bool quotes = !in_text && name != kNonFinite.end();
+    const std::string_view next = line.substr(0, quotes ? name->size() : 1);
+    if (next == "\"") in_text = !in_text;
+    quoted += quotes ? fmt::format("\"{}\"", next) : std::string(next);
+    line.remove_prefix(next.size());
+  }
+  return quoted;
+}
+
+bool IsNonFinite(const json& value) {
+  return value.is_string() && std::ranges::count(kNonFinite, value.get_ref<const std::string&>());
+}
+
+/// A number, which need not be finite, or nothing.
+std::optional<double> NumberOf(const json& value) {
+  if (value.is_number()) return value.get<double>();
+  if (!IsNonFinite(value)) return std::nullopt;
+  return std::strtod(value.get_ref<const std::string&>().c_str(), nullptr);
+}
+
+/// A value as its line has it.
+std::string Shown(const json& value) {
+  return IsNonFinite(value) ? value.get<std::string>() : value.dump();
+}
+
 /// One robot that sends its observation on a line and reads its command on a line.
 class LineDriver {
  public:
-  using json = nlohmann::json;
-
   explicit LineDriver(const std::string& file) {
     policy::LoadedPolicy loaded = policy::LoadPolicy(file);
     loaded.snapshot.spec.RequireCourses(file);
@@ -55,7 +94,7 @@ class LineDriver {
       }
     }
     observations_.first[0] = is_new_ || First(given);
-    if (observations_.first[0]) std::ranges::fill(last_, env::Action{});
+    if (observations_.first[0]) std::ranges::fill(last_, spec().actions.Standstill());
     ReadRanges(given);
     const std::span<float> state = observations_.mutable_state(0);
     ReadNumbers(given, "goal", state.first(2));
@@ -78,15 +117,17 @@ class LineDriver {
   }
 
  private:
-  static constexpr std::array<std::string_view, 6> kKeys = {"ranges", "goal",     "last_action",
-                                                            "speeds", "mounting", "first"};
+  static constexpr std::array<std::string_view, 7> kKeys = {
+      "ranges", "goal", "last_action", "speeds", "mounting", "first", "no_echo"};
 
   const policy::PolicySpec& spec() const { return agent_->snapshot().spec; }
 
   static json Parse(const std::string& line) {
-    json given = base::ParseJson(line);
+    json given = base::ParseJson(QuoteNonFinite(line));
     if (!given.is_object()) {
-      throw base::Error("expected a JSON object: {\"ranges\": [...], \"goal\": [x, y]}");
+      throw base::Error(
+          fmt::format("found {}, expected a JSON object: {{\"ranges\": [...], \"goal\": [x, y]}}",
+                      given.is_discarded() ? "no JSON" : given.type_name()));
     }
     return given;
   }
@@ -114,9 +155,9 @@ class LineDriver {
   static void ReadNumbers(const json& given, const char* key, std::span<float> numbers) {
     const json& list = List(given, key, numbers.size());
     for (std::size_t i = 0; i < numbers.size(); ++i) {
-      numbers[i] = list[i].is_number() ? list[i].get<float>() : NAN;
+      numbers[i] = static_cast<float>(NumberOf(list[i]).value_or(NAN));
       if (std::isfinite(numbers[i])) continue;
-      throw base::Error(fmt::format("{}[{}]: found {}, expected a number", key, i, list[i].dump()));
+      throw base::Error(fmt::format("{}[{}]: found {}, expected a number", key, i, Shown(list[i])));
     }
   }
 
@@ -125,30 +166,64 @@ class LineDriver {
     const double clip = spec().observation.range_clip;
     const std::span<std::uint16_t> ranges = observations_.mutable_ranges(0);
     const json& list = List(given, "ranges", ranges.size());
+    const double no_echo = NoEcho(given);
     for (std::size_t i = 0; i < ranges.size(); ++i) {
-      const double range = list[i].is_null()     ? clip
-                           : list[i].is_number() ? list[i].get<double>()
-                                                 : -1.0;
-      if (!(range >= 0.0)) {
+      const std::optional<double> range = RangeOf(list[i], no_echo);
+      if (!range) {
         throw base::Error(
             fmt::format("ranges[{}]: found {}, expected metres, 0 or more, or null for no echo", i,
-                        list[i].dump()));
+                        Shown(list[i])));
       }
+      if (*range == 0.0 && !given.contains("no_echo")) WarnOfZero(i);
       ranges[i] =
-          static_cast<std::uint16_t>(std::min(std::rint(100.0 * std::min(range, clip)), 65535.0));
+          static_cast<std::uint16_t>(std::min(std::rint(100.0 * std::min(*range, clip)), 65535.0));
     }
+  }
+
+  /// The range by which the sensor marks that there is no echo; NaN, which equals none, if the line
+  /// does not tell.
+  static double NoEcho(const json& given) {
+    const auto it = given.find("no_echo");
+    if (it == given.end()) return NAN;
+    if (it->is_number()) return it->get<double>();
+    throw base::Error(fmt::format(
+        "no_echo: found {}, expected the number that stands for no echo in ranges", Shown(*it)));
+  }
+
+  /// The range that a reading means, as ROS reads it (REP 117), or nothing if it means none: NaN
+  /// and infinity are no echo, minus infinity is an obstacle too near to be measured. [m]
+  static std::optional<double> RangeOf(const json& reading, double no_echo) {
+    if (reading.is_null()) return INFINITY;
+    const std::optional<double> number = NumberOf(reading);
+    if (!number) return std::nullopt;
+    if (std::isnan(*number) || *number == no_echo) return INFINITY;
+    if (*number == -INFINITY) return 0.0;
+    if (*number < 0.0) return std::nullopt;
+    return number;
+  }
+
+  /// Many sensors mean no echo by 0, at which a policy would brake as at a wall.
+  void WarnOfZero(std::size_t i) {
+    if (std::exchange(warned_of_zero_, true)) return;
+    spdlog::warn(
+        "ranges[{}] is 0, which counts as an obstacle at the sensor; if the sensor means no echo "
+        "by "
+        "it, add \"no_echo\": 0 to each line",
+        i);
   }
 
   std::unique_ptr<policy::PolicyAgent> agent_;
   env::ObservationBatch observations_;
   std::vector<env::Action> last_;  // The newest first, as many as are observed.
   bool is_new_ = true;
+  bool warned_of_zero_ = false;
 };
 
 void Act(const std::string& policy) {
   LineDriver driver(policy);
   std::string line;
   for (std::int64_t number = 1; std::getline(std::cin, line); ++number) {
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
     try {
       fmt::print("{}\n", driver.Answer(line).dump());
     } catch (const base::Error& error) {
@@ -171,6 +246,9 @@ void AddActCommand(CLI::App& app) {
       "Each line of standard input is one step, and is answered by a line (docs/robot.md):\n\n"
       "  {\"ranges\": [2.31, null, ...], \"goal\": [3.0, 0.5]}      metres; null: no echo\n"
       "  {\"action\":[0.7,-0.1],\"angular\":-0.31,\"linear\":1.55}     m/s, rad/s\n\n"
+      "NaN and Infinity are no echo, too. 0 is an obstacle at the sensor, unless \"no_echo\": 0 "
+      "says\n"
+      "that the sensor means no echo by it.\n\n"
       "\"first\": true begins an episode. \"last_action\": [a, b] is for a robot that did not do\n"
       "what it was told. \"speeds\": [m/s, rad/s] and \"mounting\": [x, y] in metres are for a "
       "policy\n"

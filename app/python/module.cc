@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -181,6 +182,12 @@ void DefinePolicy(py::module_& module) {
                              [](const Policy& self) { return self.spec().observation.state_size; })
       .def_property_readonly("history",
                              [](const Policy& self) { return self.spec().network.history; })
+      .def_property_readonly("standstill",
+                             [](const Policy& self) {
+                               self.spec().RequireCourses("standstill");
+                               const env::Action action = self.spec().actions.Standstill();
+                               return std::array{action.linear, action.angular};
+                             })
       .def("speeds", [](const Policy& self, const Array<float>& actions) {
         const auto given = ActionsOf(actions, static_cast<int>(actions.shape(0)));
         py::array_t<double> speeds({actions.shape(0), actions.shape(1)});

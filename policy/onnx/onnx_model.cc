@@ -31,6 +31,12 @@ using Integers = std::vector<std::int64_t>;
 
 constexpr std::int64_t kEnd = std::numeric_limits<std::int64_t>::max();  // End of an axis.
 
+/// The last action with which an episode begins, as JSON.
+std::string Standstill(const PolicySpec& spec) {
+  const env::Action action = spec.actions.Standstill();
+  return fmt::format("[{}, {}]", action.linear, action.angular);
+}
+
 class ModelPrinter {
  public:
   explicit ModelPrinter(const PolicySnapshot& snapshot)
@@ -121,12 +127,15 @@ class ModelPrinter {
          {spec_.observation.state_size},
          fmt::format(
              "goal x (ahead) and y (to the left) in the robot's frame, in m; the action of "
-             "the step before, zeros at first{}{}{}{}",
+             "the step before, at first {}, which commands standing still{}{}{}{}",
+             Standstill(spec_),
              spec_.observation.speeds
                  ? "; forward speed and turn rate, as the action that commands them"
                  : "",
              spec_.observation.mounting ? "; place of the range finder, x and y, in dm" : "",
-             spec_.observation.commands > 1 ? "; the actions before, the newest first" : "",
+             spec_.observation.commands > 1
+                 ? "; the actions before, the newest first, at first the same"
+                 : "",
              spec_.observation.privileged ? "; what a simulator alone can tell" : "")});
     ranges = graph_.Add("Cast", {ranges}, {{"to", static_cast<std::int64_t>(NumberType::kFloat)}});
     if (num_ranges_ != num_beams) {
@@ -387,6 +396,7 @@ std::string PrintOnnx(const PolicySnapshot& snapshot, const nn::Metadata& metada
   snapshot.spec.RequireCourses("an ONNX model");
   nn::Metadata all = metadata;
   all["slalom_policy"] = PrintSpec(snapshot.spec, snapshot.version);
+  all["standstill"] = Standstill(snapshot.spec);
   return ModelPrinter(snapshot).Print(all);
 }
 

@@ -18,7 +18,7 @@ namespace slalom::policy {
 ///      `frames_after` [B, H, F] float, the `frames` of the next step
 ///
 /// If `first` is true, an episode begins, and `frames` are not read. The model has `metadata` and
-/// the policy's spec beside its graph.
+/// the policy's spec beside its graph, and as `standstill` the last action of a first frame.
 ///
 /// Throws `base::Error` if the policy drops units when it acts, which no model reproduces.
 /// Thread-safe.

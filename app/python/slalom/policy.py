@@ -67,6 +67,12 @@ class Policy(NotCopied):
         """Returns what actions command: [B, 2], speed in m/s and turn rate in rad/s."""
         return self._core.speeds(actions)
 
+    @property
+    def standstill(self) -> np.ndarray:
+        """The action that commands standing still, [2]: the last action in the first observation of
+        an episode, as in training, and each action before it."""
+        return np.array(self._core.standstill, np.float32)
+
     def weights(self) -> dict[str, np.ndarray]:
         """Returns the network's parameters by name, as read-only arrays that share its memory.
         docs/networks.md says what they are."""

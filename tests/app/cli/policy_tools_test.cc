@@ -11,7 +11,10 @@
 #include "base/file.h"
 #include "base/random.h"
 #include "policy/network_agent.h"
+#include "sim/environments.h"
 #include "tests/app/cli/program.h"
+#include "tests/policy/nn/network_cases.h"
+#include "tests/support/random_courses.h"
 #include "tests/support/scratch_directory.h"
 
 /// `slalom act` and `slalom export`: a policy outside the simulator.
@@ -25,6 +28,16 @@ using ::testing::IsEmpty;
 
 constexpr int kNumBeams = 6;
 
+policy::PolicySnapshot RandomPolicy(const policy::PolicySpec& spec) {
+  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
+  std::vector<float> weights(snapshot.weights->size());
+  base::Random random(5);
+  nn::InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
+  snapshot.weights = std::make_shared<const std::vector<float>>(weights);
+  snapshot.version = 10;
+  return snapshot;
+}
+
 /// A policy of random weights that sees two frames. `seen`: with any number of beams and states.
 policy::PolicySnapshot MakeSnapshot(const env::ObservationSpec& seen = {}) {
   policy::PolicySpec spec;
@@ -34,13 +47,45 @@ policy::PolicySnapshot MakeSnapshot(const env::ObservationSpec& seen = {}) {
   spec.network.encoder_layers = spec.network.head_layers = {8};
   spec.network.history = 2;
   spec.actions = {.linear_min = -0.5, .linear_max = 1.0, .angular_max = 2.0};
-  policy::PolicySnapshot snapshot = policy::ZeroSnapshot(spec);
-  std::vector<float> weights(snapshot.weights->size());
-  base::Random random(5);
-  nn::InitialiseParameters(snapshot.spec.actor_shape(), random, weights);
-  snapshot.weights = std::make_shared<const std::vector<float>>(weights);
-  snapshot.version = 10;
-  return snapshot;
+  return RandomPolicy(spec);
+}
+
+/// What a simulated robot senses and does, episode after episode.
+struct Drive {
+  std::string lines;                 // For `slalom act`, which is told of no action.
+  std::vector<env::Action> actions;  // The agent's, from the simulator's own frames.
+};
+
+/// Lets a policy drive two episodes of up to ten steps in `task`.
+Drive DriveEpisodes(const policy::PolicySnapshot& policy, const sim::EnvironmentConfig& task) {
+  base::Random random(4);
+  sim::CourseEnvironments environments(task, {sim::MakeScene(RandomCourse(random, {}))}, 1,
+                                       nullptr);
+  policy::NetworkAgent agent(policy);
+  const env::ObservationSpec& seen = policy.spec.observation;
+  Drive drive;
+  std::vector<env::StepResult> results(1);
+  for (const std::uint64_t seed : {1, 2}) {
+    environments.Reset(0, {0, seed});
+    results = {{}};
+    for (int step = 0; step < 10 && !results[0].ended(); ++step) {
+      const env::FrameView frame = environments.observations().frame(0);
+      json line = {{"goal", {frame.state[0], frame.state[1]}}};
+      for (const std::uint16_t range : frame.ranges_cm) line["ranges"].push_back(range / 100.0);
+      if (seen.speeds) {
+        const env::Action speeds{frame.state[4], frame.state[5]};
+        line["speeds"] = {policy.spec.actions.linear_mps(speeds),
+                          policy.spec.actions.angular_radps(speeds)};
+      }
+      if (seen.mounting) line["mounting"] = {task.lidar.offset_x, task.lidar.offset_y};
+      if (seed == 2 && step == 0) line["first"] = true;
+      drive.lines += line.dump() + "\n";
+      env::Action& action = drive.actions.emplace_back();
+      agent.Act(environments.observations(), env::NumbersOf(std::span(&action, 1)));
+      environments.Step(env::NumbersOf(std::span(&action, 1)), results);
+    }
+  }
+  return drive;
 }
 
 class PolicyToolsTest : public ::testing::Test {
@@ -93,10 +138,80 @@ TEST_F(PolicyToolsTest, ActAnswersEachLineAsThePolicyDrives) {
     EXPECT_DOUBLE_EQ(answer["linear"].get<double>(), bounds.linear_mps(action));
     EXPECT_DOUBLE_EQ(answer["angular"].get<double>(), bounds.angular_radps(action));
   };
-  expect({50, 123, 200, 300, 500, 500}, {3, 0.5f, 0, 0}, true);
+  const env::Action still{-1.0f / 3.0f, 0.0f};  // 0 m/s between -0.5 and 1 m/s.
+  expect({50, 123, 200, 300, 500, 500}, {3, 0.5f, still.linear, still.angular}, true);
   expect({40, 120, 200, 300, 500, 500}, {2.5f, 0.25f, action.linear, action.angular}, false);
   expect({100, 100, 100, 100, 100, 100}, {2, 0, 0.5f, -0.25f}, false);
-  expect({100, 200, 100, 200, 100, 200}, {2, 0, 0, 0}, true);
+  expect({100, 200, 100, 200, 100, 200}, {2, 0, still.linear, still.angular}, true);
+}
+
+// Whatever is observed, with any network, a policy sees outside the simulator what it saw inside.
+TEST_F(PolicyToolsTest, ActDrivesSimulatedEpisodesAsTheAgentDoes) {
+  const std::vector<sim::ObservationConfig> options = {
+      {},
+      {.speeds = true},
+      {.commands = 3},
+      {.mounting = true},
+      {.range_clip = 8.0, .speeds = true, .mounting = true, .commands = 4}};
+  std::vector<nn::Case> networks = nn::Cases();
+  for (const int history : {1, 3, 1, 4, 2}) {
+    networks.push_back({"Mlp", nn::Make(nn::EncoderFamily::kMlp, {8}, history)});
+  }
+  for (std::size_t i = 0; i < networks.size(); ++i) {
+    const nn::NetworkConfig& network = networks[i].config;
+    sim::EnvironmentConfig task;
+    task.lidar.num_beams = 24;
+    if (network.cnn_axis != nn::CnnAxis::kBeams) task.observation = options[i % options.size()];
+    if (i % 2 == 0) task.action = {.linear_min = -0.3, .linear_max = 1.2, .angular_max = 2.0};
+    if (i % 3 == 0) task.action.linear_min = 0.0;
+    policy::PolicySpec spec;
+    spec.observation = sim::MakeObservationSpec(task);
+    spec.network = network;
+    spec.actions = task.action;
+    const policy::PolicySnapshot policy = RandomPolicy(spec);
+    policy::SavePolicy(scratch_.path() / "policy.safetensors", policy, {});
+    const Drive drive = DriveEpisodes(policy, task);
+    const ProgramResult result = Act(drive.lines);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    std::istringstream answers(result.out);
+    for (std::size_t k = 0; k < drive.actions.size(); ++k) {
+      std::string line;
+      ASSERT_TRUE(std::getline(answers, line));
+      const json action = json::parse(line)["action"];
+      EXPECT_NEAR(action[0].get<float>(), drive.actions[k].linear, 1e-5)
+          << networks[i].name << ", case " << i << ", step " << k;
+      EXPECT_NEAR(action[1].get<float>(), drive.actions[k].angular, 1e-5)
+          << networks[i].name << ", case " << i << ", step " << k;
+    }
+  }
+}
+
+TEST_F(PolicyToolsTest, ActReadsWhatMeansNoEcho) {
+  const auto answers = [&](const std::string& ranges, const std::string& more = "") {
+    const ProgramResult result =
+        Act(fmt::format("{{\"ranges\": [{}], \"goal\": [3, 0.5]{}}}\n", ranges, more));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return result;
+  };
+  const std::string free = answers("1, 2, null, 3, null, null").out;
+  EXPECT_EQ(answers("1, 2, NaN, 3, Infinity, 7").out, free);
+  EXPECT_EQ(answers(R"(1, 2, "NaN", 3, "Infinity", 7)").out, free);
+  EXPECT_EQ(answers("1, 2, 0, 3, 0.0, null", ", \"no_echo\": 0").out, free);
+  EXPECT_EQ(answers("1, 2, -1, 3, -1.0, NaN", ", \"no_echo\": -1").out, free);
+  EXPECT_THAT(answers("1, 2, 0, 3, 0, NaN", ", \"no_echo\": 0").err, IsEmpty());
+  const ProgramResult near = answers("1, 2, 0, 3, 0, 5");
+  EXPECT_NE(near.out, free) << "0 is an obstacle";
+  EXPECT_THAT(near.err, HasSubstr("ranges[2] is 0, which counts as an obstacle at the sensor"));
+  EXPECT_THAT(near.err, ::testing::Not(HasSubstr("ranges[4]"))) << "one warning is enough";
+  EXPECT_EQ(answers("1, 2, -Infinity, 3, -Infinity, 5").out, near.out);
+}
+
+TEST_F(PolicyToolsTest, ActPassesOverBlankLines) {
+  const std::string line = "{\"ranges\": [1, 1, 1, 1, 1, 1], \"goal\": [2, 0]}";
+  const ProgramResult result = Act(line + "\r\n\n \t\r\n" + line + "\n\n");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(std::ranges::count(result.out, '\n'), 2);
+  EXPECT_THAT(Act(line + "\n\nno\n").err, HasSubstr("line 3: found no JSON, expected"));
 }
 
 TEST_F(PolicyToolsTest, ActKeepsOlderCommandsAndReadsSpeeds) {
@@ -115,10 +230,11 @@ TEST_F(PolicyToolsTest, ActKeepsOlderCommandsAndReadsSpeeds) {
   policy::NetworkAgent agent(snapshot);
   env::ObservationBatch seen;
   seen.Resize(1, kNumBeams, 10);
-  env::Action one, two, three;  // The newest first.
+  const env::Action still{-1.0f / 3.0f, 0.0f};
+  env::Action one = still, two = still, three = still;  // The newest first.
   for (int i = 0; i < 5; ++i) {
     const auto number = static_cast<float>(i);
-    if (i == 3) one = two = three = {};
+    if (i == 3) one = two = three = still;
     seen.first[0] = i == 0 || i == 3;
     seen.ranges_cm = {100, 200, 300, 400, 500, static_cast<std::uint16_t>(100 * i)};
     // 0.25 m/s is in the middle of the bounds, and each 0.75 m/s from there are 1.
@@ -157,7 +273,7 @@ TEST_F(PolicyToolsTest, ActReadsTheMounting) {
   env::ObservationBatch seen;
   seen.Resize(1, kNumBeams, 6);
   seen.ranges_cm = {100, 200, 300, 400, 500, 500};
-  seen.state = {3.0f, 1.0f, 0.0f, 0.0f, 1.2f, -0.3f};
+  seen.state = {3.0f, 1.0f, -1.0f / 3.0f, 0.0f, 1.2f, -0.3f};
   env::Action action;
   agent.Act(seen, env::NumbersOf(std::span(&action, 1)));
   const json answer = json::parse(result.out);
@@ -176,11 +292,13 @@ TEST_F(PolicyToolsTest, ActNamesTheLineAndWhatWasExpectedOfIt) {
       {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2]})", "goal: found 1 numbers, expected 2"},
       {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2, null]})", "goal[1]: found null"},
       {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2, 1e39]})", "goal[1]: found 1e+39"},
+      {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [NaN, 0]})", "goal[0]: found NaN, expected a n"},
+      {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2, 0], "no_echo": NaN})", "no_echo: found NaN"},
       {R"({"ranges": [1, 1, 1, 1, 1, 1]})", "goal: is missing, expected 2 numbers"},
       {R"({"ranges": [1, 1, 1, 1, 1, 1], "gaol": [2, 0]})", "no key 'gaol', expected ranges, goal"},
       {R"({"ranges": [1, 1, 1, 1, 1, 1], "goal": [2, 0], "first": 1})", "first: expected true"},
-      {R"([1, 2])", "expected a JSON object"},
-      {"", "expected a JSON object"},
+      {R"([1, 2])", "found array, expected a JSON object"},
+      {R"({"ranges": [1, nan]})", "found no JSON, expected a JSON object"},
       {std::string(100'000, '['), "expected a JSON object"},
       {R"({"goal": )" + std::string(100'000, '['), "expected a JSON object"},
   };

@@ -1,5 +1,6 @@
 """Policies as ONNX models: ONNX Runtime commands what the package, and so the C++ actor, does."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -21,6 +22,7 @@ NETWORKS = {
     "plain features": ["range_transform=linear", "goal_transform=linear", "sectors=72"],
     "bounded goal": ["goal_transform=bounded", "sectors=72"],
     "speeds and commands": ["sectors=60", "environment.observation.speeds=true", "environment.observation.commands=3"],
+    "mounting": ["sectors=60", "history=2", "environment.observation.mounting=true", "environment.action.linear_min=-0.2"],
     "time cnn": ["encoder=cnn", "encoder_layers=[11, 7]", "history=4", "sectors=60"],
     "time cnn of one frame": ["encoder=cnn", "encoder_layers=[11, 7]", "sectors=60"],
     "beam cnn": ["encoder=cnn", "cnn_axis=beams", "encoder_layers=[5, 4, 7]", "history=3", "sectors=90"],
@@ -82,7 +84,38 @@ class OnnxTest(unittest.TestCase):
             actions.append(expected)
             first = random.random(B) < 0.2
         self.assertGreater(np.std(actions), 1e-3, "actions that do not differ tell nothing")
+        self.drive_episodes(path, session)
         return session, policy
+
+    def drive_episodes(self, path, session):
+        """A robot that knows goal, speeds and mounting of simulated episodes, and its own last actions, drives them alike."""
+        agent, robot = slalom.Policy.load(path), slalom.Policy.load(path)
+        standstill = np.float32(json.loads(session.get_modelmeta().custom_metadata_map["standstill"]))
+        np.testing.assert_array_equal(standstill, agent.standstill)
+        commands = agent.task["observation"]["commands"]
+        environments = slalom.make_vec("static-train-5", num_envs=1, autoreset_mode="Disabled", **agent.task)
+        frames = np.zeros([1, *next((port.shape[1:] for port in session.get_inputs() if port.name == "frames"), [])], np.float32)
+        for episode in range(2):
+            observations, _ = environments.reset(seed=episode)
+            last, first, ended = [standstill] * commands, [True], False
+            for _ in range(10):
+                if ended:
+                    break
+                expected = agent.act(observations, first)
+                state = observations["state"].copy()
+                state[0, 2:4] = last[0]
+                for back in range(1, commands):
+                    state[0, 2 * (back - commands):][:2] = last[back]
+                np.testing.assert_array_equal(robot.act({"ranges": observations["ranges"], "state": state}, first), expected)
+                given = {"ranges": observations["ranges"], "state": state}
+                if agent.history > 1:
+                    given |= {"frames": frames, "first": np.array(first)}
+                found = dict(zip([port.name for port in session.get_outputs()], session.run(None, given)))
+                np.testing.assert_allclose(found["action"], expected, rtol=0, atol=1e-5)
+                frames = found.get("frames_after")
+                last, first = [expected[0], *last[:-1]], [False]
+                observations, _, terminations, truncations, _ = environments.step(expected)
+                ended = terminations[0] or truncations[0]
 
     def test_every_network(self):
         for name, network in NETWORKS.items():

@@ -49,7 +49,7 @@ class PageTest(unittest.TestCase):
         lines = "".join(json.dumps({"ranges": scan, "goal": [3.0, y]}) + "\n" for y in (0.0, 2.0))
         done = subprocess.run([os.environ["SLALOM_PROGRAM"], "act", "--policy", os.environ["SLALOM_POLICY"]],
                               input=lines, capture_output=True, text=True, check=True)
-        last_action = (0.0, 0.0)
+        last_action = names["standstill"]
         for line, y in zip(done.stdout.splitlines(), (0.0, 2.0), strict=True):
             expected = json.loads(line)
             found, last_action = names["answer"](names["layers"], scan, (3.0, y), last_action)

@@ -97,6 +97,17 @@ TEST(OnnxModelTest, AGruResetsAfterTheProductAsOursDoes) {
   EXPECT_EQ(num_layers, 2);
 }
 
+TEST(OnnxModelTest, TellsTheActionOfARobotThatStands) {
+  PolicySnapshot snapshot = SnapshotOf(nn::Make(nn::EncoderFamily::kMlp, {6}, 2));
+  snapshot.spec.actions = {.linear_min = -0.25, .linear_max = 0.75, .angular_max = 2.0};
+  const auto model = Parse(PrintOnnx(snapshot, {}));
+  const auto& last = model.metadata_props(model.metadata_props_size() - 1);
+  EXPECT_EQ(last.key(), "standstill");
+  EXPECT_EQ(last.value(), "[-0.5, 0]");
+  EXPECT_THAT(model.graph().input(1).doc_string(),
+              HasSubstr("at first [-0.5, 0], which commands standing still"));
+}
+
 TEST(OnnxModelTest, RefusesAPolicyThatDropsUnitsWhenItActs) {
   nn::NetworkConfig network = nn::Dropping(nn::Make(nn::EncoderFamily::kTransformer, {8}, 2));
   network.dropout_everywhere = true;
