@@ -124,15 +124,19 @@ class Driver {
     return {{lidar.offset_x, lidar.offset_y}, -0.5 * lidar.field_of_view, beam_stride_ * spacing};
   }
 
+  /// An environment goes on driving if the protocol's clock has ended its last episode.
   void RequireFiniteActions() {
     for (int i = 0; i < environments_.batch_size(); ++i) {
       const env::Action& action = actions_[i];
       const bool finite = std::isfinite(action.linear) && std::isfinite(action.angular);
-      if (running_[i].record == kIdle || finite) continue;
+      if (environments_.observations().ended[i] != 0 || finite) continue;
       throw base::Error(fmt::format(
-          "the agent chose the action ({}, {}) on course {}, episode {}; expected finite numbers",
-          action.linear, action.angular, task_.courses.courses[record(i).course]->name,
-          record(i).episode));
+          "the agent chose the action ({}, {}) {}; expected finite numbers", action.linear,
+          action.angular,
+          running_[i].record == kIdle
+              ? "after the time limit of an episode"
+              : fmt::format("on course {}, episode {}",
+                            task_.courses.courses[record(i).course]->name, record(i).episode)));
     }
   }
 

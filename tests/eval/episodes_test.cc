@@ -7,6 +7,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "sim/environments.h"
 #include "tests/support/fake_environment.h"
 
 namespace slalom::eval {
@@ -196,6 +197,34 @@ TEST(RunEpisodes, RefusesActionsThatAreNotFinite) {
   testing::FakeEnvironment environments(2, {0.5});
   testing::ConstantAgent agent({0.0f, std::nanf("")});
   EXPECT_THROW((void)RunEpisodes(Task(MakeConfig(), 1), environments, agent), base::Error);
+}
+
+/// Drives environment 0 ahead; lets environment 1 stand for ten steps, and has no number for it
+/// then.
+class FadingAgent : public env::Agent {
+ public:
+  void Act(const env::ObservationBatch&, std::span<float> numbers) override {
+    const auto actions = env::AsActions(numbers);
+    actions[0] = {1.0f, 0.0f};
+    actions[1] = env::ActionBounds{}.Standstill();
+    if (num_steps_++ >= 10) actions[1].linear = std::nanf("");
+  }
+
+ private:
+  int num_steps_ = 0;
+};
+
+// The clock of this protocol starts when the robot has moved, so the robot that stands is through
+// first, and is simulated until the other one is.
+TEST(RunEpisodes, RefusesThemAfterTheTimeLimitToo) {
+  EvaluationConfig config;
+  config.protocol = "barn-challenge";
+  config.time_limit = 2.0;
+  config.episodes_per_course = 2;
+  const EvaluationTask task = Task(config, 1);
+  sim::CourseEnvironments environments(task.environment, sim::MakeScenes(task.courses), 2, nullptr);
+  FadingAgent agent;
+  EXPECT_THROW((void)RunEpisodes(task, environments, agent), base::Error);
 }
 
 /// One course; the robot goes along x as the script says, which also holds contacts. Never ends by

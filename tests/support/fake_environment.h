@@ -36,6 +36,7 @@ class FakeEnvironment : public env::BatchEnvironment {
   void Reset(int i, const env::EpisodeSpec& spec) override {
     SLALOM_CHECK_LT(spec.course, num_courses());
     episodes_[i] = {spec, {}, 0, true};
+    observations_.ended[i] = 0;
     WriteFrame(i, env::Action{});
     specs_.push_back(spec);
   }
@@ -53,6 +54,7 @@ class FakeEnvironment : public env::BatchEnvironment {
       results[i] = {actions[i].linear + actions[i].angular,
                     outcome == env::Outcome::kCollision ? 1.0f : 0.0f, outcome};
       episode.running = outcome == env::Outcome::kRunning;
+      observations_.ended[i] = episode.running ? 0 : 1;
       WriteFrame(i, actions[i]);
     }
   }
