@@ -37,7 +37,7 @@ proto::StatusReply AskStatus(const train::RunConfig& config) {
   transport::Context context;
   proto::Hello hello;
   hello.role = "operator";
-  hello.name = "status";
+  hello.name = config.service.name.empty() ? "status" : config.service.name;
   hello.spec_hash = train::SpecHash(config);
   hello.num_beams = config.environment.lidar.num_beams;
   const std::string& endpoint = config.service.replay;
