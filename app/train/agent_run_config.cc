@@ -7,6 +7,7 @@
 #include <memory>
 #include <utility>
 
+#include "app/train/planner_fit.h"
 #include "app/train/run_config.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -33,6 +34,7 @@ AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_o
     config = *std::move(defaults);
     lay_over(config);
   }
+  FitToRobot(config.environment, config.planners);
   return config;
 }
 

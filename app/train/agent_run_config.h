@@ -50,8 +50,9 @@ struct AgentRunConfig {
 /// These are "dwa-runs" and "barn-challenge"; any other has no defaults of its own.
 std::optional<AgentRunConfig> DefaultsOfPublishedRuns(std::string_view protocol);
 
-/// Returns the defaults after `lay_over` has changed them. It is called on a config twice if the
-/// protocol that it asks for has defaults of its own, the second time on these.
+/// Returns the defaults after `lay_over` has changed them, with planners that fit the robot
+/// (`FitToRobot`). `lay_over` is called on a config twice if the protocol that it asks for has
+/// defaults of its own, the second time on these.
 AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_over);
 
 /// The names of what drives without training: the classical planners, and the oracle.

@@ -23,6 +23,7 @@ struct NavigationConfig {
   double planner_patience = 5.0;
   double controller_patience = 15.0;
   double command_timeout = 0.25;
+  double command_delay = 0.0;
   double goal_resend_rate = 0.0;
   bool recovery = true;
   bool recovery_clears = false;
@@ -65,6 +66,9 @@ struct NavigationConfig {
       "The robot starts a recovery after this time without an admissible command.");
     v("command_timeout", command_timeout, base::Range{0.0, 100.0}, "s",
       "While it waits for a plan, the robot keeps its last command for this long, then stops.");
+    v("command_delay", command_delay, base::Range{0.0, 2.0}, "s",
+      "Time from a command until the robot acts on it. Commands are chosen for the place where the "
+      "robot will be by then.");
     v("goal_resend_rate", goal_resend_rate, base::Range{0.0, 100.0}, "Hz",
       "Rate at which the goal is sent again, which restarts patience and recoveries; the BARN "
       "Challenge's launch files do so at 10 Hz. 0: it is sent once, and a robot that gave up stays "

@@ -62,7 +62,8 @@ Navigator::Navigator(const NavigationConfig& config, const PlannerNavigationConf
       projector_(geometry),
       planner_(std::move(planner)),
       scans_(1 + static_cast<std::size_t>(std::llround(config.scan_age / step))),
-      local_map_(MapConfig(config, planner_config, config.local_map_size, true), footprint_) {
+      local_map_(MapConfig(config, planner_config, config.local_map_size, true), footprint_),
+      on_their_way_(static_cast<std::size_t>(std::ceil(config.command_delay / step - 1e-9))) {
   SLALOM_CHECK(planner_ != nullptr);
   SLALOM_CHECK(step > 0.0);
 }
@@ -83,6 +84,7 @@ void Navigator::Reset(const base::Pose2& X_OR, base::Vec2 goal_O, std::uint64_t 
   turn_.reset();
   last_sent_time_ = 0.0;
   command_ = {};
+  std::ranges::fill(on_their_way_, Twist{});
   record_ = {};
   SendGoal();
 }
@@ -94,11 +96,33 @@ Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose
   const bool maps_are_late = step_ * config_.local_map_rate < 1.5;
   projector_.Project(ranges_cm, X_OR, NewestScan());
   if (!maps_are_late) UpdateMaps(X_OR);
-  if (Due(planner_config_.control_rate)) Act(X_OR, velocity);
+  if (Due(planner_config_.control_rate)) {
+    const Motion motion = AfterDelay({X_OR, velocity});
+    Act(motion.X_OR, motion.velocity);
+  }
+  if (!on_their_way_.empty()) {
+    std::shift_left(on_their_way_.begin(), on_their_way_.end(), 1);
+    on_their_way_.back() = command_;
+  }
   if (maps_are_late) UpdateMaps(X_OR);
   if (Due(config_.planner_rate)) MakePlan(X_OR);
   ++num_steps_;
   return command_;
+}
+
+/// `motion` as it will be when the robot acts on a command of now.
+Navigator::Motion Navigator::AfterDelay(Motion motion) const {
+  // The robot has acted on a part of the oldest command already.
+  double time = config_.command_delay - (static_cast<double>(on_their_way_.size()) - 1.0) * step_;
+  for (const Twist& command : on_their_way_) {
+    const double turn = 0.5 * time * command.angular;
+    const auto [s, c] = base::SinCos(motion.X_OR.yaw + turn);
+    motion.X_OR.p = motion.X_OR.p + time * command.linear * base::Vec2{c, s};
+    motion.X_OR.yaw = base::WrapAngle(motion.X_OR.yaw + 2.0 * turn);
+    motion.velocity = command;
+    time = step_;
+  }
+  return motion;
 }
 
 ScanRays& Navigator::NewestScan() {

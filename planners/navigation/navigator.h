@@ -51,7 +51,11 @@ struct NavigatorRecord {
 /// maps are updated, and then the global planner plans. A scan enters the maps `scan_age` after it
 /// was taken, at its own place, because costmap_2d's `ObstacleLayer` has its message filter wait
 /// for transforms that much younger. If a step is longer than the maps' period, the maps are up to
-/// date when the state machine acts. Confined to one thread at a time.
+/// date when the state machine acts.
+///
+/// If a robot acts on commands with a delay, the state machine is given the pose and the velocity
+/// that the robot will have then, after the commands that are on their way. Confined to one thread
+/// at a time.
 class Navigator {
  public:
   /// `step`: time between two calls of `Step`, [s]. An activity with a configured rate runs in
@@ -76,9 +80,14 @@ class Navigator {
 
  private:
   enum class Trigger { kPlanning, kControlling };
+  struct Motion {
+    base::Pose2 X_OR;
+    Twist velocity;
+  };
 
   double now() const { return num_steps_ * step_; }
   bool Due(double rate) const;
+  Motion AfterDelay(Motion motion) const;
   ScanRays& NewestScan();
   void UpdateMaps(const base::Pose2& X_OR);
   void SizeGlobalMap(base::Vec2 way);
@@ -114,6 +123,7 @@ class Navigator {
   std::size_t path_begin_ = 0;  // The first point that the robot has not passed.
   bool path_is_new_ = false;
   Twist command_;
+  std::vector<Twist> on_their_way_;  // Commands that the robot does not act on yet, oldest first.
   NavigatorRecord record_;
 };
 

@@ -4,10 +4,14 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <string>
+#include <vector>
 
+#include "app/train/agent_run_config.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
+#include "tests/support/log_lines.h"
 
 namespace slalom::train {
 namespace {
@@ -34,6 +38,82 @@ TEST(SpecHashTest, WhatIsSeenCommandedOrLearnedChangesIt) {
   other.run.seed = 99;
   other.replay.capacity = 17;
   EXPECT_EQ(SpecHash(other), SpecHash({}));
+}
+
+AgentRunConfig Resolve(const std::vector<std::string>& overrides) {
+  return ResolveAgentRun([&](AgentRunConfig& config) {
+    for (const std::string& each : overrides) {
+      config::ApplyOverride(each, config::ListFields(config));
+    }
+  });
+}
+
+TEST(AgentRunConfigTest, AtHomePlannersHaveTheirOwnSettings) {
+  EXPECT_EQ(config::Changes(Resolve({}).planners), "");
+  EXPECT_EQ(config::Changes(Resolve({"evaluation.protocol=dwa-runs"}).planners), "");
+  const test::LogLines log;
+  EXPECT_EQ(
+      Resolve({"dwa.max_speed=2.0", "navigation.footprint.length=0.458"}).planners.dwa.max_speed,
+      2.0);
+  EXPECT_FALSE(log.Has("contradicts"));
+}
+
+// A robot of 0.99 x 0.67 m, as slow as a TurtleBot3 Waffle Pi and late.
+TEST(AgentRunConfigTest, PlannersDriveTheRobotOfTheEnvironment) {
+  const std::vector<std::string> robot = {
+      "environment.robot.length=0.99",           "environment.robot.width=0.67",
+      "environment.robot.linear_speed_limit=1",  "environment.robot.angular_speed_limit=1.4",
+      "environment.robot.linear_acceleration=2", "environment.robot.angular_acceleration=3",
+      "environment.robot.command_delay=0.1",     "environment.robot.command_jitter=0.04",
+      "environment.action.linear_max=0.26",      "environment.action.linear_min=0"};
+  const test::LogLines log;
+  const planners::PlannersConfig fitted = Resolve(robot).planners;
+  EXPECT_FALSE(log.Has("contradicts")) << "nothing was set";
+  EXPECT_EQ(config::Changes(fitted),
+            "dwa.acceleration = 2.0\n"
+            "dwa.escape_speed = 0.0\n"
+            "dwa.max_speed = 0.26\n"
+            "dwa.max_turn_rate = 1.4\n"
+            "dwa.navigation.inflation_radius = 0.392\n"
+            "dwa.turn_acceleration = 3.0\n"
+            "eband.max_speed = 0.26\n"
+            "eband.navigation.inflation_radius = 0.392\n"
+            "mppi.max_acceleration = 2.0\n"
+            "mppi.max_angular = 1.4\n"
+            "mppi.max_angular_acceleration = 3.0\n"
+            "mppi.max_linear = 0.26\n"
+            "mppi.min_linear = 0.0\n"
+            "mppi.outline_length = 0.99\n"
+            "mppi.outline_width = 0.67\n"
+            "navigation.command_delay = 0.12\n"
+            "navigation.footprint.length = 0.952\n"
+            "navigation.footprint.width = 0.584\n"
+            "navigation.recovery_max_turn_rate = 1.4\n"
+            "navigation.recovery_turn_acceleration = 3.0\n"
+            "teb.navigation.inflation_radius = 0.392\n"
+            "teb.obstacle.min_distance = 0.335\n"
+            "teb.robot.max_backward = 0.01\n"
+            "teb.robot.max_linear = 0.26\n"
+            "teb.robot.outline_length = 0.99\n"
+            "teb.robot.outline_width = 0.67\n");
+}
+
+TEST(AgentRunConfigTest, AKeyOfAPlannerThatContradictsTheRobotStaysAndIsNamed) {
+  const test::LogLines log;
+  const planners::PlannersConfig planners =
+      Resolve({"environment.robot.length=0.99", "mppi.outline_length=0.5",
+               "environment.robot.linear_speed_limit=1.0", "dwa.max_speed=1.5",
+               "navigation.command_delay=0.2", "mppi.outline_width=0.416"})
+          .planners;
+  EXPECT_EQ(planners.mppi.outline_length, 0.5);
+  EXPECT_EQ(planners.dwa.max_speed, 1.5);
+  EXPECT_EQ(planners.navigation.command_delay, 0.2);
+  EXPECT_TRUE(
+      log.Has("mppi.outline_length = 0.5 m contradicts the robot: expected 0.99 m by "
+              "environment.robot.length"));
+  EXPECT_TRUE(log.Has("dwa.max_speed = 1.5 m/s contradicts the robot: expected at most 1 m/s"));
+  EXPECT_TRUE(log.Has("navigation.command_delay = 0.2 s contradicts the robot: expected 0 s"));
+  EXPECT_FALSE(log.Has("mppi.max_linear")) << "it is at its default and follows the robot";
 }
 
 // After a way back to an older version of the program, a run and its policies are of the newer one.

@@ -20,6 +20,8 @@ class FakePlanner : public LocalPlanner {
   void Reset(std::uint64_t seed) override { seed_ = seed; }
   std::optional<Twist> ComputeCommand(const LocalView& view) override {
     ++num_calls_;
+    X_OR_ = view.X_OR;
+    velocity_ = view.velocity;
     path_length_ = view.path_O.size();
     path_was_new_ = view.path_is_new;
     cost_ahead_ = view.costmap.cost(view.costmap.CellAt({1.525, 0.025}));
@@ -28,6 +30,8 @@ class FakePlanner : public LocalPlanner {
 
   std::uint64_t seed_ = 0;
   int num_calls_ = 0;
+  base::Pose2 X_OR_;
+  Twist velocity_;
   std::size_t path_length_ = 0;
   bool path_was_new_ = false;
   int cost_ahead_ = 0;  // 1.5 m ahead of the start.
@@ -99,6 +103,34 @@ TEST(Navigator, PlansThenDrivesThenArrives) {
   EXPECT_EQ(robot.Step(), Twist{});
   EXPECT_EQ(robot.navigator().state(), NavigatorState::kArrived);
   EXPECT_EQ(robot.navigator().record().num_cycles, 4);
+}
+
+// Commands of 0.05 s that act 0.12 s late, beside a robot that drives them in steps of 0.1 ms.
+TEST(Navigator, CommandsForThePlaceWhereTheRobotWillActOnIt) {
+  NavigationConfig config;
+  config.command_delay = 0.12;
+  Robot robot(config);
+  const auto command = [](int step) {
+    return step < 1 ? Twist{} : Twist{0.4 + 0.1 * (step % 3), 1.5 - 0.7 * (step % 4)};
+  };
+  constexpr int kSteps = 20, kPerStep = 500, kDelay = 1200;
+  std::vector<base::Pose2> poses(1);
+  for (int i = 0; i < kSteps * kPerStep + kDelay; ++i) {
+    const Twist acting = i < kDelay ? Twist{} : command((i - kDelay) / kPerStep);
+    const base::Pose2 X = poses.back();
+    poses.push_back(
+        {base::Transform(X, {1e-4 * acting.linear, 0.0}), X.yaw + 1e-4 * acting.angular});
+  }
+  for (int step = 0; step < kSteps; ++step) {
+    robot.pose() = poses[step * kPerStep];
+    robot.planner().command_ = command(step);
+    EXPECT_EQ(robot.Step(), command(step));
+    if (step == 0) continue;  // It plans.
+    const base::Pose2& expected = poses[step * kPerStep + kDelay];
+    EXPECT_NEAR(base::Norm(robot.planner().X_OR_.p - expected.p), 0.0, 1e-4) << step;
+    EXPECT_NEAR(robot.planner().X_OR_.yaw, expected.yaw, 1e-9) << step;
+    EXPECT_EQ(robot.planner().velocity_, command(step - 1));
+  }
 }
 
 // A goal 30 m away is beyond the edge of the configured 40 m, 20 m from the start.
