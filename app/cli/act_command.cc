@@ -174,7 +174,7 @@ class LineDriver {
             fmt::format("ranges[{}]: found {}, expected metres, 0 or more, or null for no echo", i,
                         Shown(list[i])));
       }
-      if (*range == 0.0 && !given.contains("no_echo")) WarnOfZero(i);
+      if (list[i] == 0.0 && !given.contains("no_echo")) WarnOfZero(i);
       ranges[i] =
           static_cast<std::uint16_t>(std::min(std::rint(100.0 * std::min(*range, clip)), 65535.0));
     }

@@ -58,13 +58,13 @@ TEST(AgentRunConfigTest, AtHomePlannersHaveTheirOwnSettings) {
   EXPECT_FALSE(log.Has("contradicts"));
 }
 
-// A robot of 0.99 x 0.67 m, as slow as a TurtleBot3 Waffle Pi and late.
+// A robot of 0.99 x 0.64 m, as slow as a TurtleBot3 Waffle Pi and late.
 TEST(AgentRunConfigTest, PlannersDriveTheRobotOfTheEnvironment) {
   const std::vector<std::string> robot = {
-      "environment.robot.length=0.99",           "environment.robot.width=0.67",
+      "environment.robot.length=0.99",           "environment.robot.width=0.64",
       "environment.robot.linear_speed_limit=1",  "environment.robot.angular_speed_limit=1.4",
       "environment.robot.linear_acceleration=2", "environment.robot.angular_acceleration=3",
-      "environment.robot.command_delay=0.1",     "environment.robot.command_jitter=0.04",
+      "environment.robot.command_delay=0.1",     "environment.robot.command_jitter=0.06",
       "environment.action.linear_max=0.26",      "environment.action.linear_min=0"};
   const test::LogLines log;
   const planners::PlannersConfig fitted = Resolve(robot).planners;
@@ -74,28 +74,28 @@ TEST(AgentRunConfigTest, PlannersDriveTheRobotOfTheEnvironment) {
             "dwa.escape_speed = 0.0\n"
             "dwa.max_speed = 0.26\n"
             "dwa.max_turn_rate = 1.4\n"
-            "dwa.navigation.inflation_radius = 0.392\n"
+            "dwa.navigation.inflation_radius = 0.377\n"
             "dwa.turn_acceleration = 3.0\n"
             "eband.max_speed = 0.26\n"
-            "eband.navigation.inflation_radius = 0.392\n"
+            "eband.navigation.inflation_radius = 0.377\n"
             "mppi.max_acceleration = 2.0\n"
             "mppi.max_angular = 1.4\n"
             "mppi.max_angular_acceleration = 3.0\n"
             "mppi.max_linear = 0.26\n"
             "mppi.min_linear = 0.0\n"
             "mppi.outline_length = 0.99\n"
-            "mppi.outline_width = 0.67\n"
-            "navigation.command_delay = 0.12\n"
+            "mppi.outline_width = 0.64\n"
+            "navigation.command_delay = 0.13\n"
             "navigation.footprint.length = 0.952\n"
-            "navigation.footprint.width = 0.584\n"
+            "navigation.footprint.width = 0.554\n"
             "navigation.recovery_max_turn_rate = 1.4\n"
             "navigation.recovery_turn_acceleration = 3.0\n"
-            "teb.navigation.inflation_radius = 0.392\n"
-            "teb.obstacle.min_distance = 0.335\n"
+            "teb.navigation.inflation_radius = 0.377\n"
+            "teb.obstacle.min_distance = 0.32\n"
             "teb.robot.max_backward = 0.01\n"
             "teb.robot.max_linear = 0.26\n"
             "teb.robot.outline_length = 0.99\n"
-            "teb.robot.outline_width = 0.67\n");
+            "teb.robot.outline_width = 0.64\n");
 }
 
 TEST(AgentRunConfigTest, AKeyOfAPlannerThatContradictsTheRobotStaysAndIsNamed) {
