@@ -10,9 +10,9 @@
 
 #include "app/train/course_teachers.h"
 #include "app/train/inputs.h"
-#include "app/train/scoring.h"
 #include "app/train/stage_trainer.h"
 #include "app/train/stages.h"
+#include "app/train/training_overlap.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "policy/policy.h"
@@ -105,9 +105,7 @@ TEST_F(DistillationTest, ScoresOnCoursesOfItsTeachersAreKnown) {
   save("still", "generated:5:1");
   save("walls", "generated:3:2");
   const auto overlap = [this](const std::string& courses) {
-    return PreparePolicy(policy::ZeroSnapshot(MakePolicySpec(config_)), "student.safetensors",
-                         config_, courses, config_)
-        .training_overlap;
+    return FindTrainingOverlap(config_.courses.Resolve(courses), config_);
   };
   EXPECT_EQ(overlap("generated:3:2+generated:4:1"),
             (eval::TrainingOverlap{
