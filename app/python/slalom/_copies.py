@@ -7,4 +7,5 @@ class NotCopied:
     _instead = ""  # What to do in place of a copy.
 
     def __reduce_ex__(self, protocol):
-        raise TypeError(f"a {type(self).__name__} can be neither copied nor pickled: {self._instead}")
+        raise TypeError(f"{type(self).__name__} objects can be neither copied nor pickled: "
+                        f"{self._instead}")
