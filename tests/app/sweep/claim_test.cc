@@ -8,6 +8,8 @@
 #include <cerrno>
 #include <chrono>
 #include <memory>
+#include <set>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -155,6 +157,23 @@ TEST(ClaimTest, WhoStoodStillForTooLongLearnsThatItsClaimIsLost) {
   EXPECT_FALSE(slow->Renew());
   slow.reset();
   EXPECT_TRUE(IsClaimed(scratch.path())) << "the other's claim stays";
+}
+
+// Others take a claim whose count stands still for that of a dead worker.
+TEST(ClaimTest, EachRenewalCountsOn) {
+  const test::ScratchDirectory scratch;
+  const auto claim = ClaimTaker().Try(scratch.path());
+  const auto count = [&] {
+    for (const auto& file : base::ListDirectory(scratch.path())) {
+      if (file.filename().string().starts_with("beat-")) return base::ReadFile(file);
+    }
+    return std::string();
+  };
+  std::set<std::string> counts;
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_TRUE(claim->Renew());
+    EXPECT_TRUE(counts.insert(count()).second) << count();
+  }
 }
 
 // A third worker may hold a claim of the same number by now: the second has ended, and taken all

@@ -17,7 +17,12 @@ using testing::ElementsAre;
 /// Does as it is told and notes what it sees.
 class FakePlanner : public LocalPlanner {
  public:
-  void Reset(std::uint64_t seed) override { seed_ = seed; }
+  void Reset(std::uint64_t seed) override {
+    seed_ = seed;
+    path_length_ = 0;
+    path_was_new_ = false;
+    cost_ahead_ = 0;
+  }
   std::optional<Twist> ComputeCommand(const LocalView& view) override {
     ++num_calls_;
     X_OR_ = view.X_OR;
