@@ -141,7 +141,7 @@ part_asan() {
 }
 part_tsan() {
   configure tsan
-  build_targets tsan base_test environments_test engine_body_test no_physics_test actor_test actor_service_test eval_test transport_test replay_service_test
+  build_targets tsan base_test environments_test robot_test engine_body_test no_physics_test actor_test actor_service_test eval_test transport_test replay_service_test
   run_ctest tsan -LE 'deploy|fuzz'
 }
 part_arm64() {
