@@ -258,6 +258,8 @@ TEST(TrainerTest, AConstraintsLimitIsLessThanAnEpisodeMayCost) {
   goes_on.environment.episode.collision_ends = false;
   EXPECT_NO_THROW(RequireCombination(goes_on));
   own.task = {.observation_size = 3, .action_low = {-1.0}, .action_high = {1.0}};
+  own.network.sectors = 0;
+  own.method.learner.mirror = false;
   EXPECT_NO_THROW(RequireCombination(own));
 }
 
