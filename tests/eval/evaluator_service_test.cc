@@ -43,7 +43,7 @@ base::Result<MakeAgent> Read(std::span<const std::byte> policy) {
   });
 }
 
-class EvaluatorServiceTest : public testing::Test {
+class EvaluatorServiceTest : public ::testing::Test {
  protected:
   /// Runs an evaluator that scores each of the policies, as the versions from `version` on.
   void Score(std::int64_t version, const std::vector<std::string>& policies) {

@@ -22,6 +22,7 @@ class FakePlanner : public LocalPlanner {
     path_length_ = 0;
     path_was_new_ = false;
     cost_ahead_ = 0;
+    X_OR_ = {};
   }
   std::optional<Twist> ComputeCommand(const LocalView& view) override {
     ++num_calls_;
@@ -29,6 +30,7 @@ class FakePlanner : public LocalPlanner {
     velocity_ = view.velocity;
     path_length_ = view.path_O.size();
     path_was_new_ = view.path_is_new;
+    X_OR_ = view.X_OR;
     cost_ahead_ = view.costmap.cost(view.costmap.CellAt({1.525, 0.025}));
     return command_;
   }
@@ -40,6 +42,7 @@ class FakePlanner : public LocalPlanner {
   std::size_t path_length_ = 0;
   bool path_was_new_ = false;
   int cost_ahead_ = 0;  // 1.5 m ahead of the start.
+  base::Pose2 X_OR_;
   std::optional<Twist> command_ = Twist{0.3, 0.1};
 };
 
@@ -325,6 +328,7 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
     for (const bool has_plan : {false, true}) {
       NavigationConfig config;
       config.controller_patience = 5.0;
+      config.command_delay = has_plan ? 0.12 : 0.0;
       Robot used(config), fresh(config);
       if (!has_plan) used.SeeWallAllRound(70);
       while (used.time() < duration) {
@@ -350,6 +354,7 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
         ASSERT_EQ(used.planner().path_length_, fresh.planner().path_length_) << i;
         ASSERT_EQ(used.planner().path_was_new_, fresh.planner().path_was_new_) << i;
         ASSERT_EQ(used.planner().cost_ahead_, fresh.planner().cost_ahead_) << i;
+        ASSERT_EQ(used.planner().X_OR_, fresh.planner().X_OR_) << i;
       }
       const NavigatorRecord &a = used.navigator().record(), &b = fresh.navigator().record();
       EXPECT_EQ(std::tie(a.num_cycles, a.num_failed_plans, a.num_failed_commands, a.num_recoveries,
