@@ -64,11 +64,14 @@ class EvaluatorServiceTest : public ::testing::Test {
     for (std::size_t i = 0; i < policies.size(); ++i) {
       if (i > 0) learner_.Publish(version + static_cast<std::int64_t>(i), policies[i]);
       while (evaluations.value() < static_cast<double>(i + 1)) std::this_thread::yield();
-      EXPECT_EQ(registry.gauge(metrics::kEvaluationVersion).value(),
-                static_cast<double>(version + static_cast<std::int64_t>(i)));
-      const bool drives = policies[i].find("drive") != std::string::npos;
-      EXPECT_EQ(registry.gauge(metrics::kEvaluationSuccessRate, {"open"}).value(), drives);
     }
+    thread.request_stop();
+    thread.join();
+    const std::int64_t last = version + static_cast<std::int64_t>(policies.size()) - 1;
+    EXPECT_EQ(registry.gauge(metrics::kEvaluationVersion).value(), static_cast<double>(last));
+    const bool drives = policies.back().find("drive") != std::string::npos;
+    EXPECT_EQ(registry.gauge(metrics::kEvaluationSuccessRate, {"open"}).value(),
+              drives ? 1.0 : 0.0);
   }
 
   /// The last cell of each line of scores.csv: whether the policy was kept.
