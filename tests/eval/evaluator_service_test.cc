@@ -49,18 +49,20 @@ class EvaluatorServiceTest : public ::testing::Test {
   void Score(std::int64_t version, const std::vector<std::string>& policies) {
     learner_.Publish(version, policies[0]);
     metrics::Registry registry("evaluator", "e");
-    transport::Context context;
-    base::ParallelFor parallel(1);
-    EvaluatorService service({}, Task(),
-                             {.name = "e",
-                              .state_directory = scratch_.path(),
-                              .spec_hash = 1,
-                              .course_set = "open",
-                              .replay = {.endpoint = "ipc://@slalom-nobody-replay"},
-                              .learner = {.endpoint = learner_.endpoint()}},
-                             Read, parallel, context, registry);
     auto evaluations = registry.counter(metrics::kEvaluations);
-    std::jthread thread([&](const std::stop_token& stop) { service.Run(stop); });
+    std::jthread thread([&](const std::stop_token& stop) {
+      transport::Context context;
+      base::ParallelFor parallel(1);
+      EvaluatorService service({}, Task(),
+                               {.name = "e",
+                                .state_directory = scratch_.path(),
+                                .spec_hash = 1,
+                                .course_set = "open",
+                                .replay = {.endpoint = "ipc://@slalom-nobody-replay"},
+                                .learner = {.endpoint = learner_.endpoint()}},
+                               Read, parallel, context, registry);
+      service.Run(stop);
+    });
     for (std::size_t i = 0; i < policies.size(); ++i) {
       if (i > 0) learner_.Publish(version + static_cast<std::int64_t>(i), policies[i]);
       while (evaluations.value() < static_cast<double>(i + 1)) std::this_thread::yield();
