@@ -405,8 +405,8 @@ class WorldReader {
     if (element == nullptr) Fail(parent, fmt::format("<{}> has no <{}>", parent.Name(), name));
     std::string_view text = TextOf(*element);
     const auto fail = [&] {
-      Fail(*element, fmt::format("<{}> holds \"{}\", expected {} numbers between -1e5 and 1e5",
-                                 name, TextOf(*element), N));
+      Fail(*element, fmt::format("<{}> holds \"{}\", expected {} number{} between -1e5 and 1e5",
+                                 name, TextOf(*element), N, N == 1 ? "" : "s"));
     };
     std::array<double, N> numbers{};
     for (double& number : numbers) {
