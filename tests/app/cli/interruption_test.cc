@@ -252,7 +252,12 @@ TEST(ResumeTest, ARunGoesOnWithoutTheFilesThatItsConfigNames) {
   const fs::path first = scratch.path() / "first", second = scratch.path() / "second";
   for (const fs::path& folder : {first, second}) fs::create_directories(folder);
   WriteTinyConfig(first, 1000);
-  sim::WriteCourseSet(first / "own.courses", sim::ResolveCourses("generated:3:2", {}, 1));
+  const auto write = [](const fs::path& folder, const std::string& courses) {
+    sim::CourseSet set = sim::ResolveCourses(courses, {}, 1);
+    set.name = "own";
+    sim::WriteCourseSet(folder / "own.courses", set);
+  };
+  write(first, "generated:3:2");
   const ProgramResult begun =
       RunProgram({"train", "tiny.toml", "--set", "courses.train=own.courses", "--set",
                   "courses.test=own.courses+generated:9:1"},
@@ -273,7 +278,7 @@ TEST(ResumeTest, ARunGoesOnWithoutTheFilesThatItsConfigNames) {
       {"evaluate", "--policy", "moved/policy.safetensors", "--courses", "generated:3:2"}, second);
   EXPECT_THAT(scored.err, testing::HasSubstr("2 of the 2 courses are among those"));
 
-  sim::WriteCourseSet(second / "own.courses", sim::ResolveCourses("generated:4:2", {}, 1));
+  write(second, "generated:4:2");
   const ProgramResult changed =
       RunProgram({"train", "moved", "--resume", "--no-evaluation"}, second);
   EXPECT_EQ(changed.exit_code, 0) << changed.err;
