@@ -215,7 +215,7 @@ std::vector<std::string> FactsOf(const Course& course) {
   }
   if (course.difficulty) {
     const Difficulty& d = *course.difficulty;
-    facts.push_back("difficulty [cells]");
+    facts.emplace_back("difficulty [cells]");
     facts.push_back(fmt::format("  to obstacle {:.2f}", d.distance_to_obstacle));
     facts.push_back(fmt::format("  visibility {:.2f}", d.visibility));
     facts.push_back(fmt::format("  dispersion {:.2f}", d.dispersion));
