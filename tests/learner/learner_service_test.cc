@@ -258,6 +258,7 @@ TEST(PolicyServerTest, TheOldestVersionHeldIsThatOfTheReaderFurthestBehind) {
         context, transport::ClientOptions{.endpoint = server.endpoint()}));
     proto::SnapshotRequest request;
     request.held_version = held;
+    request.name = "reader-" + std::to_string(held);
     WaitUntil([&] {
       return readers.back()->Send({transport::Frame::Copy(proto::Encode(request, {})), {}});
     });
