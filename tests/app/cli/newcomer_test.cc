@@ -125,7 +125,10 @@ TEST_F(NewcomerTest, ATrainingSetThatIsGoneIsSaid) {
                 .exit_code,
             0);
   std::filesystem::remove(scratch_.path() / "mine.courses");
-  const ProgramResult result = Evaluate(kPolicy, "generated:3:2");
+  // The run has a copy of it, which a policy alone has not.
+  EXPECT_THAT(Evaluate(kPolicy, "generated:5:2").err, HasSubstr("2 of the 2 courses are among"));
+  std::filesystem::copy(scratch_.path() / kPolicy, scratch_.path() / "alone.safetensors");
+  const ProgramResult result = Evaluate("alone.safetensors", "generated:3:2");
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.err, AllOf(HasSubstr("trained on these courses: courses.train"),
                                 HasSubstr("mine.courses")));
