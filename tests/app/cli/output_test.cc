@@ -149,9 +149,10 @@ TEST_F(OutputTest, ACollectionIsImportedAgainWithForceAlone) {
         "world,object,size_x,size_y,x0,y0,x1,y1,yaw,period_s\n"
         "400,right,0.1,4,0,7.25,-4.5,7.25,0.1,4.25\n");
   Write("data/dynamic_wall_fixed.csv", "x,y\n-4.425,0.075\n");
-  std::vector<std::string> import = {"courses", "import", "data", "--output", "barn"};
+  std::vector<std::string> import = {"courses",  "import", "data",
+                                     "--output", "barn",   "--incomplete"};
   EXPECT_EQ(Run(import).exit_code, 0);
-  EXPECT_THAT(Run(import).err, HasSubstr("barn: holds dynamic-wall.courses already"));
+  EXPECT_THAT(Run(import).err, HasSubstr("barn: holds dynamic-wall-1-of-100.courses already"));
   import.push_back("--force");
   EXPECT_EQ(Run(import).exit_code, 0);
 }
