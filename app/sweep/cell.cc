@@ -18,6 +18,7 @@
 #include "app/sweep/plan.h"
 #include "app/train/agent_run_config.h"
 #include "app/train/inputs.h"
+#include "app/train/planner_fit.h"
 #include "app/train/profile.h"
 #include "app/train/run_config.h"
 #include "app/train/run_identity.h"
@@ -458,6 +459,7 @@ class Expansion {
         Fail(who, error.what());
       }
     } else {
+      train::FitToRobot(task.environment, task.planners);
       what_decides = config::Changes(task.planners);
     }
     const CourseFacts& courses = FindCourses(who, task.courses, base.courses);
