@@ -175,7 +175,7 @@ TEST_F(NewcomerTest, ACollectionThatIsNotThereIsSaidThoughNoSetOfItIsAskedFor) {
   const ProgramResult result = Evaluate("dwa", "generated:3:1", {"--collection", "none"});
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_THAT(result.err, HasSubstr("--collection none: is not a directory"));
-  EXPECT_EQ(Evaluate("dwa", "generated:3:1", {"--collection", ""}).exit_code, 0);
+  EXPECT_EQ(Evaluate("dwa", "generated:3:1", {"--collection", ""}).exit_code, 2);
 }
 
 TEST_F(NewcomerTest, AnotherFieldOfViewThanThePolicysIsRefused) {
