@@ -161,8 +161,9 @@ class ServiceCase(unittest.TestCase):
         """Runs an actor in a thread, which ends with the test. Returns the thread and what it returns."""
         steps = {}
         thread = threading.Thread(target=lambda: steps.update(actor.run()))
-        self.addCleanup(actor.stop)
         thread.start()
+        self.addCleanup(thread.join)
+        self.addCleanup(actor.stop)
         return thread, steps
 
     def log(self, role):
