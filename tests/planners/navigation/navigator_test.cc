@@ -30,7 +30,6 @@ class FakePlanner : public LocalPlanner {
     velocity_ = view.velocity;
     path_length_ = view.path_O.size();
     path_was_new_ = view.path_is_new;
-    X_OR_ = view.X_OR;
     cost_ahead_ = view.costmap.cost(view.costmap.CellAt({1.525, 0.025}));
     return command_;
   }
@@ -42,7 +41,6 @@ class FakePlanner : public LocalPlanner {
   std::size_t path_length_ = 0;
   bool path_was_new_ = false;
   int cost_ahead_ = 0;  // 1.5 m ahead of the start.
-  base::Pose2 X_OR_;
   std::optional<Twist> command_ = Twist{0.3, 0.1};
 };
 
