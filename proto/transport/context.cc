@@ -37,6 +37,7 @@ std::string Z85(std::string_view key) {
 void RequireThreads(int num_threads) {
   base::Mutex at_once;
   std::vector<std::jthread> threads;
+  threads.reserve(static_cast<std::size_t>(num_threads));
   const base::MutexLock lock(at_once);
   for (int i = 0; i < num_threads; ++i) {
     threads.push_back(

@@ -99,6 +99,7 @@ class DescriptionReader {
       items = base::Split(entry.text.substr(1, entry.text.size() - 2), ',');
     }
     std::vector<double> numbers;
+    numbers.reserve(items.size());
     for (const std::string_view item : items) numbers.push_back(ParseNumber(Trim(item)));
     const auto is_good = [](double number) { return std::abs(number) < 1e5; };
     if (numbers.size() != 3 || !std::ranges::all_of(numbers, is_good)) {
