@@ -347,7 +347,7 @@ class OracleAgent::Driver {
 };
 
 OracleAgent::OracleAgent(const sim::CourseEnvironments& environments, base::ParallelFor* parallel)
-    : environments_(environments), parallel_(parallel) {
+    : parallel_(parallel) {
   (void)RobotOf(environments, 0);
   for (int i = 0; i < environments.batch_size(); ++i) {
     drivers_.push_back(std::make_unique<Driver>(environments, i));

@@ -39,7 +39,6 @@ class OracleAgent : public env::Agent {
  private:
   class Driver;
 
-  const sim::CourseEnvironments& environments_;
   base::ParallelFor* const parallel_;
   std::vector<std::unique_ptr<Driver>> drivers_;  // [B]
 };
