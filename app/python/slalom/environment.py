@@ -76,6 +76,13 @@ def _core(courses, num_envs, profile, sections, collection, generator_seed, thre
         generator_seed=_seed(generator_seed, "generator_seed"), threads=threads, autoreset=autoreset, physics=physics)
 
 
+def _layout(observation, sections):
+    """Returns the form of observations and the sections of the task, of which one may be given as the form."""
+    if isinstance(observation, dict):
+        return "frame", {**sections, "observation": observation}
+    return observation, sections
+
+
 def _spaces(core, observation):
     """Returns the spaces of one environment: of observations and of actions."""
     n = core.num_beams
@@ -395,7 +402,7 @@ def _mode_name(mode):
 
 
 def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
-             observation: Literal["frame", "vector"] = "frame", autoreset_mode: Any = "SameStep",
+             observation: Literal["frame", "vector"] | dict[str, Any] = "frame", autoreset_mode: Any = "SameStep",
              copy: bool = True, threads: int = 1, profile: NameOrPath | Sequence[NameOrPath] = (),
              collection: NameOrPath = "", generator_seed: int = 1, physics: str = "slalom",
              render_mode: Literal["rgb_array"] | None = None,
@@ -404,7 +411,8 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
 
     courses: a set's name, "generated:SEED:COUNT", or a file (docs/courses.md).
     observation: "frame" for the LiDAR's readings and the robot's state as they are stored, or
-    "vector" for the paper's numbers.
+    "vector" for the paper's numbers. A dictionary has the keys of [environment.observation], for
+    frames.
     autoreset_mode: "SameStep", "NextStep" or "Disabled", or Gymnasium's AutoresetMode.
     copy: whether observations and `final_obs` are copies. If not, they are read-only views of the
     simulator's memory, which the next `step` or `reset` overwrites ("frame" only).
@@ -421,17 +429,19 @@ def make_vec(courses: NameOrPath = "static-train-50", num_envs: int = 64, *,
     Raises `slalom.Error`, a ValueError, which says what was found and expected.
     """
     mode = _mode_name(autoreset_mode)
+    observation, sections = _layout(observation, sections)
     core = _core(courses, num_envs, profile, sections, collection, generator_seed, threads, mode,
                  physics)
     return VectorEnvironment(core, observation, mode, copy, render_mode)
 
 
 def make(courses: NameOrPath = "static-train-50", *,
-         observation: Literal["frame", "vector"] = "frame",
+         observation: Literal["frame", "vector"] | dict[str, Any] = "frame",
          profile: NameOrPath | Sequence[NameOrPath] = (), collection: NameOrPath = "",
          generator_seed: int = 1, physics: str = "slalom",
          render_mode: Literal["rgb_array"] | None = None,
          **sections: dict[str, Any] | float) -> Environment:
     """Makes one environment. The arguments are those of `make_vec`."""
+    observation, sections = _layout(observation, sections)
     core = _core(courses, 1, profile, sections, collection, generator_seed, 1, "Disabled", physics)
     return Environment(core, observation, render_mode)
