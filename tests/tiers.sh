@@ -2,7 +2,7 @@
 # docs/testing.md says what a tier is for and how long each part takes.
 
 build_packages=(libgtest-dev libgmock-dev clang-format chromium ffmpeg xz-utils python3 libode-dev libmujoco-dev)
-all_packages=(libbenchmark-dev clang clang-tidy g++-aarch64-linux-gnu qemu-user prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
+all_packages=(libbenchmark-dev clang libclang-rt-dev clang-tidy g++-aarch64-linux-gnu qemu-user prometheus docker.io docker-compose mmdebstrap slurmctld slurmd slurm-client munge)
 
 test_help() {
   cat <<'HELP'
