@@ -235,7 +235,7 @@ TEST_F(FileTest, AByteOrderMarkIsNoText) {
     WriteFileAtomically(path, text);
     EXPECT_EQ(ReadTextFile(path), text);
   }
-  for (const std::string text : {std::string("\xff\xfet\0", 4), std::string("\xfe\xff\0t", 4)}) {
+  for (const std::string& text : {std::string("\xff\xfet\0", 4), std::string("\xfe\xff\0t", 4)}) {
     WriteFileAtomically(path, text);
     EXPECT_THAT(ErrorOf([&] { ReadTextFile(path); }),
                 testing::AllOf(HasSubstr(path.string()), HasSubstr("UTF-16")));

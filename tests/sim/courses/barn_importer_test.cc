@@ -358,7 +358,8 @@ TEST(WorldFile, ShapesCountIfTheyAreAtTheHeightOfTheLidar) {
     EXPECT_EQ(world(z, height).num_out_of_reach, 1) << z;
   }
   for (const auto& [z, height] : {std::pair{0.05, 0.1}, {0.4, 0.2}}) {
-    EXPECT_THAT(ErrorOf([&] { world(z, height); }),
+    // clang before 16 does not capture structured bindings by reference.
+    EXPECT_THAT(ErrorOf([&, z = z, height = height] { world(z, height); }),
                 AllOf(HasSubstr("x.world:3"), HasSubstr("LiDAR")))
         << z;
   }
