@@ -85,7 +85,7 @@ function(slalom_add_messages NAME FILE)
   add_library(${NAME} STATIC ${generated}/${stem}.pb.cc ${generated}/${stem}.pb.h)
   set_target_properties(${NAME} PROPERTIES UNITY_BUILD OFF)
   target_include_directories(${NAME} SYSTEM PUBLIC ${CMAKE_BINARY_DIR}/generated)
-  target_link_libraries(${NAME} PUBLIC protobuf::libprotobuf-lite)
+  target_link_libraries(${NAME} PUBLIC protobuf::libprotobuf)
 endfunction()
 
 # slalom_embed_page(NAME CONSTANT NAMESPACE TITLE PAGE SCRIPTS ... [SOURCES ...])

@@ -1,230 +1,173 @@
 #include "proto/bounds.h"
 
 #include <fmt/format.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/wire_format_lite.h>
 
 #include <algorithm>
-#include <cmath>
+#include <array>
+#include <cstdint>
 #include <limits>
-#include <map>
-#include <type_traits>
-#include <vector>
 
 #include "base/name.h"
+#include "proto/messages.h"
+#include "proto/slalom.pb.h"
 
 namespace slalom::proto {
 namespace {
 
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::Reflection;
+using google::protobuf::internal::WireFormatLite;
+using google::protobuf::io::CodedInputStream;
+
 bool IsPrintable(char c) { return c >= ' ' && c <= '~'; }
 
-/// Visits the fields of a message and finds the first that is out of bounds.
-class FaultFinder {
- public:
-  explicit FaultFinder(Way way) : way_(way) {}
+template <class T>
+T LargestOf(const FieldDescriptor& field) {
+  const double max = field.options().GetExtension(wire::max);
+  return max > 0.0 ? static_cast<T>(max) : std::numeric_limits<T>::max();
+}
 
-  template <class T, class Access, class Bound>
-  void operator()(int, std::string_view field, const T& value, const Access&, const Bound& bound,
-                  std::string_view) {
-    if constexpr (HasFields<T>) {
-      Look(value);
-    } else {
-      Check(field, value, bound);
+template <class T>
+std::string FaultOfNumber(std::string_view name, T value, T low, T high) {
+  if (value >= low && value <= high) return "";  // NaN is not.
+  return fmt::format("{} is {}, expected {} to {}", name, value, low, high);
+}
+
+template <class T>
+std::string FaultOfNumber(const FieldDescriptor& field, T value) {
+  const auto low = static_cast<T>(field.options().GetExtension(wire::min));
+  return FaultOfNumber(field.name(), value, low, LargestOf<T>(field));
+}
+
+std::string FaultOfString(std::string_view name, std::string_view value, bool is_name) {
+  if (is_name && !base::IsName(value)) {
+    return fmt::format("{} is '{}', expected 1 to {} letters, digits, '-_.:@'", name,
+                       FitText(value.substr(0, base::kMaxNameBytes)), base::kMaxNameBytes);
+  }
+  if (!is_name && (value.size() > kMaxTextBytes || !std::ranges::all_of(value, IsPrintable))) {
+    return fmt::format("{} is not a text of at most {} printable ASCII characters", name,
+                       kMaxTextBytes);
+  }
+  return "";
+}
+
+std::int64_t IntegerOf(const Message& m, const FieldDescriptor& field) {
+  const bool is_signed = field.cpp_type() == FieldDescriptor::CPPTYPE_INT64;
+  return is_signed ? m.GetReflection()->GetInt64(m, &field)
+                   : std::int64_t{m.GetReflection()->GetUInt32(m, &field)};
+}
+
+/// `name`: of the field in words.
+std::string FaultOfField(const Message& m, const FieldDescriptor& field, std::string_view name) {
+  const Reflection& fields = *m.GetReflection();
+  std::string scratch;
+  switch (field.cpp_type()) {
+    case FieldDescriptor::CPPTYPE_MESSAGE:
+      return FindFault(fields.GetMessage(m, &field));
+    case FieldDescriptor::CPPTYPE_STRING:
+      return FaultOfString(name, fields.GetStringReference(m, &field, &scratch), IsName(field));
+    case FieldDescriptor::CPPTYPE_DOUBLE:
+      return FaultOfNumber(field, fields.GetDouble(m, &field));
+    case FieldDescriptor::CPPTYPE_UINT32:
+    case FieldDescriptor::CPPTYPE_INT64:
+      return FaultOfNumber(field, IntegerOf(m, field));
+    default:  // Any bool and any uint64.
+      return "";
+  }
+}
+
+std::string FaultOfEntries(const Message& m, const FieldDescriptor& field) {
+  const Reflection& fields = *m.GetReflection();
+  const int size = fields.FieldSize(m, &field);
+  std::string fault =
+      FaultOfNumber(fmt::format("the number of {}", field.name()), size, 0, LargestOf<int>(field));
+  const std::string value = fmt::format("a {}", field.name().substr(0, field.name().size() - 1));
+  const std::string key = fmt::format("the key of {}", value);
+  for (int i = 0; i < size && fault.empty(); ++i) {
+    const Message& entry = fields.GetRepeatedMessage(m, &field, i);
+    if (!field.is_map()) {
+      fault = FindFault(entry);
+      continue;
     }
+    const FieldDescriptor& mapped = *field.message_type()->map_value();
+    fault = FaultOfField(entry, *field.message_type()->map_key(), key);
+    const bool is_any = mapped.cpp_type() != FieldDescriptor::CPPTYPE_STRING;
+    if (fault.empty() && !is_any) fault = FaultOfField(entry, mapped, value);
   }
+  return fault;
+}
 
-  /// Checks each field of a message, and then the relations between them.
-  template <class Message>
-  void Look(const Message& m) {
-    Message::Visit(m, *this);
-    CheckRelations(m);
+/// Of bounds that depend on another field.
+std::string FaultOfRelation(const Message& m, const FieldDescriptor& field) {
+  const Descriptor& type = *m.GetDescriptor();
+  if (const std::string& other = field.options().GetExtension(wire::at_most); !other.empty()) {
+    const auto low = static_cast<std::int64_t>(field.options().GetExtension(wire::min));
+    const std::int64_t high = IntegerOf(m, *type.FindFieldByName(other));
+    return FaultOfNumber(field.name(), IntegerOf(m, field), low, high);
   }
-
-  std::string Take() { return std::move(fault_); }
-
- private:
-  template <class T>
-  void Check(std::string_view, const T&, const Any&) {}
-  template <class T>
-  void Check(std::string_view, const T&, const Related&) {}
-  template <class T>
-  void Check(std::string_view field, T value, const In& bound) {
-    Within(field, value, bound.low, bound.high);
+  if (field.name() == "history") {
+    const std::int64_t frames = IntegerOf(m, *type.FindFieldByName("batch")) * IntegerOf(m, field);
+    return FaultOfNumber<std::int64_t>("batch times history", frames, 1, kMaxFrames);
   }
-  template <class T>
-  void Check(std::string_view field, T value, const AtLeast& bound) {
-    if constexpr (std::is_enum_v<T>) {
-      Check(field, static_cast<std::underlying_type_t<T>>(value), bound);
-    } else {
-      Within(field, value, static_cast<T>(bound.low), std::numeric_limits<T>::max());
+  return "";
+}
+
+bool ListsFit(const Descriptor& type, CodedInputStream* in) {
+  std::array<double, 16> counts{};  // By the field's place.
+  while (const std::uint32_t tag = in->ReadTag()) {
+    const auto* field = type.FindFieldByNumber(WireFormatLite::GetTagFieldNumber(tag));
+    if (field == nullptr || field->type() != FieldDescriptor::TYPE_MESSAGE ||
+        WireFormatLite::GetTagWireType(tag) != WireFormatLite::WIRETYPE_LENGTH_DELIMITED) {
+      if (!WireFormatLite::SkipField(in, tag)) return true;
+      continue;
     }
+    const double most = field->is_repeated() ? LargestOf<double>(*field) : 1.0;
+    if (++counts.at(static_cast<std::size_t>(field->index())) > most) return false;
+    int size = 0;
+    if (!in->ReadVarintSizeAsInt(&size)) return true;
+    const auto rest = in->PushLimit(size);
+    if (field->is_map() ? !in->Skip(size) : !ListsFit(*field->message_type(), in)) return false;
+    in->PopLimit(rest);
   }
-  void Check(std::string_view field, double value, const Finite&) {
-    if (fault_.empty() && !std::isfinite(value)) fault_ = fmt::format("{} is not finite", field);
-  }
-  void Check(std::string_view field, std::string_view value, const Name&) {
-    if (!fault_.empty() || base::IsName(value)) return;
-    fault_ = fmt::format("{} is '{}', expected 1 to {} letters, digits, '-_.:@'", field,
-                         FitText(value.substr(0, base::kMaxNameBytes)), base::kMaxNameBytes);
-  }
-  void Check(std::string_view field, std::string_view value, const Text&) {
-    if (!fault_.empty() || way_ == Way::kToBeSent) return;
-    if (value.size() > kMaxTextBytes || !std::ranges::all_of(value, IsPrintable)) {
-      fault_ = fmt::format("{} is not a text of at most {} printable ASCII characters", field,
-                           kMaxTextBytes);
-    }
-  }
-  template <class T>
-  void Check(std::string_view field, const std::vector<T>& list, const AtMost& bound) {
-    if (way_ == Way::kReceived) AtMostEntries(field, list.size(), bound);
-    for (const T& entry : list) Look(entry);
-  }
-  template <class T>
-  void Check(std::string_view field, const std::map<std::string, T>& map, const AtMost& bound) {
-    AtMostEntries(field, map.size(), bound);
-    const std::string_view one = field.substr(0, field.size() - 1);  // Without the plural's s.
-    for (const auto& [key, value] : map) {
-      Check(fmt::format("the key of a {}", one), key, Name{});
-      if constexpr (std::is_same_v<T, std::string>) Check(fmt::format("a {}", one), value, Text{});
-    }
-  }
-
-  void AtMostEntries(std::string_view field, std::size_t size, const AtMost& bound) {
-    Within(fmt::format("the number of {}", field), size, std::size_t{0}, bound.size);
-  }
-
-  template <class T, class Low, class High>
-  void Within(std::string_view field, T value, Low low, High high) {
-    if (!fault_.empty()) return;
-    const bool is_within = value >= low && value <= high;  // NaN is not.
-    if (!is_within) fault_ = fmt::format("{} is {}, expected {} to {}", field, value, low, high);
-  }
-
-  template <class Message>
-  void CheckRelations(const Message&) {}
-  void CheckRelations(const Insert& m) {
-    Within("num_steps", m.num_steps, 0, m.num_rows);
-    Within("oldest_version", m.oldest_version, -1, m.newest_version);
-  }
-  void CheckRelations(const SampleRequest& m) { CheckFrames(m.batch, m.history); }
-  void CheckRelations(const SampleReply& m) { CheckFrames(m.batch, m.history); }
-  void CheckFrames(int batch, int history) {
-    Within("batch times history", std::int64_t{batch} * history, 1, kMaxFrames);
-  }
-
-  const Way way_;
-  std::string fault_;
-};
-
-/// Walks over the fields of one protobuf message. Stops at the first that is malformed.
-class FieldWalk {
- public:
-  explicit FieldWalk(std::span<const std::byte> bytes) : rest_(bytes) {}
-
-  /// Moves to the next field that holds bytes (a string or message). Returns false at the end.
-  bool NextWithBytes() {
-    std::uint64_t tag = 0;
-    std::uint64_t value = 0;
-    while (Varint(&tag)) {
-      number_ = tag >> 3;
-      switch (tag & 7) {
-        case 0:
-          if (!Varint(&value)) return false;
-          break;
-        case 1:
-          if (!Skip(8)) return false;
-          break;
-        case 2:
-          if (!Varint(&value) || value > rest_.size()) return false;
-          bytes_ = rest_.first(value);
-          return Skip(value);
-        case 3:  // Groups: their fields are counted with those around them, which is only stricter.
-        case 4:
-          break;
-        case 5:
-          if (!Skip(4)) return false;
-          break;
-        default:
-          return false;
-      }
-    }
-    return false;
-  }
-
-  std::uint64_t number() const { return number_; }
-  std::span<const std::byte> bytes() const { return bytes_; }
-
- private:
-  bool Varint(std::uint64_t* value) {
-    *value = 0;
-    for (int i = 0; i < 10 && static_cast<std::size_t>(i) < rest_.size(); ++i) {
-      const auto byte = static_cast<std::uint64_t>(rest_[i]);
-      *value |= (byte & 0x7f) << (7 * i);
-      if (byte < 0x80) return Skip(static_cast<std::size_t>(i) + 1);
-    }
-    return false;
-  }
-  bool Skip(std::size_t size) {
-    if (size > rest_.size()) return false;
-    rest_ = rest_.subspan(size);
-    return true;
-  }
-
-  std::span<const std::byte> rest_;
-  std::uint64_t number_ = 0;
-  std::span<const std::byte> bytes_;
-};
-
-// Field numbers of slalom.proto.
-constexpr std::uint64_t kHelloRun = 8;
-constexpr std::uint64_t kReportFigures = 3;
-constexpr std::uint64_t kReportFacts = 4;
-constexpr std::uint64_t kStatusRoles = 1;
-constexpr std::uint64_t kRoleReport = 1;
+  return true;
+}
 
 }  // namespace
+
+std::string FindFault(const Message& message) {
+  const Descriptor& type = *message.GetDescriptor();
+  std::string fault;
+  for (int i = 0; i < type.field_count() && fault.empty(); ++i) {
+    const FieldDescriptor& field = *type.field(i);
+    fault = field.is_repeated() ? FaultOfEntries(message, field)
+                                : FaultOfField(message, field, field.name());
+  }
+  for (int i = 0; i < type.field_count() && fault.empty(); ++i) {
+    fault = FaultOfRelation(message, *type.field(i));
+  }
+  return fault;
+}
+
+bool ListsFit(const Descriptor& type, std::span<const std::byte> protobuf) {
+  CodedInputStream in(reinterpret_cast<const std::uint8_t*>(protobuf.data()),
+                      static_cast<int>(protobuf.size()));
+  return ListsFit(type, &in);
+}
+
+bool IsName(const FieldDescriptor& field) {
+  const bool is_key = field.containing_type()->options().map_entry() && field.number() == 1;
+  return is_key || field.options().GetExtension(wire::is_name);
+}
 
 std::string FitText(std::string_view text) {
   std::string fitting(text.substr(0, kMaxTextBytes));
   std::ranges::replace_if(
       fitting, [](char c) { return !IsPrintable(c); }, '?');
   return fitting;
-}
-
-std::string FindFault(const Header& header, Way way) {
-  FaultFinder finder(way);
-  std::visit([&](const auto& message) { finder.Look(message); }, header);
-  return finder.Take();
-}
-
-bool HelloListsFit(std::span<const std::byte> protobuf) {
-  int keys = 0;
-  for (FieldWalk walk(protobuf); walk.NextWithBytes();) {
-    if (walk.number() == kHelloRun && ++keys > kMaxFigures) return false;
-  }
-  return true;
-}
-
-bool ReportListsFit(std::span<const std::byte> protobuf) {
-  int figures = 0;
-  int facts = 0;
-  for (FieldWalk walk(protobuf); walk.NextWithBytes();) {
-    if (walk.number() == kReportFigures && ++figures > kMaxFigures) return false;
-    if (walk.number() == kReportFacts && ++facts > kMaxFigures) return false;
-  }
-  return true;
-}
-
-bool StatusListsFit(std::span<const std::byte> protobuf) {
-  int roles = 0;
-  for (FieldWalk walk(protobuf); walk.NextWithBytes();) {
-    if (walk.number() != kStatusRoles) continue;
-    if (++roles > kMaxRoles) return false;
-    int reports = 0;
-    for (FieldWalk role(walk.bytes()); role.NextWithBytes();) {
-      if (role.number() != kRoleReport) continue;
-      if (++reports > 1 || !ReportListsFit(role.bytes())) return false;
-    }
-  }
-  return true;
 }
 
 }  // namespace slalom::proto

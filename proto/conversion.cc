@@ -1,12 +1,8 @@
 #include "proto/conversion.h"
 
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
-#include <google/protobuf/stubs/logging.h>
-
 #include <algorithm>
-#include <array>
 #include <limits>
+#include <string>
 #include <tuple>
 #include <type_traits>
 #include <utility>
@@ -18,198 +14,159 @@
 namespace slalom::proto {
 namespace {
 
-/// Converts a number from the wire to an int. One that does not fit becomes the largest int, which
-/// exceeds every bound.
-int ToInt(std::uint32_t value) {
-  return static_cast<int>(std::min<std::uint32_t>(value, std::numeric_limits<int>::max()));
-}
-
-/// The classes that protoc made of the messages, in the order of `Header`.
-using WireMessages =
-    std::tuple<wire::Hello, wire::Welcome, wire::Insert, wire::InsertAck, wire::Goodbye,
-               wire::SampleRequest, wire::SampleReply, wire::PriorityUpdate, wire::SnapshotRequest,
-               wire::Snapshot, wire::Report, wire::StatusRequest, wire::StatusReply, wire::Refusal>;
-static_assert(std::tuple_size_v<WireMessages> == std::variant_size_v<Header>);
-
-template <class Message, std::size_t... kIndex>
-constexpr std::size_t IndexOf(std::index_sequence<kIndex...>) {
-  return ((std::is_same_v<Message, std::variant_alternative_t<kIndex, Header>> ? kIndex : 0) + ...);
-}
-template <class Message>
-using WireOf =
-    std::tuple_element_t<IndexOf<Message>(std::make_index_sequence<std::variant_size_v<Header>>()),
-                         WireMessages>;
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::Reflection;
 
 template <class T>
-constexpr bool kIsMap = requires {
+concept IsStruct = requires(T& m) {
+  T::Fields(m);
+};
+template <class T>
+concept IsMap = requires {
   typename T::mapped_type;
 };
 template <class T>
-constexpr bool kIsList = false;
+concept IsList = IsStruct<typename T::value_type>;
+
+/// How a number is read and written: of an int and an enum as uint32.
 template <class T>
-constexpr bool kIsList<std::vector<T>> = true;
-template <class T>
-constexpr bool kIsText = std::is_same_v<T, std::string>;
+constexpr auto kAccess = std::pair(&Reflection::GetUInt32, &Reflection::SetUInt32);
+template <>
+constexpr auto kAccess<std::uint64_t> = std::pair(&Reflection::GetUInt64, &Reflection::SetUInt64);
+template <>
+constexpr auto kAccess<std::int64_t> = std::pair(&Reflection::GetInt64, &Reflection::SetInt64);
+template <>
+constexpr auto kAccess<double> = std::pair(&Reflection::GetDouble, &Reflection::SetDouble);
+template <>
+constexpr auto kAccess<bool> = std::pair(&Reflection::GetBool, &Reflection::SetBool);
 
-template <class Message, class Wire>
-void Write(const Message& message, Wire& wire);
-
-/// Visits a message's fields and sets them in the wire's message.
-template <class Wire>
-class FieldWriter {
- public:
-  explicit FieldWriter(Wire& wire) : wire_(wire) {}
-
-  template <class T, class Access, class Bound>
-  void operator()(int, std::string_view, const T& value, const Access& access, const Bound&,
-                  std::string_view) {
-    if constexpr (HasFields<T>) {
-      Write(value, *access.mutable_(wire_));
-    } else if constexpr (kIsMap<T>) {
-      auto& map = *access.mutable_(wire_);
-      for (const auto& [key, entry] : value) {
-        if constexpr (kIsText<typename T::mapped_type>) {
-          map[key] = FitText(entry);
-        } else {
-          map[key] = entry;
-        }
-      }
-    } else {
-      using OnWire = std::decay_t<decltype(access.get(wire_))>;
-      if constexpr (std::is_same_v<T, int> || std::is_enum_v<T>) {
-        static_assert(std::is_same_v<OnWire, std::uint32_t>);
-        access.set(wire_, static_cast<std::uint32_t>(value));
-      } else if constexpr (std::is_same_v<Bound, Text>) {
-        access.set(wire_, FitText(value));
-      } else {
-        static_assert(std::is_same_v<OnWire, T>);
-        access.set(wire_, value);
-      }
-    }
-  }
-
- private:
-  Wire& wire_;
-};
-
-template <class Message, class Wire>
-void Write(const Message& message, Wire& wire) {
-  FieldWriter<Wire> writer(wire);
-  Message::Visit(message, writer);
+/// Calls `visit` with each member of a message's struct and the field that it mirrors.
+template <class Struct, class Visitor>
+void VisitFields(Struct& m, const Descriptor& type, const Visitor& visit) {
+  std::apply(
+      [&](auto&... members) {
+        SLALOM_CHECK_EQ(sizeof...(members), static_cast<std::size_t>(type.field_count()));
+        int i = 0;
+        (visit(members, type.field(i++)), ...);
+      },
+      std::remove_const_t<Struct>::Fields(m));
 }
 
-/// A status is made to fit: roles for which there is no room are counted.
-void Write(const StatusReply& m, wire::StatusReply& w) {
+template <class Struct>
+void WriteFields(const Struct& m, Message* to);
+
+template <class T>
+void Write(const T& value, const FieldDescriptor* field, Message* to) {
+  const Reflection& fields = *to->GetReflection();
+  if constexpr (IsStruct<T>) {
+    WriteFields(value, fields.MutableMessage(to, field));
+  } else if constexpr (IsMap<T>) {
+    for (const auto& [key, mapped] : value) {
+      Message* const entry = fields.AddMessage(to, field);
+      Write(key, field->message_type()->map_key(), entry);
+      Write(mapped, field->message_type()->map_value(), entry);
+    }
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    fields.SetString(to, field, IsName(*field) ? value : FitText(value));
+  } else if constexpr (IsList<T>) {
+    for (const auto& entry : value) WriteFields(entry, fields.AddMessage(to, field));
+  } else if constexpr (std::is_enum_v<T>) {
+    Write(static_cast<int>(value), field, to);
+  } else {
+    (fields.*kAccess<T>.second)(to, field, value);
+  }
+}
+
+template <class Struct>
+void WriteFields(const Struct& m, Message* to) {
+  VisitFields(m, *to->GetDescriptor(),
+              [to](const auto& member, const FieldDescriptor* field) { Write(member, field, to); });
+}
+
+template <class Struct>
+void ReadFields(const Message& from, Struct* m);
+
+template <class T>
+void Read(const Message& from, const FieldDescriptor* field, T* value) {
+  const Reflection& fields = *from.GetReflection();
+  if constexpr (IsStruct<T>) {
+    ReadFields(fields.GetMessage(from, field), value);
+  } else if constexpr (IsMap<T>) {
+    for (int i = 0; i < fields.FieldSize(from, field); ++i) {
+      const Message& entry = fields.GetRepeatedMessage(from, field, i);
+      std::string key;
+      Read(entry, field->message_type()->map_key(), &key);
+      Read(entry, field->message_type()->map_value(), &(*value)[std::move(key)]);
+    }
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    *value = fields.GetString(from, field);
+  } else if constexpr (IsList<T>) {
+    value->reserve(static_cast<std::size_t>(fields.FieldSize(from, field)));
+    for (int i = 0; i < fields.FieldSize(from, field); ++i) {
+      ReadFields(fields.GetRepeatedMessage(from, field, i), &value->emplace_back());
+    }
+  } else {
+    const auto found = (fields.*kAccess<T>.first)(from, field);
+    if constexpr (std::is_same_v<T, int>) {  // One without a bound may not fit.
+      *value = static_cast<int>(std::min(found, std::uint32_t{std::numeric_limits<int>::max()}));
+    } else {
+      *value = static_cast<T>(found);
+    }
+  }
+}
+
+template <class Struct>
+void ReadFields(const Message& from, Struct* m) {
+  VisitFields(*m, *from.GetDescriptor(),
+              [&from](auto& member, const FieldDescriptor* field) { Read(from, field, &member); });
+}
+
+/// Moves roles for which there is no room to the count of those.
+void MakeFit(wire::StatusReply* status) {
   // Besides its own bytes, a role takes a tag and a length, and so does `omitted`.
   constexpr std::size_t kMargin = 8;
   std::size_t size = kMargin;
-  int omitted = m.omitted;
-  for (const RoleStatus& role : m.roles) {
-    wire::RoleStatus one;
-    Write(role, one);
-    const std::size_t added = one.ByteSizeLong() + kMargin;
-    if (w.roles_size() >= kMaxRoles || size + added > kMaxHeaderBytes) {
-      ++omitted;
-      continue;
-    }
+  int count = 0;
+  auto& roles = *status->mutable_roles();
+  const auto end = std::remove_if(roles.begin(), roles.end(), [&](const wire::RoleStatus& role) {
+    const std::size_t added = role.ByteSizeLong() + kMargin;
+    if (count >= kMaxRoles || size + added > kMaxHeaderBytes) return true;
     size += added;
-    *w.add_roles() = std::move(one);
-  }
-  w.set_omitted(static_cast<std::uint32_t>(omitted));
+    ++count;
+    return false;
+  });
+  status->set_omitted(status->omitted() + static_cast<std::uint32_t>(roles.end() - end));
+  roles.erase(end, roles.end());
 }
-
-template <class Message, class Wire>
-Message Read(const Wire& wire);
-
-/// Visits a message's fields and sets them from the wire's message.
-template <class Wire>
-class FieldReader {
- public:
-  explicit FieldReader(const Wire& wire) : wire_(wire) {}
-
-  template <class T, class Access, class Bound>
-  void operator()(int, std::string_view, T& value, const Access& access, const Bound&,
-                  std::string_view) {
-    if constexpr (HasFields<T>) {
-      value = Read<T>(access.get(wire_));
-    } else if constexpr (kIsMap<T>) {
-      const auto& map = access.get(wire_);
-      value = T(map.begin(), map.end());
-    } else if constexpr (std::is_same_v<T, int>) {
-      value = ToInt(access.get(wire_));
-    } else if constexpr (std::is_enum_v<T>) {
-      value = static_cast<T>(access.get(wire_));
-    } else if constexpr (kIsList<T>) {
-      value.reserve(static_cast<std::size_t>(access.get(wire_).size()));
-      for (const auto& entry : access.get(wire_)) {
-        value.push_back(Read<typename T::value_type>(entry));
-      }
-    } else {
-      value = access.get(wire_);
-    }
-  }
-
- private:
-  const Wire& wire_;
-};
-
-template <class Message, class Wire>
-Message Read(const Wire& wire) {
-  Message message;
-  FieldReader<Wire> reader(wire);
-  Message::Visit(message, reader);
-  return message;
-}
-
-template <class Message>
-bool ListsFit(std::span<const std::byte> bytes) {
-  if constexpr (std::is_same_v<Message, Hello>) return HelloListsFit(bytes);
-  if constexpr (std::is_same_v<Message, Report>) return ReportListsFit(bytes);
-  if constexpr (std::is_same_v<Message, StatusReply>) return StatusListsFit(bytes);
-  return true;
-}
-
-template <class Message>
-std::optional<Header> ParseAs(std::span<const std::byte> bytes) {
-  WireOf<Message> w;
-  if (!ListsFit<Message>(bytes) ||
-      !w.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    return std::nullopt;
-  }
-  return Read<Message>(w);
-}
-
-using Parser = std::optional<Header> (*)(std::span<const std::byte>);
 
 template <std::size_t... kIndex>
-constexpr std::array<Parser, sizeof...(kIndex)> MakeParsers(std::index_sequence<kIndex...>) {
-  return {&ParseAs<std::variant_alternative_t<kIndex, Header>>...};
+Header EmptyHeader(std::size_t index, std::index_sequence<kIndex...>) {
+  Header header;
+  (void)((index == kIndex && (header.emplace<kIndex>(), true)) || ...);
+  return header;
 }
 
 }  // namespace
 
-void AppendProtobuf(const Header& header, std::string* out) {
-  google::protobuf::io::StringOutputStream stream(out);
-  google::protobuf::io::CodedOutputStream coded(&stream);
-  coded.SetSerializationDeterministic(true);  // Otherwise the order of maps varies.
-  const bool is_whole = std::visit(
-      [&]<class Message>(const Message& message) {
-        WireOf<Message> wire;
-        Write(message, wire);
-        return wire.SerializeToCodedStream(&coded);
-      },
-      header);
-  SLALOM_CHECK(is_whole);
+const Message& EmptyMessage(std::size_t index) {
+  const auto* const file = wire::Hello::descriptor()->file();
+  return *google::protobuf::MessageFactory::generated_factory()->GetPrototype(
+      file->message_type(static_cast<int>(index)));
 }
 
-std::optional<Header> ParseProtobuf(std::size_t index, std::span<const std::byte> bytes) {
-  static constexpr auto kParsers =
-      MakeParsers(std::make_index_sequence<std::variant_size_v<Header>>());
-  // Bad bytes from a peer get one answer. They must not make protobuf write to standard error.
-  static const auto replaced = google::protobuf::SetLogHandler(nullptr);
-  (void)replaced;
-  SLALOM_CHECK_LT(index, kParsers.size());
-  return kParsers[index](bytes);
+std::unique_ptr<Message> ToMessage(const Header& header) {
+  std::unique_ptr<Message> message(EmptyMessage(header.index()).New());
+  std::visit([&](const auto& m) { WriteFields(m, message.get()); }, header);
+  if (auto* const status = dynamic_cast<wire::StatusReply*>(message.get())) MakeFit(status);
+  return message;
+}
+
+Header ToHeader(std::size_t index, const Message& message) {
+  Header header = EmptyHeader(index, std::make_index_sequence<std::variant_size_v<Header>>());
+  std::visit([&](auto& m) { ReadFields(message, &m); }, header);
+  return header;
 }
 
 }  // namespace slalom::proto

@@ -1,21 +1,23 @@
 #pragma once
 
+#include <google/protobuf/message.h>
+
 #include <cstddef>
-#include <optional>
-#include <span>
-#include <string>
+#include <memory>
 
 #include "proto/messages.h"
 
 namespace slalom::proto {
 
-/// Appends the header as protobuf to `out`. The same header always gives the same bytes. Texts and
-/// the lists of a status are made to fit, as `Encode` describes.
-void AppendProtobuf(const Header& header, std::string* out);
-
-/// Parses a header of the type at `index` in the list of `Header`. Its values may be out of bounds.
-/// Returns nothing if the bytes are not a protobuf of that type, or if its lists are too long.
+/// The empty message of the type at `index` in the list of `Header`, as proto/slalom.proto has it.
 /// Requires: index < std::variant_size_v<Header>.
-std::optional<Header> ParseProtobuf(std::size_t index, std::span<const std::byte> bytes);
+const google::protobuf::Message& EmptyMessage(std::size_t index);
+
+/// The message that a header mirrors. Texts and the lists of a status are made to fit, as `Encode`
+/// describes.
+std::unique_ptr<google::protobuf::Message> ToMessage(const Header& header);
+
+/// The header that mirrors a message within its bounds, of the type at `index`.
+Header ToHeader(std::size_t index, const google::protobuf::Message& message);
 
 }  // namespace slalom::proto

@@ -1,10 +1,13 @@
 #include "proto/messages.h"
 
 #include <fmt/format.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+#include <google/protobuf/stubs/logging.h>
 
-#include <array>
 #include <bit>
 #include <cstring>
+#include <memory>
 #include <utility>
 
 #include "base/check.h"
@@ -27,13 +30,6 @@ struct Prefix {
 };
 static_assert(sizeof(Prefix) == kPrefixBytes && std::is_trivially_copyable_v<Prefix>);
 
-template <std::size_t... kIndex>
-constexpr std::array<std::string_view, sizeof...(kIndex)> MakeNames(
-    std::index_sequence<kIndex...>) {
-  return {std::variant_alternative_t<kIndex, Header>::kName...};
-}
-constexpr auto kNames = MakeNames(std::make_index_sequence<std::variant_size_v<Header>>());
-
 /// The checksum of the prefix (up to the checksum), the protobuf and the payload, each seeded with
 /// the checksum of the part before.
 std::uint64_t ChecksumOf(const Prefix& prefix, std::span<const std::byte> protobuf,
@@ -48,19 +44,29 @@ Refusal Bad(std::string text) {
 
 }  // namespace
 
-std::string_view NameOf(const Header& header) { return kNames[header.index()]; }
+std::string_view NameOf(const Header& header) {
+  return EmptyMessage(header.index()).GetDescriptor()->name();
+}
 
 std::string Encode(const Header& header, std::span<const std::byte> payload) {
-  SLALOM_CHECK_EQ(FindFault(header, Way::kToBeSent), "");
+  const auto message = ToMessage(header);
+  SLALOM_CHECK_EQ(FindFault(*message), "");
   Prefix prefix{.number = static_cast<std::uint16_t>(header.index() + 1)};
   std::string frame(kPrefixBytes, '\0');
-  AppendProtobuf(header, &frame);
+  {
+    google::protobuf::io::StringOutputStream stream(&frame);
+    google::protobuf::io::CodedOutputStream coded(&stream);
+    coded.SetSerializationDeterministic(true);  // Otherwise the order of maps varies.
+    SLALOM_CHECK(message->SerializeToCodedStream(&coded));
+  }
   const auto protobuf = std::as_bytes(std::span(frame)).subspan(kPrefixBytes);
   SLALOM_CHECK_LE(protobuf.size(), kMaxHeaderBytes);
   prefix.checksum = ChecksumOf(prefix, protobuf, payload);
   std::memcpy(frame.data(), &prefix, sizeof(prefix));
   return frame;
 }
+
+std::string FindFault(const Header& header) { return FindFault(*ToMessage(header)); }
 
 Refusal NoRoom(int max_connections) {
   return {.code = RefusalCode::kNotReady,
@@ -94,22 +100,26 @@ base::Result<Header, Refusal> Decode(std::span<const std::byte> frame,
     return Bad(fmt::format("the checksum is {:016x}, expected {:016x}: the message was damaged",
                            found, prefix.checksum));
   }
-  if (prefix.number == 0 || prefix.number > kNames.size()) {
+  if (prefix.number == 0 || prefix.number > std::variant_size_v<Header>) {
     return Refusal{
         .code = RefusalCode::kUnknownMessage,
         .text = fmt::format("message {} of protocol {}.{} is not known to {}.{}", prefix.number,
                             prefix.major, prefix.minor, kMajorVersion, kMinorVersion)};
   }
   const std::size_t index = prefix.number - 1u;
-  std::optional<Header> header = ParseProtobuf(index, protobuf);
-  if (!header) {
+  const std::unique_ptr<google::protobuf::Message> message(EmptyMessage(index).New());
+  const auto& type = *message->GetDescriptor();
+  // Bad bytes from a peer get one answer. They must not make protobuf write to standard error.
+  [[maybe_unused]] static const auto replaced = google::protobuf::SetLogHandler(nullptr);
+  if (!ListsFit(type, protobuf) ||
+      !message->ParseFromArray(protobuf.data(), static_cast<int>(protobuf.size()))) {
     return Bad(
-        fmt::format("{}: the header cannot be parsed, or a list in it is too long", kNames[index]));
+        fmt::format("{}: the header cannot be parsed, or a list in it is too long", type.name()));
   }
-  if (const std::string fault = FindFault(*header, Way::kReceived); !fault.empty()) {
-    return Bad(fmt::format("{}: {}", kNames[index], fault));
+  if (const std::string fault = FindFault(*message); !fault.empty()) {
+    return Bad(fmt::format("{}: {}", type.name(), fault));
   }
-  return *std::move(header);
+  return ToHeader(index, *message);
 }
 
 }  // namespace slalom::proto

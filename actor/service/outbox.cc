@@ -10,7 +10,6 @@
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "proto/bounds.h"
 
 namespace slalom::actor {
 namespace {
@@ -164,7 +163,7 @@ std::optional<int> Outbox::LoadSpool(const std::filesystem::path& path) {
     chunk.header.newest_version = in.Read<std::int64_t>();
     chunk.payload = transport::Frame::Copy(in.Take(size));
     // Numbers that no actor wrote could not be sent.
-    if (!proto::FindFault(chunk.header, proto::Way::kToBeSent).empty()) in.Fail();
+    if (!proto::FindFault(chunk.header).empty()) in.Fail();
     if (i > 0 && chunk.header.sequence != next_sequence_) in.Fail();
     next_sequence_ = chunk.header.sequence + 1;
     bytes_ += size;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <tuple>
 #include <type_traits>
 
 #include "base/file.h"
@@ -10,38 +11,23 @@
 namespace slalom::proto {
 namespace {
 
-/// Prints the values of a message's fields, each after a space.
-class Printer {
- public:
-  template <class T, class Access, class Bound>
-  void operator()(int, std::string_view, const T& value, const Access&, const Bound&,
-                  std::string_view) {
-    text_ += ' ';
-    if constexpr (HasFields<T>) {
-      PutFields(value);
-    } else if constexpr (std::is_enum_v<T>) {
-      text_ += fmt::format("{}", static_cast<std::uint32_t>(value));
-    } else if constexpr (requires { typename T::mapped_type; }) {
-      text_ += fmt::format("{}", value);
-    } else if constexpr (std::is_same_v<T, std::vector<RoleStatus>>) {
-      for (const RoleStatus& entry : value) PutFields(entry);
-    } else {
-      text_ += fmt::format("{}", value);
-    }
+template <class T>
+std::string TextOf(const T& value) {
+  if constexpr (requires { T::Fields(value); }) {
+    const auto parts = std::apply(
+        [](const auto&... members) { return std::vector<std::string>{TextOf(members)...}; },
+        T::Fields(value));
+    return fmt::format("[{}]", fmt::join(parts, " "));
+  } else if constexpr (std::is_same_v<T, std::vector<RoleStatus>>) {
+    std::string text;
+    for (const RoleStatus& entry : value) text += TextOf(entry);
+    return text;
+  } else if constexpr (std::is_enum_v<T>) {
+    return fmt::format("{}", static_cast<std::uint32_t>(value));
+  } else {
+    return fmt::format("{}", value);
   }
-
-  template <class Message>
-  void PutFields(const Message& message) {
-    text_ += fmt::format("[{}", Message::kName);
-    Message::Visit(message, *this);
-    text_ += ']';
-  }
-
-  const std::string& text() const { return text_; }
-
- private:
-  std::string text_;
-};
+}
 
 }  // namespace
 
@@ -129,9 +115,8 @@ std::string FrameByHand(int major, int minor, int number, std::string_view proto
 }
 
 std::string Print(const Header& header) {
-  Printer printer;
-  std::visit([&](const auto& message) { printer.PutFields(message); }, header);
-  return printer.text();
+  return std::visit([&](const auto& m) { return fmt::format("{} {}", NameOf(header), TextOf(m)); },
+                    header);
 }
 
 }  // namespace slalom::proto

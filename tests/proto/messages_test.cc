@@ -188,6 +188,12 @@ TEST(MessagesTest, EveryBoundIsHeld) {
   }
 }
 
+constexpr int kMaxBeams = 4096;
+constexpr int kMaxRows = 65536;
+constexpr int kMaxBatch = 65536;
+constexpr int kMaxHistory = 256;
+constexpr int kMaxNStep = 1024;
+
 // The other side of each bound.
 TEST(MessagesTest, TheLargestAndSmallestComeThrough) {
   constexpr auto kMost = std::numeric_limits<std::int64_t>::max();

@@ -3,13 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
+#include <regex>
+#include <sstream>
 #include <stdexcept>
-#include <string_view>
-#include <type_traits>
-#include <utility>
+
+#include "base/file.h"
+#include "proto/bounds.h"
+#include "proto/messages.h"
+#include "proto/slalom.pb.h"
 
 namespace slalom::proto {
 namespace {
+
+using google::protobuf::FieldDescriptor;
 
 /// "4,096".
 std::string Grouped(std::int64_t number) {
@@ -20,65 +27,54 @@ std::string Grouped(std::int64_t number) {
   return text;
 }
 
-template <class T>
-std::string TypeOf() {
-  if constexpr (std::is_same_v<T, std::string>) return "string";
-  if constexpr (std::is_same_v<T, std::uint64_t>) return "uint64";
-  if constexpr (std::is_same_v<T, std::int64_t>) return "int64";
-  if constexpr (std::is_same_v<T, int> || std::is_enum_v<T>) return "uint32";
-  if constexpr (std::is_same_v<T, double>) return "double";
-  if constexpr (std::is_same_v<T, bool>) return "bool";
-  if constexpr (HasFields<T>) return fmt::format("`{}`", T::kName);
-  if constexpr (requires { typename T::mapped_type; }) {
-    return "map of string to " + TypeOf<typename T::mapped_type>();
-  } else if constexpr (requires { requires HasFields<typename T::value_type>; }) {
-    return "repeated " + TypeOf<typename T::value_type>();
+/// The comments on the fields in proto/slalom.proto, by "Message.field".
+std::map<std::string, std::string> Meanings() {
+  std::istringstream lines(base::ReadFile(SLALOM_SOURCE_DIR "/proto/slalom.proto"));
+  const std::regex begin(R"(message (\w+) \{.*)");
+  const std::regex field(R"( +[\w<>, ]+ (\w+) = \d+[^/]*; +// (.*))");
+  std::map<std::string, std::string> meanings;
+  std::smatch match;
+  std::string message;
+  for (std::string line; std::getline(lines, line);) {
+    if (std::regex_match(line, match, begin)) message = match[1];
+    if (std::regex_match(line, match, field)) meanings[message + "." + match[1].str()] = match[2];
   }
+  return meanings;
 }
 
-class RowMaker {
- public:
-  template <class T, class Access, class Bound>
-  void operator()(int number, std::string_view name, const T&, const Access&, const Bound& bound,
-                  std::string_view meaning) {
-    rows_.push_back({number, std::string(name), TypeOf<T>(), std::string(meaning), Say(bound)});
-    if constexpr (std::is_same_v<Bound, AtMost> && requires { typename T::mapped_type; }) {
-      const bool has_texts = std::is_same_v<typename T::mapped_type, std::string>;
-      rows_.back().bounds += has_texts ? "; keys are names, values texts" : "; keys are names";
-    }
-  }
-
-  std::vector<FieldRow> Take() { return std::move(rows_); }
-
- private:
-  static std::string Say(const Any&) { return ""; }
-  static std::string Say(const Related& bound) { return std::string(bound.text); }
-  static std::string Say(const In& bound) {
-    return fmt::format("{} to {}", Grouped(static_cast<std::int64_t>(bound.low)),
-                       Grouped(static_cast<std::int64_t>(bound.high)));
-  }
-  static std::string Say(const AtLeast& bound) { return fmt::format("{} or more", bound.low); }
-  static std::string Say(const Finite&) { return "finite"; }
-  static std::string Say(const Name&) { return "name"; }
-  static std::string Say(const Text&) { return "text"; }
-  static std::string Say(const AtMost& bound) {
-    return Grouped(static_cast<std::int64_t>(bound.size)) + " at most";
-  }
-
-  std::vector<FieldRow> rows_;
-};
-
-template <class Message>
-MessageRows RowsOf() {
-  RowMaker maker;
-  const Message message;
-  Message::Visit(message, maker);
-  return {std::string(Message::kName), maker.Take()};
+std::string TypeOf(const FieldDescriptor& field) {
+  if (field.is_map()) return "map of string to " + TypeOf(*field.message_type()->map_value());
+  if (field.type() != FieldDescriptor::TYPE_MESSAGE) return field.type_name();
+  return fmt::format("{}`{}`", field.is_repeated() ? "repeated " : "",
+                     field.message_type()->name());
 }
 
-template <std::size_t... kIndex>
-std::vector<MessageRows> RowsOfAll(std::index_sequence<kIndex...>) {
-  return {RowsOf<std::variant_alternative_t<kIndex, Header>>()..., RowsOf<RoleStatus>()};
+std::string BoundsOf(const FieldDescriptor& field) {
+  const auto low = static_cast<std::int64_t>(field.options().GetExtension(wire::min));
+  const auto high = static_cast<std::int64_t>(field.options().GetExtension(wire::max));
+  const std::string& other = field.options().GetExtension(wire::at_most);
+  if (field.is_map()) {
+    const bool has_texts =
+        field.message_type()->map_value()->type() == FieldDescriptor::TYPE_STRING;
+    return fmt::format("{} at most; keys are names{}", Grouped(high),
+                       has_texts ? ", values texts" : "");
+  }
+  if (field.is_repeated()) return fmt::format("{} at most", Grouped(high));
+  switch (field.type()) {
+    case FieldDescriptor::TYPE_STRING:
+      return IsName(field) ? "name" : "text";
+    case FieldDescriptor::TYPE_MESSAGE:
+    case FieldDescriptor::TYPE_BOOL:
+    case FieldDescriptor::TYPE_UINT64:
+      return "";
+    default:
+      if (!other.empty()) {
+        return fmt::format("{} to field {}", low,
+                           field.containing_type()->FindFieldByName(other)->number());
+      }
+      return high > 0 ? fmt::format("{} to {}", Grouped(low), Grouped(high))
+                      : fmt::format("{} or more", low);
+  }
 }
 
 std::string TableOf(const std::vector<FieldRow>& rows) {
@@ -119,7 +115,21 @@ void ReplaceTable(std::string& page, const std::string& place, const std::string
 }  // namespace
 
 std::vector<MessageRows> AllMessages() {
-  return RowsOfAll(std::make_index_sequence<std::variant_size_v<Header>>());
+  const std::map<std::string, std::string> meanings = Meanings();
+  std::vector<MessageRows> messages;
+  const auto& file = *wire::Hello::descriptor()->file();
+  for (int i = 0; i < file.message_type_count(); ++i) {
+    const auto& type = *file.message_type(i);
+    messages.push_back({type.name(), {}});
+    for (int k = 0; k < type.field_count(); ++k) {
+      const FieldDescriptor& field = *type.field(k);
+      const auto meaning = meanings.find(type.name() + "." + field.name());
+      messages.back().fields.push_back({field.number(), TypeOf(field),
+                                        meaning == meanings.end() ? "" : meaning->second,
+                                        BoundsOf(field)});
+    }
+  }
+  return messages;
 }
 
 std::string WithTables(const std::string& page) {

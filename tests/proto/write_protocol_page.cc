@@ -1,4 +1,4 @@
-// Writes the tables of docs/protocol.md from the lists of fields: write_protocol_page FILE.
+// Writes the tables of docs/protocol.md from proto/: write_protocol_page FILE.
 
 #include <cstdio>
 
