@@ -5,32 +5,17 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "env/action.h"
+#include "env/state_layout.h"
 
 /// Shapes: `B` environments in a batch, `N` beams in a scan, `S` numbers of a state.
 
 namespace slalom::env {
 
-/// How many numbers a frame on a course has at least besides the scan: the goal's x and y in the
-/// robot's frame (x forward, y left) [m], then the last action (linear, angular), normalised to
-/// [-1, 1] with the action bounds. `ObservationSpec` says what may follow.
-inline constexpr int kStateSize = 4;
-
-/// What no sensor tells and a teacher may see (`ObservationSpec::privileged`): the body's true
-/// forward speed and turn rate, as the action that would command them; for each of the moving
-/// obstacles that are nearest to the robot its centre [5 m] and its velocity [m/s], x and y in the
-/// robot's frame, zeros if there are fewer; then what is drawn of the robot's drive:
-/// `command_delay` and `command_jitter` [0.1 s], ten times what `speed_gain` and `yaw_gain` are
-/// above 1, `linear_acceleration` [20 m/s^2] and `angular_acceleration` [25 rad/s^2].
-inline constexpr int kToldObstacles = 5;
-inline constexpr int kToldOfDrive = 6;
-inline constexpr int kPrivilegedSize = 2 + 4 * kToldObstacles + kToldOfDrive;
-
 /// Observation of one environment at one time step, in the form in which it is sensed, sent and
 /// stored. A view: it does not own the numbers.
 struct FrameView {
   std::span<const std::uint16_t> ranges_cm;  ///< [N], beams counter-clockwise, clipped, [cm].
-  std::span<const float> state;              ///< [S], on a course as kStateSize says.
+  std::span<const float> state;              ///< [S], on a course as kStateFields says.
 };
 
 /// Where the robot believes it is and how it moves, according to its wheels and gyroscope. Planners
@@ -50,7 +35,7 @@ struct ObservationBatch {
   int num_beams = 0;                     ///< N; 0 if there is no scan.
   int state_size = 0;                    ///< S
   std::vector<std::uint16_t> ranges_cm;  ///< [B, N] [cm]
-  std::vector<float> state;              ///< [B, S], on a course as kStateSize says.
+  std::vector<float> state;              ///< [B, S], on a course as kStateFields says.
   std::vector<Odometry> odometry;        ///< [B]
   std::vector<std::uint8_t> ended;  ///< [B], 1 in the last frame of an episode: no action needed.
   std::vector<std::uint8_t> first;  ///< [B], 1 in the first frame of an episode: forget the past.
@@ -82,44 +67,14 @@ struct ObservationBatch {
 
 /// How a frame becomes the numbers that the paper's networks see (docs/original-system.md,
 /// section 1.3). A policy is trained for one spec and refuses observations of another.
-struct ObservationSpec {
+struct ObservationSpec : StateOptions {
   int num_beams = 720;
   int state_size = kStateSize;
   double range_clip = 5.0;  ///< [m]; 0 is mapped to -1 and range_clip to +1.
   double goal_scale = 5.0;  ///< [m]; a goal coordinate g is mapped to g / goal_scale - 1.
-  /// Whether the forward speed and the turn rate follow, as the action that would command them, not
-  /// clipped.
-  bool speeds = false;
-  /// Whether the place of the range finder on the robot follows, x and y in the robot's frame,
-  /// [dm].
-  bool mounting = false;
-  /// Number of last actions. The newest stands in its place, the others follow, newest first.
-  int commands = 1;
-  /// Whether what no sensor tells (kPrivilegedSize) ends the state. Such a policy drives in a
-  /// simulator alone.
-  bool privileged = false;
 
-  int privileged_size() const { return privileged ? kPrivilegedSize : 0; }
-  /// S on a course.
-  int course_state_size() const {
-    return kStateSize + (speeds ? 2 : 0) + (mounting ? 2 : 0) + 2 * (commands - 1) +
-           privileged_size();
-  }
   int size() const { return num_beams + state_size; }
   friend bool operator==(const ObservationSpec&, const ObservationSpec&) = default;
 };
-
-/// Writes the last actions, and speeds and mounting if `spec` has them, into their places in a
-/// state on a course. `actions`: the newest first; `speeds`: as the action that would command them;
-/// `mounting`: of the range finder, [m].
-/// Requires: actions.size() == spec.commands, state.size() == spec.course_state_size().
-void WriteMotion(const ObservationSpec& spec, std::span<const Action> actions, Action speeds,
-                 base::Vec2 mounting, std::span<float> state);
-
-/// Writes the observation of the POMDP on a course: [N + S] float, which are ranges, goal, last
-/// action and what follows them, ranges and goal mapped as `spec` says.
-/// Requires: frame.ranges_cm.size() == spec.num_beams, observation.size() == spec.size().
-void WriteObservation(const ObservationSpec& spec, const FrameView& frame,
-                      std::span<float> observation);
 
 }  // namespace slalom::env

@@ -41,7 +41,7 @@ void NetworkAgent::Act(const env::ObservationBatch& observations, std::span<floa
   const env::StepShape shape = snapshot_.spec.step_shape();
   SLALOM_CHECK_EQ(actions.size(), static_cast<std::size_t>(batch) * shape.action_size);
   SLALOM_CHECK_EQ(observations.num_beams, shape.num_beams);
-  // What a teacher sees besides comes last (`env::ObservationSpec::privileged`).
+  // Privileged fields, which only a teacher sees, come last.
   const int besides = observations.state_size - shape.state_size;
   SLALOM_CHECK(besides == 0 || besides == env::kPrivilegedSize);
   if (batch == 0) return;

@@ -55,10 +55,11 @@ void Read(const nn::TensorFile& file, const std::string& prefix, const Shape& sh
 std::string DescribeObservation(const env::ObservationSpec& spec) {
   std::string text = fmt::format("{} beams clipped at {} m and goals scaled by {} m",
                                  spec.num_beams, spec.range_clip, spec.goal_scale);
-  if (spec.speeds) text += ", with speeds";
-  if (spec.mounting) text += ", with the mounting";
-  if (spec.commands > 1) text += fmt::format(", with {} commands", spec.commands);
-  if (spec.privileged) text += ", with what no sensor tells";
+  for (const env::StateField& field : env::kStateFields) {
+    const int more = field.num_items(spec) - field.num_items({});
+    if (more > 0) text += fmt::format(", with {}", field.name);
+    if (more > 1) text += fmt::format(" x {}", more);
+  }
   return text;
 }
 
@@ -78,7 +79,7 @@ nn::NetworkShape PolicySpec::critic_shape(int num_outputs) const {
 
 void PolicySpec::RequireCourses(const std::string& source) const {
   const bool is_of_course =
-      observation.state_size == observation.course_state_size() && action_size == env::kActionSize;
+      observation.state_size == env::StateSize(observation) && action_size == env::kActionSize;
   if (is_of_course && observation.num_beams > 0) return;
   throw base::Error(
       fmt::format("{}: found scans of {} beams, states of {} numbers and actions of {}, expected a "

@@ -128,18 +128,14 @@ class JsonReader {
   const std::string_view source_;
 };
 
-/// The fields of an observation spec, which is no config struct. Those of a course are in the
-/// ranges of sim/environment_config.h.
+/// The fields of an observation spec, which is no config struct, in the ranges of a task's config.
 template <class Visitor>
 void VisitObservation(env::ObservationSpec& spec, Visitor& v) {
   v("num_beams", spec.num_beams, base::Range{0, 65536});
   v("state_size", spec.state_size, base::Range{1, env::kMaxStateSize});
   v("range_clip", spec.range_clip, base::Range{0.5, 600.0});
   v("goal_scale", spec.goal_scale, base::Range{0.1, 1000.0});
-  v("speeds", spec.speeds);
-  v("mounting", spec.mounting);
-  v("commands", spec.commands, base::Range{1, 16});
-  v("privileged", spec.privileged);
+  spec.StateOptions::Visit(v);
 }
 
 /// Lists the fields of a config struct as "SECTION.KEY" and JSON, in the order of its `Visit`.
@@ -223,15 +219,13 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
   AddLaterFields<nn::NetworkConfig>("network", kLaterNetworkFields, object);
   AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
   if (!object.contains("action_size")) object["action_size"] = env::kActionSize;
-  if (object.contains("observation") && object["observation"].is_object()) {
-    const json defaults = {{"state_size", env::kStateSize},
-                           {"speeds", false},
-                           {"mounting", false},
-                           {"commands", 1},
-                           {"privileged", false}};
-    for (const auto& [key, value] : defaults.items()) {
-      if (!object["observation"].contains(key)) object["observation"][key] = value;
-    }
+  if (const auto found = object.find("observation"); found != object.end() && found->is_object()) {
+    // A file observes nothing of what it does not name.
+    json observation = {{"state_size", env::kStateSize}};
+    JsonWriter writer(observation);
+    env::StateOptions().Visit(writer);
+    observation.update(*found);
+    *found = std::move(observation);
   }
   const json& version = JsonReader::Find(object, "version", "version", source);
   const bool is_count = version.is_number_unsigned() &&

@@ -48,15 +48,9 @@ void CheckConsistent(const EnvironmentConfig& config) {
 }
 
 env::ObservationSpec MakeObservationSpec(const EnvironmentConfig& config) {
-  env::ObservationSpec spec{.num_beams = config.lidar.num_beams,
-                            .range_clip = config.observation.range_clip,
-                            .goal_scale = config.observation.goal_scale,
-                            .speeds = config.observation.speeds,
-                            .mounting = config.observation.mounting,
-                            .commands = config.observation.commands,
-                            .privileged = config.observation.privileged};
-  spec.state_size = spec.course_state_size();
-  return spec;
+  const ObservationConfig& observation = config.observation;
+  return {observation, config.lidar.num_beams, env::StateSize(observation), observation.range_clip,
+          observation.goal_scale};
 }
 
 int NumSubsteps(const EnvironmentConfig& config) {

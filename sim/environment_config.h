@@ -201,13 +201,9 @@ struct LocalisationConfig {
 };
 
 /// What the networks see, and how.
-struct ObservationConfig {
+struct ObservationConfig : env::StateOptions {
   double range_clip = 5.0;
   double goal_scale = 5.0;
-  bool speeds = false;
-  bool mounting = false;
-  int commands = 1;
-  bool privileged = false;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -215,19 +211,7 @@ struct ObservationConfig {
       "Longer ranges are observed as this.");
     v("goal_scale", goal_scale, base::Range{0.1, 1000.0}, "m",
       "A goal coordinate g is observed as g / goal_scale - 1.");
-    v("speeds", speeds,
-      "Observe the odometry's forward speed and turn rate, too, scaled like the commands that ask "
-      "for them.");
-    v("mounting", mounting,
-      "Observe where the range finder is mounted (environment.lidar.offset_x and .offset_y), too, "
-      "so "
-      "that one policy can drive robots that differ in it.");
-    v("commands", commands, base::Range{1, 16}, "",
-      "Last commands that are observed. More than one help against a delay.");
-    v("privileged", privileged,
-      "Observe what no sensor tells, too: the robot's true speeds, where the nearest moving "
-      "obstacles are and how they move, and the drive of the robot that was drawn. For stages that "
-      "teach (distillation.stages): such a policy drives in a simulator alone.");
+    StateOptions::Visit(v);
   }
 };
 

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <utility>
 
 #include "base/check.h"
 #include "base/error.h"
-#include "sim/privileged.h"
 
 namespace slalom::sim {
 namespace {
@@ -23,6 +23,33 @@ const EnvironmentConfig& Checked(const EnvironmentConfig& config) {
   return config;
 }
 
+/// Place [m] and velocity [m/s] of each of the obstacles that are nearest at motion time `time`
+/// [s], in the robot's frame.
+auto NearestObstacles(const MovingObstacles& moving, double time, const base::Pose2& X_WR) {
+  constexpr int kMost = env::kPrivilegedObstacles;
+  const auto [sine, cosine] = base::SinCos(X_WR.yaw);
+  const auto s = static_cast<float>(sine), c = static_cast<float>(cosine);
+  std::array<std::array<double, 4>, kMost> nearest{};
+  std::array<float, kMost> distances;  // To the circles round them, [m].
+  int size = 0;
+  for (int i = 0; i < moving.size(); ++i) {
+    const MovingShape shape = moving.At(i, time);
+    const float dx = shape.box.x - static_cast<float>(X_WR.p.x);
+    const float dy = shape.box.y - static_cast<float>(X_WR.p.y);
+    const float distance = std::hypot(dx, dy) - moving.circumradius(i);
+    const auto known = std::span(distances).first(size);
+    const auto place = std::ranges::upper_bound(known, distance) - known.begin();
+    if (place == kMost) continue;
+    size = std::min(size + 1, kMost);
+    std::shift_right(distances.begin() + place, distances.begin() + size, 1);
+    std::shift_right(nearest.begin() + place, nearest.begin() + size, 1);
+    distances[place] = distance;
+    nearest[place] = {c * dx + s * dy, c * dy - s * dx, c * shape.vx + s * shape.vy,
+                      c * shape.vy - s * shape.vx};
+  }
+  return std::bit_cast<std::array<double, 4 * kMost>>(nearest);
+}
+
 }  // namespace
 
 CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
@@ -31,7 +58,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
                                        const MakeRobotBodies& make_bodies,
                                        std::unique_ptr<SceneStream> fresh)
     : config_(Checked(config)),
-      observed_(MakeObservationSpec(config)),
+      state_writer_(config.observation, config.action),
       scenes_(std::move(scenes)),
       fresh_(std::move(fresh)),
       make_bodies_(make_bodies),
@@ -57,7 +84,7 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
   }
   SLALOM_CHECK_EQ(static_cast<int>(environments_.size()), batch_size);
   if (environments_[0].task) RequireBodies(*environments_[0].task);
-  observations_.Resize(batch_size, observed_.num_beams, observed_.state_size);
+  observations_.Resize(batch_size, config.lidar.num_beams, env::StateSize(config.observation));
 }
 
 void CourseEnvironments::RequireDrivable(const Scene& scene) const {
@@ -285,23 +312,33 @@ void CourseEnvironments::Observe(int i) {
   lidar.Scan(scene.collision_map(), X_WR, environment.lidar_noise, observations_.mutable_ranges(i),
              moving.empty() ? nullptr : &environment.moving);
   const base::Vec2 goal_R = environment.localisation.InRobotFrame(scene.course().goal_W);
-  const auto state = observations_.mutable_state(i);
-  state[0] = static_cast<float>(goal_R.x);
-  state[1] = static_cast<float>(goal_R.y);
   const BodyState& body = environment.robot->body();
   const auto [s, c] = base::SinCos(X_WR.yaw);
-  const double speed = environment.localisation.from_wheels() ? environment.robot->drive().speed()
-                                                              : c * body.vx + s * body.vy;
-  observations_.odometry[i] = {
-      .X_OR = environment.localisation.X_OR(), .linear = speed, .angular = body.yaw_rate};
-  Speeds seen;
-  if (observed_.speeds) seen = environment.speed_sensor.Observe({speed, body.yaw_rate});
-  env::WriteMotion(observed_, environment.actions,
-                   config_.action.Scale(seen.forward, seen.turn_rate), lidar.mounting(), state);
-  if (observed_.privileged) {
-    WritePrivileged(environment.task ? environment.task->config() : config_, *environment.robot,
-                    moving, environment.motion_time, state.last(env::kPrivilegedSize));
+  const double forward = c * body.vx + s * body.vy, turn_rate = body.yaw_rate;
+  const double speed =
+      environment.localisation.from_wheels() ? environment.robot->drive().speed() : forward;
+  observations_.odometry[i] = {environment.localisation.X_OR(), speed, turn_rate};
+
+  const auto write = [this, state = observations_.mutable_state(i)](std::size_t field,
+                                                                    const auto& values) {
+    state_writer_.Write(field, values, state);
+  };
+  write(env::FieldOf("goal"), std::array{goal_R.x, goal_R.y});
+  const std::span<const env::Action> actions = environment.actions;
+  write(env::FieldOf("last action"), env::NumbersOf(actions.first(1)));
+  write(env::FieldOf("earlier action"), env::NumbersOf(actions.subspan(1)));
+  if (config_.observation.speeds) {
+    const Speeds seen = environment.speed_sensor.Observe({speed, turn_rate});
+    write(env::FieldOf("speeds"), std::array{seen.forward, seen.turn_rate});
   }
+  write(env::FieldOf("mounting"), std::array{lidar.mounting().x, lidar.mounting().y});
+  if (!config_.observation.privileged) return;
+  write(env::FieldOf("true speeds"), std::array{forward, turn_rate});
+  write(env::FieldOf("nearest obstacle"), NearestObstacles(moving, environment.motion_time, X_WR));
+  const RobotConfig& drive = environment.task ? environment.task->config().robot : config_.robot;
+  write(env::FieldOf("drive"),
+        std::array{drive.command_delay, drive.command_jitter, drive.speed_gain - 1.0,
+                   drive.yaw_gain - 1.0, drive.linear_acceleration, drive.angular_acceleration});
 }
 
 }  // namespace slalom::sim

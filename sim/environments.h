@@ -9,6 +9,7 @@
 #include "base/parallel.h"
 #include "base/random.h"
 #include "env/environment.h"
+#include "env/state_layout.h"
 #include "sim/environment_config.h"
 #include "sim/lidar.h"
 #include "sim/localisation.h"
@@ -137,7 +138,7 @@ class CourseEnvironments : public env::BatchEnvironment {
   void Observe(int i);
 
   const EnvironmentConfig config_;
-  const env::ObservationSpec observed_;
+  const env::StateWriter state_writer_;
   const std::vector<std::shared_ptr<const Scene>> scenes_;
   const std::unique_ptr<SceneStream> fresh_;  // May be null.
   const MakeRobotBodies make_bodies_;

@@ -83,30 +83,37 @@ class LineDriver {
     const env::ObservationSpec& seen = spec().observation;
     observations_.Resize(1, seen.num_beams, seen.state_size);
     last_.resize(static_cast<std::size_t>(seen.commands));
+    for (const env::StateField& field : env::kStateFields) {
+      if (field.source == env::StateSource::kSensors) keys_.emplace_back(field.name);
+    }
   }
 
   /// Throws `base::Error` that names the key and what was expected of it.
   json Answer(const std::string& line) {
     const json given = Parse(line);
     for (const auto& [key, value] : given.items()) {
-      if (std::ranges::count(kKeys, key) == 0) {
-        throw base::Error(fmt::format("no key '{}', expected {}", key, fmt::join(kKeys, ", ")));
+      if (std::ranges::count(keys_, key) == 0) {
+        throw base::Error(fmt::format("no key '{}', expected {}", key, fmt::join(keys_, ", ")));
       }
     }
     observations_.first[0] = is_new_ || First(given);
     if (observations_.first[0]) std::ranges::fill(last_, spec().actions.Standstill());
     ReadRanges(given);
     const std::span<float> state = observations_.mutable_state(0);
-    ReadNumbers(given, "goal", state.first(2));
-    if (given.contains("last_action")) {
-      ReadNumbers(given, "last_action", env::NumbersOf(std::span(last_).first(1)));
+    const env::StateWriter writer(spec().observation, spec().actions);
+    for (std::size_t i = 0; i < std::size(env::kStateFields); ++i) {
+      const env::StateField& field = env::kStateFields[i];
+      if (field.source != env::StateSource::kSensors) continue;
+      if (field.num_items(spec().observation) == 0) continue;
+      writer.Write(i, Numbers(given, field.name, field.numbers.size()), state);
     }
-    std::array<float, 2> speeds{};
-    if (spec().observation.speeds) ReadNumbers(given, "speeds", speeds);
-    std::array<float, 2> mounting{};
-    if (spec().observation.mounting) ReadNumbers(given, "mounting", mounting);
-    env::WriteMotion(spec().observation, last_, spec().actions.Scale(speeds[0], speeds[1]),
-                     {mounting[0], mounting[1]}, state);
+    if (given.contains("last_action")) {
+      const std::vector<float> action = Numbers(given, "last_action", env::kActionSize);
+      last_.front() = {action[0], action[1]};
+    }
+    const std::span<const float> actions = env::NumbersOf(last_);
+    writer.Write(env::FieldOf("last action"), actions.first(env::kActionSize), state);
+    writer.Write(env::FieldOf("earlier action"), actions.subspan(env::kActionSize), state);
     std::shift_right(last_.begin(), last_.end(), 1);
     env::Action& action = last_.front();
     agent_->Act(observations_, env::NumbersOf(std::span(&action, 1)));
@@ -117,9 +124,6 @@ class LineDriver {
   }
 
  private:
-  static constexpr std::array<std::string_view, 7> kKeys = {
-      "ranges", "goal", "last_action", "speeds", "mounting", "first", "no_echo"};
-
   const policy::PolicySpec& spec() const { return agent_->snapshot().spec; }
 
   static json Parse(const std::string& line) {
@@ -140,7 +144,7 @@ class LineDriver {
   }
 
   /// The list of this key, which has `size` members.
-  static const json& List(const json& given, const char* key, std::size_t size) {
+  static const json& List(const json& given, std::string_view key, std::size_t size) {
     const auto it = given.find(key);
     if (it == given.end()) {
       throw base::Error(fmt::format("{}: is missing, expected {} numbers", key, size));
@@ -152,13 +156,15 @@ class LineDriver {
     return *it;
   }
 
-  static void ReadNumbers(const json& given, const char* key, std::span<float> numbers) {
-    const json& list = List(given, key, numbers.size());
-    for (std::size_t i = 0; i < numbers.size(); ++i) {
-      numbers[i] = static_cast<float>(NumberOf(list[i]).value_or(NAN));
-      if (std::isfinite(numbers[i])) continue;
-      throw base::Error(fmt::format("{}[{}]: found {}, expected a number", key, i, Shown(list[i])));
+  static std::vector<float> Numbers(const json& given, std::string_view key, std::size_t size) {
+    std::vector<float> numbers;
+    for (const json& element : List(given, key, size)) {
+      numbers.push_back(static_cast<float>(NumberOf(element).value_or(NAN)));
+      if (std::isfinite(numbers.back())) continue;
+      throw base::Error(fmt::format("{}[{}]: found {}, expected a number", key, numbers.size() - 1,
+                                    Shown(element)));
     }
+    return numbers;
   }
 
   /// Metres become the centimetres that a policy sees.
@@ -214,6 +220,7 @@ class LineDriver {
 
   std::unique_ptr<policy::PolicyAgent> agent_;
   env::ObservationBatch observations_;
+  std::vector<std::string_view> keys_ = {"ranges", "last_action", "first", "no_echo"};
   std::vector<env::Action> last_;  // The newest first, as many as are observed.
   bool is_new_ = true;
   bool warned_of_zero_ = false;
@@ -242,17 +249,20 @@ void AddActCommand(CLI::App& app) {
   command->add_option("--policy", *policy, "Policy file (.safetensors)")
       ->required()
       ->check(CLI::ExistingFile);
+  std::string more;
+  for (const env::StateField& field : env::kStateFields) {
+    if (field.source != env::StateSource::kSensors || field.num_items({}) > 0) continue;
+    more += fmt::format(", \"{}\": [{}]", field.name, field.unit);
+  }
   command->footer(
       "Each line of standard input is one step, and is answered by a line (docs/robot.md):\n\n"
       "  {\"ranges\": [2.31, null, ...], \"goal\": [3.0, 0.5]}      metres; null: no echo\n"
       "  {\"action\":[0.7,-0.1],\"angular\":-0.31,\"linear\":1.55}     m/s, rad/s\n\n"
       "NaN and Infinity are no echo, too. 0 is an obstacle at the sensor, unless \"no_echo\": 0 "
-      "says\n"
-      "that the sensor means no echo by it.\n\n"
+      "says\nthat the sensor means no echo by it.\n\n"
       "\"first\": true begins an episode. \"last_action\": [a, b] is for a robot that did not do\n"
-      "what it was told. \"speeds\": [m/s, rad/s] and \"mounting\": [x, y] in metres are for a "
-      "policy\n"
-      "that observes them.\n");
+      "what it was told. A policy may need more" +
+      more + ".\n");
   command->callback([policy] { Act(*policy); });
 }
 

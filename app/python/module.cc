@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -80,22 +81,19 @@ std::unique_ptr<VectorEnvironment> MakeEnvironment(
 }
 
 /// [B, N + S]: the paper's observation of each frame.
-py::array_t<float> ObservationsOf(const env::ObservationSpec& spec, const py::array& given_ranges,
+py::array_t<float> ObservationsOf(const nn::FeatureMap& features, const py::array& given_ranges,
                                   const Array<float>& state) {
   const Array<std::uint16_t> ranges = RangesOf(given_ranges);
   const py::ssize_t batch = ranges.ndim() > 0 ? ranges.shape(0) : 0;
-  RequireShape("ranges", ranges, {batch, spec.num_beams});
-  RequireShape("state", state, {batch, spec.state_size});
-  py::array_t<float> observations({batch, static_cast<py::ssize_t>(spec.size())});
-  const std::span<float> out(observations.mutable_data(), observations.size());
-  const auto num_beams = static_cast<std::size_t>(spec.num_beams);
-  const auto state_size = static_cast<std::size_t>(spec.state_size);
-  const auto size = static_cast<std::size_t>(spec.size());
+  const py::ssize_t num_beams = features.num_beams(), size = features.frame_size();
+  RequireShape("ranges", ranges, {batch, num_beams});
+  RequireShape("state", state, {batch, size - num_beams});
+  py::array_t<float> observations({batch, size});
+  float* const out = observations.mutable_data();
   const py::gil_scoped_release release;
   for (py::ssize_t i = 0; i < batch; ++i) {
-    const env::FrameView frame = {{ranges.data() + i * num_beams, num_beams},
-                                  {state.data() + i * state_size, state_size}};
-    env::WriteObservation(spec, frame, out.subspan(i * size, size));
+    features.Write(ranges.data() + i * num_beams, state.data() + i * (size - num_beams),
+                   /*mirrored=*/false, out + i * size);
   }
   return observations;
 }
@@ -137,8 +135,15 @@ void DefineEnvironment(py::module_& module) {
       .def_property_readonly("course_names", &Environment::course_names)
       .def_property_readonly("num_beams",
                              [](const Environment& self) { return self.observations().num_beams; })
-      .def_property_readonly("state_size",
-                             [](const Environment& self) { return self.observations().state_size; })
+      .def_property_readonly(
+          "state_bounds",
+          [](const Environment& self) {
+            std::vector<float> bounds;
+            env::ForEachNumber(self.config().observation, [&](const env::StateField& field, auto&) {
+              bounds.push_back(field.source == env::StateSource::kActions ? 1.0f : INFINITY);
+            });
+            return bounds;
+          })
       .def_property_readonly(
           "range_clip_cm",
           [](const Environment& self) { return 100.0 * self.config().observation.range_clip; })
@@ -164,7 +169,7 @@ void DefineEnvironment(py::module_& module) {
            })
       .def("observe",
            [](const Environment& self, const py::array& ranges, const Array<float>& state) {
-             return ObservationsOf(sim::MakeObservationSpec(self.config()), ranges, state);
+             return ObservationsOf(self.features(), ranges, state);
            });
 }
 

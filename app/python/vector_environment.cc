@@ -27,7 +27,8 @@ VectorEnvironment::VectorEnvironment(const VectorConfig& config)
       parallel_(config.num_threads),
       environments_(config.environment, sim::MakeScenes(config.courses), config.num_environments,
                     &parallel_,
-                    config.physics.make_bodies ? config.physics.make_bodies : sim::MakeRobots()) {
+                    config.physics.make_bodies ? config.physics.make_bodies : sim::MakeRobots()),
+      features_(sim::MakeObservationSpec(config.environment), {}) {
   const auto size = static_cast<std::size_t>(config.num_environments);
   streams_.assign(size, base::Random(0));
   results_.resize(size);

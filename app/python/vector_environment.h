@@ -12,6 +12,7 @@
 #include "env/action.h"
 #include "env/episode.h"
 #include "env/observation.h"
+#include "policy/nn/feature_map.h"
 #include "sim/courses/course.h"
 #include "sim/environment_config.h"
 #include "sim/environments.h"
@@ -49,6 +50,7 @@ class VectorEnvironment {
 
   int size() const { return static_cast<int>(streams_.size()); }
   const sim::EnvironmentConfig& config() const { return environments_.config(); }
+  const nn::FeatureMap& features() const { return features_; }  ///< The paper's.
   const std::vector<std::string>& course_names() const { return course_names_; }
 
   /// Environment i begins the stream of `seed`. Its next episode is the first of it.
@@ -94,6 +96,7 @@ class VectorEnvironment {
   std::vector<std::string> course_names_;
   base::ParallelFor parallel_;
   sim::CourseEnvironments environments_;
+  const nn::FeatureMap features_;
   std::vector<base::Random> streams_;
   std::vector<env::StepResult> results_;
   env::ObservationBatch final_;

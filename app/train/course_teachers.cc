@@ -16,10 +16,10 @@ CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::p
     of_kind_[kind] = static_cast<std::size_t>(known - teachers_.begin());
     if (known != teachers_.end()) continue;
     policy::PolicySnapshot snapshot = policy::LoadPolicy(file).snapshot;
-    // What the student sees, and what no sensor tells if the teacher is told.
+    // What the student sees, and privileged fields if the teacher sees them.
     env::ObservationSpec seen = student.observation;
     seen.privileged |= snapshot.spec.observation.privileged;
-    seen.state_size = seen.course_state_size();
+    seen.state_size = env::StateSize(seen);
     policy::RequireSameInterface(file.string(), snapshot.spec, seen, student.actions);
     teachers_.push_back(
         {file,

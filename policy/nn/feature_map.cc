@@ -25,8 +25,7 @@ void PortableMinima(const std::uint16_t* values, int group, int num_groups, std:
 }
 
 #if defined(__x86_64__)
-/// Requires: group >= 8. The last eight values of a group overlap those before, which a minimum
-/// forgives.
+/// Requires: group >= 8. The last load overlaps the one before: a minimum may see a value twice.
 __attribute__((target("sse4.1"))) void Sse41Minima(const std::uint16_t* values, int group,
                                                    int num_groups, std::uint16_t* minima) {
   for (int i = 0; i < num_groups; ++i) {
@@ -55,22 +54,19 @@ void GroupMinima(const std::uint16_t* values, int group, int num_groups, std::ui
 FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& config)
     : num_beams_(spec.num_beams),
       state_size_(spec.state_size),
-      num_even_(spec.privileged ? env::kToldOfDrive : 0),
       num_ranges_(config.sectors == 0 ? spec.num_beams : config.sectors),
       beams_per_range_(num_ranges_ == 0 ? 0 : spec.num_beams / num_ranges_),
       goal_transform_(config.goal_transform),
       goal_scale_(static_cast<float>(spec.goal_scale)) {
-  if (num_beams_ > 0 && state_size_ != spec.course_state_size()) {
+  if (num_beams_ > 0 && state_size_ != env::StateSize(spec)) {
     throw base::Error(fmt::format("found a state of {} numbers beside a scan, expected {}",
-                                  state_size_, spec.course_state_size()));
+                                  state_size_, env::StateSize(spec)));
   }
   if (num_beams_ > 0 && state_size_ != env::kStateSize &&
       EncoderOf(config) == EncoderKind::kBeamCnn) {
     throw base::Error(
-        "network.cnn_axis: found \"beams\" with more than the last command observed, expected "
-        "\"time\", or "
-        "environment.observation.speeds = false, .mounting = false, .commands = 1 and "
-        ".privileged = false");
+        "network.cnn_axis: found \"beams\", expected \"time\", or environment.observation to add "
+        "nothing to goal and last action");
   }
   if (num_beams_ == 0 && EncoderOf(config) == EncoderKind::kBeamCnn) {
     throw base::Error("network.cnn_axis: found \"beams\" without a scan, expected \"time\"");
@@ -80,6 +76,9 @@ FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& co
         fmt::format("network.sectors: found {}, expected 0 or a divisor of the {} beams of a scan",
                     config.sectors, spec.num_beams));
   }
+  env::ForEachNumber(spec, [this](const auto&, const env::StateNumber& number) {
+    mirror_.push_back(number.has_side ? -1.0f : 1.0f);
+  });
   const float clip_cm = static_cast<float>(100.0 * spec.range_clip);
   table_.resize(static_cast<std::size_t>(std::ceil(clip_cm)) + 1);
   for (std::size_t cm = 0; cm < table_.size(); ++cm) {
@@ -108,13 +107,7 @@ void FeatureMap::Write(const std::uint16_t* ranges_cm, const float* state, bool 
   const float side = mirrored ? -1.0f : 1.0f;
   float* const rest = features + num_ranges_;
   WriteGoal(state, side, rest);
-  // Pairs of speed and turn: what moves to the side or turns changes its sign.
-  const int num_paired = state_size_ - num_even_;
-  for (int i = 2; i < num_paired; i += 2) {
-    rest[i] = state[i];
-    rest[i + 1] = side * state[i + 1];
-  }
-  std::copy(state + num_paired, state + state_size_, rest + num_paired);
+  for (int i = 2; i < state_size_; ++i) rest[i] = mirrored ? mirror_[i] * state[i] : state[i];
 }
 
 /// goal: [2] [m]; side: -1 if left and right are exchanged, else 1; features: [2].

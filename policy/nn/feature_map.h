@@ -16,9 +16,9 @@ namespace slalom::nn {
 /// ranges and goal. What follows the goal is seen as it is. Without beams the state is no course's,
 /// and is seen as it is.
 ///
-/// With sectors = 0 and both transforms "linear" it is exactly `env::WriteObservation`. Ranges are
-/// pooled as the sensor's integers and mapped by table, so every machine computes the same numbers.
-/// Immutable after construction, so one instance may serve many threads.
+/// By default that is the observation of the paper (docs/original-system.md, section 1.3). Ranges
+/// are pooled as the sensor's integers and mapped by table, so every machine computes the same
+/// numbers. Immutable after construction, so one instance may serve many threads.
 class FeatureMap {
  public:
   /// Throws `base::Error` if the sectors do not divide the beams, if there are beams beside a state
@@ -49,12 +49,12 @@ class FeatureMap {
 
   int num_beams_;
   int state_size_;
-  int num_even_;  ///< Numbers that end the state and have no side.
   int num_ranges_;
   int beams_per_range_;
   GoalTransform goal_transform_;
   float goal_scale_;
-  std::vector<float> table_;  ///< [clip in cm + 1], the feature of each range in cm.
+  std::vector<float> mirror_;  ///< [S], -1 for a number whose sign a mirror changes, else 1.
+  std::vector<float> table_;   ///< [clip in cm + 1], the feature of each range in cm.
 };
 
 }  // namespace slalom::nn

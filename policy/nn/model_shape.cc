@@ -45,10 +45,9 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
   RequireConsistent(config, network);
   if (observation.state_size != env::kStateSize) {
     throw base::Error(
-        fmt::format("model.kind is \"{}\", expected environment.observation.speeds = false, "
-                    ".mounting = false, .commands = 1 and .privileged = false: a model predicts "
-                    "neither speeds nor older commands, nor what no sensor tells",
-                    base::EnumName(config.kind)));
+        fmt::format("model.kind is \"{}\", expected environment.observation to add nothing to the "
+                    "state: a model predicts {} numbers, goal and last action, and found {}",
+                    base::EnumName(config.kind), env::kStateSize, observation.state_size));
   }
   ModelShape shape;
   shape.ensemble = config.ensemble;

@@ -112,6 +112,18 @@ class ModelPrinter {
     return graph_.Add("Squeeze", {Slice(x, axis, -1, kEnd), graph_.Integers({axis})});
   }
 
+  std::string StateMeaning() const {
+    std::string text;
+    for (const env::StateField& field : env::kStateFields) {
+      if (field.num_items(spec_.observation) == 0) continue;
+      text += fmt::format("{}{}", text.empty() ? "" : "; ", field.meaning);
+      if (field.name == "last action") {
+        text += fmt::format(", at first {}, which commands standing still", Standstill(spec_));
+      }
+    }
+    return text;
+  }
+
   /// Scan and state -> [B, F], as `nn::FeatureMap` writes them.
   Value Frame() {
     const int num_beams = spec_.observation.num_beams;
@@ -122,21 +134,7 @@ class ModelPrinter {
                                                 "left), in cm; no echo: {:.0f} or more",
                                                 100.0 * spec_.observation.range_clip)});
     const Value state = graph_.AddInput(
-        {"state",
-         NumberType::kFloat,
-         {spec_.observation.state_size},
-         fmt::format(
-             "goal x (ahead) and y (to the left) in the robot's frame, in m; the action of "
-             "the step before, at first {}, which commands standing still{}{}{}{}",
-             Standstill(spec_),
-             spec_.observation.speeds
-                 ? "; forward speed and turn rate, as the action that commands them"
-                 : "",
-             spec_.observation.mounting ? "; place of the range finder, x and y, in dm" : "",
-             spec_.observation.commands > 1
-                 ? "; the actions before, the newest first, at first the same"
-                 : "",
-             spec_.observation.privileged ? "; what a simulator alone can tell" : "")});
+        {"state", NumberType::kFloat, {spec_.observation.state_size}, StateMeaning()});
     ranges = graph_.Add("Cast", {ranges}, {{"to", static_cast<std::int64_t>(NumberType::kFloat)}});
     if (num_ranges_ != num_beams) {
       ranges = graph_.Add("ReduceMin", {Reshape(ranges, {0, num_ranges_, num_beams / num_ranges_})},

@@ -10,10 +10,10 @@ namespace slalom::policy {
 
 /// A policy as the bytes of an ONNX model (operator set 17), which computes the same as
 /// `NetworkAgent`, from the robot's scan to its command. For a batch of B, N beams, F = ranges +
-/// kStateSize features and H frames of history:
+/// S features and H frames of history:
 ///
-/// in   `ranges` [B, N] uint16, [cm], counter-clockwise; `state` [B, 4] float, see
-///      `env::kStateSize`; if H > 1 also `frames` [B, H, F] float and `first` [B] bool
+/// in   `ranges` [B, N] uint16, [cm], counter-clockwise; `state` [B, S] float, see
+///      `env::kStateFields`; if H > 1 also `frames` [B, H, F] float and `first` [B] bool
 /// out  `command` [B, 2] float, [m/s] and [rad/s]; `action` [B, 2] float, in [-1, 1]; if H > 1 also
 ///      `frames_after` [B, H, F] float, the `frames` of the next step
 ///

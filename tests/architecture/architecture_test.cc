@@ -266,6 +266,19 @@ TEST(ArchitectureTest, NamesLengthsAndTextFollowTheStyle) {
   EXPECT_EQ(FaultsOfTree(TextFaults), "");
 }
 
+// As CONTRIBUTING.md promises of the next one.
+TEST(ArchitectureTest, AnObservedQuantityIsNamedInTwoSources) {
+  Names sources;
+  for (const SourceFile& file : ReadTree()) {
+    if (!file.is_program_code()) continue;
+    for (const std::string& line : file.lines) {
+      if (line.find("\"mounting\"") == line.npos && line.find(".mounting") == line.npos) continue;
+      sources.insert(file.path.string());
+    }
+  }
+  EXPECT_EQ(sources, (Names{"env/state_layout.h", "sim/environments.cc"}));
+}
+
 // The rules see what they are there to see.
 TEST(ArchitectureTest, EveryRuleRefusesWhatItForbids) {
   const auto include = [](const std::string& path, const std::string& line) {

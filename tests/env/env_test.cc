@@ -45,16 +45,6 @@ TEST(EpisodeTest, ATimeLimitEndsWithoutTerminating) {
   EXPECT_EQ(ToString(Outcome::kTimeout), "timeout");
 }
 
-TEST(ObservationTest, NumbersAreThoseOfThePaper) {
-  const ObservationSpec spec{.num_beams = 3};
-  EXPECT_EQ(ObservationSpec{}.size(), 724);
-  const std::vector<std::uint16_t> ranges{0, 250, 3000};
-  const std::vector<float> state{10.0f, 0.0f, -0.25f, 0.5f};
-  std::vector<float> observation(7);
-  WriteObservation(spec, {ranges, state}, observation);
-  EXPECT_EQ(observation, (std::vector<float>{-1.0f, 0.0f, 1.0f, 1.0f, -1.0f, -0.25f, 0.5f}));
-}
-
 TEST(ObservationTest, FramesOfABatchDoNotOverlap) {
   ObservationBatch batch;
   batch.Resize(3, 4);

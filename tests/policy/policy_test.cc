@@ -20,7 +20,7 @@ using testing::HasSubstr;
 PolicySnapshot SmallPolicy() {
   PolicySnapshot snapshot;
   snapshot.version = 7;
-  snapshot.spec.observation = {.num_beams = 12, .range_clip = 4.0, .goal_scale = 3.0};
+  snapshot.spec.observation = {{}, 12, env::kStateSize, 4.0, 3.0};
   snapshot.spec.network.encoder_layers = {5};
   snapshot.spec.network.head_layers = {4};
   snapshot.spec.network.history = 2;
@@ -80,7 +80,7 @@ TEST_F(PolicyFileTest, HoldsAllThatAPolicyMayObserveAndCommand) {
   env::ObservationSpec& observation = saved.spec.observation;
   observation.speeds = observation.mounting = observation.privileged = true;
   observation.commands = 3;
-  observation.state_size = observation.course_state_size();
+  observation.state_size = env::StateSize(observation);
   saved.spec.actions = {.linear_min = -0.25, .linear_max = 1.5, .angular_max = 2.0};
   saved.spec.distribution = {
       .kind = DistributionKind::kGaussian, .log_std_min = -4.0, .log_std_max = 1.0};
@@ -208,7 +208,7 @@ TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
   saved.spec.observation.mounting = true;
   saved.spec.observation.commands = 4;
   saved.spec.observation.privileged = true;
-  saved.spec.observation.state_size = saved.spec.observation.course_state_size();
+  saved.spec.observation.state_size = env::StateSize(saved.spec.observation);
   saved.spec.network.goal_transform = nn::GoalTransform::kBounded;
   saved.weights = std::make_shared<const std::vector<float>>(
       static_cast<std::size_t>(saved.spec.actor_shape().num_parameters()), 0.5f);
@@ -223,16 +223,16 @@ TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
   other.speeds = false;
   other.mounting = false;
   other.commands = 6;
-  ASSERT_EQ(other.course_state_size(), other.state_size);
+  ASSERT_EQ(env::StateSize(other), other.state_size);
   try {
     RequireSameInterface("p", spec, other, spec.actions);
     ADD_FAILURE();
   } catch (const base::Error& error) {
     EXPECT_THAT(
         error.what(),
-        AllOf(HasSubstr("with speeds, with the mounting, with 4 commands, with what no sensor "
-                        "tells, the simulator gives"),
-              HasSubstr("with 6 commands")));
+        AllOf(HasSubstr("with speeds, with mounting, with earlier action x 3, with true speeds, "
+                        "with nearest obstacle x 5, with drive, the simulator gives"),
+              HasSubstr("with earlier action x 5")));
   }
 }
 
@@ -348,7 +348,7 @@ TEST(PolicyBytesTest, NumbersThatAreNotFiniteAreRefused) {
 TEST(RequireSameInterface, NamesWhatDiffers) {
   const PolicySpec spec;
   EXPECT_NO_THROW(RequireSameInterface("p", spec, {}, {}));
-  EXPECT_THROW(RequireSameInterface("p", spec, {.num_beams = 360}, {}), base::Error);
+  EXPECT_THROW(RequireSameInterface("p", spec, {{}, 360}, {}), base::Error);
   EXPECT_THROW(RequireSameInterface("p", spec, {}, {.linear_min = -0.5}), base::Error);
   EXPECT_THROW(RequireSameInterface("p", spec, {}, {.linear_max = 1.0}), base::Error);
   EXPECT_THROW(RequireSameInterface("p", spec, {}, {.angular_max = 1.0}), base::Error);

@@ -149,8 +149,8 @@ TEST(EnvironmentsTest, TheMountingIsThatOfTheEpisode) {
   EXPECT_EQ(seen.size(), 5u);
 }
 
-/// Robots that are drawn, and what no sensor tells of them.
-EnvironmentConfig Told() {
+/// Robots that are drawn, with privileged fields.
+EnvironmentConfig PrivilegedConfig() {
   EnvironmentConfig config;
   config.observation.commands = 2;
   config.observation.privileged = true;
@@ -160,22 +160,22 @@ EnvironmentConfig Told() {
 }
 
 TEST(EnvironmentsTest, PrivilegedNumbersAreTheNearestObstaclesAndTheDrive) {
-  CourseEnvironments told(Told(), MakeScenes(ResolveCourses("generated-crowds:3:2", {}, 0)), 1,
-                          nullptr);
-  ASSERT_EQ(told.shape(), env::StepShape(720, 6 + env::kPrivilegedSize));
+  CourseEnvironments environments(
+      PrivilegedConfig(), MakeScenes(ResolveCourses("generated-crowds:3:2", {}, 0)), 1, nullptr);
+  ASSERT_EQ(environments.shape(), env::StepShape(720, 6 + env::kPrivilegedSize));
   std::vector<env::StepResult> results(1);
   int num_compared = 0;
   for (std::uint64_t seed = 0; seed < 6; ++seed) {
-    told.Reset(0, {static_cast<int>(seed % 2), seed});
-    const MovingObstacles& moving = told.scene(0).moving_obstacles();
+    environments.Reset(0, {static_cast<int>(seed % 2), seed});
+    const MovingObstacles& moving = environments.scene(0).moving_obstacles();
     ASSERT_GT(moving.size(), 1);
     for (int step = 0; step < 10; ++step) {
-      const base::Pose2 X_WR = told.robot_pose(0);
+      const base::Pose2 X_WR = environments.robot_pose(0);
       // All obstacles by their distance, velocities by differences of places.
       std::map<double, std::array<double, 4>> all;
       for (int i = 0; i < moving.size(); ++i) {
         constexpr double kDelta = 1e-2;
-        const double t = told.motion_time(0);
+        const double t = environments.motion_time(0);
         if (moving.Jumps(i, t - kDelta, 2.0 * kDelta)) continue;
         const auto at = [&](double time) {
           const MovingShape shape = moving.At(i, time);
@@ -187,14 +187,15 @@ TEST(EnvironmentsTest, PrivilegedNumbersAreTheNearestObstaclesAndTheDrive) {
         all[base::Norm(place) - static_cast<double>(moving.circumradius(i))] = {
             place.x, place.y, moved.x / (2.0 * kDelta), moved.y / (2.0 * kDelta)};
       }
-      const auto state = told.observations().frame(0).state.last(env::kPrivilegedSize);
-      const env::Action speeds = Told().action.Scale(told.observations().odometry[0].linear,
-                                                     told.observations().odometry[0].angular);
+      const auto state = environments.observations().frame(0).state.last(env::kPrivilegedSize);
+      const env::Action speeds =
+          PrivilegedConfig().action.Scale(environments.observations().odometry[0].linear,
+                                          environments.observations().odometry[0].angular);
       EXPECT_EQ((env::Action{state[0], state[1]}), speeds);
       std::size_t k = 2;
       if (std::ssize(all) == moving.size()) {
         for (const auto& [distance, obstacle] : all) {
-          if (k == 2 + 4 * env::kToldObstacles) break;
+          if (k == 2 + 4 * env::kPrivilegedObstacles) break;
           EXPECT_NEAR(5.0f * state[k], obstacle[0], 1e-4);
           EXPECT_NEAR(5.0f * state[k + 1], obstacle[1], 1e-4);
           EXPECT_NEAR(state[k + 2], obstacle[2], 0.02);
@@ -202,9 +203,9 @@ TEST(EnvironmentsTest, PrivilegedNumbersAreTheNearestObstaclesAndTheDrive) {
           k += 4;
           ++num_compared;
         }
-        for (; k < 2 + 4 * env::kToldObstacles; ++k) EXPECT_EQ(state[k], 0.0f);
+        for (; k < 2 + 4 * env::kPrivilegedObstacles; ++k) EXPECT_EQ(state[k], 0.0f);
       }
-      const auto drive = state.last(env::kToldOfDrive);
+      const auto drive = state.last(6);
       EXPECT_GE(drive[0], 0.0f);
       EXPECT_LE(drive[0], 1.2f);
       EXPECT_EQ(drive[2], 0.0f);
@@ -212,7 +213,7 @@ TEST(EnvironmentsTest, PrivilegedNumbersAreTheNearestObstaclesAndTheDrive) {
       EXPECT_LE(drive[4], 1.0f);
       EXPECT_EQ(drive[5], 1.0f);
       const std::vector<env::Action> action = {ActionOf(step)};
-      told.Step(env::NumbersOf(action), results);
+      environments.Step(env::NumbersOf(action), results);
       if (results[0].ended()) break;
     }
   }
@@ -220,19 +221,21 @@ TEST(EnvironmentsTest, PrivilegedNumbersAreTheNearestObstaclesAndTheDrive) {
 }
 
 TEST(EnvironmentsTest, PrivilegedNumbersComeLastAndChangeNothingElse) {
-  EnvironmentConfig less = Told();
+  EnvironmentConfig less = PrivilegedConfig();
   less.observation.privileged = false;
   const auto scenes = MakeScenes(ResolveCourses("generated-crowds:3:2", {}, 0));
-  CourseEnvironments told(Told(), scenes, 1, nullptr), plain(less, scenes, 1, nullptr);
+  CourseEnvironments environments(PrivilegedConfig(), scenes, 1, nullptr),
+      plain(less, scenes, 1, nullptr);
   std::vector<env::StepResult> results(1);
-  told.Reset(0, {1, 5});
+  environments.Reset(0, {1, 5});
   plain.Reset(0, {1, 5});
   for (int step = 0; step < 5; ++step) {
-    const env::FrameView more = told.observations().frame(0), few = plain.observations().frame(0);
+    const env::FrameView more = environments.observations().frame(0),
+                         few = plain.observations().frame(0);
     EXPECT_TRUE(std::ranges::equal(more.ranges_cm, few.ranges_cm));
     EXPECT_TRUE(std::ranges::equal(more.state.first(few.state.size()), few.state));
     const std::vector<env::Action> action = {ActionOf(step)};
-    told.Step(env::NumbersOf(action), results);
+    environments.Step(env::NumbersOf(action), results);
     plain.Step(env::NumbersOf(action), results);
   }
 }

@@ -86,11 +86,10 @@ def _layout(observation, sections):
 def _spaces(core, observation):
     """Returns the spaces of one environment: of observations and of actions."""
     n = core.num_beams
+    bound = np.array(core.state_bounds, np.float32)
     if observation == "vector":
-        seen = Box(-np.inf, np.inf, (n + core.state_size,), np.float32)
+        seen = Box(-np.inf, np.inf, (n + bound.size,), np.float32)
     elif observation == "frame":
-        bound = np.full(core.state_size, np.inf, np.float32)
-        bound[2:4] = 1.0
         seen = Dict({
             "ranges": Box(0, int(np.ceil(core.range_clip_cm)), (n,), np.uint16),
             "state": Box(-bound, bound, dtype=np.float32)

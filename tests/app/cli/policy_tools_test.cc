@@ -38,12 +38,10 @@ policy::PolicySnapshot RandomPolicy(const policy::PolicySpec& spec) {
   return snapshot;
 }
 
-/// A policy of random weights that sees two frames. `seen`: with any number of beams and states.
-policy::PolicySnapshot MakeSnapshot(const env::ObservationSpec& seen = {}) {
+/// A policy of random weights that sees two frames.
+policy::PolicySnapshot MakeSnapshot(const env::StateOptions& seen = {}) {
   policy::PolicySpec spec;
-  spec.observation = seen;
-  spec.observation.num_beams = kNumBeams;
-  spec.observation.state_size = spec.observation.course_state_size();
+  spec.observation = {seen, kNumBeams, env::StateSize(seen)};
   spec.network.encoder_layers = spec.network.head_layers = {8};
   spec.network.history = 2;
   spec.actions = {.linear_min = -0.5, .linear_max = 1.0, .angular_max = 2.0};
@@ -149,12 +147,12 @@ TEST_F(PolicyToolsTest, ActAnswersEachLineAsThePolicyDrives) {
 TEST_F(PolicyToolsTest, ActDrivesSimulatedEpisodesAsTheAgentDoes) {
   using enum nn::EncoderFamily;
   const std::vector<sim::ObservationConfig> options = {
-      {.commands = 3},
-      {.speeds = true},
+      {{.commands = 3}},
+      {{.speeds = true}},
       {},
-      {.range_clip = 8.0, .speeds = true, .mounting = true, .commands = 4},
-      {.mounting = true},
-      {.speeds = true, .commands = 2}};
+      {{.speeds = true, .mounting = true, .commands = 4}, 8.0},
+      {{.mounting = true}},
+      {{.speeds = true, .commands = 2}}};
   const std::vector<nn::Case> networks = {{"Mlp1", nn::Make(kMlp, {8}, 1)},
                                           {"Mlp3", nn::Make(kMlp, {8}, 3)},
                                           {"BeamCnn", nn::OverBeams(nn::Make(kCnn, {4, 3, 5}, 4))},

@@ -33,20 +33,33 @@ std::vector<float> Write(const FeatureMap& map, const Frame& frame, bool mirrore
   return features;
 }
 
-TEST(FeatureMap, WithoutPoolingIsTheInterfacesObservation) {
-  const env::ObservationSpec spec;
+/// The observation of the paper, number by number.
+std::vector<float> PapersObservation(const Frame& frame) {
+  std::vector<float> observation;
+  for (const std::uint16_t range_cm : frame.ranges_cm) {
+    observation.push_back(static_cast<float>(std::min<int>(range_cm, 500)) * (2.0f / 500.0f) -
+                          1.0f);
+  }
+  observation.push_back(frame.state[0] / 5.0f - 1.0f);
+  observation.push_back(frame.state[1] / 5.0f - 1.0f);
+  observation.insert(observation.end(), frame.state.begin() + 2, frame.state.end());
+  return observation;
+}
+
+TEST(FeatureMap, ByDefaultIsTheObservationOfThePaper) {
   base::Random random(1);
   for (int round = 0; round < 20; ++round) {
-    const Frame frame = RandomFrame(spec.num_beams, random);
-    std::vector<float> expected(spec.size());
-    env::WriteObservation(spec, {frame.ranges_cm, frame.state}, expected);
-    EXPECT_EQ(Write(FeatureMap(spec, {}), frame, false), expected);
+    const Frame frame = RandomFrame(720, random);
+    EXPECT_EQ(Write(FeatureMap({}, {}), frame, false), PapersObservation(frame));
   }
+  const Frame frame{{0, 250, 3000}, {10.0f, 0.0f, -0.25f, 0.5f}};
+  EXPECT_EQ(Write(FeatureMap({{}, 3}, {}), frame, false),
+            (std::vector<float>{-1.0f, 0.0f, 1.0f, 1.0f, -1.0f, -0.25f, 0.5f}));
 }
 
 TEST(FeatureMap, PoolsByMinimumForEveryDivisor) {
   base::Random random(2);
-  const env::ObservationSpec spec{.num_beams = 720};
+  const env::ObservationSpec spec;
   for (const int sectors : {1, 2, 8, 36, 72, 80, 90, 144, 180, 360, 720}) {
     const FeatureMap map(spec, {.sectors = sectors, .range_transform = RangeTransform::kInverse});
     const Frame frame = RandomFrame(spec.num_beams, random);
@@ -64,7 +77,7 @@ TEST(FeatureMap, PoolsByMinimumForEveryDivisor) {
 
 TEST(FeatureMap, MirrorTurnsTheSceneLeftForRight) {
   base::Random random(3);
-  const env::ObservationSpec spec{.num_beams = 720};
+  const env::ObservationSpec spec;
   for (const int sectors : {0, 72, 90}) {
     for (const GoalTransform goal :
          {GoalTransform::kLinear, GoalTransform::kCentred, GoalTransform::kBounded}) {
@@ -90,7 +103,8 @@ TEST(FeatureMap, CentredGoalIsOddInY) {
 
 TEST(FeatureMap, BoundedGoalKeepsItsDirectionAtAnyDistance) {
   constexpr double kScale = 4.0;
-  const env::ObservationSpec spec{.goal_scale = kScale};
+  env::ObservationSpec spec;
+  spec.goal_scale = kScale;
   const FeatureMap map(spec, {.sectors = 72, .goal_transform = GoalTransform::kBounded});
   base::Random random(8);
   double last = -1.0;
@@ -116,7 +130,8 @@ TEST(FeatureMap, BoundedGoalKeepsItsDirectionAtAnyDistance) {
 }
 
 TEST(FeatureMap, AModelThatKnowsSuccessFindsItInTheGoalsFeatures) {
-  const env::ObservationSpec spec{.goal_scale = 4.0};
+  env::ObservationSpec spec;
+  spec.goal_scale = 4.0;
   const GoalRule goal{.radius = 0.5, .reward = 1.0};
   TransitionModelConfig model;
   model.kind = ModelKind::kDeterministic;
@@ -141,8 +156,8 @@ TEST(FeatureMap, AModelThatKnowsSuccessFindsItInTheGoalsFeatures) {
 
 /// A course's spec with speeds and three commands.
 env::ObservationSpec LongSpec() {
-  env::ObservationSpec spec{.speeds = true, .commands = 3};
-  spec.state_size = spec.course_state_size();
+  env::ObservationSpec spec{{.speeds = true, .commands = 3}};
+  spec.state_size = env::StateSize(spec);
   return spec;
 }
 
@@ -164,23 +179,24 @@ TEST(FeatureMap, WhatFollowsTheGoalIsSeenAsItIsAndItsTurnsAreMirrored) {
   }
   // The paper's map of the same frame.
   const FeatureMap plain(spec, {});
-  std::vector<float> features(plain.frame_size()), observation(spec.size());
+  std::vector<float> features(plain.frame_size());
   plain.Write(ranges_cm.data(), state.data(), false, features.data());
-  env::WriteObservation(spec, {ranges_cm, state}, observation);
-  EXPECT_EQ(features, observation);
+  EXPECT_EQ(features[720], 1.0f);
+  EXPECT_EQ(features[721], -0.5f);
+  for (std::size_t i = 2; i < state.size(); ++i) EXPECT_EQ(features[720 + i], state[i]);
 }
 
 TEST(FeatureMap, MirrorLeavesWhatHasNoSide) {
   env::ObservationSpec spec;
   spec.privileged = true;
-  spec.state_size = spec.course_state_size();
+  spec.state_size = env::StateSize(spec);
   const FeatureMap map(spec, {.sectors = 72});
   const std::vector<std::uint16_t> ranges_cm(720, 100);
   std::vector<float> state(static_cast<std::size_t>(spec.state_size));
   for (std::size_t i = 0; i < state.size(); ++i) state[i] = 0.1f + static_cast<float>(i);
   std::vector<float> mirrored(map.frame_size());
   map.Write(ranges_cm.data(), state.data(), true, mirrored.data());
-  const std::size_t sided = state.size() - env::kToldOfDrive;
+  const std::size_t sided = state.size() - 6;  // The drive has none.
   for (std::size_t i = 2; i < state.size(); ++i) {
     EXPECT_EQ(mirrored[72 + i], i < sided && i % 2 == 1 ? -state[i] : state[i]) << i;
   }

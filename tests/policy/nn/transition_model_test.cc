@@ -66,8 +66,8 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
  protected:
   TransitionModelTest()
       : network_{.history = GetParam().history},
-        shape_(MakeModelShape(GetParam().config, network_, kFrame, {.goal_scale = kGoalScale},
-                              kGoal)) {
+        shape_(MakeModelShape(GetParam().config, network_, kFrame,
+                              {{}, 720, env::kStateSize, 5.0, kGoalScale}, kGoal)) {
     torch::manual_seed(1);
     parameters_ = torch::randn({shape_.num_parameters()}, torch::kDouble) * 0.5;
     input_ = torch::randn({kBatch, shape_.network.num_inputs() + 2}, torch::kDouble);
@@ -108,7 +108,7 @@ class TransitionModelTest : public testing::TestWithParam<Case> {
     const int rest = config.kind == ModelKind::kProbabilistic ? 2 * predicted : predicted;
     *reward = out[rest];
     *termination = 1.0 / (1.0 + std::exp(-out[rest + 1]));
-    // The goal [m], as env::WriteObservation writes it.
+    // The goal [m], as FeatureMap writes it.
     const double* const goal = stack.data() + width - 4;
     const double distance = kGoalScale * std::hypot(goal[0] + 1.0, goal[1] + 1.0);
     if (config.success == ModelSuccess::kKnown && distance < kGoal.radius) {
