@@ -25,20 +25,23 @@ struct SamplingConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    const base::ReadIf for_fresh{"fresh"}, for_learnable{"sampling", {"learnable"}};
     v("fresh_share", fresh_share, base::Range{0.0, 1.0}, "",
       "Share of the uniformly drawn episodes that are driven on fresh courses; the others are on "
-      "those of courses.train. Without any there, all are on fresh ones.");
+      "those of courses.train. Without any there, all are on fresh ones.",
+      for_fresh);
     v("fresh_episodes", fresh_episodes, base::Range{1, 1000}, "",
       "Uniformly drawn episodes on a fresh course before the next one takes its place. The success "
-      "of the policy in training is measured over them.");
+      "of the policy in training is measured over them.",
+      for_fresh);
     v("sampling", sampling,
       "uniform: every course is as likely as any other. learnable: a share of the episodes is on "
       "courses on which the policy succeeds sometimes; such a course is drawn in proportion to "
       "p (1 - p), where p is its measured success.");
     v("learnable_share", learnable_share, base::Range{0.0, 1.0}, "",
-      "Share of the episodes on learnable courses; the others are drawn uniformly.");
+      "Share of the episodes on learnable courses; the others are drawn uniformly.", for_learnable);
     v("learnable_courses", learnable_courses, base::Range{1, 100000}, "",
-      "Number of fresh courses that are kept because they are the most learnable.");
+      "Number of fresh courses that are kept because they are the most learnable.", for_learnable);
   }
 };
 

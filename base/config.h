@@ -32,6 +32,12 @@ struct EnumField {
   std::function<bool(std::string_view name)> set;  ///< Returns false if no value has this name.
 };
 
+/// `base::ReadIf` with the dotted key of the choice.
+struct ReadIf {
+  std::string key;
+  std::vector<std::string_view> values;
+};
+
 /// One field of a config struct, found by walking its `Visit`.
 struct Field {
   using Pointer = std::variant<bool*, int*, std::int64_t*, double*, std::string*, std::vector<int>*,
@@ -43,12 +49,14 @@ struct Field {
   std::vector<std::string_view> choices;  ///< Empty for free text.
   std::string_view unit;
   std::string_view meaning;
+  std::vector<ReadIf> read_if = {};  ///< It is read if all of these hold.
 };
 
 /// A group of fields, for printing and documentation.
 struct Section {
   std::string key;  ///< Dotted; empty for the root.
   std::string_view meaning;
+  std::optional<ReadIf> read_if = {};
 };
 
 struct FieldList;
@@ -76,38 +84,55 @@ class FieldCollector {
 
   template <class T>
   void operator()(std::string_view key, T& value, base::Range range, std::string_view unit,
-                  std::string_view meaning) {
-    list_.fields.push_back({prefix_ + std::string(key), &value, range, {}, unit, meaning});
+                  std::string_view meaning, const base::ReadIf& read_if = {}) {
+    Add({prefix_ + std::string(key), &value, range, {}, unit, meaning}, read_if);
   }
   void operator()(std::string_view key, std::string& value, const base::OneOf& one_of,
                   std::string_view unit, std::string_view meaning) {
-    list_.fields.push_back(
-        {prefix_ + std::string(key), &value, std::nullopt, one_of.choices, unit, meaning});
+    Add({prefix_ + std::string(key), &value, std::nullopt, one_of.choices, unit, meaning}, {});
   }
   template <class T>
-  void operator()(std::string_view key, T& value, std::string_view meaning) {
-    list_.fields.push_back({prefix_ + std::string(key), &value, std::nullopt, {}, "", meaning});
+  void operator()(std::string_view key, T& value, std::string_view meaning,
+                  const base::ReadIf& read_if = {}) {
+    Add({prefix_ + std::string(key), &value, std::nullopt, {}, "", meaning}, read_if);
   }
   template <base::NamedEnum E>
-  void operator()(std::string_view key, E& value, std::string_view meaning) {
+  void operator()(std::string_view key, E& value, std::string_view meaning,
+                  const base::ReadIf& read_if = {}) {
     const EnumField field = {
         [&value] { return base::EnumName(value); },
         [&value](std::string_view name) { return base::ParseEnum(name, value); }};
-    list_.fields.push_back(
-        {prefix_ + std::string(key), field, std::nullopt, EnumNames(value).choices, "", meaning});
+    Add({prefix_ + std::string(key), field, std::nullopt, EnumNames(value).choices, "", meaning},
+        read_if);
   }
   template <class Config>
-  void Section(std::string_view key, Config& config, std::string_view meaning) {
+  void Section(std::string_view key, Config& config, std::string_view meaning,
+               const base::ReadIf& read_if = {}) {
     const std::string outer = prefix_;
     prefix_ += std::string(key) + ".";
-    list_.sections.push_back({prefix_.substr(0, prefix_.size() - 1), meaning});
+    const std::optional<ReadIf> choice = Dotted(read_if);
+    list_.sections.push_back({prefix_.substr(0, prefix_.size() - 1), meaning, choice});
+    const std::size_t first = list_.fields.size();
     config.Visit(*this);
+    for (Field& field : std::span(list_.fields).subspan(first)) {
+      if (choice && field.key != choice->key) field.read_if.insert(field.read_if.begin(), *choice);
+    }
     prefix_ = outer;
   }
   template <class Config>
   void Tables(std::string_view key, std::vector<Config>& list, std::string_view meaning);
 
  private:
+  std::optional<ReadIf> Dotted(const base::ReadIf& read_if) const {
+    if (read_if.key.empty()) return std::nullopt;
+    const bool is_dotted = read_if.key.find('.') != std::string_view::npos;
+    return ReadIf{(is_dotted ? "" : prefix_) + std::string(read_if.key), read_if.values};
+  }
+  void Add(Field field, const base::ReadIf& read_if) {
+    if (auto choice = Dotted(read_if)) field.read_if.push_back(*std::move(choice));
+    list_.fields.push_back(std::move(field));
+  }
+
   FieldList& list_;
   std::string prefix_;
 };
@@ -174,6 +199,11 @@ void ApplyOverride(std::string_view assignment, const FieldList& list);
 /// `where`.
 void SetField(std::string_view key, std::string_view value, std::string_view where,
               const FieldList& list);
+
+/// Throws `base::Error` if listed fields differ from those in `defaults`, a list of the same
+/// struct, although nothing reads them (`base::ReadIf`). The error names the key of each, its value
+/// and the choice with which it is read. A choice that is not listed does not count.
+void RequireRead(const FieldList& list, const FieldList& defaults);
 
 /// Returns the value of a field as TOML.
 std::string PrintValue(const Field& field);

@@ -21,15 +21,17 @@
 ///       v("device", device, "Where to compute.");
 ///       v("save_replay", save_replay, "Keep the replay buffer in checkpoints.");
 ///       v("name", name, "Free text.");
+///       v("sectors", sectors, "Of a scan that is divided.", base::ReadIf{"pooling", {"sectors"}});
 ///       v.Section("lidar", lidar, "The range finder.");
 ///       v.Tables("axis", axes, "One axis each: [[axis]], any number of times.");
 ///     }
 ///
 /// which gives for each field its key, the field itself, its range or choices (none for bool, enum
-/// and free text), its unit and its meaning. From this list base/config.h reads, checks, prints
-/// and documents the struct. A field is a bool, int, std::int64_t, double, std::string, a
-/// `NamedEnum`, a std::vector of int, double, std::string or `TomlValue`, or `TomlAssignments`.
-/// `Tables` takes a std::vector of structs with a `Visit` of their own.
+/// and free text), its unit, its meaning, and the choice without which nothing reads it. From this
+/// list base/config.h reads, checks, prints and documents the struct. A field is a bool, int,
+/// std::int64_t, double, std::string, a `NamedEnum`, a std::vector of int, double, std::string or
+/// `TomlValue`, or `TomlAssignments`. `Tables` takes a std::vector of structs with a `Visit` of
+/// their own.
 
 namespace slalom::base {
 
@@ -61,6 +63,14 @@ struct Range {
 struct OneOf {
   OneOf(std::initializer_list<std::string_view> texts) : choices(texts) {}
   std::vector<std::string_view> choices;
+};
+
+/// The values of another field, the choice, with which a field is read. With any other value
+/// nothing reads the field, and it must have its default (`config::RequireRead`). On a section: all
+/// fields inside but the choice itself.
+struct ReadIf {
+  std::string_view key{};  ///< Of the choice; without a dot, in the same section.
+  std::vector<std::string_view> values = {};  ///< Names or TOML. Empty: all but its default.
 };
 
 /// An enum whose values have names in files and messages. They are listed once, beside the enum,

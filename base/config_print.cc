@@ -107,6 +107,13 @@ void PrintTables(const FieldList& list, const std::string& prefix, std::string& 
   }
 }
 
+/// " Read if `learner.algorithm` is `sac` or `tqc`." `section`: whose keys need no prefix.
+std::string DescribeReading(const ReadIf& choice, const std::string& section) {
+  const std::string key = SectionOf(choice.key) == section ? NameOf(choice.key) : choice.key;
+  if (choice.values.empty()) return fmt::format(" Read unless `{}` has its default.", key);
+  return fmt::format(" Read if `{}` is `{}`.", key, fmt::join(choice.values, "` or `"));
+}
+
 void PrintFieldRows(const FieldList& list, const std::string& section, std::string& text) {
   const bool any = std::ranges::any_of(
       list.fields, [&](const Field& field) { return SectionOf(field.key) == section; });
@@ -117,8 +124,16 @@ void PrintFieldRows(const FieldList& list, const std::string& section, std::stri
     std::string range;
     if (field.range) range = fmt::format("{} to {}", field.range->min, field.range->max);
     if (!field.choices.empty()) range = fmt::format("`{}`", fmt::join(field.choices, "`, `"));
+    // What holds for all of a section is said there.
+    const auto of_section = std::ranges::find(list.sections, section, &Section::key);
+    const bool is_said = of_section != list.sections.end() && of_section->read_if &&
+                         of_section->read_if->key != field.key;
+    std::string meaning(field.meaning);
+    for (std::size_t i = is_said ? 1 : 0; i < field.read_if.size(); ++i) {
+      meaning += DescribeReading(field.read_if[i], section);
+    }
     text += fmt::format("| `{}` | `{}` | {} | {} | {} |\n", NameOf(field.key), PrintValue(field),
-                        range, field.unit, field.meaning);
+                        range, field.unit, meaning);
   }
 }
 
@@ -154,7 +169,8 @@ std::string PrintMarkdown(const FieldList& list) {
     PrintFieldRows(list, "", text);
   }
   for (const Section& section : list.sections) {
-    text += fmt::format("\n## `[{}]`\n\n{}\n", section.key, section.meaning);
+    text += fmt::format("\n## `[{}]`\n\n{}{}\n", section.key, section.meaning,
+                        section.read_if ? DescribeReading(*section.read_if, section.key) : "");
     PrintFieldRows(list, section.key, text);
   }
   DescribeTables(list, "", text);

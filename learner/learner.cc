@@ -33,95 +33,6 @@ at::Device ChooseDevice(DeviceChoice choice) {
   return at::Device(choice != DeviceChoice::kCpu && has_cuda ? at::kCUDA : at::kCPU);
 }
 
-const MethodConfig& Checked(const MethodConfig& method) {
-  const LearnerConfig& learner = method.learner;
-  if (TraitsOf(learner).is_stochastic && learner.log_std_min > learner.log_std_max) {
-    throw base::Error(
-        fmt::format("learner.log_std_min is {}, expected at most learner.log_std_max = {}",
-                    learner.log_std_min, learner.log_std_max));
-  }
-  const ConstraintConfig& constraint = method.constraint;
-  if (TraitsOf(learner).is_taught) {
-    const char* const unfit = learner.prioritized                         ? "learner.prioritized"
-                              : constraint.kind != ConstraintKind::kNone  ? "constraint.kind"
-                              : method.model.kind != nn::ModelKind::kNone ? "model.kind"
-                                                                          : nullptr;
-    if (unfit != nullptr) {
-      throw base::Error(
-          fmt::format("{} is set, expected its default with learner.algorithm = \"{}\", which "
-                      "learns from teachers alone",
-                      unfit, learner.algorithm));
-    }
-  }
-  const std::pair<const char*, double ConstraintConfig::*> keys[] = {
-      {"limit", &ConstraintConfig::limit},
-      {"multiplier", &ConstraintConfig::multiplier},
-      {"multiplier_max", &ConstraintConfig::multiplier_max},
-      {"learning_rate", &ConstraintConfig::learning_rate},
-      {"proportional_gain", &ConstraintConfig::proportional_gain},
-      {"derivative_gain", &ConstraintConfig::derivative_gain},
-      {"learning_starts", &ConstraintConfig::learning_starts}};
-  const ConstraintConfig defaults;
-  for (const auto& [key, member] : keys) {
-    const bool is_set = constraint.*member != defaults.*member;
-    if (!is_set || constraint.kind != ConstraintKind::kNone) continue;
-    throw base::Error(
-        fmt::format("constraint.{} is {}, expected constraint.kind = \"lagrangian\" or \"fixed\": "
-                    "without a constraint it has no effect",
-                    key, constraint.*member));
-  }
-  if (constraint.kind == ConstraintKind::kLagrangian && constraint.learning_rate == 0.0 &&
-      constraint.proportional_gain == 0.0 && constraint.derivative_gain == 0.0) {
-    throw base::Error(
-        "constraint.learning_rate and both gains are 0, expected one of them above 0 with "
-        "constraint.kind = \"lagrangian\": the multiplier would never move");
-  }
-  if (constraint.kind == ConstraintKind::kLagrangian && constraint.multiplier_max == 0.0) {
-    throw base::Error(
-        "constraint.multiplier_max is 0, expected more: with a multiplier of 0 the constraint has "
-        "no "
-        "effect");
-  }
-  if (constraint.kind == ConstraintKind::kFixed && constraint.multiplier == 0.0) {
-    throw base::Error(
-        "constraint.multiplier is 0, expected more with constraint.kind = \"fixed\": with a "
-        "multiplier of 0 the constraint has no effect");
-  }
-  if (constraint.multiplier > constraint.multiplier_max) {
-    throw base::Error(
-        fmt::format("constraint.multiplier is {}, expected at most constraint.multiplier_max = {}",
-                    constraint.multiplier, constraint.multiplier_max));
-  }
-  if (method.imagination.kind == ImaginationKind::kNone) {
-    if (method.imagination.as_published) {
-      throw base::Error(
-          "imagination.as_published is true, expected imagination.kind = \"dyna\": nothing is "
-          "imagined");
-    }
-    return method;
-  }
-  const std::string_view imagination = base::EnumName(method.imagination.kind);
-  if (method.model.kind == nn::ModelKind::kNone) {
-    throw base::Error(
-        fmt::format("imagination.kind is \"{}\", expected model.kind = \"deterministic\" or "
-                    "\"probabilistic\": imagination needs a transition model",
-                    imagination));
-  }
-  if (constraint.kind != ConstraintKind::kNone) {
-    throw base::Error(fmt::format(
-        "imagination.kind is \"{}\", expected \"none\" with constraint.kind = \"{}\": a "
-        "transition model predicts no cost",
-        imagination, base::EnumName(constraint.kind)));
-  }
-  if (learner.prioritized) {
-    throw base::Error(fmt::format(
-        "imagination.kind is \"{}\", expected \"none\" with learner.prioritized: imagined "
-        "transitions have no priority",
-        imagination));
-  }
-  return method;
-}
-
 std::shared_ptr<const std::vector<float>> CopyToHost(const at::Tensor& parameters) {
   const at::Tensor host = parameters.to(at::kCPU);
   const float* const begin = host.data_ptr<float>();
@@ -203,7 +114,7 @@ struct Learner::Parts {
 
 Learner::Learner(const MethodConfig& method, const policy::PolicySpec& spec, std::uint64_t seed,
                  const std::optional<policy::PolicySnapshot>& first)
-    : method_(Checked(method)), spec_(spec), sample_specs_(SampleSpecs(method, spec)) {
+    : method_(method), spec_(spec), sample_specs_(SampleSpecs(method, spec)) {
   SLALOM_CHECK(spec.distribution == DistributionOf(method.learner));
   SLALOM_CHECK(spec.planning == PlanningOf(method, spec.planning.goal));
   parts_ = std::make_unique<Parts>(method_, spec_, seed);

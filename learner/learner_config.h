@@ -61,6 +61,8 @@ struct LearnerConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    const base::ReadIf for_td3{"algorithm", {"td3"}}, for_sac{"algorithm", {"sac", "tqc"}},
+        for_tqc{"algorithm", {"tqc"}};
     v("algorithm", algorithm, AlgorithmChoices(), "", "The update rule (docs/algorithms.md).");
     v("from", from,
       "Policy file whose actor training starts from: the actor, its target network and its average "
@@ -91,27 +93,27 @@ struct LearnerConfig {
       "Rate at which the target networks follow the trained networks (Polyak averaging), per actor "
       "update.");
     v("target_noise", target_noise, base::Range{0.0, 10.0}, "",
-      "TD3: standard deviation of the noise on target actions.");
+      "Standard deviation of the noise on target actions.", for_td3);
     v("noise_clip", noise_clip, base::Range{0.0, 10.0}, "",
-      "TD3: the noise on target actions is clipped to this.");
+      "The noise on target actions is clipped to this.", for_td3);
     v("policy_delay", policy_delay, base::Range{1, 100}, "",
-      "TD3: critic updates per update of the actor and the target networks.");
+      "Critic updates per update of the actor and the target networks.", for_td3);
     v("preactivation_penalty", preactivation_penalty, base::Range{0.0, 100.0}, "",
-      "TD3, DDPG: weight of the squared inputs of tanh in the actor's loss, so that the actor does "
-      "not get stuck at the largest actions (docs/networks.md).");
+      "Weight of the squared inputs of tanh in the actor's loss, so that the actor does not get "
+      "stuck at the largest actions (docs/networks.md).",
+      base::ReadIf{"algorithm", {"td3", "ddpg", "distillation"}});
     v("temperature", temperature, base::Range{1e-6, 1e3}, "",
-      "SAC, TQC: initial temperature, that is, weight of the entropy.");
+      "Initial temperature, that is, weight of the entropy.", for_sac);
     v("temperature_learning_rate", temperature_learning_rate, base::Range{0.0, 1.0}, "",
-      "SAC, TQC: Adam's learning rate for the logarithm of the temperature. 0: the temperature is "
-      "constant.");
+      "Adam's learning rate for the logarithm of the temperature. 0: the temperature is constant.",
+      for_sac);
     v("target_entropy", target_entropy, base::Range{-100.0, 100.0}, "nats",
-      "SAC, TQC: entropy of the policy that adapting the temperature aims at.");
+      "Entropy of the policy that adapting the temperature aims at.", for_sac);
     v("log_std_min", log_std_min, base::Range{-20.0, 2.0}, "",
-      "SAC, TQC: smallest logarithm of the policy's standard deviation, before tanh. The "
-      "original's: "
-      "-1.");
+      "Smallest logarithm of the policy's standard deviation, before tanh. The original's: -1.",
+      for_sac);
     v("log_std_max", log_std_max, base::Range{-20.0, 5.0}, "",
-      "SAC, TQC: largest logarithm of that standard deviation. The original's: 1.");
+      "Largest logarithm of that standard deviation. The original's: 1.", for_sac);
     v("reward_scale", reward_scale, base::Range{1e-6, 1e6}, "",
       "Rewards are multiplied by this before they are learned from.");
     v("mirror", mirror,
@@ -121,16 +123,17 @@ struct LearnerConfig {
       "average covers about the last fifth of the updates. 0: no averaging.");
     v("prioritized", prioritized,
       "Draw transitions in proportion to their last temporal-difference error (Schaul et al. 2016; "
-      "alpha is replay_server.priority_exponent).");
+      "alpha is replay_server.priority_exponent).",
+      base::ReadIf{"algorithm", {"td3", "ddpg", "sac", "tqc"}});
     v("importance_exponent", importance_exponent, base::Range{0.0, 1.0}, "",
-      "Exponent beta of the importance weights, with prioritized sampling.");
+      "Exponent beta of the importance weights.", base::ReadIf{"prioritized"});
     v("divergence_limit", divergence_limit, base::Range{1.0, 1e30}, "",
       "Mean action value, in scaled rewards, beyond which training counts as diverged.");
-    v("quantile_critics", quantile_critics, base::Range{1, 20}, "", "TQC: number of critics.");
+    v("quantile_critics", quantile_critics, base::Range{1, 20}, "", "Number of critics.", for_tqc);
     v("quantiles", quantiles, base::Range{1, 200}, "",
-      "TQC: quantiles of the return that a critic gives.");
+      "Quantiles of the return that a critic gives.", for_tqc);
     v("dropped_quantiles", dropped_quantiles, base::Range{0, 199}, "",
-      "TQC: largest quantiles per critic that targets leave out; must be less than quantiles.");
+      "Largest quantiles per critic that targets leave out; must be less than quantiles.", for_tqc);
   }
 };
 
@@ -155,27 +158,33 @@ struct ConstraintConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    const base::ReadIf for_lagrangian{"kind", {"lagrangian"}};
     v("kind", kind,
       "none: no constraint. lagrangian: a multiplier that rises while the policy's episodes cost "
       "more than the limit (dual ascent). fixed: a constant multiplier, as in the original's "
       "code.");
     v("limit", limit, base::Range{0.0, 1e9}, "cost/episode",
       "Cost that is allowed per training episode, on average, with exploration noise. On courses a "
-      "step with a collision costs 1.");
+      "step with a collision costs 1.",
+      for_lagrangian);
     v("multiplier", multiplier, base::Range{0.0, 1e6}, "",
       "The multiplier, lambda, at the start; if the kind is \"fixed\", throughout (the original's: "
       "2, 5 or 10).");
-    v("multiplier_max", multiplier_max, base::Range{0.0, 1e6}, "", "Largest lambda.");
+    v("multiplier_max", multiplier_max, base::Range{0.0, 1e6}, "", "Largest lambda.",
+      for_lagrangian);
     v("learning_rate", learning_rate, base::Range{0.0, 100.0}, "",
-      "Integral gain: how much lambda moves per finished episode and unit of violation.");
+      "Integral gain: how much lambda moves per finished episode and unit of violation.",
+      for_lagrangian);
     v("proportional_gain", proportional_gain, base::Range{0.0, 1e6}, "",
       "Proportional gain: this times the violation is added to lambda (PID-Lagrangian, Stooke et "
-      "al. 2020).");
+      "al. 2020).",
+      for_lagrangian);
     v("derivative_gain", derivative_gain, base::Range{0.0, 1e6}, "",
       "Derivative gain: this times the rise in cost since lambda last moved is added, too; a "
-      "fall adds nothing.");
+      "fall adds nothing.",
+      for_lagrangian);
     v("learning_starts", learning_starts, base::Range{0.0, 1e9}, "episodes",
-      "Finished episodes before lambda starts to move.");
+      "Finished episodes before lambda starts to move.", for_lagrangian);
   }
 };
 

@@ -1,12 +1,9 @@
 #include "learner/method.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "base/check.h"
-#include "base/error.h"
 
 namespace slalom::learner {
 
@@ -65,54 +62,8 @@ replay::SampleSpec ModelSample(const ModelTrainingConfig& config, int history, i
 
 int NumStartingStates(const ImaginationConfig& config, int batch_size) {
   if (config.kind == ImaginationKind::kNone) return 0;
-  if (config.imagined_batches == 0) {
-    throw base::Error(
-        fmt::format("imagination.imagined_batches is 0, expected at least 1 with imagination.kind "
-                    "= \"{}\": nothing would be learned from imagined transitions",
-                    base::EnumName(config.kind)));
-  }
-  if (config.kind == ImaginationKind::kDyna) {
-    if (config.final_rollout_steps != 0) {
-      throw base::Error(fmt::format(
-          "imagination.final_rollout_steps is {}, expected 0 with imagination.kind = \"dyna\", "
-          "whose rollouts do not grow",
-          config.final_rollout_steps));
-    }
-    return config.imagined_batches * batch_size;
-  }
-  if (config.as_published) {
-    throw base::Error(
-        "imagination.as_published is true, expected imagination.kind = \"dyna\": the original's "
-        "MBPO cannot run (docs/original-system.md, section 5.3, M4)");
-  }
-  if (NumReal(config, batch_size) == batch_size) {
-    throw base::Error(
-        fmt::format("imagination.real_ratio is {}, expected less with imagination.kind = \"mbpo\": "
-                    "a batch of {} would have no imagined transitions",
-                    config.real_ratio, batch_size));
-  }
-  if (config.rollouts % batch_size != 0) {
-    throw base::Error(
-        fmt::format("imagination.rollouts is {}, expected a multiple of learner.batch_size = {}",
-                    config.rollouts, batch_size));
-  }
-  if (config.buffer_capacity < batch_size) {
-    throw base::Error(
-        fmt::format("imagination.buffer_capacity is {}, expected at least learner.batch_size = {}",
-                    config.buffer_capacity, batch_size));
-  }
-  if (config.final_rollout_steps != 0 && config.final_rollout_steps < config.rollout_steps) {
-    throw base::Error(fmt::format(
-        "imagination.final_rollout_steps is {}, expected 0 or at least imagination.rollout_steps = "
-        "{}",
-        config.final_rollout_steps, config.rollout_steps));
-  }
-  if (config.schedule_end < config.schedule_begin) {
-    throw base::Error(
-        fmt::format("imagination.schedule_end is {}, expected at least schedule_begin = {}",
-                    config.schedule_end, config.schedule_begin));
-  }
-  return config.rollouts;
+  return config.kind == ImaginationKind::kDyna ? config.imagined_batches * batch_size
+                                               : config.rollouts;
 }
 
 std::int64_t NumReal(const ImaginationConfig& config, std::int64_t batch) {

@@ -29,7 +29,6 @@ policy::ActionDistribution DistributionOf(const LearnerConfig& config);
 policy::PlanningSpec PlanningOf(const MethodConfig& method, const nn::GoalRule& goal = {});
 
 /// Returns the samples of an update: the algorithm's batch, then the model's if there is one.
-/// Throws `base::Error` as `NumStartingStates` does.
 std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
                                             const policy::PolicySpec& spec);
 
@@ -37,7 +36,7 @@ std::vector<replay::SampleSpec> SampleSpecs(const MethodConfig& method,
 replay::SampleSpec ModelSample(const ModelTrainingConfig& config, int history, int num_rows);
 
 /// Returns the number of states that model rollouts start from for each replayed batch of
-/// `batch_size`. Throws `base::Error`, naming the key, if the config contradicts itself.
+/// `batch_size`.
 int NumStartingStates(const ImaginationConfig& config, int batch_size);
 /// Returns the number of replayed transitions in a batch of MBPO.
 std::int64_t NumReal(const ImaginationConfig& config, std::int64_t batch);

@@ -63,6 +63,7 @@ struct ImaginationConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    const base::ReadIf for_mbpo{"kind", {"mbpo"}};
     v("kind", kind,
       "none: nothing is imagined. dyna: updates from n-step transitions that are imagined from "
       "replayed states. mbpo: rollouts that branch off replayed states fill a buffer of one-step "
@@ -79,19 +80,20 @@ struct ImaginationConfig {
     v("as_published", as_published,
       "Reproduce Dyna's published fault M3 (docs/original-system.md, section 5.3): the imagined "
       "state is not advanced, the first action goes with the last reward and frame, and the return "
-      "is thrown away.");
+      "is thrown away.",
+      base::ReadIf{"kind", {"dyna"}});
     v("final_rollout_steps", final_rollout_steps, base::Range{0, 100}, "steps",
-      "MBPO: length of rollouts at the end of the schedule. 0: as at the start.");
+      "Length of rollouts at the end of the schedule. 0: as at the start.", for_mbpo);
     v("schedule_begin", schedule_begin, base::Range{0, 1e12}, "updates",
-      "MBPO: updates of the policy at which rollouts begin to grow.");
+      "Updates of the policy at which rollouts begin to grow.", for_mbpo);
     v("schedule_end", schedule_end, base::Range{0, 1e12}, "updates",
-      "MBPO: updates of the policy at which rollouts reach their final length.");
+      "Updates of the policy at which rollouts reach their final length.", for_mbpo);
     v("rollouts", rollouts, base::Range{1, 65536}, "",
-      "MBPO: rollouts per replayed batch; a multiple of learner.batch_size.");
+      "Rollouts per replayed batch; a multiple of learner.batch_size.", for_mbpo);
     v("buffer_capacity", buffer_capacity, base::Range{1, 1e9}, "",
-      "MBPO: imagined transitions kept, the oldest overwritten first.");
+      "Imagined transitions kept, the oldest overwritten first.", for_mbpo);
     v("real_ratio", real_ratio, base::Range{0.0, 1.0}, "",
-      "MBPO: fraction of each batch that is replayed, not imagined.");
+      "Fraction of each batch that is replayed, not imagined.", for_mbpo);
   }
 };
 

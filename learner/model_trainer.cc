@@ -64,17 +64,6 @@ ModelTrainer::ModelTrainer(const ModelTrainingConfig& config, const nn::ModelSha
       model_(shape, parameters_),
       gradient_model_(shape, gradient_),
       elites_(FirstMembers(NumElites(config, shape.ensemble))) {
-  if (config.elites > shape.ensemble) {
-    throw base::Error(
-        fmt::format("model_training.elites is {}, expected at most model.ensemble = {}",
-                    config.elites, shape.ensemble));
-  }
-  if (config.elites > 0 && config.held_out == 0.0) {
-    throw base::Error(
-        fmt::format("model_training.elites is {}, expected model_training.held_out above 0: elites "
-                    "are chosen by their error on held-out transitions",
-                    config.elites));
-  }
   const std::int64_t size = shape.num_member_parameters();
   const std::int64_t batch = config.batch_size;
   const int updates = config.updates_per_update;

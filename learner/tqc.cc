@@ -1,32 +1,15 @@
 #include <ATen/ATen.h>
-#include <fmt/format.h>
 
 #include <memory>
 #include <tuple>
 #include <vector>
 
-#include "base/error.h"
 #include "learner/sac.h"
 
 /// Shapes: `B` batch, `K` critics, `M` quantiles of each, `T` quantiles of the target.
 
 namespace slalom::learner {
 namespace {
-
-const AlgorithmContext& CheckedForTqc(const AlgorithmContext& context) {
-  const LearnerConfig& config = context.config;
-  if (config.dropped_quantiles >= config.quantiles) {
-    throw base::Error(
-        fmt::format("learner.dropped_quantiles is {}, expected less than learner.quantiles = {}",
-                    config.dropped_quantiles, config.quantiles));
-  }
-  if (context.spec.planning.is_carried()) {
-    throw base::Error(
-        "learner.algorithm is \"tqc\", expected another with a transition model (model.kind): "
-        "planning needs critics that give one value, not quantiles");
-  }
-  return context;
-}
 
 /// The loss of quantile regression for one critic, the mean over i and m of |tau_m - 1(u < 0)| L(u)
 /// with u = y_i - z_m, tau_m = (2 m - 1) / (2 M) and Huber's L(u) = u^2 / 2 if |u| < 1, else
@@ -44,7 +27,7 @@ at::Tensor QuantileHuberLoss(const at::Tensor& z, const at::Tensor& y) {
 class Tqc : public Sac {
  public:
   explicit Tqc(const AlgorithmContext& context)
-      : Sac(CheckedForTqc(context), context.config.quantile_critics, context.config.quantiles) {}
+      : Sac(context, context.config.quantile_critics, context.config.quantiles) {}
 
   void Update(double rate) override {
     totals_.CountActorUpdate();

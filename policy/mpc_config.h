@@ -43,11 +43,13 @@ struct MpcConfig {
       "weights, as published.");
     v("temperature", temperature, base::Range{1e-9, 1e9}, "",
       "A sequence whose return is higher by this, in the learner's scaled rewards, weighs e times "
-      "as much.");
+      "as much.",
+      base::ReadIf{"update", {"mppi", "sample"}});
     v("elite_fraction", elite_fraction, base::Range{1e-6, 1.0}, "",
-      "cem: fraction of the samples that counts as the best.");
+      "Fraction of the samples that counts as the best.", base::ReadIf{"update", {"cem"}});
     v("model_noise", model_noise,
-      "Sample a probabilistic model's frames instead of taking their means, as published.");
+      "Sample a probabilistic model's frames instead of taking their means, as published.",
+      base::ReadIf{"model.kind", {"probabilistic"}});
     v("learning_starts", learning_starts, base::Range{0, 1e12}, "updates",
       "Updates of the policy before planning starts; until then the policy drives by itself.");
     v("no_planning", no_planning,

@@ -29,7 +29,9 @@ constexpr char kPageHead[] =
     "several, of which a later one\n"
     "overrides an earlier one. On the command line `--set section.key=value` overrides all. "
     "Unknown keys and values out of\n"
-    "range are errors.\n";
+    "range are errors. So is a key that is not at its default although nothing reads it, since its "
+    "algorithm, encoder or\n"
+    "kind is not chosen: the page says at such keys, or at their section, when they are read.\n";
 
 constexpr char kAgentPageHead[] =
     "\n# Classical planners\n\n"

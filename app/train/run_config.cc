@@ -13,6 +13,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/random.h"
+#include "learner/method_rules.h"
 #include "replay/rows.h"
 #include "replay/sample_bytes.h"
 #include "sim/courses/course_file.h"
@@ -43,13 +44,7 @@ void RequireForOwn(bool is_met, std::string_view key, std::string_view expected)
 
 void RequireTeachers(const RunConfig& config) {
   const std::string& algorithm = config.method.learner.algorithm;
-  if (!learner::TraitsOf(config.method.learner).is_taught) {
-    if (config.distillation.teachers.empty() && config.distillation.stages.empty()) return;
-    throw base::Error(
-        fmt::format("distillation has teachers, expected learner.algorithm = \"distillation\" with "
-                    "them, found \"{}\"",
-                    algorithm));
-  }
+  if (!learner::TraitsOf(config.method.learner).is_taught) return;
   if (config.courses.has_named()) {
     throw base::Error(fmt::format(
         "courses.train is \"{}\" and courses.fresh \"{}\", expected \"\" and kinds of courses with "
@@ -87,12 +82,7 @@ void RequireSampling(const CoursesConfig& courses) {
 void RequireTask(const RunConfig& config) {
   const TaskConfig& task = config.task;
   const std::size_t num_bounds = task.action_low.size();
-  if (!task.is_own()) {
-    if (num_bounds == 0 && task.action_high.empty()) return;
-    throw base::Error(
-        "task.observation_size is 0, expected the size of an observation beside task.action_low "
-        "and task.action_high");
-  }
+  if (!task.is_own()) return;
   if (num_bounds < 1 || num_bounds > env::kMaxActionSize || task.action_high.size() != num_bounds) {
     throw base::Error(fmt::format(
         "task.action_low has {} numbers and task.action_high {}, expected the same number, from 1 "
@@ -265,8 +255,12 @@ void RequireCombination(const RunConfig& config) {
   RequireSampling(config.courses);
   RequireTask(config);
   RequireReachableLimit(config);
+  learner::RequireConsistent(config.method);
   if (config.mpc.enabled) RequireNoConstraint(config);
   RequireTeachers(config);
+  RunConfig copy = config;
+  RunConfig defaults;
+  config::RequireRead(config::ListFields(copy), config::ListFields(defaults));
 }
 
 void RequireCourses(const RunConfig& config, std::string_view who) {

@@ -117,6 +117,7 @@ struct RunConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    const base::ReadIf with_model{"model.kind"};
     v.Section("run", run, "Length, seed and rhythm of the run.");
     v.Section("task", task, "An environment of your own in the place of a robot on courses.");
     v.Section("courses", courses, "Training and test courses.");
@@ -126,13 +127,17 @@ struct RunConfig {
     v.Section("network", network, "Networks of actor and critics.");
     v.Section("learner", method.learner, "The algorithm (docs/algorithms.md).");
     v.Section("constraint", method.constraint,
-              "Safe RL: what an episode may cost, such as collisions.");
-    v.Section("model", method.model, "The transition model (docs/models.md).");
-    v.Section("model_training", method.model_training, "How the transition model is trained.");
+              "Safe RL: what an episode may cost, such as collisions.",
+              base::ReadIf{"constraint.kind"});
+    v.Section("model", method.model, "The transition model (docs/models.md).", with_model);
+    v.Section("model_training", method.model_training, "How the transition model is trained.",
+              with_model);
     v.Section("imagination", method.imagination,
-              "Learning from transitions that the model imagines.");
-    v.Section("distillation", distillation, "Teachers of learner.algorithm = \"distillation\".");
-    v.Section("mpc", mpc, "Planning with the transition model.");
+              "Learning from transitions that the model imagines.",
+              base::ReadIf{"imagination.kind"});
+    v.Section("distillation", distillation, "Teachers of a policy that is distilled.",
+              base::ReadIf{"learner.algorithm", {"distillation"}});
+    v.Section("mpc", mpc, "Planning with the transition model.", with_model);
     v.Section("evaluation", evaluation, "The protocol of evaluations.");
     v.Section("service", service,
               "Addresses and state of the distributed service. `slalom train` needs neither this "
@@ -175,7 +180,8 @@ sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
 /// Batches that an update learns from, one of each kind. The replay server counts batches.
 int BatchesPerUpdate(const RunConfig& config);
 
-/// Throws `base::Error` if sections contradict each other, whichever program reads the config.
+/// Throws `base::Error` if sections contradict each other, whichever program reads the config, or a
+/// key is set that nothing reads (`config::RequireRead`).
 void RequireCombination(const RunConfig& config);
 /// Throws `base::Error` if the config is for an environment of the user's own, which `who` does not
 /// drive.

@@ -23,8 +23,10 @@ struct TaskConfig {
       "(docs/python.md). 0: a robot on courses.");
     v("action_low", action_low, base::Range{-1e6, 1e6}, "",
       "Lower bound of each number of an action of your own environment. [] for a robot on "
-      "courses.");
-    v("action_high", action_high, base::Range{-1e6, 1e6}, "", "Upper bounds, likewise.");
+      "courses.",
+      base::ReadIf{"observation_size"});
+    v("action_high", action_high, base::Range{-1e6, 1e6}, "", "Upper bounds, likewise.",
+      base::ReadIf{"observation_size"});
   }
 };
 

@@ -15,17 +15,6 @@ void RefuseLayers(const NetworkConfig& config, std::string_view expected) {
 
 void CheckNetwork(const NetworkConfig& config) {
   const EncoderKind kind = EncoderOf(config);
-  if (config.cnn_axis == CnnAxis::kBeams && kind != EncoderKind::kBeamCnn) {
-    throw base::Error(fmt::format(
-        "network.cnn_axis: found \"beams\" with encoder \"{}\", expected encoder \"cnn\"",
-        base::EnumName(config.encoder)));
-  }
-  if (kind != EncoderKind::kTransformer && (config.dropout > 0.0 || config.dropout_everywhere)) {
-    throw base::Error(fmt::format(
-        "network.dropout: found {}, everywhere = {}, with encoder \"{}\", expected encoder "
-        "\"transformer\", which alone has dropout",
-        config.dropout, config.dropout_everywhere, base::EnumName(config.encoder)));
-  }
   if (kind == EncoderKind::kMlp) return;
   DispatchEncoder(kind, [&]<EncoderKind kKind>() { CheckEncoder<kKind>(config); });
 }

@@ -48,6 +48,7 @@ struct TransitionModelConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    const base::ReadIf for_probabilistic{"kind", {"probabilistic"}};
     v("kind", kind,
       "What the model predicts. none: there is no model. deterministic: the next frame. "
       "probabilistic: mean and standard deviation of each number of the next frame.");
@@ -64,11 +65,12 @@ struct TransitionModelConfig {
     v("log_std", log_std,
       "How the logarithms of the standard deviations are bounded. bounded: all lie between "
       "log_std_min and log_std_max, smoothly. published: those of the ranges go through tanh, the "
-      "others have no bound.");
+      "others have no bound.",
+      for_probabilistic);
     v("log_std_min", log_std_min, base::Range{-20.0, 20.0}, "",
-      "Smallest logarithm of a standard deviation, in units of the features.");
+      "Smallest logarithm of a standard deviation, in units of the features.", for_probabilistic);
     v("log_std_max", log_std_max, base::Range{-20.0, 20.0}, "",
-      "Largest logarithm of a standard deviation, in the same units.");
+      "Largest logarithm of a standard deviation, in the same units.", for_probabilistic);
     v("bound_ranges", bound_ranges,
       "Pass the predicted means of the ranges through tanh, as published. Otherwise predictions "
       "are clipped to the values that a range can have.");

@@ -45,20 +45,24 @@ struct NetworkConfig {
 
   template <class Visitor>
   void Visit(Visitor& v) {
+    const base::ReadIf for_transformer{"encoder", {"transformer"}};
     v("encoder", encoder, "The network that reads the observed frames (docs/networks.md).");
     v("encoder_layers", encoder_layers, base::Range{1, 8192}, "",
       "Widths of the encoder's layers. mlp: ReLU layers, [] for none. cnn: two convolutions over "
       "time, or convolutions over beams and a last layer. gru: one width per layer. transformer: "
       "one width per block, all equal.");
     v("cnn_axis", cnn_axis,
-      "The axis along which a cnn convolves: time, as in the paper, or the beams.");
+      "The axis along which a cnn convolves: time, as in the paper, or the beams.",
+      base::ReadIf{"encoder", {"cnn"}});
     v("attention_heads", attention_heads, base::Range{1, 256}, "",
-      "Attention heads of a transformer; must divide its width.");
+      "Attention heads of a transformer; must divide its width.", for_transformer);
     v("dropout", dropout, base::Range{0.0, 0.9}, "",
       "Share of a transformer's embeddings, attention weights and residuals that is dropped in "
-      "training.");
+      "training.",
+      for_transformer);
     v("dropout_everywhere", dropout_everywhere,
-      "Apply dropout in the target networks and when acting, too, as the paper's code does.");
+      "Apply dropout in the target networks and when acting, too, as the paper's code does.",
+      for_transformer);
     v("head_layers", head_layers, base::Range{1, 8192}, "",
       "Widths of the head's ReLU layers; [] for none.");
     v("history", history, base::Range{1, 64}, "frames",

@@ -53,7 +53,8 @@ struct ReplayServerConfig {
     v("max_messages_per_second", max_messages_per_second, base::Range{10.0, 1e6}, "1/s",
       "Messages accepted from one peer; more are refused.");
     v("priority_exponent", priority_exponent, base::Range{0.0, 1.0}, "",
-      "Exponent alpha of prioritized sampling: how much priorities count. 0: sampling is uniform.");
+      "Exponent alpha of prioritized sampling: how much priorities count. 0: sampling is uniform.",
+      base::ReadIf{"learner.prioritized"});
     v("silence", silence, base::Range{1.0, 3600.0}, "s",
       "A peer that sends nothing for this long counts as gone: the status shows it as not "
       "connected, "

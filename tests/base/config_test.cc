@@ -411,6 +411,73 @@ TEST(ConfigPrintTest, SectionsFollowTheirFields) {
   EXPECT_THAT(text, EndsWith("[inner]\nspeed = 1.5\nkind = \"fast\"\ngear = \"second\"\n"));
 }
 
+/// Keys that are read with choices of their own section, of another one, and in a chain.
+struct WithChoices {
+  struct Tool {
+    std::string kind = "none";
+    double speed = 1.0;
+    int teeth = 4;
+    bool is_counted = false;
+    int most = 9;
+    template <class Visitor>
+    void Visit(Visitor& v) {
+      v("kind", kind, base::OneOf{"none", "saw", "drill", "file"}, "", "Which tool.");
+      v("speed", speed, base::Range{0.0, 9.0}, "", "Speed.");
+      v("teeth", teeth, base::Range{0, 9}, "", "Teeth.", base::ReadIf{"kind", {"saw", "file"}});
+      v("is_counted", is_counted, "Count cuts.");
+      v("most", most, base::Range{0, 9}, "", "Most cuts.", base::ReadIf{"is_counted"});
+    }
+  };
+  Tool tool;
+  Gear gear = Gear::kSecond;
+  int clutch = 1;
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("gear", gear, "Which gear.");
+    v("clutch", clutch, base::Range{0, 9}, "", "Clutch.", base::ReadIf{"gear", {"reverse"}});
+    v.Section("tool", tool, "The tool.", base::ReadIf{"tool.kind"});
+  }
+};
+
+std::string UnreadOf(const std::vector<std::string>& overrides) {
+  WithChoices config = Load<WithChoices>(std::nullopt, overrides), defaults;
+  try {
+    RequireRead(ListFields(config), ListFields(defaults));
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ConfigReadTest, WhatNothingReadsHasItsDefault) {
+  EXPECT_EQ(UnreadOf({}), "");
+  EXPECT_EQ(UnreadOf({"tool.speed=2"}),
+            "tool.speed is 2.0, expected its default 1.0 with tool.kind = \"none\", with which "
+            "nothing reads it");
+  EXPECT_EQ(UnreadOf({"tool.speed=1"}), "") << "at its default";
+  EXPECT_EQ(UnreadOf({"tool.speed=2", "tool.kind=drill"}), "");
+  EXPECT_EQ(UnreadOf({"tool.kind=drill", "tool.teeth=3", "clutch=2"}),
+            "clutch is 2, expected its default 1 with gear = \"second\", as it is read with "
+            "\"reverse\" alone; tool.teeth is 3, expected its default 4 with tool.kind = "
+            "\"drill\", as it is read with \"saw\" or \"file\" alone");
+  EXPECT_EQ(UnreadOf({"tool.kind=file", "tool.teeth=3", "gear=reverse", "clutch=2"}), "");
+  EXPECT_THAT(UnreadOf({"tool.kind=saw", "tool.most=1"}), HasSubstr("tool.is_counted = false"));
+  EXPECT_THAT(UnreadOf({"tool.is_counted=true", "tool.most=1"}),
+              AllOf(HasSubstr("tool.is_counted is true"), HasSubstr("tool.most is 1")));
+  EXPECT_EQ(UnreadOf({"tool.kind=saw", "tool.is_counted=true", "tool.most=1"}), "");
+}
+
+TEST(ConfigReadTest, ThePageSaysWithWhatAKeyIsRead) {
+  WithChoices config;
+  const std::string page = PrintMarkdown(ListFields(config));
+  EXPECT_THAT(page, HasSubstr("| Clutch. Read if `gear` is `reverse`. |"));
+  EXPECT_THAT(page, HasSubstr("The tool. Read unless `kind` has its default.\n"));
+  EXPECT_THAT(page, HasSubstr("| Which tool. |"));
+  EXPECT_THAT(page, HasSubstr("| Speed. |")) << "the section says it for all";
+  EXPECT_THAT(page, HasSubstr("| Teeth. Read if `kind` is `saw` or `file`. |"));
+  EXPECT_THAT(page, HasSubstr("| Most cuts. Read unless `is_counted` has its default. |"));
+}
+
 class FilesTest : public testing::Test {
  protected:
   void Write(const std::string& name, const std::string& text) {

@@ -516,33 +516,5 @@ TEST(Distillation, GoesOnBitForBitAfterARestore) {
   EXPECT_EQ(*whole.BestSnapshot().weights, *resumed.BestSnapshot().weights);
 }
 
-TEST(Distillation, RefusesWhatNeedsRewards) {
-  MethodConfig prioritized = Taught(), constrained = Taught(), modelled = Taught();
-  prioritized.learner.prioritized = true;
-  constrained.constraint.kind = ConstraintKind::kLagrangian;
-  modelled.model.kind = nn::ModelKind::kDeterministic;
-  for (const MethodConfig& method : {prioritized, constrained}) {
-    EXPECT_THROW(Learner(method, SmallSpec(), 1), base::Error);
-  }
-  policy::PolicySpec spec = SmallSpec();
-  spec.planning = PlanningOf(modelled);
-  EXPECT_THROW(Learner(modelled, spec, 1), base::Error);
-}
-
-TEST(Learner, RefusesWhatContradictsItself) {
-  MethodConfig fixed = SmallConfig();
-  fixed.constraint.kind = ConstraintKind::kFixed;
-  EXPECT_THROW(Learner(fixed, SmallSpec(), 1), base::Error);
-  MethodConfig above = SmallConfig();
-  above.constraint = {.kind = ConstraintKind::kLagrangian, .multiplier = 200.0};
-  EXPECT_THROW(Learner(above, SmallSpec(), 1), base::Error);
-  MethodConfig sac = SmallConfig();
-  sac.learner.algorithm = "sac";
-  sac.learner.log_std_min = 3.0;
-  policy::PolicySpec spec = SmallSpec();
-  spec.distribution = DistributionOf(sac.learner);
-  EXPECT_THROW(Learner(sac, spec, 1), base::Error);
-}
-
 }  // namespace
 }  // namespace slalom::learner

@@ -172,33 +172,5 @@ INSTANTIATE_TEST_SUITE_P(
                          base::EnumName(std::get<2>(test.param)));
     });
 
-std::string Refusal(const MethodConfig& method) {
-  try {
-    Learner(method, SpecOf(method), 1);
-  } catch (const base::Error& error) {
-    return error.what();
-  }
-  return "";
-}
-
-TEST(ModelBasedLearner, RefusesWhatMakesNoSense) {
-  MethodConfig method = ModelMethod(ImaginationKind::kDyna);
-  EXPECT_EQ(Refusal(method), "");
-  method.model.kind = nn::ModelKind::kNone;
-  EXPECT_THAT(Refusal(method), testing::HasSubstr("model.kind"));
-  method = ModelMethod(ImaginationKind::kDyna);
-  method.constraint.kind = ConstraintKind::kLagrangian;
-  EXPECT_THAT(Refusal(method), testing::HasSubstr("constraint.kind"));
-  method = ModelMethod(ImaginationKind::kMbpo);
-  method.learner.prioritized = true;
-  EXPECT_THAT(Refusal(method), testing::HasSubstr("learner.prioritized"));
-  method = ModelMethod(ImaginationKind::kMbpo);
-  method.imagination.rollouts = 3;
-  EXPECT_THAT(Refusal(method), testing::HasSubstr("imagination.rollouts"));
-  method = ModelMethod(ImaginationKind::kNone);
-  method.model_training.elites = 4;
-  EXPECT_THAT(Refusal(method), testing::HasSubstr("model_training.elites"));
-}
-
 }  // namespace
 }  // namespace slalom::learner

@@ -253,13 +253,7 @@ TEST(ModelTrainer, NotesWeightsThatAreNotFinite) {
   EXPECT_FALSE(trainer.is_finite());
 }
 
-TEST(ModelTrainer, RefusesWhatMakesNoSense) {
-  ModelTrainingConfig training = Training();
-  training.elites = 3;
-  EXPECT_THROW(MakeTrainer(Small(ModelKind::kDeterministic, 2), training), base::Error);
-  training.held_out = 0.0;
-  training.elites = 1;
-  EXPECT_THROW(MakeTrainer(Small(ModelKind::kDeterministic, 2), training), base::Error);
+TEST(ModelTrainer, RefusesTheStateOfAnotherEnsemble) {
   nn::TensorFile other = Saved(MakeTrainer(Small(ModelKind::kDeterministic, 3), Training()));
   EXPECT_THROW(MakeTrainer(Small(ModelKind::kDeterministic, 2), Training()).LoadState(other),
                base::Error);

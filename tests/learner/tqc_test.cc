@@ -200,16 +200,5 @@ TEST(Tqc, TwoUpdatesAreThoseOfThePaper) {
   }
 }
 
-TEST(Tqc, RefusesWhatContradictsItself) {
-  MethodConfig method = Method();
-  method.learner.dropped_quantiles = kQuantiles;
-  EXPECT_THROW(Learner(method, Spec(method), 1), base::Error);
-  MethodConfig planned = Method();
-  planned.model.kind = nn::ModelKind::kDeterministic;
-  policy::PolicySpec spec = Spec(planned);
-  spec.planning = PlanningOf(planned);
-  EXPECT_THROW(Learner(planned, spec, 1), base::Error);
-}
-
 }  // namespace
 }  // namespace slalom::learner

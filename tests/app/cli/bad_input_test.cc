@@ -105,8 +105,10 @@ TEST_F(BadInputTest, MethodsThatMakeNoSenseAreRefusedWithTheReason) {
   };
   refuse({"learner.algorithm=ppo"}, AllOf(HasSubstr("learner.algorithm"), HasSubstr("td3")));
   refuse({"network.encoder=lstm"}, AllOf(HasSubstr("network.encoder"), HasSubstr("gru")));
-  refuse({"constraint.limit=0.05"}, AllOf(HasSubstr("constraint.limit is 0.05"),
-                                          HasSubstr("expected constraint.kind = \"lagrangian\"")));
+  refuse({"constraint.limit=0.05"},
+         AllOf(HasSubstr("constraint.limit is 0.05"), HasSubstr("constraint.kind = \"none\"")));
+  refuse({"learner.quantiles=30"}, AllOf(HasSubstr("learner.quantiles is 30, expected its default"),
+                                         HasSubstr("it is read with \"tqc\" alone")));
   refuse({"constraint.proportional_gain=1"}, HasSubstr("constraint.proportional_gain is 1"));
   refuse({"constraint.kind=fixed"}, HasSubstr("constraint.multiplier is 0"));
   refuse({"constraint.kind=lagrangian", "constraint.learning_rate=0"},

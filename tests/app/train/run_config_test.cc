@@ -1,10 +1,13 @@
 #include "app/train/run_config.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "app/train/agent_run_config.h"
@@ -182,13 +185,13 @@ TEST(CoursesConfigTest, LearnableSamplingThatHasNoEffectIsRefused) {
     return "accepted";
   };
   EXPECT_THAT(refusal(), testing::StartsWith("courses.fresh_episodes is 1, expected at least 2"));
-  config.courses.fresh = "none";
-  EXPECT_EQ(refusal(), "accepted") << "named courses are measured all along";
-  config.courses.fresh = "static";
   config.courses.sampling.fresh_episodes = 2;
   EXPECT_EQ(refusal(), "accepted");
   config.courses.sampling.learnable_share = 0.0;
   EXPECT_THAT(refusal(), testing::StartsWith("courses.learnable_share is 0"));
+  config.courses = {};
+  config.courses.sampling.sampling = actor::Sampling::kLearnable;
+  EXPECT_EQ(refusal(), "accepted") << "named courses are measured all along";
 }
 
 TEST(TaskConfigTest, AnOwnEnvironmentHasItsSizes) {
@@ -214,7 +217,7 @@ TEST(TaskConfigTest, WhatDoesNotFitIsRefusedByItsKey) {
   };
   using testing::StartsWith;
   EXPECT_THAT(refusal([](RunConfig& c) { c.task.observation_size = 0; }),
-              StartsWith("task.observation_size is 0"));
+              StartsWith("task.action_low is [-1.0, 0.0], expected its default []"));
   EXPECT_THAT(refusal([](RunConfig& c) { c.task.action_high.pop_back(); }),
               StartsWith("task.action_low has 2 numbers and task.action_high 1"));
   EXPECT_THAT(refusal([](RunConfig& c) { c.task.action_low = c.task.action_high = {}; }),
@@ -227,6 +230,96 @@ TEST(TaskConfigTest, WhatDoesNotFitIsRefusedByItsKey) {
   EXPECT_THAT(refusal([](RunConfig& c) { c.method.model.kind = nn::ModelKind::kProbabilistic; }),
               StartsWith("model.kind"));
   EXPECT_THAT(refusal([](RunConfig& c) { c.mpc.enabled = true; }), StartsWith("mpc.enabled"));
+}
+
+/// Changes the value of a field to one that its range or choices allow.
+void Change(const config::Field& field) {
+  struct Changer {
+    const config::Field& field;
+    void operator()(bool* value) const { *value = !*value; }
+    void operator()(int* value) const { *value += *value < field.range->max ? 1 : -1; }
+    void operator()(std::int64_t* value) const { ++*value; }
+    void operator()(double* value) const { *value = 0.5 * (*value + field.range->max); }
+    void operator()(std::string* value) const {
+      *value = *value == field.choices[0] ? field.choices[1] : field.choices[0];
+    }
+    void operator()(std::vector<int>* value) const { value->push_back(1); }
+    void operator()(std::vector<double>* value) const { value->push_back(1.0); }
+    void operator()(std::vector<std::string>* value) const { value->push_back("x"); }
+    void operator()(std::vector<base::TomlValue>* value) const { value->push_back({"1", ""}); }
+    void operator()(base::TomlAssignments* value) const { value->push_back({"a.b", {"1", ""}}); }
+    void operator()(const config::EnumField& value) const {
+      value.set(value.name() == field.choices[0] ? field.choices[1] : field.choices[0]);
+    }
+  };
+  std::visit(Changer{field}, field.value);
+}
+
+/// What nothing reads.
+std::string Unread(RunConfig config) {
+  RunConfig defaults;
+  try {
+    config::RequireRead(config::ListFields(config), config::ListFields(defaults));
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string Refusal(const RunConfig& config) {
+  try {
+    RequireCombination(config);
+  } catch (const base::Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+// Each key of each algorithm, encoder, constraint and so on, with each choice that does not read
+// it.
+TEST(RunConfigTest, AKeyThatTheChoiceDoesNotReadIsRefused) {
+  RunConfig config;
+  const config::FieldList fields = config::ListFields(config);
+  int num_refused = 0;
+  for (const config::Field& field : fields.fields) {
+    for (const config::ReadIf& choice : field.read_if) {
+      const auto at = std::ranges::find(fields.fields, choice.key, &config::Field::key);
+      ASSERT_NE(at, fields.fields.end()) << field.key << ": there is no " << choice.key;
+      for (const std::string_view value : choice.values) {
+        EXPECT_THAT(at->choices, testing::Contains(value)) << field.key;
+      }
+      for (const std::string_view other : at->choices) {
+        if (std::ranges::find(choice.values, other) != choice.values.end()) continue;
+        if (choice.values.empty() && config::PrintValue(*at) != fmt::format("\"{}\"", other)) {
+          continue;
+        }
+        SCOPED_TRACE(fmt::format("{} with {} = {}", field.key, choice.key, other));
+        config = {};
+        config::ApplyOverride(fmt::format("{}={}", choice.key, other), fields);
+        const std::string before = config::ToToml(config);
+        Change(field);
+        ASSERT_NE(config::ToToml(config), before);
+        EXPECT_THAT(Unread(config), testing::HasSubstr(field.key + " is "));
+        ++num_refused;
+      }
+    }
+  }
+  EXPECT_GT(num_refused, 100);
+}
+
+TEST(RunConfigTest, WhatReadsAKeyIsNamedBesideIt) {
+  RunConfig config;
+  config.method.learner.quantiles = 30;
+  EXPECT_EQ(Refusal(config),
+            "learner.quantiles is 30, expected its default 25 with learner.algorithm = \"td3\", "
+            "as it is read with \"tqc\" alone");
+  config.method.learner.algorithm = "tqc";
+  EXPECT_EQ(Refusal(config), "");
+  config.network.attention_heads = 4;
+  EXPECT_THAT(Refusal(config), testing::StartsWith("network.attention_heads is 4, expected its "
+                                                   "default 8 with network.encoder = \"mlp\""));
+  config.network.encoder = nn::EncoderFamily::kTransformer;
+  EXPECT_EQ(Refusal(config), "");
 }
 
 TEST(RunConfigTest, RolesWhoseMessagesDoNotFitAreNotServed) {

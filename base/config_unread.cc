@@ -1,0 +1,50 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "base/config.h"
+#include "base/error.h"
+
+namespace slalom::config {
+namespace {
+
+/// Why nothing reads a field, given as " with learner.algorithm = "td3", ...". Empty if it is read.
+std::string WhyUnread(const Field& field, const FieldList& list, const FieldList& defaults) {
+  for (const ReadIf& choice : field.read_if) {
+    const auto at = std::ranges::find(list.fields, choice.key, &Field::key);
+    if (at == list.fields.end()) continue;
+    const std::string chosen = PrintValue(*at);
+    if (choice.values.empty()) {
+      if (chosen != PrintValue(defaults.fields[at - list.fields.begin()])) continue;
+      return fmt::format("with {} = {}, with which nothing reads it", choice.key, chosen);
+    }
+    std::vector<std::string> values;  // As TOML: names have quotes.
+    for (const std::string_view value : choice.values) {
+      values.push_back(chosen.starts_with('"') ? fmt::format("\"{}\"", value) : std::string(value));
+    }
+    if (std::ranges::find(values, chosen) != values.end()) continue;
+    return fmt::format("with {} = {}, as it is read with {} alone", choice.key, chosen,
+                       fmt::join(values, " or "));
+  }
+  return "";
+}
+
+}  // namespace
+
+void RequireRead(const FieldList& list, const FieldList& defaults) {
+  std::vector<std::string> faults;
+  for (std::size_t i = 0; i < list.fields.size(); ++i) {
+    const Field& field = list.fields[i];
+    if (field.read_if.empty()) continue;
+    const std::string value = PrintValue(field), expected = PrintValue(defaults.fields[i]);
+    if (value == expected) continue;
+    const std::string why = WhyUnread(field, list, defaults);
+    if (why.empty()) continue;
+    faults.push_back(
+        fmt::format("{} is {}, expected its default {} {}", field.key, value, expected, why));
+  }
+  if (!faults.empty()) throw base::Error(fmt::format("{}", fmt::join(faults, "; ")));
+}
+
+}  // namespace slalom::config
