@@ -107,11 +107,17 @@ void PrintTables(const FieldList& list, const std::string& prefix, std::string& 
   }
 }
 
-/// " Read if `learner.algorithm` is `sac` or `tqc`." `section`: whose keys need no prefix.
-std::string DescribeReading(const ReadIf& choice, const std::string& section) {
+/// " Read with `learner.algorithm` = `sac`, `tqc`." `section`: whose keys need no prefix; `list`:
+/// the defaults.
+std::string DescribeReading(const ReadIf& choice, const std::string& section,
+                            const FieldList& list) {
   const std::string key = SectionOf(choice.key) == section ? NameOf(choice.key) : choice.key;
-  if (choice.values.empty()) return fmt::format(" Read unless `{}` has its default.", key);
-  return fmt::format(" Read if `{}` is `{}`.", key, fmt::join(choice.values, "` or `"));
+  if (!choice.values.empty()) {
+    return fmt::format(" Read with `{}` = `{}`.", key, fmt::join(choice.values, "`, `"));
+  }
+  const auto at = std::ranges::find(list.fields, choice.key, &Field::key);
+  SLALOM_CHECK(at != list.fields.end());
+  return fmt::format(" Not read with `{}` = `{}`.", key, PrintValue(*at));
 }
 
 void PrintFieldRows(const FieldList& list, const std::string& section, std::string& text) {
@@ -130,7 +136,7 @@ void PrintFieldRows(const FieldList& list, const std::string& section, std::stri
                          of_section->read_if->key != field.key;
     std::string meaning(field.meaning);
     for (std::size_t i = is_said ? 1 : 0; i < field.read_if.size(); ++i) {
-      meaning += DescribeReading(field.read_if[i], section);
+      meaning += DescribeReading(field.read_if[i], section, list);
     }
     text += fmt::format("| `{}` | `{}` | {} | {} | {} |\n", NameOf(field.key), PrintValue(field),
                         range, field.unit, meaning);
@@ -169,8 +175,9 @@ std::string PrintMarkdown(const FieldList& list) {
     PrintFieldRows(list, "", text);
   }
   for (const Section& section : list.sections) {
-    text += fmt::format("\n## `[{}]`\n\n{}{}\n", section.key, section.meaning,
-                        section.read_if ? DescribeReading(*section.read_if, section.key) : "");
+    text +=
+        fmt::format("\n## `[{}]`\n\n{}{}\n", section.key, section.meaning,
+                    section.read_if ? DescribeReading(*section.read_if, section.key, list) : "");
     PrintFieldRows(list, section.key, text);
   }
   DescribeTables(list, "", text);

@@ -22,6 +22,7 @@
 #include "app/train/command_options.h"
 #include "app/train/policy_agents.h"
 #include "app/train/profile.h"
+#include "app/train/run_rules.h"
 #include "app/train/scoring.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -112,6 +113,7 @@ void RefuseKeysOfOthers(const EvaluateOptions& options, const config::FieldList&
   const config::FieldList others = config::ListFields(any);
   for (const std::string& assignment : options.overrides) {
     const std::string key = assignment.substr(0, assignment.find('='));
+    if (options.agent) train::RequireReadBy(*options.agent, key, "--set " + assignment);
     if (config::HasKey(fields, key) || !config::HasKey(others, key)) continue;
     throw base::Error(fmt::format("--set {}: {} does not read this key", assignment,
                                   options.policy ? "a policy" : "a planner"));

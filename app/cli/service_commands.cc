@@ -13,7 +13,7 @@
 #include "app/train/inputs.h"
 #include "app/train/policy_agents.h"
 #include "app/train/run_identity.h"
-#include "app/train/run_limits.h"
+#include "app/train/run_rules.h"
 #include "app/train/scoring.h"
 #include "app/train/service_process.h"
 #include "base/config.h"
@@ -92,8 +92,8 @@ int RunLearner(const train::ServiceOptions& options) {
   const run::RunDirectory directory{place.empty() ? process.state() / "learner" : fs::path(place)};
   const bool resume = fs::exists(directory.config());
   if (!resume) train::RequireLearnable(config);
-  train::RunConfig with_copies = config;
-  if (resume) with_copies.courses.inputs = directory.inputs();
+  train::ResolvedRun with_copies = process.config();
+  if (resume) with_copies.ReadCopies(directory.inputs());
   learner::LearnerJob job;
   job.first = train::LoadFirstPolicy(with_copies);
   const train::Inputs inputs = train::ReadPolicies(with_copies);

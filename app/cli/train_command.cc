@@ -120,41 +120,6 @@ train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path
   return config;
 }
 
-/// The command line of these options with more overrides, each in place of one of the same key.
-std::string WithOverrides(const TrainOptions& options, const std::vector<std::string>& more) {
-  std::vector<std::string> arguments = {"train", options.config};
-  const auto add = [&arguments](const std::string& key, const std::string& value) {
-    arguments.insert(arguments.end(), {key, value});
-  };
-  if (options.name) add("--name", *options.name);
-  if (options.seed) add("--seed", std::to_string(*options.seed));
-  if (options.from) add("--from", *options.from);
-  if (options.output) add("--output", *options.output);
-  for (const std::string& file : options.profiles) add("--profile", file);
-  for (const std::string& given : options.overrides) {
-    const std::string key = given.substr(0, given.find('=') + 1);
-    const bool is_replaced = std::any_of(
-        more.begin(), more.end(), [&key](const std::string& m) { return m.starts_with(key); });
-    if (!is_replaced) add("--set", given);
-  }
-  for (const std::string& override : more) add("--set", override);
-  if (options.metrics) add("--metrics", *options.metrics);
-  if (options.resume) arguments.emplace_back("--resume");
-  if (options.force) arguments.emplace_back("--force");
-  if (options.deterministic) arguments.emplace_back("--deterministic");
-  if (options.no_evaluation) arguments.emplace_back("--no-evaluation");
-  return CommandLine(arguments);
-}
-
-/// Names the other keys that a deterministic run needs, with the command to use.
-void CheckDeterminism(const TrainOptions& options, const train::RunConfig& config) {
-  if (!config.run.deterministic) return;
-  const auto needed = train::OverridesForDeterminism(config);
-  if (needed.empty()) return;
-  throw base::Error(fmt::format("a deterministic run must end by steps, not by seconds. Use:\n  {}",
-                                WithOverrides(options, needed)));
-}
-
 /// Step sizes that are allowed and hardly ever meant.
 void WarnOfLearningRates(const learner::LearnerConfig& config) {
   const auto warn = [](const char* who, double rate) {
@@ -274,24 +239,18 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
   return base::kExitOk;
 }
 
-/// Begins the run's directory, or checks the one to resume, before its stages are trained in it.
-run::RunLock BeginStages(const TrainOptions& options, const train::RunConfig& config,
-                         const run::RunDirectory& directory) {
-  train::RequireTrainable(config, options.resume);
-  return train::BeginTraining(directory, config, options.resume);
-}
-
 int Train(const TrainOptions& options) {
   // So that a log shows each line when it was printed.
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   StopSignals signals;
   const Source source = FindSource(options);
-  train::RunConfig config = LoadConfig(options, source.config);
+  train::RunConfig loaded = LoadConfig(options, source.config);
   const run::RunDirectory directory{
-      source.run.value_or(fs::path(options.output.value_or(kRuns)) / config.run.name)};
-  if (options.resume) config.courses.inputs = directory.inputs();
+      source.run.value_or(fs::path(options.output.value_or(kRuns)) / loaded.run.name)};
+  if (options.resume) loaded.courses.inputs = directory.inputs();
   RequireNoRun(options, directory);
-  CheckDeterminism(options, config);
+  train::ResolvedRun config =
+      train::Resolve(loaded, {.drives = "slalom train", .begins = !options.resume});
   WarnOfLearningRates(config.method.learner);
   if (!options.no_evaluation && !config.courses.test.empty()) {
     // Fails now, not after the training, if the test courses are missing.
@@ -306,9 +265,9 @@ int Train(const TrainOptions& options) {
   const auto exposer = options.metrics ? train::ShowMetrics(*options.metrics, *registry) : nullptr;
   bool has_begun = options.resume;
   std::optional<run::RunLock> lock;
-  if (!config.distillation.stages.empty()) {
-    lock.emplace(BeginStages(options, config, directory));
-    config.courses.inputs = directory.inputs();
+  if (!config.stages.empty()) {
+    lock.emplace(train::BeginTraining(directory, config, options.resume));
+    config.ReadCopies(directory.inputs());
     has_begun = true;
     switch (train::TrainStages(config, directory, commit, exposer.get(), signals.token())) {
       case train::TrainingEnd::kStopped:

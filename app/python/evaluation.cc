@@ -14,6 +14,7 @@
 #include "app/python/task.h"
 #include "app/train/agent_run_config.h"
 #include "app/train/run_config.h"
+#include "app/train/run_rules.h"
 #include "app/train/scoring.h"
 #include "base/config.h"
 #include "base/error.h"

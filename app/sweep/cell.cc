@@ -20,9 +20,7 @@
 #include "app/train/inputs.h"
 #include "app/train/planner_fit.h"
 #include "app/train/profile.h"
-#include "app/train/run_config.h"
 #include "app/train/run_identity.h"
-#include "app/train/run_limits.h"
 #include "app/train/sweep_files.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -259,13 +257,12 @@ class Expansion {
     return budget.steps > 0 || budget.updates > 0;
   }
 
-  void Check(const std::string& who, const train::RunConfig& config) const {
+  train::ResolvedRun Resolve(const std::string& who, const train::RunConfig& config) const {
     try {
-      train::RequireCombination(config);
-      train::RequireCourses(config, "slalom sweep");
-      train::RequireLearnable(config);
-      if (IsOfService()) train::RequireServable(config);
-      (void)train::LoadFirstPolicy(config);
+      train::ResolvedRun run = train::Resolve(
+          config, {.drives = "slalom sweep", .begins = true, .serves = IsOfService()});
+      (void)train::LoadFirstPolicy(run);
+      return run;
     } catch (const base::Error& error) {
       Fail(who, error.what());
     }
@@ -283,7 +280,7 @@ class Expansion {
       train::RunConfig config = resolved;
       config.run.seed = seed;
       const std::string who = cell.name();
-      Check(who, config);
+      cell.config = Resolve(who, config);
       const CourseFacts courses = config.courses.has_named()
                                       ? FindCourses(who, config.courses, config.courses.train)
                                       : CourseFacts{};
@@ -292,9 +289,9 @@ class Expansion {
         if (score->column == column) AddScores(cell, *score, config);
       }
       if (cell.scores.empty()) continue;  // Its group has no score of this column.
-      config.courses.test = "";           // The scores are the plan's.
+      cell.config->courses.test = "";     // The scores are the plan's.
       // The id depends on the courses and policies themselves, not on where these lie.
-      train::RunConfig anywhere = config;
+      train::RunConfig anywhere = *cell.config;
       anywhere.method.learner.from = "";
       static_cast<train::CollectionConfig&>(anywhere.courses) = {};
       anywhere.courses.train = train::CoursesConfig{}.train;
@@ -304,10 +301,9 @@ class Expansion {
           fmt::join(config.run.snapshot_seconds, " "),
           IsOfService() ? fmt::format("{}\na service of {} actors", platform_, plan_.sweep.actors)
                         : platform_,
-          DescribePolicies(who, config)));
+          DescribePolicies(who, *cell.config)));
       if (IsOfService()) cell.num_actors = plan_.sweep.actors;
       Describe(config, cell);
-      cell.config = std::move(config);
       Add(std::move(cell));
     }
   }
@@ -333,8 +329,12 @@ class Expansion {
         }
       }
     }
-    Apply(group.set, fields);
-    Apply(point.set, fields);
+    for (const auto* set : {&group.set, &point.set}) {
+      for (const auto& [key, value] : *set) {
+        train::RequireReadBy(group.planner, key, value.where);
+      }
+      Apply(*set, fields);
+    }
     return config;
   }
 
@@ -391,10 +391,10 @@ class Expansion {
   }
 
   /// The contents of the policies that a training starts or learns from, a line for each.
-  std::string DescribePolicies(const std::string& who, const train::RunConfig& config) const {
+  std::string DescribePolicies(const std::string& who, const train::ResolvedRun& run) const {
     std::string lines;
     try {
-      for (const std::string& file : train::PolicyFilesOf(config)) {
+      for (const std::string& file : train::PolicyFilesOf(run)) {
         lines += "\npolicy " + train::Digest(base::ReadFile(file));
       }
     } catch (const base::Error& error) {
@@ -452,7 +452,7 @@ class Expansion {
       std::erase_if(snapshots, [&](int steps) { return steps <= 0 || steps > task.run.max_steps; });
       std::ranges::sort(snapshots);
       snapshots.erase(std::unique(snapshots.begin(), snapshots.end()), snapshots.end());
-      Check(who, task);
+      (void)Resolve(who, task);
       try {
         RequireScorable(config, task, snapshots);
       } catch (const base::Error& error) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "app/sweep/plan.h"
+#include "app/train/resolved_run.h"
 #include "app/train/run_identity.h"
 
 namespace slalom::sweep {
@@ -31,8 +32,8 @@ struct Cell {
   std::vector<std::string> row;
   std::string column;  ///< Label on the axis of the columns; empty if there is none.
   std::int64_t seed = 0;
-  std::string planner;                     ///< Empty if a policy is trained.
-  std::optional<train::RunConfig> config;  ///< Config of the training; empty for a planner.
+  std::string planner;                       ///< Empty if a policy is trained.
+  std::optional<train::ResolvedRun> config;  ///< Config of the training; empty for a planner.
   int num_actors = 0;      ///< Actors of the service that trains it; 0: one process trains it.
   std::string collection;  ///< Name of the courses' collection; empty if built in.
   std::string friction;    ///< Friction law of the robot, as configs name it, or "drawn".

@@ -15,7 +15,7 @@
 #include "app/sweep/cell_command.h"
 #include "app/sweep/cell_service.h"
 #include "app/sweep/store.h"
-#include "app/train/stages.h"
+#include "app/train/resolved_run.h"
 #include "app/train/trained_policy.h"
 #include "base/child_process.h"
 #include "base/config.h"

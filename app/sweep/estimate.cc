@@ -11,7 +11,7 @@
 #include "app/sweep/cell_command.h"
 #include "app/sweep/cell_service.h"
 #include "app/train/disk_room.h"
-#include "app/train/stages.h"
+#include "app/train/resolved_run.h"
 #include "base/child_process.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -152,7 +152,8 @@ std::optional<double> MeasureSecondsPerStep(const Cell& cell, const fs::path& pr
     throw base::Error(fmt::format("{}: a short trial ended with exit code {}:\n{}", cell.name(),
                                   *exit_code, base::ReadFile(log)));
   }
-  const fs::path metrics = run::RunDirectory{train::RunsOf(config, run.root).front()}.metrics();
+  const fs::path metrics =
+      run::RunDirectory{train::RunsOf(*cell.config, run.root).front()}.metrics();
   std::error_code ec;
   if (!fs::exists(metrics, ec)) return std::nullopt;
   const run::MetricsTable table = run::ParseMetrics(base::ReadFile(metrics), 0);

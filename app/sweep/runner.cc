@@ -14,7 +14,7 @@
 
 #include "app/sweep/estimate.h"
 #include "app/sweep/store.h"
-#include "app/train/stages.h"
+#include "app/train/resolved_run.h"
 #include "base/error.h"
 #include "base/log.h"
 #include "base/progress.h"

@@ -8,7 +8,7 @@
 #include <system_error>
 
 #include "app/sweep/claim.h"
-#include "app/train/stages.h"
+#include "app/train/resolved_run.h"
 #include "base/file.h"
 #include "base/json.h"
 #include "eval/report/result.h"
@@ -82,7 +82,7 @@ std::optional<CellFailure> ReadFailure(const fs::path& path) {
 }
 
 /// The steps of a run and its stages so far.
-std::int64_t StepsSoFar(const train::RunConfig& config, const fs::path& directory) {
+std::int64_t StepsSoFar(const train::ResolvedRun& config, const fs::path& directory) {
   std::int64_t sum = 0;
   for (const fs::path& run : train::RunsOf(config, directory)) {
     const double steps = run::ReadLastMetrics(run::RunDirectory{run}.metrics()).Last("steps");

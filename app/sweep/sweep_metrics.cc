@@ -7,7 +7,7 @@
 #include <system_error>
 #include <utility>
 
-#include "app/train/stages.h"
+#include "app/train/resolved_run.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "eval/report/result.h"

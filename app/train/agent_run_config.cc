@@ -44,6 +44,19 @@ std::vector<std::string> PlannerAndOracleNames() {
   return names;
 }
 
+void RequireReadBy(const std::string& driver, std::string_view key, std::string_view where) {
+  const std::string section(key.substr(0, key.find('.')));
+  const std::vector<std::string> names = planners::PlannerNames();
+  const bool is_planners = std::ranges::find(names, section) != names.end();
+  const bool is_unread = driver == eval::kOracle ? is_planners || section == "navigation"
+                                                 : is_planners && section != driver;
+  if (!is_unread) return;
+  throw base::Error(
+      fmt::format("{}: {} does not read {}, expected a key that it reads: those of "
+                  "[{}] are {}'s",
+                  where, driver, key, section, is_planners ? section : "a planner"));
+}
+
 eval::MakeAgent MakePlanners(const std::string& name, const planners::PlannersConfig& config,
                              base::ParallelFor& parallel) {
   const std::vector<std::string> names = PlannerAndOracleNames();

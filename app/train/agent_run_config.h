@@ -58,6 +58,10 @@ AgentRunConfig ResolveAgentRun(const std::function<void(AgentRunConfig&)>& lay_o
 /// The names of what drives without training: the classical planners, and the oracle.
 std::vector<std::string> PlannerAndOracleNames();
 
+/// Throws `base::Error` that begins with `where` if the key is of settings that `driver`, a planner
+/// or the oracle, does not read: those of another planner.
+void RequireReadBy(const std::string& driver, std::string_view key, std::string_view where);
+
 /// Returns the makers of agents that drive evaluations as the classical planner `name`, or the
 /// oracle, does. `parallel`: threads on which they plan, which must outlive them. Throws
 /// `base::Error` if there is no such planner (the error lists them).

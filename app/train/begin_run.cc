@@ -62,7 +62,7 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
   return lock;
 }
 
-run::RunLock BeginTraining(const run::RunDirectory& directory, const RunConfig& config,
+run::RunLock BeginTraining(const run::RunDirectory& directory, const ResolvedRun& config,
                            bool resume) {
   const Inputs inputs = ReadInputs(config);  // They may lie in a run that is moved aside.
   run::RunLock lock = resume ? ResumeRun(directory, config) : BeginRun(directory, config);

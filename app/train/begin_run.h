@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "app/train/run_config.h"
+#include "app/train/resolved_run.h"
 #include "learner/run/run_directory.h"
 
 namespace slalom::train {
@@ -23,7 +23,7 @@ run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& conf
 
 /// Begins or resumes a run that drives its own episodes: as the two functions do, and keeps copies
 /// of what its config names in its directory (`ReadInputs`, with its errors).
-run::RunLock BeginTraining(const run::RunDirectory& directory, const RunConfig& config,
+run::RunLock BeginTraining(const run::RunDirectory& directory, const ResolvedRun& config,
                            bool resume);
 
 }  // namespace slalom::train

@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <utility>
 
-#include "app/train/stages.h"
 #include "policy/policy.h"
 
 namespace slalom::train {
 
-CourseTeachers::CourseTeachers(const RunConfig& config, const std::filesystem::path& directory)
-    : mix_(config.courses.Mix()) {
-  const policy::PolicySpec student = MakePolicySpec(config);
-  for (const auto& [kind, file] : TeacherFiles(config, directory)) {
+CourseTeachers::CourseTeachers(const ResolvedRun& run, const std::filesystem::path& directory)
+    : mix_(run.courses.Mix()) {
+  const policy::PolicySpec student = MakePolicySpec(run);
+  for (const auto& [kind, file] : TeacherFiles(run, directory)) {
     const auto known = std::ranges::find(teachers_, file, &Teacher::file);
     of_kind_[kind] = static_cast<std::size_t>(known - teachers_.begin());
     if (known != teachers_.end()) continue;
@@ -41,10 +40,10 @@ void CourseTeachers::Act(const env::ObservationBatch& observations, std::span<co
   }
 }
 
-std::unique_ptr<actor::Teachers> MakeTeachers(const RunConfig& config,
+std::unique_ptr<actor::Teachers> MakeTeachers(const ResolvedRun& run,
                                               const std::filesystem::path& directory) {
-  if (!learner::TraitsOf(config.method.learner).is_taught) return nullptr;
-  return std::make_unique<CourseTeachers>(config, directory);
+  if (!learner::TraitsOf(run.method.learner).is_taught) return nullptr;
+  return std::make_unique<CourseTeachers>(run, directory);
 }
 
 }  // namespace slalom::train

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "actor/teachers.h"
-#include "app/train/run_config.h"
+#include "app/train/resolved_run.h"
 #include "policy/network_agent.h"
 #include "sim/courses/course_stream.h"
 
@@ -17,10 +17,10 @@ namespace slalom::train {
 /// a time.
 class CourseTeachers : public actor::Teachers {
  public:
-  /// Loads the policies of the run in `directory`. Throws `base::Error` as `TeacherFiles` does, or
-  /// that names a policy's file if it cannot be read, or its observation or action is not that of
-  /// the run, where a teacher may also see what no sensor tells (`ObservationSpec::privileged`).
-  CourseTeachers(const RunConfig& config, const std::filesystem::path& directory);
+  /// Loads the policies of the run in `directory`. Throws `base::Error` that names a policy's file
+  /// if it cannot be read, or its observation or action is not that of the run, where a teacher may
+  /// also see what no sensor tells (`ObservationSpec::privileged`).
+  CourseTeachers(const ResolvedRun& run, const std::filesystem::path& directory);
 
   void Act(const env::ObservationBatch& observations, std::span<const int> courses,
            std::span<float> actions) override;
@@ -38,7 +38,7 @@ class CourseTeachers : public actor::Teachers {
 };
 
 /// The teachers of a run, null if its algorithm has none. Throws as `CourseTeachers`.
-std::unique_ptr<actor::Teachers> MakeTeachers(const RunConfig& config,
+std::unique_ptr<actor::Teachers> MakeTeachers(const ResolvedRun& run,
                                               const std::filesystem::path& directory);
 
 }  // namespace slalom::train

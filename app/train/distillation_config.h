@@ -5,7 +5,7 @@
 namespace slalom::train {
 
 /// Who teaches a policy that is distilled (learner/distillation.h): policies from files, or from
-/// trainings that come first (app/train/stages.h).
+/// trainings that come first (app/train/resolved_run.h).
 struct DistillationConfig {
   base::TomlAssignments teachers;
   base::TomlAssignments stages;

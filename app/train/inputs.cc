@@ -4,7 +4,6 @@
 
 #include <system_error>
 
-#include "app/train/stages.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
@@ -49,16 +48,16 @@ std::string NameOfCopy(const std::string& policy) {
 
 }  // namespace
 
-std::vector<std::string> PolicyFilesOf(const RunConfig& config) {
+std::vector<std::string> PolicyFilesOf(const ResolvedRun& run) {
   std::vector<std::string> files;
-  for (const base::TomlAssignment& teacher : config.distillation.teachers) {
-    files.push_back(TeacherFile(teacher));
+  for (const Teacher& teacher : run.teachers) {
+    if (!teacher.file.empty()) files.push_back(teacher.file);
   }
-  const auto add_first = [&files](const RunConfig& run) {
-    if (!run.method.learner.from.empty()) files.push_back(run.method.learner.from);
+  const auto add_first = [&files](const RunConfig& config) {
+    if (!config.method.learner.from.empty()) files.push_back(config.method.learner.from);
   };
-  add_first(config);
-  for (const Stage& stage : StagesOf(config)) add_first(stage.config);
+  add_first(run);
+  for (const Stage& stage : run.stages) add_first(stage.config);
   return files;
 }
 
@@ -83,10 +82,10 @@ std::optional<policy::PolicySnapshot> LoadFirstPolicy(const RunConfig& config) {
   return first;
 }
 
-Inputs ReadPolicies(const RunConfig& config) {
+Inputs ReadPolicies(const ResolvedRun& run) {
   Inputs copies;
-  for (const std::string& named : PolicyFilesOf(config)) {
-    const fs::path file = FindPolicy(config.courses.inputs, named);
+  for (const std::string& named : PolicyFilesOf(run)) {
+    const fs::path file = FindPolicy(run.courses.inputs, named);
     std::string& bytes = copies[NameOfCopy(named)];
     bytes = base::ReadFile(file);
     std::error_code missing;
@@ -97,9 +96,9 @@ Inputs ReadPolicies(const RunConfig& config) {
   return copies;
 }
 
-Inputs ReadInputs(const RunConfig& config) {
-  Inputs copies = ReadPolicies(config);
-  const CoursesConfig& courses = config.courses;
+Inputs ReadInputs(const ResolvedRun& run) {
+  Inputs copies = ReadPolicies(run);
+  const CoursesConfig& courses = run.courses;
   if (courses.has_named()) AddCourses(courses, courses.train, copies);
   if (courses.test.empty()) return copies;
   try {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "app/train/run_config.h"
+#include "app/train/resolved_run.h"
 #include "policy/policy.h"
 
 /// A run keeps copies of the files that its config names, courses and policies, in a directory of
@@ -15,9 +15,8 @@
 
 namespace slalom::train {
 
-/// The policy files that a config and its stages name: `learner.from`, and those of teachers.
-/// Throws `base::Error` as `StagesOf`.
-std::vector<std::string> PolicyFilesOf(const RunConfig& config);
+/// The policy files that a run and its stages name: `learner.from`, and those of teachers.
+std::vector<std::string> PolicyFilesOf(const ResolvedRun& run);
 
 /// The file to read for a policy that a config names: the copy in `inputs` if there is one.
 std::filesystem::path FindPolicy(const std::filesystem::path& inputs, const std::string& named);
@@ -30,14 +29,14 @@ std::optional<policy::PolicySnapshot> LoadFirstPolicy(const RunConfig& config);
 /// Copies by the names of their files in `inputs`.
 using Inputs = std::map<std::string, std::string>;
 
-/// Reads the policies that the config names. Of what `config.courses.inputs` holds a copy, the copy
-/// is read; a warning says if the file has another content by now. Throws `base::Error` if a file
+/// Reads the policies that the run names. Of what `run.courses.inputs` holds a copy, the copy is
+/// read; a warning says if the file has another content by now. Throws `base::Error` if a file
 /// cannot be read.
-Inputs ReadPolicies(const RunConfig& config);
+Inputs ReadPolicies(const ResolvedRun& run);
 
-/// Reads all that the config names, likewise: policies, training courses and, if they can be read,
+/// Reads all that the run names, likewise: policies, training courses and, if they can be read,
 /// test courses. Courses of a generator need no copy.
-Inputs ReadInputs(const RunConfig& config);
+Inputs ReadInputs(const ResolvedRun& run);
 
 /// Writes them, as far as they are not there already. Throws `base::Error` if one cannot be
 /// written.

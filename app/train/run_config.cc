@@ -7,18 +7,14 @@
 #include <utility>
 #include <vector>
 
-#include "app/train/stages.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/random.h"
-#include "learner/method_rules.h"
 #include "replay/rows.h"
-#include "replay/sample_bytes.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_sets.h"
-#include "sim/randomized_config.h"
 #include "sim/scene.h"
 #include "sim/scene_stream.h"
 
@@ -34,96 +30,10 @@ sim::CourseSet ResolveKey(std::string_view key, const CoursesConfig& courses,
   }
 }
 
-/// Throws unless `is_met`, because `key` would need a robot on courses.
-void RequireForOwn(bool is_met, std::string_view key, std::string_view expected) {
-  if (is_met) return;
-  throw base::Error(fmt::format(
-      "{}: expected {} with task.observation_size above 0: it is about robots on courses", key,
-      expected));
-}
-
-void RequireTeachers(const RunConfig& config) {
-  const std::string& algorithm = config.method.learner.algorithm;
-  if (!learner::TraitsOf(config.method.learner).is_taught) return;
-  if (config.courses.has_named()) {
-    throw base::Error(fmt::format(
-        "courses.train is \"{}\" and courses.fresh \"{}\", expected \"\" and kinds of courses with "
-        "learner.algorithm = \"{}\", whose teachers are chosen by the kind",
-        config.courses.train, config.courses.fresh, algorithm));
-  }
-  (void)TeacherFiles(config, "");
-  for (const Stage& stage : StagesOf(config)) {
-    try {
-      RequireCombination(stage.config);
-    } catch (const base::Error& error) {
-      throw base::Error(fmt::format("distillation.stages.{}: {}", stage.name, error.what()));
-    }
-  }
-}
-
-/// Throws if no episode would be on a learnable course although they are asked for.
-void RequireSampling(const CoursesConfig& courses) {
-  const bool has_fresh = !courses.Mix().empty();  // Names are checked.
-  const actor::SamplingConfig& sampling = courses.sampling;
-  if (sampling.sampling != actor::Sampling::kLearnable) return;
-  if (has_fresh && sampling.fresh_episodes == 1) {
-    throw base::Error(
-        "courses.fresh_episodes is 1, expected at least 2 with courses.sampling = \"learnable\": a "
-        "course is learnable if some of its episodes succeed and others fail");
-  }
-  if (sampling.learnable_share == 0.0) {
-    throw base::Error(
-        "courses.learnable_share is 0, expected more with courses.sampling = \"learnable\": "
-        "without "
-        "a share of the episodes it has no effect");
-  }
-}
-
-void RequireTask(const RunConfig& config) {
-  const TaskConfig& task = config.task;
-  const std::size_t num_bounds = task.action_low.size();
-  if (!task.is_own()) return;
-  if (num_bounds < 1 || num_bounds > env::kMaxActionSize || task.action_high.size() != num_bounds) {
-    throw base::Error(fmt::format(
-        "task.action_low has {} numbers and task.action_high {}, expected the same number, from 1 "
-        "to {}",
-        num_bounds, task.action_high.size(), env::kMaxActionSize));
-  }
-  for (std::size_t i = 0; i < num_bounds; ++i) {
-    if (task.action_low[i] < task.action_high[i]) continue;
-    throw base::Error(
-        fmt::format("task.action_low[{}] is {}, expected less than task.action_high[{}] = {}", i,
-                    task.action_low[i], i, task.action_high[i]));
-  }
-  RequireForOwn(config.network.sectors == 0, "network.sectors", "0");
-  RequireForOwn(!config.method.learner.mirror, "learner.mirror", "false");
-  RequireForOwn(config.method.model.kind == nn::ModelKind::kNone, "model.kind", "\"none\"");
-  RequireForOwn(!config.mpc.enabled, "mpc.enabled", "false");
-}
-
-void RequireReachableLimit(const RunConfig& config) {
-  const learner::ConstraintConfig& constraint = config.method.constraint;
-  const bool costs_at_most_one = !config.task.is_own() && config.environment.episode.collision_ends;
-  if (constraint.kind != learner::ConstraintKind::kLagrangian || !costs_at_most_one ||
-      constraint.limit < 1.0) {
-    return;
-  }
-  throw base::Error(fmt::format(
-      "constraint.limit is {}, expected less than 1 with constraint.kind = \"lagrangian\": an "
-      "episode ends with its first collision, so the multiplier would never rise",
-      constraint.limit));
-}
-
 /// When the run's episodes end in success.
 nn::GoalRule GoalOf(const RunConfig& config) {
   return {.radius = config.environment.episode.goal_tolerance,
           .reward = config.environment.reward.success * config.method.learner.reward_scale};
-}
-
-/// A batch step begins below the limit and adds a row for each environment, and one more frame if
-/// its episode ends.
-int LargestChunkRows(const RunConfig& config) {
-  return config.actor_service.chunk_rows - 1 + 2 * config.actor.num_environments;
 }
 
 }  // namespace
@@ -250,69 +160,13 @@ int BatchesPerUpdate(const RunConfig& config) {
   return static_cast<int>(learner::SampleSpecs(config.method, MakePolicySpec(config)).size());
 }
 
-void RequireCombination(const RunConfig& config) {
-  sim::CheckRandomization(config.environment);
-  RequireSampling(config.courses);
-  RequireTask(config);
-  RequireReachableLimit(config);
-  learner::RequireConsistent(config.method);
-  if (config.mpc.enabled) RequireNoConstraint(config);
-  RequireTeachers(config);
-  RunConfig copy = config;
-  RunConfig defaults;
-  config::RequireRead(config::ListFields(copy), config::ListFields(defaults));
-}
-
-void RequireCourses(const RunConfig& config, std::string_view who) {
-  if (!config.task.is_own()) return;
-  throw base::Error(fmt::format(
-      "task.observation_size is {}, expected 0 for {}, which drives robots on courses: your own "
-      "environment is driven by slalom.Actor (docs/python.md)",
-      config.task.observation_size, who));
-}
-
-void RequireNoConstraint(const RunConfig& config) {
-  if (config.method.constraint.kind == learner::ConstraintKind::kNone) return;
-  throw base::Error(fmt::format(
-      "mpc.enabled is true, expected constraint.kind = \"none\", found \"{}\": a plan is weighed "
-      "by its rewards alone, as a model predicts no cost",
-      base::EnumName(config.method.constraint.kind)));
+int LargestChunkRows(const RunConfig& config) {
+  return config.actor_service.chunk_rows - 1 + 2 * config.actor.num_environments;
 }
 
 std::int64_t LargestChunkBytes(const RunConfig& config) {
   return static_cast<std::int64_t>(
       replay::RowBytes::Size(LargestChunkRows(config), StepShapeOf(config)));
-}
-
-void RequireServable(const RunConfig& config) {
-  if (learner::TraitsOf(config.method.learner).is_taught) {
-    throw base::Error(fmt::format(
-        "learner.algorithm is \"{}\", expected one that learns from rewards: the service's actors "
-        "have no teachers; `slalom train` has",
-        config.method.learner.algorithm));
-  }
-  const int rows = LargestChunkRows(config);
-  const std::int64_t bytes = LargestChunkBytes(config);
-  if (bytes > config.replay_server.max_message_bytes) {
-    throw base::Error(fmt::format(
-        "actor_service.chunk_rows is {} and actor.num_environments {}: a message may have {} rows "
-        "and {} bytes, expected at most replay_server.max_message_bytes = {}",
-        config.actor_service.chunk_rows, config.actor.num_environments, rows, bytes,
-        config.replay_server.max_message_bytes));
-  }
-  for (const replay::SampleSpec& spec :
-       learner::SampleSpecs(config.method, MakePolicySpec(config))) {
-    const auto size = replay::SampleSize({.batch = spec.batch,
-                                          .history = spec.history,
-                                          .step = StepShapeOf(config),
-                                          .weighted = spec.prioritized});
-    if (size && *size <= static_cast<std::size_t>(config.replay_server.max_sample_bytes)) continue;
-    throw base::Error(fmt::format(
-        "learner.batch_size is {} and model_training.batch_size {}: a batch of {} windows of {} "
-        "scans has {} bytes, expected at most replay_server.max_sample_bytes = {}",
-        config.method.learner.batch_size, config.method.model_training.batch_size, spec.batch,
-        spec.history, size.value_or(0), config.replay_server.max_sample_bytes));
-  }
 }
 
 std::uint64_t SpecHash(const RunConfig& config) {

@@ -180,21 +180,11 @@ sim::CourseEnvironments MakeTrainingEnvironments(const RunConfig& config,
 /// Batches that an update learns from, one of each kind. The replay server counts batches.
 int BatchesPerUpdate(const RunConfig& config);
 
-/// Throws `base::Error` if sections contradict each other, whichever program reads the config, or a
-/// key is set that nothing reads (`config::RequireRead`).
-void RequireCombination(const RunConfig& config);
-/// Throws `base::Error` if the config is for an environment of the user's own, which `who` does not
-/// drive.
-void RequireCourses(const RunConfig& config, std::string_view who);
-/// Throws `base::Error` if the run's policies are trained under a constraint, which planning would
-/// ignore.
-void RequireNoConstraint(const RunConfig& config);
-
+/// Most rows of a chunk that the run's actors send: a batch step begins below the limit and adds a
+/// row for each environment, and one more frame if its episode ends.
+int LargestChunkRows(const RunConfig& config);
 /// Size of the largest chunk that the run's actors send [bytes].
 std::int64_t LargestChunkBytes(const RunConfig& config);
-
-/// Throws `base::Error` if the limits of the service's roles are incompatible.
-void RequireServable(const RunConfig& config);
 
 /// Hash of environment, network, algorithm and the model that policies carry; processes whose
 /// hashes differ refuse each other. Keys at their defaults do not count, so a version with more

@@ -5,31 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.h"
-#include "learner/learner.h"
-
 namespace slalom::train {
 namespace {
 
 // Steps that a deterministic run is proposed to make in place of each second of its limit: about
 // the speed of one thread of an ordinary processor.
 constexpr double kStepsPerSecond = 10000.0;
-
-/// Environment steps by which the first update is due.
-std::int64_t FirstUpdate(const RunConfig& config) {
-  return config.run.learning_starts +
-         static_cast<std::int64_t>(std::ceil(1.0 / config.run.updates_per_step));
-}
-
-/// Frames that the longest window of an update spans when every environment adds to the replay.
-std::int64_t WindowFrames(const RunConfig& config) {
-  int longest = 0;
-  for (const replay::SampleSpec& spec :
-       learner::SampleSpecs(config.method, MakePolicySpec(config))) {
-    longest = std::max(longest, spec.history + spec.n_step);
-  }
-  return static_cast<std::int64_t>(longest) * config.actor.num_environments;
-}
 
 bool EndsBySeconds(const RunConfig& config, double training_s) {
   return config.run.max_seconds > 0.0 && training_s >= config.run.max_seconds;
@@ -41,22 +22,9 @@ std::string SecondsOverride(double seconds) {
 
 }  // namespace
 
-void RequireLearnable(const RunConfig& config) {
-  if (config.run.max_steps <= FirstUpdate(config)) {
-    throw base::Error(
-        fmt::format("run.max_steps is {}, expected more than {}, or nothing is learned: the first "
-                    "update comes after run.learning_starts = {} steps and the steps that pay for "
-                    "it (run.updates_per_step = {})",
-                    config.run.max_steps, FirstUpdate(config), config.run.learning_starts,
-                    config.run.updates_per_step));
-  }
-  if (config.replay.capacity < WindowFrames(config)) {
-    throw base::Error(fmt::format(
-        "replay.capacity is {}, expected at least {}: an update samples windows of {} frames from "
-        "each of actor.num_environments = {}",
-        config.replay.capacity, WindowFrames(config),
-        WindowFrames(config) / config.actor.num_environments, config.actor.num_environments));
-  }
+std::int64_t FirstUpdate(const RunConfig& config) {
+  return config.run.learning_starts +
+         static_cast<std::int64_t>(std::ceil(1.0 / config.run.updates_per_step));
 }
 
 std::string LongerLimit(const RunConfig& config, std::int64_t steps, double training_s) {

@@ -6,14 +6,13 @@
 
 #include "app/train/run_config.h"
 
-/// Checks of a run's limits, and overrides that change them. An "override" is a text
+/// A run's limits, and overrides that change them. An "override" is a text
 /// `section.key=value`, as `--set` takes it.
 
 namespace slalom::train {
 
-/// Throws `base::Error` that names the keys if a new run certainly learns nothing: it ends by
-/// `run.max_steps` before its first update, or its replay cannot hold the samples of one update.
-void RequireLearnable(const RunConfig& config);
+/// Environment steps by which a run's first update is due.
+std::int64_t FirstUpdate(const RunConfig& config);
 
 /// The override with which a run that ended at its limit continues for about as long again.
 std::string LongerLimit(const RunConfig& config, std::int64_t steps, double training_s);

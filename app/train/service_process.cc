@@ -50,11 +50,8 @@ double CountEarlierStarts(const std::filesystem::path& state, std::string_view r
   }
 }
 
-RunConfig LoadConfig(const ServiceOptions& options) {
-  auto config = config::Load<RunConfig>(options.config, options.overrides);
-  RequireCombination(config);
-  RequireServable(config);
-  return config;
+ResolvedRun LoadConfig(const ServiceOptions& options) {
+  return Resolve(config::Load<RunConfig>(options.config, options.overrides), {.serves = true});
 }
 
 }  // namespace

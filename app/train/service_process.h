@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "app/train/run_config.h"
+#include "app/train/resolved_run.h"
 #include "metrics/exposer.h"
 #include "metrics/registry.h"
 #include "proto/transport/client.h"
@@ -30,7 +30,7 @@ class ServiceProcess {
   /// config or the address is unusable.
   ServiceProcess(transport::Role role, const ServiceOptions& options);
 
-  const RunConfig& config() const { return config_; }
+  const ResolvedRun& config() const { return config_; }
   const std::string& name() const { return name_; }
   std::filesystem::path state() const { return config_.service.state; }
   std::uint64_t spec_hash() const { return SpecHash(config_); }
@@ -43,7 +43,7 @@ class ServiceProcess {
 
  private:
   const transport::Role role_;
-  const RunConfig config_;
+  const ResolvedRun config_;
   const std::string name_;
   transport::Context context_;
   std::unique_ptr<metrics::Registry> registry_;

@@ -6,11 +6,9 @@
 #include <filesystem>
 #include <memory>
 #include <system_error>
-#include <vector>
 
 #include "app/train/begin_run.h"
 #include "app/train/service_process.h"
-#include "app/train/stages.h"
 #include "app/train/trained_policy.h"
 #include "base/error.h"
 #include "base/log.h"
@@ -42,12 +40,11 @@ bool IsFinished(const Stage& stage, const run::RunDirectory& directory) {
 
 }  // namespace
 
-TrainingEnd TrainStages(const RunConfig& config, const run::RunDirectory& directory,
+TrainingEnd TrainStages(const ResolvedRun& config, const run::RunDirectory& directory,
                         const std::string& commit, metrics::Exposer* exposer,
                         const std::stop_token& stop) {
-  const std::vector<Stage> stages = StagesOf(config);
-  for (std::size_t i = 0; i < stages.size(); ++i) {
-    const Stage& stage = stages[i];
+  for (std::size_t i = 0; i < config.stages.size(); ++i) {
+    const Stage& stage = config.stages[i];
     const run::RunDirectory own{StageDirectory(directory.root, stage.name)};
     if (IsFinished(stage, own)) {
       std::error_code ignored;  // A process that was killed may have left them.
@@ -56,7 +53,7 @@ TrainingEnd TrainStages(const RunConfig& config, const run::RunDirectory& direct
       }
       continue;
     }
-    spdlog::info("teacher {} of {} for {}: stage {}, training on {}", i + 1, stages.size(),
+    spdlog::info("teacher {} of {} for {}: stage {}, training on {}", i + 1, config.stages.size(),
                  directory.root.string(), stage.name, stage.config.courses.DescribeTrain());
     const auto registry =
         std::make_shared<metrics::Registry>(MakeIdentity("train", stage.name, config.run.name));

@@ -3,7 +3,7 @@
 #include <stop_token>
 #include <string>
 
-#include "app/train/run_config.h"
+#include "app/train/resolved_run.h"
 #include "app/train/trainer.h"
 #include "learner/run/run_directory.h"
 #include "metrics/exposer.h"
@@ -17,7 +17,7 @@ namespace slalom::train {
 /// kUnsaved. Throws `base::Error` that names the stage if it diverged or learned nothing, as
 /// `RequireResumable` if its policy was trained with another config, and as `Trainer` does.
 /// Requires: this process holds the lock of the run.
-TrainingEnd TrainStages(const RunConfig& config, const run::RunDirectory& directory,
+TrainingEnd TrainStages(const ResolvedRun& config, const run::RunDirectory& directory,
                         const std::string& commit, metrics::Exposer* exposer,
                         const std::stop_token& stop);
 

@@ -1,7 +1,6 @@
 #include "app/train/trainer.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <filesystem>
 #include <utility>
@@ -10,7 +9,6 @@
 #include "app/train/course_teachers.h"
 #include "app/train/disk_room.h"
 #include "app/train/inputs.h"
-#include "app/train/run_limits.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/log.h"
@@ -29,7 +27,7 @@ std::int64_t StateBytes(const learner::Learner& learner) {
   return bytes;
 }
 
-run::RunLock Begin(const run::RunDirectory& directory, const RunConfig& config,
+run::RunLock Begin(const run::RunDirectory& directory, const ResolvedRun& config,
                    const learner::Learner& learner, bool resume, std::optional<run::RunLock> held) {
   RequireRoom(config, directory, StateBytes(learner));
   if (held) return *std::move(held);
@@ -42,29 +40,12 @@ learner::MethodConfig MethodOf(const RunConfig& config) {
   return method;
 }
 
-const RunConfig& Checked(const RunConfig& config, bool resume) {
-  RequireTrainable(config, resume);
-  return config;
-}
-
 }  // namespace
 
-void RequireTrainable(const RunConfig& config, bool resume) {
-  RequireCombination(config);
-  RequireCourses(config, "slalom train");
-  // A resumed run has learned already, and may be given a limit that ends it at once.
-  if (!resume) RequireLearnable(config);
-  if (!config.run.deterministic) return;
-  if (const auto needed = OverridesForDeterminism(config); !needed.empty()) {
-    throw base::Error(
-        fmt::format("run.deterministic is true, expected with it {}", fmt::join(needed, ", ")));
-  }
-}
-
-Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
+Trainer::Trainer(const ResolvedRun& config, const run::RunDirectory& directory, std::string commit,
                  bool resume, metrics::Registry& registry, run::TrainingClock clock,
                  std::optional<run::RunLock> held)
-    : config_(Checked(config, resume)),
+    : config_(config),
       parallel_(config.run.deterministic ? 1 : config.run.simulation_threads),
       environments_(MakeTrainingEnvironments(config, parallel_)),
       learner_(MethodOf(config), MakePolicySpec(config), SeedOf(config, "learner"),
@@ -77,7 +58,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
       lock_(Begin(directory, config, learner_, resume, std::move(held))),
       source_(config, learner_.sample_specs(), actor_, *agent_, table_, directory.checkpoints(),
               registry),
-      loop_({.run = {directory, config.run, config::ToToml(config), std::move(commit),
+      loop_({.run = {directory, config.run, config::ToToml<RunConfig>(config), std::move(commit),
                      run::Fence::OfEnvironment()}},
             learner_, source_, source_, registry, std::move(clock)) {
   if (!resume || loop_.Restore()) return;
@@ -87,7 +68,7 @@ Trainer::Trainer(const RunConfig& config, const run::RunDirectory& directory, st
         "--resume the run there is moved aside and a new one begins",
         directory.checkpoints().string(), directory.policy().string()));
   }
-  if (!config_.distillation.stages.empty()) return;  // Its stages have been trained up to here.
+  if (!config_.stages.empty()) return;  // Its stages have been trained up to here.
   spdlog::info("{}: no checkpoint yet, the run starts from the beginning",
                directory.checkpoints().string());
 }

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "actor/actor.h"
-#include "app/train/run_config.h"
+#include "app/train/resolved_run.h"
 #include "app/train/table_source.h"
 #include "base/parallel.h"
 #include "learner/learner.h"
@@ -22,10 +22,6 @@ namespace slalom::train {
 
 using learner::TrainingEnd;
 
-/// Throws `base::Error` as `Trainer` does if its config cannot be trained, before anything is
-/// built.
-void RequireTrainable(const RunConfig& config, bool resume);
-
 /// One training run in one process: a `learner::LearnerLoop` between a table and the actor that
 /// fills it.
 ///
@@ -39,10 +35,9 @@ class Trainer {
   /// program's commit, for provenance. `registry`, which must outlive the trainer, shows the
   /// metrics of a learner. `clock` measures training time, which counts from `Run` on; tests give
   /// their own. `held`: the run's lock, if the caller has begun or checked the directory already.
-  /// Throws `base::Error` if courses, config or checkpoint are unusable, if a new run
-  /// could not learn anything (`RequireLearnable`), if the disk has no room (`RequireRoom`), or if
-  /// another process trains there.
-  Trainer(const RunConfig& config, const run::RunDirectory& directory, std::string commit,
+  /// Throws `base::Error` if courses or checkpoint are unusable, if the disk has no room
+  /// (`RequireRoom`), or if another process trains there.
+  Trainer(const ResolvedRun& config, const run::RunDirectory& directory, std::string commit,
           bool resume, metrics::Registry& registry, run::TrainingClock clock = run::TrainingClock(),
           std::optional<run::RunLock> held = std::nullopt);
   ~Trainer();
@@ -60,7 +55,7 @@ class Trainer {
   const run::LearningWatch& watch() const { return loop_.run().watch(); }
 
  private:
-  const RunConfig config_;
+  const ResolvedRun config_;
   base::ParallelFor parallel_;
   sim::CourseEnvironments environments_;
   learner::Learner learner_;

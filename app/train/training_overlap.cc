@@ -44,7 +44,7 @@ void AddTrainingCourses(const RunConfig& config, TrainingCourses& courses,
     courses.set.courses.insert(courses.set.courses.end(), set.courses.begin(), set.courses.end());
     courses.names.push_back(config.courses.DescribeTrain());
   });
-  for (const std::string& named : PolicyFilesOf(config)) {
+  for (const std::string& named : PolicyFilesOf(ResolveRecorded(config))) {
     const fs::path file = FindPolicy(config.courses.inputs, named);
     if (!seen.insert(file).second) continue;
     unless_missing([&] {

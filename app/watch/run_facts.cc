@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "app/train/resolved_run.h"
 #include "app/train/run_config.h"
-#include "app/train/stages.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "learner/run/run_directory.h"
@@ -39,7 +39,7 @@ RunFacts FactsOf(const std::filesystem::path& directory) {
   train::RunConfig config;
   try {
     config::ReadTomlFile(run::RunDirectory{directory}.config(), config::ListFields(config));
-    for (const train::Stage& stage : train::StagesOf(config)) {
+    for (const train::Stage& stage : train::ResolveRecorded(config).stages) {
       facts.stages.push_back({stage.name, train::StageDirectory(directory, stage.name)});
     }
   } catch (const base::Error& error) {

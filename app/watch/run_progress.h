@@ -15,7 +15,7 @@
 
 namespace slalom::watch {
 
-/// A training that comes before the run itself (app/train/stages.h).
+/// A training that comes before the run itself (app/train/resolved_run.h).
 struct StageFacts {
   std::string name;
   std::filesystem::path directory;

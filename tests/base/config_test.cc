@@ -470,12 +470,12 @@ TEST(ConfigReadTest, WhatNothingReadsHasItsDefault) {
 TEST(ConfigReadTest, ThePageSaysWithWhatAKeyIsRead) {
   WithChoices config;
   const std::string page = PrintMarkdown(ListFields(config));
-  EXPECT_THAT(page, HasSubstr("| Clutch. Read if `gear` is `reverse`. |"));
-  EXPECT_THAT(page, HasSubstr("The tool. Read unless `kind` has its default.\n"));
+  EXPECT_THAT(page, HasSubstr("| Clutch. Read with `gear` = `reverse`. |"));
+  EXPECT_THAT(page, HasSubstr("The tool. Not read with `kind` = `\"none\"`.\n"));
   EXPECT_THAT(page, HasSubstr("| Which tool. |"));
   EXPECT_THAT(page, HasSubstr("| Speed. |")) << "the section says it for all";
-  EXPECT_THAT(page, HasSubstr("| Teeth. Read if `kind` is `saw` or `file`. |"));
-  EXPECT_THAT(page, HasSubstr("| Most cuts. Read unless `is_counted` has its default. |"));
+  EXPECT_THAT(page, HasSubstr("| Teeth. Read with `kind` = `saw`, `file`. |"));
+  EXPECT_THAT(page, HasSubstr("| Most cuts. Not read with `is_counted` = `false`. |"));
 }
 
 class FilesTest : public testing::Test {

@@ -8,7 +8,7 @@
 #include <functional>
 #include <set>
 
-#include "app/train/stages.h"
+#include "app/train/resolved_run.h"
 #include "base/progress.h"
 #include "eval/report/comparison.h"
 #include "eval/report/table_text.h"

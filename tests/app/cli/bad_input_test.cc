@@ -146,6 +146,15 @@ TEST_F(BadInputTest, MethodsThatMakeNoSenseAreRefusedWithTheReason) {
          HasSubstr("model.encoder_layers: found []"));
 }
 
+TEST_F(BadInputTest, AKeyOfAnotherPlannerIsRefused) {
+  const auto refuse = [&](const char* agent, const char* set, const char* message) {
+    ExpectError({"evaluate", "--agent", agent, "--courses", "static-train-5", "--set", set},
+                HasSubstr(message));
+  };
+  refuse("dwa", "teb.robot.max_linear=1", "dwa does not read teb.robot.max_linear");
+  refuse("oracle", "navigation.footprint.length=1", "those of [navigation] are a planner's");
+}
+
 TEST_F(BadInputTest, AServiceWhoseMessagesWouldNotFitIsRefused) {
   ExpectError({"actor", "--config", "tiny.toml", "--set", "actor_service.chunk_rows=16384", "--set",
                "environment.lidar.num_beams=720"},

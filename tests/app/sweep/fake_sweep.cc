@@ -74,7 +74,7 @@ std::size_t FakeSweep::AddTraining(const std::vector<std::string>& row, int seed
   cell.row = row;
   cell.column = column;
   cell.seed = seed;
-  cell.config = train::RunConfig{};
+  cell.config = train::ResolvedRun{};
   cell.config->run.max_steps = 4000;
   cell.id = fmt::format("all-{}-{}{}", fmt::join(row, "-"), seed, column);
   return Add(std::move(cell));

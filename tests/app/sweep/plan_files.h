@@ -50,6 +50,7 @@ inline void AddStages(sweep::Cell& cell) {
   cell.config->courses.fresh = "static";
   cell.config->distillation.stages = {{"first.run.max_steps", {"1000", ""}},
                                       {"second.run.max_steps", {"2000", ""}}};
+  cell.config = train::ResolveRecorded(*cell.config);
 }
 
 }  // namespace slalom::test

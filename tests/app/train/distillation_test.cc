@@ -10,8 +10,8 @@
 
 #include "app/train/course_teachers.h"
 #include "app/train/inputs.h"
+#include "app/train/resolved_run.h"
 #include "app/train/stage_trainer.h"
-#include "app/train/stages.h"
 #include "app/train/training_overlap.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -55,8 +55,7 @@ class DistillationTest : public testing::Test {
 
   std::string Refusal() const {
     try {
-      RequireCombination(config_);
-      (void)MakeTeachers(config_, directory_.path());
+      (void)MakeTeachers(Resolve(config_), directory_.path());
     } catch (const base::Error& error) {
       return error.what();
     }
@@ -69,7 +68,7 @@ class DistillationTest : public testing::Test {
 
 TEST_F(DistillationTest, EachKindOfCourseHasItsTeacher) {
   EXPECT_EQ(Refusal(), "accepted");
-  const auto teachers = MakeTeachers(config_, directory_.path());
+  const auto teachers = MakeTeachers(ResolveRecorded(config_), directory_.path());
   const env::StepShape shape = StepShapeOf(config_);
   env::ObservationBatch observations;
   observations.Resize(4, shape.num_beams, shape.state_size);
@@ -79,19 +78,19 @@ TEST_F(DistillationTest, EachKindOfCourseHasItsTeacher) {
   EXPECT_THAT(actions, testing::Pointwise(testing::FloatNear(1e-6f),
                                           {0.5f, 0.5f, -0.5f, -0.5f, 0.5f, 0.5f, -0.5f, -0.5f}));
   config_.method.learner.algorithm = "td3";
-  EXPECT_EQ(MakeTeachers(config_, directory_.path()), nullptr);
+  EXPECT_EQ(MakeTeachers(ResolveRecorded(config_), directory_.path()), nullptr);
 }
 
 TEST_F(DistillationTest, TeachersAreReadFromTheRunsCopies) {
   const std::filesystem::path inputs = directory_.path() / "inputs";
-  WriteInputs(ReadInputs(config_), inputs);
+  WriteInputs(ReadInputs(Resolve(config_)), inputs);
   for (const char* name : {"still.safetensors", "walls.safetensors"}) {
     std::filesystem::remove(directory_.path() / name);
   }
   EXPECT_THAT(Refusal(), HasSubstr("cannot open"));
   config_.courses.inputs = inputs;
   EXPECT_EQ(Refusal(), "accepted");
-  const auto files = TeacherFiles(config_, "");
+  const auto files = TeacherFiles(Resolve(config_), "");
   EXPECT_NE(files.at(sim::FreshKind::kStatic), files.at(sim::FreshKind::kWall));
   EXPECT_EQ(files.at(sim::FreshKind::kStatic).parent_path(), inputs);
 }
@@ -133,7 +132,7 @@ TEST_F(DistillationTest, ATeacherMaySeeWhatItsStudentDoesNot) {
   const std::string file = (directory_.path() / "told.safetensors").string();
   policy::SavePolicy(file, snapshot, {});
   config_.distillation.teachers[1].value.text = Quoted(file);
-  const auto teachers = MakeTeachers(config_, directory_.path());
+  const auto teachers = MakeTeachers(ResolveRecorded(config_), directory_.path());
   // The run's environments show it, behind what the student sees.
   base::ParallelFor parallel(1);
   sim::CourseEnvironments environments = MakeTrainingEnvironments(config_, parallel);
@@ -176,7 +175,7 @@ TEST_F(DistillationTest, RefusesTeachersThatDoNotFit) {
   config_.environment.action.linear_max = 1.0;
   EXPECT_THAT(Refusal(), HasSubstr("still.safetensors"));
   config_ = good;
-  EXPECT_THROW(RequireServable(config_), base::Error);
+  EXPECT_THROW((void)Resolve(config_, {.serves = true}), base::Error);
 }
 
 /// A run whose teachers are stages of it.
@@ -196,7 +195,7 @@ RunConfig Staged() {
 
 std::string RefusalOf(const RunConfig& config) {
   try {
-    RequireCombination(config);
+    (void)Resolve(config);
   } catch (const base::Error& error) {
     return error.what();
   }
@@ -208,7 +207,8 @@ TEST(StagesTest, AStageIsTheRunWithOtherKeys) {
   config.environment.reward.collision = 4.0;
   config.run.max_seconds = 60.0;
   EXPECT_EQ(RefusalOf(config), "accepted");
-  const std::vector<Stage> stages = StagesOf(config);
+  const ResolvedRun run = Resolve(config);
+  const std::vector<Stage>& stages = run.stages;
   ASSERT_EQ(stages.size(), 2u);
   EXPECT_EQ(stages[0].name, "most");
   EXPECT_EQ(stages[0].config.courses.fresh, "static+static+box");
@@ -221,17 +221,18 @@ TEST(StagesTest, AStageIsTheRunWithOtherKeys) {
   EXPECT_EQ(stages[1].config.method.learner.algorithm, "ddpg");
   EXPECT_EQ(stages[1].config.environment.reward.collision, 1.0);
   EXPECT_TRUE(stages[1].config.distillation.stages.empty());
-  const auto files = TeacherFiles(config, "run");
+  const auto files = TeacherFiles(run, "run");
   EXPECT_EQ(files.at(sim::FreshKind::kBox), "run/stages/most/policy.safetensors");
   EXPECT_EQ(files.at(sim::FreshKind::kWall), "run/stages/walls/policy.safetensors");
 
-  EXPECT_EQ(MaxStepsOf(config), config.run.max_steps + 2000 + 3000);
-  EXPECT_EQ(RunsOf(config, "run"),
+  EXPECT_EQ(MaxStepsOf(run), config.run.max_steps + 2000 + 3000);
+  EXPECT_EQ(RunsOf(run, "run"),
             (std::vector<std::filesystem::path>{"run/stages/most", "run/stages/walls", "run"}));
 
   config.run.max_seconds = 0.0;
   config.distillation.stages.push_back({"walls.run.max_seconds", {"30.0", ""}});
-  EXPECT_EQ(StagesOf(config)[1].config.run.max_seconds, 0.0) << "a run in lockstep ends by steps";
+  EXPECT_EQ(Resolve(config).stages[1].config.run.max_seconds, 0.0)
+      << "a run in lockstep ends by steps";
 }
 
 TEST(StagesTest, RefusesStagesThatDoNotFit) {
@@ -264,7 +265,7 @@ TEST(StagesTest, AreTrainedOnceAndTeach) {
   const run::RunDirectory directory{scratch.path() / "run"};
   const RunConfig config = Staged();
   const auto train = [&](std::stop_token stop) {
-    return TrainStages(config, directory, "test", nullptr, stop);
+    return TrainStages(Resolve(config), directory, "test", nullptr, stop);
   };
   std::stop_source stopped;
   stopped.request_stop();
@@ -277,7 +278,7 @@ TEST(StagesTest, AreTrainedOnceAndTeach) {
   EXPECT_FALSE(std::filesystem::exists(most.checkpoints()));
   RunConfig longer = config;
   longer.run.max_steps *= 2;
-  EXPECT_EQ(TrainStages(longer, directory, "test", nullptr, {}), TrainingEnd::kFinished);
+  EXPECT_EQ(TrainStages(Resolve(longer), directory, "test", nullptr, {}), TrainingEnd::kFinished);
   EXPECT_EQ(std::filesystem::last_write_time(most.policy()), written) << "it is at its own limit";
   EXPECT_EQ(RunOnce(config, directory), TrainingEnd::kFinished);
 }
@@ -291,7 +292,7 @@ TEST(StagesTest, OnlyAPolicyOfTheSameConfigAtItsLimitIsAFinishedStage) {
   stopped.request_stop();
   const auto error = [&] {
     try {
-      (void)TrainStages(config, directory, "test", nullptr, stopped.get_token());
+      (void)TrainStages(Resolve(config), directory, "test", nullptr, stopped.get_token());
       return std::string("none");
     } catch (const base::Error& refusal) {
       return std::string(refusal.what());

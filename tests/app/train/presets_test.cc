@@ -10,8 +10,7 @@
 #include <vector>
 
 #include "app/train/profile.h"
-#include "app/train/run_config.h"
-#include "app/train/run_limits.h"
+#include "app/train/resolved_run.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "learner/learner.h"
@@ -93,8 +92,7 @@ TEST_P(PresetTest, PrintsToItself) {
 
 TEST_P(PresetTest, LearnsFromABatchAndActs) {
   const RunConfig config = Load();
-  RequireCombination(config);
-  RequireLearnable(config);
+  (void)Resolve(config, {.drives = "slalom train", .begins = true});
   learner::Learner learner(config.method, MakePolicySpec(config), 1);
   const env::StepShape shape = StepShapeOf(config);
   const learner::RandomBatches drawn(learner.sample_specs(), shape, 7);

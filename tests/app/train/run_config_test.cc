@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "app/train/agent_run_config.h"
+#include "app/train/resolved_run.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -43,7 +44,7 @@ TEST(SpecHashTest, WhatIsSeenCommandedOrLearnedChangesIt) {
   EXPECT_EQ(SpecHash(other), SpecHash({}));
 }
 
-AgentRunConfig Resolve(const std::vector<std::string>& overrides) {
+AgentRunConfig ResolveAgent(const std::vector<std::string>& overrides) {
   return ResolveAgentRun([&](AgentRunConfig& config) {
     for (const std::string& each : overrides) {
       config::ApplyOverride(each, config::ListFields(config));
@@ -52,12 +53,12 @@ AgentRunConfig Resolve(const std::vector<std::string>& overrides) {
 }
 
 TEST(AgentRunConfigTest, AtHomePlannersHaveTheirOwnSettings) {
-  EXPECT_EQ(config::Changes(Resolve({}).planners), "");
-  EXPECT_EQ(config::Changes(Resolve({"evaluation.protocol=dwa-runs"}).planners), "");
+  EXPECT_EQ(config::Changes(ResolveAgent({}).planners), "");
+  EXPECT_EQ(config::Changes(ResolveAgent({"evaluation.protocol=dwa-runs"}).planners), "");
   const test::LogLines log;
-  EXPECT_EQ(
-      Resolve({"dwa.max_speed=2.0", "navigation.footprint.length=0.458"}).planners.dwa.max_speed,
-      2.0);
+  EXPECT_EQ(ResolveAgent({"dwa.max_speed=2.0", "navigation.footprint.length=0.458"})
+                .planners.dwa.max_speed,
+            2.0);
   EXPECT_FALSE(log.Has("contradicts"));
 }
 
@@ -70,7 +71,7 @@ TEST(AgentRunConfigTest, PlannersDriveTheRobotOfTheEnvironment) {
       "environment.robot.command_delay=0.1",     "environment.robot.command_jitter=0.06",
       "environment.action.linear_max=0.26",      "environment.action.linear_min=0"};
   const test::LogLines log;
-  const planners::PlannersConfig fitted = Resolve(robot).planners;
+  const planners::PlannersConfig fitted = ResolveAgent(robot).planners;
   EXPECT_FALSE(log.Has("contradicts")) << "nothing was set";
   EXPECT_EQ(config::Changes(fitted),
             "dwa.acceleration = 2.0\n"
@@ -104,9 +105,9 @@ TEST(AgentRunConfigTest, PlannersDriveTheRobotOfTheEnvironment) {
 TEST(AgentRunConfigTest, AKeyOfAPlannerThatContradictsTheRobotStaysAndIsNamed) {
   const test::LogLines log;
   const planners::PlannersConfig planners =
-      Resolve({"environment.robot.length=0.99", "mppi.outline_length=0.5",
-               "environment.robot.linear_speed_limit=1.0", "dwa.max_speed=1.5",
-               "navigation.command_delay=0.2", "mppi.outline_width=0.416"})
+      ResolveAgent({"environment.robot.length=0.99", "mppi.outline_length=0.5",
+                    "environment.robot.linear_speed_limit=1.0", "dwa.max_speed=1.5",
+                    "navigation.command_delay=0.2", "mppi.outline_width=0.416"})
           .planners;
   EXPECT_EQ(planners.mppi.outline_length, 0.5);
   EXPECT_EQ(planners.dwa.max_speed, 1.5);
@@ -155,14 +156,14 @@ TEST(CoursesConfigTest, FreshCoursesAreKindsJoinedByPlus) {
   RunConfig config;
   config.courses.train = "";
   config.courses.fresh = "static+crowds";
-  EXPECT_NO_THROW(RequireCombination(config));
+  EXPECT_NO_THROW((void)Resolve(config));
   EXPECT_EQ(config.courses.Mix(),
             sim::FreshMix({sim::FreshKind::kStatic, sim::FreshKind::kCrowds}));
   EXPECT_FALSE(config.courses.has_named());
   EXPECT_EQ(config.courses.DescribeTrain(), "fresh courses (static+crowds)");
   config.courses.fresh = "static+crowd";
   try {
-    RequireCombination(config);
+    (void)Resolve(config);
     ADD_FAILURE();
   } catch (const base::Error& error) {
     EXPECT_THAT(error.what(), testing::StartsWith(
@@ -174,11 +175,11 @@ TEST(CoursesConfigTest, LearnableSamplingThatHasNoEffectIsRefused) {
   RunConfig config;
   config.courses.fresh = "static";
   config.courses.sampling.fresh_episodes = 1;
-  EXPECT_NO_THROW(RequireCombination(config));
+  EXPECT_NO_THROW((void)Resolve(config));
   config.courses.sampling.sampling = actor::Sampling::kLearnable;
   const auto refusal = [&config]() -> std::string {
     try {
-      RequireCombination(config);
+      (void)Resolve(config);
     } catch (const base::Error& error) {
       return error.what();
     }
@@ -196,7 +197,7 @@ TEST(CoursesConfigTest, LearnableSamplingThatHasNoEffectIsRefused) {
 
 TEST(TaskConfigTest, AnOwnEnvironmentHasItsSizes) {
   const RunConfig config = OwnEnvironment();
-  EXPECT_NO_THROW(RequireCombination(config));
+  EXPECT_NO_THROW((void)Resolve(config));
   EXPECT_EQ(StepShapeOf(config), env::StepShape(0, 17, 2));
   EXPECT_EQ(MakePolicySpec(config).step_shape(), env::StepShape(0, 17, 2));
   EXPECT_NE(SpecHash(config), SpecHash({}));
@@ -209,7 +210,7 @@ TEST(TaskConfigTest, WhatDoesNotFitIsRefusedByItsKey) {
     RunConfig config = OwnEnvironment();
     change(config);
     try {
-      RequireCombination(config);
+      (void)Resolve(config);
     } catch (const base::Error& error) {
       return error.what();
     }
@@ -268,7 +269,7 @@ std::string Unread(RunConfig config) {
 
 std::string Refusal(const RunConfig& config) {
   try {
-    RequireCombination(config);
+    (void)Resolve(config);
   } catch (const base::Error& error) {
     return error.what();
   }
@@ -288,14 +289,16 @@ TEST(RunConfigTest, AKeyThatTheChoiceDoesNotReadIsRefused) {
       for (const std::string_view value : choice.values) {
         EXPECT_THAT(at->choices, testing::Contains(value)) << field.key;
       }
+      std::vector<std::string> others;
       for (const std::string_view other : at->choices) {
         if (std::ranges::find(choice.values, other) != choice.values.end()) continue;
-        if (choice.values.empty() && config::PrintValue(*at) != fmt::format("\"{}\"", other)) {
-          continue;
-        }
-        SCOPED_TRACE(fmt::format("{} with {} = {}", field.key, choice.key, other));
+        others.push_back(fmt::format("{}={}", choice.key, other));
+      }
+      if (choice.values.empty()) others = {""};  // With its default alone.
+      for (const std::string& other : others) {
+        SCOPED_TRACE(fmt::format("{} with {}", field.key, other));
         config = {};
-        config::ApplyOverride(fmt::format("{}={}", choice.key, other), fields);
+        if (!other.empty()) config::ApplyOverride(other, fields);
         const std::string before = config::ToToml(config);
         Change(field);
         ASSERT_NE(config::ToToml(config), before);
@@ -324,11 +327,11 @@ TEST(RunConfigTest, WhatReadsAKeyIsNamedBesideIt) {
 
 TEST(RunConfigTest, RolesWhoseMessagesDoNotFitAreNotServed) {
   RunConfig config;
-  EXPECT_NO_THROW(RequireServable(config));
+  EXPECT_NO_THROW((void)Resolve(config, {.serves = true}));
   config.actor_service.chunk_rows = 16384;
-  EXPECT_THROW(RequireServable(config), base::Error);
+  EXPECT_THROW((void)Resolve(config, {.serves = true}), base::Error);
   config.replay_server.max_message_bytes = 64 << 20;
-  EXPECT_NO_THROW(RequireServable(config));
+  EXPECT_NO_THROW((void)Resolve(config, {.serves = true}));
 }
 
 // The replay server would refuse every request for a batch, for ever.
@@ -336,14 +339,14 @@ TEST(RunConfigTest, BatchesThatDoNotFitAreNotServed) {
   RunConfig config;
   config.method.learner.batch_size = 32768;
   try {
-    RequireServable(config);
+    (void)Resolve(config, {.serves = true});
     FAIL() << "it was accepted";
   } catch (const base::Error& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("learner.batch_size is 32768"));
     EXPECT_THAT(error.what(), testing::HasSubstr("replay_server.max_sample_bytes"));
   }
   config.replay_server.max_sample_bytes = 256 << 20;
-  EXPECT_NO_THROW(RequireServable(config));
+  EXPECT_NO_THROW((void)Resolve(config, {.serves = true}));
 }
 
 }  // namespace

@@ -51,7 +51,8 @@ TEST(RunEndTest, TimeBeforeTheTrainingCostsItNothing) {
   for (const bool resume : {false, true}) {
     const FakeClock clock;
     metrics::Registry registry("train", "test");
-    Trainer trainer(config, directory, "test", resume, registry, clock.Make());
+    Trainer trainer(ResolveForTraining(config, resume), directory, "test", resume, registry,
+                    clock.Make());
     const std::int64_t before = trainer.updates();
     *clock.now_s += 3600.0;
     EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
@@ -79,8 +80,10 @@ TEST(RunEndTest, ARunThatEndsBeforeItsFirstUpdateHasLearnedNothingAndGoesOn) {
   config.run.max_seconds = 0.2;
   const run::RunDirectory directory{scratch.path() / "run"};
   metrics::Registry registry("train", "test");
-  EXPECT_EQ(Trainer(config, directory, "test", false, registry, FakeClock().Make()).Run({}),
-            TrainingEnd::kLearnedNothing);
+  EXPECT_EQ(
+      Trainer(ResolveForTraining(config), directory, "test", false, registry, FakeClock().Make())
+          .Run({}),
+      TrainingEnd::kLearnedNothing);
   EXPECT_FALSE(fs::exists(directory.policy()));
   EXPECT_EQ(RunOnce(config, directory, true), TrainingEnd::kLearnedNothing);
   config.run.max_seconds = 0.0;

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "app/train/run_rules.h"
 #include "base/config.h"
 #include "base/error.h"
 

@@ -31,6 +31,10 @@ inline RunConfig SmallRun() {
   return config;
 }
 
+inline ResolvedRun ResolveForTraining(const RunConfig& config, bool resume = false) {
+  return Resolve(config, {.drives = "slalom train", .begins = !resume});
+}
+
 inline policy::PolicySnapshot Policy(const run::RunDirectory& directory) {
   return policy::LoadPolicy(directory.policy()).snapshot;
 }
@@ -38,7 +42,7 @@ inline policy::PolicySnapshot Policy(const run::RunDirectory& directory) {
 inline TrainingEnd RunOnce(const RunConfig& config, const run::RunDirectory& directory,
                            bool resume = false, std::stop_token stop = {}) {
   metrics::Registry registry("train", "test");
-  Trainer trainer(config, directory, "test", resume, registry);
+  Trainer trainer(ResolveForTraining(config, resume), directory, "test", resume, registry);
   return trainer.Run(stop);
 }
 

@@ -171,7 +171,7 @@ TEST(TrainerTest, ThreadsOverlapAndTheRatioHolds) {
   config.run.checkpoint_steps = 2000;
   const run::RunDirectory directory{scratch.path() / "run"};
   metrics::Registry registry("train", "test");
-  Trainer trainer(config, directory, "test", false, registry);
+  Trainer trainer(ResolveForTraining(config), directory, "test", false, registry);
   EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
   // The actor may end up to its queue, the chunk in hand and the one free ahead of the learner.
   const double ahead = 8.0 * (config.run.queue_length + 3);
@@ -193,7 +193,7 @@ TEST(TrainerTest, ShowsItsMetrics) {
   config.run.checkpoint_steps = 2000;
   const run::RunDirectory directory{scratch.path() / "run"};
   metrics::Registry registry("train", "test");
-  Trainer trainer(config, directory, "test", false, registry);
+  Trainer trainer(ResolveForTraining(config), directory, "test", false, registry);
   EXPECT_EQ(trainer.Run({}), TrainingEnd::kFinished);
   const auto log = run::ParseMetrics(base::ReadFile(directory.metrics()), 0);
   EXPECT_EQ(registry.counter(metrics::kEnvironmentSteps).value(), log.Last("steps"));
@@ -251,16 +251,16 @@ TEST(TrainerTest, ADeterministicRunMustNotEndByTheClock) {
 TEST(TrainerTest, AConstraintsLimitIsLessThanAnEpisodeMayCost) {
   RunConfig config = SmallRun();
   config.method.constraint.kind = learner::ConstraintKind::kLagrangian;
-  EXPECT_NO_THROW(RequireCombination(config));
+  EXPECT_NO_THROW((void)Resolve(config));
   config.method.constraint.limit = 1.0;
-  EXPECT_THROW(RequireCombination(config), base::Error);
+  EXPECT_THROW((void)Resolve(config), base::Error);
   RunConfig goes_on = config, own = config;
   goes_on.environment.episode.collision_ends = false;
-  EXPECT_NO_THROW(RequireCombination(goes_on));
+  EXPECT_NO_THROW((void)Resolve(goes_on));
   own.task = {.observation_size = 3, .action_low = {-1.0}, .action_high = {1.0}};
   own.network.sectors = 0;
   own.method.learner.mirror = false;
-  EXPECT_NO_THROW(RequireCombination(own));
+  EXPECT_NO_THROW((void)Resolve(own));
 }
 
 TEST(TrainerTest, AChangedDigitInTheStateIsNoticed) {
