@@ -10,7 +10,6 @@ namespace slalom::cli {
 void AddTrainCommand(CLI::App& app, int* exit_code);
 void AddEvaluateCommand(CLI::App& app, int* exit_code);
 void AddReportCommand(CLI::App& app);
-void AddCompareCommand(CLI::App& app);
 void AddCoursesCommand(CLI::App& app);
 /// Adds `animate` to `slalom courses`: recorded drives as a moving picture.
 void AddAnimateCommand(CLI::App& courses);

@@ -6,6 +6,7 @@
 #include <array>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -29,7 +30,9 @@
 #include "base/exit_code.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "eval/report/physics_table.h"
+#include "eval/comparison/comparison.h"
+#include "eval/comparison/printers.h"
+#include "eval/report/report.h"
 #include "eval/report/result.h"
 #include "learner/run/run_directory.h"
 #include "sim/engines/physics.h"
@@ -259,20 +262,38 @@ void RequireDrivable(const eval::EvaluationTask& task, const std::vector<sim::Ph
 }
 
 /// One evaluation, as text or JSON.
-std::string OneReport(const train::Scores& scores, bool json) {
-  return json ? eval::JsonReport(scores.evaluation, scores.provenance)
+std::string OneReport(const train::Scores& scores, bool as_json) {
+  return as_json ? eval::JsonReport(scores.evaluation, scores.provenance)
               : eval::TextReport(scores.evaluation);
 }
 
-/// Several in as many physics, side by side.
-std::string ReportSideBySide(const std::vector<train::Scores>& all, bool json) {
+/// "Physics: slalom, mujoco 3.2."
+std::string PhysicsSentence(const std::vector<eval::Result>& results) {
+  std::vector<std::string> names;
+  for (const eval::Result& result : results) {
+    names.push_back(result.physics_version.empty()
+                        ? result.physics
+                        : fmt::format("{} {}", result.physics, result.physics_version));
+  }
+  return fmt::format("Physics: {}.", fmt::join(names, ", "));
+}
+
+/// Evaluations in several physics, compared.
+std::string CompareInPhysics(const std::vector<train::Scores>& all, bool as_json) {
   std::vector<eval::Result> results;
-  std::vector<std::string> reports;
+  nlohmann::ordered_json reports = nlohmann::ordered_json::array();
   for (const train::Scores& scores : all) {
     results.push_back(eval::ResultOf(scores.evaluation, scores.provenance));
-    reports.push_back(eval::JsonReport(scores.evaluation, scores.provenance));
+    const std::string report = eval::JsonReport(scores.evaluation, scores.provenance);
+    reports.push_back(nlohmann::ordered_json::parse(report));
   }
-  return json ? eval::PhysicsJson(results, reports) : eval::PhysicsTable(results);
+  const eval::Comparison comparison = eval::CompareResults(results, eval::AgentsOf(results));
+  if (!as_json) {
+    return fmt::format("{}\n{}\n", eval::MarkdownOf(comparison.groups), PhysicsSentence(results));
+  }
+  const nlohmann::ordered_json object = {{"evaluations", std::move(reports)},
+                                         {"comparison", eval::JsonOf(comparison.groups.front())}};
+  return object.dump(2) + "\n";
 }
 
 int Evaluate(const EvaluateOptions& options) {
@@ -298,11 +319,11 @@ int Evaluate(const EvaluateOptions& options) {
     all.push_back(std::move(*scores));
   }
   const std::string report =
-      all.size() == 1 ? OneReport(all.front(), options.json) : ReportSideBySide(all, options.json);
+      all.size() == 1 ? OneReport(all.front(), options.json) : CompareInPhysics(all, options.json);
   fmt::print("{}", report);
   if (options.output && all.size() > 1) {
     base::WriteFileAtomically(fs::path(*options.output) / kPhysicsFile,
-                              ReportSideBySide(all, false));
+                              CompareInPhysics(all, false));
   }
   if (options.output && !options.json) fmt::print("\nscores and pictures: {}/\n", *options.output);
   return base::kExitOk;

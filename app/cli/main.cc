@@ -123,7 +123,6 @@ int Run(int argc, char** argv) {
   slalom::cli::AddTrainCommand(app, &exit_code);
   slalom::cli::AddEvaluateCommand(app, &exit_code);
   slalom::cli::AddReportCommand(app);
-  slalom::cli::AddCompareCommand(app);
   slalom::cli::AddSweepCommand(app, &exit_code);
   slalom::cli::AddWatchCommand(app);
   slalom::cli::AddCoursesCommand(app);

@@ -91,17 +91,6 @@ void RequireOutputDirectory(const fs::path& path, bool force) {
       path.string(), first));
 }
 
-void WritePage(const fs::path& directory, std::string_view name, const PageFiles& files) {
-  const auto path = [&](std::string_view ending) {
-    return directory / fmt::format("{}.{}", name, ending);
-  };
-  base::MakeDirectories(directory);
-  base::WriteFileAtomically(path("md"), files.markdown);
-  base::WriteFileAtomically(path("csv"), files.csv);
-  base::WriteFileAtomically(path("html"), files.html);
-  fmt::print("\npage: {}, tables: {}.md, {}.csv beside it\n", path("html").string(), name, name);
-}
-
 void WriteScores(const train::Scores& scores, const std::filesystem::path& directory) {
   eval::WriteReports(scores.evaluation, scores.provenance, directory);
 

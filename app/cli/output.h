@@ -25,18 +25,6 @@ void RequireOutputFile(const std::filesystem::path& path, bool force);
 /// nothing.
 void RequireOutputDirectory(const std::filesystem::path& path, bool force);
 
-/// A page and its tables.
-struct PageFiles {
-  std::string html;
-  std::string markdown;
-  std::string csv;
-};
-
-/// Writes the files to `directory`, which is made if it is missing, under `name` with the endings
-/// html, md and csv, and prints where they are. Throws `base::Error` if one cannot be written.
-void WritePage(const std::filesystem::path& directory, std::string_view name,
-               const PageFiles& files);
-
 /// Writes the reports, the trajectories and a picture of the courses with them (courses.png,
 /// courses.svg) into `directory`. Throws `base::Error` if that fails.
 void WriteScores(const train::Scores& scores, const std::filesystem::path& directory);

@@ -22,6 +22,7 @@
 #include "app/sweep/estimate.h"
 #include "app/sweep/plan.h"
 #include "app/sweep/plan_record.h"
+#include "app/sweep/report/page_blocks.h"
 #include "app/sweep/report/report.h"
 #include "app/sweep/runner.h"
 #include "app/sweep/slurm.h"
@@ -274,8 +275,8 @@ class Reporter {
   /// The table of the scores, and the paths of the report.
   std::string Summary(const sweep::ReportContent& content) const {
     const fs::path page = sweep::PlanDirectory(store_, sweep_.plan.sweep.name) / "report.html";
-    return fmt::format("{}\nreport: {}, and report.md, .csv, .tex beside it\n",
-                       sweep::SweepSummary(content.results), page.string());
+    return fmt::format("{}\nreport: {}, and report.md and .csv beside it\n",
+                       sweep::SweepSummary(content), page.string());
   }
 
  private:

@@ -20,11 +20,12 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/parallel.h"
+#include "eval/comparison/comparison.h"
+#include "eval/comparison/printers.h"
+#include "eval/comparison/report_page.h"
 #include "eval/evaluation.h"
 #include "eval/evaluation_config.h"
-#include "eval/report/comparison.h"
 #include "eval/report/report.h"
-#include "eval/report/report_page.h"
 #include "eval/report/result.h"
 #include "policy/network_agent.h"
 #include "sim/engines/physics.h"
@@ -168,13 +169,9 @@ std::string Report(const std::vector<std::string>& evaluations, const std::strin
   results.reserve(evaluations.size());
   for (const std::string& path : evaluations) results.push_back(eval::ReadResult(path));
   eval::RequireSameProtocol(results);
-  const std::filesystem::path place = directory;
-  const std::string tables = eval::MarkdownComparison(results);
-  base::MakeDirectories(place);
-  base::WriteFileAtomically(place / "report.md", tables);
-  base::WriteFileAtomically(place / "report.csv", eval::CsvComparison(results));
-  base::WriteFileAtomically(place / "report.html", eval::ReportPage(results));
-  return tables;
+  const eval::Comparison comparison = eval::CompareResults(results, eval::AgentsOf(results));
+  eval::WriteReport(comparison, directory);
+  return eval::MarkdownOf(comparison.groups);
 }
 
 }  // namespace

@@ -4,15 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "base/json.h"
 #include "learner/run/metrics_table.h"
 #include "learner/run/run_directory.h"
 
@@ -135,25 +132,6 @@ void ReadSnapshotSeconds(const Cells& cells, const fs::path& store, SweepResults
   }
 }
 
-/// Value with which an episode counts towards a quantity. Empty if it does not count.
-std::optional<double> ValueOf(const eval::ResultEpisode& episode, const Quantity& quantity) {
-  const bool is_success = episode.outcome == env::Outcome::kSuccess;
-  if (quantity.key == "success_rate") return is_success ? 1.0 : 0.0;
-  if (quantity.key == "collision_rate") {
-    return episode.outcome == env::Outcome::kCollision ? 1.0 : 0.0;
-  }
-  const bool is_of_successes = quantity.key == "traversal_time_s";
-  return is_success == is_of_successes ? std::optional(episode.time) : std::nullopt;
-}
-
-eval::Interval LimitsOf(const eval::Result& result, const Quantity& quantity) {
-  if (quantity.is_rate) return {0.0, 1.0};
-  const auto limit = result.protocol.find("time_limit_s");
-  const nlohmann::json number =
-      limit == result.protocol.end() ? nlohmann::json() : base::ParseJson(limit->second);
-  return {0.0, number.is_number() ? number.get<double>() : 1e6};
-}
-
 }  // namespace
 
 std::string RowTitle(const std::vector<std::string>& axis_names,
@@ -205,61 +183,11 @@ SweepResults CollectResults(const Plan& plan, const Cells& cells, const fs::path
   return results;
 }
 
-const Quantity& FindQuantity(std::string_view key) {
-  const auto found = std::ranges::find(kQuantities, key, &Quantity::key);
-  SLALOM_CHECK(found != std::end(kQuantities));
-  return *found;
-}
-
-std::optional<double> ValueOf(const eval::Result& result, const Quantity& quantity) {
-  double sum = 0.0;
-  int count = 0;
-  for (const eval::ResultCourse& course : result.courses) {
-    for (const eval::ResultEpisode& episode : course.episodes) {
-      const auto value = ValueOf(episode, quantity);
-      if (!value) continue;
-      sum += *value;
-      ++count;
-    }
-  }
-  if (count == 0) return std::nullopt;
-  return sum / count;
-}
-
-eval::RatioTables TablesOf(const RowScore& score, const Quantity& quantity) {
-  SLALOM_CHECK(!score.seeds.empty());
-  eval::RatioTables tables;
-  tables.sums.limits = LimitsOf(score.seeds.front().result, quantity);
-  tables.sums.trained = score.seeds.front().result.is_trained();
-  for (const CellScore& seed : score.seeds) {
-    std::vector<double> sums;
-    std::vector<double> counts;
-    for (const eval::ResultCourse& course : seed.result.courses) {
-      sums.push_back(0.0);
-      counts.push_back(0.0);
-      for (const eval::ResultEpisode& episode : course.episodes) {
-        const auto value = ValueOf(episode, quantity);
-        if (!value) continue;
-        sums.back() += *value;
-        counts.back() += 1.0;
-      }
-    }
-    tables.sums.scores.push_back(std::move(sums));
-    tables.counts.scores.push_back(std::move(counts));
-  }
-  return tables;
-}
-
-eval::ScoreTable RateTable(const RowScore& score, const Quantity& rate) {
-  SLALOM_CHECK(rate.is_rate);
-  eval::RatioTables tables = TablesOf(score, rate);
-  for (std::size_t s = 0; s < tables.sums.scores.size(); ++s) {
-    for (std::size_t c = 0; c < tables.sums.scores[s].size(); ++c) {
-      // A course without episodes cannot be in a file that was read.
-      tables.sums.scores[s][c] /= std::max(1.0, tables.counts.scores[s][c]);
-    }
-  }
-  return std::move(tables.sums);
+eval::Agent AgentOf(const SweepResults& results, const RowScore& row) {
+  const Row& named = results.rows[row.row];
+  eval::Agent agent{named.title, !named.is_planner, {}, row.num_planned};
+  for (const CellScore& seed : row.seeds) agent.seeds.push_back(&seed.result);
+  return agent;
 }
 
 }  // namespace slalom::sweep

@@ -10,12 +10,11 @@
 #include "app/sweep/cell.h"
 #include "app/sweep/plan.h"
 #include "app/sweep/store.h"
+#include "eval/comparison/comparison.h"
 #include "eval/report/result.h"
-#include "eval/statistics/bootstrap.h"
-#include "eval/statistics/score_table.h"
 
-/// The results of a plan's cells so far: their evaluations by row and score. The reports
-/// are made from it (app/sweep/report/figures.h, app/sweep/report/report.h).
+/// The results of a plan's cells so far: their evaluations by row and score. The reports are made
+/// from it (app/sweep/report/report_content.h).
 
 namespace slalom::sweep {
 
@@ -85,34 +84,7 @@ struct SweepResults {
 SweepResults CollectResults(const Plan& plan, const Cells& cells,
                             const std::filesystem::path& store);
 
-/// A quantity that is measured of a row, in the order of the tables.
-struct Quantity {
-  std::string_view key;    ///< As in `Reference::quantity` and in the CSV: "success_rate".
-  std::string_view title;  ///< "success"
-  std::string_view unit;   ///< As shown: "%" or "s".
-  double factor = 1.0;     ///< From the quantity to the number that is shown.
-  bool higher_is_better = true;
-  bool is_rate = true;  ///< Else the time of those episodes that have one.
-};
-inline constexpr Quantity kQuantities[] = {
-    {"success_rate", "success", "%", 100.0, true, true},
-    {"collision_rate", "collision", "%", 100.0, false, true},
-    {"survival_time_s", "survival", "s", 1.0, true, false},
-    {"traversal_time_s", "traversal", "s", 1.0, false, false},
-};
-
-/// Returns the quantity of this key. Requires: there is one.
-const Quantity& FindQuantity(std::string_view key);
-
-/// Returns a quantity of one evaluation; none: no episode has it (no success, so no traversal
-/// time).
-std::optional<double> ValueOf(const eval::Result& result, const Quantity& quantity);
-
-/// A quantity over the episodes on each course. Requires: at least one seed.
-eval::RatioTables TablesOf(const RowScore& score, const Quantity& quantity);
-
-/// The mean of a rate over the episodes on each course: [seed][course]. Requires: at least one
-/// seed, a rate.
-eval::ScoreTable RateTable(const RowScore& score, const Quantity& rate);
+/// The row as an agent of a comparison, by its title. Points to `row`.
+eval::Agent AgentOf(const SweepResults& results, const RowScore& row);
 
 }  // namespace slalom::sweep

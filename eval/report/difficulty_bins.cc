@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "eval/statistics/bootstrap.h"
 #include "sim/courses/course_difficulty.h"
 
 namespace slalom::eval {
@@ -71,16 +72,21 @@ std::vector<CourseBin> BinCourses(const CourseMeasure& measure) {
   return bins;
 }
 
-Estimate SuccessInBin(const Result& result, const CourseBin& bin) {
-  std::vector<CourseTotal> totals;
-  for (const std::size_t c : bin.courses) {
-    CourseTotal& total = totals.emplace_back();
-    for (const ResultEpisode& episode : result.courses[c].episodes) {
-      total.sum += episode.outcome == env::Outcome::kSuccess ? 1.0 : 0.0;
-      total.count += 1.0;
+Estimate SuccessInBin(std::span<const Result> results, const AgentResults& agent,
+                      const CourseBin& bin) {
+  RatioTables tables;
+  for (const std::size_t r : agent.results) {
+    std::vector<double>& sums = tables.sums.scores.emplace_back();
+    std::vector<double>& counts = tables.counts.scores.emplace_back();
+    for (const std::size_t c : bin.courses) {
+      const std::vector<ResultEpisode>& episodes = results[r].courses[c].episodes;
+      const auto hits =
+          std::ranges::count(episodes, env::Outcome::kSuccess, &ResultEpisode::outcome);
+      sums.push_back(static_cast<double>(hits));
+      counts.push_back(static_cast<double>(episodes.size()));
     }
   }
-  return EstimateRate(totals);
+  return *BootstrapShare(tables);
 }
 
 }  // namespace slalom::eval

@@ -1,11 +1,11 @@
 #pragma once
 
-#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
 
 #include "eval/report/result.h"
+#include "eval/report/result_group.h"
 #include "eval/statistics/statistics.h"
 #include "sim/courses/course.h"
 
@@ -35,7 +35,8 @@ struct CourseBin {
 /// most one. Each bin has at least four courses; fewer than eight courses make no bins.
 std::vector<CourseBin> BinCourses(const CourseMeasure& measure);
 
-/// Returns the success rate on the courses of a bin (`EstimateRate`).
-Estimate SuccessInBin(const Result& result, const CourseBin& bin);
+/// Returns the success rate of an agent on the courses of a bin (`BootstrapShare`).
+Estimate SuccessInBin(std::span<const Result> results, const AgentResults& agent,
+                      const CourseBin& bin);
 
 }  // namespace slalom::eval

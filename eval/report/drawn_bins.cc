@@ -12,6 +12,7 @@
 
 #include "eval/report/embedded_page.h"
 #include "eval/report/table_text.h"
+#include "eval/statistics/bootstrap.h"
 
 namespace slalom::eval {
 namespace {
@@ -42,31 +43,49 @@ std::optional<double> FindOwnValue(const Result& result, const std::string& key)
 
 /// Adds an agent to a bin: its episodes whose values satisfy `is_in`.
 template <class IsIn>
-void AddAgent(const Result& result, const DrawnField* field, const IsIn& is_in, DrawnBin& bin) {
-  std::vector<CourseTotal> totals;
+void AddAgent(std::span<const Result> results, const AgentResults& agent, const std::string& key,
+              bool is_number, const IsIn& is_in, DrawnBin& bin) {
+  RatioTables tables;
   double num_episodes = 0.0;
-  for (std::size_t c = 0; field != nullptr && c < result.courses.size(); ++c) {
-    CourseTotal total;
-    for (std::size_t k = 0; k < result.courses[c].episodes.size(); ++k) {
-      if (!is_in(field->values[c][k])) continue;
-      total.sum += result.courses[c].episodes[k].outcome == env::Outcome::kSuccess ? 1.0 : 0.0;
-      total.count += 1.0;
+  for (const std::size_t r : agent.results) {
+    const DrawnField* const field = FindDrawn(results[r], key, is_number);
+    if (field == nullptr) continue;
+    std::vector<double>& sums = tables.sums.scores.emplace_back();
+    std::vector<double>& counts = tables.counts.scores.emplace_back();
+    for (std::size_t c = 0; c < results[r].courses.size(); ++c) {
+      sums.push_back(0.0);
+      counts.push_back(0.0);
+      const std::vector<ResultEpisode>& episodes = results[r].courses[c].episodes;
+      for (std::size_t k = 0; k < episodes.size(); ++k) {
+        if (!is_in(*field, field->values[c][k])) continue;
+        sums.back() += episodes[k].outcome == env::Outcome::kSuccess ? 1.0 : 0.0;
+        counts.back() += 1.0;
+      }
+      num_episodes += counts.back();
     }
-    num_episodes += total.count;
-    if (total.count > 0.0) totals.push_back(total);
   }
   bin.num_episodes.push_back(static_cast<int>(num_episodes));
-  bin.success_rates.push_back(totals.empty() ? std::nullopt
-                                             : std::optional<Estimate>(EstimateRate(totals)));
+  bin.success_rates.push_back(num_episodes == 0.0 ? std::nullopt : BootstrapShare(tables));
 }
 
-/// A bin for each name that any result of the group has, in the order of the lists.
-std::vector<DrawnBin> BinNames(std::span<const Result> results, const ResultGroup& group,
-                               const std::string& key) {
+/// The field in each result of the agents that draws it.
+std::vector<const DrawnField*> FindAll(std::span<const Result> results,
+                                       std::span<const AgentResults> agents, const std::string& key,
+                                       bool is_number) {
+  std::vector<const DrawnField*> fields;
+  for (const AgentResults& agent : agents) {
+    for (const std::size_t r : agent.results) {
+      if (const auto* field = FindDrawn(results[r], key, is_number)) fields.push_back(field);
+    }
+  }
+  return fields;
+}
+
+/// A bin for each name that any result has, in the order of the lists.
+std::vector<DrawnBin> BinNames(std::span<const Result> results,
+                               std::span<const AgentResults> agents, const std::string& key) {
   std::vector<std::string> names;
-  for (const std::size_t r : group.results) {
-    const DrawnField* const field = FindDrawn(results[r], key, false);
-    if (field == nullptr) continue;
+  for (const DrawnField* field : FindAll(results, agents, key, false)) {
     for (const std::string& name : field->names) {
       if (std::ranges::find(names, name) == names.end()) names.push_back(name);
     }
@@ -74,36 +93,35 @@ std::vector<DrawnBin> BinNames(std::span<const Result> results, const ResultGrou
   std::vector<DrawnBin> bins;
   for (const std::string& name : names) {
     DrawnBin& bin = bins.emplace_back(DrawnBin{.label = name});
-    for (const std::size_t r : group.results) {
-      const DrawnField* const field = FindDrawn(results[r], key, false);
-      const auto is_in = [&](double value) {
-        return field->names[static_cast<std::size_t>(value)] == name;
-      };
-      AddAgent(results[r], field, is_in, bin);
-    }
+    const auto is_in = [&](const DrawnField& field, double value) {
+      return field.names[static_cast<std::size_t>(value)] == name;
+    };
+    for (const AgentResults& agent : agents) AddAgent(results, agent, key, false, is_in, bin);
   }
   return bins;
 }
 
-std::vector<DrawnBin> BinNumbers(std::span<const Result> results, const ResultGroup& group,
-                                 const std::string& key) {
+std::vector<DrawnBin> BinNumbers(std::span<const Result> results,
+                                 std::span<const AgentResults> agents, const std::string& key) {
   std::vector<double> values;
   std::set<double> own_values;
-  std::size_t num_agents = 0;
-  for (const std::size_t r : group.results) {
-    const DrawnField* const field = FindDrawn(results[r], key, true);
-    if (field == nullptr) continue;
-    ++num_agents;
-    for (const auto& course : field->values)
+  const std::vector<const DrawnField*> fields = FindAll(results, agents, key, true);
+  for (const DrawnField* field : fields) {
+    for (const auto& course : field->values) {
       values.insert(values.end(), course.begin(), course.end());
-    if (const auto own = FindOwnValue(results[r], key)) own_values.insert(*own);
+    }
+  }
+  for (const AgentResults& agent : agents) {
+    for (const std::size_t r : agent.results) {
+      if (FindDrawn(results[r], key, true) == nullptr) continue;
+      if (const auto own = FindOwnValue(results[r], key)) own_values.insert(*own);
+    }
   }
   std::vector<DrawnBin> bins;
   const auto add_bin = [&](std::string label, const auto& is_in) {
     DrawnBin& bin = bins.emplace_back(DrawnBin{.label = std::move(label)});
-    for (const std::size_t r : group.results) {
-      AddAgent(results[r], FindDrawn(results[r], key, true), is_in, bin);
-    }
+    const auto of_field = [&](const DrawnField&, double value) { return is_in(value); };
+    for (const AgentResults& agent : agents) AddAgent(results, agent, key, true, of_field, bin);
   };
   for (const double own : own_values) {
     if (std::erase(values, own) == 0) continue;
@@ -111,8 +129,8 @@ std::vector<DrawnBin> BinNumbers(std::span<const Result> results, const ResultGr
   }
   if (values.empty()) return bins;
   std::ranges::sort(values);
-  const std::size_t num_bins =
-      std::clamp<std::size_t>(values.size() / (num_agents * kMinEpisodesPerBin), 1, kMaxDrawnBins);
+  const std::size_t num_bins = std::clamp<std::size_t>(
+      values.size() / (fields.size() * kMinEpisodesPerBin), 1, kMaxDrawnBins);
   double low = values.front();
   for (std::size_t b = 0; b < num_bins; ++b) {
     const bool is_last = b + 1 == num_bins;
@@ -129,17 +147,19 @@ std::vector<DrawnBin> BinNumbers(std::span<const Result> results, const ResultGr
 }  // namespace
 
 std::vector<DrawnFieldBins> BinByDrawnFields(std::span<const Result> results,
-                                             const ResultGroup& group) {
+                                             std::span<const AgentResults> agents) {
   std::map<std::string, const DrawnField*> fields;
-  for (const std::size_t r : group.results) {
-    for (const DrawnField& field : results[r].drawn) fields.emplace(field.key, &field);
+  for (const AgentResults& agent : agents) {
+    for (const std::size_t r : agent.results) {
+      for (const DrawnField& field : results[r].drawn) fields.emplace(field.key, &field);
+    }
   }
   std::vector<DrawnFieldBins> bins;
   bins.reserve(fields.size());
   for (const auto& [key, field] : fields) {
     bins.push_back(
         {key, field->unit,
-         field->names.empty() ? BinNumbers(results, group, key) : BinNames(results, group, key)});
+         field->names.empty() ? BinNumbers(results, agents, key) : BinNames(results, agents, key)});
   }
   return bins;
 }

@@ -353,6 +353,12 @@ std::string EpisodeCsv(const Evaluation& evaluation) {
   return text;
 }
 
+Result ResultOf(const Evaluation& evaluation, const Provenance& provenance) {
+  Result result = ParseResult(JsonReport(evaluation, provenance), "this evaluation").result;
+  result.course_set_data = evaluation.task.courses;
+  return result;
+}
+
 void WriteReports(const Evaluation& evaluation, const Provenance& provenance,
                   const std::filesystem::path& directory) {
   base::MakeDirectories(directory);

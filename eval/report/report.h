@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "eval/evaluation.h"
+#include "eval/report/result.h"
 
 /// The forms in which one evaluation leaves the program. docs/evaluation.md lists every key and
 /// column.
@@ -38,6 +39,9 @@ std::string CourseCsv(const Evaluation& evaluation);
 
 /// Returns CSV with one line per episode.
 std::string EpisodeCsv(const Evaluation& evaluation);
+
+/// Converts the evaluation to a `Result`, as if it had been written and read.
+Result ResultOf(const Evaluation& evaluation, const Provenance& provenance);
 
 /// Writes evaluation-courses.csv, evaluation-episodes.csv, evaluation-tracks.jsonl
 /// (`sim::WriteEpisodes`), evaluation.courses (`sim::WriteCourseSet`, the courses as they were

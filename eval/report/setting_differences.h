@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "eval/report/comparison.h"
 #include "eval/report/result.h"
+#include "eval/report/result_group.h"
 
 namespace slalom::eval {
 

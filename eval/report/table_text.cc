@@ -3,26 +3,23 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace slalom::eval {
 namespace {
-
-/// `text` with a backslash before each of `special`.
-std::string Escape(std::string_view text, std::string_view special) {
-  std::string escaped;
-  for (const char c : text) {
-    if (special.find(c) != std::string_view::npos) escaped += '\\';
-    escaped += c == '\n' || c == '\r' ? ' ' : c;
-  }
-  return escaped;
-}
 
 /// `FixedText` with a sign above zero, too, if that is asked for.
 std::string NumberText(double value, int digits, bool with_sign) {
   std::string text = FixedText(value, digits);
   const bool is_zero = text.find_first_not_of("0.") == std::string::npos;
   return with_sign && value > 0.0 && !is_zero ? "+" + text : text;
+}
+
+/// How many characters a terminal shows for a UTF-8 text.
+std::size_t WidthOf(const std::string& text) {
+  return static_cast<std::size_t>(std::ranges::count_if(
+      text, [](char c) { return (static_cast<unsigned char>(c) & 0xc0u) != 0x80u; }));
 }
 
 }  // namespace
@@ -68,6 +65,29 @@ std::string MarkdownTable::Print() const {
   return text;
 }
 
+std::string MarkdownTable::PrintAligned() const {
+  std::vector<std::size_t> widths(titles.size(), 0);
+  const auto widen = [&](const std::vector<std::string>& cells) {
+    for (std::size_t c = 0; c < cells.size(); ++c) {
+      widths[c] = std::max(widths[c], WidthOf(cells[c]));
+    }
+  };
+  widen(titles);
+  for (const std::vector<std::string>& row : rows) widen(row);
+  const auto line = [&](const std::vector<std::string>& cells) {
+    std::string text;
+    for (std::size_t c = 0; c < cells.size(); ++c) {
+      text += "| " + cells[c] + std::string(widths[c] - WidthOf(cells[c]) + 1, ' ');
+    }
+    return text + "|\n";
+  };
+  std::string text = line(titles);
+  for (const std::size_t width : widths) text += "|" + std::string(width + 2, '-');
+  text += "|\n";
+  for (const std::vector<std::string>& row : rows) text += line(row);
+  return text;
+}
+
 std::string CsvEstimate(const std::optional<Estimate>& estimate) {
   if (!estimate) return ",,";
   if (!estimate->interval) return fmt::format("{:.6f},,", estimate->value);
@@ -75,35 +95,19 @@ std::string CsvEstimate(const std::optional<Estimate>& estimate) {
                      estimate->interval->high);
 }
 
-std::string EscapeMarkdown(std::string_view text) { return Escape(text, "\\|`*_[]<>#"); }
+std::string EscapeMarkdown(std::string_view text) {
+  constexpr std::string_view kSpecial = "\\|`*_[]<>#";
+  std::string escaped;
+  for (const char c : text) {
+    if (kSpecial.find(c) != std::string_view::npos) escaped += '\\';
+    escaped += c == '\n' || c == '\r' ? ' ' : c;
+  }
+  return escaped;
+}
 
 std::string MarkdownCode(std::string_view text) {
   const bool is_safe = !text.empty() && text.find_first_of("`|\\\r\n") == std::string_view::npos;
   return is_safe ? fmt::format("`{}`", text) : EscapeMarkdown(text);
-}
-
-std::string EscapeLatex(std::string_view text) {
-  std::string escaped;
-  for (const char c : text) {
-    switch (c) {
-      case '\\':
-        escaped += "\\textbackslash{}";
-        break;
-      case '~':
-        escaped += "\\textasciitilde{}";
-        break;
-      case '^':
-        escaped += "\\textasciicircum{}";
-        break;
-      case '\n':
-      case '\r':
-        escaped += ' ';
-        break;
-      default:
-        escaped += Escape(std::string_view(&c, 1), "&%$#_{}");
-    }
-  }
-  return escaped;
 }
 
 }  // namespace slalom::eval

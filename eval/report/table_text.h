@@ -12,18 +12,6 @@
 
 namespace slalom::eval {
 
-/// A column of estimates of `Row`s: its head in Markdown, its key in CSV and JSON, and the format
-/// of an estimate.
-template <class Row>
-struct EstimateColumn {
-  std::string_view title;  ///< With the unit: "success [%]".
-  std::string_view key;
-  double factor = 1.0;  ///< From the estimate to the number that is shown.
-  int digits = 1;
-  bool is_difference = false;  ///< Numbers above 0 have a sign, too.
-  std::optional<Estimate> (*estimate)(const Row& row);
-};
-
 /// Returns the number with `digits` decimals, rounded to the nearest. Halves are rounded away from
 /// zero ("36.3" for 36.25), as the scripts of pages do, so every form of a report has one text. One
 /// that is rounded to zero has no sign. Requires: value finite, 0 <= digits <= 9.
@@ -33,12 +21,6 @@ std::string FixedText(double value, int digits);
 /// if there is none.
 std::string EstimateText(const std::optional<Estimate>& estimate, double factor, int digits,
                          bool is_difference = false);
-
-/// Returns the text of a column's cell for `row`.
-template <class Row>
-std::string CellText(const EstimateColumn<Row>& column, const Row& row) {
-  return EstimateText(column.estimate(row), column.factor, column.digits, column.is_difference);
-}
 
 /// Returns "0.125", "\\< 0.001" or, if there is none, "–".
 std::string PValueText(const std::optional<double>& p);
@@ -50,6 +32,8 @@ struct MarkdownTable {
   std::vector<std::vector<std::string>> rows{};  ///< Cells, as many as titles, already escaped.
 
   std::string Print() const;
+  /// For a terminal: cells are padded to the width of their column.
+  std::string PrintAligned() const;
 };
 
 /// Returns "value,low,high" with six decimals. Numbers that do not exist are empty.
@@ -60,8 +44,5 @@ std::string EscapeMarkdown(std::string_view text);
 
 /// Returns the text as code in a cell of a Markdown table; escaped instead if code cannot hold it.
 std::string MarkdownCode(std::string_view text);
-
-/// Escapes characters that LaTeX would read as its own. Line breaks become spaces.
-std::string EscapeLatex(std::string_view text);
 
 }  // namespace slalom::eval

@@ -254,6 +254,24 @@ std::optional<Estimate> BootstrapRatio(const RatioTables& tables, const Bootstra
   return estimate;
 }
 
+std::optional<Estimate> BootstrapShare(const RatioTables& tables, const BootstrapOptions& options) {
+  std::optional<Estimate> estimate = BootstrapRatio(tables, options);
+  if (!estimate || estimate->interval) return estimate;
+  const std::size_t num_seeds = tables.sums.num_seeds();
+  const bool by_course = tables.sums.num_courses() > 1;
+  std::vector<CourseTotal> totals(by_course ? tables.sums.num_courses() : num_seeds);
+  const double weight = by_course ? 1.0 / static_cast<double>(num_seeds) : 1.0;
+  for (std::size_t s = 0; s < num_seeds; ++s) {
+    for (std::size_t c = 0; c < tables.sums.num_courses(); ++c) {
+      CourseTotal& total = totals[by_course ? c : s];
+      total.sum += weight * tables.sums.scores[s][c];
+      total.count += weight * tables.counts.scores[s][c];
+    }
+  }
+  estimate->interval = EstimateRate(totals).interval;
+  return estimate;
+}
+
 std::optional<Estimate> BootstrapRatioDifference(const RatioTables& first,
                                                  const RatioTables& second, bool same_courses,
                                                  const BootstrapOptions& options) {

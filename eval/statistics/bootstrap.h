@@ -62,6 +62,13 @@ struct RatioTables {
 std::optional<Estimate> BootstrapRatio(const RatioTables& tables,
                                        const BootstrapOptions& options = {});
 
+/// Estimates a share of episodes: `BootstrapRatio`, but where resamples have no spread (one course,
+/// or all courses and seeds alike), Wilson's interval (`EstimateRate`). Then courses are
+/// independent, or seeds if there is one course; the episodes of one seed are counted, as seeds
+/// drive the same starts. Requires: 0 <= sums <= counts.
+std::optional<Estimate> BootstrapShare(const RatioTables& tables,
+                                       const BootstrapOptions& options = {});
+
 /// Estimates the ratio of `first` minus the ratio of `second`. `same_courses`: both drove the same
 /// courses in the same order, so these are drawn for both together; otherwise each ratio has draws
 /// of its own. Returns nothing, and no interval, as `BootstrapRatio` does.

@@ -25,7 +25,7 @@ constexpr std::string_view kExamples = "tests/architecture/references_test.cc";
 
 /// What documentation names though it is not there: files that a program writes, and a stand-in for
 /// a name.
-constexpr std::string_view kNotHere[] = {"report.md", "compare.md", "physics.md", "FILE.md"};
+constexpr std::string_view kNotHere[] = {"report.md", "physics.md", "FILE.md"};
 
 bool IsFolderOfRepository(const fs::path& path) {
   return fs::exists(path / "CMakeLists.txt") ||

@@ -44,8 +44,8 @@ class Evaluation(NotCopied):
         return _rows(self._core.course_csv())
 
     def write(self, directory: str | os.PathLike, force: bool = False) -> None:
-        """Writes the files that `slalom evaluate --output` writes, so that `slalom report`,
-        `slalom compare` and `slalom.read` read them. Raises `slalom.Error` if there is an
+        """Writes the files that `slalom evaluate --output` writes, so that `slalom report`
+        and `slalom.read` read them. Raises `slalom.Error` if there is an
         evaluation already, unless `force` is given, which replaces it."""
         if not force and os.path.exists(os.path.join(directory, "evaluation.json")):
             raise _slalom.Error(f"{directory}: holds an evaluation already; choose another "

@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include "app/sweep/report/figures.h"
-#include "eval/statistics/bootstrap.h"
+#include "eval/comparison/comparison.h"
 
 namespace slalom::sweep {
 namespace {
@@ -20,25 +19,20 @@ const RowScore* FindScored(const SweepResults& results, const std::string& row,
   return nullptr;
 }
 
-std::optional<eval::Estimate> Difference(const RowScore& first, const RowScore& second,
-                                         const Quantity& quantity) {
-  return eval::BootstrapRatioDifference(TablesOf(first, quantity), TablesOf(second, quantity),
-                                        AreOnSameCourses(first, second));
-}
-
 ConclusionFigure JudgeRow(const SweepResults& results, const Conclusion& conclusion,
-                          const Quantity& quantity, std::size_t i) {
+                          const eval::Quantity& quantity, std::size_t i) {
   ConclusionFigure figure;
   figure.row = conclusion.rows[i];
   const RowScore* row = FindScored(results, figure.row, conclusion.score);
   if (conclusion.than.empty()) {
     if (row == nullptr) return figure;
-    figure.estimate = eval::BootstrapRatio(TablesOf(*row, quantity));
+    figure.estimate = eval::EstimateOf(AgentOf(results, *row), quantity);
   } else {
     figure.than = conclusion.than[conclusion.than.size() == 1 ? 0 : i];
     const RowScore* other = FindScored(results, figure.than, conclusion.other_score());
     if (row == nullptr || other == nullptr) return figure;
-    figure.estimate = Difference(*row, *other, quantity);
+    figure.estimate =
+        eval::DifferenceOf(AgentOf(results, *row), AgentOf(results, *other), quantity);
   }
   figure.verdict = figure.estimate ? Judge(*figure.estimate, conclusion.kind, conclusion.limit)
                                    : ConclusionVerdict::kCannotTell;
@@ -94,7 +88,7 @@ ConclusionVerdict Judge(const eval::Estimate& estimate, ConclusionKind kind, dou
 std::vector<JudgedConclusion> JudgeConclusions(const Plan& plan, const SweepResults& results) {
   std::vector<JudgedConclusion> judged;
   for (const Conclusion& conclusion : plan.conclusions) {
-    const Quantity& quantity = FindQuantity(conclusion.quantity);
+    const eval::Quantity& quantity = eval::Quantities()[*eval::FindQuantity(conclusion.quantity)];
     JudgedConclusion& one = judged.emplace_back();
     one.conclusion = conclusion;
     for (std::size_t i = 0; i < conclusion.rows.size(); ++i) {

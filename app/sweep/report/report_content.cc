@@ -4,13 +4,13 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
+#include <map>
+#include <numeric>
 #include <set>
 
 #include "app/train/resolved_run.h"
 #include "base/progress.h"
-#include "eval/report/comparison.h"
 #include "eval/report/table_text.h"
 
 namespace slalom::sweep {
@@ -40,12 +40,25 @@ std::string BudgetText(const Cells& cells) {
   }
   std::vector<std::string> texts;
   if (!steps.empty()) texts.push_back(Span(steps, base::FormatCount) + " steps");
-  if (!seconds.empty()) texts.push_back(Span(seconds, FormatSeconds) + " of training time");
+  if (!seconds.empty()) texts.push_back(Span(seconds, base::FormatDuration) + " of training time");
   return fmt::format("{}", fmt::join(texts, ", "));
 }
 
 bool HasTrainings(const Cells& cells) {
   return std::ranges::any_of(cells.cells, [](const Cell& cell) { return cell.config.has_value(); });
+}
+
+/// "4 of 9 done, 4 waiting, 1 failed"
+std::string ProgressText(const SweepResults& results) {
+  std::string text =
+      fmt::format("{} of {} done", results.num_cells(CellState::kDone), results.statuses.size());
+  for (const CellState state :
+       {CellState::kTraining, CellState::kScoring, CellState::kWaiting, CellState::kFailed}) {
+    if (const int count = results.num_cells(state); count > 0) {
+      text += fmt::format(", {} {}", count, ToString(state));
+    }
+  }
+  return text;
 }
 
 /// The commits of all programs that trained or evaluated.
@@ -133,9 +146,10 @@ std::vector<std::pair<std::string, std::string>> ProvenanceOf(const Plan& plan, 
 std::vector<std::string> WarningsOf(const Plan& plan, const SweepResults& results) {
   std::vector<std::string> warnings;
   if (const int failed = results.num_cells(CellState::kFailed); failed > 0) {
-    warnings.push_back(fmt::format("{} cell{} failed; the end of {} below.", failed,
-                                   failed == 1 ? "" : "s",
-                                   failed == 1 ? "its log stands" : "their logs stands"));
+    warnings.push_back(
+        failed == 1
+            ? "1 cell failed; the end of its log stands under Failures."
+            : fmt::format("{} cells failed; the ends of their logs stand under Failures.", failed));
   }
   if (!results.missing.empty()) {
     warnings.push_back(fmt::format(
@@ -148,7 +162,7 @@ std::vector<std::string> WarningsOf(const Plan& plan, const SweepResults& result
     warnings.push_back(fmt::format(
         "Each training lasted {}. What is learned in that time depends on the machine and on what "
         "else ran there.",
-        FormatSeconds(plan.budget.seconds)));
+        base::FormatDuration(plan.budget.seconds)));
   }
   if (CommitsOf(results).size() > 1) {
     warnings.push_back("The numbers are from several versions of the program.");
@@ -169,13 +183,6 @@ std::string TaskOf(const Cells& cells) {
                      fmt::join(frictions, " and "));
 }
 
-std::string ProtocolOf(const ScoreResults& score) {
-  for (const RowScore& row : score.rows) {
-    if (!row.seeds.empty()) return eval::ProtocolSentence(row.seeds.front().result);
-  }
-  return "";
-}
-
 std::string OverlapOf(const SweepResults& results, const ScoreResults& score) {
   std::vector<std::string> rows;
   for (const RowScore& row : score.rows) {
@@ -186,62 +193,104 @@ std::string OverlapOf(const SweepResults& results, const ScoreResults& score) {
       }
     }
     if (most == 0) continue;
-    rows.push_back(fmt::format("{} ({} of {})", results.rows[row.row].name, most,
+    rows.push_back(fmt::format("{} ({} of {})", results.rows[row.row].title, most,
                                row.seeds.front().result.courses.size()));
   }
   if (rows.empty()) return "";
   return fmt::format("Trained on some of these courses: {}.", fmt::join(rows, ", "));
 }
 
-/// Rows whose success prints alike are all named.
-std::string BestRowOf(const Cells& cells, const SweepResults& results,
-                      const std::vector<RowFigures>& rows) {
-  if (cells.axis_names.empty()) return "";
-  const auto success = [](const RowFigures& row) { return row.quantities[0].estimate; };
-  std::vector<const RowFigures*> scored;
-  for (const RowFigures& row : rows) {
-    if (success(row) && !results.rows[row.row].is_planner) scored.push_back(&row);
+/// Names the trained agent with the most success, and those whose success prints alike. Empty if
+/// fewer than two have one, or all print alike.
+std::string BestOf(const std::vector<eval::AgentFigures>& agents) {
+  std::vector<const eval::AgentFigures*> scored;
+  for (const eval::AgentFigures& agent : agents) {
+    if (agent.is_trained && agent.success().estimate) scored.push_back(&agent);
   }
   if (scored.size() < 2) return "";
-  const auto text = [&](const RowFigures* row) {
-    return eval::FixedText(100.0 * success(*row)->value, 1);
-  };
-  const RowFigures* best = *std::ranges::max_element(
-      scored, {}, [&](const RowFigures* row) { return success(*row)->value; });
+  const auto success = [](const eval::AgentFigures* a) { return a->success().estimate->value; };
+  const auto text = [&](const auto* agent) { return eval::FixedText(100.0 * success(agent), 1); };
+  const auto* best = *std::ranges::max_element(scored, {}, success);
   std::vector<std::string> names;
-  for (const RowFigures* row : scored) {
-    if (text(row) == text(best)) names.push_back(results.rows[row->row].title);
+  for (const auto* agent : scored) {
+    if (text(agent) == text(best)) names.push_back(agent->label);
   }
   if (names.size() == scored.size()) return "";
   return fmt::format(
       "Best row{}: {}, with {} % success, of {} rows. The best of many is partly so by chance: "
-      "score "
-      "it on other courses, or train it with other seeds, before you rely on the number.",
+      "score it on other courses, or train it with other seeds, before you rely on the number.",
       names.size() == 1 ? "" : "s", fmt::join(names, "; "), text(best), scored.size());
 }
 
-ScoreContent MakeScore(const Plan& plan, const Cells& cells, const SweepResults& results,
-                       const ScoreResults& score, const std::string& courses) {
-  ScoreContent content;
-  content.name = score.name;
-  content.label = score.label;
-  content.courses = courses;
-  content.protocol = ProtocolOf(score);
-  if (courses != "training") content.overlap = OverlapOf(results, score);
+std::optional<double> MeanOf(const std::vector<double>& values) {
+  if (values.empty()) return std::nullopt;
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+TrainingFigures TrainingOf(const SweepResults& results, const RowScore& row) {
+  std::vector<double> steps;
+  std::vector<double> updates;
+  std::vector<double> imagined;
+  std::vector<double> seconds;
+  for (const CellScore& seed : row.seeds) {
+    if (row.snapshot_steps > 0) {
+      steps.push_back(static_cast<double>(row.snapshot_steps));
+      const auto found = results.snapshot_seconds.find({seed.cell, row.snapshot_steps});
+      if (found != results.snapshot_seconds.end()) seconds.push_back(found->second);
+      continue;
+    }
+    const std::optional<TrainedCell>& trained = results.statuses[seed.cell].trained;
+    if (!trained) continue;
+    const train::PolicyFigures total = trained->total();
+    steps.push_back(static_cast<double>(total.steps));
+    updates.push_back(static_cast<double>(total.updates));
+    if (trained->imagined) imagined.push_back(static_cast<double>(*trained->imagined));
+    seconds.push_back(total.training_s);
+  }
+  return {MeanOf(steps), MeanOf(updates), MeanOf(imagined), MeanOf(seconds)};
+}
+
+Snapshot SnapshotOf(const SweepResults& results, const RowScore& row) {
+  eval::Agent agent = AgentOf(results, row);
+  agent.label += row.snapshot_steps > 0
+                     ? fmt::format(", after {} steps",
+                                   base::FormatCount(static_cast<double>(row.snapshot_steps)))
+                     : ", at the end";
+  return {row.row, row.snapshot_steps, eval::FiguresOf(agent), TrainingOf(results, row)};
+}
+
+/// The quantities of the tables.
+std::vector<std::size_t> Columns() {
+  std::vector<std::size_t> columns;
+  for (const char* key : {"success_rate", "success_rate_iqm", "success_rate_worst",
+                          "collision_rate", "survival_time_s", "traversal_time_s"}) {
+    columns.push_back(*eval::FindQuantity(key));
+  }
+  return columns;
+}
+
+ScoreContent MakeScore(const Cells& cells, const SweepResults& results, const ScoreResults& score,
+                       const std::string& courses) {
+  ScoreContent content{score.name, score.label, courses, {}, {}, {}, {}, {}};
+  std::vector<eval::Agent> agents;
   for (const RowScore& row : score.rows) {
-    content.rows.push_back(FiguresOf(plan, results, score.name, row));
+    agents.push_back(AgentOf(results, row));
+    content.rows.push_back(row.row);
+    content.trainings.push_back(TrainingOf(results, row));
   }
+  eval::CompareOptions options;
+  options.columns = {0};  // Pairs are compared by success alone.
+  content.group = eval::CompareAgents(agents, options);
+  content.group.columns = Columns();
+  const auto note = [&](std::string text) {
+    if (!text.empty()) content.group.notes.push_back(std::move(text));
+  };
+  if (!cells.axis_names.empty()) note(BestOf(content.group.agents));
+  if (courses != "training") note(OverlapOf(results, score));
   for (const RowScore& row : score.snapshots) {
-    RowFigures figures = FiguresOf(plan, results, score.name, row);
-    // Published numbers are of finished policies, whose table has them.
-    for (auto& published : figures.published) published.clear();
-    content.snapshots.push_back(std::move(figures));
-    content.snapshot_steps.push_back(row.snapshot_steps);
+    content.snapshots.push_back(SnapshotOf(results, row));
   }
-  content.best_row = BestRowOf(cells, results, content.rows);
   content.curves = LearningCurves(results, score);
-  content.profiles = ProfilesOf(score);
-  content.pairs = CompareRows(score);
   return content;
 }
 
@@ -255,22 +304,25 @@ ReportContent MakeContent(const Plan& plan, const Cells& cells, const fs::path& 
   content.warnings = WarningsOf(plan, content.results);
   for (std::size_t s = 0; s < plan.scores.size(); ++s) {
     content.scores.push_back(
-        MakeScore(plan, cells, content.results, content.results.scores[s], plan.scores[s].courses));
+        MakeScore(cells, content.results, content.results.scores[s], plan.scores[s].courses));
   }
   content.conclusions = JudgeConclusions(plan, content.results);
   return content;
 }
 
-std::string ProgressText(const SweepResults& results) {
-  std::string text =
-      fmt::format("{} of {} done", results.num_cells(CellState::kDone), results.statuses.size());
-  for (const CellState state :
-       {CellState::kTraining, CellState::kScoring, CellState::kWaiting, CellState::kFailed}) {
-    if (const int count = results.num_cells(state); count > 0) {
-      text += fmt::format(", {} {}", count, ToString(state));
+std::vector<Published> FindPublished(const Plan& plan, const std::string& score,
+                                     const std::string& row, const eval::Quantity& quantity) {
+  std::vector<Published> published;
+  for (const Reference& reference : plan.references) {
+    if (reference.score != score || reference.quantity != quantity.key) continue;
+    for (std::size_t i = 0; i < reference.rows.size(); ++i) {
+      if (reference.rows[i] != row || i >= reference.values.size()) continue;
+      const bool has_deviation = i < reference.deviations.size() && reference.deviations[i] > 0.0;
+      published.push_back({reference.source, reference.values[i],
+                           has_deviation ? std::optional(reference.deviations[i]) : std::nullopt});
     }
   }
-  return text;
+  return published;
 }
 
 std::string Describe(const MissingScore& missing, const Cells& cells) {
@@ -281,35 +333,6 @@ std::string Describe(const MissingScore& missing, const Cells& cells) {
           : "";
   return fmt::format("{}, {}{}: {}", cells.cells[missing.cell].name(), missing.score, snapshot,
                      missing.why);
-}
-
-std::string FormatSeconds(double seconds) {
-  const auto whole = static_cast<std::int64_t>(std::llround(seconds));
-  if (whole < 60) return fmt::format("{} s", whole);
-  if (whole < 3600) return fmt::format("{} min {:02} s", whole / 60, whole % 60);
-  return fmt::format("{} h {:02} min", whole / 3600, whole / 60 % 60);
-}
-
-std::vector<PublishedColumn> PublishedColumns(std::span<const RowFigures> rows) {
-  std::vector<PublishedColumn> columns;
-  for (std::size_t q = 0; q < std::size(kQuantities); ++q) {
-    std::vector<std::string> sources;
-    for (const RowFigures& row : rows) {
-      for (const Published& published : row.published[q]) {
-        if (std::ranges::find(sources, published.source) == sources.end()) {
-          sources.push_back(published.source);
-        }
-      }
-    }
-    for (std::string& source : sources) columns.push_back({q, std::move(source)});
-  }
-  return columns;
-}
-
-std::optional<Published> FindPublished(const RowFigures& row, const PublishedColumn& column) {
-  const auto& published = row.published[column.quantity];
-  const auto found = std::ranges::find(published, column.source, &Published::source);
-  return found == published.end() ? std::nullopt : std::optional(*found);
 }
 
 }  // namespace slalom::sweep

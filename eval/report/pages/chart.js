@@ -238,8 +238,8 @@ function keyOf(lines, sources = []) {
 
 // ---- Rows of estimates: a mean with its interval, seeds as ticks, published numbers as diamonds.
 
-// `rows`: {label, colour, estimate, seeds, published, tip}. `axis`: {low, high, zero, show}; a dashed line stands at `zero`.
-function drawRows(box, rows, {low, high, zero, show}) {
+// `rows`: {label, colour, estimate, seeds, published, tip}. `axis`: {low, high, show}.
+function drawRows(box, rows, {low, high, show}) {
   const width = widthOf(box);
   const narrow = width < 520;  // Names stand above their rows.
   const longest = Math.max(...rows.map((row) => row.label.length));
@@ -251,9 +251,6 @@ function drawRows(box, rows, {low, high, zero, show}) {
   for (const tick of ticks) {
     drawing.append(svg('line', {x1: x(tick), x2: x(tick), y1: 2, y2: height - bottom, class: 'grid'}),
       svgText(x(tick), height - bottom + 17, show(tick), {'text-anchor': narrow && x(tick) < 30 ? 'start' : 'middle', class: 'faint'}));
-  }
-  if (zero !== undefined) {
-    drawing.append(svg('line', {x1: x(zero), x2: x(zero), y1: 2, y2: height - bottom, class: 'zero'}));
   }
   rows.forEach(({label, colour, estimate, seeds = [], published = [], tip}, i) => {
     const y = i * rowHeight + (narrow ? 30 : rowHeight / 2);

@@ -19,7 +19,6 @@ TEST(CommandsTest, EveryCommandHasHelp) {
                                                           {"train"},
                                                           {"evaluate"},
                                                           {"report"},
-                                                          {"compare"},
                                                           {"courses"},
                                                           {"courses", "list"},
                                                           {"courses", "show"},
@@ -164,10 +163,10 @@ TEST(CommandsTest, APlannersEvaluationIsTheSameOnAnyThreadsAndMakesAReport) {
   const ProgramResult report = RunProgram(
       {"report", "one", "many/evaluation.json", "heavy", "--output", "report"}, scratch.path());
   ASSERT_EQ(report.exit_code, 0) << report.err;
-  EXPECT_THAT(report.out, HasSubstr("| dwa | 4 |"));
-  EXPECT_THAT(report.out, HasSubstr("| also dwa | 4 |"));
-  EXPECT_THAT(report.out, HasSubstr("| dwa (heavy) | 4 |"));
-  for (const char* name : {"report.md", "report.csv", "report.html"}) {
+  EXPECT_THAT(report.out, HasSubstr("| dwa | – | 4 |"));
+  EXPECT_THAT(report.out, HasSubstr("| also dwa | – | 4 |"));
+  EXPECT_THAT(report.out, HasSubstr("| dwa (heavy) | – | 4 |"));
+  for (const char* name : {"report.md", "report.csv", "report-pairs.csv", "report.html"}) {
     EXPECT_TRUE(std::filesystem::exists(scratch.path() / "report" / name)) << name;
   }
 }

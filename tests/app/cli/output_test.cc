@@ -118,7 +118,7 @@ TEST_F(OutputTest, ADirectoryWithFilesIsWrittenToWithForceAlone) {
 
   std::vector<std::string> report = {"report", "scored/dwa", "--output", "scored"};
   EXPECT_EQ(Run(report).exit_code, 0) << "directories in it cannot be replaced";
-  EXPECT_THAT(Run(report).err, HasSubstr("scored: holds report.csv already"));
+  EXPECT_THAT(Run(report).err, HasSubstr("scored: holds report-pairs.csv already"));
   report.push_back("--force");
   EXPECT_EQ(Run(report).exit_code, 0);
   base::MakeDirectories(scratch_.path() / "links");

@@ -83,11 +83,11 @@ TEST_F(ArchiveTest, DoneCellsAreDoneInAnotherStoreWithTheSameResults) {
   EXPECT_EQ(ReadCellStatus(other(), cell(0)).trained->host, "node-1");
   const SweepResults here = sweep_.Results();
   const SweepResults there = CollectResults(sweep_.plan, sweep_.cells, other());
-  const Quantity success{.key = "success_rate", .is_rate = true};
-  for (const std::size_t row : {0, 2}) {
-    EXPECT_EQ(RateTable(there.scores[0].rows.at(row), success).scores,
-              RateTable(here.scores[0].rows.at(row), success).scores);
-  }
+  const auto scores = [](const SweepResults& results, std::size_t row) {
+    const eval::Agent agent = AgentOf(results, results.scores[0].rows.at(row));
+    return eval::ScoresOf(agent, eval::Quantities().front()).scores;
+  };
+  for (const std::size_t row : {0, 2}) EXPECT_EQ(scores(there, row), scores(here, row));
   // The same once more, from here and from there.
   const auto files = FilesBelow(archive());
   EXPECT_EQ(Export().num_same, 2);

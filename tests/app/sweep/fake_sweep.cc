@@ -158,7 +158,7 @@ void FakeSweep::Evaluate(std::size_t index, const std::string& score,
 }
 
 std::string FakeSweep::Report(const std::string& file) const {
-  WriteSweepReport(sweep::MakeContent(plan, cells, store()), store());
+  WriteSweepReport(Content(), store());
   return base::ReadFile(sweep::PlanDirectory(store(), plan.sweep.name) / file);
 }
 

@@ -7,6 +7,7 @@
 
 #include "app/sweep/cell.h"
 #include "app/sweep/plan.h"
+#include "app/sweep/report/report_content.h"
 #include "app/sweep/results.h"
 #include "app/sweep/store.h"
 #include "tests/support/scratch_directory.h"
@@ -44,6 +45,7 @@ class FakeSweep {
 
   const sweep::Cell& cell(std::size_t index) const { return cells.cells[index]; }
   std::filesystem::path store() const { return scratch_->path(); }
+  sweep::ReportContent Content() const { return sweep::MakeContent(plan, cells, store()); }
   sweep::SweepResults Results() const { return sweep::CollectResults(plan, cells, store()); }
 
   sweep::Plan plan;

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "app/sweep/report/figures.h"
+#include "app/sweep/report/learning_curves.h"
 #include "base/file.h"
 #include "tests/app/sweep/fake_sweep.h"
 
@@ -75,52 +75,30 @@ TEST(SweepResultsTest, AnEvaluationOnOtherCoursesIsLeftOutAndSaysSo) {
   EXPECT_THAT(results.missing[0].why, HasSubstr("has 1 courses"));
 }
 
-TEST(SweepResultsTest, TablesAreBySeedAndCourse) {
+TEST(SweepResultsTest, ARowIsAnAgentWithItsSeeds) {
   const SweepResults results = test::MakeTrainingSets().Results();
-  const RowScore& row = results.scores[0].rows[0];
-  EXPECT_THAT(RateTable(row, kQuantities[0]).scores,
-              ElementsAre(ElementsAre(0.8, 0.8, 0.2, 0.2), ElementsAre(1.0, 0.8, 0.4, 0.2),
-                          ElementsAre(1.0, 1.0, 0.6, 0.2)));
-  EXPECT_THAT(RateTable(row, kQuantities[1]).scores[0], ElementsAre(0.2, 0.0, 0.8, 0.6));
-  // Survival: collisions after 5 s, timeouts after 80 s.
-  const eval::RatioTables survival = TablesOf(row, kQuantities[2]);
-  EXPECT_THAT(survival.counts.scores[0], ElementsAre(1, 1, 4, 4));
-  EXPECT_THAT(survival.sums.scores[0], ElementsAre(5.0, 80.0, 20.0, 95.0));
-  EXPECT_EQ(survival.sums.limits.high, 80.0);
-  EXPECT_NEAR(*ValueOf(row.seeds[1].result, kQuantities[3]), 12.0, 1e-9);
+  const eval::Agent agent = AgentOf(results, results.scores[0].rows[1]);
+  EXPECT_EQ(agent.label, "training courses 10");
+  EXPECT_TRUE(agent.is_trained);
+  EXPECT_EQ(agent.seeds.size(), 1u);
+  EXPECT_EQ(agent.num_planned, 3);
 }
 
-TEST(SweepFiguresTest, FiguresOfARowAreThoseComputedByHand) {
+TEST(SweepContentTest, AScoreHasTheFiguresOfItsRowsAndTheirTrainings) {
   const test::FakeSweep fake = test::MakeTrainingSets();
-  const SweepResults results = fake.Results();
-  const RowFigures figures = FiguresOf(fake.plan, results, "test", results.scores[0].rows[0]);
-  EXPECT_EQ(figures.num_seeds, 3);
-  EXPECT_EQ(figures.num_episodes, 60);
-  // Successes: 10, 12 and 14 of 20.
-  EXPECT_NEAR(figures.success().estimate->value, 0.6, 1e-12);
-  EXPECT_NEAR(*figures.success().seed_mean, 0.6, 1e-12);
-  EXPECT_NEAR(*figures.success().seed_deviation, 0.1, 1e-12);
-  // Sorted by seed and course: 0.2 0.2 0.2 | 0.2 0.4 0.6 0.8 0.8 0.8 | 1 1 1.
-  EXPECT_NEAR(figures.interquartile_mean->value, 3.6 / 6, 1e-12);
-  // Traversal: 10 x 10 s, 12 x 12 s, 14 x 14 s; seeds' means 10, 12 and 14 s.
-  EXPECT_NEAR(figures.quantities[3].estimate->value, 440.0 / 36, 1e-9);
-  EXPECT_NEAR(*figures.quantities[3].seed_mean, 12.0, 1e-9);
-  EXPECT_NEAR(*figures.quantities[3].seed_deviation, 2.0, 1e-9);
-  EXPECT_NEAR(*figures.training_s, 50.0, 1e-9);  // 40, 50 and 60.
-  ASSERT_EQ(figures.published[0].size(), 1u);
-  EXPECT_EQ(figures.published[0][0].value, 0.43);
-  EXPECT_EQ(*figures.published[0][0].deviation, 0.02);
-  EXPECT_TRUE(figures.published[1].empty());
-}
-
-TEST(SweepFiguresTest, ARowWithoutSeedsHasNoFigures) {
-  const test::FakeSweep fake = test::MakeTrainingSets();
-  const SweepResults results = fake.Results();
-  const RowFigures figures = FiguresOf(fake.plan, results, "test", results.scores[0].rows[2]);
-  EXPECT_FALSE(figures.success().estimate);
-  EXPECT_FALSE(figures.success().seed_mean);
-  EXPECT_FALSE(figures.interquartile_mean);
-  EXPECT_EQ(figures.published[0][0].value, 0.65);
+  const ReportContent content = fake.Content();
+  const ScoreContent& score = content.scores.at(0);
+  ASSERT_EQ(score.group.agents.size(), 3u);
+  EXPECT_NEAR(score.group.agents[0].success().estimate->value, 0.6, 1e-12);
+  EXPECT_FALSE(score.group.agents[2].success().estimate);
+  EXPECT_NEAR(*score.trainings[0].training_s, 50.0, 1e-9);  // 40, 50 and 60.
+  EXPECT_EQ(score.trainings[2].steps, std::nullopt);
+  ASSERT_EQ(score.group.pairs.size(), 1u);  // The third row has nothing.
+  EXPECT_NEAR(score.group.pairs[0].difference().value, 0.6 - 0.9, 1e-12);
+  const auto published = FindPublished(fake.plan, "test", "5", eval::Quantities().front());
+  ASSERT_EQ(published.size(), 1u);
+  EXPECT_EQ(published[0].value, 0.43);
+  EXPECT_EQ(published[0].deviation, 0.02);
 }
 
 /// Two seeds with snapshots after 1000 and 2000 of 4000 steps. The run logs 1000 steps at 10 s
@@ -145,7 +123,7 @@ test::FakeSweep MakeSnapshots() {
   return fake;
 }
 
-TEST(SweepFiguresTest, ACurveHasTheAreaComputedByHand) {
+TEST(LearningCurvesTest, ACurveHasTheAreaComputedByHand) {
   const test::FakeSweep fake = MakeSnapshots();
   const SweepResults results = fake.Results();
   const auto curves = LearningCurves(results, results.scores[0]);
@@ -161,19 +139,6 @@ TEST(SweepFiguresTest, ACurveHasTheAreaComputedByHand) {
   EXPECT_NEAR(*curves[0].points[2].seconds, 40.0, 1e-9);
   EXPECT_NEAR(curves[0].area_over_steps.value, (0.4 * 1000 + 0.7 * 2000) / 3000, 1e-12);
   EXPECT_NEAR(curves[0].area_over_seconds->value, (0.4 * 20 + 0.7 * 10) / 30, 1e-12);
-}
-
-TEST(SweepFiguresTest, OnlyRowsOnTheSameCoursesAreCompared) {
-  test::FakeSweep fake = test::MakeTrainingSets();
-  const SweepResults results = fake.Results();
-  const RowPairs pairs = CompareRows(results.scores[0]);
-  ASSERT_EQ(pairs.pairs.size(), 1u);  // The third row has nothing.
-  EXPECT_NEAR(pairs.pairs[0].test.difference.value, 0.6 - 0.9, 1e-12);
-  EXPECT_EQ(pairs.note, "");
-  fake.Evaluate(3, "test", {"SSSSS", "SSSSS", "SSSSC"});
-  const RowPairs fewer = CompareRows(fake.Results().scores[0]);
-  EXPECT_TRUE(fewer.pairs.empty());
-  EXPECT_THAT(fewer.note, HasSubstr("1 pair of rows is left out"));
 }
 
 }  // namespace

@@ -79,14 +79,18 @@ TEST(BinCourses, HoldsEachCourseOnce) {
 }
 
 TEST(SuccessInBin, CountsTheEpisodesOfItsCoursesAlone) {
-  Result result;
+  std::vector<Result> results(2);
+  Result& result = results[0];
   result.courses.resize(3);
   using enum env::Outcome;
   result.courses[0].episodes = {{kSuccess, 1.0, 0}, {kCollision, 1.0, 1}};
   result.courses[1].episodes = {{kTimeout, 1.0, 0}, {kTimeout, 1.0, 0}};
   result.courses[2].episodes = {{kSuccess, 1.0, 0}, {kSuccess, 1.0, 0}};
-  EXPECT_DOUBLE_EQ(SuccessInBin(result, {0.0, 0.0, {0, 2}}).value, 0.75);
-  EXPECT_DOUBLE_EQ(SuccessInBin(result, {0.0, 0.0, {1}}).value, 0.0);
+  results[1] = result;
+  results[1].courses[1] = result.courses[0];
+  EXPECT_DOUBLE_EQ(SuccessInBin(results, {"a", {0}}, {0.0, 0.0, {0, 2}}).value, 0.75);
+  EXPECT_DOUBLE_EQ(SuccessInBin(results, {"a", {0}}, {0.0, 0.0, {1}}).value, 0.0);
+  EXPECT_DOUBLE_EQ(SuccessInBin(results, {"a", {0, 1}}, {0.0, 0.0, {1}}).value, 0.25);
 }
 
 }  // namespace

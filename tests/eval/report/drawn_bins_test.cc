@@ -11,9 +11,8 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/random.h"
-#include "eval/report/comparison.h"
 #include "eval/report/report.h"
-#include "eval/report/report_page.h"
+#include "eval/statistics/bootstrap.h"
 #include "sim/randomized_config.h"
 #include "tests/eval/report/made_evaluation.h"
 #include "tests/support/scratch_directory.h"
@@ -27,6 +26,11 @@ using ::testing::Not;
 
 constexpr int kCourses = 10;
 constexpr int kEpisodes = 12;
+
+const std::vector<AgentResults> kThree = {{"a", {0}}, {"b", {1}}, {"c", {2}}};
+const std::vector<AgentResults> kTwo = {{"a", {0}}, {"b", {1}}};
+const std::vector<AgentResults> kOne = {{"a", {0}}};
+const std::vector<AgentResults> kSecond = {{"b", {1}}};
 
 /// Random outcomes, with a number and a name drawn for each episode; success is likelier where the
 /// number is small.
@@ -54,23 +58,22 @@ Result MakeResult(std::uint64_t seed) {
 
 /// The estimate by counting.
 Estimate Counted(const Result& result, int field, double low, double high) {
-  std::vector<CourseTotal> totals;
+  RatioTables tables{{"", {std::vector<double>(kCourses)}}, {"", {std::vector<double>(kCourses)}}};
   for (int c = 0; c < kCourses; ++c) {
-    CourseTotal total;
     for (int k = 0; k < kEpisodes; ++k) {
       const double value = result.drawn[field].values[c][k];
       if (value < low || value > high) continue;
-      total.count += 1.0;
-      if (result.courses[c].episodes[k].outcome == env::Outcome::kSuccess) total.sum += 1.0;
+      tables.counts.scores[0][c] += 1.0;
+      const bool succeeds = result.courses[c].episodes[k].outcome == env::Outcome::kSuccess;
+      if (succeeds) tables.sums.scores[0][c] += 1.0;
     }
-    if (total.count > 0.0) totals.push_back(total);
   }
-  return EstimateRate(totals);
+  return *BootstrapShare(tables);
 }
 
 TEST(DrawnBins, CutNumbersAtTheirQuantilesAndCountEachEpisodeOnce) {
   const std::vector<Result> results = {MakeResult(1)};
-  const auto fields = BinByDrawnFields(results, {"made", {0}});
+  const auto fields = BinByDrawnFields(results, kOne);
   ASSERT_EQ(fields.size(), 2u);
   EXPECT_EQ(fields[0].key, "robot.command_delay");
   EXPECT_EQ(fields[0].unit, "s");
@@ -95,7 +98,7 @@ TEST(DrawnBins, NamesHaveABinEachAndAgentsWithoutAFieldNone) {
   std::vector<Result> results = {MakeResult(1), MakeResult(2), MakeResult(3)};
   results[1].drawn.clear();
   results[2].drawn[1].names = {"pyramid", "cone"};
-  const auto fields = BinByDrawnFields(results, {"made", {0, 1, 2}});
+  const auto fields = BinByDrawnFields(results, kThree);
   ASSERT_EQ(fields.size(), 2u);
   const auto& bins = fields[1].bins;
   ASSERT_EQ(bins.size(), 3u);
@@ -109,19 +112,19 @@ TEST(DrawnBins, NamesHaveABinEachAndAgentsWithoutAFieldNone) {
   EXPECT_FALSE(bins[0].success_rates[1]);
   EXPECT_EQ(bins[2].num_episodes[0], 0);
   EXPECT_FALSE(bins[1].success_rates[2]);
-  EXPECT_TRUE(BinByDrawnFields(results, {"made", {1}}).empty());
+  EXPECT_TRUE(BinByDrawnFields(results, kSecond).empty());
 }
 
 TEST(DrawnBins, FewEpisodesAreNotCut) {
   std::vector<Result> results = {MakeResult(1)};
   results[0].courses.resize(3);
   for (DrawnField& field : results[0].drawn) field.values.resize(3);
-  const auto fields = BinByDrawnFields(results, {"made", {0}});
+  const auto fields = BinByDrawnFields(results, kOne);
   ASSERT_EQ(fields[0].bins.size(), 1u) << "of 36 episodes";
   EXPECT_THAT(fields[0].bins[0].num_episodes, ElementsAre(36));
   // All values are the same.
   for (auto& course : results[0].drawn[0].values) course.assign(course.size(), 0.04);
-  EXPECT_EQ(BinByDrawnFields(results, {"made", {0}})[0].bins[0].label, "0.04 – 0.04");
+  EXPECT_EQ(BinByDrawnFields(results, kOne)[0].bins[0].label, "0.04 – 0.04");
 }
 
 TEST(DrawnBins, TheFieldsOwnValueHasABinOfItsOwn) {
@@ -132,7 +135,7 @@ TEST(DrawnBins, TheFieldsOwnValueHasABinOfItsOwn) {
   for (int c = 0; c < kCourses; c += 2) {
     std::ranges::fill(results[0].drawn[0].values[c], kOwn);
   }
-  const auto bins = BinByDrawnFields(results, {"made", {0, 1}})[0].bins;
+  const auto bins = BinByDrawnFields(results, kTwo)[0].bins;
   ASSERT_EQ(bins.size(), 1u + 4u) << "180 drawn episodes of two agents";
   EXPECT_EQ(bins[0].label, "not drawn: 0.05");
   EXPECT_THAT(bins[0].num_episodes, ElementsAre(60, 0));
@@ -145,14 +148,26 @@ TEST(DrawnBins, TheFieldsOwnValueHasABinOfItsOwn) {
   EXPECT_EQ(drawn, 60);
   // It may be all that there is, and at one end of what is drawn.
   for (auto& course : results[0].drawn[0].values) std::ranges::fill(course, kOwn);
-  EXPECT_EQ(BinByDrawnFields(results, {"made", {0}})[0].bins.size(), 1u);
+  EXPECT_EQ(BinByDrawnFields(results, kOne)[0].bins.size(), 1u);
   results[0].settings["environment.randomize_share"] = "1.0";
-  EXPECT_EQ(BinByDrawnFields(results, {"made", {0}})[0].bins[0].label, "0.05 – 0.05");
+  EXPECT_EQ(BinByDrawnFields(results, kOne)[0].bins[0].label, "0.05 – 0.05");
+}
+
+TEST(DrawnBins, HoldTheEpisodesOfAllSeedsOfAnAgent) {
+  const std::vector<Result> results = {MakeResult(1), MakeResult(2)};
+  const std::vector<AgentResults> both = {{"a", {0, 1}}};
+  const auto names = BinByDrawnFields(results, both)[1].bins;
+  const auto apart = BinByDrawnFields(results, kTwo)[1].bins;
+  ASSERT_EQ(names.size(), 2u);
+  EXPECT_EQ(names[0].num_episodes[0], apart[0].num_episodes[0] + apart[0].num_episodes[1]);
+  const double hits = apart[0].num_episodes[0] * apart[0].success_rates[0]->value +
+                      apart[0].num_episodes[1] * apart[0].success_rates[1]->value;
+  EXPECT_NEAR(names[0].success_rates[0]->value, hits / names[0].num_episodes[0], 1e-12);
 }
 
 TEST(DrawnBins, StandInATableOfTheReport) {
   const std::vector<Result> results = {MakeResult(1)};
-  const auto fields = BinByDrawnFields(results, {"made", {0}});
+  const auto fields = BinByDrawnFields(results, kOne);
   const std::string text = MarkdownOf(fields, std::vector<std::string>{"a|b"}, 3);
   EXPECT_THAT(text, HasSubstr("\n### Success by randomised field\n"));
   EXPECT_THAT(text, HasSubstr("| field | value | a\\|b [%], episodes |"));
@@ -217,10 +232,6 @@ TEST_F(DrawnFilesTest, HoldTheValuesThatTheSeedsDraw) {
     const int course = std::stoi(track.course.substr(track.course.rfind('-') + 1));
     EXPECT_EQ(track.beams->p_RS.x, result.drawn[0].values[course][track.episode]);
   }
-  const std::vector<Result> results = {result};
-  EXPECT_THAT(MarkdownComparison(results), HasSubstr("| `robot.friction` | cone | "));
-  const auto data = nlohmann::json::parse(ReportPageData(results));
-  EXPECT_EQ(data["groups"][0]["drawn"][1]["bins"][1]["label"], "gazebo");
   // Archives of sweeps leave the values out.
   const std::string compact =
       CompactResult(base::ReadFile(scratch_.path() / kEvaluationFile), "archive");

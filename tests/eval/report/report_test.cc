@@ -163,5 +163,18 @@ TEST(TextReport, CountsCollisionsThatEndNothing) {
       HasSubstr("protocol dwa-runs: 113 s, goal within 0.4 m or 6.925 m ahead of the start"));
 }
 
+TEST(TextReport, NamesThePhysicsOfOthersOnly) {
+  Evaluation evaluation = MakeEvaluation({1.0});
+  EXPECT_THAT(TextReport(evaluation), ::testing::Not(HasSubstr("physics")));
+  evaluation.task.physics = {"ode", "1.2.3", [](const auto&, auto, int) {
+                               return std::vector<std::unique_ptr<sim::RobotBody>>();
+                             }};
+  EXPECT_THAT(TextReport(evaluation), HasSubstr("physics ode 1.2.3\n"));
+  const Result result = ResultOf(evaluation, kProvenance);
+  EXPECT_EQ(result.physics, "ode");
+  EXPECT_EQ(result.course_set_data.courses, evaluation.task.courses.courses);
+  EXPECT_EQ(result.set.success_rate.value, evaluation.summary.set.success_rate.value);
+}
+
 }  // namespace
 }  // namespace slalom::eval

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "app/sweep/report/report.h"
-#include "app/sweep/report/report_content.h"
+#include "app/sweep/report/cross_tables.h"
+#include "app/sweep/report/page_blocks.h"
 #include "base/error.h"
 #include "tests/app/sweep/fake_sweep.h"
 
@@ -123,10 +123,10 @@ TEST(ConclusionsTest, TheReportHasATableOfThem) {
                               "0.5 | cannot tell |\n"));
 }
 
-TEST(ConclusionsTest, BlocksOfAPageAreFilledAnew) {
+TEST(PageBlocksTest, ThoseOfThePlansAreFilled) {
   test::FakeSweep sweep = MakeSweep();
   sweep.plan.conclusions = {{.text = "TD3 is good", .score = "test", .rows = {"TD3"}}};
-  const ReportContent content = MakeContent(sweep.plan, sweep.cells, sweep.store());
+  const ReportContent content = sweep.Content();
   const auto fill = [&](const std::string& page) {
     return FillBlocks(page, "page.markdown", std::span(&content, 1));
   };
@@ -135,8 +135,8 @@ TEST(ConclusionsTest, BlocksOfAPageAreFilledAnew) {
                  "b\n<!-- sweep table other "
                  "-->\nkept\n" +
                  end + "c\n"),
-            "a\n<!-- sweep table fake -->\n" + MarkdownTable(content) + "\n" + end +
-                "b\n<!-- sweep table other -->\nkept\n" + end + "c\n");
+            "a\n<!-- sweep table fake -->\n\n" + MarkdownOf(CrossTables(content).front()) + "\n" +
+                end + "b\n<!-- sweep table other -->\nkept\n" + end + "c\n");
   const std::string page = fill("<!-- sweep summary fake -->\n" + end +
                                 "<!-- sweep conclusions "
                                 "-->\n" +

@@ -69,11 +69,11 @@ TEST_F(SweepPageTest, DrawsSuccessOverANumericAxisBesideThePublishedNumbers) {
   const std::string dom = browser_.Render(test::MakeTrainingSets().Report("report.html"));
   EXPECT_THAT(dom, HasSubstr("data-ready=\"true\""));
   EXPECT_THAT(dom, HasSubstr("<div id=\"errors\" hidden=\"\"></div>"));
-  EXPECT_EQ(Count(dom, "data-figure=\"axis\""), 1);
+  EXPECT_EQ(Count(dom, "data-figure=\"axis\""), 2);
   // Two rows with results on each of two scores; the published numbers of rows that have some.
   EXPECT_EQ(Count(dom, "data-point=\""), 4);
   EXPECT_THAT(dom, HasSubstr("data-point=\"0.6"));
-  EXPECT_THAT(dom, HasSubstr("data-published=\"0.43\""));
+  EXPECT_EQ(Count(dom, "data-published=\""), 3);  // One is of a row without results.
   EXPECT_EQ(Count(dom, "data-figure=\"dots\""), 0);
   EXPECT_EQ(Count(dom, "data-figure=\"profile\""), 2);
   EXPECT_EQ(Count(dom, "data-pair=\""), 2);
@@ -82,13 +82,9 @@ TEST_F(SweepPageTest, DrawsSuccessOverANumericAxisBesideThePublishedNumbers) {
   EXPECT_EQ(Count(dom, "a clear difference"), 0);
   EXPECT_THAT(dom, HasSubstr("A &lt;fake&gt; sweep"));
   EXPECT_THAT(dom, HasSubstr("<span class=\"sub partial\">1 of 3 seeds, 20 episodes</span>"));
+  EXPECT_THAT(dom, HasSubstr("<span class=\"published-value\">43 ± 2</span>"));
   EXPECT_THAT(dom, HasSubstr("no space left\non the device</pre>"));
   EXPECT_THAT(dom, HasSubstr("<li>10, seed 2, test: failed</li>"));
-}
-
-TEST_F(SweepPageTest, DrawsPublishedNumbersOfRowsWithoutResults) {
-  const std::string dom = browser_.Render(test::MakeTrainingSets().Report("report.html"));
-  EXPECT_EQ(Count(dom, "data-published=\""), 3);
 }
 
 TEST_F(SweepPageTest, DrawsDotsWhereNoAxisIsNumeric) {
@@ -109,17 +105,15 @@ TEST_F(SweepPageTest, RoundsHalvesAsTheOtherFormsDo) {
   outcomes.push_back("SSCCCCCC");  // 29 of 80 episodes: 36.25 %.
   fake.Evaluate(fake.AddTraining({"4"}, 1), "test", outcomes);
   fake.Evaluate(fake.AddTraining({"8"}, 1), "test", std::vector<std::string>(10, "SCCCCCCC"));
-  EXPECT_THAT(fake.Report("report.md"), HasSubstr("\n| 4 | 1 | 36.3 ("));
   const std::string dom = browser_.Render(fake.Report("report.html"));
   EXPECT_THAT(dom, HasSubstr("<span class=\"value\">36.3</span>"));
-  EXPECT_THAT(dom, HasSubstr("data-best=\"true\">Best row: n_step 4, with 36.3 % success"));
+  EXPECT_THAT(dom, HasSubstr("data-note=\"true\">Best row: n_step 4, with 36.3 % success"));
   EXPECT_THAT(dom, HasSubstr("against n_step 8"));
 }
 
 TEST_F(SweepPageTest, AnAxisIsLabelledAsInThePlan) {
   const std::string dom = browser_.Render(MakeWide().Report("report.html"));
   EXPECT_THAT(dom, HasSubstr("class=\"faint\">1e-4</text>"));
-  // Nine lines are too many for one figure.
   EXPECT_EQ(Count(dom, "data-figure=\"axis\""), 3);
   EXPECT_EQ(Count(dom, "data-figure=\"steps\""), 3);
   EXPECT_EQ(Count(dom, "data-figure=\"seconds\""), 3);

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+/// Cross tables as papers have them: a number for each line and column.
+
+namespace slalom::eval {
+
+/// A number as it is printed, in percent or seconds.
+struct PivotNumber {
+  std::optional<double> mean;  ///< Empty for a dash.
+  std::optional<double> deviation{};
+};
+
+/// One number and its place.
+struct PivotEntry {
+  std::size_t line = 0;  ///< Index in `Pivot::lines`, as the others are.
+  std::size_t block = 0;
+  std::optional<std::size_t> column{};  ///< Empty: the number is of all columns of its block.
+  PivotNumber number;
+  std::string mark{};       ///< "2/3": the share of the planned seeds. May be empty.
+  std::size_t contest = 0;  ///< The best of one contest is bold.
+  bool higher_is_better = true;
+  /// Published numbers by source, on lines of their own below.
+  std::vector<std::pair<std::string, PivotNumber>> published{};
+};
+
+/// A table. Heads without an entry are not printed.
+struct Pivot {
+  std::string corner;
+  std::vector<std::string> lines{};
+  std::vector<std::string> blocks{""};  ///< Each has all columns.
+  std::vector<std::string> columns{};
+  std::vector<PivotEntry> entries{};
+  std::string caption{};
+};
+
+/// The most columns that fit across a page.
+inline constexpr std::size_t kMaxPivotColumns = 12;
+
+/// Exchanges lines and columns if the columns are too many for a page and more than the lines.
+/// Requires: at most one block, and a column for each entry.
+void FitToPage(Pivot& pivot);
+
+/// Returns the table with its caption. The best number of each contest is bold, and those that
+/// print alike, unless all of them do. The caption says what deviations, marks and italics mean if
+/// there are any.
+std::string MarkdownOf(const Pivot& pivot);
+
+}  // namespace slalom::eval
