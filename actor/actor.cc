@@ -58,7 +58,7 @@ Actor::Actor(const ActorConfig& config, env::BatchEnvironment& environments, env
                FirstFreshCourse(seed)),
       running_(environments.batch_size()),
       actions_(environments.batch_size() * action_size_),
-      lessons_(actions_.size()),
+      teacher_actions_(actions_.size()),
       courses_(environments.batch_size()),
       normal_(environments.batch_size() * action_size_),
       results_(environments.batch_size()),
@@ -76,7 +76,7 @@ void Actor::Step(replay::Chunk* out) {
   RequireFinite(actions_, "the policy");
   Teach();
   AddNoise();
-  std::vector<float>& recorded = teachers_ ? lessons_ : actions_;
+  std::vector<float>& recorded = teachers_ ? teacher_actions_ : actions_;
   const int num_rows = out->num_rows();
   for (int i = 0; i < environments_.batch_size(); ++i) {
     rows_[i] =
@@ -140,8 +140,8 @@ void Actor::EndEpisode(int i) {
 void Actor::Teach() {
   if (!teachers_) return;
   for (std::size_t i = 0; i < running_.size(); ++i) courses_[i] = running_[i].spec.course;
-  teachers_->Act(environments_.observations(), courses_, lessons_);
-  RequireFinite(lessons_, "a teacher");
+  teachers_->Act(environments_.observations(), courses_, teacher_actions_);
+  RequireFinite(teacher_actions_, "a teacher");
 }
 
 void Actor::RequireFinite(const std::vector<float>& actions, const char* who) const {

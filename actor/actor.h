@@ -113,7 +113,7 @@ class Actor {
   CourseSampler sampler_;
   std::vector<Environment> running_;      // [B]
   std::vector<float> actions_;            // [B, A]
-  std::vector<float> lessons_;            // [B, A], the teachers' actions.
+  std::vector<float> teacher_actions_;    // [B, A].
   std::vector<int> courses_;              // [B], for the teachers.
   std::vector<float> normal_;             // [B, A], a step's standard normal numbers.
   std::vector<env::StepResult> results_;  // [B]

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "base/suggestion.h"
+#include "base/name.h"
 
 namespace slalom::config {
 namespace {
@@ -438,6 +438,15 @@ const Field* FindAssignments(const FieldList& list, std::string_view key) {
   return it == list.fields.end() ? nullptr : &*it;
 }
 
+struct Elements {
+  std::vector<base::TomlValue> values;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v("values", values, "");
+  }
+};
+
 }  // namespace
 
 std::filesystem::path Locate(const std::filesystem::path& path) {
@@ -523,6 +532,12 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
   }
   DropEntries(list, [&](const std::string& set) { return set == key; });
   std::visit(Assign(*field, *node, "", where), field->value);
+}
+
+std::vector<base::TomlValue> ElementsOf(const base::TomlValue& array) {
+  Elements elements;
+  SetField("values", array.text, array.where, ListFields(elements));
+  return elements.values;
 }
 
 }  // namespace slalom::config

@@ -204,6 +204,8 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
 /// struct, although nothing reads them (`base::ReadIf`). The error names the key of each, its value
 /// and the choice with which it is read. A choice that is not listed does not count.
 void RequireRead(const FieldList& list, const FieldList& defaults);
+/// Returns the elements of a TOML array. Errors begin with its `where`.
+std::vector<base::TomlValue> ElementsOf(const base::TomlValue& array);
 
 /// Returns the value of a field as TOML.
 std::string PrintValue(const Field& field);

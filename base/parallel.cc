@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "base/check.h"
-#include "base/thread.h"
+#include "base/machine.h"
 
 namespace slalom::base {
 namespace {

@@ -80,8 +80,7 @@ struct LearnerConfig {
     v("final_learning_rate_fraction", final_learning_rate_fraction, base::Range{0.0, 1.0}, "",
       "Both learning rates fall linearly, from their full values at the start of training to this "
       "fraction of them at its limit (run.max_steps, run.max_seconds). A run that is resumed with "
-      "a "
-      "larger limit goes on with the rates of its new share of the limit, which are higher.");
+      "a larger limit goes on with the rates of its new share of the limit, which are higher.");
     v("batch_size", batch_size, base::Range{1, 65536}, "", "Transitions per update.");
     v("gamma", gamma, base::Range{0.0, 1.0}, "", "Discount per control step.");
     v("n_step", n_step, base::Range{1, 100}, "steps",

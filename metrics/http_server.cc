@@ -25,8 +25,7 @@
 
 #include "base/check.h"
 #include "base/error.h"
-#include "base/local_host.h"
-#include "base/thread.h"
+#include "base/machine.h"
 
 namespace slalom::metrics {
 namespace {

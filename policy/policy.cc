@@ -185,8 +185,7 @@ void RequireSameInterface(const std::string& source, const PolicySpec& spec,
       spec.actions.angular_max != actions.angular_max) {
     throw base::Error(fmt::format(
         "{}: the policy commands {} to {} m/s and {} rad/s, the simulator is set to {} to {} m/s "
-        "and {} "
-        "rad/s",
+        "and {} rad/s",
         source, spec.actions.linear_min, spec.actions.linear_max, spec.actions.angular_max,
         actions.linear_min, actions.linear_max, actions.angular_max));
   }

@@ -4,10 +4,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -46,32 +44,27 @@ class JsonWriter {
 };
 
 /// Reads the fields of a config struct, all of which must be there and within their ranges.
-class JsonReader {
+class SpecReader {
  public:
-  JsonReader(const json& parent, const char* name, std::string_view source)
-      : object_(Find(parent, name, name, source)), name_(name), source_(source) {}
+  explicit SpecReader(base::JsonObject object) : object_(std::move(object)) {}
 
   template <class... Rest>
   void operator()(const char* key, bool& value, const Rest&...) {
-    const json& found = At(key);
+    const json& found = object_.Get(key);
     if (!found.is_boolean()) Fail(key, found, "true or false");
     value = found.get<bool>();
   }
   template <class... Rest>
   void operator()(const char* key, int& value, base::Range range, const Rest&...) {
-    value = Whole(key, At(key), range);
+    value = Whole(key, object_.Get(key), range);
   }
   template <class... Rest>
   void operator()(const char* key, double& value, base::Range range, const Rest&...) {
-    const json& found = At(key);
-    if (!found.is_number() || !IsIn(found.get<double>(), range)) {
-      Fail(key, found, fmt::format("a number from {} to {}", range.min, range.max));
-    }
-    value = found.get<double>();
+    value = object_.Number(key, range.min, range.max);
   }
   template <class... Rest>
   void operator()(const char* key, std::string& value, const base::OneOf& texts, const Rest&...) {
-    const json& found = At(key);
+    const json& found = object_.Get(key);
     if (!found.is_string() || std::ranges::count(texts.choices, found.get<std::string>()) == 0) {
       Fail(key, found, fmt::format("{}", fmt::join(texts.choices, " or ")));
     }
@@ -79,14 +72,14 @@ class JsonReader {
   }
   template <base::NamedEnum E, class... Rest>
   void operator()(const char* key, E& value, const Rest&...) {
-    const json& found = At(key);
+    const json& found = object_.Get(key);
     if (!found.is_string() || !base::ParseEnum(found.get<std::string>(), value)) {
       Fail(key, found, fmt::format("{}", fmt::join(EnumNames(value).choices, " or ")));
     }
   }
   template <class... Rest>
   void operator()(const char* key, std::vector<int>& value, base::Range range, const Rest&...) {
-    const json& found = At(key);
+    const json& found = object_.Get(key);
     if (!found.is_array() || found.size() > kMaxLayers) {
       Fail(key, found, fmt::format("a list of at most {} numbers", kMaxLayers));
     }
@@ -94,38 +87,19 @@ class JsonReader {
     for (const json& element : found) value.push_back(Whole(key, element, range));
   }
 
-  static const json& Find(const json& object, const char* key, std::string_view path,
-                          std::string_view source) {
-    const auto found = object.is_object() ? object.find(key) : object.end();
-    if (found == object.end()) {
-      throw base::Error(fmt::format("{}: '{}' is missing in its spec", source, path));
-    }
-    return *found;
-  }
-
- private:
-  const json& At(const char* key) const {
-    return Find(object_, key, fmt::format("{}.{}", name_, key), source_);
-  }
-  static bool IsIn(double value, base::Range range) {
-    return value >= range.min && value <= range.max;
-  }
   int Whole(const char* key, const json& found, base::Range range) const {
-    if (!found.is_number_integer() || !IsIn(found.get<double>(), range)) {
+    const bool is_whole = found.is_number_integer() && found.get<double>() >= range.min &&
+                          found.get<double>() <= range.max;
+    if (!is_whole)
       Fail(key, found, fmt::format("whole numbers from {} to {}", range.min, range.max));
-    }
     return found.get<int>();
   }
   [[noreturn]] void Fail(const char* key, const json& found, std::string_view expected) const {
-    std::string text = found.dump(-1, ' ', false, json::error_handler_t::replace);
-    if (text.size() > 60) text = text.substr(0, 57) + "...";
-    throw base::Error(fmt::format("{}: '{}.{}' in its spec is {}, expected {}", source_, name_, key,
-                                  text, expected));
+    object_.Fail(object_.place() + key, found, expected);
   }
 
-  const json& object_;
-  const std::string_view name_;
-  const std::string_view source_;
+ private:
+  const base::JsonObject object_;
 };
 
 /// The fields of an observation spec, which is no config struct, in the ranges of a task's config.
@@ -170,23 +144,6 @@ FieldLister::Fields ListSpec(PolicySpec spec) {
   return fields;
 }
 
-/// Fields that came after the first policies were written, which do without them.
-constexpr std::array kLaterNetworkFields = {"cnn_axis", "attention_heads", "dropout",
-                                            "dropout_everywhere"};
-constexpr std::array kLaterPlanningFields = {"goal_radius", "goal_reward", "success"};
-
-template <class Section>
-void AddLaterFields(const char* name, std::span<const char* const> keys, json& object) {
-  const auto section = object.find(name);
-  if (section == object.end() || !section->is_object()) return;
-  json defaults;
-  JsonWriter writer(defaults);
-  Section().Visit(writer);
-  for (const char* const key : keys) {
-    if (!section->contains(key)) (*section)[key] = defaults[key];
-  }
-}
-
 }  // namespace
 
 std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
@@ -212,53 +169,33 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
 }
 
 void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* snapshot) {
-  json object = base::ParseJson(text);
-  if (!object.is_object()) {
+  const json parsed = base::ParseJson(text);
+  if (!parsed.is_object()) {
     throw base::Error(fmt::format("{}: its spec is not a JSON object", source));
   }
-  AddLaterFields<nn::NetworkConfig>("network", kLaterNetworkFields, object);
-  AddLaterFields<PlanningSpec>("planning", kLaterPlanningFields, object);
-  if (!object.contains("action_size")) object["action_size"] = env::kActionSize;
-  if (const auto found = object.find("observation"); found != object.end() && found->is_object()) {
-    // A file observes nothing of what it does not name.
-    json observation = {{"state_size", env::kStateSize}};
-    JsonWriter writer(observation);
-    env::StateOptions().Visit(writer);
-    observation.update(*found);
-    *found = std::move(observation);
-  }
-  const json& version = JsonReader::Find(object, "version", "version", source);
+  const base::JsonObject object(parsed, std::string(source), "spec.");
+  const json& version = object.Get("version");
   const bool is_count = version.is_number_unsigned() &&
                         version.get<std::uint64_t>() <= std::numeric_limits<std::int64_t>::max();
-  if (!is_count) {
-    throw base::Error(
-        fmt::format("{}: 'version' in its spec is not a whole number of 0 or more", source));
-  }
+  if (!is_count) object.Fail("spec.version", version, "a whole number of 0 or more");
   snapshot->version = version.get<std::int64_t>();
   PolicySpec& spec = snapshot->spec;
-  JsonReader observation(object, "observation", source);
+  SpecReader observation(object.Object("observation"));
   VisitObservation(spec.observation, observation);
-  JsonReader network(object, "network", source);
+  SpecReader network(object.Object("network"));
   spec.network.Visit(network);
-  const json& action_size = object["action_size"];
-  const bool is_size =
-      action_size.is_number_integer() && action_size >= 1 && action_size <= env::kMaxActionSize;
-  if (!is_size) {
-    throw base::Error(
-        fmt::format("{}: 'action_size' in its spec is not a whole number from 1 to {}", source,
-                    env::kMaxActionSize));
-  }
-  spec.action_size = action_size.get<int>();
-  JsonReader actions(object, "actions", source);
+  SpecReader sizes(object);
+  sizes("action_size", spec.action_size, base::Range{1, env::kMaxActionSize});
+  SpecReader actions(object.Object("actions"));
   spec.actions.Visit(actions);
   spec.distribution = {};
-  if (object.contains("distribution")) {
-    JsonReader distribution(object, "distribution", source);
+  if (parsed.contains("distribution")) {
+    SpecReader distribution(object.Object("distribution"));
     spec.distribution.Visit(distribution);
   }
   spec.planning = {};
-  if (object.contains("planning")) {
-    JsonReader planning(object, "planning", source);
+  if (parsed.contains("planning")) {
+    SpecReader planning(object.Object("planning"));
     spec.planning.Visit(planning);
   }
   try {  // The fields must agree with each other.

@@ -14,7 +14,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "base/thread.h"
+#include "base/machine.h"
 
 namespace slalom::replay {
 namespace {

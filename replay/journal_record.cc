@@ -1,17 +1,14 @@
 #include "replay/journal_record.h"
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
-#include <type_traits>
 
+#include "base/bytes.h"
 #include "base/check.h"
 #include "base/file.h"
 
 namespace slalom::replay {
 namespace {
-
-static_assert(std::endian::native == std::endian::little, "the journal is little-endian");
 
 constexpr char kMagic[8] = {'S', 'L', 'R', 'P', 'L', 'J', 'N', 'L'};
 constexpr std::uint32_t kRecordMagic = 0x434a4c53;  // "SLJC"
@@ -24,56 +21,7 @@ constexpr std::size_t kAlignment = 8;
 
 std::size_t Padding(std::size_t size) { return (kAlignment - size % kAlignment) % kAlignment; }
 
-class Writer {
- public:
-  template <class T>
-  void Put(T value) {
-    static_assert(std::is_arithmetic_v<T>);
-    const std::size_t size = bytes_.size();
-    bytes_.resize(size + sizeof(T));
-    std::memcpy(bytes_.data() + size, &value, sizeof(T));
-  }
-  void PutBytes(std::span<const std::byte> raw) {
-    bytes_.insert(bytes_.end(), raw.begin(), raw.end());
-  }
-  std::vector<std::byte> Take() { return std::move(bytes_); }
-
- private:
-  std::vector<std::byte> bytes_;
-};
-
-/// Reads numbers one after the other. Once the bytes are used up, it reads zeros and has `failed`.
-class Reader {
- public:
-  explicit Reader(std::span<const std::byte> bytes) : bytes_(bytes) {}
-
-  template <class T>
-  T Get() {
-    T value{};
-    const std::span<const std::byte> raw = GetBytes(sizeof(T));
-    if (raw.size() == sizeof(T)) std::memcpy(&value, raw.data(), sizeof(T));
-    return value;
-  }
-  std::span<const std::byte> GetBytes(std::size_t n) {
-    if (n > bytes_.size()) {
-      failed_ = true;
-      bytes_ = {};
-      return {};
-    }
-    const auto result = bytes_.first(n);
-    bytes_ = bytes_.subspan(n);
-    return result;
-  }
-  bool failed() const { return failed_; }
-  /// Whether everything could be read and nothing is left.
-  bool done() const { return !failed_ && bytes_.empty(); }
-
- private:
-  std::span<const std::byte> bytes_;
-  bool failed_ = false;
-};
-
-void PutSession(const Session& s, Writer* out) {
+void PutSession(const Session& s, base::ByteWriter* out) {
   out->Put(s.id);
   out->Put(s.stream_base);
   out->Put(s.num_streams);
@@ -85,10 +33,10 @@ void PutSession(const Session& s, Writer* out) {
   out->Put(s.previous_number);
   out->Put(s.previous_accepted_steps);
   out->Put(static_cast<std::uint32_t>(s.name.size()));
-  out->PutBytes(std::as_bytes(std::span(s.name)));
+  out->PutText(s.name);
 }
 
-Session GetSession(Reader* in) {
+Session GetSession(base::ByteReader* in) {
   Session s;
   s.id = in->Get<std::uint32_t>();
   s.stream_base = in->Get<std::int32_t>();
@@ -100,12 +48,11 @@ Session GetSession(Reader* in) {
   s.earlier_steps = in->Get<std::int64_t>();
   s.previous_number = in->Get<std::uint64_t>();
   s.previous_accepted_steps = in->Get<std::int64_t>();
-  const auto name = in->GetBytes(in->Get<std::uint32_t>());
-  s.name.assign(reinterpret_cast<const char*>(name.data()), name.size());
+  s.name = in->GetText(in->Get<std::uint32_t>());
   return s;
 }
 
-std::optional<Record> GetState(Reader* in) {
+std::optional<Record> GetState(base::ByteReader* in) {
   StateRecord state;
   state.first_row = in->Get<std::int64_t>();
   const auto accepted_steps = in->Get<std::int64_t>();
@@ -126,7 +73,7 @@ std::optional<Record> GetState(Reader* in) {
 }
 
 std::optional<Record> GetRecord(std::uint32_t type, std::span<const std::byte> body) {
-  Reader in(body);
+  base::ByteReader in(body);
   if (type == kState) return GetState(&in);
   if (type == kSession) {
     SessionRecord record{GetSession(&in)};
@@ -160,7 +107,7 @@ std::uint64_t ChecksumOf(std::span<const std::byte> head, std::span<const std::b
 }  // namespace
 
 std::array<std::byte, SegmentHead::kBytes> PrintSegmentHead(const SegmentHead& head) {
-  Writer out;
+  base::ByteWriter out;
   out.PutBytes(std::as_bytes(std::span(kMagic)));
   out.Put(head.version);
   out.Put(static_cast<std::uint32_t>(head.num_beams));
@@ -179,7 +126,7 @@ std::array<std::byte, SegmentHead::kBytes> PrintSegmentHead(const SegmentHead& h
 
 base::Result<SegmentHead> ParseSegmentHead(std::span<const std::byte> bytes) {
   if (bytes.size() < SegmentHead::kBytes) return base::Failure{"shorter than its head"};
-  Reader in(bytes.first(SegmentHead::kBytes));
+  base::ByteReader in(bytes.first(SegmentHead::kBytes));
   const auto magic = in.GetBytes(sizeof(kMagic));
   if (std::memcmp(magic.data(), kMagic, sizeof(kMagic)) != 0) {
     return base::Failure{"it does not begin with SLRPLJNL"};
@@ -200,7 +147,7 @@ base::Result<SegmentHead> ParseSegmentHead(std::span<const std::byte> bytes) {
 }
 
 RecordBytes PrintRecord(const StateRecord& record) {
-  Writer out;
+  base::ByteWriter out;
   out.Put(record.first_row);
   out.Put(record.sessions.accepted_steps());
   out.Put(record.sessions.next_id());
@@ -212,19 +159,19 @@ RecordBytes PrintRecord(const StateRecord& record) {
 }
 
 RecordBytes PrintRecord(const SessionRecord& record) {
-  Writer out;
+  base::ByteWriter out;
   PutSession(record.session, &out);
   return {kSession, out.Take(), {}};
 }
 
 RecordBytes PrintRecord(const ForgetRecord& record) {
-  Writer out;
+  base::ByteWriter out;
   out.Put(record.id);
   return {kForget, out.Take(), {}};
 }
 
 RecordBytes PrintRecord(const RowsRecord& record) {
-  Writer out;
+  base::ByteWriter out;
   out.Put(record.id);
   out.Put(static_cast<std::int32_t>(record.num_rows));
   out.Put(static_cast<std::int32_t>(record.num_steps));
@@ -243,7 +190,7 @@ std::size_t RecordBytes::size() const {
 
 std::array<std::byte, RecordBytes::kPrefixBytes> RecordBytes::Prefix(
     const RecordPlace& place) const {
-  Writer out;
+  base::ByteWriter out;
   out.Put(kRecordMagic);
   out.Put(type);
   out.Put(static_cast<std::uint64_t>(head.size() + rows.size()));
@@ -263,7 +210,7 @@ ParsedRecord ParseRecord(std::span<const std::byte> bytes, const RecordPlace& pl
     return ParsedRecord{Status::kDamaged, std::string(why), 0, std::nullopt};
   };
   if (bytes.size() < RecordBytes::kPrefixBytes) return {Status::kTorn, "", 0, std::nullopt};
-  Reader in(bytes.first(RecordBytes::kPrefixBytes));
+  base::ByteReader in(bytes.first(RecordBytes::kPrefixBytes));
   const auto magic = in.Get<std::uint32_t>();
   const auto type = in.Get<std::uint32_t>();
   const auto size = in.Get<std::uint64_t>();

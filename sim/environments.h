@@ -36,9 +36,8 @@ namespace slalom::sim {
 ///
 /// Frames are taken at the end of the step and show moving obstacles where they are then.
 ///
-/// In the original, moving obstacles keep running while the robot is put back to the start, so
-/// every episode meets them in another phase. Here an episode's seed draws the motion time at which
-/// it begins, uniformly from 1000 s (0 on a course where nothing moves).
+/// An episode's seed draws the motion time of the obstacles at which it begins, uniformly from 1000
+/// s (0 on a course where nothing moves).
 ///
 /// Odometry and the observed goal follow from the robot's estimate of its pose
 /// (sim/localisation.h), rewards and success from its true pose, unless

@@ -9,8 +9,8 @@
 #include <variant>
 
 #include "base/error.h"
+#include "base/name.h"
 #include "base/random.h"
-#include "base/suggestion.h"
 
 namespace slalom::sim {
 namespace {
@@ -38,16 +38,6 @@ constexpr std::array<std::string_view, 13> kCheckedTogether = {
     "robot.wheel_width"};
 
 constexpr std::string_view kBooleans[] = {"false", "true"};
-
-/// The elements of a TOML array.
-struct Elements {
-  std::vector<base::TomlValue> values;
-
-  template <class Visitor>
-  void Visit(Visitor& v) {
-    v("values", values, "");
-  }
-};
 
 /// Reads one entry of `EnvironmentConfig::randomize`.
 class EntryReader {
@@ -139,16 +129,16 @@ class EntryReader {
 
   std::vector<base::TomlValue> List(const config::Field& target, std::size_t min_size,
                                     std::size_t max_size) const {
-    Elements elements;
+    std::vector<base::TomlValue> elements;
     try {
-      config::SetField("values", entry_.value.text, "", config::ListFields(elements));
+      elements = config::ElementsOf(entry_.value);
     } catch (const base::Error&) {
       Fail(fmt::format("{}, expected {}", Found(), Expected(target)));
     }
-    if (elements.values.size() < min_size || elements.values.size() > max_size) {
+    if (elements.size() < min_size || elements.size() > max_size) {
       Fail(fmt::format("{}, expected {}", Found(), Expected(target)));
     }
-    return std::move(elements.values);
+    return elements;
   }
 
   /// Sets the target to the element.

@@ -33,7 +33,7 @@ class RandomizedConfig {
  public:
   /// Throws `base::Error` that names the entry, what was found and what was expected if an entry is
   /// not for a field of `config`, not of its type or outside its range, or for a field that all
-  /// episodes of a batch share; that error says why. The same if the share is below 1 and a value
+  /// episodes of a batch share. The same if the share is below 1 and a value
   /// of `config` itself is not among those of its entry.
   explicit RandomizedConfig(const EnvironmentConfig& config);
   RandomizedConfig(const RandomizedConfig&) = delete;

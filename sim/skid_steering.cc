@@ -165,7 +165,16 @@ SLALOM_ALWAYS_INLINE bool AnySet(Ints mask) {
   return (parts[0] | parts[1] | parts[2] | parts[3]) != 0;
 }
 
-/// `others`: lanes of other laws, whose result means nothing.
+/// The velocity after an implicit step. For cone and pyramid with given loads it minimises
+///
+///     1/2 |change|^2 in the kinetic norm + dt x sum over contacts of friction x n x |s|
+///
+/// (|s_ahead| + |s_left| for the pyramid), by rounds of Weiszfeld's fixed point: friction in a
+/// round is viscous, as strong as dry friction is at the slip found last. Newton's method would
+/// need a line search here. Each round alone takes kinetic energy from a body on standing wheels,
+/// for any step size and any law, and leaves a steady state unchanged. A round is one long chain of
+/// operations that a processor cannot shorten, so robots go side by side, each in a lane; one that
+/// has ended waits for the others. `others`: lanes of other laws, whose result means nothing.
 template <FrictionLaw law>
 SLALOM_ALWAYS_INLINE Velocities Search(const SkidLanes& lanes, const Velocities& now,
                                        const Velocities& near, const Floats wheels[2],

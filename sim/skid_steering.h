@@ -86,43 +86,12 @@ struct SkidLanes {
 
 /// A rigid body on four wheels that turn only about their axles and so must slip to turn the body.
 ///
-/// Wheels stand at (+-wheel_base / 2, +-track / 2) about the point midway between them, carry the
-/// loads of sim/mass_distribution.h, which shift as the robot accelerates until the lightest wheel
-/// is about to lift (here nothing tips over), and turn at the speed that they are told. Each meets
-/// the ground at its two edges, wheel_width apart, with half its load at each. There, dry friction
-/// acts against the slip s = (ahead, left) of the body over the wheel's surface. With n the load:
-///
-/// - *cone* (Coulomb): force -friction n s / |s|, whatever the direction of s.
-/// - *pyramid*: along and across the wheel apart, -friction n sign(s_ahead), -friction n
-///   sign(s_left). A slip of 45 degrees meets 1.4 times the friction, and a wheel that spins ahead
-///   holds as well sideways as a standing one.
-/// - *gazebo*: that pyramid as Gazebo's ODE builds it for this robot. The description gives the
-///   direction of friction (`fdir1`) in the wheel's own frame, so it turns with the wheel, out of
-///   the ground by the wheel's angle t. ODE neither projects nor normalises it: the force along the
-///   first axis (cos t, 0, -sin t) counts ahead by cos t and presses the wheel down by the rest;
-///   the second axis, their cross product with the vertical, has the length |cos t|. Both bounds
-///   are friction times the normal force N, which the balance of vertical forces gives:
-///
-///       N = n / (1 + friction sign(s_ahead cos t) sin t)
-///       force ahead = -friction N |cos t| sign(s_ahead), to the left alike with s_left.
-///
-///   A wheel whose axis stands upright holds nothing at all, twice in each turn.
-///
-/// (Gazebo: ODEPhysics::Collide, gazebo-classic 12a624d; ODE 0.16: contact joints with
-/// dContactFDir1 and dContactApprox1.) |s| and sign(s) are rounded off below 1 mm/s.
-///
-/// A step is implicit. For cone and pyramid with given loads the new velocity minimises
-///
-///     1/2 |change|^2 in the kinetic norm + dt x sum over contacts of friction x n x |s|
-///
-/// (|s_ahead| + |s_left| for the pyramid), by rounds of Weiszfeld's fixed point: friction in a
-/// round is viscous, as strong as dry friction is at the slip found last. Newton's method would
-/// need a line search here. Each such round alone takes kinetic energy from a body on standing
-/// wheels, for any step size and any law, and leaves a steady state unchanged. Rounds end when one
-/// changes the velocity by less than 0.5 mm/s, at the latest after `kMaxRounds`.
-///
-/// Robots are stepped side by side, each in a lane of a vector, because a round is one long chain
-/// of operations that a processor cannot shorten. A lane that has ended waits for the others.
+/// Wheels stand at (+-wheel_base / 2, +-track / 2) about the point midway between them, turn at the
+/// speed that they are told, and carry the loads of sim/mass_distribution.h, which shift as the
+/// robot accelerates until the lightest wheel is about to lift: nothing tips over. Each meets the
+/// ground at its two edges, wheel_width apart, with half its load at each. Dry friction acts there
+/// by one of the laws of docs/simulator.md, rounded off below a slip of 1 mm/s. A step is implicit:
+/// it is stable for any `dt`, and takes kinetic energy from a body on standing wheels.
 ///
 /// Immutable. `SkidLanes::Step` gives the same bits on every machine, and in every lane.
 class SkidSteering {

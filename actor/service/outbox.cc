@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
-#include <type_traits>
+#include <string_view>
 #include <utility>
 
+#include "base/bytes.h"
 #include "base/check.h"
 #include "base/error.h"
 #include "base/file.h"
@@ -14,40 +14,7 @@
 namespace slalom::actor {
 namespace {
 
-constexpr char kSpoolMagic[8] = {'S', 'L', 'S', 'P', 'O', 'O', 'L', '1'};
-
-template <class T>
-void Append(std::string& bytes, const T& value) {
-  static_assert(std::is_trivially_copyable_v<T>);
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof(T));
-}
-
-/// Reads values off the front of the bytes of a spool file.
-class Reader {
- public:
-  Reader(std::string_view bytes, std::string source) : bytes_(bytes), source_(std::move(source)) {}
-
-  template <class T>
-  T Read() {
-    T value;
-    std::memcpy(&value, Take(sizeof(T)).data(), sizeof(T));
-    return value;
-  }
-  std::string_view Take(std::size_t size) {
-    if (size > bytes_.size()) Fail();
-    const std::string_view taken = bytes_.substr(0, size);
-    bytes_.remove_prefix(size);
-    return taken;
-  }
-  [[noreturn]] void Fail() const {
-    throw DamagedSpool(fmt::format("{}: damaged or not an actor's spool", source_));
-  }
-  bool at_end() const { return bytes_.empty(); }
-
- private:
-  std::string_view bytes_;
-  std::string source_;
-};
+constexpr std::string_view kSpoolMagic = "SLSPOOL1";
 
 }  // namespace
 
@@ -116,61 +83,64 @@ void Outbox::SaveSpool(const std::filesystem::path& path, int num_streams) const
     std::filesystem::remove(path, ignored);
     return;
   }
-  std::string bytes(kSpoolMagic, sizeof(kSpoolMagic));
-  Append(bytes, session_);
-  Append(bytes, static_cast<std::uint32_t>(num_streams));
-  Append(bytes, static_cast<std::uint32_t>(chunks_.size()));
+  base::ByteWriter out;
+  out.PutText(kSpoolMagic);
+  out.Put(session_);
+  out.Put(static_cast<std::uint32_t>(num_streams));
+  out.Put(static_cast<std::uint32_t>(chunks_.size()));
   for (const auto& [header, payload] : chunks_) {
-    Append(bytes, header.sequence);
-    Append(bytes, static_cast<std::uint32_t>(header.num_rows));
-    Append(bytes, static_cast<std::uint32_t>(header.num_beams));
-    Append(bytes, static_cast<std::uint32_t>(header.num_steps));
-    Append(bytes, static_cast<std::uint32_t>(payload.size()));
-    Append(bytes, header.oldest_version);
-    Append(bytes, header.newest_version);
-    const auto rows = payload.bytes();
-    bytes.append(reinterpret_cast<const char*>(rows.data()), rows.size());
+    out.Put(header.sequence);
+    out.Put(static_cast<std::uint32_t>(header.num_rows));
+    out.Put(static_cast<std::uint32_t>(header.num_beams));
+    out.Put(static_cast<std::uint32_t>(header.num_steps));
+    out.Put(static_cast<std::uint32_t>(payload.size()));
+    out.Put(header.oldest_version);
+    out.Put(header.newest_version);
+    out.PutBytes(payload.bytes());
   }
-  Append(bytes, base::Checksum(std::string_view(bytes)));
-  base::WriteFileAtomically(path, bytes);
+  out.Put(base::Checksum(out.text()));
+  base::WriteFileAtomically(path, out.text());
 }
 
 std::optional<int> Outbox::LoadSpool(const std::filesystem::path& path) {
   if (!base::Exists(path)) return std::nullopt;
+  const auto require = [&path](bool is_sound) {
+    if (is_sound) return;
+    throw DamagedSpool(fmt::format("{}: damaged or not an actor's spool", path.string()));
+  };
   const std::string bytes = base::ReadFile(path);
-  Reader whole(bytes, path.string());
-  if (bytes.size() < sizeof(kSpoolMagic) + sizeof(std::uint64_t)) whole.Fail();
-  Reader in(whole.Take(bytes.size() - sizeof(std::uint64_t)), path.string());
-  if (whole.Read<std::uint64_t>() !=
-      base::Checksum(std::string_view(bytes).substr(0, bytes.size() - sizeof(std::uint64_t)))) {
-    whole.Fail();
-  }
-  if (in.Take(sizeof(kSpoolMagic)) != std::string_view(kSpoolMagic, sizeof(kSpoolMagic))) in.Fail();
-  const auto session = in.Read<std::uint64_t>();
-  const auto num_streams = in.Read<std::uint32_t>();
-  const auto num_chunks = in.Read<std::uint32_t>();
-  if (num_streams > proto::kMaxStreams || session == 0) in.Fail();
+  require(bytes.size() >= kSpoolMagic.size() + sizeof(std::uint64_t));
+  const std::string_view content =
+      std::string_view(bytes).substr(0, bytes.size() - sizeof(std::uint64_t));
+  require(base::ByteReader(std::string_view(bytes).substr(content.size())).Get<std::uint64_t>() ==
+          base::Checksum(content));
+  base::ByteReader in(content);
+  require(in.GetText(kSpoolMagic.size()) == kSpoolMagic);
+  const auto session = in.Get<std::uint64_t>();
+  const auto num_streams = in.Get<std::uint32_t>();
+  const auto num_chunks = in.Get<std::uint32_t>();
+  require(num_streams <= proto::kMaxStreams && session != 0);
   Begin(session);
   for (std::uint32_t i = 0; i < num_chunks; ++i) {
     OutgoingChunk chunk;
     chunk.header.session = session;
-    chunk.header.sequence = in.Read<std::uint64_t>();
-    chunk.header.num_rows = static_cast<int>(in.Read<std::uint32_t>());
-    chunk.header.num_beams = static_cast<int>(in.Read<std::uint32_t>());
-    chunk.header.num_steps = static_cast<int>(in.Read<std::uint32_t>());
-    const auto size = in.Read<std::uint32_t>();
-    chunk.header.oldest_version = in.Read<std::int64_t>();
-    chunk.header.newest_version = in.Read<std::int64_t>();
-    chunk.payload = transport::Frame::Copy(in.Take(size));
+    chunk.header.sequence = in.Get<std::uint64_t>();
+    chunk.header.num_rows = static_cast<int>(in.Get<std::uint32_t>());
+    chunk.header.num_beams = static_cast<int>(in.Get<std::uint32_t>());
+    chunk.header.num_steps = static_cast<int>(in.Get<std::uint32_t>());
+    const auto size = in.Get<std::uint32_t>();
+    chunk.header.oldest_version = in.Get<std::int64_t>();
+    chunk.header.newest_version = in.Get<std::int64_t>();
+    chunk.payload = transport::Frame::Copy(in.GetText(size));
     // Numbers that no actor wrote could not be sent.
-    if (!proto::FindFault(chunk.header).empty()) in.Fail();
-    if (i > 0 && chunk.header.sequence != next_sequence_) in.Fail();
+    require(!in.failed() && proto::FindFault(chunk.header).empty());
+    require(i == 0 || chunk.header.sequence == next_sequence_);
     next_sequence_ = chunk.header.sequence + 1;
     bytes_ += size;
     steps_ += chunk.header.num_steps;
     chunks_.push_back(std::move(chunk));
   }
-  if (!in.at_end()) in.Fail();
+  require(in.done());
   return static_cast<int>(num_streams);
 }
 

@@ -213,8 +213,7 @@ class LineDriver {
     if (std::exchange(warned_of_zero_, true)) return;
     spdlog::warn(
         "ranges[{}] is 0, which counts as an obstacle at the sensor; if the sensor means no echo "
-        "by "
-        "it, add \"no_echo\": 0 to each line",
+        "by it, add \"no_echo\": 0 to each line",
         i);
   }
 

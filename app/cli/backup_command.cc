@@ -194,7 +194,7 @@ void CopyRole(const fs::path& role, const fs::path& state, const fs::path& targe
 }
 
 /// The path without a slash at its end.
-fs::path Named(const fs::path& path) {
+fs::path WithoutSlash(const fs::path& path) {
   const fs::path normal = path.lexically_normal();
   return normal.has_filename() ? normal : normal.parent_path();
 }
@@ -238,9 +238,9 @@ void AddBackupCommand(CLI::App& app) {
   command->footer(
       "If roles have states of their own, on several machines or in several volumes, copy that of "
       "the replay\nserver first. docs/operations.md, section Backup and restore, says how a "
-      "service "
-      "goes on from a copy.");
-  command->callback([state, target] { BackUp(Named(*state), Named(*target)); });
+      "service goes on from a copy.");
+  command->callback(
+      [state, target] { BackUp(WithoutSlash(*state), NormalisedDirectory(*target)); });
 }
 
 }  // namespace slalom::cli

@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "base/error.h"
-#include "base/suggestion.h"
+#include "base/name.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/course_sets.h"
 

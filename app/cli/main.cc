@@ -11,11 +11,11 @@
 #include <vector>
 
 #include "app/cli/commands.h"
-#include "base/descriptor_limit.h"
 #include "base/error.h"
 #include "base/exit_code.h"
 #include "base/log.h"
-#include "base/suggestion.h"
+#include "base/machine.h"
+#include "base/name.h"
 #include "base/version.h"
 #include "policy/nn/kernels/blas.h"
 #include "policy/nn/kernels/blas_kernel.h"

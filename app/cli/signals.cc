@@ -9,7 +9,7 @@
 
 #include "base/check.h"
 #include "base/log.h"
-#include "base/thread.h"
+#include "base/machine.h"
 
 namespace slalom::cli {
 

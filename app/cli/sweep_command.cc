@@ -209,7 +209,7 @@ void PrintStatus(const SweepOptions& options) {
 }
 
 /// The command that goes on with the sweep.
-std::string Again(const SweepOptions& options, const std::string& more = "") {
+std::string ResumeCommand(const SweepOptions& options, const std::string& more = "") {
   std::vector<std::string> arguments = {"sweep", "run",
                                         options.list.empty() ? options.plan : options.list};
   for (const std::string& set : options.overrides) {
@@ -335,13 +335,13 @@ int RunSweep(const SweepOptions& options, const Sweep& sweep) {
   const sweep::ReportContent content = reporter.Write();
   if (end.stopped) {
     fmt::print("stopped: {} of {} cells are done; to go on: {}\n", end.num_done,
-               sweep.chosen.size(), Again(options));
+               sweep.chosen.size(), ResumeCommand(options));
     return base::kExitSignalBase + signals.received();
   }
   fmt::print("\n{}", reporter.Summary(content));
   if (end.num_failed > 0) {
     fmt::print(stderr, "slalom: {} of {} cells failed; to try them again: {}\n", end.num_failed,
-               sweep.chosen.size(), Again(options, "--retry-failed"));
+               sweep.chosen.size(), ResumeCommand(options, "--retry-failed"));
     return base::kExitError;
   }
   return base::kExitOk;
@@ -428,9 +428,10 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
   report->callback([options] { WriteReports(*options); });
 
   CLI::App* export_cells = sweep->add_subcommand(
-      "export", "Copy the results of a plan's done cells, without policies, into a directory");
+      "export", "Copy the results of a plan's done cells, without policies, into an archive");
   AddPlanOptions(*export_cells, *options);
-  export_cells->add_option("--to", options->archive, "Directory of the copies, one file per cell")
+  export_cells
+      ->add_option("--to", options->archive, "Archive of the copies, such as cells.jsonl.xz")
       ->required();
   export_cells->callback([options] {
     for (const SweepOptions& one : EachPlan(*options)) {
@@ -444,7 +445,7 @@ void AddSweepCommand(CLI::App& app, int* exit_code) {
 
   CLI::App* import_cells = sweep->add_subcommand(
       "import", "Take up results that `sweep export` wrote, so that their cells are done here");
-  import_cells->add_option("DIR", options->archive, "Directory that `sweep export` wrote")
+  import_cells->add_option("ARCHIVE", options->archive, "File that `sweep export` wrote")
       ->required();
   import_cells->add_option("--output", options->store,
                            "Directory of all sweeps, which share their cells [runs/sweeps]");

@@ -12,7 +12,7 @@
 #include "app/train/run_identity.h"
 #include "base/error.h"
 #include "base/file.h"
-#include "base/suggestion.h"
+#include "base/name.h"
 
 namespace slalom::cli {
 namespace {

@@ -10,8 +10,8 @@
 #include "app/cli/commands.h"
 #include "app/cli/signals.h"
 #include "base/exit_code.h"
+#include "base/machine.h"
 #include "base/mutex.h"
-#include "base/thread.h"
 #include "base/version.h"
 
 namespace slalom::cli {

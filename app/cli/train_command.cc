@@ -60,7 +60,7 @@ struct Source {
 };
 
 /// A path of a directory that ends in its name, whatever way it was written.
-fs::path Named(const fs::path& directory) {
+fs::path NormalisedDirectory(const fs::path& directory) {
   const fs::path normal = directory.lexically_normal();
   const fs::path named = normal.has_filename() ? normal : normal.parent_path();
   return named.empty() || named == "." ? fs::current_path() : named;
@@ -71,7 +71,7 @@ fs::path Named(const fs::path& directory) {
 Source FindSource(const TrainOptions& options) {
   const fs::path given = options.config;
   if (fs::is_directory(given)) {
-    const run::RunDirectory directory{Named(given)};
+    const run::RunDirectory directory{NormalisedDirectory(given)};
     if (!options.resume) {
       throw base::Error(
           fmt::format("{}: is a directory, expected a TOML file; to go on with the run there: {}",
@@ -83,7 +83,7 @@ Source FindSource(const TrainOptions& options) {
     }
     return {directory.config().string(), directory.root};
   }
-  const run::RunDirectory around{Named(given.parent_path())};
+  const run::RunDirectory around{NormalisedDirectory(given.parent_path())};
   const bool is_of_run =
       given.filename() == around.config().filename() && fs::is_directory(around.checkpoints());
   if (options.resume && is_of_run && !options.name && !options.output) {
@@ -158,7 +158,7 @@ std::string EvaluateCommand(const run::RunDirectory& directory,
 }
 
 /// Prints a line, or nothing if the terminal is gone.
-void Say(const std::string& line) { std::fputs((line + "\n").c_str(), stdout); }
+void Print(const std::string& line) { std::fputs((line + "\n").c_str(), stdout); }
 
 /// Whether the directory holds the scores of its policy. False if the overrides ask for other
 /// scores.
@@ -209,8 +209,8 @@ int Score(const TrainOptions& options, const run::RunDirectory& directory,
   } catch (const base::Error& error) {
     fmt::print(stderr, "slalom: {}\n", error.what());
   }
-  Say(fmt::format("the policy is trained but not scored: {}\nto score it: {}",
-                  directory.policy().string(), ResumeCommand(options, directory)));
+  Print(fmt::format("the policy is trained but not scored: {}\nto score it: {}",
+                    directory.policy().string(), ResumeCommand(options, directory)));
   return exit_code;
 }
 
@@ -229,13 +229,13 @@ int Finish(const TrainOptions& options, const run::RunDirectory& directory,
                           train::LongerLimit(config, trainer.steps(), trainer.training_s()));
   const bool is_to_be_scored = !config.courses.test.empty() && !options.no_evaluation;
   if (was_finished && (!is_to_be_scored || IsScored(options, directory))) {
-    Say(fmt::format("{} is finished: it has reached its limit, and nothing was changed",
-                    directory.root.string()));
-    if (!longer.empty()) Say("to go on: " + longer);
+    Print(fmt::format("{} is finished: it has reached its limit, and nothing was changed",
+                      directory.root.string()));
+    if (!longer.empty()) Print("to go on: " + longer);
     return base::kExitOk;
   }
   if (is_to_be_scored) return Score(options, directory, config, longer, signals);
-  Say("policy: " + directory.policy().string());
+  Print("policy: " + directory.policy().string());
   return base::kExitOk;
 }
 
@@ -271,7 +271,7 @@ int Train(const TrainOptions& options) {
     has_begun = true;
     switch (train::TrainStages(config, directory, commit, exposer.get(), signals.token())) {
       case train::TrainingEnd::kStopped:
-        Say("stopped and saved; to go on: " + ResumeCommand(options, directory));
+        Print("stopped and saved; to go on: " + ResumeCommand(options, directory));
         return base::kExitSignalBase + signals.received();
       case train::TrainingEnd::kUnsaved:
         return base::kExitError;
@@ -294,11 +294,11 @@ int Train(const TrainOptions& options) {
   if (end == train::TrainingEnd::kUnsaved) {
     WriteTrainingPage(directory);
     if (!config.courses.test.empty())
-      Say("to score the policy: " + EvaluateCommand(directory, config.courses));
+      Print("to score the policy: " + EvaluateCommand(directory, config.courses));
     return base::kExitError;
   }
   if (end == train::TrainingEnd::kStopped) {
-    Say("stopped and saved; to go on: " + ResumeCommand(options, directory));
+    Print("stopped and saved; to go on: " + ResumeCommand(options, directory));
     return base::kExitSignalBase + signals.received();
   }
   return Finish(options, directory, config, trainer, end == train::TrainingEnd::kWasFinished,

@@ -72,8 +72,8 @@ std::string WorstCourse(const eval::Summary& summary) {
 }
 
 /// The paths of all files, and the next commands.
-std::string WhatNext(const run::RunDirectory& directory, const train::RunConfig& config,
-                     const std::string& course, const std::string& train_longer) {
+std::string NextSteps(const run::RunDirectory& directory, const train::RunConfig& config,
+                      const std::string& course, const std::string& train_longer) {
   const std::string root = directory.root.string();
   const std::string policy = directory.policy().string();
   std::vector<std::string> render = TestCoursesOptions(config.courses);
@@ -151,7 +151,7 @@ bool ScoreTraining(const run::RunDirectory& directory, const train::RunConfig& c
   base::WriteFileAtomically(directory.curve(), curve.csv());
   WriteTrainingPage(directory);  // Again, with the scores.
   fmt::print("{}",
-             WhatNext(directory, config, WorstCourse(result->evaluation.summary), train_longer));
+             NextSteps(directory, config, WorstCourse(result->evaluation.summary), train_longer));
   return true;
 }
 

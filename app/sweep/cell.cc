@@ -41,7 +41,7 @@ void Apply(const base::TomlAssignments& set, const config::FieldList& fields) {
 
 /// Whether a key says where the processes of a service are and where they keep their files. A cell
 /// that has a service of its own decides it.
-bool IsOfOwnService(std::string_view key) {
+bool OwnsService(std::string_view key) {
   return (key.starts_with("service.") && key != "service.io_threads") ||
          key.starts_with("security.") || key == "replay_server.directory" ||
          key == "learner_service.directory" || key == "learner_service.exit_when_finished";
@@ -163,18 +163,19 @@ class Expansion {
     throw base::Error(fmt::format("{}: {}: {}", plan_.file.string(), who, what));
   }
 
-  fs::path Beside(const std::string& path) const { return plan_.file.parent_path() / path; }
+  fs::path RelativeToPlan(const std::string& path) const { return plan_.file.parent_path() / path; }
 
   void LayProfiles(const std::vector<std::string>& profiles,
                    sim::EnvironmentConfig& environment) const {
-    for (const std::string& profile : profiles) train::LayProfile(Beside(profile), environment);
+    for (const std::string& profile : profiles)
+      train::LayProfile(RelativeToPlan(profile), environment);
   }
 
   const train::RunConfig& Preset(const std::string& preset) {
     auto found = presets_.find(preset);
     if (found == presets_.end()) {
       train::RunConfig config;
-      config::ReadTomlFile(Beside(preset), config::ListFields(config));
+      config::ReadTomlFile(RelativeToPlan(preset), config::ListFields(config));
       found = presets_.emplace(preset, std::move(config)).first;
     }
     return found->second;
@@ -234,7 +235,7 @@ class Expansion {
           Fail(value.where, fmt::format("{} is the sweep's to decide; use {}", key, ours));
         }
       }
-      if (IsOfService() && IsOfOwnService(key)) {
+      if (IsOfService() && OwnsService(key)) {
         Fail(value.where, fmt::format("{} is the sweep's to decide, as each cell has a service of "
                                       "its own (sweep.trainer)",
                                       key));
@@ -313,7 +314,7 @@ class Expansion {
                                          train::AgentRunConfig defaults) {
     train::AgentRunConfig config = std::move(defaults);
     if (!group.preset.empty()) {
-      config = train::ReadAgentRunConfig(Beside(group.preset), std::move(config));
+      config = train::ReadAgentRunConfig(RelativeToPlan(group.preset), std::move(config));
     }
     LayProfiles(group.profiles, config.environment);
     const config::FieldList fields = config::ListFields(config);
@@ -469,7 +470,7 @@ class Expansion {
     auto evaluation = task.evaluation;
     // Changes the speed alone.
     evaluation.num_environments = eval::EvaluationConfig{}.num_environments;
-    // Digests of before scores had a physics stay.
+    // The default leaves no mark.
     const std::string other_physics = score.physics == "slalom" ? "" : "\n" + score.physics;
     snapshots.insert(snapshots.begin(), 0);
     for (const int steps : snapshots) {

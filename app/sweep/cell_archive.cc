@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
 #include "app/sweep/claim.h"
 #include "app/sweep/store.h"
+#include "app/sweep/xz.h"
 #include "app/train/agent_run_config.h"
 #include "base/config.h"
 #include "base/error.h"
@@ -24,8 +26,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxMetricsRows = 200;
-constexpr std::string_view kArchiveFormat = "slalom-cell";
-constexpr int kArchiveVersion = 1;
+constexpr std::string_view kArchiveFormat = "slalom-cells";
+constexpr int kArchiveVersion = 2;
 
 using Json = nlohmann::ordered_json;
 
@@ -33,7 +35,7 @@ using Json = nlohmann::ordered_json;
 /// written: the last ones make it count as done.
 struct CellFiles {
   std::string id;
-  std::string source;  // The directory they were read from, for errors.
+  std::string source;  // Where they were read from, for errors.
   std::vector<std::pair<fs::path, std::string>> files;
 
   void Add(const fs::path& path, std::string text) { files.emplace_back(path, std::move(text)); }
@@ -68,7 +70,7 @@ std::string Portable(Config config) {
 }
 
 /// Training time and steps of each row of a training's log, as CSV.
-std::string Rhythm(const fs::path& metrics) {
+std::string MetricsExcerpt(const fs::path& metrics) {
   const run::MetricsTable log = run::ParseMetrics(base::ReadFile(metrics), kMaxMetricsRows);
   const std::vector<double> steps = log.Column("steps");
   const std::vector<double> seconds = log.Column("training_s");
@@ -101,34 +103,61 @@ CellFiles ReadFinished(const fs::path& store, const Cell& cell) {
     has_snapshots = has_snapshots || task.snapshot_steps > 0;
   }
   const fs::path metrics = run::RunDirectory{directory.run()}.metrics();
-  if (has_snapshots && base::Exists(metrics)) files.Add("run/metrics.csv", Rhythm(metrics));
+  if (has_snapshots && base::Exists(metrics)) files.Add("run/metrics.csv", MetricsExcerpt(metrics));
   add_if_there("scored.json");
   add_if_there("trained.json");
   return files;
 }
 
-/// The file of a cell in an archive.
-fs::path ArchiveFile(const fs::path& archive, const std::string& id) {
-  return archive / (id + ".json");
-}
+/// The cells of an archive by their ids, as JSON.
+using Archive = std::map<std::string, Json>;
 
 bool IsJson(const fs::path& path) { return path.extension() == ".json"; }
 
-std::string PrintArchived(const CellFiles& cell) {
-  std::string text =
-      fmt::format("{{\n\"format\": \"{}\",\n\"version\": {},\n\"id\": {},\n\"files\": {{\n",
-                  kArchiveFormat, kArchiveVersion, Json(cell.id).dump());
-  for (std::size_t i = 0; i < cell.files.size(); ++i) {
-    const auto& [path, content] = cell.files[i];
-    // An evaluation keeps its lines, one for each course.
-    const std::string value = IsEvaluation(path) ? content
-                              : IsJson(path)     ? Json::parse(content).dump()
-                                                 : Json(content).dump();
-    text += fmt::format("\"{}\": {}{}\n", path.string(),
-                        value.substr(0, value.find_last_not_of('\n') + 1),
-                        i + 1 < cell.files.size() ? "," : "");
+Json ToJson(const CellFiles& cell) {
+  Json json = Json::object();
+  for (const auto& [path, text] : cell.files) {
+    json[path.string()] = IsJson(path) ? Json::parse(text) : Json(text);
   }
-  return text + "}\n}\n";
+  return json;
+}
+
+std::string PrintArchive(const Archive& archive) {
+  std::string text = Json({{"format", kArchiveFormat}, {"version", kArchiveVersion}}).dump() + "\n";
+  for (const auto& [id, files] : archive) {
+    text += Json({{"id", id}, {"files", files}}).dump() + "\n";
+  }
+  return CompressXz(text);
+}
+
+Archive ReadArchive(const fs::path& file) {
+  const std::string text = DecompressXz(base::ReadFile(file), file.string());
+  const auto require = [&](bool condition, std::string_view what) {
+    if (!condition) throw base::Error(fmt::format("{}: {}", file.string(), what));
+  };
+  std::size_t begin = 0;
+  const auto next = [&] {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    const Json json = Json::parse(text.begin() + static_cast<std::ptrdiff_t>(begin),
+                                  text.begin() + static_cast<std::ptrdiff_t>(end), nullptr, false);
+    begin = end + 1;
+    return json.is_object() ? json : Json::object();
+  };
+  const Json head = next();
+  require(head.value("format", Json()) == Json(kArchiveFormat),
+          "is damaged, expected cells that `slalom sweep export` wrote");
+  require(head.value("version", Json()) == Json(kArchiveVersion),
+          fmt::format("has another version than {}, export it again", kArchiveVersion));
+  Archive archive;
+  while (begin < text.size()) {
+    Json cell = next();
+    const Json id = cell.value("id", Json());
+    require(id.is_string() && cell.value("files", Json()).is_object(),
+            fmt::format("is damaged at cell {}", archive.size() + 1));
+    require(archive.emplace(id.get<std::string>(), std::move(cell["files"])).second,
+            fmt::format("has the cell '{}' twice", id.get<std::string>()));
+  }
+  return archive;
 }
 
 /// Whether an archive may have a file of this path below a cell's directory.
@@ -145,24 +174,12 @@ bool IsArchived(const fs::path& path) {
 }
 
 /// A cell of an archive. Its configs are not read: they may be of an older program.
-CellFiles ReadArchived(const fs::path& file) {
-  const std::string source = file.string();
-  const Json json = Json::parse(base::ReadFile(file), nullptr, false);
+CellFiles ReadArchived(const fs::path& archive, const std::string& id, const Json& files) {
+  CellFiles cell{id, (archive / id).string(), {}};
   const auto require = [&](bool condition, const std::string& what) {
-    if (!condition) throw base::Error(fmt::format("{}: {}", source, what));
+    if (!condition) throw base::Error(fmt::format("{}: {}", cell.source, what));
   };
-  const auto is = [&](const char* key, const Json& value) {
-    return json.is_object() && json.contains(key) && json[key] == value;
-  };
-  require(is("format", kArchiveFormat) && json.contains("files") && json["files"].is_object(),
-          "is damaged, expected a cell that `slalom sweep export` wrote");
-  require(is("version", kArchiveVersion),
-          fmt::format("has another version than {}, export it again", kArchiveVersion));
-  CellFiles cell{file.stem().string(), source, {}};
-  const Json id = json.value("id", Json(""));
-  require(id == cell.id, fmt::format("is of the cell '{}', expected that of its name, '{}'",
-                                     id.is_string() ? id.get<std::string>() : id.dump(), cell.id));
-  for (const auto& [name, value] : json["files"].items()) {
+  for (const auto& [name, value] : files.items()) {
     require(IsArchived(name), fmt::format("has a file '{}', which no cell has", name));
     require(IsJson(name) ? value.is_object() : value.is_string(),
             fmt::format("is damaged at '{}'", name));
@@ -226,51 +243,44 @@ bool Put(const CellFiles& cell, const fs::path& target) {
 
 Copied ExportCells(const fs::path& store, const std::vector<Cell>& cells, const fs::path& archive) {
   Copied copied;
-  std::vector<CellFiles> changed;
+  Archive archived = base::Exists(archive) ? ReadArchive(archive) : Archive{};
   for (const Cell& cell : cells) {
     if (!IsDone(store, cell)) {
       ++copied.num_left;
       continue;
     }
     const CellFiles done = ReadFinished(store, cell);
-    const fs::path file = ArchiveFile(archive, cell.id);
-    CellFiles archived = base::Exists(file) ? ReadArchived(file) : CellFiles{cell.id, {}, {}};
-    RequireSame(done, file.string(), [&](const fs::path& path) { return archived.Find(path); });
-    const std::size_t num_before = archived.files.size();
+    const auto there = archived.find(cell.id);
+    CellFiles files = there == archived.end() ? CellFiles{cell.id, {}, {}}
+                                              : ReadArchived(archive, cell.id, there->second);
+    RequireSame(done, files.source, [&](const fs::path& path) { return files.Find(path); });
+    const std::size_t num_before = files.files.size();
     for (const auto& [path, text] : done.files) {
-      if (archived.Find(path) == nullptr) archived.Add(path, text);
+      if (files.Find(path) == nullptr) files.Add(path, text);
     }
-    if (archived.files.size() == num_before) {
+    if (files.files.size() == num_before) {
       ++copied.num_same;
     } else {
       ++copied.num_new;
-      changed.push_back(std::move(archived));
+      archived[cell.id] = ToJson(files);
     }
   }
-  base::MakeDirectories(archive);
-  for (const CellFiles& cell : changed) {
-    base::WriteFileAtomically(ArchiveFile(archive, cell.id), PrintArchived(cell));
+  if (copied.num_new > 0) {
+    base::MakeDirectories(fs::absolute(archive).parent_path());
+    base::WriteFileAtomically(archive, PrintArchive(archived));
   }
   return copied;
 }
 
 Copied ImportCells(const fs::path& archive, const fs::path& store,
                    const std::optional<std::vector<Cell>>& cells) {
-  if (!fs::is_directory(archive)) {
-    throw base::Error(
-        fmt::format("{}: there is no such directory, expected one that `slalom sweep export` wrote",
-                    archive.string()));
-  }
   Copied copied;
   std::vector<CellFiles> found;
-  std::vector<fs::path> files = base::ListDirectory(archive);
-  std::ranges::sort(files);
-  for (const fs::path& file : files) {
-    if (!IsJson(file)) continue;
-    if (cells && std::ranges::find(*cells, file.stem().string(), &Cell::id) == cells->end()) {
+  for (const auto& [id, files] : ReadArchive(archive)) {
+    if (cells && std::ranges::find(*cells, id, &Cell::id) == cells->end()) {
       ++copied.num_left;
     } else {
-      found.push_back(ReadArchived(file));
+      found.push_back(ReadArchived(archive, id, files));
     }
   }
   const fs::path directory = store / "cells";

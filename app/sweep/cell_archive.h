@@ -8,9 +8,10 @@
 #include "app/sweep/cell.h"
 
 /// Results of finished cells without their policies, to be committed or taken to another store. An
-/// archive is a directory with a file ID.json for each cell: a JSON object with the keys `format`
-/// ("slalom-cell"), `version` (1), `id` and `files`. `files` has these files of the cell's
-/// directory in a store by their paths, JSON as it is and anything else as a string:
+/// archive is a file of JSON lines, compressed by `xz`. The first one has the keys `format`
+/// ("slalom-cells") and `version` (2). Each one after it is a cell, with the keys `id` and `files`,
+/// ordered by `id`. `files` has these files of the cell's directory in a store by their paths, JSON
+/// as it is and anything else as a string:
 ///
 ///     cell.json, trained.json, scored.json   as in the store
 ///     training.toml, scores/DIGEST.toml      the keys that are not at their defaults

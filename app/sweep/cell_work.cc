@@ -18,6 +18,7 @@
 #include "app/train/resolved_run.h"
 #include "app/train/trained_policy.h"
 #include "base/child_process.h"
+#include "base/clock.h"
 #include "base/config.h"
 #include "base/error.h"
 #include "base/exit_code.h"
@@ -36,10 +37,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kAttempts = 3;
 constexpr std::chrono::seconds kTimeToSave{120};
-
-double SecondsSince(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
 
 /// The end of a file that was written after its first `begin` bytes: its last lines.
 std::string EndOfLog(const fs::path& path, std::uintmax_t begin) {
@@ -70,7 +67,7 @@ std::int64_t LatenessOfSnapshots(const Cell& cell) {
 }
 
 /// Where a run lies that another run replaced.
-fs::path AsideOf(const fs::path& run) { return run.string() + ".aside"; }
+fs::path BackupPath(const fs::path& run) { return run.string() + ".aside"; }
 
 /// The work on one cell.
 class Work {
@@ -116,7 +113,7 @@ class Work {
   }
 
   /// The remaining work on a cell's training.
-  enum class Training { kNothing, kToBegin, kToResume, kOfAnother };
+  enum class Training { kNothing, kToBegin, kToResume, kForeignClaim };
 
   /// Looks at the run, and moves one that cannot go on out of the way. Throws `base::Error`, and
   /// changes nothing, if it cannot be looked at: it may be there all the same.
@@ -129,7 +126,7 @@ class Work {
       return Training::kNothing;
     }
     if (!base::Exists(run.root)) return Training::kToBegin;
-    if (IsTrainedByAnother(run)) return Training::kOfAnother;
+    if (IsTrainedByAnother(run)) return Training::kForeignClaim;
     if (base::Exists(run.config()) && HasProgress(run)) return Training::kToResume;
     SetAside(run.root);  // The training was killed before its first checkpoint.
     return Training::kToBegin;
@@ -157,7 +154,7 @@ class Work {
 
   /// Moves a run out of the way, in place of one that was moved before.
   static void SetAside(const fs::path& root) {
-    const fs::path aside = AsideOf(root);
+    const fs::path aside = BackupPath(root);
     std::error_code ec;
     fs::remove_all(aside, ec);
     fs::rename(root, aside, ec);
@@ -175,7 +172,7 @@ class Work {
       fault_ = error.what();
       return WorkEnd::kFailed;
     }
-    if (training == Training::kOfAnother) return WorkEnd::kLost;
+    if (training == Training::kForeignClaim) return WorkEnd::kLost;
     if (training != Training::kNothing) {
       const std::optional<WorkEnd> end = Train(training == Training::kToResume);
       if (!end || *end != WorkEnd::kDone) return end;
@@ -208,7 +205,7 @@ class Work {
                   .updates = trained.updates,
                   .imagined = imagined > 0.0 ? std::optional(std::llround(imagined)) : std::nullopt,
                   .training_s = trained.training_s,
-                  .wall_s = SecondsSince(begin),
+                  .wall_s = base::SecondsSince(begin),
                   .host = base::HostName(),
                   .platform = options_.platform,
                   .commit = options_.commit,
@@ -233,7 +230,7 @@ class Work {
     std::error_code ignored;
     const run::RunDirectory run{directory_.run()};
     fs::remove_all(run.checkpoints(), ignored);
-    fs::remove_all(AsideOf(run.root), ignored);
+    fs::remove_all(BackupPath(run.root), ignored);
     fs::remove_all(directory_.service(), ignored);
     bool has_failed = false;
     for (const ScoreTask& task : cell_.scores) {
@@ -245,7 +242,7 @@ class Work {
     }
     if (has_failed) return WorkEnd::kFailed;
     if (episodes > 0) {
-      WriteScored(directory_, {.wall_s = SecondsSince(begin), .episodes = episodes});
+      WriteScored(directory_, {.wall_s = base::SecondsSince(begin), .episodes = episodes});
     }
     return WorkEnd::kDone;
   }
@@ -305,7 +302,7 @@ class Work {
     return Await(child);
   }
 
-  /// Of the processes that train and score.
+  /// Environment of the child processes.
   std::vector<std::string> Environment() const {
     std::vector<std::string> variables = ThreadLimits(options_.threads);
     variables.push_back(std::string(run::Fence::kVariable) + "=" +

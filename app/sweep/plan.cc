@@ -328,28 +328,17 @@ std::string Label(const base::TomlValue& value) {
   return quoted ? text.substr(1, text.size() - 2) : text;
 }
 
-/// The elements of a TOML array.
-struct Elements {
-  std::vector<base::TomlValue> values;
-
-  template <class Visitor>
-  void Visit(Visitor& v) {
-    v("values", values, "");
-  }
-};
-
 base::TomlAssignments AssignmentsOf(const Axis& axis, const base::TomlValue& value) {
   if (axis.keys.size() == 1) return {{axis.keys[0], value}};
-  Elements elements;
-  config::SetField("values", value.text, value.where, config::ListFields(elements));
-  if (elements.values.size() != axis.keys.size()) {
+  const std::vector<base::TomlValue> elements = config::ElementsOf(value);
+  if (elements.size() != axis.keys.size()) {
     throw base::Error(fmt::format(
         "{}: {} has {} values, expected {}: one for each of the axis' keys {}", value.where,
-        value.text, elements.values.size(), axis.keys.size(), fmt::join(axis.keys, ", ")));
+        value.text, elements.size(), axis.keys.size(), fmt::join(axis.keys, ", ")));
   }
   base::TomlAssignments set;
   for (std::size_t i = 0; i < axis.keys.size(); ++i) {
-    set.push_back({axis.keys[i], {elements.values[i].text, value.where}});
+    set.push_back({axis.keys[i], {elements[i].text, value.where}});
   }
   return set;
 }

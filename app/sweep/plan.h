@@ -27,7 +27,7 @@ inline base::OneOf PhysicsNames() {
   return names;
 }
 
-/// What trains a cell.
+/// The command that trains a cell.
 enum class Trainer { kProcess, kService };
 inline base::OneOf EnumNames(Trainer) { return {"process", "service"}; }
 
@@ -82,7 +82,7 @@ struct SweepSettings {
       "Environment steps between checkpoints of a cell, where the preset has none "
       "(run.checkpoint_steps).");
     v("results", results,
-      "Directory, relative to this file, with committed results of cells (`slalom sweep export`), "
+      "Archive, relative to this file, with committed results of cells (`slalom sweep export`), "
       "which count as done. Empty: there is none.");
   }
 };

@@ -17,8 +17,8 @@
 #include "app/train/resolved_run.h"
 #include "base/error.h"
 #include "base/log.h"
+#include "base/machine.h"
 #include "base/progress.h"
-#include "base/thread.h"
 #include "eval/report/result.h"
 
 namespace slalom::sweep {
@@ -88,7 +88,7 @@ class Worker {
       ++(ends_[i] == WorkEnd::kDone ? num_done : num_failed);
       rates_.Observe(cells_[i], ReadCellStatus(options_.store, cells_[i]));
     }
-    news_.clear();
+    changed_cells_.clear();
     if (num_done > 0) spdlog::info("{} cells were done before", num_done);
     if (num_failed > 0) spdlog::warn("{} cells have failed before", num_failed);
   }
@@ -120,7 +120,7 @@ class Worker {
         working_[static_cast<std::size_t>(slot)].reset();
         if (end == WorkEnd::kDone || end == WorkEnd::kFailed) {
           ends_[taken->index] = end;
-          news_.push_back(taken->index);
+          changed_cells_.push_back(taken->index);
         } else if (end == WorkEnd::kLost) {
           spdlog::warn("{}: another worker has it, or still writes to it", cell.name());
           changed_.wait_for(lock, kLookAgain);
@@ -173,7 +173,7 @@ class Worker {
     } else {
       return false;
     }
-    news_.push_back(index);
+    changed_cells_.push_back(index);
     return true;
   }
 
@@ -181,16 +181,16 @@ class Worker {
     base::ProgressLine progress;
     const Clock::time_point begin = Clock::now();
     for (bool ended = false; !ended;) {
-      std::vector<std::size_t> news;
+      std::vector<std::size_t> changed;
       {
         std::unique_lock lock(mutex_);
         changed_.wait_for(lock, std::chrono::milliseconds(500));
-        news.swap(news_);
+        changed.swap(changed_cells_);
         ended = num_ended_ == slots_.at_once;
       }
-      if (!news.empty()) progress.End();
-      for (const std::size_t index : news) Tell(index);
-      if (!news.empty()) on_done();
+      if (!changed.empty()) progress.End();
+      for (const std::size_t index : changed) LogResult(index);
+      if (!changed.empty()) on_done();
       if (!ended) {
         progress.Show(Line(), std::chrono::duration<double>(Clock::now() - begin).count());
       }
@@ -198,7 +198,7 @@ class Worker {
     progress.End();
   }
 
-  void Tell(std::size_t index) {
+  void LogResult(std::size_t index) {
     const Cell& cell = cells_[index];
     const CellStatus status = ReadCellStatus(options_.store, cell);
     rates_.Observe(cell, status);
@@ -231,7 +231,7 @@ class Worker {
       CellStatus status;
       if (is_here) {
         status = ReadCellStatus(options_.store, cells_[i]);
-        running.push_back(Doing(cells_[i], status));
+        running.push_back(StatusText(cells_[i], status));
       }
       const auto seconds = rates_.SecondsLeft(cells_[i], status.steps, status.num_scores_done);
       left_s += seconds.value_or(0.0);
@@ -249,7 +249,7 @@ class Worker {
     return text;
   }
 
-  static std::string Doing(const Cell& cell, const CellStatus& status) {
+  static std::string StatusText(const Cell& cell, const CellStatus& status) {
     if (status.state == CellState::kScoring || !cell.config) {
       return fmt::format("{}: score {} of {}", cell.name(), status.num_scores_done + 1,
                          cell.scores.size());
@@ -270,7 +270,7 @@ class Worker {
   ClaimTaker taker_;
   std::vector<std::optional<WorkEnd>> ends_;         // By cell; none: not ended.
   std::vector<std::optional<std::size_t>> working_;  // By slot.
-  std::vector<std::size_t> news_;                    // Cells that ended and were not told of.
+  std::vector<std::size_t> changed_cells_;           // Cells that ended and were not told of.
   int num_ended_ = 0;                                // Slots.
   std::string error_;                                // Which ends the worker.
 };

@@ -30,19 +30,6 @@ std::int64_t FreeBytes(fs::path path) {
   return ec || space.capacity == 0 ? -1 : static_cast<std::int64_t>(space.available);
 }
 
-/// Size of all readable files below a directory.
-std::int64_t BytesBelow(const fs::path& directory) {
-  std::uintmax_t bytes = 0;
-  std::error_code ec;
-  for (fs::recursive_directory_iterator it(directory, ec), end; !ec && it != end;
-       it.increment(ec)) {
-    std::error_code gone;
-    const std::uintmax_t size = it->is_regular_file(gone) ? it->file_size(gone) : 0;
-    bytes += gone ? 0 : size;
-  }
-  return static_cast<std::int64_t>(bytes);
-}
-
 /// Keys that decide the size of checkpoints: "replay.capacity = 5000, run.checkpoint_steps = 0".
 std::string Keys(const RunConfig& config) {
   std::string keys = fmt::format("replay.capacity = {}, run.checkpoint_steps = {}",
@@ -80,7 +67,7 @@ void RequireRoom(const RunConfig& config, const run::RunDirectory& directory,
                  std::int64_t learner_bytes) {
   const std::int64_t free = FreeBytes(directory.root);
   if (free < 0) return;
-  const std::int64_t room = free + BytesBelow(directory.checkpoints());
+  const std::int64_t room = free + run::DirectoryBytes(directory.checkpoints());
   const ReplayBytes replay = CheckpointReplayBytes(config);
   const std::int64_t least = replay.least + learner_bytes;
   const std::int64_t most = replay.most + (kNumKept + 1) * learner_bytes;

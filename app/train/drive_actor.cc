@@ -44,11 +44,10 @@ base::Result<policy::PolicySnapshot> ReadPolicy(std::span<const std::byte> bytes
                                                 const proto::RunIdentity& run) {
   try {
     auto [snapshot, metadata] = policy::ParsePolicy(bytes, "the policy received");
-    // Earlier versions do not say it.
-    if (const auto own = metadata.find(proto::kIdentityMetadata); own != metadata.end()) {
-      const std::string keys = proto::DescribeDifference(proto::ParseIdentity(own->second), run);
-      if (!keys.empty()) return base::Failure{"the policy received is of another run: " + keys};
-    }
+    const auto own = metadata.find(proto::kIdentityMetadata);
+    if (own == metadata.end()) return base::Failure{"the policy received does not say its run"};
+    const std::string keys = proto::DescribeDifference(proto::ParseIdentity(own->second), run);
+    if (!keys.empty()) return base::Failure{"the policy received is of another run: " + keys};
     if (!spec.planning.is_carried()) snapshot = policy::WithoutPlanning(std::move(snapshot));
     policy::RequireSameSpec("the policy received", snapshot.spec, spec);
     return std::move(snapshot);

@@ -258,8 +258,7 @@ std::string TextReport(const Evaluation& evaluation, int max_courses) {
   return fmt::format(
              "{}: {} course{} x {} episode{}, seed {}, start within {} m and {} rad\n"
              "  protocol {}: {} s, goal within {} m{}, {}\n"
-             "{}"
-             "  {:<16}{:>10}   {}\n",
+             "{}  {:<16}{:>10}   {}\n",
              evaluation.task.courses.name, summary.courses.size(),
              summary.courses.size() == 1 ? "" : "s", task.episodes_per_course,
              task.episodes_per_course == 1 ? "" : "s", task.seed, episode.start_position_jitter,
@@ -305,11 +304,9 @@ std::string JsonReport(const Evaluation& evaluation, const Provenance& provenanc
 std::string CourseCsv(const Evaluation& evaluation) {
   std::string text =
       "course,episodes,successes,collisions,timeouts,success_rate,success_rate_low,success_rate_"
-      "high,"
-      "collision_rate,collision_rate_low,collision_rate_high,timeout_rate,timeout_rate_low,"
+      "high,collision_rate,collision_rate_low,collision_rate_high,timeout_rate,timeout_rate_low,"
       "timeout_rate_high,contacts,survival_time_s,traversal_time_s,optimal_time_s,barn_score,mean_"
-      "return,"
-      "mean_path_length_m\n";
+      "return,mean_path_length_m\n";
   for (const CourseFigures& course : evaluation.summary.courses) {
     const Figures& figures = course.figures;
     fmt::format_to(std::back_inserter(text), "{},{},{},{},{},", course.name, figures.num_episodes,

@@ -23,138 +23,64 @@ using Json = nlohmann::json;
 
 constexpr double kLargestTime = 1e6;  // [s]
 
-/// Takes values out of one JSON object; an error names the file and the key.
-class ObjectReader {
- public:
-  ObjectReader(const Json& object, std::string file, std::string place)
-      : object_(object), file_(std::move(file)), place_(std::move(place)) {
-    if (!object.is_object()) Fail(place_.empty() ? "the file" : place_, object, "an object");
+/// A number and its interval, either of which may be null.
+std::optional<Estimate> OptionalEstimate(const base::JsonObject& reader, const std::string& key,
+                                         double max) {
+  if (reader.Get(key).is_null()) return std::nullopt;
+  Estimate estimate{reader.Number(key, 0.0, max), std::nullopt};
+  const std::string interval_key = key + "_interval";
+  const Json& interval = reader.Get(interval_key);
+  if (interval.is_null()) return estimate;
+  const std::string place = reader.place() + interval_key;
+  if (!interval.is_array() || interval.size() != 2) {
+    reader.Fail(place, interval, "[low, high] or null");
   }
+  for (const Json& end : interval) reader.RequireNumber(place, end, 0.0, max);
+  estimate.interval = Interval{interval[0].get<double>(), interval[1].get<double>()};
+  return estimate;
+}
 
-  [[noreturn]] void Fail(const std::string& what, const Json& found,
-                         std::string_view expected) const {
-    std::string text = found.dump(-1, ' ', false, Json::error_handler_t::replace);
-    if (text.size() > 60) text = text.substr(0, 57) + "...";
-    throw base::Error(fmt::format("{}: {} is {}, expected {}", file_, what, text, expected));
+Estimate RequiredEstimate(const base::JsonObject& reader, const std::string& key, double max) {
+  const auto estimate = OptionalEstimate(reader, key, max);
+  if (!estimate) {
+    reader.Fail(reader.place() + key, nullptr, fmt::format("a number from 0 to {}", max));
   }
+  return *estimate;
+}
 
-  const Json& Get(const char* key) const {
-    const auto it = object_.find(key);
-    if (it == object_.end()) {
-      throw base::Error(fmt::format("{}: {} is missing", file_, place_ + key));
-    }
-    return *it;
-  }
-
-  /// Whether the key is there and not null.
-  [[nodiscard]] bool HasValue(const char* key) const {
-    const auto it = object_.find(key);
-    return it != object_.end() && !it->is_null();
-  }
-
-  ObjectReader Object(const char* key) const { return {Get(key), file_, place_ + key + "."}; }
-
-  const Json& List(const char* key) const {
-    const Json& value = Get(key);
-    if (!value.is_array()) Fail(place_ + key, value, "a list");
-    return value;
-  }
-
-  ObjectReader Element(const char* key, std::size_t i) const {
-    return {List(key).at(i), file_, fmt::format("{}{}[{}].", place_, key, i)};
-  }
-
-  std::string Text(const char* key) const {
-    const Json& value = Get(key);
-    if (!value.is_string()) Fail(place_ + key, value, "a text");
-    return value.get<std::string>();
-  }
-
-  double Number(const char* key, double min, double max) const {
-    const Json& value = Get(key);
-    RequireNumber(place_ + key, value, min, max);
-    return value.get<double>();
-  }
-
-  int Count(const char* key) const {
-    const Json& value = Get(key);
-    RequireCount(place_ + key, value);
-    return value.get<int>();
-  }
-
-  void RequireNumber(const std::string& what, const Json& value, double min, double max) const {
-    if (value.is_number() && value.get<double>() >= min && value.get<double>() <= max) return;
-    Fail(what, value, fmt::format("a number from {} to {}", min, max));
-  }
-
-  void RequireCount(const std::string& what, const Json& value) const {
-    if (value.is_number_integer() && value.get<double>() >= 0 && value.get<double>() <= 1e9) return;
-    Fail(what, value, "a whole number from 0 to 1e9");
-  }
-
-  /// A number and its interval, either of which may be null.
-  std::optional<Estimate> OptionalEstimate(const std::string& key, double max) const {
-    const Json& value = Get(key.c_str());
-    if (value.is_null()) return std::nullopt;
-    Estimate estimate{Number(key.c_str(), 0.0, max), std::nullopt};
-    const std::string interval_key = key + "_interval";
-    const Json& interval = Get(interval_key.c_str());
-    if (interval.is_null()) return estimate;
-    if (!interval.is_array() || interval.size() != 2) {
-      Fail(place_ + interval_key, interval, "[low, high] or null");
-    }
-    for (const Json& end : interval) RequireNumber(place_ + interval_key, end, 0.0, max);
-    estimate.interval = Interval{interval[0].get<double>(), interval[1].get<double>()};
-    return estimate;
-  }
-
-  Estimate RequiredEstimate(const std::string& key, double max) const {
-    const auto estimate = OptionalEstimate(key, max);
-    if (!estimate) Fail(place_ + key, nullptr, fmt::format("a number from 0 to {}", max));
-    return *estimate;
-  }
-
-  const std::string& file() const { return file_; }
-
- private:
-  const Json& object_;
-  const std::string file_;
-  const std::string place_;  // "" or "courses[3].".
-};
-
-void RequireFormat(const ObjectReader& reader) {
+void RequireFormat(const base::JsonObject& reader) {
   if (const std::string format = reader.Text("format"); format != "slalom-evaluation") {
-    throw base::Error(
-        fmt::format("{}: format is \"{}\", expected \"slalom-evaluation\"", reader.file(), format));
+    throw base::Error(fmt::format("{}: format is \"{}\", expected \"slalom-evaluation\"",
+                                  reader.source(), format));
   }
   const int version = reader.Count("version");
   if (version == kResultVersion) return;
-  throw base::Error(fmt::format("{}: version is {}, expected {}{}", reader.file(), version,
+  throw base::Error(fmt::format("{}: version is {}, expected {}{}", reader.source(), version,
                                 kResultVersion,
                                 version > kResultVersion ? "; it is from a newer slalom" : ""));
 }
 
-Figures ReadFigures(const ObjectReader& reader) {
+Figures ReadFigures(const base::JsonObject& reader) {
   Figures figures;
   figures.num_episodes = reader.Count("episodes");
   figures.num_successes = reader.Count("successes");
   figures.num_collisions = reader.Count("collisions");
   figures.num_timeouts = reader.Count("timeouts");
   figures.num_contacts = reader.Count("contacts");
-  figures.success_rate = reader.RequiredEstimate("success_rate", 1.0);
-  figures.collision_rate = reader.RequiredEstimate("collision_rate", 1.0);
-  figures.timeout_rate = reader.RequiredEstimate("timeout_rate", 1.0);
-  figures.contact_rate = reader.RequiredEstimate("contact_rate", 1.0);
-  figures.survival_time = reader.OptionalEstimate("survival_time_s", kLargestTime);
-  figures.traversal_time = reader.OptionalEstimate("traversal_time_s", kLargestTime);
-  figures.barn_score = reader.RequiredEstimate("barn_score", 0.5);
-  figures.barn_score_until_2024 = reader.RequiredEstimate("barn_score_until_2024", 0.25);
+  figures.success_rate = RequiredEstimate(reader, "success_rate", 1.0);
+  figures.collision_rate = RequiredEstimate(reader, "collision_rate", 1.0);
+  figures.timeout_rate = RequiredEstimate(reader, "timeout_rate", 1.0);
+  figures.contact_rate = RequiredEstimate(reader, "contact_rate", 1.0);
+  figures.survival_time = OptionalEstimate(reader, "survival_time_s", kLargestTime);
+  figures.traversal_time = OptionalEstimate(reader, "traversal_time_s", kLargestTime);
+  figures.barn_score = RequiredEstimate(reader, "barn_score", 0.5);
+  figures.barn_score_until_2024 = RequiredEstimate(reader, "barn_score_until_2024", 0.25);
   figures.mean_path_length = reader.Number("mean_path_length_m", 0.0, 1e9);
   return figures;
 }
 
 /// By its name, or by the letter with which that begins.
-env::Outcome ReadOutcome(const ObjectReader& reader, const Json& value) {
+env::Outcome ReadOutcome(const base::JsonObject& reader, const Json& value) {
   for (const env::Outcome outcome :
        {env::Outcome::kSuccess, env::Outcome::kCollision, env::Outcome::kTimeout}) {
     const std::string_view name = env::ToString(outcome);
@@ -164,7 +90,7 @@ env::Outcome ReadOutcome(const ObjectReader& reader, const Json& value) {
 }
 
 /// A list of names; or a text, a letter for each.
-Json OutcomesOf(const ObjectReader& reader) {
+Json OutcomesOf(const base::JsonObject& reader) {
   if (!reader.Get("outcomes").is_string()) return reader.List("outcomes");
   Json outcomes = Json::array();
   for (const char letter : reader.Text("outcomes")) outcomes.push_back(std::string(1, letter));
@@ -172,7 +98,7 @@ Json OutcomesOf(const ObjectReader& reader) {
 }
 
 /// The times of a course's episodes, [s]; a compact file may count control steps of `step` seconds.
-Json TimesOf(const ObjectReader& reader, double step) {
+Json TimesOf(const base::JsonObject& reader, double step) {
   if (!reader.HasValue("steps")) return reader.List("times_s");
   Json times = Json::array();
   for (const Json& steps : reader.List("steps")) {
@@ -182,7 +108,7 @@ Json TimesOf(const ObjectReader& reader, double step) {
   return times;
 }
 
-ResultCourse ReadCourse(const ObjectReader& reader, double step) {
+ResultCourse ReadCourse(const base::JsonObject& reader, double step) {
   ResultCourse course{
       reader.Text("course"), reader.Number("optimal_time_s", 0.0, kLargestTime), {}};
   const Json outcomes = OutcomesOf(reader);
@@ -210,11 +136,11 @@ ResultCourse ReadCourse(const ObjectReader& reader, double step) {
 }
 
 /// The randomised fields, if there are any.
-std::vector<DrawnField> ReadDrawn(const ObjectReader& reader, const Result& result) {
+std::vector<DrawnField> ReadDrawn(const base::JsonObject& reader, const Result& result) {
   std::vector<DrawnField> fields;
   if (!reader.HasValue("drawn")) return fields;
   for (std::size_t i = 0; i < reader.List("drawn").size(); ++i) {
-    const ObjectReader object = reader.Element("drawn", i);
+    const base::JsonObject object = reader.Element("drawn", i);
     DrawnField& field = fields.emplace_back();
     field.key = object.Text("key");
     if (object.HasValue("names")) {
@@ -227,7 +153,7 @@ std::vector<DrawnField> ReadDrawn(const ObjectReader& reader, const Result& resu
       field.unit = object.Text("unit");
     }
     for (std::size_t c = 0; c < result.courses.size(); ++c) {
-      const ObjectReader drawn = reader.Element("courses", c).Object("drawn");
+      const base::JsonObject drawn = reader.Element("courses", c).Object("drawn");
       const Json& values = drawn.List(field.key.c_str());
       if (values.size() != result.courses[c].episodes.size()) {
         drawn.Fail("the number of values of " + field.key, values.size(),
@@ -250,7 +176,7 @@ std::vector<DrawnField> ReadDrawn(const ObjectReader& reader, const Result& resu
 }
 
 /// The parts of one file must be of one evaluation.
-void RequireConsistent(const Result& result, const ObjectReader& reader) {
+void RequireConsistent(const Result& result, const base::JsonObject& reader) {
   int num_episodes = 0;
   int num_successes = 0;
   for (const ResultCourse& course : result.courses) {
@@ -261,23 +187,22 @@ void RequireConsistent(const Result& result, const ObjectReader& reader) {
   if (num_episodes != result.set.num_episodes || num_successes != result.set.num_successes) {
     throw base::Error(fmt::format(
         "{}: says {} successes of {} episodes, but its courses hold {} of {}; the file was changed",
-        reader.file(), result.set.num_successes, result.set.num_episodes, num_successes,
+        reader.source(), result.set.num_successes, result.set.num_episodes, num_successes,
         num_episodes));
   }
 }
 
-/// Empty if it is null, or if the file is older than this key.
-std::optional<TrainingOverlap> ReadOverlap(const ObjectReader& provenance) {
-  if (!provenance.HasValue("training_overlap")) return std::nullopt;
-  const ObjectReader overlap = provenance.Object("training_overlap");
+std::optional<TrainingOverlap> ReadOverlap(const base::JsonObject& provenance) {
+  if (provenance.Get("training_overlap").is_null()) return std::nullopt;
+  const base::JsonObject overlap = provenance.Object("training_overlap");
   return TrainingOverlap{overlap.Count("courses"), overlap.Count("of"), overlap.Text("trained_on")};
 }
 
 /// Empty if the file does not hold the config, as archives of sweeps.
-std::map<std::string, std::string> ReadSettings(const ObjectReader& provenance) {
+std::map<std::string, std::string> ReadSettings(const base::JsonObject& provenance) {
   std::map<std::string, std::string> settings;
   if (!provenance.HasValue("config")) return settings;
-  const std::string source = provenance.file() + ": provenance.config";
+  const std::string source = provenance.source() + ": provenance.config";
   for (auto& [key, value] : config::FlattenToml(provenance.Text("config"), source)) {
     settings.emplace(key, std::move(value.text));
   }
@@ -324,11 +249,11 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
   } catch (const Json::out_of_range& range_error) {  // A number that no double holds.
     throw base::Error(fmt::format("{}: not valid JSON: {}", source, range_error.what()));
   }
-  const ObjectReader reader(object, source, "");
+  const base::JsonObject reader(object, source, "");
   RequireFormat(reader);
   Result result;
   result.file = source;
-  const ObjectReader agent = reader.Object("agent");
+  const base::JsonObject agent = reader.Object("agent");
   result.agent = agent.Text("name");
   result.kind = agent.Text("kind");
   result.course_set = reader.Text("course_set");
@@ -337,17 +262,15 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
   for (const auto& [key, value] : reader.Get("protocol").items()) {
     result.protocol[key] = value.dump(-1, ' ', false, Json::error_handler_t::replace);
   }
-  if (reader.HasValue("physics")) {  // Older files lack it: they know Slalom's own alone.
-    const ObjectReader physics = reader.Object("physics");
-    result.physics = physics.Text("name");
-    result.physics_version = physics.Text("version");
-  }
-  const ObjectReader run = reader.Object("run");
+  const base::JsonObject physics = reader.Object("physics");
+  result.physics = physics.Text("name");
+  result.physics_version = physics.Text("version");
+  const base::JsonObject run = reader.Object("run");
   result.seed = run.Get("seed").is_number_integer() ? run.Get("seed").get<std::int64_t>() : 0;
   result.step = run.Number("step_s", 1e-6, 1e3);
   result.robot_length = run.Number("robot_length_m", 0.0, 100.0);
   result.robot_width = run.Number("robot_width_m", 0.0, 100.0);
-  const ObjectReader provenance = reader.Object("provenance");
+  const base::JsonObject provenance = reader.Object("provenance");
   result.source = provenance.Text("source");
   result.collection = provenance.Text("collection");
   result.commit = provenance.Text("commit");
@@ -364,7 +287,7 @@ ParsedResult ParseResult(std::string_view text, const std::string& source) {
   }
   result.drawn = ReadDrawn(reader, result);
   RequireConsistent(result, reader);
-  const ObjectReader files = reader.Object("files");
+  const base::JsonObject files = reader.Object("files");
   return {std::move(result), fs::path(files.Text("courses")).filename().string(),
           fs::path(files.Text("tracks")).filename().string()};
 }

@@ -10,22 +10,11 @@
 
 /// 95 % bootstrap intervals over the seeds of training and over courses.
 ///
-/// *What is drawn.* A resample draws as many courses as there are, with replacement, and for each
-/// agent as many of its seeds as it has, with replacement. A drawn seed brings its scores on all
-/// drawn courses, since one policy drives them all, and both agents of a comparison get the same
-/// courses, since they drove the same ones. This is the bootstrap of two crossed factors (Owen
-/// 2007). The stratified bootstrap of Agarwal et al. 2021 draws runs within each task, which is
-/// right if every task trains a policy of its own. Here it would average out that one policy is
-/// better than another on every course, and it would not hold for other courses of the kind.
-///
-/// *The interval* reaches from the 2.5 % to the 97.5 % percentile of the resamples, stretched about
-/// the estimate. Percentiles are too narrow for few seeds (Hesterberg 2015); the stretch makes up
-/// for it as Student's t does (docs/statistics.md). It approaches 1 as seeds and courses become
-/// many.
-///
-/// *With one seed* only courses are drawn: the interval holds for this policy on other courses, and
-/// says nothing about another training. *There is no interval* on fewer than two courses, or if
-/// leaving out any one course or seed changes nothing, because the spread is then not known.
+/// A resample draws courses, and for each agent its seeds, with replacement: the bootstrap of two
+/// crossed factors (Owen 2007). Both agents of a comparison get the same courses. The interval
+/// reaches from the 2.5 % to the 97.5 % percentile, stretched for few seeds (docs/statistics.md).
+/// With one seed only courses are drawn, so it says nothing about another training. There is none
+/// on fewer than two courses, or if leaving out any one course or seed changes nothing.
 ///
 /// The same input and options give the same numbers on every machine. Functions of one options'
 /// seed draw the same courses.

@@ -13,6 +13,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/progress.h"
+#include "learner/run/checkpoint_store.h"
 #include "learner/run/run_directory.h"
 #include "metrics/catalogue.h"
 #include "metrics/learning_figures.h"
@@ -26,21 +27,6 @@ using std::chrono::steady_clock;
 // A wait for another process counts as training time up to this [s]: a rate limiter holds batches
 // back for moments while actors make the steps that earn them. A longer one is an outage.
 constexpr double kCountedWaitS = 1.0;
-
-double SecondsSince(steady_clock::time_point begin) {
-  return std::chrono::duration<double>(steady_clock::now() - begin).count();
-}
-
-/// Size of the files in a directory, for a figure. Leaves out files that cannot be read.
-std::int64_t DirectoryBytes(const fs::path& directory) {
-  std::uintmax_t bytes = 0;
-  std::error_code ec;
-  for (fs::directory_iterator it(directory, ec), end; !ec && it != end; it.increment(ec)) {
-    const std::uintmax_t size = it->file_size(ec);
-    bytes += ec ? 0 : size;
-  }
-  return static_cast<std::int64_t>(bytes);
-}
 
 }  // namespace
 
@@ -185,7 +171,8 @@ void LearnerLoop::Turn() {
     learner_.ObserveEpisodes(ended.mean_cost, ended.count);
     unobserved_ = 0;
   }
-  const bool may_publish = !published_at_ || SecondsSince(*published_at_) >= plan_.publish_seconds;
+  const bool may_publish =
+      !published_at_ || base::SecondsSince(*published_at_) >= plan_.publish_seconds;
   if (unpublished_ >= interval && may_publish) Publish();
   sink_.Serve();
   run_.LookAtClock();
@@ -195,7 +182,7 @@ void LearnerLoop::Learn(const std::vector<replay::SampledRows>& batches) {
   const auto began = steady_clock::now();
   learner_.Update(batches, run_.Fraction());
   if (prioritized_) source_.SetPriorities(batches[0].sequence, learner_.TdErrors());
-  metrics_.AddUpdate(SecondsSince(began));
+  metrics_.AddUpdate(base::SecondsSince(began));
   run_.SetProgress(run_.steps(), learner_.num_updates());
   ++unobserved_;
   ++unpublished_;
@@ -312,7 +299,7 @@ void LearnerLoop::Checkpoint() {
         // Writing may have taken long.
         plan_.run.fence.RequireHeld();
       });
-  metrics_.AddCheckpoint(SecondsSince(began), DirectoryBytes(written), run_.updates());
+  metrics_.AddCheckpoint(base::SecondsSince(began), run::DirectoryBytes(written), run_.updates());
   KeepCheckpoints(run::CheckpointStore::kNumKept);
 }
 

@@ -110,4 +110,16 @@ std::vector<fs::path> CheckpointStore::List() const {
   return paths;
 }
 
+std::int64_t DirectoryBytes(const fs::path& directory) {
+  std::uintmax_t bytes = 0;
+  std::error_code ec;
+  for (fs::recursive_directory_iterator it(directory, ec), end; !ec && it != end;
+       it.increment(ec)) {
+    std::error_code gone;
+    const std::uintmax_t size = it->is_regular_file(gone) ? it->file_size(gone) : 0;
+    bytes += gone ? 0 : size;
+  }
+  return static_cast<std::int64_t>(bytes);
+}
+
 }  // namespace slalom::run

@@ -44,4 +44,7 @@ class CheckpointStore {
   const std::filesystem::path directory_;
 };
 
+/// Size of all readable files below a directory [bytes].
+std::int64_t DirectoryBytes(const std::filesystem::path& directory);
+
 }  // namespace slalom::run

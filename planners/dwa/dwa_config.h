@@ -65,8 +65,7 @@ struct DwaConfig {
       "Weight of the highest cost under the outline (occdist_scale).");
     v("meter_scoring", meter_scoring,
       "Multiply the weights of the two distances by the map's resolution, as if they were in "
-      "metres. "
-      "The weight of the costmap's value stays as it is.");
+      "metres. The weight of the costmap's value stays as it is.");
     v("heading_lookahead", heading_lookahead, base::Range{0.0, 5.0}, "m",
       "Turns on the spot are compared by the distance to the goal from a point this far ahead of "
       "the robot.");

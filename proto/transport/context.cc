@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "base/log.h"
+#include "base/machine.h"
 #include "base/mutex.h"
-#include "base/thread.h"
 #include "proto/transport/event_fd.h"
 
 namespace slalom::transport {

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "base/local_host.h"
+#include "base/machine.h"
 
 namespace slalom::transport {
 namespace {

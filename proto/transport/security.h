@@ -20,8 +20,7 @@ struct SecurityConfig {
       "and encrypted. Empty: plaintext, on loopback only.");
     v("allow_plaintext", allow_plaintext,
       "Accept plaintext from other machines, too. Anyone who reaches the port can then read and "
-      "write "
-      "everything.");
+      "write everything.");
   }
 };
 

@@ -12,10 +12,9 @@
 #include <utility>
 
 #include "base/check.h"
-#include "base/descriptor_limit.h"
 #include "base/error.h"
 #include "base/log.h"
-#include "base/thread.h"
+#include "base/machine.h"
 #include "proto/transport/endpoint.h"
 
 namespace slalom::transport {

@@ -57,8 +57,8 @@ struct ReplayServerConfig {
       base::ReadIf{"learner.prioritized"});
     v("silence", silence, base::Range{1.0, 3600.0}, "s",
       "A peer that sends nothing for this long counts as gone: the status shows it as not "
-      "connected, "
-      "and an actor loses its share of the window. Inserts still wait for a learner that is gone.");
+      "connected, and an actor loses its share of the window. Inserts still wait for a learner "
+      "that is gone.");
   }
 };
 

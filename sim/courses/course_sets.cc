@@ -13,38 +13,22 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/name.h"
 #include "base/random.h"
 #include "base/split.h"
-#include "base/suggestion.h"
 #include "sim/courses/course_check.h"
 #include "sim/courses/course_file.h"
 #include "sim/courses/course_generator.h"
 #include "sim/courses/course_splits.h"
-#include "sim/courses/crowd_generator.h"
 #include "sim/courses/dynamic_generator.h"
-#include "sim/courses/hall_generator.h"
 #include "sim/courses/real_world_courses.h"
 #include "sim/courses/reference_path.h"
-#include "sim/courses/room_generator.h"
 
 namespace slalom::sim {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// "PREFIX:SEED:COUNT" and the generator of these courses.
-struct FreshSource {
-  std::string_view prefix;
-  CourseSet (*generate)(std::uint64_t seed, int count);
-};
-/// One for each `FreshKind`, in its order.
-constexpr FreshSource kFreshSources[] = {{"generated:", GenerateFreshCourses},
-                                         {"generated-box:", GenerateFreshBoxCourses},
-                                         {"generated-wall:", GenerateFreshWallCourses},
-                                         {"generated-crowds:", GenerateFreshCrowdCourses},
-                                         {"generated-halls:", GenerateFreshHallCourses},
-                                         {"generated-rooms:", GenerateFreshRoomCourses},
-                                         {"generated-cylinders:", GenerateFreshCylinderCourses}};
 constexpr std::string_view kRealWorldPrefix = "real-world-";
 constexpr std::string_view kValidation = "static-validation";
 constexpr int kMaxGenerated = 100000;
@@ -141,7 +125,7 @@ CourseSet ResolveGenerated(const std::string& spec, const FreshSource& source) {
         "\"{}\": expected {}SEED:COUNT with a seed of 0 or above and a count from 1 to {}", spec,
         source.prefix, kMaxGenerated));
   }
-  CourseSet set = source.generate(seed, count);
+  CourseSet set = source.set(seed, count);
   set.name = spec;
   return set;
 }
@@ -174,7 +158,7 @@ CourseSet BuiltInSet(const std::string& name, const CourseSplit& split, std::uin
 
 CourseSet ResolveOne(const std::string& spec, const std::optional<fs::path>& collection,
                      std::uint64_t generator_seed) {
-  for (const FreshSource& source : kFreshSources) {
+  for (const FreshSource& source : FreshSources()) {
     if (spec.starts_with(source.prefix)) return ResolveGenerated(spec, source);
   }
   if (const auto number = RealWorldNumber(spec)) {
@@ -203,8 +187,7 @@ CourseSet ResolveOne(const std::string& spec, const std::optional<fs::path>& col
   const std::string suggestion = base::Suggestion(spec, names);
   throw base::Error(fmt::format(
       "\"{}\" is neither a course set nor a file{}{}{}here are: {}, {}, or the path of a course "
-      "file, a "
-      "course-set file or a directory of course files",
+      "file, a course-set file or a directory of course files",
       spec,
       collection && !collection->empty() ? fmt::format(" (in collection {})", collection->string())
                                          : "",
@@ -250,19 +233,20 @@ bool ReadsFiles(const std::string& spec, const std::optional<fs::path>& collecti
   const std::vector<std::string_view> parts =
       IsJoined(spec) ? base::Split(spec, kJoin) : std::vector<std::string_view>{spec};
   return std::ranges::any_of(parts, [is_built_in](std::string_view one) {
-    const bool is_generated = std::ranges::any_of(
-        kFreshSources, [one](const FreshSource& source) { return one.starts_with(source.prefix); });
+    const bool is_generated = std::ranges::any_of(FreshSources(), [one](const FreshSource& source) {
+      return one.starts_with(source.prefix);
+    });
     return !is_generated && !RealWorldNumber(one) && !(is_built_in && FindSplit(one));
   });
 }
 
 std::string_view FreshCoursePrefix(FreshKind kind) {
-  return kFreshSources[static_cast<std::size_t>(kind)].prefix;
+  return FreshSources()[static_cast<std::size_t>(kind)].prefix;
 }
 
 std::string FreshCoursePatterns() {
   std::string patterns;
-  for (const FreshSource& source : kFreshSources) {
+  for (const FreshSource& source : FreshSources()) {
     patterns += fmt::format("{}{}SEED:COUNT", patterns.empty() ? "" : ", ", source.prefix);
   }
   return patterns;

@@ -20,33 +20,54 @@
 namespace slalom::sim {
 namespace {
 
-/// Course `number` of a kind.
-Course GenerateOfKind(FreshKind kind, std::string name, std::uint64_t seed, int number) {
-  const std::uint64_t own =
-      base::DeriveSeed(seed, "stream-course", {static_cast<std::uint64_t>(number)});
-  switch (kind) {
-    case FreshKind::kStatic:
-      return GenerateCourse(std::move(name), PublishedRecipe(number % kNumRecipes), own);
-    case FreshKind::kBox: {
-      const DynamicBoxRecipe recipe;
-      base::Random random(base::DeriveSeed(own, "pool"));
-      return GenerateBoxCourse(std::move(name), recipe, DrawBoxTrajectories(recipe, random), own);
-    }
-    case FreshKind::kWall:
-      return GenerateWallCourse(std::move(name), {}, own);
-    case FreshKind::kCrowds:
-      return GenerateCrowdCourse(std::move(name), {}, own);
-    case FreshKind::kHalls:
-      return GenerateHallCourse(std::move(name), {}, own);
-    case FreshKind::kRooms:
-      return GenerateRoomCourse(std::move(name), {}, own);
-    case FreshKind::kCylinders:
-      return GenerateCrowdCourse(std::move(name), kCylinderField, own);
-  }
-  base::CheckFailed(__FILE__, __LINE__, "no generator");
-}
+constexpr FreshSource kSources[] = {
+    {"static", "generated:",
+     [](std::string name, std::uint64_t seed, int number) {
+       return GenerateCourse(std::move(name), PublishedRecipe(number % kNumRecipes), seed);
+     },
+     GenerateFreshCourses},
+    {"box", "generated-box:",
+     [](std::string name, std::uint64_t seed, int) {
+       const DynamicBoxRecipe recipe;
+       base::Random random(base::DeriveSeed(seed, "pool"));
+       return GenerateBoxCourse(std::move(name), recipe, DrawBoxTrajectories(recipe, random), seed);
+     },
+     GenerateFreshBoxCourses},
+    {"wall", "generated-wall:",
+     [](std::string name, std::uint64_t seed, int) {
+       return GenerateWallCourse(std::move(name), {}, seed);
+     },
+     GenerateFreshWallCourses},
+    {"crowds", "generated-crowds:",
+     [](std::string name, std::uint64_t seed, int) {
+       return GenerateCrowdCourse(std::move(name), {}, seed);
+     },
+     GenerateFreshCrowdCourses},
+    {"halls", "generated-halls:",
+     [](std::string name, std::uint64_t seed, int) {
+       return GenerateHallCourse(std::move(name), {}, seed);
+     },
+     GenerateFreshHallCourses},
+    {"rooms", "generated-rooms:",
+     [](std::string name, std::uint64_t seed, int) {
+       return GenerateRoomCourse(std::move(name), {}, seed);
+     },
+     GenerateFreshRoomCourses},
+    {"cylinders", "generated-cylinders:",
+     [](std::string name, std::uint64_t seed, int) {
+       return GenerateCrowdCourse(std::move(name), kCylinderField, seed);
+     },
+     GenerateFreshCylinderCourses}};
 
 }  // namespace
+
+std::span<const FreshSource> FreshSources() { return kSources; }
+
+base::OneOf EnumNames(FreshKind) {
+  base::OneOf names({});
+  for (const FreshSource& source : kSources) names.choices.push_back(source.name);
+  return names;
+}
 
 FreshMix ParseFreshMix(std::string_view text) {
   if (text == "none") return {};
@@ -69,8 +90,11 @@ Course GenerateStreamCourse(const FreshMix& mix, std::uint64_t seed, int number)
   const FreshKind kind = KindOf(mix, number);
   const auto num_before = std::count(mix.begin(), mix.begin() + turn, kind);
   const int per_round = static_cast<int>(std::ranges::count(mix, kind));
-  return GenerateOfKind(kind, fmt::format("stream-{}-{}", seed, number), seed,
-                        number / size * per_round + static_cast<int>(num_before));
+  const int own_number = number / size * per_round + static_cast<int>(num_before);
+  const std::uint64_t own_seed =
+      base::DeriveSeed(seed, "stream-course", {static_cast<std::uint64_t>(own_number)});
+  return kSources[static_cast<std::size_t>(kind)].course(fmt::format("stream-{}-{}", seed, number),
+                                                         own_seed, own_number);
 }
 
 }  // namespace slalom::sim

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,9 +13,19 @@ namespace slalom::sim {
 
 /// A generator of fresh courses for training.
 enum class FreshKind { kStatic, kBox, kWall, kCrowds, kHalls, kRooms, kCylinders };
-inline base::OneOf EnumNames(FreshKind) {
-  return {"static", "box", "wall", "crowds", "halls", "rooms", "cylinders"};
-}
+base::OneOf EnumNames(FreshKind);
+
+/// What there is of a kind.
+struct FreshSource {
+  std::string_view name;
+  std::string_view prefix;  ///< Sets are named PREFIX + "SEED:COUNT".
+  /// Course `number` of a stream, of which `seed` is the course's own.
+  Course (*course)(std::string name, std::uint64_t seed, int number);
+  CourseSet (*set)(std::uint64_t seed, int count);
+};
+
+/// One for each kind, in their order.
+std::span<const FreshSource> FreshSources();
 
 /// The generators of a training's fresh courses, in turn: course n is of kind n % size. A kind may
 /// occur several times. Empty: there are no fresh courses.

@@ -13,23 +13,23 @@ namespace slalom::sim {
 
 /// What crowds are drawn from. Every range is drawn uniformly.
 struct CrowdRecipe {
-  double min_side = 5.0;            ///< Of the field, along x and along y, [m],
-  double max_side = 20.0;           ///< to this, [m].
-  double wall_probability = 0.75;   ///< Of each of the four sides.
-  int min_obstacles = 2;            ///< The number of obstacles is from this
-  double max_density = 0.08;        ///< to this many on a square metre of field, but
-  int least_max_obstacles = 4;      ///< to at least this,
-  int max_obstacles = 24;           ///< and at most this.
-  double min_radius = 0.1;          ///< Of a cylinder, [m],
-  double max_radius = 0.6;          ///< to this, [m].
-  double min_size = 0.2;            ///< Each side of a box, [m],
-  double max_size = 1.0;            ///< to this, [m].
-  double min_speed = 0.2;           ///< Mean speed of the obstacles of a course, [m/s],
-  double max_speed = 1.9;           ///< to this, [m/s].
+  double min_side = 5.0;  ///< Of the field, along x and along y, [m].
+  double max_side = 20.0;
+  double wall_probability = 0.75;  ///< Of each of the four sides.
+  int min_obstacles = 2;
+  double max_density = 0.08;    ///< Largest number of obstacles, per square metre of field.
+  int least_max_obstacles = 4;  ///< Lower bound of the largest number.
+  int max_obstacles = 24;       ///< Upper bound of the largest number.
+  double min_radius = 0.1;      ///< Of a cylinder, [m].
+  double max_radius = 0.6;
+  double min_size = 0.2;  ///< Of each side of a box, [m].
+  double max_size = 1.0;
+  double min_speed = 0.2;  ///< Mean speed of the obstacles of a course, [m/s].
+  double max_speed = 1.9;
   double speed_spread = 0.3;        ///< An obstacle's own mean speed is within this share of it.
   double min_distance = 2.0;        ///< From start to goal, [m].
-  double across_probability = 0.5;  ///< That start and goal are near opposite sides,
-  double facing_probability = 0.5;  ///< and that the robot faces the goal.
+  double across_probability = 0.5;  ///< That start and goal are near opposite sides.
+  double facing_probability = 0.5;  ///< That the robot faces the goal.
   bool only_cylinders = false;      ///< Else a third each of cylinders, boxes and both.
 };
 

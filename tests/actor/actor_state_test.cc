@@ -64,25 +64,6 @@ TEST(ActorState, ReadsBackWhatItWrote) {
   EXPECT_EQ(read.Serialize(), state.Serialize());
 }
 
-// SLACTOR3 had no costs: a collision had ended each episode that cost anything.
-TEST(ActorState, ReadsTheVersionBefore) {
-  const ActorState state = MakeState();
-  std::string bytes = state.Serialize();
-  bytes[7] = '3';
-  // Backwards, so that the places before stay: behind the returns, each the only one of its value.
-  for (const float before : {state.open[1].episode_return, state.open[0].episode_return,
-                             state.recent[1].episode_return, state.recent[0].episode_return}) {
-    const std::string_view number(reinterpret_cast<const char*>(&before), sizeof(before));
-    const std::size_t place = bytes.find(number);
-    ASSERT_NE(place, std::string::npos);
-    bytes.erase(place + sizeof(float), sizeof(float));
-  }
-  bytes.resize(bytes.size() - 8);
-  const std::uint64_t checksum = base::Checksum(std::string_view(bytes));
-  bytes.append(reinterpret_cast<const char*>(&checksum), 8);
-  EXPECT_EQ(ActorState::Parse(bytes, "actor.bin").Serialize(), state.Serialize());
-}
-
 TEST(ActorState, RefusesEveryCutAndEveryFlippedBit) {
   const std::string bytes = MakeState().Serialize();
   for (std::size_t size = 0; size < bytes.size(); ++size) {

@@ -50,6 +50,7 @@ const std::map<std::string, Names>& Homes() {
       {"CLI/", {"app/cli"}},
       {"spdlog/", {"base"}},
       {"xxhash.h", {"base"}},
+      {"lzma.h", {"app/sweep"}},
       {"zmq", {"proto/transport"}},
       {"google/", {"proto", "learner/run"}},
       {"proto/slalom.pb.h", {"proto"}},
@@ -197,6 +198,27 @@ std::vector<std::string> TextFaults(const SourceFile& file) {
   return faults;
 }
 
+std::string_view Trimmed(std::string_view line) {
+  line.remove_prefix(std::min(line.find_first_not_of(' '), line.size()));
+  return line;
+}
+
+/// A short literal between two others was cut by the formatter when they grew: it is to be joined.
+std::vector<std::string> LiteralFaults(const SourceFile& file) {
+  constexpr std::size_t kShort = 12;
+  std::vector<std::string> faults;
+  for (std::size_t i = 1; file.is_program_code() && i + 1 < file.lines.size(); ++i) {
+    const std::string_view line = Trimmed(file.lines[i]);
+    const bool is_short = line.size() > 1 && line.size() < kShort + 2 && line.front() == '"' &&
+                          line.find('"', 1) == line.size() - 1 && !line.ends_with("\\n\"");
+    if (is_short && file.lines[i - 1].ends_with('"') &&
+        Trimmed(file.lines[i + 1]).starts_with('"')) {
+      faults.push_back(Place(file, i) + ": join " + std::string(line) + " to what is around it");
+    }
+  }
+  return faults;
+}
+
 template <class Rule>
 std::string FaultsOfTree(Rule rule) {
   std::ostringstream out;
@@ -279,6 +301,8 @@ TEST(ArchitectureTest, AnObservedQuantityIsNamedInTwoSources) {
   EXPECT_EQ(sources, (Names{"env/state_layout.h", "sim/environments.cc"}));
 }
 
+TEST(ArchitectureTest, LiteralsAreJoined) { EXPECT_EQ(FaultsOfTree(LiteralFaults), ""); }
+
 // The rules see what they are there to see.
 TEST(ArchitectureTest, EveryRuleRefusesWhatItForbids) {
   const auto include = [](const std::string& path, const std::string& line) {
@@ -323,6 +347,14 @@ TEST(ArchitectureTest, EveryRuleRefusesWhatItForbids) {
 
   EXPECT_THAT(NamespaceFaults({"sim/a.cc", {"namespace slalom::engines {"}}), IsEmpty());
   EXPECT_THAT(NamespaceFaults({"sim/a.cc", {"namespace slalom::replay {"}}), Not(IsEmpty()));
+
+  const auto literals = [](const std::string& middle) {
+    return LiteralFaults({"sim/a.cc", {"  f(\"one \"", "    " + middle, "    \"three\");"}});
+  };
+  EXPECT_THAT(literals("\"two \""), Not(IsEmpty()));
+  EXPECT_THAT(literals("\"two\\n\""), IsEmpty());
+  EXPECT_THAT(literals("\"two hundred and two \""), IsEmpty());
+  EXPECT_THAT(literals("two"), IsEmpty());
 
   const std::string own = "#include \"base/file.h\"";
   EXPECT_THAT(OwnHeaderFaults({"base/file.cc", {"// text", own, "#include <map>"}}), IsEmpty());

@@ -1,5 +1,6 @@
 #include "policy/policy.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -16,6 +17,7 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 
 PolicySnapshot SmallPolicy() {
   PolicySnapshot snapshot;
@@ -189,17 +191,16 @@ TEST_F(PolicyFileTest, HoldsPoliciesForOtherThanCourses) {
   }
 }
 
-TEST_F(PolicyFileTest, TakesFilesWithoutTheSizesForOnesOfCourses) {
-  SavePolicy(path_, SmallPolicy(), {});
-  ReplaceInSpec(",\"state_size\":4", "");
-  ReplaceInSpec("\"action_size\":2,", "");
-  ReplaceInSpec("\"commands\":1,", "");
-  ReplaceInSpec(",\"speeds\":false", "");
-  ReplaceInSpec("\"mounting\":false,", "");
-  ReplaceInSpec("\"privileged\":false,", "");
-  const PolicySpec spec = LoadPolicy(path_).snapshot.spec;
-  EXPECT_EQ(spec.step_shape(), env::StepShape(12));
-  EXPECT_EQ(spec.observation, SmallPolicy().spec.observation);
+TEST_F(PolicyFileTest, AFieldThatIsMissingIsAnErrorThatNamesIt) {
+  for (const auto& [name, text] : {std::pair{"observation.state_size", ",\"state_size\":4"},
+                                   {"observation.speeds", ",\"speeds\":false"},
+                                   {"network.dropout", "\"dropout\":0.0,"},
+                                   {"action_size", "\"action_size\":2,"}}) {
+    SavePolicy(path_, SmallPolicy(), {});
+    ReplaceInSpec(text, "");
+    EXPECT_THAT([this] { LoadPolicy(path_); },
+                ThrowsMessage<base::Error>(HasSubstr(fmt::format("spec.{} is missing", name))));
+  }
 }
 
 TEST_F(PolicyFileTest, HoldsWhatIsObservedBesides) {
@@ -280,28 +281,6 @@ TEST_F(PolicyFileTest, RefusesSectorsThatDoNotDivideTheBeams) {
             path_.string() +
                 ": in its spec, network.sectors: found 5, expected 0 or a divisor of the "
                 "12 beams of a scan");
-}
-
-TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanTheOtherEncoders) {
-  SavePolicy(path_, SmallPolicy(), {});
-  for (const std::string later : {"\"attention_heads\":8,", "\"cnn_axis\":\"time\",",
-                                  "\"dropout\":0.0,", "\"dropout_everywhere\":false,"}) {
-    ReplaceInSpec(later, "");
-  }
-  EXPECT_EQ(LoadPolicy(path_).snapshot.spec.network, SmallPolicy().spec.network);
-}
-
-TEST_F(PolicyFileTest, ReadsFilesThatAreOlderThanKnownSuccess) {
-  PolicySpec spec = SmallPolicy().spec;
-  spec.planning.model.kind = nn::ModelKind::kDeterministic;
-  PolicySnapshot snapshot = ZeroSnapshot(spec);
-  snapshot.version = 1;
-  SavePolicy(path_, snapshot, {});
-  for (const std::string later :
-       {"\"goal_radius\":0.0,", "\"goal_reward\":0.0,", "\"success\":\"learned\","}) {
-    ReplaceInSpec(later, "");
-  }
-  EXPECT_EQ(LoadPolicy(path_).snapshot.spec.planning, spec.planning);
 }
 
 TEST_F(PolicyFileTest, AKnownSuccessNeedsARadius) {

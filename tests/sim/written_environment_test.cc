@@ -91,7 +91,7 @@ EnvironmentConfig OtherSettings() {
   return config;
 }
 
-EnvironmentConfig ThatScrapes(EnvironmentConfig config) {
+EnvironmentConfig Scraping(EnvironmentConfig config) {
   config.episode.collision_ends = false;
   return config;
 }
@@ -229,7 +229,7 @@ TEST(WrittenEnvironment, GivesTheSameStepsAndFrames) {
 
 TEST(WrittenEnvironment, GivesTheSameStepsWhereContactEndsNothing) {
   for (const EnvironmentConfig& config :
-       {ThatScrapes(OneRigidBodyStep()), ThatScrapes(OtherSettings())}) {
+       {Scraping(OneRigidBodyStep()), Scraping(OtherSettings())}) {
     const Tally tally = Drive(config, 3);
     if (testing::Test::HasFailure()) return;
     EXPECT_GT(tally.steps, 1500);

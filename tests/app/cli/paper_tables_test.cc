@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "base/file.h"
 #include "tests/app/cli/program.h"
@@ -16,7 +18,7 @@ namespace fs = std::filesystem;
 /// Needs the published worlds, on which the paper's tables are made.
 using PaperTablesTest = sim::PublishedWorlds;
 
-TEST_F(PaperTablesTest, PageShowsWhatTheCommittedResultsGive) {
+TEST_F(PaperTablesTest, PagesShowWhatTheCommittedResultsGive) {
   const ScratchDirectory scratch;
   const fs::path source = SLALOM_SOURCE_DIR;
   fs::create_directory_symlink(source / "configs", scratch.path() / "configs");
@@ -27,16 +29,22 @@ TEST_F(PaperTablesTest, PageShowsWhatTheCommittedResultsGive) {
                   directory().string()),
       scratch.path());
   ASSERT_EQ(import.exit_code, 0) << import.err;
-  const fs::path page = source / "docs/results/paper/README.md";
-  const fs::path copy = scratch.path() / "paper.markdown";
-  fs::copy_file(page, copy);
-  const ProgramResult report =
-      RunProgram({"sweep", "report", "configs/sweeps/paper.toml", "--set",
-                  "courses.collection=barn", "--output", "store", "--into", "paper.markdown"},
-                 scratch.path());
+  const fs::path pages = source / "docs/results/paper";
+  const std::vector<std::string> names = {"README", "tables", "figures"};
+  std::vector<std::string> command = {
+      "sweep",    "report", "configs/sweeps/paper.toml", "--set", "courses.collection=barn",
+      "--output", "store"};
+  for (const std::string& name : names) {
+    fs::copy_file(pages / (name + ".md"), scratch.path() / (name + ".markdown"));
+    command.insert(command.end(), {"--into", name + ".markdown"});
+  }
+  const ProgramResult report = RunProgram(command, scratch.path());
   ASSERT_EQ(report.exit_code, 0) << report.err;
-  EXPECT_EQ(base::ReadFile(copy), base::ReadFile(page))
-      << page.string() << " has the command that fills its tables";
+  for (const std::string& name : names) {
+    EXPECT_EQ(base::ReadFile(scratch.path() / (name + ".markdown")),
+              base::ReadFile(pages / (name + ".md")))
+        << "docs/results/paper/README.md has the command that fills the tables";
+  }
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "app/sweep/store.h"
+#include "app/sweep/xz.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "tests/app/sweep/fake_sweep.h"
@@ -57,9 +58,10 @@ class ArchiveTest : public testing::Test {
   const Cell& cell(std::size_t index) const { return sweep_.cell(index); }
   Copied Export() { return ExportCells(sweep_.store(), sweep_.cells.cells, archive()); }
   Copied Import() const { return ImportCells(archive(), other()); }
-  fs::path archive() const { return scratch_.path() / "archive"; }
+  fs::path archive() const { return scratch_.path() / "archive/cells.jsonl.xz"; }
   fs::path other() const { return scratch_.path() / "store"; }
-  fs::path Archived(std::size_t index) const { return archive() / (cell(index).id + ".json"); }
+  fs::path Archived(std::size_t index) const { return archive() / cell(index).id; }
+  std::string Text() const { return DecompressXz(base::ReadFile(archive()), "archive"); }
   std::string Evaluation(const fs::path& cell) const {
     return (cell / "scores/test-0/evaluation.json").string();
   }
@@ -72,10 +74,8 @@ TEST_F(ArchiveTest, DoneCellsAreDoneInAnotherStoreWithTheSameResults) {
   const Copied exported = Export();
   EXPECT_EQ(exported.num_new, 2);
   EXPECT_EQ(exported.num_left, 1);
-  for (const auto& [name, text] : FilesBelow(archive())) {
-    EXPECT_THAT(name, Not(HasSubstr("policy")));
-    EXPECT_THAT(text, AllOf(Not(HasSubstr("/home")), Not(HasSubstr(sweep_.store().string()))));
-  }
+  EXPECT_THAT(Text(), AllOf(Not(HasSubstr("/home")), Not(HasSubstr(sweep_.store().string())),
+                            Not(HasSubstr("policy.safetensors\":"))));
   EXPECT_EQ(Import().num_new, 2);
   EXPECT_TRUE(IsDone(other(), cell(0)));
   EXPECT_FALSE(IsDone(other(), cell(1)));
@@ -89,14 +89,14 @@ TEST_F(ArchiveTest, DoneCellsAreDoneInAnotherStoreWithTheSameResults) {
   };
   for (const std::size_t row : {0, 2}) EXPECT_EQ(scores(there, row), scores(here, row));
   // The same once more, from here and from there.
-  const auto files = FilesBelow(archive());
+  const std::string bytes = base::ReadFile(archive());
   EXPECT_EQ(Export().num_same, 2);
   EXPECT_EQ(Import().num_same, 2);
-  EXPECT_EQ(FilesBelow(archive()), files);
+  EXPECT_EQ(base::ReadFile(archive()), bytes);
   // From there without the policies: the same archive.
-  const fs::path again = scratch_.path() / "again";
+  const fs::path again = scratch_.path() / "again.xz";
   EXPECT_EQ(ExportCells(other(), sweep_.cells.cells, again).num_new, 2);
-  EXPECT_EQ(FilesBelow(again), files);
+  EXPECT_EQ(base::ReadFile(again), bytes);
 }
 
 TEST_F(ArchiveTest, OnlyCellsOfThePlanAreTakenUpIfOneIsGiven) {
@@ -123,45 +123,63 @@ TEST_F(ArchiveTest, OtherResultsOfACellAreAnErrorThatNamesBothFiles) {
 
 TEST_F(ArchiveTest, AScoreIsAddedToACellThatIsThere) {
   Export();
-  const std::string before = base::ReadFile(Archived(2));
+  const std::string before = Text();
   sweep_.AddSnapshot(2, 0);
   sweep_.cells.cells[2].scores.back().digest = "test-1";
   base::MakeDirectories(sweep_.store() / "cells" / cell(2).id / "scores/test-1");
   base::WriteFileAtomically(sweep_.store() / "cells" / cell(2).id / "scores/test-1/evaluation.json",
                             base::ReadFile(Evaluation(sweep_.store() / "cells" / cell(2).id)));
   EXPECT_EQ(Export().num_new, 1);
-  EXPECT_THAT(base::ReadFile(Archived(2)), HasSubstr("\"scores/test-1/evaluation.json\": {"));
-  EXPECT_GT(base::ReadFile(Archived(2)).size(), before.size());
+  EXPECT_THAT(Text(), HasSubstr("\"scores/test-1/evaluation.json\":{"));
+  EXPECT_GT(Text().size(), before.size());
 }
 
 TEST_F(ArchiveTest, ADamagedFileIsRefusedBeforeAnythingIsWritten) {
   Export();
-  const auto refused = [&](std::size_t index, const std::string& from, const std::string& to,
-                           const std::string& what) {
-    const std::string text = base::ReadFile(Archived(index));
-    std::string damaged = text;
-    damaged.replace(damaged.find(from), from.size(), to);
-    base::WriteFileAtomically(Archived(index), damaged);
+  const std::string text = Text();
+  const auto refuses = [&](const std::string& bytes, const std::string& what) {
+    base::WriteFileAtomically(archive(), bytes);
     EXPECT_THAT([&] { Import(); },
-                ThrowsMessage<base::Error>(AllOf(HasSubstr(Archived(index)), HasSubstr(what))));
+                ThrowsMessage<base::Error>(AllOf(HasSubstr(archive().string()), HasSubstr(what))));
     EXPECT_TRUE(FilesBelow(other()).empty());
-    base::WriteFileAtomically(Archived(index), text);
   };
-  refused(2, "\"files\"", "files", "is damaged");
-  refused(2, "slalom-cell", "slalom-sell", "is damaged");
-  refused(2, "\"version\": 1", "\"version\": 2", "another version");
-  refused(2, "\"version\": 1", "\"version\": \"1\"", "another version");
-  refused(2, "\"id\": \"", "\"id\": \"x", "is of the cell 'x");
-  refused(2, "\"id\": \"", "\"id\": 1, \"name\": \"", "is of the cell '1'");
-  refused(2, "\"slalom-cell\"", "7", "is damaged");
-  refused(2, "\"cell.json\"", "\"\"", "has a file '', which no cell has");
-  refused(2, "\"cell.json\"", "\"../cell.json\"", "'../cell.json', which no cell has");
-  refused(2, "\"cell.json\"", "\"scored.json\"", "has no cell.json");
-  refused(2, "slalom-evaluation", "slalom-evalution", "evaluation.json");
-  refused(0, "\"trained.json\"", "\"scored.json\"", "without its trained.json");
-  refused(0, "\"training.toml\": \"", "\"training.toml\": 1, \"a\": \"", "at 'training.toml'");
+  const auto refused = [&](const std::string& after, const std::string& from, const std::string& to,
+                           const std::string& what) {
+    std::string damaged = text;
+    damaged.replace(damaged.find(from, damaged.find(after)), from.size(), to);
+    refuses(CompressXz(damaged), what);
+  };
+  const std::string training = cell(0).id, planner = cell(2).id;
+  refused("", "slalom-cells", "slalom-sells", "is damaged, expected cells");
+  refused("", "\"slalom-cells\"", "7", "is damaged, expected cells");
+  refused("", "{", "[", "is damaged, expected cells");
+  refused("", "\"version\":2", "\"version\":3", "another version");
+  refused("", "\"version\":2", "\"version\":\"2\"", "another version");
+  refused("\n", "\"files\"", "files", "is damaged at cell 1");
+  refused("\n", "\"id\":\"", "\"id\":1,\"name\":\"", "is damaged at cell 1");
+  refused(planner, "\"cell.json\"", "\"\"", "has a file '', which no cell has");
+  refused(planner, "\"cell.json\"", "\"../cell.json\"", "'../cell.json', which no cell has");
+  refused(planner, "\"cell.json\"", "\"scored.json\"", "has no cell.json");
+  refused(planner, "slalom-evaluation", "slalom-evalution", "evaluation.json");
+  refused(training, "\"trained.json\"", "\"scored.json\"", "without its trained.json");
+  refused(training, "\"training.toml\":\"", "\"training.toml\":1,\"a\":\"", "at 'training.toml'");
+  refuses(CompressXz(text + text.substr(text.rfind('\n', text.size() - 2) + 1)), "twice");
+  const std::string bytes = CompressXz(text);
+  refuses("", "expected a file of xz");
+  refuses("cells", "expected a file of xz");
+  refuses(bytes.substr(0, bytes.size() - 1), "expected a file of xz");
+  refuses(bytes + "x", "expected a file of xz");
+  refuses(bytes.substr(0, 60) + static_cast<char>(bytes[60] ^ 1) + bytes.substr(61),
+          "expected a file of xz");
   EXPECT_THAT([&] { ImportCells("nowhere", other()); },
-              ThrowsMessage<base::Error>(HasSubstr("nowhere: there is no such directory")));
+              ThrowsMessage<base::Error>(HasSubstr("nowhere")));
+}
+
+TEST(Xz, GivesBackWhatItWasGiven) {
+  for (const std::string& text :
+       {std::string(), std::string("slalom"), std::string(1 << 20, 'x')}) {
+    EXPECT_EQ(DecompressXz(CompressXz(text), "text"), text);
+  }
 }
 
 TEST_F(ArchiveTest, ACellWithItsPolicyIsLeftAlone) {

@@ -5,7 +5,21 @@
 #include <thread>
 #include <utility>
 
+/// This machine: its names, and what it lets a process have.
+
 namespace slalom::base {
+
+/// Raises this process's limit of open files and connections to the hard limit, but not beyond
+/// 65,536, because some programs close every number up to the limit that they inherit. A limit that
+/// cannot be raised stays. Call it before any thread starts.
+void RaiseDescriptorLimit();
+
+/// Returns how many files and connections this process may have open at once.
+int DescriptorLimit();
+
+/// Whether `host`, a name or an address ("[::1]" or "::1"), is this machine to itself: "localhost",
+/// 127.0.0.0/8 or ::1. Asks nobody.
+[[nodiscard]] bool IsLocalHost(std::string_view host);
 
 /// Throws the `base::Error` of `StartThread`.
 [[noreturn]] void ThrowNoThread(std::string_view purpose, const std::system_error& error);

@@ -1,4 +1,4 @@
-#include "base/suggestion.h"
+#include "base/name.h"
 
 #include <fmt/format.h>
 
