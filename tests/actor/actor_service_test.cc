@@ -9,10 +9,12 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -312,10 +314,10 @@ class OddReplay {
  public:
   using Answer = std::function<proto::Header(const proto::Insert&)>;
 
-  explicit OddReplay(Answer answer)
+  explicit OddReplay(Answer answer, std::function<void(const proto::Report&)> hear = {})
       : answer_(std::move(answer)),
         server_(context_, {.endpoint = "tcp://127.0.0.1:*"}),
-        thread_([this](auto stop) {
+        thread_([this, hear = std::move(hear)](auto stop) {
           while (!stop.stop_requested()) {
             const auto received = server_.Receive(milliseconds(20));
             if (!received) continue;
@@ -329,6 +331,9 @@ class OddReplay {
             }
             if (const auto* insert = std::get_if<proto::Insert>(&*header)) {
               Send(received->peer, answer_(*insert));
+            }
+            if (const auto* report = std::get_if<proto::Report>(&*header); report && hear) {
+              hear(*report);
             }
           }
         }) {}
@@ -345,6 +350,36 @@ class OddReplay {
   transport::Server server_;
   std::jthread thread_;
 };
+
+proto::Header Accepted(const proto::Insert& insert) {
+  return proto::InsertAck{
+      .session = insert.session, .next_sequence = insert.sequence + 1, .window_bytes = 1 << 20};
+}
+
+// The times that the steps and the paces tell are a second or more each, and lie in the test's.
+TEST_F(ActorServiceTest, AReportTellsThePaceSinceTheOneBefore) {
+  const auto began = steady_clock::now();
+  std::vector<std::map<std::string, double>> told;
+  std::atomic<int> num_told = 0;
+  {
+    const OddReplay replay(Accepted, [&](const proto::Report& report) {
+      told.push_back(report.figures);
+      ++num_told;
+    });
+    Running actor(*this, replay.endpoint());
+    WaitUntil([&] { return num_told >= 4; });
+    actor.Stop();
+  }
+  const std::chrono::duration<double> lasted = steady_clock::now() - began;
+  double sum = 0.0;
+  for (std::size_t i = 1; i < told.size(); ++i) {
+    const double steps = told[i].at("steps_made") - told[i - 1].at("steps_made");
+    const double seconds = steps / told[i].at("steps_per_s");
+    EXPECT_GE(seconds, 1.0 - 1e-9);
+    sum += seconds;
+  }
+  EXPECT_LE(sum, lasted.count());
+}
 
 TEST_F(ActorServiceTest, AnAcknowledgementOfAnotherSessionSaysNothing) {
   const OddReplay replay([](const proto::Insert& insert) {
@@ -369,8 +404,7 @@ TEST_F(ActorServiceTest, AChunkSaysWhichPoliciesChoseItsActions) {
     if (insert.oldest_version > insert.newest_version || insert.oldest_version < 7) {
       is_confused = true;
     }
-    return proto::InsertAck{
-        .session = insert.session, .next_sequence = insert.sequence + 1, .window_bytes = 1 << 20};
+    return Accepted(insert);
   });
   Running actor(*this, replay.endpoint());
   std::int64_t version = 7;

@@ -499,6 +499,67 @@ TEST(BatchStreamTest, WindowsDoNotPileUpWhileTheServerHoldsBack) {
   EXPECT_EQ(stream.link().num_welcomes(), welcomes);
 }
 
+TEST(RemoteSourceTest, EachLookTellsWhatIsNewSinceTheOneBefore) {
+  const FilledReplay replay;
+  transport::Context context;
+  metrics::Registry registry("learner", "learner");
+  const PolicyServer policies(context, {.endpoint = "tcp://127.0.0.1:*"}, kSpecHash, {}, registry);
+  RemoteSource source(context, {.endpoint = replay.endpoint()}, LearnerHello(), kBeams,
+                      {{.batch = 16, .n_step = 4}, {.batch = 24, .n_step = 1}}, 3, policies,
+                      registry);
+  source.Restore({}, {{"cursor", 8}, {"steps", 100}});
+  source.Start();
+  EXPECT_EQ(source.num_drawn(), 4);
+  EXPECT_EQ(source.steps(), 100);
+  for (std::int64_t drawn = 5; drawn < 7; ++drawn) {
+    WaitUntil([&] { return source.Next() != nullptr; });
+    source.Start();  // As after a checkpoint.
+    EXPECT_EQ(source.num_drawn(), drawn);
+    EXPECT_EQ(source.steps(), kSteps);
+  }
+
+  proto::Hello hello = LearnerHello();
+  hello.role = "actor";
+  hello.name = "b";
+  hello.session = 1;
+  hello.num_streams = kStreams;
+  service::ReplayLink actor(context, {.endpoint = replay.endpoint()}, hello);
+  run::MetricsRow row;
+  const auto hear_of = [&](double episodes, double cost) {
+    WaitUntil([&] {
+      actor.Receive(milliseconds(1));
+      return actor.welcomed();
+    });
+    proto::Report report;
+    report.role = "actor";
+    report.name = "b";
+    report.figures = {{"episodes", episodes}, {"success_rate", 0.5}, {"mean_cost", cost}};
+    ASSERT_TRUE(actor.Send(report));
+    WaitUntil([&] {
+      source.Next();
+      source.Describe(row);
+      return static_cast<double>(row.episodes) == episodes;
+    });
+  };
+  hear_of(50.0, 1.0);
+  EXPECT_EQ(source.TakeEndedEpisodes().count, 0) << "counted before, for all it knows";
+  for (const double cost : {2.0, 3.0}) {
+    hear_of(60.0 + 10.0 * cost, cost);
+    hear_of(61.0 + 10.0 * cost, cost);
+    const EndedEpisodes ended = source.TakeEndedEpisodes();
+    EXPECT_EQ(ended.count, cost == 2.0 ? 31 : 10);
+    EXPECT_EQ(ended.mean_cost, cost);
+    EXPECT_EQ(source.TakeEndedEpisodes().count, 0);
+  }
+
+  const auto waited = registry.counter(metrics::kBlockedSeconds, {metrics::queue::kBatches});
+  source.Report(row, 0.0, false);
+  const double seconds = waited.value();
+  EXPECT_GT(seconds, 0.0);
+  source.Report(row, 0.0, false);
+  EXPECT_EQ(waited.value(), seconds);
+}
+
 TEST(StreamMetricsTest, ALearnerThatWaitsForLongIsNotWellUntilABatchComes) {
   metrics::Registry registry("learner", "learner");
   StreamMetrics metrics(registry);

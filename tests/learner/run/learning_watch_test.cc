@@ -47,24 +47,6 @@ TEST(LearningWatchTest, WarnsOnceOfAnActorWithoutAGradient) {
   EXPECT_THAT(watch.fault(), HasSubstr("3000 updates"));
 }
 
-TEST(LearningWatchTest, ASessionThatResumesKnowsTheOnesBefore) {
-  const auto observe = [](LearningWatch watch, int first, int last, double success_rate) {
-    for (int row = first; row <= last; ++row) {
-      MetricsRow metrics = Healthy(row);
-      metrics.success_rate = success_rate;
-      metrics.learning.actor_gradient_norm = 0.0;
-      (void)watch.Observe(metrics, row / 100.0);
-    }
-    return watch;
-  };
-  // Neither session has seen enough updates by itself.
-  const LearningWatch before = observe(LearningWatch(), 0, 8, 0.0);
-  EXPECT_FALSE(before.nothing_learned());
-  EXPECT_TRUE(observe(LearningWatch(true, before.state()), 8, 12, 0.0).nothing_learned());
-  const LearningWatch succeeded = observe(LearningWatch(), 0, 8, 0.1);
-  EXPECT_FALSE(observe(LearningWatch(true, succeeded.state()), 8, 20, 0.0).nothing_learned());
-}
-
 TEST(LearningWatchTest, NamesTheCritics) {
   LearningWatch watch;
   for (int row = 0; row <= 10; ++row) {
