@@ -49,7 +49,7 @@ class FlatWorld {
     const double middle = X_OR_.yaw + 0.5 * velocity_.angular * 0.05;
     X_OR_.p.x += velocity_.linear * 0.05 * std::cos(middle);
     X_OR_.p.y += velocity_.linear * 0.05 * std::sin(middle);
-    X_OR_.yaw += velocity_.angular * 0.05;
+    X_OR_.yaw = base::WrapAngle(X_OR_.yaw + velocity_.angular * 0.05);
     while (path_.size() > 1 && base::Norm(path_[1] - X_OR_.p) < base::Norm(path_[0] - X_OR_.p)) {
       path_.erase(path_.begin());
     }

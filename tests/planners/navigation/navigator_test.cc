@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -228,6 +229,34 @@ TEST(Navigator, SendsTheGoalAnew) {
   EXPECT_NEAR(slow.time(), 25.0, 1.0);
   while (slow.navigator().state() == NavigatorState::kAborted) slow.Step();
   EXPECT_NEAR(slow.time(), 40.0, 0.1);
+  // All recoveries once more.
+  while (slow.navigator().state() != NavigatorState::kAborted) slow.Step();
+  EXPECT_NEAR(slow.time(), 65.0, 1.0);
+  EXPECT_EQ(slow.navigator().record().num_recoveries, 2 * 4);
+  config.goal_resend_rate = 0.5;
+  config.controller_patience = 5.0;
+  Robot idle(config);
+  idle.planner().command_ = std::nullopt;
+  for (int i = 0; i < 20 * 20; ++i) idle.Step();
+  EXPECT_GT(idle.navigator().record().num_failed_commands, 100);
+  EXPECT_EQ(idle.navigator().record().num_recoveries, 0) << "patience never runs out";
+}
+
+TEST(Navigator, APlanStartsTheRecoveriesFromTheFirst) {
+  NavigationConfig config;
+  config.recovery_rotates = false;
+  Robot robot(config);
+  const auto step_until = [&](const auto& condition) {
+    while (!condition() && robot.time() < 100.0) robot.Step();
+  };
+  robot.SeeWallAllRound(70);
+  step_until([&] { return robot.navigator().record().num_recoveries == 2; });
+  robot.SeeWallAllRound(280);  // Too far to be marked, and all before it is cleared.
+  step_until([&] { return robot.navigator().state() == NavigatorState::kControlling; });
+  robot.SeeWallAllRound(70);
+  robot.planner().command_ = std::nullopt;
+  step_until([&] { return robot.navigator().state() == NavigatorState::kAborted; });
+  EXPECT_EQ(robot.navigator().record().num_recoveries, 2 + 4);
 }
 
 TEST(Navigator, StopsWithoutCommands) {
@@ -327,7 +356,8 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
       NavigationConfig config;
       config.controller_patience = 5.0;
       config.command_delay = has_plan ? 0.12 : 0.0;
-      Robot used(config), fresh(config);
+      const double scan_age = has_plan ? 0.0 : 0.1;
+      Robot used(config, 0.05, {}, scan_age), fresh(config, 0.05, {}, scan_age);
       if (!has_plan) used.SeeWallAllRound(70);
       while (used.time() < duration) {
         if (used.time() > 0.2) used.planner().command_ = std::nullopt;
@@ -338,7 +368,15 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
       for (Robot* robot : {&used, &fresh}) {
         robot->pose() = {{0.5, 0.2}, 0.4};
         robot->navigator().Reset(robot->pose(), {3.0, 1.0}, 8);
+        EXPECT_TRUE(robot->navigator().path().empty());
       }
+      const auto same_maps = [&] {
+        const Navigator &a = used.navigator(), &b = fresh.navigator();
+        return std::ranges::equal(a.local_costmap().costs(), b.local_costmap().costs()) &&
+               a.local_costmap().origin() == b.local_costmap().origin() &&
+               std::ranges::equal(a.global_costmap().costs(), b.global_costmap().costs());
+      };
+      EXPECT_TRUE(same_maps()) << duration;
       // Drives, then has no plan, recovers, drives again, and then has no command.
       for (int i = 0; i < 20 * 22; ++i) {
         for (Robot* robot : {&used, &fresh}) {
@@ -353,6 +391,7 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
         ASSERT_EQ(used.planner().path_was_new_, fresh.planner().path_was_new_) << i;
         ASSERT_EQ(used.planner().cost_ahead_, fresh.planner().cost_ahead_) << i;
         ASSERT_EQ(used.planner().X_OR_, fresh.planner().X_OR_) << i;
+        if (i % 20 == 0) ASSERT_TRUE(same_maps()) << i;
       }
       const NavigatorRecord &a = used.navigator().record(), &b = fresh.navigator().record();
       EXPECT_EQ(std::tie(a.num_cycles, a.num_failed_plans, a.num_failed_commands, a.num_recoveries,
