@@ -254,16 +254,30 @@ TEST(Navigator, APlanStartsTheRecoveriesFromTheFirst) {
   robot.SeeWallAllRound(280);  // Too far to be marked, and all before it is cleared.
   step_until([&] { return robot.navigator().state() == NavigatorState::kControlling; });
   robot.SeeWallAllRound(70);
+  for (int i = 0; i < 20 * 10; ++i) robot.Step();  // Drives by the last plan.
   robot.planner().command_ = std::nullopt;
+  robot.Step();
+  EXPECT_EQ(robot.StepWhile(NavigatorState::kPlanning, 30.0), "planning 5");
   step_until([&] { return robot.navigator().state() == NavigatorState::kAborted; });
   EXPECT_EQ(robot.navigator().record().num_recoveries, 2 + 4);
+}
+
+TEST(Navigator, TurnsRoundTwiceBeforeItGivesUp) {
+  Robot robot;
+  robot.SeeWallAllRound(70);
+  double turned = 0.0;
+  while (robot.navigator().state() != NavigatorState::kAborted && robot.time() < 100.0) {
+    turned += 0.05 * robot.StepAndTurn().angular;
+  }
+  EXPECT_NEAR(turned, 2 * 2.0 * base::kPi, 2 * 0.157 + 1e-9);
+  EXPECT_EQ(robot.navigator().record().num_recoveries, 4);
 }
 
 TEST(Navigator, StopsWithoutCommands) {
   NavigationConfig config;
   config.goal_resend_rate = 10.0;
   Robot robot(config);
-  robot.Step();
+  for (int i = 0; i < 20; ++i) robot.Step();
   ASSERT_EQ(robot.Step(), (Twist{0.3, 0.1}));
   robot.SeeWallAllRound(70);  // From now on there is no plan; each new goal asks for one.
   int num_moving = 0;
@@ -361,6 +375,7 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
       if (!has_plan) used.SeeWallAllRound(70);
       while (used.time() < duration) {
         if (used.time() > 0.2) used.planner().command_ = std::nullopt;
+        if (used.time() > 0.1) used.pose().p.x = 1.5;  // So it leaves a part of its plan behind.
         used.StepAndTurn();
       }
       used.SeeNothing();
@@ -369,6 +384,7 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
         robot->pose() = {{0.5, 0.2}, 0.4};
         robot->navigator().Reset(robot->pose(), {3.0, 1.0}, 8);
         EXPECT_TRUE(robot->navigator().path().empty());
+        EXPECT_EQ(robot->navigator().global_costmap().origin(), (base::Vec2{0.5 - 20, 0.2 - 20}));
       }
       const auto same_maps = [&] {
         const Navigator &a = used.navigator(), &b = fresh.navigator();

@@ -116,6 +116,56 @@ FlatWorld AtAWall() {
   return world;
 }
 
+/// The side of the disc on which the band passes that the planner follows; 0: it has no command.
+double SideFollowed(TebPlanner& planner, const FlatWorld& world) {
+  if (!planner.ComputeCommand(world.View())) return 0.0;
+  const std::vector<TimedBand> bands = planner.bands();
+  for (const base::Pose2& pose : bands.front().poses) {
+    if (pose.p.x > 0.0) return pose.p.y > 0.0 ? 1.0 : -1.0;
+  }
+  return 0.0;
+}
+
+TEST(Teb, GoesRoundWhereThePlanLeadsAndIsSlowerToChangeByItsHysteresis) {
+  for (const double hysteresis : {1.0, 1e-4}) {
+    TebConfig config;
+    config.homotopy.prefer_initial_plan = 0.01;
+    config.homotopy.cost_hysteresis = hysteresis;
+    TebPlanner planner(config);
+    for (int i = 0; i < 10; ++i) EXPECT_EQ(SideFollowed(planner, AtADisc(1.0)), 1.0) << i;
+    for (int i = 0; i < 10; ++i) {
+      EXPECT_EQ(SideFollowed(planner, AtADisc(-1.0)), hysteresis == 1.0 ? -1.0 : 1.0) << i;
+    }
+  }
+}
+
+TEST(Teb, IsFreeToChooseOnceTheBandThatItFollowedIsGone) {
+  TebConfig config;
+  config.homotopy.cost_hysteresis = 0.01;
+  config.trajectory.shrink_horizon = false;
+  TebPlanner planner(config);
+  EXPECT_EQ(SideFollowed(planner, AtADisc(1.0, -0.1)), 1.0);
+  EXPECT_EQ(SideFollowed(planner, AtADisc(1.0, 0.1)), 1.0);
+  EXPECT_EQ(SideFollowed(planner, AtAWall()), 0.0);
+  EXPECT_EQ(SideFollowed(planner, AtADisc(1.0, 0.1)), -1.0);
+}
+
+TEST(Teb, ChangesSidesNoMoreOftenThanItMay) {
+  TebConfig config;
+  config.homotopy.prefer_initial_plan = 0.0;
+  config.homotopy.switching_blocking_period = 0.475;  // Between the ninth cycle and the tenth.
+  TebPlanner planner(config);
+  double plan = 1.0;
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(SideFollowed(planner, AtADisc(plan)), plan);
+  plan = -plan;
+  EXPECT_EQ(SideFollowed(planner, AtADisc(plan)), plan) << "the first change is long ago";
+  for (int change = 0; change < 2; ++change) {
+    plan = -plan;
+    for (int i = 1; i < 10; ++i) EXPECT_EQ(SideFollowed(planner, AtADisc(plan)), -plan) << i;
+    EXPECT_EQ(SideFollowed(planner, AtADisc(plan)), plan);
+  }
+}
+
 TEST(Teb, HalvesItsHorizonForAWhileAndQuartersItAfterManyFailures) {
   TebConfig config;
   config.trajectory.look_ahead = 2.0;
@@ -135,29 +185,30 @@ TEST(Teb, HalvesItsHorizonForAWhileAndQuartersItAfterManyFailures) {
   }
 }
 
-// Whatever the episode before ended in: failures, or bands that are still good.
+// Whatever the episode before ended in: a change of sides, failures, or bands that are still good.
 TEST(Teb, BeginsAnEpisodeAsAFreshPlanner) {
-  TebConfig config;
-  config.homotopy.cost_hysteresis = 0.1;
-  config.homotopy.switching_blocking_period = 100.0;
-  config.homotopy.prefer_initial_plan = 0.3;
-  const std::vector<FlatWorld> before = {AtADisc(1.0), AtADisc(-1.0), AtAWall()};
-  const std::vector<FlatWorld> openings = {AtADisc(1.0, 0.1), AtADisc(-1.0, -0.1), AtAWall()};
-  for (const FlatWorld& last : before) {
-    for (const FlatWorld& first : openings) {
-      TebPlanner used(config), fresh(config);
-      used.Reset(5);
-      for (int i = 0; i < 3; ++i) std::ignore = used.ComputeCommand(before[0].View());
-      for (int i = 0; i < 12; ++i) std::ignore = used.ComputeCommand(last.View());
-      used.Reset(6);
-      fresh.Reset(6);
-      for (const FlatWorld* world : {&first, &first, &first, &openings[0], &openings[1]}) {
-        ASSERT_EQ(used.ComputeCommand(world->View()), fresh.ComputeCommand(world->View()));
-        const auto bands = used.bands(), expected = fresh.bands();
-        ASSERT_EQ(bands.size(), expected.size());
-        for (std::size_t i = 0; i < bands.size(); ++i) {
-          EXPECT_EQ(bands[i].poses, expected[i].poses);
-          EXPECT_EQ(bands[i].dts, expected[i].dts);
+  const FlatWorld left = AtADisc(1.0, -0.1), right = AtADisc(-1.0, 0.1), wall = AtAWall();
+  const FlatWorld detour = AtADisc(1.0, 0.1);  // The plan leads along the longer way.
+  for (const double hysteresis : {1.0, 0.01}) {
+    TebConfig config;
+    config.homotopy.cost_hysteresis = hysteresis;
+    config.homotopy.switching_blocking_period = 100.0;
+    for (const FlatWorld* last : {&left, &right, &wall}) {
+      for (const FlatWorld* first : {&left, &detour, &wall}) {
+        TebPlanner used(config), fresh(config);
+        used.Reset(5);
+        for (int i = 0; i < 3; ++i) std::ignore = used.ComputeCommand(left.View());
+        for (int i = 0; i < 12; ++i) std::ignore = used.ComputeCommand(last->View());
+        used.Reset(6);
+        fresh.Reset(6);
+        for (const FlatWorld* world : {first, first, first, &left, &right}) {
+          ASSERT_EQ(used.ComputeCommand(world->View()), fresh.ComputeCommand(world->View()));
+          const auto bands = used.bands(), expected = fresh.bands();
+          ASSERT_EQ(bands.size(), expected.size());
+          for (std::size_t i = 0; i < bands.size(); ++i) {
+            EXPECT_EQ(bands[i].poses, expected[i].poses);
+            EXPECT_EQ(bands[i].dts, expected[i].dts);
+          }
         }
       }
     }
@@ -170,41 +221,22 @@ TEST(Teb, DrivesTheSameWhicheverWayItHeads) {
   TebConfig config;
   config.trajectory.look_ahead = 1.5;
   config.trajectory.reinit_angle = 0.5;
-  std::vector<Twist> commands;
-  for (const double yaw : {0.0, base::kPi / 2, base::kPi, -base::kPi / 2}) {
-    const base::Pose2 X_OC{{}, yaw};
-    TebPlanner planner(config);
-    FlatWorld world({base::Transform(X_OC, {-2.0, 0.0}), base::WrapAngle(yaw - 0.2)},
-                    base::Transform(X_OC, {2.0, 0.3}));
-    world.LeadBy(base::Transform(X_OC, {-0.3, -0.1}));
-    for (std::size_t i = 0; i < 40; ++i) {
-      ASSERT_TRUE(world.Step(planner));
-      if (yaw == 0.0) commands.push_back(world.velocity());
-      EXPECT_NEAR(world.velocity().linear, commands[i].linear, 1e-6) << yaw << ", step " << i;
-      EXPECT_NEAR(world.velocity().angular, commands[i].angular, 1e-6) << yaw << ", step " << i;
+  for (const double heading : {-0.2, 0.2}) {
+    std::vector<Twist> commands;
+    for (const double yaw : {0.0, base::kPi / 2, base::kPi, -base::kPi / 2}) {
+      const base::Pose2 X_OC{{}, yaw};
+      TebPlanner planner(config);
+      FlatWorld world({base::Transform(X_OC, {-2.0, 0.0}), base::WrapAngle(yaw + heading)},
+                      base::Transform(X_OC, {2.0, 0.3}));
+      world.LeadBy(base::Transform(X_OC, {-0.3, -0.1}));
+      for (std::size_t i = 0; i < 40; ++i) {
+        ASSERT_TRUE(world.Step(planner));
+        if (yaw == 0.0) commands.push_back(world.velocity());
+        EXPECT_NEAR(world.velocity().linear, commands[i].linear, 1e-6) << yaw << ", step " << i;
+        EXPECT_NEAR(world.velocity().angular, commands[i].angular, 1e-6) << yaw << ", step " << i;
+      }
     }
   }
-}
-
-TEST(Teb, IsAFunctionOfSeedAndViews) {
-  TebPlanner one{TebConfig{}}, other{TebConfig{}};
-  one.Reset(5);
-  FlatWorld first({{-2.0, 0.0}, 0.3}, {2.0, 0.0});
-  first.AddDisc({0.0, 0.05}, 0.2);
-  FlatWorld second = first;
-  other.Reset(6);
-  for (int i = 0; i < 20; ++i) {
-    first.Step(one);
-    FlatWorld copy = second;
-    copy.Step(other);
-  }
-  // Without a command for long.
-  FlatWorld blocked({{0.0, 0.0}, 0.0}, {4.0, 0.0});
-  for (double y = -5.0; y < 5.0; y += 0.1) blocked.AddDisc({0.45, y}, 0.1);
-  for (int i = 0; i < 12; ++i) blocked.Step(other);
-  other.Reset(5);
-  for (int i = 0; i < 20; ++i) second.Step(other);
-  EXPECT_EQ(second.pose(), first.pose());
 }
 
 }  // namespace
