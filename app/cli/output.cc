@@ -53,7 +53,6 @@ std::string FirstFile(const fs::path& directory) {
 void RequireOutputFile(const fs::path& path, bool force) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  if (path.empty()) throw base::Error("--output '': expected the name of a file");
   if (path == "-") {
     throw base::Error("--output -: expected the name of a file, for example /dev/stdout");
   }
@@ -75,7 +74,6 @@ void RequireOutputFile(const fs::path& path, bool force) {
 }
 
 void RequireOutputDirectory(const fs::path& path, bool force) {
-  if (path.empty()) throw base::Error("--output '': expected a directory");
   const fs::path there = NearestThere(path);
   std::error_code error;
   if (!fs::is_directory(there, error)) {

@@ -22,11 +22,6 @@ constexpr std::string_view kMapKeys =
     "image, resolution, origin, negate, occupied_thresh, free_thresh, mode";
 constexpr double kMaxPixels = 5.0e7;
 
-std::string_view Trim(std::string_view text) {
-  text.remove_prefix(std::min(text.find_first_not_of(kSpaces), text.size()));
-  return text.substr(0, text.find_last_not_of(kSpaces) + 1);
-}
-
 /// A line of YAML up to its comment.
 std::string_view WithoutComment(std::string_view line) {
   char quote = '\0';
@@ -57,10 +52,10 @@ class DescriptionReader {
     int number = 0;
     for (const std::string_view whole : base::Split(text, '\n')) {
       ++number;
-      const std::string_view line = Trim(WithoutComment(whole));
+      const std::string_view line = base::Trim(WithoutComment(whole));
       if (line.empty() || line == "---") continue;
       if (line.starts_with("- ") && last != nullptr && last->text.empty()) {
-        last->items.push_back(Trim(line.substr(2)));
+        last->items.push_back(base::Trim(line.substr(2)));
       } else {
         last = &Add(line, number);
       }
@@ -100,7 +95,7 @@ class DescriptionReader {
     }
     std::vector<double> numbers;
     numbers.reserve(items.size());
-    for (const std::string_view item : items) numbers.push_back(ParseNumber(Trim(item)));
+    for (const std::string_view item : items) numbers.push_back(ParseNumber(base::Trim(item)));
     const auto is_good = [](double number) { return std::abs(number) < 1e5; };
     if (numbers.size() != 3 || !std::ranges::all_of(numbers, is_good)) {
       Fail(entry, key, "expected [X, Y, YAW], three numbers between -1e5 and 1e5");
@@ -130,12 +125,13 @@ class DescriptionReader {
     }
     const std::string_view key = line.substr(0, colon);
     const auto keys = base::Split(kMapKeys, ',');
-    if (std::ranges::none_of(keys, [&](std::string_view known) { return Trim(known) == key; })) {
+    if (std::ranges::none_of(keys,
+                             [&](std::string_view known) { return base::Trim(known) == key; })) {
       throw base::Error(fmt::format("{}:{}: found the key \"{}\", expected one of {}", source_,
                                     number, key, kMapKeys));
     }
     const auto [entry, is_new] =
-        entries_.emplace(key, Entry{number, Trim(line.substr(colon + 1)), {}});
+        entries_.emplace(key, Entry{number, base::Trim(line.substr(colon + 1)), {}});
     if (!is_new) {
       throw base::Error(
           fmt::format("{}:{}: the key {} is there a second time", source_, number, key));

@@ -18,6 +18,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/split.h"
 
 namespace slalom::sim {
 namespace {
@@ -80,9 +81,7 @@ bool HasWord(std::string_view list, std::string_view word) {
 }
 
 std::string_view TextOf(const XMLElement& element) {
-  std::string_view text = element.GetText() != nullptr ? element.GetText() : "";
-  text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
-  return text.substr(0, text.find_last_not_of(kBlanks) + 1);
+  return base::Trim(element.GetText() != nullptr ? element.GetText() : "");
 }
 
 /// The value of an attribute, empty if it is not there.

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "tests/support/error_of.h"
 #include "tests/support/failing_calls.h"
 #include "tests/support/small_files.h"
 
@@ -22,6 +23,7 @@ namespace slalom::base {
 namespace {
 
 namespace fs = std::filesystem;
+using test::ErrorOf;
 using testing::HasSubstr;
 
 class FileTest : public testing::Test {
@@ -41,16 +43,6 @@ class FileTest : public testing::Test {
 
   fs::path directory_;
 };
-
-template <class Body>
-std::string ErrorOf(Body body) {
-  try {
-    body();
-    return "";
-  } catch (const Error& error) {
-    return error.what();
-  }
-}
 
 TEST_F(FileTest, ReadsBackWhatWasWritten) {
   const fs::path path = directory_ / "file";

@@ -13,30 +13,20 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
 #include "base/file.h"
 #include "sim/courses/barn_field.h"
 #include "sim/courses/course_sets.h"
 #include "tests/sim/courses/barn_data.h"
+#include "tests/support/error_of.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::sim {
 namespace {
 
+using test::ErrorOf;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-/// What the error of `call` says; empty: there is none.
-template <class Call>
-std::string ErrorOf(const Call& call) {
-  try {
-    call();
-  } catch (const base::Error& error) {
-    return error.what();
-  }
-  return "";
-}
 
 std::vector<std::pair<double, double>> Centres(const std::vector<Circle>& circles) {
   std::vector<std::pair<double, double>> centres;

@@ -9,15 +9,16 @@
 #include <string_view>
 #include <vector>
 
-#include "base/error.h"
 #include "base/file.h"
 #include "base/random.h"
 #include "sim/courses/course_file.h"
+#include "tests/support/error_of.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::sim {
 namespace {
 
+using test::ErrorOf;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -25,17 +26,6 @@ using ::testing::HasSubstr;
 constexpr char kDescription[] =
     "image: map.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
     "free_thresh: 0.196\n";
-
-/// What the error of `call` says; empty: there is none.
-template <class Call>
-std::string ErrorOf(const Call& call) {
-  try {
-    call();
-  } catch (const base::Error& error) {
-    return error.what();
-  }
-  return "";
-}
 
 /// A P5 image: '#' occupied, '.' free, '?' unknown, line by line from the top.
 std::string Pgm(const std::vector<std::string>& lines) {

@@ -8,32 +8,22 @@
 #include <utility>
 #include <vector>
 
-#include "base/error.h"
 #include "base/file.h"
 #include "sim/courses/barn_importer.h"
 #include "sim/courses/course_sets.h"
 #include "sim/courses/dynamic_generator.h"
 #include "tests/sim/courses/barn_data.h"
+#include "tests/support/error_of.h"
 #include "tests/support/scratch_directory.h"
 
 namespace slalom::sim {
 namespace {
 
+using test::ErrorOf;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-/// What the error of `call` says; empty: there is none.
-template <class Call>
-std::string ErrorOf(const Call& call) {
-  try {
-    call();
-  } catch (const base::Error& error) {
-    return error.what();
-  }
-  return "";
-}
 
 TEST_F(PublishedWorlds, MoveAsTheFilesSay) {
   const std::vector<DynamicMotions> all = ReadMotions(directory());

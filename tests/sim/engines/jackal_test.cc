@@ -4,26 +4,17 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
-#include <functional>
 
-#include "base/error.h"
 #include "sim/engines/jackal/engine_body.h"
 #include "sim/mass_distribution.h"
+#include "tests/support/error_of.h"
 
 namespace slalom::engines {
 namespace {
 
+using test::ErrorOf;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-std::string ErrorOf(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const base::Error& error) {
-    return error.what();
-  }
-  return "no error";
-}
 
 double Mass(const Jackal& jackal) { return jackal.chassis_mass + kNumWheels * jackal.wheel_mass; }
 
