@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <utility>
 
 #include "base/check.h"
 #include "base/error.h"
@@ -46,6 +47,22 @@ Protocol ResolveProtocol(const EvaluationConfig& config) {
   }
   if (config.goal_tolerance > 0.0) protocol.goal_tolerance = config.goal_tolerance;
   return protocol;
+}
+
+void RefuseRuleOfTask(std::string_view key) {
+  for (const auto& [theirs, ours] : {std::pair{"max_steps", "time_limit"},
+                                     {"goal_tolerance", "goal_tolerance"},
+                                     {"collision_ends", "protocol"},
+                                     {"finish_ahead", "protocol"},
+                                     {"look_period", "protocol"},
+                                     {"start_position_jitter", "start_position_jitter"},
+                                     {"start_yaw_jitter", "start_yaw_jitter"}}) {
+    if (key != fmt::format("environment.episode.{}", theirs)) continue;
+    throw base::Error(
+        fmt::format("{}: in an evaluation the protocol decides this, not the task; use "
+                    "evaluation.{}",
+                    key, ours));
+  }
 }
 
 sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment, const Protocol& protocol) {

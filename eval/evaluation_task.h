@@ -56,6 +56,10 @@ std::span<const Protocol> Protocols();
 /// Requires: config.protocol is the name of a protocol (`base/config.h` checks it).
 Protocol ResolveProtocol(const EvaluationConfig& config);
 
+/// Throws `base::Error` if `key`, as in a config file, is one of the task that the protocol
+/// decides: to set it has no effect. The error names the key of [evaluation] for it.
+void RefuseRuleOfTask(std::string_view key);
+
 /// Returns `environment` with the protocol's time limit, goal tolerance and rule for collisions. If
 /// the protocol's clock starts late, the robot gets the same time once more to start moving.
 sim::EnvironmentConfig WithProtocol(sim::EnvironmentConfig environment, const Protocol& protocol);

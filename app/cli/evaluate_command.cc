@@ -32,6 +32,7 @@
 #include "base/log.h"
 #include "eval/comparison/comparison.h"
 #include "eval/comparison/printers.h"
+#include "eval/evaluation_task.h"
 #include "eval/report/report.h"
 #include "eval/report/result.h"
 #include "learner/run/run_directory.h"
@@ -63,25 +64,6 @@ struct EvaluateOptions {
   bool json = false;
   int threads = 0;
 };
-
-/// An evaluation's rules come from its protocol, so a task's own would be set in vain.
-void RefuseRulesOfTheTask(const std::vector<std::string>& overrides) {
-  for (const std::string& assignment : overrides) {
-    const std::string key = assignment.substr(0, assignment.find('='));
-    for (const auto& [theirs, ours] :
-         {std::pair{"environment.episode.max_steps", "--set evaluation.time_limit=SECONDS"},
-          {"environment.episode.goal_tolerance", "--set evaluation.goal_tolerance=METRES"},
-          {"environment.episode.collision_ends", "--protocol"},
-          {"environment.episode.finish_ahead", "--protocol"},
-          {"environment.episode.look_period", "--protocol"},
-          {"environment.episode.start_position_jitter", "--set evaluation.start_position_jitter"},
-          {"environment.episode.start_yaw_jitter", "--set evaluation.start_yaw_jitter"}}) {
-      if (key != theirs) continue;
-      throw base::Error(fmt::format(
-          "--set {}: in an evaluation the protocol decides this, not the task; use {}", key, ours));
-    }
-  }
-}
 
 /// Throws `base::Error` for a key that the policy carries from its training: to set it has no
 /// effect.
@@ -128,7 +110,9 @@ template <class Config>
 void ApplyOptions(const EvaluateOptions& options, Config& config) {
   for (const std::string& file : options.profiles) train::LayProfile(file, config.environment);
   const auto fields = config::ListFields(config);
-  RefuseRulesOfTheTask(options.overrides);
+  for (const std::string& assignment : options.overrides) {
+    eval::RefuseRuleOfTask(assignment.substr(0, assignment.find('=')));
+  }
   RefuseKeysOfOthers(options, fields);
   for (const std::string& assignment : options.overrides) {
     config::ApplyOverride(assignment, fields);

@@ -25,6 +25,7 @@
 #include "eval/comparison/report_page.h"
 #include "eval/evaluation.h"
 #include "eval/evaluation_config.h"
+#include "eval/evaluation_task.h"
 #include "eval/report/report.h"
 #include "eval/report/result.h"
 #include "policy/network_agent.h"
@@ -74,6 +75,7 @@ struct Request {
   /// Lays it over the defaults, or over the config that a policy was trained with.
   template <class Config>
   void LayOver(Config& config) const {
+    for (const auto& [key, value] : task) eval::RefuseRuleOfTask(key);
     config.environment = TaskOf(config.environment, profiles, task);
     const config::FieldList fields = config::ListFields(config);
     for (const auto& [key, value] : rules) config::SetField(key, value, key, fields);

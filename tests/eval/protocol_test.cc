@@ -1,6 +1,9 @@
 
 #include <gtest/gtest.h>
 
+#include <sstream>
+#include <string>
+
 #include "base/config.h"
 #include "base/error.h"
 #include "eval/evaluation_task.h"
@@ -64,6 +67,23 @@ TEST(Protocol, ReplacesTheTasksOwnRules) {
   EXPECT_EQ(task.episode.start_position_jitter, 0.25);
   EXPECT_EQ(task.episode.start_yaw_jitter, 0.5);
   EXPECT_EQ(task.robot.mass, 7.0);
+}
+
+TEST(Protocol, AKeyOfTheTaskThatItReplacesIsRefused) {
+  int num_refused = 0;
+  for (const Protocol& protocol : Protocols()) {
+    EvaluationConfig config = Named(std::string(protocol.name));
+    config.start_position_jitter = 0.25;
+    config.start_yaw_jitter = 0.5;
+    std::istringstream changes(
+        config::Changes(ResolveEvaluation(config, {}, OneCourse()).environment));
+    for (std::string line; std::getline(changes, line); ++num_refused) {
+      const std::string key = "environment." + line.substr(0, line.find(' '));
+      EXPECT_THROW(RefuseRuleOfTask(key), base::Error) << key;
+    }
+  }
+  EXPECT_GT(num_refused, 7);
+  RefuseRuleOfTask("environment.episode.step");
 }
 
 TEST(Protocol, GivenValuesWin) {

@@ -404,6 +404,11 @@ class BadInputTest(unittest.TestCase):
                 with self.assertRaisesRegex(slalom.Error, f"threads is {threads}, expected"):
                     slalom.evaluate(agent, COURSES, threads=threads)
 
+    def test_of_rules_that_the_protocol_decides(self):
+        for key, value, rule in ("max_steps", 5, "time_limit"), ("collision_ends", False, "protocol"):
+            with self.assertRaisesRegex(slalom.Error, rf"environment\.episode\.{key}: .* use evaluation\.{rule}$"):
+                slalom.evaluate("dwa", COURSES, episode={key: value})
+
     def test_of_agents(self):
         with self.assertRaisesRegex(TypeError, "agent is 5, expected a Policy, a planner's name or a function"):
             slalom.evaluate(5, COURSES)
