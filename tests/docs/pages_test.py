@@ -79,7 +79,7 @@ class Program:
 
     def __init__(self, path):
         self.path = path
-        self.pages = {}
+        self.groups = {}
         self.keys, section = set(), ""
         for line in self.ask("config", "docs").splitlines():
             heading, row = re.match(r"## `\[(\S+)\]`", line), re.match(r"\| `(\w+)` \|", line)
@@ -88,10 +88,15 @@ class Program:
                 self.keys.add(f"{section}.{row.group(1)}")
 
     def ask(self, *arguments):
-        if arguments not in self.pages:
-            done = subprocess.run([self.path, *arguments], capture_output=True, text=True)
-            self.pages[arguments] = done.stdout if done.returncode == 0 else ""
-        return self.pages[arguments]
+        done = subprocess.run([self.path, *arguments], capture_output=True, text=True)
+        return done.stdout if done.returncode == 0 else ""
+
+    def commands(self, *group):
+        """The help of each command, or of each one of a group, by its name. All of them from one start of the program."""
+        if group not in self.groups:
+            _, *parts = re.split(r"^([a-z][a-z-]*)$", self.ask(*group, "--help-all"), flags=re.MULTILINE)
+            self.groups[group] = dict(zip(parts[::2], parts[1::2]))
+        return self.groups[group]
 
     def fault(self, arguments):
         """Why the program would not take these arguments, or None."""
@@ -100,17 +105,15 @@ class Program:
         if arguments[0].startswith("-"):
             return None
         command, rest = [arguments[0]], arguments[1:]
-        text = self.ask(*command, "--help")
-        if not text:
-            return f"there is no command {command[0]}"
-        if re.search(r"^Subcommands:", text, re.MULTILINE) and rest and not rest[0].startswith("-"):
+        text = self.commands().get(command[0])
+        if text and re.search(r"^ +Subcommands:", text, re.MULTILINE) and rest and not rest[0].startswith("-"):
+            text = self.commands(*command).get(rest[0])
             command.append(rest[0])
-            text = self.ask(*command, "--help")
-            if not text:
-                return f"there is no command {' '.join(command)}"
+        if not text:
+            return f"there is no command {' '.join(command)}"
         for word in rest:
             name = word.partition("=")[0]
-            if name.startswith("--") and not re.search(re.escape(name) + r"(?![\w-])", text):
+            if name.startswith("--") and name != "--help" and not re.search(re.escape(name) + r"(?![\w-])", text):
                 return f"{' '.join(command)} has no {name}"
             if re.fullmatch(r"[a-z_]+(\.[a-z_0-9]+)+", name) and "=" in word and name not in self.keys:
                 return f"no config has a key {name}"

@@ -2,7 +2,7 @@
 
     shortened.py PROGRAM PAGE ARGUMENT...
 
-Training takes a few thousand steps, evaluations drive one episode on a few courses (always those that the page names),
+Training takes a few thousand steps, evaluations drive one episode of 10 s on a few courses (always those that the page names),
 processes of a service listen on ports of this try alone. What only the wrapper knows (`./slalom test`) is looked up, not run.
 """
 
@@ -14,7 +14,9 @@ from pathlib import Path
 
 import wrapper
 
-STEPS = {False: 4096, True: 8192}  # of a run from its start; of one that is resumed
+STEPS = {False: 2048, True: 4096}  # of a run from its start; of one that is resumed
+START = ["run.learning_starts=512", "actor.warmup_steps=512"]
+EPISODES = ["evaluation.episodes_per_course=1", "evaluation.time_limit=10"]
 COURSES = 4
 ROLES = ("replay", "learner", "actor", "evaluator", "status")
 
@@ -47,6 +49,9 @@ def few_courses(program, page, arguments):
         return arguments
     directory = Path(".short")
     directory.mkdir(exist_ok=True)
+    short = directory / (re.sub(r"[^\w.-]", "-", name) + ".courses")
+    if short.exists() and not collection and not Path(name).exists():  # The page has named this set before.
+        return without(arguments, "--courses") + ["--courses", str(short)]
     whole = directory / "whole.courses"
     whole.unlink(missing_ok=True)
     made = subprocess.run([program, "courses", "generate", "--courses", name, "--output", str(whole)] +
@@ -57,9 +62,15 @@ def few_courses(program, page, arguments):
     courses[-1] = courses[-1][:courses[-1].index("\nend\n") + 5]
     named = [course for course in courses if re.search(r"\b" + re.escape(course.split()[1]) + r"\b", page)]
     chosen = named + [course for course in courses if course not in named][:max(0, COURSES - len(named))]
-    short = directory / (re.sub(r"[^\w.-]", "-", name) + ".courses")
     short.write_text(head + "".join(chosen) + "checksum none\n")
     return without(arguments, "--courses") + ["--courses", str(short)]
+
+
+def few_courses_of_plan(path):
+    """Gives the scores of a plan, which lies in a copy of the configs, a few courses each."""
+    if path.exists():
+        text = re.sub(r'^courses = "static-test"', 'courses = "static-train-5"', path.read_text(), flags=re.MULTILINE)
+        path.write_text(re.sub(r'^courses = "generated:(\d+):\d+"', rf'courses = "generated:\1:{COURSES}"', text, flags=re.MULTILINE))
 
 
 def shortened(program, page, arguments):
@@ -67,13 +78,13 @@ def shortened(program, page, arguments):
     if "--help" in rest or "-h" in rest:
         return arguments
     if command == "train":
-        return arguments + ["--set", "run.max_seconds=0", f"run.max_steps={STEPS['--resume' in rest]}", "evaluation.episodes_per_course=1"] + (
-            [] if "--resume" in rest else ["run.learning_starts=1024", "actor.warmup_steps=1024"])
+        resumes = "--resume" in rest
+        return arguments + ["--set", "run.max_seconds=0", f"run.max_steps={STEPS[resumes]}", *EPISODES, *([] if resumes else START)]
     if command == "evaluate":
-        return few_courses(program, page, without(arguments, "--episodes")) + ["--episodes", "1"]
+        return few_courses(program, page, without(arguments, "--episodes")) + ["--set", *EPISODES]
     if command == "sweep" and rest[:1] != ["import"]:  # Which has no plan.
-        return arguments + ["--set", "sweep.seeds=[1]", f"run.max_steps={STEPS[False]}", "run.learning_starts=1024", "actor.warmup_steps=1024",
-                            "evaluation.episodes_per_course=1"]
+        few_courses_of_plan(Path(rest[1]))
+        return arguments + ["--set", "sweep.seeds=[1]", f"run.max_steps={STEPS[False]}", *START, *EPISODES]
     if command in ROLES:
         ports = os.environ["SLALOM_PORTS"].split()
         return arguments + ["--set", f"service.replay=tcp://127.0.0.1:{ports[0]}", f"service.learner=tcp://127.0.0.1:{ports[1]}"]

@@ -19,7 +19,7 @@ def drill(program, kills="30", seed="1"):
         replay = service.add("replay").start()
         learner = service.add("learner").start()
         actors = [service.add("actor", f"actor-{i}").start() for i in range(2)]
-        updates = wait_for("the first 300 updates", lambda: (u := service.figure("learner", "learner", "updates")) >= 300 and u)
+        wait_for("the first 300 updates", lambda: learner.metric("slalom_updates_total") >= 300)
         recoveries = {"replay": [], "learner": [], "actor": []}
         for number in range(int(kills)):
             time.sleep(draw.uniform(0.2, 2.5))
@@ -38,7 +38,8 @@ def drill(program, kills="30", seed="1"):
 
             def goes_on():
                 nonlocal before
-                now = service.figure("learner", "learner", "updates"), service.figure("replay", "replay", "steps")
+                status = service.status()
+                now = status["learner", "learner"]["figures"]["updates"], status["replay", "replay"]["figures"]["steps"]
                 before = before or now
                 return now[0] > before[0] and now[1] > before[1]
 
@@ -49,7 +50,7 @@ def drill(program, kills="30", seed="1"):
             print(f"kill {number + 1}: {victim.name}, going on {recoveries[victim.role][-1]:.1f} s later", flush=True)
 
         wait_for("a policy that drives",
-                 lambda: statistics.mean(service.figure("actor", a.name, "success_rate") for a in actors) > 0.5, 240.0)
+                 lambda: statistics.mean(a.metric("slalom_success_rate") for a in actors) > 0.5, 240.0)
         made, lost = check_accounts(service)
         said = sum(map(said_lost, actors))
         check(said == lost, f"{lost} steps are lost, and the actors' logs speak of {said}")

@@ -91,8 +91,10 @@ TEST_P(PresetTest, PrintsToItself) {
 }
 
 TEST_P(PresetTest, LearnsFromABatchAndActs) {
-  const RunConfig config = Load();
+  RunConfig config = Load();
   (void)Resolve(config, {.drives = "slalom train", .begins = true});
+  // The sizes of networks are the preset's. A few rows tell as much as many.
+  config.method.learner.batch_size = config.method.model_training.batch_size = 16;
   learner::Learner learner(config.method, MakePolicySpec(config), 1);
   const env::StepShape shape = StepShapeOf(config);
   const learner::RandomBatches drawn(learner.sample_specs(), shape, 7);
