@@ -19,9 +19,10 @@ constexpr std::string_view kEnd = "<!-- end of sweep -->";
 /// The new text of a block; none: it is of another plan.
 std::optional<std::string> BlockText(const std::string& kind, const std::string& name,
                                      std::span<const ReportContent> contents) {
-  if (kind == "conclusions") return MarkdownConclusions(contents);
+  if (kind == "conclusions" && name == "-->") return MarkdownConclusions(contents);
   for (const ReportContent& content : contents) {
     if (content.plan.sweep.name != name) continue;
+    if (kind == "conclusions") return MarkdownConclusions(std::span(&content, 1));
     if (kind == "summary") return "\n" + MarkdownSummary(content);
     const std::vector<eval::Pivot> tables = CrossTables(content);
     return tables.empty() ? "" : "\n" + eval::MarkdownOf(tables.front());

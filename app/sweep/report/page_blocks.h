@@ -12,7 +12,7 @@ namespace slalom::sweep {
 ///
 ///     <!-- sweep table NAME -->     the first of `CrossTables`
 ///     <!-- sweep summary NAME -->   `MarkdownSummary`
-///     <!-- sweep conclusions -->    `MarkdownConclusions` of all plans
+///     <!-- sweep conclusions -->    `MarkdownConclusions` of all plans; with a NAME, of that one
 ///     <!-- end of sweep -->
 ///
 /// Blocks of other plans stay as they are. `source` names the page in errors. Throws `base::Error`

@@ -77,11 +77,13 @@ TEST(SweepResultsTest, AnEvaluationOnOtherCoursesIsLeftOutAndSaysSo) {
 
 TEST(SweepResultsTest, ARowIsAnAgentWithItsSeeds) {
   const SweepResults results = test::MakeTrainingSets().Results();
-  const eval::Agent agent = AgentOf(results, results.scores[0].rows[1]);
-  EXPECT_EQ(agent.label, "training courses 10");
+  const RowScore& row = results.scores[0].rows[0];
+  const eval::Agent agent = AgentOf(results, row);
+  EXPECT_EQ(agent.label, "training courses 5");
   EXPECT_TRUE(agent.is_trained);
-  EXPECT_EQ(agent.seeds.size(), 1u);
-  EXPECT_EQ(agent.num_planned, 3);
+  EXPECT_THAT(agent.seeds,
+              ElementsAre(&row.seeds[0].result, &row.seeds[1].result, &row.seeds[2].result));
+  EXPECT_EQ(AgentOf(results, results.scores[0].rows[1]).num_planned, 3);
 }
 
 TEST(SweepContentTest, AScoreHasTheFiguresOfItsRowsAndTheirTrainings) {

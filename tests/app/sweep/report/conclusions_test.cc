@@ -143,6 +143,9 @@ TEST(PageBlocksTest, ThoseOfThePlansAreFilled) {
                                 end);
   EXPECT_THAT(page, HasSubstr("- Cells: 0 of 6 done"));
   EXPECT_EQ(fill(page), page);
+  EXPECT_THAT(fill("<!-- sweep conclusions fake -->\n" + end), HasSubstr("| TD3 is good |"));
+  const std::string kept = "<!-- sweep conclusions other -->\nkept\n" + end;
+  EXPECT_THAT(fill(page + kept), HasSubstr(kept));
   const auto fails = [&](const std::string& text, const std::string& what) {
     EXPECT_THAT([&] { (void)fill(text); }, ThrowsMessage<base::Error>(HasSubstr(what)));
   };
