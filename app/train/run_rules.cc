@@ -36,8 +36,7 @@ void RequireSampling(const CoursesConfig& courses) {
   if (sampling.learnable_share == 0.0) {
     throw base::Error(
         "courses.learnable_share is 0, expected more with courses.sampling = \"learnable\": "
-        "without "
-        "a share of the episodes it has no effect");
+        "without a share of the episodes it has no effect");
   }
 }
 
