@@ -1,6 +1,7 @@
 #include "app/sweep/cell.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,6 +19,7 @@
 #include "app/train/run_identity.h"
 #include "base/config.h"
 #include "base/error.h"
+#include "planners/planner_registry.h"
 #include "policy/policy.h"
 #include "tests/app/sweep/plan_files.h"
 #include "tests/support/scratch_directory.h"
@@ -65,8 +67,27 @@ std::vector<std::string> OtherValues(const config::Field& field) {
   return others;
 }
 
+/// Values by keys, as TOML.
+using Values = std::map<std::string, std::string>;
+
+/// The choices with which a field of a run is read, in a plan that has a model.
+Values ChoicesFor(const config::Field& field) {
+  train::RunConfig defaults;
+  const std::vector<config::Field> all = config::ListFields(defaults).fields;
+  Values choices;
+  for (const config::ReadIf& choice : field.read_if) {
+    if (choice.key == "model.kind") continue;
+    const auto at = std::ranges::find(all, choice.key, &config::Field::key);
+    choices[choice.key] = choice.values.empty() ? OtherValues(*at).front()
+                                                : fmt::format("\"{}\"", choice.values.front());
+  }
+  // It may not come after the end.
+  if (field.key == "imagination.schedule_begin") choices["imagination.schedule_end"] = "1000";
+  return choices;
+}
+
 /// Expects that a plan's cells change with every one of these keys. `identify` names the
-/// cell in which a key has this value, and throws `base::Error` where it is not allowed there.
+/// cell in which keys have these values, and throws `base::Error` where it is not allowed there.
 template <class Identify>
 void ExpectEachKeyCounts(const std::vector<config::Field>& fields, const std::string& base,
                          const Identify& identify) {
@@ -75,9 +96,13 @@ void ExpectEachKeyCounts(const std::vector<config::Field>& fields, const std::st
     if (field.key.starts_with("task.")) continue;  // Cells drive courses.
     std::string why = "there is no other value";
     bool is_tried = false;
+    const Values choices = ChoicesFor(field);
+    if (!choices.empty()) seen.try_emplace(identify(choices), field.key + " with its default");
     for (const std::string& value : OtherValues(field)) {
       try {
-        const std::string id = identify(field.key, value);
+        Values values = choices;
+        values[field.key] = value;
+        const std::string id = identify(values);
         const auto [earlier, is_new] = seen.try_emplace(id, field.key);
         EXPECT_TRUE(is_new) << field.key << " = " << value << " is as " << earlier->second;
         is_tried = true;
@@ -235,11 +260,15 @@ TEST(CellTest, TheIdDependsOnAllThatDecidesTheResultAndOnNothingElse) {
 TEST(CellTest, EveryKeyThatDecidesATrainingIsPartOfItsId) {
   const test::ScratchDirectory scratch;
   const fs::path plan = test::WritePlan(scratch.path(), kPlan);
-  const auto cell = [&](const std::string& set) {
-    const std::vector<std::string> sets = {"sweep.lockstep=false", "model.kind=probabilistic", set};
+  const auto cell = [&](const Values& values, const char* lockstep = "sweep.lockstep=false") {
+    std::vector<std::string> sets = {lockstep};
+    const auto algorithm = values.find("learner.algorithm");
+    const bool is_tqc = algorithm != values.end() && algorithm->second == "\"tqc\"";
+    if (!is_tqc && !values.contains("model.kind")) sets.push_back("model.kind=probabilistic");
+    for (const auto& [key, value] : values) sets.push_back(key + "=" + value);
     return ExpandPlan(ReadPlan(plan, sets), {}).cells.at(0);
   };
-  const Cell base = cell("sweep.title=same");
+  const Cell base = cell({});
   train::RunConfig config = base.config.value();
   std::vector<config::Field> fields = config::ListFields(config).fields;
   std::erase_if(fields, [&](const config::Field& field) {
@@ -251,10 +280,8 @@ TEST(CellTest, EveryKeyThatDecidesATrainingIsPartOfItsId) {
            key.starts_with("distillation.") || (!train::DecidesRun(config, key) && !is_how_long);
   });
   EXPECT_GT(fields.size(), 100U);
-  ExpectEachKeyCounts(fields, base.id, [&](const std::string& key, const std::string& value) {
-    return cell(key + "=" + value).id;
-  });
-  EXPECT_NE(cell("sweep.lockstep=true").id, cell("sweep.lockstep=false").id);
+  ExpectEachKeyCounts(fields, base.id, [&](const Values& values) { return cell(values).id; });
+  EXPECT_NE(cell({}, "sweep.lockstep=true").id, base.id);
 }
 
 TEST(CellTest, ThePolicyThatATrainingStartsFromIsPartOfItsId) {
@@ -327,8 +354,9 @@ TEST(CellTest, TheActorsOfAServiceArePartOfTheIdAndProcessesAreAsBefore) {
 TEST(CellTest, EveryKeyThatDecidesAScoreIsPartOfItsDigest) {
   const test::ScratchDirectory scratch;
   const fs::path plan = test::WritePlan(scratch.path(), kPlan);
-  const auto digest = [&](const std::string& set) {
-    const std::vector<std::string> sets = {"model.kind=probabilistic", "mpc.enabled=true", set};
+  const auto digest = [&](const Values& values) {
+    std::vector<std::string> sets = {"model.kind=probabilistic", "mpc.enabled=true"};
+    for (const auto& [key, value] : values) sets.push_back(key + "=" + value);
     return ExpandPlan(ReadPlan(plan, sets), {}).cells.at(0).scores.at(0).digest;
   };
   train::RunConfig config;
@@ -341,32 +369,63 @@ TEST(CellTest, EveryKeyThatDecidesAScoreIsPartOfItsDigest) {
            (!key.starts_with("environment.") && !key.starts_with("evaluation.") &&
             !key.starts_with("mpc."));
   });
-  ExpectEachKeyCounts(
-      fields, digest("sweep.title=same"),
-      [&](const std::string& key, const std::string& value) { return digest(key + "=" + value); });
+  ExpectEachKeyCounts(fields, digest({}), digest);
 }
 
 TEST(CellTest, EveryKeyOfAPlannerIsPartOfItsIdAndOfItsScore) {
   const test::ScratchDirectory scratch;
-  const auto cell = [&](const std::string& set) {
-    const fs::path plan = scratch.path() / "plan.toml";
-    std::ofstream(plan) << "[sweep]\ntitle = \"t\"\n"
-                        << test::kTinyScore
-                        << "[[group]]\nname = \"dwa\"\nplanner = \"dwa\"\nset = {" << set << "}\n";
-    return ExpandPlan(ReadPlan(plan, {}), {}).cells.at(0);
+  const std::vector<std::string> names = planners::PlannerNames();
+  const auto is_planners = [&](const std::string& key) {
+    return std::ranges::find(names, key.substr(0, key.find('.'))) != names.end();
   };
-  train::AgentRunConfig config;
-  std::vector<config::Field> fields = config::ListFields(config).fields;
-  std::erase_if(fields, [](const config::Field& field) {
-    return field.key.starts_with("courses.") || field.key.starts_with("evaluation.");
-  });
-  const Cell base = cell("");
-  std::set<std::string> digests = {base.scores.at(0).digest};
-  ExpectEachKeyCounts(fields, base.id, [&](const std::string& key, const std::string& value) {
-    const Cell other = cell(key + " = " + value);
-    EXPECT_TRUE(digests.insert(other.scores.at(0).digest).second) << key;
-    return other.id;
-  });
+  for (const std::string& planner : names) {
+    const auto cell = [&](const Values& values) {
+      std::vector<std::string> sets;
+      for (const auto& [key, value] : values) sets.push_back(key + " = " + value);
+      const fs::path plan = scratch.path() / "plan.toml";
+      std::ofstream(plan) << "[sweep]\ntitle = \"t\"\n"
+                          << test::kTinyScore
+                          << fmt::format(
+                                 "[[group]]\nname = \"x\"\nplanner = \"{}\"\nset = {{{}}}\n",
+                                 planner, fmt::join(sets, ", "));
+      return ExpandPlan(ReadPlan(plan, {}), {}).cells.at(0);
+    };
+    train::AgentRunConfig config;
+    std::vector<config::Field> fields = config::ListFields(config).fields;
+    std::erase_if(fields, [&](const config::Field& field) {
+      if (is_planners(field.key)) return !field.key.starts_with(planner + ".");
+      // The first one has the keys that all share, too.
+      return planner != names.front() || field.key.starts_with("courses.") ||
+             field.key.starts_with("evaluation.");
+    });
+    EXPECT_FALSE(fields.empty());
+    const Cell base = cell({});
+    std::set<std::string> digests = {base.scores.at(0).digest};
+    ExpectEachKeyCounts(fields, base.id, [&](const Values& values) {
+      const Cell other = cell(values);
+      EXPECT_TRUE(digests.insert(other.scores.at(0).digest).second) << values.begin()->first;
+      return other.id;
+    });
+  }
+}
+
+TEST(CellTest, AKeyThatACellDoesNotReadIsRefused) {
+  const test::ScratchDirectory scratch;
+  const std::string groups =
+      "[[group]]\nname = \"td3\"\n[[group]]\nname = \"sac\"\nset = {learner.algorithm = "
+      "\"sac\"}\n";
+  EXPECT_EQ(test::Expand(scratch.path(), kPlan + groups, {"sweep.seeds=[1]"}).cells.size(), 2U);
+  EXPECT_THAT(
+      [&] { test::Expand(scratch.path(), "[set]\nlearner.temperature = 0.1\n" + kPlan + groups); },
+      ThrowsMessage<base::Error>(
+          AllOf(HasSubstr("td3, seed 1: learner.temperature is 0.1"), HasSubstr("\"sac\""))));
+  EXPECT_THAT(
+      [&] {
+        test::Expand(scratch.path(), kPlan +
+                                         "[[group]]\nname = \"dwa\"\nplanner = \"dwa\"\nset = "
+                                         "{teb.robot.max_linear = 1.0}\n");
+      },
+      ThrowsMessage<base::Error>(HasSubstr("dwa does not read teb.robot.max_linear")));
 }
 
 TEST(CellTest, CoursesCountByWhatTheyAreNotByWhereTheyLie) {
@@ -428,8 +487,7 @@ TEST(CellTest, ABudgetOfUpdatesCountsWithWhatTheCommandLineSays) {
 TEST(CellTest, PrioritiesDecideTheResultWhereTheyAreUsed) {
   const test::ScratchDirectory scratch;
   const std::string exponent = "replay_server.priority_exponent=0.9";
-  EXPECT_EQ(Ids(test::Expand(scratch.path(), kPlan)),
-            Ids(test::Expand(scratch.path(), kPlan, {exponent})));
+  EXPECT_THROW((void)test::Expand(scratch.path(), kPlan, {exponent}), base::Error);
   const std::string used = "learner.prioritized=true";
   EXPECT_NE(Ids(test::Expand(scratch.path(), kPlan, {used})),
             Ids(test::Expand(scratch.path(), kPlan, {used, exponent})));

@@ -164,7 +164,7 @@ TEST_F(DistillationTest, RefusesTeachersThatDoNotFit) {
   EXPECT_THAT(Refusal(), StartsWith("courses.train is \"static-train-5\""));
   config_ = good;
   config_.method.learner.algorithm = "td3";
-  EXPECT_THAT(Refusal(), StartsWith("distillation has teachers, expected learner.algorithm"));
+  EXPECT_THAT(Refusal(), StartsWith("distillation.teachers is "));
   config_ = good;
   config_.distillation.teachers[0].value.text = "[1]";
   EXPECT_THAT(Refusal(), StartsWith("distillation.teachers.static: found [1]"));
