@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <unordered_map>
 
 #include "base/name.h"
 #include "proto/messages.h"
@@ -25,9 +26,43 @@ using google::protobuf::io::CodedInputStream;
 
 bool IsPrintable(char c) { return c >= ' ' && c <= '~'; }
 
+/// The options of a field in proto/slalom.proto.
+struct Bound {
+  double min;
+  double max;
+  const FieldDescriptor* at_most;
+  bool is_name;
+};
+
+/// Options are read once, as that takes longer than all checks of a message.
+const Bound& BoundOf(const FieldDescriptor& field) {
+  static const auto kBounds = [] {
+    std::unordered_map<const FieldDescriptor*, Bound> bounds;
+    const auto add = [&bounds](const Descriptor& type) {
+      for (int i = 0; i < type.field_count(); ++i) {
+        const auto& options = type.field(i)->options();
+        const bool is_key = type.options().map_entry() && type.field(i)->number() == 1;
+        bounds[type.field(i)] = {
+            .min = options.GetExtension(wire::min),
+            .max = options.GetExtension(wire::max),
+            .at_most = type.FindFieldByName(options.GetExtension(wire::at_most)),
+            .is_name = is_key || options.GetExtension(wire::is_name)};
+      }
+    };
+    const google::protobuf::FileDescriptor& file = *wire::Hello::descriptor()->file();
+    for (int i = 0; i < file.message_type_count(); ++i) {
+      const Descriptor& type = *file.message_type(i);
+      add(type);
+      for (int j = 0; j < type.nested_type_count(); ++j) add(*type.nested_type(j));
+    }
+    return bounds;
+  }();
+  return kBounds.at(&field);
+}
+
 template <class T>
 T LargestOf(const FieldDescriptor& field) {
-  const double max = field.options().GetExtension(wire::max);
+  const double max = BoundOf(field).max;
   return max > 0.0 ? static_cast<T>(max) : std::numeric_limits<T>::max();
 }
 
@@ -39,8 +74,8 @@ std::string FaultOfNumber(std::string_view name, T value, T low, T high) {
 
 template <class T>
 std::string FaultOfNumber(const FieldDescriptor& field, T value) {
-  const auto low = static_cast<T>(field.options().GetExtension(wire::min));
-  return FaultOfNumber(field.name(), value, low, LargestOf<T>(field));
+  return FaultOfNumber(field.name(), value, static_cast<T>(BoundOf(field).min),
+                       LargestOf<T>(field));
 }
 
 std::string FaultOfString(std::string_view name, std::string_view value, bool is_name) {
@@ -103,14 +138,13 @@ std::string FaultOfEntries(const Message& m, const FieldDescriptor& field) {
 
 /// Of bounds that depend on another field.
 std::string FaultOfRelation(const Message& m, const FieldDescriptor& field) {
-  const Descriptor& type = *m.GetDescriptor();
-  if (const std::string& other = field.options().GetExtension(wire::at_most); !other.empty()) {
-    const auto low = static_cast<std::int64_t>(field.options().GetExtension(wire::min));
-    const std::int64_t high = IntegerOf(m, *type.FindFieldByName(other));
-    return FaultOfNumber(field.name(), IntegerOf(m, field), low, high);
+  if (const Bound& bound = BoundOf(field); bound.at_most != nullptr) {
+    return FaultOfNumber(field.name(), IntegerOf(m, field), static_cast<std::int64_t>(bound.min),
+                         IntegerOf(m, *bound.at_most));
   }
   if (field.name() == "history") {
-    const std::int64_t frames = IntegerOf(m, *type.FindFieldByName("batch")) * IntegerOf(m, field);
+    const FieldDescriptor& batch = *m.GetDescriptor()->FindFieldByName("batch");
+    const std::int64_t frames = IntegerOf(m, batch) * IntegerOf(m, field);
     return FaultOfNumber<std::int64_t>("batch times history", frames, 1, kMaxFrames);
   }
   return "";
@@ -158,10 +192,7 @@ bool ListsFit(const Descriptor& type, std::span<const std::byte> protobuf) {
   return ListsFit(type, &in);
 }
 
-bool IsName(const FieldDescriptor& field) {
-  const bool is_key = field.containing_type()->options().map_entry() && field.number() == 1;
-  return is_key || field.options().GetExtension(wire::is_name);
-}
+bool IsName(const FieldDescriptor& field) { return BoundOf(field).is_name; }
 
 std::string FitText(std::string_view text) {
   std::string fitting(text.substr(0, kMaxTextBytes));

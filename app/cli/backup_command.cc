@@ -239,8 +239,7 @@ void AddBackupCommand(CLI::App& app) {
       "If roles have states of their own, on several machines or in several volumes, copy that of "
       "the replay\nserver first. docs/operations.md, section Backup and restore, says how a "
       "service goes on from a copy.");
-  command->callback(
-      [state, target] { BackUp(WithoutSlash(*state), NormalisedDirectory(*target)); });
+  command->callback([state, target] { BackUp(WithoutSlash(*state), WithoutSlash(*target)); });
 }
 
 }  // namespace slalom::cli
