@@ -53,12 +53,12 @@ struct StateNumber {
 
 /// Items of the same numbers, which stand together in a state.
 struct StateField {
-  std::string_view name;  ///< Of an item; the robot's key for it (docs/robot.md).
-  std::string_view unit;  ///< Of the values of an item.
-  StateSource source;
+  std::string_view name;                  ///< Of an item; the robot's key for it (docs/robot.md).
+  std::string_view unit;                  ///< Of the values of an item.
   std::span<const StateNumber> numbers;   ///< Of an item.
   int (*num_items)(const StateOptions&);  ///< 0 if the state does not hold the field.
   std::string_view meaning;               ///< Of what the state holds.
+  StateSource source;
   bool as_command = false;  ///< The state holds the action that would command it, not clipped.
 };
 
@@ -71,28 +71,26 @@ inline constexpr int kPrivilegedObstacles = 5;  ///< Zeros if there are fewer.
 
 /// In the order of a state: the goal comes first, privileged fields come last.
 inline constexpr StateField kStateFields[] = {
-    {"goal", "m, m", StateSource::kSensors, kPair, [](auto&) { return 1; },
-     "goal x (ahead) and y (to the left) in the robot's frame, in m"},
-    {"last action", "", StateSource::kActions, kPair, [](auto&) { return 1; },
-     "the action of the step before"},
-    {"speeds", "m/s, rad/s", StateSource::kSensors, kPair,
-     [](auto& options) -> int { return options.speeds; },
-     "forward speed and turn rate, as the action that commands them", true},
-    {"mounting", "m, m", StateSource::kSensors, kMounting,
-     [](auto& options) -> int { return options.mounting; },
-     "place of the range finder, x and y, in dm"},
-    {"earlier action", "", StateSource::kActions, kPair,
-     [](auto& options) { return options.commands - 1; },
-     "the actions before, the newest first, at first the same"},
-    {"true speeds", "m/s, rad/s", StateSource::kSimulator, kPair,
-     [](auto& options) -> int { return options.privileged; },
-     "the body's forward speed and turn rate, likewise", true},
-    {"nearest obstacle", "m, m, m/s, m/s", StateSource::kSimulator, kObstacle,
+    {"goal", "m, m", kPair, [](auto&) { return 1; },
+     "goal x (ahead) and y (to the left) in the robot's frame, in m", StateSource::kSensors},
+    {"last action", "", kPair, [](auto&) { return 1; }, "the action of the step before",
+     StateSource::kActions},
+    {"speeds", "m/s, rad/s", kPair, [](auto& options) -> int { return options.speeds; },
+     "forward speed and turn rate, as the action that commands them", StateSource::kSensors, true},
+    {"mounting", "m, m", kMounting, [](auto& options) -> int { return options.mounting; },
+     "place of the range finder, x and y, in dm", StateSource::kSensors},
+    {"earlier action", "", kPair, [](auto& options) { return options.commands - 1; },
+     "the actions before, the newest first, at first the same", StateSource::kActions},
+    {"true speeds", "m/s, rad/s", kPair, [](auto& options) -> int { return options.privileged; },
+     "the body's forward speed and turn rate, likewise", StateSource::kSimulator, true},
+    {"nearest obstacle", "m, m, m/s, m/s", kObstacle,
      [](auto& options) { return options.privileged ? kPrivilegedObstacles : 0; },
-     "place in 5 m and velocity in m/s of each of the moving obstacles that are nearest"},
-    {"drive", "s, s, 1, 1, m/s^2, rad/s^2", StateSource::kSimulator, kDrive,
+     "place in 5 m and velocity in m/s of each of the moving obstacles that are nearest",
+     StateSource::kSimulator},
+    {"drive", "s, s, 1, 1, m/s^2, rad/s^2", kDrive,
      [](auto& options) -> int { return options.privileged; },
-     "delay and jitter of commands, gains less 1, accelerations of the drive, scaled"},
+     "delay and jitter of commands, gains less 1, accelerations of the drive, scaled",
+     StateSource::kSimulator},
 };
 
 static_assert(std::ranges::is_sorted(kStateFields, {}, [](auto& field) {

@@ -86,6 +86,7 @@ class LineDriver {
     for (const env::StateField& field : env::kStateFields) {
       if (field.source == env::StateSource::kSensors) keys_.emplace_back(field.name);
     }
+    keys_.insert(keys_.end(), {"first", "last_action", "no_echo"});
   }
 
   /// Throws `base::Error` that names the key and what was expected of it.
@@ -219,7 +220,7 @@ class LineDriver {
 
   std::unique_ptr<policy::PolicyAgent> agent_;
   env::ObservationBatch observations_;
-  std::vector<std::string_view> keys_ = {"ranges", "last_action", "first", "no_echo"};
+  std::vector<std::string_view> keys_ = {"ranges"};
   std::vector<env::Action> last_;  // The newest first, as many as are observed.
   bool is_new_ = true;
   bool warned_of_zero_ = false;
