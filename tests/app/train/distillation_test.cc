@@ -205,6 +205,7 @@ std::string RefusalOf(const RunConfig& config) {
 TEST(StagesTest, AStageIsTheRunWithOtherKeys) {
   RunConfig config = Staged();
   config.environment.reward.collision = 4.0;
+  config.run.deterministic = false;
   config.run.max_seconds = 60.0;
   EXPECT_EQ(RefusalOf(config), "accepted");
   const ResolvedRun run = Resolve(config);
@@ -229,6 +230,7 @@ TEST(StagesTest, AStageIsTheRunWithOtherKeys) {
   EXPECT_EQ(RunsOf(run, "run"),
             (std::vector<std::filesystem::path>{"run/stages/most", "run/stages/walls", "run"}));
 
+  config.run.deterministic = true;
   config.run.max_seconds = 0.0;
   config.distillation.stages.push_back({"walls.run.max_seconds", {"30.0", ""}});
   EXPECT_EQ(Resolve(config).stages[1].config.run.max_seconds, 0.0)

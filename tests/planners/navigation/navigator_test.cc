@@ -407,7 +407,9 @@ TEST(Navigator, ForgetsTheEpisodeBefore) {
         ASSERT_EQ(used.planner().path_was_new_, fresh.planner().path_was_new_) << i;
         ASSERT_EQ(used.planner().cost_ahead_, fresh.planner().cost_ahead_) << i;
         ASSERT_EQ(used.planner().X_OR_, fresh.planner().X_OR_) << i;
-        if (i % 20 == 0) ASSERT_TRUE(same_maps()) << i;
+        if (i % 20 == 0) {
+          ASSERT_TRUE(same_maps()) << i;
+        }
       }
       const NavigatorRecord &a = used.navigator().record(), &b = fresh.navigator().record();
       EXPECT_EQ(std::tie(a.num_cycles, a.num_failed_plans, a.num_failed_commands, a.num_recoveries,
