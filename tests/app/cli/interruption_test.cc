@@ -325,14 +325,16 @@ TEST(TrainingEndTest, ARunThatLearnedNothingSaysWhatToChangeAndHowToGoOn) {
               testing::HasSubstr("train runs/tiny --resume --set run.max_seconds="));
 }
 
-TEST(TrainingEndTest, ADeterministicRunNamesAllThatItNeedsInACommandThatWorks) {
+TEST(TrainingEndTest, ADeterministicRunNamesAllThatItNeeds) {
   const ScratchDirectory scratch;
   WriteTinyConfig(scratch.path(), 2000);
-  const ProgramResult refused = RunProgram(
-      {"train", "tiny.toml", "--deterministic", "--set", "run.max_seconds=90", "--no-evaluation"},
-      scratch.path());
+  const std::string command =
+      "$SLALOM train tiny.toml --deterministic --no-evaluation --set run.max_seconds=90 ";
+  const ProgramResult refused = RunShell(command, scratch.path());
   EXPECT_EQ(refused.exit_code, 1);
-  const ProgramResult result = RunShell(CommandAfter(refused.err, "Use:\n  "), scratch.path());
+  const std::size_t options = refused.err.find("--set ");
+  ASSERT_NE(options, std::string::npos) << refused.err;
+  const ProgramResult result = RunShell(command + refused.err.substr(options), scratch.path());
   EXPECT_EQ(result.exit_code, 0) << refused.err << result.err;
 }
 
