@@ -154,7 +154,7 @@ std::vector<DrawnField> ReadDrawn(const base::JsonObject& reader, const Result& 
     }
     for (std::size_t c = 0; c < result.courses.size(); ++c) {
       const base::JsonObject drawn = reader.Element("courses", c).Object("drawn");
-      const Json& values = drawn.List(field.key.c_str());
+      const Json& values = drawn.List(field.key);
       if (values.size() != result.courses[c].episodes.size()) {
         drawn.Fail("the number of values of " + field.key, values.size(),
                    fmt::format("{}, one for each outcome", result.courses[c].episodes.size()));
