@@ -69,7 +69,8 @@ class Printer {
         place_[{block, column}] = table_.titles.size();
         const std::string& head = pivot.blocks[block];
         const std::string name = pivot.columns.empty() ? "" : pivot.columns[column];
-        table_.titles.push_back(EscapeMarkdown(head.empty() ? name : head + ", " + name));
+        table_.titles.push_back(
+            EscapeMarkdown(head.empty() ? name : fmt::format("{}, {}", head, name)));
       }
     }
     num_columns_ = columns.size();
