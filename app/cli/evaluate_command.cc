@@ -248,7 +248,7 @@ void RequireDrivable(const eval::EvaluationTask& task, const std::vector<sim::Ph
 /// One evaluation, as text or JSON.
 std::string OneReport(const train::Scores& scores, bool as_json) {
   return as_json ? eval::JsonReport(scores.evaluation, scores.provenance)
-              : eval::TextReport(scores.evaluation);
+                 : eval::TextReport(scores.evaluation);
 }
 
 /// "Physics: slalom, mujoco 3.2."
