@@ -12,6 +12,31 @@
 
 namespace slalom::test {
 
+/// A script that lists in `clashes` the texts of one drawing whose boxes share more than a pixel
+/// each way, and what runs out of the window.
+inline constexpr char kFindClashes[] = R"(
+      let clashes = '';
+      for (const drawing of document.querySelectorAll('.plot svg')) {
+        const boxes = [...drawing.querySelectorAll('text')].map((t) => [t, t.getBoundingClientRect()]);
+        boxes.forEach(([t, a], i) => boxes.slice(i + 1).forEach(([u, b]) => {
+          const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+          const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+          if (across > 1 && down > 4) clashes += `${t.textContent} / ${u.textContent}; `;
+        }));
+        for (const [t, a] of boxes) {
+          if (a.left < -1 || a.right > innerWidth + 1) clashes += `${t.textContent} runs out; `;
+        }
+      }
+      const root = document.documentElement;
+      if (root.scrollWidth > root.clientWidth) clashes += `the page runs out (${root.scrollWidth}); `;
+)";
+
+/// How a page is opened.
+struct Window {
+  bool is_dark = false;
+  std::string script = "";  ///< Run at the end of the page's own.
+};
+
 /// A headless Chromium that opens pages without a network.
 class Browser {
  public:
@@ -26,21 +51,22 @@ class Browser {
     return std::nullopt;
   }
 
-  /// The page as it stands after its scripts, and then `script`, ran for three seconds of the
-  /// browser's own time.
-  std::string Render(std::string page, const std::string& script = "") const {
-    Write("page.html", std::move(page), script);
-    return Dump("page.html");
+  /// The page as it stands after its scripts ran for three seconds of the browser's own time.
+  /// `hash`: of its address.
+  std::string Render(std::string page, const std::string& hash = "",
+                     const Window& window = {}) const {
+    Write("page.html", std::move(page), window.script);
+    return Open("file://" + (directory_ / "page.html").string() + hash, window);
   }
 
-  /// The page at an address, of a file or of this machine, after three seconds of the browser's own
-  /// time.
-  std::string Open(const std::string& address) const {
+  /// The page at an address, of a file or of this machine, likewise. Of `window`, the script is not
+  /// run.
+  std::string Open(const std::string& address, const Window& window = {}) const {
     const std::string command = fmt::format(
         "HOME={0} {1} --headless --no-sandbox --disable-gpu --user-data-dir={0}/profile "
-        "--host-resolver-rules='MAP * ~NOTFOUND, EXCLUDE 127.0.0.1' --window-size=1280,2000 "
+        "--host-resolver-rules='MAP * ~NOTFOUND, EXCLUDE 127.0.0.1' --window-size=1280,2000 {3} "
         "--virtual-time-budget=3000 --dump-dom '{2}' >{0}/dom.html 2>{0}/log",
-        directory_.string(), Find().value(), address);
+        directory_.string(), Find().value(), address, window.is_dark ? "--force-dark-mode" : "");
     EXPECT_EQ(std::system(command.c_str()), 0) << base::ReadFile(directory_ / "log");
     return base::ReadFile(directory_ / "dom.html");
   }
@@ -49,12 +75,13 @@ class Browser {
   /// window of its own is never as narrow as a phone.
   std::string PostedInFrame(std::string page, int width, const std::string& script) const {
     Write("framed.html", std::move(page), script);
-    Write("page.html",
-          fmt::format("<!doctype html><body><iframe src=\"framed.html\" width=\"{}\" "
-                      "height=\"844\" frameborder=\"0\"></iframe></body>",
-                      width),
-          "onmessage = (event) => { document.body.dataset.posted = `<${event.data}>`; };");
-    const std::string dom = Dump("page.html");
+    const std::string dom = Render(
+        fmt::format("<!doctype html><body><iframe src=\"framed.html\" width=\"{}\" "
+                    "height=\"844\" frameborder=\"0\"></iframe></body>",
+                    width),
+        "",
+        {.script =
+             "onmessage = (event) => { document.body.dataset.posted = `<${event.data}>`; };"});
     const std::string mark = "data-posted=\"&lt;";
     const std::size_t at = dom.find(mark);
     if (at == std::string::npos) return "nothing was posted";
@@ -66,10 +93,6 @@ class Browser {
   void Write(const std::string& file, std::string page, const std::string& script) const {
     page.insert(page.rfind("</body>"), "<script>" + script + "</script>");
     base::WriteFileAtomically(directory_ / file, page);
-  }
-
-  std::string Dump(const std::string& file) const {
-    return Open("file://" + (directory_ / file).string());
   }
 
   const std::filesystem::path directory_;

@@ -1,11 +1,11 @@
+#include "tests/support/browser.h"
+
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <regex>
 
 #include "base/file.h"
@@ -23,31 +23,6 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-/// Lists the texts of one drawing whose boxes share more than a pixel each way, and what runs out.
-constexpr char kFindClashes[] = R"(
-      let clashes = '';
-      for (const drawing of document.querySelectorAll('.plot svg')) {
-        const boxes = [...drawing.querySelectorAll('text')].map((t) => [t, t.getBoundingClientRect()]);
-        boxes.forEach(([t, a], i) => boxes.slice(i + 1).forEach(([u, b]) => {
-          const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-          const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-          if (across > 1 && down > 4) clashes += `${t.textContent} / ${u.textContent}; `;
-        }));
-        for (const [t, a] of boxes) {
-          if (a.left < -1 || a.right > innerWidth + 1) clashes += `${t.textContent} runs out; `;
-        }
-      }
-      const root = document.documentElement;
-      if (root.scrollWidth > root.clientWidth) clashes += 'the page runs out; ';
-)";
-
-std::optional<std::string> FindBrowser() {
-  for (const char* name : {"chromium", "chromium-browser", "google-chrome"}) {
-    if (std::system(fmt::format("command -v {} >/dev/null 2>&1", name).c_str()) == 0) return name;
-  }
-  return std::nullopt;
-}
-
 /// The report in which each result is an agent.
 std::string PageOf(std::span<const Result> results) {
   return ReportPage(CompareResults(results, AgentsOf(results)));
@@ -56,8 +31,7 @@ std::string PageOf(std::span<const Result> results) {
 class BrowserTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    browser_ = FindBrowser();
-    if (!browser_) GTEST_SKIP() << "no chromium here: apt-get install chromium";
+    if (!test::Browser::Find()) GTEST_SKIP() << "no chromium here: apt-get install chromium";
   }
 
   std::vector<Result> Read(const std::vector<std::pair<std::string, Evaluation>>& evaluations) {
@@ -70,43 +44,9 @@ class BrowserTest : public ::testing::Test {
     return results;
   }
 
-  /// How a page is opened.
-  struct Window {
-    int width = 1280;
-    bool is_dark = false;
-    std::string script = "";  ///< Run at the end of the page's own.
-  };
-
-  /// The page as it stands after its scripts ran for three seconds of the browser's own time.
-  std::string Render(std::string page, const std::string& hash = "") {
-    return Render(std::move(page), hash, Window{});
-  }
-  std::string Render(std::string page, const std::string& hash, const Window& window) {
-    page.insert(page.rfind("</body>"), "<script>" + window.script + "</script>");
-    const auto file = scratch_.path() / "report.html";
-    const auto dom = scratch_.path() / "dom.html";
-    base::WriteFileAtomically(file, page);
-    const std::string command = fmt::format(
-        "HOME={0} {1} --headless --no-sandbox --disable-gpu --user-data-dir={0}/profile "
-        "--host-resolver-rules='MAP * ~NOTFOUND' --window-size={5},2000 {6} "
-        "--virtual-time-budget=3000 --dump-dom 'file://{2}{3}' >{4} 2>{0}/log",
-        scratch_.path().string(), *browser_, file.string(), hash, dom.string(), window.width,
-        window.is_dark ? "--force-dark-mode" : "");
-    EXPECT_EQ(std::system(command.c_str()), 0) << base::ReadFile(scratch_.path() / "log");
-    return base::ReadFile(dom);
-  }
-
-  /// What the script of `window` posts to the page around it, in which the page is a frame of the
-  /// window's width: a window of its own is never as narrow as a phone.
-  std::string RenderInFrame(std::string page, const Window& window) {
-    page.insert(page.rfind("</body>"), "<script>" + window.script + "</script>");
-    base::WriteFileAtomically(scratch_.path() / "framed.html", page);
-    const std::string dom = Render(
-        fmt::format("<!doctype html><body><iframe src=\"framed.html\" width=\"{}\" height=\"844\" "
-                    "frameborder=\"0\"></iframe><script>onmessage = (event) => {{ "
-                    "document.body.dataset.posted = event.data; }};</script></body>",
-                    window.width));
-    return Attribute(dom, "data-posted=", "data-posted");
+  std::string Render(const std::string& page, const std::string& hash = "",
+                     const test::Window& window = {}) const {
+    return browser_.Render(page, hash, window);
   }
 
   static int Count(const std::string& text, const std::string& what) {
@@ -127,8 +67,8 @@ class BrowserTest : public ::testing::Test {
     return std::regex_search(element, match, pattern) ? match[1].str() : "";
   }
 
-  std::optional<std::string> browser_;
-  test::ScratchDirectory scratch_;
+  const test::ScratchDirectory scratch_;
+  const test::Browser browser_{scratch_.path()};
 };
 
 TEST_F(BrowserTest, DrawsEverySectionWithTheFiguresOfTheResults) {
@@ -243,7 +183,7 @@ TEST_F(BrowserTest, ListsEveryFailureAndPlaysTheOneThatIsClicked) {
   }
   ASSERT_GT(failures.size(), 12u);
   ASSERT_NE(recorded, "");
-  Window window;
+  test::Window window;
   window.script = fmt::format(
       "document.getElementById('more-failures').click();"
       "document.querySelector('button[data-episode=\"{}\"]').click();",
@@ -309,7 +249,7 @@ TEST_F(BrowserTest, SetsOneAgentAgainstAnother) {
   EXPECT_EQ(Count(dom, "class=\"pair-bar clickable\""), num_different);
   EXPECT_THAT(dom, HasSubstr(fmt::format("only dwa in {},", only_first)));
   // The other way round, chosen on the page.
-  Window window;
+  test::Window window;
   window.script =
       "const b = document.getElementById('versus-b'); b.value = '0';"
       "b.dispatchEvent(new Event('change'));";
@@ -322,7 +262,7 @@ TEST_F(BrowserTest, FollowsTheSystemsColoursAndTheButtonAndPrintsInLight) {
   const std::string page = PageOf(Read({{"dwa", testing::MakeEvaluation({0.5, 0.5})}}));
   const std::string note =
       "document.body.dataset.ground += getComputedStyle(document.body).backgroundColor;";
-  Window window;
+  test::Window window;
   window.script = "document.body.dataset.ground = '';" + note +
                   "document.getElementById('theme').click();" + note +
                   "dispatchEvent(new Event('beforeprint'));" + note +
@@ -351,13 +291,12 @@ TEST_F(BrowserTest, OnAPhoneNothingRunsOutOrOverlaps) {
   }
   for (Result& result : results) result.course_set_data = courses;
   for (const int width : {390, 1280}) {
-    Window window;
-    window.width = width;
-    window.script = std::string(kFindClashes) + R"(
+    const std::string script = std::string(test::kFindClashes) + R"(
       const table = document.getElementById('figures-table').parentNode;
       if (table.scrollWidth > table.clientWidth) clashes += 'the table is cut; ';
       parent.postMessage(`${innerWidth} px: ${clashes}none else`, '*');)";
-    EXPECT_EQ(RenderInFrame(PageOf(results), window), fmt::format("{} px: none else", width));
+    EXPECT_EQ(browser_.PostedInFrame(PageOf(results), width, script),
+              fmt::format("{} px: none else", width));
   }
 }
 
@@ -379,11 +318,9 @@ TEST_F(BrowserTest, ShowsAgentsOfSeveralSeedsOnAPageThatFitsAPhone) {
             comparison.groups[0].pairs[0].difference().value);
   EXPECT_THAT(dom, HasSubstr("2 seeds, 60 episodes"));
   for (const int width : {390, 1280}) {
-    Window window;
-    window.width = width;
-    window.script = std::string(kFindClashes) +
-                    "parent.postMessage(`${innerWidth} px: ${clashes}none else`, '*');";
-    EXPECT_EQ(RenderInFrame(page, window), fmt::format("{} px: none else", width));
+    const std::string script = std::string(test::kFindClashes) +
+                               "parent.postMessage(`${innerWidth} px: ${clashes}none else`, '*');";
+    EXPECT_EQ(browser_.PostedInFrame(page, width, script), fmt::format("{} px: none else", width));
   }
 }
 

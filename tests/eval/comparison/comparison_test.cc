@@ -15,6 +15,7 @@
 
 #include "base/error.h"
 #include "eval/comparison/printers.h"
+#include "tests/eval/report/made_evaluation.h"
 
 namespace slalom::eval {
 namespace {
@@ -30,13 +31,7 @@ Result MakeResult(const std::string& file, const std::vector<std::string>& outco
   result.kind = "policy";
   result.file = file;
   result.course_set = "static-test";
-  result.protocol = {{"name", "\"paper\""},
-                     {"time_limit_s", "80.0"},
-                     {"goal_tolerance_m", "0.4"},
-                     {"collision_ends", "true"},
-                     {"clock_start_distance_m", "0.0"},
-                     {"start_position_jitter_m", "0.05"},
-                     {"start_yaw_jitter_rad", "0.05"}};
+  result.protocol = testing::PaperProtocol();
   result.seed = 1;
   for (std::size_t c = 0; c < outcomes.size(); ++c) {
     sim::Course course;

@@ -57,6 +57,16 @@ eval::Evaluation DriveCourses(int num_courses, const sim::EnvironmentConfig& env
       .value();
 }
 
+std::map<std::string, std::string> PaperProtocol() {
+  return {{"name", "\"paper\""},
+          {"time_limit_s", "80.0"},
+          {"goal_tolerance_m", "0.4"},
+          {"collision_ends", "true"},
+          {"clock_start_distance_m", "0.0"},
+          {"start_position_jitter_m", "0.05"},
+          {"start_yaw_jitter_rad", "0.05"}};
+}
+
 eval::Provenance MakeProvenance(const std::string& agent) {
   eval::Provenance provenance;
   provenance.agent = agent;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,9 @@ eval::Evaluation MakeEvaluation(std::vector<double> success_probability,
 /// An evaluation on courses with fixed and moving obstacles in the true simulator, by
 /// `ReactiveAgent`, with scans on every course.
 eval::Evaluation DriveCourses(int num_courses, const sim::EnvironmentConfig& environment = {});
+
+/// The protocol "paper" in a result that was read.
+std::map<std::string, std::string> PaperProtocol();
 
 /// Of an agent of this name.
 eval::Provenance MakeProvenance(const std::string& agent);

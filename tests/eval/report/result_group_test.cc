@@ -6,6 +6,9 @@
 #include <memory>
 #include <string>
 #include <vector>
+
+#include "tests/eval/report/made_evaluation.h"
+
 namespace slalom::eval {
 namespace {
 
@@ -17,13 +20,7 @@ Result MakeResult(const std::string& agent, const std::string& course_set = "sta
   result.kind = "planner";
   result.file = "out/" + agent + "/evaluation.json";
   result.course_set = course_set;
-  result.protocol = {{"name", "\"paper\""},
-                     {"time_limit_s", "80.0"},
-                     {"goal_tolerance_m", "0.4"},
-                     {"collision_ends", "true"},
-                     {"clock_start_distance_m", "0.0"},
-                     {"start_position_jitter_m", "0.05"},
-                     {"start_yaw_jitter_rad", "0.05"}};
+  result.protocol = testing::PaperProtocol();
   sim::Course course;
   course.name = "one";
   result.course_set_data = {course_set, {std::make_shared<const sim::Course>(course)}};

@@ -137,22 +137,8 @@ TEST_F(SweepPageTest, SaysOnThePageWhatWentWrong) {
 }
 
 TEST_F(SweepPageTest, OnAPhoneNothingRunsOutOrOverlaps) {
-  // Texts of one drawing whose boxes share more than a pixel each way.
-  const std::string script = R"(
-    let clashes = document.getElementById('errors').textContent;
-    for (const drawing of document.querySelectorAll('.plot svg')) {
-      const boxes = [...drawing.querySelectorAll('text')].map((t) => [t, t.getBoundingClientRect()]);
-      boxes.forEach(([t, a], i) => boxes.slice(i + 1).forEach(([u, b]) => {
-        const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-        const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-        if (across > 1 && down > 4) clashes += `${t.textContent} / ${u.textContent}; `;
-      }));
-      for (const [t, a] of boxes) {
-        if (a.left < -1 || a.right > innerWidth + 1) clashes += `${t.textContent} runs out; `;
-      }
-    }
-    const root = document.documentElement;
-    if (root.scrollWidth > root.clientWidth) clashes += `the page runs out (${root.scrollWidth}); `;
+  const std::string script = std::string(test::kFindClashes) + R"(
+    clashes += document.getElementById('errors').textContent;
     for (const table of document.querySelectorAll('.figures-table')) {
       const box = table.parentNode;
       if (box.scrollWidth > box.clientWidth) clashes += 'a table is cut; ';
