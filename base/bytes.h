@@ -38,7 +38,8 @@ class ByteWriter {
   std::vector<std::byte> bytes_;
 };
 
-/// Once the bytes are used up, it reads zeros and nothing, and has `failed`.
+/// Once the bytes are used up, or a bool is neither 0 nor 1, it reads zeros and nothing, and has
+/// `failed`.
 class ByteReader {
  public:
   explicit ByteReader(std::span<const std::byte> bytes) : bytes_(bytes) {}
@@ -48,15 +49,15 @@ class ByteReader {
   T Get() {
     T value{};
     const std::span<const std::byte> raw = GetBytes(sizeof(T));
-    if (raw.size() == sizeof(T)) std::memcpy(&value, raw.data(), sizeof(T));
+    if (raw.size() != sizeof(T)) return value;
+    if constexpr (std::is_same_v<T, bool>) {
+      if (raw[0] > std::byte{1}) return Fail(), false;
+    }
+    std::memcpy(&value, raw.data(), sizeof(T));
     return value;
   }
   std::span<const std::byte> GetBytes(std::size_t size) {
-    if (size > bytes_.size()) {
-      failed_ = true;
-      bytes_ = {};
-      return {};
-    }
+    if (size > bytes_.size()) return Fail(), std::span<const std::byte>();
     const std::span<const std::byte> result = bytes_.first(size);
     bytes_ = bytes_.subspan(size);
     return result;
@@ -72,6 +73,11 @@ class ByteReader {
   bool done() const { return !failed_ && bytes_.empty(); }
 
  private:
+  void Fail() {
+    failed_ = true;
+    bytes_ = {};
+  }
+
   std::span<const std::byte> bytes_;
   bool failed_ = false;
 };

@@ -33,5 +33,15 @@ TEST(Bytes, BeyondTheEndAreZerosFromThereOn) {
   EXPECT_FALSE(in.done());
 }
 
+TEST(Bytes, OfABoolAreZeroOrOne) {
+  ByteReader in(std::string_view("\x01\x00\x52\x01", 4));
+  EXPECT_TRUE(in.Get<bool>());
+  EXPECT_FALSE(in.Get<bool>());
+  EXPECT_FALSE(in.failed());
+  EXPECT_FALSE(in.Get<bool>());
+  EXPECT_TRUE(in.failed());
+  EXPECT_FALSE(in.Get<bool>()) << "although a byte was left";
+}
+
 }  // namespace
 }  // namespace slalom::base

@@ -2,33 +2,16 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
 #include "tests/proto/examples.h"
-
-namespace {
-
-std::atomic<std::size_t> allocated_bytes = 0;  // Ever.
-
-}  // namespace
-
-void* operator new(std::size_t size) {
-  allocated_bytes += size;
-  if (void* const memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#include "tests/support/allocation_count.h"
 
 namespace slalom::proto {
 namespace {
 
 std::size_t BytesAllocatedBy(std::string_view frame) {
-  const std::size_t before = allocated_bytes;
+  const long before = test::NumAllocatedBytes();
   (void)Decode(Bytes(frame), {});
-  return allocated_bytes - before;
+  return static_cast<std::size_t>(test::NumAllocatedBytes() - before);
 }
 
 std::string Repeat(std::string_view unit, std::size_t size) {
@@ -87,9 +70,9 @@ TEST(AllocationTest, AFrameMakesItsReaderAllocateFewTimesItsSize) {
 
 // The count sees what is there to be seen.
 TEST(AllocationTest, CountsAllocations) {
-  const std::size_t before = allocated_bytes;
+  const long before = test::NumAllocatedBytes();
   const std::string text(1000, 'x');
-  EXPECT_GE(allocated_bytes - before, 1000u);
+  EXPECT_GE(test::NumAllocatedBytes() - before, 1000);
 }
 
 }  // namespace

@@ -7,17 +7,24 @@
 namespace {
 
 std::atomic<long> num_allocations{0};
+std::atomic<long> num_bytes{0};
+
+void Count(std::size_t size) {
+  ++num_allocations;
+  num_bytes += static_cast<long>(size);
+}
 
 }  // namespace
 
 namespace slalom::test {
 
 long NumAllocations() { return num_allocations; }
+long NumAllocatedBytes() { return num_bytes; }
 
 }  // namespace slalom::test
 
 void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
-  ++num_allocations;
+  Count(size);
   return std::malloc(size == 0 ? 1 : size);
 }
 void* operator new(std::size_t size) {
@@ -25,7 +32,7 @@ void* operator new(std::size_t size) {
   throw std::bad_alloc();
 }
 void* operator new(std::size_t size, std::align_val_t alignment) {
-  ++num_allocations;
+  Count(size);
   const auto step = static_cast<std::size_t>(alignment);
   // A multiple of the alignment, as std::aligned_alloc wants it.
   if (void* memory = std::aligned_alloc(step, (size + step) / step * step)) return memory;
