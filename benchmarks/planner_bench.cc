@@ -1,17 +1,20 @@
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "planners/guard/shield.h"
 #include "planners/navigation/navigator.h"
 #include "planners/planner_agent.h"
 #include "sim/courses/course_generator.h"
 #include "sim/environments.h"
 
 /// Speed of the classical systems on a robot's observations on generated courses of all recipes:
-/// `items_per_second` is control cycles/s, map updates/s or plans/s as the name says.
+/// `items_per_second` is control cycles/s, map updates/s, plans/s or steps/s as the name says.
 
 namespace slalom::planners {
 namespace {
@@ -127,6 +130,31 @@ void BM_Plan(benchmark::State& state, bool anew) {
 }
 BENCHMARK_CAPTURE(BM_Plan, as_navigator, false);
 BENCHMARK_CAPTURE(BM_Plan, from_nothing, true);
+
+/// A step of the shield at 5 Hz. `full_speed`: the command is always full speed ahead, so that few
+/// steps end with the first look; else it is what the robot does. `worst_us`: the longest step.
+void BM_Shield(benchmark::State& state, bool full_speed) {
+  static const std::vector<Moment> moments = Record("mppi");
+  Shield shield({.shield = true}, {}, {}, {}, 0.2);
+  double worst = 0.0;
+  int num_changed = 0;
+  std::size_t i = 0;
+  for (auto _ : state) {
+    const Moment& m = moments[i];
+    if (m.first) shield.Reset();
+    const auto begin = std::chrono::steady_clock::now();
+    shield.See(m.ranges_cm, {m.X_OR, m.velocity.linear, m.velocity.angular});
+    num_changed += shield.Choose(full_speed ? Twist{2.0, 0.0} : m.velocity).changed;
+    const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - begin;
+    worst = std::max(worst, took.count());
+    i = (i + 1) % moments.size();
+  }
+  state.SetItemsProcessed(state.iterations());
+  state.counters["worst_us"] = worst;
+  state.counters["changed"] = static_cast<double>(num_changed) / state.iterations();
+}
+BENCHMARK_CAPTURE(BM_Shield, as_driven, false);
+BENCHMARK_CAPTURE(BM_Shield, full_speed, true);
 
 }  // namespace
 }  // namespace slalom::planners

@@ -30,6 +30,10 @@ class Agent {
   /// Activity of the agent in environment `i` at the last `Act`, in a few words without commas, so
   /// that records can tell why an episode failed. May be empty.
   virtual std::string Status(int /*i*/) const { return {}; }
+
+  /// Whether the action of environment `i` at the last `Act` was put in the place of one that was
+  /// not safe (planners/guard/).
+  virtual bool Intervened(int /*i*/) const { return false; }
 };
 
 }  // namespace slalom::env

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -16,6 +17,15 @@ namespace slalom::env {
 struct FrameView {
   std::span<const std::uint16_t> ranges_cm;  ///< [N], beams counter-clockwise, clipped, [cm].
   std::span<const float> state;              ///< [S], on a course as kStateFields says.
+
+  /// FNV-1a over the numbers: a seed for what must not depend on a place in a batch.
+  std::uint64_t Checksum() const {
+    std::uint64_t hash = 0xcbf29ce484222325u;
+    const auto add = [&](std::uint64_t value) { hash = (hash ^ value) * 0x100000001b3u; };
+    for (const std::uint16_t range : ranges_cm) add(range);
+    for (const float value : state) add(std::bit_cast<std::uint32_t>(value));
+    return hash;
+  }
 };
 
 /// Where the robot believes it is and how it moves, according to its wheels and gyroscope. Planners

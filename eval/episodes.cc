@@ -89,6 +89,7 @@ class Driver {
   void Step(env::Agent& agent) {
     agent.Act(environments_.observations(), env::NumbersOf(actions_));
     RequireFiniteActions();
+    RecordInterventions(agent);
     environments_.Step(env::NumbersOf(actions_), results_);
     for (int i = 0; i < environments_.batch_size(); ++i) {
       if (running_[i].record == kIdle) continue;
@@ -137,6 +138,15 @@ class Driver {
               ? "after the time limit of an episode"
               : fmt::format("on course {}, episode {}",
                             task_.courses.courses[record(i).course]->name, record(i).episode)));
+    }
+  }
+
+  void RecordInterventions(const env::Agent& agent) {
+    for (int i = 0; i < environments_.batch_size(); ++i) {
+      if (running_[i].record == kIdle || !agent.Intervened(i)) continue;
+      ++record(i).num_interventions;
+      sim::EpisodeTrack& track = running_[i].track;
+      track.interventions.push_back(static_cast<int>(track.poses.size()) - 1);
     }
   }
 

@@ -27,6 +27,7 @@ struct EpisodeRecord {
   int clock_start_step = 0;  ///< Steps before the protocol's clock started.
   /// How often a contact began, as seen at control steps: two within one step count once.
   int num_collisions = 0;
+  int num_interventions = 0;    ///< Actions that a guard changed (`env::Agent::Intervened`).
   double path_length = 0.0;     ///< Driven, along the poses at the control steps, [m].
   double min_range = 0.0;       ///< Smallest range that the LiDAR reported, [m].
   double episode_return = 0.0;  ///< Sum of rewards, not discounted.

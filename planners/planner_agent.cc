@@ -3,24 +3,11 @@
 #include <fmt/format.h>
 
 #include <atomic>
-#include <bit>
 #include <utility>
 
 #include "base/check.h"
 
 namespace slalom::planners {
-namespace {
-
-/// FNV-1a over the numbers of a frame.
-std::uint64_t Checksum(const env::FrameView& frame) {
-  std::uint64_t hash = 0xcbf29ce484222325u;
-  const auto add = [&](std::uint64_t value) { hash = (hash ^ value) * 0x100000001b3u; };
-  for (const std::uint16_t range : frame.ranges_cm) add(range);
-  for (const float value : frame.state) add(std::bit_cast<std::uint32_t>(value));
-  return hash;
-}
-
-}  // namespace
 
 PlannerAgent::PlannerAgent(const std::string& name, const PlannersConfig& config,
                            const ScanGeometry& geometry, const env::ActionBounds& bounds,
@@ -79,7 +66,7 @@ void PlannerAgent::ActOne(int i, const env::ObservationBatch& observations, env:
                          base::WrapAngle(X_CO.yaw + odometry.X_OR.yaw)};
   if (observations.first[i] != 0) {
     const base::Vec2 goal_R{frame.state[0], frame.state[1]};
-    navigator.Reset(X_CR, base::Transform(X_CR, goal_R), Checksum(frame));
+    navigator.Reset(X_CR, base::Transform(X_CR, goal_R), frame.Checksum());
   }
   const Twist command = navigator.Step(frame.ranges_cm, X_CR, {odometry.linear, odometry.angular});
   action = bounds_.Normalise(command.linear, command.angular);

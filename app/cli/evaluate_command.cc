@@ -70,13 +70,13 @@ struct EvaluateOptions {
 void RefuseKeysOfTraining(const std::vector<std::string>& overrides) {
   for (const std::string& assignment : overrides) {
     const bool is_read = std::ranges::any_of(
-        std::array{"environment.", "evaluation.", "courses.", "mpc.", "run.seed="},
+        std::array{"environment.", "evaluation.", "courses.", "guard.", "mpc.", "run.seed="},
         [&](std::string_view start) { return assignment.starts_with(start); });
     if (is_read) continue;
-    throw base::Error(
-        fmt::format("--set {}: expected a key of [environment], [evaluation], [courses] or [mpc], "
-                    "or run.seed; everything else about a policy was fixed when it was trained",
-                    assignment));
+    throw base::Error(fmt::format(
+        "--set {}: expected a key of [environment], [evaluation], [courses], [guard] or "
+        "[mpc], or run.seed; everything else about a policy was fixed when it was trained",
+        assignment));
   }
 }
 
@@ -108,7 +108,8 @@ void RefuseKeysOfOthers(const EvaluateOptions& options, const config::FieldList&
 /// Lays profiles, overrides and options over `config`, in this order.
 template <class Config>
 void ApplyOptions(const EvaluateOptions& options, Config& config) {
-  for (const std::string& file : options.profiles) train::LayProfile(file, config.environment);
+  for (const std::string& file : options.profiles)
+    train::LayProfile(file, config.environment, config.guard);
   const auto fields = config::ListFields(config);
   for (const std::string& assignment : options.overrides) {
     eval::RefuseRuleOfTask(assignment.substr(0, assignment.find('=')));

@@ -10,6 +10,7 @@
 #include "app/cli/training_results.h"
 #include "app/train/begin_run.h"
 #include "app/train/drive_actor.h"
+#include "app/train/guarded.h"
 #include "app/train/inputs.h"
 #include "app/train/policy_agents.h"
 #include "app/train/run_identity.h"
@@ -178,7 +179,7 @@ int RunEvaluator(const train::ServiceOptions& options) {
   const auto read_policy = [&](std::span<const std::byte> bytes) -> base::Result<eval::MakeAgent> {
     const auto snapshot = train::ReadPolicy(bytes, spec, run);
     if (!snapshot) return snapshot.failure();
-    return train::MakeAgentsOf(*snapshot, config);
+    return train::Guarded(train::MakeAgentsOf(*snapshot, config), config.guard);
   };
   eval::EvaluatorIdentity identity;
   identity.name = process.name();

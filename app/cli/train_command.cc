@@ -104,7 +104,7 @@ train::RunConfig LoadConfig(const TrainOptions& options, const std::string& path
                     "slalom sweep run {}",
                     path, path));
   }
-  for (const std::string& file : options.profiles) train::LayProfile(file, config.environment);
+  for (const std::string& file : options.profiles) train::LayProfile(file, config.environment, config.guard);
   for (const std::string& assignment : options.overrides) {
     config::ApplyOverride(assignment, fields);
   }

@@ -90,12 +90,14 @@ struct FunctionRunConfig {
   train::CollectionConfig courses;
   sim::EnvironmentConfig environment;
   eval::EvaluationConfig evaluation;
+  planners::GuardConfig guard;
 
   template <class Visitor>
   void Visit(Visitor& v) {
     v.Section("courses", courses, "Where set names are looked up.");
     v.Section("environment", environment, "The task.");
     v.Section("evaluation", evaluation, "The rules.");
+    v.Section("guard", guard, "A check of each action before the robot gets it.");
   }
 };
 
@@ -113,7 +115,7 @@ train::Scores Score(train::Scoring scoring, const Request& request, base::Parall
   auto evaluation =
       eval::EvaluateOnCourses(scoring.task, scoring.make_agent, &parallel, RaiseSignals);
   evaluation->training_overlap = scoring.training_overlap;
-  return {*std::move(evaluation), std::move(scoring.provenance)};
+  return {*std::move(evaluation), ProvenanceOf(scoring)};
 }
 
 /// The scores of a policy on the task that it was trained for, as `slalom evaluate` has them.

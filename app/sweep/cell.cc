@@ -165,10 +165,11 @@ class Expansion {
 
   fs::path RelativeToPlan(const std::string& path) const { return plan_.file.parent_path() / path; }
 
-  void LayProfiles(const std::vector<std::string>& profiles,
-                   sim::EnvironmentConfig& environment) const {
-    for (const std::string& profile : profiles)
-      train::LayProfile(RelativeToPlan(profile), environment);
+  template <class Config>
+  void LayProfiles(const std::vector<std::string>& profiles, Config& config) const {
+    for (const std::string& profile : profiles) {
+      train::LayProfile(RelativeToPlan(profile), config.environment, config.guard);
+    }
   }
 
   const train::RunConfig& Preset(const std::string& preset) {
@@ -183,7 +184,7 @@ class Expansion {
 
   train::RunConfig Configure(const Group& group, const Point& point) {
     train::RunConfig config = Preset(group.preset.empty() ? plan_.sweep.preset : group.preset);
-    LayProfiles(group.profiles, config.environment);
+    LayProfiles(group.profiles, config);
     const config::FieldList fields = config::ListFields(config);
     bool limits_steps = false;
     for (const auto* set : {&plan_.set, &group.set, &point.set, &plan_.overrides}) {
@@ -316,7 +317,7 @@ class Expansion {
     if (!group.preset.empty()) {
       config = train::ReadAgentRunConfig(RelativeToPlan(group.preset), std::move(config));
     }
-    LayProfiles(group.profiles, config.environment);
+    LayProfiles(group.profiles, config);
     const config::FieldList fields = config::ListFields(config);
     for (const auto* set : {&plan_.set, &plan_.overrides}) {
       for (const base::TomlAssignment& assignment : *set) {
@@ -411,12 +412,12 @@ class Expansion {
     constexpr bool kIsPolicy = std::is_same_v<Config, train::RunConfig>;
     const std::string who = fmt::format("{}, score '{}'", cell.name(), score.name);
     const config::FieldList fields = config::ListFields(task);
-    LayProfiles(score.profiles, task.environment);
+    LayProfiles(score.profiles, task);
     for (const auto& [key, value] : score.set) {
       if (!key.starts_with("environment.") && !key.starts_with("evaluation.") &&
-          !key.starts_with("mpc.")) {
+          !key.starts_with("guard.") && !key.starts_with("mpc.")) {
         Fail(value.where, fmt::format("score '{}' sets {}, expected a key of [environment], "
-                                      "[evaluation] or [mpc]",
+                                      "[evaluation], [guard] or [mpc]",
                                       score.name, key));
       }
       if (!kIsPolicy && key.starts_with("mpc.")) continue;
@@ -463,6 +464,7 @@ class Expansion {
       train::FitToRobot(task.environment, task.planners);
       what_decides = config::Changes(task.planners);
     }
+    what_decides += config::Changes(task.guard);
     const CourseFacts& courses = FindCourses(who, task.courses, base.courses);
     base.num_courses = courses.num_courses;
     base.num_episodes = std::int64_t{courses.num_courses} * task.evaluation.episodes_per_course;

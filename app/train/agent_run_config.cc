@@ -7,6 +7,7 @@
 #include <memory>
 #include <utility>
 
+#include "app/train/guarded.h"
 #include "app/train/planner_fit.h"
 #include "app/train/run_config.h"
 #include "base/config.h"
@@ -15,7 +16,6 @@
 #include "eval/oracle_agent.h"
 #include "planners/planner_agent.h"
 #include "sim/environments.h"
-#include "sim/lidar.h"
 
 namespace slalom::train {
 
@@ -71,14 +71,9 @@ eval::MakeAgent MakePlanners(const std::string& name, const planners::PlannersCo
   }
   return [name, config, &parallel](const sim::CourseEnvironments& environments) {
     const sim::EnvironmentConfig& environment = environments.config();
-    const sim::LidarConfig& lidar = environment.lidar;
-    const planners::ScanGeometry geometry{
-        lidar.num_beams,
-        lidar.field_of_view,
-        {lidar.offset_x, lidar.offset_y},
-        std::min(environment.observation.range_clip, sim::LongestEcho(lidar))};
-    return std::make_unique<planners::PlannerAgent>(name, config, geometry, environment.action,
-                                                    environment.episode.step, &parallel);
+    return std::make_unique<planners::PlannerAgent>(name, config, ScanGeometryOf(environment),
+                                                    environment.action, environment.episode.step,
+                                                    &parallel);
   };
 }
 

@@ -11,6 +11,7 @@
 #include "base/parallel.h"
 #include "eval/evaluation.h"
 #include "eval/evaluation_config.h"
+#include "planners/guard/guard_config.h"
 #include "planners/planner_registry.h"
 #include "sim/environment_config.h"
 
@@ -35,6 +36,7 @@ struct AgentRunConfig {
   sim::EnvironmentConfig environment;
   eval::EvaluationConfig evaluation;
   planners::PlannersConfig planners;
+  planners::GuardConfig guard;
 
   template <class Visitor>
   void Visit(Visitor& v) {
@@ -42,6 +44,7 @@ struct AgentRunConfig {
     v.Section("environment", environment, "The robot, its sensor and the task.");
     v.Section("evaluation", evaluation, "What an evaluation drives and keeps.");
     planners.Visit(v);
+    v.Section("guard", guard, "A check of each action before the robot gets it.");
   }
 };
 

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "app/train/run_config.h"
+#include "planners/guard/guard_config.h"
 #include "planners/planner_registry.h"
 #include "sim/environment_config.h"
 
@@ -20,9 +21,10 @@ struct AnyConfig {
   }
 };
 
-/// Lays the [environment] of the TOML file over `environment`. Other keys are checked, then
+/// Lays [environment] and [guard] of the TOML file over these. Other keys are checked, then
 /// ignored, and a line on standard error names them. Throws `base::Error` like
 /// `config::ReadTomlFile`.
-void LayProfile(const std::filesystem::path& file, sim::EnvironmentConfig& environment);
+void LayProfile(const std::filesystem::path& file, sim::EnvironmentConfig& environment,
+                planners::GuardConfig& guard);
 
 }  // namespace slalom::train

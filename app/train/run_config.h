@@ -19,6 +19,7 @@
 #include "learner/method.h"
 #include "learner/run/run_settings.h"
 #include "learner/service/learner_service_config.h"
+#include "planners/guard/guard_config.h"
 #include "policy/mpc_config.h"
 #include "policy/nn/network_config.h"
 #include "policy/policy.h"
@@ -107,6 +108,7 @@ struct RunConfig {
   learner::MethodConfig method;
   DistillationConfig distillation;
   policy::MpcConfig mpc;
+  planners::GuardConfig guard;
   eval::EvaluationConfig evaluation;
   ServiceConfig service;
   transport::SecurityConfig security;
@@ -138,6 +140,7 @@ struct RunConfig {
     v.Section("distillation", distillation, "Teachers of a policy that is distilled.",
               base::ReadIf{"learner.algorithm", {"distillation"}});
     v.Section("mpc", mpc, "Planning with the transition model.", with_model);
+    v.Section("guard", guard, "A check of each action before the robot gets it.");
     v.Section("evaluation", evaluation, "The protocol of evaluations.");
     v.Section("service", service,
               "Addresses and state of the distributed service. `slalom train` needs neither this "

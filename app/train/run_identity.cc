@@ -16,7 +16,7 @@ namespace slalom::train {
 namespace {
 
 /// Keys, and sections that end in a dot, which a resumed run may change.
-constexpr std::array<std::string_view, 18> kFreeKeys = {"run.max_steps",
+constexpr std::array<std::string_view, 19> kFreeKeys = {"run.max_steps",
                                                         "run.max_seconds",
                                                         "run.log_interval",
                                                         "run.checkpoint_seconds",
@@ -28,6 +28,7 @@ constexpr std::array<std::string_view, 18> kFreeKeys = {"run.max_steps",
                                                         "learner.threads",
                                                         "courses.test",
                                                         "evaluation.",
+                                                        "guard.",
                                                         "service.",
                                                         "security.",
                                                         "replay_server.",

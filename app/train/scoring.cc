@@ -97,18 +97,24 @@ Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
                  {.agent = name, .kind = "planner", .source = name, .course_set = courses_spec});
 }
 
+eval::Provenance ProvenanceOf(const Scoring& scoring) {
+  eval::Provenance provenance = scoring.provenance;
+  if (scoring.is_guarded) provenance.agent += ", guarded";
+  return provenance;
+}
+
 std::optional<Scores> Score(const Scoring& scoring, base::ParallelFor& parallel,
                             std::stop_token stop) {
   const sim::Physics& physics = scoring.task.physics;
-  EpisodeProgress progress(fmt::format("{} on {}{}", scoring.provenance.agent,
-                                       scoring.provenance.course_set,
+  eval::Provenance provenance = ProvenanceOf(scoring);
+  EpisodeProgress progress(fmt::format("{} on {}{}", provenance.agent, provenance.course_set,
                                        physics.make_bodies ? " in " + physics.name : ""));
   auto evaluation = eval::EvaluateOnCourses(
       scoring.task, scoring.make_agent, &parallel,
       [&progress](const eval::EpisodeCount& count) { progress.Show(count); }, std::move(stop));
   if (!evaluation) return std::nullopt;
   evaluation->training_overlap = scoring.training_overlap;
-  return Scores{std::move(*evaluation), scoring.provenance};
+  return Scores{std::move(*evaluation), std::move(provenance)};
 }
 
 void WarnOfTrainingOverlap(const sim::CourseSet& scored, const RunConfig& training) {

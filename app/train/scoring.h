@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "app/train/agent_run_config.h"
+#include "app/train/guarded.h"
 #include "app/train/run_config.h"
 #include "base/config.h"
 #include "base/parallel.h"
@@ -25,6 +26,7 @@ struct Scoring {
   eval::MakeAgent make_agent;
   eval::Provenance provenance;
   std::optional<eval::TrainingOverlap> training_overlap = std::nullopt;  ///< As in `Evaluation`.
+  bool is_guarded = false;
 };
 
 /// An evaluation and its provenance.
@@ -34,8 +36,8 @@ struct Scores {
 };
 
 /// Prepares to drive the agents of `make_agent` over `courses` with the task, collection and
-/// protocol of `config`: its `environment`, `courses` and `evaluation`. `provenance`: the driver
-/// and the name of the courses; the rest is filled in.
+/// protocol of `config`, under its guard: its `environment`, `courses`, `evaluation` and `guard`.
+/// `provenance`: the driver and the name of the courses; the rest is filled in.
 template <class Config>
 Scoring Prepare(const Config& config, const sim::CourseSet& courses, eval::MakeAgent make_agent,
                 eval::Provenance provenance) {
@@ -43,7 +45,8 @@ Scoring Prepare(const Config& config, const sim::CourseSet& courses, eval::MakeA
   provenance.commit = base::Commit();
   provenance.config = config::ToToml(config);
   return {eval::ResolveEvaluation(config.evaluation, config.environment, courses),
-          std::move(make_agent), std::move(provenance)};
+          Guarded(std::move(make_agent), config.guard), std::move(provenance), std::nullopt,
+          config.guard.enabled()};
 }
 
 /// Prepares to drive a policy over the courses of `courses_spec` likewise. `make_agent`: makers of
@@ -66,6 +69,9 @@ void RequireSameFieldOfView(const std::string& policy_source, const sim::Environ
 /// courses cannot be read.
 Scoring PreparePlanner(const std::string& name, const AgentRunConfig& config,
                        const std::string& courses_spec, base::ParallelFor& parallel);
+
+/// The provenance of its scores, which says that an agent is guarded.
+eval::Provenance ProvenanceOf(const Scoring& scoring);
 
 /// Runs `eval::EvaluateOnCourses`, with its errors, and shows a line of progress on standard error:
 /// episodes, rate, time left and the success so far. Returns nothing if it was stopped before the

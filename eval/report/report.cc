@@ -71,6 +71,21 @@ std::string ContactLine(const Evaluation& evaluation) {
               fmt::format("{} contacts, which end nothing here", set.num_contacts));
 }
 
+/// What a guard did.
+std::string GuardLine(const Evaluation& evaluation) {
+  std::int64_t num_changed = 0, num_actions = 0;
+  int num_episodes = 0;
+  for (const EpisodeRecord& record : evaluation.episodes.records) {
+    num_changed += record.num_interventions;
+    num_actions += record.num_steps;
+    num_episodes += record.num_interventions > 0;
+  }
+  if (num_changed == 0) return "";
+  return fmt::format("  {:<16}{:>10}   {:<22}changed, in {} episodes\n", "guard",
+                     FixedText(100.0 * num_changed / num_actions, 1) + " %", "of the actions",
+                     num_episodes);
+}
+
 /// A score on courses that were trained on says little; this line says so.
 std::string OverlapLine(const Evaluation& evaluation) {
   const auto& overlap = evaluation.training_overlap;
@@ -214,6 +229,7 @@ std::vector<OrderedJson> EpisodeLists(const Evaluation& evaluation,
     course["outcomes"].push_back(env::ToString(record.outcome));
     course["times_s"].push_back(record.time(evaluation.task.environment.episode.step));
     course["collisions_per_episode"].push_back(record.num_collisions);
+    course["interventions_per_episode"].push_back(record.num_interventions);
     for (std::size_t i = 0; i < drawn.size(); ++i) {
       OrderedJson& values = course["drawn"][drawn[i].key];
       if (drawn[i].names.empty()) {
@@ -268,8 +284,8 @@ std::string TextReport(const Evaluation& evaluation, int max_courses) {
                  : "",
              protocol.collision_ends ? "a collision ends the episode" : "collisions end nothing",
              PhysicsLine(task.physics), "", "", "95 % interval") +
-         SetLines(summary.set) + ContactLine(evaluation) + OverlapLine(evaluation) +
-         CourseLines(summary, max_courses);
+         SetLines(summary.set) + ContactLine(evaluation) + GuardLine(evaluation) +
+         OverlapLine(evaluation) + CourseLines(summary, max_courses);
 }
 
 std::string JsonReport(const Evaluation& evaluation, const Provenance& provenance) {
@@ -325,7 +341,7 @@ std::string CourseCsv(const Evaluation& evaluation) {
 std::string EpisodeCsv(const Evaluation& evaluation) {
   std::string text =
       "course,episode,seed,outcome,steps,time_s,clock_start_s,collisions,path_length_m,min_range_m,"
-      "return,barn_score,agent_status";
+      "return,barn_score,interventions,agent_status";
   const sim::RandomizedConfig task(evaluation.task.environment);
   for (const sim::RandomizedField& field : task.fields()) text += "," + field.key;
   text += '\n';
@@ -334,11 +350,12 @@ std::string EpisodeCsv(const Evaluation& evaluation) {
     const CourseFigures& course = evaluation.summary.courses[record.course];
     const double time = record.time(step);
     fmt::format_to(std::back_inserter(text),
-                   "{},{},{},{},{},{:.4f},{:.4f},{},{:.4f},{:.2f},{:.6f},{:.6f},{}", course.name,
+                   "{},{},{},{},{},{:.4f},{:.4f},{},{:.4f},{:.2f},{:.6f},{:.6f},{},{}", course.name,
                    record.episode, record.seed, env::ToString(record.outcome), record.num_steps,
                    time, record.clock_start_step * step, record.num_collisions, record.path_length,
                    record.min_range, record.episode_return,
-                   BarnScore(record.outcome, time, course.optimal_time), record.agent_status);
+                   BarnScore(record.outcome, time, course.optimal_time), record.num_interventions,
+                   record.agent_status);
     for (std::size_t i = 0; i < record.drawn.size(); ++i) {
       const std::vector<std::string>& names = task.fields()[i].names;
       text += ',';

@@ -110,6 +110,12 @@ Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose
   return command_;
 }
 
+void Navigator::Look(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR) {
+  projector_.Project(ranges_cm, X_OR, NewestScan());
+  UpdateMaps(X_OR);
+  ++num_steps_;
+}
+
 /// `motion` as it will be when the robot acts on a command of now.
 Navigator::Motion Navigator::AfterDelay(Motion motion) const {
   // The robot has acted on a part of the oldest command already.

@@ -70,6 +70,9 @@ class Navigator {
   /// Returns the command until the next call. `ranges_cm`: the present scan, [N] [cm].
   Twist Step(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR, Twist velocity);
 
+  /// Takes the present scan into the maps, in the place of a `Step`, and neither plans nor drives.
+  void Look(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR);
+
   NavigatorState state() const { return state_; }
   const NavigatorRecord& record() const { return record_; }
   const Costmap& local_costmap() const { return local_map_.costmap(); }

@@ -68,6 +68,15 @@ std::string ReadOptionalKeys(const json& object, EpisodeTrack& track) {
     }
   }
   track.episode = static_cast<int>(episode);
+  if (const auto list = object.find("interventions"); list != object.end()) {
+    const auto is_pose = [&](const json& number) {
+      return number.is_number_unsigned() && number.get<std::uint64_t>() < track.poses.size();
+    };
+    if (!list->is_array() || !std::ranges::all_of(*list, is_pose)) {
+      return "\"interventions\" that are not a list of numbers of poses";
+    }
+    track.interventions = list->get<std::vector<int>>();
+  }
   const auto scans = object.find("scans_cm");
   if (scans == object.end()) return "";
   if (!scans->is_array() || scans->size() != track.poses.size()) {
@@ -142,6 +151,9 @@ std::string PrintEpisodes(std::span<const EpisodeTrack> tracks) {
       fmt::format_to(out, "{}[{}, {}, {}]", i == 0 ? "" : ", ", pose.p.x, pose.p.y, pose.yaw);
     }
     text += "]";
+    if (!track.interventions.empty()) {
+      fmt::format_to(out, ", \"interventions\": [{}]", fmt::join(track.interventions, ","));
+    }
     if (track.beams) PrintScans(track, text);
     text += "}\n";
   }

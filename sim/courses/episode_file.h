@@ -32,6 +32,7 @@ struct EpisodeTrack {
   int episode = 0;                    ///< Number of the episode on its course.
   double step = 0.0;                  ///< Time between poses, [s]; 0 if not known.
   double motion_start = 0.0;          ///< Moving obstacles' clock at the first pose, [s].
+  std::vector<int> interventions{};   ///< Poses from which a guard changed the action, in order.
   std::optional<TrackBeams> beams{};  ///< Set if the scans were kept.
   std::vector<std::vector<std::uint16_t>> scans_cm{};  ///< One per pose, alike in size, [cm].
 
@@ -42,11 +43,13 @@ struct EpisodeTrack {
 /// several lines:
 ///
 ///     {"course": "barn-007", "outcome": "success", "episode": 0, "step_s": 0.2,
-///      "motion_start_s": 0, "poses": [[-2.0, 3.0, 1.57], ...], "sensor": [0.12, 0],
-///      "angle_min_rad": -2.35619, "angle_step_rad": 0.05243, "scans_cm": [[120, 131, ...], ...]}
+///      "motion_start_s": 0, "poses": [[-2.0, 3.0, 1.57], ...], "interventions": [3, 4],
+///      "sensor": [0.12, 0], "angle_min_rad": -2.35619, "angle_step_rad": 0.05243,
+///      "scans_cm": [[120, 131, ...], ...]}
 ///
-/// An outcome is success, collision, timeout or running. A pose is x [m], y [m], yaw [rad]. The
-/// last four keys are there only if scans were kept. Readers require course, outcome and poses.
+/// An outcome is success, collision, timeout or running. A pose is x [m], y [m], yaw [rad].
+/// Interventions are there only if a guard changed actions, and are the numbers of the poses where;
+/// the last four keys only if scans were kept. Readers require course, outcome and poses.
 std::string PrintEpisodes(std::span<const EpisodeTrack> tracks);
 
 /// Parses the tracks in `text`. Ignores unknown keys and blank lines. Throws `Error` that names

@@ -93,6 +93,10 @@ TEST(RunEpisodes, RecordsWhatAPlainLoopSees) {
     look();
     while (!result[0].ended()) {
       agent.Act(environment.observations(), env::NumbersOf(action));
+      if (agent.Intervened(0)) {
+        ++expected.num_interventions;
+        track.interventions.push_back(static_cast<int>(X_WR.size()) - 1);
+      }
       environment.Step(env::NumbersOf(action), result);
       look();
       ++expected.num_steps;

@@ -126,6 +126,7 @@ class SummingAgent : public env::Agent {
   }
 
   std::string Status(int i) const override { return std::to_string(sums_[i]); }
+  bool Intervened(int i) const override { return sums_[i] % 3 == 0; }
 
  private:
   std::vector<std::uint64_t> sums_;

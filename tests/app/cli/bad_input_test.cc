@@ -278,7 +278,7 @@ TEST_F(BadInputTest, WhatAnEvaluationDoesNotKnowIsNamedWithWhatThereIs) {
   Write("profile.toml", "[environment.robot]\nmass = 3.0\n[dwa]\nwings = 2\n");
   evaluate({"--profile", "profile.toml"},
            AllOf(HasSubstr("profile.toml:4"), HasSubstr("'dwa.wings'"),
-                 HasSubstr("only [environment]")));
+                 HasSubstr("only [environment] and [guard]")));
 }
 
 TEST_F(BadInputTest, ResultsThatCannotBeComparedAreRefused) {

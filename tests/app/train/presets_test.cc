@@ -74,7 +74,8 @@ class PresetTest : public testing::TestWithParam<std::string> {
 
 TEST_P(PresetTest, DrivesTheDefaultRobotUnderTheProfileOfHome) {
   sim::EnvironmentConfig laid = Load().environment;
-  LayProfile(Root() / "home.toml", laid);
+  planners::GuardConfig guard;
+  LayProfile(Root() / "home.toml", laid, guard);
   RunConfig with_its_robot;
   with_its_robot.environment.randomize = laid.randomize;
   with_its_robot.environment.robot = laid.robot;

@@ -23,7 +23,8 @@ std::map<std::string, std::string> DecidingDefaults() {
   std::map<std::string, std::string> defaults;
   RunConfig run;
   for (const config::Field& field : config::ListFields(run).fields) {
-    const bool counts = DecidesRun(run, field.key) || field.key.starts_with("evaluation.");
+    const bool counts = DecidesRun(run, field.key) || field.key.starts_with("evaluation.") ||
+                        field.key.starts_with("guard.");
     if (counts) defaults["training " + field.key] = config::PrintValue(field);
   }
   AgentRunConfig planner;

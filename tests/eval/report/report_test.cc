@@ -119,7 +119,7 @@ TEST(EpisodeCsv, HasOneFullLinePerEpisode) {
   const Evaluation evaluation = MakeEvaluation({0.0, 0.5, 1.0});
   const auto lines = Split(EpisodeCsv(evaluation), '\n');
   ASSERT_EQ(lines.size(), 16u);
-  for (const std::string& line : lines) EXPECT_EQ(Split(line, ',').size(), 13u) << line;
+  for (const std::string& line : lines) EXPECT_EQ(Split(line, ',').size(), 14u) << line;
   const EpisodeRecord& last = evaluation.episodes.records.back();
   EXPECT_THAT(lines.back(), ::testing::StartsWith("course-2,4," + std::to_string(last.seed) +
                                                   ",success," + std::to_string(last.num_steps)));

@@ -28,6 +28,7 @@ TEST(EpisodeFile, GivesBackWhatWasWritten) {
   }
   tracks.push_back({"empty", env::Outcome::kTimeout, {}});
   tracks[1].episode = 7;
+  tracks[1].interventions = {0, 3, 49};
   tracks[1].step = 0.05;
   tracks[1].motion_start = 123.456;
   tracks[2].beams = TrackBeams{{0.12, -0.01}, -2.35619, 0.1};
@@ -60,6 +61,10 @@ TEST(EpisodeFile, BadLinesAreNamed) {
         "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, null]]}",
         "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [], \"step_s\": -1}",
         "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [], \"episode\": \"1\"}",
+        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]], \"interventions\": "
+        "[1]}",
+        "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]], \"interventions\": "
+        "0}",
         "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]], \"scans_cm\": []}",
         "{\"course\": \"c\", \"outcome\": \"success\", \"poses\": [[1, 2, 3]], \"scans_cm\": "
         "[[1]]}",

@@ -1,0 +1,86 @@
+#include "app/train/guarded.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "app/train/planner_fit.h"
+#include "base/config.h"
+#include "planners/planner_registry.h"
+#include "sim/lidar.h"
+#include "sim/mass_distribution.h"
+
+namespace slalom::train {
+namespace {
+
+struct GuardSection {
+  planners::GuardConfig guard;
+
+  template <class Visitor>
+  void Visit(Visitor& v) {
+    v.Section("guard", guard, "");
+  }
+};
+
+/// MPPI as it drives on the task, with maps that reach farther, and that never gives up.
+planners::GuidePlanner GuidePlannerOf(const sim::EnvironmentConfig& environment,
+                                      const planners::GuardConfig& guard) {
+  planners::PlannersConfig config;
+  FitToRobot(environment, config);
+  planners::NavigationConfig& navigation = config.navigation;
+  navigation.obstacle_range = guard.obstacle_range;
+  navigation.raytrace_range = guard.raytrace_range;
+  navigation.planner_patience = navigation.controller_patience = 1e6;
+  return {navigation, planners::NavigationOf("mppi", config),
+          [config] { return planners::MakeLocalPlanner("mppi", config); }};
+}
+
+}  // namespace
+
+planners::ScanGeometry ScanGeometryOf(const sim::EnvironmentConfig& environment) {
+  const sim::LidarConfig& lidar = environment.lidar;
+  return {lidar.num_beams,
+          lidar.field_of_view,
+          {lidar.offset_x, lidar.offset_y},
+          std::min(environment.observation.range_clip, sim::LongestEcho(lidar))};
+}
+
+planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment) {
+  const sim::RobotConfig& robot = environment.robot;
+  const sim::MassDistribution masses = sim::DistributeMass(robot);
+  return {.model = {.length = robot.length,
+                    .width = robot.width,
+                    .mass = masses.mass,
+                    .yaw_inertia = masses.yaw_inertia,
+                    .centre_x = masses.x,
+                    .centre_y = masses.y,
+                    .centre_z = masses.height,
+                    .wheel_base = robot.wheel_base,
+                    .track = robot.track,
+                    .wheel_separation_multiplier = robot.wheel_separation_multiplier,
+                    .friction = robot.wheel_friction,
+                    .slips = robot.drive == sim::DriveKind::kSkidSteer,
+                    .linear_limit = robot.linear_speed_limit,
+                    .angular_limit = robot.angular_speed_limit,
+                    .linear_acceleration = robot.linear_acceleration,
+                    .angular_acceleration = robot.angular_acceleration,
+                    .delay = robot.command_delay + robot.command_jitter},
+          .scan = ScanGeometryOf(environment),
+          .bounds = environment.action,
+          .step = environment.episode.step};
+}
+
+eval::MakeAgent Guarded(eval::MakeAgent make_agent, const planners::GuardConfig& guard) {
+  if (!guard.enabled()) {
+    GuardSection found{guard}, defaults;
+    config::RequireRead(config::ListFields(found), config::ListFields(defaults));
+    return make_agent;
+  }
+  return [make_agent = std::move(make_agent), guard](const sim::CourseEnvironments& environments) {
+    planners::GuardedRobot robot = GuardedRobotOf(environments.config());
+    robot.guide = GuidePlannerOf(environments.config(), guard);
+    return std::make_unique<planners::GuardedAgent>(make_agent(environments), guard, robot);
+  };
+}
+
+}  // namespace slalom::train

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "eval/evaluation.h"
+#include "planners/guard/guarded_agent.h"
+#include "planners/navigation/scan.h"
+#include "sim/environment_config.h"
+
+/// What stands between an agent and the robot of a task (planners/guard/).
+
+namespace slalom::train {
+
+/// The scans of a task, as observations show them.
+planners::ScanGeometry ScanGeometryOf(const sim::EnvironmentConfig& environment);
+
+/// What a guard is told of the task's robot: outline, masses, wheels, friction, accelerations and
+/// the longest delay. Not what nobody could tell it: gains, imbalance, errors of the odometry.
+planners::GuardedRobot GuardedRobotOf(const sim::EnvironmentConfig& environment);
+
+/// Makers of the same agents, under a guard if it is enabled. Throws `base::Error` that names the
+/// key if it is not, but another of its keys is set.
+eval::MakeAgent Guarded(eval::MakeAgent make_agent, const planners::GuardConfig& guard);
+
+}  // namespace slalom::train

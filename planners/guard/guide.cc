@@ -1,0 +1,123 @@
+#include "planners/guard/guide.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace slalom::planners {
+namespace {
+
+constexpr double kProgress = 0.3;  // What counts as getting on, [m].
+constexpr double kTurnRate = 1.5;  // Of a turn on the spot, [rad/s].
+constexpr double kTurnedTo = 0.6;  // It ends when the waypoint is that far to the side, [rad].
+constexpr double kPathPatience =
+    2.0;  // Times `rescue_after`, until a way that is no shorter counts.
+
+}  // namespace
+
+Guide::Guide(const GuardConfig& config, const GuidePlanner& planner, const ScanGeometry& geometry,
+             double step)
+    : Guide(config, planner, geometry, step, std::make_unique<RestingPlanner>(planner.make())) {}
+
+Guide::Guide(const GuardConfig& config, const GuidePlanner& planner, const ScanGeometry& geometry,
+             double step, std::unique_ptr<RestingPlanner> resting)
+    : config_(config),
+      step_(step),
+      planner_(resting.get()),
+      navigator_(planner.navigation, planner.own, geometry, step, std::move(resting)) {}
+
+int Guide::Steps(double time) const { return static_cast<int>(std::lround(time / step_)); }
+
+void Guide::Progress::Take(double distance) {
+  ++num_steps;
+  if (distance > best - kProgress) return;
+  best = distance;
+  num_steps = 0;
+}
+
+void Guide::Reset(const base::Pose2& X_OR, base::Vec2 goal_R, std::uint64_t seed) {
+  goal_O_ = base::Transform(X_OR, goal_R);
+  navigator_.Reset(X_OR, goal_O_, seed);
+  guides_ = turns_ = false;
+  to_goal_ = {base::Norm(goal_R), 0};
+  along_path_ = {std::numeric_limits<double>::infinity(), 0};
+  num_rescue_steps_ = 0;
+  places_O_.clear();
+}
+
+Guide::Advice Guide::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& odometry) {
+  const base::Pose2& X_OR = odometry.X_OR;
+  const double left = base::Norm(goal_O_ - X_OR.p);
+  to_goal_.Take(left);
+  guides_ = guides_ || to_goal_.num_steps >= Steps(config_.waypoint_after);
+  if (!guides_) {
+    navigator_.Look(ranges_cm, X_OR);
+    return {};
+  }
+  const bool rescues = num_rescue_steps_ > 0;
+  planner_->awake = rescues;
+  const Twist command = navigator_.Step(ranges_cm, X_OR, {odometry.linear, odometry.angular});
+  if (left < config_.near) {
+    num_rescue_steps_ = 0;
+    turns_ = false;
+    places_O_.clear();
+    return {};
+  }
+  if (rescues) {
+    --num_rescue_steps_;
+    return {.command = command};
+  }
+  if (IsStuck(X_OR.p)) {
+    num_rescue_steps_ = Steps(config_.rescue_time);
+    turns_ = false;
+  }
+  const std::optional<base::Vec2> waypoint_O = Waypoint(X_OR.p);
+  if (!waypoint_O) return {};
+  const base::Vec2 waypoint_R = base::InverseTransform(X_OR, *waypoint_O);
+  const double side = std::atan2(waypoint_R.y, waypoint_R.x);
+  turns_ = std::abs(side) > (turns_ ? kTurnedTo : config_.turn_beyond);
+  if (turns_) return {.command = Twist{0.0, std::copysign(kTurnRate, side)}};
+  return {.waypoint_R = waypoint_R};
+}
+
+/// The point of the path that is `lookahead` along it from the robot; the goal if that is nearer.
+std::optional<base::Vec2> Guide::Waypoint(base::Vec2 p_O) const {
+  const std::span<const base::Vec2> path = navigator_.path();
+  if (path.empty()) return std::nullopt;
+  double way = 0.0;
+  base::Vec2 last = p_O;
+  for (const base::Vec2 next : path) {
+    way += base::Norm(next - last);
+    last = next;
+    if (way >= config_.lookahead) return next;
+  }
+  return goal_O_;
+}
+
+double Guide::PathLength(base::Vec2 p_O) const {
+  double way = 0.0;
+  base::Vec2 last = p_O;
+  for (const base::Vec2 next : navigator_.path()) {
+    way += base::Norm(next - last);
+    last = next;
+  }
+  return way;
+}
+
+/// Whether the robot has stayed where it is, or its way has not become shorter, for too long. Then
+/// both begin anew.
+bool Guide::IsStuck(base::Vec2 p_O) {
+  const auto num_places = static_cast<std::size_t>(std::max(Steps(config_.rescue_after), 1));
+  if (places_O_.size() > num_places) places_O_.erase(places_O_.begin());
+  places_O_.push_back(p_O);
+  along_path_.Take(PathLength(p_O));
+  const bool stands =
+      places_O_.size() > num_places && base::Norm(p_O - places_O_.front()) < kProgress;
+  const bool strays = along_path_.num_steps >= Steps(kPathPatience * config_.rescue_after);
+  if (!stands && !strays) return false;
+  places_O_.clear();
+  along_path_ = {std::numeric_limits<double>::infinity(), 0};
+  return true;
+}
+
+}  // namespace slalom::planners

@@ -1,0 +1,281 @@
+#include "planners/guard/shield.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "base/check.h"
+
+namespace slalom::planners {
+namespace {
+
+constexpr double kTick = 0.02;       // About the time of a step of the prediction, [s].
+constexpr int kTicksPerLook = 2;     // The outline is held against the points so often.
+constexpr int kLinearChoices = 11;   // Of the commands to fall back on.
+constexpr int kAngularChoices = 13;  // Odd, so that one drives straight ahead.
+constexpr double kMaxBraking = 3.0;  // [s]
+constexpr float kSpacing = 0.015f;   // Points that are closer together count as one, [m].
+constexpr int kSameSurfaceCm = 10;   // Neighbours whose ranges differ by less are of one surface.
+constexpr float kFar = std::numeric_limits<float>::infinity();
+
+int NumTicks(double time, double step) {
+  const double tick = step / std::max(1.0, std::round(step / kTick));
+  return static_cast<int>(std::ceil(time / tick - 1e-9));
+}
+
+float Around(const RobotModel& robot) {
+  return static_cast<float>(std::hypot(0.5 * robot.length + std::abs(robot.centre_x),
+                                       0.5 * robot.width + std::abs(robot.centre_y)));
+}
+
+/// The way of a robot at its greatest speed, until it has braked.
+double LongestWay(const RobotModel& robot, double step) {
+  const double speed = robot.linear_limit;
+  const double braking = robot.slips
+                             ? std::min(robot.linear_acceleration, robot.friction * kGravity)
+                             : robot.linear_acceleration;
+  return speed * (robot.delay + step + 0.5 * speed / braking);
+}
+
+}  // namespace
+
+Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeometry& geometry,
+               const env::ActionBounds& bounds, double step)
+    : config_(config),
+      robot_(robot),
+      geometry_(geometry),
+      bounds_(bounds),
+      step_ticks_(NumTicks(step, step)),
+      delay_ticks_(NumTicks(robot.delay, step)),
+      memory_steps_(static_cast<int>(std::lround(config.memory / step))),
+      drive_(robot, step / step_ticks_),
+      half_length_(static_cast<float>(0.5 * robot.length)),
+      half_width_(static_cast<float>(0.5 * robot.width)),
+      around_(Around(robot)),
+      reach_(LongestWay(robot, step) + Around(robot) + config.margin) {
+  SLALOM_CHECK_GE(geometry.num_beams, 2);
+  const double spacing = geometry.field_of_view / (geometry.num_beams - 1);
+  for (int i = 0; i < geometry.num_beams; ++i) {
+    const auto [s, c] = base::SinCos(-0.5 * geometry.field_of_view + i * spacing);
+    directions_R_.push_back({c, s});
+  }
+  for (int i = 0; i < kLinearChoices; ++i) {
+    for (int j = 0; j < kAngularChoices; ++j) {
+      const env::Action action{2.0f * i / (kLinearChoices - 1) - 1.0f,
+                               2.0f * j / (kAngularChoices - 1) - 1.0f};
+      grid_.push_back({bounds.linear_mps(action), bounds.angular_radps(action)});
+    }
+  }
+  Reset();
+}
+
+void Shield::Reset() {
+  points_.clear();
+  near_.clear();
+  sent_.assign(2 + delay_ticks_ / step_ticks_, Twist{});
+  now_ = start_ = Motion{};
+}
+
+/// The command on which the drive acts in that tick from now on. The last one was sent a step ago.
+Twist Shield::CommandAt(int tick) const {
+  int sent = -step_ticks_;
+  for (const Twist& command : sent_) {
+    if (sent + delay_ticks_ <= tick) return command;
+    sent -= step_ticks_;
+  }
+  return sent_.back();
+}
+
+/// Moves `start_` on.
+void Shield::Drive(int begin, int end) {
+  for (int tick = begin; tick < end; ++tick) {
+    const Twist command = CommandAt(tick);
+    drive_.Step(Lanes::Constant(static_cast<float>(command.linear)),
+                Lanes::Constant(static_cast<float>(command.angular)), start_);
+  }
+}
+
+void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& odometry) {
+  SLALOM_CHECK_EQ(ranges_cm.size(), directions_R_.size());
+  X_OR_ = odometry.X_OR;
+  SmoothRanges(ranges_cm);
+  Remember(ranges_cm);
+  LookAround();
+
+  // What the odometry does not tell is how it was predicted: slip to the side, and the wheels.
+  start_ = now_;
+  Drive(-step_ticks_, 0);
+  now_ = start_;
+  now_.x.setZero();
+  now_.y.setZero();
+  now_.sin.setZero();
+  now_.cos.setOnes();
+  now_.ahead.setConstant(static_cast<float>(odometry.linear - odometry.angular * robot_.centre_y));
+  now_.yaw_rate.setConstant(static_cast<float>(odometry.angular));
+
+  start_ = now_;
+  room_ = RoomAt(start_)[0];
+  for (int tick = 0; tick < delay_ticks_; tick += kTicksPerLook) {
+    Drive(tick, std::min(tick + kTicksPerLook, delay_ticks_));
+    room_ = std::min(room_, RoomAt(start_)[0]);
+  }
+}
+
+/// Each range is the median of those of its neighbours that lie on the same surface. So a beam that
+/// noise alone brought near moves back, and a pole that one beam hits stays.
+void Shield::SmoothRanges(std::span<const std::uint16_t> ranges_cm) {
+  const int num_beams = static_cast<int>(ranges_cm.size());
+  ranges_.resize(ranges_cm.size());
+  for (int i = 0; i < num_beams; ++i) {
+    // The neighbours of the same surface in order of their ranges, each put in its place.
+    std::array<int, 5> sorted{};
+    int count = 0;
+    for (int k = std::max(i - 2, 0); k <= std::min(i + 2, num_beams - 1); ++k) {
+      if (std::abs(ranges_cm[k] - ranges_cm[i]) > kSameSurfaceCm) continue;
+      int place = count++;
+      for (; place > 0 && sorted[place - 1] > ranges_cm[k]; --place)
+        sorted[place] = sorted[place - 1];
+      sorted[place] = ranges_cm[k];
+    }
+    ranges_[i] = 0.005f * static_cast<float>(sorted[(count - 1) / 2] + sorted[count / 2]);
+  }
+}
+
+/// Takes the near points of the scan, and keeps those seen before in directions where the range
+/// finder does not look now.
+void Shield::Remember(std::span<const std::uint16_t> ranges_cm) {
+  const base::Vec2 p_RC{robot_.centre_x, robot_.centre_y};
+  std::erase_if(points_, [&](Point& point) {
+    if (++point.age > memory_steps_) return true;
+    const base::Vec2 p_R = base::InverseTransform(X_OR_, point.p_O);
+    if (base::Norm(p_R - p_RC) > reach_) return true;
+    const base::Vec2 p_S = p_R - geometry_.p_RS;
+    return std::abs(std::atan2(p_S.y, p_S.x)) <= 0.5 * geometry_.field_of_view;
+  });
+  const double reach = reach_ + base::Norm(geometry_.p_RS - p_RC);
+  const auto longest = static_cast<std::uint16_t>(100.0 * std::min(reach, geometry_.clip - 0.005));
+  base::Vec2 last{1e9, 1e9};
+  for (std::size_t i = 0; i < ranges_cm.size(); ++i) {
+    if (ranges_cm[i] > longest) continue;
+    const base::Vec2 p_R = geometry_.p_RS + ranges_[i] * directions_R_[i];
+    if (base::Norm(p_R - last) < kSpacing || base::Norm(p_R - p_RC) > reach_) continue;
+    last = p_R;
+    points_.push_back({base::Transform(X_OR_, p_R), 0});
+  }
+}
+
+void Shield::LookAround() {
+  near_.clear();
+  const auto [s, c] = base::SinCos(X_OR_.yaw);
+  for (const Point& point : points_) {
+    const base::Vec2 d = point.p_O - X_OR_.p;
+    const auto x = static_cast<float>(c * d.x + s * d.y - robot_.centre_x);
+    const auto y = static_cast<float>(c * d.y - s * d.x - robot_.centre_y);
+    near_.push_back({x, y, std::sqrt(x * x + y * y)});
+  }
+  std::ranges::sort(near_, {}, &NearPoint::distance);
+}
+
+/// From the outline to the nearest point, negative inside; infinite if much more than the margin.
+Lanes Shield::RoomAt(const Motion& m) const {
+  const float way = std::sqrt((m.x * m.x + m.y * m.y).maxCoeff());
+  const float reach = way + around_ + static_cast<float>(config_.margin);
+  const auto middle_x = static_cast<float>(robot_.centre_x);
+  const auto middle_y = static_cast<float>(robot_.centre_y);
+  // To the outline's sides, and the square of the distance outside.
+  Lanes side = Lanes::Constant(kFar), square = Lanes::Constant(kFar);
+  for (const NearPoint& point : near_) {
+    if (point.distance > reach) break;
+    const Lanes dx = point.x - m.x, dy = point.y - m.y;
+    const Lanes ahead = (m.cos * dx + m.sin * dy + middle_x).abs() - half_length_;
+    const Lanes aside = (m.cos * dy - m.sin * dx + middle_y).abs() - half_width_;
+    side = side.min(ahead.max(aside));
+    const Lanes out_ahead = ahead.max(0.0f), out_aside = aside.max(0.0f);
+    square = square.min(out_ahead * out_ahead + out_aside * out_aside);
+  }
+  return (side < 0.0f).select(side, square.sqrt());
+}
+
+/// The least room from when the commands begin to act until the robots stand.
+Lanes Shield::RoomOf(const Lanes& linear, const Lanes& angular) const {
+  Motion motion = start_;
+  Lanes room = Lanes::Constant(kFar);
+  const auto drive = [&](const Lanes& v, const Lanes& w, int num_ticks, bool brakes) {
+    for (int tick = 0; tick < num_ticks; ++tick) {
+      drive_.Step(v, w, motion);
+      if (tick % kTicksPerLook != kTicksPerLook - 1 && tick + 1 != num_ticks) continue;
+      room = room.min(RoomAt(motion));
+      if (brakes && (motion.ahead.abs() < 0.02f && motion.yaw_rate.abs() < 0.1f).all()) return;
+    }
+  };
+  drive(linear, angular, step_ticks_, false);
+  const int braking = static_cast<int>(kMaxBraking / kTick);
+  drive(Lanes::Zero(), Lanes::Zero(), braking, true);
+  return room;
+}
+
+float Shield::Clearance(Twist command) const {
+  return RoomOf(Lanes::Constant(static_cast<float>(command.linear)),
+                Lanes::Constant(static_cast<float>(command.angular)))[0];
+}
+
+Shield::Choice Shield::Choose(Twist wanted) {
+  const auto send = [this](const Choice& choice) {
+    std::ranges::rotate(sent_, sent_.end() - 1);
+    sent_.front() = choice.command;
+    return choice;
+  };
+  if (near_.empty()) return send({wanted, false, kFar});
+  // No closer than the margin or, if the robot is closer already, hardly closer than it is.
+  const float slack = std::clamp(0.1f * room_, 0.0f, 0.005f);
+  const float enough = std::min(static_cast<float>(config_.margin), room_ - slack);
+
+  choices_.clear();
+  const env::Action asked = bounds_.Scale(wanted.linear, wanted.angular);
+  const auto add = [&](const Twist& command) {
+    const env::Action action = bounds_.Scale(command.linear, command.angular);
+    choices_.emplace_back(std::hypot(action.linear - asked.linear, action.angular - asked.angular),
+                          command);
+  };
+  add(wanted);
+  for (const double share : {0.75, 0.5, 0.25, 0.0}) {
+    add({share * wanted.linear, share * wanted.angular});
+  }
+  for (const Twist& command : grid_) add(command);
+
+  Choice best{wanted, false, -kFar};
+  std::size_t sorted = 0;
+  for (std::size_t begin = 0; begin < choices_.size(); begin += kLanes) {
+    const std::size_t end = std::min(begin + kLanes, choices_.size());
+    // Mostly the wanted command passes, and the order of the others does not matter.
+    if (end > sorted) {
+      const auto by_distance = [](const auto& a, const auto& b) { return a.first < b.first; };
+      const auto first = choices_.begin() + static_cast<std::ptrdiff_t>(begin);
+      if (begin == 0) {
+        std::partial_sort(first, first + static_cast<std::ptrdiff_t>(end), choices_.end(),
+                          by_distance);
+        sorted = end;
+      } else {
+        std::sort(first, choices_.end(), by_distance);
+        sorted = choices_.size();
+      }
+    }
+    Lanes linear, angular;
+    for (int k = 0; k < kLanes; ++k) {
+      const Twist& command = choices_[std::min(begin + k, end - 1)].second;
+      linear[k] = static_cast<float>(command.linear);
+      angular[k] = static_cast<float>(command.angular);
+    }
+    const Lanes room = RoomOf(linear, angular);
+    for (std::size_t i = begin; i < end; ++i) {
+      const float clearance = room[static_cast<Eigen::Index>(i - begin)];
+      const Choice choice{choices_[i].second, i > 0, clearance};
+      if (clearance >= enough) return send(choice);
+      if (clearance > best.clearance) best = choice;
+    }
+  }
+  return send(best);
+}
+
+}  // namespace slalom::planners

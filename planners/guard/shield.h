@@ -1,0 +1,96 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "base/geometry.h"
+#include "env/action.h"
+#include "env/observation.h"
+#include "planners/guard/drive_model.h"
+#include "planners/guard/guard_config.h"
+#include "planners/navigation/local_planner.h"
+#include "planners/navigation/scan.h"
+
+/// Frames: `O` odometry (fixed to the ground), `R` the robot. Shapes: `N` beams.
+
+namespace slalom::planners {
+
+/// A shield (Alshiekh et al. 2018) in front of the drive of one robot: a command passes if the
+/// robot can take it for a control step and then brake to a stand, and its outline keeps the margin
+/// to every point of the scan all the while, or comes no closer than it is. Another is replaced by
+/// the nearest one that passes. What is seen is taken to stand still.
+///
+/// The robot is predicted from its odometry and from the commands that it was given, as late as
+/// they may act. Confined to one thread at a time. Cost: 10 to 20 us a step, and at most 300 us
+/// where few commands pass (benchmarks/planner_bench.cc).
+class Shield {
+ public:
+  /// `bounds`: the commands to choose from. `step`: time for which a command is held, [s].
+  Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeometry& geometry,
+         const env::ActionBounds& bounds, double step);
+
+  /// Begins an episode with a robot at rest, and forgets everything before.
+  void Reset();
+
+  /// Takes the newest scan [N] [cm], and where the robot was when it was taken and how it moved.
+  /// Once for each `Choose`, before it. Requires: ranges_cm.size() == num_beams.
+  void See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& odometry);
+
+  /// A command, and how much room it leaves.
+  struct Choice {
+    Twist command;
+    bool changed = false;    ///< Whether it is another than the one that was asked for.
+    double clearance = 0.0;  ///< From the outline to the nearest point, up to the end, [m].
+  };
+
+  /// Returns `wanted` if it passes; or else the nearest command that does; or, if none does, the
+  /// one with most room. The robot is taken to be given it.
+  Choice Choose(Twist wanted);
+
+  /// The room that a command leaves, from the outline to the nearest point until the robot has
+  /// braked to a stand, [m]; infinite if it is much more than the margin. Requires: `See` was
+  /// called.
+  float Clearance(Twist command) const;
+
+ private:
+  struct Point {
+    base::Vec2 p_O;
+    int age = 0;  // Control steps since it was seen.
+  };
+  struct NearPoint {
+    float x, y, distance;  // In C, and from C, [m].
+  };
+
+  Twist CommandAt(int tick) const;
+  void Drive(int begin, int end);
+  void Remember(std::span<const std::uint16_t> ranges_cm);
+  void SmoothRanges(std::span<const std::uint16_t> ranges_cm);
+  void LookAround();
+  Lanes RoomAt(const Motion& motion) const;
+  Lanes RoomOf(const Lanes& linear, const Lanes& angular) const;
+
+  const GuardConfig config_;
+  const RobotModel robot_;
+  const ScanGeometry geometry_;
+  const env::ActionBounds bounds_;
+  const int step_ticks_, delay_ticks_, memory_steps_;
+  const DriveModel drive_;
+  const float half_length_, half_width_, around_;  // The outline, and the circle about C, [m].
+  const double reach_;                             // How far from C anything can matter, [m].
+  std::vector<base::Vec2> directions_R_;           // [N], of length 1.
+  std::vector<Twist> grid_;                        // Commands to fall back on.
+
+  base::Pose2 X_OR_;
+  std::vector<float> ranges_;    // [N] [m]
+  std::vector<Point> points_;    // Near the robot: those of the scan, and remembered ones.
+  std::vector<NearPoint> near_;  // The same, the nearest first.
+  std::vector<Twist> sent_;      // Commands that the drive may not act on yet, the newest first.
+  Motion now_;                   // As the robot moves now, in C.
+  Motion start_;                 // When a new command begins to act.
+  float room_ = 0.0f;            // The least room until then, [m].
+  std::vector<std::pair<float, Twist>> choices_;  // By distance from the command that was wanted.
+};
+
+}  // namespace slalom::planners

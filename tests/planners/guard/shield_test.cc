@@ -1,0 +1,174 @@
+#include "planners/guard/shield.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "base/random.h"
+#include "sim/lidar.h"
+#include "sim/robot.h"
+#include "tests/support/random_courses.h"
+
+namespace slalom::planners {
+namespace {
+
+constexpr double kStep = 0.2;
+constexpr int kTicks = 10;
+const env::ActionBounds kBounds;
+
+sim::LidarConfig WithoutNoise(double field_of_view) {
+  sim::LidarConfig config;
+  config.noise_std = 0.0;
+  config.field_of_view = field_of_view;
+  return config;
+}
+
+/// A robot of the simulator on a course, and the shield that is told of it.
+class Guarded {
+ public:
+  explicit Guarded(std::shared_ptr<const sim::Course> course, double delay = 0.0,
+                   GuardConfig config = {}, double field_of_view = 4.71238)
+      : scene_(sim::MakeScene(std::move(course))),
+        robot_(RobotWithDelay(delay), kTicks),
+        lidar_(WithoutNoise(field_of_view), 5.0),
+        shield_(config, {.delay = delay}, {.field_of_view = field_of_view}, kBounds, kStep),
+        ranges_(static_cast<std::size_t>(lidar_.num_beams())) {
+    Reset();
+  }
+  void Reset() {
+    robot_.Reset({});
+    shield_.Reset();
+  }
+  Shield& See() {
+    base::Random noise(0);
+    lidar_.Scan(scene_->collision_map(), robot_.pose(), noise, ranges_);
+    const sim::BodyState& body = robot_.body();
+    const auto [s, c] = base::SinCos(robot_.pose().yaw);
+    shield_.See(ranges_, {robot_.pose(), c * body.vx + s * body.vy, body.yaw_rate});
+    return shield_;
+  }
+  /// Returns whether it touched something.
+  bool Drive(Twist command) { return robot_.Drive(command.linear, command.angular, *scene_, 0.0); }
+  /// Whether the robot touches something if it takes the command for a step and then brakes.
+  bool BrakesTooLate(Twist command) const {
+    sim::Robot other = robot_;
+    bool touched = other.Drive(command.linear, command.angular, *scene_, 0.0);
+    for (int i = 0; i < 15 && !touched; ++i) touched = other.Drive(0.0, 0.0, *scene_, 0.0);
+    return touched;
+  }
+  const sim::Robot& robot() const { return robot_; }
+
+ private:
+  static sim::RobotConfig RobotWithDelay(double delay) {
+    sim::RobotConfig config;
+    config.command_delay = delay;
+    return config;
+  }
+
+  std::shared_ptr<const sim::Scene> scene_;
+  sim::Robot robot_;
+  sim::Lidar lidar_;
+  Shield shield_;
+  std::vector<std::uint16_t> ranges_;
+};
+
+std::shared_ptr<const sim::Course> CourseOf(std::vector<sim::Box> boxes) {
+  sim::Course course;
+  course.bounds = {{-8.0, -8.0}, {8.0, 8.0}};
+  course.boxes = std::move(boxes);
+  return std::make_shared<const sim::Course>(std::move(course));
+}
+sim::Box WallAt(double x, double y, double half_x, double half_y) {
+  return {{{x, y}, 0.0}, {half_x, half_y}};
+}
+
+struct Drives {
+  int num_steps = 0, num_passed = 0, num_changed = 0, num_touched_after_pass = 0, num_touched = 0;
+};
+
+/// Robots that are told to drive at random, each by its shield, until they touch something.
+Drives DriveAtRandom(double delay, int num_courses) {
+  base::Random random(7);
+  Drives drives;
+  for (int i = 0; i < num_courses; ++i) {
+    Guarded guarded(
+        test::RandomCourse(random, {.num_circles = 25, .num_boxes = 6, .clear_start = 0.6}), delay,
+        {}, 6.275);
+    Twist wanted;
+    for (int step = 0; step < 60; ++step) {
+      if (step % 4 == 0) wanted = {random.Uniform(-1.0, 2.0), random.Uniform(-3.14, 3.14)};
+      const Shield::Choice choice = guarded.See().Choose(wanted);
+      ++drives.num_steps;
+      drives.num_changed += choice.changed;
+      if (choice.clearance > 0.0) {
+        ++drives.num_passed;
+        drives.num_touched_after_pass += guarded.BrakesTooLate(choice.command);
+      }
+      if (guarded.Drive(choice.command)) {
+        ++drives.num_touched;
+        break;
+      }
+    }
+  }
+  return drives;
+}
+
+TEST(ShieldTest, WhatPassesLeadsToNoTouchThatBrakingCannotPrevent) {
+  for (const double delay : {0.0, 0.06, 0.1, 0.3}) {
+    const Drives drives = DriveAtRandom(delay, 60);
+    EXPECT_GT(drives.num_changed, drives.num_steps / 20) << "the courses are too easy";
+    EXPECT_GT(drives.num_steps, 60 * 50) << "the robots do not last";
+    EXPECT_EQ(drives.num_touched_after_pass, 0) << delay;
+    EXPECT_EQ(drives.num_touched, 0) << delay;
+  }
+}
+
+TEST(ShieldTest, WhatIsFarAwayChangesNothing) {
+  Guarded guarded(CourseOf({WallAt(5.0, 0.0, 0.1, 4.0)}));
+  const Shield::Choice choice = guarded.See().Choose({2.0, -3.0});
+  EXPECT_FALSE(choice.changed);
+  EXPECT_EQ(choice.command, (Twist{2.0, -3.0}));
+}
+
+TEST(ShieldTest, StopsInFrontOfAWallAtTheMargin) {
+  Guarded guarded(CourseOf({WallAt(3.0, 0.0, 0.1, 4.0)}));
+  int num_changed = 0;
+  for (int i = 0; i < 40; ++i) {
+    const Shield::Choice choice = guarded.See().Choose({2.0, 0.0});
+    num_changed += choice.changed;
+    ASSERT_FALSE(guarded.Drive(choice.command));
+  }
+  EXPECT_GT(num_changed, 20);
+  // It may turn, as that is nearer to what it was told than to stand.
+  EXPECT_GT(guarded.robot().pose().p.x, 1.5);
+}
+
+/// A choice made on what is behind, where the range finder looks 270 degrees around.
+TEST(ShieldTest, RemembersWhatIsBehind) {
+  // A wall that only the first scan, from the other side, has seen.
+  for (const double memory : {2.0, 0.0}) {
+    Guarded guarded(CourseOf({WallAt(-0.6, 0.0, 0.05, 0.25)}), 0.0, {.memory = memory});
+    // Turned round to the wall and back again: 0.4 s for each quarter turn, about.
+    bool touched = false;
+    int num_steps = 0;
+    const auto turn = [&](double to) {
+      while (std::abs(base::WrapAngle(guarded.robot().pose().yaw - to)) > 0.2) {
+        ASSERT_LT(++num_steps, 60);
+        const double left = base::WrapAngle(to - guarded.robot().pose().yaw);
+        touched |= guarded.Drive(guarded.See().Choose({0.0, left > 0.0 ? 2.0 : -2.0}).command);
+      }
+    };
+    turn(1.6);
+    turn(0.0);
+    for (int i = 0; i < 6; ++i) {
+      touched |= guarded.Drive(guarded.See().Choose({-0.5, 0.0}).command);
+    }
+    EXPECT_EQ(touched, memory == 0.0) << memory;
+  }
+}
+
+}  // namespace
+}  // namespace slalom::planners
