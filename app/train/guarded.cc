@@ -30,6 +30,7 @@ planners::GuidePlanner GuidePlannerOf(const sim::EnvironmentConfig& environment,
   planners::NavigationConfig& navigation = config.navigation;
   navigation.obstacle_range = guard.obstacle_range;
   navigation.raytrace_range = guard.raytrace_range;
+  navigation.marks_stay = true;  // Or a path leads through the wall at the robot's nose.
   navigation.planner_patience = navigation.controller_patience = 1e6;
   return {navigation, planners::NavigationOf("mppi", config),
           [config] { return planners::MakeLocalPlanner("mppi", config); }};

@@ -8,7 +8,7 @@ namespace slalom::planners {
 struct GuardConfig {
   bool shield = false;
   double margin = 0.04;
-  double memory = 2.0;
+  double memory = 10.0;
   bool waypoints = false;
   double waypoint_after = 8.0;
   double lookahead = 3.0;
@@ -32,7 +32,8 @@ struct GuardConfig {
       "robot that is closer may go on as long as it comes no closer.",
       with_shield);
     v("memory", memory, base::Range{0.0, 60.0}, "s",
-      "How long points are remembered where the range finder does not look, such as behind.",
+      "How long points are remembered where the range finder does not look, such as behind, not "
+      "counting the time for which the robot stands.",
       with_shield);
     v("waypoints", waypoints,
       "Show the way to a robot that does not get on: points of a path over what the scans have "

@@ -45,7 +45,7 @@ class RestingPlanner : public LocalPlanner {
 /// shown so far, a turn on the spot towards one that is beside or behind the robot, and a planner
 /// that drives for a while where the robot does not get on. Only once the robot has come no nearer
 /// to the goal for `guard.waypoint_after`, from then on to the end of the episode, and never near
-/// the goal. Confined to one thread at a time. Cost: about 0.4 ms a step, and 1 ms once it guides.
+/// the goal. Confined to one thread at a time. Cost: about 0.1 ms a step, and 1 ms once it guides.
 class Guide {
  public:
   /// `step`: control step, [s].

@@ -14,6 +14,8 @@ constexpr double kTick = 0.02;       // About the time of a step of the predicti
 constexpr int kTicksPerLook = 2;     // The outline is held against the points so often.
 constexpr int kLinearChoices = 11;   // Of the commands to fall back on.
 constexpr int kAngularChoices = 13;  // Odd, so that one drives straight ahead.
+constexpr double kKeptBeyond = 2.0;  // Points are kept up to so far beyond those that matter, [m].
+constexpr double kStands = 0.01;     // A robot that moves less in a step stands, [m] and [rad].
 constexpr double kMaxBraking = 3.0;  // [s]
 constexpr float kSpacing = 0.015f;   // Points that are closer together count as one, [m].
 constexpr int kSameSurfaceCm = 10;   // Neighbours whose ranges differ by less are of one surface.
@@ -53,7 +55,8 @@ Shield::Shield(const GuardConfig& config, const RobotModel& robot, const ScanGeo
       half_length_(static_cast<float>(0.5 * robot.length)),
       half_width_(static_cast<float>(0.5 * robot.width)),
       around_(Around(robot)),
-      reach_(LongestWay(robot, step) + Around(robot) + config.margin) {
+      reach_(LongestWay(robot, step) + Around(robot) + config.margin),
+      kept_(reach_ + kKeptBeyond) {
   SLALOM_CHECK_GE(geometry.num_beams, 2);
   const double spacing = geometry.field_of_view / (geometry.num_beams - 1);
   for (int i = 0; i < geometry.num_beams; ++i) {
@@ -98,6 +101,9 @@ void Shield::Drive(int begin, int end) {
 
 void Shield::See(std::span<const std::uint16_t> ranges_cm, const env::Odometry& odometry) {
   SLALOM_CHECK_EQ(ranges_cm.size(), directions_R_.size());
+  // Nothing is forgotten while the robot stands: what is behind it is still there.
+  moves_ = base::Norm(odometry.X_OR.p - X_OR_.p) > kStands ||
+           std::abs(base::WrapAngle(odometry.X_OR.yaw - X_OR_.yaw)) > kStands;
   X_OR_ = odometry.X_OR;
   SmoothRanges(ranges_cm);
   Remember(ranges_cm);
@@ -147,19 +153,19 @@ void Shield::SmoothRanges(std::span<const std::uint16_t> ranges_cm) {
 void Shield::Remember(std::span<const std::uint16_t> ranges_cm) {
   const base::Vec2 p_RC{robot_.centre_x, robot_.centre_y};
   std::erase_if(points_, [&](Point& point) {
-    if (++point.age > memory_steps_) return true;
+    if ((point.age += moves_) > memory_steps_) return true;
     const base::Vec2 p_R = base::InverseTransform(X_OR_, point.p_O);
-    if (base::Norm(p_R - p_RC) > reach_) return true;
+    if (base::Norm(p_R - p_RC) > kept_) return true;
     const base::Vec2 p_S = p_R - geometry_.p_RS;
     return std::abs(std::atan2(p_S.y, p_S.x)) <= 0.5 * geometry_.field_of_view;
   });
-  const double reach = reach_ + base::Norm(geometry_.p_RS - p_RC);
+  const double reach = kept_ + base::Norm(geometry_.p_RS - p_RC);
   const auto longest = static_cast<std::uint16_t>(100.0 * std::min(reach, geometry_.clip - 0.005));
   base::Vec2 last{1e9, 1e9};
   for (std::size_t i = 0; i < ranges_cm.size(); ++i) {
     if (ranges_cm[i] > longest) continue;
     const base::Vec2 p_R = geometry_.p_RS + ranges_[i] * directions_R_[i];
-    if (base::Norm(p_R - last) < kSpacing || base::Norm(p_R - p_RC) > reach_) continue;
+    if (base::Norm(p_R - last) < kSpacing || base::Norm(p_R - p_RC) > kept_) continue;
     last = p_R;
     points_.push_back({base::Transform(X_OR_, p_R), 0});
   }
@@ -172,7 +178,8 @@ void Shield::LookAround() {
     const base::Vec2 d = point.p_O - X_OR_.p;
     const auto x = static_cast<float>(c * d.x + s * d.y - robot_.centre_x);
     const auto y = static_cast<float>(c * d.y - s * d.x - robot_.centre_y);
-    near_.push_back({x, y, std::sqrt(x * x + y * y)});
+    const float distance = std::sqrt(x * x + y * y);
+    if (distance <= static_cast<float>(reach_)) near_.push_back({x, y, distance});
   }
   std::ranges::sort(near_, {}, &NearPoint::distance);
 }

@@ -57,7 +57,7 @@ class Shield {
  private:
   struct Point {
     base::Vec2 p_O;
-    int age = 0;  // Control steps since it was seen.
+    int age = 0;  // Control steps in which the robot moved since it was seen.
   };
   struct NearPoint {
     float x, y, distance;  // In C, and from C, [m].
@@ -78,11 +78,12 @@ class Shield {
   const int step_ticks_, delay_ticks_, memory_steps_;
   const DriveModel drive_;
   const float half_length_, half_width_, around_;  // The outline, and the circle about C, [m].
-  const double reach_;                             // How far from C anything can matter, [m].
-  std::vector<base::Vec2> directions_R_;           // [N], of length 1.
-  std::vector<Twist> grid_;                        // Commands to fall back on.
+  const double reach_, kept_;             // How far from C points matter, and are kept, [m].
+  std::vector<base::Vec2> directions_R_;  // [N], of length 1.
+  std::vector<Twist> grid_;               // Commands to fall back on.
 
   base::Pose2 X_OR_;
+  bool moves_ = false;
   std::vector<float> ranges_;    // [N] [m]
   std::vector<Point> points_;    // Near the robot: those of the scan, and remembered ones.
   std::vector<NearPoint> near_;  // The same, the nearest first.

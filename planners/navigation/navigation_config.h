@@ -34,6 +34,7 @@ struct NavigationConfig {
   double recovery_min_turn_rate = 0.314;
   double recovery_turn_acceleration = 20.0;
   double recovery_yaw_tolerance = 0.157;
+  bool marks_stay = false;  ///< Not a key: as in `ObstacleMapConfig`.
 
   template <class Visitor>
   void Visit(Visitor& v) {

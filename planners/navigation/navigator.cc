@@ -31,7 +31,8 @@ ObstacleMapConfig MapConfig(const NavigationConfig& config, const PlannerNavigat
           .obstacle_range = config.obstacle_range,
           .raytrace_range = config.raytrace_range,
           .inflation_radius = planner.inflation_radius,
-          .cost_scaling = planner.cost_scaling};
+          .cost_scaling = planner.cost_scaling,
+          .marks_stay = config.marks_stay};
 }
 
 }  // namespace
@@ -111,8 +112,10 @@ Twist Navigator::Step(std::span<const std::uint16_t> ranges_cm, const base::Pose
 }
 
 void Navigator::Look(std::span<const std::uint16_t> ranges_cm, const base::Pose2& X_OR) {
-  projector_.Project(ranges_cm, X_OR, NewestScan());
-  UpdateMaps(X_OR);
+  ScanRays& scan = NewestScan();
+  projector_.Project(ranges_cm, X_OR, scan);
+  local_map_.Mark(scan, X_OR);
+  global_map_->Mark(scan, X_OR);
   ++num_steps_;
 }
 

@@ -45,16 +45,26 @@ CellWindow ObstacleMap::Update(const ScanRays& scan, const base::Pose2& X_OR) {
     std::memcpy(before_.data() + width * (y - window.y0), row(y), width);
   }
 
-  Trace(scan);
-  CoveredCells(costmap_, footprint_, X_OR, under_robot_);
-  for (const CellIndex c : under_robot_) obstacles_[costmap_.Index(c)] = kFreeCost;
-
+  Take(scan, X_OR);
   bool changed = stale_;
   for (int y = window.y0; y < window.y1 && !changed; ++y) {
     changed = std::memcmp(before_.data() + width * (y - window.y0), row(y), width) != 0;
   }
   if (!changed) return {};
   return Write(stale_ ? WholeMap() : window);
+}
+
+void ObstacleMap::Mark(const ScanRays& scan, const base::Pose2& X_OR) {
+  if (config_.rolling) RollTo(X_OR.p);
+  Take(scan, X_OR);
+  stale_ = true;
+}
+
+void ObstacleMap::Take(const ScanRays& scan, const base::Pose2& X_OR) {
+  if (!config_.marks_stay) Trace(scan);
+  CoveredCells(costmap_, footprint_, X_OR, under_robot_);
+  for (const CellIndex c : under_robot_) obstacles_[costmap_.Index(c)] = kFreeCost;
+  if (config_.marks_stay) Trace(scan);
 }
 
 CellWindow ObstacleMap::ClearOutside(base::Vec2 p_O, double side) {

@@ -22,6 +22,7 @@ struct ObstacleMapConfig {
   double raytrace_range = 3.0;    ///< Beams clear cells up to here, [m].
   double inflation_radius = 0.3;  ///< [m]
   double cost_scaling = 10.0;     ///< [1/m]
+  bool marks_stay = false;  ///< Clear under the robot first, so that what is seen there stays.
 };
 
 /// A square costmap that is filled from a robot's range finder: costmap_2d with an obstacle layer
@@ -29,9 +30,10 @@ struct ObstacleMapConfig {
 ///
 /// Each update first clears the cells along every beam, including its end, up to the raytrace
 /// range. Then it marks the cells in which beams hit an obstacle nearer than the obstacle range,
-/// and clears the cells under the robot. So an obstacle between the two ranges is cleared, not
-/// marked, as in ROS. A beam without an echo does nothing: `ObstacleLayer::laserScanCallback`
-/// projects the scan by laser_geometry's `LaserProjection`, which drops ranges from range_max on
+/// and clears the cells under the robot (its padded outline). So an obstacle between the two ranges
+/// is cleared, not marked, as in ROS. A beam without an echo does nothing:
+/// `ObstacleLayer::laserScanCallback` projects the scan by laser_geometry's `LaserProjection`,
+/// which drops ranges from range_max on
 /// (`inf_is_valid` is false by default). Confined to one thread at a time.
 class ObstacleMap {
  public:
@@ -45,6 +47,9 @@ class ObstacleMap {
   /// costs; it is the whole map if the map moved.
   CellWindow Update(const ScanRays& scan, const base::Pose2& X_OR);
 
+  /// Takes a scan likewise, and leaves all costs to the next update: a fraction of its work.
+  void Mark(const ScanRays& scan, const base::Pose2& X_OR);
+
   /// Forgets the obstacles outside the axis-parallel square around `p_O` whose side is `side` [m].
   /// Returns a window that contains all changed costs.
   CellWindow ClearOutside(base::Vec2 p_O, double side);
@@ -55,6 +60,7 @@ class ObstacleMap {
 
  private:
   void RollTo(base::Vec2 centre_O);
+  void Take(const ScanRays& scan, const base::Pose2& X_OR);
   void Trace(const ScanRays& scan);
   CellWindow WindowAround(base::Vec2 p_O, double radius) const;
   CellWindow WholeMap() const { return {0, 0, costmap_.size_x(), costmap_.size_y()}; }

@@ -35,6 +35,7 @@ GuidePlanner Planner() {
   config.mppi.batch_size = 300;
   config.navigation.obstacle_range = 4.5;
   config.navigation.raytrace_range = 5.0;
+  config.navigation.marks_stay = true;
   config.navigation.planner_patience = config.navigation.controller_patience = 1e6;
   return {config.navigation, NavigationOf("mppi", config),
           [config] { return MakeLocalPlanner("mppi", config); }};

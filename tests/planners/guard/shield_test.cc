@@ -149,7 +149,7 @@ TEST(ShieldTest, StopsInFrontOfAWallAtTheMargin) {
 /// A choice made on what is behind, where the range finder looks 270 degrees around.
 TEST(ShieldTest, RemembersWhatIsBehind) {
   // A wall that only the first scan, from the other side, has seen.
-  for (const double memory : {2.0, 0.0}) {
+  for (const double memory : {10.0, 0.0}) {
     Guarded guarded(CourseOf({WallAt(-0.6, 0.0, 0.05, 0.25)}), 0.0, {.memory = memory});
     // Turned round to the wall and back again: 0.4 s for each quarter turn, about.
     bool touched = false;
