@@ -25,17 +25,15 @@ int FirstFreshCourse(std::uint64_t seed) {
 }  // namespace
 
 std::vector<double> SpreadNoise(const ActorConfig& config, int num_environments) {
-  if (config.noise_min > config.noise_max) {
-    throw base::Error(fmt::format("actor.noise_min is {}, expected at most actor.noise_max = {}",
-                                  config.noise_min, config.noise_max));
-  }
+  base::ThrowIf(config.noise_min > config.noise_max,
+                "actor.noise_min is {}, expected at most actor.noise_max = {}", config.noise_min,
+                config.noise_max);
   const bool geometric =
       config.noise_spread == NoiseSpread::kGeometric && config.noise_min < config.noise_max;
-  if (geometric && config.noise_min == 0.0) {
-    throw base::Error(
-        "actor.noise_min is 0, expected more than 0 with actor.noise_spread = \"geometric\" (or "
-        "choose \"linear\")");
-  }
+  base::ThrowIf(
+      geometric && config.noise_min == 0.0,
+      "actor.noise_min is 0, expected more than 0 with actor.noise_spread = \"geometric\" (or "
+      "choose \"linear\")");
   std::vector<double> noise(num_environments, config.noise_min);
   for (int i = 1; i < num_environments; ++i) {
     const double share = static_cast<double>(i) / (num_environments - 1);
@@ -148,9 +146,8 @@ void Actor::RequireFinite(const std::vector<float>& actions, const char* who) co
   const auto bad = std::ranges::find_if(actions, [](float a) { return !std::isfinite(a); });
   if (bad == actions.end()) return;
   const std::size_t i = static_cast<std::size_t>(bad - actions.begin()) / action_size_;
-  throw base::Error(
-      fmt::format("{} chose the action ({}) in environment {}; expected finite numbers", who,
-                  fmt::join(std::span(actions).subspan(i * action_size_, action_size_), ", "), i));
+  throw base::Error("{} chose the action ({}) in environment {}; expected finite numbers", who,
+                    fmt::join(std::span(actions).subspan(i * action_size_, action_size_), ", "), i);
 }
 
 void Actor::AddNoise() {
@@ -226,23 +223,19 @@ ActorState Actor::Save() const {
 }
 
 void Actor::Restore(const ActorState& state) {
-  if (state.seed != seed_) {
-    throw base::Error(fmt::format("the actor state has seed {}, expected {}", state.seed, seed_));
-  }
-  if (std::ssize(state.open) != environments_.batch_size()) {
-    throw base::Error(fmt::format("the actor state has {} environments, expected {}",
-                                  state.open.size(), environments_.batch_size()));
-  }
+  base::ThrowIf(state.seed != seed_, "the actor state has seed {}, expected {}", state.seed, seed_);
+  base::ThrowIf(std::ssize(state.open) != environments_.batch_size(),
+                "the actor state has {} environments, expected {}", state.open.size(),
+                environments_.batch_size());
   sampler_.Restore(state.sampler);
   ReplayOpenEpisodes(state.open);
   for (int i = 0; i < environments_.batch_size(); ++i) {
     const OpenEpisode& open = state.open[i];
-    if (FrameChecksum(i) != open.frame_checksum) {
-      throw base::Error(
-          fmt::format("driving the open episode of environment {} again led to another frame than "
-                      "when it was saved; expected the same courses and environment config",
-                      i));
-    }
+    base::ThrowIf(
+        FrameChecksum(i) != open.frame_checksum,
+        "driving the open episode of environment {} again led to another frame than when it was "
+        "saved; expected the same courses and environment config",
+        i);
     Environment& environment = running_[i];
     environment.episode_number = open.number;
     environment.spec = open.spec;
@@ -267,10 +260,9 @@ void Actor::ReplayOpenEpisodes(const std::vector<OpenEpisode>& open) {
   for (const OpenEpisode& episode : open) {
     const bool is_known =
         episode.spec.course < environments_.num_courses() || environments_.has_fresh_courses();
-    if (episode.spec.course < 0 || !is_known) {
-      throw base::Error(fmt::format("the actor state is on course {}, expected a number below {}",
-                                    episode.spec.course, environments_.num_courses()));
-    }
+    base::ThrowIf(episode.spec.course < 0 || !is_known,
+                  "the actor state is on course {}, expected a number below {}",
+                  episode.spec.course, environments_.num_courses());
     longest = std::max(longest, episode.actions.size() / action_size_);
   }
   for (std::size_t left = longest;; --left) {

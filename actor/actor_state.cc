@@ -1,7 +1,5 @@
 #include "actor/actor_state.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cstring>
 #include <span>
@@ -118,30 +116,24 @@ std::string ActorState::Serialize() const {
 }
 
 ActorState ActorState::Parse(std::string_view bytes, std::string_view source) {
-  if (bytes.size() < kMagic.size() + sizeof(std::uint64_t) || !bytes.starts_with(kMagic)) {
-    throw base::Error(
-        fmt::format("{}: not an actor state (expected it to start with {})", source, kMagic));
-  }
+  base::ThrowIf(bytes.size() < kMagic.size() + sizeof(std::uint64_t) || !bytes.starts_with(kMagic),
+                "{}: not an actor state (expected it to start with {})", source, kMagic);
   const std::string_view content = bytes.substr(0, bytes.size() - sizeof(std::uint64_t));
   const auto expected = base::ByteReader(bytes.substr(content.size())).Get<std::uint64_t>();
   const std::uint64_t found = base::Checksum(content);
-  if (found != expected) {
-    throw base::Error(fmt::format("{}: actor state is damaged (checksum {:016x}, expected {:016x})",
-                                  source, found, expected));
-  }
+  base::ThrowIf(found != expected,
+                "{}: actor state is damaged (checksum {:016x}, expected {:016x})", source, found,
+                expected);
   StateReader reader(content.substr(kMagic.size()));
   ActorState state;
   VisitState(reader, state);
-  if (!reader.done()) {
-    throw base::Error(
-        fmt::format("{}: actor state is damaged: its fields do not take up its bytes", source));
-  }
+  base::ThrowIf(!reader.done(), "{}: actor state is damaged: its fields do not take up its bytes",
+                source);
   for (const EpisodeSummary& summary : state.recent) {
     const auto outcome = static_cast<int>(summary.outcome);
-    if (outcome < 1 || outcome >= env::kNumOutcomes) {
-      throw base::Error(fmt::format("{}: actor state has an episode with outcome {}", source,
-                                    static_cast<int>(summary.outcome)));
-    }
+    base::ThrowIf(outcome < 1 || outcome >= env::kNumOutcomes,
+                  "{}: actor state has an episode with outcome {}", source,
+                  static_cast<int>(summary.outcome));
   }
   return state;
 }

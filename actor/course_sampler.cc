@@ -1,7 +1,5 @@
 #include "actor/course_sampler.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 
 #include "base/check.h"
@@ -124,10 +122,8 @@ SamplerState CourseSampler::Save() const {
 }
 
 void CourseSampler::Restore(const SamplerState& state) {
-  if (state.named.size() != named_.size()) {
-    throw base::Error(fmt::format("the actor state has {} courses, expected {}", state.named.size(),
-                                  named_.size()));
-  }
+  base::ThrowIf(state.named.size() != named_.size(), "the actor state has {} courses, expected {}",
+                state.named.size(), named_.size());
   num_fresh_draws_ = state.num_fresh_draws;
   named_ = state.named;
   learnable_ = state.learnable;

@@ -15,9 +15,7 @@ namespace slalom::base {
 AppendFile::AppendFile(std::filesystem::path path, Mode mode) : path_(std::move(path)) {
   const int flags = O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC;
   fd_ = ::open(path_.c_str(), mode == Mode::kMakeNew ? flags | O_EXCL : flags, 0644);
-  if (fd_ < 0) {
-    throw Error(fmt::format("{}: cannot open ({})", path_.string(), std::strerror(errno)));
-  }
+  if (fd_ < 0) throw Error("{}: cannot open ({})", path_.string(), std::strerror(errno));
 }
 
 AppendFile::~AppendFile() {

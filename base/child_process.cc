@@ -99,15 +99,14 @@ ChildProcess::ChildProcess(const ChildOptions& options) {
   if (!options.log.empty()) {
     log = ::open(options.log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     if (log < 0) {
-      throw Error(
-          fmt::format("{}: cannot be written ({})", options.log.string(), std::strerror(errno)));
+      throw Error("{}: cannot be written ({})", options.log.string(), std::strerror(errno));
     }
   }
   int pipe[2];
   if (::pipe2(pipe, O_CLOEXEC) != 0) {
     const int error = errno;
     if (log >= 0) ::close(log);
-    throw Error(fmt::format("cannot start {}: {}", program, std::strerror(error)));
+    throw Error("cannot start {}: {}", program, std::strerror(error));
   }
   const pid_t parent = ::getpid();
   pid_ = ::fork();
@@ -124,7 +123,7 @@ ChildProcess::ChildProcess(const ChildOptions& options) {
   if (error != 0) {
     if (pid_ > 0) ::waitpid(pid_, nullptr, 0);
     if (error == ENOENT) throw ProgramMissing(fmt::format("{} is not installed", program));
-    throw Error(fmt::format("cannot start {}: {}", program, std::strerror(error)));
+    throw Error("cannot start {}: {}", program, std::strerror(error));
   }
   pidfd_ = static_cast<int>(::syscall(SYS_pidfd_open, pid_, 0));
 }
@@ -160,9 +159,7 @@ void ChildProcess::Signal(int signal) {
 }
 
 MemoryFile::MemoryFile() : fd_(::memfd_create("slalom", MFD_CLOEXEC)) {
-  if (fd_ < 0) {
-    throw Error(fmt::format("cannot make a file in memory: {}", std::strerror(errno)));
-  }
+  if (fd_ < 0) throw Error("cannot make a file in memory: {}", std::strerror(errno));
 }
 
 MemoryFile::~MemoryFile() { ::close(fd_); }

@@ -155,8 +155,8 @@ class Assign {
 
  private:
   [[noreturn]] void Fail() const {
-    throw Error(fmt::format("{}: {} is {}, expected {}", where_, field_.key, PrintNode(node_),
-                            Expected(field_)));
+    throw Error("{}: {} is {}, expected {}", where_, field_.key, PrintNode(node_),
+                Expected(field_));
   }
   base::TomlValue Keep(const toml::node& node) const {
     return {PrintNode(node), source_.empty() ? std::string(where_) : Where(source_, node)};
@@ -254,15 +254,14 @@ void ReadTables(const toml::node& node, const Tables& tables, const std::string&
   const toml::array* array = node.as_array();
   if (array == nullptr ||
       !std::ranges::all_of(*array, [](const auto& n) { return n.is_table(); })) {
-    throw Error(
-        fmt::format("{}: {} must be written as tables, [[{}]]", where, tables.key, tables.key));
+    throw Error("{}: {} must be written as tables, [[{}]]", where, tables.key, tables.key);
   }
   tables.clear();
   for (const toml::node& element : *array) {
     const FieldList fields = tables.add();
     if (const toml::node* base = element.as_table()->get("base"); base && !Find(fields, "base")) {
-      throw Error(fmt::format("{}: unknown key 'base'; {}", Where(source, *base),
-                              Readers{fields}.Suggest("base")));
+      throw Error("{}: unknown key 'base'; {}", Where(source, *base),
+                  Readers{fields}.Suggest("base"));
     }
     ReadTable(*element.as_table(), "", source, {fields});
   }
@@ -287,9 +286,9 @@ void ReadTable(const toml::table& table, const std::string& prefix, std::string_
     } else if (const Tables* tables = FindTables(readers.list, key)) {
       ReadTables(node, *tables, where, source);
     } else if (readers.IsSection(key)) {
-      throw Error(fmt::format("{}: '{}' is a section, expected a table [{}]", where, key, key));
+      throw Error("{}: '{}' is a section, expected a table [{}]", where, key, key);
     } else {
-      throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, readers.Suggest(key)));
+      throw Error("{}: unknown key '{}'; {}", where, key, readers.Suggest(key));
     }
   }
 }
@@ -322,8 +321,8 @@ toml::table Parse(std::string_view text, std::string_view source) {
   try {
     return toml::parse(text, source);
   } catch (const toml::parse_error& error) {
-    throw Error(fmt::format("{}:{}: not valid TOML: {}", source, error.source().begin.line,
-                            error.description()));
+    throw Error("{}:{}: not valid TOML: {}", source, error.source().begin.line,
+                error.description());
   }
 }
 
@@ -365,8 +364,8 @@ std::vector<std::string> BasesOf(const toml::node& base, std::string_view source
   const bool is_list = list != nullptr && !list->empty() &&
                        std::ranges::all_of(*list, [](const auto& n) { return n.is_string(); });
   if (!is_list) {
-    throw Error(fmt::format("{}: base must be the path of a TOML file, or a list of such paths",
-                            Where(source, base)));
+    throw Error("{}: base must be the path of a TOML file, or a list of such paths",
+                Where(source, base));
   }
   std::vector<std::string> names;
   for (const toml::node& name : *list) names.push_back(*name.value_exact<std::string>());
@@ -380,22 +379,22 @@ std::filesystem::path FindBase(const std::filesystem::path& path, const std::str
   if (base::Exists(beside)) return beside;
   if (std::filesystem::path shared = InShare(name); base::Exists(shared)) return shared;
   throw Error(
-      fmt::format("{}: base = \"{}\": there is neither {} (a base is relative to the file "
-                  "that names it) nor a preset of this name{}",
-                  where, name, beside.string(), SuggestFile(name)));
+      "{}: base = \"{}\": there is neither {} (a base is relative to the file that names it) nor a "
+      "preset of this name{}",
+      where, name, beside.string(), SuggestFile(name));
 }
 
 void ReadFileWithBases(const std::filesystem::path& path, const Readers& readers, int depth) {
   const std::string source = path.string();
   std::error_code ec;
   if (!std::filesystem::exists(path, ec)) {
-    throw Error(fmt::format("{}: there is no such file{}", source, SuggestFile(path)));
+    throw Error("{}: there is no such file{}", source, SuggestFile(path));
   }
   const toml::table table = Parse(base::ReadTextFile(path), source);
   if (const toml::node* base = table.get("base")) {
     if (depth >= kMaxBases) {
-      throw Error(fmt::format("{}: more than {} base files in a row; do they form a circle?",
-                              Where(source, *base), kMaxBases));
+      throw Error("{}: more than {} base files in a row; do they form a circle?",
+                  Where(source, *base), kMaxBases);
     }
     for (const std::string& name : BasesOf(*base, source)) {
       ReadFileWithBases(FindBase(path, name, Where(source, *base)), readers, depth + 1);
@@ -491,7 +490,7 @@ base::TomlAssignments FlattenToml(std::string_view text, std::string_view source
 void ApplyOverride(std::string_view assignment, const FieldList& list) {
   const auto equals = assignment.find('=');
   if (equals == std::string_view::npos || equals == 0) {
-    throw Error(fmt::format("--set {}: expected KEY=VALUE, for example run.seed=2", assignment));
+    throw Error("--set {}: expected KEY=VALUE, for example run.seed=2", assignment);
   }
   SetField(assignment.substr(0, equals), assignment.substr(equals + 1),
            fmt::format("--set {}", assignment), list);
@@ -503,10 +502,9 @@ void SetField(std::string_view key, std::string_view value, std::string_view whe
   const Field* const entries = field == nullptr ? FindAssignments(list, key) : nullptr;
   if (field == nullptr && entries == nullptr) {
     if (IsSection(list, key)) {
-      throw Error(fmt::format("{}: '{}' is a section, expected one of its keys: {}.KEY=VALUE",
-                              where, key, key));
+      throw Error("{}: '{}' is a section, expected one of its keys: {}.KEY=VALUE", where, key, key);
     }
-    throw Error(fmt::format("{}: unknown key '{}'; {}", where, key, Readers{list}.Suggest(key)));
+    throw Error("{}: unknown key '{}'; {}", where, key, Readers{list}.Suggest(key));
   }
   toml::table table;
   try {

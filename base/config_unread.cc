@@ -44,7 +44,7 @@ void RequireRead(const FieldList& list, const FieldList& defaults) {
     faults.push_back(
         fmt::format("{} is {}, expected its default {} {}", field.key, value, expected, why));
   }
-  if (!faults.empty()) throw base::Error(fmt::format("{}", fmt::join(faults, "; ")));
+  base::ThrowIf(!faults.empty(), "{}", fmt::join(faults, "; "));
 }
 
 }  // namespace slalom::config

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <fmt/core.h>
+
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace slalom::base {
 
@@ -14,6 +17,17 @@ namespace slalom::base {
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
+  /// With the text that `fmt::format` makes of the arguments.
+  template <class First, class... Rest>
+  Error(fmt::format_string<First, Rest...> format, First&& first, Rest&&... rest)
+      : std::runtime_error(
+            fmt::format(format, std::forward<First>(first), std::forward<Rest>(rest)...)) {}
 };
+
+/// Throws an `Error` with the text that `fmt::format` makes of the arguments if `condition` holds.
+template <class... Args>
+void ThrowIf(bool condition, fmt::format_string<Args...> format, Args&&... args) {
+  if (condition) throw Error(fmt::format(format, std::forward<Args>(args)...));
+}
 
 }  // namespace slalom::base

@@ -1,7 +1,6 @@
 #include "base/file_lock.h"
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -17,9 +16,7 @@ namespace slalom::base {
 // NFS locks only files that are open for writing.
 FileLock::FileLock(const std::filesystem::path& path, std::string_view refusal)
     : fd_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
-  if (fd_ < 0) {
-    throw Error(fmt::format("{}: cannot be opened ({})", path.string(), std::strerror(errno)));
-  }
+  if (fd_ < 0) throw Error("{}: cannot be opened ({})", path.string(), std::strerror(errno));
   if (::flock(fd_, LOCK_EX | LOCK_NB) == 0) return;
   if (errno != EWOULDBLOCK) {
     spdlog::warn("{}: cannot be locked ({}); see to it that no other process uses it",
@@ -27,7 +24,7 @@ FileLock::FileLock(const std::filesystem::path& path, std::string_view refusal)
     return;
   }
   ::close(fd_);
-  throw Error(fmt::format("{}: {}", path.string(), refusal));
+  throw Error("{}: {}", path.string(), refusal);
 }
 
 FileLock FileLock::OfFile(const std::filesystem::path& file, std::string_view refusal) {

@@ -41,12 +41,12 @@ void JsonObject::Fail(const std::string& what, const nlohmann::json& found,
                       std::string_view expected) const {
   std::string text = found.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   if (text.size() > 60) text = text.substr(0, 57) + "...";
-  throw Error(fmt::format("{}: {} is {}, expected {}", source_, what, text, expected));
+  throw Error("{}: {} is {}, expected {}", source_, what, text, expected);
 }
 
 const nlohmann::json& JsonObject::Get(const std::string& key) const {
   const auto it = object_.find(key);
-  if (it == object_.end()) throw Error(fmt::format("{}: {}{} is missing", source_, place_, key));
+  ThrowIf(it == object_.end(), "{}: {}{} is missing", source_, place_, key);
   return *it;
 }
 

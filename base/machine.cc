@@ -1,7 +1,6 @@
 #include "base/machine.h"
 
 #include <arpa/inet.h>
-#include <fmt/format.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -44,10 +43,9 @@ bool IsLocalHost(std::string_view host) {
 
 void ThrowNoThread(std::string_view purpose, const std::system_error& error) {
   throw Error(
-      fmt::format("cannot start a thread for {} ({}); expected room for it: use fewer threads, or "
-                  "raise the limit of processes (`ulimit -u`, a container's pids limit) or of "
-                  "memory",
-                  purpose, error.code().message()));
+      "cannot start a thread for {} ({}); expected room for it: use fewer threads, or raise the "
+      "limit of processes (`ulimit -u`, a container's pids limit) or of memory",
+      purpose, error.code().message());
 }
 
 }  // namespace slalom::base

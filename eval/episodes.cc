@@ -131,13 +131,13 @@ class Driver {
       const env::Action& action = actions_[i];
       const bool finite = std::isfinite(action.linear) && std::isfinite(action.angular);
       if (environments_.observations().ended[i] != 0 || finite) continue;
-      throw base::Error(fmt::format(
+      throw base::Error(
           "the agent chose the action ({}, {}) {}; expected finite numbers", action.linear,
           action.angular,
           running_[i].record == kIdle
               ? "after the time limit of an episode"
               : fmt::format("on course {}, episode {}",
-                            task_.courses.courses[record(i).course]->name, record(i).episode)));
+                            task_.courses.courses[record(i).course]->name, record(i).episode));
     }
   }
 

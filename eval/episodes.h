@@ -13,7 +13,6 @@
 #include "eval/evaluation_task.h"
 #include "sim/courses/course.h"
 #include "sim/courses/episode_file.h"
-#include "sim/environment_config.h"
 
 namespace slalom::eval {
 

@@ -39,12 +39,11 @@ Protocol ResolveProtocol(const EvaluationConfig& config) {
   SLALOM_CHECK(found != std::end(kProtocols));
   Protocol protocol = *found;
   if (config.time_limit > 0.0) protocol.time_limit = config.time_limit;
-  if (protocol.time_limit < protocol.look_period) {
-    throw base::Error(fmt::format(
-        "evaluation.time_limit is {} s, expected at least {}, as success under protocol {} is "
-        "looked for that often",
-        protocol.time_limit, protocol.look_period, protocol.name));
-  }
+  base::ThrowIf(
+      protocol.time_limit < protocol.look_period,
+      "evaluation.time_limit is {} s, expected at least {}, as success under protocol {} is "
+      "looked for that often",
+      protocol.time_limit, protocol.look_period, protocol.name);
   if (config.goal_tolerance > 0.0) protocol.goal_tolerance = config.goal_tolerance;
   return protocol;
 }
@@ -59,9 +58,8 @@ void RefuseRuleOfTask(std::string_view key) {
                                      {"start_yaw_jitter", "start_yaw_jitter"}}) {
     if (key != fmt::format("environment.episode.{}", theirs)) continue;
     throw base::Error(
-        fmt::format("{}: in an evaluation the protocol decides this, not the task; use "
-                    "evaluation.{}",
-                    key, ours));
+        "{}: in an evaluation the protocol decides this, not the task; use evaluation.{}", key,
+        ours);
   }
 }
 
@@ -84,10 +82,10 @@ sim::CourseSet WithProtocol(sim::CourseSet courses, const Protocol& protocol) {
     sim::Course shifted = *course;
     if (along_path) {
       if (course->reference_path_W.empty()) {
-        throw base::Error(fmt::format(
+        throw base::Error(
             "course '{}': has no reference path, expected one because protocol '{}' starts before "
             "its first point and ends beyond its last",
-            course->name, protocol.name));
+            course->name, protocol.name);
       }
       const auto [s, c] = base::SinCos(course->start.yaw);
       shifted.start.p = course->reference_path_W.front() - protocol.run_up * base::Vec2{c, s};

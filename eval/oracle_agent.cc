@@ -185,11 +185,10 @@ class TimesToGoal {
 
 const sim::Robot& RobotOf(const sim::CourseEnvironments& environments, int i) {
   const auto* robot = dynamic_cast<const sim::Robot*>(&environments.robot(i));
-  if (robot == nullptr) {
-    throw base::Error(
-        "the oracle drives copies of the robot, which only Slalom's own physics makes, expected "
-        "--physics slalom");
-  }
+  base::ThrowIf(
+      robot == nullptr,
+      "the oracle drives copies of the robot, which only Slalom's own physics makes, expected "
+      "--physics slalom");
   return *robot;
 }
 
@@ -216,9 +215,7 @@ class OracleAgent::Driver {
 
   env::Action Act() {
     const double now = environments_.motion_time(i_);
-    if (!times_ || !times_->Covers(now, kHorizon)) {
-      times_.emplace(environments_.scene(i_), now);
-    }
+    if (!times_ || !times_->Covers(now, kHorizon)) times_.emplace(environments_.scene(i_), now);
     std::shift_left(best_.begin(), best_.end(), 1);
     Sequence mean = best_;
     Sequence deviation(best_.size(), {kFirstDeviation, kFirstDeviation});

@@ -131,7 +131,7 @@ std::optional<Address> Parse(std::string_view text) {
 
 [[noreturn]] void Refuse(const std::string& address, std::string_view purpose,
                          std::string_view reason) {
-  throw base::Error(fmt::format("cannot {} on '{}': {}", purpose, address, reason));
+  throw base::Error("cannot {} on '{}': {}", purpose, address, reason);
 }
 
 /// The address that a bound socket has, as numbers.

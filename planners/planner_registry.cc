@@ -42,7 +42,7 @@ Entry Find(const std::string& name, const PlannersConfig& config) {
     if (name == entry.name) return std::move(entry);
     names += fmt::format("{}{}", names.empty() ? "" : ", ", entry.name);
   }
-  throw base::Error(fmt::format("there is no planner '{}'; there are: {}", name, names));
+  throw base::Error("there is no planner '{}'; there are: {}", name, names);
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "policy/mpc_agent.h"
 
 #include <ATen/ATen.h>
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -30,17 +29,15 @@ int NumBest(const MpcConfig& config) {
 }
 
 const PolicySnapshot& Checked(const MpcConfig& config, const PolicySnapshot& snapshot) {
-  if (config.update == PlanUpdate::kCem && NumBest(config) < 2) {
-    throw base::Error(
-        fmt::format("mpc.elite_fraction is {} of mpc.samples = {}, expected at least 2 sequences "
-                    "among the best",
-                    config.elite_fraction, config.samples));
-  }
-  if (!snapshot.spec.planning.is_carried() || !snapshot.model_weights || !snapshot.critic_weights) {
-    throw base::Error(
-        "mpc.enabled is true, but the policy carries no transition model and critic; expected one "
-        "trained with model.kind = \"deterministic\" or \"probabilistic\"");
-  }
+  base::ThrowIf(
+      config.update == PlanUpdate::kCem && NumBest(config) < 2,
+      "mpc.elite_fraction is {} of mpc.samples = {}, expected at least 2 sequences among the "
+      "best",
+      config.elite_fraction, config.samples);
+  base::ThrowIf(
+      !snapshot.spec.planning.is_carried() || !snapshot.model_weights || !snapshot.critic_weights,
+      "mpc.enabled is true, but the policy carries no transition model and critic; expected one "
+      "trained with model.kind = \"deterministic\" or \"probabilistic\"");
   return snapshot;
 }
 

@@ -36,17 +36,14 @@ void Read(const nn::TensorFile& file, const std::string& prefix, const Shape& sh
   for (const nn::ParameterSlot& slot : shape.Slots()) {
     const std::string name = prefix + slot.name;
     const auto tensor = file.tensors.find(name);
-    if (tensor == file.tensors.end() || tensor->second.shape != slot.shape) {
-      throw base::Error(
-          fmt::format("{}: tensor '{}' is missing or not [{}], which the spec in the file asks for",
-                      file.source, name, fmt::join(slot.shape, ", ")));
-    }
+    base::ThrowIf(tensor == file.tensors.end() || tensor->second.shape != slot.shape,
+                  "{}: tensor '{}' is missing or not [{}], which the spec in the file asks for",
+                  file.source, name, fmt::join(slot.shape, ", "));
     weights->resize(weights->size() + slot.size());
     const auto values = std::span(*weights).last(slot.size());
     file.Read(name, values);
     if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) {
-      throw base::Error(
-          fmt::format("{}: tensor '{}' holds numbers that are not finite", file.source, name));
+      throw base::Error("{}: tensor '{}' holds numbers that are not finite", file.source, name);
     }
   }
 }
@@ -82,9 +79,9 @@ void PolicySpec::RequireCourses(const std::string& source) const {
       observation.state_size == env::StateSize(observation) && action_size == env::kActionSize;
   if (is_of_course && observation.num_beams > 0) return;
   throw base::Error(
-      fmt::format("{}: found scans of {} beams, states of {} numbers and actions of {}, expected a "
-                  "policy for courses",
-                  source, observation.num_beams, observation.state_size, action_size));
+      "{}: found scans of {} beams, states of {} numbers and actions of {}, expected a policy for "
+      "courses",
+      source, observation.num_beams, observation.state_size, action_size);
 }
 
 nn::ModelShape PolicySpec::model_shape() const {
@@ -138,12 +135,9 @@ LoadedPolicy ParsePolicy(std::span<const std::byte> bytes, std::string_view sour
   nn::TensorFile file = nn::ParseTensors(bytes, source);
   const auto format = file.metadata.extract(kFormatKey);
   const auto spec = file.metadata.extract(kSpecKey);
-  if (format.empty() || format.mapped() != kFormat || spec.empty()) {
-    throw base::Error(
-        fmt::format("{}: found a safetensors file without '{}' = {}, expected a policy "
-                    "saved by slalom",
-                    file.source, kFormatKey, kFormat));
-  }
+  base::ThrowIf(format.empty() || format.mapped() != kFormat || spec.empty(),
+                "{}: found a safetensors file without '{}' = {}, expected a policy saved by slalom",
+                file.source, kFormatKey, kFormat);
   LoadedPolicy loaded;
   ParseSpec(spec.mapped(), source, &loaded.snapshot);
   PolicySnapshot& snapshot = loaded.snapshot;
@@ -175,20 +169,16 @@ void RequireSameInterface(const std::string& source, const PolicySpec& spec,
                           const env::ObservationSpec& observation,
                           const env::ActionBounds& actions) {
   spec.RequireCourses(source);
-  if (spec.observation != observation) {
-    throw base::Error(fmt::format("{}: the policy sees {}, the simulator gives {}", source,
-                                  DescribeObservation(spec.observation),
-                                  DescribeObservation(observation)));
-  }
-  if (spec.actions.linear_min != actions.linear_min ||
-      spec.actions.linear_max != actions.linear_max ||
-      spec.actions.angular_max != actions.angular_max) {
-    throw base::Error(fmt::format(
-        "{}: the policy commands {} to {} m/s and {} rad/s, the simulator is set to {} to {} m/s "
-        "and {} rad/s",
-        source, spec.actions.linear_min, spec.actions.linear_max, spec.actions.angular_max,
-        actions.linear_min, actions.linear_max, actions.angular_max));
-  }
+  base::ThrowIf(spec.observation != observation, "{}: the policy sees {}, the simulator gives {}",
+                source, DescribeObservation(spec.observation), DescribeObservation(observation));
+  base::ThrowIf(
+      spec.actions.linear_min != actions.linear_min ||
+          spec.actions.linear_max != actions.linear_max ||
+          spec.actions.angular_max != actions.angular_max,
+      "{}: the policy commands {} to {} m/s and {} rad/s, the simulator is set to {} to {} m/s "
+      "and {} rad/s",
+      source, spec.actions.linear_min, spec.actions.linear_max, spec.actions.angular_max,
+      actions.linear_min, actions.linear_max, actions.angular_max);
 }
 
 }  // namespace slalom::policy

@@ -170,9 +170,7 @@ std::string PrintSpec(const PolicySpec& spec, std::int64_t version) {
 
 void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* snapshot) {
   const json parsed = base::ParseJson(text);
-  if (!parsed.is_object()) {
-    throw base::Error(fmt::format("{}: its spec is not a JSON object", source));
-  }
+  base::ThrowIf(!parsed.is_object(), "{}: its spec is not a JSON object", source);
   const base::JsonObject object(parsed, std::string(source), "spec.");
   const json& version = object.Get("version");
   const bool is_count = version.is_number_unsigned() &&
@@ -203,22 +201,21 @@ void ParseSpec(std::string_view text, std::string_view source, PolicySnapshot* s
     (void)spec.actor_shape();
     if (spec.planning.is_carried()) (void)spec.model_shape();
   } catch (const base::Error& error) {
-    throw base::Error(fmt::format("{}: in its spec, {}", source, error.what()));
+    throw base::Error("{}: in its spec, {}", source, error.what());
   }
 }
 
 void RequireSameSpec(const std::string& source, const PolicySpec& spec,
                      const PolicySpec& expected) {
   if (spec.planning.is_carried() != expected.planning.is_carried()) {
-    throw base::Error(fmt::format("{}: carries {} transition model, expected {}", source,
-                                  spec.planning.is_carried() ? "a" : "no",
-                                  expected.planning.is_carried() ? "one" : "none"));
+    throw base::Error("{}: carries {} transition model, expected {}", source,
+                      spec.planning.is_carried() ? "a" : "no",
+                      expected.planning.is_carried() ? "one" : "none");
   }
   const FieldLister::Fields found = ListSpec(spec), wanted = ListSpec(expected);
   const auto [is, should] = std::ranges::mismatch(found, wanted);
   if (is == found.end()) return;
-  throw base::Error(
-      fmt::format("{}: its {} is {}, expected {}", source, is->first, is->second, should->second));
+  throw base::Error("{}: its {} is {}, expected {}", source, is->first, is->second, should->second);
 }
 
 }  // namespace slalom::policy

@@ -51,9 +51,7 @@ class Journal::File {
   File(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
   static std::unique_ptr<const File> OfDirectory(const std::filesystem::path& path) {
     const int fd = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd < 0) {
-      throw base::Error(fmt::format("{}: cannot open ({})", path.string(), std::strerror(errno)));
-    }
+    if (fd < 0) throw base::Error("{}: cannot open ({})", path.string(), std::strerror(errno));
     return std::make_unique<const File>(fd, path);
   }
   ~File() { ::close(fd_); }

@@ -44,9 +44,7 @@ std::vector<std::pair<std::uint64_t, fs::path>> ListSegments(const fs::path& dir
       segments.emplace_back(*index, it->path());
     }
   }
-  if (error) {
-    throw base::Error(fmt::format("{}: cannot list: {}", directory.string(), error.message()));
-  }
+  if (error) throw base::Error("{}: cannot list: {}", directory.string(), error.message());
   std::sort(segments.begin(), segments.end());
   return segments;
 }
@@ -59,28 +57,24 @@ void ReadWhole(const fs::path& path, AlignedBuffer<std::byte>* content) {
     content->Resize(size);
     in.read(reinterpret_cast<char*>(content->data()), static_cast<std::streamsize>(size));
   }
-  if (!in || error) {
-    throw base::Error(
-        fmt::format("{}: cannot read this segment of the replay journal; move it "
-                    "away to start without it",
-                    path.string()));
-  }
+  base::ThrowIf(
+      !in || error,
+      "{}: cannot read this segment of the replay journal; move it away to start without it",
+      path.string());
 }
 
 fs::path DamagedPath(const fs::path& path) { return path.string() + ".damaged"; }
 
 /// Throws if the head is complete but of another version or spec.
 void CheckHead(const JournalOptions& options, const fs::path& path, const SegmentHead& head) {
-  if (head.version != SegmentHead::kVersion) {
-    throw base::Error(fmt::format("{}: this replay journal is of version {}, expected {}",
-                                  path.string(), head.version, SegmentHead::kVersion));
-  }
-  if (head.num_beams != options.shape.num_beams || head.spec_hash != options.spec_hash) {
-    throw base::Error(fmt::format(
-        "{}: this replay journal holds {} beams and spec {:016x}, expected {} and {:016x}: it "
-        "belongs to another run; choose another directory",
-        path.string(), head.num_beams, head.spec_hash, options.shape.num_beams, options.spec_hash));
-  }
+  base::ThrowIf(head.version != SegmentHead::kVersion,
+                "{}: this replay journal is of version {}, expected {}", path.string(),
+                head.version, SegmentHead::kVersion);
+  base::ThrowIf(
+      head.num_beams != options.shape.num_beams || head.spec_hash != options.spec_hash,
+      "{}: this replay journal holds {} beams and spec {:016x}, expected {} and {:016x}: it "
+      "belongs to another run; choose another directory",
+      path.string(), head.num_beams, head.spec_hash, options.shape.num_beams, options.spec_hash);
 }
 
 /// Whether recovery can begin with this segment: its head and its state record are intact.
@@ -130,8 +124,8 @@ void CutAt(const fs::path& path, std::span<const std::byte> content, std::size_t
   const int failed =
       offset == 0 ? ::unlink(path.c_str()) : ::truncate(path.c_str(), static_cast<off_t>(offset));
   if (failed) {
-    throw base::Error(fmt::format("{}: cannot truncate the journal at byte {} ({})", path.string(),
-                                  offset, std::strerror(errno)));
+    throw base::Error("{}: cannot truncate the journal at byte {} ({})", path.string(), offset,
+                      std::strerror(errno));
   }
 }
 

@@ -1,6 +1,5 @@
 #include "replay/lazy_memory.h"
 
-#include <fmt/format.h>
 #include <sys/mman.h>
 
 #include <cerrno>
@@ -15,9 +14,9 @@ LazyMemory::LazyMemory(std::size_t bytes) : bytes_(bytes) {
   void* const memory = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
                               MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (memory == MAP_FAILED) {
-    throw base::Error(fmt::format(
+    throw base::Error(
         "cannot reserve {} MiB for the replay buffer: {}; choose a smaller replay.capacity",
-        bytes >> 20, std::strerror(errno)));
+        bytes >> 20, std::strerror(errno));
   }
   data_ = static_cast<std::byte*>(memory);
   // Only advice: the array also works on a system without huge pages.

@@ -13,7 +13,7 @@ namespace {
 constexpr std::string_view kTitle = "slalom-replay 1\n";
 
 [[noreturn]] void Fail(std::string_view source, std::string_view why) {
-  throw base::Error(fmt::format("{}: {}; the checkpoint is damaged", source, why));
+  throw base::Error("{}: {}; the checkpoint is damaged", source, why);
 }
 
 template <class T>

@@ -86,9 +86,7 @@ void Priorities::Draw(base::Random& random, std::span<std::int64_t> slots) const
         if (level > 0) __builtin_prefetch(&levels_[level - 1][node[k] * kFanOut]);
       }
     }
-    for (std::size_t k = 0; k < n; ++k) {
-      slots[begin + k] = static_cast<std::int64_t>(node[k]);
-    }
+    for (std::size_t k = 0; k < n; ++k) slots[begin + k] = static_cast<std::int64_t>(node[k]);
   }
 }
 

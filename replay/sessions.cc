@@ -20,9 +20,7 @@ base::Result<Sessions::FreedStreams> Sessions::Put(const Session& session) {
   const auto fail = [&](std::string_view why) {
     return base::Failure{fmt::format("session {} of id {}: {}", session.number, session.id, why)};
   };
-  if (session.id == 0 || !base::IsName(session.name)) {
-    return fail("no id, or no name");
-  }
+  if (session.id == 0 || !base::IsName(session.name)) return fail("no id, or no name");
   if (session.num_streams < 1 || session.stream_base < 0 || session.num_streams > kMaxStreams ||
       session.stream_base > kMaxStreams - session.num_streams) {
     return fail("streams out of range");

@@ -95,9 +95,8 @@ std::vector<fs::path> ListPartFiles(const fs::path& directory) {
 }
 
 [[noreturn]] void FailDamaged(const fs::path& path, std::string_view why) {
-  throw base::Error(
-      fmt::format("{}: damaged part of the replay buffer: {}; resume from another checkpoint",
-                  path.string(), why));
+  throw base::Error("{}: damaged part of the replay buffer: {}; resume from another checkpoint",
+                    path.string(), why);
 }
 
 }  // namespace
@@ -182,10 +181,8 @@ Storage::PartFile Storage::WritePartFile(const Table& table, std::int64_t begin,
 }
 
 void Storage::Commit(std::span<const std::string> manifests) {
-  if (manifests.empty()) {
-    throw base::Error(fmt::format("{}: no checkpoint names its part files, expected at least one",
-                                  directory_.string()));
-  }
+  base::ThrowIf(manifests.empty(), "{}: no checkpoint names its part files, expected at least one",
+                directory_.string());
   std::set<std::string> used;
   for (const std::string& manifest : manifests) {
     for (const PartFile& part : ParseManifest(manifest).part_files) used.insert(part.name);
@@ -204,11 +201,9 @@ void Storage::DeleteAll() {
 void Storage::ReadPartFile(const PartFile& part, std::size_t num_streams, Table* table) const {
   const fs::path path = directory_ / part.name;
   std::ifstream in(path, std::ios::binary);
-  if (!in) {
-    throw base::Error(fmt::format(
-        "{}: cannot open this part of the replay buffer; resume from another checkpoint",
-        path.string()));
-  }
+  base::ThrowIf(!in,
+                "{}: cannot open this part of the replay buffer; resume from another checkpoint",
+                path.string());
   const std::int64_t size = FileSize(table->shape(), part.end - part.begin);
   in.seekg(0, std::ios::end);
   if (in.tellg() != size) {
@@ -263,9 +258,7 @@ Table Storage::Load(std::string_view text, std::string_view source) {
   const Manifest manifest = ParseManifest(text, source);
   Table table =
       Table::BeginRestore({.capacity = manifest.capacity}, manifest.shape, manifest.begin);
-  for (const PartFile& part : manifest.part_files) {
-    ReadPartFile(part, manifest.open.size(), &table);
-  }
+  for (const PartFile& part : manifest.part_files) ReadPartFile(part, manifest.open.size(), &table);
   table.FinishRestore(manifest.open);
   SLALOM_CHECK_EQ(table.total_inserted(), manifest.end);
   part_files_ = manifest.part_files;

@@ -1,7 +1,5 @@
 #include "sim/environments.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -89,20 +87,18 @@ CourseEnvironments::CourseEnvironments(const EnvironmentConfig& config,
 
 void CourseEnvironments::RequireDrivable(const Scene& scene) const {
   const base::Pose2& start = scene.course().start;
-  if (Touches(scene, start)) {
-    throw base::Error(
-        fmt::format("course '{}': a robot of {} x {} m touches an obstacle at the start pose ({} "
-                    "m, {} m, {} rad)",
-                    scene.course().name, config_.robot.length, config_.robot.width, start.p.x,
-                    start.p.y, start.yaw));
-  }
-  if (!DrawStart(scene, 0)) {
-    throw base::Error(fmt::format(
-        "course '{}': moving obstacles touch a robot of {} x {} m at the start pose ({} m, {} m, "
-        "{} rad) at each of {} times",
-        scene.course().name, config_.robot.length, config_.robot.width, start.p.x, start.p.y,
-        start.yaw, kMaxStartDraws));
-  }
+  base::ThrowIf(
+      Touches(scene, start),
+      "course '{}': a robot of {} x {} m touches an obstacle at the start pose ({} m, {} m, {} "
+      "rad)",
+      scene.course().name, config_.robot.length, config_.robot.width, start.p.x, start.p.y,
+      start.yaw);
+  base::ThrowIf(
+      !DrawStart(scene, 0),
+      "course '{}': moving obstacles touch a robot of {} x {} m at the start pose ({} m, {} m, "
+      "{} rad) at each of {} times",
+      scene.course().name, config_.robot.length, config_.robot.width, start.p.x, start.p.y,
+      start.yaw, kMaxStartDraws);
 }
 
 /// Throws the error of a physics that cannot represent a robot that may be drawn, as far as the

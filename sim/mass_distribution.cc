@@ -1,7 +1,5 @@
 #include "sim/mass_distribution.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
 
 #include "base/error.h"
@@ -37,12 +35,12 @@ void CheckMassDistribution(const RobotConfig& config) {
   const double lean =
       std::abs(masses.x) / (0.5 * config.wheel_base) + std::abs(masses.y) / (0.5 * config.track);
   if (lean < 1.0) return;
-  throw base::Error(fmt::format(
+  throw base::Error(
       "environment.robot: the centre of mass is at ({:.4g} m, {:.4g} m) from the point midway "
       "between the wheels (centre_of_mass_x, centre_of_mass_y, sensor_mass, sensor_x), where not "
       "every wheel carries weight: |x| / (wheel_base / 2) + |y| / (track / 2) is {:.4g}, expected "
       "less than 1",
-      masses.x, masses.y, lean));
+      masses.x, masses.y, lean);
 }
 
 }  // namespace slalom::sim

@@ -1,7 +1,5 @@
 #include "sim/moving_obstacles.h"
 
-#include <algorithm>
-
 #include "sim/vector_lanes.h"
 
 namespace slalom::sim {

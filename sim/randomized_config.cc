@@ -112,7 +112,7 @@ class EntryReader {
   }
 
   [[noreturn]] void Fail(const std::string& what) const {
-    throw base::Error(fmt::format("{}environment.randomize.\"{}\": {}", Where(), entry_.key, what));
+    throw base::Error("{}environment.randomize.\"{}\": {}", Where(), entry_.key, what);
   }
   std::string Where() const { return entry_.value.where.empty() ? "" : entry_.value.where + ": "; }
   std::string Found() const { return "found " + entry_.value.text; }
@@ -250,9 +250,8 @@ void CheckRandomization(const EnvironmentConfig& config) {
     try {
       CheckConsistent(task.config());
     } catch (const base::Error& error) {
-      throw base::Error(
-          fmt::format("environment.randomize: values that contradict each other may be drawn: {}",
-                      error.what()));
+      throw base::Error("environment.randomize: values that contradict each other may be drawn: {}",
+                        error.what());
     }
     std::size_t i = 0;
     while (i < fields.size() && ++corner[i] == ends[i].size()) corner[i++] = 0;

@@ -1,7 +1,6 @@
 #include "sim/skid_steering.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/geometry.h"
 #include "sim/vector_lanes.h"

@@ -4,7 +4,6 @@
 #include <cstdint>
 
 #include "sim/environment_config.h"
-#include "sim/mass_distribution.h"
 
 /// Frame: `C` the robot's directions, x ahead, y left, at its centre of mass.
 

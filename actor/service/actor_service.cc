@@ -96,8 +96,8 @@ void ActorService::SetSpoolAside(std::string_view why) {
   std::error_code error;
   std::filesystem::rename(spool(), aside, error);
   if (error) {
-    throw base::Error(fmt::format("{}; {}: cannot rename it to {} ({})", why, spool().string(),
-                                  aside.filename().string(), error.message()));
+    throw base::Error("{}; {}: cannot rename it to {} ({})", why, spool().string(),
+                      aside.filename().string(), error.message());
   }
   spdlog::error("{}; it is kept as {}, and its steps are lost", why, aside.string());
 }
@@ -171,12 +171,11 @@ void ActorService::OnAck(const proto::InsertAck& ack) {
 void ActorService::OnRefusal(const proto::Refusal& refusal) {
   metrics_.AddRefused(proto::ToString(refusal.code));
   if (refusal.code == proto::RefusalCode::kReplaced) {
-    if (phase_ == Phase::kRunning) {
-      throw base::Error(fmt::format(
-          "another process took over as actor '{}' (session {}, this one's is {}); choose another "
-          "service.name",
-          identity_.name, refusal.about, outbox_.session()));
-    }
+    base::ThrowIf(
+        phase_ == Phase::kRunning,
+        "another process took over as actor '{}' (session {}, this one's is {}); choose another "
+        "service.name",
+        identity_.name, refusal.about, outbox_.session());
     // This state directory is older than the server's memory.
     if (phase_ == Phase::kDraining) reason_ = LossReason::kReplaced;
     return StartSession(std::max(refusal.about, outbox_.session()) + 1);
@@ -188,8 +187,8 @@ void ActorService::OnRefusal(const proto::Refusal& refusal) {
                                 spool().string(), refusal.about, refusal.text));
       return StartSession(ledger_.session() + 1);
     }
-    throw base::Error(fmt::format("the replay server at {} keeps refusing chunk {}: {}",
-                                  replay_.endpoint(), refusal.about, refusal.text));
+    throw base::Error("the replay server at {} keeps refusing chunk {}: {}", replay_.endpoint(),
+                      refusal.about, refusal.text);
   }
 }
 
@@ -339,9 +338,7 @@ void ActorService::Finish(milliseconds patience) {
     Listen(kWait);
   }
   if (phase_ != Phase::kStarting) {
-    if (outbox_.empty()) {
-      static_cast<void>(replay_.Send(proto::Goodbye{outbox_.session()}));
-    }
+    if (outbox_.empty()) static_cast<void>(replay_.Send(proto::Goodbye{outbox_.session()}));
     outbox_.SaveSpool(spool(), replay_.hello().num_streams);
   }
   const StepAccount account = ledger_.account();

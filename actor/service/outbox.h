@@ -4,7 +4,6 @@
 #include <deque>
 #include <filesystem>
 #include <optional>
-#include <string>
 
 #include "base/error.h"
 #include "proto/messages.h"

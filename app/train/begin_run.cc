@@ -30,8 +30,8 @@ run::RunLock BeginRun(const run::RunDirectory& directory, const RunConfig& confi
     std::error_code ec;
     fs::rename(directory.root, aside, ec);
     if (ec) {
-      throw base::Error(fmt::format("{}: cannot move the earlier run to {} ({})",
-                                    directory.root.string(), aside.string(), ec.message()));
+      throw base::Error("{}: cannot move the earlier run to {} ({})", directory.root.string(),
+                        aside.string(), ec.message());
     }
     spdlog::info("the earlier run is now {}", aside.string());
   }
@@ -42,9 +42,8 @@ run::RunLock BeginRun(const run::RunDirectory& directory, const RunConfig& confi
 }
 
 run::RunLock ResumeRun(const run::RunDirectory& directory, const RunConfig& config) {
-  if (!fs::exists(directory.config())) {
-    throw base::Error(fmt::format("{}: there is no run to resume here", directory.root.string()));
-  }
+  base::ThrowIf(!fs::exists(directory.config()), "{}: there is no run to resume here",
+                directory.root.string());
   run::RunLock lock(directory.root);
   base::RemoveUnfinishedFiles(directory.root);
   const std::string source = directory.config().string();
@@ -74,9 +73,8 @@ void RequireResumable(const std::string& earlier, const std::string& source,
                       const RunConfig& config) {
   const auto difference = FindDifference(ReadRecordedConfig(earlier, source), config);
   if (difference.key.empty()) return;
-  throw base::Error(
-      fmt::format("{}: {} was {} when the run began and is {} now; a resumed run must keep it",
-                  source, difference.key, difference.first, difference.second));
+  throw base::Error("{}: {} was {} when the run began and is {} now; a resumed run must keep it",
+                    source, difference.key, difference.first, difference.second);
 }
 
 }  // namespace slalom::train

@@ -71,13 +71,12 @@ void RequireRoom(const RunConfig& config, const run::RunDirectory& directory,
   const ReplayBytes replay = CheckpointReplayBytes(config);
   const std::int64_t least = replay.least + learner_bytes;
   const std::int64_t most = replay.most + (kNumKept + 1) * learner_bytes;
-  if (room < least) {
-    throw base::Error(fmt::format(
-        "{}: {} are free, and the checkpoints of this run need at least {} ({}); make room, choose "
-        "another place, or lower these keys",
-        directory.root.string(), base::FormatBytes(static_cast<double>(room)),
-        base::FormatBytes(static_cast<double>(least)), Keys(config)));
-  }
+  base::ThrowIf(
+      room < least,
+      "{}: {} are free, and the checkpoints of this run need at least {} ({}); make room, choose "
+      "another place, or lower these keys",
+      directory.root.string(), base::FormatBytes(static_cast<double>(room)),
+      base::FormatBytes(static_cast<double>(least)), Keys(config));
   if (room >= most) return;
   spdlog::warn(
       "{}: {} are free, and the checkpoints of this run may need {} ({}); one that finds no room "

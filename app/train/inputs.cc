@@ -1,7 +1,5 @@
 #include "app/train/inputs.h"
 
-#include <fmt/format.h>
-
 #include <system_error>
 
 #include "base/error.h"

@@ -36,8 +36,7 @@ void LayProfile(const std::filesystem::path& file, sim::EnvironmentConfig& envir
     passed_over =
         config::ReadSharedTomlFile(file, config::ListFields(profile), config::ListFields(others));
   } catch (const base::Error& error) {
-    throw base::Error(
-        fmt::format("{} (only [environment] and [guard] of a profile are used)", error.what()));
+    throw base::Error("{} (only [environment] and [guard] of a profile are used)", error.what());
   }
   if (passed_over.empty()) return;
   spdlog::info("{}: only [environment] and [guard] of a profile are used; ignored: {}",

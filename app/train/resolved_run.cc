@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <utility>
 
 #include "app/train/inputs.h"
 #include "base/config.h"
@@ -34,24 +33,18 @@ ResolvedRun Plain(const RunConfig& config, const std::string& name) {
 void Apply(const base::TomlAssignment& entry, const RunConfig& config, std::vector<Stage>& stages) {
   const std::string full = "distillation.stages." + entry.key;
   const std::size_t dot = entry.key.find('.');
-  if (dot == std::string::npos) {
-    throw base::Error(fmt::format("{}: expected STAGE.KEY = VALUE with a key of a config", full));
-  }
+  base::ThrowIf(dot == std::string::npos, "{}: expected STAGE.KEY = VALUE with a key of a config",
+                full);
   const std::string name = entry.key.substr(0, dot), key = entry.key.substr(dot + 1);
-  if (!base::IsName(name)) {
-    throw base::Error(
-        fmt::format("{}: found the stage '{}', expected letters, digits or '-_:@'", full, name));
-  }
-  if (stages.empty() || stages.back().name != name) {
-    stages.push_back({name, Plain(config, name)});
-  }
-  if (key.starts_with("distillation.") || key == "run.name" || key == "run.seed") {
-    throw base::Error(fmt::format("{}: a stage has no {} of its own", full, key));
-  }
+  base::ThrowIf(!base::IsName(name), "{}: found the stage '{}', expected letters, digits or '-_:@'",
+                full, name);
+  if (stages.empty() || stages.back().name != name) stages.push_back({name, Plain(config, name)});
+  base::ThrowIf(key.starts_with("distillation.") || key == "run.name" || key == "run.seed",
+                "{}: a stage has no {} of its own", full, key);
   try {
     config::SetField(key, entry.value.text, "", config::ListFields(stages.back().config));
   } catch (const base::Error& error) {
-    throw base::Error(fmt::format("{}: {}", full, error.what()));
+    throw base::Error("{}: {}", full, error.what());
   }
 }
 
@@ -62,9 +55,9 @@ std::vector<Stage> ReadStages(const RunConfig& config) {
     if (config.run.max_seconds == 0.0) stage.config.run.max_seconds = 0.0;
     if (!stage.config.courses.has_named()) continue;
     throw base::Error(
-        fmt::format("distillation.stages.{}: courses.train is \"{}\" and courses.fresh \"{}\", "
-                    "expected \"\" and the kinds that it teaches",
-                    stage.name, stage.config.courses.train, stage.config.courses.fresh));
+        "distillation.stages.{}: courses.train is \"{}\" and courses.fresh \"{}\", expected \"\" "
+        "and the kinds that it teaches",
+        stage.name, stage.config.courses.train, stage.config.courses.fresh);
   }
   return stages;
 }
@@ -79,16 +72,14 @@ struct Text {
 
 Teacher ReadTeacher(const base::TomlAssignment& entry, const RunConfig& config) {
   Teacher teacher;
-  if (!base::ParseEnum(entry.key, teacher.kind)) {
-    throw base::Error(
-        fmt::format("distillation.teachers.{}: expected a kind of courses.fresh, which is \"{}\"",
-                    entry.key, config.courses.fresh));
-  }
+  base::ThrowIf(!base::ParseEnum(entry.key, teacher.kind),
+                "distillation.teachers.{}: expected a kind of courses.fresh, which is \"{}\"",
+                entry.key, config.courses.fresh);
   try {
     teacher.file = config::FromToml<Text>(fmt::format("teacher = {}", entry.value.text), "").text;
   } catch (const base::Error&) {
-    throw base::Error(fmt::format("distillation.teachers.{}: found {}, expected a policy file",
-                                  entry.key, entry.value.text));
+    throw base::Error("distillation.teachers.{}: found {}, expected a policy file", entry.key,
+                      entry.value.text);
   }
   return teacher;
 }
@@ -114,23 +105,19 @@ void RequireTeachers(const ResolvedRun& run) {
     const std::string_view kind = base::EnumName(teacher->kind);
     const std::string key = teacher->stage.empty() ? fmt::format("distillation.teachers.{}", kind)
                                                    : "distillation.stages." + teacher->stage;
-    if (std::ranges::find(mix, teacher->kind) == mix.end()) {
-      throw base::Error(
-          fmt::format("{}: teaches {}, expected a kind of courses.fresh, which is \"{}\"", key,
-                      kind, run.courses.fresh));
-    }
+    base::ThrowIf(std::ranges::find(mix, teacher->kind) == mix.end(),
+                  "{}: teaches {}, expected a kind of courses.fresh, which is \"{}\"", key, kind,
+                  run.courses.fresh);
     const auto first = std::ranges::find(run.teachers, teacher->kind, &Teacher::kind);
-    if (first != teacher) {
-      throw base::Error(fmt::format("{}: teaches {}, which has another teacher", key, kind));
-    }
+    base::ThrowIf(first != teacher, "{}: teaches {}, which has another teacher", key, kind);
   }
   for (const sim::FreshKind kind : mix) {
     const auto teacher = std::ranges::find(run.teachers, kind, &Teacher::kind);
     if (teacher != run.teachers.end()) continue;
     throw base::Error(
-        fmt::format("distillation: found no teacher of {}, expected one for each "
-                    "kind of courses.fresh, in distillation.teachers or .stages",
-                    base::EnumName(kind)));
+        "distillation: found no teacher of {}, expected one for each kind of courses.fresh, in "
+        "distillation.teachers or .stages",
+        base::EnumName(kind));
   }
 }
 
@@ -155,7 +142,7 @@ ResolvedRun Resolve(const RunConfig& config, const RunUse& use) {
     try {
       RequireSound(stage.config, use);
     } catch (const base::Error& error) {
-      throw base::Error(fmt::format("distillation.stages.{}: {}", stage.name, error.what()));
+      throw base::Error("distillation.stages.{}: {}", stage.name, error.what());
     }
   }
   return run;

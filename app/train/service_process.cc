@@ -24,11 +24,10 @@ std::string ChooseName(transport::Role role, const ServiceConfig& config,
     const bool is_many = role == transport::Role::kActor || role == transport::Role::kEvaluator;
     name = is_many ? base::HostName() : std::string(transport::ToString(role));
   }
-  if (!base::IsName(name) || name.starts_with('.')) {
-    throw base::Error(fmt::format(
-        "service.name is '{}', expected 1 to {} letters, digits or '-_.:@', not beginning with '.'",
-        name, base::kMaxNameBytes));
-  }
+  base::ThrowIf(
+      !base::IsName(name) || name.starts_with('.'),
+      "service.name is '{}', expected 1 to {} letters, digits or '-_.:@', not beginning with '.'",
+      name, base::kMaxNameBytes);
   return name;
 }
 

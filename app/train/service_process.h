@@ -11,7 +11,6 @@
 #include "metrics/registry.h"
 #include "proto/transport/client.h"
 #include "proto/transport/context.h"
-#include "proto/transport/server.h"
 
 namespace slalom::train {
 

@@ -1,7 +1,5 @@
 #include "app/train/stage_trainer.h"
 
-#include <fmt/format.h>
-
 #include <cstddef>
 #include <filesystem>
 #include <memory>
@@ -28,10 +26,8 @@ bool IsFinished(const Stage& stage, const run::RunDirectory& directory) {
   if (!fs::exists(file)) return false;
   const nn::Metadata metadata = policy::LoadPolicy(file).metadata;
   const auto trained = metadata.find("config");
-  if (trained == metadata.end()) {
-    throw base::Error(fmt::format("{}: carries no config, expected the policy of stage {}",
-                                  file.string(), stage.name));
-  }
+  base::ThrowIf(trained == metadata.end(), "{}: carries no config, expected the policy of stage {}",
+                file.string(), stage.name);
   const std::string source = file.string() + " (its config)";
   RequireResumable(trained->second, source, stage.config);
   // Its own limits, since those of the run may have been raised since.
@@ -69,9 +65,8 @@ TrainingEnd TrainStages(const ResolvedRun& config, const run::RunDirectory& dire
         return end;
       case TrainingEnd::kDiverged:
       case TrainingEnd::kLearnedNothing:
-        throw base::Error(
-            fmt::format("{}: the stage {}; expected a policy that can teach", own.root.string(),
-                        end == TrainingEnd::kDiverged ? "diverged" : "learned nothing"));
+        throw base::Error("{}: the stage {}; expected a policy that can teach", own.root.string(),
+                          end == TrainingEnd::kDiverged ? "diverged" : "learned nothing");
     }
     spdlog::info("trained for {}: {} steps", base::FormatDuration(trainer.training_s()),
                  base::FormatCount(static_cast<double>(trainer.steps())));

@@ -1,7 +1,5 @@
 #include "app/train/table_source.h"
 
-#include <fmt/format.h>
-
 #include <chrono>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -173,9 +171,8 @@ void TableSource::Restore(const fs::path& checkpoint, const nlohmann::json& stat
   const auto acting = policy::LoadPolicy(acting_path);
   policy::RequireSameSpec(acting_path, acting.snapshot.spec, agent_.snapshot().spec);
   const auto config = acting.metadata.find(kConfigKey);
-  if (config == acting.metadata.end()) {
-    throw base::Error(fmt::format("{}: has no config; the checkpoint is damaged", acting_path));
-  }
+  base::ThrowIf(config == acting.metadata.end(), "{}: has no config; the checkpoint is damaged",
+                acting_path);
   RequireResumable(config->second, acting_path + " (its config)", config_);
   const fs::path actor_path = files.actor();
   const auto actor_state =
@@ -194,8 +191,7 @@ void TableSource::RestorePriorities(const fs::path& file) {
   if (!specs_[0].prioritized) return;
   const double alpha = config_.replay_server.priority_exponent;
   if (const auto failure = table_.RestorePriorities(base::ReadFile(file), alpha)) {
-    throw base::Error(
-        fmt::format("{}: damaged: {}; the checkpoint is damaged", file.string(), failure->text));
+    throw base::Error("{}: damaged: {}; the checkpoint is damaged", file.string(), failure->text);
   }
 }
 

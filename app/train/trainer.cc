@@ -1,7 +1,5 @@
 #include "app/train/trainer.h"
 
-#include <fmt/format.h>
-
 #include <filesystem>
 #include <utility>
 
@@ -62,12 +60,11 @@ Trainer::Trainer(const ResolvedRun& config, const run::RunDirectory& directory, 
                      run::Fence::OfEnvironment()}},
             learner_, source_, source_, registry, std::move(clock)) {
   if (!resume || loop_.Restore()) return;
-  if (std::filesystem::exists(directory.policy())) {
-    throw base::Error(fmt::format(
-        "{}: no checkpoint to go on from, and {} would be overwritten; with --force in place of "
-        "--resume the run there is moved aside and a new one begins",
-        directory.checkpoints().string(), directory.policy().string()));
-  }
+  base::ThrowIf(
+      std::filesystem::exists(directory.policy()),
+      "{}: no checkpoint to go on from, and {} would be overwritten; with --force in place of "
+      "--resume the run there is moved aside and a new one begins",
+      directory.checkpoints().string(), directory.policy().string());
   if (!config_.stages.empty()) return;  // Its stages have been trained up to here.
   spdlog::info("{}: no checkpoint yet, the run starts from the beginning",
                directory.checkpoints().string());

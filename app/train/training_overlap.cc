@@ -49,7 +49,7 @@ void AddTrainingCourses(const RunConfig& config, TrainingCourses& courses,
     if (!seen.insert(file).second) continue;
     unless_missing([&] {
       auto earlier = TrainedConfig(policy::LoadPolicy(file).metadata, file.string());
-      if (!earlier) throw base::Error(fmt::format("{}: carries no config", file.string()));
+      base::ThrowIf(!earlier, "{}: carries no config", file.string());
       earlier->courses.inputs = InputsOf(file);
       AddTrainingCourses(*earlier, courses, seen);
     });

@@ -55,9 +55,7 @@ std::string Base64(std::span<const std::uint8_t> bytes) {
     const std::size_t n = std::min<std::size_t>(3, bytes.size() - i);
     std::uint32_t group = 0;
     for (std::size_t k = 0; k < 3; ++k) group = group << 8 | (k < n ? bytes[i + k] : 0u);
-    for (std::size_t k = 0; k < 4; ++k) {
-      text += k <= n ? kDigits[group >> (18 - 6 * k) & 63u] : '=';
-    }
+    for (std::size_t k = 0; k < 4; ++k) text += k <= n ? kDigits[group >> (18 - 6 * k) & 63u] : '=';
   }
   return text;
 }

@@ -50,14 +50,13 @@ Estimate RequiredEstimate(const base::JsonObject& reader, const std::string& key
 
 void RequireFormat(const base::JsonObject& reader) {
   if (const std::string format = reader.Text("format"); format != "slalom-evaluation") {
-    throw base::Error(fmt::format("{}: format is \"{}\", expected \"slalom-evaluation\"",
-                                  reader.source(), format));
+    throw base::Error("{}: format is \"{}\", expected \"slalom-evaluation\"", reader.source(),
+                      format);
   }
   const int version = reader.Count("version");
   if (version == kResultVersion) return;
-  throw base::Error(fmt::format("{}: version is {}, expected {}{}", reader.source(), version,
-                                kResultVersion,
-                                version > kResultVersion ? "; it is from a newer slalom" : ""));
+  throw base::Error("{}: version is {}, expected {}{}", reader.source(), version, kResultVersion,
+                    version > kResultVersion ? "; it is from a newer slalom" : "");
 }
 
 Figures ReadFigures(const base::JsonObject& reader) {
@@ -184,12 +183,11 @@ void RequireConsistent(const Result& result, const base::JsonObject& reader) {
     for (const ResultEpisode& e : course.episodes)
       num_successes += e.outcome == env::Outcome::kSuccess;
   }
-  if (num_episodes != result.set.num_episodes || num_successes != result.set.num_successes) {
-    throw base::Error(fmt::format(
-        "{}: says {} successes of {} episodes, but its courses hold {} of {}; the file was changed",
-        reader.source(), result.set.num_successes, result.set.num_episodes, num_successes,
-        num_episodes));
-  }
+  base::ThrowIf(
+      num_episodes != result.set.num_episodes || num_successes != result.set.num_successes,
+      "{}: says {} successes of {} episodes, but its courses hold {} of {}; the file was changed",
+      reader.source(), result.set.num_successes, result.set.num_episodes, num_successes,
+      num_episodes);
 }
 
 std::optional<TrainingOverlap> ReadOverlap(const base::JsonObject& provenance) {
@@ -217,37 +215,31 @@ void ReadCoursesAndTracks(const fs::path& courses_file, const fs::path& tracks_f
   for (std::size_t c = 0; is_same && c < courses.size(); ++c) {
     is_same = courses[c]->name == result.courses[c].name;
   }
-  if (!is_same) {
-    throw base::Error(fmt::format("{}: does not hold the {} courses of {}", courses_file.string(),
-                                  result.courses.size(), result.file));
-  }
+  base::ThrowIf(!is_same, "{}: does not hold the {} courses of {}", courses_file.string(),
+                result.courses.size(), result.file);
   result.tracks = sim::ReadEpisodes(tracks_file);
   std::set<std::string_view> names;
   for (const auto& course : courses) names.insert(course->name);
   for (const sim::EpisodeTrack& track : result.tracks) {
     if (names.contains(track.course) && !track.poses.empty() && track.step > 0.0) continue;
-    throw base::Error(
-        fmt::format("{}: an episode on {} is not of {}: no such course, no poses or no step_s",
-                    tracks_file.string(), track.course, result.file));
+    throw base::Error("{}: an episode on {} is not of {}: no such course, no poses or no step_s",
+                      tracks_file.string(), track.course, result.file);
   }
 }
 
 }  // namespace
 
 ParsedResult ParseResult(std::string_view text, const std::string& source) {
-  if (!base::IsShallowJson(text)) {
-    throw base::Error(fmt::format("{}: nested more than {} deep, expected an evaluation", source,
-                                  base::kMaxJsonDepth));
-  }
+  base::ThrowIf(!base::IsShallowJson(text), "{}: nested more than {} deep, expected an evaluation",
+                source, base::kMaxJsonDepth);
   Json object;
   try {
     object = Json::parse(text);
   } catch (const Json::parse_error& parse_error) {
-    throw base::Error(fmt::format("{}: not valid JSON from byte {} of {}{}", source,
-                                  parse_error.byte, text.size(),
-                                  parse_error.byte >= text.size() ? "; it was cut short" : ""));
+    throw base::Error("{}: not valid JSON from byte {} of {}{}", source, parse_error.byte,
+                      text.size(), parse_error.byte >= text.size() ? "; it was cut short" : "");
   } catch (const Json::out_of_range& range_error) {  // A number that no double holds.
-    throw base::Error(fmt::format("{}: not valid JSON: {}", source, range_error.what()));
+    throw base::Error("{}: not valid JSON: {}", source, range_error.what());
   }
   const base::JsonObject reader(object, source, "");
   RequireFormat(reader);
@@ -308,10 +300,10 @@ void RequireSameProtocol(std::span<const Result> results) {
       const auto it = result.protocol.find(key);
       const std::string other = it == result.protocol.end() ? "missing" : it->second;
       if (other == value) continue;
-      throw base::Error(fmt::format(
+      throw base::Error(
           "{} and {} cannot stand in one report: {} of the protocol is {} in the first and {} in "
           "the second",
-          first.file, result.file, key, value, other));
+          first.file, result.file, key, value, other);
     }
   }
 }

@@ -1,10 +1,8 @@
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -12,7 +10,6 @@
 
 #include "base/parallel.h"
 #include "base/result.h"
-#include "env/agent.h"
 #include "eval/evaluation.h"
 #include "eval/service/evaluator_service_config.h"
 #include "eval/service/score_log.h"

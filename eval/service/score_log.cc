@@ -78,7 +78,7 @@ ScoreLog::ScoreLog(const fs::path& path, std::string_view course_set)
   // A loss of power may have torn the last line, and the next must not be glued to it.
   if (earlier.ends_with('\n')) return;
   if (const auto failure = file_.Append("\n")) {
-    throw base::Error(fmt::format("{}: {}", path.string(), failure->text));
+    throw base::Error("{}: {}", path.string(), failure->text);
   }
 }
 

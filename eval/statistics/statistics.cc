@@ -84,9 +84,7 @@ Interval WilsonInterval(double proportion, double num_trials, double critical) {
 Estimate EstimateRate(std::span<const CourseTotal> courses) {
   const Ratio ratio = LinearisedRatio(courses);
   SLALOM_CHECK_GT(ratio.count, 0.0);
-  if (ratio.num_courses == 1) {
-    return {ratio.value, WilsonInterval(ratio.value, ratio.count)};
-  }
+  if (ratio.num_courses == 1) return {ratio.value, WilsonInterval(ratio.value, ratio.count)};
   double effective = ratio.count;
   if (ratio.variance > 0.0) {
     effective = std::min(effective, ratio.value * (1.0 - ratio.value) / ratio.variance);

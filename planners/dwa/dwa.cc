@@ -192,9 +192,7 @@ DwaPlanner::Trajectory DwaPlanner::Score(const LocalView& view, Twist command) c
     highest = std::max<int>({highest, outline, view.costmap.cost(view.costmap.CellAt(X_OR.p))});
     return true;
   });
-  if (admissible) {
-    trajectory.cost = distance_cost + config_.obstacle_cost_scale * highest;
-  }
+  if (admissible) trajectory.cost = distance_cost + config_.obstacle_cost_scale * highest;
   return trajectory;
 }
 

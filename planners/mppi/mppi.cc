@@ -1,9 +1,6 @@
 #include "planners/mppi/mppi.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <cmath>
 
 #include "base/check.h"
 #include "base/error.h"
@@ -29,9 +26,8 @@ double LengthOf(std::span<const base::Vec2> path) {
 
 const MppiConfig& Checked(const MppiConfig& config) {
   if (config.max_angular * config.model_dt > 0.5) {
-    throw base::Error(
-        fmt::format("mppi.max_angular times mppi.model_dt is {} rad a step; expected at most 0.5",
-                    config.max_angular * config.model_dt));
+    throw base::Error("mppi.max_angular times mppi.model_dt is {} rad a step; expected at most 0.5",
+                      config.max_angular * config.model_dt);
   }
   return config;
 }

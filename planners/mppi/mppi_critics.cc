@@ -227,9 +227,7 @@ void AddPathAlignCost(const MppiPathAlignConfig& config, const CriticView& view,
       ++num_samples[b];
     }
   }
-  for (int b = 0; b < r.batch_size; ++b) {
-    sums[b] /= static_cast<float>(std::max(num_samples[b], 1));
-  }
+  for (int b = 0; b < r.batch_size; ++b) sums[b] /= static_cast<float>(std::max(num_samples[b], 1));
   AddWeighted(config.cost, sums.data(), r.batch_size, costs.data());
 }
 

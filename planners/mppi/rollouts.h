@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <span>
 #include <vector>
 
 /// Shapes: `B` rollouts in a batch, `T` steps of a rollout. Arrays are [T, B], so that one step of

@@ -173,9 +173,7 @@ void TebPlanner::CutPlan(const LocalView& view) {
   const double separation = config.via_point_separation;
   if (separation > 0.0) {
     const auto step = std::max<std::size_t>(1, static_cast<std::size_t>(separation / kPlanSpacing));
-    for (std::size_t i = step; i + 1 < points.size(); i += step) {
-      via_points_O_.push_back(points[i]);
-    }
+    for (std::size_t i = step; i + 1 < points.size(); i += step) via_points_O_.push_back(points[i]);
   }
 }
 

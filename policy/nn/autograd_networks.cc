@@ -121,17 +121,15 @@ struct AutogradNetworks::Apply : torch::autograd::Function<AutogradNetworks::App
   }
 
   static Variables backward(Context* context, const Variables& output_gradients) {
-    if (at::GradMode::is_enabled()) {
-      throw base::Error(
-          "AutogradNetworks: a double backward (create_graph) was asked for, but networks have "
-          "first derivatives only");
-    }
+    base::ThrowIf(
+        at::GradMode::is_enabled(),
+        "AutogradNetworks: a double backward (create_graph) was asked for, but networks have "
+        "first derivatives only");
     Call& call = static_cast<Call&>(*context->saved_data["call"].toCapsule());
-    if (!call.passes) {
-      throw base::Error(
-          "AutogradNetworks: a second backward through one call (retain_graph) was asked for; "
-          "expected one, or a call for each loss, as a backward pass uses up what the call left");
-    }
+    base::ThrowIf(
+        !call.passes,
+        "AutogradNetworks: a second backward through one call (retain_graph) was asked for; "
+        "expected one, or a call for each loss, as a backward pass uses up what the call left");
     context->get_saved_variables();  // Throws if the weights have moved since the call.
     const Networks& networks = *call.networks;
     const std::int64_t size = networks.shape.num_parameters();
@@ -179,22 +177,20 @@ at::Tensor AutogradNetworks::operator()(const at::Tensor& features, const at::Te
     networks_->Return(std::move(passes));
     return outputs;
   }
-  if (features.requires_grad()) {
-    throw base::Error(
-        "AutogradNetworks: the features require a gradient, but networks have gradients by their "
-        "parameters and by their extra inputs only; expected features.detach()");
-  }
+  base::ThrowIf(
+      features.requires_grad(),
+      "AutogradNetworks: the features require a gradient, but networks have gradients by their "
+      "parameters and by their extra inputs only; expected features.detach()");
   return Apply::apply(networks_->leaf, features,
                       num_extra > 0 ? extra : at::empty({features.size(0), 0}, features.options()),
                       networks_);
 }
 
 void AutogradNetworks::Differentiate(const at::Tensor& loss, at::Tensor& gradient) const {
-  if (loss.numel() != 1) {
-    throw base::Error(fmt::format(
-        "AutogradNetworks: the loss has the shape [{}], expected one number, such as its mean()",
-        fmt::join(loss.sizes(), ", ")));
-  }
+  base::ThrowIf(
+      loss.numel() != 1,
+      "AutogradNetworks: the loss has the shape [{}], expected one number, such as its mean()",
+      fmt::join(loss.sizes(), ", "));
   at::Tensor found;
   try {
     if (loss.requires_grad()) {
@@ -203,16 +199,15 @@ void AutogradNetworks::Differentiate(const at::Tensor& loss, at::Tensor& gradien
                   .front();
     }
   } catch (const c10::Error& error) {
-    throw base::Error(fmt::format(
+    throw base::Error(
         "AutogradNetworks: no gradient of this loss; expected one that is differentiated once, "
         "without retain_graph, and before its weights move. LibTorch says: {}",
-        error.what_without_backtrace()));
+        error.what_without_backtrace());
   }
-  if (!found.defined()) {
-    throw base::Error(
-        "AutogradNetworks: the loss does not depend on the networks whose parameters are to move; "
-        "expected one of their values, without detach(), NoGradGuard or target networks between");
-  }
+  base::ThrowIf(
+      !found.defined(),
+      "AutogradNetworks: the loss does not depend on the networks whose parameters are to move; "
+      "expected one of their values, without detach(), NoGradGuard or target networks between");
   gradient.copy_(found);
 }
 

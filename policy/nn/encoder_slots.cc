@@ -8,9 +8,9 @@
 namespace slalom::nn {
 
 void RefuseLayers(const NetworkConfig& config, std::string_view expected) {
-  throw base::Error(fmt::format(
-      "network.encoder_layers: found [{}] with encoder \"{}\", expected {}",
-      fmt::join(config.encoder_layers, ", "), base::EnumName(config.encoder), expected));
+  throw base::Error("network.encoder_layers: found [{}] with encoder \"{}\", expected {}",
+                    fmt::join(config.encoder_layers, ", "), base::EnumName(config.encoder),
+                    expected);
 }
 
 void CheckNetwork(const NetworkConfig& config) {

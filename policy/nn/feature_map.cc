@@ -4,8 +4,6 @@
 #include <immintrin.h>
 #endif
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -58,24 +56,20 @@ FeatureMap::FeatureMap(const env::ObservationSpec& spec, const NetworkConfig& co
       beams_per_range_(num_ranges_ == 0 ? 0 : spec.num_beams / num_ranges_),
       goal_transform_(config.goal_transform),
       goal_scale_(static_cast<float>(spec.goal_scale)) {
-  if (num_beams_ > 0 && state_size_ != env::StateSize(spec)) {
-    throw base::Error(fmt::format("found a state of {} numbers beside a scan, expected {}",
-                                  state_size_, env::StateSize(spec)));
-  }
-  if (num_beams_ > 0 && state_size_ != env::kStateSize &&
-      EncoderOf(config) == EncoderKind::kBeamCnn) {
-    throw base::Error(
-        "network.cnn_axis: found \"beams\", expected \"time\", or environment.observation to add "
-        "nothing to goal and last action");
-  }
-  if (num_beams_ == 0 && EncoderOf(config) == EncoderKind::kBeamCnn) {
-    throw base::Error("network.cnn_axis: found \"beams\" without a scan, expected \"time\"");
-  }
-  if (beams_per_range_ * num_ranges_ != num_beams_ || (num_ranges_ > 0 && beams_per_range_ < 1)) {
-    throw base::Error(
-        fmt::format("network.sectors: found {}, expected 0 or a divisor of the {} beams of a scan",
-                    config.sectors, spec.num_beams));
-  }
+  base::ThrowIf(num_beams_ > 0 && state_size_ != env::StateSize(spec),
+                "found a state of {} numbers beside a scan, expected {}", state_size_,
+                env::StateSize(spec));
+  base::ThrowIf(
+      num_beams_ > 0 && state_size_ != env::kStateSize &&
+          EncoderOf(config) == EncoderKind::kBeamCnn,
+      "network.cnn_axis: found \"beams\", expected \"time\", or environment.observation to add "
+      "nothing to goal and last action");
+  base::ThrowIf(num_beams_ == 0 && EncoderOf(config) == EncoderKind::kBeamCnn,
+                "network.cnn_axis: found \"beams\" without a scan, expected \"time\"");
+  base::ThrowIf(
+      beams_per_range_ * num_ranges_ != num_beams_ || (num_ranges_ > 0 && beams_per_range_ < 1),
+      "network.sectors: found {}, expected 0 or a divisor of the {} beams of a scan",
+      config.sectors, spec.num_beams);
   env::ForEachNumber(spec, [this](const auto&, const env::StateNumber& number) {
     mirror_.push_back(number.has_side ? -1.0f : 1.0f);
   });

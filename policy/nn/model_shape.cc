@@ -1,7 +1,5 @@
 #include "policy/nn/model_shape.h"
 
-#include <fmt/format.h>
-
 #include <string>
 
 #include "base/check.h"
@@ -13,23 +11,21 @@ namespace slalom::nn {
 namespace {
 
 void RequireConsistent(const TransitionModelConfig& config, const NetworkConfig& network) {
-  if (config.log_std == LogStdBounds::kBounded && config.log_std_min >= config.log_std_max) {
-    throw base::Error(fmt::format("model.log_std_min is {}, expected less than log_std_max = {}",
-                                  config.log_std_min, config.log_std_max));
-  }
+  base::ThrowIf(
+      config.log_std == LogStdBounds::kBounded && config.log_std_min >= config.log_std_max,
+      "model.log_std_min is {}, expected less than log_std_max = {}", config.log_std_min,
+      config.log_std_max);
   if (!config.bound_ranges) return;
-  if (config.targets != ModelTargets::kAbsolute) {
-    throw base::Error(
-        fmt::format("model.bound_ranges is true, expected model.targets = \"absolute\", found "
-                    "\"{}\": a change of range is not bounded by -1 and 1",
-                    base::EnumName(config.targets)));
-  }
-  if (network.range_transform != RangeTransform::kLinear) {
-    throw base::Error(
-        fmt::format("model.bound_ranges is true, expected network.range_transform = \"linear\", "
-                    "found \"{}\", whose features go beyond 1",
-                    base::EnumName(network.range_transform)));
-  }
+  base::ThrowIf(
+      config.targets != ModelTargets::kAbsolute,
+      "model.bound_ranges is true, expected model.targets = \"absolute\", found \"{}\": a change "
+      "of range is not bounded by -1 and 1",
+      base::EnumName(config.targets));
+  base::ThrowIf(
+      network.range_transform != RangeTransform::kLinear,
+      "model.bound_ranges is true, expected network.range_transform = \"linear\", found \"{}\", "
+      "whose features go beyond 1",
+      base::EnumName(network.range_transform));
 }
 
 }  // namespace
@@ -43,12 +39,11 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
                           const GoalRule& goal) {
   SLALOM_CHECK(config.kind != ModelKind::kNone);
   RequireConsistent(config, network);
-  if (observation.state_size != env::kStateSize) {
-    throw base::Error(
-        fmt::format("model.kind is \"{}\", expected environment.observation to add nothing to the "
-                    "state: a model predicts {} numbers, goal and last action, and found {}",
-                    base::EnumName(config.kind), env::kStateSize, observation.state_size));
-  }
+  base::ThrowIf(
+      observation.state_size != env::kStateSize,
+      "model.kind is \"{}\", expected environment.observation to add nothing to the state: a "
+      "model predicts {} numbers, goal and last action, and found {}",
+      base::EnumName(config.kind), env::kStateSize, observation.state_size);
   ModelShape shape;
   shape.ensemble = config.ensemble;
   shape.num_ranges = frame_size - env::kStateSize;
@@ -66,10 +61,8 @@ ModelShape MakeModelShape(const TransitionModelConfig& config, const NetworkConf
       inverse ? 0.6f / (static_cast<float>(observation.range_clip) + 0.2f) - 0.8f : -1.0f;
   shape.range_high = inverse ? 2.2f : 1.0f;
   if (config.success == ModelSuccess::kKnown) {
-    if (goal.radius <= 0.0) {
-      throw base::Error(
-          "model.success is \"known\", expected a radius of the goal above 0 beside it");
-    }
+    base::ThrowIf(goal.radius <= 0.0,
+                  "model.success is \"known\", expected a radius of the goal above 0 beside it");
     const bool bounded = network.goal_transform == GoalTransform::kBounded;
     const double scale = observation.goal_scale + (bounded ? goal.radius : 0.0);
     const auto radius = static_cast<float>(goal.radius / scale);

@@ -5,6 +5,7 @@
 #include <bit>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 
 #include "base/check.h"
 #include "base/error.h"
@@ -30,15 +31,16 @@ std::optional<std::size_t> ElementBytes(std::string_view type) {
   return std::nullopt;
 }
 
-[[noreturn]] void Fail(std::string_view source, std::string_view reason) {
-  throw base::Error(fmt::format("{}: {}", source, reason));
+template <class... Args>
+[[noreturn]] void Fail(std::string_view source, fmt::format_string<Args...> what, Args&&... args) {
+  throw base::Error("{}: {}", source, fmt::format(what, std::forward<Args>(args)...));
 }
 
 /// A whole number of a tensor's description: a float would be cut to one, or overflow it.
 std::uint64_t Whole(std::string_view source, const std::string& name, const json& number) {
   if (number.is_number_unsigned()) return number.get<std::uint64_t>();
-  Fail(source, fmt::format("tensor '{}' is described by {}, expected a whole number from 0 on",
-                           name, number.dump(-1, ' ', false, json::error_handler_t::replace)));
+  Fail(source, "tensor '{}' is described by {}, expected a whole number from 0 on", name,
+       number.dump(-1, ' ', false, json::error_handler_t::replace));
 }
 
 /// The tensor that one entry of the header describes, in bytes that no other entry has: `unread` of
@@ -56,21 +58,21 @@ StoredTensor ReadEntry(std::string_view source, const std::string& name, const j
     begin = Whole(source, name, entry.at("data_offsets").at(0));
     end = Whole(source, name, entry.at("data_offsets").at(1));
   } catch (const json::exception& error) {
-    Fail(source, fmt::format("tensor '{}' is not described as safetensors expects ({})", name,
-                             error.what()));
+    Fail(source, "tensor '{}' is not described as safetensors expects ({})", name, error.what());
   }
   const std::optional<std::size_t> element = ElementBytes(tensor.type);
-  if (!element) Fail(source, fmt::format("tensor '{}' has unknown type '{}'", name, tensor.type));
+  if (!element) Fail(source, "tensor '{}' has unknown type '{}'", name, tensor.type);
   std::uint64_t bytes = *element;
   for (const std::int64_t size : tensor.shape) {
     if (size < 0 || __builtin_mul_overflow(bytes, static_cast<std::uint64_t>(size), &bytes)) {
-      Fail(source, fmt::format("tensor '{}' has an impossible shape", name));
+      Fail(source, "tensor '{}' has an impossible shape", name);
     }
   }
   if (begin > end || end > data.size() || end - begin != bytes || bytes > unread) {
-    Fail(source, fmt::format("tensor '{}' claims bytes {} to {}, expected {} bytes within the {} "
-                             "that follow the header; the file is cut short or damaged",
-                             name, begin, end, bytes, data.size()));
+    Fail(source,
+         "tensor '{}' claims bytes {} to {}, expected {} bytes within the {} that follow the "
+         "header; the file is cut short or damaged",
+         name, begin, end, bytes, data.size());
   }
   tensor.bytes = data.substr(begin, bytes);
   return tensor;
@@ -81,12 +83,12 @@ StoredTensor ReadEntry(std::string_view source, const std::string& name, const j
 const StoredTensor& TensorFile::Find(const std::string& name, std::string_view type,
                                      std::size_t size) const {
   const auto found = tensors.find(name);
-  if (found == tensors.end()) Fail(source, fmt::format("tensor '{}' is missing", name));
+  if (found == tensors.end()) Fail(source, "tensor '{}' is missing", name);
   const StoredTensor& tensor = found->second;
   const std::size_t expected_bytes = size * *ElementBytes(type);
   if (tensor.type != type || tensor.bytes.size() != expected_bytes) {
-    Fail(source, fmt::format("tensor '{}' is [{}] {}, expected {} elements of {}", name,
-                             fmt::join(tensor.shape, ", "), tensor.type, size, type));
+    Fail(source, "tensor '{}' is [{}] {}, expected {} elements of {}", name,
+         fmt::join(tensor.shape, ", "), tensor.type, size, type);
   }
   return tensor;
 }
@@ -123,14 +125,13 @@ TensorFile ParseTensors(std::span<const std::byte> bytes, std::string_view sourc
   result.source = source;
   std::uint64_t length = 0;
   if (file.size() < sizeof(length)) {
-    Fail(source, fmt::format("found {} bytes, expected a safetensors file", file.size()));
+    Fail(source, "found {} bytes, expected a safetensors file", file.size());
   }
   std::memcpy(&length, file.data(), sizeof(length));
   if (length > kMaxHeaderBytes) Fail(source, "is no safetensors file, or damaged");
   if (length > file.size() - sizeof(length)) {
-    Fail(source, fmt::format("the header should be {} bytes long but {} follow; the file is cut "
-                             "short",
-                             length, file.size() - sizeof(length)));
+    Fail(source, "the header should be {} bytes long but {} follow; the file is cut short", length,
+         file.size() - sizeof(length));
   }
   const json header = base::ParseJson(file.substr(sizeof(length), length));
   if (!header.is_object()) Fail(source, "the header is not JSON; no safetensors file, or damaged");
@@ -143,23 +144,21 @@ TensorFile ParseTensors(std::span<const std::byte> bytes, std::string_view sourc
     result.tensors.emplace(name, std::move(tensor));
   }
   if (described != data.size()) {
-    Fail(source, fmt::format("the header describes {} bytes of tensors, {} follow; the file is "
-                             "damaged",
-                             described, data.size()));
+    Fail(source, "the header describes {} bytes of tensors, {} follow; the file is damaged",
+         described, data.size());
   }
   if (const auto texts = header.find("__metadata__"); texts != header.end()) {
     if (!texts->is_object()) Fail(source, "its metadata is no JSON object");
     for (const auto& [key, value] : texts->items()) {
-      if (!value.is_string()) Fail(source, fmt::format("metadata '{}' is no text", key));
+      if (!value.is_string()) Fail(source, "metadata '{}' is no text", key);
       result.metadata.emplace(key, value.get<std::string>());
     }
   }
   if (const auto node = result.metadata.extract(kChecksumKey); !node.empty()) {
     const std::string found = fmt::format("{:016x}", base::Checksum(data));
     if (node.mapped() != found) {
-      Fail(source,
-           fmt::format("the checksum of the tensors is {}, expected {}; the file is damaged", found,
-                       node.mapped()));
+      Fail(source, "the checksum of the tensors is {}, expected {}; the file is damaged", found,
+           node.mapped());
     }
   }
   return result;

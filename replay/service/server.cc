@@ -56,10 +56,10 @@ void RequireSameRun(const std::filesystem::path& directory, const proto::RunIden
     const std::string keys =
         proto::DescribeDifference(run, proto::ParseIdentity(base::ReadFile(path)));
     if (keys.empty()) return;
-    throw base::Error(fmt::format(
+    throw base::Error(
         "{}: holds rows of another run: {}; set these keys back, or give this run another "
         "service.state",
-        directory.string(), keys));
+        directory.string(), keys);
   }
   base::WriteFileAtomically(path, proto::PrintIdentity(run));
 }
@@ -279,9 +279,7 @@ void ReplayServer::Tick(Time now) {
 }
 
 void ReplayServer::Take(transport::Server::Received received, Time now) {
-  if (received.no_room) {
-    return Refuse(received.peer, proto::NoRoom(server_->max_connections()));
-  }
+  if (received.no_room) return Refuse(received.peer, proto::NoRoom(server_->max_connections()));
   if (received.too_fast) {
     return Refuse(
         received.peer,

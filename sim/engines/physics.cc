@@ -38,14 +38,14 @@ sim::Physics FindPhysics(std::string_view name) {
   if (info == known.end()) {
     std::string names;
     for (const PhysicsInfo& each : known) names += fmt::format("{}, ", each.name);
-    throw base::Error(fmt::format("--physics '{}': expected {}several of them with commas, or {}",
-                                  name, names, kAll));
+    throw base::Error("--physics '{}': expected {}several of them with commas, or {}", name, names,
+                      kAll);
   }
   if (!info->is_built_in) {
-    throw base::Error(fmt::format(
+    throw base::Error(
         "--physics {}: this program was built without it; install Debian 12's {} (apt-get install "
         "{}) and build the program again (./slalom build) without SLALOM_{}=OFF",
-        name, info->package, info->package, name == "ode" ? "ODE" : "MUJOCO"));
+        name, info->package, info->package, name == "ode" ? "ODE" : "MUJOCO");
   }
 #if SLALOM_HAS_ODE
   if (name == "ode") return {"ode", OdeVersion(), BodiesIn("ode", MakeOdeWorlds)};
@@ -63,9 +63,8 @@ std::vector<sim::Physics> FindPhysicsList(std::string_view list) {
     return found;
   }
   for (const std::string_view name : base::Split(list, ',')) {
-    if (std::ranges::find(found, name, &sim::Physics::name) != found.end()) {
-      throw base::Error(fmt::format("--physics {}: names {} twice", list, name));
-    }
+    base::ThrowIf(std::ranges::find(found, name, &sim::Physics::name) != found.end(),
+                  "--physics {}: names {} twice", list, name);
     found.push_back(FindPhysics(name));
   }
   std::stable_partition(found.begin(), found.end(),

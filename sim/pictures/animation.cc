@@ -24,8 +24,8 @@ constexpr double kAnglePerLength = 10.0;  // [rad/m]
 
 void RequirePlayable(const EpisodeTrack& track, const std::string& source) {
   const auto refuse = [&](const char* what) {
-    throw base::Error(fmt::format("{}: the episode {} on course {} {}", source, track.episode,
-                                  track.course, what));
+    throw base::Error("{}: the episode {} on course {} {}", source, track.episode, track.course,
+                      what);
   };
   if (track.poses.empty()) refuse("has no poses, expected at least one");
   if (!(track.step > 0.0)) refuse("has no step_s, expected the time between its poses in seconds");
@@ -133,9 +133,7 @@ std::vector<AnimationPanel> MakePanels(const CourseSet& set, std::vector<Episode
       panels[i].title += fmt::format(", episode {}", panels[i].tracks.front().episode);
     }
   }
-  if (panels.empty()) {
-    throw base::Error(fmt::format("{}: holds no episode on a course of {}", source, set.name));
-  }
+  base::ThrowIf(panels.empty(), "{}: holds no episode on a course of {}", source, set.name);
   return panels;
 }
 
@@ -176,12 +174,11 @@ Animation PlaceAnimation(std::vector<AnimationPanel> panels, const AnimationOpti
   animation.scale = scale;
   animation.width = EvenlyUp(width);
   animation.height = EvenlyUp(top + 0.5 * kPanelMargin + kAnimationFooter);
-  if (animation.width > kMaxSide || animation.height > kMaxSide) {
-    throw base::Error(
-        fmt::format("{} pictures would make one of {:.0f} x {:.0f} pixels, expected at most "
-                    "{:.0f} each way; choose fewer with --course, or more --columns",
-                    animation.panels.size(), animation.width, animation.height, kMaxSide));
-  }
+  base::ThrowIf(
+      animation.width > kMaxSide || animation.height > kMaxSide,
+      "{} pictures would make one of {:.0f} x {:.0f} pixels, expected at most {:.0f} each way; "
+      "choose fewer with --course, or more --columns",
+      animation.panels.size(), animation.width, animation.height, kMaxSide);
   return animation;
 }
 

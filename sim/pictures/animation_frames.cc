@@ -32,10 +32,8 @@ Surface MakeSurface(const Animation& animation) {
   Surface surface(cairo_image_surface_create(CAIRO_FORMAT_RGB24, static_cast<int>(animation.width),
                                              static_cast<int>(animation.height)));
   const cairo_status_t status = cairo_surface_status(surface.get());
-  if (status != CAIRO_STATUS_SUCCESS) {
-    throw base::Error(
-        fmt::format("the picture cannot be drawn: {}", cairo_status_to_string(status)));
-  }
+  base::ThrowIf(status != CAIRO_STATUS_SUCCESS, "the picture cannot be drawn: {}",
+                cairo_status_to_string(status));
   return surface;
 }
 

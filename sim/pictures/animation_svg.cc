@@ -107,9 +107,7 @@ class Writer {
     Add("</title>\n<style>{}</style>\n<rect class=\"paper\" x=\".5\" y=\".5\" width=\"{}\" "
         "height=\"{}\" rx=\"8\"/>\n",
         kStyle, animation_.width - 1.0, animation_.height - 1.0);
-    for (std::size_t i = 0; i < animation_.panels.size(); ++i) {
-      AddPanel(i);
-    }
+    for (std::size_t i = 0; i < animation_.panels.size(); ++i) AddPanel(i);
     AddClock();
     return text_ + "</svg>\n";
   }

@@ -55,9 +55,7 @@ Bounds IncludingSweep(Bounds bounds, const MovingObstacle& obstacle) {
 Bounds ViewOf(const CourseScene& scene) {
   constexpr double kReach = 0.35;  // [m] round each pose.
   Bounds view = scene.course->bounds;
-  for (const MovingObstacle& obstacle : scene.course->moving) {
-    view = IncludingSweep(view, obstacle);
-  }
+  for (const MovingObstacle& obstacle : scene.course->moving) view = IncludingSweep(view, obstacle);
   for (const EpisodeTrack& track : scene.tracks) {
     for (const base::Pose2& pose : track.poses) {
       view.min_W.x = std::min(view.min_W.x, pose.p.x - kReach);

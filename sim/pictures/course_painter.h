@@ -3,7 +3,6 @@
 #include <cairo.h>
 
 #include <span>
-#include <string_view>
 
 #include "sim/courses/course.h"
 #include "sim/pictures/course_render.h"

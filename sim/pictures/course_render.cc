@@ -41,12 +41,10 @@ struct Size {
 class Page {
  public:
   Page(Size size, PictureFormat format) : format_(format) {
-    if (!(size.width <= kMaxSide && size.height <= kMaxSide)) {
-      throw base::Error(
-          fmt::format("the picture would have {:.0f} x {:.0f} pixels; expected at most {:.0f} "
-                      "in each direction",
-                      size.width, size.height, kMaxSide));
-    }
+    base::ThrowIf(!(size.width <= kMaxSide && size.height <= kMaxSide),
+                  "the picture would have {:.0f} x {:.0f} pixels; expected at most {:.0f} in each "
+                  "direction",
+                  size.width, size.height, kMaxSide);
     surface_.reset(
         format == PictureFormat::kSvg
             ? cairo_svg_surface_create_for_stream(Append, &bytes_, size.width, size.height)
@@ -80,10 +78,8 @@ class Page {
     cairo_surface_finish(surface_.get());
     const cairo_status_t written = cairo_surface_status(surface_.get());
     const cairo_status_t status = drawn != CAIRO_STATUS_SUCCESS ? drawn : written;
-    if (status != CAIRO_STATUS_SUCCESS) {
-      throw base::Error(
-          fmt::format("the picture cannot be drawn: {}", cairo_status_to_string(status)));
-    }
+    base::ThrowIf(status != CAIRO_STATUS_SUCCESS, "the picture cannot be drawn: {}",
+                  cairo_status_to_string(status));
     return std::move(bytes_);
   }
 

@@ -139,9 +139,7 @@ std::string DescribeText(const Course& course) {
   fmt::format_to(out, "obstacles:       {} cylinder{}, {} box{}\n", course.circles.size(),
                  course.circles.size() == 1 ? "" : "s", course.boxes.size(),
                  course.boxes.size() == 1 ? "" : "es");
-  if (!course.moving.empty()) {
-    fmt::format_to(out, "                 {}\n", DescribeMoving(course));
-  }
+  if (!course.moving.empty()) fmt::format_to(out, "                 {}\n", DescribeMoving(course));
   fmt::format_to(out, "reference path:  {:.3f} m from start to goal{}\n", ReferenceLength(course),
                  course.reference_path_W.empty() ? " (straight line: the course has no path)" : "");
   if (course.difficulty) {

@@ -53,13 +53,12 @@ std::vector<BeamConvolution> BeamConvolutions(const NetworkConfig& config, int f
                           .out_channels = config.encoder_layers[i],
                           .in_positions = positions,
                           .out_positions = 0};
-    if (positions < layer.width) {
-      throw base::Error(
-          fmt::format("network.encoder_layers: found [{}] over {} ranges, of which convolution {} "
-                      "gets {}, expected {} or more; fewer convolutions or more sectors",
-                      fmt::join(config.encoder_layers, ", "), frame_size - env::kStateSize, i + 1,
-                      positions, layer.width));
-    }
+    base::ThrowIf(
+        positions < layer.width,
+        "network.encoder_layers: found [{}] over {} ranges, of which convolution {} gets {}, "
+        "expected {} or more; fewer convolutions or more sectors",
+        fmt::join(config.encoder_layers, ", "), frame_size - env::kStateSize, i + 1, positions,
+        layer.width);
     layer.out_positions = (positions - layer.width) / layer.stride + 1;
     positions = layer.out_positions;
     channels = layer.out_channels;

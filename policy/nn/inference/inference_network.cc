@@ -45,9 +45,7 @@ void InferenceNetwork::Resize(int batch) {
   if (encoder_) encoder_->Resize(batch);
   std::int64_t widest = 1;
   for (int i = 0; i < shape_.mlp.num_layers(); ++i) {
-    if (i > 0 || encoder_) {
-      layer_input_[i].Resize(batch, shape_.mlp.layer_inputs(i));
-    }
+    if (i > 0 || encoder_) layer_input_[i].Resize(batch, shape_.mlp.layer_inputs(i));
     widest = std::max<std::int64_t>(widest, shape_.mlp.layer_outputs(i));
   }
   if (shape_.mlp.layer_norm) {

@@ -22,9 +22,8 @@ void CheckEncoder<EncoderKind::kTransformer>(const NetworkConfig& config) {
     RefuseLayers(config, "one width or more, all equal, one for each block");
   }
   if (layers.front() % config.attention_heads != 0) {
-    throw base::Error(
-        fmt::format("network.attention_heads: found {}, expected a divisor of the width {}",
-                    config.attention_heads, layers.front()));
+    throw base::Error("network.attention_heads: found {}, expected a divisor of the width {}",
+                      config.attention_heads, layers.front());
   }
 }
 

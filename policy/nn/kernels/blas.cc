@@ -4,8 +4,6 @@
 #include <ATen/Parallel.h>
 #include <dlfcn.h>
 
-#include <algorithm>
-
 #include "base/check.h"
 
 namespace slalom::nn {

@@ -130,9 +130,7 @@ void Multiply(const GemmTask& task) {
   if (SmallGemm(task, cpu)) return;
   Sgemm(task.transpose_a, task.transpose_b, task.m, task.n, task.k, task.a, task.lda, task.b,
         task.ldb, task.c, task.ldc, task.add);
-  if (task.bias != nullptr) {
-    AddBias(task.bias, task.relu, task.c, task.m, task.n, task.ldc);
-  }
+  if (task.bias != nullptr) AddBias(task.bias, task.relu, task.c, task.m, task.n, task.ldc);
   if (task.mask != nullptr) {
     MaskByPositive(task.mask, task.ld_mask, task.c, task.m, task.n, task.ldc);
   }

@@ -246,9 +246,7 @@ class SmallGemmKernel {
       for (int v = 0; v < kVectors; ++v) {
         const V right = Lanes::Load(b + v / 2 * stride + v % 2 * kWidth);
 #pragma GCC unroll 2
-        for (int r = 0; r < kRows; ++r) {
-          sum[r][v] = Lanes::MultiplyAdd(left[r], right, sum[r][v]);
-        }
+        for (int r = 0; r < kRows; ++r) sum[r][v] = Lanes::MultiplyAdd(left[r], right, sum[r][v]);
       }
       b += kPanel;
     }

@@ -1,7 +1,5 @@
 #include "sim/engines/jackal/engine_body.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -27,9 +25,8 @@ constexpr double kThinnest = 0.002;  // Least width of obstacles, [m].
 void RequireThick(const std::string& course, std::string_view physics, const char* what,
                   std::size_t index, double size) {
   if (size >= kThinnest) return;
-  throw base::Error(
-      fmt::format("course '{}': {} {} is {} m wide; physics {} takes obstacles of {} m and more",
-                  course, what, index, size, physics, kThinnest));
+  throw base::Error("course '{}': {} {} is {} m wide; physics {} takes obstacles of {} m and more",
+                    course, what, index, size, physics, kThinnest);
 }
 
 /// `index` of obstacles: in the order of the course's file, from 0.
@@ -50,10 +47,10 @@ void RequireRepresentable(const sim::Course& course, std::string_view physics) {
     const double reach = moving.radius > 0.0 ? 0.0 : base::Norm(moving.half_size);
     const double speed = motion.max_speed() + motion.max_yaw_rate() * reach;
     if (speed <= kFastest) continue;
-    throw base::Error(fmt::format(
+    throw base::Error(
         "course '{}': moving obstacle {} goes at up to {:.1f} m/s; physics {} takes obstacles of "
         "at most {} m/s",
-        course.name, i, speed, physics, kFastest));
+        course.name, i, speed, physics, kFastest);
   }
 }
 

@@ -1,7 +1,5 @@
 #include "sim/engines/jackal/jackal.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -31,31 +29,26 @@ double WheelsYawInertia(const sim::RobotConfig& config) {
 }
 
 void RequireBuildable(const sim::RobotConfig& config, std::string_view physics) {
-  if (config.drive != sim::DriveKind::kSkidSteer) {
-    throw base::Error(fmt::format(
-        "environment.robot.drive is \"ideal\", expected \"skid-steer\" in physics {}, whose wheels "
-        "slip as they must",
-        physics));
-  }
-  if (config.wheel_radius <= kAxleHeight || config.wheel_radius >= kObstacleHalfHeight) {
-    throw base::Error(fmt::format(
-        "environment.robot.wheel_radius is {} m, expected between {} and {} in physics {}, so that "
-        "the chassis is above the ground and not above the obstacles",
-        config.wheel_radius, kAxleHeight, kObstacleHalfHeight, physics));
-  }
+  base::ThrowIf(
+      config.drive != sim::DriveKind::kSkidSteer,
+      "environment.robot.drive is \"ideal\", expected \"skid-steer\" in physics {}, whose wheels "
+      "slip as they must",
+      physics);
+  base::ThrowIf(
+      config.wheel_radius <= kAxleHeight || config.wheel_radius >= kObstacleHalfHeight,
+      "environment.robot.wheel_radius is {} m, expected between {} and {} in physics {}, so that "
+      "the chassis is above the ground and not above the obstacles",
+      config.wheel_radius, kAxleHeight, kObstacleHalfHeight, physics);
   const double wheels = kNumWheels * kWheelMass;
-  if (config.mass <= wheels) {
-    throw base::Error(
-        fmt::format("environment.robot.mass is {} kg, expected more than the {} kg of the wheels "
-                    "in physics {}",
-                    config.mass, wheels, physics));
-  }
-  if (config.yaw_inertia <= WheelsYawInertia(config)) {
-    throw base::Error(
-        fmt::format("environment.robot.yaw_inertia is {} kg m^2, expected more than the {:.4f} "
-                    "kg m^2 of the wheels in physics {}",
-                    config.yaw_inertia, WheelsYawInertia(config), physics));
-  }
+  base::ThrowIf(
+      config.mass <= wheels,
+      "environment.robot.mass is {} kg, expected more than the {} kg of the wheels in physics {}",
+      config.mass, wheels, physics);
+  base::ThrowIf(
+      config.yaw_inertia <= WheelsYawInertia(config),
+      "environment.robot.yaw_inertia is {} kg m^2, expected more than the {:.4f} kg m^2 of the "
+      "wheels in physics {}",
+      config.yaw_inertia, WheelsYawInertia(config), physics);
 }
 
 /// Whether the outline is the one of chassis and wheels together.
@@ -79,12 +72,11 @@ void SpreadMass(const sim::RobotConfig& config, std::string_view physics, Jackal
   jackal.chassis_centre_C = centre - Eigen::Vector3d{0.0, 0.0, jackal.height};
   const double yaw_inertia = config.yaw_inertia - WheelsYawInertia(config) -
                              mass * (centre - robots_centre).head<2>().squaredNorm();
-  if (yaw_inertia <= 0.0) {
-    throw base::Error(fmt::format(
-        "environment.robot.yaw_inertia is {} kg m^2, expected more than {:.4f}, which wheels and a "
-        "chassis with its mass at ({:.3f}, {:.3f}) m have in physics {}",
-        config.yaw_inertia, config.yaw_inertia - yaw_inertia, centre.x(), centre.y(), physics));
-  }
+  base::ThrowIf(
+      yaw_inertia <= 0.0,
+      "environment.robot.yaw_inertia is {} kg m^2, expected more than {:.4f}, which wheels and a "
+      "chassis with its mass at ({:.3f}, {:.3f}) m have in physics {}",
+      config.yaw_inertia, config.yaw_inertia - yaw_inertia, centre.x(), centre.y(), physics);
   // All of the tensor, so that it remains one that a body can have.
   jackal.chassis_inertia = yaw_inertia / kChassisInertia(2, 2) * kChassisInertia;
 }

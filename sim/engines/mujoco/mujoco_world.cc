@@ -96,7 +96,7 @@ using Rest = std::array<mjtNum, 7>;
 void HandleMessages() {
   static const bool done = [] {
     mju_user_warning = [](const char* text) { spdlog::warn("MuJoCo: {}", text); };
-    mju_user_error = [](const char* text) { throw base::Error(fmt::format("MuJoCo: {}", text)); };
+    mju_user_error = [](const char* text) { throw base::Error("MuJoCo: {}", text); };
     return true;
   }();
   (void)done;
@@ -112,9 +112,7 @@ ModelPtr Compile(const std::string& xml) {
   std::array<char, 1000> error{};
   ModelPtr model(mj_loadXML(kName, files.get(), error.data(), error.size()), mj_deleteModel);
   mj_deleteVFS(files.get());
-  if (model == nullptr) {
-    throw base::Error(fmt::format("physics mujoco refuses the robot: {}", error.data()));
-  }
+  base::ThrowIf(model == nullptr, "physics mujoco refuses the robot: {}", error.data());
   return model;
 }
 
